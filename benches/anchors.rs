@@ -1,4 +1,4 @@
-//! What a world's latent steps cost on a Direct3D 12 device, and what they cost an engine's frames beside them, as ratios of one run:
+//! The cost of a world's latent steps on a Direct3D 12 device, and their effect on an engine's frames beside them, as ratios of one run:
 //! `cargo xtask bench --lab`, or `cargo bench --bench anchors` on Windows.
 //!
 //! Without `--bench`, as under `cargo test`, nothing is run: a world on DirectML takes gigabytes.

@@ -1,7 +1,7 @@
-//! What motion from two pictures costs, beside their plain average: `cargo bench --bench flow`.
+//! The cost of optical flow between two pictures, relative to their plain average: `cargo bench --bench flow`.
 //!
-//! Every line is measured in the same run, its turns interleaved with the others', and the ratio of the least times is
-//! what counts. Without `--bench`, as under `cargo test`, everything runs once at a tiny size and nothing is measured.
+//! Every line is measured in the same run, its turns interleaved with the others', and the result is the ratio of the least times.
+//! Without `--bench`, as under `cargo test`, everything runs once at a tiny size and nothing is measured.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -73,7 +73,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Something to measure.
+/// A measurement.
 struct Line<'a> {
     name: &'static str,
     threads: usize,
@@ -91,7 +91,7 @@ impl<'a> Line<'a> {
     }
 }
 
-/// The cheapest picture there is between two others.
+/// The cheapest picture between two others.
 fn average(previous: &Picture, current: &Picture, out: &mut Picture) {
     let (previous, current) = (previous.rgba(), current.rgba());
     out.rgba_mut().par_chunks_mut(1 << 16).enumerate().for_each(|(i, out)| {
@@ -103,8 +103,8 @@ fn average(previous: &Picture, current: &Picture, out: &mut Picture) {
     black_box(out);
 }
 
-/// A walk past a row of posts, `t` anchors on: textured ground that grows and turns, and near things in front of it
-/// that move twice as fast, so that there are edges of motion, and places that one picture does not show.
+/// A walk past a row of posts at anchor `t`: textured ground that grows and turns, and near objects in front of it that move twice as
+/// fast, so that there are motion edges and disocclusions.
 fn view(width: u32, height: u32, t: f32) -> Result<Picture> {
     let mut picture = Picture::new(width, height)?;
     let post = |x: f32| (x - 26.0 * t).rem_euclid(240.0) < 40.0;

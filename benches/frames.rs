@@ -1,11 +1,10 @@
-//! What a generated frame and a resampled one cost, beside the plain average of two pictures: `cargo bench --bench
+//! The cost of a generated and of a resampled frame, relative to the plain average of two pictures: `cargo bench --bench
 //! frames`.
 //!
-//! Every line is measured in the same run, its turns interleaved with the others', and the ratio of the medians is what
-//! counts. All run on two threads, whatever the machine has, but for those that say one. The goals are 8 averages for a
-//! frame with motion by tiles and 24 with motion by pixels, and a second thread that makes it 1.7 times as fast.
-//! Arguments pick the lines whose names hold one of them; the average is always among them.
-//! Without `--bench`, as under `cargo test`, everything runs once at a tiny size and nothing is measured.
+//! Every line is measured in the same run, its turns interleaved with the others', and the result is the ratio of the medians. All run on
+//! two threads, whatever the machine has, except for the lines that say one. The goals are 8 averages for a frame with motion by tiles,
+//! 24 with motion by pixels, and a factor of 1.7 from a second thread. Arguments select the lines whose names contain one of them; the
+//! average always runs. Without `--bench`, as under `cargo test`, everything runs once at a tiny size and nothing is measured.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -119,7 +118,7 @@ fn main() -> cairn::Result<()> {
     Ok(())
 }
 
-/// Something to measure.
+/// A measurement.
 struct Line<'a> {
     name: String,
     work: Box<dyn FnMut() -> cairn::Result<()> + 'a>,
@@ -138,7 +137,7 @@ impl<'a> Line<'a> {
     }
 }
 
-/// The cheapest picture there is between two others.
+/// The cheapest picture between two others.
 fn average(previous: &Picture, current: &Picture, out: &mut Picture) {
     let (previous, current) = (previous.rgba(), current.rgba());
     out.rgba_mut().par_chunks_mut(1 << 16).enumerate().for_each(|(i, out)| {
@@ -159,8 +158,8 @@ fn halves(picture: &Picture) -> cairn::Result<PictureF16> {
     Ok(halves)
 }
 
-/// Two anchors of a turn past near pillars, and perhaps a step forward: every pixel moves, surfaces cover and uncover
-/// others.
+/// Two anchors of a turn past near pillars, optionally with a step forward: every pixel moves, and there are occlusions and
+/// disocclusions.
 struct Scene {
     previous: Picture,
     current: Picture,
@@ -170,13 +169,13 @@ struct Scene {
 
 #[derive(Clone, Copy)]
 struct Shape {
-    /// How much of the picture's size the step forward adds.
+    /// Relative growth of the picture by the step forward.
     step: f32,
-    /// Pillars, which cover a tenth of the width together, or a little more.
+    /// Number of pillars. Together they cover a tenth of the width, or a little more.
     pillars: u32,
 }
 
-/// By how many pixels the ground and the pillars move.
+/// Motion of the ground and the pillars, in pixels.
 const TURN: f32 = 11.3;
 const PILLAR_TURN: f32 = 23.7;
 
@@ -186,7 +185,7 @@ impl Shape {
         (x - PILLAR_TURN * t - 0.4 * spacing).rem_euclid(spacing) < 0.1 * spacing
     }
 
-    /// From a place of the ground at time t to where it was at time 0.
+    /// Maps a ground position at time `t` to its position at time 0.
     fn moved(self, [x, y]: [f32; 2], (width, height): (u32, u32), t: f32) -> [f32; 2] {
         let shrink = 1.0 / (1.0 + self.step * t) - 1.0;
         [(x - width as f32 / 2.0) * shrink - TURN * t, (y - height as f32 / 2.0) * shrink]
@@ -209,7 +208,7 @@ impl Shape {
         Ok(picture)
     }
 
-    /// The true motion and depth, for each pixel or for the middle of each tile.
+    /// The true motion and depth, per pixel or at the centre of each tile.
     fn guidance(self, (width, height): (u32, u32), tile: u32) -> cairn::Result<Guidance> {
         let (mut motion, mut depth) =
             (MotionField::tiled(width, height, tile)?, DepthMap::tiled(width, height, tile, paper::PROJECTION)?);

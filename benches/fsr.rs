@@ -1,7 +1,7 @@
-//! What recording a frame of FSR costs beside the library that is called: `cargo bench --bench fsr`.
+//! The cost of recording a frame of FSR, without the library that is called: `cargo bench --bench fsr`.
 //!
-//! The library here is one that does nothing, so that what is left is ours: every field checked and written, in the structs of
-//! both kinds of release. Told in microseconds for each frame, beside the budget of 20, and with what it allocates.
+//! The library here is a stub that does nothing, so only our part is measured: checking and writing every field, in the structs of both
+//! kinds of release. The result is in microseconds per frame, beside the budget of 20, and with the allocations.
 //! Without `--bench`, as under `cargo test`, everything runs a few times and nothing is measured.
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -12,9 +12,9 @@ use std::time::Instant;
 use cairn::ffx::bindings::{
     CreateFrameGeneration, Dimensions, Resource, ResourceDescription, ResourceState, ResourceType, SurfaceFormat,
 };
-use cairn::ffx::{Api, Choice, Family, Frame, Generator, Shot};
+use cairn::ffx::{Api, Choice, Family, Frame, FrameParams, Generator};
 
-/// Frames in one measurement, of which the quickest of many counts: nothing is to be learnt from a machine that was busy.
+/// Frames in one measurement. The quickest of many counts, since a busy machine only adds time.
 const FRAMES: u32 = 2_000;
 const MEASUREMENTS: u32 = 50;
 
@@ -42,7 +42,7 @@ unsafe impl GlobalAlloc for Counting {
 static COUNTING: Counting = Counting;
 
 unsafe extern "C" fn create(context: *mut *mut c_void, _: *mut c_void, _: *const c_void) -> u32 {
-    // SAFETY: a place for the context.
+    // SAFETY: memory for the context.
     unsafe { *context = std::ptr::dangling_mut() };
     0
 }
@@ -51,12 +51,12 @@ unsafe extern "C" fn destroy(_: *mut *mut c_void, _: *const c_void) -> u32 {
     0
 }
 
-/// Settings and work.
+/// Accepts configurations and dispatches.
 unsafe extern "C" fn take(_: *mut *mut c_void, _: *const c_void) -> u32 {
     0
 }
 
-/// Offers both families, and cannot say what a context is.
+/// Offers a version of each effect; other queries are unknown to it.
 unsafe extern "C" fn query(_: *mut *mut c_void, head: *mut u8) -> u32 {
     const GET_VERSIONS: u64 = 4;
     const UNKNOWN_STRUCT: u32 = 2;
@@ -97,7 +97,7 @@ fn main() -> cairn::Result<()> {
         back_buffer_format: SurfaceFormat::R8G8B8A8_UNORM,
         ..Default::default()
     };
-    // Nobody follows the addresses.
+    // The addresses are never dereferenced.
     let resource = |address: usize, format| Resource {
         resource: std::ptr::without_provenance_mut(address),
         description: ResourceDescription {
@@ -119,13 +119,13 @@ fn main() -> cairn::Result<()> {
         motion: resource(0x400, SurfaceFormat::R16G16_FLOAT),
         hudless: resource(0x500, SurfaceFormat::R8G8B8A8_UNORM),
         distortion: resource(0x600, SurfaceFormat::R16G16_FLOAT),
-        shot: Shot::of(size),
+        shot: FrameParams::of(size),
     };
     for (name, family) in [("motion and depth in one struct", Family::Ml), ("the camera apart", Family::Analytic)] {
-        // SAFETY: the library follows no address.
+        // SAFETY: the stub dereferences no address.
         let mut generator =
             unsafe { Generator::create(&api(), std::ptr::dangling_mut(), Choice::Require(family), head, None) }?;
-        // SAFETY: as above, here and below. The first makes room for the lens.
+        // SAFETY: as above, here and below. The first call allocates the settings for lens distortion.
         unsafe { generator.record(&frame) }?;
         let before = ALLOCATIONS.get();
         let mut best = f64::INFINITY;

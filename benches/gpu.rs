@@ -1,10 +1,10 @@
-//! What the library's compute shaders cost on a Direct3D 12 device, beside a shader that blends two textures of the same size:
+//! The cost of the library's compute shaders on a Direct3D 12 device, relative to a shader that blends two textures of the same size:
 //! `cargo xtask bench --lab`, or `cargo bench --bench gpu` on Windows.
 //!
-//! Time is the device's own, between two of its timestamps; every line is measured in the same run, its turns interleaved with the
-//! others', and the ratio of the medians is what counts. Blending moves 12 bytes to a pixel and little else, so a line's ratio also
-//! says how many bytes could have been moved in its time: that is told beside the least that anybody must move who reads both
-//! pictures and what guides them once, and writes the result once. A software driver computes much more slowly than it moves.
+//! Times are differences of device timestamps. Every line is measured in the same run, its turns interleaved with the others', and the
+//! result is the ratio of the medians. Blending moves 12 bytes per pixel and computes little, so a line's ratio also gives the bytes that
+//! could have been moved in its time. It is printed beside the lower bound: reading both pictures and the guidance once, and writing the
+//! result once. A software driver computes much more slowly than it moves memory.
 //! Without `--bench`, as under `cargo test`, everything runs once at a tiny size and nothing is measured.
 
 #[cfg(windows)]

@@ -1,8 +1,8 @@
-//! What the C interface costs a host: the boundary of a call, asking a presenter, the size of the shared library and the time it
-//! takes to load. `cargo xtask bench` runs it, against the library that is built beside it.
+//! The cost of the C interface for a host: the boundary of a call, presenter queries, the size of the shared library and its load time.
+//! `cargo xtask bench` runs it, against the library that is built beside it.
 //!
-//! Calls go through symbols that were looked up in the library, as a host's do, and are told beside a call that does nothing.
-//! Without `--bench`, as under `cargo test`, everything runs a few times and says nothing of use.
+//! Calls go through symbols looked up in the library, as a host's do, and are compared with a call that does nothing.
+//! Without `--bench`, as under `cargo test`, everything runs a few times and the results mean nothing.
 
 use std::error::Error;
 use std::ffi::c_void;
@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use libloading::Library;
 
-/// Calls in one measurement, of which the quickest of many counts: nothing is to be learnt from a machine that was busy.
+/// Calls in one measurement. The quickest of many counts, since a busy machine only adds time.
 const CALLS: u32 = 20_000;
 const MEASUREMENTS: u32 = 50;
 
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let size = std::fs::metadata(&path)?.len();
     println!("shared library: {:.1} MiB at {}", size as f64 / f64::from(1 << 20), path.display());
     let start = Instant::now();
-    // SAFETY: it is the library of this package, whose initialisers do nothing of note.
+    // SAFETY: the library of this package, whose initialisers have no side effects.
     let library = unsafe { Library::new(&path) }?;
     // SAFETY: the type is the header's, here and below.
     let version = unsafe { library.get::<Version>(b"cairn_version\0") }?;
@@ -68,7 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let mut presenter = std::ptr::null_mut();
     let mut anchor = std::ptr::null_mut();
-    // struct_size, multiplier 4, no size of its own, 60 ms between anchors, and zeroes: cairn_presenter_options.
+    // cairn_presenter_options: struct_size, multiplier 4, no size, 60 ms between anchors, and zeroes.
     let options = [64_u64 | 4 << 32, 0, 60_000_000, 0, 0, 0, 0, 0];
     let check = |result: i32, what: &str| if result == 0 { Ok(()) } else { Err(format!("{what} answers {result}")) };
     // SAFETY: the structs are as the header has them.

@@ -1,8 +1,8 @@
-//! What the inner loops of the `cpu` generator cost at each instruction set, beside the plain average of two pictures:
-//! `cargo bench --bench kernels`, or `cargo bench --bench kernels -- WORD` for the lines whose name has that word.
+//! The cost of the `cpu` generator's inner loops at each instruction set, relative to the plain average of two pictures:
+//! `cargo bench --bench kernels`, or `cargo bench --bench kernels -- WORD` for the lines whose names contain that word.
 //!
-//! Every line does the work of a whole picture, is measured in the same run, its turns interleaved with the others',
-//! and the ratio of the least times is what counts. Without `--bench`, as under `cargo test`, everything runs once at a
+//! Every line processes a whole picture and is measured in the same run, its turns interleaved with the others',
+//! and the result is the ratio of the least times. Without `--bench`, as under `cargo test`, everything runs once at a
 //! tiny size and nothing is measured.
 
 use std::hint::black_box;
@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 /// Turns of each line.
 const TURNS: usize = 15;
-/// Where the anchors of a tile lie, in 1/64 px from it: a displacement between pixels, and the way back.
+/// Displacements of a tile in the anchors, in 1/64 px: one between pixels, and one back.
 const AWAY: [i32; 2] = [345, -83];
 
 fn main() {
@@ -38,7 +38,7 @@ fn main() {
     let depth: Vec<f32> = (0..width * height).map(|i| 0.9 + 0.1 * (i as f32 * 0.001).sin()).collect();
 
     let mut lines = vec![average(&previous, &current)];
-    // The scalar twins are there to be right.
+    // The scalar versions are references for correctness only.
     for level in Level::available().filter(|&level| level != Level::SCALAR || !is_measured) {
         pictures(&mut lines, level, "bytes", [&previous, &current], width);
         pictures(&mut lines, level, "halves", [&previous_half, &current_half], width);
@@ -67,7 +67,7 @@ fn main() {
     }
 }
 
-/// Something to measure.
+/// A measurement.
 struct Line<'a> {
     name: String,
     work: Box<dyn FnMut() + 'a>,
@@ -85,7 +85,7 @@ impl<'a> Line<'a> {
     }
 }
 
-/// The cheapest picture there is between two others.
+/// The cheapest picture between two others.
 fn average<'a>(previous: &'a [[u8; 4]], current: &'a [[u8; 4]]) -> Line<'a> {
     let (previous, current) = (previous.as_flattened(), current.as_flattened());
     let mut out = vec![0_u8; current.len()];
@@ -100,7 +100,7 @@ fn average<'a>(previous: &'a [[u8; 4]], current: &'a [[u8; 4]]) -> Line<'a> {
     })
 }
 
-/// Whole pictures made of tiles and of blocks of pixels.
+/// Whole pictures, made in tiles and in blocks of pixels.
 fn pictures<'a, P: Sampled>(
     lines: &mut Vec<Line<'a>>,
     level: Level,
@@ -152,7 +152,7 @@ fn pictures<'a, P: Sampled>(
     }));
 }
 
-/// What the tiles of a picture's guidance hold.
+/// Ranges of the motion and depth of a picture's tiles.
 fn ranges<'a>(lines: &mut Vec<Line<'a>>, level: Level, motion: &'a [[f16; 2]], depth: &'a [f32], width: usize) {
     let mut out = vec![VectorRange::default(); width.div_ceil(TILE) * (motion.len() / width).div_ceil(TILE)];
     lines.push(Line::new(format!("ranges of motion, {}", level.name()), move || {

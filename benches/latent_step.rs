@@ -1,8 +1,8 @@
-//! What a latent step costs over bare ONNX Runtime, as ratios of one run. `cargo xtask bench` runs it.
+//! The cost of a latent step relative to bare ONNX Runtime, as ratios of one run. `cargo xtask bench` runs it.
 //!
-//! The bare side is the same transformer and decoder from the same files with the same session options, every input and
-//! output bound beforehand, run as often as a latent step runs them. It is a process of its own, because a process has one ONNX Runtime
-//! environment. Steps and bare runs take turns, so both see the same machine.
+//! The bare side runs the same transformer and decoder from the same files with the same session options, every input and
+//! output bound beforehand, as often as a latent step runs them. It is a separate process, because a process has one ONNX Runtime
+//! environment. Steps and bare runs alternate, so both run under the same load.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::error::Error;
@@ -22,7 +22,7 @@ use ort::session::builder::GraphOptimizationLevel;
 use ort::session::{IoBinding, Session};
 use ort::value::{Tensor, ValueType};
 
-/// Counts what Rust code allocates; ONNX Runtime has an allocator of its own.
+/// Counts the allocations of Rust code; ONNX Runtime has an allocator of its own.
 struct Counting;
 
 static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
@@ -44,12 +44,12 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// Tells a process of this program that it is the bare side.
+/// Argument that makes a process of this program the bare side.
 const BARE: &str = "--bare-runs";
 
 const WARM_UP: u64 = 3;
 
-/// At least this long is measured, and at least this many steps.
+/// Minimum time and minimum number of steps to measure.
 const AT_LEAST: (Duration, u64) = (Duration::from_secs(10), 5);
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -70,7 +70,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The random-weight world `name`, where `cargo xtask` says they are.
+/// The random-weight world `name`, from the folder that `cargo xtask` names.
 fn bundle(name: &str) -> Result<PathBuf, Box<dyn Error>> {
     match std::env::var_os("CAIRN_TEST_BUNDLE") {
         Some(folder) => Ok(PathBuf::from(folder).join(name)),
@@ -125,7 +125,7 @@ fn measure(ort: &Ort, world: &Arc<World>, path: &Path) -> Result<(), Box<dyn Err
     Ok(())
 }
 
-/// The process that runs the graphs without Cairn around them.
+/// The process that runs the graphs without Cairn.
 struct Bare {
     process: Child,
     asks: ChildStdin,
@@ -152,7 +152,7 @@ impl Bare {
         Ok(Self { process, asks, answers })
     }
 
-    /// Lets it run what a latent step runs; how long that took.
+    /// Runs what a latent step runs; returns the time.
     fn runs(&mut self) -> Result<Duration, Box<dyn Error>> {
         self.asks.write_all(b"\n")?;
         let mut answer = String::new();
@@ -163,13 +163,13 @@ impl Bare {
 
 impl Drop for Bare {
     fn drop(&mut self) {
-        // It ends when its input does; a process that is gone already is as good.
+        // It exits when its input is closed; it may have exited already.
         _ = self.process.kill();
         _ = self.process.wait();
     }
 }
 
-/// The bare side: for each line of input the runs of one latent step, and their time in nanoseconds.
+/// The bare side: for each line of input, runs one latent step's graphs and prints their time in nanoseconds.
 fn bare(job: &[String]) -> Result<(), Box<dyn Error>> {
     let [library, transformer, decoder, numbers @ ..] = job else { return Err("library, graphs, numbers".into()) };
     let numbers: Vec<i64> = numbers.iter().map(|n| n.parse()).collect::<Result<_, _>>()?;
@@ -218,7 +218,7 @@ impl Graph {
         for (number, outlet) in session.inputs().iter().chain(session.outputs()).enumerate() {
             let ValueType::Tensor { shape, .. } = outlet.dtype() else { return Err("a graph of tensors".into()) };
             let mut tensor = Tensor::<f32>::new(&allocator, shape.clone())?;
-            // Numbers of usual size: zeroes or denormal numbers have a speed of their own.
+            // Typical values: zeroes and denormal numbers have a speed of their own.
             tensor.extract_tensor_mut().1.fill(0.1);
             if number < session.inputs().len() {
                 binding.bind_input(outlet.name(), &tensor)?;

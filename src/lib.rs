@@ -1,15 +1,15 @@
 //! Cairn: a generative world inside a game engine.
 //!
-//! Controls go in, pictures come out, and one sentence of data flow orders the rooms:
+//! Controls go in, pictures come out. The modules follow one data flow:
 //!
 //! ```text
 //! controls -> world -> anchor -> guidance -> frame generation -> presentation target
 //! ```
 //!
-//! A room uses only the rooms below it in the list of modules here, never above.
+//! A module uses only the modules below it in the list here, never above.
 #![warn(missing_docs)]
 
-// Tests inside the library share helpers with those outside, which call it by name.
+// Unit tests share helpers with the integration tests, which refer to the library by name.
 #[cfg(test)]
 extern crate self as cairn;
 

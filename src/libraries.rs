@@ -1,33 +1,33 @@
-//! Where dynamic libraries of others are looked for, and who may name them.
+//! Search paths of third-party dynamic libraries.
 
 use std::path::{Path, PathBuf};
 
-/// Where ONNX Runtime and AMD's libraries are looked for. The default is what a game wants: beside this library, then beside the
-/// program, and nowhere else, so that nobody but who installed the game says which code runs in it.
+/// Where ONNX Runtime and AMD's libraries are searched for. The default suits a game: the folder of this library, then the program's,
+/// and nowhere else, so that only whoever installed the game decides which code runs in it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct LibrarySearch {
-    /// The file of ONNX Runtime; without one it is searched.
+    /// Path of ONNX Runtime's library; `None` searches for it.
     pub onnxruntime: Option<PathBuf>,
-    /// The folder of AMD's libraries; without one they are searched.
+    /// Folder of AMD's libraries; `None` searches for them.
     pub ffx: Option<PathBuf>,
-    /// Environment variables and the user's cache may name libraries, too.
+    /// Whether environment variables and the user's cache may name libraries too.
     pub environment: bool,
 }
 
 impl LibrarySearch {
-    /// What tools and tests use, which run as their user wants: the environment and the user's cache may name libraries.
+    /// For tools and tests: environment variables and the user's cache may name libraries.
     pub fn for_tools() -> Self {
         Self { environment: true, ..Self::default() }
     }
 
-    /// The path in an environment variable, where the environment may name libraries and the variable is set and not empty.
+    /// The path in an environment variable, if the environment may name libraries and the variable is set and not empty.
     pub(crate) fn variable(&self, name: &str) -> Option<PathBuf> {
         let value = self.environment.then(|| std::env::var_os(name)).flatten();
         value.filter(|value| !value.is_empty()).map(PathBuf::from)
     }
 }
 
-/// The folders that are searched in every process: that of this library, then the program's.
+/// The folders searched in every process: this library's, then the program's.
 pub(crate) fn own_folders() -> Vec<PathBuf> {
     let files = [own_module(), std::env::current_exe().ok()];
     let mut folders: Vec<PathBuf> =
@@ -36,7 +36,7 @@ pub(crate) fn own_folders() -> Vec<PathBuf> {
     folders
 }
 
-/// The file that this code was loaded from: the library, or the program that it is linked into.
+/// The file that holds this code: the library, or the program it is linked into.
 #[cfg(windows)]
 pub(crate) fn own_module() -> Option<PathBuf> {
     use std::os::windows::ffi::OsStringExt;
@@ -53,7 +53,7 @@ pub(crate) fn own_module() -> Option<PathBuf> {
     let mut module = HMODULE::default();
     // SAFETY: an address in this module, and a place for the handle.
     unsafe { GetModuleHandleExW(flags, PCWSTR(here), &mut module) }.ok()?;
-    // The longest path that Windows has.
+    // The longest path on Windows.
     let mut name = vec![0; 1 << 15];
     // SAFETY: a loaded module and memory of the length that the slice tells.
     let length = unsafe { GetModuleFileNameW(Some(module), &mut name) } as usize;
@@ -61,7 +61,7 @@ pub(crate) fn own_module() -> Option<PathBuf> {
     is_whole.then(|| std::ffi::OsString::from_wide(&name[..length]).into())
 }
 
-/// The same: the mapping that holds this function.
+/// The same on Linux, from the memory mapping that contains this function.
 #[cfg(target_os = "linux")]
 pub(crate) fn own_module() -> Option<PathBuf> {
     let here = own_module as fn() -> Option<PathBuf> as usize;
@@ -75,19 +75,19 @@ pub(crate) fn own_module() -> Option<PathBuf> {
     })
 }
 
-/// Nothing tells it there.
+/// Not available on other systems.
 #[cfg(not(any(windows, target_os = "linux")))]
 pub(crate) fn own_module() -> Option<PathBuf> {
     None
 }
 
-/// A file's path without symbolic links, so that two paths of one file are equal; in the form that every loader takes, which
-/// Windows' own form of it, `\\?\C:\folder`, is not.
+/// A file's path without symbolic links, so that two paths of one file compare equal. On Windows without the `\\?\` prefix, which
+/// some loaders refuse.
 pub(crate) fn canonical(path: &Path) -> std::io::Result<PathBuf> {
     let path = path.canonicalize()?;
     #[cfg(windows)]
     {
-        /// The longest path that is taken without the prefix, by systems where long paths are off.
+        /// The longest path that works without the prefix on systems where long paths are disabled.
         const MAX_PATH: usize = 260;
         let plain = path.to_str().and_then(|path| path.strip_prefix(r"\\?\"));
         if let Some(plain) = plain.filter(|plain| plain.as_bytes().get(1) == Some(&b':') && plain.len() < MAX_PATH) {

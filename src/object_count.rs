@@ -1,4 +1,4 @@
-//! How many objects a thread has made: what a frame makes on an engine's render thread is a hitch.
+//! Counts the objects created by a thread: creating one while recording a frame causes a hitch on the engine's render thread.
 
 use std::cell::Cell;
 
@@ -6,12 +6,12 @@ thread_local! {
     static MADE: Cell<u64> = const { Cell::new(0) };
 }
 
-/// Counts an object of Direct3D or a context of AMD's that this thread has made.
+/// Counts one Direct3D object or AMD context created by this thread.
 pub(crate) fn count_object() {
     MADE.with(|made| made.set(made.get() + 1));
 }
 
-/// What `work` returns, and how many objects this thread has made in it.
+/// Runs `work`; returns its result and the number of objects this thread created meanwhile.
 #[cfg_attr(not(windows), expect(dead_code, reason = "frames are recorded on Direct3D 12 alone"))]
 pub(crate) fn counted<T>(work: impl FnOnce() -> T) -> (T, u64) {
     let before = MADE.with(Cell::get);

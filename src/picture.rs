@@ -1,4 +1,4 @@
-//! The pictures every room passes on: rows of RGBA pixels in memory.
+//! Pictures: rows of RGBA pixels in memory.
 
 use bytemuck::{Pod, Zeroable, cast_slice, cast_slice_mut};
 use half::f16;
@@ -11,16 +11,16 @@ pub const MAX_SIDE: u32 = 16_384;
 /// An 8-bit RGBA picture. Colour is display-referred sRGB.
 pub type Picture = Raster<[u8; 4]>;
 
-/// An RGBA picture in half floats. Colour is linear light or display-referred, as its maker says; values may go beyond
+/// An RGBA picture in half floats. Whether colour is linear or display-referred is up to its producer; values may lie outside
 /// [0, 1].
 pub type PictureF16 = Raster<[f16; 4]>;
 
 /// What a pixel of a [`Raster`] can be: `[u8; 4]` or `[f16; 4]`, red, green, blue and alpha.
 pub trait Pixel: Pod + PartialEq + std::fmt::Debug + Send + Sync + sealed::Sealed {
-    /// A channel of it.
+    /// Type of one channel.
     type Channel: Pod + PartialEq + std::fmt::Debug + Send + Sync;
 
-    /// Black that hides everything.
+    /// Opaque black.
     const OPAQUE_BLACK: Self;
 
     #[doc(hidden)]

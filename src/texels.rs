@@ -1,19 +1,19 @@
-//! Pixels of a picture in the formats of targets.
+//! Conversion of pictures to the pixel formats of targets.
 
 use half::f16;
 
-/// How a pixel lies in memory.
+/// Memory layout of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Texel {
     /// Four bytes, red first.
     Rgba8,
     /// Four bytes, blue first.
     Bgra8,
-    /// Ten bits of red, the lowest, of green and of blue, two of alpha.
+    /// 10 bits each of red (lowest), green and blue, and 2 of alpha.
     Rgb10A2,
     /// Four half floats, red first, 0 to 1.
     Rgba16F,
-    /// Floats without a sign: eleven bits of red, the lowest, and of green, ten of blue. No alpha.
+    /// Unsigned floats: 11 bits each of red (lowest) and green, 10 of blue. No alpha.
     #[cfg_attr(not(windows), allow(dead_code, reason = "a format of textures only"))]
     Rg11B10F,
 }
@@ -25,29 +25,29 @@ impl Texel {
     }
 }
 
-/// What the numbers of a frame stand for. Pictures are in sRGB; how bright their white is, is a host's choice where there is more
-/// beyond it: 203 nits is what ITU-R BT.2408 has for graphics.
+/// Colour space of a frame. Pictures are sRGB. In a space with a range beyond their white the host chooses its brightness: ITU-R
+/// BT.2408 has 203 nits for graphics.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Colours {
-    /// Display-referred sRGB, as pictures are.
+    /// Display-referred sRGB, as in pictures.
     #[default]
     Shown,
-    /// Linear light of the same primaries, 1 being white. In half floats, and in floats of eleven and ten bits.
+    /// Linear, sRGB primaries, 1 is white. For half floats and 11/10-bit floats.
     Linear,
-    /// scRGB (IEC 61966-2-2): the same, 1 being 80 nits. In half floats only.
+    /// scRGB (IEC 61966-2-2): linear, 1 is 80 nits. For half floats only.
     ScRgb {
-        /// How bright the white of pictures is.
+        /// Brightness of the pictures' white.
         white_nits: f32,
     },
-    /// HDR10: the curve of PQ (SMPTE ST 2084) with the primaries of BT.2020. In ten bits only.
+    /// HDR10: PQ transfer function (SMPTE ST 2084), BT.2020 primaries. For 10-bit formats only.
     Hdr10 {
-        /// How bright the white of pictures is.
+        /// Brightness of the pictures' white.
         white_nits: f32,
     },
 }
 
 impl Colours {
-    /// Whether a format holds them.
+    /// Whether `texel` can store this colour space.
     pub(crate) fn fit(self, texel: Texel) -> bool {
         match self {
             Self::Shown => true,
@@ -57,7 +57,7 @@ impl Colours {
         }
     }
 
-    /// What light is multiplied with in half floats, if they hold light.
+    /// Scale factor of linear values in half floats; `None` for display-referred ones.
     fn light(self) -> Option<f64> {
         match self {
             Self::Linear => Some(1.0),
@@ -67,27 +67,27 @@ impl Colours {
     }
 }
 
-/// How bright 1 is in scRGB.
+/// Nits of the value 1 in scRGB.
 pub(crate) const NITS_OF_SCRGB: f64 = 80.0;
 
-/// Writes rows of a picture's pixels in another format.
+/// Converts rows of RGBA8 pixels to another format.
 pub(crate) struct Encoder {
     texel: Texel,
-    /// Each level of a colour and of alpha as half floats, where that is the format.
+    /// Half-float values of each 8-bit level of a colour and of alpha, for half-float formats.
     halves: Option<[[f16; 256]; 2]>,
     pq: Option<Box<Pq>>,
 }
 
-/// What colours of HDR10 are found with.
+/// Lookup tables for HDR10.
 struct Pq {
-    /// Nits of each level.
+    /// Nits of each 8-bit level.
     light: [f32; 256],
-    /// From how many nits on a level of ten bits above 0 is the nearest.
+    /// Lower threshold in nits of each 10-bit level above 0.
     steps: [f32; 1023],
 }
 
 impl Encoder {
-    /// For `texel`, in colours that it holds.
+    /// An encoder for `texel`, which must be able to store `colours`.
     pub(crate) fn new(texel: Texel, colours: Colours) -> Self {
         let halves = matches!(texel, Texel::Rgba16F | Texel::Rg11B10F).then(|| [halves(colours.light()), halves(None)]);
         let pq = match colours {
@@ -97,7 +97,7 @@ impl Encoder {
         Self { texel, halves, pq }
     }
 
-    /// Writes RGBA8 pixels; `to` has room for as many in the format.
+    /// Converts RGBA8 pixels; `to` must have room for as many in the target format.
     pub(crate) fn row(&self, from: &[u8], to: &mut [u8]) {
         assert_eq!(from.len() / 4 * self.texel.bytes(), to.len(), "as many pixels");
         match (self.texel, &self.halves) {
@@ -138,7 +138,7 @@ impl Pq {
         Self { light: std::array::from_fn(|i| nits(i) as f32), steps: std::array::from_fn(|i| step(i) as f32) }
     }
 
-    /// Levels of ten bits for a colour, brought to the primaries of BT.2020 (ITU-R BT.2087).
+    /// 10-bit PQ levels of a colour, converted to BT.2020 primaries (ITU-R BT.2087).
     fn levels(&self, colour: [u8; 3]) -> [u32; 3] {
         const WIDE: [[f32; 3]; 3] = [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]];
         let light = colour.map(|level| self.light[usize::from(level)]);
@@ -149,24 +149,23 @@ impl Pq {
     }
 }
 
-/// Between the two orders of four bytes.
+/// Converts between RGBA and BGRA byte order.
 pub(crate) fn swap_red_and_blue(row: &mut [u8]) {
     row.as_chunks_mut::<4>().0.iter_mut().for_each(|pixel| pixel.swap(0, 2));
 }
 
-/// A level of 255 as the nearest one of `top`.
+/// Rescales a level from 0..=255 to 0..=`top`, rounded to the nearest.
 fn scaled(level: u8, top: u32) -> u32 {
     (u32::from(level) * top * 2 + 255) / 510
 }
 
-/// The nearest float without a sign that has the exponent of a half and so many bits of mantissa, for halves from 0 to 1. Ties go away
-/// from zero.
+/// The nearest unsigned float with a half's exponent and `mantissa` mantissa bits, for halves from 0 to 1. Ties round away from zero.
 fn small_float(half: f16, mantissa: u32) -> u32 {
     let dropped = 10 - mantissa;
     (u32::from(half.to_bits()) + (1 << (dropped - 1))) >> dropped
 }
 
-/// Every 8-bit level as a half float from 0 to 1, or as light of so much for white.
+/// Half-float value of every 8-bit level: 0 to 1, or linear with `white` for white.
 fn halves(white: Option<f64>) -> [f16; 256] {
     std::array::from_fn(|level| {
         let value = level as f64 / 255.0;
@@ -174,12 +173,12 @@ fn halves(white: Option<f64>) -> [f16; 256] {
     })
 }
 
-/// Light by the curve of sRGB (IEC 61966-2-1), for numbers from 0 to 1.
+/// The sRGB curve (IEC 61966-2-1) from encoded to linear, for values from 0 to 1.
 fn light_of(shown: f64) -> f64 {
     if shown <= 0.04045 { shown / 12.92 } else { libm::pow((shown + 0.055) / 1.055, 2.4) }
 }
 
-/// Nits for a number from 0 to 1 by the curve of PQ (SMPTE ST 2084).
+/// The PQ curve (SMPTE ST 2084) from an encoded value in 0 to 1 to nits.
 fn nits_of_pq(number: f64) -> f64 {
     let power = libm::pow(number, 1.0 / 78.843_75);
     let light = (power - 0.835_937_5).max(0.0) / (18.851_562_5 - 18.687_5 * power);
@@ -205,7 +204,7 @@ mod tests {
 
     #[test]
     fn floats_of_eleven_and_ten_bits_are_within_half_a_step_of_each_level() {
-        // The value of bits with five bits of exponent, biased by 15.
+        // Decodes a float with 5 exponent bits, bias 15.
         let value = |bits: u32, mantissa: u32| {
             let (exponent, part) = (bits >> mantissa, f64::from(bits & ((1 << mantissa) - 1)));
             let steps = f64::from(1 << mantissa);
@@ -234,7 +233,7 @@ mod tests {
         }
     }
 
-    /// The words of the standard: white and black of graphics, and the brightest that there is.
+    /// Values of the standard: black and white of graphics, and peak brightness.
     #[test]
     fn hdr10_has_the_numbers_of_its_curve_and_primaries() {
         let ten_bits = |colour: [u8; 3], white_nits: f32| {
@@ -245,13 +244,13 @@ mod tests {
             [word & 1023, word >> 10 & 1023, word >> 20 & 1023, word >> 30]
         };
         assert_eq!(ten_bits([0; 3], 203.0), [0, 0, 0, 3]);
-        // 203 nits are 58 % of PQ's numbers, 100 nits 50.8 %, and 10,000 all of them.
+        // In PQ, 203 nits are 58 % of the code range, 100 nits 50.8 %, and 10,000 nits 100 %.
         for (nits, share) in [(203.0, 0.5807), (100.0, 0.5081), (10_000.0, 1.0)] {
             let level: f64 = 1023.0 * share;
             let [r, g, b, _] = ten_bits([255; 3], nits).map(f64::from);
             assert!([r, g, b].iter().all(|found| (found - level).abs() <= 1.0), "{nits}: {r} {g} {b} for {level}");
         }
-        // Red of sRGB lies within BT.2020: there is some of the others in it.
+        // sRGB red lies inside BT.2020, so the other channels are not 0.
         let [r, g, b, _] = ten_bits([255, 0, 0], 203.0);
         assert!(r > g && g > b && b > 0, "{r} {g} {b}");
     }

@@ -1,7 +1,7 @@
-//! The reader against a bundle that `cairn.build` made.
+//! The bundle reader, tested on a bundle that `cairn.build` made.
 //!
-//! It is the world `tiny`: in the folder `CAIRN_TEST_BUNDLE` where that is set, else the one `cargo xtask setup --all` keeps in
-//! the user's cache, built where it is missing.
+//! It is the world `tiny`: from the folder in `CAIRN_TEST_BUNDLE` if that is set, else the one that `cargo xtask setup --all` keeps in
+//! the user's cache, built if it is missing.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use cairn::ErrorKind;
 use cairn::bundle::{Bundle, GraphKind, MANIFEST_NAME, OpenOptions, Precision};
 use libtest_mimic::{Arguments, Failed, Trial};
 
-/// A test by its name.
+/// A test with its name.
 type Case = (&'static str, fn(&Path) -> Result<(), Failed>);
 
 const CASES: &[Case] = &[
@@ -105,14 +105,14 @@ fn work_grows_by_the_attention_of_global_layers(directory: &Path) -> Result<(), 
     for g in (window.dilation..window.max_window).step_by(window.dilation as usize) {
         let work = bundle.work(Precision::F32, g)?;
         assert_eq!((work.encode, work.decode), (most.encode, most.decode), "the autoencoder has no window");
-        // Queries with keys, and weights with values, of every head: tokens x keys x head width each.
+        // Products of queries with keys, and of weights with values, for every head: tokens x keys x head width each.
         let keys = u64::from((window.max_window - g) / window.dilation * shape.tokens);
         let global = (0..shape.layers).filter(|&i| shape.is_global(i)).count() as u64;
         let attention = 2 * global * u64::from(shape.heads * shape.tokens * shape.head_width) * keys;
         assert_eq!(most.pass.multiply_adds - work.pass.multiply_adds, attention, "g{g}");
         assert!(most.pass.bytes > work.pass.bytes && work.pass.bytes > bundle.memory_need(Precision::F32, g)?.ring);
     }
-    // Every layer projects queries and output, and has an MLP: fewer products than that cannot be.
+    // A lower bound: every layer has projections of queries and output, and an MLP.
     let layer = 2 * shape.width * shape.width + 2 * shape.mlp_ratio * shape.width * shape.width;
     assert!(most.pass.multiply_adds > u64::from(shape.layers) * u64::from(shape.tokens) * u64::from(layer));
     assert!(most.encode.multiply_adds > 0 && most.decode.multiply_adds > 0);
@@ -124,7 +124,7 @@ fn a_flipped_byte_in_any_file_is_refused(directory: &Path) -> Result<(), Failed>
     let files = files(directory)?;
     for victim in 0..files.len() {
         let (name, bytes) = &files[victim];
-        // The manifest's own bytes are guarded by its grammar, in the reader's own tests.
+        // The manifest's own bytes are checked by its grammar, in the reader's own tests.
         if name == MANIFEST_NAME {
             continue;
         }

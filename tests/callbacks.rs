@@ -1,4 +1,4 @@
-//! What a callback may not wait for: the end of the very thread that it runs on. It answers that it is busy, and all goes on.
+//! A callback that waits for the end of the very thread that it runs on: the call returns CAIRN_ERROR_BUSY, and everything continues.
 #![cfg(feature = "embedded-world")]
 
 use std::ffi::{c_char, c_void};
@@ -19,11 +19,11 @@ use cairn::abi::rollout::{
 use cairn::abi::steps::{CAIRN_FOREVER, cairn_rollout_poll, cairn_rollout_submit, cairn_rollout_wait};
 use cairn::abi::world::{cairn_world_destroy, cairn_world_load, cairn_world_options};
 
-/// What the log callback is about.
+/// Data for the log callback.
 #[derive(Default)]
 struct Subject {
     rollout: AtomicPtr<cairn_rollout>,
-    /// The ticket that is waited for; 0 where one is to be submitted first.
+    /// The ticket to wait for; 0 to submit a step first.
     ticket: AtomicU64,
     calls: AtomicUsize,
 }
@@ -33,7 +33,7 @@ fn controls() -> cairn_controls {
     cairn_controls { struct_size: size_of::<cairn_controls>() as u32, ..unsafe { std::mem::zeroed() } }
 }
 
-/// Ends and waits for the rollout whose step says something.
+/// Destroys, and waits for, the rollout whose step logs a message.
 unsafe extern "C" fn end_it(_: u32, _: *const c_char, _: *const c_char, user: *mut c_void) {
     // SAFETY: the test gave a `Subject` that outlives the callback.
     let subject = unsafe { &*user.cast::<Subject>() };
@@ -73,7 +73,7 @@ macro_rules! ok {
     }};
 }
 
-/// A rollout whose every latent is too slow, which it says, after its seed.
+/// A seeded rollout with a budget that every latent exceeds, which it logs.
 fn rollout(world: *const cairn::abi::world::cairn_world) -> *mut cairn_rollout {
     let mut rollout = null_mut();
     ok!(cairn_rollout_create(world, null(), &mut rollout));
@@ -122,7 +122,7 @@ fn a_log_callback_does_not_wait_for_its_own_thread() {
     subject.rollout.store(null_mut(), Ordering::SeqCst);
     ok!(cairn_rollout_destroy(queued));
 
-    // A step on the host's thread, in whose callback another one is queued behind it.
+    // A step on the host's thread, in whose callback another step is queued.
     let direct = rollout(world);
     subject.rollout.store(direct, Ordering::SeqCst);
     for _ in 0..8 {

@@ -1,4 +1,4 @@
-//! The Direct3D 12 device: an engine's objects and our own, two queues, two devices, and one that is removed. On Windows, or in the
+//! The Direct3D 12 device: an engine's objects and our own, two queues, two devices, and a removed device. On Windows, or in the
 //! lab.
 #![cfg(windows)]
 
@@ -52,7 +52,7 @@ fn an_engine_gets_all_its_references_back() {
         drop((clone, fence_point));
         comes_back(count, before);
     }
-    // What is refused holds nothing either.
+    // Refused calls keep no references either.
     let other = engine::engine();
     let copy = queue(&engine.device, D3D12_COMMAND_LIST_TYPE_COPY);
     for (queue, anchors, field) in [
@@ -75,7 +75,7 @@ fn one_queue_waits_for_the_other_at_a_moment() {
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, Some(&engine.compute)).expect("an engine's device");
     let buffers = Buffers::new(gpu.device(), 3);
     buffers.upload(b"before: ");
-    // The engine's own work goes on only when the processor says so; ours stands behind it.
+    // The engine's queue waits for a fence that the processor signals; our work is queued behind it.
     // SAFETY: values only.
     let gate: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
     gpu.frames().wait(&FencePoint::of_engine(&gpu, &gate, 1).expect("a fence of the device")).expect("a wait");
@@ -86,7 +86,7 @@ fn one_queue_waits_for_the_other_at_a_moment() {
     let read = gpu.anchors().submit(&[second.copy(&buffers, 1, 2)]).expect("a submission");
     std::thread::sleep(std::time::Duration::from_millis(300));
     assert!(!written.reached() && !read.reached(), "nothing runs before its moment");
-    // Had the second copy not waited, it would have copied zeroes by now.
+    // Without the wait, the second copy would have copied zeroes by now.
     buffers.upload(b"at last!");
     // SAFETY: a live fence.
     unsafe { gate.Signal(1) }.expect("the gate opens");
@@ -126,7 +126,7 @@ fn two_devices_work_side_by_side() {
 #[test]
 fn a_picture_goes_into_a_texture_and_comes_back() {
     let gpu = Gpu::on_adapter(None).expect("a device");
-    // A row is no whole number of the 256 bytes that a texture's rows in a buffer begin at.
+    // A row is not a multiple of 256 bytes, the row pitch alignment of textures in buffers.
     let mut picture = Picture::new(75, 31).expect("a picture");
     for (i, byte) in (0u32..).zip(picture.rgba_mut()) {
         *byte = (i.wrapping_mul(2_654_435_761) >> 24) as u8;
@@ -134,7 +134,7 @@ fn a_picture_goes_into_a_texture_and_comes_back() {
     let (texture, fence_point) = texture_of(&gpu, &picture).expect("a texture");
     assert!(fence_point.reached());
     for _ in 0..2 {
-        // Twice: it is left in the state it was in.
+        // Twice: the first read leaves the texture in its former state.
         let found = read_texture(&gpu, &texture, D3D12_RESOURCE_STATE_COMMON).expect("a picture");
         assert!(found == picture, "every pixel comes back");
     }
@@ -144,7 +144,7 @@ fn a_picture_goes_into_a_texture_and_comes_back() {
         let refused = read_texture(gpu, resource, D3D12_RESOURCE_STATE_COMMON).expect_err("no texture of this device");
         assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("texture")));
     }
-    // An engine whose only queue is one for compute.
+    // An engine that has a compute queue only.
     let compute = Gpu::of_engine(gpu.device(), gpu.anchors().d3d12(), None).expect("a device");
     assert!(read_texture(&compute, &texture, D3D12_RESOURCE_STATE_COMMON).expect("a picture") == picture);
     let refused = read_texture(&compute, &texture, D3D12_RESOURCE_STATE_RENDER_TARGET).expect_err("a state of drawing");
@@ -158,7 +158,7 @@ fn a_removed_device_says_why_lets_go_of_all_and_a_new_one_works() {
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("an engine's device");
     let buffers = Buffers::new(gpu.device(), 3);
     let earlier = gpu.frames().now().expect("a moment");
-    // Behind a gate that nobody opens: only the removal ends this wait.
+    // Behind a fence that is never signalled: only device removal ends this wait.
     // SAFETY: values only.
     let gate: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
     gpu.anchors().wait(&FencePoint::of_engine(&gpu, &gate, 1).expect("a fence of the device")).expect("a wait");
@@ -168,7 +168,7 @@ fn a_removed_device_says_why_lets_go_of_all_and_a_new_one_works() {
         move || stuck.wait()
     });
 
-    // A list that is still open must not be given to a queue: the device is removed for it.
+    // Executing a list that is still open removes the device.
     let open = List::new(gpu.device(), gpu.frames().kind());
     let gone = gpu.frames().submit(&[open.still_open()]).expect_err("the device is gone");
     assert_eq!(gone.kind(), ErrorKind::DeviceRemoved, "{gone}");
@@ -181,7 +181,7 @@ fn a_removed_device_says_why_lets_go_of_all_and_a_new_one_works() {
     let refused = Gpu::of_engine(&engine.device, &engine.direct, None).expect_err("a device that is gone");
     assert_eq!(refused.kind(), ErrorKind::DeviceRemoved);
 
-    // A driver that goes on regardless gets to its end, and no thread of it holds anything.
+    // A driver that continues regardless can finish, and none of its threads holds a reference.
     // SAFETY: a live fence.
     _ = unsafe { gate.Signal(1) };
     comes_back(|| [u32::from(stuck.reached())], [1]);

@@ -1,4 +1,4 @@
-//! A presenter's frames as a device makes them, beside those that the processor makes. On Windows, or in the lab.
+//! A presenter's frames from the device, compared with those from the processor. On Windows, or in the lab.
 #![cfg(windows)]
 
 use std::sync::Arc;
@@ -46,7 +46,7 @@ fn device_of(engine: &Engine, queue: &ID3D12CommandQueue) -> Gpu {
     Gpu::of_engine(&engine.device, queue, None).expect("the engine's device")
 }
 
-/// What frames are written to.
+/// Format, flags and states of a target texture.
 #[derive(Clone, Copy, Debug)]
 struct Kind {
     format: DXGI_FORMAT,
@@ -59,7 +59,7 @@ const PRESENT: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_PRESENT;
 const DRAWN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_RENDER_TARGET;
 const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
 
-/// Of swap chains, and of an engine's own.
+/// Those of swap chains, and of an engine's own textures.
 const KINDS: [Kind; 5] = [
     Kind { format: DXGI_FORMAT_R8G8B8A8_UNORM, flags: RENDERED, states: [PRESENT, PRESENT] },
     Kind { format: DXGI_FORMAT_B8G8R8A8_UNORM, flags: RENDERED, states: [DRAWN, PRESENT] },
@@ -68,7 +68,7 @@ const KINDS: [Kind; 5] = [
     Kind { format: DXGI_FORMAT_R8G8B8A8_UNORM_SRGB, flags: RENDERED, states: [PRESENT, DRAWN] },
 ];
 
-/// A presenter whose frames the processor makes, and one whose frames the device makes; both are given the same.
+/// A presenter whose frames the processor makes, and one whose frames the device makes; both get the same input.
 struct Both {
     host: Presenter,
     device: Presenter,
@@ -103,12 +103,12 @@ impl Both {
         }
     }
 
-    /// The frame at `now` as both have it, compared pixel by pixel.
+    /// The frame at `now` from both, compared pixel by pixel.
     fn compare(&mut self, engine: &Engine, now: u64, kind: Kind, own: bool) -> FrameInfo {
         self.compare_after(engine, now, kind, own, || ())
     }
 
-    /// The same; calls `made` once the device has made it, and before the processor does.
+    /// The same; calls `made` after the device has made its frame and before the processor makes its own.
     fn compare_after(&mut self, engine: &Engine, now: u64, kind: Kind, own: bool, made: impl FnOnce()) -> FrameInfo {
         let size = self.host.size().expect("a size");
         let Kind { format, flags, states: [before, after] } = kind;
@@ -156,7 +156,7 @@ impl Both {
     }
 }
 
-/// Records a frame into an engine's list, whose fence says when that has run.
+/// Records a frame into an engine's list, whose fence signals when the list has run.
 fn record(
     presenter: &Presenter,
     now: u64,
@@ -168,7 +168,7 @@ fn record(
     presenter.record(now, drawer, recording.list(), target, &until).expect("it is recorded")
 }
 
-/// Pixels of a texture's that are more than a level of 255 from the picture.
+/// The number of a texture's pixels that differ from the picture by more than a level of 255.
 fn far(held: &[u8], picture: &Picture, format: DXGI_FORMAT) -> usize {
     let levels: Vec<[f32; 4]> = match format {
         DXGI_FORMAT_B8G8R8A8_UNORM => {
@@ -186,7 +186,7 @@ fn far(held: &[u8], picture: &Picture, format: DXGI_FORMAT) -> usize {
         _ => held.as_chunks::<4>().0.iter().map(|pixel| pixel.map(f32::from)).collect(),
     };
     assert_eq!(levels.len(), picture.pixels().len(), "a pixel each");
-    // Half a step of ten bits, and of halves, beside the one of 255.
+    // The tolerance is one level of 255, plus half a step of ten bits or of half floats.
     let near = |(found, wanted): (&[f32; 4], &[u8; 4])| {
         found.iter().zip(wanted).all(|(a, b)| (a - f32::from(*b)).abs() <= 1.0 + 0.13)
     };
@@ -210,7 +210,7 @@ fn anchors_of_a_rollout_are_presented_as_the_processor_presents_them() {
         .collect();
     let size = anchors[0].size();
     let down = || rollout.statistics().bytes.read;
-    // Motion that the device finds in latents, and motion that came with the anchors.
+    // Motion that the device computes from latents, and motion that came with the anchors.
     let given: Vec<_> = anchors
         .windows(2)
         .map(|pair| Arc::new(extract(MotionSource::PictureFlow, &pair[0], &pair[1]).expect("guidance")))
@@ -229,7 +229,7 @@ fn anchors_of_a_rollout_are_presented_as_the_processor_presents_them() {
                 let read = down() - before;
                 assert_eq!(read, 0, "bytes that came down for a frame");
             });
-            // Content: what is shown is what came an interval ago, and as far between as the time is. Photons: it is due now.
+            // The shown content is one interval old, interpolated at this time's phase; the frame is due now.
             let content =
                 (shown.previous - anchors[0].number()) * INTERVAL + (f64::from(shown.t) * INTERVAL as f64) as u64;
             assert_eq!((content, shown.due.since_ns), (now - INTERVAL, now), "an interval of latency: {shown:?}");
@@ -244,7 +244,7 @@ fn anchors_of_a_rollout_are_presented_as_the_processor_presents_them() {
     }
 }
 
-/// A picture that goes by `step` pixels from one number to the next.
+/// A picture whose contents move by `step` pixels per number.
 fn moving(size: (u32, u32), number: u64, step: u64) -> Picture {
     let mut picture = Picture::new(size.0, size.1).expect("a picture");
     for (i, pixel) in (0u64..).zip(picture.pixels_mut()) {
@@ -279,7 +279,7 @@ fn an_engine_s_own_motion_is_used_and_cuts_are_counted_when_they_are_found() {
     let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
     for number in 0..5 {
         let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
-        // In tiles and per pixel in turn, so that textures change.
+        // Tiled and per-pixel motion in turn, so that textures change.
         let mut motion = MotionField::tiled(size.0, size.1, if number % 2 == 0 { 8 } else { 1 }).expect("a field");
         motion.vectors_mut().fill([f16::from_f32(3.0), f16::ZERO]);
         let mut depth = DepthMap::new(size.0, size.1, paper::PROJECTION).expect("a depth map");
@@ -299,7 +299,7 @@ fn an_engine_s_own_motion_is_used_and_cuts_are_counted_when_they_are_found() {
     }
     both.check();
 
-    // Nothing of this picture is in the one before it, and nobody says so: only the generator finds that it is a cut.
+    // This picture has nothing in common with the one before it, but is not marked as a cut: only the generator detects it.
     let mut other = common::picture(size.0, size.1, 3);
     other.pixels_mut().reverse();
     both.push(&Arc::new(KeptAnchor::of_picture(other, 5, false)), None, 5 * INTERVAL);
@@ -311,13 +311,13 @@ fn an_engine_s_own_motion_is_used_and_cuts_are_counted_when_they_are_found() {
         both.device.submit(now, &mut both.drawer, &target).expect("it is made").made().expect("a frame");
     assert_eq!(shown.source, FrameSource::Generated, "nobody knows yet");
     fence_point.wait().expect("it has run");
-    both.device.look(&mut both.drawer);
+    both.device.collect_reports(&mut both.drawer);
     let after = both.device.statistics();
     let counts = (after.generated - before.generated, after.held - before.held, after.cuts - before.cuts);
     assert_eq!(counts, (0, 1, 1), "a copy is no generated frame");
     let mut expected = None;
     let times = [both.drawer.spent(), both.drawer.spent_on_anchors()];
-    // Every frame; a list for each of the six pictures and the five pairs that were brought, and for each pair of frames.
+    // All frames; and one list for each of the six pictures and the five motion fields uploaded, and for each pair of frames.
     assert_eq!(times.map(|spent| spent.frames), [20, 16], "each has its time: {times:?}");
     assert!(times.iter().all(|spent| !spent.total.is_zero() && spent.longest <= spent.total), "{times:?}");
     assert_eq!(both.drawer.under_way(), 0);
@@ -327,7 +327,7 @@ fn an_engine_s_own_motion_is_used_and_cuts_are_counted_when_they_are_found() {
     assert!(held == expected.expect("a picture").rgba(), "and shows the same anchor");
 }
 
-/// Guidance of a picture that goes by so many pixels to the left.
+/// Guidance of a picture that moves to the left by `pixels` pixels.
 fn going(size: (u32, u32), pixels: f32) -> Arc<Guidance> {
     let mut guidance = Guidance::new(size.0, size.1, paper::PROJECTION).expect("guidance");
     guidance.motion_mut().vectors_mut().fill([f16::from_f32(pixels), f16::ZERO]);
@@ -348,14 +348,14 @@ fn frames_of_another_size_and_shape_are_scaled_on_the_device() {
             let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
             both.push(&anchor, (number > 0).then_some(&going(size, 3.0)), number * INTERVAL);
         }
-        // Larger, smaller, of every shape, down to a pixel, and the anchors' own.
+        // Larger, smaller, other aspect ratios, down to a pixel, and the anchors' own size.
         let sizes = [(97, 33), (31, 64), (1, 1), (250, 40), (96, 64), (20, 200), (192, 128)].map(Some);
         for (i, to) in (0..).zip([first].into_iter().chain(sizes).chain([None, first])) {
             both.resize(to);
             let (now, kind) = (INTERVAL + i % 4 * INTERVAL / 4, KINDS[i as usize % KINDS.len()]);
             let shown = both.compare(&engine, now, kind, i % 2 == 1);
             assert_eq!((shown.previous, shown.repeated), (0, false), "{to:?}: {shown:?}");
-            // The same again, in the same format and in another.
+            // The same frame again, in the same format and in another.
             assert!(both.compare(&engine, now, kind, false).repeated);
             assert!(both.compare(&engine, now, KINDS[(i as usize + 1) % KINDS.len()], true).repeated);
         }
@@ -414,7 +414,7 @@ fn frames_have_the_colours_of_targets_beyond_white() {
                     _ => {
                         let half =
                             |c: usize| f16::from_le_bytes([held[8 * i + 2 * c], held[8 * i + 2 * c + 1]]).to_f64();
-                        // 160 nits are twice what 1 stands for.
+                        // 160 nits are twice the 80 nits that 1 stands for.
                         half(3) != 1.0 || (0..3).any(|c| (half(c) - 2.0 * rgb[c]).abs() > 0.004)
                     }
                 }
@@ -422,7 +422,7 @@ fn frames_have_the_colours_of_targets_beyond_white() {
             let far = (0..).zip(&wanted).filter(|(i, pixel)| off(*i, pixel)).count();
             assert!(far * 1000 <= wanted.len(), "{far} pixels of {colours:?} at {now}");
         }
-        // What does not hold them is refused.
+        // A target whose format cannot hold such values is refused.
         let plain = Wanted { size, flags: RENDERED, ..Wanted::default() }.make(&engine.device);
         let target = Target { texture: plain, before: PRESENT, after: PRESENT };
         let refused = device.submit(INTERVAL, &mut drawer, &target).expect_err("eight bits");
@@ -452,7 +452,7 @@ fn what_lies_over_the_anchors_stands_still_where_that_is_said() {
     }
     let count = (size.0 * size.1) as usize;
     let told = |over: &dyn Fn(usize) -> bool| Some((size, (0..count).map(|i| u8::from(over(i))).collect::<Vec<_>>()));
-    // The frame at a time by each generator, where so much is said.
+    // The frame at a time from each generator, with this overlay mask.
     let mut frames_at = |now: u64, overlay: Option<((u32, u32), Vec<u8>)>| {
         for presenter in [&both.host, &both.device] {
             presenter.set_overlay(overlay.clone()).expect("an overlay");
@@ -473,7 +473,7 @@ fn what_lies_over_the_anchors_stands_still_where_that_is_said() {
             assert_eq!(*pixel, expected, "{generator}: pixel {i}");
         }
     }
-    // Where everything stands still, nothing goes; and where nothing is said any more, the ground does again.
+    // With everything masked as static, nothing moves; without a mask the ground moves again.
     let still = frames_at(INTERVAL * 3 / 2, told(&|_| true));
     let again = frames_at(INTERVAL * 7 / 4, None);
     let moved = |pixels: &[u8], shift: usize| {
@@ -488,7 +488,7 @@ fn what_lies_over_the_anchors_stands_still_where_that_is_said() {
             "{generator}: {counts:?} of {ground_pixels}"
         );
     }
-    // Beyond the last anchor nobody could tell it from colours: there is no other picture.
+    // In extrapolated frames the colours cannot show what is static, as there is no other picture: only the mask does.
     for (generator, found) in frames_at(INTERVAL * 9 / 4, told(&is_over)) {
         let pixels = found.as_chunks::<4>().0.iter().enumerate();
         let wrong = pixels.filter(|(i, pixel)| is_over(*i) != (**pixel == COLOUR)).count();
@@ -501,7 +501,7 @@ fn a_list_that_an_engine_drops_leaves_nothing_that_is_copied_later() {
     let engine = engine::engine();
     let gpu = device_of(&engine, &engine.direct);
     let size = (75, 46);
-    // As the generator writes it, and scaled.
+    // At the generator's own size, and scaled.
     for frames in [None, Some((150, 92))] {
         let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
         for number in 0..2 {
@@ -522,7 +522,7 @@ fn a_list_that_an_engine_drops_leaves_nothing_that_is_copied_later() {
                 assert_eq!(shown, of_host);
             }
             assert!(both.compare(&engine, now, KINDS[0], false).repeated);
-            // Now it is there.
+            // This time its list has run.
             assert!(both.compare(&engine, now, KINDS[0], quarter == 1).repeated);
             both.check();
         }

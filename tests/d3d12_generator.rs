@@ -1,4 +1,4 @@
-//! The generator in compute shaders beside that of the processor. On Windows, or in the lab.
+//! The compute shader generator, compared with the processor's. On Windows, or in the lab.
 #![cfg(windows)]
 
 use std::collections::HashMap;
@@ -34,7 +34,7 @@ use cases::Dice;
 use compared::{Compared, Guided, Tally, depth_texture, raster, target, textured};
 use pictures::{Kept, filled, read, run, words};
 
-/// Holds what the device says of a frame against what the processor does.
+/// Compares the device's report of a frame with the processor's.
 fn assert_reported(gpu: &Gpu, generator: &ShaderGenerator, wanted: &GenerateReport, size: (u32, u32), what: &str) {
     let words: [u32; 32] = words(gpu, &generator.report());
     let of = |word: u32| words[word as usize];
@@ -45,7 +45,7 @@ fn assert_reported(gpu: &Gpu, generator: &ShaderGenerator, wanted: &GenerateRepo
     assert!((unexplained - wanted.unexplained).abs() <= 1e-6, "{what}: {unexplained} for {wanted:?}");
 }
 
-/// Holds random cases against the processor's generator.
+/// Compares random cases with the processor's generator.
 fn compare<P: Compared>(cases: Range<u64>)
 where
     CpuGenerator: FrameGenerator<P>,
@@ -110,7 +110,7 @@ where
     }
     println!("between {between:?}, {cuts} cuts; beyond {beyond:?}");
     for tally in [between, beyond] {
-        // Ten times fewer than is promised: all that may differ is how a device divides.
+        // A tenth of the documented tolerance: only the device's division may differ.
         assert!(10_000 * tally.far <= tally.pixels, "{tally:?}");
     }
 }
@@ -145,7 +145,7 @@ fn frames_of_half_floats_are_those_of_the_processor() {
 
 const SIZE: (u32, u32) = (96, 64);
 
-/// A pair of anchors on the device, and what the processor makes of it.
+/// A pair of anchors on the device, and the processor's frame of it.
 struct Scene {
     guided: Guided,
     guidance: Guidance,
@@ -153,7 +153,7 @@ struct Scene {
 }
 
 impl Scene {
-    /// Of a case whose two pictures have to do with each other.
+    /// From a case whose two pictures are related.
     fn new(gpu: &Gpu) -> Self {
         let mut dice = Dice(17);
         let guidance = cases::guidance(&mut dice, SIZE);
@@ -176,7 +176,7 @@ impl Scene {
         wanted
     }
 
-    /// Both anchors in a format, each pixel of so many bytes.
+    /// Both anchors in a format of `N` bytes per pixel.
     fn anchors<const N: usize>(
         &self,
         gpu: &Gpu,
@@ -200,7 +200,7 @@ impl Scene {
     }
 }
 
-/// Makes a frame, and reads it back in rows of pixels of so many bytes.
+/// Generates a frame, and reads it back in rows with the given bytes per pixel.
 fn generated(
     gpu: &Gpu,
     generator: &mut ShaderGenerator,
@@ -257,7 +257,7 @@ fn every_format_is_read_and_written() {
         }
     }
 
-    // Ten bits are computed as halves, which hold them.
+    // Ten-bit values are computed as half floats, which represent them exactly.
     let anchors = scene.anchors(&gpu, DXGI_FORMAT_R10G10B10A2_UNORM, |levels| {
         let [r, g, b, a] = tenths_of(levels);
         (r | g << 10 | b << 20 | a << 30).to_le_bytes()
@@ -285,7 +285,7 @@ fn every_format_is_read_and_written() {
     }
 }
 
-/// The curve of sRGB, mirrored below 0, which goes on above 1.
+/// The transfer curve of sRGB, mirrored below 0 and continued above 1.
 fn shown_for(light: f64) -> f64 {
     let a = light.abs();
     (if a <= 0.0031308 { 12.92 * a } else { 1.055 * a.powf(1.0 / 2.4) - 0.055 }).copysign(light)
@@ -300,7 +300,7 @@ fn light_of(shown: f64) -> f64 {
 fn frames_of_light_are_those_of_what_is_shown_for_it() {
     let gpu = Gpu::on_adapter(None).expect("a device");
     let mut scene = Scene::new(&gpu);
-    // Up to five times as bright as white, and colours beyond those of sRGB.
+    // Up to five times as bright as white, and colours outside sRGB.
     let wide = |levels: [f32; 4]| [2.2 * levels[0] - 30.0, 1.6 * levels[1], levels[2] - 20.0, 255.0];
     scene.levels.iter_mut().flatten().for_each(|levels| *levels = wide(*levels));
     let in_light = |levels: [f32; 4]| {
@@ -312,7 +312,7 @@ fn frames_of_light_are_those_of_what_is_shown_for_it() {
         <[u8; 8]>::try_from(halves.as_flattened()).expect("eight bytes")
     });
     let generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
-    let mut generator = generator.with_transfer(Transfer::Light);
+    let mut generator = generator.with_transfer(Transfer::Linear);
     let shown = |held: [f16; 4]| {
         let [r, g, b, a] = held.map(f16::to_f64);
         [shown_for(r), shown_for(g), shown_for(b), a]
@@ -329,7 +329,7 @@ fn frames_of_light_are_those_of_what_is_shown_for_it() {
     }
     assert!(bright > 100 && 1000 * far <= wanted.pixels().len(), "{far} of {}, {bright} bright", wanted.pixels().len());
 
-    // Bytes get what is shown, up to white.
+    // An 8-bit target gets the sRGB values, clamped at white.
     let bytes = target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM);
     let found = generated(&gpu, &mut generator, &scene.pair(&anchors), 0.4, &bytes, 4);
     let far = found.chunks(4).zip(wanted.pixels()).filter(|(found, wanted)| {
@@ -337,10 +337,10 @@ fn frames_of_light_are_those_of_what_is_shown_for_it() {
     });
     assert!(1000 * far.count() <= wanted.pixels().len());
 
-    // A window in scRGB shows anchors in sRGB as they are.
+    // A window in scRGB shows anchors in sRGB unchanged.
     let eight = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, |levels| bytes_of(levels.map(|v| v.clamp(0.0, 255.0))));
     let single = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
-    let mut single = single.with_target_transfer(Transfer::Light);
+    let mut single = single.with_target_transfer(Transfer::Linear);
     let found = generated(&gpu, &mut single, &scene.pair(&eight), 0.4, &halves, 8);
     let shown = generated(&gpu, &mut single, &scene.pair(&eight), 0.4, &bytes, 4);
     for (light, shown) in found.chunks(2).zip(&shown).enumerate().filter(|(i, _)| i % 4 < 3).map(|(_, both)| both) {
@@ -348,7 +348,7 @@ fn frames_of_light_are_those_of_what_is_shown_for_it() {
         assert!((found.to_f64() - wanted).abs() <= 6e-4 * wanted, "{found} for {shown}");
     }
 
-    // What rests is as it was, to the bit.
+    // A static picture is unchanged, to the bit.
     let still = TexturePair { previous: anchors[1].resting(), ..scene.pair(&anchors) };
     let resting = Guidance::new(SIZE.0, SIZE.1, cairn::guidance::paper::PROJECTION).expect("a guidance");
     let resting = Guided::new(&gpu, &resting);
@@ -370,7 +370,7 @@ fn across_a_cut_the_nearer_anchor_is_shown() {
     let mut frames = CommandRing::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
     for is_stated in [true, false] {
         if !is_stated {
-            // A picture of its own, which the processor finds to be another.
+            // An unrelated picture, which the processor reports as a cut.
             let mut noise = Dice(3);
             scene.levels[1].iter_mut().for_each(|levels| {
                 *levels = [255.0 * noise.part().abs(), 255.0 * noise.part().abs(), 255.0 * noise.part().abs(), 255.0];
@@ -402,7 +402,7 @@ fn what_an_engine_says_lies_over_the_picture_stands_still() {
     let gpu = Gpu::on_adapter(None).expect("a device");
     let mut generator = ShaderGenerator::new(&gpu, SIZE).expect("a generator");
     let is_hud = |i: usize| (30..57).contains(&(i % SIZE.0 as usize)) && (20..31).contains(&(i / SIZE.0 as usize));
-    // A ground without the colour that moves by twelve pixels, with vectors that know nothing of what lies over it.
+    // A ground without the overlay's colour, moving by twelve pixels, with motion vectors that ignore the overlay.
     let ground = |x: usize, y: usize| [(x * 37 + y * 101) % 200, (x * 59 + y * 23) % 120 + 80, (x * y + x) % 180];
     let levels = [0, 12].map(|shift| {
         let pixel = |i: usize| {
@@ -430,7 +430,7 @@ fn what_an_engine_says_lies_over_the_picture_stands_still() {
             let [r, g, b] = ground(i % SIZE.0 as usize + 12 - shift, i / SIZE.0 as usize).map(|v| v as u8);
             !is_hud(i) && pixel != [r, g, b, 255]
         });
-        // What it hides in one anchor the other shows.
+        // Pixels that it hides in one anchor come from the other.
         assert_eq!(moved.count(), 0, "t = {t}");
     }
 }
@@ -464,7 +464,7 @@ fn frames_follow_each_other_in_an_engines_list_and_allocate_nothing() {
         assert!(read(&gpu, target, SIZE.0 as usize * 4) == wanted.rgba(), "t = {t}");
     }
 
-    // A compute queue does as well, where it knows the states.
+    // A compute queue works too, given states that it supports.
     let mut frames = CommandRing::new(&gpu, gpu.anchors(), DESCRIPTORS).expect("a ring");
     let out = filled(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM, &[0; 4 * (SIZE.0 * SIZE.1) as usize]);
     let mut frame = frames.begin().expect("a frame");

@@ -1,4 +1,4 @@
-//! The C interface's doors of Direct3D 12, as an engine in C calls them. On Windows, or in the lab.
+//! The Direct3D 12 functions of the C interface, called as by an engine in C. On Windows, or in the lab.
 #![cfg(windows)]
 
 use std::ffi::CString;
@@ -39,11 +39,11 @@ fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
     let before = [references(d3d12), references(queue), references(compute)];
     let mut device = null_mut();
     let create = |d3d12, queue, anchors, device: &mut _| {
-        // SAFETY: live objects, or null, options of their size and a place for the handle.
+        // SAFETY: live objects, or null, options of their size and a variable for the handle.
         unsafe { cairn_device_create_d3d12(d3d12, queue, anchors, &of_a_tool(), device) }
     };
     let (raw_device, raw_queue) = (d3d12.as_raw().cast(), queue.as_raw().cast());
-    // Null where an object must be, and objects of the wrong kind.
+    // Null for required objects, and objects of the wrong type.
     for (d3d12, queue, anchors) in [
         (null_mut(), raw_queue, null_mut()),
         (raw_device, null_mut(), null_mut()),
@@ -57,13 +57,13 @@ fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
     }
     let mut wrong = of_a_tool();
     wrong.flags = 4;
-    // SAFETY: live objects, options of their size and a place for the handle.
+    // SAFETY: live objects, options of their size and a variable for the handle.
     let refused = unsafe { cairn_device_create_d3d12(raw_device, raw_queue, null_mut(), &wrong, &mut device) };
     assert_eq!((refused, device.is_null()), (CAIRN_ERROR_INVALID_ARGUMENT, true));
     assert_eq!(create(raw_device, raw_queue, compute.as_raw().cast(), &mut device), CAIRN_OK);
 
     let (mut own, mut frames) = (null_mut(), null_mut());
-    // SAFETY: a live handle and places for both.
+    // SAFETY: a live handle and variables for both.
     assert_eq!(unsafe { cairn_device_get_d3d12(device, &mut own, &mut frames) }, CAIRN_OK);
     assert_eq!((own, frames), (raw_device, raw_queue));
     // SAFETY: the references that the call gave, used once.
@@ -86,12 +86,12 @@ fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
 fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
     let gpu = Gpu::on_adapter(None).expect("a device that stands for an engine's");
     let (d3d12, queue) = (gpu.device().as_raw().cast(), gpu.frames().d3d12().as_raw().cast());
-    // SAFETY: live objects, options of their size and a place for the handle.
+    // SAFETY: live objects, options of their size and a variable for the handle.
     let device = made(|to| unsafe { cairn_device_create_d3d12(d3d12, queue, null_mut(), &of_a_tool(), to) });
     let path = CString::new(bundle_path("tiny").to_str().expect("text")).expect("no NUL");
     let mut options: cairn_world_options = prepared(|options: &mut cairn_world_options| &mut options.struct_size);
     options.path = path.as_ptr();
-    // SAFETY: a live handle, options of their size, and a place for the handle.
+    // SAFETY: a live handle, options of their size, and a variable for the handle.
     let world = made(|to| unsafe { cairn_world_load(device, &options, to) });
     let seed = common::picture(40, 30, 1);
     let (texture, _) = texture_of(&gpu, &seed).expect("a texture");
@@ -104,7 +104,7 @@ fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
     assert_eq!(unsafe { cairn_device_set_d3d12(device, &options) }, CAIRN_OK);
     let mut shown = Vec::new();
     for from_texture in [true, false] {
-        // SAFETY: a live handle and a place for the handle.
+        // SAFETY: a live handle and a variable for the handle.
         let rollout = made(|to| unsafe { cairn_rollout_create(world, null(), to) });
         let appended = if from_texture {
             // SAFETY: a live handle and a live texture in the state COMMON.
@@ -120,15 +120,15 @@ fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
         let mut did: cairn_rollout_statistics = prepared(|did: &mut cairn_rollout_statistics| &mut did.struct_size);
         // SAFETY: a live handle and a struct of its size.
         assert_eq!(unsafe { cairn_rollout_get_statistics(rollout, &mut did) }, CAIRN_OK);
-        // The world was loaded before passes could be captured, and its device's clock ran.
+        // The world was loaded before capturing was enabled, and its device's timer ran.
         let passes = [did.device_passes, did.device_decodes, did.cache_passes, did.captured_passes.into()];
         assert_eq!(passes, [1, did.decode_passes, 1, 0], "{did:?}");
         assert!(did.device_passes_ns > 0 && did.device_decode_longest_ns > 0 && did.runtime_ns > 0, "{did:?}");
         assert!(did.waited_ns > 0 && did.yields > 0 && did.other_passes > 0, "{did:?}");
-        // SAFETY: a live handle and a place for the handle.
+        // SAFETY: a live handle and a variable for the handle.
         let anchor = made(|to| unsafe { cairn_rollout_get_anchor(rollout, to) });
         let (mut picture, mut fence, mut value) = (null_mut(), null_mut(), 0);
-        // SAFETY: a live handle and places for what is given.
+        // SAFETY: a live handle and variables for the results.
         assert_eq!(unsafe { cairn_anchor_get_d3d12(anchor, 0, &mut picture, &mut fence, &mut value) }, CAIRN_OK);
         // SAFETY: the references that the call gave, used once.
         let (picture, fence) =
@@ -148,7 +148,7 @@ fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
 fn adapters_are_listed_with_the_luid_that_makes_a_device() {
     let mut rows = [(); 8].map(|()| prepared(|row: &mut cairn_adapter| &mut row.struct_size));
     let mut count = 0;
-    // SAFETY: an array of the capacity named, and a place for the count.
+    // SAFETY: an array of the capacity named, and a variable for the count.
     let listed = unsafe { cairn_adapters(rows.as_mut_ptr(), size_of::<cairn_adapter>(), 8, &mut count) };
     assert_eq!(listed, CAIRN_OK);
     let found: Vec<_> = rows[..count as usize].iter().filter(|row| row.kind == CAIRN_DEVICE_D3D12).collect();
@@ -156,13 +156,13 @@ fn adapters_are_listed_with_the_luid_that_makes_a_device() {
     for (index, row) in (0..).zip(found) {
         assert_eq!(row.index, index);
         let mut device = null_mut();
-        // SAFETY: options of their size and a place for the handle.
+        // SAFETY: options of their size and a variable for the handle.
         assert_eq!(unsafe { cairn_device_create_adapter(row.luid, &of_a_tool(), &mut device) }, CAIRN_OK);
         // SAFETY: a live handle.
         assert_eq!(unsafe { cairn_device_destroy(device) }, CAIRN_OK);
     }
     let mut device = null_mut();
-    // SAFETY: a place for the handle.
+    // SAFETY: a variable for the handle.
     let refused = unsafe { cairn_device_create_adapter(0x1234_5678_9abc_def0, null(), &mut device) };
     assert_eq!((refused, device.is_null()), (CAIRN_ERROR_INVALID_ARGUMENT, true));
 }

@@ -1,5 +1,5 @@
-//! Where the library finds ONNX Runtime and DirectML, as a program has it that loads `cairn.dll`: beside the library in the layouts of
-//! engines, by a path, and nowhere that the host did not allow. On Windows, or in the lab, whose drive C: has nothing of this machine's.
+//! How the library finds ONNX Runtime and DirectML in a program that loads `cairn.dll`: beside the library in the engines' layouts, by a
+//! path, and nowhere that the host did not allow. On Windows, or in the lab, whose drive C: has none of this machine's files.
 #![cfg(windows)]
 
 use std::ffi::{CString, c_char};
@@ -22,22 +22,22 @@ mod common;
 #[allow(dead_code, reason = "each test program uses its part")]
 mod engine;
 
-/// What Microsoft's libraries are called, and one of the system's that the first of them needs.
+/// Names of Microsoft's libraries, and one of the system's that the first of them needs.
 const RUNTIME: [&str; 2] = ["onnxruntime.dll", "DirectML.dll"];
 const NEEDED: &str = "MSVCP140.dll";
 
-/// An empty folder of a test's own, on drive C:. It stays: libraries in it are loaded.
+/// An empty folder for one test, on drive C:. It is not removed: libraries in it are loaded.
 fn fresh(name: &str) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("cairn-libraries-{}-{name}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
     folder
 }
 
-/// Puts a file into a folder, which is made.
+/// Puts a file into a folder, which is created.
 fn put(from: &Path, folder: &Path, name: &str) -> PathBuf {
     std::fs::create_dir_all(folder).expect("a folder");
     let to = folder.join(name);
-    // On one drive the same file under another name takes no room.
+    // On one drive a hard link takes no space.
     if std::fs::hard_link(from, &to).is_err() {
         std::fs::copy(from, &to).unwrap_or_else(|e| panic!("{}: {e}", from.display()));
     }
@@ -59,19 +59,19 @@ fn put_runtime(folder: &Path) {
     }
 }
 
-/// The library under test, which the build puts beside the tests' programs.
+/// The library under test, which the build puts beside the test programs.
 fn library() -> PathBuf {
     let own = std::env::current_exe().expect("our own path");
     let found = own.ancestors().skip(1).take(2).map(|place| place.join("cairn.dll")).find(|path| path.is_file());
     found.expect("cairn.dll is not there: cargo build --package cairn --lib, for the same target")
 }
 
-/// What the program is told: the library, whether it lets the environment name libraries, and the file that it names in its options.
+/// Variables for the program: the library, whether it lets the environment name libraries, and the file named in its options.
 const LIBRARY: &str = "CAIRN_TEST_LIBRARY";
 const ALLOWS: &str = "CAIRN_TEST_ALLOWS_ENVIRONMENT";
 const NAMES: &str = "CAIRN_TEST_NAMES";
 
-/// A program that uses the library, with no variable of ours; to be run.
+/// A command for the program that uses the library, without our variables.
 fn program(folder: &Path, library: &Path) -> Command {
     let own = std::env::current_exe().expect("our own path");
     let mut command = Command::new(put(&own, folder, "game.exe"));
@@ -85,7 +85,7 @@ fn program(folder: &Path, library: &Path) -> Command {
     command
 }
 
-/// What a program said, line by line.
+/// A program's output, line by line.
 fn said(command: &mut Command) -> Vec<String> {
     let ended = command.output().expect("a process");
     let (out, err) = (String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
@@ -93,7 +93,7 @@ fn said(command: &mut Command) -> Vec<String> {
     out.lines().filter_map(|line| line.strip_prefix("> ")).map(str::to_owned).collect()
 }
 
-/// The program made a device of each kind, with ONNX Runtime and DirectML of that folder, and what they need from the system.
+/// The program made a device of each kind, with ONNX Runtime and DirectML from that folder, and their dependencies from the system.
 fn finds(command: &mut Command, folder: &Path) {
     let lines = said(command);
     let system = PathBuf::from(std::env::var_os("SystemRoot").expect("Windows says where it is")).join("System32");
@@ -105,7 +105,7 @@ fn finds(command: &mut Command, folder: &Path) {
     assert_eq!(lower(&lines), lower(&expected));
 }
 
-/// The program made no device, and why says so.
+/// The program made no device, and the message explains why.
 fn misses(command: &mut Command, parts: &[&str]) {
     let lines = said(command);
     let missing = format!("{CAIRN_ERROR_RUNTIME_MISSING}");
@@ -118,7 +118,7 @@ fn misses(command: &mut Command, parts: &[&str]) {
     assert_eq!(lines[2..4], RUNTIME.map(|name| format!("{name} is not loaded")), "{lines:?}");
 }
 
-/// Not a test of its own, but the program of the others: makes devices by the library that it is told, and says what came of it.
+/// Not a test itself, but the other tests' program: makes devices with the given library, and prints the results.
 #[test]
 fn the_program_that_loads_the_library() {
     let Some(library) = std::env::var_os(LIBRARY) else { return };
@@ -152,7 +152,7 @@ fn the_program_that_loads_the_library() {
     let message = || {
         let mut text = [0_u8; 4096];
         let mut length = 0;
-        // SAFETY: as much room as is said, and a place for the length.
+        // SAFETY: a buffer of the given size, and a variable for the length.
         unsafe { last_error(text.as_mut_ptr().cast(), text.len(), &mut length) };
         String::from_utf8_lossy(&text[..length.min(text.len())]).replace('\n', " ")
     };
@@ -177,12 +177,12 @@ fn the_program_that_loads_the_library() {
         assert_eq!(unsafe { destroy(device) }, CAIRN_OK);
     };
     let mut device = null_mut();
-    // SAFETY: null or options of their size, and a place for the handle.
+    // SAFETY: null or options of their size, and a variable for the handle.
     tell("cpu", unsafe { create_cpu(options, &mut device) }, device);
     let engine = engine::engine();
     let mut device = null_mut();
     let (d3d12, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
-    // SAFETY: live objects, null or options of their size, and a place for the handle.
+    // SAFETY: live objects, null or options of their size, and a variable for the handle.
     tell("d3d12", unsafe { create_d3d12(d3d12, queue, null_mut(), options, &mut device) }, device);
     for name in RUNTIME.into_iter().chain([NEEDED]) {
         match loaded(name) {
@@ -192,13 +192,13 @@ fn the_program_that_loads_the_library() {
     }
 }
 
-/// The file of a library that is in this process.
+/// The path of a library that is loaded in this process.
 fn loaded(name: &str) -> Option<PathBuf> {
     let name: Vec<u16> = name.encode_utf16().chain([0]).collect();
     // SAFETY: a name that ends with a zero; no reference is taken.
     let module: HMODULE = unsafe { GetModuleHandleW(PCWSTR(name.as_ptr())) }.ok()?;
     let mut path = vec![0; 1 << 15];
-    // SAFETY: a loaded module and memory of the length that the slice tells.
+    // SAFETY: a loaded module and memory of the slice's length.
     let length = unsafe { GetModuleFileNameW(Some(module), &mut path) } as usize;
     Some(String::from_utf16_lossy(&path[..length]).into())
 }
@@ -206,7 +206,7 @@ fn loaded(name: &str) -> Option<PathBuf> {
 #[test]
 fn beside_the_library_in_every_layout() {
     let own = library();
-    // The folder of the library, its name, and the folder of the program.
+    // The library's folder, its name, and the program's folder.
     for (name, place, file, started) in [
         ("plain", "library", "cairn.dll", "program"),
         ("unity", r"Game_Data\Plugins\x86_64", "cairn_unity.dll", "."),
@@ -258,15 +258,15 @@ fn the_environment_counts_only_where_the_host_allows_it() {
         misses(&mut command, if named { &["CAIRN_ONNXRUNTIME is set, but this host"] } else { &["was not found"] });
         finds(command.env(ALLOWS, "1"), place);
     }
-    // What lies beside the library is not chosen by a variable either.
+    // A variable does not override the files beside the library either.
     let beside = root.join("beside");
     put_runtime(&beside);
     let mut command = program(&started, &put(&library(), &beside, "cairn.dll"));
     finds(command.env("CAIRN_ONNXRUNTIME", folder.join(RUNTIME[0])), &beside);
 }
 
-/// On Windows `/proc/self/maps` is a file on the current drive, which anybody may write, and which may name any folder. Wine takes a path
-/// that begins so for one of Linux, where the current drive has no say: that the library does not know the name is checked, too.
+/// On Windows `/proc/self/maps` is a path on the current drive, where anybody may write a file that names any folder. Wine maps paths with
+/// this prefix to Linux, whatever the current drive is; so this also checks that the library does not contain the name.
 #[test]
 fn a_file_called_proc_self_maps_is_not_read() {
     let root = fresh("planted");
@@ -284,7 +284,7 @@ fn a_file_called_proc_self_maps_is_not_read() {
     assert!(!bytes.windows(6).any(|part| part == b"/proc/"), "the library names a file of Linux");
 }
 
-/// Visual C++'s library is ONNX Runtime's own need: beside it or of the system, and neither the program's nor the working folder's.
+/// ONNX Runtime needs Visual C++'s runtime: from its own folder or the system's, never from the program's or the working folder.
 #[test]
 fn what_onnx_runtime_needs_comes_from_beside_it_or_from_the_system() {
     let root = fresh("needs");
@@ -292,7 +292,7 @@ fn what_onnx_runtime_needs_comes_from_beside_it_or_from_the_system() {
     put_runtime(&folder);
     let started = root.join("program");
     let mut command = program(&started, &put(&library(), &folder, "cairn.dll"));
-    // Any library would do: which one was loaded is what counts.
+    // Any library will do: the test only checks which one was loaded.
     put(&library(), &started, NEEDED);
     put(&library(), &root.join("working"), NEEDED);
     finds(command.current_dir(root.join("working")).env(NAMES, folder.join(RUNTIME[0])), &folder);

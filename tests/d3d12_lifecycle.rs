@@ -1,4 +1,4 @@
-//! Devices and worlds on Direct3D 12 come and go: nothing of them stays, also when the device is removed under them, at whatever
+//! Devices and worlds on Direct3D 12 are created and destroyed: nothing remains, also when the device is removed under them, at any
 //! stage. On Windows, or in the lab.
 #![cfg(windows)]
 
@@ -24,36 +24,36 @@ use buffers::List;
 mod engine;
 use engine::{Engine, comes_back, references};
 
-/// What Cairn's part of a process may grow by in the middle one of [`TURNS`].
+/// Allowed growth of Cairn's part of the process in the median of [`TURNS`].
 const DRIFT: i64 = 1 << 20;
-/// The lives of devices are in so many parts: caches of drivers fill up at times of their own, by megabytes, and so spoil a part
-/// or two; what each life leaves shows in every one.
+/// The device cycles are split into turns: drivers' caches fill up at times of their own, by megabytes, and so disturb a turn or two. A
+/// leak shows in every turn.
 const TURNS: u64 = 5;
-/// What a process may grow by in all lives of worlds after the first ones: sessions are made, which nobody else makes here to compare with.
+/// Allowed growth over all world cycles after the first ones: there are no sessions without Cairn to compare with.
 const DRIFT_OF_WORLDS: i64 = 24 << 20;
-/// What all memory of the process may grow by then, a device's that the processor plays and mapped files among it: of the latter the
-/// system keeps as much in RAM as it likes, and one world that stays is more.
+/// Allowed growth of all resident memory, including an emulated device's and mapped files: the system keeps as much of the latter in RAM
+/// as it likes. One leaked world is more than this.
 const DRIFT_OF_ALL: i64 = 256 << 20;
-/// Lives before any is counted.
+/// Cycles before measuring.
 const WARM_UP: u64 = 2;
 
-/// How many cycles: the few of every run, or as many as the variable `name` asks for.
+/// The number of cycles: `few`, or the value of the variable `name`.
 fn cycles(name: &str, few: u64) -> u64 {
     std::env::var(name).map_or(few, |text| text.parse().expect("a number of cycles"))
 }
 
-/// One test at a time: what is measured is the process's memory.
+/// One test at a time: they measure the memory of the process.
 fn alone() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Memory of this process, or what it has grown by, in bytes.
+/// Memory of this process, or its growth, in bytes.
 #[derive(Debug, Clone, Copy, Default)]
 struct Memory {
-    /// What is its own: no mapped files, whose part in RAM depends on what else the machine does.
+    /// Private memory: without mapped files, whose resident part depends on the machine's other programs.
     own: i64,
-    /// All that is in RAM.
+    /// All resident memory.
     resident: i64,
 }
 
@@ -76,13 +76,13 @@ fn memory() -> Memory {
         fn K32GetProcessMemoryInfo(process: *mut std::ffi::c_void, counters: *mut Counters, size: u32) -> i32;
     }
     let mut counters = Counters { size: size_of::<Counters>() as u32, ..Counters::default() };
-    // SAFETY: the process's own handle, and a struct of the size told.
+    // SAFETY: the process's own handle, and a struct of the given size.
     let told = unsafe { K32GetProcessMemoryInfo(GetCurrentProcess(), &mut counters, size_of::<Counters>() as u32) };
     assert!(told != 0 && counters.working_set > 0 && counters.page_file > 0, "the process's size is known");
     Memory { own: counters.page_file.cast_signed() as i64, resident: counters.working_set.cast_signed() as i64 }
 }
 
-/// The library's view of an engine's device, for worlds.
+/// A Cairn device on an engine's device, for worlds.
 fn device(engine: &Engine) -> Result<Device> {
     device_with(engine, DirectMlOptions::default())
 }
@@ -101,7 +101,7 @@ fn held(engine: &Engine) -> [u32; 3] {
     [references(&engine.device), references(&engine.direct), references(&engine.compute)]
 }
 
-/// What the process grows by while `cycle` is done so many times; references to the engine's objects are `held_before` after each.
+/// The growth of the process over `count` calls of `cycle`; references to the engine's objects must be `held_before` after each.
 fn grown(engine: &Engine, held_before: [u32; 3], count: u64, cycle: impl Fn(&Engine)) -> Memory {
     let before = memory();
     for _ in 0..count {
@@ -112,14 +112,14 @@ fn grown(engine: &Engine, held_before: [u32; 3], count: u64, cycle: impl Fn(&Eng
     Memory { own: after.own - before.own, resident: after.resident - before.resident }
 }
 
-/// A device of Cairn's.
+/// Creates and drops a Cairn device.
 fn own(engine: &Engine) {
     let device = device(engine).expect("a device");
     let fence_point = device.gpu().expect("a Direct3D 12 device").anchors().now().expect("a moment");
     fence_point.wait().expect("nothing was to be done");
 }
 
-/// Software that plays a device leaves something of each call that makes something, whoever calls: what is counted is what Cairn adds.
+/// A software device leaks something with each creating call, whoever makes it: only Cairn's additional growth is counted.
 #[test]
 fn devices_come_and_go_and_leave_what_their_calls_leave_without_cairn() {
     let _alone = alone();
@@ -129,11 +129,11 @@ fn devices_come_and_go_and_leave_what_their_calls_leave_without_cairn() {
     let before = held(&engine);
     grown(&engine, before, WARM_UP, own);
     grown(&engine, before, WARM_UP, bare);
-    // In turns, so that what fills up once fills up for both.
+    // Alternating, so that one-time growth affects both.
     let turn = |_| [own as fn(&Engine), bare].map(|life| grown(&engine, before, count, life).own);
     let mut turns: Vec<[i64; 2]> = (0..TURNS).map(turn).collect();
     println!("bytes in {count} lives of a device, and without Cairn: {turns:?}");
-    // A turn in which the others' shrinks is no reason for ours to do so.
+    // A turn in which the memory without Cairn shrinks does not require ours to shrink too.
     let beyond = |[ours, others]: &[i64; 2]| ours - others.max(&0) * 5 / 4;
     turns.sort_by_key(beyond);
     assert!(beyond(&turns[turns.len() / 2]) <= DRIFT, "bytes in {count} lives, and without Cairn: {turns:?}");
@@ -157,7 +157,7 @@ fn worlds_come_and_go_and_memory_is_flat() {
     assert!(grown.resident <= DRIFT_OF_ALL, "{grown:?} in {count} lives of a world");
 }
 
-/// Has Direct3D remove the device: a list that is still open must not be given to a queue.
+/// Removes the device: executing a list that is still open does that.
 fn remove(gpu: &Gpu) {
     let open = List::new(gpu.device(), gpu.frames().kind());
     let gone = gpu.frames().submit(&[open.still_open()]).expect_err("the device is gone");
@@ -219,13 +219,13 @@ fn a_device_may_be_removed_between_the_calls_of_a_rollout() {
         gone("another rollout", Rollout::new(&world, &point(&world), 1));
     }
     comes_back(|| held(&engine), before);
-    // All is well on a new device of the same adapter.
+    // A new device of the same adapter works.
     let world =
         World::load(&device(&engine::engine()).expect("a device"), &bundle("tiny"), options()).expect("a world");
     seeded(&world, &point(&world), 1).step(&controls(0)).expect("a step");
 }
 
-/// Has the device removed in the midst of the step after `steps` more, or nearly so; what that step says.
+/// Removes the device during the step after `steps` more, or nearly so; returns that step's error.
 fn removed_while_stepping(rollout: &mut Rollout, steps: u64) -> cairn::Error {
     let world = rollout.world().clone();
     let stepping = AtomicU64::new(0);
@@ -268,7 +268,7 @@ fn a_device_may_be_removed_while_passes_are_captured_and_run_so() {
         let rollout = seeded(&world, &point(&world), 1);
         (world, rollout)
     };
-    // While passes are run both ways to be compared, and when they run by capture alone.
+    // Once while captured passes are being verified, and once when only captured passes run.
     for steps in [0, 4] {
         let engine = engine::engine();
         let before = held(&engine);
@@ -286,7 +286,7 @@ fn a_device_may_be_removed_while_passes_are_captured_and_run_so() {
         }
         comes_back(|| held(&engine), before);
     }
-    // Captures work on a new device of the same adapter.
+    // Capturing works on a new device of the same adapter.
     let engine = engine::engine();
     let before = held(&engine);
     {

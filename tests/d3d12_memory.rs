@@ -1,5 +1,5 @@
-//! Memory of a Direct3D 12 device runs out, at each allocation in turn: what is made fails with a typed error and leaves nothing, what
-//! was there goes on, and the next try works. On Windows, or in the lab.
+//! Memory of a Direct3D 12 device runs out, at each allocation in turn: the creating call fails with a typed error and leaks nothing, existing
+//! objects keep working, and the next attempt succeeds. On Windows, or in the lab.
 #![cfg(windows)]
 
 use cairn::bundle::Precision;
@@ -25,7 +25,7 @@ fn held(engine: &Engine) -> [u32; 3] {
     [references(&engine.device), references(&engine.direct), references(&engine.compute)]
 }
 
-/// Lets the allocations of `act` fail in turn, every `stride`-th of them, until it gets through; how many there were at least.
+/// Makes every `stride`-th allocation of `act` fail in turn, until `act` makes no more; returns a lower bound of their number.
 fn walk<T>(stride: usize, act: impl Fn() -> Result<T>) -> u64 {
     for n in (1..).step_by(stride) {
         faults::fail_at(n);
@@ -33,7 +33,7 @@ fn walk<T>(stride: usize, act: impl Fn() -> Result<T>) -> u64 {
         let is_left = faults::is_left();
         match result {
             Ok(_) if is_left => return n - 1,
-            // Who asked has another way: DirectML's pools take a larger or a smaller piece.
+            // The caller had an alternative: DirectML's pools allocate a larger or a smaller piece.
             Ok(_) => {}
             Err(error) => {
                 assert!(!is_left, "allocation {n} did not fail: {error}");
@@ -56,7 +56,7 @@ fn memory_runs_out_at_each_allocation() {
     faults::install(&engine.device);
     let before = held(&engine);
 
-    // Devices and rings of frames: all that this library asks for itself.
+    // Devices and command rings: all allocations of this library itself.
     let count = walk(1, || gpu(&engine));
     assert!(count >= 3, "{count} allocations make a device");
     comes_back(|| held(&engine), before);
@@ -70,7 +70,7 @@ fn memory_runs_out_at_each_allocation() {
     assert!(count > 4, "{count} allocations make a device for worlds");
     comes_back(|| held(&engine), before);
 
-    // A rollout, which is ours, and its steps, in which ONNX Runtime allocates as well.
+    // A rollout, which this library allocates, and its steps, in which ONNX Runtime allocates as well.
     {
         let options = DirectMlOptions { deterministic: true, ..DirectMlOptions::default() };
         let gpu = gpu(&engine).expect("a device");
@@ -83,7 +83,7 @@ fn memory_runs_out_at_each_allocation() {
 
         let mut rollout = Rollout::new(&world, &point(&world), 7).expect("a rollout");
         let mut untroubled = Rollout::new(&world, &point(&world), 7).expect("a rollout");
-        // The first one primes the decoder, which writes the very memories that count.
+        // The first step primes the decoder, which writes exactly the memories under test.
         let seed = picture(40, 22, 9);
         hold_out(&mut rollout, |rollout| rollout.append(&seed));
         untroubled.append(&seed).expect("a seed");
@@ -100,8 +100,8 @@ fn memory_runs_out_at_each_allocation() {
     comes_back(|| held(&engine), before);
 }
 
-/// Lets the allocations of `act` fail in turn, once or from there on, with pools as they happen to be and with none that has
-/// anything free; whenever it fails, the rollout is what it was. Then `act` is done.
+/// Makes the allocations of `act` fail in turn, once or all from there on, with pools as they are and with pools that have nothing
+/// free. After each failure the rollout must be unchanged. At the end `act` succeeds.
 fn hold_out<T>(rollout: &mut Rollout, act: impl Fn(&mut Rollout) -> Result<T>) {
     let before = rollout.save().expect("a state");
     for (stands, lasts) in [(true, false), (true, true), (false, false)] {
@@ -116,7 +116,7 @@ fn hold_out<T>(rollout: &mut Rollout, act: impl Fn(&mut Rollout) -> Result<T>) {
             let is_left = faults::is_left();
             faults::time_stands(false);
             match &result {
-                // Who asked has another way, or nobody asked for so many.
+                // The caller had an alternative, or there are fewer allocations.
                 Ok(()) => rollout.restore(&before).expect("the state fits"),
                 Err(error) => assert!(!is_left, "allocation {n} did not fail: {error}"),
             }

@@ -1,4 +1,4 @@
-//! What a presenter makes on a thread that loads, so that its frames make nothing. On Windows, or in the lab.
+//! A presenter's preparation on a loading thread, after which its frames create no objects. On Windows, or in the lab.
 #![cfg(windows)]
 
 use std::ffi::c_void;
@@ -48,13 +48,13 @@ const LARGE: (u32, u32) = (150, 92);
 const INTERVAL: u64 = 100_000_000;
 const REST: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COMMON;
 
-/// One test at a time: they share the driver's double.
+/// One test at a time: they share the driver's hooks.
 fn alone() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// An engine with a presenter, whose anchors come when they are due.
+/// An engine with a presenter whose anchors arrive on time.
 struct Host {
     engine: Engine,
     device: *mut cairn_device,
@@ -62,7 +62,7 @@ struct Host {
     anchors: u64,
 }
 
-/// A presenter that a thread that loads is given.
+/// A presenter for use on a loading thread.
 #[derive(Clone, Copy)]
 struct Shared(*mut cairn_presenter, *mut cairn_device);
 
@@ -82,7 +82,7 @@ fn preparation() -> cairn_d3d12_preparation {
 
 fn device_of(engine: &Engine) -> *mut cairn_device {
     let (device, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
-    // SAFETY: live objects and a place for the handle.
+    // SAFETY: live objects and a variable for the handle.
     made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), &of_a_tool(), to) })
 }
 
@@ -94,7 +94,7 @@ impl Host {
         let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
         (options.multiplier, options.interval_ns, options.shader, options.motion) = (4, INTERVAL, shader, motion);
         (options.width, options.height) = size;
-        // SAFETY: options of their size and a place for the handle.
+        // SAFETY: options of their size and a variable for the handle.
         let presenter = made(|to| unsafe { cairn_presenter_create(&options, to) });
         let mut host = Self { engine, device, presenter, anchors: 0 };
         (0..2).for_each(|_| host.push());
@@ -106,7 +106,7 @@ impl Host {
         let mut given: cairn_picture = prepared(|picture: &mut cairn_picture| &mut picture.struct_size);
         (given.width, given.height) = SIZE;
         (given.pixels, given.size) = (picture.rgba().as_ptr().cast(), picture.rgba().len() as u64);
-        // SAFETY: a picture that lives during the call, and a place for the handle.
+        // SAFETY: a picture that lives during the call, and a variable for the handle.
         let anchor: *mut cairn_anchor = made(|to| unsafe { cairn_anchor_create(&given, self.anchors, 0, to) });
         let now = self.anchors * INTERVAL;
         // SAFETY: live handles.
@@ -120,7 +120,7 @@ impl Host {
         Shared(self.presenter, self.device)
     }
 
-    /// Prepares it as an engine does: on another thread.
+    /// Prepares the presenter as an engine does, on another thread.
     fn prepare(&self, wanted: cairn_d3d12_preparation) {
         let shared = self.shared();
         let wanted = Given(wanted);
@@ -128,7 +128,7 @@ impl Host {
         assert_eq!(result.expect("it returns"), CAIRN_OK);
     }
 
-    /// The frame at `now` in a texture of that size and format, in the engine's list or submitted, and what this thread made for it.
+    /// The frame at `now` in a texture of that size and format, recorded or submitted, and the objects that this thread created for it.
     fn frame(&self, now: u64, size: (u32, u32), format: DXGI_FORMAT, own: bool) -> (cairn_frame, Made, Vec<u8>) {
         let texture = Wanted { size, format, ..Wanted::default() }.make(&self.engine.device);
         let target = texture.as_raw().cast();
@@ -136,7 +136,7 @@ impl Host {
         let (presenter, device) = (self.presenter, self.device);
         let made = if own {
             let (mut fence, mut value) = (null_mut(), 0);
-            // SAFETY: live handles and objects, and places for what is made.
+            // SAFETY: live handles and objects, and variables for the results.
             let (result, made) = counts::of(|| unsafe {
                 cairn_presenter_submit_d3d12(presenter, device, now, target, 0, 0, &mut frame, &mut fence, &mut value)
             });
@@ -150,7 +150,7 @@ impl Host {
                 prepared(|recording: &mut cairn_d3d12_recording| &mut recording.struct_size);
             (recording.list, recording.target) = (list.list().as_raw().cast(), target);
             (recording.fence, recording.fence_value) = (list.fence().as_raw().cast(), 1);
-            // SAFETY: live handles and objects, and a place for the frame.
+            // SAFETY: live handles and objects, and a variable for the frame.
             let (result, made) =
                 counts::of(|| unsafe { cairn_presenter_record_d3d12(presenter, device, now, &recording, &mut frame) });
             assert_eq!(result, CAIRN_OK);
@@ -164,7 +164,7 @@ impl Host {
     fn statistics(&self) -> cairn_presenter_statistics {
         let mut done: cairn_presenter_statistics =
             prepared(|done: &mut cairn_presenter_statistics| &mut done.struct_size);
-        // SAFETY: a live handle, and a place for the figures.
+        // SAFETY: a live handle, and a variable for the figures.
         assert_eq!(unsafe { cairn_presenter_get_statistics(self.presenter, &mut done) }, CAIRN_OK);
         done
     }
@@ -178,10 +178,10 @@ impl Drop for Host {
     }
 }
 
-/// A struct that another thread is given.
+/// A struct for another thread.
 struct Given(cairn_d3d12_preparation);
 
-// SAFETY: what it points to is shared between threads as its test says.
+// SAFETY: the pointers in it are shared between threads as the test describes.
 unsafe impl Send for Given {}
 
 impl Given {
@@ -219,7 +219,7 @@ fn frames_that_are_prepared_make_nothing_from_the_first_on() {
                 host.push();
             }
             if quarter == 13 {
-                // What lies over the anchors comes and goes.
+                // The overlay mask is set and removed.
                 let mask = vec![1_u8; (SIZE.0 * SIZE.1) as usize];
                 // SAFETY: a live handle, and a mask that lives during the call.
                 let set =
@@ -245,7 +245,7 @@ fn anchors_are_shown_until_frames_are_prepared_and_no_pipeline_is_made_for_them(
     let plain = DXGI_FORMAT_R8G8B8A8_UNORM;
     let mut objects = 0;
     let mut unprepared = 0;
-    // As an engine finds it that never heard of it.
+    // As in an engine that does not prepare.
     for quarter in 4..8 {
         for own in [false, true] {
             let (frame, made, pixels) = host.frame(quarter * INTERVAL / 4, SIZE, plain, own);
@@ -261,7 +261,7 @@ fn anchors_are_shown_until_frames_are_prepared_and_no_pipeline_is_made_for_them(
     let done = host.statistics();
     assert_eq!((text(&done.generator).as_str(), done.unprepared), ("cpu", unprepared));
     assert!(text(&done.preference).contains("cairn_presenter_prepare_d3d12"), "{}", text(&done.preference));
-    // Memory to copy anchors from, and a list: little, and it is told.
+    // Memory for copying anchors, and a list: few objects, and the statistics count them.
     assert!(objects > 0 && done.objects_made > 0, "{objects}, {}", done.objects_made);
 
     host.prepare(preparation());
@@ -270,7 +270,7 @@ fn anchors_are_shown_until_frames_are_prepared_and_no_pipeline_is_made_for_them(
         ((frame.source, frame.flags & CAIRN_FRAME_UNPREPARED), made.compiled + made.loaded)
     };
     assert_eq!(generated(7, SIZE), ((CAIRN_FRAME_GENERATED, 0), 0));
-    // Targets of another size, until that is prepared.
+    // Targets of another size create objects until that size is prepared.
     // SAFETY: a live handle.
     assert_eq!(unsafe { cairn_presenter_resize(host.presenter, LARGE.0, LARGE.1) }, CAIRN_OK);
     assert_eq!(generated(7, LARGE), ((CAIRN_FRAME_HELD, CAIRN_FRAME_UNPREPARED), 0));
@@ -284,7 +284,7 @@ fn anchors_are_shown_until_frames_are_prepared_and_no_pipeline_is_made_for_them(
         [CAIRN_FRAME_UNPREPARED; 2]
     );
     assert_eq!(generated(6, LARGE), ((CAIRN_FRAME_GENERATED, 0), 0));
-    // Of frames that are submitted only none can be recorded.
+    // A preparation for submitted frames only allows no recording.
     host.prepare(cairn_d3d12_preparation { flags: CAIRN_PREPARE_SUBMIT_ONLY, ..preparation() });
     assert_eq!(generated(5, LARGE), ((CAIRN_FRAME_HELD, CAIRN_FRAME_UNPREPARED), 0));
     let (frame, made, _) = host.frame(INTERVAL * 5 / 4, LARGE, plain, true);
@@ -296,7 +296,7 @@ fn nothing_is_prepared_that_cannot_be() {
     let _alone = alone();
     let host = Host::new(CAIRN_PREFER_AUTO, (0, 0), 0);
     let shared = host.shared();
-    // SAFETY: a place for the handle.
+    // SAFETY: a variable for the handle.
     let empty = made(|to| unsafe { cairn_presenter_create(std::ptr::null(), to) });
     let no_anchor = Shared(empty, host.device);
     assert_eq!(no_anchor.prepare(&preparation()), CAIRN_NOT_READY);
@@ -315,7 +315,7 @@ fn nothing_is_prepared_that_cannot_be() {
     let mut other = preparation();
     other.struct_size += 1;
     assert_eq!(shared.prepare(&other), CAIRN_ERROR_STRUCT_SIZE);
-    // Frames that nobody could make leave what was prepared as it was.
+    // Impossible frames leave the preparation unchanged.
     host.prepare(preparation());
     let huge = cairn_d3d12_preparation { width: 16384, height: 16384, ..preparation() };
     assert!(shared.prepare(&huge) <= CAIRN_OK);
@@ -332,7 +332,7 @@ fn a_thread_prepares_while_another_one_records() {
     let ended = AtomicBool::new(false);
     let ended = &ended;
     std::thread::scope(|scope| {
-        // Two of them, one of which finds the other there now and then.
+        // Two threads, which sometimes prepare at the same time.
         let threads: Vec<_> = (0..2)
             .map(|_| {
                 scope.spawn(move || {
@@ -359,11 +359,11 @@ fn a_thread_prepares_while_another_one_records() {
     assert_eq!(host.statistics().unprepared, 0);
 }
 
-/// What a host keeps of pipelines, and how often it was asked and told.
+/// A host's stored pipelines, and the number of loads and stores.
 #[derive(Default)]
 struct Kept {
     bytes: Vec<u8>,
-    /// Bytes that it says it gives, where it lies.
+    /// The size that it reports, if that is wrong.
     claims: Option<u64>,
     loads: u32,
     stores: u32,
@@ -376,7 +376,7 @@ unsafe extern "C" fn load(bytes: *mut c_void, capacity: u64, user: *mut c_void) 
     if !bytes.is_null() {
         assert_eq!(capacity, count, "as much as was said");
         kept.loads += 1;
-        // SAFETY: so many bytes may be written.
+        // SAFETY: the buffer has room for that many bytes.
         unsafe { bytes.cast::<u8>().copy_from_nonoverlapping(kept.bytes.as_ptr(), kept.bytes.len()) };
         return kept.claims.unwrap_or(count);
     }
@@ -387,11 +387,11 @@ unsafe extern "C" fn store(bytes: *const c_void, size: u64, user: *mut c_void) {
     // SAFETY: the test's own, which nobody else uses meanwhile.
     let kept = unsafe { &mut *user.cast::<Kept>() };
     kept.stores += 1;
-    // SAFETY: so many bytes may be read during the call.
+    // SAFETY: that many bytes may be read during the call.
     kept.bytes = unsafe { std::slice::from_raw_parts(bytes.cast::<u8>(), size as usize) }.to_vec();
 }
 
-/// Prepares a presenter on a device of its own; what was made, and how often the host was asked and told.
+/// Prepares a presenter on a device of its own; returns the created objects, and the numbers of loads and stores.
 fn prepared_with(kept: &mut Kept) -> (Made, [u32; 2]) {
     let host = Host::new(CAIRN_PREFER_AUTO, LARGE, 0);
     (kept.loads, kept.stores) = (0, 0);
@@ -399,13 +399,13 @@ fn prepared_with(kept: &mut Kept) -> (Made, [u32; 2]) {
     let wanted = cairn_d3d12_preparation { load: Some(load), store: Some(store), user, ..preparation() };
     let (result, made) = counts::of(|| host.shared().prepare(&wanted));
     assert_eq!(result, CAIRN_OK);
-    // Whatever they were made of, they work.
+    // The pipelines work, whether compiled or loaded.
     let (frame, recorded, _) = host.frame(INTERVAL * 3 / 2, LARGE, DXGI_FORMAT_R8G8B8A8_UNORM, false);
     assert_eq!((frame.source, recorded), (CAIRN_FRAME_GENERATED, Made::default()));
     // A second presenter of the device shares them.
     let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
     (options.interval_ns, options.width, options.height) = (INTERVAL, LARGE.0, LARGE.1);
-    // SAFETY: options of their size and a place for the handle.
+    // SAFETY: options of their size and a variable for the handle.
     let second = made_presenter(&options);
     let sized = cairn_d3d12_preparation { anchor_width: SIZE.0, anchor_height: SIZE.1, ..wanted };
     let told = [kept.loads, kept.stores];
@@ -418,7 +418,7 @@ fn prepared_with(kept: &mut Kept) -> (Made, [u32; 2]) {
 }
 
 fn made_presenter(options: &cairn_presenter_options) -> *mut cairn_presenter {
-    // SAFETY: options of their size and a place for the handle.
+    // SAFETY: options of their size and a variable for the handle.
     made(|to| unsafe { cairn_presenter_create(options, to) })
 }
 
@@ -430,12 +430,12 @@ fn pipelines_are_kept_from_one_run_to_the_next() {
     let (first, told) = prepared_with(&mut kept);
     assert!(first.compiled >= 24 && first.loaded == 0, "{first:?}");
     assert_eq!(told, [0, 1], "nothing is there yet, and all is stored");
-    // The next run compiles none, and has nothing new to store.
+    // The next run compiles nothing, and stores nothing new.
     let (second, told) = prepared_with(&mut kept);
     assert_eq!((second.compiled, second.loaded, told), (0, first.compiled, [1, 0]));
     let good = kept.bytes.clone();
 
-    // Damaged bytes are no failure: all is made anew, and stored.
+    // Damaged bytes are not an error: everything is compiled and stored again.
     let damaged = |change: &dyn Fn(&mut Vec<u8>)| {
         let mut bytes = good.clone();
         change(&mut bytes);
@@ -457,7 +457,7 @@ fn pipelines_are_kept_from_one_run_to_the_next() {
         assert_eq!((made.compiled, made.loaded, told), (first.compiled, 0, [1, 1]));
         assert!(kept.bytes == good, "what is stored is good again");
     }
-    // A driver that was replaced refuses what the one before compiled.
+    // A new driver version refuses the blobs of the earlier one.
     counts::driver_is_another(true);
     let (made, told) = prepared_with(&mut kept);
     counts::driver_is_another(false);

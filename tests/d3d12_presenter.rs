@@ -40,7 +40,7 @@ use engine::Engine;
 use handles::{made, of_a_tool, prepared};
 use textures::{Recording, Wanted};
 
-/// Frames' size; a row is no whole number of what copies align to, and AMD's libraries take it.
+/// Frames' size; a row is not a multiple of the copy alignment, and AMD's libraries accept the size.
 const SIZE: (u32, u32) = (101, 67);
 /// Nanoseconds between anchors.
 const INTERVAL: u64 = 100_000_000;
@@ -48,7 +48,7 @@ const INTERVAL: u64 = 100_000_000;
 fn device(engine: &Engine, queue: &ID3D12CommandQueue) -> *mut cairn_device {
     amd::prepare();
     let (device, queue) = (engine.device.as_raw().cast(), queue.as_raw().cast());
-    // SAFETY: live objects, options of their size and a place for the handle.
+    // SAFETY: live objects, options of their size and a variable for the handle.
     made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), &of_a_tool(), to) })
 }
 
@@ -57,16 +57,16 @@ fn anchor(number: u64, kind: u32) -> *mut cairn_anchor {
     let mut given: cairn_picture = prepared(|picture: &mut cairn_picture| &mut picture.struct_size);
     (given.width, given.height) = SIZE;
     (given.pixels, given.size) = (picture.rgba().as_ptr().cast(), picture.rgba().len() as u64);
-    // SAFETY: a picture that lives during the call, and a place for the handle.
+    // SAFETY: a picture that lives during the call, and a variable for the handle.
     made(|to| unsafe { cairn_anchor_create(&given, number, 0, to) })
 }
 
-/// A presenter of two anchors, four frames to an anchor.
+/// A presenter of two anchors, four frames per anchor.
 fn presenter(colour_space: u32, shader: u32) -> *mut cairn_presenter {
     let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
     (options.multiplier, options.interval_ns) = (4, INTERVAL);
     (options.colour_space, options.shader) = (colour_space, shader);
-    // SAFETY: options of their size and a place for the handle.
+    // SAFETY: options of their size and a variable for the handle.
     let presenter = made(|to| unsafe { cairn_presenter_create(&options, to) });
     (0..2).for_each(|number| push(presenter, number, number * INTERVAL));
     presenter
@@ -80,7 +80,7 @@ fn push(presenter: *mut cairn_presenter, number: u64, now: u64) {
     assert_eq!([pushed, unsafe { cairn_anchor_destroy(anchor) }], [CAIRN_OK; 2]);
 }
 
-/// Makes it ready for frames on a device, so many of which may be recorded and not run.
+/// Prepares it for frames on a device, of which `lists` may be recorded and not yet run.
 fn prepare(presenter: *mut cairn_presenter, device: *mut cairn_device, lists: u32) {
     let mut wanted: cairn_d3d12_preparation = prepared(|p: &mut cairn_d3d12_preparation| &mut p.struct_size);
     wanted.lists = lists;
@@ -88,21 +88,21 @@ fn prepare(presenter: *mut cairn_presenter, device: *mut cairn_device, lists: u3
     assert_eq!(unsafe { cairn_presenter_prepare_d3d12(presenter, device, &wanted) }, CAIRN_OK);
 }
 
-/// Destroys what a test has made.
+/// Destroys a test's presenters and devices.
 fn end<const P: usize, const D: usize>(presenters: [*mut cairn_presenter; P], devices: [*mut cairn_device; D]) {
-    // SAFETY: live handles; what presenters recorded has run or never will.
+    // SAFETY: live handles; lists recorded by presenters have run or never will.
     let ended = presenters.map(|presenter| unsafe { cairn_presenter_destroy(presenter) });
     assert_eq!(ended, [CAIRN_OK; P]);
     // SAFETY: live handles.
     assert_eq!(devices.map(|device| unsafe { cairn_device_destroy(device) }), [CAIRN_OK; D]);
 }
 
-/// The frame at `now` as it is drawn into memory.
+/// The frame at `now`, drawn into memory.
 fn drawn(presenter: *mut cairn_presenter, now: u64) -> Picture {
     drawn_in(presenter, now, SIZE)
 }
 
-/// The same of frames of another size.
+/// The same for frames of another size.
 fn drawn_in(presenter: *mut cairn_presenter, now: u64, size: (u32, u32)) -> Picture {
     let mut picture = Picture::new(size.0, size.1).expect("a picture");
     let mut target: cairn_target = prepared(|target: &mut cairn_target| &mut target.struct_size);
@@ -113,15 +113,15 @@ fn drawn_in(presenter: *mut cairn_presenter, now: u64, size: (u32, u32)) -> Pict
     picture
 }
 
-/// What it has done.
+/// The presenter's statistics.
 fn statistics(presenter: *mut cairn_presenter) -> cairn_presenter_statistics {
     let mut done: cairn_presenter_statistics = prepared(|done: &mut cairn_presenter_statistics| &mut done.struct_size);
-    // SAFETY: a live handle, and a place for the figures.
+    // SAFETY: a live handle, and a variable for the figures.
     assert_eq!(unsafe { cairn_presenter_get_statistics(presenter, &mut done) }, CAIRN_OK);
     done
 }
 
-/// The generator of the last frame, and why it is not another one.
+/// The generator of the last frame, and the reason why not another one.
 fn generator(presenter: *mut cairn_presenter) -> (String, String) {
     let done = statistics(presenter);
     let text = |text: &[std::ffi::c_char]| {
@@ -131,7 +131,7 @@ fn generator(presenter: *mut cairn_presenter) -> (String, String) {
     (text(&done.generator), text(&done.preference))
 }
 
-/// What [`cairn_presenter_record_d3d12`] is given.
+/// Arguments of [`cairn_presenter_record_d3d12`].
 struct Call<'a> {
     presenter: *mut cairn_presenter,
     device: *mut cairn_device,
@@ -152,32 +152,32 @@ impl Call<'_> {
         (self.record_as(&recording, &mut frame), frame)
     }
 
-    /// The same as somebody says it.
+    /// The same with a given recording struct.
     fn record_as(&self, recording: &cairn_d3d12_recording, frame: &mut cairn_frame) -> cairn_result {
         let Self { presenter, device, now, .. } = *self;
-        // SAFETY: live handles and objects, and a place for the frame.
+        // SAFETY: live handles and objects, and a variable for the frame.
         unsafe { cairn_presenter_record_d3d12(presenter, device, now, recording, frame) }
     }
 
-    /// The same into another target and in a list of the presenter's.
+    /// The same into another target, in a list of the presenter's.
     fn submit(&self, target: &ID3D12Resource) -> (cairn_result, cairn_frame, Option<(ID3D12Fence, u64)>) {
         let mut frame: cairn_frame = prepared(|frame: &mut cairn_frame| &mut frame.struct_size);
         let [before, after] = self.states.map(|state| state.0.cast_unsigned());
         let (target, mut fence, mut value) = (target.as_raw().cast(), null_mut(), 0);
         let (presenter, device, now) = (self.presenter, self.device, self.now);
-        // SAFETY: live handles and objects, and places for what is made.
+        // SAFETY: live handles and objects, and variables for the results.
         let result = unsafe {
             cairn_presenter_submit_d3d12(
                 presenter, device, now, target, before, after, &mut frame, &mut fence, &mut value,
             )
         };
-        // SAFETY: what is not null is a fence with a reference for us.
+        // SAFETY: a fence that is not null comes with a reference for us.
         let fence = (!fence.is_null()).then(|| unsafe { ID3D12Fence::from_raw(fence.cast()) });
         (result, frame, fence.map(|fence| (fence, value)))
     }
 }
 
-/// A frame's pixels as a texture of the format holds them, by the words of Direct3D's documentation.
+/// A frame's pixels in the format's layout, as Direct3D's documentation defines it.
 fn expected(picture: &Picture, format: DXGI_FORMAT, linear: bool) -> Vec<u8> {
     let unit = |level: u8| f64::from(level) / 255.0;
     let colour = |level: u8| match unit(level) {
@@ -212,7 +212,7 @@ fn frames_of_the_processor_are_recorded_into_targets_of_every_format_and_state()
     let (target, copied) = (D3D12_RESOURCE_STATE_RENDER_TARGET, D3D12_RESOURCE_STATE_COPY_DEST);
     let (shader, access) = (D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
     for (kind, format, flags, states, linear) in [
-        // A swap chain's, which no shader may write; and one after the engine has drawn into it.
+        // A swap chain's, which no shader may write; and one that the engine has drawn into.
         (direct, DXGI_FORMAT_R8G8B8A8_UNORM, rendered, [present, present], false),
         (direct, DXGI_FORMAT_B8G8R8A8_UNORM, rendered, [target, present], false),
         (direct, DXGI_FORMAT_R8G8B8A8_UNORM_SRGB, rendered, [present, target], false),
@@ -242,7 +242,7 @@ fn frames_of_the_processor_are_recorded_into_targets_of_every_format_and_state()
             let call = Call { presenter, device: kind, now, recording: &recording, target: &texture, states };
             let (result, frame) = call.record();
             assert_eq!((result, frame.source), (CAIRN_OK, source), "{format:?}: {frame:?}");
-            // What came at 0 is due an interval later, and what came then another one.
+            // An anchor that came at 0 is due one interval later, and so on.
             let first = frame.since_ns / INTERVAL - 1;
             assert_eq!((frame.previous, frame.since_ns), (first, now), "one interval of latency: {frame:?}");
             recording.submit(queue);
@@ -263,11 +263,11 @@ fn a_device_says_what_of_its_memory_may_be_used() {
     let engine = engine::engine();
     let direct = device(&engine, &engine.direct);
     let mut info: cairn_device_info = prepared(|info: &mut cairn_device_info| &mut info.struct_size);
-    // SAFETY: a live handle, and a place for what it says.
+    // SAFETY: a live handle, and a variable for the result.
     assert_eq!(unsafe { cairn_device_get_info(direct, &mut info) }, CAIRN_OK);
     let told = Gpu::of_engine(&engine.device, &engine.direct, None).expect("a device").budget().expect("DXGI");
     match told {
-        // Others may take some meanwhile.
+        // Other processes may use some in the meantime.
         Some(told) => assert!(info.memory_budget_mib > 0 && told.granted >> 20 > 0, "{told:?}"),
         None => assert_eq!((info.memory_budget_mib, info.memory_used_mib), (0, 0)),
     }
@@ -293,7 +293,7 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
         assert_eq!(call.record().0, CAIRN_OK);
         recording.submit(&engine.direct);
         assert_eq!(generator(presenter).0, name);
-        // In a list of the presenter's own, and behind the one before.
+        // In a list of the presenter's own, after the previous one.
         let own = Wanted { size: SIZE, ..Wanted::default() }.make(&engine.device);
         let (result, frame, fence) = call.submit(&own);
         assert_eq!((result, frame.source, frame.t), (CAIRN_OK, CAIRN_FRAME_GENERATED, 0.5));
@@ -310,8 +310,8 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
         }
         let done = statistics(presenter);
         assert_eq!((done.anchors, done.waiting, done.under_way, done.shown_generated), (2, 1, 0, 3), "{name}");
-        // What the processor made took no time on the device; the second frame of the shaders' was the first again. A list with what
-        // frames of a pair have in common is the shaders' alone.
+        // A frame from the processor took no time on the device; the shaders' second frame was a repetition of the first. Only shaders have a
+        // list with the work that all frames of a pair share.
         let (frames, lists) = match name {
             "cpu" => (0, 0),
             "shader" => (2, 4),
@@ -323,7 +323,7 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
             done.device_frame_longest_ns <= done.device_frames_ns
                 && done.device_list_longest_ns <= done.device_lists_ns
         );
-        // A target is held until it is released, and then no more.
+        // The presenter holds a target until it is released, and not afterwards.
         drop((recording, fence));
         let alone = engine::references(&own);
         // SAFETY: a live handle.
@@ -332,7 +332,7 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
         engine::comes_back(|| [engine::references(&own)], [alone - held]);
         end([presenter], []);
     }
-    // Light, which the processor makes of the same numbers; a level near white is more than two of those of light.
+    // Linear light, which the processor computes from the same values; a level near white is more than two levels of linear light.
     let bright = presenter(CAIRN_COLOUR_LINEAR, CAIRN_PREFER_AUTO);
     prepare(bright, direct, 0);
     let now = INTERVAL * 5 / 4;
@@ -352,7 +352,7 @@ fn shaders_make_frames_unless_they_are_told_not_to() {
     assert!(found.len() == wanted.len() && apart <= 2.4 / 255.0, "{apart}");
     end([bright], []);
 
-    // In memory there is nobody to make what only shaders may make.
+    // Required shaders cannot draw into memory.
     let mut pixels = vec![0_u8; (4 * SIZE.0 * SIZE.1) as usize];
     let mut target: cairn_target = prepared(|target: &mut cairn_target| &mut target.struct_size);
     (target.width, target.height) = SIZE;
@@ -371,8 +371,8 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
     let (flags, states) = (D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, [D3D12_RESOURCE_STATE_PRESENT; 2]);
     let half_way = amd::half_way(SIZE, &engine.device);
     let target = |size, format| Wanted { size, format, flags, ..Wanted::default() }.make(&engine.device);
-    // A window's border that is dragged: its swap chain is made anew again and again, each time in another size and format, and an engine
-    // may throw a list away then.
+    // A window's border is dragged: the swap chain is resized again and again, with another size and format each time, and an engine
+    // may drop a list then.
     let formats = [DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_FORMAT_B8G8R8A8_UNORM, DXGI_FORMAT_R16G16B16A16_FLOAT];
     let mut kept = Vec::new();
     for i in 0..24_u32 {
@@ -385,7 +385,7 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
         let now = INTERVAL + u64::from(i) * INTERVAL / 24;
         let call = Call { presenter, device: direct, now, recording: &recording, target: &texture, states };
         assert_eq!(call.record().0, CAIRN_OK, "{size:?}");
-        // Positions are quarters: an anchor, before which nothing but the frame half way is said, one, the half, and one more.
+        // Positions are quarters: an anchor (whose generator is still the half way frame's), one quarter, the half, and another quarter.
         let is_half = (12..18).contains(&i);
         let name = if i < 6 || is_half { &*half_way } else { "shader" };
         assert_eq!(generator(presenter).0, name, "{size:?}");
@@ -416,7 +416,7 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
         recording.submit(&engine.direct);
         (frame, textures::read(&engine.device, &engine.direct, &texture, states[1]))
     };
-    // Minimised: anchors come, and nobody asks for a frame. Then the one that is due is there, an interval after its anchors came.
+    // Minimised: anchors arrive, and no frame is drawn. Then the frame that is due is shown, one interval after its anchors came.
     (2..30).for_each(|number| push(presenter, number, number * INTERVAL));
     let now = 29 * INTERVAL + INTERVAL / 2;
     let (frame, pixels) = frame_at(presenter, now);
@@ -425,7 +425,7 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
     let memory = drawn(presenter, now);
     let is_same = pixels.iter().zip(memory.rgba()).all(|(a, b)| a.abs_diff(*b) <= 1);
     assert!(is_same || (half_way != "shader" && amd::is_picture(&pixels)), "what is drawn into memory");
-    // No anchor comes: motion goes on for an interval and stands then, or stands at once; no call waits.
+    // No anchor arrives: motion is extrapolated for an interval and then held, or held at once; no call waits.
     for quarter in 0..12 {
         let (frame, _) = frame_at(presenter, 30 * INTERVAL + quarter * INTERVAL / 4);
         let source = match quarter {
@@ -439,7 +439,7 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
     }
     let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
     (options.multiplier, options.interval_ns, options.flags) = (4, INTERVAL, CAIRN_PRESENTER_HOLD_LATE);
-    // SAFETY: options of their size and a place for the handle.
+    // SAFETY: options of their size and a variable for the handle.
     let holding = made(|to| unsafe { cairn_presenter_create(&options, to) });
     (0..2).for_each(|number| push(holding, number, number * INTERVAL));
     prepare(holding, direct, 0);
@@ -447,7 +447,7 @@ fn a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on() {
     let (late, held) = frame_at(holding, 2 * INTERVAL + INTERVAL / 2);
     assert_eq!((anchor.source, late.source), (CAIRN_FRAME_ANCHOR, CAIRN_FRAME_HELD));
     assert!(shown == held, "the last anchor");
-    // It comes after all, and is due when it comes.
+    // The late anchor arrives, and is due when it arrives.
     push(presenter, 30, 33 * INTERVAL);
     let (frame, _) = frame_at(presenter, 33 * INTERVAL);
     assert_eq!((frame.source, frame.previous), (CAIRN_FRAME_ANCHOR, 30), "{frame:?}");
@@ -464,7 +464,7 @@ fn frames_are_held_to_a_budget_of_the_device_s_time() {
     prepare(presenter, direct, 0);
     let states = [D3D12_RESOURCE_STATE_COMMON; 2];
     let mut at = 4;
-    // So many frames from `at` on, a quarter of an interval each; their sources.
+    // Draws `count` frames from `at` on, a quarter of an interval apart; returns their sources.
     let mut frames = |count: u64| -> Vec<u32> {
         let one = |_| {
             if at % 4 == 0 && at > 4 {
@@ -483,7 +483,7 @@ fn frames_are_held_to_a_budget_of_the_device_s_time() {
         (0..count).map(one).collect()
     };
     let (anchor, generated) = (CAIRN_FRAME_ANCHOR, CAIRN_FRAME_GENERATED);
-    // An hour is enough for all of them, and a nanosecond for none.
+    // An hour suffices for all of them, a nanosecond for none.
     // SAFETY: a live handle.
     assert_eq!(unsafe { cairn_presenter_set_budget(presenter, 3_600_000_000_000) }, CAIRN_OK);
     assert_eq!(frames(16), [anchor, generated, generated, generated].repeat(4));

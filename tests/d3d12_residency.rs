@@ -1,4 +1,5 @@
-//! Which memory is on a Direct3D 12 device: a rollout's ranks below an engine's, leaves while the rollout rests, and is back before it is used.
+//! Residency of memory on a Direct3D 12 device: a rollout's has lower priority than an engine's, is evicted while the rollout rests, and is
+//! resident again before use.
 //! On Windows, or in the lab.
 #![cfg(windows)]
 
@@ -26,9 +27,9 @@ use common::{bundle, controls, fingerprint, ort, picture, point};
 mod residents;
 #[path = "d3d12/tables.rs"]
 mod tables;
-use residents::{Back, Told, comes_back, told};
+use residents::{ResidencyCall, ResidencyMode, comes_back, take_calls};
 
-/// One test at a time: what is noted is the process's.
+/// One test at a time: residency calls are recorded for the whole process.
 fn alone() -> std::sync::MutexGuard<'static, ()> {
     static ALONE: Mutex<()> = Mutex::new(());
     ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
@@ -44,37 +45,37 @@ fn device_on(gpu: &Gpu) -> Device {
     Device::directml(&ort(), gpu, options).expect("DirectML")
 }
 
-/// The objects that a rest evicted, of what was told.
-fn evicted(told: &[Told]) -> Vec<usize> {
-    match told.iter().filter(|told| matches!(told, Told::Evicted(_))).collect::<Vec<_>>()[..] {
-        [Told::Evicted(objects)] => objects.clone(),
-        _ => panic!("no rest, or several: {told:?}"),
+/// The objects that were evicted, among the recorded calls.
+fn evicted(calls: &[ResidencyCall]) -> Vec<usize> {
+    match calls.iter().filter(|calls| matches!(calls, ResidencyCall::Evicted(_))).collect::<Vec<_>>()[..] {
+        [ResidencyCall::Evicted(objects)] => objects.clone(),
+        _ => panic!("no rest, or several: {calls:?}"),
     }
 }
 
 #[test]
 fn a_rollout_that_rests_gives_its_memory_up_and_goes_on_as_if_it_had_not() {
     let _alone = alone();
-    comes_back(Back::Later);
+    comes_back(ResidencyMode::Later);
     GRANTED.store(1 << 40, Ordering::SeqCst);
     let gpu = Gpu::on_adapter(None).expect("a device");
     residents::install(&gpu);
     let world = world_at(&device_on(&gpu), None);
-    _ = told();
+    _ = take_calls();
     let mut rollout = Rollout::new(&world, &point(&world), 7).expect("a rollout");
-    let (made, faults) = told();
+    let (made, faults) = take_calls();
     assert_eq!(faults, [""; 0]);
-    let ranks = |told: &[Told]| -> Vec<usize> {
-        let of = |told: &Told| match told {
-            Told::Priority(object, D3D12_RESIDENCY_PRIORITY_LOW) => Some(*object),
-            Told::Priority(..) => panic!("another priority: {told:?}"),
+    let ranks = |calls: &[ResidencyCall]| -> Vec<usize> {
+        let of = |calls: &ResidencyCall| match calls {
+            ResidencyCall::Priority(object, D3D12_RESIDENCY_PRIORITY_LOW) => Some(*object),
+            ResidencyCall::Priority(..) => panic!("another priority: {calls:?}"),
             _ => None,
         };
-        told.iter().filter_map(of).collect()
+        calls.iter().filter_map(of).collect()
     };
     let ours = ranks(&made);
     let mut other = Rollout::new(&world, &point(&world), 7).expect("a rollout");
-    let others = ranks(&told().0);
+    let others = ranks(&take_calls().0);
 
     let seed = picture(40, 22, 9);
     for rollout in [&mut rollout, &mut other] {
@@ -84,28 +85,28 @@ fn a_rollout_that_rests_gives_its_memory_up_and_goes_on_as_if_it_had_not() {
     let anchor = KeptAnchor::of(&mut rollout, false).expect("an anchor");
     let bits = fingerprint(&mut rollout).expect("bits");
     assert!(bits == fingerprint(&mut other).expect("bits"));
-    _ = told();
+    _ = take_calls();
 
-    // Everything that the rollout made goes, once, and nothing of another's.
+    // Everything that the rollout allocated is evicted, once, and nothing of another rollout.
     assert!(!rollout.is_resting());
     rollout.rest().expect("a rest");
     rollout.rest().expect("nothing more to do");
     assert!(rollout.is_resting());
-    let (during, faults) = told();
+    let (during, faults) = take_calls();
     let gone = evicted(&during);
     assert_eq!(faults, [""; 0]);
     assert_eq!(gone, ours, "rings, latents, memories and pictures");
     assert!(!others.is_empty() && gone.iter().all(|object| !others.contains(object)));
 
-    // The other one and the anchor do not notice.
+    // The other rollout and the anchor are not affected.
     other.step(&controls(2)).expect("a step");
     anchor.picture().expect("a picture");
     assert!(rollout.is_resting());
-    let (between, _) = told();
-    assert!(!between.iter().any(|told| matches!(told, Told::Enqueued(..) | Told::MadeResident(_))));
+    let (between, _) = take_calls();
+    assert!(!between.iter().any(|calls| matches!(calls, ResidencyCall::Enqueued(..) | ResidencyCall::MadeResident(_))));
 
-    // It cannot come back: a typed error, and all as it was.
-    for how in [Back::NotLater, Back::NotAtOnce] {
+    // Its memory cannot become resident: a typed error, and everything is unchanged.
+    for how in [ResidencyMode::NotLater, ResidencyMode::NotAtOnce] {
         comes_back(how);
         for refused in [
             rollout.step(&controls(2)).map(drop),
@@ -119,28 +120,29 @@ fn a_rollout_that_rests_gives_its_memory_up_and_goes_on_as_if_it_had_not() {
         }
         assert!(rollout.is_resting());
     }
-    _ = told();
+    _ = take_calls();
 
-    // The queue waits for it before it is given anything; the step is what it would have been.
-    comes_back(Back::Later);
+    // The queue waits for residency before it executes anything; the step has the same result as without a rest.
+    comes_back(ResidencyMode::Later);
     rollout.step(&controls(2)).expect("a step");
-    let (back, faults) = told();
+    let (back, faults) = take_calls();
     assert_eq!(faults, [""; 0]);
-    let first = back.iter().position(|told| matches!(told, Told::Enqueued(..))).expect("it was brought back");
-    let Told::Enqueued(objects, fence, value) = &back[first] else { unreachable!("found as such") };
+    let first =
+        back.iter().position(|calls| matches!(calls, ResidencyCall::Enqueued(..))).expect("it was brought back");
+    let ResidencyCall::Enqueued(objects, fence, value) = &back[first] else { unreachable!("found as such") };
     assert_eq!(objects, &gone);
-    assert_eq!(back[..first].iter().filter(|told| **told == Told::Executes).count(), 0, "{back:?}");
-    assert_eq!(back[first + 1], Told::Waits(*fence, *value), "before anything is executed");
+    assert_eq!(back[..first].iter().filter(|calls| **calls == ResidencyCall::Executes).count(), 0, "{back:?}");
+    assert_eq!(back[first + 1], ResidencyCall::Waits(*fence, *value), "before anything is executed");
     assert!(fingerprint(&mut rollout).expect("bits") == fingerprint(&mut other).expect("bits"));
 
-    // A system that cannot bring memory back beside its caller.
+    // A system without asynchronous residency.
     rollout.rest().expect("a rest");
-    comes_back(Back::AtOnce);
+    comes_back(ResidencyMode::AtOnce);
     assert!(fingerprint(&mut rollout).expect("bits") == fingerprint(&mut other).expect("bits"));
-    let (back, faults) = told();
+    let (back, faults) = take_calls();
     assert_eq!(faults, [""; 0]);
-    assert!(back.contains(&Told::MadeResident(gone)), "{back:?}");
-    // One that rests can be given up.
+    assert!(back.contains(&ResidencyCall::MadeResident(gone)), "{back:?}");
+    // A resting rollout can be dropped.
     rollout.rest().expect("a rest");
     drop(rollout);
     other.step(&controls(3)).expect("a step");
@@ -149,20 +151,20 @@ fn a_rollout_that_rests_gives_its_memory_up_and_goes_on_as_if_it_had_not() {
 #[test]
 fn weights_are_resident_as_long_as_one_of_the_rollouts_does_not_rest() {
     let _alone = alone();
-    comes_back(Back::Later);
+    comes_back(ResidencyMode::Later);
     GRANTED.store(1 << 40, Ordering::SeqCst);
     let gpu = Gpu::on_adapter(None).expect("a device");
     residents::install(&gpu);
     let device = device_on(&gpu);
-    _ = told();
+    _ = take_calls();
     let world = world_at(&device, None);
-    // DirectML counts how often its own memory is made resident, as Direct3D allows.
-    let (made, _) = told();
+    // DirectML makes its own memory resident several times, as Direct3D allows with its counter.
+    let (made, _) = take_calls();
     let weights: Vec<usize> = made
         .iter()
-        .filter_map(|told| match told {
-            Told::Priority(object, D3D12_RESIDENCY_PRIORITY_LOW) => Some(*object),
-            Told::Priority(..) => panic!("another priority: {told:?}"),
+        .filter_map(|calls| match calls {
+            ResidencyCall::Priority(object, D3D12_RESIDENCY_PRIORITY_LOW) => Some(*object),
+            ResidencyCall::Priority(..) => panic!("another priority: {calls:?}"),
             _ => None,
         })
         .collect();
@@ -179,13 +181,15 @@ fn weights_are_resident_as_long_as_one_of_the_rollouts_does_not_rest() {
         awake.step(&controls(2)).expect("a step");
         fingerprint(&mut awake).expect("bits")
     };
-    _ = told();
+    _ = take_calls();
 
-    // How many of the weights and of others were evicted.
+    // Numbers of evicted objects: weights, and others.
     let evicted = || {
-        let (told, faults) = told();
+        let (calls, faults) = take_calls();
         assert_eq!(faults, [""; 0]);
-        let all = told.into_iter().filter_map(|told| if let Told::Evicted(all) = told { Some(all) } else { None });
+        let all = calls
+            .into_iter()
+            .filter_map(|calls| if let ResidencyCall::Evicted(all) = calls { Some(all) } else { None });
         let (of_weights, others): (Vec<_>, Vec<_>) = all.flatten().partition(|object| weights.contains(object));
         (of_weights.len(), others.len())
     };
@@ -195,40 +199,40 @@ fn weights_are_resident_as_long_as_one_of_the_rollouts_does_not_rest() {
     other.rest().expect("a rest");
     assert_eq!(evicted(), (weights.len(), own), "they go with the last rollout");
 
-    // What cannot come back is evicted with all its contents.
-    for how in [Back::NotLater, Back::NotAtOnce] {
+    // If the memory cannot become resident, it stays evicted with all its contents.
+    for how in [ResidencyMode::NotLater, ResidencyMode::NotAtOnce] {
         comes_back(how);
         let refused = one.step(&controls(2)).expect_err("there is no place");
         assert_eq!((refused.kind(), one.is_resting()), (ErrorKind::OutOfMemory, true), "{refused}");
     }
-    comes_back(Back::Later);
-    _ = told();
+    comes_back(ResidencyMode::Later);
+    _ = take_calls();
     one.step(&controls(2)).expect("a step");
-    let (back, faults) = told();
+    let (back, faults) = take_calls();
     assert_eq!(faults, [""; 0]);
     let mut left = weights.clone();
-    for (i, told) in back.iter().enumerate().take_while(|(_, told)| **told != Told::Executes) {
-        let Told::Enqueued(objects, fence, value) = told else { continue };
+    for (i, calls) in back.iter().enumerate().take_while(|(_, calls)| **calls != ResidencyCall::Executes) {
+        let ResidencyCall::Enqueued(objects, fence, value) = calls else { continue };
         left.retain(|weight| !objects.contains(weight));
-        assert_eq!(back[i + 1], Told::Waits(*fence, *value), "the queue waits for them");
+        assert_eq!(back[i + 1], ResidencyCall::Waits(*fence, *value), "the queue waits for them");
     }
     assert_eq!(left, [0; 0], "all of them, before it is given anything");
     assert!(fingerprint(&mut one).expect("bits") == expected, "as if it had not rested");
 
-    // The last one that does not rest takes them with it, and another brings them back.
+    // The weights are evicted with the last rollout that does not rest, and another rollout makes them resident again.
     drop(one);
     assert_eq!(evicted(), (weights.len(), 0));
     other.step(&controls(2)).expect("a step");
     assert!(fingerprint(&mut other).expect("bits") == expected);
 }
 
-/// The event that a change of the budget sets, and what of it there is.
+/// The event that a budget change sets, the granted budget, and the usage.
 static EVENT: AtomicUsize = AtomicUsize::new(0);
 static GRANTED: AtomicU64 = AtomicU64::new(u64::MAX);
 
 unsafe extern "system" fn register(_: *mut c_void, event: HANDLE, cookie: *mut u32) -> HRESULT {
     EVENT.store(event.0 as usize, Ordering::SeqCst);
-    // SAFETY: the caller's own place.
+    // SAFETY: the caller's variable.
     unsafe { cookie.write(7) };
     HRESULT(0)
 }
@@ -242,15 +246,15 @@ unsafe extern "system" fn query(
     _: *mut c_void,
     _: u32,
     _: DXGI_MEMORY_SEGMENT_GROUP,
-    told: *mut DXGI_QUERY_VIDEO_MEMORY_INFO,
+    calls: *mut DXGI_QUERY_VIDEO_MEMORY_INFO,
 ) -> HRESULT {
     let (granted, used) = (GRANTED.load(Ordering::SeqCst), 1 << 30);
-    // SAFETY: the caller's own place.
-    unsafe { told.write(DXGI_QUERY_VIDEO_MEMORY_INFO { Budget: granted, CurrentUsage: used, ..Default::default() }) };
+    // SAFETY: the caller's variable.
+    unsafe { calls.write(DXGI_QUERY_VIDEO_MEMORY_INFO { Budget: granted, CurrentUsage: used, ..Default::default() }) };
     HRESULT(0)
 }
 
-/// Plays the system's budget for all adapters, for the rest of the process.
+/// Simulates the system's memory budget on all adapters, for the rest of the process.
 fn play_budget() {
     type Register = unsafe extern "system" fn(*mut c_void, HANDLE, *mut u32) -> HRESULT;
     type Query = unsafe extern "system" fn(
@@ -287,7 +291,7 @@ fn play_budget() {
 #[test]
 fn a_budget_that_shrinks_narrows_the_window_before_the_next_latent() {
     let _alone = alone();
-    comes_back(Back::Later);
+    comes_back(ResidencyMode::Later);
     GRANTED.store(1 << 40, Ordering::SeqCst);
     play_budget();
     let device = device_on(&Gpu::on_adapter(None).expect("a device"));
@@ -301,7 +305,7 @@ fn a_budget_that_shrinks_narrows_the_window_before_the_next_latent() {
     rollout.step(&controls(0)).expect("a step");
     assert_eq!(rollout.world().global_window(), 16);
 
-    // Less is granted than is used, and that is told.
+    // The budget becomes smaller than the usage, which is reported.
     GRANTED.store(1 << 20, Ordering::SeqCst);
     // SAFETY: the event that was registered.
     unsafe { SetEvent(HANDLE(event as *mut c_void)) }.expect("it is set");

@@ -1,4 +1,4 @@
-//! The library's compute shaders against what the processor computes, and the frames they are recorded in. On Windows, or in the lab.
+//! The library's compute shaders compared with the processor's results, and the command ring that records them. On Windows, or in the lab.
 #![cfg(windows)]
 
 use cairn::gpu::compute::{CommandRing, FRAMES_IN_FLIGHT, ResourceWithState};
@@ -23,7 +23,7 @@ fn gpu() -> Gpu {
     Gpu::on_adapter(None).expect("a device")
 }
 
-/// Numbers without a pattern, some beyond [0, 1].
+/// Values without a pattern, some outside [0, 1].
 fn numbers(len: usize) -> Vec<f32> {
     let mut state = 7_u64;
     let mut next = || {
@@ -37,7 +37,7 @@ fn planes(buffer: &Kept, size: (u32, u32), half: bool, picture: u32) -> Planes<'
     Planes { buffer: buffer.resting(), picture, size, half }
 }
 
-/// A fence behind which the queue of frames waits, and the moment when it opens.
+/// A fence that the queue of frames waits for, and the fence point that it reaches afterwards.
 fn gate(gpu: &Gpu) -> (ID3D12Fence, FencePoint) {
     // SAFETY: values only.
     let fence: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
@@ -50,7 +50,7 @@ fn open(gate: &ID3D12Fence) {
     unsafe { gate.Signal(1) }.expect("the gate opens");
 }
 
-/// References to a resource, ours among them.
+/// The resource's reference count, including ours.
 fn references(object: &ID3D12Resource) -> u32 {
     let object = std::mem::ManuallyDrop::new(object.clone());
     // SAFETY: releases the reference that the clone took, and counts the rest.
@@ -75,7 +75,7 @@ fn a_decoded_picture_is_resized_as_the_processor_does() {
     {
         let half = case % 2 == 1;
         let len = 3 * (from.0 * from.1) as usize;
-        // The second picture of two.
+        // Only the second of two pictures in the buffer.
         let mut values = numbers(2 * len);
         let contents: Vec<u8> = if half {
             let halves: Vec<f16> = values.iter().map(|v| f16::from_f32(*v)).collect();
@@ -92,7 +92,7 @@ fn a_decoded_picture_is_resized_as_the_processor_does() {
             let target = texture(&gpu, to, format, rests[case % rests.len()]);
             let mut frame = frames.begin().expect("a frame");
             if let Err(refused) = resize.record(&mut frame, &planes(&buffer, from, half, 1), &target.resting()) {
-                // Not every device writes every format from a shader.
+                // Not every device supports UAV stores in every format.
                 assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("texture")));
                 return None;
             }
@@ -109,7 +109,7 @@ fn a_decoded_picture_is_resized_as_the_processor_does() {
             bytes += 1;
             off += usize::from(found != wanted);
         }
-        // What has no levels is near the same, before it is rounded to any.
+        // Half floats match the value before it is rounded to 8 bits.
         let halves = resized(DXGI_FORMAT_R16G16B16A16_FLOAT, 8).expect("every device writes it");
         let ten = resized(DXGI_FORMAT_R10G10B10A2_UNORM, 4).expect("this one too");
         let pixels = halves.chunks_exact(8).zip(ten.chunks_exact(4)).zip(expected.pixels());
@@ -120,7 +120,7 @@ fn a_decoded_picture_is_resized_as_the_processor_does() {
                 let half = f16::from_le_bytes([halves[2 * channel], halves[2 * channel + 1]]).to_f32();
                 let ten = (ten >> (10 * channel) & 1023) as f32 / 1023.0;
                 let wanted = f32::from(wanted[channel]) / 255.0;
-                // Half a step of each.
+                // The sum of half a step of each format.
                 assert!((half - wanted).abs() <= 0.5 / 255.0 + 0.001, "{half} for {wanted}");
                 assert!((half - ten).abs() <= 0.5 / 1023.0 + 0.001, "{ten} for {half}");
             }
@@ -139,7 +139,7 @@ fn a_frame_in_an_engines_list_waits_for_its_turn_and_lets_go_in_the_end() {
     let target = texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_RENDER_TARGET);
     let before = references(&target.resource);
 
-    // As many as may be under way are recorded at once, and the list runs when the engine likes.
+    // Records the maximum number of frames in flight; the engine executes the list later.
     let (fence, opened) = gate(&gpu);
     run(&gpu, |list| {
         for _ in 0..FRAMES_IN_FLIGHT {
@@ -148,7 +148,7 @@ fn a_frame_in_an_engines_list_waits_for_its_turn_and_lets_go_in_the_end() {
         }
     });
     assert_eq!(read(&gpu, &target, 16), [255, 128, 0, 255].repeat(16));
-    // The engine has not said that it is done.
+    // The engine has not signalled its fence yet.
     frames.let_go();
     assert!(references(&target.resource) > before, "it holds what it uses");
     std::thread::scope(|scope| {
@@ -161,7 +161,7 @@ fn a_frame_in_an_engines_list_waits_for_its_turn_and_lets_go_in_the_end() {
     frames.let_go();
     assert_eq!(references(&target.resource), before, "references come back");
 
-    // What is dropped on the way leaves the ring as it was.
+    // A frame that is dropped unfinished leaves the ring unchanged.
     for _ in 0..2 * FRAMES_IN_FLIGHT {
         let mut frame = frames.begin().expect("a frame");
         resize.record(&mut frame, &planes(&source, (1, 1), false, 0), &target.resting()).expect("it is recorded");
@@ -255,7 +255,7 @@ fn a_removed_device_is_reported_by_every_call_and_all_is_released() {
     let target = texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_COMMON);
     let mut frame = frames.begin().expect("a frame");
     resize.record(&mut frame, &planes(&source, (1, 1), false, 0), &target.resting()).expect("it is recorded");
-    // A list that is still open must not be given to a queue: the device is removed for it.
+    // Executing a list that is still open removes the device.
     // SAFETY: a live device.
     let allocator: ID3D12CommandAllocator =
         unsafe { gpu.device().CreateCommandAllocator(gpu.frames().kind()) }.expect("an allocator");
@@ -268,12 +268,12 @@ fn a_removed_device_is_reported_by_every_call_and_all_is_released() {
     drop((frames, resize));
     assert_eq!(references(&target.resource), 1, "nothing else holds it");
     for made in [Resize::new(&gpu).map(drop), CommandRing::new(&gpu, gpu.frames(), 2).map(drop)] {
-        // A driver may still make what it is asked for; what it refuses, it refuses for the one reason.
+        // A driver may still create objects; if it refuses, the error must be device removal.
         assert!(made.is_ok() || made.is_err_and(|e| e.kind() == ErrorKind::DeviceRemoved));
     }
 }
 
-/// How many steps of a half two numbers are apart; those near 0 count as the smallest normal half's neighbours.
+/// The number of half float steps between two values; those near 0 count as neighbours of the smallest normal half float.
 fn half_steps(a: f32, b: f32) -> f32 {
     let size = a.abs().max(b.abs()).max(f16::MIN_POSITIVE.to_f32());
     (a - b).abs() / (size.log2().floor() - 10.0).exp2()
@@ -296,7 +296,7 @@ fn the_papers_guidance_is_the_processors_within_two_steps_of_a_half() {
             .enumerate()
     {
         for (kind, change) in [
-            // Latents that differ by little of what they are, with what is no number among them, and with the largest there are.
+            // Latents with a small relative difference, with NaN among them, and with the largest values.
             (|v: f32, _: usize| v * 50.0 + 1e-3) as fn(f32, usize) -> f32,
             |v, i| {
                 if i % 37 == 5 { [f32::NAN, f32::INFINITY, -f32::INFINITY][i % 3] } else { v + (i % 7) as f32 * 0.1 }
@@ -316,7 +316,7 @@ fn the_papers_guidance_is_the_processors_within_two_steps_of_a_half() {
             let view = |z| LatentView::new(shape[0], shape[1], shape[2], z).expect("a latent");
             paper::extract(view(&z0), view(&z1), render, &mut expected).expect("an extraction");
 
-            // Both in one buffer, the current first.
+            // Both in one buffer, the current one first.
             let both = buffer(&gpu, &[bytes(&z1, half), bytes(&z0, half)].concat());
             let latent = |first: usize| LatentBuffer { buffer: both.resting(), first: first as u32 };
             let motion = texture(&gpu, render, DXGI_FORMAT_R16G16_FLOAT, D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE);

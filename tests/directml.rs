@@ -1,5 +1,5 @@
-//! Worlds on DirectML: the CPU provider's numbers, the same bits again, a saved state that goes on, and no number that leaves the
-//! device unasked. On Windows, or in the lab.
+//! Worlds on DirectML: the CPU provider's results, bit-exact repetition, saved states that continue, and no non-finite number that leaves
+//! the device undetected. On Windows, or in the lab.
 #![cfg(windows)]
 
 use std::collections::BTreeMap;
@@ -55,7 +55,7 @@ fn error(found: &[f32], truth: &[f32]) -> f64 {
     (apart / truth.iter().map(|v| square(*v)).sum::<f64>()).sqrt()
 }
 
-/// A folder that is gone in the end.
+/// A folder that is removed on drop.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -72,7 +72,7 @@ impl Drop for Folder {
     }
 }
 
-/// How many nodes ran on each provider, as ONNX Runtime wrote it down for all sessions.
+/// The number of nodes that ran on each provider, from ONNX Runtime's profiles of all sessions.
 fn nodes_by_provider(folder: &Path) -> BTreeMap<String, u64> {
     let mut counts = BTreeMap::new();
     for file in std::fs::read_dir(folder).expect("the folder") {
@@ -92,7 +92,7 @@ fn one_number_that_is_not_finite_is_found_wherever_it_is() {
     let before = fingerprint(&mut rollout).expect("bits");
     let mut latent = rollout.latent().expect("a latent").to_vec();
     for at in [0, 1, latent.len() / 2, latent.len() - 1] {
-        // A float that as a half is infinite.
+        // A float that becomes infinite as a half float.
         let kept = std::mem::replace(&mut latent[at], 1e30);
         let refused = rollout.append_latent(&latent).expect_err("no world goes on from that");
         assert_eq!(refused.kind(), ErrorKind::Device);
@@ -141,7 +141,7 @@ fn the_same_rollout_has_the_same_bits_and_goes_on_from_a_saved_state() {
 fn the_device_s_clock_tells_what_passes_take_and_its_queue_what_they_are() {
     let world = directml(Precision::F16, None);
     let mut rollout = seeded(&world, &point(&world), 7);
-    // Waits for the commit of the seed, whose time is known then.
+    // Waits for the commit of the seed, whose time is then known.
     rollout.latent().expect("a latent");
     let before = rollout.device_times().expect("a Direct3D 12 device");
     let queue = world.device().gpu().expect("a Direct3D 12 device").anchors().d3d12().clone();
@@ -149,11 +149,11 @@ fn the_device_s_clock_tells_what_passes_take_and_its_queue_what_they_are() {
     stages::told(&queue);
     let start = std::time::Instant::now();
     steps(&mut rollout, 0..2);
-    // What tools that show the device's work show.
+    // The names that GPU profiling tools show.
     let [pass, decode, look, commit] = ["transformer", "decoder", "look for numbers", "commit"];
     let of_a_step = [pass, pass, pass, pass, pass, decode, look, commit].map(|name| format!("Cairn: {name}"));
     assert_eq!(stages::told(&queue), [of_a_step.clone(), of_a_step].concat());
-    // Waits for all that was submitted, the last commit too.
+    // Waits for all submitted work, including the last commit.
     rollout.latent().expect("a latent");
     rollout.ring_bytes(0, Part::Keys).expect("a ring");
     let elapsed = start.elapsed();
@@ -178,7 +178,7 @@ fn the_device_s_clock_tells_what_passes_take_and_its_queue_what_they_are() {
     assert!(after.passes.longest >= after.passes.last && after.passes.total >= after.passes.longest, "{after:?}");
     let captured = rollout.captured().expect("a Direct3D 12 device");
     assert_eq!(captured.reason.as_deref(), Some("the device is deterministic"), "{captured:?}");
-    // On the processor there is no such clock.
+    // The processor has no such timer.
     let cpu = load(&common::device(), Precision::F32);
     let mut rollout = Rollout::new(&cpu, &point(&cpu), 1).expect("a rollout");
     assert_eq!((rollout.device_times(), rollout.captured()), (None, None));
@@ -249,7 +249,7 @@ fn an_anchor_stays_on_the_device_until_it_is_read() {
     assert!(anchor.texture(anchor.count()).is_none(), "there is no more");
     assert_eq!(down(&rollout), before, "a host has the pictures, and no byte came down for them");
 
-    // The rollout goes on, and the anchor stays as it is.
+    // The rollout continues, and the anchor does not change.
     let mut expected = Vec::new();
     for i in 0..anchor.count() {
         let mut picture = Picture::new(1, 1).expect("a picture");
@@ -270,7 +270,7 @@ fn an_anchor_stays_on_the_device_until_it_is_read() {
     assert_eq!(down(&rollout) - before, (bytes + 2 * latent.len()) as u64, "what was read is counted");
 }
 
-/// This test is its own second process: a process has one DirectML.dll that is found by its name.
+/// This test starts itself as a second process: a process finds one DirectML.dll by its name.
 #[test]
 fn a_directml_that_is_there_already_is_used_where_it_is_new_enough() {
     const VARIABLE: &str = "CAIRN_TEST_DIRECTML";
@@ -292,7 +292,7 @@ fn a_directml_that_is_there_already_is_used_where_it_is_new_enough() {
         return;
     }
     let bytes = std::fs::read(ort().path().with_file_name("DirectML.dll")).expect("the library");
-    // The start of the record that holds its version, and the version in it.
+    // The signature of the version record, and the version in it.
     let record = bytes.windows(4).position(|word| word == 0xfeef_04bd_u32.to_le_bytes()).expect("a version");
     let version = &bytes[record + 8..record + 12];
     assert_eq!(version, 0x0001_000f_u32.to_le_bytes(), "it is 1.15");

@@ -1,4 +1,4 @@
-//! The world inside the library: it is the file of the repository, needs no file beside it, and obeys.
+//! The embedded world: it equals the file in the repository, needs no file beside the library, and follows its controls.
 #![cfg(feature = "embedded-world")]
 
 mod common;
@@ -21,7 +21,7 @@ fn it_is_the_file_of_the_repository() {
     assert_eq!((manifest.picture.render, embedded.geometry().global.window), ([320, 180], 128));
 }
 
-/// A place that the world has not learnt from: a desert under the sky, as a binary PPM of 320 x 180 pixels.
+/// A scene that is not in the world's training data: a desert under the sky, as a binary PPM of 320 x 180 pixels.
 fn place() -> Picture {
     let file = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/samples/worlds/place.ppm")).expect("the picture");
     let pixels = file.strip_prefix(b"P6\n320 180\n255\n").expect("a PPM of that size");
@@ -29,7 +29,7 @@ fn place() -> Picture {
         .expect("a picture")
 }
 
-/// How much bluer than red the picture is, on average: it is where there is sky.
+/// By how much blue exceeds red on average: positive for sky.
 fn sky(picture: &Picture) -> f64 {
     picture.pixels().iter().map(|px| f64::from(px[2]) - f64::from(px[0])).sum::<f64>() / picture.pixels().len() as f64
 }

@@ -1,4 +1,4 @@
-//! The report of what AMD's libraries need, as a host in C asks for it. On Windows, or in the lab.
+//! The report of AMD's requirements through the C interface. On Windows, or in the lab.
 #![cfg(windows)]
 
 use std::ffi::CStr;
@@ -17,7 +17,7 @@ use cairn::gpu::windows::core::{PCWSTR, s};
 mod stage;
 use stage::{ANALYTIC, Stage};
 
-/// The function of the interface that a report comes of.
+/// The type of the C function that reports requirements.
 type Report = unsafe extern "C" fn(
     u32,
     *const cairn_device_options,
@@ -27,11 +27,11 @@ type Report = unsafe extern "C" fn(
     *mut u32,
 ) -> cairn_result;
 
-/// A host that lets the environment name libraries, and one that does not.
+/// Device flags of a host that lets the environment name libraries, and of one that does not.
 const TOOL: u32 = CAIRN_DEVICE_ENVIRONMENT;
 const GAME: u32 = 0;
 
-/// All rows, as a tool gets them.
+/// All rows of the report, for a tool.
 fn rows() -> Vec<cairn_requirement> {
     rows_of(cairn_device_requirements, TOOL)
 }
@@ -45,7 +45,7 @@ fn rows_of(report: Report, flags: u32) -> Vec<cairn_requirement> {
     let stride = size_of::<cairn_requirement>();
     rows.iter_mut().for_each(|row| row.struct_size = stride as u32);
     let mut count = 0;
-    // SAFETY: options of their size, an array of that stride and length, and a place for the count.
+    // SAFETY: options of their size, an array of that stride and length, and memory for the count.
     let result = unsafe { report(CAIRN_DEVICE_D3D12, &options, rows.as_mut_ptr(), stride, 32, &mut count) };
     assert_eq!(result, CAIRN_OK);
     rows[..count as usize].to_vec()
@@ -82,7 +82,7 @@ fn report() {
         assert!([CAIRN_REQUIREMENT_MET, CAIRN_REQUIREMENT_OPTIONAL].contains(&row.status));
         assert!(text(&row.needed).contains("ml") && !text(&row.found).is_empty());
     }
-    // What is missing of AMD's keeps no device from being made.
+    // A missing library of AMD's does not prevent device creation.
     // SAFETY: as above.
     unsafe { std::env::set_var("CAIRN_FFX_DIR", std::env::temp_dir().join("cairn-ffx-there-is-none")) };
     let rows = self::rows();
@@ -91,7 +91,7 @@ fn report() {
     assert_eq!(status(CAIRN_REQUIREMENT_FSR_PROVIDER), Some(CAIRN_REQUIREMENT_OPTIONAL));
 }
 
-/// The report of a copy of the library itself.
+/// The report function of a copy of the library.
 fn report_of(library: &Path) -> Report {
     use std::os::windows::ffi::OsStrExt;
     let path: Vec<u16> = library.as_os_str().encode_wide().chain([0]).collect();
@@ -104,14 +104,14 @@ fn report_of(library: &Path) -> Report {
     unsafe { std::mem::transmute::<unsafe extern "system" fn() -> isize, Report>(found) }
 }
 
-/// Where AMD's library was found, or where it was looked for.
+/// The row that says where AMD's library was found or searched.
 fn found_by(report: Report, flags: u32) -> String {
     let rows = rows_of(report, flags);
     let row = rows.iter().find(|row| row.what == CAIRN_REQUIREMENT_FSR_LIBRARIES).expect("a row");
     text(&row.found)
 }
 
-/// The folders of the test below, as its program is told them.
+/// Environment variable that passes the folders of the test below to its program.
 const PLACES: &str = "CAIRN_FFX_TEST_PLACES";
 
 #[test]
@@ -120,8 +120,8 @@ fn libraries_come_from_the_folder_given_else_from_beside_the_library_else_from_b
     if let Some(places) = std::env::var_os(PLACES) {
         return look_in(&std::env::split_paths(&places).collect::<Vec<_>>());
     }
-    // A program with AMD's library beside it, a library of ours with one, a library of ours alone, a folder that is given with one,
-    // and a folder with none.
+    // Folders: a program with AMD's library, a library of ours with one, a library of ours alone, a folder to name with one, and a
+    // folder without any.
     let with = |release| Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", release]);
     let (program, beside, given) = (with(ANALYTIC), with(ANALYTIC), with(ANALYTIC));
     let empty = Stage::empty();
@@ -140,20 +140,20 @@ fn libraries_come_from_the_folder_given_else_from_beside_the_library_else_from_b
     assert!(ended.status.success() && out.contains("1 passed"), "{}: {out}\n{err}", ended.status);
 }
 
-/// In the program that has one of AMD's libraries beside it.
+/// Runs in the program that has one of AMD's libraries beside it.
 fn look_in(places: &[PathBuf]) {
     let [program, beside, alone, given, empty] = places else { panic!("{places:?}") };
-    // The library finds them, and refuses them: AMD has not signed them.
+    // The library finds the files and rejects them: AMD has not signed them.
     let is_in = |found: &str, place: &Path| {
         let file = place.join(Part::FrameGeneration.file_name());
         assert!(found.starts_with(&*file.display().to_string()), "{found}, and not {}", file.display());
         assert!(found.contains("only AMD's own files are to be loaded"), "{found}");
     };
     let [with_one, without] = [beside, alone].map(|place| report_of(&place.join("cairn.dll")));
-    // Nothing is given: beside the library, and then beside the program.
+    // No folder is named: beside the library, then beside the program.
     is_in(&found_by(with_one, GAME), beside);
     is_in(&found_by(without, GAME), program);
-    // What the environment names counts, and nothing else, and only where the host lets it.
+    // The folder named by the environment is used alone, and only if the host allows it.
     // SAFETY: this process runs one test, and no other thread reads the environment now.
     unsafe { std::env::set_var("CAIRN_FFX_DIR", given) };
     for report in [with_one, without] {
@@ -167,7 +167,7 @@ fn look_in(places: &[PathBuf]) {
         let found = found_by(report, TOOL);
         assert!(found.contains("were not found") && found.contains(&*empty.display().to_string()), "{found}");
     }
-    // A name without a folder is none.
+    // An empty variable counts as unset.
     // SAFETY: as above.
     unsafe { std::env::set_var("CAIRN_FFX_DIR", "") };
     is_in(&found_by(with_one, TOOL), beside);

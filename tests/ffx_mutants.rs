@@ -1,12 +1,12 @@
-//! Mutants: each field of each struct of ffx-api written otherwise on its way to the double of AMD's libraries, which must notice, by
-//! its answer or by its picture. What it does not notice stands in a list, with the reason. On Windows, or in the lab.
+//! Mutation test: each field of each ffx-api struct is changed on its way to the double of AMD's libraries, which must detect it by
+//! its return code or its picture. Undetected changes are in a list, with reasons. On Windows, or in the lab.
 #![cfg(windows)]
 
 use cairn::ffx::bindings::{
     Coordinates, CreateFlags, CreateFrameGeneration, Dimensions, Rect, Resource, ResourceState, SurfaceFormat,
     TransferFunction,
 };
-use cairn::ffx::{Api, Camera, Choice, Family, Frame, Generator, Part, Shot};
+use cairn::ffx::{Api, Camera, Choice, Family, Frame, FrameParams, Generator, Part};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::{ID3D12CommandAllocator, ID3D12GraphicsCommandList};
 use cairn::gpu::windows::core::Interface;
@@ -28,11 +28,11 @@ use stage::{ANALYTIC_20, ML, Stage};
 
 const SIZE: Dimensions = Dimensions { width: 80, height: 64 };
 
-/// What a frame is made of, with all that can be told of one.
+/// Textures of a frame with all optional inputs.
 struct Scene {
     gpu: Gpu,
     textures: Textures,
-    /// The frame before, and the frame.
+    /// The previous frame and this one.
     shown: [Kept; 2],
     hudless: [Kept; 2],
     lens: Kept,
@@ -90,7 +90,7 @@ impl Scene {
 
     /// Runs a list, always the same one, and waits.
     fn run(&self, record: impl FnOnce(&ID3D12GraphicsCommandList)) {
-        // SAFETY: what was recorded before has run.
+        // SAFETY: the previously recorded work has run.
         unsafe {
             self.allocator.Reset().expect("it is not in use");
             self.list.Reset(&self.allocator, None).expect("it is closed");
@@ -102,7 +102,7 @@ impl Scene {
         self.gpu.frames().submit(&lists).expect("a submission").wait().expect("it is done");
     }
 
-    /// The frame after the one before; what is between, or what was answered.
+    /// Generates from two frames, the second with the mutant; returns the picture or the error.
     fn pair(&self, generator: &mut Generator, mutant: Option<Mutant>) -> cairn::Result<Vec<[u8; 4]>> {
         let mut answer = Ok(());
         self.run(|list| {
@@ -114,7 +114,7 @@ impl Scene {
                     output: resource(&self.output),
                     hudless: resource(&self.hudless[number]),
                     distortion: resource(&self.lens),
-                    shot: Shot {
+                    shot: FrameParams {
                         jitter: Coordinates { x: 0.25, y: -0.5 },
                         motion_scale: Coordinates { x: 1.5, y: 1.25 },
                         camera: Camera { position: [3.0, 4.0, 5.0], ..Camera::default() },
@@ -136,7 +136,7 @@ impl Scene {
     }
 }
 
-/// What is not noticed: a field, changes of it, and the reason.
+/// Undetected changes: a field, its changes, and the reason.
 const UNNOTICED: [(&str, &[&str], &str); 15] = [
     ("frameTimeDelta", &["largest", "onemore", "exchanged"], "any time above 0 is one, and half of it is half of it"),
     ("cameraNear", &["largest", "onemore", "exchanged"], POSSIBLE),
@@ -155,7 +155,7 @@ const UNNOTICED: [(&str, &[&str], &str); 15] = [
     ("version", &["onemore"], "the next release is there too"),
 ];
 
-/// Why a camera's lens is not noticed.
+/// The reason for the camera's lens parameters.
 const POSSIBLE: &str = "another camera has it, and the double's picture does not depend on the camera";
 
 #[test]
@@ -173,7 +173,7 @@ fn what_is_written_otherwise_is_noticed_or_of_no_consequence() {
         assert_eq!(scene.pair(&mut generator, None).expect("generated"), truth, "it does the same each time");
         assert_eq!(stage.judgement(), [""; 0]);
         let mut verdicts = 0;
-        // The structs that all releases have are the same in each.
+        // Structs that all releases share are tested once.
         let of_frames = if family == Family::Ml { table::of_frames() } else { Vec::new() };
         for (name, mutant) in of_prepare.iter().chain(&of_frames).flat_map(mutants_of) {
             let found = noticed(&stage, &truth, &mut verdicts, || scene.pair(&mut generator, Some(mutant)));
@@ -186,7 +186,7 @@ fn what_is_written_otherwise_is_noticed_or_of_no_consequence() {
                     held().mutant = Some(mutant);
                     let made = scene.generator(&api, family);
                     held().mutant = None;
-                    // What was refused on the way needs no picture.
+                    // A rejected call needs no picture.
                     if held().refused { made.map(|_| Vec::new()) } else { scene.pair(&mut made?, None) }
                 });
                 found.into_iter().for_each(|found| report.add(name.clone(), found));

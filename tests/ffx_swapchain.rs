@@ -1,4 +1,4 @@
-//! A swap chain of AMD's in a window: of the double, which keeps what it shows, and of AMD's own libraries where `CAIRN_FFX_DIR` names
+//! AMD's swap chain in a window: of the double, which records its presents, and of AMD's own libraries if `CAIRN_FFX_DIR` names
 //! them. On Windows, or in the lab.
 
 #[cfg(windows)]

@@ -1,4 +1,4 @@
-//! A swap chain of AMD's as a host in C has it: of the double, and of AMD's own libraries where `CAIRN_FFX_DIR` names them. On Windows,
+//! AMD's swap chain through the C interface: of the double, and of AMD's own libraries if `CAIRN_FFX_DIR` names them. On Windows,
 //! or in the lab.
 
 #[cfg(windows)]

@@ -1,4 +1,4 @@
-//! Larger frames of the double of AMD's libraries: each option shows in pixels. On Windows, or in the lab.
+//! Upscaling with the double of AMD's libraries: each option changes pixels. On Windows, or in the lab.
 #![cfg(windows)]
 
 use cairn::ErrorKind;
@@ -6,7 +6,7 @@ use cairn::ffx::bindings::{
     Coordinates, CreateUpscale, Dimensions, QualityMode, Resource, ResourceState, UpscaleCreateFlags, UpscaleFlags,
     UpscaleResources,
 };
-use cairn::ffx::{Camera, Choice, Effect, Family, Library, Part, UpscaleFrame, UpscaleShot, Upscaler, memory_needed};
+use cairn::ffx::{Camera, Choice, Effect, Family, Library, Part, UpscaleFrame, UpscaleParams, Upscaler, memory_needed};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::core::Interface;
 
@@ -20,7 +20,7 @@ mod stage;
 use pictures::{Kept, Textures, run};
 use stage::{Stage, alone};
 
-/// AMD's upscalers, as their libraries name them.
+/// AMD's upscalers as lines of the double's configuration.
 const NEWEST: &str = "offers 0xf600000001000003 4.0.3";
 const ANALYTIC: &str = "offers 0xf600000000c01004 3.1.4";
 
@@ -44,7 +44,7 @@ fn made(gpu: &Gpu, library: &Library, flags: UpscaleCreateFlags) -> cairn::Resul
     unsafe { Upscaler::create(api, gpu.device().as_raw(), Choice::Any, head(flags)) }
 }
 
-/// What an engine has for a frame.
+/// An engine's textures for a frame.
 struct Scene {
     gpu: Gpu,
     rendered: Textures,
@@ -54,31 +54,31 @@ struct Scene {
     transparency: Kept,
 }
 
-/// What is told of a frame, beside its textures.
+/// Parameters of a frame, and which optional textures are passed.
 #[derive(Clone, Copy)]
 struct Told {
-    shot: UpscaleShot,
+    shot: UpscaleParams,
     exposure: bool,
     reactive: bool,
     transparency: bool,
-    /// Motion of the size shown.
+    /// Passes the motion texture of display size.
     shown_motion: bool,
 }
 
 impl Told {
     fn plain() -> Self {
-        let shot = UpscaleShot::of(RENDERED, SHOWN);
+        let shot = UpscaleParams::of(RENDERED, SHOWN);
         Self { shot, exposure: false, reactive: false, transparency: false, shown_motion: false }
     }
 
-    fn with(told: impl FnOnce(&mut UpscaleShot)) -> Self {
+    fn with(told: impl FnOnce(&mut UpscaleParams)) -> Self {
         let mut plain = Self::plain();
         told(&mut plain.shot);
         plain
     }
 }
 
-/// A picture that is endless, smooth and differs everywhere, by pixels of the size shown.
+/// An endless smooth pattern without repetition, in display pixels.
 fn world(x: f32, y: f32) -> [u8; 4] {
     let wave = |phase: f32| (128.0 + 90.0 * phase.sin()) as u8;
     [wave(x * 0.11), wave(y * 0.13 + x * 0.05), wave(x * 0.07 - y * 0.09), 255]
@@ -95,7 +95,7 @@ impl Scene {
         let [rendered, shown] = [RENDERED, SHOWN].map(|size| Textures::new(&gpu, size));
         let one = Textures::new(&gpu, Dimensions { width: 1, height: 1 });
         let [reactive, transparency] = [(); 2].map(|()| Textures::new(&gpu, RENDERED).depth);
-        // What is near stands in every other column.
+        // Near pixels are in every other column.
         rendered.fill(&rendered.depth, |x, _| if x.is_multiple_of(2) { 0.25_f32 } else { 0.5 }.to_le_bytes());
         rendered.fill(&rendered.motion, |x, _| halves(-4.0 - (x % 2) as f32 * 0.5, 0.0));
         shown.fill(&shown.motion, |_, _| halves(-6.0, 0.0));
@@ -105,7 +105,7 @@ impl Scene {
         Self { gpu, rendered, shown, one, reactive, transparency }
     }
 
-    /// Draws the world, moved to the right by pixels of the size shown, as a camera with that jitter sees it.
+    /// Draws the pattern, moved to the right by display pixels, with that camera jitter.
     fn draw(&self, by: f32, jitter: Coordinates) {
         self.rendered.fill(&self.rendered.color, |x, y| {
             let at = |v: u32, jitter: f32| (v as f32 + 0.5 - jitter) * 2.0 - 0.5;
@@ -113,7 +113,7 @@ impl Scene {
         });
     }
 
-    /// The frame that is told so, made larger.
+    /// Upscales a frame with these parameters.
     fn larger(&self, upscaler: &mut Upscaler, told: &Told) -> cairn::Result<Vec<[u8; 4]>> {
         let resource = |kept: &Kept| Resource::of(&kept.resource, ResourceState::UNORDERED_ACCESS);
         let optional = |is_told: bool, kept: &Kept| if is_told { resource(kept) } else { Resource::default() };
@@ -136,17 +136,17 @@ impl Scene {
         answer.map(|()| self.shown.generated())
     }
 
-    /// Two frames, in which the world moves by 8 pixels; the second of them, larger.
+    /// Upscales two frames, between which the world moves by 8 pixels; returns the second.
     fn pair(&self, upscaler: &mut Upscaler, told: &Told) -> Vec<[u8; 4]> {
         self.draw(0.0, Coordinates::default());
-        let first = Told { shot: UpscaleShot { reset: true, ..told.shot }, ..*told };
+        let first = Told { shot: UpscaleParams { reset: true, ..told.shot }, ..*told };
         self.larger(upscaler, &first).expect("upscaled");
         self.draw(8.0, Coordinates::default());
         self.larger(upscaler, told).expect("upscaled")
     }
 }
 
-/// The mean difference of a channel from what is expected, away from the rims.
+/// Mean difference of a channel from the expected pixels, away from the borders.
 fn off(found: &[[u8; 4]], expected: impl Fn(u32, u32) -> [u8; 4]) -> f64 {
     let places = (8..SHOWN.height - 8).flat_map(|y| (16..SHOWN.width - 16).map(move |x| (x, y)));
     let all: Vec<f64> = places
@@ -168,14 +168,14 @@ fn a_frame_becomes_larger_and_goes_on_from_the_one_before() {
         let (stage, library) = playing(&release);
         let scene = Scene::new();
         let mut upscaler = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
-        // Alone, with the jitter of its camera: where it is told the picture lies right, and where it is not it lies beside.
+        // A frame without history, with camera jitter: aligned if the jitter is passed, and shifted if not.
         let jitter = Coordinates { x: 0.4, y: -0.3 };
         scene.draw(0.0, jitter);
         let right = scene.larger(&mut upscaler, &Told::with(|shot| shot.jitter = jitter)).expect("upscaled");
         let beside = scene.larger(&mut upscaler, &Told::with(|shot| shot.reset = true)).expect("upscaled");
         let (right, beside) = (off(&right, moved(0.0)), off(&beside, moved(0.0)));
         assert!(right < 1.0 && beside > 2.0 * right, "{release:?}: {right} {beside}");
-        // The one before is mixed in from where it was: of what is near, 4 render pixels to the left.
+        // The previous frame is blended in along the near pixels' motion, 4 render pixels to the left.
         let together = off(&scene.pair(&mut upscaler, &Told::plain()), moved(8.0));
         let wrong = Told::with(|shot| shot.motion_scale = Coordinates { x: -1.0, y: 1.0 });
         let apart = off(&scene.pair(&mut upscaler, &wrong), moved(8.0));
@@ -204,9 +204,9 @@ fn every_option_changes_the_larger_frame() {
         ("reactive", Told { reactive: true, ..Told::plain() }),
         ("transparency", Told { transparency: true, ..Told::plain() }),
     ] {
-        // Motion that is not quite right, so that both frames are not the same.
+        // Slightly wrong motion, so that both frames differ.
         let off_by_one = |told: Told| Told {
-            shot: UpscaleShot { motion_scale: pair(told.shot.motion_scale.x * 0.75, 1.0), ..told.shot },
+            shot: UpscaleParams { motion_scale: pair(told.shot.motion_scale.x * 0.75, 1.0), ..told.shot },
             ..told
         };
         let base = scene.pair(&mut upscaler, &off_by_one(Told::plain()));
@@ -222,10 +222,10 @@ fn every_option_changes_the_larger_frame() {
         let mut without = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
         let mut with = made(&scene.gpu, &library, flags).expect("an upscaler");
         let of =
-            Told { shot: UpscaleShot { encoding: UpscaleFlags::empty(), ..told.shot }, shown_motion: false, ..told };
+            Told { shot: UpscaleParams { encoding: UpscaleFlags::empty(), ..told.shot }, shown_motion: false, ..told };
         assert!(scene.pair(&mut with, &told) != scene.pair(&mut without, &of), "{name}");
     }
-    // Motion that holds what jitter has changed by, which is all of it.
+    // Motion that consists only of the change of jitter.
     let [before, now] = [pair(2.0, 0.5), pair(-2.0, 0.5)];
     scene.rendered.fill(&scene.rendered.motion, |_, _| halves(-4.0 + before.x - now.x, 0.0));
     let [told, untold] = [UpscaleCreateFlags::MOTION_JITTER, UpscaleCreateFlags::empty()].map(|flags| {
@@ -238,7 +238,7 @@ fn every_option_changes_the_larger_frame() {
         off(&larger, moved(8.0))
     });
     assert!(told < 1.0 && untold > 5.0, "{told} {untold}");
-    // Rendered smaller than it could be.
+    // Rendered below the maximum render size.
     let small = Dimensions { width: 32, height: 24 };
     let mut fixed = made(&scene.gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
     let refused = scene.larger(&mut fixed, &Told::with(|shot| shot.render_size = small)).expect_err("of one size");
@@ -274,7 +274,7 @@ fn what_pictures_do_not_depend_on_reaches_the_provider() {
         assert_ne!(before.as_deref(), Some(expected.1));
     }
     drop(upscaler);
-    // How it is made.
+    // The creation parameters.
     let small = Dimensions { width: 32, height: 24 };
     let of_small = Textures::new(&scene.gpu, small);
     for flag in [
@@ -292,7 +292,7 @@ fn what_pictures_do_not_depend_on_reaches_the_provider() {
         let made_with = last(0x1_0000);
         let expected = [flag.bits().to_string(), "64,48".to_owned(), "128,96".to_owned()];
         assert_eq!(["flags", "render", "shown"].map(|field| made_with[field].clone()), expected);
-        // What it changes of what may be told of a frame.
+        // A frame parameter whose validity the flag changes.
         let (field, otherwise) = match flag {
             UpscaleCreateFlags::DEPTH_INFINITE => {
                 ("camera.far", seen(Camera { far: f32::INFINITY, ..Camera::default() }))
@@ -309,7 +309,7 @@ fn what_pictures_do_not_depend_on_reaches_the_provider() {
         assert!(taken.is_ok(), "{flag:?}");
         assert_eq!(refused.expect_err("refused").offending_field(), Some(field), "{flag:?}");
     }
-    // Rendered smaller than it could be.
+    // Rendered below the maximum render size.
     let mut upscaler = made(&scene.gpu, &library, UpscaleCreateFlags::DYNAMIC_RESOLUTION).expect("an upscaler");
     of_small.fill(&of_small.color, |x, y| world(x as f32 * 4.0 + 1.5, y as f32 * 4.0 + 1.5));
     of_small.fill(&of_small.depth, |_, _| 0.5_f32.to_le_bytes());
@@ -324,7 +324,7 @@ fn what_pictures_do_not_depend_on_reaches_the_provider() {
             reactive: Resource::default(),
             transparency: Resource::default(),
             output: resource(&scene.shown.output),
-            shot: UpscaleShot::of(small, SHOWN),
+            shot: UpscaleParams::of(small, SHOWN),
         };
         // SAFETY: an open list of the upscaler's device, and textures that live until it has run.
         unsafe { upscaler.record(&frame) }.expect("recorded");
@@ -388,7 +388,7 @@ fn sizes_jitters_resources_and_memory_are_asked_for() {
             assert_eq!(refused.expect(field).offending_field(), Some(field));
         }
         assert_eq!(stage.judgement(), [""; 0]);
-        // A mode that there is not is the library's to refuse.
+        // The library rejects an unknown mode.
         assert!(Upscaler::render_size(api, shown, QualityMode(9)).is_err());
     }
 }

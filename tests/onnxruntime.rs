@@ -1,5 +1,5 @@
-//! The gate before ONNX Runtime: what is no ONNX Runtime 1.24 is refused with cause, field and remedy, and never
-//! reaches code that would assert it.
+//! The check before ONNX Runtime is used: a library other than ONNX Runtime 1.24 is refused with cause, field and remedy, and
+//! is never called.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -9,7 +9,7 @@ use cairn::{ErrorKind, LibrarySearch};
 
 mod common;
 
-/// A folder of this test's own, removed when it ends.
+/// A folder for this test, removed when the test ends.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -19,7 +19,7 @@ impl Folder {
         Self(path)
     }
 
-    /// A library made from C that exports what `source` says.
+    /// A library compiled from the C code `source`.
     fn library(&self, name: &str, source: &str) -> PathBuf {
         let (c, so) = (self.0.join(format!("{name}.c")), self.0.join(format!("lib{name}.so")));
         std::fs::write(&c, source).expect("a source file");
@@ -31,12 +31,12 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // A folder that stays is no failure of the test.
+        // Failing to remove the folder is not a test failure.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
-/// The interface of an ONNX Runtime that says it is `version` and has no functions.
+/// The interface of an ONNX Runtime that reports `version` and has no functions.
 fn fake(version: &str) -> String {
     format!(
         "static const void* get_api(unsigned v) {{ (void)v; return 0; }}
@@ -73,7 +73,7 @@ fn what_is_not_onnx_runtime_1_24_is_refused_and_then_the_right_one_loads() {
     refused(&folder.library("odd", &fake("\"nightly\"")), "nightly is other than the 1.24.x");
     refused(&folder.library("hollow", &fake("\"1.24.4\"")), "does not offer interface version 24");
 
-    // None of them is in the way of the real one, and one process has one.
+    // Refused libraries do not prevent loading the real one; a process can have only one.
     let ort = common::ort();
     assert!(ort.version().starts_with("1.24."), "{ort:?}");
     assert_eq!(Ort::load(ort.path()).expect("the same file again").path(), ort.path());

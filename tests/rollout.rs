@@ -1,4 +1,4 @@
-//! Rollouts of a small world: what repeats, what stays, what is refused.
+//! Rollouts of a small world: repetition, unchanged state, and refusals.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -130,7 +130,7 @@ fn a_frozen_pass_leaves_every_byte_and_flag_of_the_ring() {
         assert!(probe.velocity.iter().any(|v| *v != 0.0));
         assert_eq!((probe.keys.len(), probe.values.len()), (8, 8));
         assert!(ring(&rollout) == before, "latent {i}");
-        // A second look is the same, and the step after it is what it would have been.
+        // A second probe gives the same result, and does not change the step after it.
         assert_eq!(rollout.probe(&plan, 0.75, &x).expect("a pass"), probe);
         rollout.step(&controls(i)).expect("a step");
         assert!(ring(&rollout) != before, "the step itself commits");
@@ -145,13 +145,13 @@ fn a_commit_writes_its_slot_with_the_slabs_and_nothing_else() {
     let world = world("tiny");
     let geometry = world.manifest().geometry.clone();
     let mut rollout = seeded(&world, &point(&world), 4);
-    // Beyond one wrap of either ring.
+    // More than one wrap of either ring.
     for i in 0..20 {
         let plan = rollout.planner().plan_step(&controls(i)).expect("a plan");
         let (before, _) = ring(&rollout);
         let info = rollout.execute(&plan).expect("a step");
         let (after, _) = ring(&rollout);
-        // The cache pass at sigma 0 on the finished latent made what was committed.
+        // The cache pass at sigma 0 on the finished latent computed the committed K and V.
         let latent = rollout.latent().expect("a latent").to_vec();
         let mut changed = 0;
         for layer in 0..geometry.layers {
@@ -201,7 +201,7 @@ fn the_cache_modes_commit_what_they_say() {
     assert_eq!(some, [false, false, true, false, false, true, false]);
     assert_eq!((every_third.planner().latents(), every_third.planner().ring_clock()), (8, 3));
 
-    // A skipped latent leaves every slot and flag as it was.
+    // A latent without a commit leaves every slot and flag unchanged.
     let mut rollout = seeded(&world, &OperatingPoint { cache_mode: CacheMode::Interval(2), ..point(&world) }, 5);
     let before = ring(&rollout).0;
     let info = rollout.step(&controls(0)).expect("a step");
@@ -219,9 +219,9 @@ fn fused_commits_the_slabs_of_the_last_denoise_pass() {
     assert_eq!(plan.cache, CachePass::Fused);
     fused.step(&controls(0)).expect("a step");
     separate.step(&controls(0)).expect("a step");
-    // The latent itself does not depend on how it is cached.
+    // The latent itself does not depend on the cache mode.
     assert_eq!(fused.latent().expect("a latent"), separate.latent().expect("a latent"));
-    // One pass less of denoising, probed at the last level, has the K and V that were committed.
+    // Denoising with one pass less, probed at the last level, gives the committed K and V.
     let (sigma, dsigma) = (plan.sigmas[3], plan.dsigmas[3]);
     let mut shorter = seeded(&world, &point(&world), 6);
     let mut cut = plan.clone();
@@ -261,7 +261,7 @@ fn a_picture_may_be_appended_at_any_time_and_is_committed_in_every_mode() {
         let info = rollout.append(&picture(301, 77, 3)).expect("an append");
         assert!(info.committed && info.stages.encode.count == 1 && info.stages.denoise.count == 0);
         assert_eq!((info.latent, rollout.planner().ring_clock()), (4, before + 1));
-        // What was appended is the encoder's latent, and it can be appended as such.
+        // The appended latent is the encoder's, and can itself be appended.
         let encoded = rollout.encode(&picture(301, 77, 3)).expect("a latent");
         assert_eq!(rollout.latent().expect("a latent"), encoded);
         let mut other = seeded(&world, &OperatingPoint { cache_mode, ..point(&world) }, 9);
@@ -307,7 +307,7 @@ fn the_encoder_s_stream_goes_on_where_it_is_kept_and_nowhere_else() {
         rollout
     };
     let appended = |rollout: &mut Rollout, i: usize| {
-        // An encoding that is not appended changes nothing, and says what an append would make.
+        // An encoding without an append changes nothing, and equals what an append would make.
         let encoded = rollout.encode(&pictures[i]).expect("a latent");
         rollout.append(&pictures[i]).expect("an append");
         assert_eq!(rollout.latent().expect("a latent"), encoded);
@@ -319,7 +319,7 @@ fn the_encoder_s_stream_goes_on_where_it_is_kept_and_nowhere_else() {
     assert!(fresh[1] != kept[1] && fresh[2] != kept[2]);
     assert_eq!(fresh[2], appended(&mut start(), 2), "a picture of its own depends on none before it");
 
-    // It is part of a saved state, and what fails leaves it as it was.
+    // The encoder stream is part of a saved state, and a failed append leaves it unchanged.
     let mut rollout = streaming();
     appended(&mut rollout, 0);
     let state = rollout.save().expect("a state");
@@ -334,7 +334,7 @@ fn the_encoder_s_stream_goes_on_where_it_is_kept_and_nowhere_else() {
     let refused = start().restore(&state).expect_err("it has no stream");
     assert_eq!(refused.offending_field(), Some("state.encoder_stream"), "{refused}");
 
-    // A reset and another stream begin anew.
+    // A reset and another stream start without history.
     other.reset().expect("a reset");
     assert_eq!([appended(&mut other, 0), appended(&mut other, 1)], [kept[0].clone(), kept[1].clone()]);
     other.keep_encoder_stream(false).expect("none");
@@ -342,7 +342,7 @@ fn the_encoder_s_stream_goes_on_where_it_is_kept_and_nowhere_else() {
     other.keep_encoder_stream(true).expect("a stream");
     assert_eq!(appended(&mut other, 1), fresh[1]);
 
-    // Another window takes the stream along.
+    // Moving to another window keeps the stream.
     let options = WorldOptions { global_window: Some(8), precision: Some(Precision::F32), ..Default::default() };
     let narrow = World::load(&common::device(), &common::bundle("stream"), options).expect("a world");
     let mut moved = streaming();
@@ -358,14 +358,14 @@ fn the_encoder_s_stream_goes_on_where_it_is_kept_and_nowhere_else() {
 fn every_window_that_divides_by_the_dilation_runs_and_a_wider_one_remembers_more() {
     let (device, bundle) = (common::device(), common::bundle("tiny"));
     let load = |g| World::load(&device, &bundle, WorldOptions { global_window: Some(g), ..Default::default() });
-    // Which latents, by their age, change the next one through the global layers: each slot of the ring is hidden in turn.
+    // The latents, by age, that affect the next one through the global layers: each slot of the ring is masked in turn.
     let remembered = |g: u32| -> Vec<u64> {
         let world = load(g).expect("a world");
         let geometry = &world.manifest().geometry;
         let (dilation, buckets) = (u64::from(geometry.global.dilation), u64::from(g / geometry.global.dilation));
         let one_pass = OperatingPoint { schedule: Schedule::Explicit(vec![1.0, 0.0]), ..point(&world) };
         let mut rollout = seeded(&world, &one_pass, 2);
-        // More than the widest window holds, and between two writes of the global layers.
+        // More than the widest window holds, and not on a write step of the global layers.
         steps(&mut rollout, 0..u64::from(WIDEST) + dilation / 2);
         let plan = rollout.planner().plan_step(&controls(77)).expect("a plan");
         let mut noise = vec![0.0; world.latent_len()];
@@ -451,7 +451,7 @@ fn schedules_of_any_length_end_in_the_same_buffer() {
         let passes = points.len() as u64 - 1;
         let mut rollout = seeded(&world, &OperatingPoint { schedule: Schedule::Explicit(points), ..point(&world) }, 5);
         let plan = rollout.planner().plan_step(&ControlInput::IDLE).expect("a plan");
-        // The same Euler steps, by hand.
+        // The same Euler steps, computed here.
         let mut x = vec![0.0; world.latent_len()];
         plan.noise.expect("noise").fill(&mut x);
         for (&sigma, &dsigma) in plan.sigmas.iter().zip(&plan.dsigmas) {
@@ -501,13 +501,13 @@ fn noise_levels_change_between_latents_and_go_into_a_state() {
     assert_eq!(rollout.operating_point().schedule, few);
     let state = rollout.save().expect("a state");
     steps(&mut rollout, 3..5);
-    // Whoever goes on from the state has the levels of then.
+    // A rollout that continues from the state has the noise levels of that time.
     let mut again = seeded(&world, &point(&world), 1);
     again.restore(&state).expect("a state of this world");
     assert_eq!(again.operating_point(), rollout.operating_point());
     steps(&mut again, 3..5);
     assert!(fingerprint(&mut again).expect("bits") == fingerprint(&mut rollout).expect("bits"));
-    // And one that was made with them has them from the start.
+    // A rollout that was created with them has them from the start.
     let refused = rollout.set_schedule(&Schedule::Explicit(vec![0.5, 1.0])).expect_err("levels that rise");
     assert_eq!((refused.kind(), &rollout.operating_point().schedule), (ErrorKind::InvalidArgument, &few));
 }
@@ -527,7 +527,7 @@ fn latents_are_held_to_a_budget() {
     rollout.set_budget(Duration::from_nanos(1), &schedules).expect("a budget");
     assert_eq!(passes(&mut rollout, 6), [4, 4, 4, 1, 1, 1], "there is none");
     assert_eq!(rollout.operating_point().schedule, schedules[2]);
-    // It ends where it is, and with another state.
+    // The budget ends at the current setting, and on restoring another state.
     rollout.set_budget(HOUR, &[]).expect("no budget");
     assert_eq!(passes(&mut rollout, 4), [1; 4]);
     let state = rollout.save().expect("a state");

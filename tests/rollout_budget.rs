@@ -1,4 +1,4 @@
-//! A rollout in windows that change, and under budgets of time and of memory.
+//! A rollout whose window changes, under budgets of time and of memory.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -23,13 +23,13 @@ fn world_on(device: &Device, window: u32) -> Arc<World> {
     World::load(device, &bundle("tiny"), options).expect("a world")
 }
 
-/// The bundle in both windows, on one device.
+/// The bundle with both windows, on one device.
 fn worlds() -> [Arc<World>; 2] {
     let device = device();
     [WIDE, NARROW].map(|window| world_on(&device, window))
 }
 
-/// Whether only what is known least is to be asked, as where a processor plays the device.
+/// Whether to run only the most important cases, as on a device that the processor emulates.
 fn is_short() -> bool {
     std::env::var_os("CAIRN_TEST_SHORT").is_some()
 }
@@ -47,7 +47,7 @@ fn apart(a: &[f32], b: &[f32]) -> f32 {
 fn a_narrower_window_sees_the_newest_latents_and_a_wider_one_forgets_none() {
     let [wide, narrow] = worlds();
     let slots = u64::from(NARROW) / DILATION;
-    // On a write step of the global layers, and between two.
+    // On a write step of the global layers, and between two such steps.
     for latents in if is_short() { &[11][..] } else { &[23, 25] }.iter().copied() {
         let mut whole = seeded(&wide, &point(&wide), 3);
         steps(&mut whole, latents);
@@ -60,11 +60,11 @@ fn a_narrower_window_sees_the_newest_latents_and_a_wider_one_forgets_none() {
         assert_eq!(moved.latent().expect("a latent"), whole.latent().expect("a latent"));
         assert!(moved.decoded().expect("pictures") == whole.decoded().expect("pictures"));
 
-        // The same pass in the wide world, with all hidden from it but what the narrow one has.
+        // The same pass in the wide world, with all slots masked that the narrow world lacks.
         let mut plan = whole.planner().plan_step(&controls(77)).expect("a plan");
         let clock = whole.planner().ring_clock();
         let newest = (clock - 1) / DILATION;
-        // What is about to be evicted is hidden already.
+        // The slot that is about to be overwritten is masked already.
         let seen = if clock.is_multiple_of(DILATION) { slots - 1 } else { slots };
         let slot = |bucket: u64| (bucket % u64::from(WIDE / DILATION as u32)) as usize;
         let visible: Vec<_> = (newest + 1 - seen..=newest).map(slot).collect();
@@ -77,7 +77,7 @@ fn a_narrower_window_sees_the_newest_latents_and_a_wider_one_forgets_none() {
         moved.step(&controls(77)).expect("a step");
         let difference = apart(moved.latent().expect("a latent"), whole.latent().expect("a latent"));
         assert!(difference < 1e-4, "{difference} after {latents} latents");
-        // Which is told from what the wide one would have made.
+        // The result differs from that of the wide world without the mask.
         whole.restore(&state).expect("a state");
         whole.step(&controls(77)).expect("a step");
         let difference = apart(moved.latent().expect("a latent"), whole.latent().expect("a latent"));
@@ -96,7 +96,7 @@ fn there_and_back_is_as_if_it_had_stayed() {
     assert!(rollout.statistics().bytes.copied >= before.1.bytes.copied, "it goes on counting");
     rollout.move_to(&narrow).expect("the first world");
     assert!(fingerprint(&mut rollout).expect("bits") == before.0);
-    // What would have stopped it still does.
+    // A stop flag from before the move still works.
     rollout.stop_flag().store(true, std::sync::atomic::Ordering::SeqCst);
     assert_eq!(rollout.step(&controls(0)).expect_err("it is stopped").kind(), ErrorKind::Cancelled);
     rollout.stop_flag().store(false, std::sync::atomic::Ordering::SeqCst);
@@ -112,7 +112,7 @@ fn schedules() -> Vec<Schedule> {
     vec![Schedule::Stock, Schedule::Explicit(vec![1.0, 0.5, 0.0]), Schedule::Explicit(vec![1.0, 0.0])]
 }
 
-/// Passes of the latents that are made next, and the window that each was made in.
+/// Numbers of passes of the next latents, and the window of each.
 fn made(rollout: &mut Rollout, count: u64) -> Vec<(u64, u32)> {
     let mut one = |i| {
         let passes = rollout.step(&controls(i)).expect("a step").stages.denoise.count;
@@ -142,7 +142,7 @@ fn passes_and_the_window_are_given_up_for_time() {
     assert!(made(&mut rollout, 6).iter().all(|one| *one == (1, NARROW)));
     assert!(governor.statistics().beyond > 0, "nothing is left to give up");
 
-    // A state is of its window: it ends the budget, and so do another budget and whoever gave it.
+    // A state belongs to its window: restoring it ends the budget, as do another budget and the governor's end.
     let state = rollout.save().expect("a state");
     rollout.govern(&budget(HOUR), std::slice::from_ref(&wide)).expect("a budget");
     rollout.restore(&state).expect("a state");
@@ -176,7 +176,7 @@ fn a_device_s_own_clock_says_what_latents_take() {
     let told = governor.statistics().frame * 3;
     println!("{told:?} told, {spent:?} on the device, {wall:?} in all");
     match spent {
-        // The end of the last one's work may be known a little later.
+        // The end of the last latent's work may be known a little later.
         Some(spent) => {
             assert!(told <= spent && told >= spent / 2 && spent <= wall, "{told:?} of {spent:?} in {wall:?}")
         }

@@ -1,4 +1,4 @@
-//! What a rollout refuses, and that a failure leaves it as it was.
+//! Invalid calls of a rollout are refused, and a failure leaves it unchanged.
 
 use cairn::runtime::{CpuOptions, Device};
 use cairn::world::{ControlInput, KeySet, OperatingPoint, Rollout, World, WorldOptions};
@@ -7,7 +7,7 @@ use cairn::{Error, ErrorKind, Picture};
 mod common;
 use common::{controls, fingerprint, picture, point, seeded, world};
 
-/// Runs what must fail, and compares the rollout with what it was.
+/// Runs a call that must fail, and checks that the rollout is unchanged.
 fn fails(rollout: &mut Rollout, what: impl FnOnce(&mut Rollout) -> Result<(), Error>) -> Error {
     let before = fingerprint(rollout).expect("bits");
     let error = what(rollout).expect_err("a failure");
@@ -30,7 +30,7 @@ fn what_comes_out_infinite_is_a_device_error_that_names_the_latent_and_leaves_no
     assert_eq!(error.kind(), ErrorKind::Device);
     assert!(error.to_string().contains("latent 4"), "{error}");
 
-    // What failed is as if it had not been tried.
+    // After the failures, the rollout is equal to one that did not try.
     let mut untried = seeded(&world, &point(&world), 1);
     for i in 0..5 {
         untried.step(&controls(i)).expect("a step");
@@ -152,7 +152,7 @@ fn a_window_is_narrowed_to_the_memory_that_there_is_where_that_is_asked_for() {
     assert_eq!((narrow.global_window(), narrow.memory_need().total), (32, need(32)));
     let mut rollout = common::seeded(&narrow, &common::point(&narrow), 7);
     rollout.step(&common::controls(0)).expect("a step");
-    // Not even the narrowest fits: what was asked for is told.
+    // Not even the narrowest window fits: the error names the requested one.
     assert_eq!(load(1).expect_err("nothing").kind(), ErrorKind::OutOfMemory);
 }
 

@@ -1,4 +1,4 @@
-//! Saved states: they continue bit for bit, here and in another process, and whatever is not such a state is refused.
+//! Saved states: they continue bit for bit, here and in another process, and anything else is refused.
 
 use std::process::Command;
 
@@ -10,17 +10,17 @@ use sha2::{Digest, Sha256};
 mod common;
 use common::{controls, fingerprint, picture, point, seeded, world};
 
-/// Latents of a run: both rings wrap, unless `CAIRN_TEST_SHORT` asks for a few.
+/// Number of latents: both rings wrap, unless `CAIRN_TEST_SHORT` asks for a few.
 fn latents() -> u64 {
     if is_short() { 6 } else { 18 }
 }
 
-/// Whether there is time for a few latents only.
+/// Whether to run a few latents only.
 fn is_short() -> bool {
     std::env::var_os("CAIRN_TEST_SHORT").is_some()
 }
 
-/// The rest of the run after `from` latents, as bits.
+/// The rest of the run from latent `from` on, as bits.
 fn rest(rollout: &mut Rollout, from: u64) -> Vec<u8> {
     let mut bits = fingerprint(rollout).expect("bits");
     for i in from..latents() {
@@ -38,14 +38,14 @@ fn a_restored_rollout_continues_bit_for_bit() {
     let mut states = vec![(0, rollout.save().expect("a state"))];
     for i in 0..latents() {
         rollout.step(&controls(i)).expect("a step");
-        // On and off a global layer's write step, before and after both rings wrap.
+        // On and off a write step of the global layers, before and after both rings wrap.
         let saved: &[u64] = if is_short() { &[0, 3, 4] } else { &[0, 1, 3, 4, 15, 16] };
         if saved.contains(&i) {
             states.push((i + 1, rollout.save().expect("a state")));
         }
     }
     let end = fingerprint(&mut rollout).expect("bits");
-    // A rollout with another seed, another point and a past of its own takes all of it over.
+    // A rollout with another seed, operating point and history takes over the whole state.
     let mut other = seeded(&world, &OperatingPoint { pictures_per_latent: 4, ..point(&world) }, 99);
     for (from, state) in states {
         other.append(&picture(9, 9, 2)).expect("an append");
@@ -69,7 +69,7 @@ fn a_state_before_the_first_latent_is_a_state() {
     assert!(fingerprint(&mut other).unwrap() == fingerprint(&mut seeded(&world, &point(&world), 11)).unwrap());
 }
 
-/// This test is its own second process: it starts itself with a state to continue.
+/// This test starts itself as a second process, with a state to continue.
 #[test]
 fn a_state_continues_bit_for_bit_in_another_process() {
     const VARIABLE: &str = "CAIRN_TEST_STATE";
@@ -98,7 +98,7 @@ fn a_state_continues_bit_for_bit_in_another_process() {
     assert_eq!(answer, Sha256::digest(rest(&mut rollout, latents() / 3)).as_slice());
 }
 
-/// `state` with a checksum that fits.
+/// `state` with a correct checksum.
 fn sealed(mut state: Vec<u8>) -> Vec<u8> {
     let body = state.len() - 32;
     let checksum = Sha256::digest(&state[..body]);
@@ -124,13 +124,13 @@ fn damaged_states_are_refused_and_leave_the_rollout_alone() {
         refused(&state[..len], "cut short");
     }
     refused(&[&state[..], &[0]].concat(), "too long");
-    // The head, the planner's state and places in the memory, bit by bit.
+    // Bits of the header, of the planner's state, and of samples of the memory.
     for at in (0..600).chain((600..state.len()).step_by(state.len() / 37)) {
         let mut flipped = state.clone();
         flipped[at] ^= 1 << (at % 8);
         refused(&flipped, "a flipped bit");
     }
-    // With a checksum that fits, the contents are judged.
+    // With a correct checksum, the contents are checked.
     let mut newer = state.clone();
     newer[8] = 2;
     assert_eq!(refused(&sealed(newer), "a newer version").kind(), ErrorKind::Unsupported);
@@ -141,12 +141,12 @@ fn damaged_states_are_refused_and_leave_the_rollout_alone() {
     }
     let middle = (state.len() / 2) & !3;
     let mut poisoned = state.clone();
-    // Every alignment of the number is covered by eight bytes.
+    // Eight bytes cover a whole number at any alignment.
     poisoned[middle..middle + 8].fill(0xff);
     assert!(refused(&sealed(poisoned), "a NaN").to_string().contains("not finite"));
     refused(&sealed(state[..state.len() - 4].to_vec()), "four bytes less");
     refused(&sealed([&state[..], &[0; 4]].concat()), "four bytes more");
-    // A head that is no JSON, and one with members this version does not know.
+    // A header that is not JSON, and one with members that this version does not know.
     let head_len = u32::from_le_bytes(state[12..16].try_into().unwrap()) as usize;
     let head = String::from_utf8(state[16..16 + head_len].to_vec()).expect("JSON");
     for wrong in [
@@ -171,7 +171,7 @@ fn states_of_another_world_are_refused() {
     let window = world("window");
     let (device, bundle) = (common::device(), common::bundle("tiny"));
     let load = |options| World::load(&device, &bundle, options).expect("a world");
-    // In floats as the first is, which not every device takes by itself.
+    // In f32 like the first world, which is not every device's default.
     let wider = load(WorldOptions { global_window: Some(32), precision: Some(Precision::F32), ..Default::default() });
     let half = load(WorldOptions { precision: Some(Precision::F16), ..Default::default() });
     for (other, field) in [(window, "state.bundle"), (wider, "state.operating_point"), (half, "state.precision")] {

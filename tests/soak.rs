@@ -1,13 +1,13 @@
-//! A long rollout: after it has warmed up, the process does not grow.
+//! A long rollout: the process does not grow after the warm-up.
 #![cfg(target_os = "linux")] // The process's size is read where Linux shows it.
 
 mod common;
 use common::{controls, point, seeded, world};
 
-/// Beyond one wrap of both rings; all later latents do what these did.
+/// More than one wrap of both rings; later latents do the same work.
 const WARM_UP: u64 = 80;
 
-/// What the C library's arenas may drift by; 2 KiB lost per latent pass it within 2,000 latents.
+/// Allowed drift of the C library's arenas; a leak of 2 KiB per latent exceeds it within 2,000 latents.
 const DRIFT: u64 = 2 << 20;
 
 /// `cargo xtask test --thorough` asks for 2,000.
@@ -15,7 +15,7 @@ fn latents() -> u64 {
     std::env::var("CAIRN_SOAK_LATENTS").map_or(100, |text| text.parse().expect("CAIRN_SOAK_LATENTS is a number"))
 }
 
-/// Memory of this process that is in RAM, in bytes.
+/// Resident memory of this process in bytes.
 fn resident() -> u64 {
     let text = std::fs::read_to_string("/proc/self/status").expect("the process's status");
     let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("its resident size");

@@ -1,4 +1,4 @@
-//! Many generated frames: after they have warmed up, the process does not grow.
+//! Many generated frames: the process does not grow after the warm-up.
 #![cfg(target_os = "linux")] // The process's size is read where Linux shows it.
 
 use cairn::framegen::cpu::CpuGenerator;
@@ -7,10 +7,10 @@ use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
 use cairn::{Picture, PictureF16};
 use half::f16;
 
-/// Frames of every kind, until all working memory is there.
+/// Frames of every kind, until all working memory is allocated.
 const WARM_UP: u64 = 60;
 
-/// What the C library's arenas may drift by; 200 bytes lost per frame pass it within 10,000 frames.
+/// Allowed drift of the C library's arenas; a leak of 200 bytes per frame exceeds it within 10,000 frames.
 const DRIFT: u64 = 2 << 20;
 
 const SIZE: (u32, u32) = (160, 90);
@@ -20,14 +20,14 @@ fn frames() -> u64 {
     std::env::var("CAIRN_SOAK_FRAMES").map_or(300, |text| text.parse().expect("CAIRN_SOAK_FRAMES is a number"))
 }
 
-/// Memory of this process that is in RAM, in bytes.
+/// Resident memory of this process in bytes.
 fn resident() -> u64 {
     let text = std::fs::read_to_string("/proc/self/status").expect("the process's status");
     let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("its resident size");
     line.trim().trim_end_matches("kB").trim().parse::<u64>().expect("a number") * 1024
 }
 
-/// A stream of frames: bytes and half floats, between anchors and beyond, at changing phases, with motion that changes.
+/// A stream of frames: bytes and half floats, interpolated and extrapolated, at changing phases, with changing motion.
 struct Stream {
     bytes: [Picture; 2],
     halves: [PictureF16; 2],

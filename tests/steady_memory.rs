@@ -1,4 +1,4 @@
-//! After the first frame, making frames allocates nothing: measured by an allocator that counts.
+//! After the first frame, generating frames allocates nothing, as a counting allocator verifies.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -13,7 +13,7 @@ use half::f16;
 struct Counting;
 
 thread_local! {
-    // Of this thread: the harness and threads that end allocate when they please. Needs no set-up and no tear-down, so the
+    // Counts this thread only: the harness and ending threads allocate at any time. It needs no initialisation and no destructor, so the
     // allocator may use it at any time.
     static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
 }
@@ -105,7 +105,7 @@ fn frames_are_made_without_allocating() {
             let pair = AnchorPair::new(&previous, &current, &guidance).expect("a pair");
             let report = generator.generate(&pair, 0.5, &mut out).expect("a frame");
             assert_eq!(report.outcome, Outcome::Generated);
-            // Some places must be filled, or that part would go unwatched.
+            // Some pixels need hole filling, or that code would not be tested.
             assert!(report.uncovered > 0.0);
             generator
                 .extrapolate(&Anchor::new(&current, &guidance).expect("an anchor"), 0.5, &mut out)
@@ -120,7 +120,7 @@ fn frames_are_made_without_allocating() {
     assert_eq!(allocations_when_warm(|| upscaler.upscale(&previous, &mut large).expect("a picture")), 0, "upscaling");
 }
 
-/// Motion towards the middle, which leaves and covers places, with a box in front; or none, with depth everywhere alike.
+/// Motion towards the centre with disocclusions and occlusions and a box in front; or no motion, with constant depth.
 fn guidance((width, height): (u32, u32), tile: u32, moves: bool) -> Guidance {
     let mut motion = MotionField::tiled(width, height, tile).expect("motion");
     let mut depth = DepthMap::tiled(width, height, tile, paper::PROJECTION).expect("depth");
@@ -138,8 +138,8 @@ fn guidance((width, height): (u32, u32), tile: u32, moves: bool) -> Guidance {
     Guidance::from_parts(motion, depth).expect("guidance")
 }
 
-/// Frames of one kind of pixel: only the first, of a calm picture, may allocate; what moves, hides, is hidden or cut
-/// later may not.
+/// Frames of one kind of pixel: only the first, of a static picture, may allocate; later ones with motion, disocclusions, static
+/// overlays or cuts may not.
 fn frames_do_not_allocate<P: Pixel>(kind: &str, pixel: impl Fn(u8) -> P)
 where
     CpuGenerator: FrameGenerator<P>,

@@ -1,4 +1,4 @@
-//! What a latent step costs besides ONNX Runtime's own work: bytes moved and allocations.
+//! The cost of a latent step besides ONNX Runtime's own work: bytes moved and allocations.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -10,7 +10,7 @@ use cairn::world::{CacheMode, OperatingPoint, World, WorldOptions};
 mod common;
 use common::{controls, point, seeded, world};
 
-/// Counts what the current thread asks for: the tests of this program run side by side. ONNX Runtime has an allocator of
+/// Counts the allocations of the current thread, since the tests of this program run in parallel. ONNX Runtime has an allocator of
 /// its own.
 struct Counting;
 
@@ -77,7 +77,7 @@ fn a_latent_step_allocates_nothing_once_warm() {
                 assert!(rollout.latent().expect("a latent").iter().all(|v| v.is_finite()));
                 cost.push(allocations() - before);
             }
-            // Of twelve, three warm up: they cross a global layer's write step and both latents of an interval.
+            // Three of twelve warm up: they cross a write step of the global layers and both latents of an interval.
             assert_eq!(cost[3..], [0; 9], "{precision:?}, {cache_mode}: {cost:?}");
         }
     }

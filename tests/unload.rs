@@ -1,5 +1,5 @@
-//! The library as a host loads it: after its last object is destroyed no thread of it is left, and it can be unloaded, loaded
-//! again and used again. All of it is one test, as it counts the threads of the process.
+//! The library as a host loads it: after its last object is destroyed none of its threads remains, and it can be unloaded, loaded
+//! again and used again. It is one test, since it counts the threads of the process.
 
 use std::ffi::c_void;
 use std::path::PathBuf;
@@ -25,17 +25,17 @@ mod engine;
 #[allow(dead_code, reason = "each test program uses its part")]
 mod textures;
 
-/// Size of the pictures: large enough that work on them is shared.
+/// Size of the pictures: large enough for threads to share the work.
 const SIZE: [u32; 2] = [320, 180];
 
-/// The library of this very build.
+/// Path of the library from this build.
 fn path() -> PathBuf {
     let name = if cfg!(windows) { "cairn.dll" } else { "libcairn.so" };
     let program = std::env::current_exe().expect("a path");
     program.with_file_name(name)
 }
 
-/// Calls a function of a loaded library, of the type that the library linked into this program gives it.
+/// Calls a function of a loaded library. Its type is that of the same function in the library linked into this program.
 macro_rules! call {
     ($library:expr, $room:ident::$name:ident($($argument:expr),*)) => {{
         #[allow(unused_assignments, reason = "the first value is there for its type")]
@@ -81,7 +81,7 @@ fn picture(pixels: &[u8]) -> cairn_picture {
     }
 }
 
-/// How devices are made here: the environment may name libraries, as for a tool.
+/// Options for devices in tests: the environment may name libraries, as for a tool.
 fn options() -> cairn_device_options {
     cairn_device_options {
         struct_size: size_of::<cairn_device_options>() as u32,
@@ -90,12 +90,12 @@ fn options() -> cairn_device_options {
     }
 }
 
-/// A generated frame of anchors that `push` makes.
+/// A generated frame of the anchors from `push`.
 fn present(library: &libloading::Library, push: impl Fn(*mut cairn_presenter)) -> Vec<u8> {
     present_and(library, push, || {})
 }
 
-/// The same; `look` is called while the presenter is still there.
+/// The same; `look` is called before the presenter is destroyed.
 fn present_and(library: &libloading::Library, push: impl Fn(*mut cairn_presenter), look: impl FnOnce()) -> Vec<u8> {
     let options = cairn_presenter_options {
         struct_size: size_of::<cairn_presenter_options>() as u32,
@@ -127,12 +127,12 @@ fn present_and(library: &libloading::Library, push: impl Fn(*mut cairn_presenter
     pixels
 }
 
-/// A generated frame of two pictures of the host's own.
+/// A generated frame from two pictures of the host's own.
 fn frame(library: &libloading::Library) -> Vec<u8> {
     present(library, |presenter| push(library, presenter))
 }
 
-/// Gives a presenter two pictures of the host's own.
+/// Pushes two pictures of the host's own to a presenter.
 fn push(library: &libloading::Library, presenter: *mut cairn_presenter) {
     for number in 0..2_u32 {
         let at = |i: u32| (i % SIZE[0] + 3 * number, i / SIZE[0]);
@@ -145,7 +145,7 @@ fn push(library: &libloading::Library, presenter: *mut cairn_presenter) {
     }
 }
 
-/// A generated frame between two latents of the world inside the library.
+/// A generated frame between two latents of the embedded world.
 #[cfg(feature = "embedded-world")]
 fn world(library: &libloading::Library) -> Vec<u8> {
     let (mut device, mut world, mut rollout) = (null_mut(), null_mut(), null_mut());
@@ -158,7 +158,7 @@ fn world(library: &libloading::Library) -> Vec<u8> {
     let controls = cairn_controls { struct_size: size_of::<cairn_controls>() as u32, ..zeroed() };
     let pixels = present(library, |presenter| {
         for number in 0..2_u64 {
-            // One on this thread, one on the rollout's.
+            // One step on this thread, one on the rollout's.
             if number == 0 {
                 ok!(library, rollout::cairn_rollout_step(rollout, &controls, null_mut()));
             } else {
@@ -211,7 +211,7 @@ fn device_frame(library: &libloading::Library, engine: &engine::Engine) {
                 presenter, device, now, target, 0, 0, &mut frame, &mut fence, &mut value
             )
         );
-        // SAFETY: a fence with a reference for us.
+        // SAFETY: a fence whose reference the call passed to us.
         let fence = unsafe { ID3D12Fence::from_raw(fence.cast()) };
         // SAFETY: without an event it waits.
         unsafe { fence.SetEventOnCompletion(value, Default::default()) }.expect("the frame is there");
@@ -225,7 +225,7 @@ fn device_frame(library: &libloading::Library, engine: &engine::Engine) {
     ok!(library, device::cairn_device_destroy(device));
 }
 
-/// The same frame on so many threads of the library's own.
+/// The same frame with `count` threads of the library's own.
 fn frame_on(library: &libloading::Library, count: u32) -> Vec<u8> {
     let options =
         cairn_thread_options { struct_size: size_of::<cairn_thread_options>() as u32, threads: count, ..zeroed() };
@@ -247,7 +247,7 @@ unsafe extern "C" fn run(user: *mut c_void, jobs: u32, job: cairn_job, data: *mu
     std::thread::scope(|scope| (0..jobs).for_each(|_| _ = scope.spawn(call)));
 }
 
-/// The same frame on a job system of the host's.
+/// The same frame with the host's job system.
 fn frame_on_jobs(library: &libloading::Library) -> Vec<u8> {
     let scheduler = cairn_scheduler {
         struct_size: size_of::<cairn_scheduler>() as u32,
@@ -264,8 +264,8 @@ fn frame_on_jobs(library: &libloading::Library) -> Vec<u8> {
     pixels
 }
 
-/// Loads the library, uses it on a thread of its own, and unloads it when that thread has ended: until then what the thread keeps
-/// for the library keeps this loaded on Linux.
+/// Loads the library, uses it on a separate thread, and unloads it after that thread has ended: on Linux the thread's local data keep the
+/// library loaded until then.
 fn life<T: Send>(work: impl FnOnce(&libloading::Library) -> T + Send) -> T {
     let before = threads();
     // SAFETY: the library of this very build, which does nothing when it is loaded.
@@ -320,7 +320,7 @@ fn it_can_be_unloaded_and_loaded_again_after_its_last_object() {
     }
 }
 
-/// Waits until the process has so many threads: one that was joined, or a driver's, may be on its way out.
+/// Waits until the process has `expected` threads: a joined one, or a driver's, may still be ending.
 fn threads_come_to(expected: usize, why: &str) {
     let deadline = Instant::now() + Duration::from_secs(60);
     while threads() != expected && Instant::now() < deadline {

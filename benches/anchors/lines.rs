@@ -1,4 +1,4 @@
-//! What is measured.
+//! The measurements.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -19,10 +19,10 @@ use cairn::{LibrarySearch, Picture};
 use crate::blend::Blend;
 use crate::pictures::{self, filled, texture};
 
-/// Steps that are not counted: captured passes are proven in them.
+/// Steps that are not counted: passes are captured and verified in them.
 const WARM_UP: u64 = 4;
 const STEPS: u64 = 12;
-/// Frames of an engine, and what each draws: so many blends of two pictures.
+/// Frames of an engine, and the number of two-texture blends that each draws.
 const FRAMES: usize = 40;
 const BLENDS: usize = 4;
 const SIZE: (u32, u32) = (1280, 720);
@@ -65,13 +65,13 @@ fn rollout(world: &Arc<World>) -> Outcome<Rollout> {
     Ok(rollout)
 }
 
-/// A latent step's time that is the library's own, and the bytes that it moves.
+/// A latent step's time outside ONNX Runtime, and the bytes that it moves.
 fn step_costs(world: &Arc<World>) -> Outcome<()> {
     let mut rollout = rollout(world)?;
     for _ in 0..WARM_UP {
         rollout.step(&ControlInput::default())?;
     }
-    // Waits for all that was submitted, whose time is known then.
+    // Waits for all submitted work, whose time is then known.
     rollout.latent()?;
     let first = times(&mut rollout)?;
     let (mut took, mut own, mut inside) = (Vec::new(), Vec::new(), Vec::new());
@@ -92,7 +92,7 @@ fn step_costs(world: &Arc<World>) -> Outcome<()> {
     }
     rollout.latent()?;
     let last = times(&mut rollout)?;
-    // Medians: where the device is played by the processor, now and then it takes the processor away in the midst of a call.
+    // Medians: a device that the processor emulates sometimes takes the processor in the middle of a call.
     let [took, own, inside] = [took, own, inside].map(median);
     let on_device = last.passes.total - first.passes.total + last.decode.total - first.decode.total;
     let on_device = on_device / STEPS as u32;
@@ -101,7 +101,7 @@ fn step_costs(world: &Arc<World>) -> Outcome<()> {
     println!("  of it inside ONNX Runtime's calls          {:>10.2} ms", ms(inside));
     println!("  its passes on the device, by its clock     {:>10.2} ms", ms(on_device));
     println!("  the library's own time                     {:>10.3} ms", ms(own));
-    // Calls may return when the device has only been given its work, and may wait for it.
+    // Calls may return as soon as the device has its work, or may wait for it.
     println!("  of ONNX Runtime's, calls or passes (aim: 3 %) {:>7.2} %", of(inside.max(on_device)));
     println!("  of its calls alone                         {:>10.2} %", of(inside));
     println!(
@@ -125,7 +125,7 @@ fn median(mut times: Vec<Duration>) -> Duration {
     times[times.len() / 2]
 }
 
-/// How long an engine's frame takes with a rollout beside it and without.
+/// Times an engine's frame with a rollout running beside it and without.
 fn frames_beside(gpu: &Gpu, world: &Arc<World>, options: &DirectMlOptions) -> Outcome<()> {
     let pixels = vec![127; SIZE.0 as usize * SIZE.1 as usize * 4];
     let [before, after] = [(); 2].map(|()| filled(gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM, &pixels));

@@ -1,4 +1,4 @@
-//! A shader that blends two textures, and a clock on the device.
+//! A shader that blends two textures, and a timer on the device.
 
 use std::mem::ManuallyDrop;
 
@@ -9,10 +9,10 @@ use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT_R8G8B8A8_UN
 
 use crate::pictures::{Kept, made, run};
 
-/// Sides of its groups of threads.
+/// Width and height of its thread groups.
 const GROUP: u32 = 8;
 
-/// The shader with two pictures and a place for their mean.
+/// The shader with two pictures and a target for their mean.
 pub(crate) struct Blend {
     root: ID3D12RootSignature,
     pipeline: ID3D12PipelineState,
@@ -42,7 +42,7 @@ impl Blend {
         };
         let wanted = D3D12_ROOT_SIGNATURE_DESC { NumParameters: 1, pParameters: &table, ..Default::default() };
         let mut text: Option<ID3DBlob> = None;
-        // SAFETY: the description and what it points to live during the call, and so does the place.
+        // SAFETY: the description and what it points to live during the call, and so does the variable.
         unsafe { D3D12SerializeRootSignature(&wanted, D3D_ROOT_SIGNATURE_VERSION_1, &mut text, None) }.expect("a text");
         let text = text.expect("a text");
         // SAFETY: a live blob.
@@ -75,7 +75,7 @@ impl Blend {
         };
         for (i, picture) in [before, after].into_iter().enumerate() {
             let at = D3D12_CPU_DESCRIPTOR_HANDLE { ptr: first + i * step };
-            // SAFETY: a live device and resource, and a place in the heap.
+            // SAFETY: a live device and resource, and a descriptor in the heap.
             unsafe { device.CreateShaderResourceView(&picture.resource, None, at) };
         }
         let view = D3D12_UNORDERED_ACCESS_VIEW_DESC {
@@ -89,7 +89,7 @@ impl Blend {
         Self { root, pipeline, heap, groups: [size.0.div_ceil(GROUP), size.1.div_ceil(GROUP)] }
     }
 
-    /// Records it; the pictures rest in states in which shaders read and write them.
+    /// Records it; the pictures stay in states in which shaders read and write them.
     pub(crate) fn record(&self, list: &ID3D12GraphicsCommandList) {
         // SAFETY: an open list; everything lives until it has run.
         unsafe {
@@ -102,11 +102,11 @@ impl Blend {
     }
 }
 
-/// Tells how long the device takes.
+/// Measures time on the device.
 pub(crate) struct Clock {
     queries: ID3D12QueryHeap,
     results: ID3D12Resource,
-    /// Ticks of a second.
+    /// Ticks per second.
     frequency: f64,
 }
 
@@ -114,7 +114,7 @@ impl Clock {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let wanted = D3D12_QUERY_HEAP_DESC { Type: D3D12_QUERY_HEAP_TYPE_TIMESTAMP, Count: 2, NodeMask: 0 };
         let mut queries: Option<ID3D12QueryHeap> = None;
-        // SAFETY: the description and the place live during the call.
+        // SAFETY: the description and the variable live during the call.
         unsafe { gpu.device().CreateQueryHeap(&wanted, &mut queries) }.expect("queries");
         let wanted = D3D12_RESOURCE_DESC {
             Dimension: D3D12_RESOURCE_DIMENSION_BUFFER,
@@ -132,7 +132,7 @@ impl Clock {
         Self { queries: queries.expect("queries"), results, frequency }
     }
 
-    /// Runs what is recorded, and says for how many seconds.
+    /// Runs the recorded commands and returns their time in seconds.
     pub(crate) fn time(&self, gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> f64 {
         run(gpu, |list| {
             // SAFETY: an open list; the queries live until it has run.
@@ -145,7 +145,7 @@ impl Clock {
             }
         });
         let mut address = std::ptr::null_mut();
-        // SAFETY: a buffer of a heap that the processor reads.
+        // SAFETY: a buffer in an upload or readback heap.
         unsafe { self.results.Map(0, None, Some(&mut address)) }.expect("a mapping");
         // SAFETY: it holds two numbers, which the device has written.
         let [start, end] = unsafe { address.cast::<[u64; 2]>().read() };

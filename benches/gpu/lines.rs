@@ -1,4 +1,4 @@
-//! What is measured.
+//! The measurements.
 
 use cairn::framegen::shader::{self, GuidanceTextures, ShaderGenerator, TexturePair};
 use cairn::gpu::compute::CommandRing;
@@ -13,16 +13,16 @@ use crate::pictures::{Kept, filled, texture};
 
 /// Turns of each line.
 const TURNS: usize = 9;
-/// Bytes to a pixel that a blend moves: two pictures, and their mean.
+/// Bytes per pixel that a blend moves: two pictures, and their mean.
 const BLENDED: f64 = 12.0;
-/// The least for a frame: two pictures, motion in halves, depth in floats, and the frame.
+/// Lower bound for a frame, in bytes per pixel: two pictures, motion in half floats, depth in floats, and the frame.
 const LEAST_OF_FRAME: f64 = 20.0;
-/// The least for motion: two pictures, and motion in halves.
+/// Lower bound for optical flow: two pictures, and motion in half floats.
 const LEAST_OF_MOTION: f64 = 12.0;
-/// Frames between two anchors when four are shown for each.
+/// Phases of the frames between two anchors at four frames per anchor.
 const BETWEEN: [f32; 3] = [0.25, 0.5, 0.75];
 
-/// A ground that moves by 12 pixels behind a pillar that moves by 4 the other way: pictures, motion and depth.
+/// A ground that moves by 12 pixels behind a pillar that moves by 4 in the opposite direction: pictures, motion and depth.
 fn scene((width, height): (u32, u32)) -> ([Vec<u8>; 2], Vec<f16>, Vec<f32>) {
     let is_pillar = |x: i32| x / 40 % 8 == 3;
     let ground = |x: i32, y: i32| {
@@ -52,7 +52,7 @@ fn guidance<'a>(motion: &'a Kept, depth: &'a Kept, depth_tile: u32) -> GuidanceT
 
 struct Line<'a> {
     name: &'static str,
-    /// Bytes to a pixel that must be moved.
+    /// Bytes per pixel that must be moved.
     least: f64,
     record: Box<dyn FnMut(&ID3D12GraphicsCommandList) + 'a>,
     seconds: Vec<f64>,
@@ -146,7 +146,7 @@ pub(crate) fn run() {
     ];
 
     let clock = Clock::new(gpu);
-    // One turn more, which makes what a driver makes when it is first needed.
+    // The first turn does not count: drivers allocate at first use.
     for turn in 0..=turns {
         for line in &mut lines {
             let seconds = clock.time(gpu, &mut line.record);

@@ -8,8 +8,8 @@ use super::structs::{Out, check_out, describe, slice_mut};
 use crate::world::KeptAnchor;
 use crate::{Error, ErrorKind};
 
-/// A flag of cairn_anchor_info: nothing leads from the anchor before to this one, so that nothing may be generated between
-/// them. It is the first of a rollout, after a reset or a restored state, or a picture that was appended.
+/// A flag of cairn_anchor_info: the anchor does not continue the previous one, so nothing may be generated between them. It is the first
+/// of a rollout, after a reset or a restored state, or a picture that was appended.
 pub const CAIRN_ANCHOR_CUT: u32 = 1;
 
 /// An anchor: a copy that stays as it is, whatever becomes of its rollout.
@@ -23,7 +23,7 @@ impl Handle for cairn_anchor {
 
 impl Object for KeptAnchor {}
 
-/// What an anchor is.
+/// Properties of an anchor.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_anchor_info {
@@ -35,7 +35,7 @@ pub struct cairn_anchor_info {
     pub latent: u64,
     /// Latents per second of world time; 0 for a host's own picture.
     pub latents_per_second: u32,
-    /// Pictures it has, in order of time; the last is the anchor itself.
+    /// Number of its pictures, in order of time; the last is the anchor itself.
     pub pictures: u32,
     /// Size of its pictures, in square pixels.
     pub width: u32,
@@ -55,10 +55,10 @@ describe!(cairn_anchor_info, [], {
     reserved,
 });
 
-/// Makes an anchor of a picture of the host's own, for frame generation without a world.
+/// Makes an anchor from a picture of the host's own, for frame generation without a world.
 ///
 /// number: counts up by one from anchor to anchor.
-/// flags: CAIRN_ANCHOR_CUT where nothing leads to it from the one before, or 0.
+/// flags: CAIRN_ANCHOR_CUT where it does not continue the previous anchor, or 0.
 ///
 /// Ownership: on success *anchor is the caller's, for cairn_anchor_destroy; on failure it is not written. The picture is copied.
 /// Threads: any thread, at any time.
@@ -86,7 +86,7 @@ pub unsafe extern "C" fn cairn_anchor_create(
     })
 }
 
-/// Says what an anchor is.
+/// Gives the properties of an anchor.
 ///
 /// Ownership: info stays the caller's and is filled on success; on failure it is not written.
 /// Threads: any thread, at any time.
@@ -176,7 +176,7 @@ pub unsafe extern "C" fn cairn_anchor_read_latent(
     })
 }
 
-/// Refuses a picture that an anchor does not have.
+/// Refuses a picture index beyond the anchor's pictures.
 pub(super) fn check_index(anchor: &KeptAnchor, index: u32) -> Outcome<()> {
     if (index as usize) < anchor.count() {
         return Ok(());

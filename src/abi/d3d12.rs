@@ -1,4 +1,4 @@
-//! Direct3D 12: the doors that an engine's own objects come through. What stands behind them is built for Windows only.
+//! Direct3D 12: entry points that take an engine's own objects. The implementation is built for Windows only.
 
 use std::ffi::c_void;
 use std::time::Duration;
@@ -42,41 +42,41 @@ pub(super) struct Guard {
     value: u64,
 }
 
-/// What frames for Direct3D 12 have taken on the device.
+/// Statistics of frames made on a Direct3D 12 device.
 #[derive(Default)]
 pub(super) struct DeviceFigures {
-    /// Frames that have not run.
+    /// Frames that have not run yet.
     pub(super) under_way: u32,
     /// Recorded frames whose lists may not have run.
     pub(super) lists_pending: u32,
-    /// Frames that have.
+    /// Device times of frames that have run.
     pub(super) frames: DeviceTimes,
-    /// Lists that bring what they are made of.
+    /// Device times of the lists that prepare the frames' inputs.
     pub(super) lists: DeviceTimes,
-    /// Which generator made the last frame, none for the processor, and why no other did; none before the first.
+    /// Generator of the last frame (`None`: the CPU), and why no other was used; `None` before the first frame.
     pub(super) generator: Option<(Option<String>, String)>,
-    /// What brought the last frame to its size, and why AMD's upscaler did not; none where the processor made it.
+    /// Upscaler of the last frame, and why AMD's was not used; `None` where the CPU made the frame.
     pub(super) upscaler: Option<(String, String)>,
 }
 
-/// What a rollout has taken on the device, and how its passes run there.
+/// Statistics of a rollout's passes on the device.
 #[derive(Default, Clone, Copy)]
 pub(super) struct RolloutFigures {
     pub(super) passes: DeviceTimes,
     pub(super) decodes: DeviceTimes,
     pub(super) commits: DeviceTimes,
-    /// Inside ONNX Runtime.
+    /// Wall time inside ONNX Runtime.
     pub(super) inside: Duration,
-    /// Waiting for the device.
+    /// Wall time of waiting for the device.
     pub(super) waited: Duration,
     pub(super) yields: u64,
-    /// Passes that run by capture.
+    /// Passes that run from captured commands.
     pub(super) captured: usize,
-    /// Those that do not.
+    /// Passes that do not.
     pub(super) others: usize,
 }
 
-/// How often, and how long.
+/// Count and durations of a kind of work on the device.
 #[derive(Default, Clone, Copy)]
 pub(super) struct DeviceTimes {
     pub(super) count: u64,
@@ -165,14 +165,14 @@ pub struct cairn_d3d12_options {
     /// processor next to nothing. A rollout has two at most to a graph, and those of rollouts that are gone are kept as long as the world.
     /// Captured passes are used where they give the same bits as others, which the first runs of each show. 0 for none.
     pub captured_passes: u32,
-    /// Microseconds of work, by the device's own clock, that a rollout may have on the queue for anchors at a time, so that the engine's
-    /// frames get their turn in between: before a pass that would make it more, the rollout waits for what is there. A pass is never
-    /// divided: cairn_rollout_statistics has the longest, and how often was waited. 0 for no limit.
+    /// Longest work of a rollout that may be queued on the anchors' queue at a time, in microseconds of the device's own clock, so that the
+    /// engine's frames run in between. A pass that would exceed it waits for the work already queued. Passes are never split:
+    /// cairn_rollout_statistics has the longest pass and the number of waits. 0 for no limit.
     pub longest_submission_us: u32,
 }
 describe!(cairn_d3d12_options, [], { struct_size, flags, captured_passes, longest_submission_us });
 
-/// Says how a device runs worlds that are loaded, and rollouts that are made, from now on.
+/// Sets how a device runs worlds loaded, and rollouts made, from now on.
 ///
 /// Ownership: options are read during the call; nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time.
@@ -196,7 +196,7 @@ pub unsafe extern "C" fn cairn_device_set_d3d12(
     })
 }
 
-/// Gives what a device runs on.
+/// Gives the Direct3D 12 device and the queue that a device runs on.
 ///
 /// Ownership: on success *d3d12 and *queue have a reference more each, for the caller to release; on failure neither is written.
 /// Threads: any thread, at any time.
@@ -546,10 +546,10 @@ pub unsafe extern "C" fn cairn_presenter_release_d3d12(presenter: *mut cairn_pre
     })
 }
 
-/// What became of a frame for Direct3D 12.
+/// Outcome of a frame for Direct3D 12.
 #[cfg_attr(not(windows), expect(dead_code, reason = "frames are recorded on Direct3D 12 alone"))]
 pub(super) enum Recorded {
-    /// No anchor has come.
+    /// No anchor has arrived yet.
     NotReady,
     /// As many lists as may have not run.
     QueueFull,
@@ -557,10 +557,10 @@ pub(super) enum Recorded {
     Frame(FrameInfo, Option<Guard>),
 }
 
-/// Where a frame is recorded to.
+/// Target of a recorded frame.
 #[cfg_attr(not(windows), expect(dead_code, reason = "what stands behind the door reads it"))]
 pub(super) struct To {
-    /// An engine's list, and its own fence that says when that has run.
+    /// The engine's command list, and the engine's fence that is signalled once the list has run.
     list: Option<(*mut ID3D12GraphicsCommandList, Guard)>,
     target: *mut ID3D12Resource,
     before: u32,

@@ -65,7 +65,7 @@ pub struct cairn_device_options {
 }
 describe!(cairn_device_options, [], { struct_size, threads, flags, reserved, onnxruntime, ffx });
 
-/// What a device is.
+/// Properties of a device.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_device_info {
@@ -73,7 +73,7 @@ pub struct cairn_device_info {
     pub struct_size: u32,
     /// CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12
     pub kind: u32,
-    /// What it computes in unless told otherwise: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16
+    /// Default precision: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16
     pub precision: u32,
     /// Threads that share one pass.
     pub threads: u32,
@@ -116,7 +116,7 @@ pub unsafe extern "C" fn cairn_device_create_cpu(
     })
 }
 
-/// Says what a device is.
+/// Gives the properties of a device.
 ///
 /// Ownership: info stays the caller's and is filled on success; on failure it is not written.
 /// Threads: any thread, at any time.

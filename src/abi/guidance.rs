@@ -10,13 +10,13 @@ use super::structs::{Out, check_out, describe, read, slice, slice_mut};
 use crate::guidance::{DepthEncoding, DepthMap, Guidance, MotionField, Projection, paper, picture_flow};
 use crate::present::presenter::{MotionSource, extract};
 
-/// Motion from what scores best (docs/motion.md); today CAIRN_MOTION_PICTURES.
+/// Motion from the source with the best scores (docs/motion.md); today CAIRN_MOTION_PICTURES.
 pub const CAIRN_MOTION_AUTO: u32 = 0;
 /// Motion from the two pictures: dense optical flow.
 pub const CAIRN_MOTION_PICTURES: u32 = 1;
-/// Motion from the two latents, as the paper has it. Only anchors of a world have latents.
+/// Motion from the two latents, by the paper's method. Only anchors of a world have latents.
 pub const CAIRN_MOTION_PAPER: u32 = 2;
-/// Motion from what cells of the two latents look alike. Only anchors of a world have latents.
+/// Motion from block matching of the two latents. Only anchors of a world have latents.
 pub const CAIRN_MOTION_LATENTS: u32 = 3;
 
 /// A flag of cairn_guidance_data: depth is 1 near and 0 far.
@@ -38,7 +38,7 @@ impl Handle for cairn_guidance {
 
 impl Object for Guidance {}
 
-/// Motion and depth that the host has, in its memory.
+/// Motion and depth from the host, in its memory.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_guidance_data {
@@ -46,18 +46,17 @@ pub struct cairn_guidance_data {
     pub struct_size: u32,
     /// CAIRN_DEPTH_INVERTED, or CAIRN_DEPTH_LINEAR, or 0 for device depth with 0 near
     pub flags: u32,
-    /// In pixels, 1 to 16384; the anchors'.
+    /// Size in pixels, 1 to 16384; must be the anchors'.
     pub width: u32,
     /// See width.
     pub height: u32,
-    /// Half floats x, y for each pixel, row by row without padding, as cairn_guidance has them. What is not finite counts as
-    /// 0.
+    /// Half floats x, y for each pixel, row by row without padding, as cairn_guidance has them. Non-finite values count as 0.
     pub motion: *const u16,
-    /// Half floats there are: width * height * 2.
+    /// Number of half floats: width * height * 2.
     pub motion_count: u64,
-    /// A number for each pixel, row by row without padding; null where there is no depth.
+    /// One value for each pixel, row by row without padding; null where there is no depth.
     pub depth: *const f32,
-    /// Numbers there are: width * height, or 0.
+    /// Number of values: width * height, or 0.
     pub depth_count: u64,
     /// Distance of the near plane, above 0; 0 in all three for 0.1, 100 and 60 degrees.
     pub near_plane: f32,
@@ -73,7 +72,7 @@ describe!(cairn_guidance_data, [], {
     reserved,
 });
 
-/// What guidance is.
+/// Properties of guidance.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_guidance_info {
@@ -92,8 +91,8 @@ pub struct cairn_guidance_info {
 }
 describe!(cairn_guidance_info, [], { struct_size, width, height, near_plane, far_plane, vertical_fov });
 
-/// Finds motion and depth of a pair of anchors. Takes milliseconds, on the calling thread: a presenter does it by itself when
-/// a frame first needs it, so this is for hosts that would rather do it off the render thread, or look at it.
+/// Finds motion and depth of a pair of anchors. Takes milliseconds, on the calling thread. A presenter does this itself when a frame first
+/// needs it; call this to do it off the render thread, or to inspect the result.
 ///
 /// source: CAIRN_MOTION_AUTO, CAIRN_MOTION_PICTURES, CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS.
 ///
@@ -120,7 +119,7 @@ pub unsafe extern "C" fn cairn_guidance_create(
     })
 }
 
-/// Makes guidance of the host's own motion and depth, as an engine has them.
+/// Makes guidance from the host's own motion and depth, such as an engine's.
 ///
 /// Ownership: on success *guidance is the caller's, for cairn_guidance_destroy; on failure it is not written. What data points
 /// to is copied.
@@ -145,7 +144,7 @@ pub unsafe extern "C" fn cairn_guidance_create_from_host(
     })
 }
 
-/// Says what guidance is.
+/// Gives the properties of guidance.
 ///
 /// Ownership: info stays the caller's and is filled on success; on failure it is not written.
 /// Threads: any thread, at any time.
@@ -241,7 +240,7 @@ pub unsafe extern "C" fn cairn_guidance_destroy(guidance: *mut cairn_guidance) -
     call("cairn_guidance_destroy", || destroy(guidance))
 }
 
-/// What the header's number means.
+/// Meaning of the header's number.
 pub(super) fn motion_source(number: u32, name: &str) -> Outcome<MotionSource> {
     match number {
         CAIRN_MOTION_AUTO => Ok(MotionSource::BEST),
@@ -268,7 +267,7 @@ unsafe fn from_host(data: &cairn_guidance_data) -> Outcome<Guidance> {
     if data.reserved != 0 {
         return Err(Failure::argument("data.reserved", "it must be 0"));
     }
-    // An array shorter than the size says is refused before room for the size is made.
+    // Check the array's length before allocating memory for the stated size.
     let pixels = u64::from(data.width) * u64::from(data.height);
     if u128::from(data.motion_count) != u128::from(pixels) * 2 {
         let why = format!("{} numbers, {} x {} pixels have {} each", data.motion_count, data.width, data.height, 2);
@@ -282,7 +281,7 @@ unsafe fn from_host(data: &cairn_guidance_data) -> Outcome<Guidance> {
     // SAFETY: the caller's promise.
     let vectors = unsafe { slice(data.motion, data.motion_count as usize, "data.motion") }?;
     for (to, from) in motion.vectors_mut().iter_mut().zip(vectors.as_chunks::<2>().0) {
-        // What is no motion would be motion to nowhere.
+        // A non-finite vector would point nowhere.
         *to = from.map(f16::from_bits).map(|v| if v.is_finite() { v } else { f16::ZERO });
     }
     let mut values = Vec::new();

@@ -25,7 +25,7 @@ const SLOT_BITS: u32 = 24;
 const GENERATION_BITS: u32 = 32;
 const _: () = assert!(size_of::<usize>() == 8, "handles need pointers of 64 bits");
 
-/// The kinds of objects; the number is part of the handle.
+/// Kinds of objects; the number is part of the handle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub(super) enum Kind {
@@ -48,7 +48,7 @@ pub(super) trait Handle {
     type Object: Object;
 }
 
-/// What lies behind a handle.
+/// An object behind a handle.
 pub(super) trait Object: Any + Send + Sync {
     /// The handle is gone: calls that still wait for something must come to an end.
     fn close(&self) {}

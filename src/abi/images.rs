@@ -60,7 +60,7 @@ pub struct cairn_target {
 }
 describe!(cairn_target, [], { struct_size, format, width, height, pixels, size, row_pitch });
 
-/// Rows in foreign memory.
+/// Rows of pixels in the host's memory.
 #[derive(Debug, Clone, Copy)]
 struct Rows {
     len: usize,
@@ -130,7 +130,7 @@ pub(super) unsafe fn read_picture(from: *const cairn_picture, name: &str) -> Out
     Ok(picture)
 }
 
-/// A place for a picture of a known size, checked before the work whose result it takes.
+/// The host's memory for a picture of a known size, checked before the work that produces the picture.
 #[derive(Debug)]
 pub(super) struct Target {
     pixels: *mut u8,

@@ -1,4 +1,4 @@
-//! The C surface: `include/cairn.h` is made from this room and from nothing else.
+//! The C interface: `include/cairn.h` is made from this module and from nothing else.
 //!
 //! Here is marshalling, and no work: what a call does is done by the rooms below. One file for each object and, in the order
 //! of the header:
@@ -15,9 +15,9 @@
 //! | `d3d12` | experimental: what an engine's own Direct3D 12 objects come through |
 //! | `swapchain` | experimental: AMD's swap chain, for engines that want AMD to present |
 //!
-//! Behind them, and not in the header: `boundary` is the one way in, where panics end; `handles` the table behind every handle,
-//! with a `gate` for each object; `preferences` are what a host wants of frames; `structs` and `text` read and write foreign memory;
-//! `record` is what the interface promises.
+//! Internal modules, not in the header: `boundary` wraps every entry point and catches panics; `handles` is the table behind every
+//! handle, with a `gate` for each object; `preferences` resolves a host's preferences for frames; `structs` and `text` read and write
+//! the host's memory; `record` describes the interface for the header.
 #![allow(non_camel_case_types, reason = "the names are the header's")]
 #![allow(clippy::missing_safety_doc, reason = "the header says once, for all functions, what pointers must be")]
 

@@ -1,4 +1,4 @@
-//! What a host wants of a presenter's frames: their colours, and what makes them.
+//! A host's preferences for a presenter's frames: colour space and generator.
 
 use super::d3d12::behind::HAS_SHADERS;
 use super::presenter::{
@@ -10,7 +10,7 @@ use crate::Colours;
 use crate::framegen::FrameGenerator;
 use crate::framegen::cpu::CpuGenerator;
 
-/// What the numbers of frames stand for.
+/// The colour space of frames.
 pub(super) fn colours(space: u32, white_nits: u32) -> Outcome<Colours> {
     let refuse = |field: &str, why: String| Err(Failure::argument(&format!("options.{field}"), why));
     let white = match white_nits {
@@ -30,7 +30,7 @@ pub(super) fn colours(space: u32, white_nits: u32) -> Outcome<Colours> {
     }
 }
 
-/// The generator that the preferences lead to, and why others are not used.
+/// The generator chosen by the preferences, and why others are not used.
 pub(super) fn choose(options: &cairn_presenter_options) -> Outcome<(Option<Box<dyn FrameGenerator>>, String)> {
     let preferences = [("fsr", options.fsr), ("shader", options.shader), ("cpu", options.cpu)];
     for (name, preference) in preferences.into_iter().chain([("upscaler", options.upscaler)]) {
@@ -79,5 +79,5 @@ pub(super) fn choose(options: &cairn_presenter_options) -> Outcome<(Option<Box<d
     Ok((generator, reason))
 }
 
-/// Why what is in memory is not made by a device.
+/// Why frames in memory are not made by a device.
 const ELSEWHERE: &str = "frames are made with it where they are recorded for Direct3D 12";

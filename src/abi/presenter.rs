@@ -27,7 +27,7 @@ pub const CAIRN_PREFER_REQUIRE: u32 = 1;
 /// The generator is not used.
 pub const CAIRN_PREFER_NEVER: u32 = 2;
 
-/// A flag of cairn_presenter_options: where an anchor is late the last one stands; its motion does not go on.
+/// A flag of cairn_presenter_options: where an anchor is late the last one is held; its motion is not extrapolated.
 pub const CAIRN_PRESENTER_HOLD_LATE: u32 = 1;
 /// A flag of cairn_presenter_options: after a late anchor frames are shown sooner, by a quarter of a frame for each anchor,
 /// until anchors are due delay_ns after they come again. For hosts that make anchors at a steady pace, and not as fast as
@@ -36,33 +36,33 @@ pub const CAIRN_PRESENTER_CATCH_UP: u32 = 2;
 /// A flag of cairn_presenter_options: frames are generated also where the anchor brings as many decoded pictures as there
 /// are frames to an anchor.
 pub const CAIRN_PRESENTER_NO_DECODED: u32 = 4;
-/// A flag of cairn_presenter_options: in frames of another shape than the anchors' these keep theirs, in the middle, with black beside
-/// or above them. Without it they are stretched.
+/// A flag of cairn_presenter_options: frames of another aspect ratio than the anchors' keep the anchors' ratio, centred, with black bars.
+/// Without it they are stretched.
 pub const CAIRN_PRESENTER_LETTERBOX: u32 = 8;
 
 /// Display-referred sRGB, as pictures are.
 pub const CAIRN_COLOUR_SRGB: u32 = 0;
-/// Linear light of the same primaries, 1 being white; for CAIRN_FORMAT_RGBA16F, and textures of R11G11B10_FLOAT, only.
+/// Linear, sRGB primaries, 1 is white; for CAIRN_FORMAT_RGBA16F, and textures of R11G11B10_FLOAT, only.
 pub const CAIRN_COLOUR_LINEAR: u32 = 1;
-/// scRGB: linear light of the same primaries, 1 being 80 nits; for CAIRN_FORMAT_RGBA16F only.
+/// scRGB: linear, sRGB primaries, 1 is 80 nits; for CAIRN_FORMAT_RGBA16F only.
 pub const CAIRN_COLOUR_SCRGB: u32 = 2;
-/// HDR10: the curve of PQ with the primaries of BT.2020; for CAIRN_FORMAT_RGB10A2 only.
+/// HDR10: PQ transfer function, BT.2020 primaries; for CAIRN_FORMAT_RGB10A2 only.
 pub const CAIRN_COLOUR_HDR10: u32 = 3;
 
 /// A frame is an anchor.
 pub const CAIRN_FRAME_ANCHOR: u32 = 1;
-/// A frame is a picture that the later anchor brought with it.
+/// A frame is a decoded picture that came with the later anchor.
 pub const CAIRN_FRAME_DECODED: u32 = 2;
-/// A frame is generated between two anchors.
+/// A frame is interpolated between two anchors.
 pub const CAIRN_FRAME_GENERATED: u32 = 3;
-/// A frame is generated beyond the last anchor, as the next one is late.
+/// A frame is extrapolated beyond the last anchor, because the next one is late.
 pub const CAIRN_FRAME_EXTRAPOLATED: u32 = 4;
-/// A frame is a picture that stands, as nothing can be generated: between two anchors the nearer, else the last.
+/// A frame is a held picture, because nothing can be generated: between two anchors the nearer, else the last.
 pub const CAIRN_FRAME_HELD: u32 = 5;
 
-/// A flag of cairn_frame: a cut keeps it from being generated.
+/// A flag of cairn_frame: it was not generated because of a cut.
 pub const CAIRN_FRAME_CUT: u32 = 1;
-/// A flag of cairn_frame: it is the very picture that was drawn before.
+/// A flag of cairn_frame: it is identical to the one drawn before.
 pub const CAIRN_FRAME_REPEATED: u32 = 2;
 /// A flag of cairn_frame: an anchor is shown in its place, as cairn_presenter_prepare_d3d12 was not called for it.
 pub const CAIRN_FRAME_UNPREPARED: u32 = 4;
@@ -76,7 +76,7 @@ pub const CAIRN_FRAME_UNPREPARED: u32 = 4;
 /// much: a world that is too slow is shown slowly, and whole.
 pub struct cairn_presenter(());
 
-/// What lies behind a handle of a presenter.
+/// The object of a presenter's handle.
 pub(super) struct Presenting {
     pub(super) presenter: Presenter,
     colours: Colours,
@@ -158,8 +158,8 @@ pub struct cairn_presenter_options {
     pub height: u32,
     /// Nanoseconds from one anchor to the next, at most 60 seconds; 0 for what the first anchor's latents_per_second says.
     pub interval_ns: u64,
-    /// Nanoseconds from when an anchor comes until it is due, at most 60 seconds; 0 for an interval. Frames between need the
-    /// anchor after, so that less than (multiplier - 1) / multiplier of an interval makes frames late.
+    /// Nanoseconds from an anchor's arrival until it is due, at most 60 seconds; 0 for an interval. Frames between two anchors need the
+    /// later one, so a delay below (multiplier - 1) / multiplier of an interval makes frames late.
     pub delay_ns: u64,
     /// CAIRN_PRESENTER_HOLD_LATE, CAIRN_PRESENTER_CATCH_UP, CAIRN_PRESENTER_NO_DECODED, CAIRN_PRESENTER_LETTERBOX
     pub flags: u32,
@@ -178,7 +178,7 @@ pub struct cairn_presenter_options {
     pub cpu: u32,
     /// 0
     pub reserved: u32,
-    /// How bright the white of pictures is in CAIRN_COLOUR_SCRGB and CAIRN_COLOUR_HDR10, 1 to 10000 nits; 0 for 203. 0 for the others.
+    /// Brightness of the pictures' white in CAIRN_COLOUR_SCRGB and CAIRN_COLOUR_HDR10, 1 to 10000 nits; 0 for 203. 0 for the others.
     pub white_nits: u32,
     /// 0
     pub reserved_too: u32,
@@ -201,8 +201,8 @@ pub struct cairn_frame {
     pub struct_size: u32,
     /// CAIRN_FRAME_ANCHOR to CAIRN_FRAME_HELD
     pub source: u32,
-    /// Place in the stream: anchor i, counted from 0 as they came, has place i * multiplier. When a late anchor comes it may
-    /// step back.
+    /// Position in the stream: anchor i, counted from 0 in order of arrival, is at i * multiplier. It may step back when a late anchor
+    /// arrives.
     pub position: u64,
     /// When it is due. For the first anchor this may be yet to come: it is shown from its arrival on.
     pub since_ns: u64,
@@ -210,7 +210,7 @@ pub struct cairn_frame {
     pub until_ns: u64,
     /// Number of the anchor that it shows or starts from.
     pub previous: u64,
-    /// Number of the anchor that it leads to; the same where it leads to none.
+    /// Number of the anchor that it leads to; the same as from where there is none.
     pub current: u64,
     /// Intervals from the previous anchor, 0 to 1.
     pub t: f32,
@@ -357,8 +357,8 @@ pub unsafe extern "C" fn cairn_presenter_resize(
     })
 }
 
-/// Says what lies over the anchors from the next frame on, and stands still while they move, like a HUD. Without it that is told from
-/// colours that do not move. Every generator heeds it. cairn_presenter_reset forgets it.
+/// Sets the static overlay, like a HUD, that covers the anchors from the next frame on and does not move with them. Without a mask it is
+/// detected from colours that do not change. All generators use it. cairn_presenter_reset removes it.
 ///
 /// mask: a byte to a pixel of an anchor, row by row from the top left, 0 where nothing lies over it; null, with 0 for all the rest, for
 /// nothing known.

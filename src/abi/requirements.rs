@@ -1,4 +1,4 @@
-//! What there is to run on, and what is missing for it.
+//! Available devices, and what they lack.
 
 use std::ffi::c_char;
 
@@ -114,7 +114,7 @@ pub unsafe extern "C" fn cairn_adapters(
     })
 }
 
-/// Says what a device of that kind needs and what was found, so that a player can be shown why something is off.
+/// Gives what a device of that kind needs and what was found, so that a player can be shown why a feature is unavailable.
 ///
 /// kind: CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12.
 /// options: what the device would be made with; may be null.

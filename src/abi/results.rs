@@ -1,4 +1,4 @@
-//! What every call answers, and the message behind a failure.
+//! Result codes, and the message of the last error.
 
 use std::cell::RefCell;
 use std::ffi::c_char;
@@ -180,7 +180,7 @@ pub(super) fn remember(function: &str, failure: &Failure) {
     });
 }
 
-/// Why a call failed: the code for the program, the rest for people.
+/// A failure: the code for the program, the rest for people.
 #[derive(Debug, Clone)]
 pub(super) struct Failure {
     pub(super) code: cairn_result,

@@ -46,16 +46,16 @@ impl Object for Worker {
 pub struct cairn_rollout_options {
     /// sizeof(cairn_rollout_options)
     pub struct_size: u32,
-    /// Steps that may wait, run, or be done and not asked for, 1 to CAIRN_MAX_QUEUE; 0 for 4.
+    /// Steps that may be waiting, running, or done with a result not yet fetched, 1 to CAIRN_MAX_QUEUE; 0 for 4.
     pub queue_capacity: u32,
-    /// Decides all noise: the same seed, world, device and controls give the same pictures, bit for bit.
+    /// Seed of all noise: the same seed, world, device and controls give the same pictures, bit for bit.
     pub seed: u64,
     /// As in cairn_world_options, with the global window of the world; null for the world's.
     pub operating_point: *const c_char,
 }
 describe!(cairn_rollout_options, [], { struct_size, queue_capacity, seed, operating_point });
 
-/// What a rollout is, and how far.
+/// Properties and progress of a rollout.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_rollout_info {
@@ -65,20 +65,20 @@ pub struct cairn_rollout_info {
     pub pictures_per_latent: u32,
     /// Latents made so far.
     pub latents: u64,
-    /// What decides its noise.
+    /// Seed of its noise.
     pub seed: u64,
-    /// Latents per second of world time: what each step's controls are summed over.
+    /// Latents per second of world time; each step's controls are summed over one latent.
     pub latents_per_second: u32,
-    /// Pictures per second that the operating point means to show.
+    /// Presentation rate of the operating point, in pictures per second.
     pub presented_rate: u32,
-    /// How it runs, in full; UTF-8.
+    /// The operating point, in full; UTF-8.
     pub operating_point: [c_char; 192],
 }
 describe!(cairn_rollout_info, [], {
     struct_size, pictures_per_latent, latents, seed, latents_per_second, presented_rate, operating_point,
 });
 
-/// What one step did. Times are nanoseconds of wall time.
+/// Report of one step. Times are nanoseconds of wall time.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_step_info {
@@ -86,23 +86,23 @@ pub struct cairn_step_info {
     pub struct_size: u32,
     /// CAIRN_STEP_COMMITTED, or 0
     pub flags: u32,
-    /// The number of the latent that was made, from 0.
+    /// Number of the latent made, from 0.
     pub latent: u64,
     /// Denoise passes.
     pub denoise_passes: u32,
-    /// Passes that make keys and values for the ring.
+    /// Cache passes, which compute keys and values for the ring.
     pub cache_passes: u32,
-    /// A picture made a latent.
+    /// Encoding a picture into a latent.
     pub encode_ns: u64,
     /// All denoise passes.
     pub denoise_ns: u64,
     /// All cache passes.
     pub cache_ns: u64,
-    /// Results checked and copied into the ring.
+    /// Checking results and copying them into the ring.
     pub commit_ns: u64,
-    /// The latent made pictures.
+    /// Decoding the latent.
     pub decode_ns: u64,
-    /// Bytes that went into the ring.
+    /// Bytes copied into the ring.
     pub ring_bytes: u64,
 }
 describe!(cairn_step_info, [], {
@@ -150,8 +150,7 @@ pub unsafe extern "C" fn cairn_rollout_create(
     })
 }
 
-/// Destroys the handle of a rollout; null is allowed. What is queued is not made any more, and the step in progress ends before
-/// its next pass.
+/// Destroys the handle of a rollout; null is allowed. Queued steps are dropped, and the step in progress ends before its next pass.
 ///
 /// Ownership: on success rollout is no handle any more; on failure it is as it was. Anchors that were taken from it stay.
 /// Threads: any thread; waits for calls in flight on the rollout, and for its worker.
@@ -162,7 +161,7 @@ pub unsafe extern "C" fn cairn_rollout_destroy(rollout: *mut cairn_rollout) -> c
     call("cairn_rollout_destroy", || destroy(rollout))
 }
 
-/// Says what a rollout is, and how far.
+/// Gives the properties and progress of a rollout.
 ///
 /// Ownership: info stays the caller's and is filled on success; on failure it is not written.
 /// Threads: any thread, at any time.
@@ -253,9 +252,9 @@ pub unsafe extern "C" fn cairn_rollout_append_pictures(
     })
 }
 
-/// Says whether the encoder goes on from one appended picture to the next, as the released engine's does, or starts anew with each, as it
-/// does unless told so here. The stream starts with this call, and again with cairn_rollout_reset; it is part of a saved state, which is
-/// restored only where this says the same.
+/// Sets whether the encoder keeps its state from one appended picture to the next, as in the released engine, or starts anew with each (the
+/// default). The stream starts with this call, and again with cairn_rollout_reset. It is part of a saved state, which can be restored only
+/// into a rollout with the same setting.
 ///
 /// keep: 1 to keep the stream, 0 to start anew.
 ///
@@ -306,7 +305,7 @@ pub unsafe extern "C" fn cairn_rollout_step(
     })
 }
 
-/// Back to the start with the same seed: no latents, empty memory.
+/// Resets to the start with the same seed: no latents, empty memory.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
@@ -394,7 +393,7 @@ pub unsafe extern "C" fn cairn_rollout_get_anchor(
     })
 }
 
-/// The most pictures of a latent.
+/// The largest number of pictures in a latent.
 const MAX_PICTURES: u32 = 4;
 
 /// Pictures that lie one behind the other, each as large as the first says.
@@ -433,7 +432,7 @@ pub(super) fn read_schedules(text: &str) -> Outcome<Vec<Schedule>> {
     Ok(text.split_whitespace().map(str::parse).collect::<Result<_, _>>()?)
 }
 
-/// A step as the header has it.
+/// Converts a step's report to the header's struct.
 pub(super) fn step_info(info: &StepInfo) -> cairn_step_info {
     let count = |stage: Stage| u32::try_from(stage.count).unwrap_or(u32::MAX);
     cairn_step_info {
@@ -451,7 +450,7 @@ pub(super) fn step_info(info: &StepInfo) -> cairn_step_info {
     }
 }
 
-/// A stage's time as the header has it.
+/// Converts a stage's time to the header's type.
 pub(super) fn nanoseconds(stage: Stage) -> u64 {
     u64::try_from(stage.time.as_nanos()).unwrap_or(u64::MAX)
 }

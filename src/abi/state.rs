@@ -130,7 +130,7 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Outcome<()> {
     let beside: PathBuf = path.with_file_name(name);
     let written = File::create(&beside).and_then(|mut file| {
         file.write_all(bytes)?;
-        // A name must not lead to a file whose bytes a crash can still take.
+        // The file's data must reach the disk before its name: a crash must not leave a name without data.
         file.sync_all()
     });
     written.and_then(|()| fs::rename(&beside, path)).map_err(|e| {

@@ -1,4 +1,4 @@
-//! Figures of a rollout, and of a presenter.
+//! Statistics of a rollout, and of a presenter.
 
 use std::ffi::c_char;
 use std::time::Duration;
@@ -13,88 +13,88 @@ use super::structs::{Out, describe};
 use super::text::fixed_text;
 use crate::world::WorkerStatistics;
 
-/// What a rollout has done since it was made, as of the end of its last step. Times are nanoseconds of wall time.
+/// Statistics of a rollout since it was made, as of the end of its last step. Times are nanoseconds of wall time.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_rollout_statistics {
     /// sizeof(cairn_rollout_statistics)
     pub struct_size: u32,
-    /// Steps that wait or run in its queue, now.
+    /// Steps in its queue now, waiting or running.
     pub queue_depth: u32,
-    /// Latents made, appended ones among them.
+    /// Latents made, including appended ones.
     pub latents: u64,
     /// Denoise passes.
     pub denoise_passes: u64,
-    /// Passes that make keys and values for the ring.
+    /// Cache passes, which compute keys and values for the ring.
     pub cache_passes: u64,
-    /// Passes of the decoder, also those that only prime it.
+    /// Passes of the decoder, including those that only prime it.
     pub decode_passes: u64,
-    /// Pictures made latents.
+    /// Encodings of pictures into latents.
     pub encode_ns: u64,
     /// Denoise passes.
     pub denoise_ns: u64,
     /// Cache passes.
     pub cache_ns: u64,
-    /// Results checked and copied into the ring.
+    /// Checking results and copying them into the ring.
     pub commit_ns: u64,
-    /// Latents made pictures.
+    /// Decoding latents.
     pub decode_ns: u64,
-    /// Pictures read and resized.
+    /// Reading pictures back and resizing them.
     pub resize_ns: u64,
     /// Bytes from the host to the device.
     pub uploaded_bytes: u64,
-    /// Bytes from place to place on the device.
+    /// Bytes copied within the device.
     pub copied_bytes: u64,
     /// Bytes from the device to the host.
     pub read_bytes: u64,
     /// The part of copied_bytes that went into the ring.
     pub ring_bytes: u64,
-    /// Passes of the transformer whose time on a Direct3D 12 device is known by its own clock; 0 on others, as all below. What else
-    /// the queue ran meanwhile is in their times.
+    /// Passes of the transformer whose time on a Direct3D 12 device is known by its own clock; 0 on other devices, as all fields below. Other
+    /// work of the queue meanwhile counts in their times.
     pub device_passes: u64,
-    /// Nanoseconds of them on the device, all together.
+    /// Total nanoseconds of them on the device.
     pub device_passes_ns: u64,
     /// Nanoseconds of the longest.
     pub device_pass_longest_ns: u64,
     /// Passes of the decoder whose time on the device is known.
     pub device_decodes: u64,
-    /// Nanoseconds of them on the device, all together.
+    /// Total nanoseconds of them on the device.
     pub device_decodes_ns: u64,
     /// Nanoseconds of the longest.
     pub device_decode_longest_ns: u64,
     /// Copies into the ring whose time on the device is known.
     pub device_commits: u64,
-    /// Nanoseconds of them on the device, all together.
+    /// Total nanoseconds of them on the device.
     pub device_commits_ns: u64,
-    /// Nanoseconds of wall time inside ONNX Runtime, which makes the device's command lists and gives them to the queue.
+    /// Nanoseconds of wall time inside ONNX Runtime, which records the device's command lists and submits them.
     pub runtime_ns: u64,
-    /// Nanoseconds of wall time of waiting for the device.
+    /// Nanoseconds of wall time spent waiting for the device.
     pub waited_ns: u64,
-    /// How often it waited because of cairn_d3d12_options.longest_submission_us.
+    /// Number of waits because of cairn_d3d12_options.longest_submission_us.
     pub yields: u64,
-    /// Passes with buffers of their own that run by capture: see cairn_d3d12_options.captured_passes.
+    /// Passes with buffers of their own that run from captured commands: see cairn_d3d12_options.captured_passes.
     pub captured_passes: u32,
-    /// Those that do not, or have not shown yet that their bits are the same.
+    /// Passes that do not, or whose captured results have not yet been shown to be bit-identical.
     pub other_passes: u32,
-    /// Nanoseconds of a frame that was shown, as measured last by cairn_rollout_govern; of it, or of the last that ended, is all below.
+    /// Nanoseconds per frame shown, as last measured by cairn_rollout_govern; the fields below belong to it, or to the last one that ended.
     pub governed_frame_ns: u64,
-    /// Latents that it measured.
+    /// Latents measured.
     pub governed_latents: u64,
-    /// Frames that it measured.
+    /// Frames measured.
     pub governed_frames: u64,
-    /// How often it gave something up as frames took too long.
+    /// How often quality was reduced because frames took too long.
     pub governed_less: u64,
-    /// How often something came back.
+    /// How often quality was raised again.
     pub governed_more: u64,
-    /// How often the window became narrower as the device's memory was short.
+    /// How often the window was narrowed because the device's memory was short.
     pub governed_short_of_memory: u64,
-    /// How often frames took too long although nothing was left to give up.
+    /// How often frames took too long although quality could not be reduced further.
     pub governed_beyond: u64,
-    /// Passes that latents have from now on; 0 where there never was a budget, as of the two below.
+    /// Denoise passes of the latents from now on; 0 where there never was a budget, as the next two fields.
     pub governed_passes: u32,
     /// The global window from now on.
     pub governed_window: u32,
-    /// Frames to an anchor that are made.
+    /// Frames generated per anchor.
     pub governed_made: u32,
     /// 0
     pub reserved: u32,
@@ -108,7 +108,7 @@ describe!(cairn_rollout_statistics, [120, 216], {
     reserved,
 });
 
-/// Says what a rollout has done so far. Does not wait for a step that is running.
+/// Gives statistics of a rollout. Does not wait for a step that is running.
 ///
 /// Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
 /// Threads: any thread, at any time.
@@ -173,7 +173,7 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
     })
 }
 
-/// What a presenter has done since it was made.
+/// Statistics of a presenter since it was made.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_presenter_statistics {
@@ -181,71 +181,71 @@ pub struct cairn_presenter_statistics {
     pub struct_size: u32,
     /// 0
     pub reserved: u32,
-    /// Anchors that came.
+    /// Anchors that arrived.
     pub anchors: u64,
-    /// Those that came after they were due.
+    /// Anchors that arrived after they were due.
     pub late_anchors: u64,
-    /// Nanoseconds that time stood still for late ones.
+    /// Nanoseconds that the stream stood still for late anchors.
     pub slipped_ns: u64,
-    /// Frames drawn that were anchors. A frame drawn again counts again, here and below.
+    /// Frames drawn that were anchors. Drawing the same frame again counts again, here and below.
     pub shown_anchors: u64,
-    /// Frames drawn that anchors brought with them.
+    /// Frames drawn that were decoded pictures of an anchor.
     pub shown_decoded: u64,
-    /// Frames drawn that were generated between anchors.
+    /// Frames drawn that were interpolated between anchors.
     pub shown_generated: u64,
-    /// Frames drawn that were generated beyond the last anchor.
+    /// Frames drawn that were extrapolated beyond the last anchor.
     pub shown_extrapolated: u64,
-    /// Frames drawn that stood.
+    /// Frames drawn that held a picture because nothing could be generated.
     pub shown_held: u64,
-    /// Those of all of them that were the same as the one drawn before.
+    /// Frames drawn, of any kind, that repeated the previous one.
     pub repeated: u64,
-    /// Those that a cut kept from being generated.
+    /// Frames drawn that were not generated because of a cut.
     pub cuts: u64,
-    /// Nanoseconds of finding motion and depth.
+    /// Nanoseconds spent finding motion and depth.
     pub guidance_ns: u64,
-    /// Nanoseconds of generating.
+    /// Nanoseconds spent generating.
     pub generate_ns: u64,
-    /// Nanoseconds of resizing.
+    /// Nanoseconds spent resizing.
     pub resize_ns: u64,
     /// The last frame's generator, such as "cpu" or, with its provider's version, "fsr 3.1.5"; empty for none.
     pub generator: [c_char; 32],
     /// Why a generator that might be better is not used, for people; UTF-8.
     pub preference: [c_char; 160],
-    /// Anchors that wait for their time, as of the latest time that was heard of.
+    /// Anchors waiting for their time, as of the latest time given.
     pub waiting: u32,
-    /// Frames for Direct3D 12 that the queue was given and has not made.
+    /// Frames for Direct3D 12 that were submitted and have not completed.
     pub under_way: u32,
-    /// Frames for Direct3D 12 whose time on the device is known. What else the queue ran meanwhile is in their times.
+    /// Frames for Direct3D 12 whose time on the device is known. Other work of the queue meanwhile counts in their times.
     pub device_frames: u64,
-    /// Nanoseconds of them on the device, all together.
+    /// Total nanoseconds of them on the device.
     pub device_frames_ns: u64,
     /// Nanoseconds of the longest.
     pub device_frame_longest_ns: u64,
     /// Nanoseconds of the last.
     pub device_frame_last_ns: u64,
-    /// Lists of the presenter's own whose time on the device is known: those that bring pictures there, find motion and depth, and
-    /// prepare what frames of a pair have in common.
+    /// The presenter's own lists whose time on the device is known: those that upload pictures, find motion and depth, and prepare what all
+    /// frames of a pair share.
     pub device_lists: u64,
-    /// Nanoseconds of them on the device, all together.
+    /// Total nanoseconds of them on the device.
     pub device_lists_ns: u64,
     /// Nanoseconds of the longest.
     pub device_list_longest_ns: u64,
-    /// Frames to an anchor that are made where cairn_presenter_set_budget holds them to a budget; the others repeat the one before. 0 where
-    /// there never was a budget.
+    /// Frames generated per anchor under a budget of cairn_presenter_set_budget; the others repeat the previous one. 0 where there never was
+    /// a budget.
     pub made_to_anchor: u32,
-    /// How often that has changed.
+    /// How often that number has changed.
     pub budget_changes: u32,
-    /// What brings frames to their size: "spatial", AMD's upscaler with its version as in "fsr 4.0.3", or empty where they have the anchors'.
+    /// What resizes frames: "spatial", AMD's upscaler with its version as in "fsr 4.0.3", or empty where they have the anchors' size.
     pub upscaler: [c_char; 32],
-    /// Why AMD's upscaler does not, for people; UTF-8.
+    /// Why AMD's upscaler is not used, for people; UTF-8.
     pub upscaling: [c_char; 160],
-    /// Frames for Direct3D 12 in whose place an anchor was shown: CAIRN_FRAME_UNPREPARED.
+    /// Frames for Direct3D 12 replaced by an anchor: CAIRN_FRAME_UNPREPARED.
     pub unprepared: u64,
-    /// Objects of Direct3D and contexts of AMD's that were made while frames were recorded or submitted: none where all were prepared.
+    /// Direct3D objects and AMD contexts created while frames were recorded or submitted: 0 where all were prepared.
     pub objects_made: u64,
-    /// Recorded frames whose fences have not come.
+    /// Recorded frames whose fences have not been signalled.
     pub lists_pending: u32,
-    /// Anchors that were pushed and whose fences have not come.
+    /// Pushed anchors whose fences have not been signalled.
     pub anchors_under_way: u32,
 }
 describe!(cairn_presenter_statistics, [304, 376, 568], {
@@ -256,7 +256,7 @@ describe!(cairn_presenter_statistics, [304, 376, 568], {
     anchors_under_way,
 });
 
-/// Says what a presenter has done, and with what.
+/// Gives statistics of a presenter.
 ///
 /// Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
 /// Threads: any thread, at any time.

@@ -15,10 +15,10 @@ use crate::world::{Job, TicketState};
 /// A timeout that never comes.
 pub const CAIRN_FOREVER: u64 = u64::MAX;
 
-/// Queues a step for the rollout's own thread, which makes one after the other in the order they were queued. A step that
-/// fails takes those queued behind it with it, and the rollout is as before it.
+/// Queues a step for the rollout's own thread, which runs steps in the order they were queued. A step that fails cancels those queued
+/// behind it and leaves the rollout as before it.
 ///
-/// ticket: gets the number to ask for the result with.
+/// ticket: gets the number that identifies the result.
 ///
 /// Ownership: controls are read during the call; *ticket is written on success only, not on failure.
 /// Threads: any thread, at any time. Returns at once.
@@ -42,7 +42,7 @@ pub unsafe extern "C" fn cairn_rollout_submit(
 
 /// Queues the append of a picture, as cairn_rollout_append does it.
 ///
-/// ticket: gets the number to ask for the result with.
+/// ticket: gets the number that identifies the result.
 ///
 /// Ownership: the picture is copied; *ticket is written on success only, not on failure.
 /// Threads: any thread, at any time. Returns at once.
@@ -66,7 +66,7 @@ pub unsafe extern "C" fn cairn_rollout_submit_picture(
 
 /// Queues the append of pictures, as cairn_rollout_append_pictures does it.
 ///
-/// pictures, count: as there. ticket: gets the number to ask for the result with.
+/// pictures, count: as there. ticket: gets the number that identifies the result.
 ///
 /// Ownership: the pictures are copied; *ticket is written on success only, not on failure.
 /// Threads: any thread, at any time. Returns at once.
@@ -92,7 +92,7 @@ pub unsafe extern "C" fn cairn_rollout_submit_pictures(
 /// Asks for the result of a queued step, without waiting. Every ticket has one result, which is given once and makes room in
 /// the queue; a failed step's message becomes the last error of the thread that asks.
 ///
-/// info, anchor: get what the step did and made; each may be null, and an anchor that nobody wants is gone.
+/// info, anchor: get the step's report and its anchor; each may be null, and an anchor that is not fetched is lost.
 ///
 /// Ownership: on success *anchor is the caller's, for cairn_anchor_destroy, and info is filled; on failure neither is written.
 /// Threads: any thread, at any time.
@@ -149,8 +149,8 @@ pub unsafe extern "C" fn cairn_rollout_cancel(rollout: *const cairn_rollout) -> 
     })
 }
 
-/// Holds the queue: the step in progress ends as it would, and no other begins. Steps may still be queued. A rollout whose queue was used
-/// then rests, as cairn_rollout_rest has it, until its memory is needed; while that is done it is in use, as while a step is running.
+/// Pauses the queue: the step in progress completes, and no other begins. Steps may still be queued. A rollout whose queue was used is then
+/// rested, as by cairn_rollout_rest, until its memory is needed; it is in use while that is done, as while a step is running.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time.
@@ -164,7 +164,7 @@ pub unsafe extern "C" fn cairn_rollout_pause(rollout: *const cairn_rollout) -> c
     })
 }
 
-/// Lets a held queue go on.
+/// Resumes a paused queue.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time.
@@ -178,7 +178,7 @@ pub unsafe extern "C" fn cairn_rollout_resume(rollout: *const cairn_rollout) -> 
     })
 }
 
-/// Lets exactly one step of a held queue run.
+/// Lets exactly one step of a paused queue run.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time. Does not wait for the step.

@@ -1,4 +1,4 @@
-//! Structs in both directions: their size first, so that old and new hosts and libraries understand each other.
+//! Reading and writing structs with their size first, so that hosts and libraries of different versions work together.
 
 use super::results::{CAIRN_ERROR_STRUCT_SIZE, Failure, Outcome};
 
@@ -87,7 +87,7 @@ pub(super) unsafe fn read_or_default<T: Struct>(from: *const T, name: &str) -> O
     unsafe { read(from, name) }
 }
 
-/// A place for a struct that the library fills, checked before the work whose result it takes.
+/// A host's struct that the library fills; checked before the work that produces its contents.
 #[derive(Debug)]
 pub(super) struct Out<T> {
     to: *mut T,
@@ -103,7 +103,7 @@ impl<T: Struct> Out<T> {
         Ok(Self { to, size })
     }
 
-    /// As [`new`](Self::new); a null pointer means that nobody wants it.
+    /// As [`new`](Self::new); a null pointer means that the host does not want the result.
     ///
     /// # Safety
     /// As [`new`](Self::new).

@@ -1,4 +1,4 @@
-//! AMD's swap chain: for engines that want AMD to present. What stands behind these doors is built for Windows only.
+//! AMD's swap chain, for engines that want AMD to present. The implementation is built for Windows only.
 
 use std::ffi::c_void;
 
@@ -186,9 +186,9 @@ pub unsafe extern "C" fn cairn_swapchain_get_dxgi(
     })
 }
 
-/// Records motion and depth of the frame that is presented next, which then shows one between it and the one before. A frame that
-/// nothing was recorded of is presented alone. Descriptor heaps, compute root signature and pipeline of the list are others afterwards, and
-/// nothing else.
+/// Records motion and depth of the frame that is presented next; Present then also shows a frame generated between it and the previous
+/// one. A frame without a recording is presented alone. The list's descriptor heaps, compute root signature and pipeline are replaced;
+/// nothing else of its state changes.
 ///
 /// list: open for recording, of the device's queue; to be given to it before Present.
 ///
@@ -217,7 +217,7 @@ pub unsafe extern "C" fn cairn_swapchain_prepare(
     })
 }
 
-/// Says what is laid over real and generated frames alike from the next Present on; waits for frames that show the one before.
+/// Sets the picture composited over real and generated frames from the next Present on; waits for frames that show the previous one.
 ///
 /// picture: of the buffers' size, with alpha; null for nothing. It is read within Present and after it; unless it is copied it must not be
 /// drawn to before cairn_swapchain_wait.
@@ -246,7 +246,7 @@ pub unsafe extern "C" fn cairn_swapchain_set_interface(
     })
 }
 
-/// Says how presents are spread over time.
+/// Sets how presents are spread over time.
 ///
 /// pacing: null for AMD's own.
 ///
@@ -268,7 +268,7 @@ pub unsafe extern "C" fn cairn_swapchain_set_pacing(
     })
 }
 
-/// Presents frames as they come from now on, none between them, until one is prepared again. Waits until all are shown.
+/// Disables generated frames: frames are presented as they come until one is prepared again. Waits until all are shown.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
@@ -296,8 +296,8 @@ pub unsafe extern "C" fn cairn_swapchain_wait(swapchain: *mut cairn_swapchain) -
     })
 }
 
-/// Makes it ready for the size and format that its buffers have now: after ResizeBuffers, before the next frame is prepared. Where it
-/// fails frames are presented as they come, until it succeeds.
+/// Adapts to the current size and format of the buffers: call it after ResizeBuffers, before the next frame is prepared. After a
+/// failure frames are presented as they come, until it succeeds.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
@@ -311,7 +311,7 @@ pub unsafe extern "C" fn cairn_swapchain_fit(swapchain: *mut cairn_swapchain) ->
     })
 }
 
-/// Says what a swap chain has done and keeps.
+/// Gives counters and memory use of a swap chain.
 ///
 /// Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
 /// Threads: any thread, at any time; waits for another call on the swap chain.
@@ -333,8 +333,8 @@ pub unsafe extern "C" fn cairn_swapchain_get_statistics(
     })
 }
 
-/// Destroys a swap chain in the order that AMD wants: generation off, all presented, the generator, the swap chain, what paces it; null is
-/// allowed. Before it the engine lets go of every reference to the DXGI swap chain and its buffers.
+/// Destroys a swap chain in the order that AMD requires: disable generation, finish presenting, destroy the generator, the swap chain and
+/// its pacing; null is allowed. The engine must first release every reference to the DXGI swap chain and its buffers.
 ///
 /// Ownership: on success swapchain is no handle any more; on failure it is as it was.
 /// Threads: any thread; waits for calls in flight on the swap chain.
@@ -345,9 +345,9 @@ pub unsafe extern "C" fn cairn_swapchain_get_statistics(
 pub unsafe extern "C" fn cairn_swapchain_destroy(swapchain: *mut cairn_swapchain) -> cairn_result {
     call("cairn_swapchain_destroy", || {
         if !swapchain.is_null() {
-            // AMD's library would present with what is gone.
+            // AMD's library would present with destroyed objects.
             let showing = enter(swapchain.cast_const())?;
-            let others = showing.lock_part(&*showing)?.held_by_others();
+            let others = showing.lock_part(&*showing)?.external_references();
             if others > 0 {
                 let why = format!("references to the DXGI swap chain that are left: {others}");
                 return Err(Failure::new(CAIRN_ERROR_BUSY, why).field("swapchain").remedy("Release them first"));

@@ -22,7 +22,7 @@ pub const CAIRN_LOAD_READING: u32 = 1;
 /// A stage of loading: ONNX Runtime prepares the graphs; done and total count graphs.
 pub const CAIRN_LOAD_PREPARING: u32 = 2;
 
-/// How far loading is.
+/// Progress of loading.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_load_progress {
@@ -30,9 +30,9 @@ pub struct cairn_load_progress {
     pub struct_size: u32,
     /// CAIRN_LOAD_READING, then CAIRN_LOAD_PREPARING
     pub stage: u32,
-    /// What of the stage is done.
+    /// Units of the stage that are done.
     pub done: u64,
-    /// What there is to do.
+    /// Units of the stage in total.
     pub total: u64,
 }
 describe!(cairn_load_progress, [], { struct_size, stage, done, total });
@@ -47,10 +47,10 @@ pub type cairn_load_callback =
 /// A loaded world. It may have any number of rollouts, which share its weights.
 pub struct cairn_world(());
 
-/// What lies behind a handle of a world.
+/// The object of a world's handle.
 pub(super) struct LoadedWorld {
     pub(super) world: Arc<World>,
-    /// What rollouts run at unless told otherwise.
+    /// Default operating point of its rollouts.
     pub(super) point: OperatingPoint,
     licence: Option<String>,
 }
@@ -67,13 +67,13 @@ impl Object for LoadedWorld {}
 /// that is not takes its place, and cairn_rollout_info says which; without it such a world is refused.
 pub const CAIRN_WORLD_FIT_WINDOW: u32 = 1;
 
-/// Which world to load, and how.
+/// Options of loading a world.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_world_options {
     /// sizeof(cairn_world_options)
     pub struct_size: u32,
-    /// CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16; 0 for what the device is best at.
+    /// CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16; 0 for the device's default.
     pub precision: u32,
     /// The bundle: a directory or an archive, UTF-8. Null for the world embedded in this library, where there is one.
     pub path: *const c_char,
@@ -96,19 +96,19 @@ describe!(cairn_world_options, [48], {
     struct_size, precision, path, operating_point, memory_limit, progress, user, flags, reserved,
 });
 
-/// What a world is.
+/// Properties of a world.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_world_info {
     /// sizeof(cairn_world_info)
     pub struct_size: u32,
-    /// What the graphs compute in: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16
+    /// Precision of the graphs: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16
     pub precision: u32,
     /// Size of the pictures that anchors have, in square pixels.
     pub render_width: u32,
     /// See render_width.
     pub render_height: u32,
-    /// Size of the pictures as the autoencoder makes them, which may be squeezed.
+    /// Size of the pictures as the autoencoder decodes them, whose pixels may not be square.
     pub decoded_width: u32,
     /// See decoded_width.
     pub decoded_height: u32,
@@ -134,7 +134,7 @@ pub struct cairn_world_info {
     pub global_dilation: u32,
     /// Latents per second of world time that the model was made for.
     pub latents_per_second: u32,
-    /// Keys that it knows: virtual-key codes from 0 to this, less one.
+    /// Number of keys it knows: virtual-key codes from 0 to this minus 1.
     pub keys: u32,
     /// The world's name, for people; UTF-8.
     pub name: [c_char; 128],
@@ -169,7 +169,7 @@ pub struct cairn_world_memory {
     pub intermediates: u64,
     /// Intermediate values, pictures and memories of encoder and decoder.
     pub autoencoder: u64,
-    /// What ONNX Runtime's allocator keeps beyond the values.
+    /// Overhead of ONNX Runtime's allocator.
     pub arena: u64,
     /// The sum.
     pub total: u64,
@@ -215,7 +215,7 @@ pub unsafe extern "C" fn cairn_world_load(
     })
 }
 
-/// Says what a world is.
+/// Gives the properties of a world.
 ///
 /// Ownership: info stays the caller's and is filled on success; on failure it is not written.
 /// Threads: any thread, at any time.
@@ -259,7 +259,7 @@ pub unsafe extern "C" fn cairn_world_get_info(world: *const cairn_world, info: *
     })
 }
 
-/// Says how much memory a world with one rollout needs, as it was found before loading.
+/// Gives the memory need of a world with one rollout, as computed before loading.
 ///
 /// Ownership: memory stays the caller's and is filled on success; on failure it is not written.
 /// Threads: any thread, at any time.
@@ -365,7 +365,7 @@ fn load(
     Ok(LoadedWorld { licence: bundle.licence_text().map(str::to_owned), world, point })
 }
 
-/// The host's callback, and what it decided.
+/// The host's progress callback, and its decision.
 struct Report {
     callback: cairn_load_callback,
     user: *mut c_void,

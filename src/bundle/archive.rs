@@ -21,7 +21,7 @@ const END64_LEN: u64 = 56;
 const LOCATOR64_LEN: u64 = 20;
 const CENTRAL_LEN: usize = 46;
 const LOCAL_LEN: u64 = 30;
-/// Said of a number that stands in a 64-bit field elsewhere.
+/// Placeholder in a 32-bit field whose value is in a ZIP64 record.
 const ELSEWHERE32: u64 = u32::MAX as u64;
 const ELSEWHERE16: u64 = u16::MAX as u64;
 /// The flag that a name is UTF-8, which says nothing about ASCII names. No other flag is allowed.
@@ -29,7 +29,7 @@ const UTF8_FLAG: u16 = 1 << 11;
 const MAX_ENTRIES: u64 = 8192;
 const MAX_CENTRAL: u64 = 8 << 20;
 
-/// Where a stored file lies.
+/// Position and size of a stored file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Entry {
     pub(super) data: Range<u64>,
@@ -42,7 +42,7 @@ impl Entry {
         self.data.end - self.data.start
     }
 
-    /// The data's place in an archive in memory.
+    /// Byte range of the data in an archive in memory.
     pub(super) fn place(&self) -> Option<Range<usize>> {
         Some(usize::try_from(self.data.start).ok()?..usize::try_from(self.data.end).ok()?)
     }
@@ -56,7 +56,7 @@ fn bad(cause: impl Into<String>) -> Error {
     )
 }
 
-/// Numbers of a record, little-endian, one after another.
+/// Reads consecutive little-endian fields of a record.
 struct Record<'a>(&'a [u8]);
 
 impl<'a> Record<'a> {
@@ -87,12 +87,12 @@ fn read_at(file: &mut (impl Read + Seek), at: u64, len: u64) -> Result<Vec<u8>> 
     let short = || bad("the archive is cut short, or a position in it is wrong");
     file.seek(SeekFrom::Start(at)).map_err(|_| short())?;
     let mut bytes = Vec::new();
-    // Every caller's length is a record's, a name's, or a directory's that was held against `MAX_CENTRAL`.
+    // `len` is the size of a record, a name, or a directory already checked against `MAX_CENTRAL`.
     let got = file.take(len).read_to_end(&mut bytes).map_err(|_| short())?;
     if got as u64 == len { Ok(bytes) } else { Err(short()) }
 }
 
-/// Where the central directory is, and how many entries it has.
+/// Position of the central directory, and its number of entries.
 struct Central {
     entries: u64,
     place: Range<u64>,
@@ -101,7 +101,7 @@ struct Central {
 /// All files of the archive `file` of `len` bytes that have a name a bundle may use.
 ///
 /// # Errors
-/// `InvalidBundle` for whatever is no plain, stored archive.
+/// `InvalidBundle` for anything but a plain archive of stored entries.
 pub(super) fn directory(file: &mut (impl Read + Seek), len: u64) -> Result<BTreeMap<String, Entry>> {
     let central = central(file, len)?;
     let bytes = read_at(file, central.place.start, central.place.end - central.place.start)?;
@@ -112,7 +112,7 @@ pub(super) fn directory(file: &mut (impl Read + Seek), len: u64) -> Result<BTree
         let header = Header::read(&mut record)?;
         let data = header.data(file)?;
         extents.push(header.offset..data.end);
-        // A name that no bundle may list is never asked for: such an entry is only held to the rules of archives.
+        // Entries with names that no bundle may list are never read; only the archive rules apply to them.
         let name = String::from_utf8_lossy(header.name).into_owned();
         if entries.insert(name.clone(), Entry { data, crc: header.crc }).is_some() {
             return Err(bad(format!("the entry `{}` is there twice", name.escape_debug())));
@@ -217,7 +217,7 @@ impl<'a> Header<'a> {
         Ok(Self { name, flags, crc, size, offset })
     }
 
-    /// Where the data lies, after a look at the local header.
+    /// Byte range of the data; also checks the local header.
     fn data(&self, file: &mut (impl Read + Seek)) -> Result<Range<u64>> {
         let shown = String::from_utf8_lossy(self.name);
         let fault =

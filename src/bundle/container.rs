@@ -1,4 +1,4 @@
-//! Where a bundle's bytes come from: a directory, an archive, or memory.
+//! Sources of a bundle's bytes: a directory, an archive, or memory.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -10,10 +10,10 @@ use super::archive::{self, Entry};
 use super::{MANIFEST_NAME, damaged, names};
 use crate::{Error, ErrorKind, Result};
 
-/// Bytes read and handed on at a time: small enough for lively progress and a prompt cancel.
+/// Read size: small enough for frequent progress reports and prompt cancellation.
 const CHUNK: usize = 1 << 20;
 
-/// Named files of known sizes. Only names that passed [`names::fault`] are asked for.
+/// Named files of known sizes. Callers pass only names that [`names::fault`] accepts.
 pub(super) enum Container {
     Directory(PathBuf),
     Archive { file: File, entries: BTreeMap<String, Entry> },
@@ -75,7 +75,7 @@ impl Container {
         Ok(Self::Memory(map))
     }
 
-    /// Whether reading takes new memory.
+    /// Whether reading a file allocates memory.
     pub(super) fn reads(&self) -> bool {
         !matches!(self, Self::Memory(_))
     }
@@ -95,7 +95,7 @@ impl Container {
         }
     }
 
-    /// The whole file, which must have `size` bytes; `sink` sees every byte once and in order, and may end the reading.
+    /// Reads a whole file, which must have `size` bytes. `sink` gets all bytes once and in order; an error from it stops the reading.
     pub(super) fn read(
         &mut self,
         name: &str,
@@ -105,7 +105,7 @@ impl Container {
         match self {
             Self::Directory(root) => {
                 let file = File::open(root.join(name)).map_err(|error| missing_or_io(name, &error))?;
-                // Asked again of the open file: a pipe in its place would never end.
+                // Check the size of the open file again: a pipe in its place would never end.
                 let found = file.metadata().map_err(|error| missing_or_io(name, &error))?;
                 if !found.is_file() || found.len() != size {
                     return Err(damaged(name, "the file changed while it was opened"));

@@ -1,4 +1,4 @@
-//! Reading the manifest and holding it to its own arithmetic: `docs/bundle.md` sections 2 and 3.
+//! Parses the manifest and checks its consistency: `docs/bundle.md` sections 2 and 3.
 //!
 //! The upper limits keep every later product far inside 64 bits; they are a hundred times and more what any released
 //! model needs.
@@ -16,9 +16,9 @@ use crate::{Error, ErrorKind, Result};
 pub(super) const MAX_MANIFEST: u64 = 1 << 20;
 /// The most files a bundle lists.
 pub(super) const MAX_FILES: usize = 4096;
-/// The one kind of model this library runs.
+/// The only model type this library runs.
 const MODEL_TYPE: &str = "waypoint-1.5";
-/// Decoder memories of that kind of model, and encoder memories where it is handed any.
+/// Number of decoder memories of that type, and of encoder memories if its encoder has any.
 const MEMORIES: usize = 9;
 /// The largest side of anything in latent cells, and the largest channel count.
 const MAX_CELLS: u64 = 4096;
@@ -45,7 +45,7 @@ pub(super) fn read_manifest(bytes: &[u8]) -> Result<Manifest> {
     Ok(manifest)
 }
 
-/// The schema version, read before all else: a newer manifest may have members unknown here.
+/// Checks the schema version first: a newer manifest may have unknown members.
 fn check_version(bytes: &[u8]) -> Result<()> {
     #[derive(Deserialize)]
     struct Version {
@@ -72,7 +72,7 @@ fn check_version(bytes: &[u8]) -> Result<()> {
     }
 }
 
-/// Names the member a JSON error is about: serde reports a missing or unknown one by its parent's path.
+/// Field name for a JSON error: serde reports a missing or unknown member under its parent's path.
 fn json_fault(error: &serde_path_to_error::Error<serde_json::Error>) -> Error {
     let message = error.inner().to_string();
     let path = error.path().to_string();

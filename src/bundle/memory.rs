@@ -1,4 +1,4 @@
-//! How much memory a world needs, known before anything is loaded.
+//! Memory needed by a world, computed before anything is loaded.
 
 use super::onnx::{Footprint, Subject, footprint};
 use super::{Bundle, Geometry, GraphKind, Precision};
@@ -19,9 +19,9 @@ use crate::{Error, ErrorKind, Result};
 /// total         = bundle + the sum of these
 /// ```
 ///
-/// `arena` stands for the runtime's allocator, which in its first run grows as it goes, and from the second on holds one
-/// planned block beside that (measured with ONNX Runtime 1.24: 2.3 times the intermediates altogether). While it loads,
-/// the runtime holds weights in both types for a moment.
+/// `arena` is the overhead of the runtime's allocator: it grows during the first run and from the second on holds one planned block
+/// as well (measured with ONNX Runtime 1.24: 2.3 times the intermediates in total). During loading the runtime briefly holds weights
+/// in both types.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MemoryNeed {
     /// The bundle's own files, which stay in memory.
@@ -34,21 +34,21 @@ pub struct MemoryNeed {
     pub slabs: u64,
     /// Intermediate values of a transformer pass.
     pub intermediates: u64,
-    /// The largest single one of them, which is part of `intermediates`.
+    /// The largest single intermediate value; included in `intermediates`.
     pub largest_intermediate: u64,
     /// Intermediate values, pictures, latents and memories of encoder and decoder.
     pub autoencoder: u64,
-    /// What the runtime's allocator keeps beyond the values themselves.
+    /// Overhead of the runtime's allocator.
     pub arena: u64,
     /// The sum.
     pub total: u64,
 }
 
 impl MemoryNeed {
-    /// Refuses what needs more than `limit` bytes.
+    /// Refuses a need of more than `limit` bytes.
     ///
     /// # Errors
-    /// `OutOfMemory`, with the figures.
+    /// `OutOfMemory`, with the numbers.
     pub fn check_fits(&self, limit: u64) -> Result<()> {
         if self.total <= limit {
             return Ok(());
@@ -71,10 +71,10 @@ impl MemoryNeed {
             .remedy("Choose a smaller global window or a smaller bundle, or free memory"))
     }
 
-    /// Refuses what needs more than `room` bytes of a graphics device, which holds all but the bundle.
+    /// Refuses a need of more than `room` bytes on a graphics device, which holds everything but the bundle's files.
     ///
     /// # Errors
-    /// `OutOfMemory`, with the figures.
+    /// `OutOfMemory`, with the numbers.
     pub fn check_fits_on_device(&self, room: u64) -> Result<()> {
         let needed = self.total.saturating_sub(self.bundle);
         if needed <= room {
@@ -105,12 +105,12 @@ impl Geometry {
         .remedy("Choose one that is"))
     }
 
-    /// Numbers of K, or of V, of one layer at the global window `g`.
+    /// Number of elements of K, or of V, of one layer at the global window `g`.
     fn past_len(&self, layer: u32, g: u32) -> u64 {
         self.buckets(self.is_global(layer), g) * self.slab_len()
     }
 
-    /// Numbers of K, or of V, of one layer and frame.
+    /// Number of elements of K, or of V, of one layer for one latent.
     fn slab_len(&self) -> u64 {
         u64::from(self.kv_heads) * u64::from(self.tokens) * u64::from(self.head_width)
     }
@@ -130,7 +130,7 @@ impl Bundle {
 
         let number = precision.bytes() as u64;
         let pairs = 2 * number;
-        // No product can overflow: the manifest's limits keep each below 2^60, and sums saturate.
+        // Products cannot overflow: the manifest's limits keep each below 2^60. Sums saturate.
         let ring = (0..geometry.layers).map(|i| geometry.past_len(i, g) * pairs).fold(0, u64::saturating_add);
         let slabs = u64::from(geometry.layers).saturating_mul(geometry.slab_len() * pairs);
         let held = |f: &Footprint| f.weights;
@@ -166,14 +166,14 @@ impl Bundle {
             shapes.iter().map(|m| m.iter().map(|&n| u64::from(n)).product::<u64>()).sum()
         };
         let memories = numbers(&geometry.autoencoder.memories);
-        // Besides the two sides there are the zeroes that a clip of its own starts with.
+        // Besides input and output there are the zeroes that each clip starts with.
         let of_encoder = 3 * numbers(&geometry.autoencoder.encoder_memories);
         let pictures = u64::from(geometry.autoencoder.temporal) * 3 * width * height;
         2 * (pictures + geometry.latent_len() as u64 + memories) + of_encoder
     }
 }
 
-/// Memory that this process can still take without swapping, in bytes; `None` where the system does not tell.
+/// Memory that this process can still allocate without swapping, in bytes; `None` if the system does not report it.
 ///
 /// It is what the system calls available or, on Linux, what the control group leaves beside pages of files, whichever is
 /// less.

@@ -94,7 +94,7 @@ impl Bundle {
         open::load(Container::from_archive(bytes.into())?, &OpenOptions::default()).map(Arc::new)
     }
 
-    /// What the bundle says of itself.
+    /// The bundle's manifest.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
@@ -115,7 +115,7 @@ impl Bundle {
         self.manifest.graphs.of(precision).is_some()
     }
 
-    /// One model with the files of its weights.
+    /// One model and the files of its weights.
     ///
     /// # Errors
     /// `Unsupported` where the bundle has no graphs of that precision.
@@ -153,8 +153,7 @@ impl std::fmt::Debug for Bundle {
     }
 }
 
-/// Holds one model's bytes to the contract of `manifest`: what [`Bundle::open`] does with each of a bundle's models, for
-/// those who make bundles.
+/// Checks one model's bytes against `manifest`, as [`Bundle::open`] does for each model. For tools that make bundles.
 ///
 /// # Errors
 /// `InvalidBundle` with the file name that the manifest has for this model, and the cause.
@@ -162,17 +161,17 @@ pub fn check_model(onnx: &[u8], manifest: &Manifest, kind: GraphKind, precision:
     onnx::check(onnx, onnx::Subject { manifest, kind, precision }).map(drop)
 }
 
-/// A break of the format in a member of the manifest, a model, or a file.
+/// A violation of the format in a manifest member, a model, or a file.
 fn invalid(field: impl Into<String>, cause: impl Into<String>, remedy: &str) -> Error {
     Error::new(ErrorKind::InvalidBundle, shortened(cause.into())).field(shortened(field.into())).remedy(remedy)
 }
 
-/// A file that is not what the manifest says.
+/// A file that does not match the manifest.
 fn damaged(file: &str, cause: impl Into<String>) -> Error {
     invalid(file, cause, "Copy or build the bundle again: the file is damaged, incomplete or changed")
 }
 
-/// Text of a hostile file may be long; a message need not be.
+/// Shortens text from an untrusted file for a message.
 fn shortened(mut text: String) -> String {
     const MOST: usize = 300;
     if text.len() > MOST {

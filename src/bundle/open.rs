@@ -1,4 +1,4 @@
-//! Opening: the order in which a bundle is read and checked.
+//! Opening a bundle: reads and checks its parts in order.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -10,18 +10,18 @@ use super::container::Container;
 use super::{Bundle, FileEntry, MANIFEST_NAME, Manifest, Model, available_memory, damaged, manifest_check, onnx};
 use crate::{Error, ErrorKind, Result};
 
-/// How [`Bundle::open_with`] reads.
+/// Options of [`Bundle::open_with`].
 #[derive(Default, Clone, Copy)]
 pub struct OpenOptions<'a> {
     /// Called from the opening thread after every mebibyte or file.
     pub progress: Option<&'a dyn Fn(OpenProgress)>,
-    /// Set it, from any thread or from `progress` itself, and nothing more is read.
+    /// Set it, from any thread or from `progress` itself, to stop the reading.
     pub cancel: Option<&'a AtomicBool>,
     /// The most bytes all files may have together; `None`: no limit but memory.
     pub max_bytes: Option<u64>,
 }
 
-/// How far opening is.
+/// Progress of opening.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OpenProgress {
     /// Bytes read and checked.
@@ -36,7 +36,7 @@ pub(super) fn load(mut container: Container, options: &OpenOptions<'_>) -> Resul
     let total = check_sizes(&container, &manifest, options)?;
     let mut reader = Reader { container, options, done: 0, total };
     let mut files = BTreeMap::new();
-    // The models first: a refusal then costs no reading of weights.
+    // Models first, so that a bad one is refused before weights are read.
     let mut models = Vec::new();
     for (precision, kind, path) in manifest.graphs.paths() {
         let Some(entry) = manifest.file(path) else { continue };
@@ -62,7 +62,7 @@ fn read_manifest(container: &mut Container) -> Result<(Manifest, String)> {
     Ok((manifest_check::read_manifest(&bytes)?, hex(&Sha256::digest(&bytes))))
 }
 
-/// Every size against the manifest, and their sum against the limit, before any of them is read.
+/// Checks every size against the manifest, and the sum against the limit, before reading any file.
 fn check_sizes(container: &Container, manifest: &Manifest, options: &OpenOptions<'_>) -> Result<u64> {
     let mut total = 0_u64;
     for entry in &manifest.files {
@@ -72,7 +72,7 @@ fn check_sizes(container: &Container, manifest: &Manifest, options: &OpenOptions
         }
         total = total.checked_add(found).ok_or_else(|| damaged(&entry.path, "the sizes of all files overflow"))?;
     }
-    // Without this, a system that promises memory it does not have would end the process instead.
+    // Without this check, a system that overcommits memory would kill the process instead.
     let limit = options.max_bytes.into_iter().chain(available_memory().filter(|_| container.reads())).min();
     if let Some(limit) = limit.filter(|&limit| total > limit) {
         return Err(Error::new(
@@ -93,7 +93,7 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// One file, with its checksum held against the manifest.
+    /// Reads one file and checks its SHA-256 against the manifest.
     fn read(&mut self, entry: &FileEntry) -> Result<Cow<'static, [u8]>> {
         let mut hash = Sha256::new();
         let Self { container, options, done, total } = self;

@@ -1,4 +1,4 @@
-//! The five functions, and what their answers mean.
+//! The five functions of ffx-api, and the meaning of their return codes.
 
 use std::ffi::{CStr, c_void};
 use std::fmt;
@@ -28,13 +28,13 @@ impl Api {
     pub const EXPORTS: [&CStr; 5] =
         [c"ffxCreateContext", c"ffxDestroyContext", c"ffxConfigure", c"ffxQuery", c"ffxDispatch"];
 
-    /// The functions that `find` gives by name.
+    /// Looks the functions up by name with `find`.
     ///
     /// # Errors
-    /// Names that it has not.
+    /// The names for which `find` returned null.
     ///
     /// # Safety
-    /// What `find` gives are ffx-api's functions of these names, and they stay for the life of the process.
+    /// `find` returns ffx-api's functions of these names, which stay valid for the life of the process.
     pub unsafe fn from_exports(mut find: impl FnMut(&CStr) -> *const c_void) -> Result<Self, Vec<&'static CStr>> {
         let found = Self::EXPORTS.map(&mut find);
         let missing: Vec<_> =
@@ -55,14 +55,14 @@ impl Api {
         })
     }
 
-    /// `ffxCreateContext`, with memory of the library's own.
+    /// `ffxCreateContext`, with the library's own allocator.
     ///
     /// # Safety
-    /// What the chain points to is what its fields say, and lives as long as the context.
+    /// The chain's pointers are valid, as its fields describe, as long as the context lives.
     pub(super) unsafe fn create<Head: Described>(&self, chain: &mut Chain<Head>) -> Result<RawContext, Failure> {
         let mut context = null_mut();
         let head = chain.as_ptr();
-        // SAFETY: a linked chain, and the caller's promise about what it points to.
+        // SAFETY: a linked chain; its pointers are as the caller promises.
         let code = asked(|| unsafe { (self.create)(&mut context, head, null()) });
         done("ffxCreateContext", code, chain)?;
         if context.is_null() {
@@ -82,7 +82,7 @@ impl Api {
     /// `ffxDestroyContext`.
     ///
     /// # Safety
-    /// A context of this library's, which nothing on the device uses, and which is not used again.
+    /// A context of this library that the device no longer uses, and that is not used again.
     pub(super) unsafe fn destroy(&self, mut context: RawContext) -> Result<(), Failure> {
         // SAFETY: as the caller promises.
         let code = asked(|| unsafe { (self.destroy)(&mut context, null()) });
@@ -92,7 +92,7 @@ impl Api {
     /// `ffxConfigure`.
     ///
     /// # Safety
-    /// A live context of this library's, or null; what the chain points to is what its fields say.
+    /// A live context of this library, or null; the chain's pointers are valid, as its fields describe.
     pub(super) unsafe fn configure<Head: Described>(
         &self,
         mut context: RawContext,
@@ -107,7 +107,7 @@ impl Api {
     /// `ffxQuery`.
     ///
     /// # Safety
-    /// As of [`Self::configure`], and the places for answers may be written.
+    /// As [`Self::configure`]; the memory for answers may be written.
     pub(super) unsafe fn query<Head: Described>(
         &self,
         mut context: RawContext,
@@ -122,7 +122,7 @@ impl Api {
     /// `ffxDispatch`.
     ///
     /// # Safety
-    /// A live context of this library's; command list and resources are what the fields say, and live until the list has run.
+    /// A live context of this library; command list and resources are as the fields describe, and live until the list has run.
     pub(super) unsafe fn dispatch<Head: Described>(
         &self,
         mut context: RawContext,
@@ -137,22 +137,22 @@ impl Api {
 
 #[cfg(windows)]
 impl Api {
-    /// Hands a struct that the library made on to `ffxDispatch`.
+    /// Forwards a struct of the library's own to `ffxDispatch`.
     ///
     /// # Safety
-    /// A live context of this library's; the struct is one that the library has just handed over to be dispatched.
+    /// A live context of this library; the library has just passed the struct to a callback for dispatch.
     pub(super) unsafe fn forward(&self, mut context: RawContext, head: *const Header) -> ReturnCode {
         // SAFETY: as the caller promises.
         asked(|| unsafe { (self.dispatch)(&mut context, head) })
     }
 }
 
-/// A context as a call takes it that may be given none: its address, or null.
+/// The context argument of a call that accepts none: the handle's address, or null.
 fn or_null(context: &mut RawContext) -> *mut RawContext {
     if context.is_null() { null_mut() } else { context }
 }
 
-/// Calls, with what was said before on this thread put aside.
+/// Makes a call, after clearing the messages recorded on this thread.
 fn asked(call: impl FnOnce() -> ReturnCode) -> ReturnCode {
     message::forget();
     call()
@@ -170,26 +170,26 @@ fn answered(call: &'static str, code: ReturnCode, told: impl FnOnce() -> (String
     Err(Failure { call, code, passed, says: message::last(), diagnose })
 }
 
-/// A call that did not succeed.
+/// A failed call.
 #[derive(Debug, Clone)]
 pub(super) struct Failure {
     pub(super) call: &'static str,
     pub(super) code: ReturnCode,
-    /// Every field of every struct.
+    /// All structs of the chain with their fields, as text.
     pub(super) passed: String,
-    /// What the library said meanwhile; may be nothing.
+    /// The library's messages during the call; may be empty.
     pub(super) says: String,
-    /// What most likely made it fail.
+    /// The most likely cause.
     diagnose: Diagnosis,
 }
 
 impl Failure {
-    /// Whether the library does not know a struct that it was given.
+    /// Whether the failure means that the library does not know a struct of the chain.
     pub(super) fn is_unknown_struct(&self) -> bool {
         matches!(self.code, ReturnCode::UNKNOWN_STRUCT | ReturnCode::STRUCT_TOO_NEW)
     }
 
-    /// The failure as an error, of the field that most likely was its cause.
+    /// The failure as an error, with the field that most likely caused it.
     pub(super) fn error(&self) -> Error {
         let (kind, meaning, remedy) = meaning(self.code);
         let Diagnosis { field, why } = &self.diagnose;
@@ -210,7 +210,7 @@ impl fmt::Display for Failure {
     }
 }
 
-/// Whose fault a code is, what it means, and what to do.
+/// A return code's error kind, meaning and remedy.
 fn meaning(code: ReturnCode) -> (ErrorKind, &'static str, &'static str) {
     match code {
         ReturnCode::OK => (ErrorKind::Device, "an answer that does not fit what it did", REPORT),
@@ -245,12 +245,12 @@ fn meaning(code: ReturnCode) -> (ErrorKind, &'static str, &'static str) {
 
 const REPORT: &str = "Look at the log for what the library said";
 
-/// What a context is made for.
+/// The effect of a context.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Effect {
-    /// Frames between two.
+    /// Frame generation.
     FrameGeneration,
-    /// Larger frames.
+    /// Upscaling.
     Upscaling,
 }
 
@@ -258,7 +258,7 @@ impl Effect {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::FrameGeneration, Self::Upscaling];
 
-    /// The struct that makes its contexts.
+    /// The id of the struct that creates its contexts.
     pub fn create(self) -> StructId {
         match self {
             Self::FrameGeneration => StructId::FRAME_GENERATION,
@@ -266,7 +266,7 @@ impl Effect {
         }
     }
 
-    /// The effect that a struct belongs to; None for what belongs to another.
+    /// The effect that a struct belongs to; None for other effects.
     pub fn of(id: StructId) -> Option<Self> {
         match id.effect() {
             EffectId::FRAME_GENERATION | EffectId::SWAPCHAIN => Some(Self::FrameGeneration),

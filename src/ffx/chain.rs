@@ -1,4 +1,4 @@
-//! Structs that point to the next: chains that own all of their links.
+//! ffx-api's linked structs, as chains that own all of their links.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -6,7 +6,7 @@ use std::ptr::{NonNull, null_mut};
 
 use super::bindings::StructId;
 
-/// How every struct of ffx-api starts: what it is, and what follows it. Written by a [`Chain`] and by nothing else.
+/// The header of every ffx-api struct: its id and the next struct. Only a [`Chain`] writes it.
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Header {
@@ -26,45 +26,45 @@ impl Default for Header {
 }
 
 impl Header {
-    /// What the struct that starts with it is.
+    /// The id of the struct.
     pub fn id(&self) -> StructId {
         self.id
     }
 
-    /// What follows, or null.
+    /// The next struct, or null.
     pub fn next(&self) -> *const Header {
         self.next
     }
 }
 
-/// The id says it all; where the next link lies is of no use to a reader.
+/// Prints the id only; the next link's address is of no use to a reader.
 impl fmt::Debug for Header {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:?}", self.id)
     }
 }
 
-/// A struct that may stand in a [`Chain`].
+/// A struct that may be a link of a [`Chain`].
 ///
 /// # Safety
-/// It is `repr(C)`, starts with a [`Header`], and has the layout that ffx-api knows under [`Self::ID`].
+/// It is `repr(C)`, starts with a [`Header`], and has the layout that ffx-api defines for [`Self::ID`].
 pub unsafe trait Described: fmt::Debug + Sized + 'static {
-    /// What ffx-api calls it.
+    /// Its ffx-api id.
     const ID: StructId;
 }
 
 /// A struct that may follow `Head` in its chain.
 pub trait Extends<Head>: Described {}
 
-/// A struct with those that extend it, linked as ffx-api reads them. It owns them all, so that no link can dangle, and keeps
-/// them at their places while it lives: a chain that is used every frame is made once and altered.
+/// A struct with the structs that extend it, linked as ffx-api reads them. It owns all links, so none can dangle, and their
+/// addresses stay the same while it lives. A chain that is used every frame is created once and changed.
 pub struct Chain<Head: Described> {
     /// The head first.
     links: Vec<Link>,
     head: PhantomData<Head>,
 }
 
-/// A box's memory. A raw pointer, as ffx-api reads and writes through its own while the chain stands.
+/// A leaked box. A raw pointer, as ffx-api reads and writes through its own pointers while the chain lives.
 struct Link {
     id: StructId,
     place: NonNull<dyn fmt::Debug>,
@@ -78,14 +78,14 @@ impl<Head: Described> Chain<Head> {
         chain
     }
 
-    /// Appends a link; one of the same kind that is there already is replaced.
+    /// Appends a link, or replaces the one of the same type.
     #[must_use]
     pub fn with<T: Extends<Head>>(mut self, link: T) -> Self {
         self.set(link);
         self
     }
 
-    /// Puts a link behind the others, or in the place of the one of its kind.
+    /// Appends a link, or replaces the one of its type.
     pub fn set<T: Extends<Head>>(&mut self, link: T) {
         match self.find::<T>() {
             Some(mut place) => {
@@ -104,31 +104,31 @@ impl<Head: Described> Chain<Head> {
         unsafe { self.links[0].place.cast().as_ref() }
     }
 
-    /// The first struct, to alter it.
+    /// The first struct, mutable.
     pub fn head_mut(&mut self) -> &mut Head {
         // SAFETY: as in `head`; the chain is borrowed for writing.
         unsafe { self.links[0].place.cast().as_mut() }
     }
 
-    /// The link of that kind.
+    /// The link of type `T`.
     pub fn link<T: Extends<Head>>(&self) -> Option<&T> {
         // SAFETY: a live link of this type, borrowed as the chain is.
         self.find::<T>().map(|place| unsafe { place.as_ref() })
     }
 
-    /// The link of that kind, to alter it.
+    /// The link of type `T`, mutable.
     pub fn link_mut<T: Extends<Head>>(&mut self) -> Option<&mut T> {
         // SAFETY: a live link of this type; the chain is borrowed for writing.
         self.find::<T>().map(|mut place| unsafe { place.as_mut() })
     }
 
-    /// What ffx-api is given: the first link's header. Valid, and linked to the end, until the chain is next touched.
+    /// The pointer for ffx-api: the first link's header. Valid, with all links set, until the next use of the chain.
     pub fn as_ptr(&mut self) -> *mut Header {
         self.stamp();
         self.links[0].place.as_ptr().cast()
     }
 
-    /// What its links are, in their order.
+    /// The ids of its links, in order.
     pub(super) fn ids(&self) -> impl Iterator<Item = StructId> {
         self.links.iter().map(|link| link.id)
     }
@@ -143,7 +143,7 @@ impl<Head: Described> Chain<Head> {
         self.links.iter().find(|link| link.id == T::ID).map(|link| link.place.cast())
     }
 
-    /// Writes all headers: who altered a struct may have put another's in its place.
+    /// Rewrites all headers: assigning a whole struct also overwrites its header.
     fn stamp(&mut self) {
         for (index, link) in self.links.iter().enumerate() {
             let next = self.links.get(index + 1).map_or(null_mut(), |next| next.place.as_ptr().cast());
@@ -162,7 +162,7 @@ impl<Head: Described> Drop for Chain<Head> {
     }
 }
 
-/// All that the links hold.
+/// Prints all structs with their fields.
 impl<Head: Described> fmt::Debug for Chain<Head> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (index, link) in self.links.iter().enumerate() {
@@ -179,7 +179,7 @@ mod tests {
     use super::super::bindings::*;
     use super::*;
 
-    /// Ids as somebody else reads them, from memory.
+    /// The ids of a chain, read through raw pointers as ffx-api does.
     fn walk(first: *const Header) -> Vec<u64> {
         let mut ids = Vec::new();
         let mut at = first;
@@ -202,7 +202,7 @@ mod tests {
     fn links_are_found_from_the_head_on_in_their_order() {
         let mut chain = chain();
         assert_eq!(walk(chain.as_ptr()), [0x2_0001, 5, 2]);
-        // It may move; its links do not.
+        // Moving the chain leaves the links' addresses unchanged.
         let before = chain.as_ptr();
         let mut moved = Box::new(chain);
         assert_eq!(moved.as_ptr(), before);

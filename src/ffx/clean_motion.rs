@@ -1,4 +1,4 @@
-//! Motion as a provider can be given it. Windows only.
+//! Makes motion vectors safe for a provider. Windows only.
 
 use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
 use windows::Win32::Graphics::Dxgi::Common::*;
@@ -9,7 +9,7 @@ use crate::gpu::Gpu;
 use crate::gpu::compute::{CommandRecorder, Kernel, ResourceWithState, Shape, View};
 use crate::{Error, ErrorKind, Result};
 
-/// Formats that motion is read in.
+/// Supported formats of motion textures.
 const MOTION: [DXGI_FORMAT; 4] = [
     DXGI_FORMAT_R16G16_FLOAT,
     DXGI_FORMAT_R32G32_FLOAT,
@@ -17,17 +17,18 @@ const MOTION: [DXGI_FORMAT; 4] = [
     DXGI_FORMAT_R32G32B32A32_FLOAT,
 ];
 
-/// Makes of motion what holds no device up, in a texture of its own.
-pub(super) struct CleanMotion {
+/// Copies motion into a texture of its own: vectors that are not finite become zero, long ones are clamped to the picture's size. A
+/// provider marches along a vector pixel by pixel, so a wild one can hang the device.
+pub(super) struct SanitisedMotion {
     kernel: Kernel,
     texture: ID3D12Resource,
 }
 
-impl CleanMotion {
-    /// Descriptors of a frame.
+impl SanitisedMotion {
+    /// Descriptors per frame.
     pub(super) const ROOM: u32 = 2;
 
-    /// For motion that is mostly of `size`.
+    /// Creates the texture at `size`, the expected size of the motion.
     pub(super) fn new(gpu: &Gpu, size: Dimensions) -> Result<Self> {
         let code = include_bytes!("../gpu/shaders/fsr_motion.dxbc");
         Ok(Self {
@@ -36,12 +37,13 @@ impl CleanMotion {
         })
     }
 
-    /// Its texture.
+    /// The clean motion texture.
     pub(super) fn texture(&self) -> &ID3D12Resource {
         &self.texture
     }
 
-    /// Records that `motion`, of `size` and with `scale` to pixels of that size, is made clean; where it is then.
+    /// Records the cleaning of `motion`, which has `size`; `scale` converts it to pixels of that size. Returns the clean texture
+    /// and its state.
     pub(super) fn record(
         &mut self,
         gpu: &Gpu,
@@ -57,11 +59,11 @@ impl CleanMotion {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field("motion").remedy("Use halves or floats"));
         }
         if (had.Width, had.Height) != (size.width.into(), size.height) {
-            // What is under way holds the one before.
+            // Frames in flight hold the previous texture.
             self.texture = texture(gpu, size, DXGI_FORMAT_R16G16_FLOAT)?;
         }
         let clean = ResourceWithState { resource: &self.texture, state: WRITTEN };
-        // What a half can hold, where the scale is nearly 0.
+        // The largest half, for a scale near 0.
         const LARGEST: f32 = 65504.0;
         let limit = |side: u32, scale: f32| (side as f32 / scale.abs()).min(LARGEST);
         let limits = [limit(size.width, scale.x), limit(size.height, scale.y)].map(f32::to_bits);

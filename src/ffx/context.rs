@@ -12,22 +12,22 @@ use super::provider::{Choice, Dialect, Version, called, choose, listed, unavaila
 use super::{Api, Chain, Described, Effect, Extends, message};
 use crate::{Error, ErrorKind, Result};
 
-/// What runs, and how that is known.
+/// The provider of a context, and how that is known.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Provider {
-    /// What runs.
+    /// Its version.
     pub version: Version,
-    /// The context itself said so; SDK 1.1.3 and earlier cannot, and then it is what was asked for.
+    /// The context itself reported it. SDK 1.1.3 and earlier cannot; `version` is then the requested one.
     pub verified: bool,
-    /// The structs it understands.
+    /// The structs that it accepts.
     pub dialect: Dialect,
-    /// All that could be chosen from, the newest first.
+    /// All available providers, newest first.
     pub offered: Vec<Version>,
 }
 
-/// A context, with the chain that it was made with, which its provider may read while it lives.
+/// An ffx-api context and its creation chain, which the provider may read as long as the context lives.
 ///
-/// Threads: may be sent to another thread between calls; calls take turns.
+/// Threads: may be sent to another thread between calls; one call at a time.
 pub struct Context<Head: Creates> {
     api: Api,
     raw: RawContext,
@@ -35,20 +35,20 @@ pub struct Context<Head: Creates> {
     provider: Provider,
 }
 
-// SAFETY: ffx-api ties no context to a thread, and asks for one call at a time, which `&mut` gives. What the chain points to is
-// a device, which is free-threaded.
+// SAFETY: ffx-api ties no context to a thread, and allows one call at a time, which `&mut` ensures. The chain points to a device,
+// which is free-threaded.
 unsafe impl<Head: Creates> Send for Context<Head> {}
 
 impl<Head: Creates> Context<Head> {
-    /// Makes a context on `device` of the provider that `choice` says, and asks it which it is: drivers put a newer one in the
-    /// place of what a library holds. `extend` appends what is to stand in the chain behind `head`.
+    /// Creates a context on `device` with the provider that `choice` selects, and asks it for its provider: drivers may substitute
+    /// a newer one for the library's. `extend` appends further links behind `head`.
     ///
     /// # Errors
-    /// `InvalidArgument` with the field for what no provider takes; `Unsupported` when there is no provider, or not of a family
-    /// that is required; else what the library answers.
+    /// `InvalidArgument` with the field for input that no provider accepts; `Unsupported` when there is no provider, or none of a
+    /// required family; else the library's own errors.
     ///
     /// # Safety
-    /// `device` is a live `ID3D12Device` and outlives the context; what the chain points to is what its fields say.
+    /// `device` is a live `ID3D12Device` and outlives the context; the chain's pointers are valid, as its fields describe.
     pub unsafe fn create(
         api: &Api,
         device: *mut c_void,
@@ -81,7 +81,7 @@ impl<Head: Creates> Context<Head> {
         listen(api, null_mut(), effect);
         let mut dialect = expected.dialect(effect);
         let mut links = chain(dialect);
-        // SAFETY: the chain stays with the context, and the caller's promises about what it points to.
+        // SAFETY: the chain lives as long as the context; its pointers are as the caller promises.
         let mut made = unsafe { api.create(&mut links) };
         if dialect == Dialect::Sdk21 && made.as_ref().is_err_and(Failure::is_unknown_struct) {
             dialect = Dialect::Sdk11;
@@ -105,10 +105,10 @@ impl<Head: Creates> Context<Head> {
         Ok(context)
     }
 
-    /// Asks the context which provider it has.
+    /// Asks the context for its provider.
     fn verify(&mut self, effect: Effect, made_with: Dialect) -> Result<()> {
         let mut query = Chain::new(QueryProviderVersion::default());
-        // SAFETY: our own context, and an answer that is written into the chain.
+        // SAFETY: our own context; the answer is written into the chain.
         match unsafe { self.api.query(self.raw, &mut query) } {
             Ok(()) => {
                 let QueryProviderVersion { version_id, version_name, .. } = *query.head();
@@ -118,11 +118,11 @@ impl<Head: Creates> Context<Head> {
                 let name = if version_name.is_null() {
                     String::new()
                 } else {
-                    // SAFETY: a name that the library keeps until the next call.
+                    // SAFETY: a string that the library keeps until the next call.
                     unsafe { CStr::from_ptr(version_name) }.to_string_lossy().into_owned()
                 };
                 let version = Version { id: version_id, name };
-                // What refused the structs of 2.1 does not know them, whatever it is called.
+                // A provider that rejected the structs of SDK 2.1 does not accept them, whatever its name.
                 let dialect = if made_with == Dialect::Sdk11 && self.provider.version.dialect(effect) == Dialect::Sdk21
                 {
                     Dialect::Sdk11
@@ -136,73 +136,73 @@ impl<Head: Creates> Context<Head> {
         Ok(())
     }
 
-    /// What runs.
+    /// The provider in use.
     pub fn provider(&self) -> &Provider {
         &self.provider
     }
 
-    /// What it was made with.
+    /// The struct it was created with.
     pub fn made_with(&self) -> &Head {
         self.chain.head()
     }
 
-    /// A link that it was made with, behind [`Self::made_with`].
+    /// A link of the creation chain, behind [`Self::made_with`].
     pub fn made_with_link<T: Extends<Head>>(&self) -> Option<&T> {
         self.chain.link()
     }
 
-    /// What the library calls it.
+    /// The library's handle of the context.
     #[cfg(windows)]
     pub(super) fn raw(&self) -> RawContext {
         self.raw
     }
 
-    /// Whose it is.
+    /// The library's functions.
     #[cfg(windows)]
     pub(super) fn api(&self) -> &Api {
         &self.api
     }
 
-    /// Sets what the chain says.
+    /// Calls `ffxConfigure` with the chain.
     ///
     /// # Errors
-    /// What the library answers.
+    /// The library's own errors.
     ///
     /// # Safety
-    /// What the chain points to is what its fields say.
+    /// The chain's pointers are valid, as its fields describe.
     pub unsafe fn configure<T: Described>(&mut self, chain: &mut Chain<T>) -> Result<()> {
         // SAFETY: our own context, and the caller's promise.
         unsafe { self.api.configure(self.raw, chain) }.map_err(|failure| failure.error())
     }
 
-    /// Asks; answers are written where the chain's fields point to, or into them.
+    /// Calls `ffxQuery`; the answers are written into the chain's structs or where they point.
     ///
     /// # Errors
-    /// What the library answers.
+    /// The library's own errors.
     ///
     /// # Safety
-    /// As of [`Self::configure`].
+    /// As [`Self::configure`].
     pub unsafe fn query<T: Described>(&mut self, chain: &mut Chain<T>) -> Result<()> {
         // SAFETY: our own context, and the caller's promise.
         unsafe { self.api.query(self.raw, chain) }.map_err(|failure| failure.error())
     }
 
-    /// As [`Self::query`], with what went wrong as it was answered.
+    /// As [`Self::query`], with the library's failure as it is.
     ///
     /// # Safety
-    /// As of [`Self::query`].
+    /// As [`Self::query`].
     pub(super) unsafe fn ask<T: Described>(&mut self, chain: &mut Chain<T>) -> Result<(), Failure> {
         // SAFETY: our own context, and the caller's promise.
         unsafe { self.api.query(self.raw, chain) }
     }
 
-    /// Records work into the command list that the chain names.
+    /// Calls `ffxDispatch`, which records work into the command list that the chain names.
     ///
     /// # Errors
-    /// What the library answers; the list may then hold a part of the work.
+    /// The library's own errors; the list may then hold part of the work.
     ///
     /// # Safety
-    /// As of [`Self::configure`]; the list is open, and it, its resources and this context live until it has run.
+    /// As [`Self::configure`]; the list is open, and it, its resources and this context live until it has run.
     pub unsafe fn dispatch<T: Described>(&mut self, chain: &mut Chain<T>) -> Result<()> {
         // SAFETY: our own context, and the caller's promise.
         unsafe { self.api.dispatch(self.raw, chain) }.map_err(|failure| failure.error())
@@ -211,7 +211,7 @@ impl<Head: Creates> Context<Head> {
 
 impl<Head: Creates> Drop for Context<Head> {
     fn drop(&mut self) {
-        // SAFETY: our own context, used for the last time; that nothing on the device uses it, `dispatch` had promised.
+        // SAFETY: our own context, used for the last time; by the contract of `dispatch` the device no longer uses it.
         if let Err(failure) = unsafe { self.api.destroy(self.raw) } {
             log::error!(target: "cairn::ffx", "a context is lost: {failure}");
         }
@@ -224,15 +224,15 @@ impl<Head: Creates> std::fmt::Debug for Context<Head> {
     }
 }
 
-/// Has messages sent to our log, by the struct of SDK 2.1 or else the earlier one. A library that takes neither stays silent,
-/// which is no failure: that of SDK 2.0 takes none before there is a context.
+/// Registers the message callback, with the struct of SDK 2.1 or else the earlier one. A library that accepts neither sends no
+/// messages, which is not an error: that of SDK 2.0 accepts none before there is a context.
 fn listen(api: &Api, context: RawContext, effect: Effect) {
     /// Errors and warnings.
     const LEVEL: u32 = 2;
     let message = Some(message::receive as _);
     let effect = effect.create().effect();
     let mut one = Chain::new(ConfigureGlobalDebug { effect, message, level: LEVEL, ..Default::default() });
-    // SAFETY: null or a live context; the callback is of this library, which stays.
+    // SAFETY: null or a live context; the callback is a static function of this library.
     if unsafe { api.configure(context, &mut one) }.is_ok() {
         return;
     }

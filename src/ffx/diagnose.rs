@@ -1,4 +1,4 @@
-//! Which field most likely made a call fail: a code alone does not say.
+//! Guesses which field made a call fail: the return code alone does not say.
 
 use std::any::Any;
 use std::borrow::Cow;
@@ -8,7 +8,7 @@ use super::bindings::{
 };
 use super::{Chain, Described};
 
-/// A field, as a host knows it, and what may be wrong with it.
+/// A field by the name that hosts know, and what may be wrong with it.
 #[derive(Debug, Clone)]
 pub(super) struct Diagnosis {
     pub(super) field: &'static str,
@@ -20,10 +20,10 @@ impl Diagnosis {
         Self { field, why: Cow::Borrowed(why) }
     }
 
-    /// What made a context's end fail, which is given no struct.
+    /// The likely cause when `ffxDestroyContext`, which gets no struct, fails.
     pub(super) const OF_END: Self = Self::new("context", "frames may be under way, or it was ended before");
 
-    /// The suspect of a call that was given `chain` and answered `code`.
+    /// The likely cause of a call with `chain` that returned `code`.
     pub(super) fn of<Head: Described>(chain: &Chain<Head>, code: ReturnCode) -> Self {
         let makes_context = chain.ids().any(|id| id == CreateBackendDx12::ID);
         match code {
@@ -47,7 +47,7 @@ impl Diagnosis {
         }
     }
 
-    /// Where a value is none that the call takes.
+    /// The likely cause of a `PARAMETER` error.
     fn of_value<Head: Described>(chain: &Chain<Head>) -> Self {
         const OTHERWISE: &str = "it, or another of the pictures, may not be what is said of it";
         match Head::ID {
@@ -84,7 +84,7 @@ impl Diagnosis {
         }
     }
 
-    /// Where the call was understood, and what it does failed.
+    /// The likely cause when the arguments were accepted but the work failed.
     fn of_work<Head: Described>(chain: &Chain<Head>, makes_context: bool) -> Self {
         match Head::ID {
             StructId::SWAPCHAIN_WRAP => {
@@ -111,7 +111,7 @@ impl Diagnosis {
         }
     }
 
-    /// What settings name that need not be there.
+    /// Checks the optional parts of the settings: swap chain and HUD-less frame.
     fn of_settings(head: &dyn Any) -> Option<Self> {
         let told = head.downcast_ref::<ConfigureFrameGeneration>()?;
         if !told.swapchain.is_null() {
@@ -128,7 +128,7 @@ mod tests {
     use super::super::bindings::*;
     use super::*;
 
-    /// The suspects of codes 1 to 8.
+    /// The diagnosed fields of codes 1 to 8.
     fn of<Head: Described>(chain: &Chain<Head>) -> [&'static str; 8] {
         [1, 2, 3, 4, 5, 6, 7, 8].map(|code| {
             let Diagnosis { field, why } = Diagnosis::of(chain, ReturnCode(code));

@@ -1,4 +1,4 @@
-//! A library for tests that is played here, one for each of their threads.
+//! A fake ffx-api library for unit tests, with separate state for each test thread.
 
 use std::cell::RefCell;
 use std::ffi::{CStr, c_void};
@@ -7,22 +7,22 @@ use std::ptr::null_mut;
 use super::bindings::*;
 use super::{Api, Header};
 
-/// What the library does.
+/// The fake library's behaviour and its record of calls.
 #[derive(Default)]
 pub(super) struct Double {
     /// Its providers.
     pub(super) offers: Vec<(u64, &'static CStr)>,
-    /// What a context says that it is; None where it cannot say.
+    /// The provider that a context reports; None if it cannot.
     pub(super) runs: Option<(u64, &'static CStr)>,
-    /// Structs that it does not know, with what it answers.
+    /// Structs that it rejects, each with the code returned.
     pub(super) refuses: Vec<(StructId, ReturnCode)>,
-    /// What it says when it refuses.
+    /// The message that it sends when it rejects a struct.
     pub(super) says: &'static str,
-    /// Gives a null context.
+    /// Returns a null context with success.
     pub(super) gives_nothing: bool,
-    /// Every call: the ids of its chain, and what was answered.
+    /// Every call: its name, the ids of its chain, and the returned code.
     pub(super) calls: Vec<(&'static str, Vec<u64>, u32)>,
-    /// The id that was asked for.
+    /// The provider id that the last context requested.
     pub(super) overridden: Option<u64>,
     pub(super) hears: Option<MessageCallback>,
 }
@@ -31,7 +31,7 @@ thread_local! {
     pub(super) static PLAY: RefCell<Double> = RefCell::default();
 }
 
-/// Reads a chain, and answers what the play says about its structs.
+/// Records a call, and returns the code set for the chain's structs.
 unsafe fn read(call: &'static str, mut at: *const Header) -> ReturnCode {
     let mut ids = Vec::new();
     while !at.is_null() {
@@ -59,7 +59,7 @@ unsafe extern "C" fn create(context: *mut RawContext, head: *mut Header, _: *con
     let code = unsafe { read("create", head) };
     let mut at: *const Header = head;
     while !at.is_null() {
-        // SAFETY: a linked chain, and the id says what a link is.
+        // SAFETY: a linked chain, and the id tells a link's type.
         unsafe {
             if (*at).id() == StructId::OVERRIDE_VERSION {
                 let id = (*at.cast::<OverrideVersion>()).version_id;
@@ -69,7 +69,7 @@ unsafe extern "C" fn create(context: *mut RawContext, head: *mut Header, _: *con
         }
     }
     if code == ReturnCode::OK && !PLAY.with_borrow(|play| play.gives_nothing) {
-        // SAFETY: a place for it.
+        // SAFETY: the caller's memory for the handle.
         unsafe { *context = 0x77 as RawContext };
     }
     code
@@ -83,7 +83,7 @@ unsafe extern "C" fn destroy(_: *mut RawContext, _: *const AllocationCallbacks) 
 unsafe extern "C" fn configure(_: *mut RawContext, head: *const Header) -> ReturnCode {
     // SAFETY: a linked chain.
     let code = unsafe { read("configure", head) };
-    // SAFETY: the id says what it is.
+    // SAFETY: the id tells the struct's type.
     let hears = unsafe {
         match (*head).id() {
             StructId::GLOBAL_DEBUG_1 => (*head.cast::<ConfigureGlobalDebug1>()).message,
@@ -100,7 +100,7 @@ unsafe extern "C" fn configure(_: *mut RawContext, head: *const Header) -> Retur
 unsafe extern "C" fn query(_: *mut RawContext, head: *mut Header) -> ReturnCode {
     // SAFETY: a linked chain.
     let code = unsafe { read("query", head) };
-    // SAFETY: the id says what it is, and its places have the room it names.
+    // SAFETY: the id tells the struct's type, and its arrays have the stated capacity.
     unsafe {
         if code != ReturnCode::OK {
             return code;
@@ -113,7 +113,7 @@ unsafe extern "C" fn query(_: *mut RawContext, head: *mut Header) -> ReturnCode 
                     *query.ids.add(index) = *id;
                     *query.names.add(index) = name.as_ptr();
                 }
-                // As AMD's: no more than there was room for, so the number alone is never told.
+                // As AMD's: at most the caller's capacity, so that a query for the count alone returns 0.
                 *query.count = play.offers.len().min(room) as u64;
                 code
             }),
@@ -159,7 +159,7 @@ pub(super) fn head() -> CreateFrameGeneration {
     }
 }
 
-/// The chains that contexts were asked for with.
+/// The ids of the creation chains of all contexts.
 pub(super) fn creations() -> Vec<Vec<u64>> {
     PLAY.with_borrow(|play| {
         play.calls.iter().filter(|(call, ..)| *call == "create").map(|(_, ids, _)| ids.clone()).collect()

@@ -1,4 +1,4 @@
-//! Frames between two, into textures of the host's: the three calls that each frame takes, without a swapchain.
+//! Frame generation into textures of the host's, without a swap chain: the three calls that each frame takes.
 
 use std::ffi::c_void;
 
@@ -10,10 +10,10 @@ use super::bindings::{
 use super::{Api, Chain, Choice, Context, Dialect, Provider};
 use crate::{Error, ErrorKind, Result};
 
-/// Where a frame was seen from. Its vectors are in the world and of length 1.
+/// A frame's camera. Its vectors are in world space and of length 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// In the world.
+    /// Position in world space.
     pub position: [f32; 3],
     /// Up on the screen.
     pub up: [f32; 3],
@@ -23,16 +23,16 @@ pub struct Camera {
     pub forward: [f32; 3],
     /// The near plane, above 0.
     pub near: f32,
-    /// The far plane, above 0; not looked at where depth is infinite.
+    /// The far plane, above 0; ignored if depth is infinite.
     pub far: f32,
-    /// From the bottom of the picture to its top, radians, inside (0, pi).
+    /// Vertical field of view in radians, inside (0, pi).
     pub fov: f32,
-    /// Metres in a unit of the view, above 0.
+    /// Metres per unit of view space, above 0.
     pub metres: f32,
 }
 
 impl Default for Camera {
-    /// At the origin, looking along z with y up; 1 radian, from 0.1 to 100 metres.
+    /// At the origin, looking along z with y up; a field of view of 1 radian, planes at 0.1 and 100 metres.
     fn default() -> Self {
         Self {
             position: [0.0; 3],
@@ -69,32 +69,31 @@ impl Camera {
     }
 }
 
-/// What a provider is told of a frame beside its pictures.
+/// Parameters of a frame beside its textures.
 #[derive(Debug, Clone, Copy)]
-pub struct Shot {
-    /// The size rendered at.
+pub struct FrameParams {
+    /// The render size.
     pub render_size: Dimensions,
-    /// Of the camera, in render pixels.
+    /// Camera jitter in render pixels.
     pub jitter: Coordinates,
-    /// What makes render pixels of what the texture of motion holds; of the size shown where motion has that.
+    /// Scale from motion-texture units to render pixels (display pixels if the motion texture has display size).
     pub motion_scale: Coordinates,
-    /// Milliseconds since the frame before, of the world's time.
+    /// World time since the previous frame, in milliseconds.
     pub frame_time: f32,
-    /// Where it was seen from.
+    /// The camera.
     pub camera: Camera,
-    /// There is no frame before: a cut. The generated frame is then this one.
+    /// Drops the history, as after a cut. The generated frame is then a copy of this one.
     pub reset: bool,
-    /// What of the frame is the world, the rest is copied; of no size for all.
+    /// The part of the frame that is generated; the rest is copied. A size of 0 means all of it.
     pub rect: Rect,
-    /// How the frame's light became numbers: sRGB, or one of high dynamic range where the generator was made for it.
+    /// The colours' transfer function: sRGB, or one for high dynamic range if the generator was created for it.
     pub transfer: TransferFunction,
-    /// Nits, the darkest and the brightest, of high dynamic range.
+    /// Minimum and maximum luminance in nits, for high dynamic range.
     pub luminance: [f32; 2],
 }
 
-impl Shot {
-    /// One that follows the frame before by 1/15 s, rendered at that size without jitter, with motion in pixels, seen by the camera
-    /// that is the default, all of it the world, in sRGB.
+impl FrameParams {
+    /// Defaults: 1/15 s after the previous frame, no jitter, motion in pixels, the default camera, the whole frame generated, sRGB.
     pub fn of(render_size: Dimensions) -> Self {
         Self {
             render_size,
@@ -110,61 +109,61 @@ impl Shot {
     }
 }
 
-/// A frame, and where the one between it and the frame before is to go.
+/// The inputs of one generated frame and its output. The generated frame lies half way between this frame and the previous one.
 ///
-/// Every resource is in the state that it names when the list gets to the call, and is in it again afterwards.
+/// Every resource is in its stated state when the list reaches the call, and again afterwards.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame {
-    /// `ID3D12GraphicsCommandList`, open. Descriptor heaps, root signatures and pipelines of its are others afterwards.
+    /// `ID3D12GraphicsCommandList`, open. The call changes its descriptor heaps, root signatures and pipelines.
     pub command_list: *mut c_void,
-    /// The frame, of the size shown and the format that the generator was made for.
+    /// The frame at display size, in the format that the generator was created for.
     pub color: Resource,
-    /// Gets the generated frame, of the same size and format; written by shaders.
+    /// Receives the generated frame, of the same size and format; written by shaders.
     pub output: Resource,
-    /// Device depth, of the size rendered at.
+    /// Device depth at render size.
     pub depth: Resource,
-    /// From this frame to the one before, of the size rendered at or, where the generator was made so, of the size shown. Numbers
-    /// that are not finite, or beyond the picture's size, may hold the device up.
+    /// Motion vectors from this frame to the previous one, at render size, or at display size if the generator was created so.
+    /// Values that are not finite or larger than the picture can hang the device.
     pub motion: Resource,
-    /// The frame without interface, of the size shown; a null resource where it has none.
+    /// The HUD-less frame at display size; a null resource for none.
     pub hudless: Resource,
-    /// Where a lens puts each pixel less where it was, in parts of the picture, of the size shown; a null resource where there is no
-    /// distortion. Once one was given, every frame has one: a provider goes on with the last.
+    /// Lens distortion field at display size: distorted minus undistorted position of each pixel, as a fraction of the picture; a
+    /// null resource for none. Once one was given, every later frame needs one: a provider keeps using the last.
     pub distortion: Resource,
-    /// All else.
-    pub shot: Shot,
+    /// The other parameters.
+    pub shot: FrameParams,
 }
 
-/// The structs in which a provider is told of motion and depth.
+/// The structs that carry motion and depth, by SDK release.
 enum Prepare {
-    /// Up to SDK 2.0.
+    /// Up to SDK 2.0: the camera is a link of its own.
     Apart(Chain<DispatchPrepare>),
-    /// From SDK 2.1 on.
+    /// From SDK 2.1 on: one struct with the camera.
     InOne(Chain<DispatchPrepareV2>),
 }
 
-/// Generates frames without a swapchain. Its structs are made once, and altered for each frame.
+/// A frame generator without a swap chain. Its structs are created once and changed for each frame.
 ///
-/// Threads: may be sent to another thread between calls; calls take turns. What it recorded must have run before it is dropped, and
-/// of its frames at most four may be on their way to the device.
+/// Threads: may be sent to another thread between calls; one call at a time. Its recorded work must have run before it is dropped,
+/// and at most four of its frames may be in flight.
 pub struct Generator {
     context: Context<CreateFrameGeneration>,
     settings: Chain<ConfigureFrameGeneration>,
     prepare: Prepare,
     dispatch: Chain<DispatchFrameGeneration>,
-    /// Of the last frame that was recorded whole; ids go up by one or history is dropped.
+    /// Id of the last fully recorded frame. Ids must go up by one, or the history is dropped.
     last: u64,
-    /// What the library has of the frame before can be gone on with.
+    /// The library's history is valid for the next frame.
     follows: bool,
 }
 
-// SAFETY: its structs point to links of their own, to the library's context, which calls of one thread after the other may use, and
-// to objects of Direct3D 12, which are free-threaded.
+// SAFETY: its structs point to their own links, to the library's context, which one thread at a time may use, and to objects of
+// Direct3D 12, which are free-threaded.
 unsafe impl Send for Generator {}
 
 impl Generator {
-    /// Makes a generator, as [`Context::create`] makes its context. `hudless` is the format of frames without interface, where it is
-    /// another than that of frames.
+    /// Creates a generator, as [`Context::create`] creates its context. `hudless` is the format of HUD-less frames, if it differs
+    /// from that of frames.
     ///
     /// # Errors
     /// As of [`Context::create`].
@@ -182,7 +181,7 @@ impl Generator {
             Some(format) => chain.with(CreateFrameGenerationHudless { format, ..Default::default() }),
             None => chain,
         };
-        // SAFETY: the caller's promise; nothing that points stands in the chain.
+        // SAFETY: the caller's promise; the chain holds no pointer.
         let context = unsafe { Context::create(api, device, choice, head, extend) }?;
         let prepare = match context.provider().dialect {
             Dialect::Sdk11 => Prepare::Apart(Chain::new(DispatchPrepare::default()).with(DispatchCamera::default())),
@@ -193,34 +192,34 @@ impl Generator {
         Ok(Self { context, settings, prepare, dispatch, last: 0, follows: false })
     }
 
-    /// What runs.
+    /// The provider in use.
     pub fn provider(&self) -> &Provider {
         self.context.provider()
     }
 
-    /// What the provider keeps on the device, as it reports it; None where it cannot say.
+    /// The provider's device memory, as it reports it; None if it cannot.
     ///
     /// # Errors
-    /// What the library answers.
+    /// The library's own errors.
     pub fn memory(&mut self) -> Result<Option<MemoryUsage>> {
         self.context.memory()
     }
 
-    /// Records the frame between `frame` and the one before into its list: settings, then motion and depth, then the picture, under
-    /// one id. The first frame, and one after a failure, starts anew as [`Shot::reset`] does.
+    /// Records the frame between `frame` and the previous one into its list. Three calls share one id: configure, prepare (motion
+    /// and depth), generate. The first frame, and one after a failure, drops the history as [`FrameParams::reset`] does.
     ///
     /// # Errors
-    /// `InvalidArgument` with the field, before anything is recorded, for what a provider would fail, hang or crash on; else what the
-    /// library answers, and then the list may hold a part of the work.
+    /// `InvalidArgument` with the field, before anything is recorded, for input on which a provider would fail, hang or crash. Else
+    /// the library's own errors, after which the list may hold part of the work.
     ///
     /// # Safety
-    /// The list is open and of the generator's device, and so are the resources, which are what they are said to be; they and the
+    /// The list is open and of the generator's device, and so are the resources, whose descriptions are right; they and the
     /// generator live until the list has run.
     pub unsafe fn record(&mut self, frame: &Frame) -> Result<()> {
         if let Some((field, why)) = fault_of_pictures(frame, self.context.made_with()) {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         }
-        let Shot { rect, transfer, luminance, .. } = frame.shot;
+        let FrameParams { rect, transfer, luminance, .. } = frame.shot;
         let without = ConfigureFrameGeneration { flags: FrameFlags::NO_SWAPCHAIN, ..Default::default() };
         // SAFETY: the caller's promise.
         let (id, reset) = unsafe { self.begin(frame, without) }?;
@@ -242,14 +241,14 @@ impl Generator {
         Ok(())
     }
 
-    /// Records the first two of a frame's calls, the other one of which AMD's swapchain has made once the frame is presented; the
-    /// frame's id, and whether it starts anew. Color, output, transfer and luminance are not looked at.
+    /// Makes the configure and prepare calls of a frame; AMD's swap chain makes the third when the frame is presented. Returns the
+    /// frame's id, and whether it drops the history. Ignores color, output, transfer and luminance.
     ///
     /// # Errors
-    /// As of [`record`](Self::record).
+    /// As [`record`](Self::record).
     ///
     /// # Safety
-    /// As of [`record`](Self::record), and the swapchain and the callback's context live until another is told.
+    /// As [`record`](Self::record); the swap chain and the callback's user data live until the next configure call replaces them.
     #[cfg(windows)]
     pub(super) unsafe fn prepare(&mut self, frame: &Frame, told: ConfigureFrameGeneration) -> Result<(u64, bool)> {
         // SAFETY: the caller's promise.
@@ -258,13 +257,13 @@ impl Generator {
         Ok(begun)
     }
 
-    /// Turns generation off for a swapchain of AMD's, which then has no frame of this generator's under way.
+    /// Turns generation off for AMD's swap chain. Afterwards it has no frame of this generator in flight.
     ///
     /// # Errors
-    /// What the library answers.
+    /// The library's own errors.
     ///
     /// # Safety
-    /// A live swapchain of AMD's.
+    /// `swapchain` is a live swap chain of AMD's.
     #[cfg(windows)]
     pub(super) unsafe fn turn_off(&mut self, swapchain: *mut c_void) -> Result<()> {
         self.follows = false;
@@ -280,7 +279,7 @@ impl Generator {
         &self.context
     }
 
-    /// Settings, with those of `told` that are not the frame's, then motion and depth.
+    /// Makes the configure call, with the swap chain, callback and flags of `told`, and then the prepare call.
     unsafe fn begin(&mut self, frame: &Frame, told: ConfigureFrameGeneration) -> Result<(u64, bool)> {
         let had_distortion = self.settings.link::<ConfigureDistortion>().is_some();
         let is_presented = !told.flags.contains(FrameFlags::NO_SWAPCHAIN);
@@ -323,25 +322,25 @@ impl Generator {
         Ok((id, reset))
     }
 
-    /// Lets the next frame start anew, as [`Shot::reset`] does.
+    /// Drops the history at the next frame, as [`FrameParams::reset`] does.
     #[cfg(windows)]
     pub(super) fn forget(&mut self) {
         self.follows = false;
     }
 
-    /// Whether the next frame goes on from the one before.
+    /// Whether the next frame uses the history.
     #[cfg(windows)]
     pub(super) fn follows(&self) -> bool {
         self.follows
     }
 
-    /// What it was made for.
+    /// The struct it was created with.
     #[cfg(windows)]
     pub(super) fn made_with(&self) -> &CreateFrameGeneration {
         self.context.made_with()
     }
 
-    /// The format that frames without interface have.
+    /// The format of HUD-less frames.
     fn hudless_format(&self) -> SurfaceFormat {
         let other = self.context.made_with_link::<CreateFrameGenerationHudless>().map(|link| link.format);
         other.unwrap_or(self.context.made_with().back_buffer_format)
@@ -389,7 +388,7 @@ fn in_one(frame: &Frame, frame_id: u64, reset: bool) -> DispatchPrepareV2 {
     }
 }
 
-/// What is wrong with the frame itself, and with where the generated one is to go.
+/// Checks the frame's colour and output textures; returns the wrong field and the reason.
 fn fault_of_pictures(frame: &Frame, made: &CreateFrameGeneration) -> Option<(&'static str, &'static str)> {
     for (field, resource) in [("color", &frame.color), ("output", &frame.output)] {
         if let Some(why) = resource.fault(made.display_size) {
@@ -402,7 +401,8 @@ fn fault_of_pictures(frame: &Frame, made: &CreateFrameGeneration) -> Option<(&'s
     (frame.color.resource == frame.output.resource).then_some(("output", "it is the frame itself"))
 }
 
-/// What is wrong with a frame for a generator that was made so: the field, and why. One that `is_presented` says less of itself.
+/// Checks a frame against the generator's creation struct; returns the wrong field and the reason. For a presented frame the
+/// transfer function is not checked.
 fn fault(
     frame: &Frame,
     made: &CreateFrameGeneration,

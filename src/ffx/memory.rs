@@ -1,4 +1,4 @@
-//! What providers keep on the device, as they report it.
+//! Device memory of providers, as they report it.
 
 use std::ffi::c_void;
 use std::ptr::null_mut;
@@ -10,17 +10,17 @@ use super::bindings::{
 use super::{Api, Chain, Context, Described};
 use crate::Result;
 
-/// An effect that reports the memory of its contexts.
+/// The creation struct of an effect that reports device memory.
 pub trait Reports: Creates {
-    /// Asks a context.
+    /// The query for an existing context.
     type Query: Described;
-    /// Asks for a context to come.
+    /// The query before a context is created.
     type QueryV2: Described;
 
-    /// The struct that asks a context, which writes its answer there.
+    /// The query struct for an existing context; the answer is written to `usage`.
     fn query(usage: *mut MemoryUsage) -> Self::Query;
 
-    /// The struct that asks for one made so on `device`. `hudless`: the format of frames without interface, unknown for none.
+    /// The query struct for a context created so on `device`. `hudless`: the format of HUD-less frames, `UNKNOWN` for none.
     fn query_v2(&self, device: *mut c_void, hudless: SurfaceFormat, usage: *mut MemoryUsage) -> Self::QueryV2;
 }
 
@@ -67,10 +67,10 @@ impl Reports for CreateUpscale {
     }
 }
 
-/// What a context made with `head` would keep on `device`. None where the library cannot say: SDK 2.0 and later can.
+/// Device memory that a context created with `head` would use on `device`. None if the library cannot say: SDK 2.0 and later can.
 ///
 /// # Errors
-/// What the library answers.
+/// The library's own errors.
 ///
 /// # Safety
 /// `device` is a live `ID3D12Device`.
@@ -82,26 +82,26 @@ pub unsafe fn memory_needed<Head: Reports>(
 ) -> Result<Option<MemoryUsage>> {
     let mut usage = MemoryUsage::default();
     let mut chain = Chain::new(head.query_v2(device, hudless.unwrap_or_default(), &mut usage));
-    // SAFETY: no context; the device is what the caller promises, and the place for the answer lives during the call.
+    // SAFETY: no context; the device is as the caller promises, and the memory for the answer lives during the call.
     let known = known(unsafe { api.query(null_mut(), &mut chain) })?;
     Ok(known.then_some(usage))
 }
 
 impl<Head: Reports> Context<Head> {
-    /// What the context keeps on the device. None where its provider cannot say: SDK 1.1.2 and later can.
+    /// The context's device memory. None if its provider cannot say: SDK 1.1.2 and later can.
     ///
     /// # Errors
-    /// What the library answers.
+    /// The library's own errors.
     pub fn memory(&mut self) -> Result<Option<MemoryUsage>> {
         let mut usage = MemoryUsage::default();
         let mut chain = Chain::new(Head::query(&mut usage));
-        // SAFETY: our own context, and a place for the answer that lives during the call.
+        // SAFETY: our own context, and memory for the answer that lives during the call.
         let known = known(unsafe { self.ask(&mut chain) })?;
         Ok(known.then_some(usage))
     }
 }
 
-/// Whether a query was understood. One whose fields are right and that is refused as a parameter is one that is not known.
+/// Whether the library knows the query. The fields of the query are valid, so a `PARAMETER` error also means that it does not.
 pub(super) fn known(answer: Result<(), super::api::Failure>) -> Result<bool> {
     match answer {
         Ok(()) => Ok(true),

@@ -1,32 +1,32 @@
-//! What a library has to say, into our log.
+//! Forwards the libraries' messages to our log.
 //!
-//! Its callback has no pointer of the host's and is one for a whole library, so it is one function for all of them.
+//! ffx-api's message callback has no user pointer and is set once for a whole library, so one function serves all.
 
 use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// The longest message that is read, in units of UTF-16.
+/// Messages are cut to this length, in UTF-16 units.
 const LONGEST: usize = 2048;
 
 thread_local! {
-    /// What was said during the present call on this thread.
+    /// Messages received during the current call on this thread.
     static SAID: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// Forgets what was said.
+/// Clears this thread's messages.
 pub(super) fn forget() {
     SAID.with_borrow_mut(String::clear);
 }
 
-/// What was said on this thread since [`forget`].
+/// This thread's messages since [`forget`].
 pub(super) fn last() -> String {
     SAID.with_borrow(String::clone)
 }
 
-/// Gets a message from a library: 0 is an error, all else a warning.
+/// The message callback: kind 0 is an error, all others warnings.
 ///
 /// # Safety
-/// `text` is null, or readable up to its zero, or as far as the longest message that is read.
+/// `text` is null, or readable up to its terminating zero or up to `LONGEST` units.
 pub(super) unsafe extern "C" fn receive(kind: u32, text: *const u16) {
     if text.is_null() {
         return;
@@ -36,7 +36,7 @@ pub(super) unsafe extern "C" fn receive(kind: u32, text: *const u16) {
     // SAFETY: the units that were read above.
     let text = String::from_utf16_lossy(unsafe { std::slice::from_raw_parts(text, length) });
     let text = text.trim();
-    // A host's logger may do anything; nothing of it may get into the library.
+    // A host's logger may panic; the panic must not unwind into the library.
     _ = catch_unwind(AssertUnwindSafe(|| {
         let level = if kind == 0 { log::Level::Error } else { log::Level::Warn };
         log::log!(target: "cairn::ffx", level, "{text}");
@@ -76,7 +76,7 @@ mod tests {
     fn a_message_without_an_end_is_read_so_far_and_no_further() {
         forget();
         let endless = vec![u16::from(b'a'); LONGEST];
-        // SAFETY: as long as what is read.
+        // SAFETY: as long as the part that is read.
         unsafe { receive(0, endless.as_ptr()) };
         assert_eq!(last().len(), LONGEST);
     }

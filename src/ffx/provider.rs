@@ -1,4 +1,4 @@
-//! Which of the providers in AMD's libraries and drivers runs.
+//! Selects one of the providers in AMD's libraries and drivers.
 
 use std::ffi::{CStr, c_char, c_void};
 use std::fmt;
@@ -9,24 +9,24 @@ use super::bindings::{EffectId, QueryVersions, StructId};
 use super::{Api, Chain, Effect};
 use crate::{Error, ErrorKind, Result};
 
-/// How providers work.
+/// A family of providers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Family {
-    /// By a trained network, releases 4.0 and 4.1; AMD's newest hardware only.
+    /// A trained network: releases 4.0 and 4.1, on AMD's newest hardware only.
     Ml,
-    /// By written rules, releases up to 3.1; any hardware.
+    /// Hand-written algorithms: releases up to 3.1, on any hardware.
     Analytic,
 }
 
-/// Which provider is wanted.
+/// The wanted provider.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Choice {
-    /// What the libraries and the driver prefer, which is the newest that the device can run.
+    /// The default of libraries and driver: the newest that the device can run.
     #[default]
     Any,
-    /// The newest of a family, and of the other where there is none.
+    /// The newest of a family, or the default if there is none.
     Prefer(Family),
-    /// The newest of a family, or none at all.
+    /// The newest of a family, or an error.
     Require(Family),
 }
 
@@ -50,17 +50,17 @@ impl FromStr for Choice {
     }
 }
 
-/// A provider as it names itself.
+/// A provider's id and name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Version {
-    /// What it is asked for by, in this process.
+    /// The id that requests it; valid in this process only.
     pub id: u64,
-    /// Such as 3.1.5.
+    /// Its name, such as 3.1.5.
     pub name: String,
 }
 
 impl Version {
-    /// The first three numbers of its name; what is missing is 0. None for a name without a number.
+    /// The first three numbers of its name; missing ones are 0. None for a name without a digit.
     pub fn number(&self) -> Option<[u32; 3]> {
         let start = self.name.find(|c: char| c.is_ascii_digit())?;
         let mut number = [0; 3];
@@ -74,8 +74,8 @@ impl Version {
         Some(number)
     }
 
-    /// What it works by, for the releases whose documents say so: ffx-api has no question for it, and a number alone says nothing of a
-    /// release to come. None for all others, which are neither preferred nor required as one of a family.
+    /// The family of the releases for which AMD's documentation names it: ffx-api has no query for it, and a number alone does not
+    /// tell for future releases. None for all others, which no preference or requirement selects.
     pub fn family(&self) -> Option<Family> {
         match self.number()? {
             // Frame interpolation of SDK 1.1, FSR 2.3, and FSR 3 as of SDK 1.1 to 2.4.
@@ -86,13 +86,13 @@ impl Version {
         }
     }
 
-    /// What it understands.
+    /// The structs that it accepts.
     pub fn dialect(&self, effect: Effect) -> Dialect {
         let first = match effect {
             Effect::FrameGeneration => [3, 1, 6],
             Effect::Upscaling => [4, 0, 3],
         };
-        // A name that does not tell is a later release's.
+        // A name without a number is taken for a later release.
         if self.number().is_none_or(|number| number >= first) { Dialect::Sdk21 } else { Dialect::Sdk11 }
     }
 }
@@ -108,24 +108,24 @@ impl fmt::Display for Version {
     }
 }
 
-/// The structs that a provider understands.
+/// The set of structs that a provider accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Dialect {
-    /// Those of SDK 1.1 to 2.0: motion and depth, the camera apart.
+    /// SDK 1.1 to 2.0: motion and depth, and the camera in a struct of its own.
     Sdk11,
-    /// Those of SDK 2.1 and later: all of these in one, and the release that the host was written for.
+    /// SDK 2.1 and later: motion, depth and camera in one struct, and a struct with the release that the host was written for.
     Sdk21,
 }
 
-/// How many providers an answer can hold.
+/// Maximum number of listed providers.
 const MOST: usize = 256;
 
-/// Lists the providers that a library has for `effect` on `device`, the newest first.
+/// Lists a library's providers of `effect` on `device`, newest first.
 ///
-/// Libraries that are asked for the number alone answer 0, so it is asked with room for them.
+/// Libraries return 0 when only the count is queried, so the query always provides space for the list.
 ///
 /// # Errors
-/// `Unsupported` when there is none; what the call answers.
+/// `Unsupported` when there is none; the library's own errors.
 ///
 /// # Safety
 /// `device` is an `ID3D12Device`, or null.
@@ -134,10 +134,10 @@ pub unsafe fn versions(api: &Api, effect: Effect, device: *mut c_void) -> Result
     unsafe { versions_of(api, effect.create(), device) }
 }
 
-/// The same of what makes contexts with the struct `create`.
+/// As [`versions`], for the contexts that the struct `create` makes.
 ///
 /// # Safety
-/// As of [`versions`].
+/// As [`versions`].
 pub(super) unsafe fn versions_of(api: &Api, create: StructId, device: *mut c_void) -> Result<Vec<Version>> {
     let mut room = 8;
     let (ids, names) = loop {
@@ -151,10 +151,10 @@ pub(super) unsafe fn versions_of(api: &Api, create: StructId, device: *mut c_voi
             names: names.as_mut_ptr(),
             ..Default::default()
         });
-        // SAFETY: no context; both lists have the room that is named, and the device is what the caller promises.
+        // SAFETY: no context; both lists have the stated capacity, and the device is as the caller promises.
         unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error())?;
         let count = usize::try_from(count).unwrap_or(room);
-        // All of the room filled may mean that there are more.
+        // A full list may mean that there are more.
         if count < room || room == MOST {
             ids.truncate(count);
             break (ids, names);
@@ -165,7 +165,7 @@ pub(super) unsafe fn versions_of(api: &Api, create: StructId, device: *mut c_voi
         .iter()
         .zip(&names)
         .map(|(&id, &name)| {
-            // SAFETY: null, or a name that the library keeps until the next call.
+            // SAFETY: null, or a string that the library keeps until the next call.
             let name = if name.is_null() { "".into() } else { unsafe { CStr::from_ptr(name) }.to_string_lossy() };
             Version { id, name: name.into_owned() }
         })
@@ -181,7 +181,7 @@ pub(super) unsafe fn versions_of(api: &Api, create: StructId, device: *mut c_voi
     Ok(found)
 }
 
-/// What contexts made with a struct are for.
+/// A name for the effect of the contexts that a struct creates.
 pub(super) fn called(create: StructId) -> String {
     match Effect::of(create) {
         Some(_) if create.effect() == EffectId::SWAPCHAIN => "paced swap chains".to_owned(),
@@ -190,10 +190,10 @@ pub(super) fn called(create: StructId) -> String {
     }
 }
 
-/// The one of `offered`, the newest first, that is asked for by its id; None to leave it to the library.
+/// Selects from `offered` (newest first) the provider to request by its id; None to leave the choice to the library.
 ///
 /// # Errors
-/// `Unsupported` when a family that is required is not there.
+/// `Unsupported` when a required family is missing.
 pub fn choose(offered: &[Version], choice: Choice) -> Result<Option<&Version>> {
     let newest = |family| offered.iter().find(|version| version.family() == Some(family));
     match choice {
@@ -203,7 +203,7 @@ pub fn choose(offered: &[Version], choice: Choice) -> Result<Option<&Version>> {
     }
 }
 
-/// What it is reported as when a family that is required does not run.
+/// The error for a required family that is not available.
 pub(super) fn unavailable(family: Family, instead: &str) -> Error {
     let (what, needs) = match family {
         Family::Ml => {
@@ -215,7 +215,7 @@ pub(super) fn unavailable(family: Family, instead: &str) -> Error {
     Error::new(ErrorKind::Unsupported, cause).field("provider").remedy(needs)
 }
 
-/// Names for people.
+/// The providers' names, separated by commas.
 pub(super) fn listed(versions: &[Version]) -> String {
     versions.iter().map(Version::to_string).collect::<Vec<_>>().join(", ")
 }

@@ -1,4 +1,4 @@
-//! Resources of Direct3D 12 as ffx-api is given them. Windows only.
+//! Direct3D 12 resources as ffx-api's structs describe them. Windows only.
 
 use windows::Win32::Graphics::Direct3D12::{
     D3D12_RESOURCE_DIMENSION_BUFFER, D3D12_RESOURCE_DIMENSION_TEXTURE1D, D3D12_RESOURCE_DIMENSION_TEXTURE2D,
@@ -10,9 +10,9 @@ use windows::core::Interface;
 use super::bindings::{Resource, ResourceDescription, ResourceState, ResourceType, ResourceUsage, SurfaceFormat};
 
 impl Resource {
-    /// Describes a resource that is in `state`. No reference is taken: it must live as long as what is recorded with it.
+    /// Describes a resource in `state`. Takes no reference: the resource must outlive the recorded work that uses it.
     pub fn of(resource: &ID3D12Resource, state: ResourceState) -> Self {
-        // SAFETY: a live resource; the call takes nothing.
+        // SAFETY: a live resource; the call has no arguments.
         let desc = unsafe { resource.GetDesc() };
         let mut usage = ResourceUsage::empty();
         for (flag, use_of_it) in [
@@ -28,7 +28,7 @@ impl Resource {
             D3D12_RESOURCE_DIMENSION_TEXTURE3D => ResourceType::TEXTURE_3D,
             _ => ResourceType::BUFFER,
         };
-        // A buffer's bytes, as far as the interface can say.
+        // The width of a buffer is its size in bytes, clamped to 32 bits.
         let width = u32::try_from(desc.Width).unwrap_or(u32::MAX);
         let is_buffer = desc.Dimension == D3D12_RESOURCE_DIMENSION_BUFFER;
         let description = ResourceDescription {

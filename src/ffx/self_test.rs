@@ -1,57 +1,57 @@
-//! Whether a provider does what it is for: two frames of two layers that move by known ways, one in front of the other, and where
-//! both are in the frame between. Windows only.
+//! Self-test of a provider: generates the frame between two synthetic frames and compares it with the right result and with typical
+//! wrong ones. The frames show a background and blocks in front of it, with known motion. Windows only.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32_FLOAT};
 
-use super::Shot;
+use super::FrameParams;
 use super::bindings::{Coordinates, CreateFlags, CreateFrameGeneration, Dimensions};
 use super::textures::{GROUP, Pictures, TextureGenerator, TextureOptions, texture};
 use crate::gpu::compute::{self, CommandRecorder, CommandRing, Kernel, ResourceWithState, Shape, View, Words, untyped};
 use crate::gpu::{Gpu, Heap, Shared, buffer};
 use crate::{Error, ErrorKind, Result};
 
-/// What the shader writes.
+/// What the pattern shader draws.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Mode {
-    /// The frame of that number: 0 and 1 are shown to the provider.
-    CommandRecorder(f32),
-    /// Two numbers for the background and two for the foreground, where both are in the frame of that number.
+    /// The frame at that time: 0 and 1 are the provider's inputs.
+    Frame(f32),
+    /// Two values for the background and two for the foreground, each layer at its position in the frame of that number.
     Values {
         number: f32,
         background: [f32; 2],
         foreground: [f32; 2],
     },
-    /// What a provider makes that believes in such motion from frame 0 to frame 1.
-    Generated(Believed),
-    /// What one makes of the right motion that takes near for far.
+    /// The frame that a provider generates if it assumes this motion from frame 0 to frame 1.
+    Generated(AssumedMotion),
+    /// The frame generated with the right motion if the depth order is reversed.
     Reversed,
     Black,
 }
 
-/// Motion that a provider may believe in: that of each layer times `factor`, component by component, plus `jitter` times what the
-/// cameras' jitter adds to motion.
+/// Motion that a provider may assume: each layer's true motion times `factor`, by component, plus `jitter` times the part of motion
+/// that comes from the cameras' jitter.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Believed {
+struct AssumedMotion {
     factor: [f32; 2],
     jitter: f32,
 }
 
 const fn generated(factor: [f32; 2], jitter: f32) -> Mode {
-    Mode::Generated(Believed { factor, jitter })
+    Mode::Generated(AssumedMotion { factor, jitter })
 }
 
-/// What the frame between may be. The first is right.
+/// Candidates for the generated frame, each with the error that it shows. The first is right.
 const CANDIDATES: [(Mode, &str); 14] = [
     (generated([1.0, 1.0], 0.0), "it is far from where it belongs"),
-    (Mode::CommandRecorder(1.0), "the frame itself comes back: it passes frames through"),
-    (Mode::CommandRecorder(0.0), "the frame before comes back: it passes frames through"),
+    (Mode::Frame(1.0), "the frame itself comes back: it passes frames through"),
+    (Mode::Frame(0.0), "the frame before comes back: it passes frames through"),
     (generated([0.0, 0.0], 0.0), "both frames lie over one another: motion is not used"),
     (generated([-1.0, -1.0], 0.0), "both frames are moved against the motion: the sign is wrong"),
     (generated([-1.0, 1.0], 0.0), "both frames are moved against horizontal motion: the sign is wrong"),
     (generated([1.0, -1.0], 0.0), "both frames are moved against vertical motion: the sign is wrong"),
-    (Mode::CommandRecorder(1.5), "it is moved against the motion: the sign is wrong"),
-    (Mode::CommandRecorder(-0.5), "it is moved against the motion: the sign is wrong"),
+    (Mode::Frame(1.5), "it is moved against the motion: the sign is wrong"),
+    (Mode::Frame(-0.5), "it is moved against the motion: the sign is wrong"),
     (Mode::Reversed, "what is far hides what is near: the order of depths is wrong"),
     (Mode::Black, "it is black"),
     (generated([1.0, 1.0], 1.0), "jitter is taken out of motion that holds none"),
@@ -59,19 +59,19 @@ const CANDIDATES: [(Mode, &str); 14] = [
     (generated([1.0, 1.0], -1.0), "jitter is added to motion: the sign is wrong"),
 ];
 
-/// The candidate of a provider that leaves in motion what jitter has added to it, as AMD's 3.1.5 does. Where motion is said to hold
-/// jitter this is no reason to refuse one: real jitter is less than a pixel.
+/// Index of the candidate for a provider that does not remove jitter from motion, as AMD's 3.1.5 does not. It passes if motion
+/// contains jitter by the creation flags: real jitter is less than a pixel.
 const JITTER_LEFT: usize = 13;
 
 const STATE: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
 
-/// Words of constants of the shader that draws.
+/// Number of root constants of the pattern shader.
 const CONSTANTS: usize = 19;
 
-/// Generates, compares, and leaves the generator as it was.
+/// Runs the test; the generator drops its history afterwards.
 ///
 /// # Errors
-/// `Unsupported`, of `provider`, for one that fails; what its calls answer; `DeviceRemoved`, `OutOfMemory`.
+/// `Unsupported` with the field `provider` for a provider that fails; errors of its calls; `DeviceRemoved`, `OutOfMemory`.
 pub(super) fn run(generator: &mut TextureGenerator, options: &TextureOptions) -> Result<()> {
     let gpu = generator.gpu().clone();
     let stage = Stage::new(&gpu, options)?;
@@ -87,28 +87,28 @@ pub(super) fn run(generator: &mut TextureGenerator, options: &TextureOptions) ->
     })
 }
 
-/// What is wrong, by the distance from each candidate.
+/// Judges the generated frame by its distance from each candidate; the error is the text of the nearest.
 fn judge(sums: &[u32; CANDIDATES.len()], motion_holds_jitter: bool) -> Result<(), &'static str> {
     let is_right = |index: usize| index == 0 || (index == JITTER_LEFT && motion_holds_jitter);
     let least = |right: bool| {
         let of_kind = sums.iter().enumerate().filter(|(index, _)| is_right(*index) == right);
         of_kind.map(|(_, sum)| *sum).min().unwrap_or(0)
     };
-    // Twice as near as to anything else: providers sharpen and filter, each in its way.
+    // Less than half the distance to any wrong candidate: providers sharpen and filter in different ways.
     if u64::from(least(true)) * 2 < u64::from(least(false)) {
         return Ok(());
     }
     Err(sums.iter().zip(CANDIDATES).min_by_key(|(sum, _)| **sum).map_or("", |(_, (_, why))| why))
 }
 
-/// What the frames are made in.
+/// The test's textures, kernels and parameters.
 struct Stage<'a> {
     gpu: &'a Gpu,
     options: &'a TextureOptions,
     format: DXGI_FORMAT,
-    /// From one frame to the next, in pixels: of the background, and of the blocks in front of it.
+    /// Motion from frame 0 to frame 1 in display pixels: of the background, and of the blocks.
     moved: [[f32; 2]; 2],
-    /// Of the camera in frame 0, in pixels shown; in frame 1 it is minus that.
+    /// Camera jitter of frame 0 in display pixels; frame 1 has its negative.
     jitter: [f32; 2],
     pattern: Kernel,
     compare: Kernel,
@@ -128,7 +128,7 @@ impl<'a> Stage<'a> {
         let format = untyped(DXGI_FORMAT(head.back_buffer_format.to_dxgi().cast_signed()));
         let frame = || texture(gpu, shown, format);
         let bytes = CANDIDATES.len() * 4;
-        // A number of four, so that halves of both components are whole pixels.
+        // A multiple of four, so that half of each component is a whole number of pixels.
         let step = (4 * (breadth(shown) / 160)).clamp(4, 64) as f32;
         let pattern = Shape { constants: CONSTANTS as u32, inputs: 1, outputs: 1 };
         let compare = Shape { constants: 7, inputs: 2, outputs: 1 };
@@ -136,7 +136,7 @@ impl<'a> Stage<'a> {
             gpu,
             options,
             format,
-            // Far from opposite, so that each wrong belief puts the blocks elsewhere.
+            // Not opposite to each other, so that each wrong assumption puts the blocks somewhere else.
             moved: [[step, -step / 2.0], [-step, -step]],
             jitter: [step / 8.0, -step / 8.0],
             pattern: Kernel::new(gpu, include_bytes!("../gpu/shaders/fsr_pattern.dxbc"), pattern)?,
@@ -149,12 +149,12 @@ impl<'a> Stage<'a> {
             sums: buffer(gpu, Heap::Device, bytes)?,
             back: Shared::new(gpu, Heap::Readback, bytes)?,
         };
-        // Whether shaders can write frames of that format here.
+        // Fails if shaders cannot write textures of this format.
         compute::texture(gpu, &resting(&made.output), &[format], "back_buffer_format")?;
         Ok(made)
     }
 
-    /// Both frames, through the generator.
+    /// Draws both frames and passes them to the generator.
     fn frames(&self, generator: &mut TextureGenerator) -> Result<()> {
         const DESCRIPTORS: u32 = 2;
         let mut ring = CommandRing::new(self.gpu, self.gpu.frames(), 3 * DESCRIPTORS)?;
@@ -167,7 +167,7 @@ impl<'a> Stage<'a> {
         };
         for (number, sign) in [(0.0, 1.0), (1.0, -1.0)] {
             let jitter = self.jitter.map(|jitter| jitter * sign);
-            // From this frame to the one before; with what jitter was less what it is, where motion holds it.
+            // Motion from this frame to the previous one, plus the previous jitter minus this one if motion contains jitter.
             let to_before = self.moved.map(|moved| {
                 let held = if holds_jitter { self.jitter_in_motion() } else { [0.0; 2] };
                 scaled([held[0] - moved[0], held[1] - moved[1]], of_motion)
@@ -177,7 +177,7 @@ impl<'a> Stage<'a> {
             self.draw(&mut frame, &motion, DXGI_FORMAT_R16G16_FLOAT, values(to_before), scaled(jitter, of_motion))?;
             let depths = [BACKGROUND, FOREGROUND].map(|distance| [device_depth(distance, head.flags), 0.0]);
             self.draw(&mut frame, &depth, DXGI_FORMAT_R32_FLOAT, values(depths), scaled(jitter, rendered))?;
-            self.draw(&mut frame, &resting(&self.color), self.format, Mode::CommandRecorder(number), [0.0; 2])?;
+            self.draw(&mut frame, &resting(&self.color), self.format, Mode::Frame(number), [0.0; 2])?;
             frame.submit(self.gpu.frames())?;
             let pictures = Pictures {
                 color: resting(&self.color),
@@ -188,24 +188,24 @@ impl<'a> Stage<'a> {
                 distortion: None,
             };
             let [x, y] = scaled(jitter, rendered);
-            let shot = Shot { reset: number == 0.0, jitter: Coordinates { x, y }, ..Shot::of(rendered) };
+            let shot = FrameParams { reset: number == 0.0, jitter: Coordinates { x, y }, ..FrameParams::of(rendered) };
             generator.generate(&pictures, &shot)?;
         }
         Ok(())
     }
 
-    /// What jitter adds to the motion of frame 1 where motion holds it, in pixels shown: what it was less what it is.
+    /// The part of frame 1's motion that comes from jitter: the previous jitter minus this one, in display pixels.
     fn jitter_in_motion(&self) -> [f32; 2] {
         self.jitter.map(|jitter| 2.0 * jitter)
     }
 
-    /// How far the frame between is from each candidate.
+    /// The distance of the generated frame from each candidate.
     fn found(&self) -> Result<[u32; CANDIDATES.len()]> {
         const DESCRIPTORS: u32 = 5;
         let mut ring = CommandRing::new(self.gpu, self.gpu.frames(), DESCRIPTORS * CANDIDATES.len() as u32)?;
         let mut frame = ring.begin()?;
         let shown = self.options.head.display_size;
-        // The inner part: what comes into the picture nobody can know.
+        // The inner part only: what enters the picture at its border is unknown.
         let first = Dimensions { width: shown.width / 8, height: shown.height / 8 };
         let inner = Dimensions { width: shown.width - 2 * first.width, height: shown.height - 2 * first.height };
         let step = Dimensions { width: inner.width.div_ceil(512), height: inner.height.div_ceil(512) };
@@ -238,7 +238,7 @@ impl<'a> Stage<'a> {
         Ok(sums)
     }
 
-    /// Draws into a texture of any size, seen with such a jitter in its pixels.
+    /// Draws into a texture of any size, with a camera jitter in pixels of that texture.
     fn draw(
         &self,
         frame: &mut CommandRecorder<'_>,
@@ -253,20 +253,21 @@ impl<'a> Stage<'a> {
         let head = &self.options.head;
         let shown = head.display_size;
         let scale = [shown.width as f32 / width as f32, shown.height as f32 / height as f32];
-        let believed = |Believed { factor, jitter }: Believed| {
+        let believed = |AssumedMotion { factor, jitter }: AssumedMotion| {
             let held = self.jitter_in_motion();
             self.moved.map(|moved| [0, 1].map(|axis| moved[axis] * factor[axis] + held[axis] * jitter))
         };
-        let is_drawn = matches!(mode, Mode::CommandRecorder(_)) && to.resource == &self.color;
+        let is_drawn = matches!(mode, Mode::Frame(_)) && to.resource == &self.color;
         let (kind, number, [background, foreground]) = match mode {
-            Mode::CommandRecorder(number) if is_drawn => (0, number, self.moved),
+            Mode::Frame(number) if is_drawn => (0, number, self.moved),
             Mode::Values { number, background, foreground } => (1, number, [background, foreground]),
-            Mode::CommandRecorder(number) => (2, number, self.moved),
+            Mode::Frame(number) => (2, number, self.moved),
             Mode::Generated(motion) => (2, BETWEEN, believed(motion)),
             Mode::Reversed => (3, BETWEEN, self.moved),
             Mode::Black => (4, 0.0, self.moved),
         };
-        // Providers take the nearest depth of the neighbours, and what jitter moves is beside its edge.
+        // Providers use the nearest depth of the neighbouring pixels, and jitter moves edges: pixels near block edges are not
+        // compared.
         let of_render =
             shown.width.div_ceil(head.max_render_size.width).max(shown.height.div_ceil(head.max_render_size.height));
         let margin = 1.0 + of_render as f32 + self.jitter[0].abs();
@@ -282,20 +283,20 @@ impl<'a> Stage<'a> {
         frame.run(&self.pattern, &constants, &[found], &[View::Texture(*to, format)], groups)
     }
 
-    /// Of a block, in pixels: so that what moves the other way behind it would hide more than half of it.
+    /// Side of a block in display pixels. At this size, a background drawn in front by mistake hides more than half of a block.
     fn side(&self) -> f32 {
         2.0 * self.moved[0][0]
     }
 }
 
-/// The frame half way, as the shader has it.
+/// The time of the generated frame, as in the shader.
 const BETWEEN: f32 = 0.5;
 
-/// How far away both layers are, in metres.
+/// Distances of both layers from the camera, in metres.
 const BACKGROUND: f32 = 10.0;
 const FOREGROUND: f32 = 1.0;
 
-/// Device depth of what is so many metres away from [`Camera::default`](super::Camera::default).
+/// Device depth at `distance` metres from [`Camera::default`](super::Camera::default).
 fn device_depth(distance: f32, flags: CreateFlags) -> f32 {
     let super::Camera { near, far, .. } = super::Camera::default();
     let of_infinite = 1.0 - near / distance;
@@ -304,7 +305,7 @@ fn device_depth(distance: f32, flags: CreateFlags) -> f32 {
     if flags.contains(CreateFlags::DEPTH_INVERTED) { 1.0 - depth } else { depth }
 }
 
-/// By what the pattern is scaled: the width of a frame that is not far wider than high.
+/// The width that the pattern scales with: the frame's, limited to twice its height.
 fn breadth(shown: Dimensions) -> u32 {
     shown.width.min(2 * shown.height)
 }

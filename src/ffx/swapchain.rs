@@ -1,12 +1,12 @@
-//! A swap chain of AMD's, which presents generated frames between an engine's own and spreads them over time. Windows only.
+//! AMD's frame-pacing swap chain: presents generated frames between an engine's own and spreads them over time. Windows only.
 //!
-//! An engine that lets AMD present gives up its swap chain for this one and draws as ever: into its buffers, with a `Present` at the
-//! end. Before that it records motion and depth of the frame ([`Swapchain::prepare`]). What lies between two frames is recorded by the
-//! swap chain, within `Present`, by way of a callback that hands its struct on to the generator.
+//! The engine replaces its swap chain by this one and goes on as before: it draws into the back buffers and calls `Present`. Before
+//! `Present` it records motion and depth of the frame ([`Swapchain::prepare`]). Within `Present`, AMD's swap chain records the
+//! generated frame through a callback, which forwards its struct to the generator.
 
 mod present_fence;
 mod settings;
-mod taken;
+mod takeover;
 
 use std::cell::Cell;
 use std::ffi::c_void;
@@ -26,47 +26,47 @@ use super::bindings::{
     DispatchWait, FrameFlags, InterfaceFlags, MemoryUsage, PacingTuning, QuerySwapchainMemory, RawContext, Resource,
     ResourceState, ReturnCode, SurfaceFormat, SwapchainKey,
 };
-use super::clean_motion::CleanMotion;
+use super::clean_motion::SanitisedMotion;
 use super::textures::{READ, TextureGenerator, TextureOptions, motion_size_at, picture};
-use super::{Api, Chain, Choice, Context, Frame, Generator, Provider, Shot};
+use super::{Api, Chain, Choice, Context, Frame, FrameParams, Generator, Provider};
 use crate::gpu::compute::{CommandRing, ResourceWithState};
 use crate::gpu::{Gpu, check_list, failed_on};
 use crate::{Error, ErrorKind, Result};
 use present_fence::PresentFence;
 pub use settings::{
-    Interface, Paced, PacedPictures, Pacing, SwapchainMemory, SwapchainOptions, swapchain_memory_needed,
+    FrameTextures, Interface, Pacing, SwapchainMemory, SwapchainOptions, SwapchainSource, swapchain_memory_needed,
 };
-use taken::{references, wrapped};
+use takeover::{references, wrapped};
 
-/// A swap chain of AMD's, with the generator of its frames.
+/// AMD's swap chain with its frame generator.
 ///
-/// Threads: one at a time, with `Present` and all else that is done to the DXGI swap chain; may move between them. It has threads of
-/// its own, which present.
+/// Threads: one at a time, counting `Present` and all other calls on the DXGI swap chain; may move between threads. AMD's library
+/// presents on threads of its own.
 pub struct Swapchain {
-    /// Dropped first: it signals what the ring waits for.
+    /// Dropped first: it signals the fence that the ring waits for.
     presented: PresentFence,
     ring: CommandRing,
     gpu: Gpu,
     api: Api,
     options: SwapchainOptions,
-    motion: CleanMotion,
+    motion: SanitisedMotion,
     generator: Option<Generator>,
-    /// What the callback is given; stays at its place.
+    /// User data of the `generate` callback; boxed, so that its address stays the same.
     shared: Box<Shared>,
-    // Dropped in this order: the swap chain, and then what paces it.
+    // Dropped in this order: the swap chain, then the context that paces it.
     swapchain: IDXGISwapChain4,
-    /// References to it as it came, ours and the library's own.
-    held_at_first: u32,
+    /// The swap chain's reference count after creation: our reference and the library's own.
+    initial_references: u32,
     pacer: Box<dyn Pacer>,
-    /// Where the pacer was told that its swap chain, and what it is made of, is.
+    /// Structs that the pacer's creation chain points to.
     _given: Box<Given>,
     interface: Option<ID3D12Resource>,
-    /// What `Present` reads of the last frame.
+    /// HUD-less pictures of this frame and the previous one, which `Present` may still read.
     hudless: [Option<ID3D12Resource>; 2],
     is_on: bool,
 }
 
-/// What stands in the chain of the context that paces.
+/// Structs that the creation chain of the pacing context points to.
 #[derive(Default)]
 struct Given {
     swapchain: *mut c_void,
@@ -76,19 +76,19 @@ struct Given {
 }
 
 // SAFETY: the library's context and its swap chain may be used by one thread after the other, and objects of Direct3D 12 are
-// free-threaded; what its own threads are given is `Shared`.
+// free-threaded; the library's own threads get `Shared` only.
 unsafe impl Send for Swapchain {}
 
-/// What the callback that generates a frame needs.
+/// State that the `generate` callback reads and writes.
 struct Shared {
     api: Api,
-    /// The generator's context; calls of it take turns.
+    /// The generator's context; the lock serialises its calls. Null without a generator.
     context: ReentrantMutex<Cell<RawContext>>,
-    /// The frame that starts anew; 0 for none.
+    /// Id of the frame that resets the history; 0 for none.
     reset: AtomicU64,
-    /// Frames that were generated.
+    /// Number of generated frames.
     generated: AtomicU64,
-    /// What the last one was answered that was not.
+    /// Return code of the last failed generation; 0 if none failed.
     failed: AtomicU32,
 }
 
@@ -97,7 +97,7 @@ unsafe impl Send for Shared {}
 // SAFETY: as above.
 unsafe impl Sync for Shared {}
 
-/// A context that paces, whatever it was made with.
+/// A pacing context, whichever struct created it.
 trait Pacer {
     fn raw(&self) -> RawContext;
     fn provider(&self) -> &Provider;
@@ -119,35 +119,35 @@ impl<Head: Creates> Pacer for Context<Head> {
 }
 
 thread_local! {
-    /// Whether AMD's library generates a frame on this thread for a swap chain, whose end waits for that.
+    /// Whether AMD's library is generating a frame on this thread. Destroying the swap chain waits for that.
     static GENERATES: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Whether this is a thread that presents for AMD's library, in a message of a frame that it generates.
+/// Whether AMD's library is generating a frame on this thread, which is so in a message that it sends meanwhile.
 pub(crate) fn is_presenting_thread() -> bool {
     GENERATES.get()
 }
 
-/// Hands the struct of a frame on to the generator.
+/// AMD's generation callback: forwards the struct to the generator's context.
 unsafe extern "C" fn generate(asked: *mut DispatchFrameGeneration, user: *mut c_void) -> ReturnCode {
     if asked.is_null() || user.is_null() {
         return ReturnCode::PARAMETER;
     }
-    // SAFETY: what `prepare` told, which stays until generation was turned off.
+    // SAFETY: the user pointer that `prepare` passed; it lives until generation is turned off.
     let shared = unsafe { &*user.cast::<Shared>() };
     let lock = shared.context.lock();
     let context = lock.get();
     if context.is_null() {
         return ReturnCode::ERROR;
     }
-    // SAFETY: the library's own struct, which it lets be altered.
+    // SAFETY: the library's own struct, which the callback may change.
     unsafe {
         if (*asked).frame_id == shared.reset.load(Ordering::Relaxed) {
             (*asked).reset = true;
         }
     }
     let before = GENERATES.replace(true);
-    // SAFETY: a live context, and the struct that the library has just handed over.
+    // SAFETY: a live context, and the struct that the library has just passed.
     let code = unsafe { shared.api.forward(context, asked.cast()) };
     GENERATES.set(before);
     if code == ReturnCode::OK {
@@ -159,25 +159,25 @@ unsafe extern "C" fn generate(asked: *mut DispatchFrameGeneration, user: *mut c_
 }
 
 impl Swapchain {
-    /// Makes a swap chain of AMD's on `gpu`, whose queue for frames is the direct queue that the engine draws on.
+    /// Creates AMD's swap chain on `gpu`. The frame queue of `gpu` must be the direct queue that the engine draws on.
     ///
-    /// All else is made first: where that fails, a swap chain that was to be taken over is whole and its owner's. Of one that AMD's
-    /// library has been given nothing is left, also where it fails.
+    /// Everything else is created first: if that fails, the swap chain in [`SwapchainSource::Wrap`] is unchanged and still the caller's. Once
+    /// AMD's library has it, it is gone, even if the library fails.
     ///
     /// # Errors
-    /// `InvalidArgument` with the field for what AMD's library would fail, hang or crash on: a queue that is not direct, a swap
-    /// chain that is full screen, of no size, or that somebody else holds; `Unsupported`, of `provider`, when no generator stands the
-    /// test; what the library answers; `OutOfMemory`, `DeviceRemoved`.
-    pub fn new(gpu: &Gpu, api: &Api, options: &SwapchainOptions, from: Paced<'_>) -> Result<Self> {
+    /// `InvalidArgument` with the field for input on which AMD's library would fail, hang or crash: a queue that is not direct, a
+    /// swap chain that is full screen, has no size or is referenced elsewhere. `Unsupported` with the field `provider` when no
+    /// generator passes the self-test. The library's own errors; `OutOfMemory`, `DeviceRemoved`.
+    pub fn new(gpu: &Gpu, api: &Api, options: &SwapchainOptions, from: SwapchainSource<'_>) -> Result<Self> {
         let refuse = |field: &str, why: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         if gpu.frames().kind() != D3D12_COMMAND_LIST_TYPE_DIRECT {
             return refuse("queue", "AMD's swap chain draws on it, and it is not direct");
         }
         let mut given = Box::<Given>::default();
         let shown = match &from {
-            Paced::Wrap(Some(swapchain)) => wrapped(gpu, swapchain)?,
-            Paced::Wrap(None) => return refuse("swapchain", "there is none"),
-            Paced::New(_, desc) => {
+            SwapchainSource::Wrap(Some(swapchain)) => wrapped(gpu, swapchain)?,
+            SwapchainSource::Wrap(None) => return refuse("swapchain", "there is none"),
+            SwapchainSource::New(_, desc) => {
                 given.description = *desc;
                 if !desc.Windowed.as_bool() {
                     return refuse("description.Windowed", "AMD's swap chain lives in a window");
@@ -188,7 +188,7 @@ impl Swapchain {
                 let mode = desc.BufferDesc;
                 (mode.Width, mode.Height, mode.Format)
             }
-            Paced::ForWindow(_, window, desc, fullscreen) => {
+            SwapchainSource::ForWindow(_, window, desc, fullscreen) => {
                 given.of_window = *desc;
                 given.fullscreen = fullscreen.unwrap_or_default();
                 if fullscreen.is_some_and(|fullscreen| !fullscreen.Windowed.as_bool()) {
@@ -210,8 +210,8 @@ impl Swapchain {
             generated: AtomicU64::new(0),
             failed: AtomicU32::new(0),
         });
-        let (presented, ring) = (PresentFence::new(gpu)?, CommandRing::new(gpu, gpu.frames(), CleanMotion::ROOM)?);
-        let motion = CleanMotion::new(gpu, motion_size_at(&head, head.max_render_size))?;
+        let (presented, ring) = (PresentFence::new(gpu)?, CommandRing::new(gpu, gpu.frames(), SanitisedMotion::ROOM)?);
+        let motion = SanitisedMotion::new(gpu, motion_size_at(&head, head.max_render_size))?;
         let pacer = pace(gpu, api, &mut given, from)?;
         if given.swapchain.is_null() {
             return Err(Error::new(ErrorKind::Device, "AMD's library says that it succeeded, and gave no swap chain"));
@@ -219,7 +219,7 @@ impl Swapchain {
         // SAFETY: the library has written a swap chain there, with a reference for its host.
         let swapchain = unsafe { IDXGISwapChain4::from_raw(given.swapchain) };
         Ok(Self {
-            held_at_first: references(&swapchain),
+            initial_references: references(&swapchain),
             swapchain,
             pacer,
             presented,
@@ -237,18 +237,18 @@ impl Swapchain {
         })
     }
 
-    /// The swap chain itself, to be drawn into and presented by. Every reference that an engine takes, and those to its buffers, it
-    /// lets go of before this is dropped.
+    /// The DXGI swap chain, for drawing and presenting. The engine must release all references to it and to its buffers before this
+    /// is dropped.
     pub fn dxgi(&self) -> &IDXGISwapChain4 {
         &self.swapchain
     }
 
-    /// How many references to it others hold, that are to be let go of before this is dropped. Of its buffers it does not say.
-    pub fn held_by_others(&self) -> u32 {
-        references(&self.swapchain).saturating_sub(self.held_at_first)
+    /// Number of external references to the swap chain; all must be released before it is dropped. Back buffers are not counted.
+    pub fn external_references(&self) -> u32 {
+        references(&self.swapchain).saturating_sub(self.initial_references)
     }
 
-    /// Who generates frames.
+    /// The provider that generates frames.
     ///
     /// # Errors
     /// `InvalidState` after [`fit`](Self::fit) has failed.
@@ -256,25 +256,26 @@ impl Swapchain {
         self.generator.as_ref().map(Generator::provider).ok_or_else(no_generator)
     }
 
-    /// Who presents them.
+    /// The provider that presents frames.
     pub fn pacer(&self) -> &Provider {
         self.pacer.provider()
     }
 
-    /// Frames that were generated so far.
+    /// Number of frames generated so far.
     pub fn generated(&self) -> u64 {
         self.shared.generated.load(Ordering::Relaxed)
     }
 
-    /// What the generator has answered last within `Present` where it failed: frames are presented without one between then.
+    /// The last error that the generator returned within `Present`, if any. A frame whose generation fails is presented without a
+    /// generated one.
     pub fn failed(&self) -> Option<ReturnCode> {
         Some(ReturnCode(self.shared.failed.load(Ordering::Relaxed))).filter(|code| *code != ReturnCode::OK)
     }
 
-    /// What both keep on the device.
+    /// Device memory of the generator and the swap chain.
     ///
     /// # Errors
-    /// What the library answers.
+    /// The library's own errors.
     pub fn memory(&mut self) -> Result<SwapchainMemory> {
         let lock = self.shared.context.lock();
         let generator = self.generator.as_mut().map(Generator::memory).transpose()?.flatten();
@@ -282,27 +283,27 @@ impl Swapchain {
         let mut usage = MemoryUsage::default();
         let mut query = Chain::new(QuerySwapchainMemory { usage: &mut usage, ..Default::default() });
         let pacer = &self.pacer;
-        // SAFETY: our own context, and a place for the answer that lives during the call.
+        // SAFETY: our own context, and memory for the answer that lives during the call.
         let known = super::memory::known(unsafe { pacer.api().query(pacer.raw(), &mut query) })?;
         Ok(SwapchainMemory { generator, swapchain: known.then_some(usage) })
     }
 
-    /// Records motion and depth of the frame that is presented next into `list`, an engine's open one for its queue, which is given to it
-    /// before `Present`. That presents a frame between this one and the one before, unless `shot` says that there is none before.
+    /// Records motion and depth of the next frame into `list`, an open list of the engine, which must submit it to its queue before
+    /// `Present`. `Present` then also shows a frame between this one and the previous one, unless `shot.reset` is set.
     ///
-    /// Of `shot` transfer and luminance are not looked at: AMD's swap chain has them of `SetColorSpace1` and `SetHDRMetaData`.
+    /// Ignores `shot.transfer` and `shot.luminance`: AMD's swap chain takes them from `SetColorSpace1` and `SetHDRMetaData`.
     ///
-    /// Left bound are others than before: descriptor heaps, compute root signature and pipeline, and nothing else.
+    /// Changes the list's descriptor heaps, compute root signature and pipeline, and no other state.
     ///
     /// # Errors
-    /// `InvalidArgument` with the field for what a provider would fail, hang or crash on, before anything is recorded; `InvalidState`
-    /// where the swap chain's buffers were resized and [`fit`](Self::fit) was not called; what the library answers, and then the list
-    /// may hold a part of the work.
+    /// `InvalidArgument` with the field, before anything is recorded, for input on which a provider would fail, hang or crash.
+    /// `InvalidState` if the buffers were resized without a call of [`fit`](Self::fit). The library's own errors, after which the
+    /// list may hold part of the work.
     pub fn prepare(
         &mut self,
         list: &ID3D12GraphicsCommandList,
-        pictures: &PacedPictures<'_>,
-        shot: &Shot,
+        pictures: &FrameTextures<'_>,
+        shot: &FrameParams,
     ) -> Result<()> {
         check_list(&self.gpu, list)?;
         let made = *self.generator.as_ref().ok_or_else(no_generator)?.made_with();
@@ -326,12 +327,12 @@ impl Swapchain {
             })?;
             told(given, size, field, state)
         };
-        // These are read later, in the state that they rest in.
+        // `Present` reads these later, in the states that were given with them.
         let late = |given: &Option<ResourceWithState<'_>>, field: &str| {
             given.as_ref().map_or(Ok(Resource::default()), |given| resting(given, field))
         };
         let (hudless, distortion) = (late(&pictures.hudless, "hudless")?, late(&pictures.distortion, "distortion")?);
-        // The list before this one has been given to the queue.
+        // The engine has submitted the previous frame's list by now.
         self.presented.presented()?;
         let until = self.presented.next()?;
         let mut frame = self.ring.begin_in(list, &until)?;
@@ -357,47 +358,49 @@ impl Swapchain {
             ..Default::default()
         };
         let lock = self.shared.context.lock();
-        // SAFETY: the frame's open list; what it uses is of the device, in the states that were told, and held by the frame or by this;
-        // the swap chain and what its callback is given outlive generation, which is turned off first.
+        // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame or
+        // by `self`; the swap chain and the callback's data outlive generation, which is turned off first.
         let (id, reset) = unsafe { generator.prepare(&asked, settings) }?;
         self.shared.reset.store(if reset { id } else { 0 }, Ordering::Relaxed);
         drop(lock);
         frame.resume();
         self.is_on = true;
-        // What `Present` reads now, and may still read of the one before.
+        // Keeps the picture that `Present` will read, and the previous one, which it may still be reading.
         let [last, _] = std::mem::take(&mut self.hudless);
         self.hudless = [pictures.hudless.map(|given| given.resource.clone()), last];
         Ok(())
     }
 
-    /// Presents frames as they come from now on, none between them, until one is prepared again.
+    /// Stops generating: frames are presented unchanged until one is prepared again.
     ///
     /// # Errors
-    /// What the library answers.
+    /// The library's own errors.
     pub fn pause(&mut self) -> Result<()> {
         let Some(generator) = self.generator.as_mut().filter(|_| self.is_on) else { return Ok(()) };
-        // Without the lock: the library may wait here for a frame that is being generated.
+        // Without the lock: the library may wait here for a frame that its callback is generating.
         // SAFETY: a live swap chain of the library's.
         unsafe { generator.turn_off(self.swapchain.as_raw()) }?;
         self.is_on = false;
         self.wait()
     }
 
-    /// Waits until all frames that were given to `Present` are shown.
+    /// Waits until all frames passed to `Present` are on the screen.
     ///
     /// # Errors
-    /// What the library answers.
+    /// The library's own errors.
     pub fn wait(&mut self) -> Result<()> {
         let pacer = &self.pacer;
-        // SAFETY: our own context; the struct is alone.
+        // SAFETY: our own context; the chain has one struct.
         unsafe { pacer.api().dispatch(pacer.raw(), &mut Chain::new(DispatchWait::default())) }
             .map_err(|failure| failure.error())
     }
 
-    /// Says what is laid over frames from the next `Present` on; None for nothing. Waits for frames that show the one before.
+    /// Sets the interface that is drawn over frames from the next `Present` on; None for none. Waits for frames that show the
+    /// previous one.
     ///
     /// # Errors
-    /// `InvalidArgument` for a picture of another size or device, or in a state that AMD's library has no word for; what it answers.
+    /// `InvalidArgument` for a picture of another size or device, or in a state that ffx-api has no value for. The library's own
+    /// errors.
     pub fn set_interface(&mut self, interface: Option<Interface<'_>>) -> Result<()> {
         let mut told = ConfigureInterface::default();
         if let Some(Interface { picture: given, premultiplied, copied }) = &interface {
@@ -417,16 +420,17 @@ impl Swapchain {
             self.wait()?;
         }
         let pacer = &self.pacer;
-        // SAFETY: our own context; the picture is held until another is told.
+        // SAFETY: our own context; the picture is held until it is replaced.
         unsafe { pacer.api().configure(pacer.raw(), &mut Chain::new(told)) }.map_err(|failure| failure.error())?;
         self.interface = next;
         Ok(())
     }
 
-    /// Says how presents are spread over time.
+    /// Sets the pacing of presents.
     ///
     /// # Errors
-    /// `InvalidArgument` with the field for what is outside its range; what the library answers: `Unsupported` of SDK 1.1.1 and earlier.
+    /// `InvalidArgument` with the field for a value out of range. The library's own errors: SDK 1.1.1 and earlier return
+    /// `Unsupported`.
     pub fn set_pacing(&mut self, pacing: &Pacing) -> Result<()> {
         let refuse = |field: &str, why: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         if !(pacing.safety_margin_ms.is_finite() && pacing.safety_margin_ms >= 0.0) {
@@ -450,11 +454,11 @@ impl Swapchain {
         unsafe { pacer.api().configure(pacer.raw(), &mut told) }.map_err(|failure| failure.error())
     }
 
-    /// Makes it ready for the size and format that its buffers have now: after `ResizeBuffers`, before the next frame. Where it fails
-    /// frames are presented as they come, until it succeeds.
+    /// Adapts the generator to the size and format of the buffers. Call it after `ResizeBuffers`, before the next frame. If it
+    /// fails, frames are presented without generated ones until a later call succeeds.
     ///
     /// # Errors
-    /// As of [`new`](Self::new), for the generator.
+    /// As [`new`](Self::new), for the generator.
     pub fn fit(&mut self) -> Result<()> {
         let size = self.size()?;
         let format = SurfaceFormat::from_dxgi(self.description()?.Format.0.cast_unsigned());
@@ -471,11 +475,11 @@ impl Swapchain {
         Ok(())
     }
 
-    /// Turns generation off and lets the generator go, once nothing uses it any more.
+    /// Turns generation off, waits until the device no longer uses the generator, and destroys it.
     fn end_generator(&mut self) -> Result<()> {
         let off = self.pause();
         self.presented.presented()?;
-        // What it generated was on the engine's queue.
+        // Generated frames run on the engine's queue.
         self.gpu.frames().now()?.wait()?;
         self.ring.finish()?;
         self.shared.context.lock().set(null_mut());
@@ -484,13 +488,13 @@ impl Swapchain {
         off
     }
 
-    /// What the swap chain says that it is.
+    /// The swap chain's description.
     fn description(&self) -> Result<DXGI_SWAP_CHAIN_DESC1> {
         // SAFETY: a live swap chain.
         unsafe { self.swapchain.GetDesc1() }.map_err(|e| failed_on(self.gpu.device(), "IDXGISwapChain1::GetDesc1", &e))
     }
 
-    /// The size shown.
+    /// The size of the back buffers.
     fn size(&self) -> Result<Dimensions> {
         let DXGI_SWAP_CHAIN_DESC1 { Width: width, Height: height, .. } = self.description()?;
         Ok(Dimensions { width, height })
@@ -498,13 +502,14 @@ impl Swapchain {
 }
 
 impl Drop for Swapchain {
-    /// In the order that AMD's documents want: generation off, all presented, the generator, the swap chain, what paces it.
+    /// In the order that AMD's documentation asks for: generation off, all frames presented, the generator, the swap chain, the
+    /// pacing context.
     fn drop(&mut self) {
         if let Err(why) = self.end_generator() {
             log::error!(target: "cairn::ffx", "a swap chain ends while frames may be under way: {why}");
         }
         self.generator = None;
-        // And then the fields that follow.
+        // The remaining fields are dropped after this, in order.
     }
 }
 
@@ -515,27 +520,28 @@ impl std::fmt::Debug for Swapchain {
     }
 }
 
-/// Makes the context that paces.
-fn pace(gpu: &Gpu, api: &Api, given: &mut Given, from: Paced<'_>) -> Result<Box<dyn Pacer>> {
+/// Creates the pacing context.
+fn pace(gpu: &Gpu, api: &Api, given: &mut Given, from: SwapchainSource<'_>) -> Result<Box<dyn Pacer>> {
     let (device, queue) = (gpu.device().as_raw(), gpu.frames().d3d12().as_raw());
     let fullscreen = std::ptr::from_mut(&mut given.fullscreen).cast();
-    // SAFETY: a live device and queue, which the caller holds; what the chains point to stays at its place as long as the context.
+    // SAFETY: a live device and queue, which the caller holds; what the chains point to keeps its address as long as the context
+    // lives.
     Ok(unsafe {
         match from {
-            Paced::Wrap(wrapped) => {
-                // The library's from here on, whatever it answers: it may have let go of it before it failed.
+            SwapchainSource::Wrap(wrapped) => {
+                // The library owns it from here on, whatever it returns: it may have released it before it failed.
                 given.swapchain = wrapped.take().map_or(null_mut(), IDXGISwapChain4::into_raw);
                 let swapchain = &raw mut given.swapchain;
                 let head = CreateSwapchainWrap { swapchain, queue, ..Default::default() };
                 Box::new(Context::create(api, device, Choice::Any, head, |chain| chain)?)
             }
-            Paced::New(factory, _) => {
+            SwapchainSource::New(factory, _) => {
                 let (swapchain, factory) = (&raw mut given.swapchain, factory.as_raw());
                 let description = std::ptr::from_mut(&mut given.description).cast();
                 let head = CreateSwapchainNew { swapchain, description, factory, queue, ..Default::default() };
                 Box::new(Context::create(api, device, Choice::Any, head, |chain| chain)?)
             }
-            Paced::ForWindow(factory, window, ..) => {
+            SwapchainSource::ForWindow(factory, window, ..) => {
                 let head = CreateSwapchainForWindow {
                     swapchain: &raw mut given.swapchain,
                     window: window.0,
@@ -565,7 +571,7 @@ fn head_of(options: &SwapchainOptions, (width, height): (u32, u32), format: Surf
     }
 }
 
-/// The generator, of a provider that stands the test.
+/// Creates the generator; with `options.self_test`, of a provider that passes the self-test.
 fn generator(gpu: &Gpu, api: &Api, options: &SwapchainOptions, head: CreateFrameGeneration) -> Result<Generator> {
     let mut choice = options.choice;
     if options.self_test {
@@ -577,7 +583,7 @@ fn generator(gpu: &Gpu, api: &Api, options: &SwapchainOptions, head: CreateFrame
     unsafe { Generator::create(api, gpu.device().as_raw(), choice, head, options.hudless) }
 }
 
-/// Cannot come about but after a failed [`Swapchain::fit`].
+/// Happens only after a failed [`Swapchain::fit`].
 fn no_generator() -> Error {
     Error::new(ErrorKind::InvalidState, "there is no generator for the size of the buffers")
         .field("swapchain")

@@ -1,4 +1,4 @@
-//! Larger frames, in textures of Direct3D 12: what [`Upscaler`] asks for, brought about. Windows only.
+//! Upscales Direct3D 12 textures, with the resource states and clean motion that [`Upscaler`] needs. Windows only.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
@@ -6,52 +6,52 @@ use windows::core::Interface;
 use super::bindings::{
     CreateUpscale, Dimensions, MemoryUsage, Resource, ResourceState, UpscaleCreateFlags, UpscaleResources,
 };
-use super::clean_motion::CleanMotion;
+use super::clean_motion::SanitisedMotion;
 use super::textures::{READ, WRITTEN, picture, texture};
-use super::{Api, Choice, Memory, Provider, ReactiveMask, UpscaleFrame, UpscaleShot, Upscaler};
+use super::{Api, Choice, Memory, Provider, ReactiveMask, UpscaleFrame, UpscaleParams, Upscaler};
 use crate::gpu::compute::{CommandRecorder, CommandRing, ResourceWithState};
 use crate::gpu::{FencePoint, Gpu};
 use crate::{Error, ErrorKind, Result};
 
-/// A frame, and where the larger one is to go. Each is a texture of two dimensions with one level, layer and sample, and in the state it
-/// rests in when the list is run, before and after.
+/// The inputs and the output of one upscaled frame. Each is a 2D texture with one mip level, array layer and sample, in the given
+/// state before and after the list runs.
 #[derive(Clone, Copy)]
 pub struct UpscalePictures<'a> {
-    /// The frame, of the size rendered at.
+    /// The frame at render size.
     pub color: ResourceWithState<'a>,
-    /// Device depth, of the same size.
+    /// Device depth at render size.
     pub depth: ResourceWithState<'a>,
-    /// From this frame to the one before, of the same size or, where the upscaler was made so, of the size shown. A vector that is not
-    /// finite counts as none, and one that is longer than the picture as one of its length.
+    /// Motion vectors from this frame to the previous one, at render size, or at display size if the upscaler was created so. A
+    /// vector that is not finite counts as zero; one longer than the picture is clamped to its size.
     pub motion: ResourceWithState<'a>,
-    /// What the frame's numbers are to be multiplied by, one pixel.
+    /// Exposure, a 1x1 texture whose value multiplies the frame's colours.
     pub exposure: Option<ResourceWithState<'a>>,
-    /// From 0 to 1, how little each pixel's past is to be trusted, of the size rendered at; see [`TextureUpscaler::find_reactive`].
+    /// Reactive mask at render size, 0 to 1: how little a pixel's history may be trusted; see [`TextureUpscaler::find_reactive`].
     pub reactive: Option<ResourceWithState<'a>>,
-    /// From 0 to 1, where what is seen is not what depth and motion are of, of the size rendered at.
+    /// Transparency mask at render size, 0 to 1: pixels whose colour does not belong to the depth and motion there.
     pub transparency: Option<ResourceWithState<'a>>,
-    /// Gets the larger frame, of the size shown. Where shaders may not write it, the frame is made in a texture of the upscaler's and
-    /// copied.
+    /// Receives the upscaled frame at display size. If shaders may not write it, the frame is made in a texture of the upscaler's
+    /// and copied.
     pub output: ResourceWithState<'a>,
 }
 
-/// Makes frames larger, from textures into textures of an engine's, on its list or its queue. At most three frames are under way, and what
-/// they use is held until they have run.
+/// Upscales textures into an engine's textures, on the engine's list or the device's queue. At most three frames are in flight;
+/// their resources are held until they have run.
 ///
-/// Threads: one at a time; may move between them.
+/// Threads: one at a time; may move between threads.
 pub struct TextureUpscaler {
-    /// First: it waits until nothing that follows is used any more.
+    /// First, as its drop waits until the device no longer uses the fields below.
     ring: CommandRing,
     upscaler: Upscaler,
     gpu: Gpu,
-    motion: CleanMotion,
-    /// Frames for targets that shaders may not write.
+    motion: SanitisedMotion,
+    /// The upscaled frame, for outputs that shaders may not write.
     large: Option<ID3D12Resource>,
-    /// What the provider must be given, where it says so.
+    /// The inputs that the provider requires; empty if it cannot say.
     required: UpscaleResources,
 }
 
-/// Pictures that can be given here.
+/// The kinds of inputs that [`UpscalePictures`] has.
 const KNOWN: UpscaleResources = UpscaleResources::COLOR
     .union(UpscaleResources::DEPTH)
     .union(UpscaleResources::MOTION)
@@ -60,12 +60,12 @@ const KNOWN: UpscaleResources = UpscaleResources::COLOR
     .union(UpscaleResources::TRANSPARENCY);
 
 impl TextureUpscaler {
-    /// Makes an upscaler on `gpu`, for its queue for frames.
+    /// Creates an upscaler on `gpu`, for its frame queue.
     ///
     /// # Errors
-    /// As of [`Upscaler::create`]; `Unsupported`, of `provider`, for one that needs a kind of picture that is not known here.
+    /// As [`Upscaler::create`]; `Unsupported` with the field `provider` for one that requires another kind of input.
     pub fn new(gpu: &Gpu, api: &Api, choice: Choice, head: CreateUpscale) -> Result<Self> {
-        // SAFETY: a live device, of which this holds a reference as long as the upscaler lives.
+        // SAFETY: a live device, to which this holds a reference as long as the upscaler lives.
         let mut upscaler = unsafe { Upscaler::create(api, gpu.device().as_raw(), choice, head) }?;
         let [required, _] = upscaler.resources()?.unwrap_or_default();
         if !(required - KNOWN).is_empty() {
@@ -75,29 +75,29 @@ impl TextureUpscaler {
         let has_shown_motion = head.flags.contains(UpscaleCreateFlags::DISPLAY_RESOLUTION_MOTION);
         let size = if has_shown_motion { head.max_upscale_size } else { head.max_render_size };
         Ok(Self {
-            ring: CommandRing::new(gpu, gpu.frames(), CleanMotion::ROOM)?,
+            ring: CommandRing::new(gpu, gpu.frames(), SanitisedMotion::ROOM)?,
             upscaler,
             gpu: gpu.clone(),
-            motion: CleanMotion::new(gpu, size)?,
+            motion: SanitisedMotion::new(gpu, size)?,
             large: None,
             required,
         })
     }
 
-    /// What runs.
+    /// The provider in use.
     pub fn provider(&self) -> &Provider {
         self.upscaler.provider()
     }
 
-    /// The pictures that every frame must have; colour, depth and motion where the provider does not say.
+    /// The inputs that every frame must have: colour, depth, motion, and others that the provider requires.
     pub fn required(&self) -> UpscaleResources {
         self.required | UpscaleResources::COLOR | UpscaleResources::DEPTH | UpscaleResources::MOTION
     }
 
-    /// What it keeps on the device.
+    /// Device memory of the upscaler.
     ///
     /// # Errors
-    /// What the library answers.
+    /// The library's own errors.
     pub fn memory(&mut self) -> Result<Memory> {
         let own = [Some(self.motion.texture()), self.large.as_ref()].into_iter().flatten().map(|texture| {
             // SAFETY: a live device and resource.
@@ -107,35 +107,36 @@ impl TextureUpscaler {
         Ok(Memory { own, provider })
     }
 
-    /// Makes a frame larger, on the device's queue for frames; the moment when it is there. Waits where three frames are under way.
+    /// Upscales a frame on the device's frame queue; returns the fence point of its completion. Waits while three frames are in
+    /// flight.
     ///
     /// # Errors
-    /// `InvalidArgument` with the field for what a provider would fail, hang or crash on, and for a picture that it must have and is not
-    /// there; what the library answers; `DeviceRemoved`, `OutOfMemory`. Nothing is submitted then.
-    pub fn upscale(&mut self, pictures: &UpscalePictures<'_>, shot: &UpscaleShot) -> Result<FencePoint> {
+    /// `InvalidArgument` with the field for input on which a provider would fail, hang or crash, and for a required input that is
+    /// missing; the library's own errors; `DeviceRemoved`, `OutOfMemory`. On an error nothing is submitted.
+    pub fn upscale(&mut self, pictures: &UpscalePictures<'_>, shot: &UpscaleParams) -> Result<FencePoint> {
         let Self { ring, upscaler, gpu, motion, large, required } = self;
         let mut frame = ring.begin()?;
         let mut parts = Parts { gpu, upscaler: &mut *upscaler, motion, large, required: *required };
         let recorded = parts.record(&mut frame, pictures, shot);
         let fence_point = recorded.and_then(|()| frame.submit(gpu.frames()));
-        // What the library has of a frame that does not run is none to go on with.
+        // The library's history would contain a frame that never runs.
         fence_point.inspect_err(|_| upscaler.forget())
     }
 
-    /// Records the same into an engine's open list for its queue for frames, which will have run at `until`, a moment that must come
-    /// even if the list is never given to a queue.
+    /// As [`upscale`](Self::upscale), but records into an open list of the engine's for its frame queue. `until` is the fence point
+    /// at which the list will have run; it must be reached even if the list is never submitted.
     ///
-    /// Left bound are others than before: descriptor heaps, compute root signature and pipeline, and nothing else.
+    /// Changes the list's descriptor heaps, compute root signature and pipeline, and no other state.
     ///
     /// # Errors
-    /// As of [`upscale`](Self::upscale), and `InvalidArgument` for a list of another device or type. After an answer of the library the
-    /// list may hold a part of the work.
+    /// As [`upscale`](Self::upscale), and `InvalidArgument` for a list of another device or type. After an error of the library the
+    /// list may hold part of the work.
     pub fn record(
         &mut self,
         list: &ID3D12GraphicsCommandList,
         until: &FencePoint,
         pictures: &UpscalePictures<'_>,
-        shot: &UpscaleShot,
+        shot: &UpscaleParams,
     ) -> Result<()> {
         let Self { ring, upscaler, gpu, motion, large, required } = self;
         let mut frame = ring.begin_in(list, until)?;
@@ -143,11 +144,11 @@ impl TextureUpscaler {
         parts.record(&mut frame, pictures, shot).inspect_err(|_| upscaler.forget())
     }
 
-    /// Finds where a frame's past is not to be trusted, from the frame `color` and the same without what is transparent, on the device's
-    /// queue for frames: for [`UpscalePictures::reactive`] of the same frame. `output` is written by shaders.
+    /// Computes a reactive mask for [`UpscalePictures::reactive`] of the same frame, on the device's frame queue, from the frame
+    /// `color` and the same frame without transparent objects, `opaque`. `output` is written by shaders.
     ///
     /// # Errors
-    /// As of [`upscale`](Self::upscale); what a provider without masks answers.
+    /// As [`upscale`](Self::upscale); the error of a provider without reactive masks.
     pub fn find_reactive(
         &mut self,
         opaque: &ResourceWithState<'_>,
@@ -166,8 +167,8 @@ impl TextureUpscaler {
         let told = |given: &ResourceWithState<'_>, state| Resource::of(given.resource, state);
         let (input, written) = (ResourceState::COMPUTE_READ, ResourceState::UNORDERED_ACCESS);
         let list = frame.list().as_raw();
-        // SAFETY: the frame's open list; what it uses is of the device, in the states that are told, and held by the frame; the
-        // upscaler itself outlives the ring.
+        // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame;
+        // the upscaler itself outlives the ring.
         unsafe {
             self.upscaler.find_reactive(list, told(opaque, input), told(color, input), told(output, written), mask)
         }?;
@@ -175,7 +176,7 @@ impl TextureUpscaler {
         frame.submit(self.gpu.frames())
     }
 
-    /// Starts anew with the next frame, as after a cut.
+    /// Drops the history at the next frame, as after a cut.
     pub fn forget(&mut self) {
         self.upscaler.forget();
     }
@@ -187,11 +188,11 @@ impl std::fmt::Debug for TextureUpscaler {
     }
 }
 
-/// What a frame is recorded with.
+/// The parts of the upscaler that recording a frame needs.
 struct Parts<'a> {
     gpu: &'a Gpu,
     upscaler: &'a mut Upscaler,
-    motion: &'a mut CleanMotion,
+    motion: &'a mut SanitisedMotion,
     large: &'a mut Option<ID3D12Resource>,
     required: UpscaleResources,
 }
@@ -201,7 +202,7 @@ impl Parts<'_> {
         &mut self,
         frame: &mut CommandRecorder<'_>,
         pictures: &UpscalePictures<'_>,
-        shot: &UpscaleShot,
+        shot: &UpscaleParams,
     ) -> Result<()> {
         let (rendered, shown) = (shot.render_size, shot.shown);
         for (size, field) in [(rendered, "render_size"), (shown, "shown")] {
@@ -238,7 +239,7 @@ impl Parts<'_> {
             let had = self.large.as_ref().map(|large| unsafe { large.GetDesc() });
             if had.is_none_or(|had| (had.Width, had.Height, had.Format) != (wanted.Width, wanted.Height, wanted.Format))
             {
-                // What is under way holds the one before.
+                // Frames in flight hold the previous texture.
                 *self.large = Some(texture(self.gpu, shown, wanted.Format)?);
             }
         }
@@ -263,8 +264,8 @@ impl Parts<'_> {
             output: Resource::of(output.resource, ResourceState::UNORDERED_ACCESS),
             shot: *shot,
         };
-        // SAFETY: the frame's open list; what it uses is of the device, in the states that were told, and held by the frame, the
-        // upscaler itself outlives the ring.
+        // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame;
+        // the upscaler itself outlives the ring.
         unsafe { self.upscaler.record(&asked) }?;
         frame.resume();
         if let Some(large) = large {

@@ -1,4 +1,5 @@
-//! Frames between two, in textures of Direct3D 12: what [`Generator`] asks for, brought about. Windows only.
+//! Frame generation from and into Direct3D 12 textures, with the resource states and clean motion that [`Generator`] needs. Windows
+//! only.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
@@ -7,30 +8,30 @@ use windows::core::Interface;
 use super::bindings::{
     Coordinates, CreateFlags, CreateFrameGeneration, Dimensions, MemoryUsage, Resource, ResourceState, SurfaceFormat,
 };
-use super::clean_motion::CleanMotion;
-use super::watch::Watch;
-use super::{Api, Choice, Frame, Generator, Provider, Seen, Shot, Version, self_test};
+use super::clean_motion::SanitisedMotion;
+use super::pass_through_detector::PassThroughDetector;
+use super::{Api, Choice, Frame, FrameParams, GenerationCheck, Generator, Provider, Version, self_test};
 use crate::gpu::compute::{self, CommandRing, ResourceWithState};
 use crate::gpu::{FencePoint, Gpu, written_texture};
 use crate::{Error, ErrorKind, Result};
 
-/// How a [`TextureGenerator`] is made.
+/// How a [`TextureGenerator`] is created.
 #[derive(Debug, Clone, Copy)]
 pub struct TextureOptions {
-    /// Which provider.
+    /// The wanted provider.
     pub choice: Choice,
-    /// Sizes, format and kind of the frames. Whether generation is asynchronous is told by the device's queue for frames.
+    /// Sizes, format and flags. The flag for asynchronous generation is set from the type of the device's frame queue.
     pub head: CreateFrameGeneration,
-    /// The format of frames without interface, where it is another.
+    /// The format of HUD-less frames, if it differs.
     pub hudless: Option<SurfaceFormat>,
-    /// A provider is only taken when it puts a frame of known motion where it belongs. Costs two frames and their textures.
+    /// Accepts a provider only if it passes the self-test: a generated frame of known motion. Costs two frames and their textures.
     pub self_test: bool,
-    /// Each frame is looked at, whether it is one between or the one that was given; see [`TextureGenerator::seen`].
+    /// Checks on the device whether each frame was really generated or is a copy of the input; see [`TextureGenerator::seen`].
     pub watch: bool,
 }
 
 impl TextureOptions {
-    /// Any provider that stands the test, for frames of that size and format, rendered at most so large.
+    /// Any provider that passes the self-test, for frames of that display size and format and that maximum render size.
     pub fn new(shown: Dimensions, rendered: Dimensions, format: SurfaceFormat) -> Self {
         let head = CreateFrameGeneration {
             display_size: shown,
@@ -42,71 +43,72 @@ impl TextureOptions {
     }
 }
 
-/// A frame, and where the one between it and the frame before is to go. Each is a texture of two dimensions with one level, layer
-/// and sample, and in the state it rests in when the list is run, before and after.
+/// The inputs of one generated frame and its output. Each is a 2D texture with one mip level, array layer and sample, in the given
+/// state before and after the list runs.
 #[derive(Clone, Copy)]
 pub struct Pictures<'a> {
-    /// The frame, of the size shown and the format that the generator was made for.
+    /// The frame at display size, in the format that the generator was created for.
     pub color: ResourceWithState<'a>,
-    /// Gets the generated frame, of the same size and format. Where shaders may not write it, such as a swapchain's own, the frame
-    /// is made in a texture of the generator's and copied.
+    /// Receives the generated frame, of the same size and format. If shaders may not write it, as with a swap chain's buffers, the
+    /// frame is generated into a texture of the generator's and copied.
     pub output: ResourceWithState<'a>,
-    /// Device depth, of the size rendered at.
+    /// Device depth at render size.
     pub depth: ResourceWithState<'a>,
-    /// From this frame to the one before, of the size rendered at or shown, as the generator was made. A vector that is not finite
-    /// counts as none, and one that is longer than the picture as one of its length.
+    /// Motion vectors from this frame to the previous one, at render or display size, as the generator was created. A vector that
+    /// is not finite counts as zero; one longer than the picture is clamped to its size.
     pub motion: ResourceWithState<'a>,
-    /// The frame without interface, of the size shown.
+    /// The HUD-less frame at display size.
     pub hudless: Option<ResourceWithState<'a>>,
-    /// Where a lens puts each pixel less where it was, in parts of the picture, of the size shown. Once one was given, every frame
-    /// has one.
+    /// Lens distortion field at display size: distorted minus undistorted position of each pixel, as a fraction of the picture.
+    /// Once one was given, every later frame needs one.
     pub distortion: Option<ResourceWithState<'a>>,
 }
 
-/// Generates frames into textures of an engine's, on its list or its queue. At most three frames are under way, and what they use is
-/// held until they have run.
+/// Generates frames into an engine's textures, on the engine's list or the device's queue. At most three frames are in flight;
+/// their resources are held until they have run.
 ///
-/// Frames run on the device's queue for frames. Where that is a compute queue, generation is asynchronous: the provider is told so,
-/// and an engine has its own queue wait for the frame's moment before it uses what was generated.
+/// Frames run on the device's frame queue. If that is a compute queue, generation is asynchronous: the provider is told so, and the
+/// engine makes its own queue wait for the frame's fence point before it uses the generated frame.
 ///
-/// Threads: one at a time; may move between them.
+/// Threads: one at a time; may move between threads.
 pub struct TextureGenerator {
-    /// First: it waits until nothing that follows is used any more.
+    /// First, as its drop waits until the device no longer uses the fields below.
     ring: CommandRing,
     generator: Generator,
     gpu: Gpu,
-    motion: CleanMotion,
-    /// Frames for targets that shaders may not write.
+    motion: SanitisedMotion,
+    /// The generated frame, for outputs that shaders may not write.
     between: Option<ID3D12Resource>,
-    watch: Option<Watch>,
+    watch: Option<PassThroughDetector>,
     refused: Vec<(Version, Error)>,
 }
 
-/// What a [`TextureGenerator`] keeps on the device, in bytes.
+/// Device memory of a [`TextureGenerator`], in bytes.
 #[derive(Debug, Clone, Copy)]
 pub struct Memory {
-    /// Its own textures: motion as a provider is given it, and frames for targets that shaders may not write.
+    /// Its own textures: clean motion, and the generated frame for outputs that shaders may not write.
     pub own: u64,
-    /// What the provider reports of itself; None where it cannot say.
+    /// The provider's memory, as it reports it; None if it cannot.
     pub provider: Option<MemoryUsage>,
 }
 
-/// What shaders read and write.
+/// Resource states for shader reads and writes.
 pub(super) const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
 pub(super) const WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
 
-/// Sides of a group of threads.
+/// Width and height of a thread group.
 pub(super) const GROUP: u32 = 8;
 
-/// Descriptors of a frame: those to clean its motion, and four to watch it.
-const ROOM: u32 = CleanMotion::ROOM + 4;
+/// Descriptors per frame: for clean motion, and four for the watch.
+const ROOM: u32 = SanitisedMotion::ROOM + 4;
 
 impl TextureGenerator {
-    /// Makes a generator on `gpu`. Where the provider that runs fails the test, one of the other family is tried, unless one is
-    /// required; [`refused`](Self::refused) says why.
+    /// Creates a generator on `gpu`. If the provider fails the self-test, one of the other family is tried, unless a family is
+    /// required; [`refused`](Self::refused) lists the failures.
     ///
     /// # Errors
-    /// As of [`Generator::create`]; `Unsupported`, of `provider`, when no provider stands the test; `OutOfMemory`, `DeviceRemoved`.
+    /// As [`Generator::create`]; `Unsupported` with the field `provider` when no provider passes the self-test; `OutOfMemory`,
+    /// `DeviceRemoved`.
     pub fn new(gpu: &Gpu, api: &Api, options: &TextureOptions) -> Result<Self> {
         let mut refused = Vec::new();
         let mut choice = options.choice;
@@ -140,28 +142,28 @@ impl TextureGenerator {
         let is_compute = gpu.frames().kind() == D3D12_COMMAND_LIST_TYPE_COMPUTE;
         head.flags.set(CreateFlags::ASYNC_WORKLOAD, is_compute);
         let device = gpu.device().as_raw();
-        // SAFETY: a live device, of which the generator holds a reference as long as the context lives.
+        // SAFETY: a live device, to which the generator holds a reference as long as the context lives.
         let generator = unsafe { Generator::create(api, device, choice, head, options.hudless) }?;
         Ok(Self {
             ring: CommandRing::new(gpu, gpu.frames(), ROOM)?,
             generator,
             gpu: gpu.clone(),
-            motion: CleanMotion::new(gpu, motion_size(&head))?,
+            motion: SanitisedMotion::new(gpu, motion_size(&head))?,
             between: None,
-            watch: if options.watch { Some(Watch::new(gpu)?) } else { None },
+            watch: if options.watch { Some(PassThroughDetector::new(gpu)?) } else { None },
             refused: Vec::new(),
         })
     }
 
-    /// What runs.
+    /// The provider in use.
     pub fn provider(&self) -> &Provider {
         self.generator.provider()
     }
 
-    /// What it keeps on the device.
+    /// Device memory of the generator.
     ///
     /// # Errors
-    /// What the library answers.
+    /// The library's own errors.
     pub fn memory(&mut self) -> Result<Memory> {
         let own = [Some(self.motion.texture()), self.between.as_ref()].into_iter().flatten().map(|texture| {
             // SAFETY: a live device and resource.
@@ -170,29 +172,29 @@ impl TextureGenerator {
         Ok(Memory { own: own.sum(), provider: self.generator.memory()? })
     }
 
-    /// The providers that failed the test, with what was wrong with them.
+    /// The providers that failed the self-test, each with its error.
     pub fn refused(&self) -> &[(Version, Error)] {
         &self.refused
     }
 
-    /// What the last frame that was watched and has run was; None where none was, or nothing is watched.
-    pub fn seen(&mut self) -> Option<Seen> {
-        self.watch.as_mut().and_then(Watch::last)
+    /// The result of the last watched frame that has run; None if there is none.
+    pub fn seen(&mut self) -> Option<GenerationCheck> {
+        self.watch.as_mut().and_then(PassThroughDetector::last)
     }
 
-    /// Generates the frame between this one and the one before, on the device's queue for frames; the moment when it is there. Waits
-    /// where three frames are under way.
+    /// Generates the frame between this one and the previous one on the device's frame queue; returns the fence point of its
+    /// completion. Waits while three frames are in flight.
     ///
     /// # Errors
-    /// `InvalidArgument` with the field for what a provider would fail, hang or crash on; what the library answers;
-    /// `DeviceRemoved`, `OutOfMemory`. Nothing is submitted then.
-    pub fn generate(&mut self, pictures: &Pictures<'_>, shot: &Shot) -> Result<FencePoint> {
+    /// `InvalidArgument` with the field for input on which a provider would fail, hang or crash; the library's own errors;
+    /// `DeviceRemoved`, `OutOfMemory`. On an error nothing is submitted.
+    pub fn generate(&mut self, pictures: &Pictures<'_>, shot: &FrameParams) -> Result<FencePoint> {
         let Self { ring, generator, gpu, motion, between, watch, .. } = self;
         let mut frame = ring.begin()?;
         let mut parts = Parts { gpu, generator: &mut *generator, motion, between, watch: watch.as_mut() };
         let watched = parts.record(&mut frame, pictures, shot);
         let fence_point = watched.and_then(|watched| Ok((watched, frame.submit(gpu.frames())?)));
-        // What the library has of a frame that does not run is none to go on with.
+        // The library's history would contain a frame that never runs.
         let (watched, fence_point) = fence_point.inspect_err(|_| generator.forget())?;
         if let (Some(watch), true) = (watch, watched) {
             watch.comes(&fence_point);
@@ -200,20 +202,20 @@ impl TextureGenerator {
         Ok(fence_point)
     }
 
-    /// Records the same into an engine's open list for its queue for frames, which will have run at `until`, a moment that must come
-    /// even if the list is never given to a queue.
+    /// As [`generate`](Self::generate), but records into an open list of the engine's for its frame queue. `until` is the fence
+    /// point at which the list will have run; it must be reached even if the list is never submitted.
     ///
-    /// Left bound are others than before: descriptor heaps, compute root signature and pipeline, and nothing else.
+    /// Changes the list's descriptor heaps, compute root signature and pipeline, and no other state.
     ///
     /// # Errors
-    /// As of [`generate`](Self::generate), and `InvalidArgument` for a list of another device or type. After an answer of the library
-    /// the list may hold a part of the work.
+    /// As [`generate`](Self::generate), and `InvalidArgument` for a list of another device or type. After an error of the library
+    /// the list may hold part of the work.
     pub fn record(
         &mut self,
         list: &ID3D12GraphicsCommandList,
         until: &FencePoint,
         pictures: &Pictures<'_>,
-        shot: &Shot,
+        shot: &FrameParams,
     ) -> Result<()> {
         let Self { ring, generator, gpu, motion, between, watch, .. } = self;
         let mut frame = ring.begin_in(list, until)?;
@@ -227,14 +229,9 @@ impl TextureGenerator {
         Ok(())
     }
 
-    /// Starts anew with the next frame, as after a cut.
+    /// Drops the history at the next frame, as after a cut.
     pub fn forget(&mut self) {
         self.generator.forget();
-    }
-
-    /// Whether the next frame goes on from the one before.
-    pub(super) fn follows(&self) -> bool {
-        self.generator.follows()
     }
 
     pub(super) fn gpu(&self) -> &Gpu {
@@ -248,22 +245,22 @@ impl std::fmt::Debug for TextureGenerator {
     }
 }
 
-/// What a frame is recorded with.
+/// The parts of the generator that recording a frame needs.
 struct Parts<'a> {
     gpu: &'a Gpu,
     generator: &'a mut Generator,
-    motion: &'a mut CleanMotion,
+    motion: &'a mut SanitisedMotion,
     between: &'a mut Option<ID3D12Resource>,
-    watch: Option<&'a mut Watch>,
+    watch: Option<&'a mut PassThroughDetector>,
 }
 
 impl Parts<'_> {
-    /// Records a frame; whether it is watched.
+    /// Records a frame; returns whether it is watched.
     fn record(
         &mut self,
         frame: &mut compute::CommandRecorder<'_>,
         pictures: &Pictures<'_>,
-        shot: &Shot,
+        shot: &FrameParams,
     ) -> Result<bool> {
         let made = *self.generator.made_with();
         let (shown, motion) = (made.display_size, motion_size_at(&made, shot.render_size));
@@ -311,8 +308,8 @@ impl Parts<'_> {
             shot: *shot,
         };
         let starts = shot.reset || !self.generator.follows();
-        // SAFETY: the frame's open list; what it uses is of the device, in the states that were told, and held by the frame, the
-        // generator itself outlives the ring.
+        // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame;
+        // the generator itself outlives the ring.
         unsafe { self.generator.record(&asked) }?;
         frame.resume();
         let watched = match self.watch.as_mut().filter(|_| !starts) {
@@ -336,7 +333,7 @@ impl Parts<'_> {
     }
 }
 
-/// The size of the largest motion that a generator is given.
+/// The largest size of the motion texture.
 fn motion_size(made: &CreateFrameGeneration) -> Dimensions {
     motion_size_at(made, made.max_render_size)
 }
@@ -345,7 +342,7 @@ pub(super) fn motion_size_at(made: &CreateFrameGeneration, rendered: Dimensions)
     if made.flags.contains(CreateFlags::DISPLAY_RESOLUTION_MOTION) { made.display_size } else { rendered }
 }
 
-/// Refuses what is no picture of that size.
+/// Checks that a resource is a single 2D texture of that size on this device.
 pub(super) fn picture(gpu: &Gpu, given: &ResourceWithState<'_>, size: Dimensions, field: &str) -> Result<()> {
     gpu.owns(given.resource, field)?;
     // SAFETY: a live resource.
@@ -361,7 +358,7 @@ pub(super) fn picture(gpu: &Gpu, given: &ResourceWithState<'_>, size: Dimensions
     Err(Error::new(ErrorKind::InvalidArgument, why).field(field))
 }
 
-/// A texture that shaders write, resting so.
+/// A texture in the unordered-access state.
 pub(super) fn texture(gpu: &Gpu, size: Dimensions, format: DXGI_FORMAT) -> Result<ID3D12Resource> {
     written_texture(gpu, (size.width, size.height), format, WRITTEN)
 }

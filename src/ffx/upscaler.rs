@@ -1,4 +1,4 @@
-//! Larger frames, into textures of the host's.
+//! Upscales frames into textures of the host's.
 
 use std::ffi::c_void;
 use std::ptr::null_mut;
@@ -11,59 +11,59 @@ use super::bindings::{
 use super::{Api, Camera, Chain, Choice, Context, Provider, message};
 use crate::{Error, ErrorKind, Result};
 
-/// A frame, and where the larger one is to go.
+/// The inputs and the output of one upscaled frame.
 ///
-/// Every resource is in the state that it names when the list gets to the call, and is in it again afterwards.
+/// Every resource is in its stated state when the list reaches the call, and again afterwards.
 #[derive(Debug, Clone, Copy)]
 pub struct UpscaleFrame {
-    /// `ID3D12GraphicsCommandList`, open. Descriptor heaps, root signatures and pipelines of its are others afterwards.
+    /// `ID3D12GraphicsCommandList`, open. The call changes its descriptor heaps, root signatures and pipelines.
     pub command_list: *mut c_void,
-    /// The frame, of the size rendered at.
+    /// The frame at render size.
     pub color: Resource,
-    /// Device depth, of the same size.
+    /// Device depth at render size.
     pub depth: Resource,
-    /// From this frame to the one before, of the same size or, where the upscaler was made so, of the size shown.
+    /// Motion vectors from this frame to the previous one, at render size, or at display size if the upscaler was created so.
     pub motion: Resource,
-    /// What the frame's numbers are to be multiplied by, one pixel; a null resource for 1, or where the provider finds it.
+    /// Exposure, a 1x1 texture whose value multiplies the frame's colours; a null resource for 1, or if the provider computes it.
     pub exposure: Resource,
-    /// From 0 to 1, how little each pixel's past is to be trusted, of the size rendered at; a null resource for none.
+    /// Reactive mask at render size, 0 to 1: how little a pixel's history may be trusted; a null resource for none.
     pub reactive: Resource,
-    /// From 0 to 1, where what is seen is not what depth and motion are of, of the size rendered at; a null resource for none.
+    /// Transparency mask at render size, 0 to 1: pixels whose colour does not belong to the depth and motion there; a null resource
+    /// for none.
     pub transparency: Resource,
-    /// Gets the larger frame; written by shaders.
+    /// Receives the upscaled frame; written by shaders.
     pub output: Resource,
-    /// All else.
-    pub shot: UpscaleShot,
+    /// The other parameters.
+    pub shot: UpscaleParams,
 }
 
-/// What an upscaler is told of a frame beside its pictures.
+/// Parameters of a frame beside its textures.
 #[derive(Debug, Clone, Copy)]
-pub struct UpscaleShot {
-    /// The size rendered at.
+pub struct UpscaleParams {
+    /// The render size.
     pub render_size: Dimensions,
-    /// The size of the larger frame.
+    /// The size of the upscaled frame.
     pub shown: Dimensions,
-    /// Of the camera, in render pixels; see [`Upscaler::jitter`].
+    /// Camera jitter in render pixels; see [`Upscaler::jitter`].
     pub jitter: Coordinates,
-    /// What makes render pixels of what the texture of motion holds; of the size shown where motion has that.
+    /// Scale from motion-texture units to render pixels (display pixels if the motion texture has display size).
     pub motion_scale: Coordinates,
-    /// How much the larger frame is sharpened, from 0 to 1; None for not at all.
+    /// Strength of sharpening from 0 to 1; None for no sharpening.
     pub sharpness: Option<f32>,
-    /// Milliseconds since the frame before, of the world's time.
+    /// World time since the previous frame, in milliseconds.
     pub frame_time: f32,
-    /// What the frame's numbers were multiplied by when it was drawn, above 0.
+    /// Factor that the frame's colours were multiplied by when it was rendered, above 0.
     pub pre_exposure: f32,
-    /// There is no frame before: a cut.
+    /// Drops the history, as after a cut.
     pub reset: bool,
-    /// Where it was seen from; an upscaler looks at its lens alone.
+    /// The camera; an upscaler uses its near and far plane, field of view and unit only.
     pub camera: Camera,
-    /// How the frame's light became numbers, where the upscaler was made for frames that are not linear; else nothing.
+    /// The colours' encoding (sRGB or PQ) if the upscaler was created for non-linear colours; else empty.
     pub encoding: UpscaleFlags,
 }
 
-impl UpscaleShot {
-    /// One that follows the frame before by 1/15 s, without jitter, with motion in pixels, not sharpened, seen by the camera that
-    /// is the default, in linear light.
+impl UpscaleParams {
+    /// Defaults: 1/15 s after the previous frame, no jitter, motion in pixels, no sharpening, the default camera, linear colours.
     pub fn of(render_size: Dimensions, shown: Dimensions) -> Self {
         Self {
             render_size,
@@ -80,23 +80,24 @@ impl UpscaleShot {
     }
 }
 
-/// How a mask is found from a frame and the same without what is transparent: how far the two are apart, times the scale.
+/// How a reactive mask is computed: the difference between the frame and the same frame without transparent objects, times the
+/// scale.
 #[derive(Debug, Clone, Copy)]
 pub struct ReactiveMask {
-    /// The size rendered at.
+    /// The render size.
     pub render_size: Dimensions,
-    /// What the distance is multiplied by, 0 or more.
+    /// Factor of the difference, 0 or more.
     pub scale: f32,
-    /// With [`ReactiveFlags::THRESHOLD`]: up to here the mask is 0.
+    /// With [`ReactiveFlags::THRESHOLD`]: the mask is 0 up to this value.
     pub threshold: f32,
-    /// And above, this, from 0 to 1.
+    /// With [`ReactiveFlags::THRESHOLD`]: the mask above the threshold, from 0 to 1.
     pub value: f32,
     /// How colours are compared.
     pub flags: ReactiveFlags,
 }
 
 impl ReactiveMask {
-    /// One for frames of that size: the length of the difference as it is.
+    /// Defaults for frames of that size: the length of the colour difference, unscaled.
     pub fn of(render_size: Dimensions) -> Self {
         Self { render_size, scale: 1.0, threshold: 0.2, value: 0.9, flags: ReactiveFlags::empty() }
     }
@@ -122,23 +123,23 @@ impl ReactiveMask {
     }
 }
 
-/// Makes frames larger, from what each of them and those before show. Its struct is made once, and altered for each frame.
+/// A temporal upscaler. Its dispatch struct is created once and changed for each frame.
 ///
-/// Threads: may be sent to another thread between calls; calls take turns. What it recorded must have run before it is dropped, and
-/// of its frames at most four may be on their way to the device.
+/// Threads: may be sent to another thread between calls; one call at a time. Its recorded work must have run before it is dropped,
+/// and at most four of its frames may be in flight.
 pub struct Upscaler {
     context: Context<CreateUpscale>,
     dispatch: Chain<DispatchUpscale>,
-    /// What the library has of the frame before can be gone on with.
+    /// The library's history is valid for the next frame.
     follows: bool,
 }
 
-// SAFETY: its struct points to links of its own, to the library's context, which calls of one thread after the other may use, and to
-// objects of Direct3D 12, which are free-threaded.
+// SAFETY: its struct points to its own links, to the library's context, which one thread at a time may use, and to objects of
+// Direct3D 12, which are free-threaded.
 unsafe impl Send for Upscaler {}
 
 impl Upscaler {
-    /// Makes an upscaler, as [`Context::create`] makes its context.
+    /// Creates an upscaler, as [`Context::create`] creates its context.
     ///
     /// # Errors
     /// As of [`Context::create`].
@@ -147,15 +148,15 @@ impl Upscaler {
     /// `device` is a live `ID3D12Device` and outlives the upscaler.
     pub unsafe fn create(api: &Api, device: *mut c_void, choice: Choice, head: CreateUpscale) -> Result<Self> {
         let head = CreateUpscale { message: head.message.or(Some(message::receive)), ..head };
-        // SAFETY: the caller's promise; nothing that points stands in the chain but the callback, which stays.
+        // SAFETY: the caller's promise; the only pointer in the chain is the callback, which is static.
         let context = unsafe { Context::create(api, device, choice, head, |chain| chain) }?;
         Ok(Self { context, dispatch: Chain::new(DispatchUpscale::default()), follows: false })
     }
 
-    /// The size that a quality mode renders at for frames shown at `shown`.
+    /// The render size of a quality mode for the display size `shown`.
     ///
     /// # Errors
-    /// `InvalidArgument` for a size without a side; what the library answers.
+    /// `InvalidArgument` for a size with a side of 0 or above 16384. The library's own errors.
     pub fn render_size(api: &Api, shown: Dimensions, mode: QualityMode) -> Result<Dimensions> {
         if let Some(why) = shown.fault() {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field("shown"));
@@ -169,7 +170,7 @@ impl Upscaler {
             render_height: &mut height,
             ..Default::default()
         });
-        // SAFETY: no context, and places for the answers that live during the call.
+        // SAFETY: no context, and memory for the answers that lives during the call.
         unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error())?;
         let answer = Dimensions { width, height };
         match answer.fault() {
@@ -178,10 +179,10 @@ impl Upscaler {
         }
     }
 
-    /// How many jitters a sequence has for frames rendered and shown that wide.
+    /// Length of the jitter sequence for frames of that render width and display width.
     ///
     /// # Errors
-    /// `InvalidArgument` for a width of 0; what the library answers.
+    /// `InvalidArgument` for a width of 0. The library's own errors.
     pub fn jitter_phases(api: &Api, render_width: u32, shown_width: u32) -> Result<u32> {
         for (field, width) in [("render_width", render_width), ("shown_width", shown_width)] {
             if width == 0 {
@@ -195,7 +196,7 @@ impl Upscaler {
             count: &mut count,
             ..Default::default()
         });
-        // SAFETY: no context, and a place for the answer that lives during the call.
+        // SAFETY: no context, and memory for the answer that lives during the call.
         unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error())?;
         u32::try_from(count)
             .ok()
@@ -203,11 +204,11 @@ impl Upscaler {
             .ok_or_else(|| Error::new(ErrorKind::Device, format!("a sequence of {count} jitters is none")))
     }
 
-    /// The jitter of the frame `index` of a sequence of `phases`, in render pixels, inside half a pixel each way: what a camera's
-    /// projection is moved by is `(2 x / width, -2 y / height)` of the size rendered at.
+    /// Jitter of frame `index` in a sequence of `phases`, in render pixels, within half a pixel in x and y. Offset the camera's
+    /// projection by `(2 x / width, -2 y / height)`, with the render size.
     ///
     /// # Errors
-    /// `InvalidArgument` for a sequence of none; what the library answers.
+    /// `InvalidArgument` for a sequence without entries. The library's own errors.
     pub fn jitter(api: &Api, index: u64, phases: u32) -> Result<Coordinates> {
         let Some(count) = i32::try_from(phases).ok().filter(|count| *count > 0) else {
             return Err(Error::new(ErrorKind::InvalidArgument, "it must be from 1 to 2147483647").field("phases"));
@@ -220,7 +221,7 @@ impl Upscaler {
             y: &mut y,
             ..Default::default()
         });
-        // SAFETY: no context, and places for the answers that live during the call.
+        // SAFETY: no context, and memory for the answers that lives during the call.
         unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error())?;
         let answer = Coordinates { x, y };
         if !(x.abs() <= 1.0 && y.abs() <= 1.0) {
@@ -229,29 +230,29 @@ impl Upscaler {
         Ok(answer)
     }
 
-    /// What runs.
+    /// The provider in use.
     pub fn provider(&self) -> &Provider {
         self.context.provider()
     }
 
-    /// What it was made with.
+    /// The struct it was created with.
     pub fn made_with(&self) -> &CreateUpscale {
         self.context.made_with()
     }
 
-    /// What the provider keeps on the device, as it reports it; None where it cannot say.
+    /// The provider's device memory, as it reports it; None if it cannot.
     ///
     /// # Errors
-    /// What the library answers.
+    /// The library's own errors.
     pub fn memory(&mut self) -> Result<Option<MemoryUsage>> {
         self.context.memory()
     }
 
-    /// The pictures that the provider must be given, and those that it can use besides. None where it cannot say: SDK 2.0 and later
+    /// The textures that the provider requires, and those that it can use in addition. None if it cannot say: SDK 2.0 and later
     /// can.
     ///
     /// # Errors
-    /// What the library answers.
+    /// The library's own errors.
     pub fn resources(&mut self) -> Result<Option<[UpscaleResources; 2]>> {
         let mut query = Chain::new(QueryUpscaleResources::default());
         // SAFETY: our own context; the answer is written into the chain.
@@ -259,15 +260,16 @@ impl Upscaler {
         Ok(known.then(|| [query.head().required, query.head().optional]))
     }
 
-    /// Records the larger frame into its list. The first frame, and one after a failure, starts anew as [`UpscaleShot::reset`] does.
+    /// Records the upscaled frame into its list. The first frame, and one after a failure, drops the history as
+    /// [`UpscaleParams::reset`] does.
     ///
     /// # Errors
-    /// `InvalidArgument` with the field, before anything is recorded, for what a provider would fail, hang or crash on; else what the
-    /// library answers, and then the list may hold a part of the work.
+    /// `InvalidArgument` with the field, before anything is recorded, for input on which a provider would fail, hang or crash. Else
+    /// the library's own errors, after which the list may hold part of the work.
     ///
     /// # Safety
-    /// The list is open and of the upscaler's device, and so are the resources, which are what they are said to be; they and the
-    /// upscaler live until the list has run.
+    /// The list is open and of the upscaler's device, and so are the resources, whose descriptions are right; they and the upscaler
+    /// live until the list has run.
     pub unsafe fn record(&mut self, frame: &UpscaleFrame) -> Result<()> {
         if let Some((field, why)) = fault(frame, self.context.made_with()) {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
@@ -305,14 +307,15 @@ impl Upscaler {
         Ok(())
     }
 
-    /// Records where a frame's past is not to be trusted into `command_list`: a mask of the size rendered at, for
-    /// [`UpscaleFrame::reactive`], from the frame `color` and the same without what is transparent.
+    /// Records a reactive mask at render size into `command_list`, for [`UpscaleFrame::reactive`], from the frame `color` and the
+    /// same frame without transparent objects.
     ///
     /// # Errors
-    /// `InvalidArgument` with the field, before anything is recorded, for what a provider would fail on; else what the library answers.
+    /// `InvalidArgument` with the field, before anything is recorded, for input on which a provider would fail. The library's own
+    /// errors.
     ///
     /// # Safety
-    /// As of [`record`](Self::record).
+    /// As [`record`](Self::record).
     pub unsafe fn find_reactive(
         &mut self,
         command_list: *mut c_void,
@@ -356,7 +359,7 @@ impl Upscaler {
         unsafe { self.context.dispatch(&mut dispatch) }
     }
 
-    /// Lets the next frame start anew, as [`UpscaleShot::reset`] does.
+    /// Drops the history at the next frame, as [`UpscaleParams::reset`] does.
     pub fn forget(&mut self) {
         self.follows = false;
     }
@@ -368,7 +371,7 @@ impl std::fmt::Debug for Upscaler {
     }
 }
 
-/// What is wrong with a frame for an upscaler that was made so: the field, and why.
+/// Checks a frame against the upscaler's creation struct; returns the wrong field and the reason.
 fn fault(frame: &UpscaleFrame, made: &CreateUpscale) -> Option<(&'static str, &'static str)> {
     let shot = &frame.shot;
     if frame.command_list.is_null() {

@@ -1,4 +1,4 @@
-//! Motion and depth one to a pixel, as AMD's providers want them, of what may come in tiles. Windows only.
+//! Expands tiled motion and depth to one value per pixel, as AMD's providers require. Windows only.
 
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_STATES, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32_FLOAT};
@@ -8,31 +8,31 @@ use crate::Result;
 use crate::gpu::compute::{CommandRing, Kernel, ResourceWithState, Shape, View};
 use crate::gpu::{Gpu, written_texture};
 
-/// Descriptors of a list that spreads motion and depth.
+/// Descriptors of a list that expands motion and depth.
 const ROOM: u32 = 4;
-/// Sides of a group of threads.
+/// Side of a thread group, in threads.
 const GROUP: u32 = 8;
 pub(crate) const MOTION: DXGI_FORMAT = DXGI_FORMAT_R16G16_FLOAT;
 pub(crate) const DEPTH: DXGI_FORMAT = DXGI_FORMAT_R32_FLOAT;
 
-/// Spreads tiles of motion and depth over their pixels, in lists of its own on a device's queue for frames.
+/// Expands tiles of motion and depth to their pixels, in lists of its own on a device's queue for frames.
 pub(crate) struct Densifier {
     gpu: Gpu,
     size: (u32, u32),
     spread: Kernel,
     ring: CommandRing,
-    /// Of what comes in tiles.
+    /// Expanded motion and depth.
     each: [ID3D12Resource; 2],
 }
 
-/// A texture and the state it rests in.
+/// A texture and its state between lists.
 #[derive(Clone)]
-pub(crate) struct Held {
+pub(crate) struct OwnedResourceWithState {
     pub(crate) resource: ID3D12Resource,
     pub(crate) state: D3D12_RESOURCE_STATES,
 }
 
-impl Held {
+impl OwnedResourceWithState {
     pub(crate) fn resting(&self) -> ResourceWithState<'_> {
         ResourceWithState { resource: &self.resource, state: self.state }
     }
@@ -52,13 +52,20 @@ impl Densifier {
         })
     }
 
-    /// Motion and depth with one to a pixel: those that are given where they have, else textures that hold them until it is asked again.
-    pub(crate) fn of(&mut self, guidance: &GuidanceTextures<'_>) -> Result<(Held, Held)> {
-        let hold = |resting: &ResourceWithState<'_>| Held { resource: resting.resource.clone(), state: resting.state };
+    /// Motion and depth per pixel: the given textures if they have that resolution, else textures that are valid until the next call.
+    pub(crate) fn of(
+        &mut self,
+        guidance: &GuidanceTextures<'_>,
+    ) -> Result<(OwnedResourceWithState, OwnedResourceWithState)> {
+        let hold = |resting: &ResourceWithState<'_>| OwnedResourceWithState {
+            resource: resting.resource.clone(),
+            state: resting.state,
+        };
         if [guidance.motion_tile, guidance.depth_tile] == [1, 1] {
             return Ok((hold(&guidance.motion), hold(&guidance.depth)));
         }
-        let [motion, depth] = self.each.clone().map(|resource| Held { resource, state: D3D12_RESOURCE_STATE_COMMON });
+        let [motion, depth] =
+            self.each.clone().map(|resource| OwnedResourceWithState { resource, state: D3D12_RESOURCE_STATE_COMMON });
         let constants = [self.size.0, self.size.1, guidance.motion_tile, guidance.depth_tile];
         let groups = [self.size.0.div_ceil(GROUP), self.size.1.div_ceil(GROUP), 1];
         // SAFETY: live resources.

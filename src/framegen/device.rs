@@ -1,6 +1,6 @@
-//! Frames of pictures in memory, made by a Direct3D 12 device: for tools, which have no textures. Windows only.
+//! Generates frames of pictures in memory on a Direct3D 12 device: for tools, which have no textures. Windows only.
 //!
-//! Everything goes to the device and comes back for every frame, and each is waited for. Engines have
+//! Each frame is uploaded, generated and read back, and the caller waits for it. Engines use
 //! [`present::device`](crate::present::device).
 
 use windows::Win32::Graphics::Direct3D12::*;
@@ -17,33 +17,33 @@ use crate::gpu::{Gpu, Heap, Shared, read_buffer, read_texture, texture_of, writt
 use crate::guidance::{DepthMap, Guidance};
 use crate::{Error, ErrorKind, Picture, Result};
 
-/// Words of a report.
+/// 32-bit words of a report.
 const WORDS: usize = WORD_OF_UNEXPLAINED as usize + 1;
 const STATE: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COMMON;
 
-/// Generates frames of pictures in memory on a device: by the library's shaders, at any phase, or by a provider of AMD's, half way
-/// between two anchors. What lies beyond an anchor is the shaders' in either case.
+/// Generates frames of pictures in memory on a device: with the library's shaders at any phase, or with a provider of AMD's half way
+/// between two anchors. Shaders extrapolate in either case.
 pub struct DeviceGenerator {
     gpu: Gpu,
-    /// Whose provider, and which, where it is not the shaders.
+    /// AMD's library and the choice of provider; `None` for the shaders.
     amd: Option<(Api, Choice)>,
     interval_ms: f32,
     made: Option<Made>,
 }
 
-/// What is made for one size.
+/// Resources for one size.
 struct Made {
     size: (u32, u32),
     shader: ShaderGenerator,
     fsr: Option<FsrGenerator>,
     frames: CommandRing,
     target: ID3D12Resource,
-    /// The later anchor of the last pair, and its number.
+    /// The later anchor of the last pair, and its number in the provider's sequence.
     last: Option<(Picture, u64)>,
 }
 
-/// Anchors and what leads from one to the other, in textures.
-struct Brought {
+/// Anchors and their guidance in textures.
+struct UploadedInputs {
     pictures: Vec<ID3D12Resource>,
     motion: ID3D12Resource,
     depth: ID3D12Resource,
@@ -54,20 +54,20 @@ struct Brought {
 }
 
 impl DeviceGenerator {
-    /// By the library's shaders.
+    /// A generator with the library's shaders.
     pub fn of_shaders(gpu: &Gpu) -> Self {
         Self { gpu: gpu.clone(), amd: None, interval_ms: 1000.0 / 15.0, made: None }
     }
 
-    /// By a provider of AMD's, for anchors so far apart, in milliseconds of the world's time.
+    /// A generator with a provider of AMD's; `interval_ms` is the time between anchors, in milliseconds of the world's time.
     pub fn of_amd(gpu: &Gpu, api: &Api, choice: Choice, interval_ms: f32) -> Self {
         Self { gpu: gpu.clone(), amd: Some((*api, choice)), interval_ms, made: None }
     }
 
-    /// What makes pictures of `size`.
+    /// The resources for pictures of `size`, created if needed.
     fn made(&mut self, size: (u32, u32)) -> Result<&mut Made> {
         if self.made.as_ref().is_none_or(|made| made.size != size) {
-            // First, as there may not be room for both.
+            // Freed first: there may not be enough memory for both.
             self.made = None;
             let gpu = &self.gpu;
             let fsr = self.amd.map(|(api, choice)| FsrGenerator::new(gpu, &api, choice, size, size)).transpose()?;
@@ -83,20 +83,20 @@ impl DeviceGenerator {
         self.made.as_mut().ok_or_else(|| Error::new(ErrorKind::InvalidState, "nothing was made"))
     }
 
-    /// Brings all of it to the device.
+    /// Uploads pictures, guidance, depth and overlay.
     fn bring(
         &self,
         pictures: &[&Picture],
         guidance: &Guidance,
         previous: Option<&DepthMap>,
         overlay: Option<&[u8]>,
-    ) -> Result<Brought> {
+    ) -> Result<UploadedInputs> {
         let size = guidance.size();
         let overlay = overlay.map(|mask| upload(&self.gpu, mask, size, DXGI_FORMAT_R8_UNORM)).transpose()?;
         let pictures = pictures.iter().map(|picture| Ok(texture_of(&self.gpu, picture)?.0)).collect::<Result<_>>()?;
         let [motion, depth] = textures_of(&self.gpu, guidance)?;
         let previous = previous.map(|map| Ok::<_, Error>((of_depth(&self.gpu, map)?, map.tile())));
-        Ok(Brought {
+        Ok(UploadedInputs {
             pictures,
             motion,
             depth,
@@ -108,7 +108,7 @@ impl DeviceGenerator {
     }
 }
 
-impl Brought {
+impl UploadedInputs {
     fn guidance(&self) -> GuidanceTextures<'_> {
         GuidanceTextures {
             motion: resting(&self.motion),
@@ -148,7 +148,7 @@ impl FrameGenerator for DeviceGenerator {
             cut: pair.is_cut(),
         };
         if let Some(fsr) = made.fsr.as_mut().filter(|_| !pair.is_cut()) {
-            // What goes on from the pair before has the next number, and what does not one that nothing goes on from.
+            // A pair that follows the last one gets the next number; any other pair skips a number, so that the provider resets its history.
             let number = made
                 .last
                 .take()
@@ -188,7 +188,7 @@ impl FrameGenerator for DeviceGenerator {
 }
 
 impl Made {
-    /// Reads the frame that was made, and what happened in it.
+    /// Reads the last frame and its report.
     fn report(&self, gpu: &Gpu, out: &mut Picture) -> Result<GenerateReport> {
         copy(&read_texture(gpu, &self.target, STATE)?, out);
         let mut bytes = [0; 4 * WORDS];
@@ -218,7 +218,7 @@ fn copy(from: &Picture, to: &mut Picture) {
     to.pixels_mut().copy_from_slice(from.pixels());
 }
 
-/// Motion and depth in textures, in the state COMMON.
+/// Uploads motion and depth to textures, in the state COMMON.
 pub(crate) fn textures_of(gpu: &Gpu, guidance: &Guidance) -> Result<[ID3D12Resource; 2]> {
     let motion = guidance.motion();
     let vectors = bytemuck::must_cast_slice::<[half::f16; 2], u8>(motion.vectors());
@@ -231,7 +231,7 @@ fn of_depth(gpu: &Gpu, map: &DepthMap) -> Result<ID3D12Resource> {
     upload(gpu, bytes, (map.columns(), map.rows()), DXGI_FORMAT_R32_FLOAT)
 }
 
-/// A texture with these rows, each after the other.
+/// A texture with these tightly packed rows.
 fn upload(gpu: &Gpu, bytes: &[u8], size: (u32, u32), format: DXGI_FORMAT) -> Result<ID3D12Resource> {
     let row = bytes.len() / size.1 as usize;
     let pitch = row.next_multiple_of(D3D12_TEXTURE_DATA_PITCH_ALIGNMENT as usize);

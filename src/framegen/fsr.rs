@@ -1,4 +1,4 @@
-//! The generator of AMD's libraries: frames half way between two anchors, in textures of Direct3D 12. Windows only.
+//! Frame generator with AMD's libraries: frames half way between two anchors, in Direct3D 12 textures. Windows only.
 
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT_R8_UNORM, DXGI_FORMAT_R8G8B8A8_UNORM};
@@ -6,23 +6,23 @@ use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT_R8_UNORM, DXGI_FORMAT_R
 use super::densify::Densifier;
 use super::shader::TexturePair;
 use crate::ffx::bindings::{CreateFrameGeneration, Dimensions, SurfaceFormat};
-use crate::ffx::{Api, Camera, Choice, Pictures, Shot, TextureGenerator, TextureOptions, Version};
+use crate::ffx::{Api, Camera, Choice, FrameParams, Pictures, TextureGenerator, TextureOptions, Version};
 use crate::gpu::compute::{CommandRing, Kernel, ResourceWithState, Shape, View};
 use crate::gpu::{FencePoint, Gpu, written_texture};
 use crate::guidance::Projection;
 use crate::{Error, ErrorKind, Result};
 
-/// Descriptors of a list that lays something over a frame.
+/// Descriptors of a list that composites the overlay.
 const ROOM: u32 = 3;
-/// Sides of a group of threads.
+/// Side of a thread group, in threads.
 const GROUP: u32 = 8;
-/// How far the far plane is told to be at most, in distances of the near one: for depth in single precision that is infinite.
+/// Largest far plane that is passed to the provider, in multiples of the near plane: effectively infinite for single-precision depth.
 const FARTHEST: f32 = 1e8;
 
-/// Generates frames of one size half way between anchors of RGBA8, on a device's queue for frames.
+/// Generates frames of one size half way between RGBA8 anchors, on a device's queue for frames.
 ///
-/// A provider goes on from the frame before. What it records must therefore run, so that it is in lists of its own, which are submitted
-/// at once; where anchors were left out it is shown the earlier one of a pair first.
+/// A provider keeps history from frame to frame, so its commands must run: they are in lists of its own that are submitted at once. If
+/// anchors were skipped, the provider first gets the earlier anchor of the pair with a reset.
 ///
 /// Threads: one at a time; may move between them.
 pub struct FsrGenerator {
@@ -32,26 +32,27 @@ pub struct FsrGenerator {
     each: Densifier,
     overlay: Overlay,
     half: ID3D12Resource,
-    /// The later anchor of the pair that it made a frame of last, which `half` is, and when that is there.
+    /// The later anchor of the last pair, whose frame is in `half`, and the fence point of that frame.
     last: Option<(Place, FencePoint)>,
 }
 
-/// Which anchor it is: stream, and place in it. What follows another has the next place.
+/// Identity of an anchor: stream, and index in it. Consecutive anchors have consecutive indices.
 pub type Place = (u64, u64);
 
-/// What a provider is told of a pair beside its textures.
+/// Parameters of a pair besides its textures.
 #[derive(Debug, Clone, Copy)]
 pub struct PairFacts {
-    /// Of the later anchor.
+    /// Identity of the later anchor.
     pub place: Place,
-    /// Of the depth.
+    /// Projection of the depth.
     pub projection: Projection,
-    /// From the earlier anchor to the later one, in milliseconds of the world's time.
+    /// Time from the earlier anchor to the later one, in milliseconds of the world's time.
     pub interval_ms: f32,
 }
 
 impl FsrGenerator {
-    /// Makes it ready for pictures of `size`, whose motion and depth are of the size `rendered`, the same or smaller. Only a provider that puts a picture of known motion where it belongs is taken.
+    /// Creates a generator for pictures of `size`, with motion and depth of the size `rendered`, the same or smaller. Only a provider that passes
+    /// the test with a picture of known motion is accepted.
     ///
     /// # Errors
     /// `Unsupported` for pictures with a side shorter than [`CreateFrameGeneration::SHORTEST_SIDE`]; as of
@@ -78,15 +79,16 @@ impl FsrGenerator {
         })
     }
 
-    /// What runs.
+    /// The version of the provider in use.
     pub fn version(&self) -> &Version {
         &self.generator.provider().version
     }
 
-    /// The frame half way between the anchors of a pair, which has motion and depth of the size rendered at, RGBA8 and in the state COMMON, and when it is there; until the next one is made.
+    /// Generates the frame half way between the anchors of a pair, whose motion and depth have the rendered size. Returns the frame, RGBA8 and in
+    /// the state COMMON, and the fence point of its completion; it is valid until the next call.
     ///
     /// # Errors
-    /// As of [`TextureGenerator::generate`]. The next frame then starts anew.
+    /// As of [`TextureGenerator::generate`]. The next frame then resets the history.
     pub fn generate(&mut self, pair: &TexturePair<'_>, facts: &PairFacts) -> Result<(ID3D12Resource, FencePoint)> {
         let (stream, number) = facts.place;
         let last = self.last.take();
@@ -98,11 +100,11 @@ impl FsrGenerator {
         let before = number.checked_sub(1).map(|before| (stream, before));
         let goes_on = last.is_some_and(|(place, _)| Some(place) == before);
         let (motion, depth) = self.each.of(&pair.guidance)?;
-        let shot = |reset| Shot {
+        let shot = |reset| FrameParams {
             reset,
             frame_time: facts.interval_ms,
             camera: camera(&facts.projection),
-            ..Shot::of(dimensions(self.rendered))
+            ..FrameParams::of(dimensions(self.rendered))
         };
         let pictures = |color| Pictures {
             color,
@@ -131,7 +133,7 @@ impl std::fmt::Debug for FsrGenerator {
     }
 }
 
-/// Lays what stands still over frames, in lists of its own.
+/// Composites the static overlay onto frames, in lists of its own.
 struct Overlay {
     gpu: Gpu,
     size: (u32, u32),
@@ -150,7 +152,7 @@ impl Overlay {
         })
     }
 
-    /// Lays what `mask` says of `anchor` over `frame`; the moment when it lies there.
+    /// Copies the pixels of `anchor` where `mask` is not 0 to `frame`; returns the fence point of its completion.
     fn lay(
         &mut self,
         anchor: &ResourceWithState<'_>,
@@ -168,7 +170,7 @@ impl Overlay {
     }
 }
 
-/// A camera that looks ahead from the origin: where it really is nobody knows, and motion has it all.
+/// A camera at the origin that looks ahead: the true pose is unknown, and the motion texture contains all motion.
 pub(crate) fn camera(projection: &Projection) -> Camera {
     let near = projection.near();
     Camera { near, far: projection.far().min(near * FARTHEST), fov: projection.vertical_fov(), ..Camera::default() }

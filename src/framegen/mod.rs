@@ -15,9 +15,9 @@ pub use pair::{Anchor, AnchorPair};
 
 use crate::{Pixel, Raster, Result};
 
-/// Makes pictures at phases between two anchors, or beyond the last one.
+/// Makes pictures at phases between two anchors, or extrapolated from the last one.
 ///
-/// `P` is what a pixel of its pictures is: `[u8; 4]` where nothing is said, or `[f16; 4]`.
+/// `P` is the pixel type of its pictures: `[u8; 4]` by default, or `[f16; 4]`.
 ///
 /// A generator belongs to one stream and one thread at a time; it may be sent to another thread between calls.
 pub trait FrameGenerator<P: Pixel = [u8; 4]>: Send {
@@ -28,22 +28,22 @@ pub trait FrameGenerator<P: Pixel = [u8; 4]>: Send {
     fn phases(&self) -> Phases;
 
     /// Makes the picture at phase `t` of `pair`: 0 is the previous anchor, 1 the current one.
-    /// `out` is overwritten whole, also where nothing could be generated; the report says what it holds.
+    /// `out` is always overwritten completely; the report says what it holds.
     ///
     /// # Errors
     /// `InvalidArgument` when `t` is not inside (0, 1) or not a phase this generator can do, or `out` has not the
     /// pair's size; `OutOfMemory` when working memory cannot be had. After an error `out` holds nothing of use.
     fn generate(&mut self, pair: &AnchorPair<'_, P>, t: f32, out: &mut Raster<P>) -> Result<GenerateReport>;
 
-    /// Makes the picture `t` anchor intervals after `anchor`, as if its motion went on: for an anchor that comes late.
-    /// Bounded to one interval: later than that, and after a cut, a picture is held and the report says so.
+    /// Extrapolates the picture `t` anchor intervals after `anchor` along its motion, for a late next anchor.
+    /// Limited to one interval: beyond that, and after a cut, a picture is held and the report says so.
     ///
     /// # Errors
     /// `InvalidArgument` when `t` is not above 0 and finite, or `out` has not the anchor's size; `OutOfMemory` when
     /// working memory cannot be had. After an error `out` holds nothing of use.
     fn extrapolate(&mut self, anchor: &Anchor<'_, P>, t: f32, out: &mut Raster<P>) -> Result<GenerateReport>;
 
-    /// Forgets everything that earlier calls left behind, so that the next picture depends on its arguments alone.
+    /// Discards all state of earlier calls, so that the next picture depends on its arguments alone.
     fn reset(&mut self);
 }
 
@@ -57,7 +57,7 @@ pub enum Phases {
 }
 
 impl Phases {
-    /// Whether `t` is one of them.
+    /// Whether `t` is one of these phases.
     pub fn contains(self, t: f32) -> bool {
         match self {
             Self::Any => t > 0.0 && t < 1.0,
@@ -66,27 +66,27 @@ impl Phases {
     }
 }
 
-/// What a generated picture holds.
+/// Content of an output picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Outcome {
-    /// A picture at the phase asked for.
+    /// A picture at the requested phase.
     Generated,
-    /// The nearer anchor unchanged, as a cut lies between the two.
+    /// The nearer anchor unchanged, because of a cut between the two.
     CutFallback,
-    /// An earlier picture once more: past the bound of extrapolation, or nothing to extrapolate from.
+    /// An earlier picture again: beyond the limit of extrapolation, or nothing to extrapolate from.
     Held,
 }
 
-/// What happened in one call of a generator.
+/// Result of one call of a generator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GenerateReport {
     /// What the picture holds.
     pub outcome: Outcome,
-    /// Share of the picture, 0 to 1, that nothing visible in the current anchor lands on: what it hides, and what has
-    /// left it.
+    /// Share of the picture, 0 to 1, to which no visible pixel of the current anchor is warped: areas hidden in that anchor or
+    /// outside its borders.
     pub uncovered: f32,
-    /// Share of the picture, 0 to 1, for which no counterpart was found in the previous anchor: the evidence for a cut.
-    /// 0 where no evidence was sought.
+    /// Share of the picture, 0 to 1, without a counterpart in the previous anchor: the evidence for a cut.
+    /// 0 if no cut detection was run.
     pub unexplained: f32,
 }

@@ -1,4 +1,4 @@
-//! What a generator is given.
+//! Inputs of a generator.
 
 use crate::guidance::{DepthMap, Guidance};
 use crate::{Error, ErrorKind, Pixel, Raster, Result};
@@ -15,7 +15,7 @@ pub struct AnchorPair<'a, P: Pixel = [u8; 4]> {
 }
 
 impl<'a, P: Pixel> AnchorPair<'a, P> {
-    /// Puts a pair together.
+    /// Creates a pair.
     ///
     /// # Errors
     /// `InvalidArgument` when the pictures and the guidance are not all of one size.
@@ -25,8 +25,8 @@ impl<'a, P: Pixel> AnchorPair<'a, P> {
         Ok(Self { previous, current, guidance, previous_depth: None, overlay: None, cut: false })
     }
 
-    /// Adds the depth of the previous anchor, so that it is known what stood in front there and is hidden or has left the
-    /// picture since. It counts where it is of the same camera as the current anchor's.
+    /// Adds the depth of the previous anchor, which shows what was in front there and has since been hidden or left the
+    /// picture. It is used only if its projection is that of the current anchor's depth.
     ///
     /// # Errors
     /// `InvalidArgument` when it has not the pair's size.
@@ -36,8 +36,8 @@ impl<'a, P: Pixel> AnchorPair<'a, P> {
         Ok(self)
     }
 
-    /// Says what lies over the current anchor and stands still, like a HUD: a byte to a pixel, row by row, 0 where nothing does. What a
-    /// generator finds to stand still besides counts as well.
+    /// Sets the mask of a static overlay over the current anchor, such as a HUD: one byte per pixel, row by row, 0 where there is none. A generator
+    /// adds the static pixels that it detects itself.
     ///
     /// # Errors
     /// `InvalidArgument` for another number of bytes than the pair has pixels.
@@ -47,8 +47,8 @@ impl<'a, P: Pixel> AnchorPair<'a, P> {
         Ok(self)
     }
 
-    /// States that a cut lies between the two (a scene edit, a reset), so that nothing is generated across it.
-    /// Where this is not stated, a generator looks for cuts itself.
+    /// States that there is a cut between the two (a scene edit, a reset), so that nothing is generated across it.
+    /// Otherwise a generator detects cuts itself.
     #[must_use]
     pub fn with_cut(mut self, cut: bool) -> Self {
         self.cut = cut;
@@ -70,12 +70,12 @@ impl<'a, P: Pixel> AnchorPair<'a, P> {
         self.guidance
     }
 
-    /// The previous anchor's depth, where it is known.
+    /// The previous anchor's depth, if it is known.
     pub fn previous_depth(&self) -> Option<&'a DepthMap> {
         self.previous_depth
     }
 
-    /// What lies over the current anchor, where that is known.
+    /// Mask of the static overlay over the current anchor, if it is known.
     pub fn overlay(&self) -> Option<&'a [u8]> {
         self.overlay
     }
@@ -101,7 +101,7 @@ pub struct Anchor<'a, P: Pixel = [u8; 4]> {
 }
 
 impl<'a, P: Pixel> Anchor<'a, P> {
-    /// Puts an anchor together.
+    /// Creates an anchor.
     ///
     /// # Errors
     /// `InvalidArgument` when the picture and the guidance differ in size.
@@ -110,7 +110,7 @@ impl<'a, P: Pixel> Anchor<'a, P> {
         Ok(Self { picture, guidance, overlay: None, after_cut: false })
     }
 
-    /// Says what lies over it, as [`AnchorPair::with_overlay`] does.
+    /// Sets the mask of its static overlay, as [`AnchorPair::with_overlay`] does.
     ///
     /// # Errors
     /// `InvalidArgument` for another number of bytes than the anchor has pixels.
@@ -120,7 +120,7 @@ impl<'a, P: Pixel> Anchor<'a, P> {
         Ok(self)
     }
 
-    /// States that a cut precedes this anchor, so that its motion means nothing.
+    /// States that a cut precedes this anchor, so that its motion is invalid.
     #[must_use]
     pub fn with_cut(mut self, after_cut: bool) -> Self {
         self.after_cut = after_cut;
@@ -137,7 +137,7 @@ impl<'a, P: Pixel> Anchor<'a, P> {
         self.guidance
     }
 
-    /// What lies over it, where that is known.
+    /// Mask of its static overlay, if it is known.
     pub fn overlay(&self) -> Option<&'a [u8]> {
         self.overlay
     }
@@ -148,7 +148,7 @@ impl<'a, P: Pixel> Anchor<'a, P> {
     }
 }
 
-/// Refuses a mask that has not a byte to each pixel.
+/// Checks that a mask has one byte per pixel.
 fn check_overlay(mask: &[u8], (width, height): (u32, u32)) -> Result<()> {
     if mask.len() as u64 != u64::from(width) * u64::from(height) {
         let cause = format!("{} bytes for {width} x {height} pixels", mask.len());
@@ -157,7 +157,7 @@ fn check_overlay(mask: &[u8], (width, height): (u32, u32)) -> Result<()> {
     Ok(())
 }
 
-/// Refuses `have` where `want` is needed.
+/// Checks that `have` equals `want`.
 pub(super) fn check_size(have: (u32, u32), want: (u32, u32), field: &str) -> Result<()> {
     if have != want {
         return Err(Error::new(

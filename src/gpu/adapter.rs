@@ -12,26 +12,26 @@ use windows::core::Interface;
 use super::failure::failed;
 use crate::{Error, ErrorKind, Result};
 
-/// An adapter that a device can be made on.
+/// An adapter on which a device can be created.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Adapter {
-    /// Names it until the machine starts anew: the LUID of DXGI, high part first.
+    /// DXGI's LUID, high part first: identifies the adapter until the machine restarts.
     pub luid: u64,
-    /// For people.
+    /// Human-readable name.
     pub description: String,
-    /// Of PCI.
+    /// PCI identifier.
     pub vendor: u32,
-    /// Of PCI.
+    /// PCI identifier.
     pub device: u32,
-    /// Bytes of memory of its own.
+    /// Bytes of dedicated video memory.
     pub memory: u64,
-    /// It is the processor in an adapter's clothes.
+    /// Whether it is a software adapter that runs on the CPU.
     pub software: bool,
-    /// The version of its driver, as Windows shows it, e.g. `32.0.23033.1002`; none where the system does not say.
+    /// Driver version as Windows shows it, e.g. `32.0.23033.1002`; `None` if the system does not report it.
     pub driver: Option<String>,
 }
 
-/// Lists the adapters that Direct3D 12 works on, in the system's order: the one it prefers first.
+/// Lists the adapters that support Direct3D 12, in the system's order of preference.
 ///
 /// # Errors
 /// `Device` when DXGI does not start.
@@ -46,7 +46,7 @@ pub fn adapters() -> Result<Vec<Adapter>> {
     Ok(found)
 }
 
-/// The adapter with `luid`; without one the first that is no software, else the first.
+/// The adapter with `luid`; without a LUID the first hardware adapter, else the first adapter.
 pub(super) fn find(luid: Option<u64>) -> Result<(IDXGIAdapter1, Adapter)> {
     let mut fallback = None;
     let mut chosen = None;
@@ -68,13 +68,13 @@ pub(super) fn find(luid: Option<u64>) -> Result<(IDXGIAdapter1, Adapter)> {
     })
 }
 
-/// Calls `visit` with each adapter until it says no.
+/// Calls `visit` with each adapter until it returns `false`.
 fn each(mut visit: impl FnMut(&IDXGIAdapter1, Adapter) -> bool) -> Result<()> {
     // SAFETY: the call takes flags only.
     let factory: IDXGIFactory4 =
         unsafe { CreateDXGIFactory2(DXGI_CREATE_FACTORY_FLAGS(0)) }.map_err(|e| failed("CreateDXGIFactory2", &e))?;
     for index in 0.. {
-        // SAFETY: a live factory; any index may be asked for.
+        // SAFETY: a live factory; any index is allowed.
         let adapter = match unsafe { factory.EnumAdapters1(index) } {
             Ok(adapter) => adapter,
             Err(e) if e.code() == DXGI_ERROR_NOT_FOUND => break,
@@ -89,7 +89,7 @@ fn each(mut visit: impl FnMut(&IDXGIAdapter1, Adapter) -> bool) -> Result<()> {
     Ok(())
 }
 
-/// The version of an adapter's driver: DXGI tells that of the part that runs in programs.
+/// The version of an adapter's user-mode driver.
 fn driver(adapter: &IDXGIAdapter1) -> Option<String> {
     // SAFETY: a live adapter and a static identifier; the call fills a number of its own.
     let version = unsafe { adapter.CheckInterfaceSupport(&IDXGIDevice::IID) }.ok()?;
@@ -110,13 +110,13 @@ fn describe(told: &DXGI_ADAPTER_DESC1, driver: Option<String>) -> Adapter {
     }
 }
 
-/// A LUID as one number.
+/// A LUID as a 64-bit number.
 pub(super) fn number(luid: LUID) -> u64 {
     u64::from(luid.HighPart.cast_unsigned()) << 32 | u64::from(luid.LowPart)
 }
 
-/// Whether Direct3D 12 works on an adapter; nothing is made.
+/// Whether an adapter supports Direct3D 12; creates no device.
 fn works(adapter: &IDXGIAdapter1) -> bool {
-    // SAFETY: a live adapter; without a place for the device the call only says whether there could be one.
+    // SAFETY: a live adapter; with a null output pointer the call only checks whether a device can be created.
     unsafe { D3D12CreateDevice::<_, ID3D12Device>(adapter, D3D_FEATURE_LEVEL_11_0, std::ptr::null_mut()) }.is_ok()
 }

@@ -1,4 +1,4 @@
-//! Memory of an adapter as the system grants it to this process.
+//! The video memory budget that the system grants to this process.
 
 use windows::Win32::Graphics::Dxgi::{DXGI_MEMORY_SEGMENT_GROUP_LOCAL, DXGI_QUERY_VIDEO_MEMORY_INFO, IDXGIAdapter3};
 use windows::core::Interface;
@@ -7,24 +7,24 @@ use super::Gpu;
 use super::failure::failed;
 use crate::Result;
 
-/// What this process may use of an adapter's own memory, at this moment: others take and give. In bytes.
+/// Current budget of an adapter's local memory for this process, in bytes. It changes with the needs of other processes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Budget {
-    /// Beyond this the system makes room by moving things out, and everything is slow.
+    /// Above this amount the system evicts memory and everything becomes slow.
     pub granted: u64,
-    /// What the process uses already, an engine's textures and worlds alike.
+    /// Current usage of the process, including the engine's textures and worlds.
     pub used: u64,
 }
 
 impl Budget {
-    /// What is left.
+    /// The remaining bytes.
     pub fn room(&self) -> u64 {
         self.granted.saturating_sub(self.used)
     }
 }
 
 impl Gpu {
-    /// What may be used of the adapter's memory, as DXGI says; none where it does not say.
+    /// The adapter's memory budget from DXGI; `None` if DXGI does not report it.
     ///
     /// # Errors
     /// `Device` when DXGI does not start, `InvalidArgument` when the adapter is gone.
@@ -32,7 +32,7 @@ impl Gpu {
         let (adapter, _) = self.found()?;
         let Ok(adapter) = adapter.cast::<IDXGIAdapter3>() else { return Ok(None) };
         let mut told = DXGI_QUERY_VIDEO_MEMORY_INFO::default();
-        // SAFETY: a live adapter, and a place that lives during the call.
+        // SAFETY: a live adapter, and an output struct that lives during the call.
         unsafe { adapter.QueryVideoMemoryInfo(0, DXGI_MEMORY_SEGMENT_GROUP_LOCAL, &mut told) }
             .map_err(|e| failed("IDXGIAdapter3::QueryVideoMemoryInfo", &e))?;
         Ok((told.Budget > 0).then_some(Budget { granted: told.Budget, used: told.CurrentUsage }))

@@ -1,4 +1,4 @@
-//! When the system grants another amount of an adapter's memory.
+//! Notification of changes of the video memory budget.
 
 use windows::Win32::Foundation::{CloseHandle, HANDLE, WAIT_OBJECT_0};
 use windows::Win32::Graphics::Dxgi::IDXGIAdapter3;
@@ -7,7 +7,7 @@ use windows::core::Interface;
 
 use super::Gpu;
 
-/// Notices that the budget of an adapter's memory has changed.
+/// Detects changes of an adapter's memory budget.
 ///
 /// Threads: may be used from any thread at any time.
 pub(crate) struct BudgetChanges {
@@ -22,24 +22,24 @@ unsafe impl Send for BudgetChanges {}
 unsafe impl Sync for BudgetChanges {}
 
 impl BudgetChanges {
-    /// None where the system does not say.
+    /// `None` if the system has no notification.
     pub(crate) fn of(gpu: &Gpu) -> Option<Self> {
         let adapter = gpu.found().ok()?.0.cast::<IDXGIAdapter3>().ok()?;
-        // SAFETY: no name and no security attributes are given. Each signal is taken once.
+        // SAFETY: no name and no security attributes are given. The event resets itself when a wait consumes a signal.
         let event = unsafe { CreateEventW(None, false, false, None) }.ok()?;
         // SAFETY: a live adapter, and an event that is closed after it was unregistered.
         match unsafe { adapter.RegisterVideoMemoryBudgetChangeNotificationEvent(event) } {
             Ok(cookie) => Some(Self { adapter, event, cookie }),
             Err(e) => {
                 log::debug!("IDXGIAdapter3::RegisterVideoMemoryBudgetChangeNotificationEvent failed: {e}");
-                // SAFETY: the handle is open and nobody else's.
+                // SAFETY: the handle is open and owned by this code.
                 _ = unsafe { CloseHandle(event) };
                 None
             }
         }
     }
 
-    /// Whether it has changed since this was asked last. Does not wait.
+    /// Whether the budget has changed since the last call. Does not wait.
     pub(crate) fn changed(&self) -> bool {
         // SAFETY: the handle is open.
         unsafe { WaitForSingleObject(self.event, 0) == WAIT_OBJECT_0 }
@@ -48,9 +48,9 @@ impl BudgetChanges {
 
 impl Drop for BudgetChanges {
     fn drop(&mut self) {
-        // SAFETY: a live adapter and what it gave.
+        // SAFETY: a live adapter and the cookie of its registration.
         unsafe { self.adapter.UnregisterVideoMemoryBudgetChangeNotification(self.cookie) };
-        // SAFETY: the handle is open and nobody else's.
+        // SAFETY: the handle is open and owned by this code.
         _ = unsafe { CloseHandle(self.event) };
     }
 }

@@ -1,4 +1,4 @@
-//! The device's own clock: marks in a queue's work, and the time between two of them.
+//! GPU timestamps: pairs around a queue's work, and the time between the two.
 
 use std::time::Duration;
 
@@ -8,22 +8,22 @@ use super::{Gpu, Heap, Queue, Shared, failed_on};
 use crate::Result;
 use crate::object_count::count_object;
 
-/// Time that frames, or a world's passes, have taken on the device, from the first to the last of their commands. What else a queue
-/// runs at the same time is in it.
+/// Device time of frames or of a world's passes, each from the first to the last of its commands. It includes other work that a queue runs
+/// at the same time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Spent {
-    /// Frames or passes whose time is known.
+    /// Frames or passes measured.
     pub frames: u64,
-    /// All of them together.
+    /// Their total time.
     pub total: Duration,
-    /// The longest.
+    /// The longest time.
     pub longest: Duration,
-    /// The one that was looked at last.
+    /// The time that was read last.
     pub last: Duration,
 }
 
 impl Spent {
-    /// Counts one more.
+    /// Adds one measurement.
     pub(crate) fn add(&mut self, took: Duration) {
         self.frames += 1;
         self.total = self.total.saturating_add(took);
@@ -31,7 +31,7 @@ impl Spent {
         self.last = took;
     }
 
-    /// Both, where `later` follows.
+    /// The sum of both; `later` gives the last time if it has any.
     pub(crate) fn and(self, later: Self) -> Self {
         Self {
             frames: self.frames + later.frames,
@@ -42,20 +42,20 @@ impl Spent {
     }
 }
 
-/// Pairs of the clock's marks, one before some work and one behind it.
-pub(crate) struct Marks {
+/// Pairs of timestamps, one before some work and one after it.
+pub(crate) struct TimestampPairs {
     heap: ID3D12QueryHeap,
     marks: Shared,
     /// Ticks in a second.
     rate: u64,
 }
 
-/// Bytes of a mark, and of a pair.
+/// Bytes of a timestamp, and of a pair.
 const MARK: usize = size_of::<u64>();
 const PAIR: usize = 2 * MARK;
 
-impl Marks {
-    /// So many pairs for work on a queue like `queue`; none where that has no clock.
+impl TimestampPairs {
+    /// Creates `pairs` pairs for a queue of the type of `queue`; `None` if it has no timestamps.
     pub(crate) fn new(gpu: &Gpu, queue: &Queue, pairs: usize) -> Result<Option<Self>> {
         // SAFETY: a live queue; the call takes nothing.
         let Ok(rate) = (unsafe { queue.d3d12().GetTimestampFrequency() }) else { return Ok(None) };
@@ -66,20 +66,20 @@ impl Marks {
         let wanted = D3D12_QUERY_HEAP_DESC { Type: D3D12_QUERY_HEAP_TYPE_TIMESTAMP, Count: count, NodeMask: 0 };
         let mut heap: Option<ID3D12QueryHeap> = None;
         count_object();
-        // SAFETY: a live device; description and place live during the call.
+        // SAFETY: a live device; description and output pointer live during the call.
         unsafe { gpu.device().CreateQueryHeap(&wanted, &mut heap) }
             .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateQueryHeap", &e))?;
         let Some(heap) = heap else { return Ok(None) };
         Ok(Some(Self { heap, marks: Shared::new(gpu, Heap::Readback, PAIR * pairs)?, rate }))
     }
 
-    /// Marks the start of some work in an open list. The marks must live until it has run.
+    /// Records the start timestamp of some work in an open list. The heap must live until the list has run.
     pub(crate) fn start(&self, list: &ID3D12GraphicsCommandList, pair: usize) {
-        // SAFETY: an open list and a live heap with two places to a pair.
+        // SAFETY: an open list and a live heap with two queries per pair.
         unsafe { list.EndQuery(&self.heap, D3D12_QUERY_TYPE_TIMESTAMP, 2 * pair as u32) };
     }
 
-    /// Marks its end in the same list or a later one of the queue, and has both marks written down.
+    /// Records the end timestamp in the same list or a later one of the queue, and resolves both to the readback buffer.
     pub(crate) fn end(&self, list: &ID3D12GraphicsCommandList, pair: usize) {
         let (first, at) = (2 * pair as u32, (PAIR * pair) as u64);
         // SAFETY: as above.
@@ -90,8 +90,8 @@ impl Marks {
         };
     }
 
-    /// The first mark of a pair, as a name for this use of it, and the time between the two, once their lists have run; no time where
-    /// the clock was set back meanwhile.
+    /// The start timestamp of a pair, which identifies this use of it, and the time between the two, once their lists have run; no time if
+    /// the clock was set back in between.
     pub(crate) fn read(&self, pair: usize) -> (u64, Option<Duration>) {
         let mut marks = [0; PAIR];
         self.marks.read_at(PAIR * pair, &mut marks);

@@ -15,7 +15,7 @@ use super::{Adapter, Pipelines, Queue, adapter};
 use crate::{Error, ErrorKind, Result};
 
 /// A Direct3D 12 device, an engine's or our own, with a queue for frames and one for anchors. Cheap to clone; every clone is the
-/// same device. Holds a reference to each of an engine's objects until the last clone is gone.
+/// same device. Holds references to the engine's objects until the last clone is dropped.
 ///
 /// Threads: may be used from any thread at any time.
 #[derive(Clone)]
@@ -26,17 +26,17 @@ struct Inner {
     anchors: Queue,
     device: ID3D12Device,
     luid: u64,
-    /// Looked for once, as each search starts DXGI anew.
+    /// Cached, as each search creates a DXGI factory.
     adapter: OnceLock<(IDXGIAdapter1, Adapter)>,
     pipelines: Pipelines,
 }
 
 impl Gpu {
-    /// An engine's device. Frames are generated and copied on `queue`, of type direct or compute; the world's passes run on
-    /// `anchors`, a compute queue of the same device, and without one on a compute queue of our own.
+    /// Wraps an engine's device. Frames are generated and copied on `queue`, of type direct or compute. The world's passes run on
+    /// `anchors`, a compute queue of the same device; without it, on a compute queue of our own.
     ///
     /// # Errors
-    /// `InvalidArgument` for a queue of another type or of another device, `DeviceRemoved` for a device that is gone.
+    /// `InvalidArgument` for a queue of another type or of another device, `DeviceRemoved` for a removed device.
     pub fn of_engine(
         device: &ID3D12Device,
         queue: &ID3D12CommandQueue,
@@ -68,16 +68,16 @@ impl Gpu {
         Ok(Self(Arc::new(Inner { frames, anchors, device, luid, adapter, pipelines })))
     }
 
-    /// A device of our own on the adapter with `luid`, as [`adapters`](super::adapters) lists it; without one on the first that
-    /// is no software, else on the first.
+    /// Creates a device on the adapter with `luid`, as listed by [`adapters`](super::adapters); without a LUID on the first hardware
+    /// adapter, else on the first adapter.
     ///
     /// # Errors
-    /// `InvalidArgument` when no adapter has the LUID, `Unsupported` when there is none or it is below feature level 11_0,
+    /// `InvalidArgument` if no adapter has the LUID, `Unsupported` if there is no adapter or it is below feature level 11_0,
     /// `Device` when its driver fails.
     pub fn on_adapter(luid: Option<u64>) -> Result<Self> {
         let (adapter, described) = adapter::find(luid)?;
         let mut device: Option<ID3D12Device> = None;
-        // SAFETY: a live adapter, and a place that lives during the call.
+        // SAFETY: a live adapter, and an output pointer that lives during the call.
         unsafe { D3D12CreateDevice(&adapter, D3D_FEATURE_LEVEL_11_0, &mut device) }.map_err(|e| {
             let why = failed("D3D12CreateDevice", &e);
             Error::new(ErrorKind::Unsupported, format!("{} on {}", why.cause(), described.description))
@@ -90,17 +90,17 @@ impl Gpu {
         Ok(Self(Arc::new(Inner { frames, anchors, device, luid, adapter, pipelines: Pipelines::default() })))
     }
 
-    /// Direct3D's own.
+    /// The Direct3D device.
     pub fn device(&self) -> &ID3D12Device {
         &self.0.device
     }
 
-    /// Where frames are generated and copied.
+    /// The queue on which frames are generated and copied.
     pub fn frames(&self) -> &Queue {
         &self.0.frames
     }
 
-    /// Where a world's passes run.
+    /// The queue on which a world's passes run.
     pub fn anchors(&self) -> &Queue {
         &self.0.anchors
     }
@@ -110,7 +110,7 @@ impl Gpu {
         self.0.luid
     }
 
-    /// Its adapter, as it was when it was first asked for. Tries no other, and makes no device on it.
+    /// Its adapter, cached at the first call. Tries no other adapter, and creates no device.
     ///
     /// # Errors
     /// `InvalidArgument` when the adapter is gone.
@@ -118,17 +118,17 @@ impl Gpu {
         self.found().map(|(_, described)| described.clone())
     }
 
-    /// What its adapter calls itself. Tries no other adapter, and makes no device on it.
+    /// The description of its adapter. Tries no other adapter, and creates no device.
     pub(crate) fn adapter_name(&self) -> Option<String> {
         self.found().ok().map(|(_, described)| described.description.clone())
     }
 
-    /// The compute pipelines that were made on it.
+    /// The cache of its compute pipelines.
     pub(crate) fn pipelines(&self) -> &Pipelines {
         &self.0.pipelines
     }
 
-    /// DXGI's object of its adapter, and what that says of itself.
+    /// DXGI's object of its adapter, and the adapter's description.
     pub(super) fn found(&self) -> Result<&(IDXGIAdapter1, Adapter)> {
         let cell = &self.0.adapter;
         match cell.get() {
@@ -140,13 +140,13 @@ impl Gpu {
         }
     }
 
-    /// Why it is gone, when it is: driver replaced, command hung, adapter taken out. Nothing made on it works then; all of it can
-    /// be released as ever, and a new device be made.
+    /// The removal reason if the device was removed: driver replaced, command hung, adapter taken out. Nothing created on it
+    /// works any more; everything can still be released, and a new device can be created.
     pub fn removed(&self) -> Option<Error> {
         removed(&self.0.device)
     }
 
-    /// Refuses an object of another device.
+    /// Checks that an object belongs to this device.
     pub(crate) fn owns(&self, object: &impl Interface, name: &str) -> Result<()> {
         owns(&self.0.device, object, name)
     }
@@ -158,12 +158,12 @@ impl std::fmt::Debug for Gpu {
     }
 }
 
-/// Refuses an object that is none of `device`'s. Objects are the same when their IUnknown is.
+/// Checks that an object belongs to `device`. COM objects are the same if their IUnknown pointers are equal.
 fn owns(device: &ID3D12Device, object: &impl Interface, name: &str) -> Result<()> {
     let refuse = |why: &str| Error::new(ErrorKind::InvalidArgument, why).field(name);
     let child: ID3D12DeviceChild = object.cast().map_err(|_| refuse("it is no object of Direct3D 12"))?;
     let mut parent: Option<ID3D12Device> = None;
-    // SAFETY: a live object, and a place that lives during the call.
+    // SAFETY: a live object, and an output pointer that lives during the call.
     unsafe { child.GetDevice(&mut parent) }.map_err(|e| failed_on(device, "ID3D12DeviceChild::GetDevice", &e))?;
     let identity = |device: &ID3D12Device| device.cast::<IUnknown>().map(|unknown| unknown.as_raw());
     match parent.as_ref().map(identity) {

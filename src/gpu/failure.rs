@@ -1,4 +1,4 @@
-//! Failures of Direct3D in this library's words: the one place where an HRESULT becomes an error.
+//! Conversion of Direct3D failures to this library's errors: the only place where an HRESULT becomes an error.
 
 use windows::Win32::Foundation::E_OUTOFMEMORY;
 use windows::Win32::Graphics::Direct3D12::ID3D12Device;
@@ -10,7 +10,7 @@ use windows::core::{Error as ComError, HRESULT};
 
 use crate::{Error, ErrorKind};
 
-/// What a call that failed before there was a device is reported as.
+/// The error of a call that failed before there was a device.
 pub(super) fn failed(call: &str, error: &ComError) -> Error {
     let code = error.code();
     let kind = match code {
@@ -21,12 +21,12 @@ pub(super) fn failed(call: &str, error: &ComError) -> Error {
     Error::new(kind, format!("{call} failed with {:#010x}{}", code.0, known(code)))
 }
 
-/// What a call on `device` that failed is reported as: where the device is gone, that says more than the call does.
+/// The error of a failed call on `device`: the removal reason if the device was removed, else the call's own failure.
 pub(crate) fn failed_on(device: &ID3D12Device, call: &str, error: &ComError) -> Error {
     removed(device).unwrap_or_else(|| failed(call, error))
 }
 
-/// Why a device is gone, when it is.
+/// The removal reason of a device, if it was removed.
 pub(super) fn removed(device: &ID3D12Device) -> Option<Error> {
     // SAFETY: a live device; the call takes nothing.
     let reason = unsafe { device.GetDeviceRemovedReason() }.err()?.code();
@@ -34,7 +34,7 @@ pub(super) fn removed(device: &ID3D12Device) -> Option<Error> {
     Some(Error::new(ErrorKind::DeviceRemoved, cause).remedy("Release what was made on it and make a new device"))
 }
 
-/// A code's own words, after a space; nothing for one that is seldom met.
+/// The text of a common code, after a space; empty for other codes.
 fn known(code: HRESULT) -> &'static str {
     match code {
         DXGI_ERROR_DEVICE_REMOVED => {

@@ -1,4 +1,4 @@
-//! A moment on a queue's timeline.
+//! Fence points: a fence and a value.
 
 use windows::Win32::Foundation::{CloseHandle, HANDLE, WAIT_OBJECT_0, WAIT_TIMEOUT};
 use windows::Win32::Graphics::Direct3D12::{ID3D12Device, ID3D12Fence};
@@ -7,12 +7,12 @@ use windows::Win32::System::Threading::{CreateEventW, WaitForSingleObject};
 use super::failure::{failed_on, removed};
 use crate::{Error, ErrorKind, Result};
 
-/// How long is waited before it is looked whether the device is still there: not every driver lets the waiting go when it is not.
+/// Time between two checks for device removal while waiting, in milliseconds: not every driver signals fences when the device is removed.
 const SLICE_MS: u32 = 100;
-/// How many such slices are waited for work of a device that is gone.
+/// Number of such slices to wait for work of a removed device.
 const PATIENCE: u32 = 100;
 
-/// What a queue had been given up to some time: it is reached when all of that is done. Cheap to clone.
+/// A fence value on a queue, reached when all work submitted before it has completed. Cheap to clone.
 ///
 /// Threads: may be used from any thread at any time.
 #[derive(Clone)]
@@ -27,7 +27,7 @@ impl FencePoint {
         Self { fence: fence.clone(), value, device: device.clone() }
     }
 
-    /// When `fence`, an engine's own of the same device, has `value`.
+    /// The point at which `fence`, an engine's fence of the same device, reaches `value`.
     ///
     /// # Errors
     /// `InvalidArgument` when the fence is another device's.
@@ -36,7 +36,7 @@ impl FencePoint {
         Ok(Self::new(fence, value, gpu.device()))
     }
 
-    /// Refuses a value that the fence has already: it says nothing of work that is to come.
+    /// Checks that the fence has not reached the value yet: otherwise it cannot signal future work.
     ///
     /// # Errors
     /// `InvalidArgument`.
@@ -50,24 +50,24 @@ impl FencePoint {
             .remedy("Pass a value that the queue gives the fence after the list"))
     }
 
-    /// The fence that has the value once the moment is reached.
+    /// The fence.
     pub fn fence(&self) -> &ID3D12Fence {
         &self.fence
     }
 
-    /// The value of the fence.
+    /// The fence value to reach.
     pub fn value(&self) -> u64 {
         self.value
     }
 
-    /// Whether it is reached; that of a removed device always is.
+    /// Whether it is reached; always true on a removed device.
     pub fn reached(&self) -> bool {
         // SAFETY: a live fence; the call takes nothing.
         unsafe { self.fence.GetCompletedValue() >= self.value }
     }
 
-    /// Waits until nothing of it runs any more, before what it uses is freed: as [`wait`](Self::wait), but also on a device that is
-    /// gone, as not every driver drops what such a device was given.
+    /// Waits until the work has stopped, before its resources are freed. Unlike [`wait`](Self::wait), also waits on a removed device, since not
+    /// every driver drops submitted work when the device is removed.
     pub(crate) fn wait_ignoring_loss(&self) {
         let Ok(event) = Event::new() else { return };
         // SAFETY: as in `wait`.
@@ -80,15 +80,14 @@ impl FencePoint {
         }
     }
 
-    /// Waits for it with this thread.
+    /// Blocks this thread until it is reached.
     ///
     /// # Errors
-    /// `DeviceRemoved` when the device is gone, before or meanwhile; the work may then be half done.
+    /// `DeviceRemoved` if the device is removed before or during the wait; the work may then be half done.
     pub fn wait(&self) -> Result<()> {
         if !self.reached() {
             let event = Event::new().map_err(|e| failed_on(&self.device, "CreateEventW", &e))?;
-            // SAFETY: a live fence and a live event, which stays until after the wait; what the fence does to a closed handle
-            // later is nothing.
+            // SAFETY: a live fence and a live event that outlives the wait; the fence may signal a closed handle later without effect.
             unsafe { self.fence.SetEventOnCompletion(self.value, event.0) }
                 .map_err(|e| failed_on(&self.device, "ID3D12Fence::SetEventOnCompletion", &e))?;
             while !event.wait()? && !self.reached() {
@@ -104,11 +103,11 @@ impl FencePoint {
 
 impl std::fmt::Debug for FencePoint {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Moment({}, {})", self.value, if self.reached() { "reached" } else { "to come" })
+        write!(f, "FencePoint({}, {})", self.value, if self.reached() { "reached" } else { "to come" })
     }
 }
 
-/// An event of the system's, closed in the end.
+/// A Win32 event, closed on drop.
 struct Event(HANDLE);
 
 impl Event {
@@ -117,7 +116,7 @@ impl Event {
         unsafe { CreateEventW(None, true, false, None) }.map(Self)
     }
 
-    /// Waits a slice of time; whether the event came.
+    /// Waits for one slice; returns whether the event was signalled.
     fn wait(&self) -> Result<bool> {
         // SAFETY: the handle is open.
         match unsafe { WaitForSingleObject(self.0, SLICE_MS) } {
@@ -130,7 +129,7 @@ impl Event {
 
 impl Drop for Event {
     fn drop(&mut self) {
-        // SAFETY: the handle is open and nobody else's.
+        // SAFETY: the handle is open and owned by this value.
         _ = unsafe { CloseHandle(self.0) };
     }
 }

@@ -7,18 +7,18 @@ use super::{Gpu, failed_on};
 use crate::object_count::count_object;
 use crate::{Error, ErrorKind, Result};
 
-/// Whose memory a buffer is in.
+/// Heap type of a buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Heap {
-    /// The device's, for shaders; rests in the state COMMON, from which Direct3D promotes it to what it is first used as.
+    /// Default heap, for shaders; in the state COMMON between lists, from which Direct3D promotes it on first use.
     Device,
-    /// The processor's to write and the device's to read.
+    /// Upload heap: the CPU writes, the device reads.
     Upload,
-    /// The device's to write and the processor's to read.
+    /// Readback heap: the device writes, the CPU reads.
     Readback,
 }
 
-/// A zeroed buffer of `bytes` bytes, rounded up to what ONNX Runtime's provider binds: whole words of four bytes.
+/// Creates a zeroed buffer of `bytes` bytes, rounded up to a multiple of four, as ONNX Runtime's provider requires.
 pub(crate) fn buffer(gpu: &Gpu, heap: Heap, bytes: usize) -> Result<ID3D12Resource> {
     let (kind, state, flags) = match heap {
         Heap::Device => {
@@ -41,7 +41,7 @@ pub(crate) fn buffer(gpu: &Gpu, heap: Heap, bytes: usize) -> Result<ID3D12Resour
     };
     let mut made: Option<ID3D12Resource> = None;
     count_object();
-    // SAFETY: a live device; descriptions and place live during the call.
+    // SAFETY: a live device; descriptions and output pointer live during the call.
     unsafe { gpu.device().CreateCommittedResource(&properties, D3D12_HEAP_FLAG_NONE, &wanted, state, None, &mut made) }
         .map_err(|e| {
             let why = failed_on(gpu.device(), "ID3D12Device::CreateCommittedResource", &e);
@@ -53,7 +53,7 @@ pub(crate) fn buffer(gpu: &Gpu, heap: Heap, bytes: usize) -> Result<ID3D12Resour
     made.ok_or_else(|| Error::new(ErrorKind::Device, "ID3D12Device::CreateCommittedResource gave no buffer"))
 }
 
-/// Memory that processor and device share, mapped as long as it lives.
+/// A buffer of an upload or readback heap, mapped as long as it lives.
 pub(crate) struct Shared {
     resource: ID3D12Resource,
     address: *mut u8,
@@ -67,7 +67,7 @@ impl Shared {
     pub(crate) fn new(gpu: &Gpu, heap: Heap, len: usize) -> Result<Self> {
         let resource = buffer(gpu, heap, len)?;
         let mut address = std::ptr::null_mut();
-        // SAFETY: a buffer of a heap that the processor sees, and a place that lives during the call.
+        // SAFETY: a buffer of a CPU-visible heap, and an output pointer that lives during the call.
         unsafe { resource.Map(0, None, Some(&mut address)) }
             .map_err(|e| failed_on(gpu.device(), "ID3D12Resource::Map", &e))?;
         Ok(Self { resource, address: address.cast(), len })
@@ -77,27 +77,27 @@ impl Shared {
         &self.resource
     }
 
-    /// In bytes.
+    /// Length in bytes.
     pub(crate) fn len(&self) -> usize {
         self.len
     }
 
-    /// Writes what the device has no business with any more.
+    /// Writes `bytes` at byte `at`. The device must not be using that range.
     pub(crate) fn write(&mut self, at: usize, bytes: &[u8]) {
         assert!(at + bytes.len() <= self.len, "inside the mapping");
-        // SAFETY: inside the mapping, and `bytes` is none of it.
+        // SAFETY: the range is inside the mapping, and `bytes` does not overlap it.
         unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), self.address.add(at), bytes.len()) };
     }
 
-    /// Reads what the device has written and will not write meanwhile, from the start.
+    /// Reads from the start. The device must have finished writing that range.
     pub(crate) fn read(&self, into: &mut [u8]) {
         self.read_at(0, into);
     }
 
-    /// The same from byte `at` on.
+    /// Reads from byte `at` on, as [`read`](Self::read).
     pub(crate) fn read_at(&self, at: usize, into: &mut [u8]) {
         assert!(at + into.len() <= self.len, "inside the mapping");
-        // SAFETY: inside the mapping, and `into` is none of it.
+        // SAFETY: the range is inside the mapping, and `into` does not overlap it.
         unsafe { std::ptr::copy_nonoverlapping(self.address.add(at), into.as_mut_ptr(), into.len()) };
     }
 }

@@ -1,8 +1,8 @@
-//! Direct3D 12: devices, queues and the moments on their timelines. Windows only.
+//! Direct3D 12: devices, queues and fence points. Windows only.
 //!
-//! A [`Gpu`] is an engine's own device with its queue, or one of ours on an adapter; it has two [`Queue`]s, one for frames and
-//! one for anchors, so that a world's long passes never stand before a frame. Work of one queue waits for work of the other at
-//! a [`FencePoint`] and nowhere else.
+//! A [`Gpu`] is an engine's device with its queue, or our own device on an adapter. It has two [`Queue`]s, one for frames and
+//! one for anchors, so that a world's long passes never delay a frame. Work of one queue waits for work of the other only at
+//! a [`FencePoint`].
 
 mod adapter;
 mod budget;
@@ -28,8 +28,8 @@ mod uploads;
 pub use adapter::{Adapter, adapters};
 pub use budget::Budget;
 pub(crate) use budget_change::BudgetChanges;
-pub(crate) use clock::Marks;
 pub use clock::Spent;
+pub(crate) use clock::TimestampPairs;
 pub use device::Gpu;
 pub(crate) use failure::failed_on;
 pub use fence_point::FencePoint;
@@ -46,5 +46,5 @@ pub(crate) use target::check_list;
 pub(crate) use texture::{blank_texture, read_buffer, written_texture};
 pub use texture::{read_texture, texture_of};
 pub use uploads::{Place, Uploads};
-/// The bindings in which objects of Direct3D are handed over.
+/// The crate whose Direct3D types this interface uses.
 pub use windows;

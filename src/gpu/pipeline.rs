@@ -5,8 +5,8 @@ use windows::Win32::Graphics::Direct3D12::*;
 use super::{Gpu, shader};
 use crate::Result;
 
-/// A compute shader and what it is bound to: constants in `b0`, buffers it reads in `t0` and on, buffers it writes in `u0` and
-/// on, all as bytes. It must live until the lists that it was recorded into have run.
+/// A compute shader whose parameters are root constants in `b0`, read-only buffers from `t0` and writable buffers from `u0`, all
+/// byte-addressed root descriptors. It must live until the lists that it was recorded into have run.
 ///
 /// Threads: may be used from any thread at any time.
 pub(crate) struct Pipeline {
@@ -18,7 +18,7 @@ pub(crate) struct Pipeline {
 }
 
 impl Pipeline {
-    /// Compiles `code`, DXBC, for the device's driver; it takes so many words of constants, buffers to read and buffers to write.
+    /// Creates the pipeline of `code`, DXBC, with this number of 32-bit constants, read-only buffers and writable buffers.
     ///
     /// # Errors
     /// `OutOfMemory`, `DeviceRemoved`, `Device`.
@@ -28,8 +28,8 @@ impl Pipeline {
         Ok(Self { state, root, constants, reads, writes })
     }
 
-    /// Records one dispatch of `groups` groups into an open list. What it reads must be in the state NON_PIXEL_SHADER_RESOURCE,
-    /// what it writes in UNORDERED_ACCESS; pipeline and root signature of the list are changed.
+    /// Records one dispatch of `groups` thread groups into an open list. Read buffers must be in the state NON_PIXEL_SHADER_RESOURCE, written
+    /// buffers in UNORDERED_ACCESS. Changes the list's pipeline and root signature.
     pub(crate) fn record(
         &self,
         list: &ID3D12GraphicsCommandList,
@@ -63,7 +63,7 @@ impl Pipeline {
     }
 }
 
-/// Constants first, then the buffers, each a parameter of its own.
+/// Root constants first, then the buffers, each as a root descriptor.
 fn root_signature(gpu: &Gpu, constants: usize, reads: usize, writes: usize) -> Result<ID3D12RootSignature> {
     let buffers = |kind, count: usize| {
         (0..count as u32).map(move |register| D3D12_ROOT_PARAMETER {

@@ -1,4 +1,4 @@
-//! Compute pipelines of a device: each is made once, shared by all that run it, and kept from one run of a program to the next.
+//! Cache of a device's compute pipelines: each is created once, shared by all users, and can be serialised for the next run of the program.
 
 use std::collections::HashMap;
 
@@ -20,25 +20,25 @@ pub(crate) struct Pipelines(Mutex<Inner>);
 struct Inner {
     roots: HashMap<Shape, ID3D12RootSignature>,
     made: HashMap<Key, Made>,
-    /// Compiled code that was loaded and not used yet, by its name.
+    /// Loaded compiled pipelines that are not used yet, by name.
     loaded: HashMap<Name, Vec<u8>>,
-    /// Whether somebody was asked for it.
+    /// Whether the host was asked for pipelines of an earlier run.
     was_asked: bool,
 }
 
-/// A shader in this program's memory, and what it takes.
+/// Cache key: a shader's code and its bindings.
 type Key = (&'static [u8], Shape);
 
 struct Made {
     state: ID3D12PipelineState,
-    /// Whether whoever keeps pipelines has it.
+    /// Whether the host's stored data contains it.
     is_stored: bool,
 }
 
-/// The SHA-256 of a shader and of what it takes.
+/// SHA-256 of a shader and its bindings.
 type Name = [u8; 32];
 
-/// What serialised pipelines begin with: the format of the rest.
+/// First bytes of serialised pipelines: the version of the format.
 const MAGIC: [u8; 8] = *b"CairnPS1";
 
 impl Pipelines {
@@ -53,7 +53,7 @@ impl Pipelines {
         shape: Shape,
         root_signature: impl FnOnce() -> Result<ID3D12RootSignature>,
     ) -> Result<(ID3D12RootSignature, ID3D12PipelineState)> {
-        // Held while one is made, so that none is made twice: threads that load have time.
+        // Locked during creation, so that no pipeline is created twice; this happens on loading threads only, which may wait.
         let mut inner = self.0.lock();
         let root = match inner.roots.get(&shape) {
             Some(root) => root.clone(),
@@ -67,7 +67,7 @@ impl Pipelines {
             return Ok((root, made.state.clone()));
         }
         let compiled = if inner.loaded.is_empty() { None } else { inner.loaded.remove(&name(code, shape)) };
-        // The driver refuses what another version of it compiled.
+        // The driver rejects pipelines that another version of it compiled; they are then compiled again.
         let loaded = compiled.and_then(|compiled| shader::pipeline_state(gpu, &root, code, Some(&compiled)).ok());
         let is_stored = loaded.is_some();
         let state = loaded.map_or_else(|| shader::pipeline_state(gpu, &root, code, None), Ok)?;
@@ -75,13 +75,13 @@ impl Pipelines {
         Ok((root, state))
     }
 
-    /// Whether nobody was asked for pipelines of an earlier run yet; from now on somebody was.
-    pub(crate) fn asks(&self) -> bool {
+    /// Whether this is the first call: the caller then asks the host for pipelines of an earlier run.
+    pub(crate) fn take_first_request(&self) -> bool {
         !std::mem::replace(&mut self.0.lock().was_asked, true)
     }
 
-    /// Takes pipelines that [`serialised`](Self::serialised) gave in an earlier run; false, and nothing is taken, where the bytes are damaged or
-    /// of another adapter, driver or version of this library.
+    /// Loads the result of [`serialised`](Self::serialised) of an earlier run; `false`, and nothing is loaded, if the bytes are damaged or from
+    /// another adapter, driver or version of this library.
     pub(crate) fn load(&self, gpu: &Gpu, bytes: &[u8]) -> bool {
         let Some(mut loaded) = parse(bytes, &origin(gpu)) else { return false };
         let mut inner = self.0.lock();
@@ -92,7 +92,7 @@ impl Pipelines {
         true
     }
 
-    /// All pipelines, for [`load`](Self::load) in a later run; none where what was loaded has them, or the driver gives none away.
+    /// All pipelines, for [`load`](Self::load) in a later run; `None` if the loaded data contains them all, or the driver does not return any.
     pub(crate) fn serialised(&self, gpu: &Gpu) -> Option<Vec<u8>> {
         let mut inner = self.0.lock();
         if inner.made.values().all(|made| made.is_stored) {
@@ -114,7 +114,7 @@ impl Pipelines {
     }
 }
 
-/// Names a shader across runs.
+/// The name of a shader, stable across runs.
 fn name(code: &[u8], shape: Shape) -> Name {
     let mut hash = Sha256::new();
     [shape.constants, shape.inputs, shape.outputs].iter().for_each(|count| hash.update(count.to_le_bytes()));
@@ -122,7 +122,7 @@ fn name(code: &[u8], shape: Shape) -> Name {
     hash.finalize().into()
 }
 
-/// Whose pipelines they are: those of this version of the library, for an adapter and its driver.
+/// Identifies this version of the library, the adapter and its driver.
 fn origin(gpu: &Gpu) -> Name {
     let mut hash = Sha256::new();
     hash.update(env!("CARGO_PKG_VERSION"));
@@ -137,14 +137,14 @@ fn origin(gpu: &Gpu) -> Name {
     hash.finalize().into()
 }
 
-/// What the driver compiled; none where it does not give that away.
+/// The driver's compiled pipeline; `None` if it does not return one.
 fn blob(state: &ID3D12PipelineState) -> Option<Vec<u8>> {
     // SAFETY: a live pipeline.
     let blob = unsafe { state.GetCachedBlob() }.ok()?;
     Some(shader::bytes(&blob).to_vec()).filter(|bytes| !bytes.is_empty())
 }
 
-/// Format, origin, and each pipeline's name, length and bytes; the SHA-256 of all of it at the end.
+/// Magic, origin, then name, length and bytes of each pipeline, then the SHA-256 of everything before.
 fn serialise(origin: &Name, entries: &[(Name, Vec<u8>)]) -> Vec<u8> {
     let mut bytes = [MAGIC.as_slice(), origin].concat();
     for (name, code) in entries {
@@ -157,7 +157,7 @@ fn serialise(origin: &Name, entries: &[(Name, Vec<u8>)]) -> Vec<u8> {
     bytes
 }
 
-/// The pipelines in serialised bytes; none where these are damaged or of another origin.
+/// Parses serialised pipelines; `None` if they are damaged or of another origin.
 fn parse(bytes: &[u8], origin: &Name) -> Option<HashMap<Name, Vec<u8>>> {
     let (rest, hash) = bytes.split_last_chunk::<32>()?;
     if Sha256::digest(rest)[..] != hash[..] {
@@ -192,7 +192,7 @@ mod tests {
             assert_eq!(parse(&damaged, &[7; 32]), None, "byte {i}");
             assert_eq!(parse(&bytes[..i], &[7; 32]), None, "cut at byte {i}");
         }
-        // With a checksum that fits: lengths beyond the end.
+        // With a correct checksum: lengths beyond the end.
         for length in [1001, u64::MAX] {
             let mut wrong = serialise(&[7; 32], &entries[2..]);
             wrong.truncate(wrong.len() - 32);

@@ -1,4 +1,4 @@
-//! A queue and its timeline.
+//! A command queue with its own fence.
 
 use std::ffi::CStr;
 
@@ -13,11 +13,11 @@ use super::FencePoint;
 use super::failure::{failed_on, removed};
 use crate::Result;
 
-/// How PIX's events say that their name is a text of bytes with a zero at its end.
+/// Metadata value of a PIX event whose name is a zero-terminated byte string.
 pub(super) const EVENT_OF_BYTES: u32 = 1;
 
-/// A queue of a [`Gpu`](super::Gpu), with a fence of our own that counts what we gave it. The queue may be an engine's, which
-/// gives it work beside ours.
+/// A queue of a [`Gpu`](super::Gpu), with a fence of our own that is signalled after our submissions. The queue may be an engine's, which
+/// submits work of its own to it.
 ///
 /// Threads: may be used from any thread at any time.
 pub struct Queue {
@@ -25,12 +25,12 @@ pub struct Queue {
     device: ID3D12Device,
     fence: ID3D12Fence,
     kind: D3D12_COMMAND_LIST_TYPE,
-    /// The fence's last value that was asked for. Held while one is, so that values reach the queue in their order.
+    /// The last value that was signalled. Locked during `Signal`, so that values reach the queue in order.
     last: Mutex<u64>,
 }
 
 impl Queue {
-    /// A queue that is there already.
+    /// Wraps an existing queue.
     pub(super) fn of_engine(device: &ID3D12Device, queue: &ID3D12CommandQueue) -> Result<Self> {
         // SAFETY: a live device; the call takes values only.
         let fence = unsafe { device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }
@@ -49,26 +49,26 @@ impl Queue {
         Self::of_engine(device, &queue)
     }
 
-    /// Direct3D's own.
+    /// The Direct3D object.
     pub fn d3d12(&self) -> &ID3D12CommandQueue {
         &self.queue
     }
 
-    /// The kind of command lists that it takes.
+    /// The type of its command lists.
     pub fn kind(&self) -> D3D12_COMMAND_LIST_TYPE {
         self.kind
     }
 
-    /// Gives it closed command lists; the moment when they are done. They and what they use must live until then.
+    /// Submits closed command lists; returns the fence point of their completion. Lists and resources must live until then.
     ///
     /// # Errors
     /// `DeviceRemoved`.
     pub fn submit(&self, lists: &[ID3D12CommandList]) -> Result<FencePoint> {
-        // Not every driver drops what a device that is gone is given, and whoever is told so lets go of what the lists use.
+        // Not every driver drops work that is submitted to a removed device, and the caller frees the lists' resources on that error.
         if let Some(gone) = removed(&self.device) {
             return Err(gone);
         }
-        // An interface is a pointer that is not null, which an Option of it may be.
+        // An interface is a non-null pointer, so `Option` of it has the same layout.
         // SAFETY: both have the layout of a pointer.
         let lists: &[Option<ID3D12CommandList>] =
             unsafe { std::slice::from_raw_parts(lists.as_ptr().cast(), lists.len()) };
@@ -77,13 +77,13 @@ impl Queue {
         self.now().inspect_err(|_| self.wait_ignoring_loss())
     }
 
-    /// The moment when everything that it has been given so far is done, by whomever.
+    /// A fence point after everything submitted to the queue so far, by anyone.
     ///
     /// # Errors
     /// `DeviceRemoved`.
     pub fn now(&self) -> Result<FencePoint> {
         let mut last = self.last.lock();
-        // Checked first: a queue that is gone may never come to what it is told now.
+        // Checked first: the queue of a removed device may never reach a new value.
         if let Some(gone) = removed(&self.device) {
             return Err(gone);
         }
@@ -94,10 +94,10 @@ impl Queue {
         Ok(FencePoint::new(&self.fence, *last, &self.device))
     }
 
-    /// Names what it is given during `work`, for tools that show the device's work.
+    /// Puts the submissions of `work` into a named event, for GPU profilers such as PIX.
     pub(crate) fn named<T>(&self, name: &CStr, work: impl FnOnce() -> T) -> T {
         let bytes = name.to_bytes_with_nul();
-        // SAFETY: a live queue, and a text of so many bytes that is copied.
+        // SAFETY: a live queue, and a text of that length, which is copied.
         unsafe { self.queue.BeginEvent(EVENT_OF_BYTES, Some(bytes.as_ptr().cast()), bytes.len() as u32) };
         let done = work();
         // SAFETY: a live queue, on which an event was begun.
@@ -105,7 +105,7 @@ impl Queue {
         done
     }
 
-    /// Waits until nothing that it has been given runs any more, before what that uses is freed; also on a device that is gone.
+    /// Waits until all submitted work has stopped, before its resources are freed; also on a removed device.
     pub(crate) fn wait_ignoring_loss(&self) {
         let fence_point = {
             let mut last = self.last.lock();
@@ -119,12 +119,12 @@ impl Queue {
         fence_point.wait_ignoring_loss();
     }
 
-    /// Lets what it is given from now on wait for `fence_point`, of another queue or an engine's own; this thread does not wait.
+    /// Makes later work of this queue wait for `fence_point`, of another queue or an engine's fence; the calling thread does not wait.
     ///
     /// # Errors
     /// `DeviceRemoved`.
     pub fn wait(&self, fence_point: &FencePoint) -> Result<()> {
-        // What stands before in the same queue is waited for anyway.
+        // Work of one queue runs in order anyway.
         if fence_point.fence().as_raw() == self.fence.as_raw() {
             return Ok(());
         }

@@ -1,39 +1,39 @@
-//! Memory that command lists of an engine's read, and the engine's own fences that say when they have run.
+//! Memory that an engine's command lists read until the engine's fences signal that they have run.
 
 use super::FencePoint;
 use crate::Result;
 
-/// Slots of memory, each of which lists of an engine's may read until the fences that came with them have their values.
+/// Slots of memory. An engine's lists may read each slot until the fence points that were given with them are reached.
 ///
-/// Nothing here waits: an engine may submit a list late, in another order, or never. A slot that a list may still read is not handed out.
+/// Nothing here waits: an engine may submit a list late, in another order, or never. A slot that a list may still read is not reused.
 pub(crate) struct RecordedMemory<M> {
     slots: Vec<Slot<M>>,
-    /// Where the search for a free slot begins: the slot that was handed out longest ago.
+    /// Start of the search for a free slot: the slot after the last one handed out.
     next: usize,
 }
 
 struct Slot<M> {
     memory: M,
-    /// One for each fence: the largest of its values.
+    /// One fence point per fence, with the largest value.
     readers: Vec<FencePoint>,
 }
 
-/// Fences of a slot for which there is room from the start.
+/// Initial capacity of `readers`.
 const FENCES: usize = 4;
 
 impl<M> RecordedMemory<M> {
-    /// Without a slot.
+    /// Without slots.
     pub(crate) fn none() -> Self {
         Self { slots: Vec::new(), next: 0 }
     }
 
-    /// So many slots.
+    /// Creates `count` slots.
     pub(crate) fn new(count: usize, mut make: impl FnMut() -> Result<M>) -> Result<Self> {
         let slot = |_| Ok(Slot { memory: make()?, readers: Vec::with_capacity(FENCES) });
         Ok(Self { slots: (0..count).map(slot).collect::<Result<_>>()?, next: 0 })
     }
 
-    /// A slot that no list reads any more; none where every slot has one that may not have run.
+    /// A slot that no list reads any more; `None` if every slot may still be read by a list that has not run.
     pub(crate) fn free(&mut self) -> Option<usize> {
         self.tidy();
         let count = self.slots.len();
@@ -50,7 +50,7 @@ impl<M> RecordedMemory<M> {
         &mut self.slots[slot].memory
     }
 
-    /// A list reads the slot until that moment.
+    /// Records that a list reads the slot until `until` is reached.
     pub(crate) fn read_until(&mut self, slot: usize, until: &FencePoint) {
         let readers = &mut self.slots[slot].readers;
         readers.retain(|reader| !reader.reached());
@@ -61,12 +61,12 @@ impl<M> RecordedMemory<M> {
         }
     }
 
-    /// Slots that lists may still read.
+    /// Number of slots that lists may still read.
     pub(crate) fn pending(&self) -> usize {
         self.slots.iter().filter(|slot| slot.readers.iter().any(|reader| !reader.reached())).count()
     }
 
-    /// Every list has run, or never will.
+    /// Marks all slots as free. Every list must have run, or must never run.
     pub(crate) fn release(&mut self) {
         self.slots.iter_mut().for_each(|slot| slot.readers.clear());
     }

@@ -1,4 +1,4 @@
-//! Which memory of ours is on the device: how it ranks beside an engine's, and what is evicted while nobody uses it.
+//! Residency of our memory: its priority below the engine's, and its eviction while it is unused.
 
 use windows::Win32::Foundation::E_NOTIMPL;
 use windows::Win32::Graphics::Direct3D12::{
@@ -11,12 +11,12 @@ use super::failure::failed_on;
 use super::{FencePoint, Gpu, Queue};
 use crate::{Error, ErrorKind, Result};
 
-/// Memory that is resident, or evicted, together. What is added to it has a priority below an engine's own memory, which has
-/// `D3D12_RESIDENCY_PRIORITY_NORMAL` unless the engine says otherwise: where memory is short, the system moves this out first.
+/// A set of resources that are made resident and evicted together. They get a lower priority than an engine's memory, which has
+/// `D3D12_RESIDENCY_PRIORITY_NORMAL` by default: when memory is short, the system moves this set out first.
 pub(crate) struct ResidencySet {
     objects: Vec<Option<ID3D12Pageable>>,
     is_resident: bool,
-    /// Signalled by the device when an `EnqueueMakeResident` is done, and its last value; none before the first.
+    /// Fence of `EnqueueMakeResident` and its last value; `None` before the first call.
     fence: Option<(ID3D12Fence, u64)>,
 }
 
@@ -29,13 +29,13 @@ impl ResidencySet {
         self.is_resident
     }
 
-    /// Adds memory that is resident, as everything is when it is made. The set must be resident.
+    /// Adds a resident resource; new resources are resident. The set must be resident.
     pub(crate) fn add(&mut self, gpu: &Gpu, resource: &ID3D12Resource) -> Result<()> {
         assert!(self.is_resident, "a resident set");
         let object: ID3D12Pageable =
             resource.cast().map_err(|e| failed_on(gpu.device(), "IUnknown::QueryInterface", &e))?;
         let object = Some(object);
-        // A Windows of before 1709 has no priorities. That memory ranks as the engine's then harms nobody while there is enough.
+        // Windows before 1709 has no priorities. The memory then ranks like the engine's, which matters only when memory is short.
         if let Ok(device) = gpu.device().cast::<ID3D12Device1>() {
             // SAFETY: a live device, and one object with one priority, which live during the call.
             let told = unsafe { device.SetResidencyPriority(1, &object, &D3D12_RESIDENCY_PRIORITY_LOW) };
@@ -47,10 +47,10 @@ impl ResidencySet {
         Ok(())
     }
 
-    /// Gives the memory's place on the device to whoever needs it; the contents stay. Nothing on the device may use it any more.
+    /// Evicts the memory from the device; the contents are kept. No work on the device may use it any more.
     ///
     /// # Errors
-    /// `Device`, `DeviceRemoved`. It is resident then.
+    /// `Device`, `DeviceRemoved`. The set stays resident then.
     pub(crate) fn evict(&mut self, gpu: &Gpu) -> Result<()> {
         if self.is_resident && !self.objects.is_empty() {
             // SAFETY: a live device and live objects, each resident once and used by nothing.
@@ -61,18 +61,18 @@ impl ResidencySet {
         Ok(())
     }
 
-    /// Brings the memory back for what `queue` is given from now on. The queue waits for it on the device, this thread does not, but on a
-    /// Windows that has no `EnqueueMakeResident`.
+    /// Makes the memory resident for later work of `queue`. The queue waits for it on the device; this thread does not wait, except on a
+    /// Windows without `EnqueueMakeResident`.
     ///
     /// # Errors
-    /// `OutOfMemory` where there is no place for it; `Device`, `DeviceRemoved`. It is evicted then, with all its contents, and the next
-    /// call tries again.
+    /// `OutOfMemory` if it does not fit; `Device`, `DeviceRemoved`. The set stays evicted then, with its contents, and the next call tries
+    /// again.
     pub(crate) fn make_resident(&mut self, gpu: &Gpu, queue: &Queue) -> Result<()> {
         if self.is_resident {
             return Ok(());
         }
         match self.enqueue(gpu)? {
-            // Nothing was brought back that nothing waits for.
+            // The queue waits until the memory is resident.
             Some(fence_point) => queue.wait(&fence_point),
             None => {
                 // SAFETY: a live device and live objects.
@@ -84,7 +84,7 @@ impl ResidencySet {
         }
     }
 
-    /// Has the system bring the memory back; when it is there. None where the system cannot do that beside its caller.
+    /// Starts making the memory resident; returns the fence point of its completion, or `None` if the system cannot do it asynchronously.
     fn enqueue(&mut self, gpu: &Gpu) -> Result<Option<FencePoint>> {
         let device = gpu.device();
         let Ok(newer) = device.cast::<ID3D12Device3>() else { return Ok(None) };
@@ -109,7 +109,7 @@ impl ResidencySet {
     }
 }
 
-/// What to do where memory cannot come back.
+/// Adds a remedy to an `OutOfMemory` error.
 fn no_place(error: Error) -> Error {
     if error.kind() != ErrorKind::OutOfMemory {
         return error;

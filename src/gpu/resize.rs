@@ -1,4 +1,4 @@
-//! Pictures from a decoder's planes, on the device.
+//! Converts a decoder's colour planes to pictures on the device.
 
 use windows::Win32::Graphics::Dxgi::Common::*;
 
@@ -6,29 +6,29 @@ use super::Gpu;
 use super::compute::{CommandRecorder, Kernel, ResourceWithState, Shape, Texture, View, Words, texture};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 
-/// Pictures of a decoder in a buffer: for each its planes red, green and blue, `[height, width]` numbers in [0, 1], tightly packed.
+/// Decoded pictures in a buffer: for each the planes red, green and blue, `[height, width]` values in [0, 1], tightly packed.
 #[derive(Clone, Copy)]
 pub struct Planes<'a> {
-    /// Where they are.
+    /// The buffer.
     pub buffer: ResourceWithState<'a>,
-    /// Which picture of the buffer, counted from 0.
+    /// Index of the picture in the buffer, from 0.
     pub picture: u32,
     /// Width and height, each 1 to [`MAX_SIDE`].
     pub size: (u32, u32),
-    /// The numbers are halves; else floats.
+    /// Whether values are half floats; otherwise floats.
     pub half: bool,
 }
 
-/// Writes a picture of planes into a texture of any size: bilinear, half-pixel centres, edges repeated, numbers clamped to [0, 1]
-/// before they are mixed, alpha 1. It computes as [`world::Bilinear`](crate::world::Bilinear) does, operation by operation, and what
-/// is left between them is the device's rounding of a division and a multiplication: at most one step of 255 where a value lies
-/// at the border of two.
+/// Writes a picture of planes into a texture of any size: bilinear, half-pixel centres, edges repeated, values clamped to [0, 1]
+/// before interpolation, alpha 1. It computes the same operations as [`world::Bilinear`](crate::world::Bilinear). The results differ
+/// only by the device's rounding of a division and a multiplication: by at most one step of 255 for a value on the border between
+/// two.
 pub struct Resize {
     gpu: Gpu,
     kernel: Kernel,
 }
 
-/// Formats of a texture, and the levels of their channels; 0 for those that hold any number.
+/// Formats of a texture, and the largest integer of their channels; 0 for floats.
 const FORMATS: [(DXGI_FORMAT, u32); 4] = [
     (DXGI_FORMAT_R8G8B8A8_UNORM, 255),
     (DXGI_FORMAT_B8G8R8A8_UNORM, 255),
@@ -36,11 +36,11 @@ const FORMATS: [(DXGI_FORMAT, u32); 4] = [
     (DXGI_FORMAT_R16G16B16A16_FLOAT, 0),
 ];
 
-/// Sides of a group of threads.
+/// Side of a thread group, in threads.
 const GROUP: u32 = 8;
 
 impl Resize {
-    /// Makes it ready; a frame of [`record`](Self::record) takes two descriptors.
+    /// Creates the shader; [`record`](Self::record) uses two descriptors of a frame.
     ///
     /// # Errors
     /// `DeviceRemoved`, `OutOfMemory`, or `Device` when the driver refuses the shader.
@@ -49,9 +49,9 @@ impl Resize {
         Ok(Self { gpu: gpu.clone(), kernel: Kernel::new(gpu, include_bytes!("shaders/resize.dxbc"), shape)? })
     }
 
-    /// Records the picture of `planes` into `texture`, which it fills: a texture of two dimensions with one level, layer and
-    /// sample, which shaders may write, in R8G8B8A8, B8G8R8A8 or R10G10B10A2 (UNORM or typeless) or R16G16B16A16 (FLOAT or typeless).
-    /// Numbers are written as they are: no transfer function is applied.
+    /// Records the conversion of `planes` to `texture`, filling it: a 2D texture with one mip level, layer and sample that allows
+    /// unordered access, in R8G8B8A8, B8G8R8A8 or R10G10B10A2 (UNORM or typeless) or R16G16B16A16 (FLOAT or typeless).
+    /// Values are written unchanged: no transfer function is applied.
     ///
     /// # Errors
     /// `InvalidArgument` for a buffer that is too short, for another texture, or for one of another device; `Unsupported` when the
@@ -71,9 +71,9 @@ impl Resize {
         let numbers = 3 * u64::from(width) * u64::from(height);
         let first = numbers * u64::from(planes.picture);
         let element = if planes.half { 2 } else { 4 };
-        // A shader reads whole words, and a buffer holds whole words.
+        // Shaders read 32-bit words, and buffers hold whole words.
         let bytes = ((first + numbers) * element).next_multiple_of(4);
-        // What a shader counts in bytes, it counts in 32 bits.
+        // Shaders use 32-bit byte offsets.
         let (Ok(words), Ok(first), Ok(_)) = (u32::try_from(bytes / 4), u32::try_from(first), u32::try_from(bytes))
         else {
             let why = format!("picture {} of planes of {width} x {height} lies beyond 4 GiB", planes.picture);

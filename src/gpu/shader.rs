@@ -1,4 +1,4 @@
-//! What every compute shader needs before it can run.
+//! Creates root signatures and pipeline states of compute shaders.
 
 use std::mem::ManuallyDrop;
 
@@ -9,7 +9,7 @@ use super::{Gpu, failed_on};
 use crate::object_count::count_object;
 use crate::{Error, ErrorKind, Result};
 
-/// Constants in `b0`: so many words, visible everywhere.
+/// Root parameter for `words` 32-bit constants in `b0`, visible to all stages.
 pub(super) fn constants(words: u32) -> D3D12_ROOT_PARAMETER {
     D3D12_ROOT_PARAMETER {
         ParameterType: D3D12_ROOT_PARAMETER_TYPE_32BIT_CONSTANTS,
@@ -20,7 +20,7 @@ pub(super) fn constants(words: u32) -> D3D12_ROOT_PARAMETER {
     }
 }
 
-/// What is bound to a shader, parameter by parameter. What these point to lives during the call.
+/// Creates a root signature. The pointers in `parameters` must be valid during the call.
 pub(super) fn root_signature(gpu: &Gpu, parameters: &[D3D12_ROOT_PARAMETER]) -> Result<ID3D12RootSignature> {
     let wanted = D3D12_ROOT_SIGNATURE_DESC {
         NumParameters: parameters.len() as u32,
@@ -28,7 +28,7 @@ pub(super) fn root_signature(gpu: &Gpu, parameters: &[D3D12_ROOT_PARAMETER]) -> 
         ..Default::default()
     };
     let mut blob: Option<ID3DBlob> = None;
-    // SAFETY: the description and what it points to live during the call, and so does the place.
+    // SAFETY: the description, the memory it points to and the output pointer live during the call.
     unsafe { D3D12SerializeRootSignature(&wanted, D3D_ROOT_SIGNATURE_VERSION_1, &mut blob, None) }
         .map_err(|e| failed_on(gpu.device(), "D3D12SerializeRootSignature", &e))?;
     let blob = blob.ok_or_else(|| Error::new(ErrorKind::Device, "D3D12SerializeRootSignature gave nothing"))?;
@@ -45,12 +45,11 @@ pub(super) fn bytes(blob: &ID3DBlob) -> &[u8] {
     if address.is_null() || length == 0 {
         return &[];
     }
-    // SAFETY: the blob's own memory, which lives as long as it does and which nobody writes.
+    // SAFETY: the blob's own memory, which lives as long as the blob and is never written.
     unsafe { std::slice::from_raw_parts(address.cast::<u8>(), length) }
 }
 
-/// The shader `code`, DXBC of profile cs_5_x, made ready for the device's driver; from what that `compiled` of it in an earlier run, where it
-/// is given.
+/// Creates the pipeline state of `code`, DXBC of profile cs_5_x; from the driver's `compiled` result of an earlier run, if it is given.
 ///
 /// # Errors
 /// `DeviceRemoved`, `OutOfMemory`, or `Device` when the driver cannot take it.

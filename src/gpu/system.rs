@@ -1,27 +1,27 @@
-//! The system that Direct3D is a part of.
+//! Version of the operating system.
 
 use std::ffi::{CStr, c_char};
 
 use windows::Win32::System::LibraryLoader::{GetModuleHandleW, GetProcAddress};
 use windows::core::{s, w};
 
-/// Which Windows this is.
+/// Version of Windows, or of Wine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct System {
-    /// Major, minor and build; none where the system does not say.
+    /// Major, minor and build number; `None` if the system does not report them.
     pub build: Option<[u32; 3]>,
-    /// Wine's version, where the system is played by it.
+    /// Wine's version, if Wine provides the system.
     pub wine: Option<String>,
 }
 
 impl System {
-    /// The one that this process runs on.
+    /// The system of this process.
     pub fn this() -> Self {
         Self { build: build(), wine: wine() }
     }
 }
 
-/// What `GetVersionEx` says is what a program's manifest names.
+/// Uses `RtlGetVersion`, since `GetVersionEx` depends on the program's manifest.
 fn build() -> Option<[u32; 3]> {
     /// `OSVERSIONINFOW`.
     #[repr(C)]

@@ -1,4 +1,4 @@
-//! An engine's textures that frames are written to, and its lists.
+//! Validation of an engine's target textures and command lists.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
@@ -9,20 +9,20 @@ use super::texture::{barrier, copy, first_level, names_state, placed};
 use crate::texels::Texel;
 use crate::{Colours, Error, ErrorKind, Result};
 
-/// An engine's texture, the state it is in when a list comes to it, and the one it is left in.
+/// An engine's texture, its state when a list reaches it, and the state to leave it in.
 #[derive(Debug, Clone)]
 pub struct Target {
-    /// Of two dimensions with one level, slice and sample: R8G8B8A8 or B8G8R8A8 (UNORM, UNORM_SRGB or typeless), R10G10B10A2 (UNORM
+    /// A 2D texture with one mip level, slice and sample: R8G8B8A8 or B8G8R8A8 (UNORM, UNORM_SRGB or typeless), R10G10B10A2 (UNORM
     /// or typeless), R16G16B16A16 (FLOAT or typeless) or R11G11B10 (FLOAT).
     pub texture: ID3D12Resource,
-    /// On entry.
+    /// State before the copy.
     pub before: D3D12_RESOURCE_STATES,
-    /// On exit.
+    /// State after the copy.
     pub after: D3D12_RESOURCE_STATES,
 }
 
 impl Target {
-    /// Looks whether a frame of `size` in `colours` can be written to it by a list of `kind`; what it is.
+    /// Checks that a list of `kind` can write a frame of `size` in `colours` to it; returns its description and pixel type.
     ///
     /// # Errors
     /// `InvalidArgument` for a texture of another kind, size, format or device, and for states that the texture cannot be in or the
@@ -52,14 +52,14 @@ impl Target {
         Ok((desc, texel))
     }
 
-    /// Bytes of a pixel; none where frames cannot be written to it.
+    /// Bytes per pixel; `None` if frames cannot be written to it.
     pub(crate) fn pixel_bytes(&self) -> Option<u32> {
         // SAFETY: a live resource.
         Format::of(unsafe { self.texture.GetDesc() }.Format).map(|format| format.bytes)
     }
 
-    /// Records a copy of rows of a buffer, which is in a state for it, over all of the texture into an open list: a barrier, the copy, and a
-    /// barrier. Nothing else of the list changes.
+    /// Records a copy from a buffer, which is in a state that allows it, to the whole texture: a barrier, the copy, and a barrier. Nothing else
+    /// of the list changes.
     pub(crate) fn record_copy(
         &self,
         list: &ID3D12GraphicsCommandList,
@@ -76,7 +76,7 @@ impl Target {
     }
 }
 
-/// The type of an engine's list, which must be that of the queue for frames.
+/// Checks an engine's list; returns its type, which must be that of the queue for frames.
 ///
 /// # Errors
 /// `InvalidArgument` for a list of another type or of another device.
@@ -95,7 +95,7 @@ pub(super) fn refuse(field: &str, why: impl Into<String>) -> Error {
     Error::new(ErrorKind::InvalidArgument, why.into()).field(field)
 }
 
-/// What a texture's pixels are; refuses one that a frame of `size` cannot be copied into.
+/// The pixel type of a texture; an error if a frame of `size` cannot be copied into it.
 fn check(desc: &D3D12_RESOURCE_DESC, (width, height): (u32, u32)) -> Result<Texel> {
     let one = desc.DepthOrArraySize == 1 && desc.MipLevels == 1 && desc.SampleDesc.Count == 1;
     if desc.Dimension != D3D12_RESOURCE_DIMENSION_TEXTURE2D || !one {
@@ -120,7 +120,7 @@ fn check(desc: &D3D12_RESOURCE_DESC, (width, height): (u32, u32)) -> Result<Texe
     }
 }
 
-/// Refuses a state that a texture cannot be in, or that a list of the type cannot name: a barrier with one removes the device.
+/// Checks that the texture can be in the state and a list of the type can name it: a barrier with another state removes the device.
 fn check_state(
     field: &str,
     state: D3D12_RESOURCE_STATES,

@@ -1,4 +1,4 @@
-//! Pictures out of textures, and textures of pictures.
+//! Copies pictures between textures and memory, and creates textures.
 
 use std::mem::ManuallyDrop;
 
@@ -21,10 +21,10 @@ const OF_COMPUTE: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATES(
         | D3D12_RESOURCE_STATE_COPY_SOURCE.0,
 );
 
-/// Reads a texture into the processor's memory, after all that the queue for frames was given before; waits for it.
+/// Reads a texture into memory, after all earlier work of the queue for frames; waits for it.
 ///
-/// `texture` is two-dimensional, one slice, not multisampled, RGBA8 or BGRA8, sRGB views of them included; its bytes are taken as
-/// they are. It must be in `state` when the queue comes to it, and is left in it; of several mip levels the first is read, and all
+/// `texture` is a 2D texture with one slice, not multisampled, RGBA8 or BGRA8 (UNORM, UNORM_SRGB or typeless); its bytes are copied unchanged.
+/// It must be in `state` when the queue reaches it, and is left in it. Only the first mip level is read, but all levels
 /// must be in that state.
 ///
 /// # Errors
@@ -67,7 +67,7 @@ pub fn read_texture(gpu: &Gpu, texture: &ID3D12Resource, state: D3D12_RESOURCE_S
     Ok(picture)
 }
 
-/// A texture of the device with a picture in it, RGBA8, in the state COMMON; waits for the copy, which runs on the queue for frames.
+/// Creates a texture with a picture, RGBA8, in the state COMMON; waits for the copy, which runs on the queue for frames.
 ///
 /// # Errors
 /// `OutOfMemory`; `DeviceRemoved`.
@@ -85,12 +85,12 @@ pub fn texture_of(gpu: &Gpu, picture: &Picture) -> Result<(ID3D12Resource, Fence
     Ok((texture, fence_point))
 }
 
-/// A texture that shaders may write, RGBA8, in the state COMMON. What is in it is not said.
+/// A texture that shaders may write, RGBA8, in the state COMMON. Its contents are undefined.
 pub(crate) fn blank_texture(gpu: &Gpu, size: (u32, u32)) -> Result<ID3D12Resource> {
     written_texture(gpu, size, PLAIN, D3D12_RESOURCE_STATE_COMMON)
 }
 
-/// A texture that shaders may write, in `state`. What is in it is not said.
+/// A texture that shaders may write, in `state`. Its contents are undefined.
 pub(crate) fn written_texture(
     gpu: &Gpu,
     size: (u32, u32),
@@ -100,10 +100,10 @@ pub(crate) fn written_texture(
     Ok(make(gpu, size, format, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS, state)?.0)
 }
 
-/// Of pictures of this library's.
+/// Format of this library's pictures.
 const PLAIN: DXGI_FORMAT = DXGI_FORMAT_R8G8B8A8_UNORM;
 
-/// A texture of one level and its description.
+/// Creates a texture of one mip level; also returns its description.
 fn make(
     gpu: &Gpu,
     (width, height): (u32, u32),
@@ -125,7 +125,7 @@ fn make(
     let heap = D3D12_HEAP_PROPERTIES { Type: D3D12_HEAP_TYPE_DEFAULT, ..Default::default() };
     let mut made = None::<ID3D12Resource>;
     count_object();
-    // SAFETY: a live device; descriptions and place live during the call.
+    // SAFETY: a live device; descriptions and output pointer live during the call.
     unsafe { gpu.device().CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &desc, state, None, &mut made) }
         .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateCommittedResource", &e))?;
     let texture =
@@ -133,11 +133,11 @@ fn make(
     Ok((texture, desc))
 }
 
-/// Reads the first bytes of a buffer that rests in the state COMMON, on the queue for frames; waits for it.
+/// Reads the first bytes of a buffer that is in the state COMMON, on the queue for frames; waits for it.
 pub(crate) fn read_buffer(gpu: &Gpu, buffer: &ID3D12Resource, into: &mut [u8]) -> Result<()> {
     let readback = Shared::new(gpu, Heap::Readback, into.len())?;
     once(gpu, |list| {
-        // SAFETY: an open list; both buffers live until it has run, and the stretch lies inside them.
+        // SAFETY: an open list; both buffers live until it has run, and the range is inside both.
         unsafe { list.CopyBufferRegion(readback.resource(), 0, buffer, 0, into.len() as u64) };
     })?;
     readback.read(into);
@@ -149,7 +149,7 @@ pub(super) fn names_state(kind: D3D12_COMMAND_LIST_TYPE, state: D3D12_RESOURCE_S
     kind != D3D12_COMMAND_LIST_TYPE_COMPUTE || state & OF_COMPUTE == state
 }
 
-/// Refuses what is no plain picture; whether its pixels have blue first.
+/// Checks that a texture is a plain picture; returns whether its pixels are BGRA.
 fn check(desc: &D3D12_RESOURCE_DESC) -> Result<bool> {
     if desc.Dimension != D3D12_RESOURCE_DIMENSION_TEXTURE2D || desc.DepthOrArraySize != 1 {
         return Err(refuse("texture", "it is no two-dimensional texture of one slice"));
@@ -171,15 +171,15 @@ fn refuse(field: &str, why: &str) -> Error {
     Error::new(ErrorKind::InvalidArgument, why).field(field)
 }
 
-/// How the first mip level of a texture lies in a buffer, and the bytes of that.
+/// Buffer layout of a texture's first mip level, and its size in bytes.
 pub(super) fn layout(gpu: &Gpu, desc: &D3D12_RESOURCE_DESC) -> (D3D12_PLACED_SUBRESOURCE_FOOTPRINT, usize) {
     let (mut layout, mut bytes) = (D3D12_PLACED_SUBRESOURCE_FOOTPRINT::default(), 0);
-    // SAFETY: a live device; description and places live during the call.
+    // SAFETY: a live device; description and output pointers live during the call.
     unsafe { gpu.device().GetCopyableFootprints(desc, 0, 1, 0, Some(&mut layout), None, None, Some(&mut bytes)) };
     (layout, bytes as usize)
 }
 
-/// Runs what `record` records on the queue for frames, and waits for it; the moment when it was done.
+/// Runs the commands of `record` on the queue for frames and waits for them; returns the fence point.
 fn once(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<FencePoint> {
     let (device, kind) = (gpu.device(), gpu.frames().kind());
     // An allocator and a list.
@@ -195,14 +195,14 @@ fn once(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<Fe
     unsafe { list.Close() }.map_err(|e| failed_on(device, "ID3D12GraphicsCommandList::Close", &e))?;
     let list = list.cast().map_err(|e| failed_on(device, "IUnknown::QueryInterface", &e))?;
     let fence_point = gpu.frames().submit(&[list])?;
-    // Until then the list needs its allocator, and what it copies.
+    // The list's allocator and resources must live until then.
     fence_point.wait()?;
     Ok(fence_point)
 }
 
-/// A resource as a call names it that takes no reference.
+/// A resource argument for a call that takes no reference.
 fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
-    // SAFETY: the same pointer, not released by this copy.
+    // SAFETY: the same pointer; `ManuallyDrop` releases no reference.
     unsafe { std::mem::transmute_copy(resource) }
 }
 

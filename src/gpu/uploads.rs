@@ -1,4 +1,4 @@
-//! Pictures from the processor's memory in an engine's textures.
+//! Copies pictures from CPU memory into an engine's textures.
 
 use windows::Win32::Graphics::Direct3D12::*;
 
@@ -10,19 +10,19 @@ use super::{FencePoint, Gpu};
 use crate::texels::{Encoder, Texel};
 use crate::{Colours, Error, ErrorKind, Picture, Result};
 
-/// Memory from which command lists copy pictures into an engine's textures. A copy needs nothing of a texture but that it is one: no
-/// view, and no access for shaders.
+/// Upload heaps from which command lists copy pictures into an engine's textures. The texture needs no view and no unordered
+/// access.
 ///
 /// Threads: one at a time; may move between them.
 pub struct Uploads {
     gpu: Gpu,
     slots: RecordedMemory<Option<Shared>>,
-    /// The slot of the last copy, and what is in it.
+    /// The slot of the last copy, and its content.
     last: Option<(usize, Content)>,
     row: Vec<u8>,
 }
 
-/// How a picture is held in a slot.
+/// Pixel type, colours and size of the picture in a slot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Content {
     texel: Texel,
@@ -30,7 +30,7 @@ struct Content {
     size: (u32, u32),
 }
 
-/// A copy of a picture into a target: everything about it is checked, and nothing is recorded yet.
+/// A checked copy of a picture into a target that is not recorded yet.
 pub struct Place<'a> {
     uploads: &'a mut Uploads,
     slot: usize,
@@ -41,13 +41,14 @@ pub struct Place<'a> {
 }
 
 impl Uploads {
-    /// Memory for so many pictures whose lists may not have run. It is made with the first pictures, or by [`prepare`](Self::prepare).
+    /// `lists` slots for pictures whose lists may not have run. The memory is allocated for the first pictures, or by
+    /// [`prepare`](Self::prepare).
     pub fn new(gpu: &Gpu, lists: usize) -> Result<Self> {
         let slots = RecordedMemory::new(lists, || Ok(None))?;
         Ok(Self { gpu: gpu.clone(), slots, last: None, row: Vec::new() })
     }
 
-    /// Makes the memory for targets of `size` with so many bytes to a pixel.
+    /// Allocates memory for targets of `size` with `pixel` bytes per pixel.
     ///
     /// # Errors
     /// `OutOfMemory`, `DeviceRemoved`.
@@ -59,13 +60,13 @@ impl Uploads {
         self.grow_row(size.0 as usize * pixel as usize)
     }
 
-    /// The device that it is for.
+    /// The device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    /// Prepares for a picture of `size` to be copied by `list`, an open one, into `target`, in `colours`; none where as many lists as there is
-    /// memory for may not have run.
+    /// Checks the copy of a picture of `size` in `colours` by `list`, an open list, into `target`; `None` if each slot has a list that may not have
+    /// run.
     ///
     /// # Errors
     /// `InvalidArgument` for a list of another type than the queue for frames or of another device, for a texture of another kind,
@@ -94,7 +95,7 @@ impl Uploads {
         Ok(Some(Place { uploads: self, slot, list, target, layout, content }))
     }
 
-    /// The list of the last copy reads its memory until that moment.
+    /// Records that the list of the last copy reads its slot until `until` is reached.
     pub fn read_until(&mut self, until: &FencePoint) {
         if let Some((slot, _)) = self.last {
             self.slots.read_until(slot, until);
@@ -106,7 +107,7 @@ impl Uploads {
         self.slots.pending()
     }
 
-    /// Waits for the queue; every list has run then, or never will.
+    /// Waits for the queue and releases all slots. Every list must have been submitted, or must never run.
     ///
     /// # Errors
     /// `DeviceRemoved`.
@@ -127,8 +128,8 @@ impl Uploads {
 }
 
 impl Place<'_> {
-    /// Writes the picture, which has the size that was checked, and records its copy. A picture that `is_repeated` is the very one of the copy
-    /// before. [`read_until`](Uploads::read_until) says afterwards until when the list reads it.
+    /// Writes the picture, which has the checked size, and records its copy. `is_repeated`: it is the same picture as that of the copy before.
+    /// Call [`read_until`](Uploads::read_until) afterwards with the fence point until which the list reads it.
     pub fn fill(self, picture: &Picture, is_repeated: bool) -> Result<()> {
         let Self { uploads, mut slot, list, target, layout, content } = self;
         assert_eq!(picture.size(), content.size, "the size that was checked");
@@ -160,7 +161,7 @@ fn no_memory() -> Error {
 
 impl Drop for Uploads {
     fn drop(&mut self) {
-        // The queue may still read what is freed next. Lists that it was not given are the engine's to drop first.
+        // The queue may still read the memory that is freed next. The engine must drop unsubmitted lists first.
         self.gpu.frames().wait_ignoring_loss();
     }
 }

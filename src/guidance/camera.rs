@@ -1,15 +1,15 @@
-//! Motion and depth from the controls alone: how the eye moves that they steer, over level ground.
+//! Motion and depth from the controls alone: a model of a walking camera over level ground.
 //!
 //! ```text
-//! yaw, pitch   the mouse's counts times the turn of a count; pitch cut to its limit
-//! velocity     that of the keys W, A, S, D and shift, reached with a time constant
-//! a pixel      below the horizon lies on the ground, `height` under the eye; above it, infinitely far
-//! motion       where that point was in the picture of the eye before, less where it is; cut to the picture's size
-//! depth        its device depth
+//! yaw, pitch   mouse counts times the angle per count; pitch clamped to its limit
+//! velocity     from the keys W, A, S, D and shift, approached with a time constant
+//! a pixel      below the horizon is on the ground, `height` below the camera; above it, at infinity
+//! motion       position of that point in the previous picture minus its position in the current one, clamped to the picture's size
+//! depth        device depth of that point
 //! ```
 //!
-//! It needs no picture and no latent, and knows nothing of what stands on the ground, of what the eye holds, and of what stops
-//! it. The numbers of an [`Eye`] are a world's own: who does not know them has no use for it.
+//! It needs no picture and no latent. It knows nothing of objects on the ground, items in the camera's hand, or obstacles. The values
+//! of an [`Eye`] are specific to a world: without them this extractor is of no use.
 
 use half::f16;
 
@@ -18,27 +18,27 @@ use crate::tasks::{Parallel, ParallelSliceMut, Use};
 use crate::world::{ControlInput, Key, WorldTime};
 use crate::{Error, ErrorKind, Result};
 
-/// The planes between which depth is told, in units of the world; what is farther lies on the far one.
+/// Near plane of the depth, in world units; farther points than the far plane are clamped to it.
 const NEAR: f32 = 0.1;
-/// See [`NEAR`].
+/// Far plane, in world units.
 const FAR: f32 = 1000.0;
-/// A point nearer to the plane of the eye than this was not seen from it.
+/// A point closer to the previous camera's plane than this, or behind it, was not visible.
 const LEAST_AHEAD: f32 = 1e-3;
-/// The keys that walk: forwards, left, backwards, right, and the one that runs.
+/// Keys for walking forwards, left, backwards and right, and for running.
 const WALKING: [Key; 5] = [Key(b'W'), Key(b'A'), Key(b'S'), Key(b'D'), Key(0x10)];
 
-/// What is known of the eye that controls move.
+/// Parameters of the camera that the controls move.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Eye {
     /// Vertical field of view, in radians.
     pub vertical_fov: f32,
-    /// Radians of turn for a count of the mouse.
+    /// Radians of turn per mouse count.
     pub turn_per_count: f32,
-    /// The farthest tilt, up or down, in radians.
+    /// Largest pitch, up or down, in radians.
     pub most_pitch: f32,
-    /// Units of the world a second, walking.
+    /// Walking speed, in world units per second.
     pub walk: f32,
-    /// How many times as fast it runs.
+    /// Running speed as a multiple of `walk`.
     pub run: f32,
     /// Time constant of starting and stopping, in seconds.
     pub ease: f32,
@@ -46,22 +46,22 @@ pub struct Eye {
     pub height: f32,
 }
 
-/// Follows the controls of a walk, from its beginning on, span by span.
+/// Integrates the controls of a walk, one time span after another from its start.
 #[derive(Debug, Clone)]
 pub struct Extractor {
     eye: Eye,
     yaw: f64,
     pitch: f64,
-    /// East and north, in units a second.
+    /// East and north, in world units per second.
     velocity: [f64; 2],
     _threads: Use,
 }
 
-/// Where the eye looks: its unit axes right, up and forward, in east, up and north.
+/// Camera orientation: unit axes right, up and forward, in east, up, north coordinates.
 type Axes = [[f64; 3]; 3];
 
 impl Extractor {
-    /// An eye at rest that looks up by `pitch` radians.
+    /// A camera at rest, pitched up by `pitch` radians.
     ///
     /// # Errors
     /// `InvalidArgument` for a number of `eye` that is not finite or not positive, a field of view of half a turn or more, a farthest tilt
@@ -96,8 +96,8 @@ impl Extractor {
         Ok(Self { eye, yaw: 0.0, pitch: pitch.into(), velocity: [0.0; 2], _threads: Use::new() })
     }
 
-    /// Fills `out` for the step that `controls` took in `time`, at the `render` size `(width, height)`, whose pixels are
-    /// square; `out` becomes one of that size, per pixel, if it is another. The next call goes on from there.
+    /// Writes the guidance for a step of length `time` with `controls` to `out`, at the `render` size `(width, height)` in square pixels.
+    /// `out` is resized to one value per pixel if needed. The next call continues from the camera's new state.
     ///
     /// # Errors
     /// `InvalidArgument` for a render size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE), after which the eye is where it was;
@@ -117,7 +117,7 @@ impl Extractor {
         Ok(())
     }
 
-    /// Moves the eye, and says how far, east and north.
+    /// Moves the camera; returns the distance travelled, east and north.
     fn follow(&mut self, controls: &ControlInput, seconds: f64) -> [f64; 2] {
         let (eye, [dx, dy]) = (self.eye, controls.mouse().map(f64::from));
         let turn = dx * f64::from(eye.turn_per_count);
@@ -127,7 +127,7 @@ impl Extractor {
         let (across, along) = (d - a, w - s);
         let pace = f64::from(eye.walk) * if shift > 0.0 { f64::from(eye.run) } else { 1.0 };
         let pace = pace / across.hypot(along).max(1.0);
-        // It turns all the while: the way is that of the middle.
+        // The camera turns during the whole step: use the yaw at its middle.
         let (sin, cos) = (self.yaw + 0.5 * turn).sin_cos();
         let wish = [(cos * across + sin * along) * pace, (cos * along - sin * across) * pace];
         self.yaw += turn;
@@ -143,7 +143,7 @@ impl Extractor {
         [[cy, 0.0, -sy], [-sy * sp, cp, -cy * sp], [sy * cp, sp, cy * cp]]
     }
 
-    /// Writes what an eye sees that looked along `before` and has gone `way` since.
+    /// Writes the guidance for a camera that had the axes `before` and has moved by `way` since.
     fn write(&self, before: &Axes, way: [f64; 2], out: &mut Guidance) {
         let (width, height) = (out.size().0 as usize, out.size().1 as usize);
         let limit = [width as f32, height as f32];
@@ -158,7 +158,7 @@ impl Extractor {
                 let at = [x as f64 + 0.5, y as f64 + 0.5];
                 let ray = [(at[0] - centre[0]) / focal, (centre[1] - at[1]) / focal, 1.0];
                 let along = [0, 1, 2].map(|i| (0..3).map(|axis| now[axis][i] * ray[axis]).sum::<f64>());
-                // How far along the ray the ground is; what is not below the horizon is nowhere near.
+                // Distance along the ray to the ground; infinite at and above the horizon.
                 let distance = if along[1] < 0.0 { eye_height / -along[1] } else { f64::INFINITY };
                 let point = if distance.is_finite() {
                     [along[0] * distance + way[0], along[1] * distance, along[2] * distance + way[1]]

@@ -1,4 +1,4 @@
-//! The depth map, and what a host's depth is turned into.
+//! The depth map, and conversion of a host's depth.
 
 use super::{checked_tiles, filled};
 use crate::{Error, ErrorKind, Result};
@@ -31,7 +31,7 @@ impl Projection {
         Ok(Self { near, far, vertical_fov })
     }
 
-    /// For a constant of this room, which keeps to the rules of [`Projection::new`].
+    /// For constants of this module, which must meet the conditions of [`Projection::new`].
     pub(super) const fn constant(near: f32, far: f32, vertical_fov: f32) -> Self {
         Self { near, far, vertical_fov }
     }
@@ -53,7 +53,7 @@ impl Projection {
 
     /// Device depth of a point at view distance `z`: `far (z - near) / (z (far - near))`, cut to [0, 1].
     pub fn device_depth(&self, z: f32) -> f32 {
-        // In f64, and written so that an infinite far plane needs no case of its own.
+        // In f64, and in a form that also works for an infinite far plane.
         let (z, near, inverse_far) = (f64::from(z), f64::from(self.near), 1.0 / f64::from(self.far));
         if z <= near {
             return 0.0;
@@ -62,7 +62,7 @@ impl Projection {
     }
 }
 
-/// How a host's depth values are to be read.
+/// Encoding of a host's depth values.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct DepthEncoding {
     /// Device depth with 1 near and 0 far ("reversed z").
@@ -80,12 +80,12 @@ pub struct DepthMap {
     height: u32,
     tile: u32,
     depth: Vec<f32>,
-    /// Whether all values are known to be one and the same, so that nobody needs to read them all.
+    /// Whether all values are known to be equal, so that readers can skip the scan.
     is_even: bool,
     projection: Projection,
 }
 
-/// Equal are maps with equal values, whatever is known of them.
+/// Maps are equal if their values are; `is_even` does not count.
 impl PartialEq for DepthMap {
     fn eq(&self, other: &Self) -> bool {
         (self.width, self.height, self.tile, self.projection)
@@ -184,13 +184,13 @@ impl DepthMap {
         &self.depth
     }
 
-    /// All values, writable. Readers cut them to [0, 1] and take what is not a number as far.
+    /// All values, writable. Readers clamp them to [0, 1] and treat NaN as far.
     pub fn depth_mut(&mut self) -> &mut [f32] {
         self.is_even = false;
         &mut self.depth
     }
 
-    /// Gives everything one `depth`. Costs nothing where that is what it has.
+    /// Sets all values to `depth`. Free if they already have it.
     pub fn fill(&mut self, depth: f32) {
         if self.even() != Some(depth) {
             self.depth.fill(depth);
@@ -198,8 +198,8 @@ impl DepthMap {
         }
     }
 
-    /// The depth of everything, where all is known to have one: after [`fill`](Self::fill), or of a map that nobody wrote to
-    /// since it was made. It says nothing of edges then, which generators take for found in pictures.
+    /// The depth of all pixels, if known to be constant: after [`fill`](Self::fill), or for a map that was not written since it was made.
+    /// A constant depth shows no edges; generators then assume that motion came from optical flow.
     pub fn even(&self) -> Option<f32> {
         self.depth.first().copied().filter(|_| self.is_even)
     }

@@ -1,4 +1,4 @@
-//! Motion from two latents: which place of the previous one each cell of the current one looks like.
+//! Motion from two latents by block matching: for each cell of the current latent, the best match in the previous one.
 //!
 //! ```text
 //! e(x, u) = mean over channels of ((z1(x) - z0(x + u)) / s)^2    s: the channel's standard deviation over both latents;
@@ -8,11 +8,11 @@
 //! motion  = U(u cells), cut to [-width, width] x [-height, height]    U: bilinear, half-pixel centres, edge clamp
 //! ```
 //!
-//! u is looked for at every quarter of a cell up to three cells each way; the least is found without neighbours first, then
-//! with those of the round before, and a parabola through it and the places beside it says what lies between. Of places that
-//! are equally alike the nearest is taken, so that what has no texture rests. What is not finite counts as 0.
+//! u is searched in steps of a quarter cell, up to three cells each way. The first round takes the minimum without the neighbour
+//! term, later rounds use the neighbours' result of the round before, and a parabola through the minimum and its two neighbours
+//! gives the sub-step position. Ties go to the shortest motion, so an area without texture does not move. Non-finite values count as 0.
 //!
-//! A cell covers many pixels and sees a part of its surroundings, so this tells how the ground moves and not where an edge is.
+//! A cell covers many pixels and encodes its surroundings as well, so the result follows the ground but not object edges.
 //! **Depth is flat**, as that of [`picture_flow`].
 
 use half::f16;
@@ -26,13 +26,13 @@ use crate::tasks::{Parallel, ParallelSliceMut, Use};
 pub const PROJECTION: Projection = picture_flow::PROJECTION;
 /// The longest motion along an axis, in cells.
 pub const REACH: usize = 3;
-/// Steps in a cell.
+/// Search steps per cell.
 const STEPS: usize = 4;
-/// Places along an axis.
+/// Candidate displacements along an axis.
 const PLACES: usize = 2 * REACH * STEPS + 1;
-/// What a neighbour that lies a cell apart costs.
+/// Smoothness cost of a neighbour whose motion differs by one cell.
 const STIFFNESS: f32 = 0.05;
-/// Rounds with neighbours.
+/// Smoothing rounds.
 const ROUNDS: usize = 6;
 
 /// Fills `out` for the step from `z0` (previous) to `z1` (current) at the `render` size `(width, height)`.
@@ -45,19 +45,18 @@ pub fn extract(z0: LatentView<'_>, z1: LatentView<'_>, render: (u32, u32), out: 
     Extractor::new().extract(z0, z1, render, out)
 }
 
-/// The extractor with its working memory, about seven kilobytes a cell of 32 channels. It allocates nothing once it has seen the largest
-/// latent and render size. Rows run in parallel; the result does not depend on how many threads
-/// there are.
+/// The extractor with its working memory, about seven kilobytes per cell of 32 channels. It allocates nothing after the largest
+/// latent and render size. Rows run in parallel; the result does not depend on the number of threads.
 #[derive(Debug, Default)]
 pub struct Extractor {
-    /// The current latent, cell by cell, in standard deviations of its channels.
+    /// The current latent, cell by cell, in standard deviations of each channel.
     current: Vec<f32>,
-    /// The previous one at each of the places between four cells, the phases row by row, each cell by cell.
+    /// The previous latent resampled at each of the 4 x 4 sub-cell offsets: offset by offset, row-major, each cell by cell.
     phases: Vec<f32>,
-    /// e for each cell and place, then E.
+    /// e for each cell and displacement; `errors` holds E.
     raw: Vec<f32>,
     errors: Vec<f32>,
-    /// The place that was found for each cell, in steps, and that of the round before.
+    /// Best displacement of each cell in steps; `before` is that of the previous round.
     found: Vec<[i32; 2]>,
     before: Vec<[i32; 2]>,
     /// In cells.
@@ -114,7 +113,7 @@ impl Extractor {
         Ok(())
     }
 
-    /// Both latents in standard deviations of their channels, and the previous one between its cells.
+    /// Divides both latents by the channels' standard deviations, and resamples the previous one at all sub-cell offsets.
     fn normalise(&mut self, z0: LatentView<'_>, z1: LatentView<'_>) {
         let [channels, height, width] = z1.shape();
         let cells = height * width;
@@ -123,7 +122,7 @@ impl Extractor {
             let both = || z0.channel(c).iter().chain(z1.channel(c)).map(|v| f64::from(finite(*v)));
             let mean = both().sum::<f64>() / (2 * cells) as f64;
             let variance = both().map(|v| (v - mean).powi(2)).sum::<f64>() / (2 * cells) as f64;
-            // What is the same everywhere tells nothing.
+            // A constant channel carries no information.
             let scale = if variance > 0.0 { variance.sqrt().recip() } else { 0.0 };
             let of = |v: f32| ((f64::from(finite(v)) - mean) * scale) as f32;
             for (cell, (before, now)) in z0.channel(c).iter().zip(z1.channel(c)).enumerate() {
@@ -155,7 +154,7 @@ impl Extractor {
             let here = &current[cell * channels..][..channels];
             for (place, error) in errors.iter_mut().enumerate() {
                 let [u, v] = steps_of(place);
-                // In steps, cut to the latent.
+                // Position in steps, clamped to the latent.
                 let at = |from: usize, steps: i32, len: usize| {
                     (from as i64 * STEPS as i64 + i64::from(steps)).clamp(0, ((len - 1) * STEPS) as i64) as usize
                 };
@@ -231,7 +230,7 @@ impl Extractor {
     }
 }
 
-/// Cells of the window around `cell` that there are, with their weights.
+/// The cells of the 3 x 3 window around `cell` that exist, with their weights.
 fn window(cell: usize, height: usize, width: usize) -> impl Iterator<Item = (usize, f32)> {
     let (x, y) = ((cell % width) as i64, (cell / width) as i64);
     (-1..=1).flat_map(move |dy: i64| (-1..=1).map(move |dx: i64| (dx, dy))).filter_map(move |(dx, dy)| {
@@ -242,19 +241,19 @@ fn window(cell: usize, height: usize, width: usize) -> impl Iterator<Item = (usi
     })
 }
 
-/// The steps along both axes of a place.
+/// Displacement in steps for a candidate index.
 fn steps_of(place: usize) -> [i32; 2] {
     [place % PLACES, place / PLACES].map(|n| n as i32 - (REACH * STEPS) as i32)
 }
 
-/// The place of steps along both axes; none beyond the reach.
+/// Candidate index for a displacement in steps; `None` beyond the search range.
 fn place_of([u, v]: [i32; 2]) -> Option<usize> {
     let [u, v] = [u, v].map(|steps| usize::try_from(steps + (REACH * STEPS) as i32).ok().filter(|n| *n < PLACES));
     Some(v? * PLACES + u?)
 }
 
-/// What the neighbours of a cell ask for: the sum of squared distances from them is that from their mean, times their
-/// number, and what no choice changes.
+/// Smoothness term of a cell. The sum of squared distances to the neighbours equals `count` times the squared distance to their mean,
+/// plus a constant.
 struct Pull {
     mean: [f32; 2],
     count: f32,
@@ -284,7 +283,7 @@ impl Pull {
     }
 }
 
-/// The place of least cost, in steps; of equals the nearest.
+/// Displacement of least cost, in steps; the shortest of several.
 fn least(errors: &[f32], pull: &Pull) -> [i32; 2] {
     let mut best = ([0; 2], f32::INFINITY, i32::MAX);
     for (place, error) in errors.iter().enumerate() {
@@ -297,8 +296,8 @@ fn least(errors: &[f32], pull: &Pull) -> [i32; 2] {
     best.0
 }
 
-/// Where between -1/2 and 1/2 the parabola through three costs at -1, 0 and 1 is lowest; 0 where one is not there, and where
-/// nothing can be lower.
+/// Minimum, between -1/2 and 1/2, of the parabola through three costs at -1, 0 and 1. 0 if a cost is missing, the cost is already 0
+/// or the parabola does not open upwards.
 fn bottom(before: Option<f32>, here: Option<f32>, after: Option<f32>) -> f32 {
     let (Some(before), Some(here), Some(after)) = (before, here, after) else { return 0.0 };
     let bend = before - 2.0 * here + after;

@@ -1,6 +1,6 @@
-//! From a grid of cells to pixels: bilinear, half-pixel centres, edges clamped.
+//! Bilinear upsampling from a grid of cells to pixels: half-pixel centres, edges clamped.
 
-/// The two cells and the weight of the second that one render row or column is made of.
+/// Linear interpolation for one render row or column: two cell indices and the weight of the second.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Tap {
     pub(super) first: usize,
@@ -9,7 +9,7 @@ pub(super) struct Tap {
 }
 
 impl Tap {
-    /// What position `i` of `to` is made of on a grid of `from` cells.
+    /// Interpolation for position `i` of `to`, on a grid of `from` cells.
     pub(super) fn new(i: usize, to: usize, from: usize) -> Self {
         let position = (i as f64 + 0.5) * from as f64 / to as f64 - 0.5;
         let cell = position.floor();
@@ -17,13 +17,13 @@ impl Tap {
         Self { first: clamp(cell), second: clamp(cell + 1.0), weight: (position - cell) as f32 }
     }
 
-    /// The four cells of a grid `width` cells wide, two above and two below, that the pixel of `row` and `column` lies between.
+    /// Indices of the four cells around a pixel, upper pair first, on a grid `width` cells wide.
     pub(super) fn cells(row: Self, column: Self, width: usize) -> [[usize; 2]; 2] {
         [row.first, row.second].map(|r| [r * width + column.first, r * width + column.second])
     }
 }
 
-/// The mixture of four cells, two above and two below, by the weights of the right and the lower ones.
+/// Bilinear interpolation of four cells, upper pair first, with the weights of the right and the lower cells.
 pub(super) fn bilinear(cells: [[usize; 2]; 2], [across, down]: [f32; 2], at: impl Fn(usize) -> f32) -> f32 {
     let mixed = |a: f32, b: f32, weight: f32| a + (b - a) * weight;
     let [above, below] = cells.map(|[left, right]| mixed(at(left), at(right), across));

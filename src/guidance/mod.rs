@@ -59,8 +59,8 @@ impl Guidance {
         Ok(Self { motion, depth })
     }
 
-    /// Makes room for an extractor that writes every pixel of `width` x `height`: what has another size or is tiled is
-    /// replaced. `projection` is stated in any case; values that stay are left to the caller to overwrite.
+    /// Prepares a buffer for an extractor that writes every pixel of `width` x `height`: parts of another size or with tiles are replaced.
+    /// `projection` is set in either case; kept values are for the caller to overwrite.
     pub(crate) fn make_per_pixel(&mut self, (width, height): (u32, u32), projection: Projection) -> Result<()> {
         if self.size() != (width, height) || self.motion.tile() != 1 || self.depth.tile() != 1 {
             *self = Self::new(width, height, projection)?;
@@ -123,7 +123,7 @@ fn check_shapes(z0: LatentView<'_>, z1: LatentView<'_>) -> Result<()> {
     .field("z0"))
 }
 
-/// `len` copies of `value`, with refusal instead of an abort where memory is short.
+/// `len` copies of `value`; an error instead of an abort if memory is short.
 fn filled<T: Clone>(len: usize, value: T) -> Result<Vec<T>> {
     let mut values = Vec::new();
     values.try_reserve_exact(len).map_err(|_| {

@@ -9,10 +9,10 @@
 //! depth = U((c - min c) / (max c - min c)), c = channel 0 of z1
 //! ```
 //!
-//! The 8 is the compression factor the paper's project recorded. It stays although a cell of a Waypoint-1.5 latent
-//! covers 16 pixels of the autoencoder's picture: this extractor reproduces the paper, it does not improve on it. A
-//! gradient along an axis of one cell is 0, a constant channel has depth 0, and whatever is not finite gives 0 where it
-//! stands. The pseudo-depth goes over unchanged as device depth of [`PROJECTION`].
+//! The 8 is the compression factor the paper's project recorded. It stays although a cell of a Waypoint-1.5 latent covers 16 pixels of
+//! the autoencoder's picture: this extractor reproduces the paper and does not improve on it. The gradient along an axis of one cell
+//! is 0, a constant channel has depth 0, and non-finite values give 0 in their cell. The pseudo-depth is used unchanged as device
+//! depth of [`PROJECTION`].
 
 #[cfg(windows)]
 mod gpu;
@@ -33,7 +33,7 @@ pub const COMPRESSION: f32 = 8.0;
 /// The camera stated for the pseudo-depth: near 0.1, far 100, and, as the paper names none, 60 degrees vertically.
 pub const PROJECTION: Projection = Projection::constant(0.1, 100.0, std::f32::consts::FRAC_PI_3);
 
-/// Fills `out` for the step from `z0` (previous) to `z1` (current) at the `render` size `(width, height)`.
+/// Writes the guidance for the step from `z0` (previous) to `z1` (current) at the `render` size `(width, height)` to `out`.
 ///
 /// One extraction; an [`Extractor`] keeps its working memory from one to the next.
 ///
@@ -66,8 +66,8 @@ impl Extractor {
         Self::scaled(COMPRESSION)
     }
 
-    /// One whose motion is `-U(scale d)`: the paper's with another factor than [`COMPRESSION`], which its authors left
-    /// uncalibrated. What is not finite moves nothing.
+    /// An extractor with motion `-U(scale d)`: the paper's with a factor other than [`COMPRESSION`], which its authors did not calibrate.
+    /// Non-finite motion becomes 0.
     pub fn scaled(scale: f32) -> Self {
         Self {
             scale,
@@ -135,7 +135,7 @@ impl Extractor {
         );
     }
 
-    /// `pseudo_depth` = `channel`, its finite values brought to [0, 1].
+    /// `pseudo_depth` = `channel` with its finite values scaled to [0, 1].
     fn normalise(&mut self, channel: &[f32]) {
         let finite = channel.iter().copied().filter(|v| v.is_finite());
         let (low, high) = finite.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -148,7 +148,7 @@ impl Extractor {
         );
     }
 
-    /// Brings both latent-grid fields to render size.
+    /// Upsamples both latent-grid fields to render size.
     fn lift(&mut self, [_, height, width]: [usize; 3], out: &mut Guidance) {
         let (render_width, render_height) = (out.size().0 as usize, out.size().1 as usize);
         self.columns.clear();
@@ -166,7 +166,7 @@ impl Extractor {
                 let cells = Tap::cells(row, *column, width);
                 let weights = [column.weight, row.weight];
                 *vector = [0, 1].map(|axis| {
-                    // Subtracted from 0 rather than negated, so that no motion is +0.
+                    // Subtracting from 0 gives +0 for no motion, where negating would give -0.
                     let m = 0.0 - scale * bilinear(cells, weights, |cell| displacement[cell][axis]);
                     let m = if m.is_finite() { m.clamp(-limit[axis], limit[axis]) } else { 0.0 };
                     f16::from_f32(m)

@@ -5,28 +5,28 @@
 //!
 //! ```text
 //! luma     Y = 0.299 R + 0.587 G + 0.114 B in code values, halved by 2 x 2 means until a side is short
-//! patches  8 x 8 pixels every 4, or every 8 in large pictures; start: the best of the motions there and beside there
-//!          on the coarser level, of that of the whole picture, and of none
+//! luma     Y = 0.299 R + 0.587 G + 0.114 B in code values, halved by 2 x 2 means until a side is short
+//! patches  8 x 8 pixels every 4, or every 8 in large pictures; start: the best of the coarser level's motions here and in
+//!          adjacent cells, the global model, and zero
 //! search   min over u of the sum of ((Y1(x + u) - mean) - (Y0(x) - mean))^2 by inverse-compositional steps
 //!          u -= H^-1 b, H = sum of g g^T once per patch, g the centred gradient of Y0
-//! grid     min over u of the sum of (u - u_p)^T H_p (u - u_p) / (residual + noise), and of differences of neighbours,
-//!          weighted by likeness of their luma and of their motion
-//! whole    the motion that most of the grid agrees on, as of a plane before a moving camera
-//! again    on all levels but the finest: search from the smooth motion, from that of the neighbours drawn on in a line
-//!          and from the whole picture's, where they differ from what was found; grid and whole anew
-//! pixels   bilinear between patches on a smooth sheet; at edges of motion, of the motions around, that which explains
-//!          best the 5 x 5 pixels around each
-//! ```
+//! smooth   min over u of the sum of (u - u_p)^T H_p (u - u_p) / (residual + noise), plus squared differences between
+//!          neighbours, weighted by similarity of their luma and motion
+//! model    robust fit of one motion to the grid: a plane in front of a moving camera
+//! repeat   on all levels but the finest: search again from the smoothed motion, the neighbours' extrapolated motion and the
+//!          global model, where they differ from the motion found; then smooth and fit again
+//! densify  bilinear between patches where motion is smooth; at motion edges the candidate around the block with the smallest
+//!          difference over each pixel's 5 x 5 neighbourhood
 //!
 //! It runs from the current picture to the previous one, which is the motion given out, and back. Of a picture of more
-//! than a megapixel the finest level is that which has less, and the way back, which is only for checking, stops at half
-//! the size of that. Where the two do not undo each other, lead out of the picture or to what looks otherwise, motion is
-//! taken from near places where none of this is so, those of similar colour first. Removing each patch's mean makes it
-//! blind to a change of brightness.
+//! The backward flow, from the current picture to the previous one, is the output; the forward flow only checks it. In a picture of
+//! more than a megapixel the finest level searched is the first below that, and the forward flow stops one level coarser. Motion
+//! that fails the forward-backward check, leads out of the picture or does not match is replaced by hole filling from trusted
+//! pixels nearby, those of similar colour first. Removing each patch's mean makes the search insensitive to brightness changes.
 //!
-//! **Depth is flat**: 0.5 everywhere, no order. Longer motion is nearer only where the eye moves straight on through a
-//! world at rest; while it turns all moves alike, and a held item rests although it is nearest. A guess that is wrong
-//! just there would be worse than none.
+//! **Depth is flat**: 0.5 everywhere, no order. Longer motion means nearer only where the camera moves straight through a static
+//! world; while it turns all motion is alike, and a held item is static although it is nearest. A wrong guess there would be worse
+//! than none.
 
 mod dense;
 #[cfg(windows)]
@@ -58,11 +58,11 @@ use crate::tasks::{self, Parallel, ParallelSliceMut, Use};
 pub const PROJECTION: Projection = paper::PROJECTION;
 /// The depth given to every pixel, in device depth.
 pub const FLAT_DEPTH: f32 = 0.5;
-/// Searches anew on a level of few pixels,
+/// Repeated searches on a level of at most [`SMALL`] pixels.
 const ROUNDS: usize = 4;
-/// which are these at most: what is right must go a long way there, and costs little.
+/// Largest level that gets [`ROUNDS`] repetitions: correct motion has far to spread there, and repetitions are cheap.
 const SMALL: usize = 1 << 14;
-/// Pixels of a row that are written at once.
+/// Pixels of a row written at a time.
 const RUN: usize = 32;
 
 /// Fills `out` for the step from `previous` to `current`.
@@ -75,9 +75,9 @@ pub fn extract(previous: &Picture, current: &Picture, out: &mut Guidance) -> Res
     Extractor::new().extract(previous, current, out)
 }
 
-/// The extractor with its working memory, about 60 bytes per pixel, a quarter of that in large pictures. It allocates nothing once it has seen the largest
-/// picture. Rows run in parallel; the result depends neither on how many threads there are nor on
-/// the vector instructions of the processor.
+/// The extractor with its working memory: about 60 bytes per pixel, a quarter of that in large pictures. It allocates nothing
+/// after the largest picture. Rows run in parallel; the result does not depend on the number of threads or on the processor's
+/// vector instructions.
 #[derive(Debug)]
 pub struct Extractor {
     level: Level,
@@ -93,15 +93,15 @@ pub struct Extractor {
 /// How long the stages of an extraction took.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub struct StageTimes {
-    /// Luma at all sizes.
+    /// Building the luma pyramids.
     pub pyramid: Duration,
-    /// Search and smoothing of the patches, in both directions.
+    /// Search and smoothing of the patches, both directions.
     pub search: Duration,
-    /// From patches to pixels, in both directions.
+    /// From patches to pixels, both directions.
     pub densify: Duration,
-    /// Which motions to trust.
+    /// Forward-backward check.
     pub check: Duration,
-    /// Fills, and the guidance itself.
+    /// Hole filling, and writing the guidance.
     pub write: Duration,
 }
 
@@ -139,9 +139,8 @@ impl Extractor {
         }
     }
 
-    /// Fills `out` for the step from `previous` to `current`; `out` takes their size, and a vector and a depth to each
-    /// pixel, if it has others. Motion is finite and no longer than the picture along each axis; depth is
-    /// [`FLAT_DEPTH`].
+    /// Writes the guidance for the step from `previous` to `current` to `out`, which is resized to one vector and one depth per pixel
+    /// if needed. Motion is finite and no longer than the picture along each axis; depth is [`FLAT_DEPTH`].
     ///
     /// # Errors
     /// `InvalidArgument` when the pictures differ in size, `OutOfMemory` when working memory or `out` cannot grow.
@@ -160,7 +159,7 @@ impl Extractor {
         self.current.build(self.level, current)?;
         let built = Instant::now();
 
-        // The way back is only for checking: where the finest level is left out, half its size will do.
+        // The forward flow only checks the backward one: in a large picture one level coarser is enough.
         let finest = self.previous.finest();
         let checked = if finest > 0 { (finest + 1).min(self.previous.levels().len() - 1) } else { 0 };
         let Self { level, previous: from, current: to, backward, forward, .. } = &mut *self;
@@ -193,10 +192,10 @@ impl Extractor {
         self.times
     }
 
-    /// Writes the motion, found on level `finest` and filled where it is not to be trusted, and the depth.
+    /// Writes depth, and motion from level `finest` with holes filled.
     fn write(&self, current: &Picture, finest: usize, out: &mut Guidance) {
         let width = current.width() as usize;
-        // In a large picture a fill does for the row below as well.
+        // In a large picture the row below reuses the filled motion.
         let (height, together) = (1 << finest, if finest > 0 { 2 } else { 1 });
         let Guidance { motion, depth } = out;
         depth.fill(FLAT_DEPTH);
@@ -212,8 +211,8 @@ impl Extractor {
         });
     }
 
-    /// Writes the motion of row `y` of level `finest` to a row of the picture; what neither is trusted here nor was in the
-    /// row `above`, where that is given, is as there.
+    /// Writes the motion of row `y` of level `finest` to a row of the picture. A pixel trusted neither here nor in the row above copies
+    /// its vector from `above`, if given.
     fn write_row(&self, current: &Picture, finest: usize, y: usize, row: &mut [[f16; 2]], above: Option<&[[f16; 2]]>) {
         let (flow, trust) = (&self.backward.dense, &self.trust);
         let (scale, limit) = ((1_u32 << finest) as f32, [current.width() as f32, current.height() as f32]);
@@ -229,7 +228,7 @@ impl Extractor {
             if !all_trusted {
                 let mut wanted = [false; RUN];
                 (0..len).for_each(|k| wanted[k] = !trusted[k] && !is_as_above(k));
-                // Those between two others that are filled take the mean of them.
+                // A pixel between two others to be filled takes the mean of them.
                 let is_between = |k: usize| k % 2 == 1 && wanted.get(k - 1..k + 2) == Some(&[true; 3]);
                 for k in (0..len).filter(|&k| wanted[k] && !is_between(k)) {
                     found[k] = trust.filled(flow, current, finest, first + k, y);
@@ -239,7 +238,7 @@ impl Extractor {
                 }
             }
             for vector in found.iter_mut() {
-                // Added to 0 so that no motion is +0.
+                // Adding to 0 turns -0 into +0.
                 vector[0] = 0.0 + (scale * vector[0]).clamp(-limit[0], limit[0]);
                 vector[1] = 0.0 + (scale * vector[1]).clamp(-limit[1], limit[1]);
             }
@@ -260,9 +259,9 @@ impl Extractor {
 }
 
 impl Direction {
-    /// The patches' motion from `from` to `to`, coarse to fine down to level `finest`.
+    /// Patch motion from `from` to `to`, coarse to fine down to level `finest`.
     fn follow(&mut self, simd: Level, from: &Pyramid, to: &Pyramid, finest: usize) -> Result<()> {
-        // The finest level ends up in the same one of the two every time, so that the other's memory stays small.
+        // Swap so that the finest level always ends up in the same grid; the other's memory then stays small.
         if (from.levels().len() - finest) % 2 == 1 {
             std::mem::swap(&mut self.coarse, &mut self.fine);
         }
@@ -290,13 +289,13 @@ impl Direction {
         Ok(())
     }
 
-    /// The motion of each pixel of level `finest`.
+    /// Densifies the motion on level `finest`.
     fn spread(&mut self, level: Level, from: &Pyramid, to: &Pyramid, finest: usize) -> Result<()> {
         self.dense.spread(level, &from.levels()[finest], &to.levels()[finest], &self.fine)
     }
 }
 
-/// Makes `values` hold exactly `len` values, those that are new being `value`.
+/// Resizes `values` to exactly `len` elements; new ones are `value`.
 fn reserve<T: Clone>(values: &mut Vec<T>, len: usize, value: T) -> Result<()> {
     values.truncate(len);
     values.try_reserve_exact(len - values.len()).map_err(|_| {

@@ -1,16 +1,16 @@
-//! Motion and depth of a picture for the same picture made larger.
+//! Resamples motion and depth to another picture size.
 
 use half::f16;
 
 use super::{DepthMap, Guidance, MotionField};
 use crate::Result;
 
-/// How far vectors may be apart, in pixels of the picture, for what lies between them to be made of all: what moves otherwise is
-/// another thing, and nothing moves as the mean of two.
+/// Vectors are interpolated only if they differ by less than this, in pixels of the source picture. Vectors farther apart belong to
+/// different objects, and their mean would be the motion of neither.
 const NEARLY: f32 = 1.0;
 
 impl Guidance {
-    /// Motion and depth of the same picture made larger, or smaller, to `size`, one to a pixel: vectors in pixels of that size.
+    /// Motion and depth resampled for the picture at `size`, one value per pixel; vectors in pixels of that size.
     ///
     /// # Errors
     /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE), `OutOfMemory` when it cannot be allocated.
@@ -41,7 +41,7 @@ impl Guidance {
     }
 }
 
-/// Where the middle of a pixel of the larger picture is in the picture, from its edge on.
+/// Position of the centre of a destination pixel in the source picture, in pixels from its edge.
 fn place(at: [u32; 2], scale: [f32; 2]) -> [f32; 2] {
     [(at[0] as f32 + 0.5) / scale[0], (at[1] as f32 + 0.5) / scale[1]]
 }
@@ -50,7 +50,7 @@ fn pixel(place: [f32; 2], from: (u32, u32)) -> [u32; 2] {
     [(place[0] as u32).min(from.0 - 1), (place[1] as u32).min(from.1 - 1)]
 }
 
-/// The vector of a place: between the four around it where they are nearly one, else the nearest.
+/// Vector at a source position: bilinear between the four around it if they are close to each other, else the nearest.
 fn vector_at(motion: &MotionField, place: [f32; 2]) -> [f32; 2] {
     let tile = motion.tile() as f32;
     let last = [motion.columns() - 1, motion.rows() - 1];

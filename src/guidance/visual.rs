@@ -49,7 +49,7 @@ pub fn depth(map: &DepthMap, out: &mut Picture) -> Result<()> {
 }
 
 /// The legend of [`motion`]: a disc `side` pixels wide whose rim stands for `full_scale`, on transparent ground.
-/// Each place has the colour of the vector from the centre to it.
+/// Each pixel has the colour of the vector from the centre to it.
 ///
 /// # Errors
 /// As [`Picture::new`].
@@ -64,7 +64,7 @@ pub fn wheel(side: u32) -> Result<Picture> {
     Ok(picture)
 }
 
-/// The values of pixel row `row`, of which there is one to a tile.
+/// The values for pixel row `row`, each repeated for the pixels of its tile.
 fn spread<T: Copy>(values: &[T], columns: u32, tile: u32, row: usize) -> impl Iterator<Item = T> {
     let (columns, tile) = (columns as usize, tile as usize);
     values[row / tile * columns..][..columns].iter().flat_map(move |&value| std::iter::repeat_n(value, tile))

@@ -1,16 +1,16 @@
-//! Where a picture lies in a frame of another size.
+//! Placement of a picture in a frame of another size.
 
-/// A stretch of a frame, in pixels.
+/// A rectangle of a frame, in pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Area {
-    /// Its first pixel, across and down.
+    /// Its top left pixel, `(x, y)`.
     pub(super) at: (u32, u32),
     /// Width and height, at least 1.
     pub(super) size: (u32, u32),
 }
 
 impl Area {
-    /// Where a picture lies in a frame: everywhere, or, with bars beside or above it, in the middle and as large as its shape lets it be.
+    /// The area of a picture in a frame: the whole frame, or with `keeps_shape` the largest centred area of the picture's shape (letterboxing).
     pub(super) fn of(picture: (u32, u32), frame: (u32, u32), keeps_shape: bool) -> Self {
         let [[w, h], [fw, fh]] = [picture, frame].map(|(w, h)| [u64::from(w), u64::from(h)]);
         // Rounded to the nearest pixel; never larger than the frame.
@@ -39,7 +39,7 @@ mod tests {
         assert_eq!(of((640, 360), (1920, 1200)), [0, 60, 1920, 1080]);
         assert_eq!(of((640, 360), (2560, 1080)), [320, 0, 1920, 1080]);
         assert_eq!(of((3, 2), (10, 10)), [0, 1, 10, 7]);
-        // What would be thinner than a pixel is one.
+        // Never thinner than a pixel.
         assert_eq!(of((16_384, 1), (100, 100)), [0, 49, 100, 1]);
         assert_eq!(of((1, 16_384), (1, 1)), [0, 0, 1, 1]);
         assert_eq!(Area::of((3, 2), (10, 10), false), Area { at: (0, 0), size: (10, 10) });

@@ -1,4 +1,4 @@
-//! Frames that the processor makes.
+//! Frames made on the CPU.
 
 use std::time::Instant;
 
@@ -12,20 +12,20 @@ use crate::guidance::{Guidance, paper};
 use crate::world::KeptAnchor;
 use crate::{Error, ErrorKind, Picture, Result};
 
-/// What draws, with its working memory.
+/// Makes frames; holds the generator and working memory.
 pub(super) struct Drawer {
     generator: Option<Box<dyn FrameGenerator>>,
     extractors: Extractors,
-    /// Guidance of the pair that ends with an anchor: reset and index.
+    /// Extracted guidance and its key: epoch and index of the pair's later anchor.
     guidance: Option<((u64, u64), Guidance)>,
     generated: Option<Picture>,
     upscaler: Option<Upscaler>,
     resized: Option<Picture>,
-    /// With bars around it.
+    /// The resized picture with letterbox bars.
     framed: Option<Picture>,
-    /// What was drawn last.
+    /// Key of the last frame.
     pub(super) drawn: Option<FrameKey>,
-    /// What the generator said of what it made last.
+    /// Outcome of the generator's last frame.
     pub(super) outcome: Outcome,
 }
 
@@ -44,12 +44,12 @@ impl Drawer {
         }
     }
 
-    /// The phases that its generator can do.
+    /// The phases that its generator supports.
     pub(super) fn phases(&self) -> Option<Phases> {
         self.generator.as_ref().map(|generator| generator.phases())
     }
 
-    /// The picture of a frame that was taken, in the size of the frames.
+    /// Makes the picture of a pending frame at the size of the frames.
     pub(super) fn make<'a>(
         &'a mut self,
         pending: &'a PendingFrame,
@@ -96,7 +96,7 @@ impl Drawer {
         Ok(whole)
     }
 
-    /// Fills `generated` where the plan is to generate.
+    /// Fills `generated` if the plan interpolates or extrapolates.
     fn generate(
         &mut self,
         PendingFrame { plan, epoch, overlay, .. }: &PendingFrame,
@@ -146,7 +146,7 @@ impl Drawer {
         Ok(())
     }
 
-    /// Motion and depth of a pair, kept under `key`.
+    /// Extracts motion and depth of a pair and stores them under `key`.
     fn extract(
         &mut self,
         source: MotionSource,
@@ -165,7 +165,7 @@ impl Drawer {
     }
 }
 
-/// Puts a picture where it lies in a frame, with black around it.
+/// Copies a picture to `(x, y)` of a frame and fills the rest with black.
 fn put(picture: &Picture, (x, y): (u32, u32), frame: &mut Picture) {
     let (inner, outer) = (picture.width() as usize * 4, frame.width() as usize * 4);
     frame.rgba_mut().as_chunks_mut::<4>().0.fill([0, 0, 0, 255]);
@@ -175,7 +175,7 @@ fn put(picture: &Picture, (x, y): (u32, u32), frame: &mut Picture) {
     }
 }
 
-/// The buffer, which becomes one of `size` if it is another.
+/// The buffer, reallocated if it does not have `size`.
 fn of_size(buffer: &mut Option<Picture>, size: (u32, u32)) -> Result<&mut Picture> {
     if buffer.as_ref().is_none_or(|picture| picture.size() != size) {
         *buffer = Some(Picture::new(size.0, size.1)?);
@@ -183,16 +183,16 @@ fn of_size(buffer: &mut Option<Picture>, size: (u32, u32)) -> Result<&mut Pictur
     buffer.as_mut().ok_or_else(nothing_made)
 }
 
-/// Cannot come about: what is asked for was put there just before.
+/// Cannot happen: the caller has stored the value just before.
 fn nothing_made() -> Error {
     Error::new(ErrorKind::InvalidState, "nothing was generated yet")
 }
 
-/// What the processor draws.
+/// Which frames the CPU makes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Draws {
     /// Every frame.
     Frames,
-    /// The nearest anchor in place of a frame that would be generated.
+    /// Anchors; the nearest anchor replaces a frame that would be generated.
     Anchors,
 }

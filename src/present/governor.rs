@@ -1,55 +1,55 @@
-//! Frames held to a budget of the device's time.
+//! Keeps frames within a budget of device time.
 
 use std::time::Duration;
 
-/// Decides how many of the frames of an interval are made so that the device's time for a frame that is shown stays within a budget; the
-/// others repeat the one before. It knows nothing beforehand: it goes by the times that the device says.
+/// Decides how many frames of an interval are made, so that the device time per shown frame stays within a budget; the other frames repeat the
+/// one before. It relies only on measured device times.
 ///
 /// ```text
-/// time of a frame   all that the device did for frames of an interval, divided by how many were shown
-/// fewer are made    when it is above the budget
-/// more are made     when it were at most 3/4 of the budget if it grew as much as their number, which is more than it can
+/// time per frame   device time of an interval's frames, divided by the number of shown frames
+/// fewer are made   if it exceeds the budget
+/// more are made    if it would be at most 3/4 of the budget after growing in proportion to their number, which is an upper bound
 /// ```
 #[derive(Debug, Clone)]
 pub(super) struct Governor {
     budget: Duration,
     multiplier: u32,
-    /// Frames of an interval that are made: a divisor of the multiplier.
+    /// Frames made per interval: a divisor of the multiplier.
     made: u32,
-    /// Frames whose time was not counted yet as they were begun under another decision.
+    /// Number of frames still to ignore because they began under the previous decision.
     stale: u64,
     shown: u64,
     spent: Duration,
-    /// Intervals that are looked at before more are made; grows when that was too much.
+    /// Intervals to measure before more frames are made; doubles when an increase turned out to be too much.
     patience: u64,
     has_grown: bool,
 }
 
-/// What was decided.
+/// A change of the number of frames made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Decision {
-    /// Frames of an interval that were made until now.
+    /// Frames made per interval before.
     pub(super) before: u32,
-    /// Those that are from now on.
+    /// Frames made per interval from now on.
     pub(super) made: u32,
-    /// Time of the device for a frame that was shown.
+    /// Device time per shown frame.
     pub(super) took: Duration,
 }
 
-/// Intervals that are looked at before fewer are made.
+/// Intervals to measure before fewer frames are made.
 const INTERVALS: u64 = 2;
-/// Intervals that are looked at before more are, at most.
+/// Largest number of intervals to measure before more frames are made.
 const MOST_PATIENCE: u64 = 256;
-/// Frames that may be under way when a decision is made.
+/// Frames that may be in flight when a decision is made.
 const UNDER_WAY: u64 = 3;
 
-/// The frame of an interval of `multiplier`, of which `made` are made, that is shown as frame `step` of it: the last one that is made.
+/// The frame that is shown as frame `step` of an interval of `multiplier` frames, `made` of which are made: the last one made up to it.
 pub(super) fn step(multiplier: u32, made: u32, step: u32) -> u32 {
     step - step % (multiplier / made)
 }
 
 impl Governor {
-    /// For `multiplier` frames to an interval, of which all are made at first.
+    /// For `multiplier` frames per interval, all of which are made at first.
     pub(super) fn new(budget: Duration, multiplier: u32) -> Self {
         Self {
             budget,
@@ -63,12 +63,12 @@ impl Governor {
         }
     }
 
-    /// Frames of an interval, and those of them that are made.
+    /// Frames per interval, and how many of them are made.
     pub(super) fn held(&self) -> (u32, u32) {
         (self.multiplier, self.made)
     }
 
-    /// Takes note of what the device has spent on so many frames more; what follows from it, if anything.
+    /// Records the device time `spent` on `frames` more frames; returns a decision if the number of frames made changes.
     pub(super) fn note(&mut self, frames: u64, spent: Duration) -> Option<Decision> {
         if self.stale > 0 {
             self.stale = self.stale.saturating_sub(frames);
@@ -98,7 +98,7 @@ impl Governor {
         self.decide(more, took)
     }
 
-    /// Begins to look anew.
+    /// Restarts the measurement and applies the new number, if any.
     fn decide(&mut self, made: Option<u32>, took: Duration) -> Option<Decision> {
         (self.shown, self.spent) = (0, Duration::ZERO);
         let made = made?;
@@ -114,8 +114,8 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    /// Frames of a device that takes `made` for one that is made, `repeated` for one that is not, and `anchor` once an interval; the
-    /// number that is made after `intervals` intervals, and how often it changed.
+    /// Simulates a device that takes `made` for a made frame, `repeated` for a repeated one, and `anchor` once per interval. Returns the number of
+    /// frames made per interval after `intervals` intervals, and how often it changed.
     fn run(governor: &mut Governor, intervals: u32, [made, repeated, anchor]: [Duration; 3]) -> (u32, u32) {
         let mut changes = 0;
         for _ in 0..intervals {
@@ -132,7 +132,7 @@ mod tests {
     fn as_many_frames_are_made_as_the_budget_has_room_for() {
         for (budget, expected) in [(40, 6), (21, 6), (12, 3), (9, 2), (8, 1), (1, 1)] {
             let mut governor = Governor::new(budget * MS, 6);
-            // Per frame that is shown: 3 for the anchor, and 3 for each of the six that is made.
+            // Per shown frame: 3 ms for the anchor, and 3 ms for each of the six frames that is made.
             let (made, changes) = run(&mut governor, 400, [18 * MS, Duration::ZERO, 18 * MS]);
             assert_eq!(made, expected, "{budget} ms");
             assert!(changes <= 3, "{changes} changes at {budget} ms");
@@ -144,13 +144,13 @@ mod tests {
         let mut governor = Governor::new(10 * MS, 4);
         assert_eq!(run(&mut governor, 40, [30 * MS, MS, MS]).0, 1);
         assert_eq!(run(&mut governor, 40, [5 * MS, MS, MS]).0, 4);
-        // Beside the limit: one looks cheap and two are too much.
+        // Near the limit: four frames exceed the budget, two are within it.
         let (_, changes) = run(&mut governor, 4_000, [13 * MS, Duration::ZERO, Duration::ZERO]);
         assert!(changes < 60, "{changes}");
         let mut swinging = Governor::new(10 * MS, 2);
         let mut changes = 0;
         for _ in 0..4_000 {
-            // Two to an interval cost three times as much as they should.
+            // Two frames per interval cost more than three times as much as one, not twice as much.
             let spent = if swinging.made == 2 { 11 * MS } else { 3 * MS };
             changes += u32::from(swinging.note(2, 2 * spent).is_some());
         }

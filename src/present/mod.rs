@@ -1,4 +1,4 @@
-//! The timeline: what is shown when, at which size.
+//! Presentation: timing, generation and scaling of the frames that are shown.
 
 mod area;
 #[cfg(windows)]

@@ -1,10 +1,10 @@
-//! Motion and depth for anchors that come without.
+//! Extracts motion and depth for anchors without guidance.
 
 use crate::guidance::{Guidance, LatentView, latent_flow, paper, picture_flow};
 use crate::world::KeptAnchor;
 use crate::{Error, ErrorKind, Result};
 
-/// Where motion comes from when an anchor is pushed without guidance.
+/// Source of motion for an anchor that is pushed without guidance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MotionSource {
     /// Optical flow between the two pictures.
@@ -16,11 +16,11 @@ pub enum MotionSource {
 }
 
 impl MotionSource {
-    /// The one whose frames are nearest to the true ones: `docs/motion.md`.
+    /// The source whose generated frames are nearest to the true ones: `docs/motion.md`.
     pub const BEST: Self = Self::PictureFlow;
 }
 
-/// What finds motion and depth, with its working memory.
+/// Extractors of motion and depth, with their working memory.
 #[derive(Default)]
 pub(super) struct Extractors {
     flow: picture_flow::Extractor,
@@ -28,7 +28,7 @@ pub(super) struct Extractors {
     latents: latent_flow::Extractor,
 }
 
-/// Motion and depth of a pair of anchors, in one go.
+/// Extracts motion and depth of a pair of anchors in a single call.
 ///
 /// # Errors
 /// `InvalidArgument` when the pictures differ in size, or latents are needed and are missing or differ in shape;

@@ -1,17 +1,17 @@
-//! Which frame is due at a time, when anchors come as they come.
+//! Which frame is due at a time, when anchors arrive at irregular times.
 //!
-//! A [`Timeline`](super::timeline::Timeline) knows everything beforehand; here anchors are pushed one by one, some of them
-//! late, and a caller's clock asks what to show. All is whole numbers of nanoseconds on that clock:
+//! A [`Timeline`](super::timeline::Timeline) knows all times in advance; here anchors are pushed one by one, some of them
+//! late, and the caller's clock asks for the frame that is due. All times are whole nanoseconds on that clock:
 //!
 //! ```text
 //! anchor i is due at   origin + i I         I: the interval of anchors, origin: the first one's arrival + the delay
-//! position at a time   floor((time - origin) m / I), not below 0              m: frames to an anchor
+//! position at a time   floor((time - origin) m / I), not below 0              m: frames per anchor
 //! frame of position p  anchor p / m, and p % m > 0 frames beyond it
 //! ```
 //!
-//! A frame between two anchors is generated when both are there, else the motion of the last one goes on for at most one
-//! interval, and then the picture stands. An anchor that comes after it was due moves the origin, so that it is due on
-//! arrival: time stands still for a world that is too slow, and nothing of it is left out.
+//! A frame between two anchors is generated if both have arrived. Otherwise the last anchor is extrapolated for at most one
+//! interval, and then held. An anchor that arrives after it was due moves the origin so that it is due on arrival: a world
+//! that is too slow delays the stream, and no frame is skipped.
 
 use crate::{Error, ErrorKind, Result};
 
@@ -21,16 +21,16 @@ const SECOND: u64 = 1_000_000_000;
 /// The longest interval between anchors, and the longest delay: a minute.
 pub const MAX_INTERVAL_NS: u64 = 60 * SECOND;
 
-/// The time from one anchor to the next, exact also where it is no whole number of nanoseconds.
+/// The time from one anchor to the next, exact even if it is no whole number of nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Interval {
-    /// In nanoseconds, of [`parts`](Self::parts) intervals together.
+    /// Length of [`parts`](Self::parts) intervals together, in nanoseconds.
     ns: u64,
     parts: u64,
 }
 
 impl Interval {
-    /// Anchors that come at `rate` to the second.
+    /// The interval of `rate` anchors per second.
     ///
     /// # Errors
     /// `InvalidArgument` for a rate of 0.
@@ -59,14 +59,14 @@ impl Interval {
         self.ns.div_ceil(self.parts)
     }
 
-    /// When place `position` of `multiplier` to an interval begins, in nanoseconds after place 0, rounded up.
+    /// When position `position` begins, in nanoseconds after position 0, rounded up; there are `multiplier` positions per interval.
     fn start(self, position: u64, multiplier: u32) -> i128 {
         let numerator = u128::from(position) * u128::from(self.ns);
-        // A u64 times a u64 leaves room for the sign.
+        // `ns` is at most 6e10, so the product is below 2^100 and fits into an i128.
         numerator.div_ceil(u128::from(self.parts) * u128::from(multiplier)).cast_signed()
     }
 
-    /// The place at `ns` nanoseconds after place 0; 0 before it.
+    /// The position at `ns` nanoseconds after position 0; 0 before it.
     fn position(self, ns: i128, multiplier: u32) -> u64 {
         let Ok(ns) = u64::try_from(ns.max(0)) else { return u64::MAX };
         let position = u128::from(ns) * u128::from(self.parts * u64::from(multiplier)) / u128::from(self.ns);
@@ -77,30 +77,30 @@ impl Interval {
 /// How a stream is paced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pacing {
-    /// Frames to an anchor: 1 shows anchors alone.
+    /// Frames per anchor: 1 shows anchors only.
     pub multiplier: u32,
-    /// How long after its arrival an anchor is due, in nanoseconds: what room there is for late ones. In-between frames
-    /// need the next anchor, so at least (multiplier - 1) / multiplier of an interval, if none shall be missed.
+    /// How long after its arrival an anchor is due, in nanoseconds: the slack for late anchors. In-between frames need the next
+    /// anchor, so use at least (multiplier - 1) / multiplier of an interval to miss none.
     pub delay_ns: u64,
-    /// After a stall, shows frames sooner by a quarter of their time for each anchor, until anchors are due `delay_ns` after
+    /// After a stall, shows frames earlier by a quarter of a frame's duration per anchor, until anchors are due `delay_ns` after
     /// their arrival again.
     pub catch_up: bool,
 }
 
-/// What is due.
+/// The frame that is due and its times.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Due {
-    /// Place in the stream: `multiplier` places to an anchor. It steps back when a late anchor comes.
+    /// Position in the stream, `multiplier` positions per anchor. It steps back when a late anchor arrives.
     pub position: u64,
-    /// Since when.
+    /// When it became due.
     pub since_ns: u64,
-    /// When the next one is, if no anchor comes late.
+    /// When the next one is due, unless an anchor arrives late.
     pub until_ns: u64,
     /// What to show.
     pub frame: DueFrame,
 }
 
-/// What to show; anchors are counted as they were pushed, from 0.
+/// The frame to show; anchors are numbered from 0 in the order they were pushed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DueFrame {
     /// An anchor itself.
@@ -112,7 +112,7 @@ pub enum DueFrame {
         /// 1 to `multiplier - 1`.
         step: u32,
     },
-    /// The next anchor is late: the frame `step / multiplier` of an interval beyond the last.
+    /// The next anchor is late: the frame extrapolated by `step / multiplier` of an interval from the last.
     Extrapolate {
         /// The last anchor.
         last: u64,
@@ -126,22 +126,22 @@ pub enum DueFrame {
     },
 }
 
-/// Keeps the clock of a stream. It does as its arguments say and reads no clock of its own.
+/// Paces a stream. It depends on its arguments only and reads no clock of its own.
 #[derive(Debug, Clone)]
 pub struct Pacer {
     interval: Interval,
     pacing: Pacing,
-    /// When place 0 is due; none before the first anchor.
+    /// When position 0 is due; `None` before the first anchor.
     origin: Option<i128>,
     anchors: u64,
     late: u64,
     slipped_ns: u64,
-    /// The latest time heard of: clocks that are read on two threads may come in the wrong order.
+    /// The latest time passed so far: times read on two threads may come in the wrong order.
     now: u64,
 }
 
 impl Pacer {
-    /// A pacer for anchors that come once in `interval`.
+    /// A pacer for anchors that arrive once per `interval`.
     ///
     /// # Errors
     /// `InvalidArgument` for a multiplier of 0 or above 64, or a delay above [`MAX_INTERVAL_NS`].
@@ -167,17 +167,17 @@ impl Pacer {
         self.anchors
     }
 
-    /// Anchors that came after they were due.
+    /// Anchors that arrived after they were due.
     pub fn late(&self) -> u64 {
         self.late
     }
 
-    /// By how much the origin has moved, in nanoseconds: how long the world stood still.
+    /// How far late anchors have moved the origin, in nanoseconds.
     pub fn slipped_ns(&self) -> u64 {
         self.slipped_ns
     }
 
-    /// An anchor came, at `now`.
+    /// Records the arrival of an anchor at `now`.
     pub fn push(&mut self, now: u64) {
         let now = self.advance(now);
         let after = self.interval.start(self.anchors, 1);
@@ -198,7 +198,7 @@ impl Pacer {
         self.anchors += 1;
     }
 
-    /// What is due at `now`; nothing before the first anchor came. From then until it is due, the first anchor is.
+    /// The frame that is due at `now`; `None` before the first anchor arrived. Until the first anchor is due, it is that anchor.
     pub fn due(&mut self, now: u64) -> Option<Due> {
         let now = self.advance(now);
         let origin = self.origin?;
@@ -218,19 +218,19 @@ impl Pacer {
         Some(Due { position, since_ns: at(position), until_ns: at(position.saturating_add(1)), frame })
     }
 
-    /// Anchors that are there and not due yet.
+    /// Anchors that have arrived and are not due yet.
     pub fn waiting(&mut self, now: u64) -> u64 {
         let Some(due) = self.due(now) else { return 0 };
         self.anchors.saturating_sub(1 + due.position / u64::from(self.pacing.multiplier))
     }
 
-    /// Forgets the anchors and when they came; the next one is the first again. What was counted stays.
+    /// Discards the anchors and their times; the next anchor is the first again. Counters are kept.
     pub fn reset(&mut self) {
         self.origin = None;
         self.anchors = 0;
     }
 
-    /// Time does not run backwards.
+    /// The latest time so far, so that time never runs backwards.
     fn advance(&mut self, now: u64) -> u64 {
         self.now = self.now.max(now);
         self.now

@@ -1,4 +1,4 @@
-//! Anchors in as they come, pictures out when they are due.
+//! Presenter: takes anchors as they arrive and returns the frames that are due.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Weak};
@@ -16,10 +16,10 @@ use crate::guidance::Guidance;
 use crate::world::{self, KeptAnchor};
 use crate::{Error, ErrorKind, Picture, Result};
 
-/// How a presenter works.
+/// Options of a presenter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PresenterOptions {
-    /// The time between anchors; `None`: as the first anchor's world says.
+    /// The time between anchors; `None`: that of the first anchor's world.
     pub interval: Option<Interval>,
     /// As in [`Pacing`].
     pub multiplier: u32,
@@ -27,22 +27,22 @@ pub struct PresenterOptions {
     pub delay_ns: Option<u64>,
     /// As in [`Pacing`].
     pub catch_up: bool,
-    /// Whether motion goes on, for at most an interval, where an anchor is late; otherwise the last anchor stands.
+    /// Whether to extrapolate, for at most an interval, while an anchor is late; otherwise the last anchor is held.
     pub extrapolate: bool,
-    /// Whether anchors that come with `multiplier` decoded pictures bring the frames before them themselves.
+    /// Whether the pictures of an anchor with `multiplier` decoded pictures are shown as the frames before it.
     pub decoded: bool,
     /// `(width, height)` of the frames; `None`: that of the anchors.
     pub size: Option<(u32, u32)>,
-    /// Whether anchors keep their shape in frames of another, with black beside or above them; otherwise they are stretched.
+    /// Whether anchors keep their aspect ratio in frames of another, with black bars (letterbox); otherwise they are stretched.
     pub letterbox: bool,
-    /// Anchors that may wait for their time.
+    /// Largest number of anchors that wait to become due.
     pub capacity: usize,
-    /// Where motion comes from when an anchor comes without guidance.
+    /// Source of motion for anchors without guidance.
     pub motion: MotionSource,
 }
 
 impl Default for PresenterOptions {
-    /// Two frames to an anchor, at the rate of the first anchor's world, an interval late: as in the C interface, all zero.
+    /// Two frames per anchor, at the rate of the first anchor's world, with a delay of one interval: the same as all zero in the C interface.
     fn default() -> Self {
         Self {
             interval: None,
@@ -59,43 +59,43 @@ impl Default for PresenterOptions {
     }
 }
 
-/// A frame as it is shown.
+/// Information about a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameInfo {
-    /// When it is due, and its place in the stream.
+    /// When it is due, and its position in the stream.
     pub due: Due,
-    /// What it is made of.
+    /// How it is made.
     pub source: FrameSource,
     /// Number of the anchor it shows or starts from.
     pub previous: u64,
-    /// Number of the anchor it leads to; the same as `previous` where it leads to none.
+    /// Number of the anchor it leads to; the same as `previous` if it leads to none.
     pub current: u64,
-    /// Intervals after `previous`, 0 to 1.
+    /// Time after `previous` in intervals, 0 to 1.
     pub t: f32,
     /// Whether a cut keeps it from being generated.
     pub cut: bool,
-    /// Whether it is the very picture that was drawn before.
+    /// Whether it is the same picture as the last drawn frame.
     pub repeated: bool,
-    /// Whether an anchor is shown in its place, as nothing was prepared for it.
+    /// Whether an anchor replaces it because it was not prepared.
     pub unprepared: bool,
 }
 
-/// What a shown frame is made of.
+/// Source of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameSource {
     /// An anchor.
     Anchor,
-    /// A picture that the next anchor brought with it.
+    /// A decoded picture that belongs to the next anchor.
     Decoded,
     /// Generated between two anchors.
     Generated,
-    /// Generated beyond the last anchor, as the next one is late.
+    /// Extrapolated from the last anchor, because the next one is late.
     Extrapolated,
-    /// A picture that stands: nothing may or can be generated.
+    /// A held picture: nothing may or can be generated.
     Held,
 }
 
-/// Shows a stream of anchors at a steady rate. Pushing and asking never wait for a picture that is being drawn.
+/// Shows a stream of anchors at a steady rate. Pushes and queries never wait for a picture that is being drawn.
 pub struct Presenter {
     options: PresenterOptions,
     phases: Option<Phases>,
@@ -106,26 +106,26 @@ pub struct Presenter {
 /// Anchors and their clock.
 struct Stream {
     pacer: Option<Pacer>,
-    /// Number of resets: what was drawn before one is not what is drawn after it.
+    /// Number of resets; part of cache keys, so that frames from before a reset are not reused.
     epoch: u64,
-    /// Which anchor the first of `slots` is, counted as they were pushed.
+    /// Index of the first anchor in `slots`, in the order they were pushed.
     first: u64,
     slots: VecDeque<Slot>,
-    /// Anchors that were pushed and whose fences have not come, in their order.
+    /// Pushed anchors whose fences are not signalled yet, in order.
     arriving: VecDeque<(Arc<KeptAnchor>, Option<Arc<Guidance>>)>,
     size: Option<(u32, u32)>,
-    /// Size of the frames where it is not the anchors'.
+    /// Size of the frames if it is not that of the anchors.
     wanted: Option<(u32, u32)>,
-    /// What lies over the anchors.
+    /// The static overlay over the anchors.
     overlay: Option<Arc<Overlay>>,
-    /// Where frames are held to a budget.
+    /// The governor of the presenter's own budget.
     governor: Option<Governor>,
-    /// Where a rollout's governor holds them, for as long as it is there.
+    /// A rollout's governor, followed as long as it exists.
     followed: Option<Weak<world::Governor>>,
     statistics: PresenterStatistics,
 }
 
-/// An anchor, with the guidance that came with it.
+/// An anchor, with the guidance that was pushed with it.
 #[derive(Clone)]
 pub(super) struct Slot {
     pub(super) anchor: Arc<KeptAnchor>,
@@ -133,7 +133,7 @@ pub(super) struct Slot {
     pub(super) cut: bool,
 }
 
-/// What lies over anchors and stands still, like a HUD: a byte to a pixel, 0 where there is nothing.
+/// Mask of a static overlay over the anchors, such as a HUD: one byte per pixel, 0 where there is no overlay.
 #[derive(Debug)]
 pub(super) struct Overlay {
     pub(super) size: (u32, u32),
@@ -142,7 +142,7 @@ pub(super) struct Overlay {
 
 #[cfg(windows)]
 impl Overlay {
-    /// The mask over the same picture in another size: of each pixel the nearest.
+    /// The mask resized to another size by nearest neighbour.
     pub(super) fn at(&self, size: (u32, u32)) -> Vec<u8> {
         let nearest =
             |at: u32, from: u32, to: u32| (u64::from(2 * at + 1) * u64::from(from) / (2 * u64::from(to))) as usize;
@@ -156,9 +156,9 @@ impl Overlay {
     }
 }
 
-/// How a frame comes about.
+/// How a frame is made.
 pub(super) enum Plan {
-    /// One of the pictures of `current`, the anchor of that index, as it is.
+    /// Picture number `picture` of `current`, the anchor with that index, unchanged.
     #[cfg_attr(not(windows), expect(dead_code, reason = "a device is told what leads to it"))]
     Copy {
         previous: Option<Slot>,
@@ -180,30 +180,30 @@ pub(super) enum Plan {
     },
 }
 
-/// What a drawn picture shows: the resets before it, the frame, and its size where that is not the anchors'.
+/// Cache key of a frame: epoch, due frame, and size if it is not that of the anchors.
 pub(super) type FrameKey = (u64, DueFrame, Option<(u32, u32)>);
 
-/// A frame that is due.
+/// A frame that is due and not made yet.
 pub(super) struct PendingFrame {
     pub(super) shown: FrameInfo,
     pub(super) plan: Plan,
-    /// Number of resets before it.
+    /// The stream's epoch: number of resets before it.
     pub(super) epoch: u64,
-    /// Size of the frames where it is not the anchors'.
+    /// Size of the frames if it is not that of the anchors.
     pub(super) size: Option<(u32, u32)>,
-    /// What lies over the anchors.
+    /// The static overlay over the anchors.
     pub(super) overlay: Option<Arc<Overlay>>,
     pub(super) key: FrameKey,
 }
 
 impl Presenter {
-    /// A presenter whose frames `generator` makes; without one, anchors stand until the next.
+    /// A presenter whose frames `generator` makes; without one, each anchor is held until the next.
     ///
     /// # Errors
     /// `InvalidArgument` for a multiplier of 0 or above 64, a delay above [`MAX_INTERVAL_NS`](super::pacing::MAX_INTERVAL_NS),
     /// a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE) or a capacity of 0.
     pub fn new(options: PresenterOptions, generator: Option<Box<dyn FrameGenerator>>) -> Result<Self> {
-        // What the pacer refuses, it shall refuse now and not when the first anchor comes.
+        // Checks the pacer's options now instead of with the first anchor.
         options.pacer(Interval::per_second(1)?)?;
         let refuse = |field: &str, cause: String| Err(Error::new(ErrorKind::InvalidArgument, cause).field(field));
         check_size(options.size)?;
@@ -234,9 +234,9 @@ impl Presenter {
         Ok(Self { options, phases, stream: Mutex::new(stream), drawer: Mutex::new(drawer) })
     }
 
-    /// Takes an anchor at `now`, with the guidance that leads to it from the one before, where there is some. It has come once
-    /// [`KeptAnchor::has_arrived`] says so, which is asked whenever a frame is: until then frames are those of a stream in which it is late.
-    /// `false` when as many wait as may, and nothing was taken.
+    /// Takes an anchor at `now`, with the guidance from it back to the anchor before, if there is any. Each request for a frame checks
+    /// [`KeptAnchor::has_arrived`]; until it is true, the anchor counts as late. Returns `false` and does not take the anchor if `capacity`
+    /// anchors wait already.
     ///
     /// # Errors
     /// `InvalidArgument` when the anchor or its guidance has another size than the first, or neither the options nor the
@@ -279,7 +279,7 @@ impl Presenter {
         Ok(true)
     }
 
-    /// Which frame is due at `now`; none before the first anchor came.
+    /// The frame that is due at `now`; `None` before the first anchor has arrived.
     pub fn query(&self, now: u64) -> Option<FrameInfo> {
         let mut stream = self.stream.lock();
         stream.arrive(now, self.options.multiplier);
@@ -287,18 +287,18 @@ impl Presenter {
         self.resolve(&stream, due, self.phases).map(|(shown, _)| shown)
     }
 
-    /// `(width, height)` of the frames; none before the first anchor, where the options do not say.
+    /// `(width, height)` of the frames; `None` before the first anchor unless the options set it.
     pub fn size(&self) -> Option<(u32, u32)> {
         let stream = self.stream.lock();
         stream.wanted.or(stream.size)
     }
 
-    /// `(width, height)` of the frames where it is not that of the anchors.
+    /// `(width, height)` of the frames if it is not that of the anchors.
     pub fn wanted_size(&self) -> Option<(u32, u32)> {
         self.stream.lock().wanted
     }
 
-    /// Changes the size of the frames, as a window's changes; `None`: that of the anchors. The stream goes on, and the next frame has it.
+    /// Changes the size of the frames, for example with a window's; `None`: that of the anchors. The stream continues; the next frame has the size.
     ///
     /// # Errors
     /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE).
@@ -308,12 +308,12 @@ impl Presenter {
         Ok(())
     }
 
-    /// Says what lies over the anchors from the next frame on, and stands still while they move, like a HUD: `mask` has a byte to a pixel of
-    /// an anchor, `size.0` times `size.1` of them row by row, and 0 where there is nothing; `None`: nothing is known, and it is told from
-    /// colours that do not move. A [`reset`](Self::reset) forgets it. Every generator heeds it.
+    /// Sets the mask of a static overlay, such as a HUD, from the next frame on: one byte per pixel of an anchor, `size.0` times `size.1` bytes row
+    /// by row, 0 where there is no overlay. `None`: no mask is known, and generators detect static pixels themselves. A [`reset`](Self::reset)
+    /// removes the mask. Every generator uses it.
     ///
     /// # Errors
-    /// `InvalidArgument` for another number of bytes, and for another size than that of the anchors that have come.
+    /// `InvalidArgument` for another number of bytes, and for another size than that of the anchors that have arrived.
     pub fn set_overlay(&self, overlay: Option<((u32, u32), Vec<u8>)>) -> Result<()> {
         let refuse = |cause: String| Err(Error::new(ErrorKind::InvalidArgument, cause).field("overlay"));
         let mut stream = self.stream.lock();
@@ -332,31 +332,31 @@ impl Presenter {
         Ok(())
     }
 
-    /// Frames that are shown for each anchor.
+    /// Frames shown per anchor.
     pub fn multiplier(&self) -> u32 {
         self.options.multiplier
     }
 
-    /// Whether anchors keep their shape in frames of another.
+    /// Whether anchors keep their aspect ratio in frames of another.
     pub fn keeps_shape(&self) -> bool {
         self.options.letterbox
     }
 
-    /// `(width, height)` of the anchors; none before the first.
+    /// `(width, height)` of the anchors; `None` before the first.
     pub fn anchor_size(&self) -> Option<(u32, u32)> {
         self.stream.lock().size
     }
 
-    /// Makes the frame that is due at `now` and hands it to `write`; none before the first anchor came. A frame that was
-    /// made by the call before is not made again.
+    /// Makes the frame that is due at `now` and passes it to `write`; `None` before the first anchor has arrived. A frame that the
+    /// last call made is not made again.
     ///
     /// # Errors
-    /// `InvalidArgument` when frames have not `size`, or latents are needed and the anchors have none; `OutOfMemory`.
+    /// `InvalidArgument` if frames do not have `size`, or latents are needed and the anchors have none; `OutOfMemory`.
     pub fn draw(&self, now: u64, size: (u32, u32), write: impl FnOnce(&Picture)) -> Result<Option<FrameInfo>> {
         self.draw_of(Draws::Frames, now, size, |picture, _| write(picture))
     }
 
-    /// The same of anchors only, or of all frames; also hands over whether the picture is the very one of the call before.
+    /// As [`draw`](Self::draw), for all frames or for anchors only; `write` also gets whether the picture is the same as that of the last call.
     pub(crate) fn draw_of(
         &self,
         draws: Draws,
@@ -388,7 +388,7 @@ impl Presenter {
         Ok(Some(shown))
     }
 
-    /// The frame that is due at `now`, to be made by whoever does `phases`; none before the first anchor came.
+    /// The frame that is due at `now`, planned for a generator of `phases`; `None` before the first anchor has arrived.
     pub(super) fn take(&self, now: u64, phases: Option<Phases>) -> Option<PendingFrame> {
         let mut stream = self.stream.lock();
         stream.arrive(now, self.options.multiplier);
@@ -404,13 +404,13 @@ impl Presenter {
         self.stream.lock().statistics.count(shown, times);
     }
 
-    /// Counts objects that were made while a frame was.
+    /// Counts objects created while a frame was made.
     #[cfg(windows)]
     pub(crate) fn count_objects(&self, made: u64) {
         self.stream.lock().statistics.objects_made += made;
     }
 
-    /// Counts frames again that were taken for generated, and are anchors after all: a cut was found once they were made.
+    /// Recounts frames as held with a cut that were counted as generated: the device detected a cut in them afterwards.
     #[cfg(windows)]
     pub(super) fn count_cuts(&self, frames: u64) {
         let figures = &mut self.stream.lock().statistics;
@@ -419,18 +419,18 @@ impl Presenter {
         figures.cuts += frames;
     }
 
-    /// How it works.
+    /// Its options.
     #[cfg(windows)]
     pub(super) fn options(&self) -> &PresenterOptions {
         &self.options
     }
 
-    /// Frames of `phases` are generated also by who records them, so that [`query`](Self::query) says so.
+    /// Declares that the device also generates frames of `phases`, so that [`query`](Self::query) reports them.
     pub fn with_phases(self, phases: Phases) -> Self {
         Self { phases: Some(phases), ..self }
     }
 
-    /// Forgets all anchors, as after a change of world; the next one is a first again. What was counted stays.
+    /// Discards all anchors, for example after a change of world; the next anchor is a first again. Counters are kept.
     pub fn reset(&self) {
         let mut stream = self.stream.lock();
         stream.pacer = None;
@@ -442,7 +442,7 @@ impl Presenter {
         stream.epoch += 1;
     }
 
-    /// What it has done.
+    /// Its statistics.
     pub fn statistics(&self) -> PresenterStatistics {
         let stream = self.stream.lock();
         match stream.followed().map(|governor| governor.statistics()) {
@@ -460,17 +460,17 @@ impl Presenter {
         self.stream.lock().arriving.len()
     }
 
-    /// Anchors that are there and not due at `now`.
+    /// Anchors that have arrived and are not due at `now`.
     pub fn waiting(&self, now: u64) -> u64 {
         self.stream.lock().pacer.as_mut().map_or(0, |pacer| pacer.waiting(now))
     }
 
-    /// Whether an anchor with so many pictures brings all frames of its interval.
+    /// Whether an anchor with `pictures` pictures brings all frames of its interval.
     pub(super) fn brings_all(&self, pictures: usize) -> bool {
         self.options.decoded && pictures > 1 && pictures == self.options.multiplier as usize
     }
 
-    /// What to show and how it comes about.
+    /// Decides what to show for `due` and how to make it.
     fn resolve(&self, stream: &Stream, due: Due, phases: Option<Phases>) -> Option<(FrameInfo, Plan)> {
         let slot = |index: u64| {
             let at = usize::try_from(index.checked_sub(stream.first)?).ok()?;
@@ -498,7 +498,7 @@ impl Presenter {
             Some((shown(FrameSource::Held, number, number, 0.0, cut), copy(index, anchor.count() - 1)?))
         };
         match due.frame {
-            // One that stands for a frame that is not made.
+            // An anchor that replaces a frame left out under the budget.
             DueFrame::Anchor(index) if !due.position.is_multiple_of(self.options.multiplier.into()) => {
                 held(index, false)
             }
@@ -541,7 +541,7 @@ impl Presenter {
 }
 
 impl Stream {
-    /// Takes in the anchors that have arrived by now, in their order.
+    /// Moves the anchors that have arrived by now into the stream, in order.
     fn arrive(&mut self, now: u64, multiplier: u32) {
         while self.arriving.front().is_some_and(|(anchor, _)| anchor.has_arrived()) {
             let (Some((anchor, guidance)), Some(pacer)) = (self.arriving.pop_front(), &mut self.pacer) else { return };
@@ -554,7 +554,7 @@ impl Stream {
             self.size = Some(anchor.size());
             let follows = |slot: &Slot| slot.anchor.number().checked_add(1) == Some(anchor.number());
             let cut = anchor.is_cut() || !self.slots.back().is_some_and(follows);
-            // What lies before the frame that is due, and before the last pair, is not shown any more.
+            // Anchors before the due frame and before the last pair are not needed any more.
             let due = pacer.due(now).map_or(0, |due| due.position / u64::from(multiplier));
             let keep = due.min((pacer.anchors() - 1).saturating_sub(1));
             while self.first < keep && self.slots.pop_front().is_some() {
@@ -565,7 +565,7 @@ impl Stream {
     }
 }
 
-/// A late anchor's frames where nothing is extrapolated: the last anchor.
+/// The frame without extrapolation: the last anchor replaces frames beyond it.
 fn stands(frame: DueFrame) -> DueFrame {
     match frame {
         DueFrame::Extrapolate { last, .. } | DueFrame::Stalled { last } => DueFrame::Anchor(last),
@@ -580,7 +580,7 @@ impl PresenterOptions {
     }
 }
 
-/// Refuses a size that frames cannot have.
+/// Checks a size of frames.
 fn check_size(size: Option<(u32, u32)>) -> Result<()> {
     let sides = 1..=crate::MAX_SIDE;
     match size {

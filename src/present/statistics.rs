@@ -1,19 +1,19 @@
-//! What a presenter has done.
+//! Statistics of a presenter.
 
 use std::time::Duration;
 
 use super::presenter::{FrameInfo, FrameSource};
 
-/// What a presenter has done.
+/// Counters and times of a presenter.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PresenterStatistics {
     /// Anchors pushed.
     pub anchors: u64,
-    /// Those that came after they were due.
+    /// Anchors that arrived after they were due.
     pub late: u64,
-    /// How long time has stood still for them, in nanoseconds.
+    /// How far late anchors have moved the stream's origin, in nanoseconds.
     pub slipped_ns: u64,
-    /// Frames drawn, by what they were made of; one drawn again counts once more, under `repeated` too.
+    /// Frames drawn, by source; a frame drawn again counts once more, and also under `repeated`.
     pub shown_anchors: u64,
     /// See `shown_anchors`.
     pub decoded: u64,
@@ -25,15 +25,15 @@ pub struct PresenterStatistics {
     pub held: u64,
     /// See `shown_anchors`.
     pub repeated: u64,
-    /// Held ones among them for which there was a cut.
+    /// Frames not generated because of a cut.
     pub cuts: u64,
-    /// Frames of an interval that are made, where frames are held to a budget; the others repeat the one before.
+    /// Frames made per interval if frames are held to a budget; the others repeat the one before.
     pub made_to_anchor: u32,
-    /// How often that has changed.
+    /// How often `made_to_anchor` has changed.
     pub budget_changes: u64,
-    /// Frames in whose place an anchor was shown, as they were not prepared.
+    /// Frames replaced by an anchor because they were not prepared.
     pub unprepared: u64,
-    /// Objects of Direct3D and contexts of AMD's that were made while frames were recorded or submitted.
+    /// Direct3D objects and AMD contexts created while frames were recorded or submitted.
     pub objects_made: u64,
     /// Time spent on motion and depth.
     pub guidance: Duration,

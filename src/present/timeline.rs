@@ -1,19 +1,18 @@
-//! Which picture is shown when.
+//! Schedule of a stream: which picture is shown at which time.
 //!
 //! A rollout makes latents, a latent decodes to pictures, and a stream presents frames at a steady rate. This module is
 //! the arithmetic between them, exact and without any state:
 //!
 //! - A **native** stream shows decoded pictures one by one, after leaving out the first few.
-//! - A **generated** stream shows the anchors (each latent's last picture) where one is due, and elsewhere the picture
-//!   at the
-//!   phase between the two anchors around it. Presentation frame k is at k / rate seconds after the first anchor.
+//! - A **generated** stream shows the anchors (each latent's last picture) where one is due, and elsewhere the picture at the phase between the
+//!   two anchors around it. Presentation frame k is at k / rate seconds after the first anchor.
 
 use std::ops::Range;
 
 use crate::world::{OperatingPoint, Presentation};
 use crate::{Error, ErrorKind, Result};
 
-/// How the frames between decoded pictures come about.
+/// Kind of stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stream {
     /// Decoded pictures only, after the first `dropped` ones. The presentation rate is that of the pictures.
@@ -39,7 +38,7 @@ pub struct Timeline {
 /// One frame as it is presented.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PresentedFrame {
-    /// Place in the stream, from 0.
+    /// Index in the stream, from 0.
     pub index: u64,
     /// When it is due, in seconds after frame 0.
     pub time: f64,
@@ -54,7 +53,7 @@ pub enum Source {
     Native {
         /// Number of the latent, from 0 for the seed's own.
         latent: u64,
-        /// Which of the pictures asked for of that latent, from 0.
+        /// Index among the latent's requested pictures, from 0.
         picture: u32,
     },
     /// A picture between two anchors.
@@ -72,7 +71,7 @@ impl Timeline {
     /// A timeline for latents that come at `latents_per_second` of world time and decode to `pictures_per_latent` each.
     ///
     /// # Errors
-    /// `InvalidArgument` when a rate or count is 0, or a generated stream is asked for over more than one picture per
+    /// `InvalidArgument` when a rate or count is 0, or a generated stream is requested for more than one picture per
     /// latent: guidance belongs to pairs of anchors.
     pub fn new(latents_per_second: u32, pictures_per_latent: u32, stream: Stream) -> Result<Self> {
         let refuse = |field: &str, cause: &str| Err(Error::new(ErrorKind::InvalidArgument, cause).field(field));
@@ -128,7 +127,7 @@ impl Timeline {
         u64::try_from(count).unwrap_or(u64::MAX)
     }
 
-    /// The frames that can be shown once latent number `latent` is there and could not before.
+    /// The frames that can be shown once latent number `latent` is available, and not before.
     pub fn frames_completed_by(&self, latent: u64) -> Range<u64> {
         self.frame_count(latent)..self.frame_count(latent.saturating_add(1))
     }
@@ -167,7 +166,7 @@ impl Timeline {
     }
 }
 
-/// `part / rate` inside (0, 1), which rounding alone could leave.
+/// `part / rate`, clamped to the open interval (0, 1) against rounding.
 fn phase(part: u32, rate: u32) -> f32 {
     let t = (f64::from(part) / f64::from(rate)) as f32;
     t.clamp(f32::MIN_POSITIVE, 1.0 - f32::EPSILON / 2.0)
@@ -201,7 +200,7 @@ mod tests {
             let timeline = Timeline::of(&point).unwrap();
             assert_eq!((timeline.frame_count(latents), timeline.rate()), (frames, rate), "{preset:?}");
             assert_eq!(timeline.frames(latents).len() as u64, frames, "{preset:?}");
-            // The operating point counts for itself.
+            // The operating point computes the counts independently.
             let counts = point.counts(WorldTime::new(15, 1));
             assert_eq!((counts.latents, counts.presented), (latents, frames), "{preset:?}");
         }
@@ -277,7 +276,7 @@ mod tests {
                 for index in completed {
                     let (Source::Native { latent: newest, .. } | Source::Generated { current_latent: newest, .. }) =
                         timeline.frame(index).source;
-                    // A stream slower than the anchors may show one that has been there for a while.
+                    // A stream slower than the anchors may show one that arrived earlier.
                     assert!(newest <= latent, "frame {index} of {timeline:?} needs latent {newest}");
                 }
             }

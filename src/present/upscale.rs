@@ -1,4 +1,4 @@
-//! From one picture size to another: separable resampling by Lanczos or Catmull-Rom.
+//! Resizes pictures: separable resampling by Lanczos or Catmull-Rom.
 //!
 //! The filters work on the stored sRGB values, not on linear light, as video scalers commonly do: edges ring less
 //! visibly in the dark, at the price that a fine bright pattern darkens a little when it is made smaller. Beyond the
@@ -179,7 +179,7 @@ impl Table {
         let ratio = f64::from(from) / f64::from(to);
         let stretch = ratio.max(1.0);
         let reach = filter.radius() * stretch;
-        // Never more than the whole axis: what falls outside joins the edge pixel.
+        // Never more than the whole axis: taps outside it are added to the edge pixel.
         let width = ((2.0 * reach).ceil() as usize + 1).min(from as usize);
         let mut table = Self { width, first: filled(to as usize)?, weights: filled(to as usize * width)? };
 

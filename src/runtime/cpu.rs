@@ -1,4 +1,4 @@
-//! The host's processor as a device: ONNX Runtime's CPU provider over memory of our own.
+//! Runs worlds on the host's processor: ONNX Runtime's CPU provider over memory of our own.
 
 use std::sync::Arc;
 
@@ -24,16 +24,16 @@ use crate::{Error, ErrorKind, Result};
 
 const MAX_THREADS: usize = 1024;
 
-/// How the processor is used.
+/// Options of a CPU device.
 ///
-/// A rollout's numbers depend on the thread count in their last bits: the same count gives the same bits.
+/// A rollout's results depend on the thread count in their last bits; the same count gives the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CpuOptions {
-    /// Threads that share one pass, 1 to 1024, the caller's own among them. `None`: one for each physical core this
-    /// process may use; a second thread of a core only contends for its vector units.
+    /// Threads that share one pass, 1 to 1024, the caller's own included. `None`: one for each physical core that this process may
+    /// use; a second thread of a core only competes for its vector units.
     pub threads: Option<usize>,
-    /// Asks ONNX Runtime for its deterministic kernels only. Its CPU kernels are repeatable at a fixed thread count
-    /// without it, too.
+    /// Uses ONNX Runtime's deterministic kernels only. Its CPU kernels are repeatable at a fixed thread count without this option,
+    /// too.
     pub deterministic: bool,
 }
 
@@ -45,7 +45,7 @@ pub(super) struct CpuBackend {
 }
 
 impl CpuOptions {
-    /// Refuses what no device can be made with.
+    /// Checks the options.
     pub(crate) fn check(&self) -> Result<()> {
         match self.threads {
             Some(threads) if threads == 0 || threads > MAX_THREADS => {
@@ -65,7 +65,7 @@ impl CpuBackend {
         Ok(Self { ort: ort.clone(), threads, deterministic: options.deterministic })
     }
 
-    /// The options every session shares.
+    /// The session options that all graphs share.
     fn session(&self, dimensions: &[(&str, usize)]) -> ort::Result<SessionBuilder> {
         let mut builder = Session::builder(self.ort.environment())?
             .with_auto_device(AutoDevicePolicy::PreferCPU)?
@@ -73,8 +73,8 @@ impl CpuBackend {
             .with_parallel_execution(false)?
             .with_intra_threads(self.threads)?
             .with_deterministic_compute(self.deterministic)?
-            // Workers spin between the hundreds of small operators of a pass, where sleeping costs more than the
-            // operator, and stop when the pass ends: the host's own threads get the processor back at once.
+            // Workers spin between the hundreds of small operators of a pass, because sleeping costs more than an operator. They
+            // stop when the pass ends, so that the host's own threads get the processor at once.
             .with_intra_op_spinning(true)?
             .with_config_entry("session.force_spinning_stop", "1")?;
         for &(name, size) in dimensions {
@@ -124,19 +124,19 @@ impl Backend for CpuBackend {
     }
 }
 
-/// Work is done when submitted, so nothing ever waits.
+/// Executes all work when it is submitted, so nothing ever waits.
 struct CpuContext {
     // Bindings hold addresses of memories: they are dropped first.
     bindings: Vec<Bound>,
     memories: Vec<Memory>,
     recorded: Vec<Vec<RecordedCopy>>,
-    /// Looks that were written down: groups of buffers, and the numbers that are in them.
+    /// Recorded finite checks: groups of buffers, and their element type.
     finite_checks: Vec<(Vec<Vec<BufferId>>, Precision)>,
     bytes: Bytes,
     read: std::sync::atomic::AtomicU64,
 }
 
-/// A session's inputs and outputs, tied to addresses.
+/// A session with its inputs and outputs bound to addresses.
 struct Bound {
     binding: IoBinding,
     graph: Arc<Graph>,
@@ -201,7 +201,7 @@ impl ExecutionContext for CpuContext {
 
     fn repeat(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
         copies.iter().try_for_each(|copies| {
-            // Taken out meanwhile, as a copy needs the whole context.
+            // Taken out of `self`, because `copy` borrows the whole context.
             let recorded = std::mem::take(&mut self.recorded[copies.0]);
             let done = recorded.iter().try_for_each(|copy| self.copy(copy.to, copy.from, &copy.regions));
             self.recorded[copies.0] = recorded;
@@ -221,7 +221,7 @@ impl ExecutionContext for CpuContext {
         of.iter().map(copy).collect::<Result<_>>().map(Backup::Host)
     }
 
-    fn put_back(&mut self, backup: Backup) -> Result<()> {
+    fn restore_backup(&mut self, backup: Backup) -> Result<()> {
         match backup {
             Backup::Host(copies) => {
                 copies.iter().for_each(|(to, bytes)| self.memories[to.0].bytes_mut().copy_from_slice(bytes));
@@ -264,7 +264,7 @@ impl ExecutionContext for CpuContext {
     }
 }
 
-/// Binds one tensor at `address`, whose memory is as large as `spec` says and outlives `binding`.
+/// Binds one tensor at `address`. The memory must have the size of `spec` and outlive `binding`.
 fn bind_one(
     binding: &mut IoBinding,
     name: &std::ffi::CStr,

@@ -1,4 +1,4 @@
-//! Where worlds run.
+//! The devices that run worlds.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use super::{ExecutionContext, Graph, Ort};
 use crate::bundle::{ModelSource, Precision};
 use crate::{LibrarySearch, Result};
 
-/// What a device must be able to do.
+/// Implementation of a [`Device`].
 pub(super) trait Backend: Send + Sync {
     fn describe(&self) -> String;
 
@@ -27,13 +27,13 @@ pub(super) trait Backend: Send + Sync {
 
     fn context(&self) -> Result<Box<dyn ExecutionContext>>;
 
-    /// The Direct3D 12 device it is, where it is one.
+    /// Its Direct3D 12 device; `None` for other devices.
     #[cfg(windows)]
     fn gpu(&self) -> Option<&crate::gpu::Gpu> {
         None
     }
 
-    /// How DirectML is used, where it is.
+    /// Its DirectML options; `None` for devices without DirectML.
     #[cfg(windows)]
     fn directml_options(&self) -> Option<&parking_lot::Mutex<super::DirectMlOptions>> {
         None
@@ -43,25 +43,25 @@ pub(super) trait Backend: Send + Sync {
 /// Memory of a graphics device, in bytes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct DeviceMemory {
-    /// What the system grants to this process: beyond it, it makes room by moving things out, and everything is slow.
+    /// Memory budget that the system grants to this process. Above it, the system evicts memory, and everything becomes slow.
     pub granted: u64,
-    /// What the process uses already, an engine's textures and worlds alike.
+    /// Memory that the process uses, an engine's textures and worlds included.
     pub used: u64,
 }
 
-/// Notices that the system grants another amount of a graphics device's memory.
+/// Notification that the system has changed the memory budget of a graphics device.
 #[derive(Debug)]
 #[cfg(windows)]
 pub(crate) struct MemoryChanges(crate::gpu::BudgetChanges);
 
-/// There is none on other systems.
+/// Not available on other systems.
 #[derive(Debug)]
 #[cfg(not(windows))]
 pub(crate) enum MemoryChanges {}
 
 impl MemoryChanges {
-    /// Whether it did since this was asked last. Does not wait.
-    pub(crate) fn come(&self) -> bool {
+    /// Whether the budget has changed since the last call. Does not wait.
+    pub(crate) fn changed(&self) -> bool {
         #[cfg(windows)]
         return self.0.changed();
         #[cfg(not(windows))]
@@ -79,7 +79,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// The host's processor, by ONNX Runtime's CPU provider.
+    /// The host's processor, through ONNX Runtime's CPU provider.
     ///
     /// # Errors
     /// `InvalidArgument` for a thread count of 0 or above 1024.
@@ -87,7 +87,7 @@ impl Device {
         Ok(Self::of(Arc::new(CpuBackend::new(ort, options)?)))
     }
 
-    /// A Direct3D 12 device, by ONNX Runtime's DirectML provider: a world's passes run on its queue for anchors.
+    /// A Direct3D 12 device, through ONNX Runtime's DirectML provider: a world's passes run on its queue for anchors.
     ///
     /// # Errors
     /// `RuntimeMissing` when the DirectML.dll that belongs to ONNX Runtime is not beside it; `Unsupported` when one
@@ -101,42 +101,42 @@ impl Device {
         Self { backend, libraries: Arc::default() }
     }
 
-    /// The same device with another answer to [`library_search`](Self::library_search), which is the default at first.
+    /// The same device with another [`library_search`](Self::library_search), which is the default at first.
     pub fn with_library_search(self, search: LibrarySearch) -> Self {
         Self { libraries: Arc::new(search), ..self }
     }
 
-    /// Where whoever uses this device looks for libraries of others, such as AMD's.
+    /// Where users of this device look for third-party libraries, such as AMD's.
     pub fn library_search(&self) -> &LibrarySearch {
         &self.libraries
     }
 
-    /// What it is, for people and manifests, e.g. `ONNX Runtime 1.24.4 CPU, 8 threads, deterministic`.
+    /// A description for people and manifests, e.g. `ONNX Runtime 1.24.4 CPU, 8 threads, deterministic`.
     pub fn describe(&self) -> String {
         self.backend.describe()
     }
 
-    /// The precision this device computes in unless told otherwise.
+    /// The precision that this device computes in by default.
     pub fn precision(&self) -> Precision {
         self.backend.precision()
     }
 
-    /// The Direct3D 12 device it is, where it is one.
+    /// Its Direct3D 12 device; `None` for other devices.
     #[cfg(windows)]
     pub fn gpu(&self) -> Option<&crate::gpu::Gpu> {
         self.backend.gpu()
     }
 
-    /// How it uses DirectML, where it does.
+    /// Its DirectML options; `None` for a device without DirectML.
     #[cfg(windows)]
     pub fn directml_options(&self) -> Option<super::DirectMlOptions> {
         self.backend.directml_options().map(|options| options.lock().clone())
     }
 
-    /// Has it use DirectML otherwise: for worlds that are loaded and rollouts that are made from now on.
+    /// Sets its DirectML options, for worlds that are loaded and rollouts that are made from now on.
     ///
     /// # Errors
-    /// `Unsupported` on a device that is no Direct3D 12 one.
+    /// `Unsupported` on a device that is not a Direct3D 12 device.
     #[cfg(windows)]
     pub fn set_directml_options(&self, options: super::DirectMlOptions) -> Result<()> {
         let ours = self.backend.directml_options().ok_or_else(|| {
@@ -147,7 +147,7 @@ impl Device {
         Ok(())
     }
 
-    /// Whether it is a graphics device: a Direct3D 12 one.
+    /// Whether it is a Direct3D 12 device.
     pub fn is_gpu(&self) -> bool {
         #[cfg(windows)]
         return self.gpu().is_some();
@@ -155,8 +155,8 @@ impl Device {
         false
     }
 
-    /// What may be used of the memory of a graphics device, as the system says at this moment; none for a processor, and where the system does
-    /// not say.
+    /// A graphics device's memory budget and use, as the system reports them now; `None` for a processor, and where the system
+    /// reports none.
     pub fn memory(&self) -> Option<DeviceMemory> {
         #[cfg(windows)]
         return self
@@ -167,7 +167,7 @@ impl Device {
         None
     }
 
-    /// Notices that the system grants another amount of its memory; none for a processor, and where the system does not say.
+    /// Notification of changes of its memory budget; `None` for a processor, and where the system reports none.
     pub(crate) fn memory_changes(&self) -> Option<MemoryChanges> {
         #[cfg(windows)]
         return self.gpu().and_then(crate::gpu::BudgetChanges::of).map(MemoryChanges);
@@ -175,13 +175,13 @@ impl Device {
         None
     }
 
-    /// Bytes that may still be used of the memory of a graphics device, as the system says at this moment; none for a processor, whose
-    /// memory is the system's, and where nobody says.
+    /// Bytes of a graphics device's memory budget that are still free, as the system reports now; `None` for a processor, which
+    /// uses the system's memory, and where the system reports none.
     pub fn room(&self) -> Option<u64> {
         self.memory().map(|memory| memory.granted.saturating_sub(memory.used))
     }
 
-    /// Threads that share one pass, the caller's own among them.
+    /// Threads that share one pass, the caller's own included.
     pub fn threads(&self) -> usize {
         self.backend.threads()
     }

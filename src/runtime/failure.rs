@@ -1,13 +1,13 @@
-//! ONNX Runtime's failures in this library's words.
+//! Converts ONNX Runtime's failures to [`Error`]s.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::error::panic_text;
 use crate::{Error, ErrorKind, Result};
 
-/// Turns a failure of ONNX Runtime while it did `what` into an [`Error`].
+/// Converts a failure of ONNX Runtime while it did `what` to an [`Error`].
 ///
-/// It has no status code of its own for exhausted memory, so its message decides.
+/// ONNX Runtime has no status code for exhausted memory, so the message is searched.
 pub(super) fn ort_failure<R>(what: &str, error: &ort::Error<R>) -> Error {
     said(what, error.message())
 }
@@ -18,10 +18,10 @@ fn said(what: &str, message: &str) -> Error {
     Error::new(kind, format!("ONNX Runtime could not {what}: {}", message.trim_end_matches(['.', '\n'])))
 }
 
-/// Does `work`, which only makes things, and turns its failure to do `what` into an [`Error`]. So with a panic, in which the
-/// crate that binds ONNX Runtime ends where a call fails that it takes for infallible.
+/// Calls `work`, which only creates objects, and converts its failure to do `what` into an [`Error`]. Panics too: the `ort` crate
+/// panics where it assumes that a call cannot fail.
 pub(super) fn make<T, R>(what: &str, work: impl FnOnce() -> Result<T, ort::Error<R>>) -> Result<T> {
-    // What it had begun is dropped with it, and it changes nothing else.
+    // Unwind safe: objects that `work` created are dropped, and it changes nothing else.
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(made) => made.map_err(|e| ort_failure(what, &e)),
         Err(payload) => Err(said(what, panic_text(&*payload).unwrap_or("a call that should not fail did"))),

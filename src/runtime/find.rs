@@ -1,23 +1,23 @@
-//! Where ONNX Runtime's library file is looked for.
+//! Searches for ONNX Runtime's library file.
 
 use std::path::PathBuf;
 
 use crate::LibrarySearch;
 use crate::libraries;
 
-/// Names the library file; nothing else is looked at when it is set and may count.
+/// Names the library file. If it is set and the environment may name libraries, no other path is tried.
 pub(super) const VARIABLE: &str = "CAIRN_ONNXRUNTIME";
 
 const RELEASE: &str = "onnxruntime-1.24.4";
 
-/// File names, the most exact first.
+/// File names, the most specific first.
 const NAMES: &[&str] = if cfg!(windows) {
     &["onnxruntime.dll"]
 } else {
     &["libonnxruntime.so.1.24.4", "libonnxruntime.so.1", "libonnxruntime.so"]
 };
 
-/// The file to load, or every path that was looked at.
+/// The file to load, or every path that was tried.
 pub(super) fn library(search: &LibrarySearch) -> Result<PathBuf, Vec<PathBuf>> {
     if let Some(path) = search.onnxruntime.clone().or_else(|| search.variable(VARIABLE)) {
         return Ok(path);
@@ -34,7 +34,7 @@ pub(super) fn library(search: &LibrarySearch) -> Result<PathBuf, Vec<PathBuf>> {
     Err(tried)
 }
 
-/// The folder in which `cairn/` holds what was fetched, where the user's cache may name libraries.
+/// The cache directory that contains `cairn/`; `None` if the environment may not name libraries.
 fn cache(search: &LibrarySearch) -> Option<PathBuf> {
     if !search.environment {
         return None;

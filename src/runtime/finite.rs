@@ -1,8 +1,9 @@
-//! Whether numbers are finite.
+//! Checks of values for NaN and infinity.
 
 use crate::bundle::Precision;
 
-/// The bits of a word of four bytes that are all set where its one number, or its first or its second, is NaN or infinite.
+/// Exponent masks for a 32-bit word. All bits of a mask are set in the word if a value in it is NaN or infinite: for f32 its one
+/// value (both masks are equal), for f16 the low and the high half.
 pub(super) const fn exponents(precision: Precision) -> [u32; 2] {
     match precision {
         Precision::F32 => [0x7f80_0000; 2],
@@ -10,9 +11,9 @@ pub(super) const fn exponents(precision: Precision) -> [u32; 2] {
     }
 }
 
-/// Whether every number of `bytes`, whole numbers of `precision` in the machine's order, is finite.
+/// Whether every value of `bytes`, whole values of `precision` in native byte order, is finite.
 pub(super) fn all_finite(bytes: &[u8], precision: Precision) -> bool {
-    // All exponent bits set marks NaN and infinity; without an early exit the loop runs at the memory's speed.
+    // All exponent bits are set for NaN and infinity. Without an early exit the loop runs at memory bandwidth.
     match precision {
         Precision::F32 => {
             let (words, _) = bytes.as_chunks::<4>();

@@ -1,4 +1,4 @@
-//! A session: one graph, loaded from memory and checked against what its user expects.
+//! A session: one graph, loaded from memory and checked against the expected inputs and outputs.
 
 #[cfg(windows)]
 use std::ffi::CStr;
@@ -15,7 +15,7 @@ use super::failure::{make, ort_failure};
 use crate::bundle::{ModelSource, Precision};
 use crate::{Error, ErrorKind, Result};
 
-/// Name, element type and shape of an input or output, as `docs/bundle.md` section 4 fixes them.
+/// Name, element type and shape of an input or output, as in `docs/bundle.md` section 4.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct TensorSpec {
     pub(crate) name: String,
@@ -34,7 +34,7 @@ impl TensorSpec {
     }
 }
 
-/// Bytes of one number.
+/// Bytes of one element.
 pub(crate) const fn element_size(element: Precision) -> usize {
     match element {
         Precision::F32 => 4,
@@ -42,23 +42,24 @@ pub(crate) const fn element_size(element: Precision) -> usize {
     }
 }
 
-/// A loaded graph. Shared by rollouts; several may run it at the same time through bindings of their own.
+/// A loaded graph, shared by rollouts; several may run it at the same time, each through its own bindings.
 pub(crate) struct Graph {
     session: Session,
     tensors: Vec<(CString, TensorSpec)>,
     inputs: usize,
-    /// What tools that show the device's work call its runs.
+    /// Name of its runs in GPU profilers.
     #[cfg(windows)]
     title: CString,
     #[cfg(windows)]
     captures: Captures,
-    /// What the session takes behind `tensors`' inputs, of those whose weights are not inside it.
+    /// The weights that the session takes as inputs, after the inputs in `tensors`; `None` if all weights are inside the session.
     #[cfg(windows)]
     weights: Option<Weights>,
 }
 
 impl Graph {
-    /// Makes the session from the bundle's own checked bytes and compares it with `inputs`, which `weights` follow, and `outputs`.
+    /// Makes the session from the bundle's checked bytes and compares its inputs with `inputs` followed by `weights`, and its
+    /// outputs with `outputs`.
     pub(super) fn commit(
         mut builder: SessionBuilder,
         what: &str,
@@ -96,31 +97,31 @@ impl Graph {
         })
     }
 
-    /// The same of a session that was made to allow these.
+    /// The same graph, for a session that allows these captures.
     #[cfg(windows)]
     pub(super) fn with_captures(self, captures: Captures) -> Self {
         Self { captures, ..self }
     }
 
-    /// The same of a session that takes these weights as inputs.
+    /// The same graph, for a session that takes these weights as inputs.
     #[cfg(windows)]
     pub(super) fn with_weights(self, weights: Weights) -> Self {
         Self { weights: Some(weights), ..self }
     }
 
-    /// What its runs are called.
+    /// Name of its runs in GPU profilers.
     #[cfg(windows)]
     pub(super) fn title(&self) -> &CStr {
         &self.title
     }
 
-    /// Passes that are captured.
+    /// The captures that the session allows.
     #[cfg(windows)]
     pub(super) fn captures(&self) -> &Captures {
         &self.captures
     }
 
-    /// The weights that are bound to its runs; none where they are inside the session.
+    /// The weights that are bound as inputs; `None` if they are inside the session.
     #[cfg(windows)]
     pub(super) fn weights(&self) -> Option<&Weights> {
         self.weights.as_ref()
@@ -135,13 +136,13 @@ impl Graph {
         &self.tensors
     }
 
-    /// How many of the tensors are inputs.
+    /// Number of inputs in [`tensors`](Self::tensors).
     pub(super) fn input_count(&self) -> usize {
         self.inputs
     }
 }
 
-/// Hands over the weight files' bytes. ONNX Runtime copies what it needs of them while it makes the session.
+/// Passes the weight files' bytes to ONNX Runtime, which copies what it needs while it makes the session.
 fn add_external(builder: &mut SessionBuilder, model: &ModelSource<'_>) -> Result<()> {
     for (location, bytes) in &model.external {
         if !location.is_ascii() {
@@ -159,7 +160,7 @@ fn add_external(builder: &mut SessionBuilder, model: &ModelSource<'_>) -> Result
     Ok(())
 }
 
-/// ONNX Runtime must see exactly the tensors the rollout will bind.
+/// Checks that the session has exactly the tensors that the rollout will bind.
 fn compare(what: &str, side: &str, found: &[Outlet], expected: &[TensorSpec]) -> Result<()> {
     let broken = |why: String| Err(Error::new(ErrorKind::InvalidBundle, why).field(what.to_owned()));
     if found.len() != expected.len() {

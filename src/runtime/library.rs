@@ -12,7 +12,7 @@ use super::pin::pin_this_library;
 use crate::libraries::canonical;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 
-/// The release series this build is made for, as ONNX Runtime writes it.
+/// The release series that this build supports, as ONNX Runtime writes it.
 const SERIES: &str = "1.24.";
 
 /// ONNX Runtime allows one environment per process, so the first library that loads stays.
@@ -34,8 +34,8 @@ impl Ort {
     /// Loads the library at `path` and starts its environment. Loading the same file again gives the same [`Ort`].
     ///
     /// # Errors
-    /// `RuntimeMissing` when there is no file, it is no ONNX Runtime, or its version is not 1.24.x; `Unsupported` when
-    /// this process already uses another ONNX Runtime file; `Device` when its environment does not start.
+    /// `RuntimeMissing` when the file does not exist, is not ONNX Runtime, or its version is not 1.24.x; `Unsupported` when this
+    /// process already uses another ONNX Runtime file; `Device` when its environment does not start.
     pub fn load(path: &Path) -> Result<Ort> {
         let path = canonical(path).map_err(|e| missing(path, &format!("cannot be opened: {e}")))?;
         let mut loaded = LOADED.lock();
@@ -60,9 +60,10 @@ impl Ort {
             .with_logger(Arc::new(forward_log))
             .build()
             .map_err(|e| ort_failure("start its environment", &e))?;
-        // The environment starts at its most talkative level whenever a logger is given.
+        // With a logger, the environment starts at the most verbose level.
         environment.set_log_level(ort::logging::LogLevel::Warning);
-        // The sessions' code lies in this library: it must never be unloaded. Nor must ours, which its environment calls.
+        // ONNX Runtime must never be unloaded, because sessions run its code. Nor must this library, because the environment calls
+        // its logger.
         std::mem::forget(library);
         pin_this_library();
         let ort = Ort(Arc::new(Inner { path, version, environment }));
@@ -70,14 +71,14 @@ impl Ort {
         Ok(ort)
     }
 
-    /// Finds ONNX Runtime and loads it: the file that `search` names, and no other; else the first there is of: beside this library,
-    /// beside the program. Where the environment may name libraries, the file that the variable `CAIRN_ONNXRUNTIME` names comes before
-    /// these two, and no other counts then; and `<cache>/cairn/onnxruntime-1.24.4/` comes after them, where `<cache>` is
+    /// Finds ONNX Runtime and loads it. If `search` names a file, only that one is tried. Else the first existing file is used:
+    /// beside this library, then beside the program. If the environment may name libraries, the file that the variable
+    /// `CAIRN_ONNXRUNTIME` names replaces both, and `<cache>/cairn/onnxruntime-1.24.4/` is searched after them, where `<cache>` is
     /// `$CAIRN_CACHE_DIR`, else `$XDG_CACHE_HOME` or `~/.cache` (on Windows `%LOCALAPPDATA%`). The system's library path is never
-    /// searched: a stray library of another version lies there too often.
+    /// searched: it often holds a library of another version.
     ///
     /// # Errors
-    /// As [`Ort::load`]; `RuntimeMissing` names the places looked at.
+    /// As [`Ort::load`]; `RuntimeMissing` lists the paths that were tried.
     pub fn find(search: &LibrarySearch) -> Result<Ort> {
         match find::library(search) {
             Ok(path) => Self::load(&path),
@@ -126,7 +127,7 @@ fn missing(path: &Path, why: &str) -> Error {
         .remedy(REMEDY)
 }
 
-/// A library whose version and interface were looked at before the `ort` crate, which asserts both, may see it.
+/// A library whose version and interface were checked before the `ort` crate uses it; that crate asserts both.
 struct Checked {
     version: String,
     library: libloading::Library,
@@ -160,7 +161,7 @@ impl Checked {
                 &format!("{version} is {} than the {SERIES}x this build is made for", age(&version)),
             ));
         }
-        // SAFETY: any number may be asked for; an unknown version gives null.
+        // SAFETY: any version may be requested; an unknown one gives null.
         if unsafe { (base.GetApi)(ort::sys::ORT_API_VERSION) }.is_null() {
             return Err(missing(
                 path,
@@ -171,8 +172,8 @@ impl Checked {
     }
 }
 
-/// Loads a library. What it needs in turn is looked for beside it and in the system, and neither beside the program, in the working
-/// folder nor along the PATH.
+/// Loads a library. Its dependencies are searched beside it and in the system directory, and neither beside the program, in the
+/// working directory nor along the PATH.
 #[cfg(windows)]
 fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
     use libloading::os::windows::{LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR, LOAD_LIBRARY_SEARCH_SYSTEM32, Library};
@@ -189,7 +190,7 @@ fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
     unsafe { libloading::Library::new(path) }
 }
 
-/// Says which other ONNX Runtime is in this process: ours is loaded beside it, by its path.
+/// Logs another ONNX Runtime of this process: ours is loaded beside it, by its path.
 #[cfg(windows)]
 fn report_others(ours: &Path) {
     use super::module;
@@ -200,24 +201,24 @@ fn report_others(ours: &Path) {
     }
 }
 
-/// Elsewhere what a library is called is not what it is found by.
+/// Other systems do not identify a loaded library by its file name.
 #[cfg(not(windows))]
 fn report_others(_: &Path) {}
 
-/// The old ONNX Runtime that Windows has of its own, with its version.
+/// Path and version of the old ONNX Runtime that comes with Windows.
 #[cfg(windows)]
 fn system_copy() -> Option<String> {
     let path = PathBuf::from(std::env::var_os("SystemRoot")?).join("System32").join("onnxruntime.dll");
     path.is_file().then(|| super::module::described(&path))
 }
 
-/// There is none.
+/// Other systems have none.
 #[cfg(not(windows))]
 fn system_copy() -> Option<String> {
     None
 }
 
-/// Whether a version that is not of the series is older, newer, or cannot be told.
+/// Compares a version outside the series with it: `older`, `newer` or, if it cannot be parsed, `other`.
 fn age(version: &str) -> &'static str {
     let part = |text: &str, i: usize| text.split('.').nth(i).and_then(|p| p.parse::<u32>().ok());
     let pair = |text: &str| part(text, 0).zip(part(text, 1));

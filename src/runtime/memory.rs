@@ -1,11 +1,11 @@
-//! Host memory that ONNX Runtime and the rollout both write, by address.
+//! Host memory that both ONNX Runtime, by address, and the rollout write.
 
 use std::alloc::Layout;
 use std::ptr::NonNull;
 
 use crate::{Error, ErrorKind, Result};
 
-/// A cache line, and enough for every vector instruction.
+/// The size of a cache line, and sufficient for all vector instructions.
 const ALIGN: usize = 64;
 
 /// Zeroed, aligned memory of fixed size. Its address never changes, so a binding may keep it.
@@ -20,7 +20,7 @@ unsafe impl Send for Memory {}
 unsafe impl Sync for Memory {}
 
 impl Memory {
-    /// `bytes` zeroed bytes, at least 1.
+    /// Allocates `bytes` zeroed bytes, at least 1.
     pub(super) fn zeroed(bytes: usize) -> Result<Self> {
         let exhausted = || Error::new(ErrorKind::OutOfMemory, format!("a buffer of {bytes} bytes cannot be allocated"));
         let layout = Layout::from_size_align(bytes.max(1), ALIGN).map_err(|_| exhausted())?;
@@ -34,13 +34,13 @@ impl Memory {
         self.layout.size()
     }
 
-    /// The address for a binding. Whoever writes through it must hold what stands for `&mut self`.
+    /// The address for a binding. Writing through it requires the same exclusive access as `&mut self`.
     pub(super) fn address(&self) -> *mut u8 {
         self.start.as_ptr()
     }
 
     pub(super) fn bytes(&self) -> &[u8] {
-        // SAFETY: the allocation is `len` initialised bytes and nobody writes while `self` is borrowed.
+        // SAFETY: the allocation is `len` initialised bytes and is not written while `self` is borrowed.
         unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.len()) }
     }
 

@@ -1,9 +1,9 @@
 //! ONNX Runtime on one device: sessions, memory and their bindings.
 //!
-//! [`Ort`] is the library itself, loaded by path. A [`Device`] makes `Graph`s (sessions, shared by everybody) and
-//! `ExecutionContext`s (one rollout's memory and bound runs, in order). What lies behind a context may be host memory or a graphics
-//! device: users name buffers by handle, move bytes only through `ExecutionContext`, and wait only in `ExecutionContext::read` and
-//! `ExecutionContext::finite`.
+//! [`Ort`] is the library itself, loaded by path. A [`Device`] makes `Graph`s (sessions, shared by all rollouts) and
+//! `ExecutionContext`s (the buffers and bound graphs of one rollout, with its work in order). A context's memory may be host memory
+//! or a graphics device's: users name buffers by handle, move bytes only through `ExecutionContext`, and wait for the device only
+//! in `ExecutionContext::read`, `ExecutionContext::not_finite` and `ExecutionContext::rest`.
 
 mod cpu;
 mod device;

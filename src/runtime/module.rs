@@ -1,4 +1,4 @@
-//! Libraries of this process and their versions. Windows only.
+//! Loaded libraries of this process and their versions. Windows only.
 
 use std::ffi::c_void;
 use std::fmt;
@@ -9,23 +9,23 @@ use windows::Win32::Foundation::HMODULE;
 use windows::Win32::System::LibraryLoader::{GetModuleFileNameW, GetModuleHandleW};
 use windows::core::{BOOL, PCWSTR, w};
 
-/// A library that is in this process already.
+/// A library that this process has loaded.
 pub(super) struct Module {
     pub(super) handle: HMODULE,
     pub(super) path: PathBuf,
 }
 
-/// The first library of this process with a name, whoever loaded it.
+/// The first library of this name in the process, whoever loaded it.
 pub(super) fn loaded(name: PCWSTR) -> Option<Module> {
     // SAFETY: a NUL-terminated name, by the type's promise; no reference is taken.
     let handle = unsafe { GetModuleHandleW(name) }.ok()?;
     let mut wide = vec![0; 1 << 15];
-    // SAFETY: a loaded module and memory of the length that the slice tells.
+    // SAFETY: a loaded module and a buffer with its length.
     let length = unsafe { GetModuleFileNameW(Some(handle), &mut wide) } as usize;
     Some(Module { handle, path: String::from_utf16_lossy(&wide[..length]).into() })
 }
 
-// The bindings have these in a part that holds all of the file system besides.
+// The `windows` crate has these only in a feature that also adds the whole file system API.
 windows::core::link!("version.dll" "system" fn GetFileVersionInfoSizeW(file: PCWSTR, handle: *mut u32) -> u32);
 windows::core::link!("version.dll" "system" fn GetFileVersionInfoW(file: PCWSTR, handle: u32, size: u32, block: *mut c_void) -> BOOL);
 windows::core::link!("version.dll" "system" fn VerQueryValueW(block: *const c_void, name: PCWSTR, found: *mut *const c_void, length: *mut u32) -> BOOL);
@@ -45,22 +45,22 @@ impl fmt::Display for Version {
 }
 
 impl Version {
-    /// What a library's file says of itself, where it says it.
+    /// The version in a library file's version resource; `None` without one.
     pub(super) fn of(path: &Path) -> Option<Self> {
         let name: Vec<u16> = path.as_os_str().encode_wide().chain([0]).collect();
         let name = PCWSTR(name.as_ptr());
         // SAFETY: a NUL-terminated path that lives during the call.
         let size = unsafe { GetFileVersionInfoSizeW(name, std::ptr::null_mut()) };
         let mut block = vec![0u8; size as usize];
-        // SAFETY: as above, and memory of the size told.
+        // SAFETY: as above, and a buffer of the size from the call above.
         unsafe { GetFileVersionInfoW(name, 0, size, block.as_mut_ptr().cast()) }.ok().ok()?;
         let (mut found, mut length) = (std::ptr::null(), 0);
-        // SAFETY: a block that the call above filled, a static name, and places that live during the call.
+        // SAFETY: a block that the call above filled, a static name, and pointers that are valid during the call.
         let there = unsafe { VerQueryValueW(block.as_ptr().cast(), w!("\\"), &mut found, &mut length) };
         if !there.as_bool() || found.is_null() || (length as usize) < size_of::<Fixed>() {
             return None;
         }
-        // SAFETY: inside the block, as long as told; the file may have placed it anywhere.
+        // SAFETY: inside the block and long enough, as checked; it may be unaligned.
         let [_, _, high, low] = unsafe { found.cast::<Fixed>().read_unaligned() };
         let halves = |word: u32| [(word >> 16) as u16, word as u16];
         let ([a, b], [c, d]) = (halves(high), halves(low));
@@ -68,7 +68,7 @@ impl Version {
     }
 }
 
-/// What decides what a graphics device computes, beside its driver: libraries by the names under which they are loaded.
+/// The libraries that, beside the driver, determine a graphics device's results, by the names under which they are loaded.
 const DECIDING: [PCWSTR; 9] = [
     w!("onnxruntime.dll"),
     w!("DirectML.dll"),
@@ -86,12 +86,12 @@ const DECIDING: [PCWSTR; 9] = [
 pub struct LoadedLibrary {
     /// Its file.
     pub path: PathBuf,
-    /// The version that its file tells, e.g. `1.15.4.0`.
+    /// The version in its file's version resource, e.g. `1.15.4.0`.
     pub version: Option<String>,
 }
 
-/// Those of the libraries of this process on which it depends what a graphics device computes: of ONNX Runtime, DirectML, Direct3D
-/// and AMD's ffx-api. For manifests; what was not loaded yet is not among them. Windows only.
+/// The loaded libraries that determine a graphics device's results: those of ONNX Runtime, DirectML, Direct3D and AMD's ffx-api.
+/// For manifests. Libraries that are not loaded yet are missing. Windows only.
 pub fn loaded_libraries() -> Vec<LoadedLibrary> {
     DECIDING
         .into_iter()
@@ -103,7 +103,7 @@ pub fn loaded_libraries() -> Vec<LoadedLibrary> {
         .collect()
 }
 
-/// A library's path with the version its file tells, for messages.
+/// A library's path and the version of its file, for messages.
 pub(super) fn described(path: &Path) -> String {
     match Version::of(path) {
         Some(version) => format!("{} (version {version})", path.display()),

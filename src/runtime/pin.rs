@@ -1,15 +1,16 @@
-//! Keeping this very library loaded. ONNX Runtime's environment can be started once in a process and lives until its end; it
-//! calls this library's log function, so a host that unloads the library must not take that code away.
+//! Keeps this library loaded. ONNX Runtime's environment can be started only once in a process and lives until its end. It calls
+//! this library's log function, so unloading the library would leave it with a dangling pointer.
 
 #[cfg(target_os = "linux")]
 pub(super) fn pin_this_library() {
     use libloading::os::unix::{Library, RTLD_NOW};
 
-    /// From `dlfcn.h`, for every processor ONNX Runtime is made for: only what is loaded already, and closing does not unload.
+    /// From `dlfcn.h`, the same for every processor that ONNX Runtime supports: opens only what is loaded already, and closing does
+    /// not unload.
     const RTLD_NOLOAD: i32 = 0x4;
     const RTLD_NODELETE: i32 = 0x1000;
     let Some(path) = crate::libraries::own_module() else { return };
-    // A program that has the library linked in is no library, cannot be opened as one, and needs no pin.
+    // If the library is linked into the program, the file cannot be opened as a library and needs no pin.
     // SAFETY: the file is loaded already, so none of its initialisers runs.
     if let Ok(library) = unsafe { Library::open(Some(path), RTLD_NOW | RTLD_NOLOAD | RTLD_NODELETE) } {
         std::mem::forget(library);
@@ -28,7 +29,7 @@ pub(super) fn pin_this_library() {
     }
     let here = pin_this_library as fn() as *const c_void;
     let mut module = std::ptr::null_mut();
-    // SAFETY: `here` lies in this module, and `module` takes the handle, which nobody needs.
+    // SAFETY: `here` is an address in this module, and `module` receives the handle, which is not used.
     unsafe {
         GetModuleHandleExW(GET_MODULE_HANDLE_EX_FLAG_PIN | GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, here, &mut module);
     }

@@ -1,4 +1,4 @@
-//! A context that can be told to stop.
+//! An execution context that can be stopped.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,14 +10,14 @@ use super::{Device, Graph};
 use crate::bundle::Precision;
 use crate::{Error, ErrorKind, Result};
 
-/// A context that begins no run while its flag is set. All else goes on, so that what a failed run left can be put right.
+/// A context that starts no run while its flag is set. All other calls work, so that the state can be restored after a failed run.
 pub(crate) struct StoppableContext {
     inner: Box<dyn ExecutionContext>,
     stop: Arc<AtomicBool>,
 }
 
 impl StoppableContext {
-    /// A context of `device` that heeds `stop`.
+    /// A context of `device` that is stopped by `stop`.
     pub(crate) fn new(device: &Device, stop: Arc<AtomicBool>) -> Result<Self> {
         Ok(Self { inner: device.context()?, stop })
     }
@@ -64,8 +64,8 @@ impl ExecutionContext for StoppableContext {
         self.inner.back_up(of)
     }
 
-    fn put_back(&mut self, backup: Backup) -> Result<()> {
-        self.inner.put_back(backup)
+    fn restore_backup(&mut self, backup: Backup) -> Result<()> {
+        self.inner.restore_backup(backup)
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
@@ -115,22 +115,22 @@ impl ExecutionContext for StoppableContext {
     }
 
     #[cfg(windows)]
-    fn room_on_device(
+    fn allocate_snapshot(
         &mut self,
         latent: BufferId,
         pictures: usize,
         size: (u32, u32),
     ) -> Result<Option<super::Snapshot>> {
-        self.inner.room_on_device(latent, pictures, size)
+        self.inner.allocate_snapshot(latent, pictures, size)
     }
 
     #[cfg(windows)]
-    fn keep_on_device(
+    fn fill_snapshot(
         &mut self,
         decoded: &super::Decoded<'_>,
         latent: BufferId,
         into: &mut super::Snapshot,
     ) -> Result<()> {
-        self.inner.keep_on_device(decoded, latent, into)
+        self.inner.fill_snapshot(decoded, latent, into)
     }
 }

@@ -1,4 +1,4 @@
-//! A loop that is being shared, and the list in which other threads find it.
+//! A shared loop, and the list in which other threads find it.
 
 use std::any::Any;
 use std::ops::Range;
@@ -10,31 +10,31 @@ use parking_lot::{Condvar, Mutex};
 
 use super::{Body, Executor, Set, calling_thread};
 
-/// Loops that may run at the same time. The list never grows, so that nothing is allocated on the way; a loop that finds no
-/// room runs on its own thread.
+/// Maximum number of shared loops at a time. The list never grows, so nothing is allocated while a loop runs; a loop that finds the
+/// list full runs on its own thread.
 const CAPACITY: usize = 256;
-/// Parts of what is left of a loop for each thread that shares it.
+/// Number of parts per thread into which the remaining indices of a loop are divided.
 const PARTS_PER_THREAD: usize = 4;
-/// How often a thread that has nothing to do looks for more, some ten microseconds in all, before it sleeps: the loops of a frame
-/// follow closely upon each other. It does not yield, as on a busy machine it would come back much later than one that was woken.
+/// Spin iterations of an idle thread, some ten microseconds in all, before it sleeps: the loops of a frame follow each other
+/// closely. It does not yield, because on a busy machine it would resume much later than a thread that is woken.
 const LOOKS: usize = 64;
-/// Pauses of the processor between two looks.
+/// Processor pauses in one spin iteration.
 const PAUSES: usize = 8;
 
 fn pause() {
     (0..PAUSES).for_each(|_| std::hint::spin_loop());
 }
 
-/// A loop on the stack of the thread that started it.
+/// A loop, stored on the stack of the thread that started it.
 pub(super) struct Loop<'a> {
     len: usize,
-    /// The fewest indices a thread claims at a time.
+    /// Minimum number of indices that a thread claims at a time.
     min_len: usize,
-    /// The most threads that may share it, its own among them.
+    /// Maximum number of threads that may share it, its own included.
     pub(super) threads: usize,
     body: &'a Body<'a>,
     caller: ThreadId,
-    /// The first index that nobody has claimed.
+    /// The first unclaimed index.
     next: AtomicUsize,
     panic: Mutex<Option<Box<dyn Any + Send>>>,
 }
@@ -45,7 +45,8 @@ impl<'a> Loop<'a> {
         Self { len, min_len, threads, body, caller, next: AtomicUsize::new(0), panic: Mutex::new(None) }
     }
 
-    /// Claims a part of what is left, which gets smaller towards the end, so that all threads end at about the same time.
+    /// Claims a part of the remaining indices. Parts become smaller towards the end, so that all threads end at about the same
+    /// time.
     fn claim(&self) -> Option<Range<usize>> {
         let mut start = self.next.load(Ordering::Relaxed);
         while start < self.len {
@@ -64,7 +65,7 @@ impl<'a> Loop<'a> {
         self.next.load(Ordering::Relaxed) >= self.len
     }
 
-    /// Runs what nobody has claimed. The first panic ends the loop, and is kept for the thread that started it.
+    /// Runs unclaimed indices until there are none. The first panic ends the loop, and is stored for the thread that started it.
     fn work(&self, slot: usize) {
         let worked = catch_unwind(AssertUnwindSafe(|| {
             while let Some(range) = self.claim() {
@@ -76,7 +77,7 @@ impl<'a> Loop<'a> {
             let mut kept = self.panic.lock();
             match &*kept {
                 None => *kept = Some(payload),
-                // To drop what a panic threw runs foreign code, which may panic again.
+                // Dropping a panic's payload runs foreign code, which may panic again.
                 Some(_) => std::mem::forget(payload),
             }
         }
@@ -86,11 +87,12 @@ impl<'a> Loop<'a> {
 /// A loop in the list.
 struct Entry {
     ticket: usize,
-    /// Valid as long as the entry is there: the loop's thread takes it out, and waits for those inside, before it goes on.
+    /// Valid as long as the entry is in the list: before it returns, the loop's thread removes the entry and waits for the threads
+    /// inside.
     of: *const Loop<'static>,
-    /// Threads that came to it so far, its own among them: the next one's slot.
+    /// Threads that have entered so far, its own included: the slot of the next one.
     slots: usize,
-    /// Threads inside, other than its own.
+    /// Threads inside, its own excluded.
     inside: usize,
 }
 
@@ -100,11 +102,11 @@ unsafe impl Send for Entry {}
 /// The loops that other threads may share.
 pub(super) struct Loops {
     list: Mutex<List>,
-    /// There is another loop, or the end.
+    /// Signalled when a loop is published, or the pool closes.
     work: Condvar,
-    /// A thread has left a loop.
+    /// Signalled when a thread has left a loop.
     left: Condvar,
-    /// Counts loops, for threads that look for one without the lock.
+    /// Counts published loops, so that spinning threads can detect a new one without the lock.
     published: AtomicUsize,
 }
 
@@ -120,7 +122,7 @@ impl Loops {
         Self { list: Mutex::new(list), work: Condvar::new(), left: Condvar::new(), published: AtomicUsize::new(0) }
     }
 
-    /// Gives back the room for loops.
+    /// Frees the list's memory if it is empty.
     pub(super) fn release(&self) {
         let mut list = self.list.lock();
         if list.entries.is_empty() {
@@ -128,20 +130,20 @@ impl Loops {
         }
     }
 
-    /// Makes room for all loops there may be; without it none is shared.
+    /// Allocates the list; without it no loop is shared.
     pub(super) fn reserve(&self) {
         let mut list = self.list.lock();
         let more = CAPACITY - list.entries.len();
-        // Without memory loops run on their own threads.
+        // If this fails, loops run on their own threads.
         _ = list.entries.try_reserve_exact(more);
     }
 
-    /// Runs a loop on this thread and on those that `call` brings, which gets its ticket. Returns when all of it has run and no
-    /// other thread is in it.
+    /// Runs a loop on this thread and on the threads that `call` makes available; `call` gets the loop's ticket. Returns when all
+    /// of the loop has run and no other thread is inside.
     pub(super) fn run(&self, this: &Loop<'_>, call: impl FnOnce(usize)) {
         let ticket = self.publish(this);
         if let Some(ticket) = ticket {
-            // A host's function stands behind it, which must not keep the loop in the list.
+            // `call` runs a host's function; its panic must not leave the loop in the list.
             let called = catch_unwind(AssertUnwindSafe(|| call(ticket)));
             if let Err(payload) = called {
                 this.next.store(this.len, Ordering::Relaxed);
@@ -170,7 +172,7 @@ impl Loops {
         Some(ticket)
     }
 
-    /// Takes a loop whose indices are all claimed out of the list when nobody is in it any more.
+    /// Removes a loop, whose indices are all claimed, from the list when no other thread is inside.
     fn withdraw(&self, ticket: usize) {
         for _ in 0..LOOKS {
             if self.list.lock().take_out(ticket) {
@@ -184,14 +186,14 @@ impl Loops {
         }
     }
 
-    /// Wakes threads of a pool for a loop.
+    /// Wakes up to `threads` threads of a pool for a loop.
     pub(super) fn wake(&self, threads: usize) {
         for _ in 0..threads {
             self.work.notify_one();
         }
     }
 
-    /// Shares the loop of a ticket until all of it is claimed. One that is over, or never was, is left alone.
+    /// Works on the loop of a ticket until all of it is claimed. Does nothing if there is no such loop any more.
     pub(super) fn share(&self, ticket: usize, executor: Executor) {
         let entered = self.list.lock().enter(|entry| entry.ticket == ticket);
         if let Some(entered) = entered {
@@ -199,7 +201,7 @@ impl Loops {
         }
     }
 
-    /// The life of a pool's thread.
+    /// The main function of a pool's thread.
     pub(super) fn serve(&self, executor: Executor) {
         let mut seen = usize::MAX;
         loop {
@@ -228,7 +230,7 @@ impl Loops {
 
     fn work_in(&self, entered: &Entered, executor: Executor) {
         {
-            // SAFETY: this thread is counted as inside, so the loop stays where it is.
+            // SAFETY: this thread is counted as inside, so the loop stays valid.
             let this = unsafe { &*entered.of };
             let _executor = Set::new(&super::EXECUTOR, executor);
             let _caller = Set::new(&super::WORKS_FOR, Some(this.caller));
@@ -242,7 +244,7 @@ impl Loops {
         self.left.notify_all();
     }
 
-    /// Ends all threads that serve.
+    /// Ends all threads in [`serve`](Self::serve).
     pub(super) fn close(&self) {
         self.list.lock().closing = true;
         self.published.fetch_add(1, Ordering::Release);
@@ -250,7 +252,7 @@ impl Loops {
     }
 }
 
-/// A thread's way into a loop.
+/// A thread's entry into a loop.
 struct Entered {
     ticket: usize,
     of: *const Loop<'static>,
@@ -258,10 +260,11 @@ struct Entered {
 }
 
 impl List {
-    /// Goes into the latest loop for which `is_wanted` holds and that has work and a slot left: what others wait for ends first.
+    /// Enters the latest loop for which `is_wanted` holds and that has work and a slot left. The latest comes first because other
+    /// loops may wait for it.
     fn enter(&mut self, is_wanted: impl Fn(&Entry) -> bool) -> Option<Entered> {
         let entry = self.entries.iter_mut().rev().filter(|entry| is_wanted(entry)).find(|entry| {
-            // SAFETY: the loop is there as long as its entry.
+            // SAFETY: the loop is valid as long as its entry exists.
             let this = unsafe { &*entry.of };
             entry.slots < this.threads && !this.is_claimed()
         })?;

@@ -1,8 +1,8 @@
-//! Loops that several threads share: over the library's own pool, over a host's job system, or on the calling thread alone.
+//! Parallel loops: over the library's own pool, over a host's job system, or on the calling thread alone.
 //!
-//! A loop's pieces are claimed by index from one counter, so each runs exactly once, on whichever thread comes first, and no
-//! result depends on which one that was. The pool's threads start with the first loop that runs while a `Use` lives, and are
-//! joined when the last one is dropped: nothing of the library runs after its last object.
+//! Threads claim a loop's indices from one counter, so each index runs exactly once, on any thread, and no result depends on which.
+//! The pool's threads start with the first loop while a `Use` exists, and are joined when the last `Use` is dropped: no thread of
+//! the library outlives its last object.
 
 mod jobs;
 mod parallel;
@@ -20,29 +20,29 @@ pub(crate) use settings::{Use, physical_cores};
 
 use jobs::Loop;
 
-/// What runs the loops of this thread.
+/// Executor of this thread's loops.
 #[derive(Clone, Copy)]
 enum Executor {
-    /// What the process is set to.
+    /// The process's setting: pool or host's job system.
     Process,
-    /// A pool that outlives the setting.
+    /// This pool, which outlives the setting.
     Pool(*const pool::Shared),
     /// This thread alone.
     Alone,
 }
 
 thread_local! {
-    // Without destructors: those would keep the library loaded, or run after it is gone.
+    // Without destructors, which would keep the library loaded or run after it is unloaded.
     static EXECUTOR: Cell<Executor> = const { Cell::new(Executor::Process) };
     static WORKS_FOR: Cell<Option<ThreadId>> = const { Cell::new(None) };
 }
 
-/// The thread whose call the current thread works for: itself, or the one that started the loop it shares.
+/// The thread that the current thread works for: itself, or the one that started the loop it shares.
 pub(crate) fn calling_thread() -> ThreadId {
     WORKS_FOR.get().unwrap_or_else(|| std::thread::current().id())
 }
 
-/// The most threads that may share a loop of this thread, itself among them.
+/// Maximum number of threads that may share a loop of this thread, itself included.
 pub(crate) fn concurrency() -> usize {
     match EXECUTOR.get() {
         Executor::Process => settings::concurrency(),
@@ -62,13 +62,13 @@ pub(crate) fn for_each_index(len: usize, body: impl Fn(usize) + Sync) {
     for_each_range(len, 1, |range| range.for_each(&body));
 }
 
-/// Runs `body(slot, index)` for all of `0..len`. No two calls that run at the same time have the same slot, and slots are
-/// below `slots` (at least 1).
+/// Runs `body(slot, index)` for all of `0..len`. No two concurrent calls have the same slot, and slots are below `slots` (at least
+/// 1).
 fn for_each_in_slot(len: usize, min_len: usize, slots: usize, body: impl Fn(usize, usize) + Sync) {
     run(len, min_len, slots, &|slot, range| range.for_each(|index| body(slot, index)));
 }
 
-/// Runs both works, on two threads where there are two.
+/// Runs both closures, on two threads if there are two.
 pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     use parking_lot::Mutex;
     enum Work<F, R> {
@@ -95,13 +95,13 @@ pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnc
     }
 }
 
-/// As [`join`], for works that have loops of their own. A host's job system gets those one after the other, as not every one
-/// bears a job that waits for others.
+/// As [`join`], for closures that contain loops. On a host's job system they run one after the other, because not every job system
+/// supports jobs that wait for others.
 pub(crate) fn join_loops<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     if matches!(EXECUTOR.get(), Executor::Process) && settings::has_scheduler() { (a(), b()) } else { join(a, b) }
 }
 
-/// What a loop calls: with the slot of the thread, and the indices it has claimed.
+/// The function that a loop calls, with the thread's slot and the indices that it has claimed.
 type Body<'a> = dyn Fn(usize, Range<usize>) + Sync + 'a;
 
 fn run(len: usize, min_len: usize, slots: usize, body: &Body<'_>) {
@@ -122,7 +122,7 @@ fn run(len: usize, min_len: usize, slots: usize, body: &Body<'_>) {
     }
 }
 
-/// Sets a thread's value for as long as it lives.
+/// Sets a thread-local value, and restores the previous one when dropped.
 struct Set<T: Copy + 'static> {
     cell: &'static std::thread::LocalKey<Cell<T>>,
     before: T,

@@ -1,25 +1,25 @@
-//! Slices as parallel iterators: every item is found by its index, and threads claim ranges of indices.
+//! Parallel iterators over slices: each item is accessed by its index, and threads claim ranges of indices.
 
 use std::marker::PhantomData;
 
 use super::{for_each_in_slot, for_each_range};
 
-/// Items that threads take by index.
+/// Items that threads access by index.
 ///
 /// # Safety
-/// Items of different indices below `len` do not overlap, so that threads may take them at the same time.
+/// Items of different indices below `len` do not overlap, so that threads may access them concurrently.
 pub(crate) unsafe trait Parallel: Sized + Sync {
     type Item;
 
     fn len(&self) -> usize;
 
-    /// The fewest items a thread claims at a time.
+    /// Minimum number of items that a thread claims at a time.
     fn min_len(&self) -> usize {
         1
     }
 
     /// # Safety
-    /// `index` is below `len`, and no index is taken twice.
+    /// `index` is below `len`, and no index is used twice.
     unsafe fn item(&self, index: usize) -> Self::Item;
 
     /// Every item with its index.
@@ -27,17 +27,17 @@ pub(crate) unsafe trait Parallel: Sized + Sync {
         Enumerate(self)
     }
 
-    /// Pairs, as many as both sides have items.
+    /// Pairs of items; ends with the shorter side.
     fn zip<B: Parallel>(self, other: B) -> Zip<Self, B> {
         Zip(self, other)
     }
 
-    /// The first `count` items, or all where there are fewer.
+    /// The first `count` items, or all if there are fewer.
     fn take(self, count: usize) -> Take<Self> {
         Take(self, count)
     }
 
-    /// Sets the fewest items a thread claims at a time.
+    /// Sets the minimum number of items that a thread claims at a time.
     fn with_min_len(self, min_len: usize) -> MinLen<Self> {
         MinLen(self, min_len)
     }
@@ -52,8 +52,8 @@ pub(crate) unsafe trait Parallel: Sized + Sync {
         });
     }
 
-    /// As [`for_each`](Self::for_each), with a slot below `slots` (at least 1) that no other call at the same time has: where
-    /// working memory of a thread's own is found.
+    /// As [`for_each`](Self::for_each), with a slot below `slots` (at least 1) that no concurrent call has: an index for per-thread
+    /// scratch memory.
     fn for_each_in_slot(self, slots: usize, body: impl Fn(usize, Self::Item) + Sync) {
         for_each_in_slot(self.len(), self.min_len(), slots, |slot, index| {
             // SAFETY: as above.
@@ -62,7 +62,7 @@ pub(crate) unsafe trait Parallel: Sized + Sync {
     }
 }
 
-/// Shared slices.
+/// Parallel iteration over shared slices.
 pub(crate) trait ParallelSlice<T: Sync> {
     /// Every value.
     fn par_iter(&self) -> Items<'_, T>;
@@ -70,7 +70,7 @@ pub(crate) trait ParallelSlice<T: Sync> {
     fn par_chunks(&self, size: usize) -> Chunks<'_, T>;
 }
 
-/// Slices that are written.
+/// Parallel iteration over mutable slices.
 pub(crate) trait ParallelSliceMut<T: Send> {
     /// Every value.
     fn par_iter_mut(&mut self) -> ItemsMut<'_, T>;
@@ -120,7 +120,7 @@ pub(crate) struct ChunksMut<'a, T> {
     _slice: PhantomData<&'a mut [T]>,
 }
 
-// SAFETY: threads get exclusive slices of values that may be sent to them, and nothing else of it.
+// SAFETY: threads get only exclusive slices of values that are `Send`.
 unsafe impl<T: Send> Sync for ChunksMut<'_, T> {}
 
 // SAFETY: shared references may overlap.
@@ -160,8 +160,8 @@ unsafe impl<'a, T: Send> Parallel for ChunksMut<'a, T> {
 
     unsafe fn item(&self, index: usize) -> &'a mut [T] {
         let start = index * self.size;
-        // SAFETY: `start` is below `len` as `index` is below the number of chunks, the chunk ends with the slice at the latest,
-        // and is borrowed by nobody else as its index is taken once.
+        // SAFETY: `start` is below `len` because `index` is below the number of chunks. The chunk ends within the slice, and is
+        // borrowed only once because its index is used once.
         unsafe { std::slice::from_raw_parts_mut(self.start.add(start), self.size.min(self.len - start)) }
     }
 }
@@ -175,7 +175,7 @@ unsafe impl<'a, T: Send> Parallel for ItemsMut<'a, T> {
     }
 
     unsafe fn item(&self, index: usize) -> &'a mut T {
-        // SAFETY: a chunk of one value, by the caller's promise.
+        // SAFETY: a chunk of one value, by the caller's guarantee.
         unsafe { &mut self.0.item(index)[0] }
     }
 }
@@ -196,7 +196,7 @@ unsafe impl<P: Parallel> Parallel for Enumerate<P> {
     }
 
     unsafe fn item(&self, index: usize) -> Self::Item {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller's guarantee.
         (index, unsafe { self.0.item(index) })
     }
 }
@@ -217,7 +217,7 @@ unsafe impl<A: Parallel, B: Parallel> Parallel for Zip<A, B> {
     }
 
     unsafe fn item(&self, index: usize) -> Self::Item {
-        // SAFETY: the caller's promise; the index is below the length of both.
+        // SAFETY: the caller's guarantee; the index is below the length of both.
         unsafe { (self.0.item(index), self.1.item(index)) }
     }
 }
@@ -238,7 +238,7 @@ unsafe impl<P: Parallel> Parallel for Take<P> {
     }
 
     unsafe fn item(&self, index: usize) -> Self::Item {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller's guarantee.
         unsafe { self.0.item(index) }
     }
 }
@@ -259,7 +259,7 @@ unsafe impl<P: Parallel> Parallel for MinLen<P> {
     }
 
     unsafe fn item(&self, index: usize) -> Self::Item {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller's guarantee.
         unsafe { self.0.item(index) }
     }
 }

@@ -1,4 +1,4 @@
-//! Threads of the library's own.
+//! The library's own thread pool.
 
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -8,7 +8,7 @@ use super::settings::{MAX_THREADS, Priority};
 use super::{EXECUTOR, Executor, Set};
 use crate::{Error, ErrorKind, Result};
 
-/// Threads that share loops with whoever starts one. They are joined when it is dropped.
+/// Threads that share the loops of calling threads. They are joined when the pool is dropped.
 ///
 /// Threads: may be used from any thread, by several at a time.
 pub struct Pool {
@@ -22,10 +22,10 @@ pub(super) struct Shared {
 }
 
 impl Pool {
-    /// A pool in which `concurrency` threads share a loop, 1 to 1025, the calling one among them.
+    /// A pool in which `concurrency` threads share a loop, 1 to 1025, the calling one included.
     ///
     /// # Errors
-    /// `InvalidArgument` for another number, `OutOfMemory` when the system gives no thread.
+    /// `InvalidArgument` for another number, `OutOfMemory` when the system cannot start a thread.
     pub fn new(concurrency: usize) -> Result<Self> {
         if !(1..=MAX_THREADS + 1).contains(&concurrency) {
             return Err(Error::new(ErrorKind::InvalidArgument, format!("{concurrency} threads"))
@@ -39,7 +39,7 @@ impl Pool {
         }
     }
 
-    /// Starts as many of `threads` as the system gives; why it did not give more.
+    /// Starts up to `threads` threads; also returns the error if the system starts fewer.
     pub(super) fn start(threads: usize, priority: Priority) -> (Self, Option<std::io::Error>) {
         let shared = Arc::new(Shared { loops: Loops::new(), threads });
         shared.loops.reserve();
@@ -59,7 +59,7 @@ impl Pool {
         (pool, None)
     }
 
-    /// Does `work` on this thread; the library's loops in it are shared with this pool and no other.
+    /// Runs `work` on this thread; the library's loops in it are shared with this pool only.
     pub fn install<R>(&self, work: impl FnOnce() -> R) -> R {
         let _set = Set::new(&EXECUTOR, Executor::Pool(Arc::as_ptr(&self.shared)));
         work()
@@ -70,13 +70,13 @@ impl Pool {
     }
 
     pub(super) fn run(&self, this: &Loop<'_>) {
-        // Loops inside of it are the pool's as well.
+        // Loops inside of it use the pool as well.
         self.install(|| self.shared.run(this));
     }
 }
 
 impl Shared {
-    /// Threads that may share a loop, the one that starts it among them.
+    /// Threads that may share a loop, its own included.
     pub(super) fn concurrency(&self) -> usize {
         self.threads + 1
     }
@@ -90,7 +90,7 @@ impl Drop for Pool {
     fn drop(&mut self) {
         self.shared.loops.close();
         for thread in self.threads.drain(..) {
-            // What panics in a loop ends there.
+            // Panics in loops do not reach the thread's main function.
             _ = thread.join();
         }
     }

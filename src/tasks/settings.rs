@@ -1,4 +1,4 @@
-//! What the loops of the whole process run on, and for how long.
+//! Process-wide settings of loops, and the lifetime of the pool.
 
 use std::ffi::c_void;
 use std::sync::Arc;
@@ -10,26 +10,26 @@ use super::pool::Pool;
 use super::{EXECUTOR, Executor, Set};
 use crate::{Error, ErrorKind, Result};
 
-/// The most threads of a pool, and the most that a host's job system may have.
+/// Maximum number of threads of a pool, and of a host's job system.
 pub const MAX_THREADS: usize = 1024;
 
-/// How a pool's threads are scheduled by the system.
+/// System priority of a pool's threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Priority {
-    /// Below those of a game: `THREAD_PRIORITY_BELOW_NORMAL` on Windows, a nice value raised by 5 on Linux.
+    /// Below a game's threads: `THREAD_PRIORITY_BELOW_NORMAL` on Windows, a nice value raised by 5 on Linux.
     #[default]
     BelowNormal,
-    /// As the thread that starts the first loop has it, where the system hands that on: on Linux. On Windows `THREAD_PRIORITY_NORMAL`.
+    /// On Linux the priority of the thread that starts the first loop, which is inherited; on Windows `THREAD_PRIORITY_NORMAL`.
     Normal,
-    /// Behind all others: `THREAD_PRIORITY_LOWEST` on Windows, a nice value raised by 10 on Linux.
+    /// Below all other threads: `THREAD_PRIORITY_LOWEST` on Windows, a nice value raised by 10 on Linux.
     Lowest,
 }
 
-/// The library's own threads.
+/// Settings of the library's own threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ThreadOptions {
-    /// Threads of the pool, 1 to [`MAX_THREADS`], beside those that call the library. `None`: one less than the physical cores
-    /// this process may use, at least one.
+    /// Threads of the pool, 1 to [`MAX_THREADS`], in addition to those that call the library. `None`: one less than the physical
+    /// cores that this process may use, at least one.
     pub threads: Option<usize>,
     /// Their priority.
     pub priority: Priority,
@@ -37,11 +37,11 @@ pub struct ThreadOptions {
 
 /// A host's job system.
 pub trait Scheduler: Send + Sync {
-    /// The most threads that run jobs at the same time, the one that calls [`run`](Self::run) among them.
+    /// Maximum number of threads that run jobs at the same time, the caller of [`run`](Self::run) included.
     fn concurrency(&self) -> usize;
 
-    /// Calls `job(data)` up to `jobs` times, at the same time where it can, and returns when those calls have. What it leaves undone is
-    /// done by the thread that called it.
+    /// Calls `job(data)` up to `jobs` times, concurrently if possible, and returns when those calls have returned. The calling
+    /// thread does the remaining work.
     fn run(&self, jobs: usize, job: unsafe extern "C" fn(*mut c_void), data: *mut c_void);
 }
 
@@ -52,22 +52,22 @@ static STATE: Mutex<State> = Mutex::new(State {
     options: ThreadOptions { threads: None, priority: Priority::BelowNormal },
 });
 
-/// The loops that a host's job system shares. Its jobs name them by ticket, so that a job that comes late finds nothing.
+/// The loops that a host's job system shares. Its jobs refer to them by ticket, so that a late job finds none.
 static HOSTED: Loops = Loops::new();
 
 struct State {
-    /// `Use`s that live.
+    /// Number of existing `Use`s.
     uses: usize,
-    /// Started by the first loop while there are uses.
+    /// Started by the first loop while `uses` is not 0.
     pool: Option<Arc<Pool>>,
     scheduler: Option<Arc<dyn Scheduler>>,
     options: ThreadOptions,
 }
 
-/// Sets how many threads of its own the library starts, and their priority. They start with the first loop after that.
+/// Sets the number and priority of the library's own threads. They start with the next loop.
 ///
 /// # Errors
-/// `InvalidArgument` for a number of threads outside 1 to [`MAX_THREADS`]; `Busy` while an object lives that uses them.
+/// `InvalidArgument` for a number of threads outside 1 to [`MAX_THREADS`]; `Busy` while an object that uses them exists.
 pub fn set_threads(options: ThreadOptions) -> Result<()> {
     if let Some(threads) = options.threads.filter(|threads| !(1..=MAX_THREADS).contains(threads)) {
         return Err(Error::new(ErrorKind::InvalidArgument, format!("{threads} threads"))
@@ -78,10 +78,10 @@ pub fn set_threads(options: ThreadOptions) -> Result<()> {
     Ok(())
 }
 
-/// Sets a host's job system that loops run on in place of the library's own threads; `None` for these.
+/// Sets a host's job system, on which loops run instead of on the library's own threads; `None` for the latter.
 ///
 /// # Errors
-/// `InvalidArgument` when its concurrency is outside 1 to [`MAX_THREADS`]; `Busy` while an object lives that uses threads.
+/// `InvalidArgument` when its concurrency is outside 1 to [`MAX_THREADS`]; `Busy` while an object that uses threads exists.
 pub fn set_scheduler(scheduler: Option<Arc<dyn Scheduler>>) -> Result<()> {
     if let Some(threads) = scheduler.as_ref().map(|s| s.concurrency()).filter(|n| !(1..=MAX_THREADS).contains(n)) {
         return Err(Error::new(ErrorKind::InvalidArgument, format!("{threads} threads share a job system"))
@@ -97,12 +97,12 @@ pub fn set_scheduler(scheduler: Option<Arc<dyn Scheduler>>) -> Result<()> {
         }
         std::mem::replace(&mut state.scheduler, scheduler)
     };
-    // Dropped without the lock: it is foreign.
+    // Dropped without the lock, because its destructor is foreign code.
     drop(former);
     Ok(())
 }
 
-/// The state while nothing uses it.
+/// The locked state; `Busy` if any `Use` exists.
 fn idle() -> Result<parking_lot::MutexGuard<'static, State>> {
     let state = STATE.lock();
     if state.uses > 0 {
@@ -112,7 +112,7 @@ fn idle() -> Result<parking_lot::MutexGuard<'static, State>> {
     Ok(state)
 }
 
-/// Physical cores, or fewer where the process may use fewer processors.
+/// Number of physical cores, but at most the processors that the process may use.
 pub(crate) fn physical_cores() -> usize {
     let allowed = std::thread::available_parallelism().map_or(1, usize::from);
     sysinfo::System::physical_core_count().unwrap_or(allowed).clamp(1, allowed)
@@ -132,16 +132,16 @@ pub(super) fn has_scheduler() -> bool {
     STATE.lock().scheduler.is_some()
 }
 
-/// Held by what has loops. While one lives the process has the threads to share them; the last one ends these.
+/// Held by objects that run loops. While one exists, the process has threads to share loops; dropping the last ends them.
 #[derive(Debug)]
 pub(crate) struct Use {
     _private: (),
 }
 
-/// What a loop runs on.
+/// A pool or job system for a loop, kept alive while the loop runs.
 pub(super) struct Using {
     of: On,
-    // Given back last.
+    // Dropped last.
     _held: Use,
 }
 
@@ -156,7 +156,7 @@ impl Use {
         Self { _private: () }
     }
 
-    /// What there is to run a loop on while another use lives.
+    /// The pool or job system for a loop; `None` if no `Use` exists.
     pub(super) fn of_another() -> Option<Using> {
         let (using, failed) = {
             let mut state = STATE.lock();
@@ -173,7 +173,7 @@ impl Use {
             state.uses += 1;
             (Using { of, _held: Self { _private: () } }, failed)
         };
-        // Without the lock, as a host's log callback may call the library.
+        // Without the lock, because a host's log callback may call the library.
         if let Some(e) = failed {
             log::warn!("fewer threads than were asked for share the library's work, as the system gives no more: {e}");
         }
@@ -200,13 +200,13 @@ impl Drop for Use {
             state.uses -= 1;
             if state.uses == 0 { state.pool.take() } else { None }
         };
-        // Joined without the lock, and never by a thread of its own: these work for a loop only, which holds a use.
+        // Joined without the lock, and never by a thread of the pool: these run only loops, which hold a use.
         drop(ended);
     }
 }
 
 impl State {
-    /// The pool; where it was started for that, also why it has fewer threads than it should.
+    /// The pool; if this call started it with fewer threads than requested, also the error.
     fn pool(&mut self) -> (Arc<Pool>, Option<std::io::Error>) {
         if let Some(pool) = &self.pool {
             return (pool.clone(), None);
@@ -230,7 +230,7 @@ impl Using {
         match &self.of {
             On::Pool(pool) => pool.run(this),
             On::Scheduler(scheduler) => {
-                // Not every job system bears loops within jobs.
+                // Not every job system supports loops within jobs.
                 let _alone = Set::new(&EXECUTOR, Executor::Alone);
                 HOSTED.run(this, |ticket| scheduler.run(this.threads, job, std::ptr::without_provenance_mut(ticket)));
             }
@@ -238,13 +238,13 @@ impl Using {
     }
 }
 
-/// What a host's job system calls.
+/// The job that a host's job system calls.
 unsafe extern "C" fn job(ticket: *mut c_void) {
     HOSTED.share(ticket.addr(), Executor::Alone);
 }
 
 impl Priority {
-    /// Gives this thread the priority. One that the system does not give stays as it was.
+    /// Sets this thread's priority. If the system refuses, it stays unchanged.
     pub(super) fn apply(self) {
         platform::apply(self);
     }
@@ -280,7 +280,7 @@ mod platform {
         safe fn getpriority(which: c_int, who: u32) -> c_int;
         safe fn setpriority(which: c_int, who: u32, nice: c_int) -> c_int;
     }
-    /// From `sys/resource.h`. On Linux this with 0 is the calling thread.
+    /// From `sys/resource.h`. On Linux, with id 0 it means the calling thread.
     const PRIO_PROCESS: c_int = 0;
 
     pub(super) fn apply(priority: Priority) {

@@ -9,12 +9,12 @@ use parking_lot::Mutex;
 use super::*;
 use crate::ErrorKind;
 
-/// The settings are the process's: tests that change them come one after the other.
+/// The settings are global to the process: tests that change them run one after the other.
 static SETTINGS: Mutex<()> = Mutex::new(());
 
 type Job = unsafe extern "C" fn(*mut c_void);
 
-/// Calls `set_scheduler`, again where objects of other tests live.
+/// Calls `set_scheduler`, and retries while objects of other tests exist.
 fn set(scheduler: Option<Arc<dyn Scheduler>>) {
     while let Err(e) = set_scheduler(scheduler.clone()) {
         assert_eq!(e.kind(), ErrorKind::Busy);
@@ -22,7 +22,7 @@ fn set(scheduler: Option<Arc<dyn Scheduler>>) {
     }
 }
 
-/// The bits of a loop with float sums, which every order of its items must leave alone.
+/// Results of a loop with float sums, which must not depend on the order of its items.
 fn mixed() -> Vec<f32> {
     let given: Vec<f32> = (0..10_007).map(|i| (i as f32 * 0.37).sin()).collect();
     let mut out = vec![0.0_f32; given.len()];
@@ -115,7 +115,7 @@ fn a_panic_reaches_the_thread_that_started_the_loop_and_no_other() {
             pool.install(|| for_each_index(100, |index| assert!(index != 50, "fifty")));
         }));
         assert!(crate::error::panic_text(&*result.unwrap_err()).is_some_and(|text| text.contains("fifty")));
-        // The pool goes on.
+        // The pool still works.
         assert_eq!(pool.install(mixed).len(), 10_007);
     }
 }
@@ -145,7 +145,7 @@ fn threads_of_a_pool_have_their_priority() {
     for (priority, raised) in [(Priority::Normal, 0), (Priority::BelowNormal, 5), (Priority::Lowest, 10)] {
         let (pool, failed) = Pool::start(1, priority);
         assert!(failed.is_none());
-        // Both of its threads must come.
+        // Both threads that share the loop must take part.
         let (meet, found) = (std::sync::Barrier::new(2), Mutex::new(None));
         pool.install(|| {
             for_each_index(2, |_| {
@@ -180,20 +180,20 @@ fn settings_stand_while_an_object_lives() {
     set(None);
 }
 
-/// What a host's job system may do with the jobs it is given.
+/// What a host's job system does with its jobs.
 #[derive(Clone, Copy, PartialEq)]
 enum Manner {
-    /// What it should.
+    /// Runs them as documented.
     Good,
-    /// None of them.
+    /// Runs none.
     None,
-    /// One, and on the calling thread.
+    /// Runs one, on the calling thread.
     One,
-    /// All of them many times over.
+    /// Runs all of them many times.
     Many,
-    /// All of them on other threads, and does not wait.
+    /// Runs all of them on other threads, and does not wait.
     Later,
-    /// All when it has returned and the loop is over.
+    /// Runs all of them after it has returned and the loop is over.
     Late,
 }
 
@@ -249,7 +249,7 @@ fn a_host_s_job_system_may_do_with_jobs_as_it_likes() {
             for _ in 0..10 {
                 assert!(mixed() == expected);
             }
-            // Loops within its jobs are not given to it.
+            // Loops within its jobs do not use it.
             for_each_index(20, |_| {
                 host.within.fetch_add(1, Ordering::SeqCst);
                 for_each_index(20, |_| {});
@@ -278,7 +278,7 @@ fn without_an_object_nothing_is_shared() {
     };
     let host = host(Manner::Late);
     set(Some(host.clone()));
-    // Objects of other tests may have it shared.
+    // Objects of other tests may share the loop.
     let me = std::thread::current().id();
     for_each_index(100, |_| assert_eq!(calling_thread(), me));
     set(None);

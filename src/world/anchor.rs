@@ -1,4 +1,4 @@
-//! Anchors that outlive the step that made them.
+//! Copies of anchors that outlive the next step.
 
 #[cfg(windows)]
 mod on_device;
@@ -9,11 +9,10 @@ use super::rollout::Rollout;
 use crate::runtime::Device;
 use crate::{Error, ErrorKind, Picture, Result};
 
-/// A copy of an anchor: its pictures, its latent and its place in the rollout. It stays as it is, whatever becomes of the
-/// rollout.
+/// A copy of an anchor: its pictures, its latent and its number in the rollout. It does not change when the rollout continues.
 ///
-/// On a Direct3D 12 device the copy is the device's: pictures are textures, and each comes into the processor's memory when it is
-/// read for the first time. There they are resized by a shader, which may differ from [`Rollout::read_picture`] by one step of 255.
+/// On a Direct3D 12 device the copy is in device memory: pictures are textures, and each is read back when it is read for the first
+/// time. A shader resizes them, which may differ from [`Rollout::read_picture`] by one step of 255.
 ///
 /// Threads: may be used from any thread at any time.
 #[derive(Debug)]
@@ -22,29 +21,30 @@ pub struct KeptAnchor {
     latents_per_second: u32,
     cut: bool,
     size: (u32, u32),
-    /// In order of time; the last is the anchor itself. Empty where only the device has it.
+    /// In order of time; the last is the anchor itself. An entry is empty until a picture on the device is read back.
     pictures: Vec<OnceLock<Picture>>,
     shape: [u32; 3],
     latent: OnceLock<Vec<f32>>,
-    /// Where it was made.
+    /// The device that made it.
     device: Option<Device>,
     #[cfg(windows)]
     on_device: Option<on_device::OnDevice>,
 }
 
 impl KeptAnchor {
-    /// Copies what `rollout` made last. `cut` says that nothing leads to it from the anchor before.
+    /// Copies the last latent and pictures of `rollout`. `cut` says that there is no continuous motion from the anchor before.
     ///
     /// # Errors
-    /// `InvalidArgument` before the first latent; `OutOfMemory` when there is no room for a copy; `Device` when it cannot be
-    /// read.
+    /// `InvalidArgument` before the first latent; `OutOfMemory` when there is no memory for a copy; `Device` when the result cannot
+    /// be read.
     pub fn of(rollout: &mut Rollout, cut: bool) -> Result<Self> {
         let mut anchor = Self::room(rollout)?;
         anchor.copy(rollout, cut)?;
         Ok(anchor)
     }
 
-    /// Memory for an anchor of `rollout`, before the step that makes it: what was made is not lost for want of room.
+    /// Allocates memory for an anchor of `rollout`. It is called before the step, so that the step's result is not lost when memory
+    /// is exhausted.
     ///
     /// # Errors
     /// `OutOfMemory`.
@@ -84,7 +84,8 @@ impl KeptAnchor {
         })
     }
 
-    /// Copies what `rollout`, whose room this is, made last. Allocates nothing that depends on the world.
+    /// Copies the last latent and pictures of `rollout`, for which this memory was allocated. Allocates nothing that depends on the
+    /// world.
     ///
     /// # Errors
     /// As [`of`](Self::of).
@@ -108,7 +109,7 @@ impl KeptAnchor {
         Ok(())
     }
 
-    /// An anchor of a picture that no world made: it has no latent and no rate.
+    /// An anchor from a picture that no world made: it has no latent and no rate.
     pub fn of_picture(picture: Picture, number: u64, cut: bool) -> Self {
         Self {
             number,
@@ -124,7 +125,7 @@ impl KeptAnchor {
         }
     }
 
-    /// The device it was made on; none for a picture that no world made.
+    /// The device that made it; `None` for a picture that no world made.
     pub fn device(&self) -> Option<&Device> {
         self.device.as_ref()
     }
@@ -139,7 +140,7 @@ impl KeptAnchor {
         self.latents_per_second
     }
 
-    /// Whether nothing leads to it from the anchor before.
+    /// Whether there is no continuous motion from the anchor before.
     pub fn is_cut(&self) -> bool {
         self.cut
     }
@@ -149,16 +150,15 @@ impl KeptAnchor {
         self.size
     }
 
-    /// Pictures that it has, in order of time; the last is the anchor itself. There is one at least.
+    /// Number of its pictures, in order of time; the last is the anchor itself. At least one.
     pub fn count(&self) -> usize {
         self.pictures.len()
     }
 
-    /// Picture `i`, from 0; waits for it where only the device has it.
+    /// Picture `i`, from 0; waits for it if only the device has it.
     ///
     /// # Errors
-    /// `InvalidArgument` for a picture that is not there; `OutOfMemory`, `Device`, `DeviceRemoved` when it cannot be had from the
-    /// device.
+    /// `InvalidArgument` for a picture that does not exist; `OutOfMemory`, `Device`, `DeviceRemoved` when it cannot be read back.
     pub fn read(&self, i: usize) -> Result<&Picture> {
         let picture = self.pictures.get(i).ok_or_else(|| {
             let cause = format!("there is no picture {i}; the anchor has {}", self.count());
@@ -173,7 +173,7 @@ impl KeptAnchor {
         }
     }
 
-    /// The picture that the anchor is.
+    /// The anchor's own picture, which is the last.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -181,7 +181,7 @@ impl KeptAnchor {
         self.read(self.count() - 1)
     }
 
-    /// Its latent, `[channels, height, width]`; empty where it has none. Waits for it where only the device has it.
+    /// Its latent, `[channels, height, width]`; empty if it has none. Waits for it if only the device has it.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -195,13 +195,13 @@ impl KeptAnchor {
         }
     }
 
-    /// Shape of its latent, `[channels, height, width]`; all 0 where it has none.
+    /// Shape of its latent, `[channels, height, width]`; all 0 if it has none.
     pub fn latent_shape(&self) -> [u32; 3] {
         self.shape
     }
 
-    /// Picture `i` where it was made, and when it is there: a texture of its size, RGBA8, that stays as it is. None where the
-    /// anchor was not made on a Direct3D 12 device, or has no such picture.
+    /// Picture `i` as a texture of its size, RGBA8, that does not change, and the fence point at which it is complete. `None` if
+    /// the anchor was not made on a Direct3D 12 device, or has no such picture.
     #[cfg(windows)]
     pub fn texture(
         &self,
@@ -210,8 +210,8 @@ impl KeptAnchor {
         self.on_device.as_ref()?.texture(i)
     }
 
-    /// Its latent where it was made, when it is there, and whether its numbers are halves and not floats. None as for
-    /// [`texture`](Self::texture).
+    /// Its latent as a buffer, the fence point at which it is complete, and whether its values are f16 instead of f32. `None` as
+    /// for [`texture`](Self::texture).
     #[cfg(windows)]
     pub(crate) fn latent_buffer(
         &self,
@@ -219,7 +219,7 @@ impl KeptAnchor {
         self.on_device.as_ref()?.latent()
     }
 
-    /// Whether the device is done with it, by its fence; always where the processor has it.
+    /// Whether the device has completed its copies, by their fence point; always true in host memory.
     pub fn has_arrived(&self) -> bool {
         #[cfg(windows)]
         if let Some(on_device) = &self.on_device {
@@ -249,7 +249,7 @@ impl KeptAnchor {
     }
 }
 
-/// Cannot come about: what the host has not, the device has.
+/// Does not occur: data that is not in host memory is on the device.
 fn nowhere() -> Error {
     Error::new(ErrorKind::InvalidState, "the anchor is nowhere")
 }

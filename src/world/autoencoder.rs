@@ -1,4 +1,4 @@
-//! Pictures to latents and back: the encoder, and the streaming decoder with its memories.
+//! Conversion between pictures and latents: the encoder, and the streaming decoder with its memories.
 
 use std::borrow::Borrow;
 
@@ -10,7 +10,7 @@ use crate::world::resize::Bilinear;
 use crate::world::world::World;
 use crate::{Error, ErrorKind, Picture, Result};
 
-/// A set of the decoder's memories and the pictures that were decoded with them.
+/// One set of the decoder's memories and the pictures decoded with them. There are two, used as a double buffer.
 struct Side {
     /// The memories in the bundle's order, then the pictures.
     buffers: Vec<BufferId>,
@@ -26,39 +26,39 @@ impl Side {
     }
 }
 
-/// The encoder's memories, where its graph is handed them.
+/// The encoder's memories, if its graph takes them as inputs.
 struct EncoderMemories {
-    /// As after the last appended picture in one side, where the stream is kept; the encoder writes the other.
+    /// One side has the state after the last appended picture, if the stream is kept; the encoder writes the other.
     sides: [Vec<BufferId>; 2],
-    /// The side that counts.
+    /// Index of the side with the committed state.
     current: usize,
     /// `continued[i]` reads side i and writes the other.
     continued: [BindingId; 2],
-    /// `fresh[i]` starts from zero and writes side i.
+    /// `fresh[i]` starts from zeroed memories and writes side i.
     fresh: [BindingId; 2],
-    /// What both sides are checked with: [`ExecutionContext::not_finite`].
+    /// Finite checks of both sides, for [`ExecutionContext::not_finite`].
     finite_checks: [FiniteCheckId; 2],
-    /// Whether a picture goes on where the one before it left off.
+    /// Whether each picture continues the stream of the one before it.
     is_kept: bool,
 }
 
-/// A latent that was decoded and does not count yet.
+/// A decoded latent that is not committed yet.
 pub(super) struct Decoding {
-    /// Where its memories and pictures are.
+    /// The side with its memories and pictures.
     side: usize,
-    /// The side that counts, where that was written.
+    /// Backup of the committed side, if decoding overwrote it.
     backup: Option<Backup>,
 }
 
 impl Decoding {
-    /// Which of [`Autoencoder::sides`] it is in.
+    /// Index of its side in [`Autoencoder::sides`].
     pub(super) fn side(&self) -> usize {
         self.side
     }
 }
 
 impl EncoderMemories {
-    /// None where the graph is handed none.
+    /// `None` if the graph takes no memories.
     fn new(context: &mut dyn ExecutionContext, world: &World, rgb: BufferId, latent: BufferId) -> Result<Option<Self>> {
         let element = crate::runtime::element_size(world.precision());
         let shapes = &world.manifest().geometry.autoencoder.encoder_memories;
@@ -85,24 +85,24 @@ impl EncoderMemories {
 
 /// A rollout's autoencoder.
 ///
-/// The decoder goes back and forth between two sides: it reads one side's memories and writes the other's, so that a
-/// failure leaves the side that counts as it was.
+/// The decoder alternates between two sides: it reads one side's memories and writes the other's, so that a failure leaves the
+/// committed side unchanged.
 pub(super) struct Autoencoder {
     shapes: Shapes,
     precision: Precision,
-    /// Starts from zero in every clip; none where the graph is handed its memories.
+    /// Binding of an encoder without memories, which starts from zero for each latent; `None` if the encoder has memories.
     clip: Option<BindingId>,
     memories: Option<EncoderMemories>,
     encoder_rgb: BufferId,
     /// `decode[i]` reads side i and writes the other.
     decode: [BindingId; 2],
     sides: [Side; 2],
-    /// The side that counts.
+    /// Index of the side with the committed state.
     current: usize,
 }
 
 impl Autoencoder {
-    /// Binds both graphs: `latent` is what the encoder writes and the decoder reads.
+    /// Binds both graphs; the encoder writes `latent` and the decoder reads it.
     pub(super) fn new(context: &mut dyn ExecutionContext, world: &World, latent: BufferId) -> Result<Self> {
         let element = crate::runtime::element_size(world.precision());
         let pictures_bytes = world.shapes.pictures * world.shapes.picture_len() * element;
@@ -129,9 +129,9 @@ impl Autoencoder {
         Ok(Self { shapes, precision, clip, memories, encoder_rgb, decode, sides, current: 0 })
     }
 
-    /// Makes the latent of pictures of any sizes, each resized: as many as a latent has, or one, which is repeated. Where the encoder's
-    /// stream is kept, it counts with [`commit_encoding`](Self::commit_encoding). Whether its memories are finite numbers then,
-    /// which is waited for, is the answer.
+    /// Encodes pictures of any sizes, each resized, to a latent: as many as a latent has, or one, which is repeated. If the
+    /// encoder's stream is kept, [`commit_encoding`](Self::commit_encoding) makes the new memories current, and this call waits and
+    /// returns whether they are finite; otherwise it returns true.
     pub(super) fn encode(&self, context: &mut dyn ExecutionContext, pictures: &[impl Borrow<Picture>]) -> Result<bool> {
         if pictures.len() != 1 && pictures.len() != self.shapes.pictures {
             let cause = format!("{} pictures make no latent", pictures.len());
@@ -156,19 +156,19 @@ impl Autoencoder {
         }
     }
 
-    /// Lets the encoder's stream go on from the pictures that were encoded last.
+    /// Makes the memories of the last encoding current, if the encoder's stream is kept.
     pub(super) fn commit_encoding(&mut self) {
         if let Some(memories) = self.memories.as_mut().filter(|memories| memories.is_kept) {
             memories.current = 1 - memories.current;
         }
     }
 
-    /// Whether appended pictures go on in the encoder's stream.
+    /// Whether appended pictures continue the encoder's stream.
     pub(super) fn keeps_stream(&self) -> bool {
         self.memories.as_ref().is_some_and(|memories| memories.is_kept)
     }
 
-    /// Lets appended pictures go on in the encoder's stream, which starts at zero, or no more.
+    /// Sets whether appended pictures continue the encoder's stream, which starts at zero.
     pub(super) fn keep_stream(&mut self, context: &mut dyn ExecutionContext, is_kept: bool) -> Result<()> {
         match &mut self.memories {
             Some(memories) if memories.is_kept != is_kept => {
@@ -186,11 +186,11 @@ impl Autoencoder {
         }
     }
 
-    /// Decodes the latent, after decoding it `prime` times for the memories' sake alone, for [`commit`](Self::commit) or
-    /// [`undo`](Self::undo). Nothing waits for it, and nobody has looked at its numbers. When it fails, the side that counts is as it
-    /// was.
+    /// Decodes the latent, after decoding it `prime` times only to fill the memories; [`commit`](Self::commit) or
+    /// [`undo`](Self::undo) must follow. Does not wait, and does not check for finite values. If it fails, the committed side is
+    /// unchanged.
     pub(super) fn decode(&self, context: &mut dyn ExecutionContext, prime: u32) -> Result<Decoding> {
-        // One run writes the side that does not count. More runs come back to the one that does.
+        // One run writes the side that is not committed; more runs overwrite the committed one.
         let backup = if prime > 0 { Some(context.back_up(&self.sides[self.current].buffers)?) } else { None };
         let side = 1 - (self.current + prime as usize) % 2;
         let decoding = Decoding { side, backup };
@@ -204,14 +204,14 @@ impl Autoencoder {
         }
     }
 
-    /// Lets what was decoded count.
+    /// Makes the decoded side the committed one.
     pub(super) fn commit(&mut self, decoding: Decoding) {
         self.current = decoding.side;
     }
 
-    /// Takes back what was decoded.
+    /// Restores the committed side if decoding overwrote it.
     pub(super) fn undo(&self, context: &mut dyn ExecutionContext, decoding: Decoding) -> Result<()> {
-        decoding.backup.map_or(Ok(()), |backup| context.put_back(backup))
+        decoding.backup.map_or(Ok(()), |backup| context.restore_backup(backup))
     }
 
     /// Fills `planes`, `[3, H, W]`, with picture `i` of the last decoded latent.
@@ -219,7 +219,7 @@ impl Autoencoder {
         convert::read(context, self.precision, self.sides[self.current].rgb(), i * self.shapes.picture_len(), planes)
     }
 
-    /// Where the last decoded pictures are, `[pictures, 3, H, W]`.
+    /// Buffer of the last decoded pictures, `[pictures, 3, H, W]`.
     #[cfg(windows)]
     pub(super) fn pictures(&self) -> BufferId {
         self.sides[self.current].rgb()
@@ -230,13 +230,12 @@ impl Autoencoder {
         [&self.sides[0].buffers, &self.sides[1].buffers]
     }
 
-    /// The buffers that make up the decoder's state and last pictures, in the order of the bundle's memories, pictures
-    /// last.
+    /// The buffers of the decoder's state and last pictures: memories in the bundle's order, then the pictures.
     pub(super) fn state(&self) -> impl Iterator<Item = BufferId> + '_ {
         self.sides[self.current].buffers.iter().copied()
     }
 
-    /// The encoder's memories, where its stream is kept.
+    /// The encoder's current memories; empty if its stream is not kept.
     pub(super) fn stream(&self) -> impl Iterator<Item = BufferId> + '_ {
         let kept = self.memories.iter().filter(|memories| memories.is_kept);
         kept.flat_map(|memories| memories.sides[memories.current].iter().copied())

@@ -24,7 +24,7 @@ impl ControlInput {
     /// is any finite number, of which only the sign is kept (up positive).
     ///
     /// # Errors
-    /// `InvalidArgument` for a number that is not finite or a motion outside the range.
+    /// `InvalidArgument` for a value that is not finite or a motion outside the range.
     pub fn new(mouse: [f32; 2], keys: KeySet, scroll: f32) -> Result<Self> {
         for (value, field) in mouse.into_iter().zip(["mouse.dx", "mouse.dy"]) {
             if value.is_nan() || value.abs() > MAX_MOUSE {
@@ -44,7 +44,7 @@ impl ControlInput {
         Ok(Self { mouse: mouse.map(plain), keys, scroll: sign })
     }
 
-    /// dx and dy, in counts.
+    /// Mouse motion dx and dy, in counts.
     pub fn mouse(&self) -> [f32; 2] {
         self.mouse
     }

@@ -1,4 +1,4 @@
-//! Numbers on their way between the host's f32 and a graph's type.
+//! Conversion of values between the host's f32 and a graph's element type.
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
@@ -7,14 +7,14 @@ use crate::bundle::Precision;
 use crate::runtime::{BufferId, ExecutionContext};
 use crate::{Error, ErrorKind, Result};
 
-/// Writes f32 numbers into buffers of one precision, without allocating.
+/// Writes f32 values into buffers of one precision, without allocating.
 pub(super) struct Uploader {
     precision: Precision,
     staging: Vec<f16>,
 }
 
 impl Uploader {
-    /// For buffers of `precision`, at most `len` numbers at a time.
+    /// For buffers of `precision`, at most `len` values at a time.
     pub(super) fn new(precision: Precision, len: usize) -> Result<Self> {
         let staging = zeroed(if precision == Precision::F16 { len } else { 0 })?;
         Ok(Self { precision, staging })
@@ -33,7 +33,7 @@ impl Uploader {
     }
 }
 
-/// Fills `values` from a buffer of `precision`, starting at its number `at`.
+/// Fills `values` from a buffer of `precision`, starting at element `at`.
 pub(super) fn read(
     context: &dyn ExecutionContext,
     precision: Precision,
@@ -44,8 +44,8 @@ pub(super) fn read(
     match precision {
         Precision::F32 => context.read(from, at * 4, bytemuck::cast_slice_mut(values)),
         Precision::F16 => {
-            // The halves land in the rear half of the memory they are widened in: number i is read at byte 2n + 2i
-            // before bytes 4i to 4i + 3 are written, and no later number lies there.
+            // The f16 values are read into the rear half of `values` and widened in place: value i is read from byte 2n + 2i before
+            // bytes 4i to 4i + 3 are written, and these hold no later value.
             let n = values.len();
             let halves: &mut [f16] = bytemuck::cast_slice_mut(values);
             context.read(from, at * 2, bytemuck::cast_slice_mut(&mut halves[n..]))?;
@@ -58,7 +58,7 @@ pub(super) fn read(
     }
 }
 
-/// Zeroes whose number comes from a bundle.
+/// `len` zeroes, with an error instead of an abort if memory is exhausted: `len` comes from a bundle.
 pub(super) fn zeroed<T: Clone + Default>(len: usize) -> Result<Vec<T>> {
     let mut numbers = Vec::new();
     numbers

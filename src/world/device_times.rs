@@ -29,7 +29,7 @@ impl Rollout {
             encode: before.encode.and(spent(Work::Runs(&world.encoder))?),
             passes: before.passes.and(spent(Work::Runs(&world.transformer))?),
             decode: before.decode.and(spent(Work::Runs(&world.decoder))?),
-            commit: before.commit.and(spent(Work::Repeated)?),
+            commit: before.commit.and(spent(Work::RecordedCopies)?),
             external: before.external.and(self.context.external()?),
         })
     }

@@ -1,4 +1,4 @@
-//! Faults of the device at every call in turn, once and from there on: none leaves a trace, and the next try works.
+//! Injects device faults at every call in turn, once or permanently: a failed step changes nothing, and the next attempt works.
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
@@ -13,14 +13,14 @@ use crate::runtime::{
 };
 use crate::{Error, ErrorKind, Result};
 
-/// When calls fail.
+/// Which calls fail.
 #[derive(Default)]
 struct Fault {
-    /// Calls until then; 0 for never.
+    /// Calls up to and including the next failing one; 0 for none.
     left: AtomicU64,
-    /// Whether those after it fail as well.
+    /// Whether all later calls fail as well.
     lasts: AtomicBool,
-    /// Whether one has failed.
+    /// Whether a call has failed.
     came: AtomicBool,
 }
 
@@ -38,7 +38,7 @@ impl Fault {
     }
 }
 
-/// A context whose calls fail when they are told to, but for the one that puts right what a failure left.
+/// A context with injected faults. Calls that allocate or record, and `restore_backup`, which runs after a failure, never fail.
 struct Faulty {
     inner: Box<dyn ExecutionContext>,
     fault: Arc<Fault>,
@@ -91,8 +91,8 @@ impl ExecutionContext for Faulty {
         self.inner.back_up(of)
     }
 
-    fn put_back(&mut self, backup: Backup) -> Result<()> {
-        self.inner.put_back(backup)
+    fn restore_backup(&mut self, backup: Backup) -> Result<()> {
+        self.inner.restore_backup(backup)
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
@@ -119,8 +119,8 @@ impl ExecutionContext for Faulty {
     }
 }
 
-/// Lets every call of `act` fail in turn, once and from there on, until it gets through; after each fault the rollout is what it was.
-/// Gives the number of calls.
+/// Makes every call of `act` fail in turn, once and permanently, until `act` succeeds; after each fault the rollout must be
+/// unchanged. Returns the number of calls.
 fn walk<T>(rollout: &mut Rollout, fault: &Fault, act: impl Fn(&mut Rollout) -> Result<T>) -> u64 {
     let before = rollout.save().expect("a state");
     for n in 1.. {
@@ -151,7 +151,7 @@ fn no_fault_of_the_device_leaves_a_trace() {
     let inner = std::mem::replace(&mut rollout.context, idle);
     rollout.context = Box::new(Faulty { inner, fault: fault.clone() });
 
-    // The first one primes the decoder, which writes the very memories that count.
+    // The first append primes the decoder, which overwrites the committed memories.
     let seed = common::picture(20, 10, 1);
     let faults = walk(&mut rollout, &fault, |r| r.append(&seed));
     assert!(faults > 14, "{faults} calls in an append");

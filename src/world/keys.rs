@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// Names of virtual-key codes in control scripts. The first name of a code is the one that is written.
+/// Names of virtual-key codes in control scripts. The first name of a code is the one that scripts are written with.
 const NAMES: &[(u8, &str)] = &[
     (0x01, "MOUSE_LEFT"),
     (0x02, "MOUSE_RIGHT"),
@@ -51,13 +51,13 @@ const NAMES: &[(u8, &str)] = &[
 
 /// A key or mouse button: its Windows virtual-key code.
 ///
-/// It shows and reads as a name: `A` to `Z`, `0` to `9`, `F1` to `F24`, `NUM0` to `NUM9`, names such as `SPACE`,
-/// `SHIFT`, `LEFT` and `MOUSE_LEFT`, and `VK_0x00` to `VK_0xFF` for every code.
+/// Its text form is a name: `A` to `Z`, `0` to `9`, `F1` to `F24`, `NUM0` to `NUM9`, names such as `SPACE`, `SHIFT`, `LEFT` and
+/// `MOUSE_LEFT`, and `VK_0x00` to `VK_0xFF` for every code.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Key(pub u8);
 
 impl Key {
-    /// Reads a name in any case; none for a name that means no key.
+    /// Reads a name in upper or lower case; `None` for a name of no key.
     pub fn from_name(name: &str) -> Option<Self> {
         if name.len() > 16 || !name.is_ascii() {
             return None;
@@ -120,17 +120,17 @@ impl KeySet {
         self.0[usize::from(key.0 / 64)] |= 1 << (key.0 % 64);
     }
 
-    /// Takes `key` out.
+    /// Removes `key`.
     pub fn remove(&mut self, key: Key) {
         self.0[usize::from(key.0 / 64)] &= !(1 << (key.0 % 64));
     }
 
-    /// The keys, by code.
+    /// The keys, in order of their codes.
     pub fn iter(self) -> impl Iterator<Item = Key> {
         (0..=255).map(Key).filter(move |key| self.contains(*key))
     }
 
-    /// Whether it has no key.
+    /// Whether the set is empty.
     pub fn is_empty(self) -> bool {
         self == Self::NONE
     }

@@ -1,4 +1,4 @@
-//! A rollout's KV memory: the rings on the device, the slabs a pass leaves, and the commit between them.
+//! A rollout's KV cache: the rings on the device, the slabs that a pass writes, and the commit that copies slabs into rings.
 
 use super::contract::Shapes;
 use super::world::World;
@@ -6,7 +6,7 @@ use crate::Result;
 use crate::bundle::Precision;
 use crate::runtime::{BufferId, ExecutionContext, RecordedCopiesId, RecordedCopy, Region, element_size};
 
-/// Which half of a layer's memory.
+/// Half of a layer's KV cache.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Part {
     /// Keys, after norm and RoPE.
@@ -25,9 +25,9 @@ struct Half {
 /// Rings and slabs of all layers; K and V of layer i are halves 2i and 2i + 1.
 pub(super) struct KvMemory {
     halves: Vec<Half>,
-    /// Of each half, `[kv_heads, T, head_width]`, bound as `present`.
+    /// One slab for each half, `[kv_heads, T, head_width]`, bound as `present`.
     slabs: Vec<BufferId>,
-    /// For each slot, what brings the slabs of all local layers there; then the same of global layers.
+    /// For each slot, the recorded copies of all local layers' slabs to it; then the same for global layers.
     commits: [Vec<RecordedCopiesId>; 2],
 }
 
@@ -75,7 +75,7 @@ impl KvMemory {
         self.halves.get(2 * layer + usize::from(part == Part::Values)).map(|half| half.ring)
     }
 
-    /// Copies the slabs into ring slots, one for local and one for global layers, where `None` leaves that kind alone, and does the
+    /// Copies the slabs into ring slots, one for local and one for global layers (`None` leaves that kind unchanged), and runs the
     /// copies `others`: all or nothing.
     pub(super) fn commit(
         &self,
@@ -93,8 +93,8 @@ impl KvMemory {
     }
 }
 
-/// Where a slab's numbers go in a ring's slot. Rings are heads-first, so a slab is one stretch per head, and no byte more is
-/// moved.
+/// The copy regions from a slab to a ring's slot. Rings are heads-first, so each head is one region, and only the slab's bytes are
+/// copied.
 fn regions(shapes: &Shapes, element: usize, global: bool, slot: usize) -> Vec<Region> {
     let len = shapes.tokens * shapes.head_width * element;
     let to = |head| (head * shapes.buckets(global) + slot) * len;
@@ -102,7 +102,8 @@ fn regions(shapes: &Shapes, element: usize, global: bool, slot: usize) -> Vec<Re
 }
 
 impl Shapes {
-    /// Copies slots of K or V of a global layer from a ring of this many slots into one of another number.
+    /// Copies slots of K or V of a global layer between rings of different sizes. `slots` are pairs of a source and a destination
+    /// slot.
     pub(super) fn move_slots(&self, precision: Precision, from: &[u8], to: &mut [u8], slots: &[(usize, usize)]) {
         let len = self.tokens * self.head_width * element_size(precision);
         let heads = from.chunks_exact(from.len() / self.kv_heads).zip(to.chunks_exact_mut(to.len() / self.kv_heads));

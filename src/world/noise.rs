@@ -41,7 +41,7 @@ fn origin(seed: u64, latent: u64) -> u64 {
 
 /// Fills `out` with independent standard normal numbers for latent number `latent` of a rollout with `seed`.
 ///
-/// Element i depends only on seed, latent and i: a shorter `out` gets a prefix of a longer one.
+/// Element i depends only on seed, latent and i: a shorter `out` gets a prefix of a longer one. May be called from any thread.
 pub fn fill_noise(seed: u64, latent: u64, out: &mut [f32]) {
     let origin = origin(seed, latent);
     for (pair, elements) in (0u64..).zip(out.chunks_mut(2)) {
@@ -131,7 +131,7 @@ mod tests {
             for j in 0..i {
                 let c = correlation(&all[i], &all[j]);
                 assert!(c.abs() < 5.0 / 128.0, "{:?} and {:?}: {c}", keys[i], keys[j]);
-                // Nor is one the other's sequence moved along by a few pairs.
+                // Nor is one sequence the other shifted by a few pairs.
                 for lag in [1, 2, 4] {
                     assert!(correlation(&all[i][lag..], &all[j]).abs() < 5.0 / 128.0);
                     assert!(correlation(&all[j][lag..], &all[i]).abs() < 5.0 / 128.0);

@@ -1,8 +1,7 @@
-//! What one latent step does, decided before any device is touched.
+//! Plans of latent steps, made without touching a device.
 //!
-//! A [`Planner`] holds the two clocks, the flags of both rings and the choice of passes. It makes [`StepPlan`]s; the
-//! rollout executes a plan to the letter and reports it back with [`Planner::committed`]. Nothing changes until then,
-//! so a step that fails leaves no trace here.
+//! A [`Planner`] holds the two clocks, the flags of both rings and the schedule. It makes [`StepPlan`]s; the rollout executes a
+//! plan exactly and reports it with [`Planner::committed`]. Nothing changes until then, so a step that fails changes nothing here.
 
 use crate::bundle::{Controls, Manifest};
 use crate::world::controls::ControlInput;
@@ -12,22 +11,22 @@ use crate::world::ring::Ring;
 use crate::world::schedule::SigmaTable;
 use crate::{Error, ErrorKind, Result};
 
-/// Where the keys and values of a latent come from that go into the ring.
+/// Source of the keys and values of a latent that are committed to the ring.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum CachePass {
-    /// One more forward on the finished latent at sigma 0, with the same controls, clocks and visibility; its `present`
+    /// A separate forward pass on the finished latent at sigma 0, with the same controls, clocks and visibility; its `present`
     /// slabs are committed.
     Separate,
-    /// No forward; the `present` slabs of the last denoise pass are committed.
+    /// No extra pass; the `present` slabs of the last denoise pass are committed.
     Fused,
-    /// No forward and no commit: ring and ring clock stay as they are.
+    /// No extra pass and no commit: ring and ring clock stay unchanged.
     Skip,
 }
 
-/// What a latent step sees of one kind of layer, and what it leaves.
+/// The slots of one kind of layer that a latent step sees, and the slot it writes.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct RingPlan {
-    /// Slot by slot, what every pass of the step sees; the latent itself is always visible besides.
+    /// For each slot, whether every pass of the step sees it; the latent itself is always visible as well.
     pub visible: Vec<bool>,
     /// The slot that the commit overwrites, if it writes one.
     pub slot: Option<usize>,
@@ -42,7 +41,7 @@ pub struct StepPlan {
     pub rope_time: u64,
     /// Commits before this step.
     pub ring_clock: u64,
-    /// Where the noise comes from that denoising starts with; none when a picture is appended.
+    /// Key of the noise that denoising starts from; `None` when a picture is appended.
     pub noise: Option<NoiseKey>,
     /// Noise level of each denoise pass; empty when a picture is appended.
     pub sigmas: Vec<f32>,
@@ -56,13 +55,13 @@ pub struct StepPlan {
     pub global: RingPlan,
     /// How the step commits.
     pub cache: CachePass,
-    /// How often the decoder is fed this latent beforehand, its pictures thrown away: three times at the first decode
-    /// after a reset (pictures per latent less one), else never.
+    /// How often the decoder runs on this latent beforehand, with its pictures discarded: pictures per latent less one at the first
+    /// decode after a reset (three times with four pictures), else never.
     pub prime: u32,
 }
 
 impl Default for StepPlan {
-    /// An empty plan to be filled by [`Planner::plan_step_into`]; it is nothing to execute.
+    /// An empty plan to be filled by [`Planner::plan_step_into`]; it cannot be executed.
     fn default() -> Self {
         Self {
             latent: 0,
@@ -80,7 +79,7 @@ impl Default for StepPlan {
     }
 }
 
-/// The clocks and ring flags of one rollout, and what it makes plans from.
+/// The clocks, ring flags and settings of one rollout, from which plans are made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Planner {
     seed: u64,
@@ -94,7 +93,7 @@ pub struct Planner {
     pub(super) global: Ring,
 }
 
-/// What counts up. The ring clock counts commits, the RoPE clock counts latents; nothing converts one to the other.
+/// The counters. The ring clock counts commits, the RoPE clock counts latents; nothing converts one to the other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Clocks {
     /// Latents, appended and generated.
@@ -109,12 +108,12 @@ impl Planner {
     /// A planner at the start of a rollout of the world `manifest` describes.
     ///
     /// # Errors
-    /// `InvalidArgument` when the operating point does not fit the world, and whatever [`Ring::new`] and
-    /// [`Schedule::table`](crate::world::Schedule::table) refuse.
+    /// `InvalidArgument` when the operating point does not fit the world, and the errors of [`Ring::new`] and
+    /// [`Schedule::table`](crate::world::Schedule::table).
     pub fn new(manifest: &Manifest, point: &OperatingPoint, seed: u64) -> Result<Self> {
         let geometry = &manifest.geometry;
         point.check_for(geometry)?;
-        // Refuses a control layout that could not be written.
+        // Fails for a control layout that cannot be written.
         let mut controls = vec![0.0; manifest.controls.len()];
         ControlInput::IDLE.write(&manifest.controls, &mut controls)?;
         Ok(Self {
@@ -140,7 +139,7 @@ impl Planner {
         Ok(plan)
     }
 
-    /// As [`Planner::plan_append`], into a plan whose memory is used again.
+    /// As [`Planner::plan_append`], into a plan whose memory is reused.
     ///
     /// # Errors
     /// As [`Planner::plan_append`].
@@ -155,14 +154,14 @@ impl Planner {
     /// Plans a latent step with these controls.
     ///
     /// # Errors
-    /// As [`Planner::plan_append`], and what [`ControlInput::write`] refuses.
+    /// As [`Planner::plan_append`], and those of [`ControlInput::write`].
     pub fn plan_step(&self, input: &ControlInput) -> Result<StepPlan> {
         let mut plan = StepPlan::default();
         self.plan_step_into(input, &mut plan)?;
         Ok(plan)
     }
 
-    /// As [`Planner::plan_step`], into a plan whose memory is used again: nothing is allocated after the first time.
+    /// As [`Planner::plan_step`], into a plan whose memory is reused: nothing is allocated after the first call.
     ///
     /// # Errors
     /// As [`Planner::plan_step`].
@@ -181,7 +180,7 @@ impl Planner {
         self.fill(input, plan)
     }
 
-    /// The part that steps and appends have in common; `plan.cache` is already decided.
+    /// Fills the fields that steps and appends share; `plan.cache` is already set.
     fn fill(&self, input: &ControlInput, plan: &mut StepPlan) -> Result<()> {
         let Clocks { latents, commits, .. } = self.clocks;
         plan.latent = latents;
@@ -200,9 +199,9 @@ impl Planner {
         Ok(())
     }
 
-    /// Takes note that `plan` was executed: marks the slots it wrote and moves the clocks on.
+    /// Records that `plan` was executed: marks the slots it wrote and advances the clocks.
     ///
-    /// The plan need not be the planner's own, but it must be for the latent that is next.
+    /// The plan need not be made by this planner, but it must be for the next latent.
     ///
     /// # Errors
     /// `InvalidArgument` for a plan of another latent, for a slot that does not exist, and for a plan that names a slot
@@ -220,7 +219,7 @@ impl Planner {
         Ok(())
     }
 
-    /// Checks that `plan` can be executed now: what [`Planner::committed`] and the rollout both rely on.
+    /// Checks that `plan` can be executed now; [`Planner::committed`] and the rollout rely on it.
     ///
     /// # Errors
     /// As [`Planner::committed`], and `InvalidArgument` when a list has a length that does not fit the world.
@@ -268,15 +267,16 @@ impl Planner {
         Ok(())
     }
 
-    /// Back to the start: no latents, empty rings, decoder unprimed.
+    /// Returns to the start: no latents, empty rings, decoder unprimed.
     pub fn reset(&mut self) {
         self.clocks = Clocks::default();
         self.local.clear();
         self.global.clear();
     }
 
-    /// Takes over the clocks and flags of a planner of the same world at another global window: the newest latents there are slots for.
-    /// Gives the slots of global layers that go from there to here.
+    /// Takes over the clocks and flags of a planner of the same world at another global window: of the global ring, the newest
+    /// latents that fit. Returns pairs of global slots, in the other planner's ring and in this one's, whose contents must be
+    /// copied.
     pub(super) fn take_over(&mut self, other: &Planner) -> Vec<(usize, usize)> {
         self.clocks = other.clocks;
         self.local = other.local.clone();
@@ -293,7 +293,7 @@ impl Planner {
         self.cache_mode
     }
 
-    /// Other noise levels for the plans that follow.
+    /// Sets the noise levels of later plans.
     pub(super) fn set_table(&mut self, table: SigmaTable) {
         self.table = table;
     }
@@ -303,7 +303,7 @@ impl Planner {
         &self.table
     }
 
-    /// RoPE time of one latent.
+    /// RoPE time units per latent.
     pub(super) fn time_multiplier(&self) -> u32 {
         self.time_multiplier
     }

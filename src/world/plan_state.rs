@@ -1,4 +1,4 @@
-//! A planner's state as bytes: clocks and ring flags, and what they belong to.
+//! A planner's state as bytes: clocks and ring flags, and the settings they belong to.
 //!
 //! ```text
 //! 8 bytes   "CairnPln"
@@ -21,7 +21,7 @@ const MAGIC: &[u8; 8] = b"CairnPln";
 const VERSION: u32 = 1;
 
 impl Planner {
-    /// The state as bytes; [`Planner::restore`] of an equal planner takes them.
+    /// The state as bytes, for [`Planner::restore`] of an equal planner.
     pub fn save(&self) -> Vec<u8> {
         let mut out = self.identity();
         let Clocks { latents, generated, commits } = self.clocks;
@@ -35,8 +35,7 @@ impl Planner {
         out
     }
 
-    /// Takes up a state that [`Planner::save`] made. The planner must have been made for the same world, operating
-    /// point and seed.
+    /// Restores a state that [`Planner::save`] made. The planner must have been made for the same world, operating point and seed.
     ///
     /// # Errors
     /// `Unsupported` for a state of another version; `InvalidState` when it is damaged, too short or too long, belongs
@@ -84,7 +83,7 @@ impl Planner {
         Ok(())
     }
 
-    /// The head of a state: everything that must be equal where it is taken up.
+    /// The head of a state: everything that must be equal in the planner that restores it.
     fn identity(&self) -> Vec<u8> {
         let (mode, k) = match self.cache_mode() {
             CacheMode::Separate => (0, 0),

@@ -1,4 +1,4 @@
-//! The planner against a list of frames, mode by mode, and its saved state.
+//! Compares the planner with a list of frames in each cache mode, and tests its saved state.
 
 use super::fixture::{Chance, manifest};
 use super::*;
@@ -51,8 +51,8 @@ fn a_step_names_everything_its_passes_need() -> Result<()> {
     Ok(())
 }
 
-/// Random mixtures of steps and appends over many wraps, for every mode: the visible slots hold exactly the commits
-/// that a list of frames says, and a skipped latent leaves no trace in the rings.
+/// Random mixtures of steps and appends over many wraps, for every mode: the visible slots hold exactly the commits in a list of
+/// frames, and a skipped latent changes no ring.
 #[test]
 fn every_mode_follows_the_list_of_frames() {
     for (seed, mode) in (0..).zip(MODES.into_iter().cycle().take(18)) {
@@ -144,7 +144,7 @@ fn rope_time_counts_latents_times_the_multiplier() {
     assert_eq!(planner.plan_append().unwrap_err().kind(), ErrorKind::Unsupported);
 }
 
-/// In `baseline-doubled` the ring and the RoPE clock count latents as ever; only the script's span is shorter.
+/// In `baseline-doubled` the ring and RoPE clocks still count latents; only the script's span is shorter.
 #[test]
 fn a_doubled_rate_changes_no_clock() {
     let doubled = OperatingPoint { global_window: 16, ..Preset::BaselineDoubled.operating_point() };
@@ -239,7 +239,7 @@ fn damaged_or_foreign_states_are_refused_and_change_nothing() {
     let mut longer = bytes.clone();
     longer.push(0);
     assert!(fresh.clone().restore(&longer).is_err());
-    // A flipped bit is refused, or leaves a planner that is consistent enough to go on.
+    // A state with a flipped bit is refused, or restores a consistent planner.
     for bit in 0..bytes.len() * 8 {
         let mut flipped = bytes.clone();
         flipped[bit / 8] ^= 1 << (bit % 8);

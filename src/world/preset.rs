@@ -1,4 +1,4 @@
-//! Operating points with a name: the clock table of the experiments.
+//! Named operating points: the clock table of the experiments.
 
 use crate::world::operating_point::{CacheMode, GuidanceSource, OperatingPoint, Presentation};
 use crate::world::schedule::Schedule;
@@ -6,21 +6,21 @@ use crate::world::schedule::Schedule;
 /// A named operating point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Preset {
-    /// The paper's: fewer and better anchors, every second frame generated.
+    /// The paper's method: fewer and better anchors, every second frame generated.
     Coherence,
     /// The paper's baseline at g128: 30 native pictures per second.
     Baseline128,
     /// The paper's baseline at g112.
     Baseline112,
-    /// The other reading of the baseline: twice as many latents, each standing for 1/30 s of the script. Its window is
-    /// the scene's baseline window, g128 unless said otherwise (`baseline-doubled,g112`). A held key may move up to
-    /// twice as fast, because ring and RoPE clocks count latents.
+    /// The other interpretation of the baseline: twice as many latents, each for 1/30 s of the script. Its window is the scene's
+    /// baseline window, g128 by default (`baseline-doubled,g112`). A held key may move up to twice as fast, because ring and RoPE
+    /// clocks count latents.
     BaselineDoubled,
-    /// The anchors of `coherence`, but all four decoded pictures shown and nothing generated.
+    /// The anchors of `coherence`, with all four decoded pictures shown and nothing generated.
     Decoded60,
-    /// More context and more passes than the paper: a probe, never in the main tables.
+    /// More context and more passes than the paper: for experiments, not in the main tables.
     Heavy,
-    /// Waypoint's own.
+    /// Waypoint's own settings.
     Stock,
 }
 
@@ -54,7 +54,7 @@ impl Preset {
         Self::ALL.into_iter().find(|preset| preset.name() == name)
     }
 
-    /// The point it stands for.
+    /// The preset's operating point.
     pub fn operating_point(self) -> OperatingPoint {
         let generated = Presentation::Generated { rate: 30, guidance: GuidanceSource::Paper };
         let (g, schedule, latents_per_second, pictures_per_latent, presentation) = match self {
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
     use crate::world::time::WorldTime;
 
-    /// The clock table, at 15 s: latents, pictures, dropped, presented, presented rate, passes.
+    /// The clock table for 15 s: latents, pictures, dropped, presented, presented rate, passes, window.
     #[test]
     fn fifteen_seconds_take_the_counts_of_the_clock_table() {
         let table = [

@@ -6,7 +6,7 @@
 //! bucket(t)     = ceil(t / d)
 //! slot(t)       = bucket(t) mod B
 //! write_step(t) = t mod d == 0
-//! visible(t)    = written, less slot(t) on a write step: what is about to be evicted is hidden already
+//! visible(t)    = written, less slot(t) on a write step: the slot that will be overwritten is hidden already
 //! ```
 //!
 //! The latent being made is always visible to itself and is not part of the ring.

@@ -83,9 +83,8 @@ impl Rollout {
     /// A rollout at its start: empty rings, clocks at zero, decoder unprimed. `seed` decides all noise.
     ///
     /// # Errors
-    /// `InvalidArgument` when the operating point does not fit the world, or names another global window than it was
-    /// loaded with; `OutOfMemory`, with figures, when its memory cannot be had; `Device` when ONNX Runtime refuses a
-    /// binding.
+    /// `InvalidArgument` when the operating point does not fit the world, or has another global window than the world was loaded
+    /// with; `OutOfMemory`, with figures, when its memory cannot be allocated; `Device` when ONNX Runtime refuses a binding.
     pub fn new(world: &Arc<World>, point: &OperatingPoint, seed: u64) -> Result<Self> {
         Self::with_stop(world, point, seed, Arc::default(), 0)
     }
@@ -187,7 +186,7 @@ impl Rollout {
         self.autoencoder.keeps_stream()
     }
 
-    /// Appends a latent, `[C, h, w]`, as [`append`](Self::append) does the latent of a picture.
+    /// Appends a latent, `[C, h, w]`, as [`append`](Self::append) does with an encoded picture.
     ///
     /// # Errors
     /// As [`append`](Self::append), and `InvalidArgument` for another length or a value that is not finite.
@@ -203,12 +202,12 @@ impl Rollout {
     /// # Errors
     /// As [`append`](Self::append).
     pub fn step(&mut self, input: &ControlInput) -> Result<StepInfo> {
-        self.obey();
+        self.apply_decision();
         let spent = self.governed.is_some().then(|| self.spent_on_device()).flatten();
         let start = Instant::now();
         let made = self.with_plan(|planner, plan| planner.plan_step_into(input, plan), Self::execute)?;
         self.note_latent(start.elapsed());
-        self.tell_governor(start, spent);
+        self.report_to_governor(start, spent);
         Ok(made)
     }
 
@@ -228,7 +227,7 @@ impl Rollout {
         self.finish(plan, run)
     }
 
-    /// Executes the plan of an append with a latent from outside, `[C, h, w]`.
+    /// Executes the plan of an append with a latent of the caller, `[C, h, w]`.
     ///
     /// # Errors
     /// As [`execute`](Self::execute), and `InvalidArgument` for a plan that starts from noise, and for a latent of another length
@@ -424,7 +423,7 @@ impl Rollout {
     }
 
     /// Continues the statistics of `other`, which this rollout replaces.
-    pub(super) fn take_figures(&mut self, other: &mut Self) {
+    pub(super) fn continue_statistics(&mut self, other: &mut Self) {
         self.statistics = other.statistics();
         #[cfg(windows)]
         {

@@ -7,20 +7,19 @@ use half::bf16;
 use crate::bundle::{Geometry, Rounding};
 use crate::{Error, ErrorKind, Result};
 
-/// Cosines and sines of every token of a latent at any RoPE time.
+/// Cosines and sines of all tokens of a latent, at any RoPE time.
 ///
-/// Angles are made in f64 with the pure-Rust `libm` and rounded to f32: the same bits on every system. The part that
-/// depends on the token's place is kept; the part that depends on time is made anew for each latent, so time is
-/// unbounded.
+/// Angles are computed in f64 with the pure-Rust `libm` and rounded to f32: the same bits on every system. The part that depends on
+/// a token's position is stored; the part that depends on time is computed for each latent, so time is unbounded.
 #[derive(Debug, Clone)]
 pub struct RopeTable {
     tokens: usize,
-    /// P, rotation pairs of a head.
+    /// P, the rotation pairs of a head.
     pairs: usize,
-    /// `[tokens, P / 2]`: the columns' part, then the rows' part.
+    /// `[tokens, P / 2]`: the part for the column, then the part for the row.
     place_cos: Vec<f32>,
     place_sin: Vec<f32>,
-    /// `[P / 2]`.
+    /// Time frequencies, `[P / 2]`.
     f_t: Vec<f64>,
 }
 
@@ -28,7 +27,7 @@ impl RopeTable {
     /// The table of a world of this geometry.
     ///
     /// # Errors
-    /// `InvalidBundle` for a geometry that contradicts itself, `OutOfMemory` when the table does not fit.
+    /// `InvalidBundle` for an inconsistent geometry, `OutOfMemory` when the table does not fit.
     pub fn new(geometry: &Geometry) -> Result<Self> {
         let wrong = |field: &str, cause: String| Error::new(ErrorKind::InvalidBundle, cause).field(field);
         if geometry.head_width == 0 || !geometry.head_width.is_multiple_of(8) {
@@ -81,12 +80,12 @@ impl RopeTable {
         Ok(Self { tokens, pairs, place_cos, place_sin, f_t })
     }
 
-    /// Numbers in each of the two outputs of [`RopeTable::fill`]: `tokens * head_width / 2`.
+    /// Number of values in each of the two outputs of [`RopeTable::fill`]: `tokens * head_width / 2`.
     pub fn len(&self) -> usize {
         self.tokens * self.pairs
     }
 
-    /// Whether there are none; never so.
+    /// Whether the table is empty; never true.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -149,7 +148,7 @@ mod tests {
         (cos, sin)
     }
 
-    /// The formulas of docs/bundle.md once more, token by token, with nothing kept.
+    /// The formulas of docs/bundle.md, computed token by token without a table.
     #[test]
     fn the_table_is_the_formula() {
         for (rows, columns, head_width) in [(16, 32, 64), (2, 4, 16), (8, 16, 24), (3, 5, 8), (1, 1, 40)] {
@@ -180,7 +179,7 @@ mod tests {
         }
     }
 
-    /// Rows that numpy computed, at 720p geometry far beyond any table, and at the smallest head.
+    /// Rows computed by numpy: for 720p geometry at a large time, and for the smallest head.
     #[test]
     fn golden_rows_hold() {
         let (cos, sin) = angles(&geometry(16, 32, 64), 1_000_003);
@@ -245,7 +244,7 @@ mod tests {
             assert!(b.is_finite() && (at % 8 >= 4 || a == b));
         }
         assert!(late_sin.iter().all(|s| s.abs() <= 1.0));
-        // Neighbouring times differ even where f32 could not tell the times apart.
+        // Neighbouring times differ even where f32 cannot distinguish them.
         let time = 1 << 30;
         assert_ne!(angles(&geometry, time), angles(&geometry, time + 1));
     }

@@ -45,7 +45,7 @@ impl Schedule {
     /// The complete list before rounding: each point is the f64 nearest to its exact value.
     ///
     /// # Errors
-    /// `InvalidArgument` when the schedule, or the stock list it starts from, breaks the rules given at the variants.
+    /// `InvalidArgument` when the schedule, or the stock list that it starts from, breaks the rules of its variant.
     pub fn points(&self, sampler: &Sampler) -> Result<Vec<f64>> {
         let (list, field) = match self {
             Self::Stock | Self::Refined(_) => (&sampler.schedule, "sampler.schedule"),

@@ -1,4 +1,4 @@
-//! A rollout's whole state as bytes.
+//! A rollout's complete state as bytes.
 //!
 //! ```text
 //! 8 bytes   "CairnRol"
@@ -11,8 +11,7 @@
 //! 32 bytes  SHA-256 of all before
 //! ```
 //!
-//! All numbers are little-endian. The state of a rollout continues bit for bit on the same kind of device, in any
-//! process.
+//! All numbers are little-endian. A restored state continues bit for bit on the same kind of device, in any process.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -28,7 +27,7 @@ const MAGIC: &[u8; 8] = b"CairnRol";
 const VERSION: u32 = 1;
 const CHECKSUM: usize = 32;
 
-/// What a state belongs to.
+/// The world and settings that a state belongs to.
 #[derive(Serialize, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 struct Head {
@@ -36,14 +35,14 @@ struct Head {
     precision: String,
     operating_point: String,
     seed: u64,
-    /// Whether the encoder's stream is kept; states of before have no such member, and none is.
+    /// Whether the encoder's stream is kept. Older states lack this member, which means false.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     encoder_stream: bool,
 }
 
 impl Rollout {
-    /// The whole state: rings, clocks, flags, seed, operating point, decoder memories, last latent and its pictures.
-    /// Waits for the device.
+    /// The complete state: rings, clocks, flags, seed, operating point, decoder memories, last latent and its pictures. Waits for
+    /// the device.
     ///
     /// # Errors
     /// `OutOfMemory` when the copy does not fit; `Device` when the device cannot be read.
@@ -69,11 +68,11 @@ impl Rollout {
         Ok(out)
     }
 
-    /// Bytes that [`save`](Self::save) makes now. It depends on the world, the operating point, the seed and whether the
-    /// encoder's stream is kept, and on nothing else.
+    /// Size in bytes of a state that [`save`](Self::save) makes now. It depends only on the world, the operating point, the seed
+    /// and whether the encoder's stream is kept.
     ///
     /// # Errors
-    /// None that a caller could bring about.
+    /// None that a caller can cause.
     pub fn state_len(&self) -> Result<usize> {
         let (head, planner) = self.parts()?;
         Ok(self.len_with(&head, &planner))
@@ -91,13 +90,13 @@ impl Rollout {
         MAGIC.len() + 12 + head.len() + planner.len() + payload + CHECKSUM
     }
 
-    /// Takes up a state that [`save`](Self::save) made in a rollout of the same bundle, precision and global window, in
-    /// this process or another. The operating point and the seed become the state's. What follows is, bit for bit, what
-    /// would have followed there.
+    /// Restores a state that [`save`](Self::save) made in a rollout of the same bundle, precision and global window, in this
+    /// process or another. The operating point and the seed become the state's. All later results are bit for bit those of the
+    /// saved rollout.
     ///
     /// # Errors
-    /// `Unsupported` for a state of another version; `InvalidState` when it is damaged, belongs to another bundle,
-    /// precision or global window, or holds a number that is not finite. The rollout is unchanged then.
+    /// `Unsupported` for a state of another version; `InvalidState` when it is damaged, belongs to another bundle, precision or
+    /// global window, or holds a value that is not finite. The rollout is unchanged then.
     pub fn restore(&mut self, state: &[u8]) -> Result<()> {
         let (head, planner_state, payload) = split(state)?;
         let head: Head = serde_json::from_slice(head).map_err(|e| damaged(&format!("its head is not valid: {e}")))?;
@@ -129,7 +128,7 @@ impl Rollout {
         if !finite(payload, self.world.precision()) {
             return Err(damaged("it holds a number that is not finite"));
         }
-        // Nothing can be wrong with the state any more.
+        // The state is valid from here on.
         let mut rest = payload;
         let of_buffer = |buffer| {
             let (bytes, tail) = rest.split_at(self.context.size(buffer));
@@ -156,13 +155,13 @@ impl Rollout {
         }
     }
 
-    /// Every buffer that must be kept, in the order of the format.
+    /// All buffers of the state, in the order of the format.
     pub(super) fn state_buffers(&self) -> impl Iterator<Item = BufferId> + '_ {
         self.kv.rings().chain([self.latent]).chain(self.autoencoder.state()).chain(self.autoencoder.stream())
     }
 }
 
-/// Checks magic, version, checksum and lengths; gives head, planner's state and payload.
+/// Checks magic, version, checksum and lengths; returns head, planner's state and payload.
 fn split(state: &[u8]) -> Result<(&[u8], &[u8], &[u8])> {
     let short = || damaged("it ends too early");
     let (magic, rest) = state.split_first_chunk::<8>().ok_or_else(short)?;
@@ -189,13 +188,13 @@ fn split(state: &[u8]) -> Result<(&[u8], &[u8], &[u8])> {
     Ok((head, planner, payload))
 }
 
-/// A part that is preceded by its length.
+/// Splits off a part that is preceded by its length.
 fn take_part(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let (len, rest) = bytes.split_first_chunk::<4>()?;
     rest.split_at_checked(u32::from_le_bytes(*len) as usize)
 }
 
-/// Whether all numbers of `bytes`, which may start at any address, are finite.
+/// Whether all values of `bytes`, which may start at any address, are finite.
 fn finite(bytes: &[u8], precision: Precision) -> bool {
     match precision {
         Precision::F32 => bytes.as_chunks::<4>().0.iter().all(|b| f32::from_le_bytes(*b).is_finite()),

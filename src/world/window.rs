@@ -48,7 +48,7 @@ impl Rollout {
         }
         let contents: Vec<_> = contents.iter().map(|(to, bytes)| (*to, bytes.as_slice())).collect();
         moved.context.replace(&contents)?;
-        moved.take_figures(self);
+        moved.continue_statistics(self);
         (moved.budget, moved.governed) = (self.budget.take(), self.governed.take());
         *self = moved;
         Ok(())

@@ -1,4 +1,4 @@
-//! A rollout with its queue: steps in order, one at a time, on the caller's thread or on a worker's.
+//! A rollout with a queue of steps, which run in order, one at a time, on the caller's thread or on a worker thread.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,10 +17,11 @@ use crate::runtime::Captured;
 use crate::tasks::calling_thread;
 use crate::{Error, ErrorKind, Picture, Result};
 
-/// A rollout whose steps are queued and run on a thread of their own, which the first [`submit`](Self::submit) starts, or run one at a time on
-/// the caller's.
+/// A rollout whose steps are queued and run on a thread of their own, which the first [`submit`](Self::submit) starts, or run one
+/// at a time on the caller's thread.
 ///
-/// Threads: may be used from any thread at any time; what needs the rollout to itself says `Busy` instead of waiting.
+/// Threads: may be used from any thread at any time; calls that need exclusive access to the rollout return `Busy` instead of
+/// waiting.
 pub struct Worker {
     shared: Arc<Shared>,
     /// Started by the first submit.
@@ -28,36 +29,36 @@ pub struct Worker {
     capacity: usize,
 }
 
-/// What the caller's threads and the worker share.
+/// State shared by the callers' threads and the worker thread.
 struct Shared {
     core: Mutex<QueuedRollout>,
     queue: Mutex<Queue>,
     changed: Condvar,
     /// The worker's thread.
     thread: OnceLock<ThreadId>,
-    /// Ends the step in progress; set and cleared with the queue locked.
+    /// Stops the step in progress; set and cleared with the queue locked.
     stop: Arc<AtomicBool>,
-    /// Whether its memory is a graphics device's.
+    /// Whether the rollout's memory is on a graphics device.
     has_device_memory: bool,
-    /// A step on the worker ended by a fault of the library.
+    /// Whether a step on the worker thread ended by an internal error.
     broken: AtomicBool,
-    /// As of the end of the last step, so that asking does not wait for one.
+    /// Statistics as of the end of the last step, so that reading them does not wait for a step.
     statistics: Mutex<WorkerStatistics>,
 }
 
-/// What a rollout has done as of its last step's end.
+/// Statistics of a rollout as of the end of its last step.
 #[derive(Debug, Clone, Default)]
 pub struct WorkerStatistics {
-    /// What the rollout has done.
+    /// Statistics of the rollout.
     pub done: Statistics,
-    /// What that took on a Direct3D 12 device, and which passes are captured there.
+    /// Device times on a Direct3D 12 device, and how many passes are captured there.
     #[cfg(windows)]
     pub device: Option<(DeviceTimes, Captured)>,
-    /// What its governor has done, or the last one that it had.
+    /// Statistics of its governor, or of the last one that it had.
     pub governor: GovernorStatistics,
 }
 
-/// A worker's rollout, and whether its pictures continue the ones before.
+/// A worker's rollout, and whether its next pictures continue the previous ones.
 #[derive(Debug)]
 pub struct QueuedRollout {
     /// The rollout.
@@ -68,7 +69,7 @@ pub struct QueuedRollout {
     pub cut_next: bool,
 }
 
-/// What waits, what runs, and what nobody has asked for yet.
+/// Waiting and running steps, and results that were not taken yet.
 #[derive(Default)]
 struct Queue {
     tickets: u64,
@@ -76,9 +77,9 @@ struct Queue {
     running: Option<u64>,
     done: VecDeque<(u64, Result<StepResult>)>,
     paused: bool,
-    /// Whether the rollout is to rest once the step in progress has ended.
+    /// Whether the rollout rests once the step in progress has ended.
     rests: bool,
-    /// Steps that may run although it is paused.
+    /// Number of steps that may run although the queue is paused.
     singles: usize,
     closing: bool,
 }
@@ -92,12 +93,12 @@ pub enum Job {
     Append(Vec<Picture>),
 }
 
-/// What a queued step made.
+/// Result of a queued step.
 #[derive(Debug, Clone)]
 pub struct StepResult {
-    /// What the step did.
+    /// Statistics of the step.
     pub info: StepInfo,
-    /// Its pictures, kept.
+    /// A copy of its anchor.
     pub anchor: Arc<KeptAnchor>,
 }
 
@@ -114,14 +115,14 @@ impl Drop for Worker {
     fn drop(&mut self) {
         self.close();
         if let Some(worker) = self.worker.lock().take() {
-            // Its panics end in `catch_panic`.
+            // Panics on the thread do not pass `catch_panic`.
             _ = worker.join();
         }
     }
 }
 
 impl Worker {
-    /// A worker for `rollout` whose queue has room for `capacity` steps that wait, run or were not asked for.
+    /// A worker for `rollout`. At most `capacity` steps may be waiting, running or finished with a result that was not taken.
     pub fn new(rollout: Rollout, capacity: usize) -> Self {
         let (stop, has_device_memory) = (rollout.stop_flag().clone(), rollout.world().device().is_gpu());
         let core = Mutex::new(QueuedRollout { rollout, cut: true, cut_next: true });
@@ -138,21 +139,21 @@ impl Worker {
         Self { shared: Arc::new(shared), worker: Mutex::new(None), capacity }
     }
 
-    /// Ends the step in progress before its next pass, and all that are queued, for good: calls that wait for them return.
+    /// Stops the step in progress before its next pass, and cancels all queued ones, for good: calls that wait for them return.
     pub fn close(&self) {
         let mut queue = self.shared.queue.lock();
         queue.closing = true;
         self.shared.stop.store(true, Ordering::SeqCst);
-        queue.give_up("its rollout was destroyed");
+        queue.cancel_waiting("its rollout was destroyed");
         self.shared.changed.notify_all();
     }
 
-    /// Whether the calling thread is the worker's: a callback of a step that runs there.
+    /// Whether the calling thread is the worker thread, as in a callback of a step that runs there.
     pub fn is_on_own_thread(&self) -> bool {
         self.shared.thread.get() == Some(&calling_thread())
     }
 
-    /// The rollout for a call on the caller's own thread, while nothing is queued.
+    /// Locks the rollout for a call on the caller's own thread; `Busy` while steps are queued or another call uses it.
     pub fn alone(&self) -> Result<MutexGuard<'_, QueuedRollout>> {
         self.shared.check()?;
         let queue = self.shared.queue.lock();
@@ -160,18 +161,18 @@ impl Worker {
             return Err(busy("steps are queued on it").remedy("Wait for them, or cancel them"));
         }
         let core = self.shared.core.try_lock().ok_or_else(|| busy("another call is using it"))?;
-        // What was cancelled before has ended.
+        // All cancelled steps have ended, so the stop flag can be cleared.
         self.shared.stop.store(queue.closing, Ordering::SeqCst);
         Ok(core)
     }
 
-    /// The rollout for a call that only looks, while no step is running.
+    /// Locks the rollout for a call that only reads it; `Busy` while a step runs.
     pub fn look(&self) -> Result<MutexGuard<'_, QueuedRollout>> {
         self.shared.check()?;
         self.shared.core.try_lock().ok_or_else(|| busy("a step is running"))
     }
 
-    /// Does one step on the caller's own thread.
+    /// Runs one step on the caller's own thread.
     pub fn run(&self, job: &Job) -> Result<StepInfo> {
         let mut core = self.alone()?;
         let result = core.run(job);
@@ -179,7 +180,7 @@ impl Worker {
         result
     }
 
-    /// Queues a step; none when the queue is full.
+    /// Queues a step and returns its ticket; `None` when the queue is full.
     pub fn submit(&self, job: Job) -> Result<Option<u64>> {
         self.shared.check()?;
         self.start()?;
@@ -197,9 +198,9 @@ impl Worker {
         Ok(Some(ticket))
     }
 
-    /// What has become of a ticket, after waiting for it at most `timeout`; `None` waits for ever. `take` gets what its step
-    /// made, and only when that works the ticket is over. A thread that the step needs, as the worker's or, where the call `is_nested`,
-    /// one that is inside another call on the rollout, does not wait.
+    /// The state of a ticket, after waiting for it at most `timeout`; `None` waits without limit. `take` gets the result of the
+    /// step; the ticket becomes invalid only if `take` succeeds. The call returns `Busy` instead of waiting on a thread that the
+    /// step needs: the worker thread or, if `is_nested`, a thread inside another call on the rollout.
     pub fn ticket<E: From<Error>>(
         &self,
         ticket: u64,
@@ -234,21 +235,21 @@ impl Worker {
                         return Ok(TicketState::Open);
                     }
                 }
-                // Also where the deadline lies beyond what the clock can show.
+                // Also if the deadline is beyond the clock's range.
                 None => self.shared.changed.wait(&mut queue),
             }
         }
     }
 
-    /// Ends the step in progress before its next pass, on whatever thread, and all that are queued.
+    /// Stops the step in progress before its next pass, on whatever thread it runs, and cancels all queued ones.
     pub fn cancel(&self) {
         let mut queue = self.shared.queue.lock();
         self.shared.stop.store(true, Ordering::SeqCst);
-        queue.give_up("it was cancelled");
+        queue.cancel_waiting("it was cancelled");
         self.shared.changed.notify_all();
     }
 
-    /// Holds the queue after the step in progress, or lets it go on.
+    /// Pauses the queue after the step in progress, or resumes it. A paused rollout on a graphics device rests.
     pub fn pause(&self, paused: bool) {
         let mut queue = self.shared.queue.lock();
         queue.paused = paused;
@@ -257,7 +258,7 @@ impl Worker {
         self.shared.changed.notify_all();
     }
 
-    /// Lets one queued step run although the queue is held; `false` when there is none left to run.
+    /// Lets one queued step run while the queue is paused; `false` when there is none left to run.
     pub fn single(&self) -> Result<bool> {
         let mut queue = self.shared.queue.lock();
         if !queue.paused {
@@ -271,13 +272,13 @@ impl Worker {
         Ok(true)
     }
 
-    /// WorkerStatistics as of the last step's end, and steps that wait or run.
+    /// Statistics as of the end of the last step, and the number of waiting and running steps.
     pub fn statistics(&self) -> (WorkerStatistics, usize) {
         let depth = self.shared.queue.lock().depth();
         (self.shared.statistics.lock().clone(), depth)
     }
 
-    /// Holds the rollout to a budget.
+    /// Sets the rollout's budget; see [`Rollout::govern`].
     pub fn govern(&self, budget: &Budget, worlds: &[Arc<World>]) -> Result<Arc<Governor>> {
         let mut core = self.alone()?;
         let governor = core.rollout.govern(budget, worlds)?;
@@ -285,7 +286,7 @@ impl Worker {
         Ok(governor)
     }
 
-    /// Holds it to none.
+    /// Removes the rollout's budget; see [`Rollout::ungovern`].
     pub fn ungovern(&self) -> Result<()> {
         self.alone()?.rollout.ungovern();
         Ok(())
@@ -296,7 +297,7 @@ impl Worker {
         if worker.is_some() {
             return Ok(());
         }
-        // Room for all that can be queued, so that nothing later can fail for want of it.
+        // Allocates the whole queue, so that later calls cannot fail for want of memory.
         let full = || Error::new(ErrorKind::OutOfMemory, "the queue cannot be allocated");
         {
             let mut queue = self.shared.queue.lock();
@@ -324,7 +325,7 @@ impl QueuedRollout {
         Ok(info)
     }
 
-    /// Says what it has done, and what that took on the device.
+    /// Stores the current statistics and device times.
     fn tell(&mut self, figures: &Mutex<WorkerStatistics>) {
         let done = self.rollout.statistics();
         #[cfg(windows)]
@@ -340,13 +341,13 @@ impl QueuedRollout {
         };
     }
 
-    /// Notes that the past is another one.
+    /// Records that a state was restored: the last latent is a cut.
     pub fn restored(&mut self) {
         self.cut = true;
         self.cut_next = false;
     }
 
-    /// The anchor that the last step made.
+    /// A copy of the last step's anchor.
     pub fn anchor(&mut self) -> Result<KeptAnchor> {
         KeptAnchor::of(&mut self.rollout, self.cut)
     }
@@ -361,15 +362,15 @@ impl Shared {
         Ok(())
     }
 
-    /// The worker's life: one step after the other until the rollout is destroyed.
+    /// Main function of the worker thread: runs one step after the other until the worker is closed.
     fn work(&self) {
         _ = self.thread.set(std::thread::current().id());
         while let Some((ticket, job)) = self.next() {
             let result: Result<StepResult> = catch_panic(|| {
                 let mut core = self.core.lock();
-                // A move to another world takes its room along, and is made first.
-                core.rollout.obey();
-                // A step whose anchor found no room would be made, and yet fail.
+                // Done first: a move to another world replaces the context that the anchor's memory belongs to.
+                core.rollout.apply_decision();
+                // Allocated before the step: otherwise the step could be made and its anchor still fail for want of memory.
                 let mut anchor = KeptAnchor::room(&mut core.rollout)?;
                 let info = core.run(&job)?;
                 core.tell(&self.statistics);
@@ -385,8 +386,8 @@ impl Shared {
             }
             queue.done.push_back((ticket, result));
             if failed {
-                // Their controls were meant for a world that did not come about.
-                queue.give_up("a step before it failed");
+                // The controls of later steps assume that this step was made.
+                queue.cancel_waiting("a step before it failed");
             }
             self.changed.notify_all();
         }
@@ -414,7 +415,7 @@ impl Shared {
         }
     }
 
-    /// Lets the device's memory of a held rollout be used by others. One that is in use by another call is not held.
+    /// Evicts the device memory of a paused rollout. Does nothing while another call uses the rollout.
     fn rest(&self) {
         let result: Result<()> = catch_panic(|| match self.core.try_lock() {
             Some(mut core) => Ok(core.rollout.rest()?),
@@ -427,13 +428,13 @@ impl Shared {
 }
 
 impl Queue {
-    /// Steps that wait or run.
+    /// Number of waiting and running steps.
     fn depth(&self) -> usize {
         self.waiting.len() + usize::from(self.running.is_some())
     }
 
-    /// Ends what waits.
-    fn give_up(&mut self, why: &str) {
+    /// Cancels all waiting steps.
+    fn cancel_waiting(&mut self, why: &str) {
         self.singles = 0;
         while let Some((ticket, _)) = self.waiting.pop_front() {
             let failure = Error::new(ErrorKind::Cancelled, format!("the queued step was not made: {why}"));

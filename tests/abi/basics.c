@@ -34,7 +34,7 @@ static void the_last_error_is_the_thread_s_own(void)
     pthread_t thread;
     CHECK(pthread_create(&thread, NULL, other_thread, NULL) == 0);
     pthread_join(thread, NULL);
-    /* Success leaves it alone. */
+    /* Success does not change the last error. */
     OK(cairn_device_destroy(NULL));
     CHECK(strstr(message(), "device:") != NULL);
 
@@ -58,7 +58,7 @@ static void log_line(uint32_t level, const char *target, const char *text, void 
     CHECK(target[0] != 0 && text != NULL);
     logged_user = user;
     __atomic_add_fetch(&logged, 1, __ATOMIC_SEQ_CST);
-    /* It may call back; setting another callback from within must fail and not hang. */
+    /* The log callback may call the library; setting another callback inside it must fail and not hang. */
     size_t length = 0;
     OK(cairn_last_error(NULL, 0, &length));
     ANSWERS(CAIRN_ERROR_BUSY, cairn_set_log_callback(CAIRN_LOG_OFF, NULL, NULL));
@@ -118,7 +118,7 @@ static void adapters_hold_the_processor(void)
     uint32_t count = 0;
     OK(cairn_adapters(rows, sizeof rows[0], 2, &count));
     CHECK(count == 1 && rows[0].kind == CAIRN_DEVICE_CPU && rows[0].name[0] && rows[0].memory > 1 << 20);
-    /* An array of a newer host has longer elements. */
+    /* The array of a newer host has larger elements. */
     struct {
         cairn_adapter row;
         uint64_t newer;
@@ -142,7 +142,7 @@ static void a_device_says_what_it_is(void)
     OK(cairn_device_destroy(device));
 }
 
-/* The variable that the tests are run with names a library that is there, and no host has to take it. */
+/* The environment variable names an existing library, and a host need not use it. */
 static void the_environment_names_libraries_only_where_the_host_lets_it(void)
 {
     cairn_device *device = NULL;
@@ -181,7 +181,7 @@ static void options_that_make_no_device_are_refused(void)
     options.ffx = NULL;
     options.onnxruntime = "/there/is/no/such/file.so";
     ANSWERS(CAIRN_ERROR_RUNTIME_MISSING, cairn_device_create_cpu(&options, &device));
-    /* A failure writes no result. */
+    /* A failed call writes no result. */
     CHECK(device == (cairn_device *)(uintptr_t)0x1234);
 }
 

@@ -1,5 +1,5 @@
-/* Every function of the header that can refuse something, described by its arguments, so that programs can play them
-   all. `cargo xtask test abi` fails when a function of the header has no row here. */
+/* Every function of the header that can return an error, described by its arguments, so that programs can call all of them with any
+   arguments. `cargo xtask test abi` fails when a function of the header has no row here. */
 #ifndef CAIRN_TEST_CALLS_H
 #define CAIRN_TEST_CALLS_H
 
@@ -7,8 +7,8 @@
 
 #include "check.h"
 
-/* Objects that rows are called with: one of each kind of handle, and QUEUE, a held rollout with a step. Of SWAPCHAIN, which is for
-   Windows, there is none, so that its rows refuse the handle once all else is as it should be. */
+/* Objects that rows are called with: one of each kind of handle, and QUEUE, a paused rollout with a queued step. SWAPCHAIN is for
+   Windows and has no object, so its rows fail with CAIRN_ERROR_INVALID_HANDLE once all other arguments are valid. */
 enum object { DEVICE, WORLD, ROLLOUT, ANCHOR, SCRIPT, RECORDER, GUIDANCE, PRESENTER, SWAPCHAIN, KINDS, QUEUE = KINDS, OBJECTS };
 
 /* The structs that the library reads. */
@@ -23,18 +23,18 @@ enum object { DEVICE, WORLD, ROLLOUT, ANCHOR, SCRIPT, RECORDER, GUIDANCE, PRESEN
 enum { READ_STRUCTS(NUMBERED) READ_STRUCT_COUNT };
 
 enum kind {
-    HANDLE_ARGUMENT, /* of `object`; `alone` when the call excludes others */
+    HANDLE_ARGUMENT, /* of kind `object`; `alone` if the call needs exclusive use */
     READ_ARGUMENT,   /* a struct that the library reads */
-    FILLED_ARGUMENT, /* a struct that it fills */
-    RESULT_ARGUMENT, /* a place for a handle or a number */
+    FILLED_ARGUMENT, /* a struct that the library fills */
+    RESULT_ARGUMENT, /* an output pointer for a handle or a number */
     TEXT_ARGUMENT,   /* a path that ends in a NUL */
-    BYTES_ARGUMENT,  /* memory whose elements the next argument counts */
-    ROOM_ARGUMENT,   /* the same, and any count will do */
-    COUNT_ARGUMENT,  /* `good` and nothing else; a saved state's size where `good` is 0 */
+    BYTES_ARGUMENT,  /* memory; the next argument is its number of elements */
+    ROOM_ARGUMENT,   /* the same, with any count allowed */
+    COUNT_ARGUMENT,  /* only `good` is valid; if that is 0, the size of the saved state */
     NUMBER_ARGUMENT, /* any number */
-    CHOICE_ARGUMENT, /* a number of 32 bits from `least` to `most` */
+    CHOICE_ARGUMENT, /* a 32-bit number from `least` to `most` */
     REAL_ARGUMENT,   /* a finite number */
-    NONE_ARGUMENT    /* a callback: null */
+    NONE_ARGUMENT    /* a callback; null */
 };
 
 struct shape {
@@ -59,7 +59,7 @@ struct row {
     struct shape shapes[MOST_ARGUMENTS];
 };
 
-/* What an argument is, and which member of `struct argument` becomes it. */
+/* Kinds of arguments, and the member of `struct argument` that each uses. */
 #define SHAPE_SHARED(o) {.kind = HANDLE_ARGUMENT, .object = o}
 #define SHAPE_SHARED_OR_NULL(o) {.kind = HANDLE_ARGUMENT, .object = o, .or_null = 1}
 #define SHAPE_ALONE(o) {.kind = HANDLE_ARGUMENT, .object = o, .alone = 1}
@@ -212,7 +212,7 @@ struct row {
     C2(cairn_swapchain_get_statistics, SHARED(SWAPCHAIN), FILLED(cairn_swapchain_statistics))                         \
     C1(cairn_swapchain_destroy, SHARED(SWAPCHAIN))
 
-/* What only Windows can do is refused elsewhere, whatever it is given. */
+/* Functions for Windows only, which are unsupported elsewhere with any arguments. */
 __attribute__((unused)) static int is_for_windows(const char *name)
 {
     return strstr(name, "d3d12") || strstr(name, "create_adapter") || strstr(name, "swapchain");
@@ -275,21 +275,21 @@ CALLS(CALL1, CALL2, CALL3, CALL4, CALL5, CALL6, CALL7, CALL8, CALL9)
 static const struct row rows[] = {CALLS(ROW1, ROW2, ROW3, ROW4, ROW5, ROW6, ROW7, ROW8, ROW9)};
 enum { ROWS = sizeof rows / sizeof rows[0] };
 
-/* A row that ends a handle. */
+/* Whether a row destroys a handle. */
 __attribute__((unused)) static int destroys(const struct row *row)
 {
     size_t length = strlen(row->name);
     return length > 8 && !strcmp(row->name + length - 8, "_destroy");
 }
 
-/* A row that answers CAIRN_ERROR_BUSY while there is any object. */
+/* Whether a row returns CAIRN_ERROR_BUSY while there is any object. */
 __attribute__((unused)) static int needs_no_object(const struct row *row)
 {
     return !strcmp(row->name, "cairn_set_threads") || !strcmp(row->name, "cairn_set_scheduler");
 }
 
-/* A member of a struct, and what may stand there: up to `most` for a choice, any of the bits of `most` for flags, what is finite
-   for REAL_FIELD, and what is a number at all for NUMBER_FIELD. */
+/* A member of a struct, and its valid values: up to `most` for a choice, any of the bits of `most` for flags, finite for REAL_FIELD,
+   and not NaN for NUMBER_FIELD. */
 struct field {
     const char *name;
     int number;

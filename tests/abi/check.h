@@ -1,4 +1,4 @@
-/* What the programs of this folder share: tests in the words of Rust's harness, and the world they run. */
+/* Shared by the programs of this folder: tests with the output of Rust's harness, and the world they run. */
 #ifndef CAIRN_TEST_CHECK_H
 #define CAIRN_TEST_CHECK_H
 
@@ -11,7 +11,7 @@
 static int failed_checks;
 __attribute__((unused)) static int failed_tests;
 
-/* Says what did not hold, and goes on. */
+/* Prints a condition that does not hold, and continues. */
 #define CHECK(what)                                                        \
     do {                                                                   \
         if (!(what)) {                                                     \
@@ -20,7 +20,7 @@ __attribute__((unused)) static int failed_tests;
         }                                                                  \
     } while (0)
 
-/* Says what a call answered where something else was expected. */
+/* Prints the result of a call that differs from the expected one. */
 #define ANSWERS(expected, call)                                                                                  \
     do {                                                                                                         \
         cairn_result answer = (call);                                                                            \
@@ -63,7 +63,7 @@ __attribute__((unused)) static cairn_device *make_device(void)
     return device;
 }
 
-/* The path of the small world that CAIRN_TEST_WORLD names. */
+/* The path of the small world, from CAIRN_TEST_WORLD. */
 __attribute__((unused)) static const char *world_path(void)
 {
     const char *path = getenv("CAIRN_TEST_WORLD");

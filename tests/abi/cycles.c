@@ -1,4 +1,4 @@
-/* Objects made and destroyed many times: memory, files, threads and handles are what they were. */
+/* Objects created and destroyed many times: memory, files, threads and handles return to their former numbers. */
 #include <dirent.h>
 #include <malloc.h>
 #include <stdint.h>
@@ -20,7 +20,7 @@ static int entries(const char *folder)
     return count;
 }
 
-/* What this process holds now. */
+/* The resources that this process holds now. */
 static Held held(void)
 {
     struct mallinfo2 memory = mallinfo2();
@@ -30,7 +30,7 @@ static Held held(void)
 
 static cairn_device *device;
 
-/* One of everything that needs no world; each handle is used once. */
+/* One of each object that needs no world; each handle is used once. */
 static void once(int i)
 {
     cairn_device *own = NULL;
@@ -59,7 +59,7 @@ static void once(int i)
     cairn_controls c = controls(i);
     OK(cairn_recorder_step(recorder, 1, 15, &c));
     OK(cairn_recorder_make_script(recorder, 1000000, &script));
-    /* A refused call, whose message is kept. */
+    /* A refused call, whose message is stored. */
     ANSWERS(CAIRN_ERROR_INVALID_HANDLE, cairn_anchor_destroy((cairn_anchor *)script));
     OK(cairn_script_destroy(script));
     OK(cairn_recorder_destroy(recorder));
@@ -70,7 +70,7 @@ static void once(int i)
     OK(cairn_device_destroy(own));
 }
 
-/* A world, a rollout by hand and by its queue, an anchor that outlives them. */
+/* A world, a rollout with direct and queued steps, and an anchor that outlives them. */
 static void once_with_a_world(void)
 {
     cairn_world *world = make_world(device);
@@ -90,7 +90,7 @@ static void once_with_a_world(void)
     OK(cairn_anchor_destroy(anchor));
 }
 
-/* Whether what is held is what was held; slack is for what the C library and ONNX Runtime keep in reserve. */
+/* Whether the held resources are unchanged; `slack` is for what the C library and ONNX Runtime keep in reserve. */
 static void same(Held before, Held after, size_t slack)
 {
     CHECK(after.files == before.files);
@@ -107,7 +107,7 @@ static void ten_thousand_cycles_without_a_world_leave_nothing(void)
     for (int i = 0; i < 100; i++) once(i);
     Held before = held();
     for (int i = 0; i < 10000 && !failed_checks; i++) once(i);
-    /* Less than one and a half bytes for each cycle. */
+    /* Less than one and a half bytes per cycle. */
     same(before, held(), 16384);
 }
 
@@ -116,7 +116,7 @@ static void twenty_cycles_with_a_world_leave_nothing(void)
     for (int i = 0; i < 3; i++) once_with_a_world();
     Held before = held();
     for (int i = 0; i < 20 && !failed_checks; i++) once_with_a_world();
-    /* A hundredth of what one world with a rollout takes. */
+    /* A hundredth of the memory of one world with a rollout. */
     cairn_world *world = make_world(device);
     cairn_world_memory memory = {.struct_size = sizeof memory};
     OK(cairn_world_get_memory(world, &memory));

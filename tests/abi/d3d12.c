@@ -1,4 +1,4 @@
-/* Direct3D 12 where there is none: every door says so, and hands nothing out. */
+/* Direct3D 12 functions on other systems: each returns CAIRN_ERROR_UNSUPPORTED or an argument error, and writes no result. */
 #include "check.h"
 
 /* The value that results must still have after a call that fails. */

@@ -1,5 +1,5 @@
-/* The n-th allocation from outside sizes, file operation or call of ONNX Runtime fails, once and then for ever, for every n to
-   the end of a whole rollout; after each, all that lives is whole and the next rollout is the one it always was. */
+/* The n-th allocation of an external size, file operation or call of ONNX Runtime fails, once and then permanently, for every n up to
+   the end of a whole rollout. After each failure all objects are intact, and the next rollout gives the usual result. */
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -14,13 +14,13 @@
 #include "check.h"
 #include "shim/onnxruntime.h"
 
-/* ---- Faults: the library's calls come here, as a program's own functions go before those of the C library. ---- */
+/* ---- Failures: the library's calls come here, since the program's functions override those of the C library. ---- */
 enum what { NOTHING, ALLOCATIONS, FILES, RUNTIME };
 static enum what failing;
 static int for_ever;
-/* Of the kind that fails: how many came, and which fails. */
+/* For the failing kind of call: the number of calls, and the one that fails. */
 static unsigned long counted, nth;
-/* Only while the library is called, which never does two things at once here, so that n means the same every time. */
+/* Set only while the library is called. It does nothing in parallel here, so n means the same call every time. */
 static int watched;
 
 static int fails(enum what what)
@@ -30,10 +30,10 @@ static int fails(enum what what)
     return nth != 0 && (number == nth || (for_ever && number > nth));
 }
 
-/* Smaller ones are no sizes from outside: text and bookkeeping, for which a program that has no memory left ends. */
+/* Smaller allocations do not depend on external sizes: text and bookkeeping, for which running out of memory ends the program. */
 enum { FROM_OUTSIDE = 20480 };
 
-/* Whether a call comes from the library itself: ONNX Runtime's own are its own affair, and fail as its calls do. */
+/* Address range of the library: only its own calls fail. ONNX Runtime's failures are simulated by its calls. */
 static struct { uintptr_t from, to; } library;
 
 static int find_library(struct dl_phdr_info *info, size_t size, void *unused)
@@ -138,11 +138,11 @@ static int runtime_fails(void)
     return fails(RUNTIME);
 }
 
-/* ---- A whole rollout: load, start, seed, steps by hand and by the queue, save, restore. ---- */
+/* ---- A whole rollout: load, start, seed, direct and queued steps, save, restore. ---- */
 #define STATE "fail-nth-state.bin"
 static cairn_device *device;
 
-/* All that a rollout takes; each is ended by `end`. */
+/* All objects of a rollout; `end` destroys each. */
 struct all {
     cairn_world *world;
     cairn_rollout *rollout;
@@ -172,7 +172,7 @@ static cairn_result step(struct all *all)
     return cairn_rollout_step(all->rollout, &c, NULL);
 }
 
-/* By the rollout's own thread. */
+/* Steps on the rollout's own thread. */
 static cairn_result queue(struct all *all)
 {
     cairn_controls c = controls(2);
@@ -220,7 +220,7 @@ static cairn_result reset(struct all *all)
     return cairn_rollout_reset(all->rollout);
 }
 
-/* Each leaves everything as it was when it fails. */
+/* A part of a rollout; a failed part leaves everything unchanged. */
 typedef cairn_result (*part)(struct all *all);
 static const part parts[] = {load, begin, seed, take, step, take, save, step, take_up, queue, reset, seed, step};
 enum { PARTS = sizeof parts / sizeof parts[0] };
@@ -235,7 +235,7 @@ static uint64_t print_of(struct all *all)
     return print;
 }
 
-/* What every rollout that ends is like. */
+/* Fingerprint of every complete rollout. */
 static uint64_t whole_print;
 
 static int is_of(enum what what, cairn_result r)
@@ -245,7 +245,7 @@ static int is_of(enum what what, cairn_result r)
     return r == CAIRN_ERROR_DEVICE || r == CAIRN_ERROR_OUT_OF_MEMORY || r == CAIRN_ERROR_INVALID_BUNDLE;
 }
 
-/* Plays a rollout while the n-th fails; a part that fails is tried again when nothing fails any more. Whether n was reached. */
+/* Runs a rollout while the n-th call fails; a failed part is repeated without failures. Returns whether call n was reached. */
 static int play(enum what what, unsigned long n, int always)
 {
     struct all all = {0};
@@ -277,7 +277,7 @@ static int play(enum what what, unsigned long n, int always)
 
 static unsigned long faults;
 
-/* One in `stride` of all n; in the long form every one. */
+/* Fails one in `stride` of all n; in the long form every one. */
 static void every_one(enum what what, unsigned long stride)
 {
     if (getenv("CAIRN_THOROUGH")) stride = 1;

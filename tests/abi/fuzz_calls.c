@@ -15,11 +15,11 @@ static void random_calls_break_nothing(void)
         }
         struct bytes from = {choices, LENGTH};
         play(&from);
-        /* What was queued is taken back, so that the next sequence finds the stage as this one did. */
+        /* Cancels queued steps, so that the next sequence starts with the same objects. */
         OK(cairn_rollout_cancel(objects[QUEUE]));
         OK(cairn_rollout_pause(objects[QUEUE]));
     }
-    /* After all of it a rollout is what it always is. */
+    /* After all sequences a rollout still gives the usual result. */
     cairn_controls c = controls(1);
     OK(cairn_rollout_restore(objects[ROLLOUT], saved_state, saved_size));
     OK(cairn_rollout_step(objects[ROLLOUT], &c, NULL));

@@ -1,4 +1,4 @@
-/* What a careless or hostile caller may pass: handles that are none, pointers that are null or misaligned, structs of every size. */
+/* Arguments from a careless or hostile caller: invalid handles, null or misaligned pointers, structs of every size. */
 #include <pthread.h>
 #include <stdint.h>
 
@@ -11,10 +11,10 @@ static cairn_anchor *anchor;
 static cairn_script *script;
 static cairn_recorder *recorder;
 
-/* Every call that takes a handle and can be made with zeroes for all else; `h` is the handle. */
+/* Every call that takes a handle and accepts zeroes for all other arguments; `h` is the handle. */
 typedef cairn_result (*handle_call)(void *h);
 
-/* Room for any struct and any array, with a struct_size that fits none. */
+/* Memory for any struct and any array, with a struct_size that is valid for none. */
 static uint64_t room[1024];
 
 static cairn_result device_info(void *h) { return cairn_device_get_info(h, (void *)room); }
@@ -67,7 +67,7 @@ static cairn_result recorder_step(void *h) { return cairn_recorder_step(h, 1, 15
 static cairn_result recorder_script(void *h) { return cairn_recorder_make_script(h, 0, (void *)room); }
 static cairn_result recorder_destroy(void *h) { return cairn_recorder_destroy(h); }
 
-/* Calls by the object they take; the last of each destroys. */
+/* Calls by the object that they take; the last of each destroys it. */
 static const handle_call of_device[] = {device_info, world_load, device_destroy, NULL};
 static const handle_call of_world[] = {world_info, world_memory, world_licence, rollout_create, world_destroy, NULL};
 static const handle_call of_rollout[] = {
@@ -111,7 +111,7 @@ static void destroy_all(void)
     OK(cairn_recorder_destroy(recorder));
 }
 
-/* Every call answers that `h` is no handle of its kind, or, for null, that destroying nothing is fine. */
+/* Every call returns CAIRN_ERROR_INVALID_HANDLE for `h`, except that destroying null succeeds. */
 static void refused(int kind, void *h)
 {
     for (const handle_call *call = kinds[kind]; *call; call++) {
@@ -154,7 +154,7 @@ static void a_hundred_thousand_guesses_hit_nothing(void)
     for (int i = 0; i < 100000; i++) {
         state ^= state << 13, state ^= state >> 7, state ^= state << 17;
         int kind = (int)(state % KINDS);
-        /* The right kind and a slot that may be there. */
+        /* The right kind and a slot that may exist. */
         uint64_t guess = ((uintptr_t)living(kind) & 0xff00000000000000ull) | (state >> 16 & 0xffffffff) << 24 | (state & 7);
         if ((void *)(uintptr_t)guess == living(kind)) continue;
         room[0] = 0;
@@ -163,10 +163,10 @@ static void a_hundred_thousand_guesses_hit_nothing(void)
     destroy_all();
 }
 
-/* Every call that takes a struct, with everything else as it should be; `s` is the struct. */
+/* Every call that takes a struct, with all other arguments valid; `s` is the struct. */
 typedef cairn_result (*struct_call)(void *s);
 
-/* Only so is ONNX Runtime found here. Nothing is written into what is too small, or no struct at all. */
+/* ONNX Runtime is found here only with this flag. Nothing is written into a struct that is too small or invalid. */
 static void let_the_environment_name_libraries(void *s)
 {
     if (s && (uintptr_t)s % _Alignof(cairn_device_options) == 0 && *(uint32_t *)s >= sizeof(cairn_device_options)) {
@@ -217,9 +217,9 @@ struct sized {
     const char *name;
     struct_call call;
     uint32_t size, align;
-    /* Whether zeroes behind struct_size make the call succeed. */
+    /* Whether the call succeeds if all bytes after struct_size are zero. */
     int zeroes_work;
-    /* What it measured in earlier headers, 0 where it has not grown. */
+    /* Its sizes in earlier headers, 0 if it has not grown. */
     uint32_t earlier[2];
 };
 
@@ -275,7 +275,7 @@ static void structs_of_every_size(void)
                 fprintf(stderr, "%s of %u bytes: %s (%s)\n", one->name, size, cairn_result_name(r), message());
                 CHECK(!"the answer fits the size");
             }
-            /* The caller's size stays, and nothing is written behind the struct. */
+            /* The caller's size stays, and nothing is written beyond the struct. */
             uint32_t now;
             memcpy(&now, room, sizeof now);
             CHECK(now == size);
@@ -367,7 +367,7 @@ static void null_and_misaligned_results_are_refused(void)
     destroy_all();
 }
 
-/* Threads that call, create and destroy as they please: nothing breaks, and every answer is one that the header names. */
+/* Threads that call, create and destroy at random: nothing breaks, and every result is one that the header names. */
 static void *storm(void *argument)
 {
     uint64_t state = (uintptr_t)argument * 2654435761u + 1;
@@ -375,7 +375,7 @@ static void *storm(void *argument)
         state ^= state << 13, state ^= state >> 7, state ^= state << 17;
         int kind = (int)(state % KINDS), n = 0;
         while (kinds[kind][n + 1]) n++;
-        /* Not what takes long, nor what writes into the shared room. */
+        /* Neither slow calls nor calls that write into the shared memory. */
         handle_call call = kinds[kind][(state >> 8) % (uint64_t)n];
         if (call == rollout_cancel || call == rollout_pause || call == rollout_resume || call == rollout_single ||
             call == rollout_poll || call == rollout_reset || call == recorder_key || call == recorder_mouse ||

@@ -1,17 +1,17 @@
-/* Every function of the header against everything that its arguments must not be. */
+/* Every function of the header with every kind of invalid argument. */
 #include <errno.h>
 #include <math.h>
 
 #include "stage.h"
 
-/* ---- The library's memory comes from here: a program's own functions go before those of the C library. ---- */
+/* ---- The library's allocations come here: the program's functions override those of the C library. ---- */
 extern void *__libc_malloc(size_t size);
 extern void *__libc_calloc(size_t count, size_t size);
 extern void *__libc_realloc(void *old, size_t size);
 extern void *__libc_memalign(size_t alignment, size_t size);
 extern void __libc_free(void *old);
 
-/* Pieces of memory that are not given back. */
+/* Number of allocations that are not freed. */
 static long pieces;
 
 static void *piece(void *made)
@@ -48,15 +48,15 @@ static const struct row *row;
 static struct argument a[MOST_ARGUMENTS];
 static unsigned long refusals;
 
-/* Calls with one argument wrong: the answer is the one expected, has a message with the function's name, and nothing that
-   the call would fill was touched. */
+/* Calls with one invalid argument: the result is as expected, the message has the function's name, and no output of the call was
+   written. */
 static void refused(cairn_result expected, const char *what)
 {
     static unsigned char before[MOST_ARGUMENTS][8192];
     for (int i = 0; i < row->count; i++) memcpy(before[i], &rooms[i], sizeof before[i]);
     cairn_result r = row->call(a);
     refusals++;
-    /* These two tell of errors and leave them as they are. */
+    /* These two return the last error and do not change it. */
     int keeps = !strncmp(row->name, "cairn_last_error", 16);
     if (r != expected || (!keeps && strncmp(message(), row->name, strlen(row->name)))) {
         fprintf(stderr, "%s with %s: %s, not %s (%s)\n", row->name, what, cairn_result_name(r),
@@ -101,7 +101,7 @@ static void wrong_handles(int i)
     a[i].pointer = right;
 }
 
-/* A struct had this size before fields were added to it. */
+/* Whether `size` was the struct's size before fields were added to it. */
 static int earlier_size(const struct shape *shape, uint32_t size)
 {
     const uint32_t sizes[][2] = {{sizeof(cairn_presenter_options), 64}, {sizeof(cairn_presenter_options), 72},
@@ -129,7 +129,7 @@ static void wrong_structs(int i)
         if (size == shape->size || (size > shape->size && size <= 4096 && size % shape->align == 0)) continue;
         memcpy(right, &size, sizeof size);
         refused(CAIRN_ERROR_STRUCT_SIZE, "a wrong struct_size");
-        /* Farther beyond today's size some will do. */
+        /* Far above the current size, samples suffice. */
         if (size > shape->size + 16) size += 254;
     }
     for (int bit = 13; bit < 32; bit++) {
@@ -198,7 +198,7 @@ static void wrong_numbers(int i)
         const uint64_t wrong[] = {0, 1, right.number - 1, right.number + 1, UINT64_MAX, (uint64_t)1 << 63};
         for (int w = 0; w < 6; w++) {
             a[i].number = wrong[w];
-            /* More room than is needed is fine, and so is a script that is another. */
+            /* A larger buffer than needed is fine, and so is another script. */
             if (strstr(row->name, "rollout_save") && (w == 3 || w == 4 || w == 5)) continue;
             if (strstr(row->name, "script_create") && w == 2) continue;
             if (!elements && w == 3 && (right.number + 1) % 8 == 0) continue;
@@ -244,7 +244,7 @@ static void wrong_texts(int i)
     a[i] = right;
 }
 
-/* What can be seen of all objects, as a number. */
+/* A fingerprint of all objects' visible state. */
 static uint64_t state_of_all(void)
 {
     uint64_t print = 1469598103934665603ull;
@@ -309,7 +309,7 @@ static void what_no_argument_may_be_is_refused_everywhere(void)
             unsigned long counted = refusals;
             long held = pieces;
             refuse_row();
-            /* One piece may be the last message, which is longer than the one before. */
+            /* One may be the last message, if it is longer than the one before. */
             if (pass == 1 && pieces > held + 2) {
                 fprintf(stderr, "%s keeps %ld pieces of %lu refusals\n", row->name, pieces - held, refusals - counted);
                 CHECK(!"nothing is kept");

@@ -1,4 +1,4 @@
-/* Calls where none is allowed: beside another one, from within callbacks, and with work in flight at the end. */
+/* Calls where they are not allowed: during another call, inside callbacks, and destruction with work in flight. */
 #include <pthread.h>
 #include <unistd.h>
 
@@ -7,8 +7,8 @@
 
 static cairn_device *device;
 
-/* Calls every row but those that end or restart something; what it makes is ended. Those that must be alone with `busy`
-   answer that it is in use. */
+/* Calls every row except those that destroy or restart something; objects that it creates are destroyed. Calls that need exclusive
+   use of `busy` must return CAIRN_ERROR_BUSY. */
 static void call_all(void *busy)
 {
     struct argument a[MOST_ARGUMENTS];
@@ -16,7 +16,7 @@ static void call_all(void *busy)
         const struct shape *first = &row->shapes[0];
         if (destroys(row) || strstr(row->name, "log_callback") || strstr(row->name, "save_file")) continue;
         if (strstr(row->name, "world_load") || strstr(row->name, "device_create") || strstr(row->name, "resume")) continue;
-        /* What would make the same answer differently the next time. */
+        /* These would change the result of the next call of the same row. */
         const char *const once[] = {"reset", "cancel", "single_step"};
         int again = 1;
         for (int i = 0; i < 3; i++) again &= !strstr(row->name, once[i]);
@@ -35,7 +35,7 @@ static void call_all(void *busy)
     }
 }
 
-/* ---- Beside a step that is held inside ONNX Runtime. ---- */
+/* ---- During a step that is held inside ONNX Runtime. ---- */
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static pthread_cond_t changed = PTHREAD_COND_INITIALIZER;
 static int inside, let_go;
@@ -105,7 +105,7 @@ static void an_end_waits_for_the_call_in_flight_and_none_begins_after(void)
     pthread_t ending;
     inside = let_go = 0;
     cairn_test_shim.inside_run = hold;
-    /* The step is cancelled by the end, or was in its last pass. */
+    /* The destruction cancels the step, unless it is in its last pass. */
     cairn_controls c = controls(1);
     uint64_t ticket = 0;
     OK(cairn_rollout_submit(rollout, &c, &ticket));
@@ -126,7 +126,7 @@ static void an_end_waits_for_the_call_in_flight_and_none_begins_after(void)
     clear_stage();
 }
 
-/* ---- Callbacks that call back. ---- */
+/* ---- Callbacks that call the library. ---- */
 static unsigned long reports;
 static cairn_device *loading_on;
 
@@ -136,7 +136,7 @@ static uint32_t call_from_progress(const cairn_load_progress *progress, void *us
     if (++reports % 4 != 1) return 0;
     call_all(NULL);
     ANSWERS(CAIRN_ERROR_BUSY, cairn_device_destroy(loading_on));
-    /* A load within a load is one like any other. */
+    /* A load inside a load works as usual. */
     if (reports == 1) OK(cairn_world_destroy(make_world(loading_on)));
     return 0;
 }
@@ -165,7 +165,7 @@ static void call_from_log(uint32_t level, const char *target, const char *text, 
     CHECK(level >= CAIRN_LOG_ERROR && level <= CAIRN_LOG_TRACE && target && text && user == &messages);
     __atomic_add_fetch(&messages, 1, __ATOMIC_SEQ_CST);
     ANSWERS(CAIRN_ERROR_BUSY, cairn_set_log_callback(CAIRN_LOG_OFF, NULL, NULL));
-    /* What needs no device, which is only being made. */
+    /* Calls that need no device, which is only being created. */
     cairn_presenter *presenter = NULL;
     cairn_anchor *anchor = made_anchor(0);
     OK(cairn_presenter_create(NULL, &presenter));
@@ -178,14 +178,14 @@ static void a_log_callback_may_call_all_but_its_own_end(void)
 {
     cairn_device_options options = {.struct_size = sizeof options, .threads = 1, .flags = CAIRN_DEVICE_DETERMINISTIC,
         .onnxruntime = getenv("CAIRN_TEST_SHIM")};
-    /* ONNX Runtime speaks while it is started. */
+    /* ONNX Runtime logs while it starts. */
     OK(cairn_set_log_callback(CAIRN_LOG_TRACE, call_from_log, &messages));
     OK(cairn_device_create_cpu(&options, &device));
     OK(cairn_set_log_callback(CAIRN_LOG_OFF, NULL, NULL));
     CHECK(messages > 0);
 }
 
-/* ---- Every order of ends, with work in flight. ---- */
+/* ---- Every order of destruction, with work in flight. ---- */
 static void everything_ends_in_every_order(void)
 {
     for (int order = 0; order < 120; order++) {
@@ -211,7 +211,7 @@ static void everything_ends_in_every_order(void)
 
 int main(void)
 {
-    /* Rows that name ONNX Runtime must name the one in use. */
+    /* Rows that name an ONNX Runtime library must name the one in use. */
     const char *shim = getenv("CAIRN_TEST_SHIM");
     if (!shim || setenv("CAIRN_TEST_CALLS_ONNXRUNTIME", shim, 1)) return 2;
     RUN(a_log_callback_may_call_all_but_its_own_end);

@@ -41,7 +41,7 @@ static void what_is_no_script_is_refused_with_its_place(void)
     CHECK(script == NULL);
 }
 
-/* Text of a script; to be freed. */
+/* A script's text; to be freed by the caller. */
 static char *text_of(cairn_script *script)
 {
     size_t length = 0;

@@ -1,4 +1,4 @@
-/* What goes on inside ONNX Runtime and at the files: runs beside each other, and none after a cancel. */
+/* Runs inside ONNX Runtime and file operations: parallel runs, and none after a cancel. */
 #include <fcntl.h>
 #include <pthread.h>
 #include <stdarg.h>
@@ -11,7 +11,7 @@
 #include "check.h"
 #include "shim/onnxruntime.h"
 
-/* ---- The library's file calls come here: a program's own functions go before those of the C library. ---- */
+/* ---- The library's file calls come here: the program's functions override those of the C library. ---- */
 static unsigned long file_calls;
 
 ssize_t read(int file, void *to, size_t size)
@@ -70,12 +70,12 @@ static cairn_rollout *make_seeded(cairn_world *world)
     return rollout;
 }
 
-/* ---- Two worlds inside a run at the same moment. ---- */
+/* ---- Two worlds inside a run at the same time. ---- */
 static pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER;
 static pthread_cond_t arrived = PTHREAD_COND_INITIALIZER;
 static int inside, met;
 
-/* Holds whoever runs until another is inside as well, or for ten seconds. */
+/* Holds a run until another one is inside as well, or for ten seconds. */
 static void wait_for_another(unsigned long number)
 {
     (void)number;
@@ -187,7 +187,7 @@ static void after_a_cancel_no_run_begins(void)
         OK(cairn_rollout_pause(stopped));
         for (int i = 0; i < 4; i++) OK(cairn_rollout_submit(stopped, &c, &tickets[i]));
         unsigned long before = shim->runs;
-        /* The first time nothing is cancelled, to learn how many runs there are. */
+        /* The first time nothing is cancelled, to count the runs. */
         last_run = moment == 0 ? 0 : before + 1 + (moment - 1) * (total - 1) / 19;
         shim->inside_run = cancel_at_last;
         OK(cairn_rollout_resume(stopped));
@@ -205,7 +205,7 @@ static void after_a_cancel_no_run_begins(void)
             CHECK(shim->runs == last_run && runs_then == last_run);
             CHECK((made == 4) == (last_run == before + total));
         }
-        /* What is asked for later is done. */
+        /* Later requests are executed. */
         OK(cairn_rollout_step(stopped, &c, NULL));
         OK(cairn_rollout_destroy(stopped));
     }

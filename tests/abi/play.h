@@ -1,10 +1,10 @@
-/* Random call sequences with random structs, as bytes say. */
+/* Random call sequences with random structs, chosen by a string of bytes. */
 #ifndef CAIRN_TEST_PLAY_H
 #define CAIRN_TEST_PLAY_H
 
 #include "stage.h"
 
-/* Where the choices come from; zeroes when it is used up. */
+/* Source of the choices; zeroes when it is used up. */
 struct bytes {
     const unsigned char *at;
     size_t left;
@@ -19,7 +19,7 @@ static uint64_t take(struct bytes *from, size_t size)
     return value;
 }
 
-/* A number that is near a border more often than not. */
+/* A number that is often near a limit. */
 static uint64_t odd_number(struct bytes *from)
 {
     const uint64_t borders[] = {0, 1, 2, 3, 255, 256, 65535, UINT32_MAX, INT64_MAX, UINT64_MAX, 16384, 16385};
@@ -29,7 +29,7 @@ static uint64_t odd_number(struct bytes *from)
     return choice < 192 ? (uint64_t)1 << (choice & 63) : take(from, 8);
 }
 
-/* Handles that were made on the way, to be used and ended. */
+/* Handles that were created during the sequence, to be used and destroyed. */
 enum { KEPT = 16 };
 static struct {
     void *handle;
@@ -43,7 +43,7 @@ static void keep(struct bytes *from, enum object kind, void *handle)
     kept[place].handle = handle, kept[place].kind = kind;
 }
 
-/* What stands in a member: pointers stay what they are, with counts that do not say more than there is. */
+/* Changes members of a struct: pointers stay valid, and counts never exceed the memory behind them. */
 static void odd_struct(struct bytes *from, const struct shape *shape, unsigned char *to)
 {
     for (int times = (int)take(from, 1) % 4; times > 0; times--) {
@@ -72,16 +72,16 @@ static void odd_arguments(struct bytes *from, const struct row *row, struct argu
             if (what < 192) odd_struct(from, shape, a[i].pointer);
             if (what > 250) a[i].pointer = NULL;
         } else if (shape->kind == FILLED_ARGUMENT) {
-            /* Every size there may be lies in the room. */
+            /* Any size fits into the memory. */
             uint32_t size = what < 32 ? (uint32_t)odd_number(from) : shape->size;
             memcpy(a[i].pointer, &size, sizeof size);
             if (what > 250) a[i].pointer = NULL;
         } else if (shape->kind == NUMBER_ARGUMENT && i > 0 && row->shapes[i - 1].kind == ROOM_ARGUMENT) {
-            a[i].number = take(from, 2) % 8192; /* what there is */
+            a[i].number = take(from, 2) % 8192; /* the size of the memory */
         } else if (shape->kind == CHOICE_ARGUMENT || shape->kind == NUMBER_ARGUMENT) {
             if (what < 192) a[i].number = odd_number(from);
         } else if (shape->kind == COUNT_ARGUMENT) {
-            /* Less than there is, or nothing at all of the sort. */
+            /* No more than there is, if the argument is such a count at all. */
             if (what < 64 && shape->good != 0) a[i].number = what % (a[i].number + 1);
         } else if (shape->kind == REAL_ARGUMENT) {
             uint32_t bits = (uint32_t)odd_number(from);
@@ -95,8 +95,8 @@ static void odd_arguments(struct bytes *from, const struct row *row, struct argu
     }
 }
 
-/* What takes too long or reaches too far to be played: a path that is made up would be written to, a world takes its time,
-   a wait may be one for ever. Their arguments are the hostile callers' affair. */
+/* Calls that take too long or have effects outside: a random path would be written to, a world takes long to load, a wait may never
+   end. The hostile callers test their arguments. */
 static int left_out(const struct row *row)
 {
     const char *const names[] = {"save_file", "wait", "world_load", "device_create", "requirements", "log_callback"};
@@ -106,15 +106,15 @@ static int left_out(const struct row *row)
     return 0;
 }
 
-/* Plays what `from` says until it is used up, and ends all handles it made. Every answer must be one that the header names,
-   none a fault of the library. */
+/* Runs the calls that `from` chooses until it is used up, and destroys all handles that were created. Every result must be one that the
+   header names, and none an internal error. */
 static void play(struct bytes *from)
 {
     static struct argument a[MOST_ARGUMENTS];
     while (from->left > 0) {
         const struct row *row = &rows[take(from, 1) % ROWS];
         if (left_out(row)) continue;
-        /* The stage's own objects stay. */
+        /* The stage's own objects are not destroyed. */
         int ends = destroys(row);
         int needs_world = row->shapes[0].kind == HANDLE_ARGUMENT &&
             (row->shapes[0].object == WORLD || row->shapes[0].object == ROLLOUT || row->shapes[0].object == QUEUE);

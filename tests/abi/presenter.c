@@ -1,4 +1,4 @@
-/* Presenters and guidance: against an independent clock over seeded jitter, and as a host uses them. */
+/* Presenters and guidance: compared with an independent clock under seeded jitter, and used as a host does. */
 #include <math.h>
 #include <pthread.h>
 #include <stdint.h>
@@ -49,9 +49,9 @@ static uint64_t next_random(uint64_t *state)
     return z ^ (z >> 31);
 }
 
-/* ---- The reference: it knows nothing of places or fractions, keeps the due time of every anchor that came in a list, moves
-   the whole list when one is late, and looks for the frame from the end. Times in units of 1 / (3 * multiplier) ns, so that an
-   interval of 1/15 s and all of its parts are whole numbers. ---- */
+/* ---- The reference: it has no positions or fractions, keeps the due time of every anchor in a list, moves the whole list when an
+   anchor is late, and searches the frame from the end. Times are in units of 1 / (3 * multiplier) ns, so that an interval of
+   1/15 s and all of its parts are whole numbers. ---- */
 enum { INTERVAL = 66666666 };
 static int64_t due[400], unit, delay;
 static int came;
@@ -68,7 +68,7 @@ static void reference_push(int64_t now, int catch_up)
     came++;
 }
 
-/* Source; which anchor it starts from, and how many multiplier-ths of an interval after it. */
+/* The frame's source, the anchor that it starts from, and the number of intervals / multiplier after it. */
 static uint32_t reference_query(int64_t now, int *from, int *step)
 {
     *from = came - 1;
@@ -102,7 +102,7 @@ static void frames_are_those_of_the_reference(void)
             uint64_t arrival = ideal + next_random(&random) % jitter;
             if (next_random(&random) % 16 == 0) ideal += next_random(&random) % 300000000; /* a stall */
             if (arrival < now) arrival = now;
-            /* Ask at random moments, and at every border within the nanosecond. */
+            /* Queries at random times, and at every boundary to the nanosecond. */
             while (i > 0 && now < arrival) {
                 uint64_t ask = now + next_random(&random) % 7000000;
                 if (next_random(&random) % 2 == 0) ask = frame.until_ns - next_random(&random) % 2;
@@ -162,20 +162,20 @@ static void a_second_of_frames_is_drawn(void)
     CHECK(done.shown_anchors + done.shown_generated == 200 && done.shown_generated > 130 && done.repeated > 120);
     CHECK(strcmp(done.generator, "cpu") == 0 && done.preference[0] == 0);
     CHECK(done.generate_ns > 0 && done.guidance_ns > 0);
-    /* Nothing was made by a device, and all anchors but the last have had their time. */
+    /* No device made a frame, and all anchors but the last have been due. */
     CHECK(done.device_frames == 0 && done.device_lists_ns == 0 && done.under_way == 0 && done.waiting <= 1);
     CHECK(done.made_to_anchor == 0 && done.budget_changes == 0);
     OK(cairn_presenter_set_budget(presenter, 4000000));
     OK(cairn_presenter_get_statistics(presenter, &done));
     CHECK(done.made_to_anchor > 1 && done.budget_changes == 0);
     OK(cairn_presenter_set_budget(presenter, 0));
-    /* A host of before has a shorter struct. */
+    /* An earlier host has a shorter struct. */
     struct { cairn_presenter_statistics statistics; uint64_t behind; } earlier = {.behind = 7};
     earlier.statistics.struct_size = 304;
     earlier.statistics.waiting = 0x5a5a5a5a;
     OK(cairn_presenter_get_statistics(presenter, &earlier.statistics));
     CHECK(earlier.statistics.anchors == 17 && earlier.statistics.waiting == 0x5a5a5a5a && earlier.behind == 7);
-    /* A target must have the size that frames have now. */
+    /* A target must have the current size of frames. */
     OK(cairn_presenter_resize(presenter, WIDTH / 2, HEIGHT / 2));
     cairn_target half = {.struct_size = sizeof half, .width = WIDTH / 2, .height = HEIGHT / 2, .pixels = pixels,
         .size = sizeof pixels};
@@ -183,7 +183,7 @@ static void a_second_of_frames_is_drawn(void)
     OK(cairn_presenter_resize(presenter, 0, 0));
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_draw(presenter, 2000000000, &half, NULL));
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_resize(presenter, 16385, 1));
-    /* What lies over the anchors has their size. */
+    /* The overlay mask has the anchors' size. */
     static uint8_t mask[WIDTH * HEIGHT];
     OK(cairn_presenter_set_overlay(presenter, mask, sizeof mask, WIDTH, HEIGHT));
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_set_overlay(presenter, mask, WIDTH * (HEIGHT - 1), WIDTH, HEIGHT - 1));
@@ -193,7 +193,7 @@ static void a_second_of_frames_is_drawn(void)
     OK(cairn_presenter_destroy(presenter));
 }
 
-/* White of pictures has the same number everywhere in HDR10 and scRGB: that of so many nits. */
+/* White of pictures has the same code value everywhere in HDR10 and scRGB: that of so many nits. */
 static void colours_beyond_white_have_the_numbers_of_their_standards(void)
 {
     const struct { uint32_t space, format, nits; } cases[] = {
@@ -282,7 +282,7 @@ static void preferences_are_met_or_refused(void)
         OK(cairn_presenter_destroy(presenter));
         presenter = NULL;
     }
-    /* Without a generator the nearer anchor stands. */
+    /* Without a generator the nearer anchor is shown. */
     options.multiplier = 2;
     presenter = make_presenter(&options);
     push(presenter, 0, 0);
@@ -305,7 +305,7 @@ static void guidance_goes_in_and_out(void)
     static float depth[HEIGHT][WIDTH];
     OK(cairn_guidance_read_motion(found, &motion[0][0][0], sizeof motion / 2));
     OK(cairn_guidance_read_depth(found, &depth[0][0], WIDTH * HEIGHT));
-    /* The picture moved two pixels to the left, so motion back to the previous one points right by two. */
+    /* The picture moved two pixels to the left, so motion to the previous picture points right by two. */
     CHECK(motion[HEIGHT / 2][WIDTH / 2][0] >= 0x3e00 && motion[HEIGHT / 2][WIDTH / 2][0] <= 0x4100);
     CHECK(depth[3][3] == 0.5f);
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_guidance_read_depth(found, &depth[0][0], WIDTH * HEIGHT - 1));
@@ -356,7 +356,7 @@ static void guidance_goes_in_and_out(void)
     OK(cairn_presenter_destroy(presenter));
 }
 
-/* One thread draws, two push and ask. */
+/* One thread draws, two push and query. */
 static cairn_presenter *shared;
 static int stop_asking;
 
@@ -425,7 +425,7 @@ static void a_world_s_anchors_bring_rate_latents_and_decoded_pictures(void)
                 target.pixels = pixels;
                 CHECK(memcmp(own, pixels, sizeof own) == 0);
             } else {
-                /* Noise that moves has cuts. */
+                /* Moving noise causes cuts. */
                 CHECK(frame.source == CAIRN_FRAME_GENERATED || (frame.flags & CAIRN_FRAME_CUT));
             }
         }
@@ -457,7 +457,7 @@ static void what_does_not_fit_is_refused(void)
     cairn_anchor *other = NULL;
     OK(cairn_anchor_create(&picture, 1, 0, &other));
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_push(presenter, other, NULL, 1000000000));
-    /* A clock that jumps, back and to the end of time. */
+    /* A clock that jumps, backwards and to the largest time. */
     cairn_frame frame = {.struct_size = sizeof frame};
     const uint64_t times[] = {0, UINT64_MAX, 0, UINT64_MAX / 2, 1};
     for (int i = 0; i < 5; i++) OK(cairn_presenter_query(presenter, times[i], &frame));

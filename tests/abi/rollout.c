@@ -1,4 +1,4 @@
-/* Rollouts: by hand and by the queue, cancelled, held, saved, and destroyed in every order. */
+/* Rollouts: direct and queued steps, cancelled, paused, saved, and destroyed in every order. */
 #include <pthread.h>
 #include <stdint.h>
 #include <unistd.h>
@@ -24,7 +24,7 @@ static cairn_rollout *make_seeded(uint64_t seed)
     return rollout;
 }
 
-/* An anchor's picture and latent as a number. */
+/* A fingerprint of an anchor's picture and latent. */
 static uint64_t anchor_print(cairn_anchor *anchor)
 {
     static _Thread_local unsigned char pixels[72][128][4];
@@ -54,7 +54,7 @@ static uint64_t last_print(cairn_rollout *rollout)
 
 enum { STEPS = 6 };
 
-/* What STEPS steps of a seeded rollout make. */
+/* The fingerprints of STEPS steps of a seeded rollout. */
 static void by_hand(uint64_t seed, uint64_t prints[STEPS])
 {
     cairn_rollout *rollout = make_seeded(seed);
@@ -87,7 +87,7 @@ static void a_rollout_says_how_far_it_is(void)
     OK(cairn_anchor_get_info(anchor, &about));
     CHECK(about.latent == 0 && about.flags == CAIRN_ANCHOR_CUT && about.pictures == 1);
     CHECK(about.width == 128 && about.height == 72 && about.latent_channels == 4);
-    /* The anchor stays when all else goes. */
+    /* The anchor remains valid after everything else is destroyed. */
     OK(cairn_rollout_destroy(rollout));
     anchor_print(anchor);
     OK(cairn_anchor_destroy(anchor));
@@ -192,7 +192,7 @@ static void cancelling_leaves_the_rollout_whole(void)
         cairn_rollout_info info = {.struct_size = sizeof info};
         OK(cairn_rollout_get_info(rollout, &info));
         CHECK(info.latents == 1 + (uint64_t)made);
-        /* What was cancelled left no trace. */
+        /* A cancelled step has no effect. */
         if (made == 0) {
             for (int i = 0; i < 2; i++) {
                 c = controls(i);
@@ -235,7 +235,7 @@ static void a_state_goes_on_bit_for_bit(void)
             CHECK(last_print(other) == prints[i]);
         }
     }
-    /* A damaged state changes nothing. */
+    /* A damaged state is refused and changes nothing. */
     for (size_t at = 0; at < size; at += size / 50) {
         state[at] ^= 4;
         cairn_result r = cairn_rollout_restore(other, state, size);
@@ -251,13 +251,13 @@ static void a_state_goes_on_bit_for_bit(void)
     OK(cairn_rollout_destroy(other));
 }
 
-#ifdef CAIRN_WORLD_FIT_WINDOW /* Budgets are not in the first header, as that is not. */
+#ifdef CAIRN_WORLD_FIT_WINDOW /* The first header has neither this nor budgets. */
 static void latents_are_held_to_a_budget(void)
 {
     cairn_rollout *rollout = make_seeded(1);
     cairn_controls c = controls(0);
     uint32_t passes[6];
-    /* Nothing is made in a nanosecond. */
+    /* No latent takes only a nanosecond. */
     OK(cairn_rollout_set_budget(rollout, 1, "stock explicit:1:0.5:0"));
     for (int i = 0; i < 6; i++) {
         cairn_step_info info = {.struct_size = sizeof info};
@@ -282,7 +282,7 @@ static void one_budget_holds_latents_and_frames(void)
     cairn_presenter *presenter = NULL;
     OK(cairn_presenter_create(&options, &presenter));
     cairn_controls c = controls(0);
-    /* Nothing is made in a nanosecond. */
+    /* No latent takes only a nanosecond. */
     cairn_budget budget = {.struct_size = sizeof budget, .frame_ns = 1, .schedules = "stock explicit:1:0.5:0",
                            .worlds = (const cairn_world *const *)&world, .world_count = 1, .presenter = presenter};
     OK(cairn_rollout_govern(rollout, &budget));
@@ -300,7 +300,7 @@ static void one_budget_holds_latents_and_frames(void)
     cairn_presenter_statistics shown = {.struct_size = sizeof shown};
     OK(cairn_presenter_get_statistics(presenter, &shown));
     CHECK(shown.made_to_anchor == 1 && shown.budget_changes == 1);
-    /* What is no budget changes nothing. */
+    /* An invalid budget changes nothing. */
     cairn_budget wrong = budget;
     wrong.multiplier = 3;
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_govern(rollout, &wrong));
@@ -405,7 +405,7 @@ static void everything_may_go_in_every_order(void)
     }
 }
 
-/* Two threads that step one rollout: each step is made whole or refused as busy. */
+/* Two threads that step one rollout: each step succeeds completely or is refused as busy. */
 static cairn_rollout *contested;
 static int contested_made;
 

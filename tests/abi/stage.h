@@ -1,4 +1,4 @@
-/* Living objects of every kind, and arguments that each row of calls.h takes. */
+/* Objects of every kind, and valid arguments for each row of calls.h. */
 #ifndef CAIRN_TEST_STAGE_H
 #define CAIRN_TEST_STAGE_H
 
@@ -12,20 +12,20 @@ static void *objects[OBJECTS];
 static unsigned char *saved_state;
 static size_t saved_size;
 
-/* Memory that arguments point to, one piece for each. */
+/* Memory for arguments that are pointers, one block for each. */
 static union {
     unsigned char bytes[ROOM];
     uint64_t aligned;
 } rooms[MOST_ARGUMENTS];
 static unsigned char target_pixels[HEIGHT][WIDTH][4];
 
-/* A job system that does nothing with its jobs. */
+/* A job system that runs none of its jobs. */
 static void run_nothing(void *user, uint32_t jobs, cairn_job job, void *data)
 {
     (void)user, (void)jobs, (void)job, (void)data;
 }
 
-/* Fills a struct that the library reads with what it takes. */
+/* Fills a struct that the library reads with valid values. */
 static void good_struct(int number, void *to)
 {
     static const uint16_t still[WIDTH * HEIGHT * 2];
@@ -118,7 +118,7 @@ static void make_small(void)
     OK(cairn_presenter_push(objects[PRESENTER], objects[ANCHOR], NULL, 1000));
 }
 
-/* All of them; those that are made already stay. */
+/* Creates all objects that do not exist yet. */
 __attribute__((unused)) static void set_stage(cairn_device *device)
 {
     objects[DEVICE] = device;
@@ -137,7 +137,7 @@ __attribute__((unused)) static void set_stage(cairn_device *device)
     make_small();
 }
 
-/* Ends the handle in a place of its kind. */
+/* Destroys a handle of a kind. */
 __attribute__((unused)) static cairn_result end_object(enum object kind, void *handle)
 {
     switch (kind) {
@@ -163,7 +163,7 @@ __attribute__((unused)) static void clear_stage(void)
     saved_state = NULL;
 }
 
-/* The kind of the handle that a row makes, by its name; OBJECTS for none. */
+/* The kind of the handle that a row creates, by its name; OBJECTS for none. */
 __attribute__((unused)) static enum object made_by(const struct row *row)
 {
     static const struct {
@@ -184,7 +184,7 @@ __attribute__((unused)) static enum object made_by(const struct row *row)
     return OBJECTS;
 }
 
-/* Arguments that the row takes; what it fills is full of `pattern` first. */
+/* Valid arguments for the row; output memory is filled with `pattern` first. */
 static void good_arguments(const struct row *row, struct argument a[MOST_ARGUMENTS], int pattern)
 {
     memset(a, 0, sizeof(struct argument) * MOST_ARGUMENTS);

@@ -1,4 +1,4 @@
-/* Loading worlds: what they say, progress, cancelling, and bundles that are none. */
+/* Loading worlds: their properties, progress, cancelling, and invalid bundles. */
 #include <stdint.h>
 #include <sys/stat.h>
 
@@ -8,7 +8,7 @@ static void a_world_says_what_it_is(void)
 {
     cairn_device *device = make_device();
     cairn_world *world = make_world(device);
-    /* The world keeps its device. */
+    /* The world keeps its device alive. */
     OK(cairn_device_destroy(device));
     cairn_world_info info = {.struct_size = sizeof info};
     OK(cairn_world_get_info(world, &info));
@@ -67,7 +67,7 @@ static void what_cannot_be_loaded_is_refused(void)
     ANSWERS(CAIRN_ERROR_OUT_OF_MEMORY, cairn_world_load(device, &options, &world));
     CHECK(strstr(message(), "MiB are needed") != NULL);
 #ifdef CAIRN_WORLD_FIT_WINDOW /* Not in the first header. */
-    /* Not even the narrowest window fits into a byte; and all of it into what there is. */
+    /* Not even the narrowest window fits into a byte; the widest fits into the available memory. */
     options.flags = CAIRN_WORLD_FIT_WINDOW;
     ANSWERS(CAIRN_ERROR_OUT_OF_MEMORY, cairn_world_load(device, &options, &world));
     options.flags = 2;
@@ -79,7 +79,7 @@ static void what_cannot_be_loaded_is_refused(void)
     OK(cairn_device_destroy(device));
 }
 
-/* What a progress callback saw, and when it cancels. */
+/* The calls of a progress callback, and when it cancels. */
 struct watch {
     cairn_device *device;
     int calls;
@@ -97,7 +97,7 @@ static uint32_t watch_progress(const cairn_load_progress *progress, void *user)
     CHECK(progress->stage != watch->stage || progress->done >= watch->last_done);
     watch->stage = progress->stage;
     watch->last_done = progress->done;
-    /* It may call back, but not end what the load is using. */
+    /* It may call the library, but not destroy objects that the load uses. */
     cairn_device_info info = {.struct_size = sizeof info};
     OK(cairn_device_get_info(watch->device, &info));
     ANSWERS(CAIRN_ERROR_BUSY, cairn_device_destroy(watch->device));
@@ -134,7 +134,7 @@ static void loading_tells_its_progress_and_can_be_cancelled_at_every_call(void)
     OK(cairn_device_destroy(whole.device));
 }
 
-/* Copies a file of the bundle, with one byte changed where `at` is not negative. */
+/* Copies a file of the bundle, with the byte at `at` changed if `at` is not negative. */
 static void copy_file(const char *from, const char *to, const char *name, long at)
 {
     char path[4096];

@@ -1,6 +1,6 @@
 /*
- * include/cairn.hpp: what it owns, what it says of failures, and a walk through the embedded world. Compiled with exceptions and
- * without; each way does all that it can do.
+ * include/cairn.hpp: ownership, errors, and a path through the embedded world. Compiled with exceptions and without; each variant tests
+ * all that it supports.
  */
 #include "cairn.hpp"
 
@@ -18,7 +18,7 @@ static int failed_checks;
         }                                                                   \
     } while (0)
 
-/* Says what a result is where another code was expected. */
+/* Prints a result that differs from the expected code. */
 #define ANSWERS(expected, call)                                                                                                \
     do {                                                                                                                       \
         const auto &given = (call);                                                                                            \
@@ -31,7 +31,7 @@ static int failed_checks;
 
 #define OK(call) ANSWERS(CAIRN_OK, call)
 
-/* What is wrong at compile time is wrong for everybody. */
+/* Compile-time checks. */
 template <class T> constexpr bool moves_only =
     std::is_nothrow_move_constructible_v<T> && std::is_nothrow_move_assignable_v<T> && !std::is_copy_constructible_v<T> &&
     !std::is_copy_assignable_v<T> && sizeof(T) == sizeof(void *);
@@ -96,7 +96,7 @@ static void a_handle_has_one_owner()
     first = std::move(same);
     CHECK(first.get() == raw);
 
-    /* What was there before is destroyed, what comes is taken over. */
+    /* The former object is destroyed, the new one is moved in. */
     cairn::device other = two_threads();
     cairn_device *const gone = other.get();
     other = std::move(first);
@@ -113,7 +113,7 @@ static void a_handle_has_one_owner()
     other.reset();
 }
 
-/* What a callback of a load finds when it ends the device that the load is on. */
+/* A load's callback tries to destroy the load's device. */
 static void what_a_callback_cannot_end_is_kept()
 {
     cairn::device device = two_threads();
@@ -137,7 +137,7 @@ static void failures_carry_code_message_and_parts()
     CHECK(why.function() == "cairn_device_create_cpu" && why.field() == "threads" && !why.cause().empty() && !why.remedy().empty());
     const std::string_view message = why.what();
     CHECK(message.substr(0, 23) == "cairn_device_create_cpu" && message.find(why.remedy()) != message.npos);
-    /* It stays what it is, whatever fails later. */
+    /* The copy does not change when something fails later. */
     const cairn::error copy = why;
     CHECK(cairn::script::create("no script").code() == CAIRN_ERROR_INVALID_ARGUMENT);
     CHECK(copy.what() == message && copy.function() == "cairn_device_create_cpu");
@@ -232,7 +232,7 @@ static void threads_are_set_while_there_is_no_object()
     OK(cairn::reset_scheduler());
 }
 
-/* A grey picture of the size, `level` bright. */
+/* A grey picture of the given size and brightness `level`. */
 static cairn::anchor grey(std::uint64_t number, unsigned char level, std::uint32_t flags = 0)
 {
     const std::vector<unsigned char> pixels(40 * 24 * 4, level);
@@ -278,7 +278,7 @@ static void presenters_show_what_is_due_and_say_what_they_did()
     OK(cairn::guidance::create(data));
 }
 
-/* A path through the embedded world: every function of a rollout. */
+/* A path through the embedded world that uses every function of a rollout. */
 static void a_rollout_through_the_embedded_world()
 {
     cairn::device device = two_threads();
@@ -318,7 +318,7 @@ static void a_rollout_through_the_embedded_world()
     std::vector<float> latent(info.latent_channels * info.latent_height * info.latent_width);
     OK(anchor.read_latent(latent));
 
-    /* The same step, after the state was restored, by the queue. */
+    /* The same step, queued, after the state was restored. */
     OK(rollout.restore(state));
     OK(rollout.pause());
     const auto ticket = rollout.submit(walk).value();

@@ -1,4 +1,4 @@
-//! Counts what each thread allocates.
+//! Counts each thread's allocations.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -6,7 +6,7 @@ use std::cell::Cell;
 struct Counting;
 
 thread_local! {
-    /// How often a thread has allocated.
+    /// Number of the thread's allocations.
     pub(crate) static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
 }
 

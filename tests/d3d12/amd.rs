@@ -1,11 +1,11 @@
-//! What AMD's libraries change where `CAIRN_FFX_DIR` names them, or a double of theirs: who makes frames half way between two anchors.
+//! Differences with AMD's libraries, or a test double, from `CAIRN_FFX_DIR`: they generate the frames half way between two anchors.
 
 use cairn::ffx::bindings::CreateFrameGeneration;
 use cairn::ffx::{Effect, Library, LoadOptions, Part, allow_unsigned_in_host, versions};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::ID3D12Device;
 use cairn::gpu::windows::core::Interface;
 
-/// The folder where AMD's libraries are, where there is one. A double is no library that AMD has signed; it is told by the text with
+/// The folder of AMD's libraries, if there is one. A double is not signed by AMD; it is recognised by the text file with
 /// its role.
 fn folder() -> Option<std::path::PathBuf> {
     let folder = std::env::var_os("CAIRN_FFX_DIR").filter(|folder| !folder.is_empty())?;
@@ -16,17 +16,17 @@ fn folder() -> Option<std::path::PathBuf> {
     Some(folder)
 }
 
-/// Lets the library load a double. Called before a device draws.
+/// Allows the library to load a double. Called before a device draws.
 pub(crate) fn prepare() {
     _ = folder();
 }
 
-/// Whether AMD's libraries make frames half way between anchors of that size.
+/// Whether AMD's libraries make the frames half way between anchors of that size.
 pub(crate) fn makes_half_way(size: (u32, u32)) -> bool {
     folder().is_some() && size.0.min(size.1) >= CreateFrameGeneration::SHORTEST_SIDE
 }
 
-/// Who makes those, as a presenter's statistics name it: AMD's newest provider, or the library's shaders.
+/// Their generator as a presenter's statistics name it: AMD's newest provider, or the library's shaders.
 pub(crate) fn half_way(size: (u32, u32), device: &ID3D12Device) -> String {
     if !makes_half_way(size) {
         return "shader".to_owned();
@@ -39,7 +39,7 @@ pub(crate) fn half_way(size: (u32, u32), device: &ID3D12Device) -> String {
     format!("fsr {}", offered[0].name)
 }
 
-/// Whether there is anything to be seen: most pixels are others than those before them.
+/// Whether the picture is not uniform: most pixels differ from the one before them.
 pub(crate) fn is_picture(pixels: &[u8]) -> bool {
     let pixels = pixels.as_chunks::<4>().0;
     2 * pixels.windows(2).filter(|pair| pair[0] != pair[1]).count() > pixels.len()

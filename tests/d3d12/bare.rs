@@ -1,4 +1,4 @@
-//! What a device of Cairn's asks the system for, asked without Cairn: what stays of that is the system's.
+//! Makes the same system calls as a Cairn device, without Cairn: memory that they leave behind is the system's.
 
 use std::ffi::c_void;
 
@@ -17,16 +17,16 @@ use cairn::gpu::windows::core::{GUID, HRESULT, Interface, s, w};
 
 use super::engine::Engine;
 
-/// Shaders of a device, and the words, buffers to read and buffers to write that each takes.
+/// Shaders of a device, with their numbers of root constants, of buffers to read and of buffers to write.
 const SHADERS: [(&[u8], u32, u32, u32); 2] = [
     (include_bytes!("../../src/gpu/shaders/finite.dxbc"), 4, 1, 1),
     (include_bytes!("../../src/gpu/shaders/equal.dxbc"), 2, 2, 1),
 ];
 
-/// One of the things that a device is made of.
+/// A part of a device.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Part {
-    /// What the adapter calls itself.
+    /// The adapter's name.
     Adapter,
     /// DirectML's device.
     DirectMl,
@@ -39,7 +39,7 @@ pub(crate) enum Part {
 pub(crate) const ALL: [Part; 4] = [Part::Adapter, Part::DirectMl, Part::Shaders, Part::Fences];
 
 impl Part {
-    /// Makes it on an engine's device, and lets go of it.
+    /// Creates it on an engine's device, and releases it.
     pub(crate) fn come_and_go(self, engine: &Engine) {
         match self {
             Self::Adapter => adapter(),
@@ -57,7 +57,7 @@ fn adapter() {
     let adapter = unsafe { factory.EnumAdapters1(0) }.expect("an adapter");
     // SAFETY: a live adapter.
     unsafe { adapter.GetDesc1() }.expect("what it is");
-    // SAFETY: a live adapter and a static identifier; the driver may not say.
+    // SAFETY: a live adapter and a static identifier; the driver may not know the answer.
     _ = unsafe { adapter.CheckInterfaceSupport(&IDXGIDevice::IID) };
 }
 
@@ -77,7 +77,7 @@ fn directml(engine: &Engine) -> IDMLDevice {
     let create: Create = unsafe { std::mem::transmute(create) };
     let mut device = std::ptr::null_mut();
     let (on, flags, level) = (engine.device.as_raw(), DML_CREATE_DEVICE_FLAG_NONE, DML_FEATURE_LEVEL_5_0);
-    // SAFETY: a live device, and a place that lives during the call.
+    // SAFETY: a live device, and a variable that lives during the call.
     unsafe { create(on, flags, level, &IDMLDevice::IID, &mut device) }.ok().expect("DirectML's device");
     // SAFETY: the call gave a reference of this type, used once.
     unsafe { IDMLDevice::from_raw(device) }
@@ -108,7 +108,7 @@ fn pipeline(engine: &Engine, &(code, words, reads, writes): &(&[u8], u32, u32, u
         ..Default::default()
     };
     let mut blob: Option<ID3DBlob> = None;
-    // SAFETY: the description and what it points to live during the call, and so does the place.
+    // SAFETY: the description and what it points to live during the call, and so does the variable.
     unsafe { D3D12SerializeRootSignature(&wanted, D3D_ROOT_SIGNATURE_VERSION_1, &mut blob, None) }.expect("a blob");
     let blob = blob.expect("a blob");
     // SAFETY: a live blob.
@@ -118,7 +118,7 @@ fn pipeline(engine: &Engine, &(code, words, reads, writes): &(&[u8], u32, u32, u
     // SAFETY: a live device and bytes that live during the call.
     let root: ID3D12RootSignature = unsafe { engine.device.CreateRootSignature(0, bytes) }.expect("a root signature");
     let wanted = D3D12_COMPUTE_PIPELINE_STATE_DESC {
-        // SAFETY: a copy without a reference, only read during the call.
+        // SAFETY: a copy that holds no reference and is only read during the call.
         pRootSignature: unsafe { std::mem::transmute_copy(&root) },
         CS: D3D12_SHADER_BYTECODE { pShaderBytecode: code.as_ptr().cast(), BytecodeLength: code.len() },
         ..Default::default()

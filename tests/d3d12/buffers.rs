@@ -4,10 +4,10 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_SAMPLE_DESC;
 use cairn::gpu::windows::core::Interface;
 
-/// Bytes of every buffer that are used.
+/// Used bytes of every buffer.
 const LENGTH: usize = 8;
 
-/// A chain of buffers: the first is written by the processor, the last is read by it, and what is between stays on the device.
+/// A chain of buffers: an upload buffer first, a readback buffer last, and default-heap buffers between them.
 pub(crate) struct Buffers {
     chain: Vec<ID3D12Resource>,
     pub(crate) read: ID3D12Resource,
@@ -18,7 +18,7 @@ impl Buffers {
         let kind = |i: usize| match i {
             0 => (D3D12_HEAP_TYPE_UPLOAD, D3D12_RESOURCE_STATE_GENERIC_READ),
             _ if i + 1 == count => (D3D12_HEAP_TYPE_READBACK, D3D12_RESOURCE_STATE_COPY_DEST),
-            // Buffers of the default heap are promoted to what they are used as, and fall back when the list is done.
+            // Buffers of the default heap are promoted implicitly to the state of their use, and decay when the list has run.
             _ => (D3D12_HEAP_TYPE_DEFAULT, D3D12_RESOURCE_STATE_COMMON),
         };
         let chain: Vec<_> = (0..count).map(kind).map(|(heap, state)| buffer(device, heap, state)).collect();
@@ -44,13 +44,13 @@ fn buffer(device: &ID3D12Device, heap: D3D12_HEAP_TYPE, state: D3D12_RESOURCE_ST
         ..Default::default()
     };
     let mut made: Option<ID3D12Resource> = None;
-    // SAFETY: descriptions and place live during the call.
+    // SAFETY: descriptions and variable live during the call.
     unsafe { device.CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &wanted, state, None, &mut made) }
         .expect("a buffer");
     made.expect("a buffer")
 }
 
-/// What a buffer that the processor may read holds.
+/// The contents of a readback buffer.
 pub(crate) fn bytes(buffer: &ID3D12Resource) -> [u8; LENGTH] {
     let mut found = [0; LENGTH];
     mapped(buffer, |place| found.copy_from_slice(place));
@@ -59,7 +59,7 @@ pub(crate) fn bytes(buffer: &ID3D12Resource) -> [u8; LENGTH] {
 
 fn mapped(buffer: &ID3D12Resource, act: impl FnOnce(&mut [u8])) {
     let mut place = std::ptr::null_mut();
-    // SAFETY: a buffer of a heap that the processor sees.
+    // SAFETY: a buffer in an upload or readback heap.
     unsafe { buffer.Map(0, None, Some(&mut place)) }.expect("a mapping");
     // SAFETY: the mapping is as long as the buffer and nothing on the device uses it now.
     act(unsafe { std::slice::from_raw_parts_mut(place.cast(), LENGTH) });
@@ -67,7 +67,7 @@ fn mapped(buffer: &ID3D12Resource, act: impl FnOnce(&mut [u8])) {
     unsafe { buffer.Unmap(0, None) };
 }
 
-/// A command list with its allocator, which must live until it has run.
+/// A command list with its allocator, which must live until the list has run.
 pub(crate) struct List {
     list: ID3D12GraphicsCommandList,
     _allocator: ID3D12CommandAllocator,
@@ -83,7 +83,7 @@ impl List {
         Self { list, _allocator: allocator }
     }
 
-    /// Records a copy between two of the chain, and closes.
+    /// Records a copy between two buffers of the chain, and closes the list.
     pub(crate) fn copy(&self, buffers: &Buffers, from: usize, to: usize) -> ID3D12CommandList {
         // SAFETY: live buffers, which the test keeps until the list has run.
         unsafe { self.list.CopyBufferRegion(&buffers.chain[to], 0, &buffers.chain[from], 0, LENGTH as u64) };

@@ -1,4 +1,4 @@
-//! Pictures of both generators, how they are brought to the device, and how they are compared.
+//! Pictures for both generators: upload to the device, and comparison.
 
 use std::fmt::Debug;
 
@@ -12,7 +12,7 @@ use half::f16;
 
 use crate::pictures::{Kept, filled, flat, made};
 
-/// A pixel that frames are compared in.
+/// A pixel format that frames are compared in.
 pub(crate) trait Compared: Pixel + bytemuck::Pod + Debug {
     const FORMAT: DXGI_FORMAT;
     fn from_levels(levels: [f32; 4]) -> Self;
@@ -58,7 +58,7 @@ pub(crate) fn depth_texture(gpu: &Gpu, depth: &DepthMap) -> Kept {
     filled(gpu, (depth.columns(), depth.rows()), DXGI_FORMAT_R32_FLOAT, bytemuck::cast_slice(depth.depth()))
 }
 
-/// A guidance on the device.
+/// Guidance on the device.
 pub(crate) struct Guided {
     motion: Kept,
     depth: Kept,
@@ -91,14 +91,14 @@ impl Guided {
     }
 }
 
-/// A texture to write to that shaders cannot write.
+/// A render target that shaders cannot write.
 pub(crate) fn target(gpu: &Gpu, size: (u32, u32), format: DXGI_FORMAT) -> Kept {
     let state = D3D12_RESOURCE_STATE_RENDER_TARGET;
     let wanted = flat(size, format, D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET);
     Kept { resource: made(gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, state), state }
 }
 
-/// Counts pixels, and those that are not the same, and not near.
+/// Counts pixels, those that differ, and those that differ by more than the tolerance.
 #[derive(Default, Debug)]
 pub(crate) struct Tally {
     pub(crate) pixels: usize,

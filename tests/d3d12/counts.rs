@@ -1,4 +1,4 @@
-//! What each thread has a device make, and what is told of compiled pipelines.
+//! Counts the device objects that each thread creates, and controls the driver's cached pipeline blobs.
 
 use std::cell::Cell;
 use std::ffi::c_void;
@@ -12,13 +12,13 @@ use cairn::gpu::windows::core::{GUID, HRESULT, Interface};
 
 use super::tables::replace;
 
-/// Objects that a thread has made, and the pipelines among them.
+/// Objects that a thread has created, and the pipelines among them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Made {
     pub(crate) objects: u64,
     /// Compiled by the driver.
     pub(crate) compiled: u64,
-    /// Made of what a driver compiled before.
+    /// Loaded from a blob that a driver compiled before.
     pub(crate) loaded: u64,
 }
 
@@ -26,7 +26,7 @@ thread_local! {
     static MADE: Cell<Made> = const { Cell::new(Made { objects: 0, compiled: 0, loaded: 0 }) };
 }
 
-/// What this thread has made in `work`.
+/// The objects that this thread creates in `work`.
 pub(crate) fn of<T>(work: impl FnOnce() -> T) -> (T, Made) {
     let before = MADE.take();
     let done = work();
@@ -41,10 +41,10 @@ fn count(change: impl FnOnce(&mut Made)) {
     MADE.set(made);
 }
 
-/// Whether the driver is another version than the one that compiled what it is given.
+/// Whether the driver has another version than the one that compiled the given blob.
 static IS_ANOTHER: AtomicBool = AtomicBool::new(false);
 
-/// Has the driver be another version from now on, or no more.
+/// Sets whether the driver has another version from now on.
 pub(crate) fn driver_is_another(is_another: bool) {
     IS_ANOTHER.store(is_another, Ordering::SeqCst);
 }
@@ -52,11 +52,11 @@ pub(crate) fn driver_is_another(is_another: bool) {
 /// D3D12_ERROR_DRIVER_VERSION_MISMATCH
 const MISMATCH: HRESULT = HRESULT(0x887e_0002_u32.cast_signed());
 
-/// What the driver gives away of each pipeline: any blob will do.
+/// The driver's cached blob of each pipeline: any blob will do.
 fn blob() -> ID3DBlob {
     let empty = D3D12_ROOT_SIGNATURE_DESC::default();
     let mut blob = None;
-    // SAFETY: a description and a place that live during the call.
+    // SAFETY: a description and a variable that live during the call.
     unsafe { D3D12SerializeRootSignature(&empty, D3D_ROOT_SIGNATURE_VERSION_1, &mut blob, None) }.expect("a blob");
     blob.expect("a blob")
 }
@@ -65,7 +65,7 @@ type GetBlob = unsafe extern "system" fn(*mut c_void, *mut *mut c_void) -> HRESU
 static THEIR_BLOB: OnceLock<GetBlob> = OnceLock::new();
 
 unsafe extern "system" fn our_blob(_: *mut c_void, to: *mut *mut c_void) -> HRESULT {
-    // SAFETY: the caller's place.
+    // SAFETY: the caller's variable.
     unsafe { to.write(blob().into_raw()) };
     HRESULT(0)
 }
@@ -109,7 +109,7 @@ unsafe extern "system" fn our_compute(
         return E_FAIL;
     }
     count(|made| made.loaded += 1);
-    // What this driver does not know is left out.
+    // Leaves out the blob, which this driver cannot read.
     // SAFETY: the caller's description, copied.
     let mut plain = unsafe { std::mem::ManuallyDrop::new(wanted.read()) };
     plain.CachedPSO = D3D12_CACHED_PIPELINE_STATE::default();
@@ -117,14 +117,14 @@ unsafe extern "system" fn our_compute(
     unsafe { theirs(this, &*plain, id, made) }
 }
 
-/// Has all pipelines given away by their driver, as some drivers do: in the table that they share with this one.
+/// Makes all pipelines return a cached blob, as some drivers do, by the table of functions that they share with this one.
 unsafe fn give_away(made: *mut *mut c_void) {
     // SAFETY: the caller's pipeline, which lives.
     let pipeline = unsafe { ID3D12PipelineState::from_raw_borrowed(&*made) }.expect("a pipeline");
     replace(&raw const Interface::vtable(pipeline).GetCachedBlob, &THEIR_BLOB, our_blob);
 }
 
-/// Replaces functions of the table that devices share: each is counted, and does what it did.
+/// Replaces functions in the table that devices share: each is counted, then calls the original.
 macro_rules! counted {
     ($($name:ident($($argument:ident: $kind:ty),*);)*) => {
         #[allow(non_upper_case_globals, reason = "Direct3D's names")]
@@ -138,11 +138,11 @@ macro_rules! counted {
             $(pub(super) unsafe extern "system" fn $name(this: *mut c_void, $($argument: $kind),*) -> HRESULT {
                 count(|_| ());
                 let theirs = theirs::$name.get().expect("what it replaces");
-                // SAFETY: the caller's own arguments, handed on.
+                // SAFETY: the caller's own arguments, passed on.
                 unsafe { theirs(this, $($argument),*) }
             })*
         }
-        /// Counts what devices like `device` make, for the rest of the process.
+        /// Counts the objects that devices like `device` create, for the rest of the process.
         pub(crate) fn install(device: &ID3D12Device) {
             let table = Interface::vtable(device);
             $(replace(&raw const table.$name, &theirs::$name, ours::$name);)*

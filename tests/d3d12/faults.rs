@@ -1,4 +1,4 @@
-//! Calls of a device that fail when they are told to, whoever makes them: this library, DirectML or ONNX Runtime.
+//! Injects failures into a device's calls, whoever makes them: this library, DirectML or ONNX Runtime.
 
 use std::ffi::c_void;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -11,42 +11,42 @@ use cairn::gpu::windows::core::{GUID, HRESULT, Interface};
 
 use super::tables::replace;
 
-/// Calls until the fault; 0 for none.
+/// Calls until the failure; 0 for none.
 static LEFT: AtomicU64 = AtomicU64::new(0);
-/// Whether those after it fail as well.
+/// Whether all calls after it fail as well.
 static LASTS: AtomicBool = AtomicBool::new(false);
-/// Whether one has failed.
+/// Whether a call has failed.
 static CAME: AtomicBool = AtomicBool::new(false);
-/// Fences that are watched, by address, and whether they say that they have come nowhere.
+/// Fences, by address, whose completed value can be hidden.
 static WATCHED: Mutex<Vec<usize>> = Mutex::new(Vec::new());
 static STANDS: AtomicBool = AtomicBool::new(false);
 
-/// Lets the `n`-th allocation from now on fail, once.
+/// Makes the `n`-th allocation from now on fail, once.
 pub(crate) fn fail_at(n: u64) {
     LASTS.store(false, Ordering::SeqCst);
     LEFT.store(n, Ordering::SeqCst);
 }
 
-/// Lets the `n`-th allocation from now on fail, and all after it.
+/// Makes the `n`-th allocation from now on fail, and all after it.
 pub(crate) fn fail_from(n: u64) {
     LASTS.store(true, Ordering::SeqCst);
     LEFT.store(n, Ordering::SeqCst);
 }
 
-/// Ends that; whether the fault was still to come.
+/// Ends the injection; returns whether the failure was still to come.
 pub(crate) fn is_left() -> bool {
     LEFT.store(0, Ordering::SeqCst);
     !CAME.swap(false, Ordering::SeqCst)
 }
 
-/// Watches the fence of a device's queue for anchors.
+/// Adds the fence of a device's queue for anchors.
 pub(crate) fn watch(gpu: &Gpu) {
     let fence_point = gpu.anchors().now().expect("a moment");
     WATCHED.lock().expect("nobody panics here").push(fence_point.fence().as_raw() as usize);
 }
 
-/// Lets watched fences show nobody that work is done, so that what is theirs is not used again and all is allocated anew; who waits
-/// is told.
+/// While `stands`, the watched fences report no completed work, so that pools cannot reuse their memory and allocate anew. Waits
+/// for them still end.
 pub(crate) fn time_stands(stands: bool) {
     STANDS.store(stands, Ordering::SeqCst);
 }
@@ -60,7 +60,7 @@ fn fails() -> bool {
     left == 1
 }
 
-/// Replaces functions of the table that devices share: each fails when it is its turn, else does what it did.
+/// Replaces functions in the table that devices share: each fails when it is its turn, else calls the original.
 macro_rules! faulty {
     ($($name:ident($($argument:ident: $kind:ty),*);)*) => {
         #[allow(non_upper_case_globals, reason = "Direct3D's names")]
@@ -76,11 +76,11 @@ macro_rules! faulty {
                     return E_OUTOFMEMORY;
                 }
                 let theirs = theirs::$name.get().expect("what it replaces");
-                // SAFETY: the caller's own arguments, handed on.
+                // SAFETY: the caller's own arguments, passed on.
                 unsafe { theirs(this, $($argument),*) }
             })*
         }
-        /// Makes the allocations of all devices like `device` faulty, and their fences, for the rest of the process.
+        /// Makes the allocations of all devices like `device`, and their fences' completed values, controllable for the rest of the process.
         pub(crate) fn install(device: &ID3D12Device) {
             let table = Interface::vtable(device);
             $(replace(&raw const table.$name, &theirs::$name, ours::$name);)*

@@ -13,7 +13,7 @@ pub(crate) fn prepared<T>(size: impl FnOnce(&mut T) -> &mut u32) -> T {
     made
 }
 
-/// How devices are made here: the environment may name libraries, as for a tool.
+/// Options for devices in tests: the environment may name libraries, as for a tool.
 #[allow(dead_code, reason = "an engine's plugin has options of its own")]
 pub(crate) fn of_a_tool() -> cairn_device_options {
     let mut options: cairn_device_options = prepared(|options: &mut cairn_device_options| &mut options.struct_size);
@@ -21,7 +21,7 @@ pub(crate) fn of_a_tool() -> cairn_device_options {
     options
 }
 
-/// A handle that a call of the interface makes.
+/// Returns the handle that a call of the interface creates.
 pub(crate) fn made<T>(make: impl FnOnce(*mut *mut T) -> cairn_result) -> *mut T {
     let mut handle = null_mut();
     assert_eq!(make(&mut handle), CAIRN_OK);

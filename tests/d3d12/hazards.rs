@@ -1,5 +1,5 @@
-//! Whether dispatches of a command list wait for each other where they use the same memory: Direct3D's own functions are replaced by
-//! ones that report to a checker what this thread records, and then do what they did.
+//! Checks that dispatches of a command list are separated by barriers where they use the same memory. Direct3D's functions are replaced by
+//! hooks that report this thread's recording to a checker, then call the originals.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -11,20 +11,20 @@ use cairn::gpu::windows::core::{HRESULT, Interface};
 
 use super::tables::replace;
 
-/// Checks what is recorded into one command list at a time.
+/// Checks one command list at a time.
 #[derive(Default)]
 pub(crate) struct Checker {
-    /// Views by the address of their descriptor.
+    /// Views by the CPU address of their descriptor.
     views: HashMap<usize, View>,
-    /// Descriptors that were written one after the other, before anything was dispatched, are one table.
+    /// Descriptors that are written consecutively, without a dispatch between them, form one table.
     table_number: u32,
     next_descriptor: usize,
-    /// What the next dispatch uses: the views of the table at this address.
+    /// The views of the next dispatch: those of the table at this address.
     bound: Option<usize>,
     step: usize,
-    /// Resources that were used as unordered views since the last barrier for them.
+    /// Resources that were used as unordered views since their last UAV barrier.
     pending: Vec<usize>,
-    /// The states that barriers brought resources into.
+    /// The states after the recorded barriers.
     states: HashMap<usize, D3D12_RESOURCE_STATES>,
     pub(crate) dispatches: usize,
     pub(crate) faults: Vec<String>,
@@ -53,7 +53,7 @@ impl Checker {
         self.bound = Some(address);
     }
 
-    /// A barrier between unordered accesses to `resource`, or to all resources.
+    /// A UAV barrier for `resource`, or for all resources.
     pub(crate) fn unordered_barrier(&mut self, resource: Option<usize>) {
         self.pending.retain(|used| resource.is_some_and(|resource| resource != *used));
     }
@@ -88,11 +88,11 @@ impl Checker {
             }
         }
         self.pending.extend(views.iter().filter(|view| view.is_unordered).map(|view| view.resource));
-        // What is described from now on is of another table.
+        // Later descriptors belong to another table.
         self.next_descriptor = 0;
     }
 
-    /// The list is closed: the next one starts anew.
+    /// The list is closed: the next one starts without state.
     pub(crate) fn close(&mut self) {
         self.pending.clear();
         self.states.clear();
@@ -102,11 +102,11 @@ impl Checker {
 
 thread_local! {
     static CHECKER: RefCell<Option<Checker>> = const { RefCell::new(None) };
-    /// The starts of the descriptor heap that is set, for the processor and for shaders.
+    /// Start addresses of the bound descriptor heap, for the processor and for shaders.
     static HEAP: RefCell<(usize, u64)> = const { RefCell::new((0, 0)) };
 }
 
-/// What a checker says of all that this thread records during `work` into lists of devices like `device`.
+/// The checker after all that this thread records during `work` into lists of devices like `device`.
 pub(crate) fn checked(device: &ID3D12Device, work: impl FnOnce()) -> Checker {
     install(device);
     // SAFETY: a live device.
@@ -124,7 +124,7 @@ fn report(event: impl FnOnce(&mut Checker)) {
     });
 }
 
-/// Replaces functions without a result: each reports, then does what it did.
+/// Replaces functions without a result: each reports its call, then calls the original.
 macro_rules! reporting {
     ($($table:ident.$name:ident($($argument:ident: $kind:ty),*) -> $result:ty { $report:expr })*) => {
         #[allow(non_upper_case_globals, reason = "Direct3D's names")]
@@ -138,7 +138,7 @@ macro_rules! reporting {
             $(pub(super) unsafe extern "system" fn $name(this: *mut c_void, $($argument: $kind),*) -> $result {
                 $report;
                 let theirs = theirs::$name.get().expect("what it replaces");
-                // SAFETY: the caller's own arguments, handed on.
+                // SAFETY: the caller's own arguments, passed on.
                 unsafe { theirs(this, $($argument),*) }
             })*
         }
@@ -189,7 +189,7 @@ reporting! {
         })
     }
     list.ResourceBarrier(count: u32, barriers: *const D3D12_RESOURCE_BARRIER) -> () {
-        // SAFETY: so many barriers of the caller's.
+        // SAFETY: the caller's `count` barriers.
         unsafe { note_barriers(std::slice::from_raw_parts(barriers, count as usize)) }
     }
     list.Dispatch(x: u32, y: u32, z: u32) -> () { report(Checker::dispatch) }
@@ -197,7 +197,7 @@ reporting! {
 }
 
 /// # Safety
-/// So many live heaps.
+/// `count` live heaps.
 unsafe fn note_heaps(count: u32, heaps: *const *mut c_void) {
     for i in 0..count as usize {
         // SAFETY: the caller's promise; nothing is released.
@@ -214,7 +214,7 @@ unsafe fn note_heaps(count: u32, heaps: *const *mut c_void) {
 }
 
 /// # Safety
-/// Each is of the type that it says.
+/// Each barrier's union member matches its type.
 unsafe fn note_barriers(barriers: &[D3D12_RESOURCE_BARRIER]) {
     for barrier in barriers {
         match barrier.Type {

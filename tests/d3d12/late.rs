@@ -1,9 +1,9 @@
-//! Work that is not done yet: lists that are submitted late, and anchors that the device still makes.
+//! Unfinished work: lists that are submitted late, and anchors that the device is still making.
 
 use super::*;
 
-/// Frames of three pairs of anchors in lists that an engine holds back until all are recorded, and then submits in the order that it is
-/// told; how many pixels of each are wrong.
+/// Frames of three pairs of anchors, in lists that an engine holds back until all are recorded, and then submits in the given `order`.
+/// Returns the number of wrong pixels of each.
 fn late(order: impl Fn(&mut Vec<usize>)) -> Vec<usize> {
     let engine = engine::engine();
     let gpu = device_of(&engine, &engine.direct);
@@ -47,7 +47,7 @@ fn lists_that_an_engine_submits_late_show_what_was_recorded() {
     }
 }
 
-/// What a queue is held back by, and no longer than its test.
+/// A fence that holds back a queue, at most until the test ends.
 struct Gate(ID3D12Fence);
 
 impl Gate {
@@ -57,7 +57,7 @@ impl Gate {
     }
 }
 
-/// Opens the gate when an assertion fails, before the presenters are dropped, which wait for the queue that the gate holds back.
+/// Signals the gate if an assertion fails, before the presenters are dropped: they wait for the queue that the gate holds back.
 struct OpensOnFailure<'a>(&'a Gate);
 
 impl Drop for OpensOnFailure<'_> {
@@ -107,13 +107,13 @@ fn an_anchor_that_the_device_still_works_on_is_late_and_no_queue_waits_for_it() 
         (0..2).for_each(|i| both.push(&anchors[i], None, i as u64 * INTERVAL));
         for quarter in 4..12 {
             if quarter == 8 {
-                // One that has not come is not counted, for the processor either.
+                // An anchor whose copy is not done is not counted, on the processor's side either.
                 both.push(&anchors[2], None, 2 * INTERVAL);
                 for presenter in [&both.host, &both.device] {
                     assert_eq!((presenter.statistics().anchors, presenter.arriving()), (2, 1));
                 }
             }
-            // Each frame is compared once the queue has made it: it waits for nothing.
+            // Each frame is compared as soon as the queue has made it: it waits for nothing.
             let shown = both.compare(&engine, quarter * INTERVAL / 4, KINDS[0], quarter % 2 == 0);
             let source = match quarter {
                 4 | 8 => FrameSource::Anchor,
@@ -125,7 +125,7 @@ fn an_anchor_that_the_device_still_works_on_is_late_and_no_queue_waits_for_it() 
         both.check();
         assert_eq!(waits::counted(), 0, "the engine's queue waits for nothing");
         if motion == MotionSource::Paper {
-            // It comes, is due when that is seen, and is shown then.
+            // The anchor arrives; it is due when that is noticed, and is shown then.
             gate.open();
             while !anchors[2].has_arrived() {
                 std::thread::yield_now();

@@ -1,4 +1,4 @@
-//! Lists of an engine: which are refused, and which run late, in another order or never.
+//! Command lists of an engine: those that are refused, and those that run late, in another order or never.
 
 use super::*;
 
@@ -53,13 +53,13 @@ fn what_cannot_be_recorded_is_refused_and_leaves_list_and_target_alone() {
         let call = Call { presenter, device, now: INTERVAL, recording, target, states };
         assert_eq!(call.record().0, CAIRN_ERROR_INVALID_ARGUMENT, "{what}");
     }
-    // No anchor came to this one.
-    // SAFETY: a place for the handle.
+    // This presenter has no anchors.
+    // SAFETY: a variable for the handle.
     let empty = made(|to| unsafe { cairn_presenter_create(std::ptr::null(), to) });
     let call =
         Call { presenter: empty, device: direct, now: 0, recording: &for_direct, target: &texture, states: common };
     assert_eq!(call.record().0, CAIRN_NOT_READY);
-    // All lists are as they were, and so is the device.
+    // All refused lists are unchanged, and so is the device.
     for_direct.submit(&engine.direct);
     for_compute.submit(&engine.compute);
     textures::wait(&engine.device, &engine.direct);
@@ -71,7 +71,7 @@ fn what_cannot_be_recorded_is_refused_and_leaves_list_and_target_alone() {
     recording.submit(&engine.direct);
     textures::wait(&engine.device, &engine.direct);
 
-    // A device that is gone: a list that is still open makes it so.
+    // Executing a list that is still open removes the device.
     let open = Recording::on(&engine.device, &engine.direct);
     let list: ID3D12CommandList = open.list().cast().expect("a command list");
     // SAFETY: a live queue and list.
@@ -98,7 +98,7 @@ fn what_stands_is_copied_and_not_made_again() {
         recording.submit(&engine.direct);
         (frame, textures::read(&engine.device, &engine.direct, &texture, states[1]))
     };
-    // An engine that does not wait for the display asks far oftener than there are frames.
+    // An engine without vertical synchronisation draws far more often than there are new frames.
     let start = INTERVAL * 5 / 4;
     let (first, made) = frame_at(start);
     assert_eq!((first.source, first.flags), (CAIRN_FRAME_GENERATED, 0));
@@ -107,7 +107,7 @@ fn what_stands_is_copied_and_not_made_again() {
         assert_eq!((frame.position, frame.flags), (first.position, CAIRN_FRAME_REPEATED));
         assert!(pixels == made, "the very same picture");
     }
-    // A pause in which the engine's clock stands, and one in which it goes on: then the picture does not.
+    // First a pause in which the engine's clock stands, then one in which it runs on: in the second the picture is held.
     let now = start + 15_000_000;
     assert_eq!(frame_at(now).0.flags, CAIRN_FRAME_REPEATED);
     assert_eq!(frame_at(start + INTERVAL / 4).0.position, first.position + 1, "it goes on where it was");
@@ -124,7 +124,7 @@ fn what_stands_is_copied_and_not_made_again() {
     end([presenter], [direct]);
 }
 
-/// Frames that an engine records into lists, which it holds back.
+/// Frames recorded into an engine's lists, which are held back.
 struct Late {
     engine: Engine,
     device: *mut cairn_device,
@@ -132,7 +132,7 @@ struct Late {
     held: Vec<(Recording, ID3D12Resource, Picture)>,
 }
 
-/// Lists that the presenter is prepared for.
+/// Number of lists that the presenter is prepared for.
 const LISTS: u32 = 4;
 
 impl Late {
@@ -144,7 +144,7 @@ impl Late {
         Self { engine, device, presenter, held: Vec::new() }
     }
 
-    /// Records the frame a quarter of an interval behind anchor `number - 1`.
+    /// Records the frame a quarter of an interval after anchor `number - 1`.
     fn record(&mut self, number: u64) -> cairn_result {
         if number > 1 {
             push(self.presenter, number, number * INTERVAL);
@@ -156,7 +156,7 @@ impl Late {
         let Self { presenter, device, .. } = *self;
         let call = Call { presenter, device, now, recording: &recording, target: &texture, states };
         let (result, _) = call.record();
-        // All that the queue was given for it has run.
+        // The queue has finished all earlier work for it.
         textures::wait(&self.engine.device, &self.engine.direct);
         if result == CAIRN_OK {
             self.held.push((recording, texture, drawn(self.presenter, now)));
@@ -164,7 +164,7 @@ impl Late {
         result
     }
 
-    /// Submits a list, and looks at what it copied.
+    /// Submits a list, and checks the pixels that it copied.
     fn submit(&self, place: usize) {
         let (recording, texture, expected) = &self.held[place];
         recording.submit(&self.engine.direct);
@@ -185,13 +185,13 @@ fn lists_may_run_late_in_any_order_or_never() {
         for order in [[0, 1, 2, 3], [3, 2, 1, 0], [2, 0, 3, 1]] {
             let mut late = Late::new(shader);
             (1..=4).for_each(|number| assert_eq!(late.record(number), CAIRN_OK));
-            // As many as there is memory for; nothing waits, and nothing of these is overwritten.
+            // Memory for further lists is used up: calls fail without waiting, and no recorded frame is overwritten.
             assert_eq!([late.record(5), late.record(6)], [CAIRN_QUEUE_FULL; 2]);
             assert_eq!(late.pending(), LISTS);
             order.into_iter().for_each(|place| late.submit(place));
             assert_eq!((late.pending(), late.record(7)), (0, CAIRN_OK));
             late.submit(4);
-            // Lists that are dropped: the engine says so, or releases them all.
+            // Lists that are dropped: the engine signals their fences, or releases them all.
             (8..=11).for_each(|number| assert_eq!(late.record(number), CAIRN_OK));
             late.held[6].0.drop_list();
             assert_eq!((late.pending(), late.record(12), late.record(13)), (3, CAIRN_OK, CAIRN_QUEUE_FULL));
@@ -255,7 +255,7 @@ fn a_fence_that_cannot_say_when_a_list_has_run_is_refused() {
     assert_eq!(record(INTERVAL, own.as_raw(), 8, 4, 0), CAIRN_ERROR_STRUCT_SIZE);
     let done = statistics(presenter);
     assert_eq!((done.lists_pending, done.shown_anchors + done.shown_generated), (0, 0), "nothing was recorded");
-    // A value may come in any order, and stand for several frames.
+    // Values may come in any order, and one value may cover several frames.
     for (quarter, value) in [(0, 10), (1, 9), (2, 9), (3, 10)] {
         assert_eq!(record(INTERVAL + quarter * INTERVAL / 4, own.as_raw(), value, 0, 0), CAIRN_OK, "{value}");
     }
@@ -265,7 +265,7 @@ fn a_fence_that_cannot_say_when_a_list_has_run_is_refused() {
         statistics(presenter).lists_pending
     };
     assert_eq!([reach(8), reach(9), reach(10)], [4, 2, 0]);
-    // The list holds all four.
+    // The list contains all four frames.
     recording.submit(&engine.direct);
     let found = textures::read(&engine.device, &engine.direct, &texture, states[1]);
     let memory = drawn(presenter, INTERVAL * 7 / 4);

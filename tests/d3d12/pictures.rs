@@ -1,4 +1,4 @@
-//! Buffers and textures with contents, as an engine makes them, and how they are read back.
+//! Buffers and textures with contents, as an engine makes them, and reading them back.
 #![allow(dead_code, reason = "each user of this module needs another part of it")]
 
 use cairn::gpu::Gpu;
@@ -7,7 +7,7 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::core::Interface;
 
-/// A resource with the state it rests in.
+/// A resource with its state between uses.
 pub(crate) struct Kept {
     pub(crate) resource: ID3D12Resource,
     pub(crate) state: D3D12_RESOURCE_STATES,
@@ -23,7 +23,7 @@ impl Kept {
 pub(crate) fn buffer(gpu: &Gpu, bytes: &[u8]) -> Kept {
     let upload = made(gpu, D3D12_HEAP_TYPE_UPLOAD, &linear(bytes.len()), D3D12_RESOURCE_STATE_GENERIC_READ);
     let mut place = std::ptr::null_mut();
-    // SAFETY: a buffer of a heap that the processor sees.
+    // SAFETY: a buffer in an upload or readback heap.
     unsafe { upload.Map(0, None, Some(&mut place)) }.expect("a mapping");
     // SAFETY: the mapping is as long as the buffer, and nothing uses it yet.
     unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), place.cast::<u8>(), bytes.len()) };
@@ -37,7 +37,7 @@ pub(crate) fn buffer(gpu: &Gpu, bytes: &[u8]) -> Kept {
     Kept { resource, state: D3D12_RESOURCE_STATE_COMMON }
 }
 
-/// A texture that shaders may write, and that rests in `state`.
+/// A texture that shaders may write, kept in `state`.
 pub(crate) fn texture(
     gpu: &Gpu,
     (width, height): (u32, u32),
@@ -76,7 +76,7 @@ pub(crate) fn made(
 ) -> ID3D12Resource {
     let heap = D3D12_HEAP_PROPERTIES { Type: heap, ..Default::default() };
     let mut made: Option<ID3D12Resource> = None;
-    // SAFETY: descriptions and place live during the call.
+    // SAFETY: descriptions and variable live during the call.
     unsafe { gpu.device().CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, wanted, state, None, &mut made) }
         .expect("a resource");
     made.expect("a resource")
@@ -95,17 +95,17 @@ fn linear(bytes: usize) -> D3D12_RESOURCE_DESC {
     }
 }
 
-/// A texture that shaders only read, in the state COMMON, with these rows of bytes one after the other.
+/// A texture for reading in shaders, in the state COMMON; `rows` has its rows one after the other.
 pub(crate) fn filled(gpu: &Gpu, (width, height): (u32, u32), format: DXGI_FORMAT, rows: &[u8]) -> Kept {
     let wanted = flat((width, height), format, D3D12_RESOURCE_FLAG_NONE);
     let resource = made(gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, D3D12_RESOURCE_STATE_COPY_DEST);
     let mut place = D3D12_PLACED_SUBRESOURCE_FOOTPRINT::default();
     let mut bytes = 0;
-    // SAFETY: places that live during the call.
+    // SAFETY: variables that live during the call.
     unsafe { gpu.device().GetCopyableFootprints(&wanted, 0, 1, 0, Some(&mut place), None, None, Some(&mut bytes)) };
     let upload = made(gpu, D3D12_HEAP_TYPE_UPLOAD, &linear(bytes as usize), D3D12_RESOURCE_STATE_GENERIC_READ);
     let mut address = std::ptr::null_mut();
-    // SAFETY: a buffer of a heap that the processor sees.
+    // SAFETY: a buffer in an upload or readback heap.
     unsafe { upload.Map(0, None, Some(&mut address)) }.expect("a mapping");
     // SAFETY: the mapping is as long as the buffer, and nothing uses it yet.
     let all = unsafe { std::slice::from_raw_parts_mut(address.cast::<u8>(), bytes as usize) };
@@ -116,7 +116,7 @@ pub(crate) fn filled(gpu: &Gpu, (width, height): (u32, u32), format: DXGI_FORMAT
     let texture = Kept { resource, state: D3D12_RESOURCE_STATE_COMMON };
     run(gpu, |list| {
         let to = D3D12_TEXTURE_COPY_LOCATION {
-            // SAFETY: a copy without a reference, only read during the call.
+            // SAFETY: a copy that holds no reference and is only read during the call.
             pResource: unsafe { std::mem::transmute_copy(&texture.resource) },
             Type: D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX,
             Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { SubresourceIndex: 0 },
@@ -134,7 +134,7 @@ pub(crate) fn filled(gpu: &Gpu, (width, height): (u32, u32), format: DXGI_FORMAT
     texture
 }
 
-/// The first words of a buffer.
+/// The first 32-bit words of a buffer.
 pub(crate) fn words<const N: usize>(gpu: &Gpu, buffer: &ResourceWithState<'_>) -> [u32; N] {
     let back = made(gpu, D3D12_HEAP_TYPE_READBACK, &linear(4 * N), D3D12_RESOURCE_STATE_COPY_DEST);
     run(gpu, |list| {
@@ -142,7 +142,7 @@ pub(crate) fn words<const N: usize>(gpu: &Gpu, buffer: &ResourceWithState<'_>) -
         unsafe { list.CopyBufferRegion(&back, 0, buffer.resource, 0, 4 * N as u64) };
     });
     let mut address = std::ptr::null_mut();
-    // SAFETY: a buffer of a heap that the processor sees.
+    // SAFETY: a buffer in an upload or readback heap.
     unsafe { back.Map(0, None, Some(&mut address)) }.expect("a mapping");
     // SAFETY: the mapping is as long, and the device is done with it.
     unsafe { address.cast::<[u32; N]>().read() }
@@ -155,12 +155,12 @@ pub(crate) fn read(gpu: &Gpu, texture: &Kept, row: usize) -> Vec<u8> {
     let rows = wanted.Height as usize;
     let mut place = D3D12_PLACED_SUBRESOURCE_FOOTPRINT::default();
     let mut bytes = 0;
-    // SAFETY: places that live during the call.
+    // SAFETY: variables that live during the call.
     unsafe { gpu.device().GetCopyableFootprints(&wanted, 0, 1, 0, Some(&mut place), None, None, Some(&mut bytes)) };
     let back = made(gpu, D3D12_HEAP_TYPE_READBACK, &linear(bytes as usize), D3D12_RESOURCE_STATE_COPY_DEST);
     run(gpu, |list| {
         let from = D3D12_TEXTURE_COPY_LOCATION {
-            // SAFETY: a copy without a reference, only read during the call.
+            // SAFETY: a copy that holds no reference and is only read during the call.
             pResource: unsafe { std::mem::transmute_copy(&texture.resource) },
             Type: D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX,
             Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { SubresourceIndex: 0 },
@@ -177,14 +177,14 @@ pub(crate) fn read(gpu: &Gpu, texture: &Kept, row: usize) -> Vec<u8> {
         becomes(list, texture, D3D12_RESOURCE_STATE_COPY_SOURCE, texture.state);
     });
     let mut address = std::ptr::null_mut();
-    // SAFETY: a buffer of a heap that the processor sees.
+    // SAFETY: a buffer in an upload or readback heap.
     unsafe { back.Map(0, None, Some(&mut address)) }.expect("a mapping");
     // SAFETY: the mapping is as long as the buffer and the device is done with it.
     let all = unsafe { std::slice::from_raw_parts(address.cast::<u8>(), bytes as usize) };
     (0..rows).flat_map(|y| all[y * place.Footprint.RowPitch as usize..][..row].to_vec()).collect()
 }
 
-/// Records a change of state, where there is one.
+/// Records a transition barrier if the states differ.
 pub(crate) fn becomes(
     list: &ID3D12GraphicsCommandList,
     texture: &Kept,
@@ -198,7 +198,7 @@ pub(crate) fn becomes(
         Type: D3D12_RESOURCE_BARRIER_TYPE_TRANSITION,
         Anonymous: D3D12_RESOURCE_BARRIER_0 {
             Transition: std::mem::ManuallyDrop::new(D3D12_RESOURCE_TRANSITION_BARRIER {
-                // SAFETY: a copy without a reference, only read during the call.
+                // SAFETY: a copy that holds no reference and is only read during the call.
                 pResource: unsafe { std::mem::transmute_copy(&texture.resource) },
                 Subresource: D3D12_RESOURCE_BARRIER_ALL_SUBRESOURCES,
                 StateBefore: before,

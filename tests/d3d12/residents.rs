@@ -1,5 +1,5 @@
-//! What is told to Direct3D about which memory is on the device, noted and checked against Direct3D's rules: its functions are replaced by ones
-//! that note what they are given. Bringing memory back is played, as the lab's driver does nothing there.
+//! Records the residency calls that Direct3D gets, and checks them against Direct3D's rules. The functions are replaced by hooks. Making
+//! memory resident is simulated, as the lab's driver does nothing there.
 
 use std::collections::HashMap;
 use std::ffi::c_void;
@@ -14,42 +14,42 @@ use cairn::gpu::windows::core::{HRESULT, Interface};
 
 use super::tables::replace;
 
-/// How memory comes back.
+/// How memory becomes resident again.
 #[derive(Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
-pub(crate) enum Back {
-    /// Beside its caller, a while later.
+pub(crate) enum ResidencyMode {
+    /// Asynchronously, a while later.
     Later,
-    /// While its caller waits, as the system has no other way.
+    /// Synchronously, as on a system without the asynchronous call.
     AtOnce,
-    /// Not at all, beside its caller or where the system has no other way.
+    /// Never: the asynchronous call fails, or (`NotAtOnce`) the synchronous one on a system without the former.
     NotLater,
     NotAtOnce,
 }
 
-static BACK: AtomicU32 = AtomicU32::new(Back::Later as u32);
+static BACK: AtomicU32 = AtomicU32::new(ResidencyMode::Later as u32);
 
-pub(crate) fn comes_back(how: Back) {
+pub(crate) fn comes_back(how: ResidencyMode) {
     BACK.store(how as u32, Ordering::SeqCst);
 }
 
-/// What was told, objects by their addresses.
+/// A recorded call; objects are given by their addresses.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Told {
+pub(crate) enum ResidencyCall {
     Priority(usize, D3D12_RESIDENCY_PRIORITY),
     Evicted(Vec<usize>),
-    /// With a fence and its value.
+    /// With the fence and its value.
     Enqueued(Vec<usize>, usize, u64),
     MadeResident(Vec<usize>),
-    /// The queue for anchors waits for a fence.
+    /// The queue for anchors waits for a fence value.
     Waits(usize, u64),
-    /// It is given lists.
+    /// The queue executes command lists.
     Executes,
 }
 
 #[derive(Default)]
 struct Notes {
-    told: Vec<Told>,
+    calls: Vec<ResidencyCall>,
     evicted: HashMap<usize, bool>,
     faults: Vec<String>,
     queue: usize,
@@ -61,21 +61,21 @@ fn note(with: impl FnOnce(&mut Notes)) {
     with(NOTES.lock().expect("nobody panics here").get_or_insert_default());
 }
 
-/// What was told since the last time, and which rules were broken.
-pub(crate) fn told() -> (Vec<Told>, Vec<String>) {
-    let (mut told, mut faults) = Default::default();
-    note(|notes| (told, faults) = (std::mem::take(&mut notes.told), std::mem::take(&mut notes.faults)));
-    (told, faults)
+/// The calls recorded since the last time, and the broken rules.
+pub(crate) fn take_calls() -> (Vec<ResidencyCall>, Vec<String>) {
+    let (mut calls, mut faults) = Default::default();
+    note(|notes| (calls, faults) = (std::mem::take(&mut notes.calls), std::mem::take(&mut notes.faults)));
+    (calls, faults)
 }
 
 /// # Safety
-/// So many live objects.
+/// `count` live objects.
 unsafe fn addresses(count: u32, objects: *const *mut c_void) -> Vec<usize> {
     // SAFETY: the caller's promise.
     unsafe { std::slice::from_raw_parts(objects, count as usize) }.iter().map(|object| *object as usize).collect()
 }
 
-/// Memory comes and goes once each.
+/// Each object must be evicted and made resident alternately.
 fn turns(notes: &mut Notes, objects: &[usize], is_evicted: bool) {
     for object in objects {
         if notes.evicted.insert(*object, is_evicted).unwrap_or(false) == is_evicted {
@@ -89,20 +89,20 @@ unsafe extern "system" fn evict(_: *mut c_void, count: u32, objects: *const *mut
     let objects = unsafe { addresses(count, objects) };
     note(|notes| {
         turns(notes, &objects, true);
-        notes.told.push(Told::Evicted(objects));
+        notes.calls.push(ResidencyCall::Evicted(objects));
     });
     S_OK
 }
 
 unsafe extern "system" fn make_resident(_: *mut c_void, count: u32, objects: *const *mut c_void) -> HRESULT {
-    if BACK.load(Ordering::SeqCst) == Back::NotAtOnce as u32 {
+    if BACK.load(Ordering::SeqCst) == ResidencyMode::NotAtOnce as u32 {
         return E_OUTOFMEMORY;
     }
     // SAFETY: the caller's own objects.
     let objects = unsafe { addresses(count, objects) };
     note(|notes| {
         turns(notes, &objects, false);
-        notes.told.push(Told::MadeResident(objects));
+        notes.calls.push(ResidencyCall::MadeResident(objects));
     });
     S_OK
 }
@@ -116,15 +116,15 @@ unsafe extern "system" fn enqueue(
     value: u64,
 ) -> HRESULT {
     match BACK.load(Ordering::SeqCst) {
-        how if how == Back::Later as u32 => {}
-        how if how == Back::NotLater as u32 => return E_OUTOFMEMORY,
+        how if how == ResidencyMode::Later as u32 => {}
+        how if how == ResidencyMode::NotLater as u32 => return E_OUTOFMEMORY,
         _ => return E_NOTIMPL,
     }
     // SAFETY: the caller's own objects, and its fence.
     let (objects, held) = unsafe { (addresses(count, objects), ID3D12Fence::from_raw_borrowed(&fence).cloned()) };
     note(|notes| {
         turns(notes, &objects, false);
-        notes.told.push(Told::Enqueued(objects, fence as usize, value));
+        notes.calls.push(ResidencyCall::Enqueued(objects, fence as usize, value));
     });
     std::thread::spawn(move || {
         std::thread::sleep(Duration::from_millis(50));
@@ -145,7 +145,7 @@ unsafe extern "system" fn set_priority(
     note(|notes| {
         for (i, object) in objects.into_iter().enumerate() {
             // SAFETY: as above.
-            notes.told.push(Told::Priority(object, unsafe { *priorities.add(i) }));
+            notes.calls.push(ResidencyCall::Priority(object, unsafe { *priorities.add(i) }));
         }
     });
     S_OK
@@ -164,26 +164,26 @@ static THEIR_EXECUTE: OnceLock<Execute> = OnceLock::new();
 unsafe extern "system" fn wait(this: *mut c_void, fence: *mut c_void, value: u64) -> HRESULT {
     note(|notes| {
         if this as usize == notes.queue {
-            notes.told.push(Told::Waits(fence as usize, value));
+            notes.calls.push(ResidencyCall::Waits(fence as usize, value));
         }
     });
     let theirs = THEIR_WAIT.get().expect("what it replaces");
-    // SAFETY: the caller's own arguments, handed on.
+    // SAFETY: the caller's own arguments, passed on.
     unsafe { theirs(this, fence, value) }
 }
 
 unsafe extern "system" fn execute(this: *mut c_void, count: u32, lists: *const *mut c_void) {
     note(|notes| {
-        if this as usize == notes.queue && notes.told.last() != Some(&Told::Executes) {
-            notes.told.push(Told::Executes);
+        if this as usize == notes.queue && notes.calls.last() != Some(&ResidencyCall::Executes) {
+            notes.calls.push(ResidencyCall::Executes);
         }
     });
     let theirs = THEIR_EXECUTE.get().expect("what it replaces");
-    // SAFETY: the caller's own arguments, handed on.
+    // SAFETY: the caller's own arguments, passed on.
     unsafe { theirs(this, count, lists) }
 }
 
-/// Notes what devices like `gpu` are told, for the rest of the process, and of queues what its own for anchors is.
+/// Records the residency calls of devices like `gpu` for the rest of the process, and the calls of its own queue for anchors.
 pub(crate) fn install(gpu: &Gpu) {
     static UNUSED: [OnceLock<Move>; 2] = [const { OnceLock::new() }; 2];
     static UNUSED_ENQUEUE: OnceLock<Enqueue> = OnceLock::new();

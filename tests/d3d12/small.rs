@@ -1,4 +1,4 @@
-//! Anchors that AMD's libraries crash on.
+//! Anchors of sizes that crash AMD's libraries.
 
 use cairn::abi::results::CAIRN_ERROR_RUNTIME_MISSING;
 
@@ -6,13 +6,13 @@ use super::*;
 
 const SMALL: (u32, u32) = (37, 23);
 
-/// Shows a presenter a small anchor.
+/// Pushes a small anchor to a presenter.
 fn push(presenter: *mut cairn_presenter, number: u64) {
     let picture = common::picture(SMALL.0, SMALL.1, 1 + number as u32);
     let mut given: cairn_picture = prepared(|picture: &mut cairn_picture| &mut picture.struct_size);
     (given.width, given.height) = SMALL;
     (given.pixels, given.size) = (picture.rgba().as_ptr().cast(), picture.rgba().len() as u64);
-    // SAFETY: a picture that lives during the call, and a place for the handle.
+    // SAFETY: a picture that lives during the call, and a variable for the handle.
     let anchor = made(|to| unsafe { cairn_anchor_create(&given, number, 0, to) });
     // SAFETY: live handles.
     let pushed = unsafe { cairn_presenter_push(presenter, anchor, std::ptr::null(), number * INTERVAL) };
@@ -28,7 +28,7 @@ fn anchors_that_are_too_small_for_amd_s_libraries_are_the_shaders() {
     for (fsr, expected) in [(CAIRN_PREFER_AUTO, CAIRN_OK), (CAIRN_PREFER_REQUIRE, CAIRN_ERROR_UNSUPPORTED)] {
         let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
         (options.multiplier, options.interval_ns, options.fsr) = (4, INTERVAL, fsr);
-        // SAFETY: options of their size and a place for the handle.
+        // SAFETY: options of their size and a variable for the handle.
         let presenter = made(|to| unsafe { cairn_presenter_create(&options, to) });
         (0..2).for_each(|number| push(presenter, number));
         let texture = Wanted { size: SMALL, ..Wanted::default() }.make(&engine.device);

@@ -1,4 +1,4 @@
-//! What queues are told that their work is called.
+//! Records the names of GPU work on queues (`BeginEvent`, `EndEvent`).
 
 use std::ffi::{CStr, c_void};
 use std::sync::{Mutex, OnceLock};
@@ -8,13 +8,13 @@ use cairn::gpu::windows::core::Interface;
 
 use super::tables::replace;
 
-/// What came, of queues by their addresses.
+/// The recorded events, with queues by their addresses.
 struct Told {
-    /// Queues that are listened to.
+    /// Queues that are recorded.
     heard: Vec<usize>,
-    /// In the order in which they came.
+    /// Names with their queue, in order.
     names: Vec<(usize, String)>,
-    /// Queues with a name that has not ended, once for each.
+    /// Queues with an event that has not ended, once for each such event.
     open: Vec<usize>,
 }
 
@@ -25,8 +25,8 @@ type End = unsafe extern "system" fn(*mut c_void);
 static THEIR_BEGIN: OnceLock<Begin> = OnceLock::new();
 static THEIR_END: OnceLock<End> = OnceLock::new();
 
-/// Listens to `queue`, which is at rest, for the rest of the process. Queues share their table of functions, and others may be in the
-/// midst of something: of those nothing is counted.
+/// Records the events of `queue`, which must be idle, for the rest of the process. Queues share their table of functions, and others may
+/// be in the middle of an event, so other queues are ignored.
 pub(crate) fn listen(queue: &ID3D12CommandQueue) {
     TOLD.lock().expect("nobody panics here").heard.push(queue.as_raw() as usize);
     let table = Interface::vtable(queue);
@@ -34,7 +34,7 @@ pub(crate) fn listen(queue: &ID3D12CommandQueue) {
     replace(&raw const table.EndEvent, &THEIR_END, our_end);
 }
 
-/// What a queue was told since this was last asked; all of it has ended.
+/// The names recorded on a queue since the last call; all events have ended.
 pub(crate) fn told(queue: &ID3D12CommandQueue) -> Vec<String> {
     let address = queue.as_raw() as usize;
     let mut told = TOLD.lock().expect("nobody panics here");
@@ -44,7 +44,7 @@ pub(crate) fn told(queue: &ID3D12CommandQueue) -> Vec<String> {
 
 unsafe extern "system" fn our_begin(this: *mut c_void, kind: u32, name: *const c_void, size: u32) {
     assert_eq!(kind, 1, "bytes that end with a zero");
-    // SAFETY: the caller's own text of so many bytes.
+    // SAFETY: the caller's own text of `size` bytes.
     let bytes = unsafe { std::slice::from_raw_parts(name.cast::<u8>(), size as usize) };
     let text = CStr::from_bytes_with_nul(bytes).expect("one zero, at the end").to_str().expect("UTF-8").to_owned();
     let mut told = TOLD.lock().expect("nobody panics here");
@@ -54,7 +54,7 @@ unsafe extern "system" fn our_begin(this: *mut c_void, kind: u32, name: *const c
     }
     drop(told);
     let theirs = THEIR_BEGIN.get().expect("what it replaces");
-    // SAFETY: the caller's own arguments, handed on.
+    // SAFETY: the caller's own arguments, passed on.
     unsafe { theirs(this, kind, name, size) }
 }
 

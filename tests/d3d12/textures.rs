@@ -1,4 +1,4 @@
-//! Textures of an engine's and lists that use them.
+//! An engine's textures and the lists that use them.
 
 use std::mem::ManuallyDrop;
 
@@ -6,7 +6,7 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::core::Interface;
 
-/// A texture of two dimensions that is to be made.
+/// Parameters of a two-dimensional texture to create.
 #[derive(Clone, Copy)]
 pub(crate) struct Wanted {
     pub(crate) size: (u32, u32),
@@ -47,7 +47,7 @@ impl Wanted {
     }
 }
 
-/// A buffer of so many bytes that the processor reads.
+/// A readback buffer of `bytes` bytes.
 pub(crate) fn readback(device: &ID3D12Device, bytes: u64) -> ID3D12Resource {
     let desc = D3D12_RESOURCE_DESC {
         Dimension: D3D12_RESOURCE_DIMENSION_BUFFER,
@@ -70,13 +70,13 @@ fn committed(
 ) -> ID3D12Resource {
     let heap = D3D12_HEAP_PROPERTIES { Type: heap, ..Default::default() };
     let mut made: Option<ID3D12Resource> = None;
-    // SAFETY: descriptions and place live during the call.
+    // SAFETY: descriptions and variable live during the call.
     unsafe { device.CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, desc, state, None, &mut made) }
         .expect("a resource");
     made.expect("a resource")
 }
 
-/// An open list with its allocator, which must live until it has run, and a fence that has the value 1 then.
+/// An open list with its allocator, which must live until the list has run, and a fence that then gets the value 1.
 pub(crate) struct Recording {
     list: ID3D12GraphicsCommandList,
     _allocator: ID3D12CommandAllocator,
@@ -98,13 +98,13 @@ impl Recording {
         &self.fence
     }
 
-    /// Says that the list has run, or never will.
+    /// Signals that the list has run, or never will.
     pub(crate) fn drop_list(&self) {
         // SAFETY: a live fence.
         unsafe { self.fence.Signal(1) }.expect("a signal");
     }
 
-    /// For a queue.
+    /// A list for a queue.
     pub(crate) fn on(device: &ID3D12Device, queue: &ID3D12CommandQueue) -> Self {
         // SAFETY: a live queue.
         Self::new(device, unsafe { queue.GetDesc() }.Type)
@@ -139,7 +139,7 @@ impl Recording {
         unsafe { self.list.ResourceBarrier(&[barrier]) };
     }
 
-    /// Closes the list and gives it to a queue, which signals the fence after it.
+    /// Closes the list and executes it on a queue, which then signals the fence.
     pub(crate) fn submit(&self, queue: &ID3D12CommandQueue) {
         // SAFETY: an open list.
         unsafe { self.list.Close() }.expect("a closed list");
@@ -151,7 +151,7 @@ impl Recording {
     }
 }
 
-/// Waits until a queue has done all it was given.
+/// Waits until a queue has finished all submitted work.
 pub(crate) fn wait(device: &ID3D12Device, queue: &ID3D12CommandQueue) {
     // SAFETY: a live device.
     let fence: ID3D12Fence = unsafe { device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
@@ -163,7 +163,7 @@ pub(crate) fn wait(device: &ID3D12Device, queue: &ID3D12CommandQueue) {
     }
 }
 
-/// The pixels of a texture that is in `state` and stays in it, row after row without a gap.
+/// The pixels of a texture, whose state is `state` before and after: row after row without padding.
 pub(crate) fn read(
     device: &ID3D12Device,
     queue: &ID3D12CommandQueue,
@@ -174,7 +174,7 @@ pub(crate) fn read(
     let desc = unsafe { texture.GetDesc() };
     let (mut layout, mut rows, mut row, mut bytes) = (D3D12_PLACED_SUBRESOURCE_FOOTPRINT::default(), 0, 0, 0);
     let places = (Some(&raw mut layout), Some(&raw mut rows), Some(&raw mut row), Some(&raw mut bytes));
-    // SAFETY: a live device; description and places live during the call.
+    // SAFETY: a live device; description and variables live during the call.
     unsafe { device.GetCopyableFootprints(&desc, 0, 1, 0, places.0, places.1, places.2, places.3) };
     let buffer = readback(device, bytes);
     let recording = Recording::on(device, queue);
@@ -195,7 +195,7 @@ pub(crate) fn read(
     recording.submit(queue);
     wait(device, queue);
     let mut place = std::ptr::null_mut();
-    // SAFETY: a buffer of a heap that the processor sees.
+    // SAFETY: a buffer in an upload or readback heap.
     unsafe { buffer.Map(0, None, Some(&mut place)) }.expect("a mapping");
     // SAFETY: the mapping is as long as the buffer, and the device is done with it.
     let all = unsafe { std::slice::from_raw_parts(place.cast::<u8>(), bytes as usize) };
@@ -203,7 +203,7 @@ pub(crate) fn read(
     all.chunks(pitch).take(rows as usize).flat_map(|line| &line[..row as usize]).copied().collect()
 }
 
-/// A resource as a call names it that takes no reference.
+/// A resource as a parameter that holds no reference.
 fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
     // SAFETY: the same pointer, not released by this copy.
     unsafe { std::mem::transmute_copy(resource) }

@@ -1,4 +1,4 @@
-//! How often a queue was told to wait.
+//! Counts the waits of a queue.
 
 use std::ffi::c_void;
 use std::sync::OnceLock;
@@ -15,14 +15,14 @@ static WAITS: AtomicUsize = AtomicUsize::new(0);
 type Wait = unsafe extern "system" fn(*mut c_void, *mut c_void, u64) -> HRESULT;
 static THEIR_WAIT: OnceLock<Wait> = OnceLock::new();
 
-/// Counts the waits of `queue` from now on. Queues share their table of functions; of others nothing is counted.
+/// Counts the waits of `queue` from now on. Queues share their table of functions; other queues are not counted.
 pub(crate) fn count(queue: &ID3D12CommandQueue) {
     QUEUE.store(queue.as_raw() as usize, Ordering::SeqCst);
     WAITS.store(0, Ordering::SeqCst);
     replace(&raw const Interface::vtable(queue).Wait, &THEIR_WAIT, our_wait);
 }
 
-/// Waits so far.
+/// The number of waits so far.
 pub(crate) fn counted() -> usize {
     WAITS.load(Ordering::SeqCst)
 }

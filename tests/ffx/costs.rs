@@ -1,4 +1,4 @@
-//! What a frame costs beside the provider: allocations, time and memory.
+//! Costs of a frame beside the provider's: allocations, time and memory.
 
 use std::time::{Duration, Instant};
 
@@ -21,7 +21,7 @@ fn frames_are_recorded_without_allocating() {
         textures.fill(&textures.color, moved(0));
         let lens = texture(&gpu, (SIZE.width, SIZE.height), DXGI_FORMAT_R16G16_FLOAT, D3D12_RESOURCE_STATE_COMMON);
         textures.fill(&lens, |_, _| halves(0.0, 0.0));
-        // All that can be there, and a target that is copied to.
+        // All optional inputs, and a target that is copied to.
         let wanted = pictures::flat((SIZE.width, SIZE.height), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_FLAG_NONE);
         let state = D3D12_RESOURCE_STATE_COMMON;
         let target = Kept { resource: pictures::made(&gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, state), state };
@@ -34,7 +34,7 @@ fn frames_are_recorded_without_allocating() {
         let (mut counts, mut quickest) = (Vec::new(), Duration::MAX);
         for _ in 0..12 {
             let (before, start) = (ALLOCATIONS.get(), Instant::now());
-            let fence_point = generator.generate(&pictures, &Shot::of(SIZE)).expect("generated");
+            let fence_point = generator.generate(&pictures, &FrameParams::of(SIZE)).expect("generated");
             quickest = quickest.min(start.elapsed());
             counts.push(ALLOCATIONS.get() - before);
             fence_point.wait().expect("it has run");

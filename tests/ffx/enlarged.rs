@@ -1,18 +1,18 @@
-//! Presenters whose anchors AMD's upscaler makes larger.
+//! Presenters whose anchors AMD's upscaler upscales.
 
 use super::*;
 
-/// Three times as large as anchors, and a little more: pixels do not fall on pixels.
+/// About three times the anchors' size, but no whole multiple: pixels do not align.
 pub(crate) const LARGE: (u32, u32) = (400, 300);
 
-/// A stage with both effects.
+/// A folder with doubles for both effects.
 pub(crate) fn with_upscaler(lines: &[&str]) -> Stage {
     let lines: Vec<_> = ["sdk 2.1", "effect 0x10000", UPSCALER].iter().chain(lines).copied().collect();
     Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ML]).with(Part::Upscaler, &lines)
 }
 
 impl Stream {
-    /// Has a provider of that stage's make anchors larger.
+    /// Uses that stage's provider to upscale anchors.
     fn use_upscaler(&mut self, stage: &Stage, is_required: bool) {
         let library = stage.load().expect("loaded");
         self.drawer.use_fsr_upscaler(library.api(Effect::Upscaling).expect("there"), Choice::Any, is_required);
@@ -26,7 +26,7 @@ impl Stream {
         }
     }
 
-    /// The frame `t` after the anchor before the last, and how far it is off in its size.
+    /// Draws the frame at time `t` after the anchor before the last; returns its source and its maximum error at its size.
     fn error(&mut self, t: f64, own: bool) -> (FrameSource, u8) {
         let (shown, pixels) = self.draw(t, own, true);
         let place = STEP * (i32::try_from(self.anchors).expect("few") - 2) + (f64::from(STEP) * t) as i32;
@@ -35,7 +35,7 @@ impl Stream {
     }
 }
 
-/// Anchors that were made larger.
+/// Number of upscaled anchors.
 pub(crate) fn enlarged(stage: &Stage) -> usize {
     stage.calls().iter().filter(|call| call.starts_with("dispatch 10001 ")).count()
 }
@@ -59,10 +59,10 @@ fn anchors_are_made_larger_before_frames_are_generated_between_them() {
         }
         assert_eq!((stream.scaled_by().as_str(), enlarged(&stage)), ("4.0.3", pair + 2), "once to an anchor");
     }
-    // What is late goes on from the larger anchor.
+    // Extrapolation starts from the upscaled anchor.
     let (source, error) = stream.error(1.25, true);
     assert!(source == FrameSource::Extrapolated && error <= 8, "{source:?}: {error} off");
-    // Another size; none; and what is smaller is resized in space.
+    // Another size; no scaling; and a smaller size, which is resized spatially.
     for (size, by) in [((192, 144), "4.0.3"), (SIZE, "nothing"), ((64, 48), "space"), (LARGE, "4.0.3")] {
         stream.presenter.resize(Some(size)).expect("a size");
         stream.push([1, 1]);
@@ -83,14 +83,14 @@ fn larger_anchors_go_on_from_those_before_them() {
     assert!(stream.error(0.0, true).1 <= 8, "the first alone");
     assert!(stream.error(0.5, true).1 <= 8);
     assert_eq!(enlarged(&stage), 2);
-    // An engine drops its list, and anchors are left out: the earlier one of the pair is made larger first.
+    // The engine drops its list, and anchors are skipped: the pair's earlier anchor is upscaled first.
     stream.push([8, 8]);
     assert_eq!(stream.draw(0.5, false, false).0.source, FrameSource::Generated);
     assert_eq!(enlarged(&stage), 3);
     (0..3).for_each(|_| stream.push([1, 1]));
     assert!(stream.error(0.5, false).1 <= 8);
     assert_eq!(enlarged(&stage), 5);
-    // Anchors alone go on too.
+    // Frames that show an anchor itself keep the history too.
     stream.push([1, 1]);
     assert!(stream.error(1.0, true).1 <= 8);
     assert_eq!(enlarged(&stage), 6);
@@ -100,7 +100,7 @@ fn larger_anchors_go_on_from_those_before_them() {
 
 #[test]
 fn frames_are_resized_in_space_where_there_is_no_upscaler() {
-    // One that cannot be made, and one that fails at its third anchor.
+    // An upscaler whose creation fails, and one that fails at its third anchor.
     for (lines, right) in [("answers create 3 no", 0), ("breaks 3", 2)] {
         for is_required in [false, true] {
             let stage = with_upscaler(&[lines]);
@@ -181,7 +181,7 @@ fn two_presenters_at_once_have_providers_of_their_own() {
         for stream in &mut streams {
             stream.push([1, 1]);
         }
-        // Both draw at the same time, each on its own device.
+        // Both draw at once, each on its own device.
         let errors = std::thread::scope(|scope| {
             let drawn = streams.each_mut().map(|stream| scope.spawn(move || stream.error(0.5, pair % 2 == 0).1));
             drawn.map(|drawn| drawn.join().expect("no panic"))

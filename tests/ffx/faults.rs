@@ -1,9 +1,9 @@
-//! What an engine does to a generator while frames are on their way.
+//! Engine actions on a generator while frames are in flight.
 
 use super::*;
 
-/// A queue for frames that stands until it is opened. To be kept until the queue has gone through: a driver may still look at a fence that
-/// its queue waits for when the processor has signalled it.
+/// Blocks the frame queue until it is opened. Keep it until the queue has finished: a driver may still access a fence that its
+/// queue waits for after the CPU has signalled it.
 struct Gate(ID3D12Fence);
 
 impl Gate {
@@ -45,21 +45,21 @@ fn a_target_that_is_let_go_of_under_way_is_held_until_its_frame_has_run() {
         let own = engine::references(&target.resource);
         let gate = Gate::before(&gpu);
         let fence_point = generator
-            .generate(&Pictures { output: target.resting(), ..of(&textures) }, &Shot::of(SIZE))
+            .generate(&Pictures { output: target.resting(), ..of(&textures) }, &FrameParams::of(SIZE))
             .expect("generated");
-        // What an engine would let go of is one reference less; the frame has its own.
+        // The frame holds a reference of its own.
         assert!(engine::references(&target.resource) > own, "it is held");
         gate.open();
         fence_point.wait().expect("it has run");
-        // Until the ring comes by its place again.
+        // Until the ring reuses the frame's slot.
         for _ in 0..3 {
-            generator.generate(&of(&textures), &Shot::of(SIZE)).expect("generated").wait().expect("it has run");
+            generator.generate(&of(&textures), &FrameParams::of(SIZE)).expect("generated").wait().expect("it has run");
         }
         engine::comes_back(|| [engine::references(&target.resource)], [own]);
     }
-    // All of them let go of, with the generator, while the frame waits.
+    // All are released, with the generator, while the frame waits.
     let gate = Gate::before(&gpu);
-    _ = generator.generate(&of(&textures), &Shot::of(SIZE)).expect("generated");
+    _ = generator.generate(&of(&textures), &FrameParams::of(SIZE)).expect("generated");
     drop(textures);
     std::thread::scope(|scope| {
         scope.spawn(|| {
@@ -80,7 +80,7 @@ fn sizes_may_change_from_frame_to_frame() {
 fn change_sizes() {
     let (stage, library) = playing(&[]);
     let gpu = gpu();
-    // Rendered smaller and larger again, as engines do that keep their pace: motion goes on from frame to frame.
+    // Changing render sizes, as with dynamic resolution: the history is kept from frame to frame.
     let mut generator = made(&gpu, &library, &options()).expect("a generator");
     let textures = panning(&gpu);
     for (number, part) in [1, 2, 1, 4, 2, 1].into_iter().enumerate() {
@@ -91,15 +91,15 @@ fn change_sizes() {
         let at = STEP * i32::try_from(number).expect("small");
         textures.fill(&textures.color, moved(at));
         let pictures = Pictures { depth: small.depth.resting(), motion: small.motion.resting(), ..of(&textures) };
-        generator.generate(&pictures, &Shot::of(rendered)).expect("generated").wait().expect("it has run");
+        generator.generate(&pictures, &FrameParams::of(rendered)).expect("generated").wait().expect("it has run");
         if number > 0 {
             let error = off(&textures.generated(), INNER, moved(at - HALF));
             assert!(error <= 2, "frame {number}, rendered at 1/{part}: {error}");
         }
     }
-    // Shown at another size: another generator, while frames of the one before are on their way.
+    // Another display size: a new generator, while frames of the previous one are in flight.
     let gate = Gate::before(&gpu);
-    _ = generator.generate(&of(&textures), &Shot::of(SIZE)).expect("generated");
+    _ = generator.generate(&of(&textures), &FrameParams::of(SIZE)).expect("generated");
     let size = Dimensions { width: SIZE.width / 2, height: SIZE.height * 3 / 4 };
     let mut smaller = made(
         &gpu,
@@ -113,9 +113,9 @@ fn change_sizes() {
     let pictures = of(&small);
     for number in [0, 1] {
         small.fill(&small.color, moved(number));
-        smaller.generate(&pictures, &Shot::of(size)).expect("generated").wait().expect("it has run");
+        smaller.generate(&pictures, &FrameParams::of(size)).expect("generated").wait().expect("it has run");
     }
-    let refused = smaller.generate(&of(&textures), &Shot::of(size)).expect_err("of the size before");
+    let refused = smaller.generate(&of(&textures), &FrameParams::of(size)).expect_err("of the size before");
     assert_eq!(refused.offending_field(), Some("color"));
     drop(generator);
     assert!(gpu.removed().is_none());
@@ -139,7 +139,7 @@ fn run_two() {
                 textures.fill(&textures.motion, |_, _| halves(-(STEP * direction) as f32, 0.0));
                 for number in 0..6 {
                     textures.fill(&textures.color, moved(STEP * direction * number));
-                    let shot = Shot { reset: number == 0, ..Shot::of(SIZE) };
+                    let shot = FrameParams { reset: number == 0, ..FrameParams::of(SIZE) };
                     generator.generate(&of(&textures), &shot).expect("generated").wait().expect("it has run");
                     if number > 0 {
                         let error = off(&textures.generated(), INNER, moved(direction * (STEP * number - HALF)));

@@ -1,4 +1,4 @@
-//! Frames of pictures in memory, as tools have them made.
+//! Generation from and into pictures in memory, as tools use it.
 
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::device::DeviceGenerator;
@@ -8,7 +8,7 @@ use cairn::present::device::PictureUpscaler;
 use super::enlarged::enlarged;
 use super::*;
 
-/// Motion of a step in tiles, and depth.
+/// Guidance with motion of one step and depth, in tiles.
 fn guidance(tile: u32) -> Guidance {
     let mut motion = MotionField::tiled(SIZE.0, SIZE.1, tile).expect("a field");
     motion.vectors_mut().fill([f16::from_f32(-STEP as f32), f16::ZERO]);
@@ -21,15 +21,15 @@ fn apart(a: &Picture, b: &Picture) -> u8 {
     a.rgba().iter().zip(b.rgba()).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
 }
 
-/// What stands in front.
+/// The overlay's colour.
 const OVER: [u8; 4] = [255, 0, 255, 255];
 
-/// A mask of what lies over some columns.
+/// A mask of an overlay in some columns.
 fn over_columns() -> Vec<u8> {
     (0..SIZE.0 * SIZE.1).map(|place| u8::from((40..56).contains(&(place % SIZE.0)))).collect()
 }
 
-/// Whether a picture differs from an anchor under a mask, and beside it.
+/// Whether a picture differs from an anchor inside and outside a mask.
 fn moved_under(mask: &[u8], made: &Picture, anchor: &Picture) -> [bool; 2] {
     let pixels = made.pixels().iter().zip(anchor.pixels()).zip(mask);
     pixels.fold([false; 2], |mut moved, ((made, anchor), mask)| {
@@ -67,7 +67,7 @@ fn pictures_in_memory_become_what_they_become_elsewhere() {
     let reports = [shader.generate(&cut, 0.5, &mut made), cpu.generate(&cut, 0.5, &mut wanted)];
     assert_eq!(reports.map(|report| report.expect("generated").outcome), [Outcome::CutFallback; 2]);
     assert!(made == wanted);
-    // What lies over them stands still in both.
+    // A static overlay in both anchors.
     let mask = over_columns();
     let [first, second] = [first, second].map(|mut picture| {
         picture.pixels_mut().iter_mut().zip(&mask).filter(|(_, mask)| **mask > 0).for_each(|(pixel, _)| *pixel = OVER);
@@ -101,7 +101,7 @@ fn pictures_in_memory_go_through_a_provider() {
     let mut made = Picture::new(SIZE.0, SIZE.1).expect("a picture");
     let guidance = guidance(1);
     let tested = 2;
-    // Two pairs that go on, and one that does not: there the earlier anchor is shown first.
+    // Two consecutive pairs, and one that is not: for it the provider gets the earlier anchor first.
     for (from, asked) in [(0, 2), (STEP, 3), (5 * STEP, 5)] {
         let (first, second) = (moved(from), moved(from + STEP));
         let pair = AnchorPair::new(&first, &second, &guidance).expect("a pair");
@@ -130,7 +130,8 @@ fn pictures_in_memory_are_made_larger() {
     let interval = 1000.0 / 15.0;
     let mut upscaler = PictureUpscaler::new(&gpu, api, Choice::Any, SIZE, LARGE, interval).expect("an upscaler");
     assert_eq!(upscaler.version().name, "4.0.3");
-    // Of one place twice: what goes on is mixed with the one before from where motion says that it was, and what does not is itself.
+    // The same picture twice: with guidance the previous frame is blended in along the motion, without guidance there is no
+    // history.
     let mut made = Vec::new();
     for (by, tile) in [(0, None), (STEP, Some(8)), (2 * STEP, Some(1)), (2 * STEP, None)] {
         let guidance = tile.map(guidance);

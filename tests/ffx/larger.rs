@@ -1,4 +1,4 @@
-//! Larger frames in an engine's textures.
+//! Upscaling in an engine's textures.
 
 use cairn::ffx::bindings::ReactiveFlags;
 use cairn::ffx::{ReactiveMask, TextureUpscaler, UpscalePictures};
@@ -26,18 +26,18 @@ impl Scene {
         }
     }
 
-    /// Two frames as of [`pair`](Self::pair), through textures.
+    /// Upscales two frames as [`pair`](Self::pair) does, through textures.
     fn pair_of(&self, upscaler: &mut TextureUpscaler, pictures: &UpscalePictures<'_>) -> cairn::Result<()> {
         for (number, by) in [(0, 0.0), (1, 8.0)] {
             self.draw(by, Coordinates::default());
-            let shot = UpscaleShot { reset: number == 0, ..UpscaleShot::of(RENDERED, SHOWN) };
+            let shot = UpscaleParams { reset: number == 0, ..UpscaleParams::of(RENDERED, SHOWN) };
             upscaler.upscale(pictures, &shot)?.wait()?;
         }
         Ok(())
     }
 }
 
-/// A target of the size shown.
+/// An output texture of display size.
 fn target(gpu: &Gpu, flags: D3D12_RESOURCE_FLAGS, state: D3D12_RESOURCE_STATES) -> Kept {
     let wanted = pictures::flat((SHOWN.width, SHOWN.height), DXGI_FORMAT_R8G8B8A8_UNORM, flags);
     Kept { resource: pictures::made(gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, state), state }
@@ -60,7 +60,7 @@ fn textures_in_any_state_become_what_the_library_makes_of_them() {
         scene.pair_of(&mut upscaler, &pictures).expect("upscaled");
         assert!(scene.shown.pixels(&target) == wanted, "{flags:?}");
     }
-    // Into a list of an engine's, which finds its own frames between.
+    // Into an engine's list, with the previous frames as history.
     let fence: ID3D12Fence = {
         // SAFETY: values only.
         unsafe { scene.gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence")
@@ -68,14 +68,14 @@ fn textures_in_any_state_become_what_the_library_makes_of_them() {
     for (number, by) in [(0, 0.0), (1, 8.0)] {
         scene.draw(by, Coordinates::default());
         let until = FencePoint::of_engine(&scene.gpu, &fence, number + 1).expect("its own");
-        let shot = UpscaleShot { reset: number == 0, ..UpscaleShot::of(RENDERED, SHOWN) };
+        let shot = UpscaleParams { reset: number == 0, ..UpscaleParams::of(RENDERED, SHOWN) };
         run(&scene.gpu, |list| upscaler.record(list, &until, &scene.pictures(), &shot).expect("recorded"));
         // SAFETY: a live fence, and the list has run.
         unsafe { fence.Signal(number + 1) }.expect("signalled");
     }
     assert!(scene.shown.generated() == wanted, "in a list of an engine's");
 
-    // Motion that is wild is none, or as long as the picture.
+    // Invalid motion becomes zero, or is clamped to the picture's size.
     scene.rendered.fill(&scene.rendered.motion, |x, _| match x % 3 {
         0 => halves(f32::NAN, f32::INFINITY),
         1 => halves(-60000.0, 0.0),
@@ -99,8 +99,8 @@ fn four_frames_at_once_wait_for_one_another() {
     let scene = Scene::new();
     let mut upscaler = in_textures(&scene.gpu, &library).expect("an upscaler");
     scene.draw(0.0, Coordinates::default());
-    // The judge counts frames under way, of which AMD's has room for four.
-    let shot = UpscaleShot::of(RENDERED, SHOWN);
+    // The double counts frames in flight; AMD's libraries support four.
+    let shot = UpscaleParams::of(RENDERED, SHOWN);
     let all: Vec<_> = (0..8).map(|_| upscaler.upscale(&scene.pictures(), &shot).expect("submitted")).collect();
     drop(upscaler);
     assert!(all.iter().all(FencePoint::reached), "a frame that is under way is waited for");
@@ -150,7 +150,7 @@ fn a_mask_says_where_the_past_is_not_to_be_trusted() {
             assert!((found - wanted).abs() < 1e-3 || near_threshold, "{flags:?} at {x}, {y}: {found}, not {wanted}");
         }
     }
-    // What it is for.
+    // The effect of a reactive mask on the upscaled frame.
     scene.pair_of(&mut upscaler, &scene.pictures()).expect("upscaled");
     let without = scene.shown.generated();
     let masked = UpscalePictures { reactive: Some(scene.reactive.resting()), ..scene.pictures() };
@@ -180,17 +180,17 @@ fn a_provider_is_given_what_it_requires() {
     let (stage, library) = playing(&["sdk 2.1", NEWEST, "requires 0x17"]);
     let mut upscaler = in_textures(&scene.gpu, &library).expect("an upscaler");
     assert!(upscaler.required().contains(UpscaleResources::REACTIVE));
-    let shot = UpscaleShot::of(RENDERED, SHOWN);
+    let shot = UpscaleParams::of(RENDERED, SHOWN);
     let refused = upscaler.upscale(&scene.pictures(), &shot).expect_err("there is no mask");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("reactive")));
     let masked = UpscalePictures { reactive: Some(scene.reactive.resting()), ..scene.pictures() };
     upscaler.upscale(&masked, &shot).expect("upscaled").wait().expect("it is there");
     assert_eq!(stage.judgement(), [""; 0]);
-    // What nobody here knows cannot be given.
+    // A provider that requires an unknown kind of input is rejected.
     let (_, library) = playing(&["sdk 2.1", NEWEST, "requires 0x47"]);
     let refused = in_textures(&scene.gpu, &library).expect_err("a kind to come");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("provider")));
-    // Textures that are none of this device's, of another size, or of motion that is not read.
+    // Textures of another device, of another size, or with an unsupported motion format.
     let (_, library) = playing(&["sdk 2.0", ANALYTIC]);
     let mut upscaler = in_textures(&scene.gpu, &library).expect("an upscaler");
     let pictures = scene.pictures();

@@ -1,4 +1,4 @@
-//! Calls with one field written otherwise on its way, and how that is noticed.
+//! Changes one field of a call's structs on its way, and classifies how the change was detected.
 
 use std::collections::BTreeMap;
 use std::ffi::{CStr, c_void};
@@ -13,7 +13,7 @@ use cairn::gpu::windows::core::{PCSTR, PCWSTR};
 use crate::stage::Stage;
 use crate::table::{Kind, Struct};
 
-/// One field, written otherwise.
+/// A change of one field.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Mutant {
     pub(crate) id: u64,
@@ -22,7 +22,7 @@ pub(crate) struct Mutant {
     pub(crate) change: Change,
 }
 
-/// How. Numbers are all of their bits; the other field of an exchange is the next of the same kind.
+/// The kind of change. `Largest` sets all bits of a number; `Exchanged` swaps the field with the next one of the same kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Change {
     Zero,
@@ -32,10 +32,10 @@ pub(crate) enum Change {
     Exchanged(usize),
 }
 
-/// What the call was made of, before it was changed: the place of each field with its bytes.
+/// Original bytes of the changed fields, with their addresses.
 pub(crate) type Before = Vec<(*mut u8, Vec<u8>)>;
 
-/// The five functions of a copy.
+/// The five functions of a copy of the double.
 #[derive(Clone, Copy)]
 pub(crate) struct Functions {
     create: unsafe extern "C" fn(*mut c_void, *mut u8, *const c_void) -> u32,
@@ -45,14 +45,14 @@ pub(crate) struct Functions {
     dispatch: unsafe extern "C" fn(*mut c_void, *mut u8) -> u32,
 }
 
-/// What stands between the library and a copy.
+/// State of the shim between the library and a copy of the double.
 pub(crate) struct Between {
     copy: Option<Functions>,
-    /// What is written otherwise on its way.
+    /// The change to apply.
     pub(crate) mutant: Option<Mutant>,
-    /// It was on its way, and what it changed was not the same before.
+    /// The change was applied and altered a value.
     pub(crate) hit: bool,
-    /// A call was answered by a failure.
+    /// A call returned an error.
     pub(crate) refused: bool,
 }
 
@@ -63,10 +63,10 @@ pub(crate) fn held() -> MutexGuard<'static, Between> {
     BETWEEN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Hands a call on, with the mutant in its chain.
+/// Forwards a call with the mutant in its chain, then restores the original bytes.
 ///
 /// # Safety
-/// A linked chain, which may be written and nobody else uses meanwhile.
+/// A linked chain that may be written and that nobody else uses during the call.
 unsafe fn hand_on(head: *mut u8, call: impl FnOnce(&Functions) -> u32) -> u32 {
     let mut held = held();
     // SAFETY: the caller's promise.
@@ -75,17 +75,17 @@ unsafe fn hand_on(head: *mut u8, call: impl FnOnce(&Functions) -> u32) -> u32 {
     held.hit |= !before.is_empty();
     held.refused |= code != 0;
     for (place, bytes) in before {
-        // SAFETY: where these bytes were before.
+        // SAFETY: the bytes' original address.
         unsafe { place.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
     }
     code
 }
 
 impl Mutant {
-    /// Changes the link of its kind, where the chain has one.
+    /// Changes the link with the mutant's struct id, if the chain has one.
     ///
     /// # Safety
-    /// A linked chain, which may be written and nobody else uses meanwhile.
+    /// A linked chain that may be written and that nobody else uses during the call.
     unsafe fn change(&self, head: *mut u8) -> Before {
         let (mut before, mut at) = (Before::new(), head);
         while !at.is_null() {
@@ -102,7 +102,7 @@ impl Mutant {
     }
 
     /// # Safety
-    /// The struct that it is a mutant of, which may be written.
+    /// `head` is a struct of the mutant's id, which may be written.
     unsafe fn apply(&self, head: *mut u8, before: &mut Before) {
         let size = self.kind.size();
         let bytes = |offset: usize| {
@@ -145,31 +145,31 @@ impl Mutant {
 }
 
 unsafe extern "C" fn create(context: *mut c_void, head: *mut u8, callbacks: *const c_void) -> u32 {
-    // SAFETY: handed on as it came, but for the mutant.
+    // SAFETY: forwarded unchanged, except for the mutant.
     unsafe { hand_on(head, |copy| (copy.create)(context, head, callbacks)) }
 }
 
 unsafe extern "C" fn destroy(context: *mut c_void, callbacks: *const c_void) -> u32 {
-    // SAFETY: handed on as it came.
+    // SAFETY: forwarded unchanged.
     unsafe { hand_on(std::ptr::null_mut(), |copy| (copy.destroy)(context, callbacks)) }
 }
 
 unsafe extern "C" fn configure(context: *mut c_void, head: *mut u8) -> u32 {
-    // SAFETY: handed on as it came, but for the mutant.
+    // SAFETY: forwarded unchanged, except for the mutant.
     unsafe { hand_on(head, |copy| (copy.configure)(context, head)) }
 }
 
 unsafe extern "C" fn query(context: *mut c_void, head: *mut u8) -> u32 {
-    // SAFETY: handed on as it came, but for the mutant.
+    // SAFETY: forwarded unchanged, except for the mutant.
     unsafe { hand_on(head, |copy| (copy.query)(context, head)) }
 }
 
 unsafe extern "C" fn dispatch(context: *mut c_void, head: *mut u8) -> u32 {
-    // SAFETY: handed on as it came, but for the mutant.
+    // SAFETY: forwarded unchanged, except for the mutant.
     unsafe { hand_on(head, |copy| (copy.dispatch)(context, head)) }
 }
 
-/// The functions above, before the copy that plays so.
+/// The shim's functions, in front of a copy of the double.
 pub(crate) fn api(stage: &Stage, part: Part) -> Api {
     let path = stage.0.join(part.file_name());
     let path: Vec<u16> = path.as_os_str().encode_wide().chain([0]).collect();
@@ -209,11 +209,11 @@ pub(crate) fn api(stage: &Stage, part: Part) -> Api {
             _ => dispatch as *const c_void,
         }
     };
-    // SAFETY: functions that hand on to ffx-api's of their names, and stay.
+    // SAFETY: functions that forward to ffx-api's of their names, and are static.
     unsafe { Api::from_exports(ours) }.expect("all are there")
 }
 
-/// How a mutant was noticed.
+/// How a mutant was detected: by return code, by rule violation or by picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Noticed {
     ByAnswer,
@@ -222,10 +222,10 @@ pub(crate) enum Noticed {
     Not,
 }
 
-/// Ids of structs that there are: the general ones, and those of upscaling and of frame generation.
+/// Ranges of existing struct ids: general, upscaling and frame generation.
 pub(crate) const NUMBERED: [RangeInclusive<u64>; 3] = [1..=7, 0x1_0000..=0x1_000b, 0x2_0001..=0x2_000e];
 
-/// Mutants of a struct: of each field each change that there is for its kind.
+/// All mutants of a struct: each change of each field that its kind allows.
 pub(crate) fn mutants(of: &Struct) -> Vec<(String, Mutant)> {
     let mut found = Vec::new();
     for (index, (field, offset, kind)) in of.fields.iter().enumerate() {
@@ -258,7 +258,7 @@ pub(crate) fn mutants(of: &Struct) -> Vec<(String, Mutant)> {
     found
 }
 
-/// What was noticed so far, and what of it is not in the list.
+/// Counts of detected mutants, and those missed that are not in the list.
 #[derive(Default)]
 pub(crate) struct Report {
     pub(crate) counts: BTreeMap<Noticed, usize>,
@@ -274,7 +274,7 @@ impl Report {
     }
 }
 
-/// Tries one mutant: `act` gives the picture, or what was answered. None where it changes nothing.
+/// Tries one mutant; `act` returns the picture or the error. None if the mutant altered nothing.
 pub(crate) fn noticed(
     stage: &Stage,
     truth: &[[u8; 4]],

@@ -1,9 +1,9 @@
-//! Mutants of what larger frames are asked for with.
+//! Mutants of the upscaler's structs.
 
 use cairn::ffx::bindings::{
     Coordinates, CreateUpscale, Dimensions, ReactiveFlags, Resource, ResourceState, UpscaleCreateFlags, UpscaleFlags,
 };
-use cairn::ffx::{Api, Choice, Part, ReactiveMask, UpscaleFrame, UpscaleShot, Upscaler};
+use cairn::ffx::{Api, Choice, Part, ReactiveMask, UpscaleFrame, UpscaleParams, Upscaler};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::core::Interface;
 
@@ -15,15 +15,15 @@ use crate::table;
 const RENDERED: Dimensions = Dimensions { width: 16, height: 12 };
 const SHOWN: Dimensions = Dimensions { width: 32, height: 24 };
 
-/// What a larger frame is made of, with all that can be told of one.
+/// Textures of an upscaled frame with all optional inputs.
 struct Scene {
     gpu: Gpu,
-    /// The frame before, and the frame.
+    /// The previous frame and this one.
     rendered: [Textures; 2],
     masks: [Kept; 2],
     exposure: Kept,
     shown: Textures,
-    /// A mask that is found.
+    /// The computed reactive mask.
     found: Kept,
 }
 
@@ -64,7 +64,7 @@ impl Scene {
         unsafe { Upscaler::create(api, self.gpu.device().as_raw(), Choice::Any, head) }
     }
 
-    /// The frame after the one before, larger, or what was answered.
+    /// Upscales two frames, the second with the mutant; returns the picture or the error.
     fn pair(&self, upscaler: &mut Upscaler, mutant: Option<Mutant>) -> cairn::Result<Vec<[u8; 4]>> {
         let mut answer = Ok(());
         run(&self.gpu, |list| {
@@ -79,14 +79,14 @@ impl Scene {
                     reactive: resource(&self.masks[0]),
                     transparency: resource(&self.masks[1]),
                     output: resource(&self.shown.output),
-                    shot: UpscaleShot {
+                    shot: UpscaleParams {
                         jitter: Coordinates { x: 0.25, y: -0.4 },
                         motion_scale: Coordinates { x: 1.5, y: 1.25 },
                         sharpness: Some(0.5),
                         pre_exposure: 2.0,
                         reset: number == 0,
                         encoding: UpscaleFlags::COLOR_SRGB,
-                        ..UpscaleShot::of(RENDERED, SHOWN)
+                        ..UpscaleParams::of(RENDERED, SHOWN)
                     },
                 };
                 held().mutant = mutant.filter(|_| number == 1);
@@ -99,7 +99,7 @@ impl Scene {
         Ok(self.shown.generated())
     }
 
-    /// Where the past of the frame is not to be trusted, or what was answered.
+    /// Computes a reactive mask; returns it or the error.
     fn mask(&self, upscaler: &mut Upscaler, mutant: Option<Mutant>) -> cairn::Result<Vec<[u8; 4]>> {
         let mut answer = Ok(());
         let output = &self.found;
@@ -108,7 +108,7 @@ impl Scene {
             let [opaque, color] = self.rendered.each_ref().map(|rendered| resource(&rendered.color));
             let mask = ReactiveMask {
                 scale: 2.5,
-                // What is bright lies below it, and what is dark above.
+                // Bright pixels are below the threshold, dark ones above.
                 threshold: 0.2,
                 value: 0.8,
                 flags: ReactiveFlags::TONEMAP | ReactiveFlags::THRESHOLD | ReactiveFlags::COMPONENTS_MAX,
@@ -124,7 +124,7 @@ impl Scene {
     }
 }
 
-/// Tries all of them.
+/// Tries all mutants of the upscaler's structs.
 pub(crate) fn try_all(report: &mut Report) {
     let scene = Scene::new();
     let role = ["effect 0x10000", "sdk 2.1", "offers 0xf600000001000003 4.0.3", "quiet"];
@@ -149,7 +149,7 @@ pub(crate) fn try_all(report: &mut Report) {
             held().mutant = Some(mutant);
             let made = scene.upscaler(&api);
             held().mutant = None;
-            // What was refused on the way needs no picture.
+            // A rejected call needs no picture.
             if held().refused { made.map(|_| Vec::new()) } else { scene.pair(&mut made?, None) }
         });
         found.into_iter().for_each(|found| report.add(name.clone(), found));

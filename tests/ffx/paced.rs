@@ -1,4 +1,4 @@
-//! What is told to a swap chain of AMD's besides, and what becomes of what it answers.
+//! Parameters of AMD's swap chain, and handling of its errors.
 
 use cairn::ffx::{Choice, Family, swapchain_memory_needed};
 
@@ -58,19 +58,19 @@ pub(super) fn how_it_is_made_and_paced_reaches_the_library() {
         let expected = [flags.bits().to_string(), "128,96".to_owned(), "64,48".to_owned()];
         assert_eq!(["flags", "shown", "render"].map(|field| told[field].clone()), expected);
         assert_eq!(last(0x2_0009)["hudless"], "14");
-        // Depth of what is rendered; motion of the same, or of what is shown.
+        // Depth at render size; motion at render or display size.
         let depth = panning(&show.gpu, small);
         let of_motion = if flags == CreateFlags::DISPLAY_RESOLUTION_MOTION { SIZE } else { small };
         let motion = panning(&show.gpu, of_motion);
         let Show { swapchain, gpu, .. } = &mut show;
-        let pictures = PacedPictures {
+        let pictures = FrameTextures {
             depth: depth.depth.resting(),
             motion: motion.motion.resting(),
             hudless: None,
             distortion: None,
         };
-        run(gpu, |list| swapchain.prepare(list, &pictures, &Shot::of(small)).expect("prepared"));
-        // SAFETY: a live swap chain; what it shows is of no matter.
+        run(gpu, |list| swapchain.prepare(list, &pictures, &FrameParams::of(small)).expect("prepared"));
+        // SAFETY: a live swap chain; its picture does not matter.
         unsafe { swapchain.dxgi().Present(0, DXGI_PRESENT(0)) }.ok().expect("presented");
         let is_async = flags == CreateFlags::ASYNC_WORKLOAD;
         assert_eq!(last(0x2_0002)["async"], u32::from(is_async).to_string(), "{flags:?}");
@@ -93,7 +93,7 @@ pub(super) fn how_it_is_made_and_paced_reaches_the_library() {
         drop(show);
     }
     assert_eq!(stage.judgement(), [""; 0]);
-    // Who does not want the test gets what does not stand it.
+    // Without the self-test a provider that fails it is accepted.
     let (_, library) = playing(&["sdk 2.1", ML, "plays through"]);
     let untested = SwapchainOptions { self_test: false, ..options() };
     assert!(Show::new(How::New, &library).is_err());
@@ -128,7 +128,7 @@ pub(super) fn every_code_at_every_call_is_reported_and_the_next_one_is_made() {
             stage.refuse(id, code);
             let answer = act(&mut show, &interface);
             stage.answer();
-            // A question about memory that is not known is no failure.
+            // An unknown memory query is not an error.
             if id == 0x3_0009 && [2, 6, 7].contains(&code) {
                 answer.expect("an answer");
                 continue;
@@ -145,7 +145,7 @@ pub(super) fn every_code_at_every_call_is_reported_and_the_next_one_is_made() {
             act(&mut show, &interface).expect("the next one");
         }
     }
-    // What fails within `Present` is told of there.
+    // Errors within `Present`.
     for code in [1, 3, 6] {
         stage.refuse(0x2_0003, code);
         show.frame(true).expect("presented");
@@ -155,7 +155,7 @@ pub(super) fn every_code_at_every_call_is_reported_and_the_next_one_is_made() {
     }
     drop(show);
     assert_eq!(stage.judgement(), [""; 0]);
-    // As it is made, of a window that another can be made for afterwards.
+    // Errors of creation; another swap chain can be created for the window afterwards.
     for (how, id, suspects) in
         [(How::New, 0x3_0005, ["description", "window"]), (How::ForWindow, 0x3_0006, ["description", "window"])]
     {

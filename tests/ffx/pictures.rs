@@ -1,8 +1,8 @@
-//! The textures of a frame as an engine makes them, filled and read by the processor.
+//! Textures of a frame as an engine has them, filled and read by the CPU.
 #![allow(dead_code, unused_imports, reason = "each test program uses its part")]
 
 use cairn::ffx::bindings::{Dimensions, Resource, ResourceState};
-use cairn::ffx::{Frame, Pictures, Shot};
+use cairn::ffx::{Frame, FrameParams, Pictures};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
@@ -16,10 +16,10 @@ use primitives::{becomes, buffer, read};
 /// Bytes of a pixel of every texture here.
 const PIXEL: usize = 4;
 
-/// What every texture is in between calls.
+/// The state of every texture between calls.
 const STATE: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
 
-/// What a frame is made of, all of one size: RGBA8 pictures, depth in floats, motion in pairs of halves.
+/// Textures of a frame, all of one size: RGBA8 pictures, float depth, motion in half2.
 pub(crate) struct Textures {
     gpu: Gpu,
     size: Dimensions,
@@ -45,7 +45,7 @@ impl Textures {
         }
     }
 
-    /// A frame of these: seen by the camera that is the default, without jitter, motion in pixels.
+    /// A frame of these textures, with the default camera, no jitter, and motion in pixels.
     pub(crate) fn frame(&self, list: &ID3D12GraphicsCommandList, reset: bool) -> Frame {
         let resource = |kept: &Kept| Resource::of(&kept.resource, ResourceState::UNORDERED_ACCESS);
         Frame {
@@ -56,11 +56,11 @@ impl Textures {
             motion: resource(&self.motion),
             hudless: Resource::default(),
             distortion: Resource::default(),
-            shot: Shot { reset, ..Shot::of(self.size) },
+            shot: FrameParams { reset, ..FrameParams::of(self.size) },
         }
     }
 
-    /// The same frame for generators in textures.
+    /// The same frame as inputs of a `TextureGenerator`.
     pub(crate) fn pictures(&self) -> Pictures<'_> {
         Pictures {
             color: self.color.resting(),
@@ -72,7 +72,7 @@ impl Textures {
         }
     }
 
-    /// Sets every pixel of one of them to what `pixel` says of its column and row.
+    /// Sets every pixel of a texture to `pixel` of its column and row.
     pub(crate) fn fill(&self, texture: &Kept, pixel: impl Fn(u32, u32) -> [u8; PIXEL]) {
         let Dimensions { width, height } = self.size;
         let pitch = (width as usize * PIXEL).next_multiple_of(D3D12_TEXTURE_DATA_PITCH_ALIGNMENT as usize);
@@ -83,7 +83,7 @@ impl Textures {
             }
         }
         let from = buffer(&self.gpu, &bytes);
-        // SAFETY: a copy of the pointer without a reference, as copies take it; never dropped.
+        // SAFETY: a copy of the pointer without a reference, as copy locations take it; never dropped.
         let borrowed = |resource: &ID3D12Resource| unsafe { std::mem::transmute_copy(resource) };
         // SAFETY: a live resource.
         let format = unsafe { texture.resource.GetDesc() }.Format;
@@ -126,7 +126,7 @@ impl Textures {
     }
 }
 
-/// Records that one texture becomes another's copy.
+/// Records a copy from one texture to another.
 pub(crate) fn copy(list: &ID3D12GraphicsCommandList, from: &Kept, to: &Kept) {
     let (source, destination) = (D3D12_RESOURCE_STATE_COPY_SOURCE, D3D12_RESOURCE_STATE_COPY_DEST);
     becomes(list, from, from.state, source);

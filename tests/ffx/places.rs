@@ -1,4 +1,4 @@
-//! Where libraries are taken from, and where they are not.
+//! Where libraries are loaded from, and where not.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ fn is_loaded(file: &Path) -> bool {
 fn what_lies_in_the_working_folder_is_not_taken_and_what_was_loaded_stays() {
     let test = "places::what_lies_in_the_working_folder_is_not_taken_and_what_was_loaded_stays";
     alone(test, || {
-        // Somebody's file under the name that a loader asks the system for.
+        // A foreign file under the name that the loader passes to the system.
         let foreign = Stage::empty().with(Part::FrameGeneration, &["sdk 2.0", ANALYTIC_20]);
         std::env::set_current_dir(&foreign.0).expect("a folder");
         let stage = Stage::empty().with(Part::Loader, &["loader"]).with(Part::FrameGeneration, &["sdk 2.1", ML]);
@@ -26,7 +26,7 @@ fn what_lies_in_the_working_folder_is_not_taken_and_what_was_loaded_stays() {
         assert_eq!(context.provider().version.name, "4.0.1");
         assert_eq!(foreign.calls(), [""; 0]);
         drop((context, library));
-        // Threads and a driver may still be in them.
+        // They stay loaded: threads and a driver may still use them.
         for part in [Part::Loader, Part::FrameGeneration] {
             assert!(is_loaded(&stage.0.join(part.file_name())), "{part:?} stays");
             assert!(!is_loaded(&foreign.0.join(part.file_name())));
@@ -35,7 +35,7 @@ fn what_lies_in_the_working_folder_is_not_taken_and_what_was_loaded_stays() {
     });
 }
 
-/// What AMD's libraries need, such as the Visual C++ runtime, is looked for beside them and in the system.
+/// Dependencies of AMD's libraries, such as the Visual C++ runtime, are searched beside them and in the system.
 #[test]
 fn what_a_library_needs_is_not_taken_from_the_working_folder_and_named_where_it_is_missing() {
     let test = "places::what_a_library_needs_is_not_taken_from_the_working_folder_and_named_where_it_is_missing";
@@ -64,7 +64,7 @@ fn what_a_library_needs_is_not_taken_from_the_working_folder_and_named_where_it_
     });
 }
 
-/// A library that somebody else signed, such as Microsoft's, is none of AMD's.
+/// A library signed by somebody else, such as Microsoft, is rejected.
 #[test]
 fn a_file_of_another_signer_is_none_of_amd_s() {
     let signed = std::env::var_os("CAIRN_ONNXRUNTIME").expect("CAIRN_ONNXRUNTIME names a library of Microsoft's");

@@ -1,4 +1,4 @@
-//! Folders with copies of the library that plays AMD's, and what its judge found.
+//! Folders with copies of the double, and the logs that it writes there.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -7,12 +7,12 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use cairn::ffx::{Library, LoadOptions, Part, allow_unsigned_in_host};
 
-/// AMD's providers, as their libraries name them.
+/// AMD's providers as lines of the double's configuration.
 pub(crate) const ANALYTIC_20: &str = "offers 0xf600000000c01005 3.1.5";
 pub(crate) const ANALYTIC: &str = "offers 0xf600000000c01006 3.1.6";
 pub(crate) const ML: &str = "offers 0xf600000001000001 4.0.1";
 
-/// A folder of its own for one test, in which libraries stand under AMD's names. It stays: libraries in it are loaded.
+/// A test's own folder with libraries under AMD's names. It is not deleted, as the libraries stay loaded.
 pub(crate) struct Stage(pub(crate) PathBuf);
 
 impl Stage {
@@ -24,9 +24,9 @@ impl Stage {
         Self(place)
     }
 
-    /// Puts a copy of the double there, to play what the lines say.
+    /// Adds a copy of the double, configured by these lines.
     pub(crate) fn with(self, part: Part, lines: &[&str]) -> Self {
-        // The C interface takes only what AMD has signed.
+        // The C interface loads only files signed by AMD otherwise.
         allow_unsigned_in_host();
         std::fs::copy(double(), self.0.join(part.file_name())).expect("the double");
         let role = self.0.join(format!("{}.txt", part.file_name()));
@@ -34,7 +34,7 @@ impl Stage {
         self
     }
 
-    /// Puts any other file there under AMD's name.
+    /// Adds another file under AMD's name.
     pub(crate) fn with_file(self, part: Part, file: &Path) -> Self {
         std::fs::copy(file, self.0.join(part.file_name())).expect("the file");
         self
@@ -44,17 +44,17 @@ impl Stage {
         Library::load(&LoadOptions { directory: Some(self.0.clone()), signed: false })
     }
 
-    /// What the library was asked, a line for each call.
+    /// The logged calls, one line each.
     pub(crate) fn calls(&self) -> Vec<String> {
         self.lines("calls.txt")
     }
 
-    /// What was wrong with it.
+    /// The logged rule violations.
     pub(crate) fn judgement(&self) -> Vec<String> {
         self.lines("judgement.txt")
     }
 
-    /// The numbers that it was told in structs with that id, field by field, a map for each.
+    /// The logged parameters of structs with that id: for each struct, a map from field to value.
     pub(crate) fn told(&self, id: u64) -> Vec<BTreeMap<String, String>> {
         let id = format!("{id:x}");
         let fields = |line: &str| {
@@ -65,12 +65,12 @@ impl Stage {
         lines.iter().filter(|line| line.split(' ').next() == Some(&*id)).map(|line| fields(line)).collect()
     }
 
-    /// From now on calls whose first struct has that id are answered `code`; of a library that plays `refusing`.
+    /// Makes calls whose first struct has that id return `code`. Needs a copy configured as `refusing`.
     pub(crate) fn refuse(&self, id: u64, code: u32) {
         std::fs::write(self.0.join("refuses.txt"), format!("{id:x} {code} so there")).expect("what is refused");
     }
 
-    /// All calls are answered as they should be again.
+    /// Ends `refuse`.
     pub(crate) fn answer(&self) {
         std::fs::remove_file(self.0.join("refuses.txt")).expect("it was refused");
     }
@@ -81,19 +81,19 @@ impl Stage {
     }
 }
 
-/// The library that plays AMD's, which the build puts beside the tests' programs.
+/// The double, which the build puts beside the test programs.
 pub(crate) fn double() -> PathBuf {
     let own = std::env::current_exe().expect("our own path");
     let found = own.ancestors().skip(1).take(2).map(|place| place.join("ffx_double.dll")).find(|path| path.is_file());
     found.expect("ffx_double.dll is not there: cargo build --package ffx-double, for the same target")
 }
 
-/// A library of the system's.
+/// A system library.
 pub(crate) fn system(name: &str) -> PathBuf {
     PathBuf::from(std::env::var_os("SystemRoot").expect("Windows says where it is")).join("System32").join(name)
 }
 
-/// Runs `act` in a process of its own, in which no library of AMD's names is loaded yet.
+/// Runs `act` in a new process, in which no library with AMD's names is loaded yet.
 pub(crate) fn alone(test: &str, act: impl FnOnce()) {
     const VARIABLE: &str = "CAIRN_FFX_TEST_ALONE";
     if std::env::var_os(VARIABLE).is_some_and(|name| name == test) {

@@ -1,10 +1,11 @@
-//! A swap chain of AMD's in a window: of the double, which keeps what it shows, and of AMD's own libraries where `CAIRN_FFX_DIR` names
+//! AMD's swap chain in a window: of the double, which records its presents, and of AMD's own libraries if `CAIRN_FFX_DIR` names
 //! them. On Windows, or in the lab.
 
 use cairn::ErrorKind;
 use cairn::ffx::bindings::{CreateFlags, Dimensions, Rect, ReturnCode, SurfaceFormat};
 use cairn::ffx::{
-    Effect, Interface, Library, LoadOptions, Paced, PacedPictures, Pacing, Part, Shot, Swapchain, SwapchainOptions,
+    Effect, FrameParams, FrameTextures, Interface, Library, LoadOptions, Pacing, Part, Swapchain, SwapchainOptions,
+    SwapchainSource,
 };
 use cairn::gpu::Gpu;
 use cairn::gpu::compute::ResourceWithState;
@@ -32,13 +33,13 @@ use pictures::{Kept, Textures, run};
 use stage::{ANALYTIC, ANALYTIC_20, ML, Stage};
 use window::{PRESENT, SIZE, STEP, Window, alone, description, factory, moved, of_engine, off, panning, pixels, shown};
 
-/// What an engine tells of its frames beside depth and motion.
+/// Optional parameters of an engine's frame beside depth and motion.
 #[derive(Clone, Copy, Default)]
 struct Besides<'a> {
     hudless: Option<&'a Kept>,
     distortion: Option<&'a Kept>,
     rect: Rect,
-    /// A sign stands before the world.
+    /// A static sign is drawn in front of the world.
     sign: bool,
 }
 
@@ -48,7 +49,7 @@ fn in_sign(x: u32, y: u32) -> bool {
     (48..80).contains(&x) && (32..64).contains(&y)
 }
 
-/// How a swap chain comes about.
+/// How a swap chain is created.
 #[derive(Debug, Clone, Copy)]
 enum How {
     Wrap,
@@ -56,7 +57,7 @@ enum How {
     ForWindow,
 }
 
-/// An engine that draws into a window. What is dropped first stands first.
+/// An engine that draws into a window. Fields are in drop order.
 struct Show {
     swapchain: Swapchain,
     textures: Textures,
@@ -84,8 +85,8 @@ fn made_with(
     let factory = factory().cast::<IDXGIFactory>().expect("an older one");
     let mut own = matches!(how, How::Wrap).then(|| of_engine(engine, window));
     let from = match how {
-        How::Wrap => Paced::Wrap(&mut own),
-        How::New => Paced::New(
+        How::Wrap => SwapchainSource::Wrap(&mut own),
+        How::New => SwapchainSource::New(
             &factory,
             DXGI_SWAP_CHAIN_DESC {
                 BufferDesc: DXGI_MODE_DESC {
@@ -103,7 +104,7 @@ fn made_with(
                 ..Default::default()
             },
         ),
-        How::ForWindow => Paced::ForWindow(&factory, window.0, description(), None),
+        How::ForWindow => SwapchainSource::ForWindow(&factory, window.0, description(), None),
     };
     Swapchain::new(gpu, library.api(Effect::FrameGeneration)?, options, from)
 }
@@ -120,12 +121,12 @@ impl Show {
         Ok(Self { swapchain, textures: panning(&gpu, SIZE), gpu, _window: window, frames: 0 })
     }
 
-    /// The next frame, drawn, told of where it `is_prepared`, and presented.
+    /// Draws the next frame, prepares it if `is_prepared`, and presents it.
     fn frame(&mut self, is_prepared: bool) -> cairn::Result<()> {
         self.frame_with(is_prepared, &Besides::default())
     }
 
-    /// The same with what is told of it besides; a frame without interface is drawn as well.
+    /// The same with optional parameters; a HUD-less frame is drawn too.
     fn frame_with(&mut self, is_prepared: bool, besides: &Besides<'_>) -> cairn::Result<()> {
         let world = moved(STEP * self.frames);
         let Self { swapchain, textures, gpu, .. } = self;
@@ -133,13 +134,13 @@ impl Show {
         if let Some(hudless) = besides.hudless {
             textures.fill(hudless, &world);
         }
-        let depth_and_motion = PacedPictures {
+        let depth_and_motion = FrameTextures {
             depth: textures.depth.resting(),
             motion: textures.motion.resting(),
             hudless: besides.hudless.map(Kept::resting),
             distortion: besides.distortion.map(Kept::resting),
         };
-        let shot = Shot { rect: besides.rect, ..Shot::of(SIZE) };
+        let shot = FrameParams { rect: besides.rect, ..FrameParams::of(SIZE) };
         let dxgi = swapchain.dxgi().clone();
         // SAFETY: a live swap chain.
         let buffer: ID3D12Resource = unsafe { dxgi.GetBuffer(dxgi.GetCurrentBackBufferIndex()) }.expect("a buffer");
@@ -152,7 +153,7 @@ impl Show {
             pictures::copy(list, &textures.color, &to);
         });
         prepared?;
-        // SAFETY: a live swap chain, drawn into by what has run.
+        // SAFETY: a live swap chain, whose draw calls have run.
         unsafe { dxgi.Present(0, DXGI_PRESENT(0)) }.ok().expect("presented");
         self.frames += 1;
         Ok(())
@@ -172,7 +173,7 @@ fn frames_between_are_presented_whatever_the_swap_chain_was_made_of() {
         let (stage, library) = playing(&release);
         let mut show = Show::new(how, &library).expect("a swap chain");
         assert_eq!(show.swapchain.provider().expect("a generator").version, show.swapchain.pacer().version);
-        // What is not prepared is presented alone.
+        // Without `prepare` there is no generated frame.
         show.frame(false).expect("presented");
         for _ in 0..4 {
             show.frame(true).expect("presented");
@@ -185,7 +186,7 @@ fn frames_between_are_presented_whatever_the_swap_chain_was_made_of() {
             let real = off(&pixels(&stage, 2 * pair + 1), moved(STEP * i32::try_from(pair).expect("few")));
             assert_eq!(real, 0, "{how:?}, {release:?}: frame {pair}");
         }
-        // The first one has no history: it is the frame itself. The others are half way.
+        // The first generated frame has no history and copies the input. The others are half way.
         for pair in 1..5_i32 {
             let by = if pair == 1 { STEP } else { STEP * pair - STEP / 2 };
             let error = off(&pixels(&stage, 2 * pair as usize), moved(by));
@@ -229,7 +230,7 @@ fn an_interface_lies_over_real_and_generated_frames() {
     show.swapchain.set_interface(None).expect("told");
     show.frame(true).expect("presented");
     assert_eq!(off(&pixels(&stage, number + 2), moved(STEP * (show.frames - 1))), 0);
-    // Of another size, or in a state that there is no word for.
+    // Another size, or a state that ffx-api has no value for.
     let small = Textures::new(&show.gpu, Dimensions { width: 64, height: 48 });
     let depth_read = ResourceWithState { resource: &interface.color.resource, state: D3D12_RESOURCE_STATE_DEPTH_READ };
     for picture in [small.color.resting(), depth_read] {
@@ -253,7 +254,7 @@ fn generation_is_paused_and_goes_on() {
     let kinds: Vec<_> = shown(&stage).iter().map(|line| line.split(' ').nth(1).unwrap_or("").to_owned()).collect();
     let [r, g] = ["real", "generated"];
     assert_eq!(kinds, [g, r, g, r, r, r, g, r, g, r]);
-    // It starts anew, and then goes on.
+    // The first generated frame has no history, the next has.
     assert!(off(&pixels(&stage, 7), moved(STEP * 4)) <= 2);
     assert!(off(&pixels(&stage, 9), moved(STEP * 5 - STEP / 2)) <= 2);
     for pacing in
@@ -287,14 +288,14 @@ fn buffers_are_resized_and_the_generator_made_anew() {
     }
     .expect("resized");
     let refused = {
-        let pictures = PacedPictures {
+        let pictures = FrameTextures {
             depth: show.textures.depth.resting(),
             motion: show.textures.motion.resting(),
             hudless: None,
             distortion: None,
         };
         let mut refused = None;
-        run(&show.gpu, |list| refused = show.swapchain.prepare(list, &pictures, &Shot::of(SIZE)).err());
+        run(&show.gpu, |list| refused = show.swapchain.prepare(list, &pictures, &FrameParams::of(SIZE)).err());
         refused.expect("the generator is of the size before")
     };
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidState, Some("swapchain")));
@@ -309,11 +310,11 @@ fn buffers_are_resized_and_the_generator_made_anew() {
         let pictures = show.pictures_of();
         run(&show.gpu, |list| {
             let (depth, motion) = (pictures.0.resting(), pictures.1.resting());
-            let told = PacedPictures { depth, motion, hudless: None, distortion: None };
-            show.swapchain.prepare(list, &told, &Shot::of(SIZE)).expect("prepared");
+            let told = FrameTextures { depth, motion, hudless: None, distortion: None };
+            show.swapchain.prepare(list, &told, &FrameParams::of(SIZE)).expect("prepared");
             pictures::copy(list, &color.color, &Kept { resource: buffer.clone(), state: PRESENT });
         });
-        // SAFETY: a live swap chain, drawn into by what has run.
+        // SAFETY: a live swap chain, whose draw calls have run.
         unsafe { dxgi.Present(0, DXGI_PRESENT(0)) }.ok().expect("presented");
     }
     assert_eq!(shown(&stage).len() - before, 4);
@@ -323,7 +324,7 @@ fn buffers_are_resized_and_the_generator_made_anew() {
 }
 
 impl Show {
-    /// Depth and motion for frames that borrow the rest.
+    /// Depth and motion textures for frames without others.
     fn pictures_of(&self) -> (Kept, Kept) {
         let kept = |of: &Kept| Kept { resource: of.resource.clone(), state: of.state };
         (kept(&self.textures.depth), kept(&self.textures.motion))
@@ -338,7 +339,7 @@ fn what_cannot_become_one_is_refused_and_stays_whole() {
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("a device");
     let on_compute = Gpu::of_engine(&engine.device, &engine.compute, None).expect("a device");
     let factory = factory().cast::<IDXGIFactory>().expect("an older one");
-    let for_window = |desc, window| Paced::ForWindow(&factory, window, desc, None);
+    let for_window = |desc, window| SwapchainSource::ForWindow(&factory, window, desc, None);
     let wrong_size = DXGI_SWAP_CHAIN_DESC1 { Width: 0, ..description() };
     let wrong_format = DXGI_SWAP_CHAIN_DESC1 { Format: DXGI_FORMAT_R8_UNORM, ..description() };
     let full = DXGI_SWAP_CHAIN_FULLSCREEN_DESC { Windowed: false.into(), ..Default::default() };
@@ -347,24 +348,24 @@ fn what_cannot_become_one_is_refused_and_stays_whole() {
         ("display_size", &gpu, for_window(wrong_size, window.0)),
         ("back_buffer_format", &gpu, for_window(wrong_format, window.0)),
         ("window", &gpu, for_window(description(), HWND::default())),
-        ("fullscreen.Windowed", &gpu, Paced::ForWindow(&factory, window.0, description(), Some(full))),
-        ("description.Windowed", &gpu, Paced::New(&factory, DXGI_SWAP_CHAIN_DESC::default())),
+        ("fullscreen.Windowed", &gpu, SwapchainSource::ForWindow(&factory, window.0, description(), Some(full))),
+        ("description.Windowed", &gpu, SwapchainSource::New(&factory, DXGI_SWAP_CHAIN_DESC::default())),
         (
             "description.OutputWindow",
             &gpu,
-            Paced::New(&factory, DXGI_SWAP_CHAIN_DESC { Windowed: true.into(), ..Default::default() }),
+            SwapchainSource::New(&factory, DXGI_SWAP_CHAIN_DESC { Windowed: true.into(), ..Default::default() }),
         ),
     ] {
         let refused = Swapchain::new(gpu, api, &options(), from).expect_err(field);
         assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)));
     }
-    // Somebody else holds it; and where no generator stands the test it is not touched.
+    // Another reference exists, or no generator passes the self-test: the swap chain is not changed.
     let own = of_engine(&engine, &window);
     let mut again = Some(own.clone());
-    let refused = Swapchain::new(&gpu, api, &options(), Paced::Wrap(&mut again)).expect_err("two references");
+    let refused = Swapchain::new(&gpu, api, &options(), SwapchainSource::Wrap(&mut again)).expect_err("two references");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("swapchain")));
     assert!(again.take().is_some_and(|again| again == own), "it is its owner's as before");
-    let refused = Swapchain::new(&gpu, api, &options(), Paced::Wrap(&mut None)).expect_err("no swap chain");
+    let refused = Swapchain::new(&gpu, api, &options(), SwapchainSource::Wrap(&mut None)).expect_err("no swap chain");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("swapchain")));
     // SAFETY: a live swap chain.
     unsafe { own.Present(0, DXGI_PRESENT(0)) }.ok().expect("it presents");
@@ -378,7 +379,7 @@ fn what_cannot_become_one_is_refused_and_stays_whole() {
 
 fn a_generator_that_fails_within_present_is_told_of() {
     let _alone = alone();
-    // Two pictures are the test's, and two are shown.
+    // The self-test generates two pictures, and two more are shown.
     let (stage, library) = playing(&["sdk 2.1", ML, "breaks 5"]);
     let mut show = Show::new(How::ForWindow, &library).expect("a swap chain");
     (0..4).for_each(|_| show.frame(true).expect("presented"));
@@ -391,7 +392,7 @@ fn a_generator_that_fails_within_present_is_told_of() {
 
 fn the_judge_sees_what_ends_in_another_order() {
     let _alone = alone();
-    // A swap chain that somebody still holds when what paces it ends.
+    // The swap chain is still referenced when its pacing context is destroyed.
     let (stage, library) = playing(&["sdk 2.1", ML]);
     let mut show = Show::new(How::ForWindow, &library).expect("a swap chain");
     show.frame(true).expect("presented");
@@ -400,7 +401,7 @@ fn the_judge_sees_what_ends_in_another_order() {
     let judgement = stage.judgement();
     assert!(judgement.len() == 1 && judgement[0].contains("references to its swap chain are left"), "{judgement:?}");
     drop(held);
-    // A frame that is presented again without having been prepared.
+    // A frame is presented again without `prepare`.
     let (stage, library) = playing(&["sdk 2.1", ML]);
     let mut show = Show::new(How::ForWindow, &library).expect("a swap chain");
     show.frame(true).expect("presented");
@@ -439,7 +440,7 @@ fn amd_s_own_swap_chain_presents_frames_between() {
     let (engine, window) = (engine::engine(), Window::new());
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("a device");
     let factory = factory().cast::<IDXGIFactory>().expect("an older one");
-    let from = Paced::ForWindow(&factory, window.0, description(), None);
+    let from = SwapchainSource::ForWindow(&factory, window.0, description(), None);
     let api = library.api(Effect::FrameGeneration).expect("there");
     let swapchain = Swapchain::new(&gpu, api, &asynchronous, from).expect("a swap chain");
     let mut show = Show { swapchain, textures: panning(&gpu, SIZE), gpu, _window: window, frames: 0 };

@@ -1,4 +1,4 @@
-//! A swap chain of AMD's as a host in C has it: of the double, and of AMD's own libraries where `CAIRN_FFX_DIR` names them. On Windows,
+//! AMD's swap chain through the C interface: of the double, and of AMD's own libraries if `CAIRN_FFX_DIR` names them. On Windows,
 //! or in the lab.
 
 use std::ffi::{CStr, c_char};
@@ -44,7 +44,7 @@ use pictures::{Kept, Textures, run};
 use stage::{ANALYTIC, ML, Stage};
 use window::{PRESENT, SIZE, STEP, Window, alone, description, factory, moved, of_engine, off, panning, pixels, shown};
 
-/// What a host in C makes of a call: the handle, or the code and the message.
+/// The result of a C call: the handle, or code and message.
 type Made<T> = Result<*mut T, (cairn_result, String)>;
 
 fn made<T>(make: impl FnOnce(*mut *mut T) -> cairn_result) -> Made<T> {
@@ -57,7 +57,7 @@ fn made<T>(make: impl FnOnce(*mut *mut T) -> cairn_result) -> Made<T> {
 
 fn message() -> String {
     let mut text = [0 as c_char; 1024];
-    // SAFETY: as much room as is said.
+    // SAFETY: a buffer of the stated length.
     unsafe { cairn_last_error(text.as_mut_ptr(), text.len(), null_mut()) };
     in_words(&text)
 }
@@ -67,7 +67,7 @@ fn in_words(text: &[c_char]) -> String {
     unsafe { CStr::from_ptr(text.as_ptr()) }.to_string_lossy().into_owned()
 }
 
-/// A struct of the interface with its size, and zeroes.
+/// A C struct with its size set and all else zero.
 macro_rules! sized {
     ($kind:ty { $($field:ident: $value:expr),* $(,)? }) => {{
         // SAFETY: structs of the interface are plain data, for which zero is a value.
@@ -78,7 +78,7 @@ macro_rules! sized {
     }};
 }
 
-/// The double in the roles that the lines say, where a host finds it.
+/// The double with this configuration, in the folder that a host searches.
 fn playing(lines: &[&str]) -> Stage {
     let stage = Stage::empty().with(Part::FrameGeneration, lines);
     named(&stage.0);
@@ -90,7 +90,7 @@ fn named(folder: &Path) {
     unsafe { std::env::set_var("CAIRN_FFX_DIR", folder) };
 }
 
-/// How a host comes by its swap chain.
+/// How the host's swap chain is created.
 #[derive(Debug, Clone, Copy)]
 enum How {
     Wrap,
@@ -98,7 +98,7 @@ enum How {
     ForWindow,
 }
 
-/// An engine in C that draws into a window.
+/// A host of the C interface that draws into a window.
 struct Host {
     swapchain: *mut cairn_swapchain,
     device: *mut cairn_device,
@@ -111,7 +111,7 @@ struct Host {
 fn device_of(engine: &Engine) -> *mut cairn_device {
     let (device, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
     let options = sized!(cairn_device_options { flags: CAIRN_DEVICE_ENVIRONMENT });
-    // SAFETY: live objects, options of their size and a place for the handle.
+    // SAFETY: live objects, options of their size and memory for the handle.
     made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), &options, to) }).expect("a device")
 }
 
@@ -139,7 +139,7 @@ fn swapchain(
         SwapEffect: of_window.SwapEffect,
         ..Default::default()
     };
-    // SAFETY: live objects, structs that can be read, and a place for the handle.
+    // SAFETY: live objects, valid structs, and memory for the handle.
     made(|to| unsafe {
         match how {
             How::Wrap => {
@@ -170,17 +170,17 @@ impl Host {
         Self { swapchain, device, textures: panning(&gpu, SIZE), gpu, _window: window, frames: 0 }
     }
 
-    /// The DXGI swap chain, with a reference of ours.
+    /// The DXGI swap chain, with a new reference.
     fn dxgi(&self) -> IDXGISwapChain4 {
         let mut dxgi = null_mut();
-        // SAFETY: a place for the pointer, which has a reference for us.
+        // SAFETY: memory for the pointer, which comes with a reference of ours.
         unsafe {
             assert_eq!(cairn_swapchain_get_dxgi(self.swapchain, &mut dxgi), CAIRN_OK, "{}", message());
             IDXGISwapChain4::from_raw(dxgi.cast())
         }
     }
 
-    /// What is told of a frame of these textures.
+    /// The frame struct for these textures.
     fn told(&self) -> cairn_swapchain_frame {
         let Textures { depth, motion, .. } = &self.textures;
         sized!(cairn_swapchain_frame {
@@ -194,7 +194,7 @@ impl Host {
         })
     }
 
-    /// Draws the next frame and presents it, prepared as `told` says; the answer of that call.
+    /// Draws the next frame, prepares it with `told`, and presents it; returns the result of the prepare call.
     fn frame(&mut self, told: Option<&cairn_swapchain_frame>) -> cairn_result {
         self.textures.fill(&self.textures.color, moved(STEP * self.frames));
         let dxgi = self.dxgi();
@@ -208,13 +208,13 @@ impl Host {
             }
             pictures::copy(list, &self.textures.color, &Kept { resource: buffer.clone(), state: PRESENT });
         });
-        // SAFETY: a live swap chain, drawn into by what has run.
+        // SAFETY: a live swap chain, whose draw calls have run.
         unsafe { dxgi.Present(0, DXGI_PRESENT(0)) }.ok().expect("presented");
         self.frames += 1;
         answer
     }
 
-    /// A frame that is prepared and presented.
+    /// Prepares and presents a frame.
     fn next(&mut self) {
         let told = self.told();
         assert_eq!(self.frame(Some(&told)), CAIRN_OK, "{}", message());
@@ -228,7 +228,7 @@ impl Host {
         figures
     }
 
-    /// Ends all that it has.
+    /// Destroys all handles.
     fn end(self) {
         // SAFETY: handles of ours.
         unsafe {
@@ -257,7 +257,7 @@ fn a_host_has_amd_present_whatever_its_swap_chain_is_made_of() {
             assert!(off(&of(1), moved(STEP * frame - STEP / 2)) <= 2, "{how:?}: half way to frame {frame}");
             assert_eq!(off(&of(2), moved(STEP * frame)), 0, "{how:?}: frame {frame}");
         }
-        // Not while somebody holds it.
+        // Not while the DXGI swap chain is referenced.
         let held = host.dxgi();
         // SAFETY: a handle of ours.
         assert_eq!(unsafe { cairn_swapchain_destroy(host.swapchain) }, CAIRN_ERROR_BUSY);
@@ -289,18 +289,18 @@ fn what_a_host_says_of_frames_is_what_is_shown() {
         let error = off(&pixels(&stage, generated), moved(STEP * frame - by));
         assert!(error <= 2, "frame {frame}: {error} off");
     };
-    // The first has no history, and the frame after a cut none either.
+    // The first frame and the frame after a cut have no history.
     shows(&mut host, &plain, 0);
     shows(&mut host, &plain, STEP / 2);
     shows(&mut host, &cairn_swapchain_frame { flags: CAIRN_SWAPCHAIN_RESET, ..plain }, 0);
     shows(&mut host, &plain, STEP / 2);
-    // Motion in halves of pixels, told so.
+    // Motion in units of half pixels, with that scale.
     host.textures.fill(&host.textures.motion, |_, _| {
         let [x, y] = [-2.0 * STEP as f32, 0.0].map(|v| half::f16::from_f32(v).to_le_bytes());
         [x[0], x[1], y[0], y[1]]
     });
     shows(&mut host, &cairn_swapchain_frame { motion_scale_x: 0.5, motion_scale_y: 0.5, ..plain }, STEP / 2);
-    // A frame without interface in place of the buffer's: the picture of that one is what moves.
+    // A HUD-less frame: it is used for generation in place of the buffer.
     let hudless = Textures::new(&host.gpu, SIZE);
     let with_hudless = cairn_swapchain_frame {
         hudless: hudless.color.resource.as_raw().cast(),
@@ -313,7 +313,7 @@ fn what_a_host_says_of_frames_is_what_is_shown() {
         hudless.fill(&hudless.color, moved(STEP * host.frames));
         shows(&mut host, &with_hudless, STEP / 2);
     }
-    // What is no frame is refused, and the frame is presented all the same.
+    // An invalid frame struct is rejected, and the frame is presented nevertheless.
     let text = |told: &cairn_swapchain_frame, host: &mut Host| {
         let answer = host.frame(Some(told));
         (answer, message())
@@ -393,7 +393,7 @@ fn an_interface_pacing_pauses_and_sizes_are_told() {
     // SAFETY: as above.
     assert_eq!(unsafe { cairn_swapchain_fit(host.swapchain) }, CAIRN_OK, "{}", message());
     let generated = host.statistics().generated;
-    // Of the buffers' size, whatever it has become.
+    // The maximum render size follows the buffers' size.
     assert_eq!(host.frame(Some(&larger)), CAIRN_OK, "{}", message());
     assert_eq!(host.statistics().generated, generated + 1);
     host.end();
@@ -408,7 +408,7 @@ fn what_is_refused_leaves_a_host_s_swap_chain_whole() {
     let own = of_engine(&engine, &window);
     let wrapped = |options: *const cairn_swapchain_options, device| {
         let mut given = own.clone().into_raw().cast();
-        // SAFETY: a swap chain with a reference of ours, and a place for the handle.
+        // SAFETY: a swap chain with a reference of ours, and memory for the handle.
         let answer = made(|to| unsafe { cairn_swapchain_wrap(device, options, &mut given, to) });
         assert!(!given.is_null(), "it is ours as before");
         // SAFETY: that reference.
@@ -435,10 +435,10 @@ fn what_is_refused_leaves_a_host_s_swap_chain_whole() {
     // SAFETY: a live swap chain.
     unsafe { own.Present(0, DXGI_PRESENT(0)) }.ok().expect("it presents");
     drop(own);
-    // What AMD's libraries cannot do, and what there is none of.
+    // Unsupported requests, and missing objects.
     let required = sized!(cairn_swapchain_options { provider: CAIRN_FSR_REQUIRE_ANALYTIC });
     let tool = sized!(cairn_device_options { flags: CAIRN_DEVICE_ENVIRONMENT });
-    // SAFETY: options of their size and a place for the handle.
+    // SAFETY: options of their size and memory for the handle.
     let cpu = made(|to| unsafe { cairn_device_create_cpu(&tool, to) }).expect("a device");
     let nowhere = std::env::temp_dir().join("cairn-ffx-there-is-none");
     for (device, options, folder, code) in [

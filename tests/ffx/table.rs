@@ -1,19 +1,19 @@
-//! The structs of a frame's calls as data, from ffx-api's published layout: nothing of this is taken from the bindings.
+//! The structs of a frame's calls as data, written from ffx-api's published layout independently of the bindings.
 
-/// What a field holds.
+/// The type of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// What the struct is. No other struct's id can be put in its place: who reads it would read what is not there.
+    /// The struct id. It is never changed to another struct's id: the reader would read beyond the struct.
     Id,
-    /// An unsigned number, or flags, of so many bytes.
+    /// An unsigned number or flags, with its size in bytes.
     Number(usize),
-    /// Four bytes with a sign.
+    /// A signed 32-bit number.
     Signed,
     /// An `f32`.
     Float,
-    /// An address. Only null can be put in its place: nobody can follow any other.
+    /// A pointer. It is changed to null only: any other address would be invalid.
     Pointer,
-    /// Eight bytes that the call writes: what stood there is of no matter.
+    /// Eight bytes that the call writes; their input value does not matter.
     Answer,
 }
 
@@ -27,17 +27,17 @@ impl Kind {
     }
 }
 
-/// A field: its name, where it stands, and what it holds.
+/// A field: name, offset and type.
 pub(crate) type Field = (String, usize, Kind);
 
-/// A struct: its id, its name and its fields in their order.
+/// A struct: id, name, and fields in order.
 pub(crate) struct Struct {
     pub(crate) id: u64,
     pub(crate) name: &'static str,
     pub(crate) fields: Vec<Field>,
 }
 
-/// What a text means: each word is a field, `NAME:OFFSET:KIND`.
+/// Parses a struct: each word is a field, `NAME:OFFSET:KIND`.
 fn read(id: u64, name: &'static str, size: usize, text: &str) -> Struct {
     let mut fields = vec![("type".to_owned(), 0, Kind::Id), ("next".to_owned(), 8, Kind::Pointer)];
     for word in text.split_whitespace() {
@@ -85,7 +85,7 @@ fn read(id: u64, name: &'static str, size: usize, text: &str) -> Struct {
             other => panic!("{other} is no kind"),
         }
     }
-    // In their order, with no more between them than their alignment asks for.
+    // Fields are in order, with only alignment padding between them.
     let mut end = 0;
     for (field, offset, kind) in &fields {
         assert!(*offset >= end && *offset - end < 8 && offset.is_multiple_of(kind.size().min(8)), "{name}.{field}");
@@ -95,7 +95,7 @@ fn read(id: u64, name: &'static str, size: usize, text: &str) -> Struct {
     Struct { id, name, fields }
 }
 
-/// What contexts are asked for and made with.
+/// Structs that query and create contexts.
 pub(crate) fn of_making() -> Vec<Struct> {
     vec![
         read(
@@ -119,7 +119,7 @@ pub(crate) fn of_making() -> Vec<Struct> {
     ]
 }
 
-/// What a frame is asked for with, of every release.
+/// Structs of a generated frame that all releases share.
 pub(crate) fn of_frames() -> Vec<Struct> {
     vec![
         read(
@@ -138,7 +138,7 @@ pub(crate) fn of_frames() -> Vec<Struct> {
     ]
 }
 
-/// Motion and depth, from SDK 2.1 on.
+/// The prepare struct from SDK 2.1 on.
 pub(crate) fn of_prepare_v2() -> Vec<Struct> {
     vec![read(
         0x2_000c,
@@ -148,7 +148,7 @@ pub(crate) fn of_prepare_v2() -> Vec<Struct> {
     )]
 }
 
-/// Motion and depth, up to SDK 2.0.
+/// The prepare structs up to SDK 2.0.
 pub(crate) fn of_prepare() -> Vec<Struct> {
     vec![
         read(
@@ -166,7 +166,7 @@ pub(crate) fn of_prepare() -> Vec<Struct> {
     ]
 }
 
-/// What upscalers are made with.
+/// Structs that create upscalers.
 pub(crate) fn of_making_upscalers() -> Vec<Struct> {
     vec![
         read(
@@ -180,7 +180,7 @@ pub(crate) fn of_making_upscalers() -> Vec<Struct> {
     ]
 }
 
-/// What a larger frame is asked for with.
+/// Structs of an upscaled frame.
 pub(crate) fn of_upscaling() -> Vec<Struct> {
     vec![read(
         0x1_0001,
@@ -194,7 +194,7 @@ pub(crate) fn of_upscaling() -> Vec<Struct> {
     )]
 }
 
-/// What a mask is asked for with.
+/// Structs of a reactive mask.
 pub(crate) fn of_masks() -> Vec<Struct> {
     vec![read(
         0x1_0006,

@@ -1,4 +1,4 @@
-//! The test that each provider has to stand, in every kind of depth, motion and size, and what is refused without one.
+//! The self-test with every kind of depth, motion and size, and what is rejected without it.
 
 use cairn::ffx::bindings::CreateFrameGeneration;
 
@@ -35,7 +35,7 @@ fn the_test_fails_a_wrong_sign_in_every_kind_of_depth_motion_and_size() {
     }
 }
 
-/// AMD's libraries crash on smaller pictures, and so does the double where it is asked for one.
+/// AMD's libraries crash on smaller pictures, and so does the double.
 #[test]
 fn pictures_with_a_side_of_less_than_64_pixels_are_refused_before_any_call() {
     let (stage, library) = playing(&[]);

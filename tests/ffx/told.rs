@@ -1,4 +1,4 @@
-//! What a provider is told that the double's pictures do not depend on, and what becomes of what it answers.
+//! Parameters that do not change the double's pictures, and handling of the provider's errors.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_COMMAND_LIST_TYPE_CO
 
 use super::*;
 
-/// The last struct of each of these kinds.
+/// The last logged struct of each of these ids.
 fn last(stage: &Stage, ids: &[u64]) -> BTreeMap<String, String> {
     ids.iter().flat_map(|id| stage.told(*id).pop().unwrap_or_default()).collect()
 }
@@ -20,18 +20,18 @@ fn time_and_camera_reach_the_provider_of_each_release() {
         let mut generator = made(&gpu, &library, &options()).expect("a generator");
         let textures = panning(&gpu);
         textures.fill(&textures.color, moved(0));
-        let mut told = |shot: &Shot| {
+        let mut told = |shot: &FrameParams| {
             generator.generate(&of(&textures), shot).expect("generated").wait().expect("it has run");
             last(&stage, ids)
         };
-        let plain = Shot::of(SIZE);
+        let plain = FrameParams::of(SIZE);
         let before = told(&plain);
         assert_eq!(told(&plain), before, "it is told the same each time");
-        let seen = |camera: Camera| Shot { camera, ..plain };
+        let seen = |camera: Camera| FrameParams { camera, ..plain };
         let camera = Camera::default();
-        let options: [(Shot, &[(&str, &str)]); 9] = [
-            (Shot { frame_time: 33.5, ..plain }, &[("time", "33.5")]),
-            (Shot { jitter: Coordinates { x: 0.25, y: -0.5 }, ..plain }, &[("jitter", "0.25,-0.5")]),
+        let options: [(FrameParams, &[(&str, &str)]); 9] = [
+            (FrameParams { frame_time: 33.5, ..plain }, &[("time", "33.5")]),
+            (FrameParams { jitter: Coordinates { x: 0.25, y: -0.5 }, ..plain }, &[("jitter", "0.25,-0.5")]),
             (seen(Camera { near: 0.25, ..camera }), &[("near", "0.25")]),
             (seen(Camera { far: 250.0, ..camera }), &[("far", "250")]),
             (seen(Camera { fov: 0.75, ..camera }), &[("fov", "0.75")]),
@@ -78,12 +78,12 @@ fn how_a_generator_is_made_reaches_the_provider() {
         CreateFlags::DEBUG_CHECKING,
     ] {
         assert_eq!(flags(&direct, flag), flag.bits().to_string());
-        // The queue says whether generation is asynchronous, and nobody else does.
+        // Only the queue's type decides whether generation is asynchronous.
         let on_compute = flag | CreateFlags::ASYNC_WORKLOAD;
         assert_eq!(flags(&compute, flag), on_compute.bits().to_string());
         assert_eq!(flags(&direct, on_compute), flag.bits().to_string());
     }
-    // What is rendered and what is shown, and in which formats.
+    // Render size, display size and formats.
     let (large, small) = (Dimensions { width: 320, height: 200 }, Dimensions { width: 160, height: 100 });
     let format = SurfaceFormat::R16G16B16A16_FLOAT;
     let options = TextureOptions { self_test: false, ..TextureOptions::new(large, small, format) };
@@ -97,14 +97,14 @@ fn how_a_generator_is_made_reaches_the_provider() {
     drop(made(&direct, &library, &options).expect("a generator"));
     assert_eq!(last(&stage, &[0x2_0009])["hudless"], "4");
 
-    // Settings say it again for each frame. Where depth is infinite, the far plane may be nowhere.
+    // The configure call repeats it for each frame. With infinite depth the far plane may be infinite.
     for gpu in [&direct, &compute] {
         let mut options = self::options();
         options.head.flags = CreateFlags::DEPTH_INFINITE;
         let mut generator = made(gpu, &library, &options).expect("a generator");
         let textures = panning(gpu);
         let camera = Camera { far: f32::INFINITY, ..Camera::default() };
-        let found = pair(&mut generator, &textures, &of(&textures), &Shot { camera, ..Shot::of(SIZE) });
+        let found = pair(&mut generator, &textures, &of(&textures), &FrameParams { camera, ..FrameParams::of(SIZE) });
         assert!(off(&found, INNER, moved(HALF)) <= 2);
         let is_compute = gpu.frames().kind() == D3D12_COMMAND_LIST_TYPE_COMPUTE;
         assert_eq!(last(&stage, &[0x2_0002])["async"], u32::from(is_compute).to_string());
@@ -113,8 +113,8 @@ fn how_a_generator_is_made_reaches_the_provider() {
     assert_eq!(stage.judgement(), [""; 0]);
 }
 
-/// Every code at every call of a frame: an error that says which call, which field and what was passed; nothing is submitted, and the
-/// next frame is a first one.
+/// Every return code at every call of a frame gives an error with call, field and parameters; nothing is submitted, and the next
+/// frame has no history.
 #[test]
 fn every_code_at_every_call_of_a_frame_is_reported_and_the_next_frame_is_made() {
     for (release, prepare) in
@@ -124,7 +124,7 @@ fn every_code_at_every_call_of_a_frame_is_reported_and_the_next_frame_is_made() 
         let (gpu, library) = (gpu(), stage.load().expect("loaded"));
         let mut generator = made(&gpu, &library, &options()).expect("a generator");
         let textures = panning(&gpu);
-        pair(&mut generator, &textures, &of(&textures), &Shot::of(SIZE));
+        pair(&mut generator, &textures, &of(&textures), &FrameParams::of(SIZE));
         for (id, call, suspects) in [
             (0x2_0002, "ffxConfigure", ["flags", "device"]),
             (prepare, "ffxDispatch", ["depth", "command_list"]),
@@ -132,7 +132,7 @@ fn every_code_at_every_call_of_a_frame_is_reported_and_the_next_frame_is_made() 
         ] {
             for code in (1..=8).chain([u32::MAX]) {
                 stage.refuse(id, code);
-                let failed = generator.generate(&of(&textures), &Shot::of(SIZE)).expect_err("it fails");
+                let failed = generator.generate(&of(&textures), &FrameParams::of(SIZE)).expect_err("it fails");
                 stage.answer();
                 let suspect = match code {
                     2 | 4 | 7 => "provider",
@@ -144,13 +144,17 @@ fn every_code_at_every_call_of_a_frame_is_reported_and_the_next_frame_is_made() 
                 for part in [&*format!("{call} answered {code} "), "frame_id: ", "the library says: so there"] {
                     assert!(failed.cause().contains(part), "{part}: {failed}");
                 }
-                generator.generate(&of(&textures), &Shot::of(SIZE)).expect("generated").wait().expect("it has run");
+                generator
+                    .generate(&of(&textures), &FrameParams::of(SIZE))
+                    .expect("generated")
+                    .wait()
+                    .expect("it has run");
                 assert_eq!(off(&textures.generated(), INNER, moved(STEP)), 0, "{id:x} {code}: there is none before it");
             }
         }
         assert!(gpu.removed().is_none());
         assert_eq!(stage.judgement(), [""; 0]);
-        // As the context was made.
+        // Errors while the context is created.
         for id in [0x2_0001, 4] {
             stage.refuse(id, 3);
             let failed = made(&gpu, &library, &options()).expect_err("it fails");

@@ -1,4 +1,4 @@
-//! A window in which frames are shown, what moves in it, and what the library that plays AMD's has kept of what it showed.
+//! A window for presents, the pattern shown in it, and the presents that the double recorded.
 #![allow(dead_code, reason = "each test program uses its part")]
 
 use std::ffi::c_void;
@@ -17,11 +17,11 @@ use super::pictures::Textures;
 use super::stage::Stage;
 
 pub(crate) const SIZE: Dimensions = Dimensions { width: 128, height: 96 };
-/// Pixels that the picture moves to the right from frame to frame.
+/// Motion of the picture from frame to frame, in pixels to the right.
 pub(crate) const STEP: i32 = 16;
-/// What lies inside the picture in every frame.
+/// Columns that are inside the picture in every frame.
 pub(crate) const INNER: std::ops::Range<u32> = 32..96;
-/// What a buffer of a swap chain rests in.
+/// The resting state of a swap chain's buffer.
 pub(crate) const PRESENT: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_PRESENT;
 
 #[link(name = "user32")]
@@ -43,14 +43,14 @@ unsafe extern "system" {
     fn DestroyWindow(window: *mut c_void) -> i32;
 }
 
-/// One test at a time: a window that comes up or goes tells the one that was in front, and waits for that window's thread, which handles
-/// no messages while it waits for the device.
+/// Runs one test at a time: a window that opens or closes notifies the foreground window and waits for its thread, which handles no
+/// messages while it waits for the device.
 pub(crate) fn alone() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A window without a loop of messages, as frames are shown in it and nobody uses it.
+/// A window without a message loop: nobody uses it.
 pub(crate) struct Window(pub(crate) HWND);
 
 impl Window {
@@ -59,7 +59,7 @@ impl Window {
         let (class, name) = (text("STATIC"), text("frames"));
         let nothing = std::ptr::null_mut();
         let (width, height) = (SIZE.width.cast_signed(), SIZE.height.cast_signed());
-        // A window with a frame that is seen.
+        // WS_OVERLAPPEDWINDOW and WS_VISIBLE.
         const STYLE: u32 = 0x10cf_0000;
         // SAFETY: texts that end with zeroes and live during the call.
         let made = unsafe {
@@ -95,7 +95,7 @@ pub(crate) fn factory() -> IDXGIFactory2 {
     unsafe { CreateDXGIFactory2(DXGI_CREATE_FACTORY_FLAGS(0)) }.expect("a factory")
 }
 
-/// What an engine wants of a swap chain.
+/// An engine's swap chain description.
 pub(crate) fn description() -> DXGI_SWAP_CHAIN_DESC1 {
     DXGI_SWAP_CHAIN_DESC1 {
         Width: SIZE.width,
@@ -109,14 +109,14 @@ pub(crate) fn description() -> DXGI_SWAP_CHAIN_DESC1 {
     }
 }
 
-/// An engine's own.
+/// An engine's own swap chain.
 pub(crate) fn of_engine(engine: &Engine, window: &Window) -> IDXGISwapChain4 {
     // SAFETY: live objects, and a description that lives during the call.
     let made = unsafe { factory().CreateSwapChainForHwnd(&engine.direct, window.0, &description(), None, None) };
     made.expect("a swap chain").cast().expect("a newer one")
 }
 
-/// An endless picture that is smooth and differs everywhere, moved to the right.
+/// An endless smooth pattern without repetition, moved to the right.
 pub(crate) fn moved(by: i32) -> impl Fn(u32, u32) -> [u8; 4] {
     let wave = |phase: f32| (128.0 + 90.0 * phase.sin()) as u8;
     move |x, y| {
@@ -125,7 +125,7 @@ pub(crate) fn moved(by: i32) -> impl Fn(u32, u32) -> [u8; 4] {
     }
 }
 
-/// Depth and motion of it.
+/// Textures with depth and motion of the pattern.
 pub(crate) fn panning(gpu: &Gpu, size: Dimensions) -> Textures {
     let textures = Textures::new(gpu, size);
     textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
@@ -134,7 +134,7 @@ pub(crate) fn panning(gpu: &Gpu, size: Dimensions) -> Textures {
     textures
 }
 
-/// What was shown, a line for each present: its number, what it is, and of which frame.
+/// The recorded presents, one line each: number, kind and frame id.
 pub(crate) fn shown(stage: &Stage) -> Vec<String> {
     let text = std::fs::read_to_string(stage.0.join("shown.txt")).unwrap_or_default();
     text.lines().map(str::to_owned).collect()
@@ -146,7 +146,7 @@ pub(crate) fn pixels(stage: &Stage, number: usize) -> Vec<[u8; 4]> {
     bytes.as_chunks::<4>().0.to_vec()
 }
 
-/// The largest difference of a channel inside the picture.
+/// Maximum difference of a channel in the inner columns.
 pub(crate) fn off(found: &[[u8; 4]], wanted: impl Fn(u32, u32) -> [u8; 4]) -> u8 {
     let places = (0..SIZE.height).flat_map(|y| INNER.map(move |x| (x, y)));
     let apart = |(x, y): (u32, u32)| {

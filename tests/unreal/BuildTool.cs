@@ -1,5 +1,5 @@
-// What the plugin's Build.cs files use of Unreal's build tool, declared anew from its public interface, and a program that applies them:
-// it prints what each module of the plugin in the folder that it is given asks for.
+// Declarations of the parts of Unreal's build tool that the plugin's Build.cs files use, rewritten from its public interface, and a program
+// that runs them: it prints the requirements of each module of the plugin in the given folder.
 using System;
 using System.Collections.Generic;
 using System.IO;

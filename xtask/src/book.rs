@@ -1,7 +1,7 @@
 //! `cargo xtask book`: the documentation as a book, by mdBook.
 //!
-//! Its chapters are pages of `docs/` and the pages of bindings and samples, which lie elsewhere. So they are brought together first, each
-//! with the place in the tree that it has in the clone, and links between them stay as they are.
+//! Its chapters are pages of `docs/` and pages of bindings and samples. They are first copied into one folder, each at its path in the
+//! repository, so that links between them stay valid.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -14,11 +14,11 @@ use crate::dist::tree::{joined, without_dead_links};
 use crate::shell::show;
 use crate::workspace::Workspace;
 
-/// The chapters in their order, with paths from `docs/`.
+/// The chapters in order, with paths relative to `docs/`.
 pub(crate) const SUMMARY: &str = "docs/SUMMARY.md";
 const SETTINGS: &str = "docs/book.toml";
 
-/// Renders the book and says where it is.
+/// Renders the book and prints where it is.
 pub(crate) fn run(workspace: &Workspace) -> Result<(), String> {
     let (place, said) = render(workspace, &workspace.target.join("book"))?;
     let complaints = complaints(&said);
@@ -29,7 +29,7 @@ pub(crate) fn run(workspace: &Workspace) -> Result<(), String> {
     Ok(())
 }
 
-/// Renders the book into a folder, which is made anew, and gives that of its pages and what mdBook said.
+/// Renders the book into a folder, which is created anew. Returns the folder of its pages and mdBook's output.
 pub(crate) fn render(workspace: &Workspace, folder: &Path) -> Result<(PathBuf, String), String> {
     let mdbook = provision::mdbook(&Console::new()).map_err(|e| e.to_string())?;
     match fs::remove_dir_all(folder) {
@@ -45,12 +45,12 @@ pub(crate) fn render(workspace: &Workspace, folder: &Path) -> Result<(PathBuf, S
     if ended.status.success() { Ok((pages, said)) } else { Err(format!("mdBook failed:\n{said}")) }
 }
 
-/// The lines of mdBook's output that are no mere news.
+/// The warnings and errors in mdBook's output.
 pub(crate) fn complaints(said: &str) -> Vec<&str> {
     said.lines().filter(|line| ["WARN", "ERROR"].iter().any(|level| line.contains(level))).collect()
 }
 
-/// Paths of a summary's chapters from the root of the clone.
+/// Paths of a summary's chapters, relative to the repository's root.
 pub(crate) fn chapters(summary: &str) -> Result<Vec<String>, String> {
     let targets = summary.lines().filter_map(|line| line.split_once("](")?.1.split_once(')')).map(|(target, _)| target);
     targets
@@ -58,18 +58,18 @@ pub(crate) fn chapters(summary: &str) -> Result<Vec<String>, String> {
         .collect()
 }
 
-/// The targets of a page's links and pictures that are files, without headings.
+/// The targets of a page's links and images that are files, without fragments.
 pub(crate) fn links(page: &str) -> impl Iterator<Item = &str> {
     let ends = page.match_indices("](").filter_map(|(at, _)| page[at + 2..].split_once(')').map(|(target, _)| target));
     let paths = ends.map(|target| target.split('#').next().unwrap_or_default());
     paths.filter(|path| !path.is_empty() && !path.contains(':') && !path.contains(char::is_whitespace))
 }
 
-/// The first page's place: mdBook shows it at the root whatever it is called, so that is where its links must lead from.
+/// Path of the first page. mdBook shows it at the root whatever its name is, so its links must be relative to the root.
 const FIRST: &str = "index.md";
 
-/// Writes the settings, the chapters and what they show or link to below `stage`. A link to a folder, or to a page that is no chapter,
-/// becomes its words.
+/// Writes the settings, the chapters and the files that they show or link to below `stage`. A link to a folder, or to a page that is not
+/// a chapter, becomes plain text.
 fn bring_together(workspace: &Workspace, stage: &Path) -> Result<(), String> {
     let put = |path: &str, bytes: &[u8]| {
         let to = stage.join(path);
@@ -103,7 +103,7 @@ fn bring_together(workspace: &Workspace, stage: &Path) -> Result<(), String> {
             false => put(&format!("src/{chapter}"), text.as_bytes())?,
         }
     }
-    // A report of the same name lies beside its page, which becomes that file.
+    // mdBook writes `NAME.md` as `NAME.html`, which would overwrite a report of that name.
     shown.retain(|file| !chapters.contains(&file.replace(".html", ".md")));
     for file in shown {
         let bytes = fs::read(workspace.root.join(&file)).map_err(|e| format!("{file}: {e}"))?;
@@ -112,12 +112,12 @@ fn bring_together(workspace: &Workspace, stage: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// The folder of a file of the clone.
+/// The folder of a file in the repository.
 fn folder_of(path: &str) -> &str {
     path.rsplit_once('/').map_or("", |(folder, _)| folder)
 }
 
-/// A page of a folder as one of the root: its links lead to the same files.
+/// Moves a page from `folder` to the root: its links lead to the same files.
 fn from_root(folder: &str, page: &str) -> String {
     let mut moved = String::with_capacity(page.len());
     let mut rest = page;

@@ -10,7 +10,7 @@ fn text(error: provision::Error) -> String {
     error.to_string()
 }
 
-/// Fetches what the demo needs; with `all` what the tests need too.
+/// Fetches what the demo needs; with `all` also what the tests need.
 pub(crate) fn setup(workspace: &Workspace, all: bool) -> Result<(), String> {
     let console = Console::new();
     eprintln!("Setting up (cache: {})", provision::cache_dir().map_err(text)?.display());
@@ -28,9 +28,9 @@ pub(crate) fn setup(workspace: &Workspace, all: bool) -> Result<(), String> {
         tools::rust_component("clippy", "cargo-clippy", &console).map_err(text)?;
         tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(text)?;
         tools::mingw(&console).map_err(text)?;
-        // Where they cannot be had, the test of the header says so.
+        // If they cannot be installed, the header's test reports it.
         _ = (tools::clang("clang++", &console), tools::mingw_compiler(true, &console));
-        // As the runners do that need it.
+        // As the runners that need it do.
         _ = tools::nightly(&["miri", "rust-src"], &console);
         _ = (provision::mono(&console), provision::dotnet(&console));
         if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
@@ -46,7 +46,7 @@ pub(crate) fn setup(workspace: &Workspace, all: bool) -> Result<(), String> {
     Ok(())
 }
 
-/// Sets up, builds the study in release and lets it make the demo.
+/// Sets up, builds the study in release mode and makes the demo with it.
 pub(crate) fn run(workspace: &Workspace, arguments: &[String]) -> Result<(), String> {
     setup(workspace, false)?;
     let mut command = workspace.cargo(["run", "--release", "--package", "study"]);
@@ -60,7 +60,7 @@ pub(crate) fn run(workspace: &Workspace, arguments: &[String]) -> Result<(), Str
     pass_through(command.args(arguments))
 }
 
-/// Builds and runs the bench.
+/// Builds and runs the benchmark.
 pub(crate) fn bench(workspace: &Workspace, arguments: &[String]) -> Result<(), String> {
     let console = Console::new();
     let library = provision::onnxruntime(&console).map_err(text)?;
@@ -70,8 +70,8 @@ pub(crate) fn bench(workspace: &Workspace, arguments: &[String]) -> Result<(), S
     pass_through(command.args(arguments))
 }
 
-/// Builds for Windows and runs in the lab, or on Windows itself: the bench of the compute shaders, what latent steps cost on DirectML and
-/// an engine beside them, and the table of how near each generator's frames come to the true ones.
+/// Builds for Windows and runs in the lab, or on Windows itself: the compute shaders' benchmark, the cost of latent steps on DirectML
+/// and of an engine beside them, and the table of how near each generator's frames come to the true ones.
 pub(crate) fn bench_in_lab(workspace: &Workspace, arguments: &[String]) -> Result<(), String> {
     let console = Console::new();
     let library = provision::onnxruntime_for_windows(&console).map_err(text)?;
@@ -85,7 +85,7 @@ pub(crate) fn bench_in_lab(workspace: &Workspace, arguments: &[String]) -> Resul
     Ok(())
 }
 
-/// Formats, applies what clippy can mend, and writes the C header and its record anew.
+/// Formats the code, applies clippy's fixes, and rewrites the C header and its record.
 pub(crate) fn fix(workspace: &Workspace) -> Result<(), String> {
     pass_through(&mut workspace.cargo([
         "clippy",

@@ -1,4 +1,4 @@
-//! `cargo xtask lab`: Windows programs on this machine.
+//! `cargo xtask lab`: runs Windows programs on this machine.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use provision::{Console, Progress};
 
-/// Builds the lab where it is missing, and says where it is.
+/// Builds the lab if it is missing, and prints where it is.
 pub(crate) fn build() -> Result<(), String> {
     let console = Console::new();
     let lab = provision::lab::lab(&console).map_err(|e| e.to_string())?;
@@ -19,11 +19,11 @@ pub(crate) fn build() -> Result<(), String> {
 /// The exit status after Ctrl-C, as shells have it.
 const INTERRUPTED: u8 = 130;
 
-/// How often it is looked whether the program has ended.
+/// Interval at which the program's exit is polled.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// Runs a Windows program with our own streams, in the lab or, on Windows, as it is; gives its exit status. Ctrl-C ends the
-/// program and all that it started.
+/// Runs a Windows program with our own streams, in the lab or natively on Windows; returns its exit status. Ctrl-C ends the program
+/// and all that it started.
 pub(crate) fn run(program: &Path, arguments: &[OsString]) -> Result<ExitCode, String> {
     let mut command = command(program)?;
     let failed = |e: std::io::Error| format!("{}: {e}", program.display());
@@ -33,7 +33,7 @@ pub(crate) fn run(program: &Path, arguments: &[OsString]) -> Result<ExitCode, St
     let status = loop {
         let ended = child.try_wait().map_err(failed)?;
         if interrupted.recv_timeout(LOOK).is_ok() {
-            // A terminal tells the program as well, which may have ended by itself.
+            // A terminal sends Ctrl-C to the program as well, so it may already have ended.
             _ = child.kill();
             child.wait().map_err(failed)?;
             break INTERRUPTED;
@@ -45,7 +45,7 @@ pub(crate) fn run(program: &Path, arguments: &[OsString]) -> Result<ExitCode, St
     Ok(ExitCode::from(status))
 }
 
-/// A command that runs a Windows program, wherever we are.
+/// A command that runs a Windows program, in the lab or natively.
 pub(crate) fn command(program: &Path) -> Result<Command, String> {
     if cfg!(windows) {
         return Ok(Command::new(program));
@@ -53,7 +53,7 @@ pub(crate) fn command(program: &Path) -> Result<Command, String> {
     provision::lab::lab(&Console::new()).and_then(|lab| lab.command(program)).map_err(|e| e.to_string())
 }
 
-/// The exit status as a process can hand it on: what does not fit into eight bits is still not 0.
+/// The exit status in eight bits: any failure stays different from 0.
 fn code(status: ExitStatus) -> u8 {
     let low = |code: i32| code.to_le_bytes()[0];
     match status.code() {

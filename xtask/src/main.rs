@@ -1,4 +1,4 @@
-//! `cargo xtask`: the one place that knows how things are run in this clone. `cargo xtask help` is its manual.
+//! `cargo xtask`: the only place that defines how builds, tests and tools of this repository are run. `cargo xtask help` is its manual.
 
 mod abi;
 mod book;
@@ -20,7 +20,7 @@ use workspace::Workspace;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    // What stands between a program and its caller is as little as can be.
+    // `lab run` does as little as possible between a program and its caller.
     if let Command::Lab { command: Some(LabCommand::Run { command }) } = &cli.command
         && let [program, arguments @ ..] = command.as_slice()
     {

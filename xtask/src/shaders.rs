@@ -1,8 +1,8 @@
-//! `cargo xtask shaders`: HLSL to the DXBC that the library carries, its bench, and the double of AMD's libraries, with Microsoft's compiler in the
-//! lab or on Windows.
+//! `cargo xtask shaders`: compiles the HLSL of the library, its benchmark, and the test double of AMD's libraries to DXBC, with
+//! Microsoft's compiler in the lab or on Windows.
 //!
-//! Each `NAME.hlsl` of a folder has its `NAME.dxbc` beside it, and `compiled.txt` says which text which blob was made of, so that
-//! a machine without the lab also sees when one has changed without the other.
+//! Each `NAME.hlsl` of a folder has its `NAME.dxbc` beside it. `compiled.txt` records which source each blob was compiled from, so that
+//! a machine without the lab also detects when only one of them has changed.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,22 +15,22 @@ use sha2::{Digest, Sha256};
 use crate::workspace::Workspace;
 use crate::{lab, shell};
 
-/// Where they are.
+/// Folders of the shaders.
 pub(crate) const FOLDERS: [&str; 3] = ["src/gpu/shaders", "benches/gpu", "tests/ffx-double/src"];
-/// The Windows program that hands texts to the compiler.
+/// The Windows program that calls the compiler.
 const COMPILER: &str = "tests/lab/compile.rs";
-/// Which blob was made of which text.
+/// Checksums of each source and of its blob.
 const RECORD: &str = "compiled.txt";
 /// The first lines of the record.
 const RECORD_HEAD: &str = "# Written by `cargo xtask shaders`: each shader, the SHA-256 of its text and of all that may be included, and of its blob.\n";
 
-/// The shaders of a folder.
+/// The shaders of one folder.
 pub(crate) struct Shaders {
     name: &'static str,
     folder: PathBuf,
-    /// Names without endings.
+    /// Names without extensions.
     pub(crate) names: Vec<String>,
-    /// What each may include, with its line ends as Linux has them.
+    /// All `.hlsli` files of the folder, which each shader may include, with Linux line ends.
     included: Vec<u8>,
 }
 
@@ -60,7 +60,7 @@ impl Shaders {
         self.folder.join(format!("{name}.dxbc"))
     }
 
-    /// The two sums of a shader.
+    /// The record's line of a shader, with the checksums of its source and its blob.
     fn line(&self, name: &str) -> Result<String, String> {
         let mut made_of = Sha256::new();
         made_of.update(text(&self.source(name))?);
@@ -70,7 +70,7 @@ impl Shaders {
         Ok(format!("{name} {} {}", hex(&made_of.finalize()), hex(&Sha256::digest(blob))))
     }
 
-    /// What is wrong with a shader by the record, if anything.
+    /// How a shader differs from the record, if it does.
     pub(crate) fn differs(&self, name: &str) -> Option<String> {
         let remedy = "run cargo xtask shaders";
         let line = match self.line(name) {
@@ -86,7 +86,7 @@ impl Shaders {
         }
     }
 
-    /// Blobs and lines of the record that belong to no shader.
+    /// Blobs and lines of the record without a shader.
     pub(crate) fn left_over(&self) -> Result<Vec<String>, String> {
         let entries = fs::read_dir(&self.folder).map_err(|e| format!("{}: {e}", self.folder.display()))?;
         let blobs =
@@ -103,7 +103,7 @@ impl Shaders {
         Ok(lines.lines().filter(|line| !line.starts_with('#')).filter_map(named).collect())
     }
 
-    /// A command that compiles all of them into `out`; builds the program that does it.
+    /// A command that compiles all of them into `out`; builds the compiling program first.
     pub(crate) fn compiler(&self, workspace: &Workspace, out: &Path) -> Result<Command, String> {
         let console = Console::new();
         let library = provision::d3dcompiler(&console).map_err(|e| e.to_string())?;
@@ -118,7 +118,7 @@ impl Shaders {
         }
         shell::output(&mut rustc)?;
         let mut command = lab::command(&program)?;
-        // Wine has a compiler of its own, which is not this one.
+        // Wine's own compiler is another one, and must not be used.
         command.env("WINEDLLOVERRIDES", "mscoree,mshtml=;d3dcompiler_47=n").arg(library);
         for name in &self.names {
             command.arg(self.source(name)).arg(made(out, name));
@@ -127,12 +127,12 @@ impl Shaders {
     }
 }
 
-/// Where [`Shaders::compiler`] puts a blob.
+/// Path of the blob that [`Shaders::compiler`] writes.
 pub(crate) fn made(out: &Path, name: &str) -> PathBuf {
     out.join(format!("{name}.dxbc"))
 }
 
-/// Compiles every shader, and writes blobs and records anew.
+/// Compiles every shader, and rewrites blobs and records.
 pub(crate) fn compile(workspace: &Workspace) -> Result<(), String> {
     for folder in FOLDERS {
         let shaders = Shaders::find(workspace, folder)?;
@@ -155,7 +155,7 @@ pub(crate) fn compile(workspace: &Workspace) -> Result<(), String> {
     Ok(())
 }
 
-/// A text with its line ends as Linux has them, so that a checkout of Windows has the same sum.
+/// A source with Linux line ends, so that a checkout on Windows has the same checksum.
 fn text(path: &Path) -> Result<Vec<u8>, String> {
     let bytes = fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(bytes.into_iter().filter(|byte| *byte != b'\r').collect())

@@ -1,4 +1,4 @@
-//! Running a command: its output goes to a log, its last line to the screen.
+//! Runs a command: its output goes to a log, its last line to the screen.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Write};
@@ -16,7 +16,7 @@ pub(crate) struct Log {
     screen: Console,
 }
 
-/// How a command ended, and all that it printed: both streams in the order they came.
+/// How a command ended, and its output: stdout and stderr in the order they came.
 pub(crate) struct Ended {
     pub(crate) success: bool,
     pub(crate) output: String,
@@ -39,7 +39,7 @@ impl Log {
         writeln!(self.file, "{line}").map_err(|e| format!("{}: {e}", self.path.display()))
     }
 
-    /// Runs `command` without input to its end.
+    /// Runs `command` with an empty stdin until it ends.
     pub(crate) fn run(&mut self, command: &mut Command) -> Result<Ended, String> {
         let shown = show(command);
         self.line(&format!("$ {shown}"))?;
@@ -48,7 +48,7 @@ impl Log {
         command.env("CARGO_TERM_COLOR", "never").env("CARGO_TERM_PROGRESS_WHEN", "never");
         command.stdin(Stdio::null()).stdout(writer.try_clone().map_err(failed)?).stderr(writer);
         let mut child = command.spawn().map_err(failed)?;
-        // The command keeps the pipe's writing ends open until it is told otherwise.
+        // `command` would keep the pipe's write ends open, and the reader would never see its end.
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
 
         let (sender, lines) = mpsc::channel::<String>();
@@ -84,7 +84,7 @@ impl Log {
         Ok(Ended { success: status.success(), output })
     }
 
-    /// Ends the log; `outcome` stays on the screen.
+    /// Closes the log; `outcome` stays on the screen.
     pub(crate) fn end(self, outcome: &str) {
         self.screen.done(outcome);
     }
@@ -100,14 +100,14 @@ pub(crate) fn show(command: &Command) -> String {
     std::iter::once(program).chain(arguments).collect::<Vec<_>>().join(" ")
 }
 
-/// Runs a command with our own input and output, so that its progress bar is seen.
+/// Runs a command with our own input and output, so that its progress bar is visible.
 pub(crate) fn pass_through(command: &mut Command) -> Result<(), String> {
     let shown = show(command);
     let status = command.status().map_err(|e| format!("{shown} does not run: {e}"))?;
     if status.success() { Ok(()) } else { Err(format!("\"{shown}\" ended with {status}")) }
 }
 
-/// What a command prints; its messages go to the screen.
+/// A command's stdout; its stderr goes to the screen.
 pub(crate) fn output(command: &mut Command) -> Result<String, String> {
     let shown = show(command);
     let output = command.stderr(Stdio::inherit()).output().map_err(|e| format!("{shown} does not run: {e}"))?;

@@ -1,4 +1,4 @@
-//! This clone: its root, where cargo builds, and the commands that run in it.
+//! The workspace: the repository's root, cargo's target folder, and commands that run in the root.
 
 use std::fs;
 use std::path::PathBuf;
@@ -6,11 +6,11 @@ use std::process::Command;
 
 use provision::tools;
 
-/// The clone we were compiled in.
+/// The workspace that this program was compiled in.
 #[derive(Debug)]
 pub(crate) struct Workspace {
     pub(crate) root: PathBuf,
-    /// Cargo's target directory, wherever the environment puts it.
+    /// Cargo's target directory, as the environment sets it.
     pub(crate) target: PathBuf,
     /// Names of the workspace's packages.
     pub(crate) packages: Vec<String>,
@@ -33,19 +33,19 @@ impl Workspace {
         Ok(Self { root, target: PathBuf::from(target), packages })
     }
 
-    /// A cargo command in the root of the clone.
+    /// A cargo command in the repository's root.
     pub(crate) fn cargo<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
         let mut command = Command::new(tools::cargo());
         command.args(arguments).current_dir(&self.root);
         command
     }
 
-    /// A program of the workspace as cargo's profile folder (`debug`, `release`) holds it.
+    /// A program of the workspace in cargo's folder for the profile (`debug`, `release`).
     pub(crate) fn program(&self, profile: &str, name: &str) -> PathBuf {
         self.target.join(profile).join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
     }
 
-    /// The tracked and the new files of the clone, with `/`, relative to its root.
+    /// The tracked and the new files of the repository, with `/`, relative to its root.
     pub(crate) fn files(&self) -> Result<Vec<String>, String> {
         let mut git = Command::new("git");
         git.args(["ls-files", "--cached", "--others", "--exclude-standard", "-z"]).current_dir(&self.root);
@@ -60,7 +60,7 @@ impl Workspace {
         }
     }
 
-    /// The text of a file of the clone.
+    /// The text of a file in the repository.
     pub(crate) fn read(&self, name: &str) -> Result<String, String> {
         fs::read_to_string(self.root.join(name)).map_err(|e| format!("{name}: {e}"))
     }

@@ -3,7 +3,7 @@ using System.Runtime.InteropServices;
 
 namespace Cairn
 {
-    /// <summary>What an anchor is.</summary>
+    /// <summary>Properties of an anchor.</summary>
     public struct AnchorInfo
     {
         private readonly Native.anchor_info from;
@@ -14,8 +14,8 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Nothing leads from the anchor before to this one: it is the first of a rollout, after a reset or a restored state, or a
-        /// picture that was appended.
+        /// There is no motion from the previous anchor to this one: it is the first of a rollout, the first after a reset or a restored
+        /// state, or a picture that was appended.
         /// </summary>
         public bool IsCut
         {
@@ -34,7 +34,7 @@ namespace Cairn
             get { return (int)from.latents_per_second; }
         }
 
-        /// <summary>Pictures it has, in order of time; the last is the anchor itself.</summary>
+        /// <summary>Number of pictures. They are in order of time; the last is the anchor itself.</summary>
         public int Pictures
         {
             get { return (int)from.pictures; }
@@ -71,17 +71,17 @@ namespace Cairn
         }
     }
 
-    /// <summary>An anchor: a copy that stays as it is, whatever becomes of its rollout. May be used from any thread.</summary>
+    /// <summary>An anchor: an immutable copy, independent of its rollout. May be used from any thread.</summary>
     public sealed unsafe class Anchor : CairnObject
     {
         internal Anchor(IntPtr value) : base(value, handle => Library.C.anchor_destroy(handle))
         {
         }
 
-        /// <summary>An anchor of a picture of your own, for frame generation without a world. The picture is copied.</summary>
-        /// <param name="picture">Of four bytes to a pixel.</param>
+        /// <summary>Makes an anchor from a picture of your own, for frame generation without a world. The picture is copied.</summary>
+        /// <param name="picture">Four bytes per pixel.</param>
         /// <param name="number">Counts up by one from anchor to anchor.</param>
-        /// <param name="cut">Whether nothing leads to it from the one before.</param>
+        /// <param name="cut">Whether there is no motion from the previous anchor to this one.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
         public static Anchor FromPicture(PictureView picture, long number, bool cut = false)
         {
@@ -95,7 +95,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>What it is.</summary>
+        /// <summary>Properties.</summary>
         public AnchorInfo Info
         {
             get
@@ -106,9 +106,9 @@ namespace Cairn
             }
         }
 
-        /// <summary>Copies one of its pictures into memory of yours.</summary>
+        /// <summary>Copies one of its pictures into your memory.</summary>
         /// <param name="index">0 to <see cref="AnchorInfo.Pictures"/> less one, in order of time.</param>
-        /// <param name="target">Of the anchor's size.</param>
+        /// <param name="target">Must have the anchor's size.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>; no pixel is written then.</exception>
         public void ReadPicture(int index, PictureTarget target)
         {
@@ -121,7 +121,7 @@ namespace Cairn
 
         /// <summary>One of its pictures in new memory, without gaps between rows.</summary>
         /// <param name="index">In order of time, counted from the end where negative; the last is the anchor itself.</param>
-        /// <param name="format">How pixels shall lie.</param>
+        /// <param name="format">Pixel format of the copy.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>.</exception>
         public byte[] Picture(int index = -1, PixelFormat format = PixelFormat.Rgba8)
         {

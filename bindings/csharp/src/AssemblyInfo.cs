@@ -1,5 +1,5 @@
 using System.Runtime.CompilerServices;
 
 [assembly: InternalsVisibleTo("Cairn.Tests")]
-// The Unity package compiles these files as they are, and its own beside them.
+// The Unity package compiles these files unchanged, next to its own.
 [assembly: InternalsVisibleTo("Cairn.Unity")]

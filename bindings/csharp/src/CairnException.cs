@@ -2,28 +2,28 @@ using System;
 
 namespace Cairn
 {
-    /// <summary>What a call of the library answered; the numbers are those of cairn.h.</summary>
+    /// <summary>Result of a call; the numbers are those of cairn.h.</summary>
     public enum Result
     {
-        /// <summary>It worked.</summary>
+        /// <summary>Success.</summary>
         Ok = Native.OK,
-        /// <summary>Not an error: what was asked for is not there yet.</summary>
+        /// <summary>Not an error: the result is not available yet.</summary>
         NotReady = Native.NOT_READY,
-        /// <summary>Not an error: a text was longer than its room.</summary>
+        /// <summary>Not an error: the text was longer than its buffer.</summary>
         Truncated = Native.TRUNCATED,
-        /// <summary>Not an error: the queue is full and nothing was taken.</summary>
+        /// <summary>Not an error: the queue is full and the call had no effect.</summary>
         QueueFull = Native.QUEUE_FULL,
         /// <summary>An argument is outside its range, not finite, or missing.</summary>
         InvalidArgument = Native.ERROR_INVALID_ARGUMENT,
         /// <summary>The object was closed while it was used.</summary>
         InvalidHandle = Native.ERROR_INVALID_HANDLE,
-        /// <summary>Library and assembly do not fit: a struct has a size that the library does not know.</summary>
+        /// <summary>Library and assembly do not match: the library does not know the size of a struct.</summary>
         StructSize = Native.ERROR_STRUCT_SIZE,
-        /// <summary>The object is in use by another call that allows no second one beside it. Nothing was done.</summary>
+        /// <summary>Another call uses the object and excludes this one. Nothing was done.</summary>
         Busy = Native.ERROR_BUSY,
-        /// <summary>A valid request that this build, system, device or world cannot serve.</summary>
+        /// <summary>A valid request that this build, system, device or world does not support.</summary>
         Unsupported = Native.ERROR_UNSUPPORTED,
-        /// <summary>More memory is needed than there is, or than was allowed.</summary>
+        /// <summary>More memory is needed than is available or allowed.</summary>
         OutOfMemory = Native.ERROR_OUT_OF_MEMORY,
         /// <summary>The operating system refused a file operation.</summary>
         Io = Native.ERROR_IO,
@@ -35,13 +35,13 @@ namespace Cairn
         Device = Native.ERROR_DEVICE,
         /// <summary>A saved state is damaged, or belongs to another world.</summary>
         InvalidState = Native.ERROR_INVALID_STATE,
-        /// <summary>The work was asked to stop.</summary>
+        /// <summary>The work was cancelled.</summary>
         Cancelled = Native.ERROR_CANCELLED,
-        /// <summary>An earlier call on this object failed by a fault of the library. It can only be closed.</summary>
+        /// <summary>An earlier call on this object hit a bug in the library. The object can only be closed.</summary>
         Poisoned = Native.ERROR_POISONED,
-        /// <summary>A fault of the library. Please report the message.</summary>
+        /// <summary>A bug in the library. Please report the message.</summary>
         Internal = Native.ERROR_INTERNAL,
-        /// <summary>The graphics device is gone. Close what was made on it, and make a new device.</summary>
+        /// <summary>The graphics device was lost. Close the objects made on it, and make a new device.</summary>
         DeviceRemoved = Native.ERROR_DEVICE_REMOVED,
     }
 
@@ -51,7 +51,7 @@ namespace Cairn
     /// </summary>
     public class CairnException : Exception
     {
-        /// <summary>A failure with its message and the parts of it, empty where there is none.</summary>
+        /// <summary>A failure with its message and the message's parts, which may be empty.</summary>
         public CairnException(Result result, string message, string function, string field, string cause, string remedy) : base(message)
         {
             Result = result;
@@ -61,10 +61,10 @@ namespace Cairn
             Remedy = remedy;
         }
 
-        /// <summary>What the library answered. A newer library may answer with numbers that have no name here.</summary>
+        /// <summary>The result. A newer library may return numbers that have no name here.</summary>
         public Result Result { get; }
 
-        /// <summary>The function that failed, by its name in cairn.h; empty where none was called.</summary>
+        /// <summary>Name in cairn.h of the function that failed; empty if none was called.</summary>
         public string Function { get; }
 
         /// <summary>The argument, file or field that is wrong, such as "options.threads"; may be empty.</summary>
@@ -73,10 +73,10 @@ namespace Cairn
         /// <summary>What is wrong.</summary>
         public string Cause { get; }
 
-        /// <summary>What can be done; may be empty.</summary>
+        /// <summary>The remedy; may be empty.</summary>
         public string Remedy { get; }
 
-        /// <summary>Throws what this thread's latest call has to say, where its result is an error.</summary>
+        /// <summary>Throws the last error of this thread if the result is an error.</summary>
         internal static void ThrowIfFailed(int result)
         {
             if (result < 0) throw Last(result);

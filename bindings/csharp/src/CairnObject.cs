@@ -5,13 +5,13 @@ using System.Threading;
 namespace Cairn
 {
     /// <summary>
-    /// An object of the library. <see cref="Dispose"/>, the end of a using block, or the garbage collector gives it back.
+    /// An object of the library. <see cref="Dispose"/>, the end of a using block, or the garbage collector destroys it.
     /// </summary>
     /// <remarks>
-    /// Objects keep what they need alive, so they may be closed in any order. What is closed throws
-    /// <see cref="ObjectDisposedException"/> when it is used; a call that another thread closes it under throws
-    /// <see cref="CairnException"/> with <see cref="Result.InvalidHandle"/> or <see cref="Result.Cancelled"/>. Neither touches memory
-    /// that is gone: a handle is a number that the library looks up.
+    /// Objects keep what they need alive, so they may be closed in any order. Using a closed object throws
+    /// <see cref="ObjectDisposedException"/>; a call during which another thread closes the object throws <see cref="CairnException"/>
+    /// with <see cref="Result.InvalidHandle"/> or <see cref="Result.Cancelled"/>. Neither accesses freed memory: a handle is a number
+    /// that the library looks up.
     /// </remarks>
     public abstract class CairnObject : IDisposable
     {
@@ -28,7 +28,7 @@ namespace Cairn
             get { return handle.IsDone; }
         }
 
-        /// <summary>Gives the object back, and waits for calls on it that are in flight; a second time does nothing.</summary>
+        /// <summary>Destroys the object after waiting for calls on it that are in flight; a second call does nothing.</summary>
         /// <exception cref="CairnException">
         /// <see cref="Result.Busy"/> from within a callback of a call on the object, which then stays open.
         /// </exception>
@@ -37,7 +37,7 @@ namespace Cairn
             handle.Destroy();
         }
 
-        /// <summary>The number to hand to the library.</summary>
+        /// <summary>The handle to pass to the library.</summary>
         internal IntPtr Value
         {
             get
@@ -48,8 +48,8 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Throws where a call on this object failed; else gives its result. The object lives until then: collected within the call, it
-        /// would be destroyed under it.
+        /// Throws if a call on this object failed, otherwise returns its result. Keeps the object alive until then: otherwise it could be
+        /// collected and destroyed during the call.
         /// </summary>
         internal int Done(int result)
         {
@@ -58,7 +58,7 @@ namespace Cairn
             return result;
         }
 
-        /// <summary>Throws where a function failed that makes an object; else gives its handle, which the function has written by now.</summary>
+        /// <summary>Throws if a function that makes an object failed, otherwise returns its handle, which the function has written.</summary>
         internal static IntPtr Made(int result, ref IntPtr value)
         {
             CairnException.ThrowIfFailed(result);
@@ -66,8 +66,8 @@ namespace Cairn
         }
 
         /// <summary>
-        /// A handle that is given back once. Calls do not count in it: the library itself ends them or waits for them when an object is
-        /// destroyed, which a count would put off until they have ended by themselves.
+        /// A handle that is destroyed once. Calls in flight do not add references to it: when an object is destroyed, the library itself
+        /// ends or awaits its calls, which references would delay until the calls end by themselves.
         /// </summary>
         private sealed class Handle : SafeHandle
         {
@@ -104,13 +104,13 @@ namespace Cairn
 
             protected override bool ReleaseHandle()
             {
-                // Nobody is there to be told of a failure.
+                // A failure cannot be reported here.
                 return Interlocked.Exchange(ref done, 1) != 0 || destroy(handle) >= 0;
             }
         }
     }
 
-    /// <summary>Arguments that have no words in the library's own numbers.</summary>
+    /// <summary>Checks arguments that the library's unsigned numbers and handles cannot express.</summary>
     internal static class Check
     {
         internal static uint NotNegative(int number, string parameter)
@@ -132,7 +132,7 @@ namespace Cairn
         }
     }
 
-    /// <summary>Marks what the library calls, for compilers that translate ahead of time: they look for an attribute of this name.</summary>
+    /// <summary>Marks functions that the library calls, for ahead-of-time compilers: they look for an attribute of this name.</summary>
     [AttributeUsage(AttributeTargets.Method)]
     internal sealed class MonoPInvokeCallbackAttribute : Attribute
     {

@@ -3,7 +3,7 @@ using System.Collections.Generic;
 
 namespace Cairn
 {
-    /// <summary>Controls of one latent step. As it is made: nothing moves, no key is held.</summary>
+    /// <summary>Controls of one latent step. By default nothing moves and no key is held.</summary>
     public struct Controls : IEquatable<Controls>
     {
         // Bit key % 64 of word key / 64.
@@ -12,7 +12,7 @@ namespace Cairn
         private ulong third;
         private ulong fourth;
 
-        /// <summary>Keys that are held at any moment of the step.</summary>
+        /// <summary>Keys held at any time during the step.</summary>
         /// <param name="keys">In any order.</param>
         public Controls(params Key[] keys) : this()
         {
@@ -37,10 +37,10 @@ namespace Cairn
         /// <summary>The same, down positive.</summary>
         public float MouseY { get; set; }
 
-        /// <summary>The wheel, up positive; its sign counts.</summary>
+        /// <summary>Wheel movement, up positive; only its sign matters.</summary>
         public float Scroll { get; set; }
 
-        /// <summary>All keys that are held, by their codes.</summary>
+        /// <summary>Codes of all keys that are held.</summary>
         public IEnumerable<Key> Keys
         {
             get
@@ -59,21 +59,21 @@ namespace Cairn
             return (Word((int)key / 64) & Bit(key)) != 0;
         }
 
-        /// <summary>Holds a key, too.</summary>
+        /// <summary>Adds a key to those that are held.</summary>
         /// <param name="key">Which one.</param>
         public void Hold(Key key)
         {
             Set((int)key / 64, Word((int)key / 64) | Bit(key));
         }
 
-        /// <summary>Lets go of a key.</summary>
+        /// <summary>Releases a key.</summary>
         /// <param name="key">Which one.</param>
         public void Release(Key key)
         {
             Set((int)key / 64, Word((int)key / 64) & ~Bit(key));
         }
 
-        /// <summary>Whether all of both is the same.</summary>
+        /// <summary>Whether both are equal.</summary>
         /// <param name="other">What to compare it with.</param>
         public bool Equals(Controls other)
         {
@@ -81,14 +81,14 @@ namespace Cairn
                 && MouseX.Equals(other.MouseX) && MouseY.Equals(other.MouseY) && Scroll.Equals(other.Scroll);
         }
 
-        /// <summary>Whether it is the same controls.</summary>
+        /// <summary>Whether the other object is equal controls.</summary>
         /// <param name="other">What to compare it with.</param>
         public override bool Equals(object other)
         {
             return other is Controls && Equals((Controls)other);
         }
 
-        /// <summary>The same for equal controls.</summary>
+        /// <summary>Hash code; equal for equal controls.</summary>
         public override int GetHashCode()
         {
             ulong keys = first ^ second * 31 ^ third * 37 ^ fourth * 41;

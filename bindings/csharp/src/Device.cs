@@ -5,19 +5,19 @@ using System.Runtime.InteropServices;
 
 namespace Cairn
 {
-    /// <summary>What devices are made of.</summary>
+    /// <summary>Kinds of devices.</summary>
     public enum DeviceKind
     {
-        /// <summary>The host's processor, by ONNX Runtime's CPU provider.</summary>
+        /// <summary>The host's processor, through ONNX Runtime's CPU provider.</summary>
         Cpu = Native.DEVICE_CPU,
-        /// <summary>A Direct3D 12 adapter, by ONNX Runtime's DirectML provider.</summary>
+        /// <summary>A Direct3D 12 adapter, through ONNX Runtime's DirectML provider.</summary>
         D3d12 = Native.DEVICE_D3D12,
     }
 
-    /// <summary>What numbers are computed in.</summary>
+    /// <summary>Numeric precision of the graphs.</summary>
     public enum Precision
     {
-        /// <summary>What the device is best at.</summary>
+        /// <summary>The device's preferred precision.</summary>
         Best = 0,
         /// <summary>Float32.</summary>
         F32 = Native.PRECISION_F32,
@@ -25,7 +25,7 @@ namespace Cairn
         F16 = Native.PRECISION_F16,
     }
 
-    /// <summary>What a device may need; a newer library may have more.</summary>
+    /// <summary>Requirements of a device; a newer library may have more.</summary>
     public enum RequirementKind
     {
         /// <summary>The operating system and the build of the library.</summary>
@@ -44,24 +44,24 @@ namespace Cairn
         FsrDirect3d = Native.REQUIREMENT_FSR_DIRECT3D,
         /// <summary>The shader model of the first adapter, for FSR.</summary>
         FsrShaderModel = Native.REQUIREMENT_FSR_SHADER_MODEL,
-        /// <summary>The library's own shaders on the first adapter, for frames between anchors.</summary>
+        /// <summary>The library's own shaders on the first adapter, for frame generation.</summary>
         Shaders = Native.REQUIREMENT_SHADERS,
     }
 
-    /// <summary>Whether something that a device needs is there.</summary>
+    /// <summary>Whether a requirement is met.</summary>
     public enum RequirementStatus
     {
-        /// <summary>It is there.</summary>
+        /// <summary>It is met.</summary>
         Met = Native.REQUIREMENT_MET,
         /// <summary>It is missing, and the device cannot be made.</summary>
         NotMet = Native.REQUIREMENT_NOT_MET,
-        /// <summary>It depends on the world, or the system does not tell.</summary>
+        /// <summary>It depends on the world, or the system does not report it.</summary>
         Unknown = Native.REQUIREMENT_UNKNOWN,
         /// <summary>It is missing, and a device can be made without it.</summary>
         Optional = Native.REQUIREMENT_OPTIONAL,
     }
 
-    /// <summary>Something that a device can be made of.</summary>
+    /// <summary>An adapter or processor from which a device can be made.</summary>
     public sealed unsafe class Adapter
     {
         internal Adapter(ref Native.adapter from)
@@ -73,23 +73,23 @@ namespace Cairn
             fixed (byte* name = from.name) Name = Text.Decode(name, 128);
         }
 
-        /// <summary>Of which kind.</summary>
+        /// <summary>Kind of device.</summary>
         public DeviceKind Kind { get; }
 
-        /// <summary>Its place among those of its kind.</summary>
+        /// <summary>Index among those of its kind.</summary>
         public int Index { get; }
 
-        /// <summary>For people.</summary>
+        /// <summary>Name for display.</summary>
         public string Name { get; }
 
-        /// <summary>Bytes of its own memory; for the processor, of the system's. 0 where unknown.</summary>
+        /// <summary>Bytes of its own memory or, for the processor, of the system's. 0 if unknown.</summary>
         public long Memory { get; }
 
         /// <summary>The LUID of a Direct3D 12 adapter, low part first; else 0.</summary>
         public ulong Luid { get; }
     }
 
-    /// <summary>One thing that a device needs.</summary>
+    /// <summary>A requirement of a device.</summary>
     public sealed unsafe class Requirement
     {
         internal Requirement(ref Native.requirement from)
@@ -100,13 +100,13 @@ namespace Cairn
             fixed (byte* found = from.found) Found = Text.Decode(found, 512);
         }
 
-        /// <summary>What it is.</summary>
+        /// <summary>Kind of requirement.</summary>
         public RequirementKind Kind { get; }
 
-        /// <summary>Whether it is there.</summary>
+        /// <summary>Whether it is met.</summary>
         public RequirementStatus Status { get; }
 
-        /// <summary>What is needed, for people.</summary>
+        /// <summary>The requirement as text.</summary>
         public string Needed { get; }
 
         /// <summary>What was found.</summary>
@@ -114,40 +114,39 @@ namespace Cairn
     }
 
     /// <summary>
-    /// How a device is made, and where the libraries it needs are. As it is made: one thread for each physical core, and libraries beside
-    /// Cairn's or beside the program.
+    /// Settings of a device, and paths of the libraries it needs. Defaults: one thread per physical core, and libraries beside Cairn's
+    /// or beside the program.
     /// </summary>
     public sealed class DeviceOptions
     {
         /// <summary>
-        /// Threads that share one pass, 1 to 1024; 0 for one for each physical core. The last bits of a rollout depend on it.
+        /// Threads that share one pass, 1 to 1024; 0 for one per physical core. The last bits of a rollout depend on it.
         /// </summary>
         public int Threads { get; set; }
 
-        /// <summary>ONNX Runtime's deterministic kernels only.</summary>
+        /// <summary>Use only deterministic kernels of ONNX Runtime.</summary>
         public bool Deterministic { get; set; }
 
         /// <summary>
-        /// Environment variables and the user's cache directory may name libraries, which are loaded into the process. For tools; a game
-        /// that sets it runs the code of whoever sets its variables.
+        /// Lets environment variables and the user's cache directory name libraries that are loaded into the process. For tools; in a
+        /// game it would run the code of whoever sets the user's variables.
         /// </summary>
         public bool Environment { get; set; }
 
         /// <summary>
-        /// The file of ONNX Runtime 1.24. Null: the first that is beside Cairn's library or beside the program; with
-        /// <see cref="Environment"/>, before these the one that the variable CAIRN_ONNXRUNTIME names, and after them one in the user's cache
-        /// directory.
+        /// Path of ONNX Runtime 1.24. Null: the first one beside Cairn's library or beside the program; with <see cref="Environment"/>,
+        /// the one named by the variable CAIRN_ONNXRUNTIME is tried before these, and one in the user's cache directory after them.
         /// </summary>
         public string OnnxRuntime { get; set; }
 
         /// <summary>
-        /// The folder of AMD's libraries for FSR. Null: beside Cairn's library, else beside the program; with <see cref="Environment"/>,
-        /// before these the one that the variable CAIRN_FFX_DIR names.
+        /// Folder of AMD's libraries for FSR. Null: beside Cairn's library, then beside the program; with <see cref="Environment"/>, the one
+        /// named by the variable CAIRN_FFX_DIR is tried before these.
         /// </summary>
         public string Ffx { get; set; }
     }
 
-    /// <summary>What a device is.</summary>
+    /// <summary>Properties of a device.</summary>
     public sealed unsafe class DeviceInfo
     {
         internal DeviceInfo(ref Native.device_info from)
@@ -160,22 +159,22 @@ namespace Cairn
             fixed (byte* description = from.description) Description = Text.Decode(description, 128);
         }
 
-        /// <summary>Of which kind.</summary>
+        /// <summary>Kind of device.</summary>
         public DeviceKind Kind { get; }
 
-        /// <summary>What it computes in unless told otherwise.</summary>
+        /// <summary>Default precision.</summary>
         public Precision Precision { get; }
 
         /// <summary>Threads that share one pass.</summary>
         public int Threads { get; }
 
-        /// <summary>For people, such as "ONNX Runtime 1.24.4 CPU, 8 threads".</summary>
+        /// <summary>Description, such as "ONNX Runtime 1.24.4 CPU, 8 threads".</summary>
         public string Description { get; }
 
-        /// <summary>MiB of its adapter's memory that the system grants to the process now; 0 where none says so.</summary>
+        /// <summary>MiB of its adapter's memory that the system grants to the process now; 0 if unknown.</summary>
         public int MemoryBudgetMib { get; }
 
-        /// <summary>MiB of it that the process uses, whoever in it does.</summary>
+        /// <summary>MiB of it that the whole process uses.</summary>
         public int MemoryUsedMib { get; }
     }
 
@@ -184,38 +183,38 @@ namespace Cairn
     {
         /// <summary>Files are read and checked; bytes are counted.</summary>
         Reading = Native.LOAD_READING,
-        /// <summary>ONNX Runtime prepares the graphs, which are counted.</summary>
+        /// <summary>ONNX Runtime prepares the graphs; graphs are counted.</summary>
         Preparing = Native.LOAD_PREPARING,
     }
 
-    /// <summary>Is told how far loading is, on the thread that loads; false ends it with <see cref="Result.Cancelled"/>.</summary>
-    /// <param name="stage">What is being done.</param>
-    /// <param name="done">What of the stage is done: bytes or graphs.</param>
-    /// <param name="total">What there is to do.</param>
+    /// <summary>Called with the progress on the loading thread; returning false ends the load with <see cref="Result.Cancelled"/>.</summary>
+    /// <param name="stage">Current stage.</param>
+    /// <param name="done">Bytes or graphs of the stage that are done.</param>
+    /// <param name="total">Their total.</param>
     public delegate bool LoadProgress(LoadStage stage, long done, long total);
 
-    /// <summary>Which world to load, and how. As it is made: the one inside the library.</summary>
+    /// <summary>Selects a world and how it is loaded. Default: the embedded world.</summary>
     public sealed class WorldOptions
     {
         /// <summary>The bundle, a folder or a file; null for the world inside the library.</summary>
         public string Path { get; set; }
 
         /// <summary>
-        /// How rollouts run: a preset with changes after commas, such as "coherence" or "stock,g64,native". Null for "stock" at the
-        /// bundle's own window.
+        /// Operating point: a preset with changes after commas, such as "coherence" or "stock,g64,native". Null for "stock" at the bundle's
+        /// own window.
         /// </summary>
         public string OperatingPoint { get; set; }
 
-        /// <summary>What the graphs compute in.</summary>
+        /// <summary>Precision of the graphs.</summary>
         public Precision Precision { get; set; }
 
-        /// <summary>Bytes that the world with one rollout may take; 0 for what the system has available.</summary>
+        /// <summary>Limit in bytes for the world with one rollout; 0 for the memory that the system has available.</summary>
         public long MemoryLimit { get; set; }
 
-        /// <summary>Narrows the global window where it is too wide for the memory, instead of refusing the world.</summary>
+        /// <summary>Narrows the global window if it does not fit the memory, instead of failing.</summary>
         public bool FitWindow { get; set; }
 
-        /// <summary>Is told how far loading is, and may end it; what it throws ends it too. May be null.</summary>
+        /// <summary>Progress callback, which may end the load; an exception from it ends it too. May be null.</summary>
         public LoadProgress Progress { get; set; }
     }
 
@@ -229,8 +228,8 @@ namespace Cairn
         {
         }
 
-        /// <summary>A device of this machine's processor; loads ONNX Runtime.</summary>
-        /// <param name="options">How it is used; null for the defaults.</param>
+        /// <summary>Makes a device from this machine's processor; loads ONNX Runtime.</summary>
+        /// <param name="options">Settings; null for the defaults.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.RuntimeMissing"/> where ONNX Runtime is not there or has another version; <see cref="Result.Unsupported"/>
         /// where the process uses another file of it already; <see cref="Result.InvalidArgument"/>; <see cref="Result.Device"/>.
@@ -247,7 +246,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>What devices can be made of: the processor always, and Direct3D 12 adapters where the library can use them.</summary>
+        /// <summary>Lists available devices: the processor always, and Direct3D 12 adapters if the library can use them.</summary>
         public static IReadOnlyList<Adapter> Adapters()
         {
             Native.Functions c = Library.C;
@@ -255,7 +254,7 @@ namespace Cairn
             CairnException.ThrowIfFailed(c.adapters(null, (UIntPtr)sizeof(Native.adapter), 0, &count));
             while (true)
             {
-                // There may be more at the second look than at the first.
+                // The second call may return more entries than the first.
                 var room = new Native.adapter[count];
                 for (int i = 0; i < room.Length; i++) room[i].struct_size = (uint)sizeof(Native.adapter);
                 fixed (Native.adapter* at = room)
@@ -269,10 +268,10 @@ namespace Cairn
             }
         }
 
-        /// <summary>What a device of that kind needs and what was found, so that a player can be shown why something is off.</summary>
-        /// <param name="kind">Of device.</param>
-        /// <param name="options">What the device would be made with; may be null.</param>
-        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>; that something is missing is no error.</exception>
+        /// <summary>Lists the requirements of a kind of device and what was found, for example to show to a player.</summary>
+        /// <param name="kind">Kind of device.</param>
+        /// <param name="options">Settings that the device would have; may be null.</param>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>; an unmet requirement is not an error.</exception>
         public static IReadOnlyList<Requirement> Requirements(DeviceKind kind = DeviceKind.Cpu, DeviceOptions options = null)
         {
             options = options ?? new DeviceOptions();
@@ -300,7 +299,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>What it is.</summary>
+        /// <summary>Properties.</summary>
         public DeviceInfo Info
         {
             get
@@ -312,10 +311,10 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Loads a world: reads and checks the bundle, compares the memory it needs with what there is, and prepares its graphs. Takes
-        /// seconds to minutes with real weights, so call it off the render thread.
+        /// Loads a world: reads and checks the bundle, compares its memory needs with the available memory, and prepares its graphs. Takes
+        /// seconds to minutes with real weights, so do not call it on the render thread.
         /// </summary>
-        /// <param name="options">Which one, and how; null for the world inside the library.</param>
+        /// <param name="options">Selects the world; null for the embedded one.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.InvalidArgument"/>, <see cref="Result.Io"/>, <see cref="Result.InvalidBundle"/>,
         /// <see cref="Result.Unsupported"/>, <see cref="Result.OutOfMemory"/> with figures, <see cref="Result.Device"/>;
@@ -345,7 +344,7 @@ namespace Cairn
                     IntPtr world = IntPtr.Zero;
                     int result = Library.C.world_load(Value, &native, &world);
                     GC.KeepAlive(this);
-                    // It goes on from where the library was entered, as nothing may be thrown through it.
+                    // An exception must not pass through the library; it is thrown again after the call.
                     if (load.Thrown != null) load.Thrown.Throw();
                     return new World(Made(result, ref world));
                 }
@@ -384,7 +383,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>What a load's callback needs, and what came of it.</summary>
+        /// <summary>State of a load's callback, with the exception it threw.</summary>
         private sealed class Load
         {
             internal LoadProgress Progress;

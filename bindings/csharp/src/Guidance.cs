@@ -3,31 +3,31 @@ using System.Runtime.InteropServices;
 
 namespace Cairn
 {
-    /// <summary>Where motion comes from.</summary>
+    /// <summary>Source of motion.</summary>
     public enum MotionSource
     {
-        /// <summary>From what scores best.</summary>
+        /// <summary>The source with the best scores.</summary>
         Auto = Native.MOTION_AUTO,
-        /// <summary>From the two pictures: dense optical flow.</summary>
+        /// <summary>Dense optical flow between the two pictures.</summary>
         Pictures = Native.MOTION_PICTURES,
-        /// <summary>From the two latents, as the paper has it. Only anchors of a world have latents.</summary>
+        /// <summary>The two latents, by the paper's method. Only anchors of a world have latents.</summary>
         Paper = Native.MOTION_PAPER,
-        /// <summary>From what cells of the two latents look alike. Only anchors of a world have latents.</summary>
+        /// <summary>Matching of cells of the two latents. Only anchors of a world have latents.</summary>
         Latents = Native.MOTION_LATENTS,
     }
 
-    /// <summary>What the numbers of a depth of your own are.</summary>
+    /// <summary>Kind of your own depth values.</summary>
     public enum DepthKind
     {
         /// <summary>Device depth, 0 near and 1 far.</summary>
         Device = 0,
         /// <summary>Device depth, 1 near and 0 far.</summary>
         Inverted = Native.DEPTH_INVERTED,
-        /// <summary>The distance along the view axis, in the units of the near plane.</summary>
+        /// <summary>Distance along the view axis, in the units of the near plane.</summary>
         Linear = Native.DEPTH_LINEAR,
     }
 
-    /// <summary>What guidance is.</summary>
+    /// <summary>Properties of guidance.</summary>
     public struct GuidanceInfo
     {
         private readonly Native.guidance_info from;
@@ -68,7 +68,7 @@ namespace Cairn
         }
     }
 
-    /// <summary>A camera's planes and field of view. As it is made: 0.1, 100 and 60 degrees.</summary>
+    /// <summary>A camera's planes and field of view. Defaults: 0.1, 100 and 60 degrees.</summary>
     public struct Camera
     {
         /// <summary>A camera.</summary>
@@ -93,11 +93,11 @@ namespace Cairn
     }
 
     /// <summary>
-    /// Motion and depth of a pair of anchors, both of the anchors' size. It does not change, and may be used from any thread.
+    /// Motion and depth of a pair of anchors, at the anchors' size. Immutable; may be used from any thread.
     /// </summary>
     /// <remarks>
-    /// Motion is in pixels, two half floats for each, x and y, stored where the current anchor's pixels are and pointing from the current
-    /// anchor to the previous one, y down. Depth is device depth of the current anchor, 0 near and 1 far. Half floats are their bits.
+    /// Motion is in pixels: x and y as two half floats per pixel, stored at the current anchor's pixels and pointing from the current anchor
+    /// to the previous one, y down. Depth is the current anchor's device depth, 0 near and 1 far. Half floats are given as their bits.
     /// </remarks>
     public sealed unsafe class Guidance : CairnObject
     {
@@ -106,11 +106,11 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Finds motion and depth of two anchors. A presenter does it by itself; this is for doing it sooner, or looking at it.
+        /// Extracts motion and depth of two anchors. A presenter does this itself; use this to do it earlier or to inspect the result.
         /// </summary>
         /// <param name="previous">The anchor before.</param>
         /// <param name="current">Of the same size.</param>
-        /// <param name="source">Where motion comes from.</param>
+        /// <param name="source">Source of motion.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
         public static Guidance OfAnchors(Anchor previous, Anchor current, MotionSource source = MotionSource.Auto)
         {
@@ -123,13 +123,13 @@ namespace Cairn
             return new Guidance(Made(result, ref guidance));
         }
 
-        /// <summary>Guidance of motion and depth of your own, as an engine has them; both are copied.</summary>
-        /// <param name="motion">Two half floats for each pixel, row by row. What is not finite counts as 0.</param>
-        /// <param name="depth">A number for each pixel, row by row; empty where there is none.</param>
+        /// <summary>Makes guidance from your own motion and depth, for example an engine's; both are copied.</summary>
+        /// <param name="motion">Two half floats per pixel, row by row. Values that are not finite count as 0.</param>
+        /// <param name="depth">One value per pixel, row by row; empty if there is none.</param>
         /// <param name="width">In pixels, the anchors'.</param>
         /// <param name="height">In pixels, the anchors'.</param>
-        /// <param name="kind">What the numbers of depth are.</param>
-        /// <param name="camera">Of the picture.</param>
+        /// <param name="kind">Kind of the depth values.</param>
+        /// <param name="camera">Camera of the picture.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
         public static Guidance OfEngine(
             ReadOnlySpan<ushort> motion, ReadOnlySpan<float> depth, int width, int height, DepthKind kind = DepthKind.Device,
@@ -157,7 +157,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>What it is.</summary>
+        /// <summary>Properties.</summary>
         public GuidanceInfo Info
         {
             get
@@ -168,9 +168,9 @@ namespace Cairn
             }
         }
 
-        /// <summary>Copies the motion: two half floats for each pixel, row by row.</summary>
-        /// <param name="values">Room for exactly as many.</param>
-        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/> for another room.</exception>
+        /// <summary>Copies the motion: two half floats per pixel, row by row.</summary>
+        /// <param name="values">Must have exactly that length.</param>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/> for another length.</exception>
         public void ReadMotion(Span<ushort> values)
         {
             fixed (ushort* at = &MemoryMarshal.GetReference(values))
@@ -179,9 +179,9 @@ namespace Cairn
             }
         }
 
-        /// <summary>Copies the depth: a number for each pixel, row by row.</summary>
-        /// <param name="values">Room for exactly as many.</param>
-        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/> for another room.</exception>
+        /// <summary>Copies the depth: one value per pixel, row by row.</summary>
+        /// <param name="values">Must have exactly that length.</param>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/> for another length.</exception>
         public void ReadDepth(Span<float> values)
         {
             fixed (float* at = &MemoryMarshal.GetReference(values))

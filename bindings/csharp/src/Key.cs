@@ -1,8 +1,8 @@
 namespace Cairn
 {
     /// <summary>
-    /// Keys and mouse buttons by their Windows virtual-key codes, whatever the system. Any code from 0 to 255 is a key, also one that
-    /// has no name here.
+    /// Keys and mouse buttons by their Windows virtual-key codes, on every system. Any code from 0 to 255 is a key, also one without a
+    /// name here.
     /// </summary>
     public enum Key : byte
     {
@@ -208,7 +208,7 @@ namespace Cairn
         LeftAlt = 0xa4,
         /// <summary>The right alt key.</summary>
         RightAlt = 0xa5,
-        /// <summary>The key of the semicolon on an American keyboard, as those below.</summary>
+        /// <summary>The semicolon key of a US keyboard; the names below follow the same layout.</summary>
         Semicolon = 0xba,
         /// <summary>The equals sign.</summary>
         EqualsSign = 0xbb,

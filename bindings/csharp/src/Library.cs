@@ -6,11 +6,11 @@ using System.Runtime.InteropServices;
 namespace Cairn
 {
     /// <summary>
-    /// The shared library: where it is looked for, and what was loaded. It is loaded at first use and stays until the process ends.
+    /// The shared library: its search paths and the loaded file. It is loaded at first use and stays loaded until the process ends.
     /// </summary>
     public static class Library
     {
-        /// <summary>The environment variable that names the library's file; nothing else is looked at when it is set.</summary>
+        /// <summary>Environment variable with the path of the library; if set, no other path is searched.</summary>
         public const string Variable = "CAIRN_LIBRARY";
 
         private static readonly object Loading = new object();
@@ -27,41 +27,41 @@ namespace Cairn
         }
 
         /// <summary>The file that is loaded.</summary>
-        /// <exception cref="LibraryException">There is none, or it does not fit.</exception>
+        /// <exception cref="LibraryException">It is missing, or is not compatible.</exception>
         public static string Path
         {
             get { return Get().Path; }
         }
 
         /// <summary>The version of the loaded library.</summary>
-        /// <exception cref="LibraryException">There is none, or it does not fit.</exception>
+        /// <exception cref="LibraryException">It is missing, or is not compatible.</exception>
         public static Version Version
         {
             get { return Dotted(Get().Number); }
         }
 
-        /// <summary>The binary interface that this assembly was made for, and that the loaded library has.</summary>
+        /// <summary>Version of the binary interface of this assembly, which the loaded library must have.</summary>
         public static int AbiVersion
         {
             get { return Native.ABI_VERSION; }
         }
 
-        /// <summary>Every function; loads the library where that was not done yet.</summary>
+        /// <summary>All functions; loads the library if necessary.</summary>
         internal static Native.Functions C
         {
             get { return Get().Functions; }
         }
 
         /// <summary>
-        /// The files that are looked for, in this order: the one that <see cref="Variable"/> names and no other; else beside this assembly
-        /// and beside the program, also in the folders where packages keep a system's files.
+        /// The paths that are searched, in this order: if <see cref="Variable"/> is set, only its path; otherwise beside this assembly and beside
+        /// the program, including the folders in which packages keep the files of each system.
         /// </summary>
         public static IReadOnlyList<string> Places()
         {
             string named = Environment.GetEnvironmentVariable(Variable);
             if (!string.IsNullOrEmpty(named)) return new[] { System.IO.Path.GetFullPath(named) };
             var places = new List<string>();
-            // Empty where the assembly is a part of the program's own file.
+            // Empty if the assembly is bundled into the program's file.
             string assembly = typeof(Library).Assembly.Location;
             string beside = string.IsNullOrEmpty(assembly) ? null : System.IO.Path.GetDirectoryName(assembly);
             string package = System.IO.Path.Combine("runtimes", LibraryFile.Here.Identifier, "native");
@@ -77,9 +77,9 @@ namespace Cairn
             return places;
         }
 
-        /// <summary>Loads a library by its path, before anything else here is used. The one that is loaded already may be named again.</summary>
-        /// <param name="path">The file, as <see cref="FileName"/> in a folder of yours.</param>
-        /// <exception cref="LibraryException">It is missing or does not fit; another may be tried.</exception>
+        /// <summary>Loads a library by its path. Call this before anything else here; repeating it with the loaded path is allowed.</summary>
+        /// <param name="path">The file, for example <see cref="FileName"/> in your folder.</param>
+        /// <exception cref="LibraryException">It is missing or not compatible; another path may be tried.</exception>
         /// <exception cref="InvalidOperationException">The process uses another file already.</exception>
         public static void Load(string path)
         {
@@ -108,7 +108,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>The first of the places that is there.</summary>
+        /// <summary>The first path that exists.</summary>
         internal static string Find()
         {
             IReadOnlyList<string> places = Places();
@@ -128,7 +128,7 @@ namespace Cairn
             return new Version((int)(version / 1000000), (int)(version / 1000 % 1000), (int)(version % 1000));
         }
 
-        /// <summary>A library in this process: both versions checked, every function found.</summary>
+        /// <summary>A loaded library: both versions are checked, and every function was found.</summary>
         private sealed class Loaded : Native.IResolver
         {
             internal readonly string Path;

@@ -5,8 +5,8 @@ using System.Runtime.InteropServices;
 namespace Cairn
 {
     /// <summary>
-    /// What a shared library is made for, read from its first bytes: systems say of one that is for another system or processor only that
-    /// it cannot be loaded.
+    /// Reads from a shared library's header the system and processor that it was built for. The system's loader reports a mismatch only as
+    /// a failure to load.
     /// </summary>
     internal sealed class LibraryFile
     {
@@ -16,7 +16,7 @@ namespace Cairn
         private readonly string system;
         private readonly string processor;
 
-        /// <summary>Bytes that the file must have at least, where that is known; the system's loader may crash on one that was cut off.</summary>
+        /// <summary>Minimum file size in bytes, if known; the system's loader may crash on a truncated file.</summary>
         private long whole;
 
         private LibraryFile(string system, string processor)
@@ -36,7 +36,7 @@ namespace Cairn
             return $"{system} on {processor}";
         }
 
-        /// <summary>Throws where a file is no library for this process. One that cannot be read is left to the system's loader.</summary>
+        /// <summary>Throws if a file is no library for this process. A file that cannot be read is left to the system's loader.</summary>
         internal static void RequireFit(string path)
         {
             LibraryFile found;
@@ -71,13 +71,13 @@ namespace Cairn
             }
         }
 
-        /// <summary>Null for what is no library.</summary>
+        /// <summary>Null if it is no library.</summary>
         internal static LibraryFile Read(Stream file)
         {
             byte[] head = Bytes(file, 0, 64);
             if (Starts(head, 0x7f, (byte)'E', (byte)'L', (byte)'F'))
             {
-                // Of little end first, as all processors here.
+                // Little-endian, as all supported processors.
                 if (head[5] != 1) return new LibraryFile("Linux", "another processor");
                 bool wide = head[4] == 2;
                 return new LibraryFile("Linux", OfElf(Number(head, 18, 2), wide)) { whole = wide ? WholeElf(file, head) : 0 };
@@ -92,19 +92,19 @@ namespace Cairn
                 long kind = Number(head, 4, 4);
                 return new LibraryFile("macOS", kind == 0x01000007 ? "x64" : kind == 0x0100000c ? "arm64" : "another processor");
             }
-            // One file for several processors.
+            // A universal binary for several processors.
             if (Starts(head, 0xca, 0xfe, 0xba, 0xbe)) return new LibraryFile("macOS", null);
             return null;
         }
 
-        /// <summary>Where the last segment of a 64-bit ELF file ends.</summary>
+        /// <summary>End of the last segment of a 64-bit ELF file.</summary>
         private static long WholeElf(Stream file, byte[] head)
         {
             long table = Number(head, 32, 8);
             int size = (int)Number(head, 54, 2);
             int count = (int)Number(head, 56, 2);
             long end = table + size * count;
-            // What has no table of this form is no library; the system's loader says so.
+            // A file without a header of this format is no library; the system's loader reports that.
             if (table < 0 || size < 56) return 0;
             for (int i = 0; i < count && table + (i + 1) * size <= file.Length; i++)
             {
@@ -126,7 +126,7 @@ namespace Cairn
             switch (machine)
             {
                 case 3: return "x86";
-                // The processor's narrow mode has a number of addresses of its own.
+                // The x32 ABI has 32-bit ELF files.
                 case 62: return wide ? "x64" : "x32";
                 case 40: return "arm";
                 case 183: return "arm64";
@@ -146,7 +146,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>That many bytes from a place; those behind the file's end are zero.</summary>
+        /// <summary>Reads bytes at an offset; those after the file's end are zero.</summary>
         private static byte[] Bytes(Stream file, long from, int count)
         {
             var bytes = new byte[count];

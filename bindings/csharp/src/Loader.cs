@@ -4,16 +4,16 @@ using System.Runtime.InteropServices;
 
 namespace Cairn
 {
-    /// <summary>The system's own loader of shared libraries, by whole paths: what else a process has under the name is not met.</summary>
+    /// <summary>The system's loader of shared libraries, with full paths, so that another library of the same name is never taken.</summary>
     internal static class Loader
     {
-        /// <summary>Loads a file; zero where that fails, and then why.</summary>
+        /// <summary>Loads a file; returns zero and the reason on failure.</summary>
         internal static IntPtr Open(string path, out string why)
         {
             why = "";
             if (RuntimeInformation.IsOSPlatform(OSPlatform.Windows))
             {
-                // What the library needs is looked for beside it, not beside the program.
+                // The library's dependencies are searched beside it, not beside the program.
                 const uint AlteredSearchPath = 8;
                 IntPtr module = Windows.LoadLibraryExW(path, IntPtr.Zero, AlteredSearchPath);
                 if (module == IntPtr.Zero) why = new Win32Exception(Marshal.GetLastWin32Error()).Message;
@@ -26,7 +26,7 @@ namespace Cairn
             return found;
         }
 
-        /// <summary>The address of a function; zero where the library has none of that name.</summary>
+        /// <summary>Address of a function; zero if the library has none of that name.</summary>
         internal static IntPtr Symbol(IntPtr library, string name)
         {
             if (RuntimeInformation.IsOSPlatform(OSPlatform.Windows)) return Windows.GetProcAddress(library, name);
@@ -43,7 +43,7 @@ namespace Cairn
             }
             catch (DllNotFoundException)
             {
-                // A C library that has the loader in itself and no file of glibc's name.
+                // A C library with a built-in loader and without a file of glibc's name.
                 return other();
             }
         }

@@ -3,30 +3,30 @@ using System.Runtime.InteropServices;
 
 namespace Cairn
 {
-    /// <summary>How important a message is.</summary>
+    /// <summary>Severity of a message.</summary>
     public enum LogLevel
     {
-        /// <summary>No message at all.</summary>
+        /// <summary>No messages.</summary>
         Off = Native.LOG_OFF,
-        /// <summary>Something failed.</summary>
+        /// <summary>Errors.</summary>
         Error = Native.LOG_ERROR,
-        /// <summary>Something is odd, and the work goes on.</summary>
+        /// <summary>Warnings; the work continues.</summary>
         Warning = Native.LOG_WARNING,
-        /// <summary>What a user may want to know.</summary>
+        /// <summary>Information for users.</summary>
         Info = Native.LOG_INFO,
-        /// <summary>What a developer may want to know.</summary>
+        /// <summary>Information for developers.</summary>
         Debug = Native.LOG_DEBUG,
         /// <summary>Everything.</summary>
         Trace = Native.LOG_TRACE,
     }
 
     /// <summary>
-    /// Gets one message, on whatever thread has something to say, also on several at once. What it throws is lost: nothing may be thrown
-    /// through the library.
+    /// Receives one message, on any thread, possibly on several threads at once. Exceptions are discarded, because none may pass through
+    /// the library.
     /// </summary>
-    /// <param name="level">How important it is.</param>
+    /// <param name="level">Severity.</param>
     /// <param name="target">The part of the library, such as "cairn::onnxruntime".</param>
-    /// <param name="message">What it says.</param>
+    /// <param name="message">Text.</param>
     public delegate void LogSink(LogLevel level, string target, string message);
 
     /// <summary>The library's log. There is one for the whole process; without a sink nothing is logged.</summary>
@@ -39,17 +39,17 @@ namespace Cairn
 
         static Log()
         {
-            // The library outlives what an editor unloads, and would go on calling into it.
+            // The library outlives a domain that an editor unloads, and would still call into it.
             AppDomain.CurrentDomain.DomainUnload += (sender, told) => End();
             AppDomain.CurrentDomain.ProcessExit += (sender, told) => End();
         }
 
         /// <summary>
-        /// Sends messages of at least that importance to a sink. When this returns, the sink before it is not running and will not be
-        /// called again.
+        /// Sends messages of at least this severity to a sink. After the call returns, the previous sink is not running and is not called
+        /// again.
         /// </summary>
-        /// <param name="sink">Gets them; null ends logging.</param>
-        /// <param name="level">The least important ones that it gets.</param>
+        /// <param name="sink">Receiver of messages; null ends logging.</param>
+        /// <param name="level">Lowest severity that is sent.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.Busy"/> from within a sink; <see cref="Result.Unsupported"/> where the library is part of a program whose own
         /// logger has the log; <see cref="Result.InvalidArgument"/>.
@@ -84,7 +84,7 @@ namespace Cairn
             }
             catch (Exception)
             {
-                // Nobody above this can be told.
+                // An exception cannot be reported above this.
             }
         }
     }

@@ -3,21 +3,21 @@ using System.Runtime.InteropServices;
 
 namespace Cairn
 {
-    /// <summary>How pixels lie in memory.</summary>
+    /// <summary>Pixel format.</summary>
     public enum PixelFormat
     {
-        /// <summary>Four bytes to a pixel, red first; display-referred sRGB, alpha straight.</summary>
+        /// <summary>Four bytes per pixel, RGBA; display-referred sRGB, straight alpha.</summary>
         Rgba8 = Native.FORMAT_RGBA8,
-        /// <summary>Four bytes to a pixel, blue first.</summary>
+        /// <summary>Four bytes per pixel, BGRA.</summary>
         Bgra8 = Native.FORMAT_BGRA8,
-        /// <summary>Four half floats to a pixel, red first; for targets only.</summary>
+        /// <summary>Four half floats per pixel, RGBA; for targets only.</summary>
         Rgba16F = Native.FORMAT_RGBA16F,
-        /// <summary>Four bytes to a pixel: ten bits of red, the lowest, of green and of blue, two of alpha; for targets only.</summary>
+        /// <summary>Four bytes per pixel: ten bits each of red (lowest), green and blue, two of alpha; for targets only.</summary>
         Rgb10A2 = Native.FORMAT_RGB10A2,
     }
 
     /// <summary>
-    /// A picture in your memory that is read during a call only: rows from top to bottom. Spans, arrays and native memory will do.
+    /// A picture in your memory, which is only read during a call: rows from top to bottom, in a span, an array or native memory.
     /// </summary>
     public ref struct PictureView
     {
@@ -45,13 +45,13 @@ namespace Cairn
         /// <summary>In pixels.</summary>
         public int Height { get; }
 
-        /// <summary>How pixels lie in memory.</summary>
+        /// <summary>Pixel format.</summary>
         public PixelFormat Format { get; }
 
         /// <summary>Bytes from one row to the next; 0 for rows without a gap.</summary>
         public int RowPitch { get; }
 
-        /// <summary>For the library, with pixels that the caller has fixed.</summary>
+        /// <summary>The library's struct; the caller has pinned the pixels.</summary>
         internal unsafe Native.picture At(byte* pixels)
         {
             return new Native.picture
@@ -68,7 +68,7 @@ namespace Cairn
     }
 
     /// <summary>
-    /// Memory of yours that a picture is written into, during a call only. Bytes between rows are left alone.
+    /// Your memory into which a picture is written during a call. Bytes between rows are not changed.
     /// </summary>
     public ref struct PictureTarget
     {
@@ -76,7 +76,7 @@ namespace Cairn
         /// <param name="pixels">Room for the pixels, the top left one first.</param>
         /// <param name="width">In pixels; must be the picture's.</param>
         /// <param name="height">In pixels; must be the picture's.</param>
-        /// <param name="format">How pixels shall lie.</param>
+        /// <param name="format">Pixel format to write.</param>
         /// <param name="rowPitch">Bytes from one row to the next; 0 for rows without a gap.</param>
         public PictureTarget(Span<byte> pixels, int width, int height, PixelFormat format = PixelFormat.Rgba8, int rowPitch = 0)
         {
@@ -96,13 +96,13 @@ namespace Cairn
         /// <summary>In pixels.</summary>
         public int Height { get; }
 
-        /// <summary>How pixels shall lie.</summary>
+        /// <summary>Pixel format to write.</summary>
         public PixelFormat Format { get; }
 
         /// <summary>Bytes from one row to the next; 0 for rows without a gap.</summary>
         public int RowPitch { get; }
 
-        /// <summary>For the library, with pixels that the caller has fixed.</summary>
+        /// <summary>The library's struct; the caller has pinned the pixels.</summary>
         internal unsafe Native.target At(byte* pixels)
         {
             return new Native.target

@@ -3,42 +3,42 @@ using System.Runtime.InteropServices;
 
 namespace Cairn
 {
-    /// <summary>Whether a generator is used.</summary>
+    /// <summary>Use of a generator.</summary>
     public enum Preference
     {
-        /// <summary>Where it can be.</summary>
+        /// <summary>Use it if possible.</summary>
         Auto = Native.PREFER_AUTO,
-        /// <summary>It is, or there is no presenter.</summary>
+        /// <summary>Use it; without it making the presenter fails.</summary>
         Require = Native.PREFER_REQUIRE,
-        /// <summary>It is not.</summary>
+        /// <summary>Do not use it.</summary>
         Never = Native.PREFER_NEVER,
     }
 
-    /// <summary>What the colours of frames mean.</summary>
+    /// <summary>Colour space of frames.</summary>
     public enum ColourSpace
     {
-        /// <summary>Display-referred sRGB, as pictures are.</summary>
+        /// <summary>Display-referred sRGB, like pictures.</summary>
         Srgb = Native.COLOUR_SRGB,
-        /// <summary>Linear light of the same primaries, 1 being white; for <see cref="PixelFormat.Rgba16F"/> only.</summary>
+        /// <summary>Linear light with sRGB primaries, 1 is white; for <see cref="PixelFormat.Rgba16F"/> only.</summary>
         Linear = Native.COLOUR_LINEAR,
-        /// <summary>Linear light of the same primaries, 1 being 80 nits; for <see cref="PixelFormat.Rgba16F"/> only.</summary>
+        /// <summary>Linear light with sRGB primaries, 1 is 80 nits; for <see cref="PixelFormat.Rgba16F"/> only.</summary>
         ScRgb = Native.COLOUR_SCRGB,
-        /// <summary>The curve of PQ with the primaries of BT.2020; for <see cref="PixelFormat.Rgb10A2"/> only.</summary>
+        /// <summary>PQ transfer function with BT.2020 primaries; for <see cref="PixelFormat.Rgb10A2"/> only.</summary>
         Hdr10 = Native.COLOUR_HDR10,
     }
 
-    /// <summary>What a frame is.</summary>
+    /// <summary>Kind of a frame.</summary>
     public enum FrameSource
     {
         /// <summary>An anchor.</summary>
         Anchor = Native.FRAME_ANCHOR,
-        /// <summary>A picture that the later anchor brought with it.</summary>
+        /// <summary>A further picture that the decoder made together with the later anchor.</summary>
         Decoded = Native.FRAME_DECODED,
         /// <summary>Generated between two anchors.</summary>
         Generated = Native.FRAME_GENERATED,
-        /// <summary>Generated beyond the last anchor, as the next one is late.</summary>
+        /// <summary>Extrapolated beyond the last anchor, because the next one is late.</summary>
         Extrapolated = Native.FRAME_EXTRAPOLATED,
-        /// <summary>A picture that stands, as nothing can be generated.</summary>
+        /// <summary>A repeated picture, because nothing can be generated.</summary>
         Held = Native.FRAME_HELD,
     }
 
@@ -52,19 +52,19 @@ namespace Cairn
             this.from = from;
         }
 
-        /// <summary>Place in the stream: anchor i, counted from 0 as they came, has place i times the multiplier.</summary>
+        /// <summary>Position in the stream: the anchor pushed as number i, from 0, has position i times the multiplier.</summary>
         public long Position
         {
             get { return (long)from.position; }
         }
 
-        /// <summary>When it is due.</summary>
+        /// <summary>Time at which it is due.</summary>
         public long SinceNs
         {
             get { return (long)from.since_ns; }
         }
 
-        /// <summary>When the next one is due, if no anchor is late.</summary>
+        /// <summary>Time at which the next one is due, unless an anchor is late.</summary>
         public long UntilNs
         {
             get { return (long)from.until_ns; }
@@ -76,47 +76,47 @@ namespace Cairn
             get { return (long)from.previous; }
         }
 
-        /// <summary>Number of the anchor that it leads to; the same where it leads to none.</summary>
+        /// <summary>Number of the anchor at the interval's end; equal to the other one if there is no interval.</summary>
         public long Current
         {
             get { return (long)from.current; }
         }
 
-        /// <summary>What it is.</summary>
+        /// <summary>Kind of the frame.</summary>
         public FrameSource Source
         {
             get { return (FrameSource)from.source; }
         }
 
-        /// <summary>Intervals from the previous anchor, 0 to 1.</summary>
+        /// <summary>Phase: intervals since the previous anchor, 0 to 1.</summary>
         public float T
         {
             get { return (float)from.t; }
         }
 
-        /// <summary>A cut keeps it from being generated.</summary>
+        /// <summary>It was not generated because of a cut.</summary>
         public bool IsCut
         {
             get { return (from.flags & Native.FRAME_CUT) != 0; }
         }
 
-        /// <summary>It is the very picture that was drawn before.</summary>
+        /// <summary>It is the same picture as the one drawn before.</summary>
         public bool IsRepeated
         {
             get { return (from.flags & Native.FRAME_REPEATED) != 0; }
         }
 
-        /// <summary>An anchor in place of a frame that is not prepared yet; only where frames are made on Direct3D 12.</summary>
+        /// <summary>An anchor shown instead of a frame that is not prepared yet; only for frames made on Direct3D 12.</summary>
         public bool IsUnprepared
         {
             get { return (from.flags & Native.FRAME_UNPREPARED) != 0; }
         }
     }
 
-    /// <summary>How anchors are shown. As it is made: two frames to an anchor, one interval after they come.</summary>
+    /// <summary>How anchors are shown. Defaults: two frames per anchor, delayed by one interval.</summary>
     public sealed class PresenterOptions
     {
-        /// <summary>Frames to an anchor: 1, 2, 3, 4 or 6; 0 for 2.</summary>
+        /// <summary>Frames per anchor: 1, 2, 3, 4 or 6; 0 for 2.</summary>
         public int Multiplier { get; set; }
 
         /// <summary>Width of the frames in pixels; 0 with a height of 0 for the anchors'.</summary>
@@ -125,37 +125,37 @@ namespace Cairn
         /// <summary>Height of the frames in pixels.</summary>
         public int Height { get; set; }
 
-        /// <summary>Nanoseconds from one anchor to the next; 0 for what the first anchor's rate says.</summary>
+        /// <summary>Nanoseconds between anchors; 0 to use the first anchor's rate.</summary>
         public long IntervalNs { get; set; }
 
-        /// <summary>Nanoseconds from when an anchor comes until it is due; 0 for an interval.</summary>
+        /// <summary>Nanoseconds from the arrival of an anchor until it is due; 0 for one interval.</summary>
         public long DelayNs { get; set; }
 
-        /// <summary>Where an anchor is late the last one stands; its motion does not go on.</summary>
+        /// <summary>If an anchor is late, hold the last one instead of extrapolating.</summary>
         public bool HoldLate { get; set; }
 
-        /// <summary>After a late anchor frames are shown sooner, until anchors are due after the delay again.</summary>
+        /// <summary>After a late anchor, show frames sooner until anchors are due after the normal delay again.</summary>
         public bool CatchUp { get; set; }
 
-        /// <summary>Frames are generated also where the anchor brings decoded pictures for them.</summary>
+        /// <summary>Generate frames even if the anchor has decoded pictures for them.</summary>
         public bool NoDecoded { get; set; }
 
-        /// <summary>In frames of another shape the anchors keep theirs, with black beside or above them.</summary>
+        /// <summary>If frames have another aspect ratio than the anchors, add black bars instead of stretching.</summary>
         public bool Letterbox { get; set; }
 
-        /// <summary>Anchors that may wait for their time, 1 to 64; 0 for 4.</summary>
+        /// <summary>Maximum number of waiting anchors, 1 to 64; 0 for 4.</summary>
         public int Capacity { get; set; }
 
-        /// <summary>Where motion comes from when an anchor comes without guidance.</summary>
+        /// <summary>Source of motion for anchors without guidance.</summary>
         public MotionSource Motion { get; set; }
 
-        /// <summary>What the colours of frames mean.</summary>
+        /// <summary>Colour space of frames.</summary>
         public ColourSpace ColourSpace { get; set; }
 
-        /// <summary>How bright the white of pictures is in scRGB and HDR10, 1 to 10000 nits; 0 for 203. 0 for the others.</summary>
+        /// <summary>Luminance of the pictures' white in scRGB and HDR10, 1 to 10000 nits; 0 for 203. Must be 0 for other colour spaces.</summary>
         public int WhiteNits { get; set; }
 
-        /// <summary>AMD FidelityFX frame generation, for frames that are recorded for Direct3D 12.</summary>
+        /// <summary>AMD FidelityFX frame generation, for frames recorded for Direct3D 12.</summary>
         public Preference Fsr { get; set; }
 
         /// <summary>The library's own shaders, for Direct3D 12.</summary>
@@ -169,16 +169,16 @@ namespace Cairn
     }
 
     /// <summary>
-    /// Shows a stream of anchors at a steady rate: it is given anchors as they come, knows which frame is due when, and makes it.
+    /// Shows a stream of anchors at a steady rate: receives anchors as they come, decides which frame is due when, and makes it.
     /// </summary>
     /// <remarks>
-    /// It reads no clock: every time is yours, in nanoseconds from wherever you like. <see cref="TryDraw"/> is one at a time, and a second
-    /// one beside it throws <see cref="Result.Busy"/>; all else may be called from any thread, also while a frame is drawn.
+    /// It reads no clock: all times are yours, in nanoseconds from any origin. <see cref="TryDraw"/> excludes itself: a concurrent second
+    /// call throws <see cref="Result.Busy"/>. Everything else may be called from any thread, also while a frame is drawn.
     /// </remarks>
     public sealed unsafe class Presenter : CairnObject
     {
         /// <summary>A presenter.</summary>
-        /// <param name="options">How anchors are shown; null for the defaults.</param>
+        /// <param name="options">Settings; null for the defaults.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.InvalidArgument"/>; <see cref="Result.Unsupported"/> for a required generator that is not there;
         /// <see cref="Result.OutOfMemory"/>.
@@ -187,7 +187,7 @@ namespace Cairn
         {
         }
 
-        /// <summary>What it has done, and with what.</summary>
+        /// <summary>Statistics.</summary>
         public PresenterStatistics Statistics
         {
             get
@@ -199,13 +199,13 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Gives it the next anchor. It keeps what it needs, so that anchor and guidance may be closed. What comes without a number one
-        /// above the last, or as a cut, has nothing generated before it.
+        /// Pushes the next anchor. The presenter keeps its own references, so anchor and guidance may be closed. For an anchor whose number is
+        /// not one above the last, or that is a cut, nothing is generated before it.
         /// </summary>
         /// <param name="anchor">The anchor.</param>
-        /// <param name="nowNs">When it came.</param>
-        /// <param name="guidance">Of the anchor before and this one; null to have the presenter find it.</param>
-        /// <returns>False where as many wait as may, and it was not taken.</returns>
+        /// <param name="nowNs">Time of its arrival.</param>
+        /// <param name="guidance">From the previous anchor to this one; null to let the presenter extract it.</param>
+        /// <returns>False if the maximum number of anchors waits; the anchor was not taken.</returns>
         /// <exception cref="CairnException">
         /// <see cref="Result.InvalidArgument"/> for another size than the first anchor's, and for a first one without a rate where the
         /// options have no interval.
@@ -220,10 +220,10 @@ namespace Cairn
             return Done(result) == Native.OK;
         }
 
-        /// <summary>Says which frame is due. Takes less than a microsecond.</summary>
-        /// <param name="nowNs">When it will be shown.</param>
-        /// <param name="frame">What it is.</param>
-        /// <returns>False before the first anchor came.</returns>
+        /// <summary>Returns the frame that is due. Takes less than a microsecond.</summary>
+        /// <param name="nowNs">Time at which it will be shown.</param>
+        /// <param name="frame">The frame's properties.</param>
+        /// <returns>False before the first anchor.</returns>
         public bool TryQuery(long nowNs, out Frame frame)
         {
             Native.frame native = EmptyFrame();
@@ -232,11 +232,11 @@ namespace Cairn
             return result == Native.OK;
         }
 
-        /// <summary>Makes the frame that is due and writes it into memory of yours.</summary>
-        /// <param name="nowNs">When it will be shown.</param>
-        /// <param name="target">Of the frames' size.</param>
-        /// <param name="frame">What was drawn.</param>
-        /// <returns>False before the first anchor came; nothing is written then.</returns>
+        /// <summary>Draws the frame that is due into your memory.</summary>
+        /// <param name="nowNs">Time at which it will be shown.</param>
+        /// <param name="target">Must have the frames' size.</param>
+        /// <param name="frame">Properties of the drawn frame.</param>
+        /// <returns>False before the first anchor; nothing is written then.</returns>
         /// <exception cref="CairnException">
         /// <see cref="Result.InvalidArgument"/>, <see cref="Result.Busy"/>, <see cref="Result.OutOfMemory"/>; no pixel is written then.
         /// </exception>
@@ -252,7 +252,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>Changes the size of the frames, as a window's changes. The stream goes on.</summary>
+        /// <summary>Changes the size of the frames, for example with a window. The stream continues.</summary>
         /// <param name="width">In pixels; 0 with a height of 0 for the anchors'.</param>
         /// <param name="height">In pixels.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>.</exception>
@@ -262,10 +262,10 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Says what lies over the anchors from the next frame on and stands still while they move, like a HUD. Frames that a Direct3D
-        /// device makes heed it.
+        /// Sets the mask of what covers the anchors and stands still while they move, like a HUD, from the next frame on. Only frames made by
+        /// a Direct3D device use it.
         /// </summary>
-        /// <param name="mask">A byte to a pixel of an anchor, row by row, 0 where nothing lies over it; empty, with 0 for both sizes, for nothing known.</param>
+        /// <param name="mask">A byte per pixel of an anchor, row by row, 0 where nothing covers it; empty, with both sizes 0, if unknown.</param>
         /// <param name="width">The anchors'.</param>
         /// <param name="height">The anchors'.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
@@ -278,14 +278,14 @@ namespace Cairn
             }
         }
 
-        /// <summary>Holds frames for Direct3D 12 to so many nanoseconds of the device's time each; 0 for no budget.</summary>
-        /// <param name="frameNs">For each frame that is shown, on average over an interval.</param>
+        /// <summary>Sets a budget of device time for frames on Direct3D 12; 0 for none.</summary>
+        /// <param name="frameNs">Nanoseconds per presented frame, averaged over an interval.</param>
         public void SetBudget(long frameNs)
         {
             Done(Library.C.presenter_set_budget(Value, Check.NotNegative(frameNs, nameof(frameNs))));
         }
 
-        /// <summary>Forgets all anchors and when they came: the next one is a first again, of any size.</summary>
+        /// <summary>Removes all anchors and their times: the next anchor is a first one again and may have any size.</summary>
         public void Reset()
         {
             Done(Library.C.presenter_reset(Value));

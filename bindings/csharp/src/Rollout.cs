@@ -4,7 +4,7 @@ using System.Runtime.InteropServices;
 
 namespace Cairn
 {
-    /// <summary>What one step did. Times are nanoseconds of wall time.</summary>
+    /// <summary>Statistics of one step. Times are nanoseconds of wall time.</summary>
     public struct StepInfo
     {
         private readonly Native.step_info from;
@@ -14,68 +14,68 @@ namespace Cairn
             this.from = from;
         }
 
-        /// <summary>Keys and values of the latent went into the ring.</summary>
+        /// <summary>Whether keys and values of the latent were written to the ring.</summary>
         public bool IsCommitted
         {
             get { return (from.flags & Native.STEP_COMMITTED) != 0; }
         }
 
-        /// <summary>The number of the latent that was made, from 0.</summary>
+        /// <summary>Number of the new latent, from 0.</summary>
         public long Latent
         {
             get { return (long)from.latent; }
         }
 
-        /// <summary>Denoise passes.</summary>
+        /// <summary>Number of denoise passes.</summary>
         public int DenoisePasses
         {
             get { return (int)from.denoise_passes; }
         }
 
-        /// <summary>Passes that make keys and values for the ring.</summary>
+        /// <summary>Number of cache passes, which make keys and values for the ring.</summary>
         public int CachePasses
         {
             get { return (int)from.cache_passes; }
         }
 
-        /// <summary>A picture made a latent.</summary>
+        /// <summary>Time of encoding a picture.</summary>
         public long EncodeNs
         {
             get { return (long)from.encode_ns; }
         }
 
-        /// <summary>All denoise passes.</summary>
+        /// <summary>Time of all denoise passes.</summary>
         public long DenoiseNs
         {
             get { return (long)from.denoise_ns; }
         }
 
-        /// <summary>All cache passes.</summary>
+        /// <summary>Time of all cache passes.</summary>
         public long CacheNs
         {
             get { return (long)from.cache_ns; }
         }
 
-        /// <summary>Results checked and copied into the ring.</summary>
+        /// <summary>Time of checking results and copying them into the ring.</summary>
         public long CommitNs
         {
             get { return (long)from.commit_ns; }
         }
 
-        /// <summary>The latent made pictures.</summary>
+        /// <summary>Time of decoding the latent.</summary>
         public long DecodeNs
         {
             get { return (long)from.decode_ns; }
         }
 
-        /// <summary>Bytes that went into the ring.</summary>
+        /// <summary>Bytes written to the ring.</summary>
         public long RingBytes
         {
             get { return (long)from.ring_bytes; }
         }
     }
 
-    /// <summary>What a rollout is, and how far.</summary>
+    /// <summary>Properties and progress of a rollout.</summary>
     public sealed unsafe class RolloutInfo
     {
         internal RolloutInfo(ref Native.rollout_info from)
@@ -88,55 +88,55 @@ namespace Cairn
             fixed (byte* point = from.operating_point) OperatingPoint = Text.Decode(point, 192);
         }
 
-        /// <summary>Pictures that each anchor has.</summary>
+        /// <summary>Pictures per anchor.</summary>
         public int PicturesPerLatent { get; }
 
         /// <summary>Latents made so far.</summary>
         public long Latents { get; }
 
-        /// <summary>What decides its noise.</summary>
+        /// <summary>Seed of its noise.</summary>
         public ulong Seed { get; }
 
-        /// <summary>Latents per second of world time: what each step's controls are summed over.</summary>
+        /// <summary>Latents per second of world time; each step's controls cover one such interval.</summary>
         public int LatentsPerSecond { get; }
 
-        /// <summary>Pictures per second that the operating point means to show.</summary>
+        /// <summary>Pictures per second that the operating point presents.</summary>
         public int PresentedRate { get; }
 
-        /// <summary>How it runs, in full.</summary>
+        /// <summary>Operating point, in full.</summary>
         public string OperatingPoint { get; }
     }
 
-    /// <summary>What a rollout and its frames may take: time, memory or both.</summary>
+    /// <summary>Budget of a rollout and its frames: time, memory or both.</summary>
     public sealed class Budget
     {
-        /// <summary>Nanoseconds of the device's time for each frame that is shown, anchors and all; 0 for as long as it takes.</summary>
+        /// <summary>Nanoseconds of device time per presented frame, including the anchors' share; 0 for no limit.</summary>
         public long FrameNs { get; set; }
 
-        /// <summary>MiB that the world in use and its rollout may need; 0 for as many as there are.</summary>
+        /// <summary>MiB for the world in use and its rollout; 0 for all that is available.</summary>
         public long MemoryMib { get; set; }
 
-        /// <summary>Frames that are shown for each anchor, at most 64; 0 for the presenter's own, and for 1 without.</summary>
+        /// <summary>Presented frames per anchor, at most 64; 0 for the presenter's, or for 1 without a presenter.</summary>
         public int Multiplier { get; set; }
 
         /// <summary>
-        /// Schedules as in operating points, each with fewer passes than the one before, at most 8: "stock", "explicit:1:0.5:0". Null for
-        /// the rollout's own alone.
+        /// Schedules as in operating points, each with fewer passes than the previous one, at most 8: "stock", "explicit:1:0.5:0". Null for the
+        /// rollout's own only.
         /// </summary>
         public IReadOnlyList<string> Schedules { get; set; }
 
-        /// <summary>Further worlds of the same bundle that the rollout may go on in, loaded with other global windows, at most 8; may be null.</summary>
+        /// <summary>Worlds of the same bundle with other global windows, to which the rollout may switch, at most 8; may be null.</summary>
         public IReadOnlyList<World> Worlds { get; set; }
 
-        /// <summary>The presenter whose frames are held to it too; may be null.</summary>
+        /// <summary>The presenter whose frames share the budget; may be null.</summary>
         public Presenter Presenter { get; set; }
     }
 
-    /// <summary>One running instance of a world: its memory of the past, its clocks and its noise.</summary>
+    /// <summary>One running instance of a world: its KV ring, clocks and noise seed.</summary>
     /// <remarks>
-    /// <see cref="Append(PictureView)"/>, <see cref="Step"/>, <see cref="Reset"/>, <see cref="Restore"/> and what sets a budget are one at a time:
-    /// beside another of them, or while steps are queued, they throw <see cref="Result.Busy"/> and do nothing. All else may be called from
-    /// any thread at any time; queries throw <see cref="Result.Busy"/> while a step is running.
+    /// <see cref="Append(PictureView)"/>, <see cref="Step"/>, <see cref="Reset"/>, <see cref="Restore"/> and setting a budget exclude each
+    /// other: during another of them, or while steps are queued, they throw <see cref="Result.Busy"/> and do nothing. All else may be called
+    /// from any thread at any time; queries throw <see cref="Result.Busy"/> while a step is running.
     /// </remarks>
     public sealed unsafe class Rollout : CairnObject
     {
@@ -144,7 +144,7 @@ namespace Cairn
         {
         }
 
-        /// <summary>What it is, and how far.</summary>
+        /// <summary>Properties and progress.</summary>
         /// <exception cref="CairnException"><see cref="Result.Busy"/> while a step is running.</exception>
         public RolloutInfo Info
         {
@@ -156,7 +156,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>What it has done so far; does not wait for a step that is running.</summary>
+        /// <summary>Statistics so far; does not wait for a running step.</summary>
         public RolloutStatistics Statistics
         {
             get
@@ -168,7 +168,7 @@ namespace Cairn
         }
 
         /// <summary>Appends a picture of any size: the seed, or later an edit of the scene. On the calling thread.</summary>
-        /// <param name="picture">Is copied.</param>
+        /// <param name="picture">The picture; it is copied.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.InvalidArgument"/>, <see cref="Result.Busy"/>, <see cref="Result.OutOfMemory"/>, <see cref="Result.Device"/>,
         /// <see cref="Result.Cancelled"/>; the rollout is then as it was.
@@ -185,12 +185,12 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Appends pictures that follow each other, the oldest first, as one latent: the four of a latent, so that a scene that moves goes on
-        /// moving, or one, a still. On the calling thread.
+        /// Appends consecutive pictures, the oldest first, as one latent: the four of a latent keep a moving scene in motion, one picture gives a
+        /// still. On the calling thread.
         /// </summary>
-        /// <param name="first">The oldest; is copied.</param>
-        /// <param name="second">Is copied, as all are.</param>
-        /// <param name="third">The one after that.</param>
+        /// <param name="first">The oldest. All pictures are copied.</param>
+        /// <param name="second">The next one.</param>
+        /// <param name="third">The next one.</param>
         /// <param name="fourth">The newest.</param>
         /// <exception cref="CairnException">As for <see cref="Append(PictureView)"/>.</exception>
         public StepInfo Append(PictureView first, PictureView second, PictureView third, PictureView fourth)
@@ -212,13 +212,13 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Says whether the encoder goes on from one appended picture to the next, as the released engine's does, or starts anew with each, as
-        /// it does unless told so here. The stream starts with this call, and again with a reset; it is part of a saved state.
+        /// Sets whether the encoder keeps its memory from one appended picture to the next, as the released engine does, or starts anew for each,
+        /// which is the default. The stream starts with this call, and again with a reset; it is part of a saved state.
         /// </summary>
         /// <param name="keep">True to keep it.</param>
         /// <exception cref="CairnException">
-        /// <see cref="Result.Unsupported"/> where the bundle's encoder is not handed its memories; <see cref="Result.Busy"/> while steps
-        /// are queued.
+        /// <see cref="Result.Unsupported"/> if the bundle's encoder does not take its memories as inputs; <see cref="Result.Busy"/> while steps are
+        /// queued.
         /// </exception>
         public void KeepEncoderStream(bool keep)
         {
@@ -226,9 +226,9 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Lets others use the device's memory of a rollout that makes no latents for a while: rings, latents and pictures are evicted after
-        /// what is under way, and the next call that needs them brings them back. <see cref="Pause"/> has a rollout whose queue was used rest too.
-        /// Nothing happens on a processor.
+        /// Releases the device memory of a rollout that pauses: rings, latents and pictures are evicted after the work in flight, and the next
+        /// call that needs them makes them resident again. <see cref="Pause"/> does the same for a rollout whose queue was used. Has no effect on a
+        /// processor.
         /// </summary>
         /// <exception cref="CairnException"><see cref="Result.Busy"/> while steps are queued; <see cref="Result.Device"/>.</exception>
         public void Rest()
@@ -237,9 +237,9 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Makes the next latent; the controls stand for one latent's span of world time. On the calling thread.
+        /// Makes the next latent; the controls cover one latent's interval of world time. On the calling thread.
         /// </summary>
-        /// <param name="controls">Of the step.</param>
+        /// <param name="controls">Controls of the step.</param>
         /// <exception cref="CairnException">
         /// As for <see cref="Append(PictureView)"/>, and <see cref="Result.Unsupported"/> for a key that the world does not know.
         /// </exception>
@@ -262,7 +262,7 @@ namespace Cairn
             return new Anchor(Made(result, ref anchor));
         }
 
-        /// <summary>Back to the start with the same seed: no latents, empty memory.</summary>
+        /// <summary>Returns to the start with the same seed: no latents, empty memory.</summary>
         /// <exception cref="CairnException"><see cref="Result.Busy"/>, <see cref="Result.Device"/>.</exception>
         public void Reset()
         {
@@ -270,11 +270,11 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Holds latents to so much wall time each: they are made by the first of the schedules until that takes too long, then by one with
-        /// fewer passes. It goes by the times of the latents before, so that the same controls may give other pictures the next time.
+        /// Limits the wall time per latent: latents are made with the first schedule until that takes too long, then with one of fewer passes. This
+        /// depends on measured times, so the same controls may give other pictures in another run.
         /// </summary>
-        /// <param name="latentNs">Nanoseconds for a latent.</param>
-        /// <param name="schedules">As in operating points, such as "stock" and "explicit:1:0.5:0"; none ends it.</param>
+        /// <param name="latentNs">Nanoseconds per latent.</param>
+        /// <param name="schedules">As in operating points, such as "stock" and "explicit:1:0.5:0"; an empty list ends the limit.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.Busy"/>.</exception>
         public void SetBudget(long latentNs, params string[] schedules)
         {
@@ -285,10 +285,10 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Holds the rollout, and the frames of a presenter, to a budget: it picks how many passes latents have, how far back they see, and
-        /// how many of the frames between anchors are made. <see cref="Statistics"/> says what it did.
+        /// Keeps the rollout, and the frames of a presenter, within a budget: selects the number of passes per latent, the context window, and how
+        /// many of the frames between anchors are made. <see cref="Statistics"/> reports its actions.
         /// </summary>
-        /// <param name="budget">What they may take; null ends it, and leaves things as they are.</param>
+        /// <param name="budget">The budget; null ends it and keeps the current settings.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.InvalidArgument"/>, <see cref="Result.Busy"/>, <see cref="Result.OutOfMemory"/> where even the narrowest
         /// window needs too much.
@@ -324,10 +324,10 @@ namespace Cairn
             }
         }
 
-        /// <summary>Queues a step for the rollout's own thread, and returns at once. A step that fails takes those behind it with it.</summary>
-        /// <param name="controls">Of the step.</param>
-        /// <param name="ticket">To ask for the result with.</param>
-        /// <returns>False where the queue is full: take results from it, then try again.</returns>
+        /// <summary>Queues a step for the rollout's own thread, and returns at once. If a step fails, those queued after it are discarded.</summary>
+        /// <param name="controls">Controls of the step.</param>
+        /// <param name="ticket">Identifies the step for its result.</param>
+        /// <returns>False if the queue is full: take results, then try again.</returns>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
         public bool TrySubmit(Controls controls, out long ticket)
         {
@@ -340,8 +340,8 @@ namespace Cairn
 
         /// <summary>Queues the append of a picture, which is copied.</summary>
         /// <param name="picture">See <see cref="Append(PictureView)"/>.</param>
-        /// <param name="ticket">To ask for the result with.</param>
-        /// <returns>False where the queue is full.</returns>
+        /// <param name="ticket">Identifies the step for its result.</param>
+        /// <returns>False if the queue is full.</returns>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
         public bool TrySubmitPicture(PictureView picture, out long ticket)
         {
@@ -360,8 +360,8 @@ namespace Cairn
         /// <param name="second">The one after that.</param>
         /// <param name="third">The one after that.</param>
         /// <param name="fourth">The newest.</param>
-        /// <param name="ticket">To ask for the result with.</param>
-        /// <returns>False where the queue is full.</returns>
+        /// <param name="ticket">Identifies the step for its result.</param>
+        /// <returns>False if the queue is full.</returns>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
         public bool TrySubmitPictures(
             PictureView first, PictureView second, PictureView third, PictureView fourth, out long ticket)
@@ -383,13 +383,13 @@ namespace Cairn
             }
         }
 
-        /// <summary>Asks for the result of a queued step, without waiting. Each ticket has one result, which is given once.</summary>
-        /// <param name="ticket">Of the step.</param>
-        /// <param name="info">What it did.</param>
-        /// <param name="anchor">What it made, yours to close.</param>
-        /// <returns>False while it waits or runs.</returns>
+        /// <summary>Takes the result of a queued step without waiting. Each ticket has one result, which can be taken once.</summary>
+        /// <param name="ticket">Ticket of the step.</param>
+        /// <param name="info">Statistics of the step.</param>
+        /// <param name="anchor">The new anchor; close it after use.</param>
+        /// <returns>False while the step waits or runs.</returns>
         /// <exception cref="CairnException">
-        /// What the step failed with; <see cref="Result.InvalidArgument"/> for a ticket that was given its result.
+        /// The error of the step; <see cref="Result.InvalidArgument"/> for a ticket whose result was taken.
         /// </exception>
         public bool TryTake(long ticket, out StepInfo info, out Anchor anchor)
         {
@@ -399,12 +399,12 @@ namespace Cairn
             return Taken(result, native, made, out info, out anchor);
         }
 
-        /// <summary>As <see cref="TryTake"/>, and waits for the step to end.</summary>
-        /// <param name="ticket">Of the step.</param>
-        /// <param name="timeout">How long at most; <see cref="System.Threading.Timeout.InfiniteTimeSpan"/> for as long as it takes.</param>
-        /// <param name="info">What it did.</param>
-        /// <param name="anchor">What it made, yours to close.</param>
-        /// <returns>False when the time is over.</returns>
+        /// <summary>As <see cref="TryTake"/>, but waits for the step to end.</summary>
+        /// <param name="ticket">Ticket of the step.</param>
+        /// <param name="timeout">Maximum wait; <see cref="System.Threading.Timeout.InfiniteTimeSpan"/> for no limit.</param>
+        /// <param name="info">Statistics of the step.</param>
+        /// <param name="anchor">The new anchor; close it after use.</param>
+        /// <returns>False after the timeout.</returns>
         /// <exception cref="CairnException">
         /// As <see cref="TryTake"/>; closing the rollout ends the wait with <see cref="Result.Cancelled"/>.
         /// </exception>
@@ -423,36 +423,36 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Ends all that is going on: queued steps are not made, and the one in progress ends before its next pass. Each fails with
-        /// <see cref="Result.Cancelled"/>, and the rollout is as before it. Does not wait.
+        /// Cancels all work: queued steps are not made, and the running one ends before its next pass. Each fails with
+        /// <see cref="Result.Cancelled"/>, and the rollout stays as before it. Does not wait.
         /// </summary>
         public void Cancel()
         {
             Done(Library.C.rollout_cancel(Value));
         }
 
-        /// <summary>Holds the queue: the step in progress ends as it would, and no other begins.</summary>
+        /// <summary>Pauses the queue: the running step finishes, and no other starts.</summary>
         public void Pause()
         {
             Done(Library.C.rollout_pause(Value));
         }
 
-        /// <summary>Lets a held queue go on.</summary>
+        /// <summary>Resumes a paused queue.</summary>
         public void Resume()
         {
             Done(Library.C.rollout_resume(Value));
         }
 
-        /// <summary>Lets exactly one step of a held queue run.</summary>
-        /// <returns>False where none is queued that was not let go already.</returns>
-        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/> where the queue is not held.</exception>
+        /// <summary>Runs exactly one step of a paused queue.</summary>
+        /// <returns>False if every queued step was released already.</returns>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/> if the queue is not paused.</exception>
         public bool SingleStep()
         {
             return Done(Library.C.rollout_single_step(Value)) == Native.OK;
         }
 
         /// <summary>
-        /// The whole state: memory, clocks, seed, operating point and last pictures. A rollout that takes it up goes on bit for bit.
+        /// Saves the whole state: memory, clocks, seed, operating point and last pictures. A rollout that restores it continues bit for bit.
         /// </summary>
         /// <exception cref="CairnException">
         /// <see cref="Result.Busy"/> while a step is running; <see cref="Result.OutOfMemory"/>, <see cref="Result.Device"/>.
@@ -469,8 +469,8 @@ namespace Cairn
             return state;
         }
 
-        /// <summary>Writes the whole state into a file, whole or not at all.</summary>
-        /// <param name="path">A file that is there is replaced.</param>
+        /// <summary>Writes the whole state into a file, completely or not at all.</summary>
+        /// <param name="path">An existing file is replaced.</param>
         /// <exception cref="CairnException"><see cref="Result.Io"/>, and as <see cref="Save"/>.</exception>
         public void SaveFile(string path)
         {
@@ -480,8 +480,8 @@ namespace Cairn
             }
         }
 
-        /// <summary>Takes up a state of the same bundle, precision and global window; seed and operating point become the state's.</summary>
-        /// <param name="state">What <see cref="Save"/> gave.</param>
+        /// <summary>Restores a state of the same bundle, precision and global window; seed and operating point become the state's.</summary>
+        /// <param name="state">Result of <see cref="Save"/>.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.InvalidState"/>, <see cref="Result.Unsupported"/> for a state of another version, <see cref="Result.Busy"/>,
         /// <see cref="Result.Device"/>; the rollout is then as it was.
@@ -494,8 +494,8 @@ namespace Cairn
             }
         }
 
-        /// <summary>Takes up a state from a file.</summary>
-        /// <param name="path">Of the file.</param>
+        /// <summary>Restores a state from a file.</summary>
+        /// <param name="path">Path of the file.</param>
         /// <exception cref="CairnException"><see cref="Result.Io"/>, and as <see cref="Restore"/>.</exception>
         public void RestoreFile(string path)
         {

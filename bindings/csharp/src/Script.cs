@@ -5,12 +5,12 @@ using System.Text;
 namespace Cairn
 {
     /// <summary>
-    /// What a player does by world time, in the format of control scripts. It does not change, and may be used from any thread.
+    /// Player input over world time, in the format of control scripts. Immutable; may be used from any thread.
     /// </summary>
     public sealed unsafe class Script : CairnObject
     {
         /// <summary>Reads a control script.</summary>
-        /// <param name="text">In the format of control scripts.</param>
+        /// <param name="text">A control script.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.InvalidArgument"/> with line and column of what is wrong; <see cref="Result.Unsupported"/> for a newer
         /// version of the format.
@@ -23,15 +23,15 @@ namespace Cairn
         {
         }
 
-        /// <summary>The script of a file; also throws what reading a file throws.</summary>
-        /// <param name="path">Of the file.</param>
+        /// <summary>Reads the script in a file; also throws exceptions of reading a file.</summary>
+        /// <param name="path">Path of the file.</param>
         /// <exception cref="CairnException">As for a text.</exception>
         public static Script Read(string path)
         {
             return new Script(File.ReadAllText(path, new UTF8Encoding(false, true)));
         }
 
-        /// <summary>How long it lasts in world time: to its end where it has one, else until the last thing happens.</summary>
+        /// <summary>Duration in world time: until its end if it states one, otherwise until the last event.</summary>
         public TimeSpan Duration
         {
             get
@@ -42,7 +42,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>It in the canonical form of the format.</summary>
+        /// <summary>The script in the format's canonical form.</summary>
         public string Text
         {
             get
@@ -54,9 +54,9 @@ namespace Cairn
             }
         }
 
-        /// <summary>The controls of a latent step; after the script's end nothing moves.</summary>
-        /// <param name="latent">The number that the step will have, from 1; 0 is the seed's, which has no controls.</param>
-        /// <param name="latentsPerSecond">Of the rollout, 1 to 240.</param>
+        /// <summary>The controls of a latent step; after the script's end they are empty.</summary>
+        /// <param name="latent">Number of the step's latent, from 1; 0 is the seed's, which has no controls.</param>
+        /// <param name="latentsPerSecond">The rollout's, 1 to 240.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>.</exception>
         public Controls Controls(long latent, int latentsPerSecond)
         {
@@ -78,8 +78,8 @@ namespace Cairn
     }
 
     /// <summary>
-    /// Collects what a player does and makes a <see cref="Script"/> of it. Times are of the world, and events come in order. One call at a
-    /// time; a second one beside it throws <see cref="Result.Busy"/>.
+    /// Records player input and makes a <see cref="Script"/> from it. Times are world time, and events must be in order. Calls exclude each
+    /// other; a concurrent one throws <see cref="Result.Busy"/>.
     /// </summary>
     public sealed unsafe class Recorder : CairnObject
     {
@@ -90,9 +90,9 @@ namespace Cairn
         }
 
         /// <summary>A key or mouse button went down or up; repeats are ignored.</summary>
-        /// <param name="time">When.</param>
-        /// <param name="key">Which one.</param>
-        /// <param name="down">Down, or up.</param>
+        /// <param name="time">World time of the event.</param>
+        /// <param name="key">The key.</param>
+        /// <param name="down">Whether it went down.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, also where the recording is full.</exception>
         public void Key(TimeSpan time, Key key, bool down)
         {
@@ -100,7 +100,7 @@ namespace Cairn
         }
 
         /// <summary>The mouse moved by raw counts.</summary>
-        /// <param name="time">When.</param>
+        /// <param name="time">World time of the event.</param>
         /// <param name="x">Right positive.</param>
         /// <param name="y">Down positive.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, also where the recording is full.</exception>
@@ -110,7 +110,7 @@ namespace Cairn
         }
 
         /// <summary>The wheel turned.</summary>
-        /// <param name="time">When.</param>
+        /// <param name="time">World time of the event.</param>
         /// <param name="notches">Up positive.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, also where the recording is full.</exception>
         public void Scroll(TimeSpan time, int notches)
@@ -118,10 +118,10 @@ namespace Cairn
             Done(Library.C.recorder_scroll(Value, Microseconds.Of(time), notches));
         }
 
-        /// <summary>A latent step got these controls; a script of all steps gives them back bit for bit.</summary>
-        /// <param name="latent">The number that the step has, from 1.</param>
-        /// <param name="latentsPerSecond">Of the rollout, 1 to 240.</param>
-        /// <param name="controls">Of the step.</param>
+        /// <summary>Records the controls of a latent step; a script of all steps reproduces them bit for bit.</summary>
+        /// <param name="latent">Number of the step's latent, from 1.</param>
+        /// <param name="latentsPerSecond">The rollout's, 1 to 240.</param>
+        /// <param name="controls">Controls of the step.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, also where the recording is full.</exception>
         public void Step(long latent, int latentsPerSecond, Controls controls)
         {
@@ -130,9 +130,9 @@ namespace Cairn
             Done(Library.C.recorder_step(Value, number, Check.NotNegative(latentsPerSecond, nameof(latentsPerSecond)), &native));
         }
 
-        /// <summary>A script of what was recorded; keys that are held are released at its end. The recording goes on.</summary>
-        /// <param name="end">When it ends.</param>
-        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/> where something happened later.</exception>
+        /// <summary>Makes a script of the recording so far; keys that are held are released at its end. Recording can continue.</summary>
+        /// <param name="end">World time of the script's end.</param>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/> if an event is later.</exception>
         public Script Script(TimeSpan end)
         {
             IntPtr script = IntPtr.Zero;
@@ -149,7 +149,7 @@ namespace Cairn
 
     internal static class Microseconds
     {
-        /// <summary>Ticks of a TimeSpan in one.</summary>
+        /// <summary>Ticks of a TimeSpan per microsecond.</summary>
         internal const long Ticks = TimeSpan.TicksPerMillisecond / 1000;
 
         internal static ulong Of(TimeSpan time)

@@ -4,16 +4,16 @@ using System.Text;
 
 namespace Cairn
 {
-    /// <summary>Texts on their way to the library and back.</summary>
+    /// <summary>Converts texts to and from the library's form.</summary>
     internal static unsafe class Text
     {
         private static readonly UTF8Encoding Strict = new UTF8Encoding(false, true);
         private static readonly UTF8Encoding Lenient = new UTF8Encoding(false, false);
 
-        /// <summary>A function that copies a text into memory.</summary>
+        /// <summary>A function of the library that copies a text into a buffer.</summary>
         internal delegate int Reader(byte* text, UIntPtr capacity, UIntPtr* length);
 
-        /// <summary>UTF-8 with a NUL behind it; null for null.</summary>
+        /// <summary>UTF-8 with a terminating NUL; null for null.</summary>
         internal static byte[] Encode(string text, string parameter)
         {
             if (text == null) return null;
@@ -30,7 +30,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>What a function copies, however long.</summary>
+        /// <summary>The text that a function copies, of any length.</summary>
         internal static string Read(Reader read)
         {
             var capacity = 1024;
@@ -52,7 +52,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>A text with a NUL behind it, or as long as its room.</summary>
+        /// <summary>A text that ends with a NUL or with its buffer.</summary>
         internal static string Decode(byte* text, int room)
         {
             var length = 0;
@@ -60,7 +60,7 @@ namespace Cairn
             return Lenient.GetString(text, length);
         }
 
-        /// <summary>A text with a NUL behind it; empty for none.</summary>
+        /// <summary>A text with a terminating NUL; empty for a null pointer.</summary>
         internal static string Decode(IntPtr text)
         {
             return text == IntPtr.Zero ? "" : Decode((byte*)text, int.MaxValue);

@@ -56,7 +56,7 @@ namespace Cairn
 
         static Threads()
         {
-            // The library outlives what an editor unloads, and would go on calling into it.
+            // The library outlives a domain that an editor unloads, and would still call into it.
             AppDomain.CurrentDomain.DomainUnload += (sender, told) => End();
         }
 
@@ -106,7 +106,7 @@ namespace Cairn
             }
             catch (Exception)
             {
-                // What was left undone the library does.
+                // The library runs the remaining jobs itself.
             }
         }
     }

@@ -2,7 +2,7 @@ using System;
 
 namespace Cairn
 {
-    /// <summary>What a world is. Sizes are in pixels, windows in latents.</summary>
+    /// <summary>Properties of a world. Sizes are in pixels, windows in latents.</summary>
     public sealed unsafe class WorldInfo
     {
         internal WorldInfo(ref Native.world_info from)
@@ -29,7 +29,7 @@ namespace Cairn
             fixed (byte* digest = from.digest) Digest = Text.Decode(digest, 72);
         }
 
-        /// <summary>Its name, for people.</summary>
+        /// <summary>Name for display.</summary>
         public string Name { get; }
 
         /// <summary>Its licence as an SPDX expression; <see cref="World.LicenceText"/> is the text.</summary>
@@ -38,19 +38,19 @@ namespace Cairn
         /// <summary>The bundle's identity: SHA-256 of its manifest, in hexadecimal.</summary>
         public string Digest { get; }
 
-        /// <summary>What the graphs compute in.</summary>
+        /// <summary>Precision of the graphs.</summary>
         public Precision Precision { get; }
 
-        /// <summary>Width of the pictures that anchors have, in square pixels.</summary>
+        /// <summary>Width of the anchors' pictures, in square pixels.</summary>
         public int RenderWidth { get; }
 
-        /// <summary>Height of the pictures that anchors have.</summary>
+        /// <summary>Height of the anchors' pictures.</summary>
         public int RenderHeight { get; }
 
-        /// <summary>Width of the pictures as the autoencoder makes them, which may be squeezed.</summary>
+        /// <summary>Width of the decoded pictures, whose pixels may not be square.</summary>
         public int DecodedWidth { get; }
 
-        /// <summary>Height of the pictures as the autoencoder makes them.</summary>
+        /// <summary>Height of the decoded pictures.</summary>
         public int DecodedHeight { get; }
 
         /// <summary>Channels of a latent.</summary>
@@ -62,19 +62,19 @@ namespace Cairn
         /// <summary>Columns of a latent.</summary>
         public int LatentWidth { get; }
 
-        /// <summary>Tokens of a latent.</summary>
+        /// <summary>Tokens per latent.</summary>
         public int Tokens { get; }
 
         /// <summary>Layers of the transformer.</summary>
         public int Layers { get; }
 
-        /// <summary>Pictures that a latent decodes to.</summary>
+        /// <summary>Decoded pictures per latent.</summary>
         public int PicturesPerLatent { get; }
 
-        /// <summary>Latents that a local layer remembers.</summary>
+        /// <summary>Window of local layers, in latents.</summary>
         public int LocalWindow { get; }
 
-        /// <summary>Latents that a global layer looks back over, as loaded.</summary>
+        /// <summary>Window of global layers, in latents, as loaded.</summary>
         public int GlobalWindow { get; }
 
         /// <summary>The widest global window that the bundle allows.</summary>
@@ -83,14 +83,14 @@ namespace Cairn
         /// <summary>Global windows are multiples of this.</summary>
         public int GlobalDilation { get; }
 
-        /// <summary>Latents per second of world time that the model was made for.</summary>
+        /// <summary>Latents per second of world time for which the model was trained.</summary>
         public int LatentsPerSecond { get; }
 
-        /// <summary>Keys that it knows: virtual-key codes from 0 to this, less one.</summary>
+        /// <summary>Number of keys that it knows: virtual-key codes from 0 to this minus 1.</summary>
         public int Keys { get; }
     }
 
-    /// <summary>Bytes that a world and one rollout need, as was found before loading.</summary>
+    /// <summary>Memory in bytes of a world and one rollout, as computed before loading.</summary>
     public struct WorldMemory
     {
         private readonly Native.world_memory from;
@@ -106,13 +106,13 @@ namespace Cairn
             get { return (long)from.bundle; }
         }
 
-        /// <summary>Weights as ONNX Runtime holds them.</summary>
+        /// <summary>Weights in ONNX Runtime.</summary>
         public long Weights
         {
             get { return (long)from.weights; }
         }
 
-        /// <summary>Keys and values of one rollout's ring: what each further rollout takes, with the slabs.</summary>
+        /// <summary>Keys and values of one rollout's ring; each further rollout takes this much, and the slabs.</summary>
         public long Ring
         {
             get { return (long)from.ring; }
@@ -124,19 +124,19 @@ namespace Cairn
             get { return (long)from.slabs; }
         }
 
-        /// <summary>Intermediate values of a pass.</summary>
+        /// <summary>Intermediate tensors of a pass.</summary>
         public long Intermediates
         {
             get { return (long)from.intermediates; }
         }
 
-        /// <summary>Intermediate values, pictures and memories of encoder and decoder.</summary>
+        /// <summary>Intermediate tensors, pictures and memories of encoder and decoder.</summary>
         public long Autoencoder
         {
             get { return (long)from.autoencoder; }
         }
 
-        /// <summary>What ONNX Runtime's allocator keeps beyond the values.</summary>
+        /// <summary>Additional memory held by ONNX Runtime's allocator.</summary>
         public long Arena
         {
             get { return (long)from.arena; }
@@ -149,16 +149,16 @@ namespace Cairn
         }
     }
 
-    /// <summary>How a rollout runs. As it is made: as its world, with seed 0.</summary>
+    /// <summary>Settings of a rollout. Defaults: the world's, with seed 0.</summary>
     public sealed class RolloutOptions
     {
-        /// <summary>Decides all noise: the same seed, world, device and controls give the same pictures, bit for bit.</summary>
+        /// <summary>Seed of all noise: the same seed, world, device and controls give the same pictures, bit for bit.</summary>
         public ulong Seed { get; set; }
 
-        /// <summary>As in <see cref="WorldOptions"/>, with the world's global window; null for the world's.</summary>
+        /// <summary>Operating point as in <see cref="WorldOptions"/>, with the world's global window; null for the world's.</summary>
         public string OperatingPoint { get; set; }
 
-        /// <summary>Steps that may wait, run, or be done and not asked for, 1 to 64; 0 for 4.</summary>
+        /// <summary>Maximum number of steps that wait, run, or have a result that was not taken, 1 to 64; 0 for 4.</summary>
         public int QueueCapacity { get; set; }
     }
 
@@ -169,7 +169,7 @@ namespace Cairn
         {
         }
 
-        /// <summary>What it is.</summary>
+        /// <summary>Properties.</summary>
         public WorldInfo Info
         {
             get
@@ -180,7 +180,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>How much memory it needs with one rollout.</summary>
+        /// <summary>Memory needed with one rollout.</summary>
         public WorldMemory Memory
         {
             get
@@ -191,7 +191,7 @@ namespace Cairn
             }
         }
 
-        /// <summary>The text of its licence; empty where the bundle has none.</summary>
+        /// <summary>Text of its licence; empty if the bundle has none.</summary>
         public string LicenceText
         {
             get
@@ -203,8 +203,8 @@ namespace Cairn
             }
         }
 
-        /// <summary>Starts a rollout, empty: the first thing to do is to append a seed picture.</summary>
-        /// <param name="options">How it runs; null for the defaults.</param>
+        /// <summary>Starts an empty rollout. Append a seed picture first.</summary>
+        /// <param name="options">Settings; null for the defaults.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/> with figures, <see cref="Result.Device"/>.
         /// </exception>

@@ -11,7 +11,7 @@ namespace Cairn.Tests
     [AttributeUsage(AttributeTargets.Method)]
     internal sealed class TestAttribute : Attribute
     {
-        /// <summary>It asks what .NET itself has, and Mono's packages have not.</summary>
+        /// <summary>Whether it needs parts of .NET that Mono's packages do not have.</summary>
         public bool OnDotNet { get; set; }
     }
 
@@ -22,7 +22,7 @@ namespace Cairn.Tests
         }
     }
 
-    /// <summary>What tests say of what they see.</summary>
+    /// <summary>Assertions.</summary>
     internal static class Expect
     {
         internal static void True(bool holds, string what)
@@ -69,7 +69,7 @@ namespace Cairn.Tests
 
     internal static class Program
     {
-        /// <summary>What the program is told by its environment.</summary>
+        /// <summary>Settings from environment variables.</summary>
         internal static string Told(string name)
         {
             string value = Environment.GetEnvironmentVariable(name);
@@ -79,7 +79,7 @@ namespace Cairn.Tests
 
         private static int Main()
         {
-            // A library is loaded once: what comes before that is first.
+            // A library is loaded once per process, so tests that need it not loaded run first.
             var classes = new[]
             {
                 typeof(InterfaceTests), typeof(LoadingTests), typeof(ThreadTests), typeof(ObjectTests), typeof(RolloutTests), typeof(PresenterTests), typeof(PageTests),

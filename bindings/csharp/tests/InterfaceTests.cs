@@ -8,7 +8,7 @@ using System.Runtime.InteropServices;
 
 namespace Cairn.Tests
 {
-    /// <summary>What is declared here against abi.txt, the record of the C interface.</summary>
+    /// <summary>Compares the declarations with abi.txt, the record of the C interface.</summary>
     internal static class InterfaceTests
     {
         private const BindingFlags All = BindingFlags.NonPublic | BindingFlags.Public | BindingFlags.Instance | BindingFlags.Static;
@@ -34,7 +34,7 @@ namespace Cairn.Tests
             {
                 FieldInfo field = typeof(Native).GetField(line[0].Substring("CAIRN_".Length), All);
                 Expect.True(field != null, $"there is no {line[0]}");
-                // The record has a timeout that never comes as a signed number.
+                // The table lists the infinite timeout as a signed number.
                 long value = field.FieldType == typeof(ulong) ? (long)(ulong)field.GetRawConstantValue() : (int)field.GetRawConstantValue();
                 Expect.Equal(long.Parse(line[1]), value, line[0]);
             }
@@ -45,7 +45,7 @@ namespace Cairn.Tests
         private static void StructsHaveTheSizesAndPlacesOfTheRecord()
         {
             string[][] fields = Lines("field");
-            // Of several sizes the last is today's.
+            // If there are several sizes, the last one is current.
             Dictionary<string, int> sizes = Lines("size").GroupBy(line => line[0]).ToDictionary(each => each.Key, each => int.Parse(each.Last()[1]));
             var compared = 0;
             foreach (string name in sizes.Keys)
@@ -132,14 +132,14 @@ namespace Cairn.Tests
         [Test(OnDotNet = true)]
         private static void OnlyTypesOfNetstandardAreUsed()
         {
-            // All that it has is defined elsewhere and forwarded from there.
+            // The assembly forwards all of its types to others.
             MethodInfo forwarded = typeof(Assembly).GetMethod("GetForwardedTypes", Type.EmptyTypes);
             var standard = new HashSet<Type>((Type[])forwarded.Invoke(Assembly.Load("netstandard"), null));
             Module module = typeof(Library).Module;
             var used = 0;
             try
             {
-                // The table of types that are used and not defined here.
+                // The table of referenced types.
                 for (int token = 0x01000001; ; token++, used++)
                 {
                     Type type = module.ResolveType(token);
@@ -197,7 +197,7 @@ namespace Cairn.Tests
             Mapped<Native.budget, Budget>("world_count");
         }
 
-        /// <summary>Those besides have other words: flags are properties of their own.</summary>
+        /// <summary>Checks that each field except those in besides has a property of its name. Flags are several properties.</summary>
         private static void Mapped<TNative, TPublic>(params string[] besides)
         {
             IEnumerable<string> properties = typeof(TPublic).GetProperties().Select(property => property.Name.ToLowerInvariant());
@@ -208,7 +208,7 @@ namespace Cairn.Tests
             }
         }
 
-        /// <summary>A flag is a property that is true or false.</summary>
+        /// <summary>Checks that each flag has a Boolean property.</summary>
         private static void HaveProperties<T>(string prefix, string verb, string[] flags)
         {
             foreach (string flag in flags)

@@ -5,7 +5,7 @@ using System.Threading;
 
 namespace Cairn.Tests
 {
-    /// <summary>Libraries that are missing or do not fit, and then the one that does. Nothing before this may use the library.</summary>
+    /// <summary>Missing and incompatible libraries, then the right one. These tests must run before any use of the library.</summary>
     internal static class LoadingTests
     {
         private static readonly string Folder = Path.GetDirectoryName(typeof(LoadingTests).Assembly.Location);
@@ -21,7 +21,7 @@ namespace Cairn.Tests
             return thrown;
         }
 
-        /// <summary>The beginning of the library with some bytes changed.</summary>
+        /// <summary>The first bytes of the library, with some of them changed.</summary>
         private static string Changed(string name, Action<byte[]> change)
         {
             var head = new byte[4096];
@@ -82,14 +82,14 @@ namespace Cairn.Tests
             Refused(text, Result.Io, "is no shared library");
             // The system's own loader would crash on it.
             Refused(Changed("cut.so", head => { }), Result.Io, "cannot be loaded: it is cut off, 4096 bytes of ");
-            // A table of segments that is none, which is left to the system's loader.
+            // An invalid segment table, which is left to the system's loader.
             Refused(Changed("broken.so", head => head[54] = 1), Result.Io, "cannot be loaded: ");
         }
 
         [Test]
         private static void AnotherProcessorOrSystemIsNamed()
         {
-            // The number of the processor stands at 18 in ELF.
+            // ELF stores the machine type at offset 18.
             bool arm = LibraryFile.Here.Identifier == "linux-arm64";
             string other = arm ? "x64" : "arm64";
             Refused(Changed("other.so", head => head[18] = (byte)(arm ? 62 : 183)), Result.Unsupported, $"made for Linux on {other}", $"this process is {LibraryFile.Here}");

@@ -23,7 +23,7 @@ namespace Cairn.Tests
             runtime = Device.Requirements(DeviceKind.Cpu, nowhere).Single(each => each.Kind == RequirementKind.OnnxRuntime);
             Expect.Equal(RequirementStatus.NotMet, runtime.Status);
             Expect.Contains("Ж", Expect.Fails(Result.RuntimeMissing, () => Device.Cpu(nowhere)).Message);
-            // The variable that the tests are run with names a file that is not there.
+            // The environment variable of the test run names a missing file.
             var tool = new DeviceOptions { Environment = true };
             Expect.Contains("there is none", Expect.Fails(Result.RuntimeMissing, () => Device.Cpu(tool)).Message);
             DeviceInfo info = Shared.Device.Info;
@@ -67,7 +67,7 @@ namespace Cairn.Tests
             Expect.Fails(Result.Cancelled, () => Shared.Device.LoadWorld(new WorldOptions { Progress = (stage, done, total) => false }));
             var thrown = Expect.Throws<Failure>(() => Shared.Device.LoadWorld(new WorldOptions { Progress = (stage, done, total) => { throw new Failure("mine"); } }));
             Expect.Equal("mine", thrown.Message);
-            // The device cannot go from under the load: that says so, and leaves both as they are.
+            // The device cannot be destroyed during the load: the call fails, and both stay as they are.
             var busy = Result.Ok;
             using (Device device = Device.Cpu(new DeviceOptions { Threads = 2 }))
             {
@@ -147,7 +147,7 @@ namespace Cairn.Tests
         [Test]
         private static void AHandleThatIsGoneIsAnError()
         {
-            // What no caller of the classes can do: a number that was given back, one of another kind, and one that never was.
+            // Calls that the classes never make: with a destroyed handle, one of another kind, and one that never existed.
             Rollout rollout = Shared.World.CreateRollout();
             IntPtr number = rollout.Value;
             rollout.Dispose();
@@ -181,7 +181,7 @@ namespace Cairn.Tests
         [Test]
         private static void TheCollectorGivesBack()
         {
-            // Numbers are looked for in stacks without regard to what they are, so that one of many may stay.
+            // The garbage collector scans stacks conservatively, so one of many objects may stay alive.
             var forgotten = new IntPtr[32];
             var thread = new Thread(() =>
             {
@@ -259,7 +259,7 @@ namespace Cairn.Tests
             Log.To(sink, LogLevel.Trace);
             try
             {
-                // The library says little when all is well: what it would call is called here.
+                // The library logs little when all is well, so the callback is called directly.
                 var handle = System.Runtime.InteropServices.GCHandle.Alloc(sink);
                 fixed (byte* target = Encoding.UTF8.GetBytes("cairn::part\0"))
                 fixed (byte* message = Encoding.UTF8.GetBytes("grün\0"))
@@ -269,7 +269,7 @@ namespace Cairn.Tests
                 handle.Free();
                 Expect.Equal("Info cairn::part: grün", heard.Last());
                 int before = heard.Count;
-                // A budget that nothing can keep is logged, by the library itself.
+                // The library logs a budget that cannot be met.
                 using (Rollout rollout = Shared.Rollout())
                 {
                     rollout.SetBudget(1, "stock", "explicit:1:0.5:0");

@@ -35,7 +35,7 @@ namespace Cairn.Tests
             return Anchor.FromPicture(new PictureView(Moved(4 * i), Width, Height), i);
         }
 
-        /// <summary>Mean difference of colours away from the sides, where content comes from nowhere.</summary>
+        /// <summary>Mean difference of colours, without the borders, where new content appears.</summary>
         private static double Difference(byte[] one, byte[] other)
         {
             double sum = 0;
@@ -86,7 +86,7 @@ namespace Cairn.Tests
             for (int i = 0; i < sources.Count; i++) Expect.Equal(i % 4 == 0 ? FrameSource.Anchor : FrameSource.Generated, sources[i], $"frame {i}");
             Expect.Same(Moved(0), shown[0], "the first anchor and its frame");
             Expect.Same(Moved(4), shown[4], "the second anchor and its frame");
-            // Half way lies two pixels on, and nearer to that than either anchor does.
+            // Halfway it has moved two pixels, and the frame is closer to that than either anchor is.
             double error = Difference(shown[2], Moved(2));
             double nearest = Math.Min(Difference(Moved(0), Moved(2)), Difference(Moved(4), Moved(2)));
             Expect.True(error < 0.5 * nearest, $"{error}, and the nearer anchor {nearest}");
@@ -147,7 +147,7 @@ namespace Cairn.Tests
                 var depth = new float[Width * Height];
                 guidance.ReadMotion(motion);
                 guidance.ReadDepth(depth);
-                // The content moved to the right, so the way back points to the left: -4 as a half float.
+                // The content moved to the right, so the motion to the previous picture points left: -4 as a half float.
                 int[] middle = Enumerable.Range(40 * Width + 40, 80).Select(pixel => (int)motion[pixel * 2]).ToArray();
                 Array.Sort(middle);
                 Expect.True(Math.Abs(middle[40] - 0xc400) < 0x80, $"{middle[40]:x}");
@@ -181,7 +181,7 @@ namespace Cairn.Tests
             using (var presenter = new Presenter())
             using (Anchor anchor = Number(0))
             {
-                // Without a rate and without an interval.
+                // With neither a rate nor an interval.
                 Expect.Fails(Result.InvalidArgument, () => presenter.TryPush(anchor, 0));
             }
             using (var presenter = new Presenter(new PresenterOptions { IntervalNs = Second, Capacity = 1, ColourSpace = ColourSpace.Linear }))

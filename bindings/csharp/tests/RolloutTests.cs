@@ -206,7 +206,7 @@ namespace Cairn.Tests
             waiting.Wait();
             rollout.Dispose();
             thread.Join();
-            // Where it came too late for the wait, the handle was gone already.
+            // If the cancellation came after the wait, the handle was destroyed already.
             var known = thrown as CairnException;
             bool ended = thrown is ObjectDisposedException || known != null && (known.Result == Result.Cancelled || known.Result == Result.InvalidHandle);
             Expect.True(ended, $"{thrown}");
@@ -303,7 +303,7 @@ namespace Cairn.Tests
             using (Rollout rollout = Shared.Rollout())
             using (var presenter = new Presenter(new PresenterOptions { Multiplier = 4, IntervalNs = 66666667 }))
             {
-                // Nothing is made in a nanosecond.
+                // No step finishes within a nanosecond.
                 var budget = new Budget { FrameNs = 1, Schedules = new[] { "stock", "explicit:1:0.5:0" }, Worlds = new[] { Shared.World }, Presenter = presenter };
                 rollout.Govern(budget);
                 int[] passes = Enumerable.Range(0, 5).Select(step => rollout.Step().DenoisePasses).ToArray();

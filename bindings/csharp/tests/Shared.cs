@@ -2,7 +2,7 @@ using System;
 
 namespace Cairn.Tests
 {
-    /// <summary>What the tests of a world share: it is loaded once.</summary>
+    /// <summary>Objects shared by the tests of a world, which is loaded once.</summary>
     internal static class Shared
     {
         private static Device device;
@@ -16,7 +16,7 @@ namespace Cairn.Tests
             get { return device ?? (device = Cairn.Device.Cpu(new DeviceOptions { Threads = 2 })); }
         }
 
-        /// <summary>The one inside the library.</summary>
+        /// <summary>The embedded world.</summary>
         internal static World World
         {
             get { return world ?? (world = Device.LoadWorld()); }

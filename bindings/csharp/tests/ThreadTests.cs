@@ -2,7 +2,7 @@ using System.Threading;
 
 namespace Cairn.Tests
 {
-    /// <summary>Whose threads do the work. Before all tests whose objects stay, since threads are set while there is none.</summary>
+    /// <summary>Thread settings. Runs before all tests that keep objects, because threads can be set only while there is no object.</summary>
     internal static class ThreadTests
     {
         [Test]

@@ -13,8 +13,8 @@ from .errors import Error, refuse
 if TYPE_CHECKING:
     from .rollout import Anchor, Rollout, StepInfo
 
-# The first look comes at once, and later ones when a sixteenth of the time so far has passed again: what that costs in all is a few dozen
-# calls that return at once, and a result is at most so much older than it need be.
+# Polling starts at once. Each next poll comes after a sixteenth of the time that has passed so far. In total this costs a few dozen calls that
+# return at once, and a result is noticed late by at most that fraction.
 _SHORTEST = 0.0005
 _LONGEST = 0.02
 _SHARE = 1 / 16
@@ -46,7 +46,7 @@ async def result(rollout: Rollout, ticket: int) -> tuple[StepInfo, Anchor]:
 async def submitted(submit: Callable[[], int | None]) -> int:
     """The ticket of a step that is queued as soon as there is room."""
     looks = _Looks()
-    # Nothing is queued until there is room, so that there is nothing to take back either.
+    # Nothing is queued until there is room, so nothing has to be taken back either.
     while (ticket := submit()) is None:
         await looks.pause()
     return ticket
@@ -73,10 +73,10 @@ def _over(rollout: Rollout, ticket: int) -> bool:
     try:
         found = rollout.poll(ticket)
     except Error:
-        # It was cancelled, or taken along by a step that failed and has said so; or the rollout was closed.
+        # The step was cancelled, or discarded after a failed step that has reported its error; or the rollout was closed.
         return True
     if found is not None:
-        # It was made before it could be stopped, and nobody wants it.
+        # The step was made before it could be cancelled. Its result is not wanted.
         found[1].close()
     return found is not None
 

@@ -30,7 +30,7 @@ def animation(pictures: Sequence[Bytes], rate: int) -> bytes:
     number = 0
     for i, picture in enumerate(pictures):
         height, width, _ = picture.shape
-        # In full, each in the place of the one before.
+        # Complete frames, each in place of the previous one.
         chunks.append(_chunk(b"fcTL", struct.pack(">IIIIIHHBB", number, width, height, 0, 0, 1, rate, 0, 0)))
         number += 1
         data = _compressed(picture)
@@ -56,7 +56,7 @@ def strip(pictures: Sequence[Bytes], columns: int) -> Bytes:
 
 def _file(shape: tuple[int, ...], chunks: list[bytes]) -> bytes:
     height, width, _ = shape
-    # 8 bits to a channel, colour and alpha, rows from top to bottom; and that colours are sRGB.
+    # 8 bits per channel, RGBA, rows from top to bottom, sRGB.
     head = _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)) + _chunk(b"sRGB", b"\0")
     return b"".join([b"\x89PNG\r\n\x1a\n", head, *chunks, _chunk(b"IEND", b"")])
 

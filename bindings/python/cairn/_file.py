@@ -44,7 +44,7 @@ def here() -> Kind:
         "win32": "x86",
         "i686": "x86",
         "armv7l": "arm",
-        # Python for two processors: which one runs it, its machine tells.
+        # A universal Python binary: the machine type tells which processor runs it.
         "universal2": {"x86_64": "x86-64"}.get(os.uname().machine if hasattr(os, "uname") else "", "arm64"),
     }
     for name, processor in names.items():
@@ -69,7 +69,7 @@ def unfit(path: Path) -> tuple[str, str] | None:
         return f"is made for {kind}, and this Python is {process}", f"Install the wheel for {process}, or use a Python for {kind}"
     whole = _whole(head)
     if length < whole:
-        # The system's loader may end the process over such a file.
+        # The system's loader may crash on such a file.
         return f"is cut off: it has {length} bytes of {whole} at least", "Install the wheel again, or copy the whole file again"
     return None
 
@@ -77,9 +77,9 @@ def unfit(path: Path) -> tuple[str, str] | None:
 def _kind(head: bytes) -> Kind | None:
     """None for what is no library."""
     if head[:4] == b"\x7fELF" and len(head) >= 64:
-        # Of little end first, as all processors here.
+        # Little-endian, as all supported processors.
         processor = _ELF.get(int.from_bytes(head[18:20], "little"), _OTHER) if head[5] == 1 else _OTHER
-        # The processor's narrow mode has a number of addresses of its own.
+        # The x32 ABI has 32-bit ELF files.
         return Kind("Linux", "x32" if processor == "x86-64" and head[4] == 1 else processor)
     if head[:2] == b"MZ" and len(head) >= 64:
         at = int.from_bytes(head[60:64], "little")
@@ -88,7 +88,7 @@ def _kind(head: bytes) -> Kind | None:
         return Kind("Windows", _PE.get(int.from_bytes(head[at + 4 : at + 6], "little"), _OTHER))
     if head[:4] == b"\xcf\xfa\xed\xfe":
         return Kind("macOS", _MACH.get(int.from_bytes(head[4:8], "little"), _OTHER))
-    # One file for several processors.
+    # A universal binary for several processors.
     return Kind("macOS", None) if head[:4] == b"\xca\xfe\xba\xbe" else None
 
 

@@ -24,7 +24,7 @@ class Object:
 
     def __init__(self, handle: int) -> None:
         self._value = handle
-        # A reference cycle or the interpreter's end must not leave a worker behind.
+        # Finalise at garbage collection or interpreter exit too, so that no worker thread is left running.
         self._finalizer = weakref.finalize(self, _give_back, f"{self._kind}_destroy", handle)
 
     @property
@@ -68,7 +68,7 @@ class Object:
 
 
 def _give_back(function: str, handle: int) -> None:
-    # Nobody is there to be told of a failure, and an exception in the collector would only be printed.
+    # A failure cannot be reported here, and an exception in the garbage collector would only be printed.
     library().functions[function](handle)
 
 

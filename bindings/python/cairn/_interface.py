@@ -508,7 +508,7 @@ class PresenterStatistics(Sized):
     ]
 
 
-# A handle is a number to be handed back.
+# A handle is an opaque number.
 _handle = c_void_p
 _new = POINTER(c_void_p)
 _text = c_char_p
@@ -516,7 +516,7 @@ _length = POINTER(c_size_t)
 _count = POINTER(c_uint32)
 _ticket = POINTER(c_uint64)
 
-# Parameters of every function; each answers a result unless RETURNS says otherwise.
+# Parameter types of every function. Each returns a result unless RETURNS says otherwise.
 FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "abi_version": (),
     "version": (),

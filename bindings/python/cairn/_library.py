@@ -61,7 +61,7 @@ class Library:
             raise _unfit(path, *wrong)
         others = _file.others(FILE, path)
         try:
-            # Not PyDLL: the interpreter's lock is let go during every call.
+            # CDLL, not PyDLL: the GIL is released during every call.
             loaded = ctypes.CDLL(str(path))
         except OSError as why:
             raise _unfit(path, *(_file.not_loaded(str(why)) or (f"cannot be loaded: {why}", REMEDY))) from None

@@ -23,7 +23,7 @@ REQUIREMENT = f"{PACKAGE}==1.24.4"
 
 REMEDY = f"In Python, `python -m pip install {REQUIREMENT}` is enough"
 
-# Of the releases that this package's library can use. On Windows the name does not tell.
+# File names of the releases that this package's library can use. On Windows the name has no version.
 _FILES = {"win32": "onnxruntime.dll", "darwin": "libonnxruntime.1.24.*.dylib"}.get(sys.platform, "libonnxruntime.so.1.24.*")
 
 

@@ -97,7 +97,7 @@ class Controls:
     def __post_init__(self) -> None:
         if isinstance(self.keys, str):
             raise refuse("keys", f"is the text {self.keys!r}", f"Give a list of keys: [{self.keys!r}]")
-        # Codes in order, whatever they were given as: equal controls compare equal.
+        # Codes are sorted, so that equal controls compare equal.
         object.__setattr__(self, "keys", tuple(sorted({key_code(key) for key in self.keys})))
 
     def _struct(self) -> c.Controls:

@@ -20,7 +20,7 @@ _T = TypeVar("_T")
 
 _WIDTH = 100
 
-# Why each thing is needed: what nobody has to know who only wants it to run, and everybody who wants to mend it.
+# The reason for each requirement, for users who want to repair an installation.
 _WHY = {
     "python": "The package is written for Python 3.11 and newer, and speaks to the library by ctypes, of 64 bits as the library is.",
     "library": "Cairn itself: one shared library in Rust, with the C interface of include/cairn.h. This package is a thin layer over it.",

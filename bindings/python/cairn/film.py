@@ -40,7 +40,7 @@ class Film:
             with anchor:
                 pictures += anchor.pictures()
                 info = anchor.info
-                # A seed's anchor may have fewer pictures than those after it: the last one tells.
+                # A seed's anchor may have fewer pictures than the later ones, so the last one decides.
                 own = info.latents_per_second * info.pictures or 15
         return cls(pictures, rate if rate is not None else own or 15)
 

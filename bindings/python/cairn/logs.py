@@ -17,7 +17,7 @@ _LEVELS = {
     c.LOG_TRACE: logging.DEBUG,
 }
 
-# The library may call it until another is set, so it lives as long.
+# The library may call it until another one is set, so a reference is kept.
 _current: Any = None
 _changing = threading.Lock()
 
@@ -36,7 +36,7 @@ def log_to(logger: logging.Logger | None, level: int = logging.WARNING) -> None:
         callback = c.log_callback(_handler(logger))
     with _changing:
         call("set_log_callback", number, callback, None)
-        # The former one is not running any more and will not be called again.
+        # The previous one is not running any more and will not be called again.
         _current = callback
 
 

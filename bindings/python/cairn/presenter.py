@@ -86,7 +86,7 @@ class Guidance(Object):
         Raises `InvalidArgument`, `OutOfMemory`.
         """
         flags = _choose("depth_kind", depth_kind, _DEPTHS)
-        # A motion too large for a half float is infinite in it, which the library takes for none.
+        # A motion too large for a half float becomes infinite, which the library treats as no motion.
         with np.errstate(over="ignore"):
             vectors = np.ascontiguousarray(motion, np.float16)
         if vectors.ndim != 3 or vectors.shape[2] != 2:
@@ -110,7 +110,7 @@ class Guidance(Object):
             data.depth = distances.ctypes.data
             data.depth_count = distances.size
         guidance = cls(make("guidance_create_from_host", byref(data)))
-        # The library has copied both; until here they had to live.
+        # The library has copied both; they had to stay alive until here.
         del vectors, distances
         return guidance
 

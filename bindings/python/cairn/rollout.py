@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .presenter import Presenter
     from .world import World
 
-# Between two looks at whether Ctrl+C was pressed, as a call into the library cannot be interrupted.
+# Interval between two checks for Ctrl+C, because a call into the library cannot be interrupted.
 _GLANCE_NS = 100_000_000
 
 
@@ -181,7 +181,7 @@ class RolloutStatistics:
 def _array(pictures: Sequence[npt.ArrayLike], order: Order) -> tuple[Array[c.Picture], list[object]]:
     """Pictures as the library reads them, and what owns their memory."""
     made = [source(picture, order) for picture in pictures]
-    # An array of no pictures would have no first one to be refused.
+    # At least one element: for an empty list the library gets a valid pointer and reports the count of 0.
     structs = (c.Picture * max(1, len(made)))(*(struct for struct, _ in made))
     return structs, [owner for _, owner in made]
 
@@ -389,7 +389,7 @@ class Rollout(Object):
             try:
                 self.wait(ticket)
             except Error:
-                # It was cancelled, or taken along by a step that failed and has said so.
+                # The step was cancelled, or discarded after a failed step that has reported its error.
                 continue
 
     async def result_async(self, ticket: int) -> tuple[StepInfo, Anchor]:

@@ -81,7 +81,7 @@ class Study:
         if ended.returncode == 0:
             return ended.stdout.decode("utf-8", "replace")
         said = ended.stderr.decode("utf-8", "replace").strip()
-        # On a signal its number is negative; a shell between would add it to 128.
+        # After a signal subprocess gives a negative number; a shell in between adds 128.
         if ended.returncode < 0:
             raise Killed(f"signal {-ended.returncode} ended the study: {said}".rstrip(": "))
         raise SweepError(said or f"the study ended with status {ended.returncode}")
@@ -171,7 +171,7 @@ def _through_ray(ray, study: Study, jobs: Sequence[Job], threads: int, retries: 
             try:
                 name = ray.get(ended)
             except ray.exceptions.RayError as error:
-                # Of what a worker raised the cause is ours; of what Ray itself lost there is none.
+                # A worker's exception has our error as its cause; an error of Ray itself has none.
                 raise SweepError(f"{job.name}: {getattr(error, 'cause', None) or error}") from error
             yield name
     finally:
@@ -223,7 +223,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    # By the name under which Ray's workers import it, so that both mean the same classes.
+    # The name under which Ray's workers import it, so that both use the same classes.
     from cairn.sweep import main as named
 
     sys.exit(named())

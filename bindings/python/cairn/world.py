@@ -190,7 +190,7 @@ class Device(Object):
         raised: list[BaseException] = []
 
         def told(state: Any, _user: object) -> int:
-            # Nothing may be thrown through the library: it is kept, the load ends, and it goes on from there.
+            # An exception must not pass through the library: it is stored, the load ends, and it is raised afterwards.
             try:
                 at = state.contents
                 stage = "reading" if at.stage == c.LOAD_READING else "preparing"
@@ -205,7 +205,7 @@ class Device(Object):
             operating_point=encoded(operating_point, "operating_point"),
             memory_limit=memory_limit,
             flags=c.WORLD_FIT_WINDOW * fit_window,
-            # Also without one of the caller's: it is where Ctrl+C is noticed.
+            # Set even without a caller's callback, because Ctrl+C is noticed there.
             progress=c.load_callback(told),
         )
         try:

@@ -92,7 +92,7 @@ def test_a_cluster_makes_what_processes_make_even_where_one_is_killed(cluster, p
     subprocess.run([sweep.find_study(), "sweep", plan, "--out", here, "--quiet"], check=True, stdout=subprocess.DEVNULL)
     assert numbers(through) == numbers(here)
 
-    # The same manifests: each goes on with what the other made, and nothing is made again.
+    # The same manifests: each run continues with the other's results, and nothing is made again.
     before, told = written(here), []
     sweep.run(plan, here, told=lambda *so_far: told.append(so_far))
     assert written(here) == before and told == []
@@ -105,7 +105,7 @@ def test_a_cluster_makes_what_processes_make_even_where_one_is_killed(cluster, p
     }
     assert numbers(through) == numbers(here)
 
-    # What a newer program wrote is refused, and left.
+    # A manifest of a newer version is rejected and kept.
     manifest = next(iter(here.glob("sword-41/g128*/manifest.json")))
     content = {**json.loads(manifest.read_text()), "manifest_version": 2}
     manifest.write_text(json.dumps(content))
@@ -118,7 +118,7 @@ def test_what_fails_is_named_in_the_studys_words(cluster, plan, tmp_path):
     out = tmp_path / "out"
     own = sweep.Study(sweep.find_study(), plan, out)
     jobs, _ = own.jobs()
-    # Where the rollout should lie there is a file.
+    # A file is where the rollout's folder should be.
     (out / jobs[0].name).write_text("in the way")
     with pytest.raises(sweep.SweepError, match=jobs[0].name):
         sweep.run(plan, out)

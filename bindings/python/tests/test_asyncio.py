@@ -68,7 +68,7 @@ def test_the_loop_goes_on_while_a_step_is_held(rollout):
         step = asyncio.create_task(rollout.step_async())
         for _ in range(50):
             await asyncio.sleep(0)
-        # It waits for a step that nobody lets begin, and we are here all the same.
+        # The step waits because another one blocks it, and the event loop still runs.
         assert not step.done() and rollout.info.latents == 1
         rollout.resume()
         info, _ = await step
@@ -114,7 +114,7 @@ def test_room_in_the_queue_is_awaited(world, expected):
             _, anchor = await second
             assert np.array_equal(anchor.picture(), expected[1])
 
-            # Given up while it waits for room: nothing of it was queued, and the step before it is made.
+            # Cancelled while waiting for room: nothing was queued, and the earlier step is made.
             third = rollout.submit(WALK[2])
             waiting = asyncio.create_task(rollout.step_async(WALK[3]))
             await asyncio.sleep(0.01)
@@ -168,7 +168,7 @@ def test_a_timeout_leaves_the_rollout_at_rest(rollout, expected):
             async with asyncio.timeout(0.02):
                 await rollout.step_async(WALK[0])
         rollout.resume()
-        # At once, with no wait between.
+        # Immediately, without a wait in between.
         goes_on(rollout, expected)
 
     asyncio.run(walk())
@@ -235,7 +235,7 @@ def test_what_a_step_raises_is_raised_where_it_is_awaited(rollout):
             await step
         rollout.resume()
         rollout.step()
-        # Paused, for the step would else be made at times before the rollout is gone.
+        # Paused; otherwise the step would sometimes be made before the rollout is closed.
         rollout.pause()
         gone = asyncio.create_task(rollout.step_async())
         await asyncio.sleep(0)

@@ -96,7 +96,7 @@ def test_streaming_encoder_equals_time_parallel_one(streaming, tiny, weights):
         pictures = {"rgb": rgb[4 * q : 4 * q + 4].astype(np.float32)}
         found, *memories = encoder.run(None, pictures | {f"past_mem.{j}": m for j, m in enumerate(memories)})
         assert relative(found[0], latent) < 1e-5
-        # Fresh memories give another latent, but for the first.
+        # Fresh memories give another latent, except for the first one.
         (fresh,) = clip.run(None, pictures)
         assert (relative(fresh[0], latent) < 1e-5) == (q == 0)
 

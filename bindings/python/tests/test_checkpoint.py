@@ -185,7 +185,7 @@ def test_a_wrong_config_is_refused_by_name(tmp_path, capsys, name, value):
     assert not (tmp_path / "out").exists()
 
 
-# Where the fault lies in what the key leads to.
+# Faults in the value that a key leads to.
 NAMED_OTHERWISE = {
     ("n_heads", "5"): "heads",
     ("n_layers", "1000000000"): "layers",
@@ -212,7 +212,7 @@ def test_a_key_that_the_builder_does_not_know_is_refused_by_name(tmp_path, capsy
     assert not (tmp_path / "out").exists()
 
 
-# What the released engine assumes where a file does not say.
+# Defaults of the released engine for missing keys.
 DEFAULTS = {
     "auto_aspect_ratio": True,
     "prompt_encoder_uri": "google/umt5-xl",

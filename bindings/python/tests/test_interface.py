@@ -17,7 +17,7 @@ STRUCTS = {
     if isinstance(kind, type) and issubclass(kind, c.Sized) and kind is not c.Sized
 }
 
-# By the C type's text, without const and the parameter's name. Handles are numbers: every pointer to one is void.
+# ctypes by the C type's text, without const and the parameter's name. Handles are numbers: every pointer to one is void.
 TYPES = {
     "uint8_t *": ctypes.POINTER(ctypes.c_uint8),
     "uint16_t *": ctypes.POINTER(ctypes.c_uint16),

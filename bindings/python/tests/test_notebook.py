@@ -68,7 +68,7 @@ def test_a_film_moves():
     parts = chunks(file)
     (head,) = [data for kind, data in parts if kind == b"acTL"]
     assert struct.unpack(">II", head) == (4, 0)
-    # Numbered in one row with the pictures' data, as the standard has it.
+    # Numbered in one sequence with the pictures' data, as the standard requires.
     numbers = [struct.unpack_from(">I", data)[0] for kind, data in parts if kind in (b"fcTL", b"fdAT")]
     assert numbers == list(range(7))
     assert all(struct.unpack_from(">HH", data, 20) == (1, 30) for kind, data in parts if kind == b"fcTL")

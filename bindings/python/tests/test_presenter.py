@@ -32,7 +32,7 @@ def test_motion_is_found_between_two_pictures():
     assert (info.width, info.height) == (160, 96)
     assert motion.dtype == np.float16 and motion.shape == (96, 160, 2)
     assert depth.dtype == np.float32 and depth.shape == (96, 160)
-    # The content moved to the right, so the way back points to the left.
+    # The content moved to the right, so the motion to the previous picture points left.
     middle = motion[32:64, 40:120].astype(np.float32)
     assert abs(np.median(middle[..., 0]) + 4) < 0.5 and abs(np.median(middle[..., 1])) < 0.5
 
@@ -73,7 +73,7 @@ def test_frames_come_between_anchors():
     assert [sources[i] for i in (0, 4, 8)] == ["anchor"] * 3
     assert set(sources) == {"anchor", "generated"}
     assert np.array_equal(shown[0][1][..., :3], moved(0)) and np.array_equal(shown[4][1][..., :3], moved(4))
-    # Half way lies two pixels on, and nearer to that than either anchor does.
+    # Halfway it has moved two pixels, and the frame is closer to that than either anchor is.
     half, truth = shown[2][1][16:80, 16:144, :3].astype(float), moved(2)[16:80, 16:144].astype(float)
     error = np.abs(half - truth).mean()
     assert error < 0.5 * min(np.abs(moved(at)[16:80, 16:144] - truth).mean() for at in (0, 4))
@@ -110,7 +110,7 @@ def test_frames_change_their_size_and_keep_their_shape_where_they_shall():
         done = presenter.statistics
         assert (done.upscaler, done.upscaling) == ("spatial", "")
         assert framed.shape == (80, 80, 4)
-        # 160 x 96 becomes 80 x 48: sixteen rows of black above it and below.
+        # 160 x 96 becomes 80 x 48: sixteen black rows above and below.
         assert (framed[:16, :, :3] == 0).all() and (framed[64:, :, :3] == 0).all() and (framed[..., 3] == 255).all()
         assert framed[16:64, :, :3].any(axis=(1, 2)).all()
         presenter.resize()

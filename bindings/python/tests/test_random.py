@@ -16,7 +16,7 @@ from cairn.build.random_weights import RandomWeights
 from cairn.build.stream import Stream
 from cairn.build.weights import transformer_weights
 
-# A change of any weight of the random worlds changes these: golden files of other tests would follow.
+# Changing any weight of the random worlds changes these and the golden files of other tests.
 GOLDEN = {
     "transformer.bin": "909f3e1e1d0f4a761130f156503e5fb5f192523f8a7f5ac4ee4de4b84a27f0ae",
     "autoencoder.bin": "4230bbe77bbaf92f6fcf559f1ebfec53cb791e297400bf7683430ed0843ee631",

@@ -24,7 +24,7 @@ def worlds():
 def test_products_of_a_pass_are_those_of_the_architecture(window):
     g = TINY
     tokens, width, hidden = g.tokens, g.width, g.width * g.mlp_ratio
-    # Patches in and out, the conditioner and what it modulates, the controls, and the last norm.
+    # Patch embedding and its inverse, the conditioner and its modulations, the controls, and the last norm.
     wanted = 2 * tokens * width * g.patch_width + 512 * 4 * width + 4 * width * width
     wanted += g.layers * 6 * width * width + g.control_width * hidden + hidden * width + 2 * width * width
     for i in range(g.layers):
@@ -40,13 +40,13 @@ def test_products_of_the_decoder_are_those_of_the_architecture(worlds):
         widths, rows, columns, frames = g.decoder_widths, g.latent_height, g.latent_width, 1
         wanted = rows * columns * 9 * g.latent_channels * widths[0]
         for width, following, grown in zip(widths, widths[1:], (1, 2, 2)):
-            # Three blocks that see each frame beside the one before it, in three convolutions.
+            # Three blocks, each of three convolutions over a frame and its predecessor.
             wanted += frames * rows * columns * 3 * 9 * (2 * width * width + width * width + width * width)
-            # A convolution of single pixels makes frames of a frame; then each pixel becomes two by two.
+            # A 1 x 1 convolution makes several frames of one; then each pixel becomes 2 x 2.
             wanted += frames * rows * columns * width * grown * width
             frames, rows, columns = frames * grown, 2 * rows, 2 * columns
             wanted += frames * rows * columns * 9 * width * following
-        # Two by two pixels of three colours.
+        # 2 x 2 pixels of three colours.
         wanted += frames * rows * columns * 9 * widths[-1] * 12
         assert world.decode.flops == 2 * wanted, world.name
 

@@ -31,7 +31,7 @@ def test_what_the_page_shows_runs(page, capsys):
         }
         shown = blocks(page)
         for block in shown:
-            # Blocks follow each other, as on the page.
+            # Blocks run in the page's order.
             exec(compile(block, str(page), "exec"), names)
             names["device"] = device
     assert shown and len(capsys.readouterr().out.splitlines()) == 15
@@ -52,6 +52,6 @@ def test_what_the_book_shows_runs_by_itself(page, capsys):
     runtime.need_library()
     names = {}
     for block in blocks(page):
-        # Nothing but what the blocks before it made.
+        # Only files that the previous blocks made.
         exec(compile(block, str(page), "exec"), names)
         assert capsys.readouterr().out

@@ -256,7 +256,7 @@ def test_the_queue_gives_what_steps_give(world):
     expected = shown(world, WALK)
     with world.rollout(seed=7, queue_capacity=3) as rollout:
         assert rollout.submit_picture(runtime.pattern(72, 128)) is not None
-        # The seed's result is still to be taken, so there is room for two.
+        # The seed's result was not taken yet, so there is room for two.
         tickets = [rollout.submit(WALK[0]), rollout.submit(WALK[1])]
         assert None not in tickets and rollout.submit(WALK[2]) is None
         assert rollout.wait(1) is not None
@@ -299,7 +299,7 @@ def test_pause_and_single_step(rollout):
 
 
 def test_latents_are_held_to_a_budget(rollout):
-    # Nothing is made in a nanosecond.
+    # No step finishes within a nanosecond.
     rollout.set_budget(1, ["stock", "explicit:1:0.5:0"])
     passes = [rollout.step(controls).denoise_passes for controls in WALK]
     assert passes[0] == passes[1] == passes[2] > 2 and passes[3:] == [2, 2]
@@ -312,7 +312,7 @@ def test_latents_are_held_to_a_budget(rollout):
 
 def test_one_budget_holds_latents_and_frames(world, rollout):
     with cairn.Presenter(4, interval_ns=66_666_667) as presenter:
-        # Nothing is made in a nanosecond.
+        # No step finishes within a nanosecond.
         rollout.govern(1, schedules=["stock", "explicit:1:0.5:0"], worlds=[world], presenter=presenter)
         passes = [rollout.step(controls).denoise_passes for controls in WALK]
         assert passes[0] == passes[1] == passes[2] > 2 and passes[3:] == [2, 2]
@@ -433,7 +433,7 @@ def test_other_threads_run_while_a_step_does(rollout):
     thread = threading.Thread(target=count)
     thread.start()
     went_on.wait()
-    # Nobody is made to wait for its turn, so that it comes only where a call lets others run. A machine that is busy may need many.
+    # No call is forced to wait, so the race occurs only where a call releases the GIL. A busy machine may need many attempts.
     usual = sys.getswitchinterval()
     sys.setswitchinterval(1000)
     try:
@@ -454,7 +454,7 @@ def test_the_log_goes_to_logging(device, caplog):
     logger = logging.getLogger("host")
     try:
         cairn.log_to(logger, logging.INFO)
-        # The library says nothing when all is well: what it would call is called here.
+        # The library logs nothing when all is well, so the callback is called directly.
         with caplog.at_level(logging.DEBUG, "host"):
             for level in range(1, 6):
                 logs._current(level, b"cairn::part", "grün".encode(), None)

@@ -65,7 +65,7 @@ def test_the_studys_own_words_are_told(study, capsys, tmp_path, monkeypatch):
     with pytest.raises(sweep.SweepError, match="there is no scene") as failed:
         own.make("sword-41/g128")
     assert not isinstance(failed.value, sweep.Killed)
-    # It fails before anything is asked of Ray.
+    # It fails before Ray is used.
     monkeypatch.setitem(sys.modules, "ray", types.ModuleType("ray"))
     assert sweep.main([str(tmp_path / "mine.toml"), "--study", str(own.program)]) == 1
     assert capsys.readouterr().err == "error: mine.toml: scenes: there is no scene\n"

@@ -49,7 +49,7 @@ def test_the_package_is_whole_and_has_its_library(wheel):
     for name, file in own.items():
         assert files[name] == file.read_bytes(), name
     assert files[f"cairn/{library}"].startswith(magic) and b"cairn_rollout_step" in files[f"cairn/{library}"]
-    # Nothing that says where it was made.
+    # No path of the build machine.
     assert str(ROOT).encode() not in b"".join(content for name, content in files.items() if not name.endswith((".so", ".dll")))
 
 
@@ -99,7 +99,7 @@ def test_it_says_of_itself_what_setuptools_says(wheel):
     assert lines[0] == lines[1]
 
 
-# What links a library puts parts of its own into it.
+# Linkers embed parts of their own libraries.
 LINKED = {"manylinux_2_28_x86_64": ("llvm-libunwind", "glibc-nonshared"), "win_amd64": ("mingw-w64", "libgcc")}
 
 

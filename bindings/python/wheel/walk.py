@@ -45,7 +45,7 @@ def main(folder: Path) -> None:
     runtime = _onnxruntime.in_package()
     test("ONNX Runtime is the one in its package", runtime is not None and runtime.parent.parts[-2:] == ("onnxruntime", "capi"))
     found = [requirement.found for requirement in cairn.requirements() if requirement.what == "onnxruntime"]
-    # Windows writes one file in several ways.
+    # Windows has several spellings of one path.
     test("and it is what a device would load", bool(found) and runtime is not None and runtime.name in found[0])
     y, x = np.mgrid[0:90, 0:160]
     seed = np.stack([x, 2 * y, (x // 8 + y // 8) % 2 * 200], axis=2).astype(np.uint8)
@@ -70,6 +70,6 @@ def main(folder: Path) -> None:
 if __name__ == "__main__":
     place = Path(sys.argv[1]).resolve()
     if sys.platform == "win32":
-        # A drive that has nothing of ours.
+        # A drive without any of the project's files.
         os.chdir("C:\\")
     main(place)

@@ -90,7 +90,7 @@ def main(folder: Path, stand_ins: Path) -> None:
     two = said(f"import ctypes\nfirst = ctypes.CDLL({copy!r})\n" + VERSION)
     test("two in one process", two, "loaded ", "RuntimeWarning", "another Cairn", "a folder Ж")
 
-    # Without the package of ONNX Runtime, and where nothing else is found.
+    # Without the ONNX Runtime package, and with no other copy to be found.
     empty = {"CAIRN_CACHE_DIR": str(folder / "no cache")}
     hidden = "import importlib.util\n_spec = importlib.util.find_spec\nimportlib.util.find_spec = lambda name, *a: None if name == 'onnxruntime' else _spec(name, *a)\n"
     missing = said(hidden + DEVICE, **empty)

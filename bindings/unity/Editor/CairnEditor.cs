@@ -3,10 +3,10 @@ using UnityEngine;
 
 namespace Cairn.Unity.Editor
 {
-    /// <summary>The inspector of a component: what its project lacks, its fields, and how it is.</summary>
+    /// <summary>Inspector of a component: problems of the project, the component's fields, and its state.</summary>
     public abstract class CairnEditor : UnityEditor.Editor
     {
-        /// <summary>Draws all of it.</summary>
+        /// <summary>Draws the inspector.</summary>
         public sealed override void OnInspectorGUI()
         {
             string why;
@@ -20,16 +20,16 @@ namespace Cairn.Unity.Editor
             DrawState();
         }
 
-        /// <summary>While it runs it changes.</summary>
+        /// <summary>Repaints continuously in play mode.</summary>
         public sealed override bool RequiresConstantRepaint()
         {
             return Application.isPlaying;
         }
 
-        /// <summary>Draws how the component is.</summary>
+        /// <summary>Draws the component's state.</summary>
         protected abstract void DrawState();
 
-        /// <summary>Draws a figure.</summary>
+        /// <summary>Draws a value.</summary>
         protected static void Row(string name, object value)
         {
             EditorGUILayout.LabelField(name, value.ToString());

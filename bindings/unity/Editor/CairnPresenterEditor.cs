@@ -3,11 +3,11 @@ using UnityEngine;
 
 namespace Cairn.Unity.Editor
 {
-    /// <summary>The inspector of a presenter: its figures, and below them what it shows.</summary>
+    /// <summary>Inspector of a presenter: its statistics, and below them a preview.</summary>
     [CustomEditor(typeof(CairnPresenter))]
     public sealed class CairnPresenterEditor : CairnEditor
     {
-        /// <summary>Draws the figures.</summary>
+        /// <summary>Draws the statistics.</summary>
         protected override void DrawState()
         {
             var presenter = (CairnPresenter)target;
@@ -23,19 +23,19 @@ namespace Cairn.Unity.Editor
             if (done.Preference.Length > 0) Row("Because", done.Preference);
         }
 
-        /// <summary>There is one while it is on.</summary>
+        /// <summary>There is a preview while the presenter is enabled.</summary>
         public override bool HasPreviewGUI()
         {
             return ((CairnPresenter)target).Texture != null;
         }
 
-        /// <summary>Its name.</summary>
+        /// <summary>Title of the preview.</summary>
         public override GUIContent GetPreviewTitle()
         {
             return new GUIContent("Cairn");
         }
 
-        /// <summary>Draws what is shown, in its shape.</summary>
+        /// <summary>Draws the preview with the frames' aspect ratio.</summary>
         public override void OnPreviewGUI(Rect place, GUIStyle background)
         {
             RenderTexture texture = ((CairnPresenter)target).Texture;

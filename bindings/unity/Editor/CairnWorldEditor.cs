@@ -2,11 +2,11 @@ using UnityEditor;
 
 namespace Cairn.Unity.Editor
 {
-    /// <summary>The inspector of a world: what it is at, and what is missing.</summary>
+    /// <summary>Inspector of a world: its state, and what is missing.</summary>
     [CustomEditor(typeof(CairnWorld))]
     public sealed class CairnWorldEditor : CairnEditor
     {
-        /// <summary>Draws it.</summary>
+        /// <summary>Draws the state.</summary>
         protected override void DrawState()
         {
             var world = (CairnWorld)target;

@@ -4,7 +4,7 @@ using UnityEngine;
 namespace Cairn.Unity
 {
     /// <summary>
-    /// What the player does, as a world understands it: keys that are held, and how far mouse and wheel went since the world last asked.
+    /// The player's input for a world: keys that are held, and movement of mouse and wheel since the world's last step.
     /// Reads the Input System where the project has it, else the Input Manager.
     /// </summary>
     [AddComponentMenu("Cairn/Cairn Input")]
@@ -22,21 +22,21 @@ namespace Cairn.Unity
         private float scrolled;
         private Key[] held = new Key[0];
 
-        /// <summary>What movements of the mouse are multiplied by.</summary>
+        /// <summary>Factor on mouse movement.</summary>
         public float MouseSpeed
         {
             get { return mouseSpeed; }
             set { mouseSpeed = value; }
         }
 
-        /// <summary>Whether the cursor is kept in the middle.</summary>
+        /// <summary>Whether the cursor is locked to the centre.</summary>
         public bool LockCursor
         {
             get { return lockCursor; }
             set { lockCursor = value; }
         }
 
-        /// <summary>What a world gets for its next step; movements count once. From any thread.</summary>
+        /// <summary>Takes the controls of a world's next step; each movement counts once. From any thread.</summary>
         public Controls Take()
         {
             lock (sampling)

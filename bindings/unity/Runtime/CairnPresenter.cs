@@ -5,31 +5,31 @@ using UnityEngine.Rendering;
 
 namespace Cairn.Unity
 {
-    /// <summary>Where a presenter's frames go.</summary>
+    /// <summary>Destination of a presenter's frames.</summary>
     public enum PresenterOutput
     {
         /// <summary>Over the whole screen.</summary>
         Screen,
-        /// <summary>Into the main texture of the renderer beside it, which gets its own back in the end.</summary>
+        /// <summary>Into the main texture of the renderer on the same object, whose own texture is restored at the end.</summary>
         Renderer,
-        /// <summary>Into <see cref="CairnPresenter.Texture"/> and no further.</summary>
+        /// <summary>Only into <see cref="CairnPresenter.Texture"/>.</summary>
         Texture,
     }
 
-    /// <summary>How a presenter's texture holds its colours.</summary>
+    /// <summary>Colour format of a presenter's texture.</summary>
     public enum PresenterFormat
     {
-        /// <summary>Eight bits to a channel, in sRGB.</summary>
+        /// <summary>Eight bits per channel, sRGB.</summary>
         ARGB32,
-        /// <summary>Half floats: linear light in a project of the linear colour space, else sRGB.</summary>
+        /// <summary>Half floats: linear light in a project with linear colour space, otherwise sRGB.</summary>
         ARGBHalf,
-        /// <summary>Floats of eleven and ten bits without alpha, of the same colours as ARGBHalf.</summary>
+        /// <summary>Floats of 11, 11 and 10 bits without alpha, with the same colours as ARGBHalf.</summary>
         RGB111110,
     }
 
     /// <summary>
-    /// Shows a <see cref="CairnWorld"/> at the display's rate: its anchors, and frames that are generated between them on Unity's own
-    /// graphics device, in a render texture. Where the world ends, the last frame stays in the texture; on the screen the game is seen.
+    /// Shows a <see cref="CairnWorld"/> at the display's rate: its anchors, and frames generated between them on Unity's own graphics device, in a
+    /// render texture. When the world ends, the texture keeps the last frame; with screen output the game becomes visible.
     /// </summary>
     [AddComponentMenu("Cairn/Cairn Presenter")]
     [DisallowMultipleComponent]
@@ -69,7 +69,7 @@ namespace Cairn.Unity
         private string failed = "";
         private string pushFailed = "";
         private long missed;
-        /// <summary>The file that has compiled pipelines for the next run.</summary>
+        /// <summary>File that keeps compiled pipelines for the next run.</summary>
         private string pipelines = "";
         private int preparedWidth;
         private int preparedHeight;
@@ -79,59 +79,59 @@ namespace Cairn.Unity
         private Vector2 surfaceScale;
         private Vector2 surfaceOffset;
 
-        /// <summary>The world that is shown. Counts when it is enabled.</summary>
+        /// <summary>The world to show. Read when the component is enabled.</summary>
         public CairnWorld World
         {
             get { return world; }
             set { world = value; }
         }
 
-        /// <summary>Where frames go. Counts when it is enabled.</summary>
+        /// <summary>Destination of frames. Read when the component is enabled.</summary>
         public PresenterOutput Output
         {
             get { return output; }
             set { output = value; }
         }
 
-        /// <summary>How the texture holds colours. Counts when it is enabled.</summary>
+        /// <summary>Colour format of the texture. Read when the component is enabled.</summary>
         public PresenterFormat Format
         {
             get { return format; }
             set { format = value; }
         }
 
-        /// <summary>Frames to an anchor: 1, 2, 3, 4 or 6. Counts when it is enabled.</summary>
+        /// <summary>Frames per anchor: 1, 2, 3, 4 or 6. Read when the component is enabled.</summary>
         public int Multiplier
         {
             get { return multiplier; }
             set { multiplier = value; }
         }
 
-        /// <summary>The frames, upside down to a sampler as what other programs render is: <see cref="Upright"/> shows them. Null while it is off.</summary>
+        /// <summary>The frames, upside down to a sampler like native render output: <see cref="Upright"/> shows them. Null while disabled.</summary>
         public RenderTexture Texture
         {
             get { return texture; }
         }
 
-        /// <summary>The part of <see cref="Texture"/> that shows all of it, as it is to be seen.</summary>
+        /// <summary>Texture coordinates that show <see cref="Texture"/> upright.</summary>
         public static Rect Upright
         {
             get { return new Rect(0, 1, 1, -1); }
         }
 
-        /// <summary>Why nothing is shown; empty while all is well.</summary>
+        /// <summary>Why nothing is shown; empty if there is no failure.</summary>
         public string Failure
         {
             get { lock (pushing) return failed.Length > 0 ? failed : pushFailed; }
         }
 
-        /// <summary>Anchors that came while as many waited as may.</summary>
+        /// <summary>Anchors dropped because the maximum number was waiting.</summary>
         public long Missed
         {
             get { lock (pushing) return missed; }
         }
 
-        /// <summary>Frames that were copied into <see cref="Texture"/> since it was enabled.</summary>
+        /// <summary>Frames copied into <see cref="Texture"/> since the component was enabled.</summary>
         public long Shown
         {
             get
@@ -143,7 +143,7 @@ namespace Cairn.Unity
             }
         }
 
-        /// <summary>What it has done, and with what; null before the world runs.</summary>
+        /// <summary>Statistics; null before the world runs.</summary>
         public PresenterStatistics Statistics
         {
             get { return presenter == null ? null : presenter.Statistics; }
@@ -155,7 +155,7 @@ namespace Cairn.Unity
         public void Resize(int newWidth, int newHeight)
         {
             if (newWidth <= 0 || newHeight <= 0) throw new ArgumentException($"There are no frames of {newWidth} x {newHeight} pixels");
-            // What is under way is for the texture that there was, and left out.
+            // Frames in flight have the old texture's size and are discarded.
             EndView();
             if (presenter != null) presenter.Resize(newWidth, newHeight);
             lock (pushing)
@@ -166,7 +166,7 @@ namespace Cairn.Unity
             if (texture != null) MakeTexture();
         }
 
-        /// <summary>Takes an anchor, on the world's thread, which also makes what frames of a new size need.</summary>
+        /// <summary>Takes an anchor on the world's thread, which also prepares frames of a new size.</summary>
         internal void Push(Anchor anchor)
         {
             Presenter unprepared = null;
@@ -193,7 +193,7 @@ namespace Cairn.Unity
                     pushFailed = why.Message;
                 }
             }
-            // Without the lock: it takes long, and Unity's main thread does not wait for it.
+            // Outside the lock: it takes long, and Unity's main thread must not wait for it.
             if (unprepared != null) Prepare(with, unprepared, newWidth, newHeight);
         }
 
@@ -210,14 +210,14 @@ namespace Cairn.Unity
             }
             catch (ObjectDisposedException)
             {
-                // It was switched off meanwhile.
+                // The component was disabled meanwhile.
                 return;
             }
             lock (pushing)
             {
                 if (presenter != unprepared) return;
                 pushFailed = why;
-                // One that failed is not tried again with each anchor.
+                // A size whose preparation failed is not tried again for each anchor.
                 preparedWidth = newWidth;
                 preparedHeight = newHeight;
             }
@@ -284,7 +284,7 @@ namespace Cairn.Unity
             }
             catch (ObjectDisposedException)
             {
-                // The world was switched off between two lines.
+                // The world was disabled between two statements.
                 Close();
             }
         }
@@ -320,7 +320,7 @@ namespace Cairn.Unity
             view.Issue(commands);
         }
 
-        /// <summary>When this returns no event runs, and those that come do nothing.</summary>
+        /// <summary>After this returns, no event runs, and later ones do nothing.</summary>
         private void EndView()
         {
             if (view == null) return;
@@ -343,7 +343,7 @@ namespace Cairn.Unity
             if (left != null) left.Dispose();
         }
 
-        /// <summary>Whether frames are linear light: what shaders of a linear project read from floats.</summary>
+        /// <summary>Whether frames are linear light, as shaders of a linear project expect of float textures.</summary>
         private bool IsLinear
         {
             get { return format != PresenterFormat.ARGB32 && QualitySettings.activeColorSpace == ColorSpace.Linear; }
@@ -371,7 +371,7 @@ namespace Cairn.Unity
             if (texture == null || texture.width != width || texture.height != height)
             {
                 DropTexture();
-                // Floats have no curve that a sampler could undo.
+                // Float textures have no sRGB conversion in the sampler.
                 RenderTextureReadWrite curve = format == PresenterFormat.ARGB32 ? RenderTextureReadWrite.sRGB : RenderTextureReadWrite.Linear;
                 texture = new RenderTexture(width, height, 0, wanted, curve)
                 {
@@ -379,7 +379,7 @@ namespace Cairn.Unity
                 };
             }
             texture.Create();
-            // Asked for once: Unity waits for its render thread to answer.
+            // Queried once, because Unity waits for its render thread to answer.
             pointer = texture.GetNativeTexturePtr();
             if (output == PresenterOutput.Renderer) TakeSurface();
         }
@@ -395,7 +395,7 @@ namespace Cairn.Unity
             pointer = IntPtr.Zero;
         }
 
-        /// <summary>Has the renderer beside it show the texture.</summary>
+        /// <summary>Sets the texture on the renderer of the same object.</summary>
         private void TakeSurface()
         {
             if (surface == null)
@@ -416,7 +416,7 @@ namespace Cairn.Unity
             surface.mainTextureOffset = Upright.position;
         }
 
-        /// <summary>Gives the renderer back what it had.</summary>
+        /// <summary>Restores the renderer's own texture.</summary>
         private void LeaveSurface()
         {
             if (surface == null) return;

@@ -6,31 +6,31 @@ using UnityEngine;
 
 namespace Cairn.Unity
 {
-    /// <summary>What a world is at.</summary>
+    /// <summary>State of a world.</summary>
     public enum WorldState
     {
-        /// <summary>It is off.</summary>
+        /// <summary>Disabled.</summary>
         Off,
-        /// <summary>It is being loaded.</summary>
+        /// <summary>Loading.</summary>
         Loading,
-        /// <summary>It makes anchors.</summary>
+        /// <summary>Making anchors.</summary>
         Running,
-        /// <summary>Something failed; the message says what.</summary>
+        /// <summary>Failed; the message has the reason.</summary>
         Failed,
     }
 
-    /// <summary>What a world computes on.</summary>
+    /// <summary>Processor of a world.</summary>
     public enum WorldProcessor
     {
-        /// <summary>Unity's graphics device, on a queue beside the one that draws.</summary>
+        /// <summary>Unity's graphics device, on a queue of its own beside the drawing one.</summary>
         Graphics,
         /// <summary>The machine's processor: small worlds only.</summary>
         Processor,
     }
 
     /// <summary>
-    /// A world that runs: it loads a bundle, starts from a seed picture, and makes anchors from the player's controls at the world's own
-    /// rate. All of it happens on a thread of its own. A <see cref="CairnPresenter"/> shows it.
+    /// A running world: loads a bundle, starts from a seed picture, and makes anchors from the player's controls at the world's own rate, all on a
+    /// thread of its own. A <see cref="CairnPresenter"/> shows it.
     /// </summary>
     [AddComponentMenu("Cairn/Cairn World")]
     [DisallowMultipleComponent]
@@ -64,60 +64,60 @@ namespace Cairn.Unity
         private int seedHeight;
         private Work work;
 
-        /// <summary>The bundle: a path, or one below StreamingAssets; empty for the world inside the library. Counts when it is enabled.</summary>
+        /// <summary>The bundle: a path, or one below StreamingAssets; empty for the embedded world. Read when the component is enabled.</summary>
         public string Bundle
         {
             get { return bundle; }
             set { bundle = value ?? ""; }
         }
 
-        /// <summary>How it runs; empty for the bundle's own. Counts when it is enabled.</summary>
+        /// <summary>Operating point; empty for the bundle's own. Read when the component is enabled.</summary>
         public string OperatingPoint
         {
             get { return operatingPoint; }
             set { operatingPoint = value ?? ""; }
         }
 
-        /// <summary>What it computes on. Counts when it is enabled.</summary>
+        /// <summary>Processor of the world. Read when the component is enabled.</summary>
         public WorldProcessor Processor
         {
             get { return processor; }
             set { processor = value; }
         }
 
-        /// <summary>Where controls come from; null for none. Counts when it is enabled.</summary>
+        /// <summary>Source of controls; null for none. Read when the component is enabled.</summary>
         public CairnInput Input
         {
             get { return input; }
             set { input = value; }
         }
 
-        /// <summary>What it is at.</summary>
+        /// <summary>Current state.</summary>
         public WorldState State
         {
             get { lock (changing) return state; }
         }
 
-        /// <summary>How far loading is, or what failed; for people.</summary>
+        /// <summary>Progress of loading, or the reason of a failure, as text.</summary>
         public string Message
         {
             get { lock (changing) return message; }
         }
 
-        /// <summary>Anchors that were made since it was enabled.</summary>
+        /// <summary>Anchors made since the component was enabled.</summary>
         public long Anchors
         {
             get { lock (changing) return anchors; }
         }
 
-        /// <summary>The device that frames are shown with; null until there is one.</summary>
+        /// <summary>The device on which frames are made; null until there is one.</summary>
         internal Device Device
         {
             get { lock (changing) return work == null ? null : work.Device; }
         }
 
-        /// <summary>Has the world start from a picture in memory: RGBA, row by row from the top left. Counts when it is enabled.</summary>
-        /// <param name="pixels">Four bytes to a pixel.</param>
+        /// <summary>Sets the seed picture from memory: RGBA, rows from top to bottom. Read when the component is enabled.</summary>
+        /// <param name="pixels">Four bytes per pixel.</param>
         /// <param name="width">In pixels.</param>
         /// <param name="height">In pixels.</param>
         public void SetSeed(byte[] pixels, int width, int height)
@@ -132,13 +132,13 @@ namespace Cairn.Unity
             seedHeight = height;
         }
 
-        /// <summary>Has a presenter get each anchor.</summary>
+        /// <summary>Registers a presenter, which gets each anchor.</summary>
         internal void Add(CairnPresenter presenter)
         {
             lock (presenters) presenters.Add(presenter);
         }
 
-        /// <summary>When this returns, the presenter gets no anchor any more.</summary>
+        /// <summary>Unregisters a presenter. After this returns it gets no more anchors.</summary>
         internal void Remove(CairnPresenter presenter)
         {
             lock (presenters) presenters.Remove(presenter);
@@ -183,7 +183,7 @@ namespace Cairn.Unity
             Tell(WorldState.Off, "");
         }
 
-        /// <summary>The texture's pixels, from the top.</summary>
+        /// <summary>Copies the texture's pixels, rows from top to bottom.</summary>
         private bool TakeSeed(out string why)
         {
             why = "";
@@ -204,7 +204,7 @@ namespace Cairn.Unity
             {
                 for (int column = 0; column < seed.width; column++)
                 {
-                    // Unity's rows begin at the bottom.
+                    // Unity's first row is at the bottom.
                     Color32 colour = colours[(seed.height - 1 - row) * seed.width + column];
                     int at = (row * seed.width + column) * 4;
                     pixels[at] = colour.r;
@@ -232,7 +232,7 @@ namespace Cairn.Unity
             Debug.LogError("Cairn: " + why, this);
         }
 
-        /// <summary>What the thread does, from loading to its end.</summary>
+        /// <summary>The world's thread, from loading to its end.</summary>
         private sealed class Work
         {
             private readonly CairnWorld owner;
@@ -274,7 +274,7 @@ namespace Cairn.Unity
                 get { return device; }
             }
 
-            /// <summary>Ends it, and waits for the step that is being made.</summary>
+            /// <summary>Ends the thread after the step that is being made.</summary>
             internal void Stop()
             {
                 stopping.Set();
@@ -311,18 +311,18 @@ namespace Cairn.Unity
                 }
                 catch (CairnException why) when (why.Result == Result.Cancelled && IsStopping)
                 {
-                    // It was switched off while it loaded.
+                    // The component was disabled during the load.
                 }
                 catch (Exception why)
                 {
                     device = null;
                     owner.Tell(WorldState.Failed, why.Message);
-                    // Without the component, which belongs to the main thread.
+                    // Without the component as context, because it belongs to the main thread.
                     Debug.LogError("Cairn: " + why.Message);
                 }
             }
 
-            /// <summary>Makes anchors, one to an interval, until it is stopped.</summary>
+            /// <summary>Makes one anchor per interval until stopped.</summary>
             private void Play(Rollout rollout)
             {
                 RolloutInfo info = rollout.Info;
@@ -333,7 +333,7 @@ namespace Cairn.Unity
                 {
                     rollout.Step(input == null ? default(Controls) : input.Take());
                     using (Anchor anchor = rollout.Anchor()) owner.Show(anchor);
-                    // A world that is too slow does not make up for it later.
+                    // A world that is too slow does not catch up later.
                     next = Math.Max(next + interval, Clock.NowNs);
                     long left = (next - Clock.NowNs) / 1000000;
                     if (left > 0) stopping.WaitOne((int)left);

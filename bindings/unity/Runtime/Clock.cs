@@ -2,12 +2,12 @@ using System.Diagnostics;
 
 namespace Cairn.Unity
 {
-    /// <summary>The clock that anchors come by and frames are shown by: it runs on all threads and does not stand still in pauses.</summary>
+    /// <summary>The clock for the arrival of anchors and the display of frames: it may be read on any thread and continues in pauses.</summary>
     public static class Clock
     {
         private static readonly Stopwatch Running = Stopwatch.StartNew();
 
-        /// <summary>Nanoseconds since the first use.</summary>
+        /// <summary>Nanoseconds since the clock's first use.</summary>
         public static long NowNs
         {
             get

@@ -15,11 +15,11 @@ using On = UnityEngine.KeyCode;
 
 namespace Cairn.Unity
 {
-    /// <summary>Keyboard and mouse, by whichever of Unity's two ways the project has.</summary>
+    /// <summary>Keyboard and mouse, through whichever of Unity's two input systems the project has.</summary>
     internal static class Devices
     {
 #if CAIRN_BY_INPUT_SYSTEM || CAIRN_BY_INPUT_MANAGER
-        /// <summary>Places on the keyboard; a world's keys are named by what stands there on an American one.</summary>
+        /// <summary>Physical keys; a world's keys are named after the US layout.</summary>
         private static readonly Dictionary<On, Key> Known = new Dictionary<On, Key>
         {
             { On.A, Key.A }, { On.B, Key.B }, { On.C, Key.C }, { On.D, Key.D }, { On.E, Key.E }, { On.F, Key.F }, { On.G, Key.G },
@@ -58,7 +58,7 @@ namespace Cairn.Unity
 #endif
 
 #if CAIRN_BY_INPUT_SYSTEM
-        /// <summary>What the wheel counts to a notch: since 1.9 the project may say, and later ones say 1; before, what Windows does.</summary>
+        /// <summary>Wheel units per notch: 1 if the project's setting (since Input System 1.9) makes platforms uniform, otherwise Windows' 120.</summary>
         private static float PerNotch
         {
             get
@@ -73,7 +73,7 @@ namespace Cairn.Unity
             }
         }
 
-        /// <summary>What is held, how far the mouse went in pixels, and the wheel in notches.</summary>
+        /// <summary>Keys held, mouse movement in pixels, and wheel movement in notches.</summary>
         internal static void Read(List<Key> held, out Vector2 mouse, out float wheel)
         {
             mouse = Vector2.zero;
@@ -95,10 +95,10 @@ namespace Cairn.Unity
             wheel = moved.scroll.ReadValue().y / PerNotch;
         }
 #elif CAIRN_BY_INPUT_MANAGER
-        /// <summary>The Input Manager's unit of the mouse's axes in pixels, at the sensitivity of 0.1 that new projects have.</summary>
+        /// <summary>Pixels per unit of the Input Manager's mouse axes, at a new project's sensitivity of 0.1.</summary>
         private const float PixelsPerUnit = 20;
 
-        /// <summary>What is held, how far the mouse went in pixels, and the wheel in notches.</summary>
+        /// <summary>Keys held, mouse movement in pixels, and wheel movement in notches.</summary>
         internal static void Read(List<Key> held, out Vector2 mouse, out float wheel)
         {
             foreach (KeyValuePair<On, Key> pair in Known)
@@ -109,7 +109,7 @@ namespace Cairn.Unity
             wheel = Input.mouseScrollDelta.y;
         }
 #else
-        /// <summary>Nothing: the project has neither.</summary>
+        /// <summary>Nothing: the project has no input system.</summary>
         internal static void Read(List<Key> held, out Vector2 mouse, out float wheel)
         {
             mouse = Vector2.zero;

@@ -5,13 +5,13 @@ using UnityEngine.Rendering;
 
 namespace Cairn.Unity
 {
-    /// <summary>The native plugin: what it is called for beside the interface in C, and whether it can draw.</summary>
+    /// <summary>The native plugin: its functions beyond the C interface, and whether it can draw.</summary>
     public static unsafe class Plugin
     {
         private static bool isLoaded;
 
-        /// <summary>Whether frames can be shown, by which of Unity's interfaces; else why not, and what can be done. From any thread.</summary>
-        /// <param name="what">For people.</param>
+        /// <summary>Whether frames can be shown. From any thread.</summary>
+        /// <param name="what">Name of Unity's interface; otherwise the reason and a remedy.</param>
         public static bool IsReady(out string what)
         {
             try
@@ -42,7 +42,7 @@ namespace Cairn.Unity
             return false;
         }
 
-        /// <summary>A device of Cairn's on Unity's own. Takes a moment, so call it off the main thread.</summary>
+        /// <summary>Makes a Cairn device on Unity's own. Takes a while, so call it off the main thread.</summary>
         /// <exception cref="CairnException">
         /// <see cref="Result.Unsupported"/> where <see cref="IsReady"/> is false; <see cref="Result.RuntimeMissing"/> where ONNX Runtime is
         /// not beside the library.
@@ -58,10 +58,10 @@ namespace Cairn.Unity
         }
 
         /// <summary>
-        /// Has the classes of the namespace <c>Cairn</c> use the library that Unity has loaded, and no other. Components do it; a script
-        /// that uses the classes without them does it before.
+        /// Makes the classes of the namespace <c>Cairn</c> use the library that Unity has loaded, and no other. Components call this; a script
+        /// that uses the classes without components must call it first.
         /// </summary>
-        /// <exception cref="CairnException">The library and these scripts are not of one package.</exception>
+        /// <exception cref="CairnException">The library and these scripts are of different packages.</exception>
         /// <exception cref="InvalidOperationException">The process uses another file already.</exception>
         public static void Load()
         {
@@ -71,9 +71,9 @@ namespace Cairn.Unity
         }
 
         /// <summary>
-        /// Makes all that a presenter's frames of a size need. Takes seconds the first time, so it is for a thread that loads; the presenter
-        /// has been given an anchor. Until then, and in another size, the nearest anchor is shown. Pipelines that were compiled are in the file
-        /// <paramref name="pipelines"/> in the next run.
+        /// Creates everything that a presenter needs for frames of a size. Takes seconds the first time, so call it on a loading thread, after the
+        /// presenter got its first anchor. Until then, and in another size, the nearest anchor is shown. Compiled pipelines are kept in the file
+        /// <paramref name="pipelines"/> for the next run.
         /// </summary>
         /// <exception cref="CairnException">As a required generator that cannot be used, or too little memory.</exception>
         internal static void Prepare(Device device, Presenter presenter, int width, int height, string pipelines)
@@ -96,7 +96,7 @@ namespace Cairn.Unity
             teller(null, UIntPtr.Zero, &length);
             var room = new byte[(int)length + 1];
             fixed (byte* text = room) teller(text, (UIntPtr)room.Length, &length);
-            // It may have another one to tell by now.
+            // The message may have changed between the two calls.
             return Encoding.UTF8.GetString(room, 0, Math.Min((int)length, room.Length - 1));
         }
 
@@ -117,7 +117,7 @@ namespace Cairn.Unity
                 view = made;
             }
 
-            /// <summary>Says what the next events show.</summary>
+            /// <summary>Sets time and texture of the next events.</summary>
             internal void Set(long nowNs, IntPtr texture)
             {
                 int result = Native.cairn_unity_view_set(view, (ulong)nowNs, texture);
@@ -132,7 +132,7 @@ namespace Cairn.Unity
                 commands.IssuePluginEventAndData(function, Native.cairn_unity_get_show_event(), view);
             }
 
-            /// <summary>Frames that were shown; false where the last event failed, and then why.</summary>
+            /// <summary>Number of frames shown; false if the last event failed, with the reason.</summary>
             internal bool IsWell(out long shown, out string why)
             {
                 var room = new byte[1024];
@@ -163,7 +163,7 @@ namespace Cairn.Unity
             }
         }
 
-        /// <summary>The functions of the library that are Unity's alone, by their names in it.</summary>
+        /// <summary>The plugin's own functions, by their exported names.</summary>
         private static class Native
         {
             internal const string Name = "cairn_unity";

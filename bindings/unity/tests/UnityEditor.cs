@@ -1,4 +1,4 @@
-// What the package uses of Unity's editor, declared as the engine is beside this file.
+// The parts of Unity's editor that the package uses, declared as in the file beside this one.
 
 using System;
 using UnityEngine;

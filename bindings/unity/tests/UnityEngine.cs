@@ -1,5 +1,5 @@
-// What the package uses of Unity's engine, declared so that it compiles where there is no Unity: names and types as Unity's manual has
-// them, and nothing behind them.
+// The parts of Unity's engine that the package uses, declared without implementation so that it compiles without Unity. Names and types are
+// those of Unity's manual.
 
 using System;
 

@@ -4,13 +4,13 @@ use glam::{Vec2, Vec3};
 
 /// Nearest visible distance along the view axis, in metres.
 pub const NEAR: f32 = 0.1;
-/// Farthest distinguished distance along the view axis, in metres; the sky lies on it.
+/// Distance along the view axis that maps to depth 1, in metres; the sky has this depth.
 pub const FAR: f32 = 1000.0;
 
 /// A pinhole camera. The world is left-handed: x east, y up, z north, in metres; yaw 0 looks north, positive yaw turns right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
-    /// Where the eye is.
+    /// Position of the eye.
     pub position: Vec3,
     /// Turn to the right, in radians.
     pub yaw: f32,
@@ -18,18 +18,18 @@ pub struct Camera {
     pub pitch: f32,
     /// Vertical field of view, in radians.
     pub vertical_fov: f32,
-    /// Width over height of what is seen. A picture of another ratio has pixels that are not square.
+    /// Aspect ratio of the view. A picture of another ratio has non-square pixels.
     pub aspect: f32,
 }
 
-/// A camera's axes and scales for one picture size, ready for many points.
+/// A camera's axes and scales for one picture size.
 #[derive(Debug, Clone, Copy)]
 pub struct View {
-    /// The eye.
+    /// Position of the eye.
     pub eye: Vec3,
     /// Unit axes: right, up, forward.
     pub axes: [Vec3; 3],
-    /// Pixels per unit of x/z and of y/z.
+    /// Focal lengths: pixels per unit of x/z and of y/z.
     pub focal: Vec2,
     /// The picture's centre, in pixels.
     pub centre: Vec2,
@@ -55,19 +55,19 @@ impl Camera {
 }
 
 impl View {
-    /// A world point in view space: right, up, forward of the eye.
+    /// Transforms a world point to view space: right, up, forward of the eye.
     #[inline]
     pub fn to_view(&self, p: Vec3) -> Vec3 {
         self.turn(p - self.eye)
     }
 
-    /// A world direction in view space.
+    /// Transforms a world direction to view space.
     #[inline]
     pub fn turn(&self, d: Vec3) -> Vec3 {
         Vec3::new(d.dot(self.axes[0]), d.dot(self.axes[1]), d.dot(self.axes[2]))
     }
 
-    /// A view-space direction in the world.
+    /// Transforms a view-space direction to the world.
     #[inline]
     pub fn to_world(&self, v: Vec3) -> Vec3 {
         self.axes[0] * v.x + self.axes[1] * v.y + self.axes[2] * v.z
@@ -79,7 +79,7 @@ impl View {
         Vec2::new(self.centre.x + self.focal.x * v.x / v.z, self.centre.y - self.focal.y * v.y / v.z)
     }
 
-    /// View-space direction through a pixel position, one unit deep.
+    /// View-space direction through a pixel position, with z = 1.
     #[inline]
     pub fn ray(&self, pixel: Vec2) -> Vec3 {
         Vec3::new((pixel.x - self.centre.x) / self.focal.x, (self.centre.y - pixel.y) / self.focal.y, 1.0)
@@ -92,7 +92,7 @@ pub fn device_depth(z: f32) -> f32 {
     (FAR / (FAR - NEAR) * (1.0 - NEAR / z)).clamp(0.0, 1.0)
 }
 
-/// The distance along the view axis of a device depth: the inverse of [`device_depth`].
+/// Distance along the view axis of a device depth: the inverse of [`device_depth`].
 #[inline]
 pub fn view_distance(depth: f32) -> f32 {
     NEAR / (1.0 - depth * (FAR - NEAR) / FAR).max(NEAR / FAR)

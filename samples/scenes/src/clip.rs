@@ -7,27 +7,26 @@ use crate::render::{Frame, Moment, Quality, render};
 use crate::scene::Scene;
 use crate::walk::{Start, Walker};
 
-/// The walker takes the fewest steps in a second of world time that both this and the rate divide: pictures are drawn
-/// at steps, never between two.
+/// The walker takes as many steps per second as the least common multiple of this and the rate: pictures are drawn at steps, never between two.
 const STEPS: u32 = 120;
-/// The most pictures per second of world time.
+/// Maximum number of pictures per second of world time.
 pub const MAX_RATE: u32 = 960;
 
-/// What is drawn of a walk.
+/// Settings of a clip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipOptions {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Pictures per second of world time, 1 to [`MAX_RATE`]. Walks at rates that divide 120 go through the same places
-    /// to the bit; others take finer steps and go through places a hair beside them.
+    /// Pictures per second of world time, 1 to [`MAX_RATE`]. Walks at rates that divide 120 have bit-identical paths; others take finer steps and
+    /// deviate minimally.
     pub rate: u32,
-    /// Width over height of what is shown; a size of another ratio has pixels that are not square.
+    /// Aspect ratio of the view; a size of another ratio has non-square pixels.
     pub aspect: f32,
-    /// How it is drawn.
+    /// Render quality.
     pub quality: Quality,
-    /// Where the walk starts; on the path at the origin unless given.
+    /// Start of the walk; `None` for the path at the origin.
     pub start: Option<Start>,
 }
 
@@ -37,32 +36,32 @@ impl Default for ClipOptions {
     }
 }
 
-/// The frames of a walk, in order of time, without end: after the script's end nothing is pressed.
+/// The frames of a walk in order of time, without end: after the script's end no control is pressed.
 ///
-/// Frame n shows world time n / rate; its motion points to frame n - 1, and that of frame 0 is nil.
+/// Frame n shows world time n / rate; its motion points to frame n - 1. Frame 0 has zero motion.
 pub struct Clip<'a> {
     scene: &'a Scene,
     script: &'a ControlScript,
     options: ClipOptions,
     walker: Walker,
-    /// Steps in a second.
+    /// Steps per second.
     pace: u32,
     steps: u64,
     before: Option<Moment>,
 }
 
 impl<'a> Clip<'a> {
-    /// A walk from its start. None when the rate is out of range.
+    /// A walk from its start. `None` if the rate is out of range.
     pub fn new(scene: &'a Scene, script: &'a ControlScript, options: ClipOptions) -> Option<Self> {
         let pace = (1..=MAX_RATE).contains(&options.rate).then(|| common_multiple(STEPS, options.rate))?;
         let walker = options.start.map_or_else(|| Walker::new(scene), |start| Walker::standing(scene, start));
         Some(Self { scene, script, options, walker, pace, steps: 0, before: None })
     }
 
-    /// Walks to the next frame's time and says what is seen there, and what was seen in the frame before.
+    /// Walks to the next frame's time. Returns the moments of that frame and of the previous one.
     ///
     /// # Errors
-    /// `InvalidArgument` when the script moves the mouse farther in one step than a step can hold.
+    /// `InvalidArgument` when the script moves the mouse farther in one step than controls allow.
     pub fn advance(&mut self) -> Result<(Moment, Moment)> {
         if self.before.is_some() {
             for _ in 0..self.pace / self.options.rate {
@@ -87,7 +86,7 @@ impl<'a> Clip<'a> {
     }
 }
 
-/// The least number that both divide.
+/// The least common multiple.
 fn common_multiple(a: u32, b: u32) -> u32 {
     let (mut divisor, mut rest) = (a, b);
     while rest != 0 {

@@ -1,4 +1,4 @@
-//! The four kinds of places, and what light and air they have.
+//! The four kinds of places, with their light and atmosphere.
 
 use std::fmt;
 use std::str::FromStr;
@@ -21,31 +21,31 @@ pub enum Family {
 /// All four, in the order they are shown.
 pub const FAMILIES: [Family; 4] = [Family::Forest, Family::Sword, Family::Desert, Family::Snow];
 
-/// Light and air of a place. Colours are linear RGB.
+/// Light and atmosphere of a place. Colours are linear RGB.
 #[derive(Debug, Clone, Copy)]
 pub struct Weather {
     /// Unit vector towards the sun.
     pub sun: Vec3,
-    /// The sun's light.
+    /// Light of the sun.
     pub sun_light: Vec3,
-    /// The sky's light from above.
+    /// Light of the sky from above.
     pub sky_light: Vec3,
-    /// The light that the ground sends back.
+    /// Light reflected by the ground.
     pub ground_light: Vec3,
-    /// The sky overhead.
+    /// Colour of the sky at the zenith.
     pub zenith: Vec3,
-    /// The sky at the horizon, and the colour of fog.
+    /// Colour of the sky at the horizon, and of fog.
     pub horizon: Vec3,
-    /// How much of a distant thing fog takes away per metre.
+    /// Fog density per metre.
     pub fog: f32,
-    /// How cloudy it is, 0 to 1.
+    /// Cloud cover, 0 to 1.
     pub clouds: f32,
-    /// Exposure: what linear value becomes full white is its reciprocal.
+    /// Exposure: factor on linear light; its reciprocal is the linear value that becomes full white.
     pub exposure: f32,
 }
 
 impl Family {
-    /// Light and air of this kind of place; `turn` moves the sun around, in radians.
+    /// Light and atmosphere of this kind of place; `turn` rotates the sun's azimuth, in radians.
     pub fn weather(self, turn: f32) -> Weather {
         let sun = |azimuth: f32, height: f32| {
             let (sh, ch) = height.to_radians().sin_cos();

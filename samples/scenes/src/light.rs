@@ -1,4 +1,4 @@
-//! Light, air and sky: from a surface's look to the light that reaches the eye.
+//! Light, atmosphere and sky: from a surface's material to the light that reaches the eye.
 
 use std::sync::LazyLock;
 
@@ -8,22 +8,22 @@ use crate::family::Weather;
 use crate::material::{Look, smooth};
 use crate::noise::fractal2;
 
-/// A lit point of a surface.
+/// A surface point to be shaded.
 pub struct Lit {
-    /// Its look.
+    /// Material properties.
     pub look: Look,
-    /// Unit normal, towards the eye's side.
+    /// Unit normal on the eye's side.
     pub normal: Vec3,
-    /// Unit direction from the eye to it.
+    /// Unit direction from the eye to the point.
     pub towards: Vec3,
     /// Metres from the eye.
     pub distance: f32,
-    /// How much sun reaches it, 0 to 1.
+    /// Sun visibility, 0 to 1.
     pub sun: f32,
 }
 
 impl Weather {
-    /// Light from a point of a surface through the air to the eye, linear RGB.
+    /// Light from a surface point through the atmosphere to the eye, linear RGB.
     pub fn shade(&self, p: &Lit) -> Vec3 {
         let facing = p.normal.dot(self.sun);
         let direct = self.sun_light * facing.max(0.0) * p.sun;
@@ -47,7 +47,7 @@ impl Weather {
         self.horizon.lerp(self.zenith, t.sqrt())
     }
 
-    /// Light that thick air sends to the eye from a unit direction.
+    /// Light that fog scatters towards the eye from a unit direction.
     fn air(&self, d: Vec3) -> Vec3 {
         let glow = (0.5 + 0.5 * d.dot(self.sun)).powi(8);
         self.horizon + self.sun_light * (0.10 * glow)

@@ -78,7 +78,7 @@ struct ClipArguments {
     controls: Option<PathBuf>,
 }
 
-/// Latent steps in a second of world time, in a list of controls.
+/// Latent steps per second of world time, for `--controls`.
 const LATENTS_PER_SECOND: u32 = 15;
 
 fn size(text: &str) -> Result<(u32, u32), String> {
@@ -88,7 +88,7 @@ fn size(text: &str) -> Result<(u32, u32), String> {
         .ok_or_else(|| format!("{text} is no size. Write WIDTHxHEIGHT, each 1 to 8192, such as 640x360"))
 }
 
-/// Metres that a walk may start from the origin, east or north: the finely meshed ground.
+/// Maximum distance of a walk's start from the origin, east or north, in metres: the finely meshed ground.
 const FARTHEST_START: f32 = 96.0;
 
 fn start(text: &str) -> Result<Start, String> {
@@ -99,7 +99,7 @@ fn start(text: &str) -> Result<Start, String> {
     inside.then(|| Start { at: glam::Vec2::new(east, north), yaw: yaw.to_radians() }).ok_or_else(wrong)
 }
 
-/// The script that belongs to a scene.
+/// Script of a scene.
 fn own_script(family: Family) -> &'static str {
     match family {
         Family::Forest => include_str!("../../scripts/forest.txt"),
@@ -212,7 +212,7 @@ fn clip(a: &ClipArguments) -> Outcome<()> {
     Ok(())
 }
 
-/// What each latent step of the first `seconds` gets of a script.
+/// Controls of each latent step of the first `seconds` of a script.
 fn controls(script: &ControlScript, seconds: f64) -> Outcome<String> {
     let mut lines = String::new();
     for q in 0..(seconds * f64::from(LATENTS_PER_SECOND)).round() as u64 {

@@ -1,4 +1,4 @@
-//! Surfaces: what colour a point of each kind of material has, before light.
+//! Materials: reflectance of a surface point before lighting.
 
 use glam::{Vec2, Vec3};
 
@@ -8,7 +8,7 @@ use crate::noise::{fractal2, fractal3, lattice};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Material {
-    /// The terrain; its look comes from the family.
+    /// The terrain; its appearance depends on the family.
     Ground,
     /// Bark of a living tree.
     Bark,
@@ -16,7 +16,7 @@ pub enum Material {
     Leaf,
     /// Needles.
     Needle,
-    /// Needles under snow on their upper side.
+    /// Needles with snow on their upper side.
     SnowyNeedle,
     /// Grass blades.
     Grass,
@@ -26,7 +26,7 @@ pub enum Material {
     Rock,
     /// Red sandstone in strata.
     Sandstone,
-    /// Rock under snow on its upper side.
+    /// Rock with snow on its upper side.
     SnowyRock,
     /// Cactus skin with ribs.
     Cactus,
@@ -42,14 +42,14 @@ pub enum Material {
     Accent,
 }
 
-/// What a material looks like at one point.
+/// Material properties at one point.
 #[derive(Debug, Clone, Copy)]
 pub struct Look {
     /// Linear RGB reflectance, 0 to 1.
     pub albedo: Vec3,
-    /// Strength of the mirror-like part, 0 to 1.
+    /// Specular strength, 0 to 1.
     pub gloss: f32,
-    /// How much light comes through from behind, 0 to 1.
+    /// Transmission of light from behind, 0 to 1.
     pub translucency: f32,
 }
 
@@ -61,7 +61,7 @@ impl Look {
 
 const SNOW: Vec3 = Vec3::new(0.86, 0.9, 0.97);
 
-/// The look of `material` at `p` metres (in the object's own frame for a held item), seen with a pixel of `footprint` metres.
+/// Properties of `material` at `p` metres (in the object's own frame for a held item); a pixel covers `footprint` metres.
 pub(crate) fn look(material: Material, variant: u8, p: Vec3, normal: Vec3, footprint: f32) -> Look {
     let v = f32::from(variant) / 255.0;
     let grain = |frequency: f32, octaves: u32| fractal3(p, frequency, octaves, footprint, u32::from(variant));
@@ -143,7 +143,7 @@ pub(crate) fn sandstone(p: Vec3, wave: f32) -> Vec3 {
     Vec3::new(0.42, 0.20, 0.11).lerp(Vec3::new(0.58, 0.36, 0.22), tone) * (1.0 + 0.4 * wave)
 }
 
-/// 0 below `low`, 1 above `high`, smooth between.
+/// Smoothstep: 0 below `low`, 1 above `high`.
 #[inline]
 pub(crate) fn smooth(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);

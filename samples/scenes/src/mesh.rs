@@ -12,20 +12,20 @@ use crate::noise::{Dice, fractal3};
 pub struct Mesh {
     /// Positions in metres.
     pub positions: Vec<Vec3>,
-    /// Unit normals, one for each position.
+    /// Unit normals, one per position.
     pub normals: Vec<Vec3>,
-    /// Corners of each triangle.
+    /// Vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// Surface of each triangle.
+    /// Material of each triangle.
     pub materials: Vec<Surface>,
 }
 
-/// What a triangle is made of.
+/// Material of a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
     /// The kind of surface.
     pub material: Material,
-    /// Shifts colour and texture from object to object, 0 to 255.
+    /// Variation of colour and texture between objects, 0 to 255.
     pub variant: u8,
 }
 
@@ -43,13 +43,13 @@ impl Mesh {
         self.materials.push(surface);
     }
 
-    /// Adds two triangles over four vertices in order around.
+    /// Adds two triangles over four vertices in order around the quad.
     pub fn quad(&mut self, q: [u32; 4], surface: Surface) {
         self.triangle([q[0], q[1], q[2]], surface);
         self.triangle([q[0], q[2], q[3]], surface);
     }
 
-    /// Adds a copy of `other`, turned by `turn`, scaled by `scale` and moved to `at`.
+    /// Adds a copy of `other`, rotated by `turn`, scaled by `scale` and moved to `at`.
     pub fn place(&mut self, other: &Mesh, at: Vec3, turn: Mat3, scale: Vec3) {
         let base = self.positions.len() as u32;
         let inverse = Vec3::ONE / scale;
@@ -59,7 +59,7 @@ impl Mesh {
         self.materials.extend_from_slice(&other.materials);
     }
 
-    /// A tube through `spine` (centre, radius), with `sides` sides; radii are roughened by `rough` of themselves.
+    /// A tube along `spine` (centre, radius) with `sides` sides; radii vary by the fraction `rough`.
     pub fn tube(&mut self, spine: &[(Vec3, f32)], sides: u32, rough: f32, seed: u32, surface: Surface) {
         let mut rings: Vec<u32> = Vec::with_capacity(spine.len());
         for (k, &(centre, radius)) in spine.iter().enumerate() {
@@ -105,7 +105,7 @@ impl Mesh {
         for i in 0..=rings {
             for j in 0..around {
                 let p = at(i, j);
-                // The slope from the neighbours; at the poles the rings shrink to points and the radius serves.
+                // Normal from neighbouring points; at the poles, where the rings have no extent, the radial direction.
                 let normal = if i == 0 || i == rings {
                     p
                 } else {
@@ -124,8 +124,7 @@ impl Mesh {
         }
     }
 
-    /// `count` leaves scattered through an ellipsoid around `centre`; their normals follow the ellipsoid, so that the
-    /// crown shades as one body.
+    /// `count` leaves scattered through an ellipsoid around `centre`. Their normals follow the ellipsoid, so that the crown is shaded as one body.
     pub fn crown(&mut self, centre: Vec3, radii: Vec3, count: u32, leaf: f32, dice: &mut Dice, surface: Surface) {
         for _ in 0..count {
             let d = dice.direction();
@@ -142,7 +141,7 @@ impl Mesh {
         }
     }
 
-    /// A skirt of boughs: a cone from `top` down to a ragged hem of `radius`, as one storey of a fir.
+    /// One storey of a fir: a cone from `top` down to a ragged hem of `radius`.
     pub fn skirt(&mut self, top: Vec3, radius: f32, drop: f32, points: u32, dice: &mut Dice, surface: Surface) {
         let apex = self.vertex(top, Vec3::Y);
         let start = dice.range(0.0, TAU);
@@ -182,8 +181,8 @@ impl Mesh {
         }
     }
 
-    /// A flat bar along `spine` with a section of four flat faces, as a blade has:
-    /// `(centre, half width, half thickness)`, width along `across`.
+    /// A flat bar along `spine` with a diamond cross-section, like a blade. Spine: `(centre, half width, half thickness)`; the width is along
+    /// `across`.
     pub fn bar(&mut self, spine: &[(Vec3, f32, f32)], across: Vec3, surface: Surface) {
         let along = (spine[spine.len() - 1].0 - spine[0].0).normalize_or(Vec3::Y);
         let thick = along.cross(across).normalize_or(Vec3::X);

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-/// Avalanche of 32 bits (Murmur3's finaliser).
+/// Mixes 32 bits (Murmur3's finaliser).
 #[inline]
 pub(crate) fn mix(mut h: u32) -> u32 {
     h ^= h >> 16;
@@ -12,7 +12,7 @@ pub(crate) fn mix(mut h: u32) -> u32 {
     h ^ (h >> 16)
 }
 
-/// A uniform number in [0, 1) of a lattice point and a seed.
+/// A uniform number in [0, 1) from a lattice point and a seed.
 #[inline]
 pub(crate) fn lattice(x: i32, y: i32, z: i32, seed: u32) -> f32 {
     let h = (x as u32).wrapping_mul(0x9e37_79b1)
@@ -87,7 +87,7 @@ pub(crate) fn fractal3(p: Vec3, frequency: f32, octaves: u32, footprint: f32, se
     sum
 }
 
-/// 1 for features of four pixels and more, 0 at two pixels: what a picture cannot show, it must not alias.
+/// 1 for features of four pixels and more, falling to 0 at two pixels, to avoid aliasing.
 #[inline]
 fn resolved(cycles_per_pixel: f32) -> f32 {
     ((0.5 - cycles_per_pixel) * 4.0).clamp(0.0, 1.0)

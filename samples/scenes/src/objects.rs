@@ -1,4 +1,4 @@
-//! The things that stand in the scenes, each grown from a seed.
+//! Objects of the scenes, each generated from a seed.
 
 use std::f32::consts::TAU;
 
@@ -12,13 +12,12 @@ fn surface(material: Material, dice: &mut Dice) -> Surface {
     Surface { material, variant: (dice.bits() & 255) as u8 }
 }
 
-/// How finely a thing is modelled. It is chosen by where the thing stands, never by where the eye is, so that nothing changes
-/// its shape while somebody walks.
+/// Mesh detail of an object. It depends on the object's position, never on the camera, so that no object changes its shape during a walk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Detail {
     /// Near the path.
     Fine,
-    /// Where only the silhouette is seen.
+    /// Far from the path, where only the silhouette is visible.
     Coarse,
 }
 
@@ -60,7 +59,7 @@ pub(crate) fn broadleaf(height: f32, detail: Detail, dice: &mut Dice) -> Mesh {
     mesh
 }
 
-/// A fir of storeys of boughs, with snow on them where `snowy`.
+/// A fir with several storeys of boughs, snow-covered if `snowy`.
 pub(crate) fn fir(height: f32, snowy: bool, dice: &mut Dice) -> Mesh {
     let mut mesh = Mesh::default();
     let bark = surface(Material::Bark, dice);

@@ -1,17 +1,17 @@
-//! Which triangle covers which sample: a depth-buffered rasteriser in bands of rows.
+//! A depth-buffered rasteriser that works in bands of rows.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// No triangle: the sky.
+/// Identifier for no triangle: the sky.
 pub(crate) const SKY: u32 = u32::MAX;
 
-/// A triangle on the screen: pixel positions, reciprocal distances, and its number.
+/// A screen-space triangle: positions in samples, depth keys, and its number.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ScreenTriangle {
     /// Corners in samples.
     pub at: [Vec2; 3],
-    /// What is interpolated linearly on the screen and wins where larger: 1/z for a perspective view.
+    /// Depth key: interpolated linearly on the screen, the larger one wins; 1/z for a perspective view.
     pub near: [f32; 3],
     /// Its number.
     pub id: u32,
@@ -21,18 +21,18 @@ pub(crate) struct ScreenTriangle {
 #[derive(Debug)]
 pub(crate) struct Visibility {
     width: usize,
-    /// Numbers of triangles, or [`SKY`], row by row.
+    /// Triangle numbers or [`SKY`], row by row.
     pub ids: Vec<u32>,
     /// The largest `near` at every sample.
     pub near: Vec<f32>,
 }
 
-/// Rows of a band: small enough to balance threads, large enough that most triangles touch few bands.
+/// Rows per band: small enough to balance threads, large enough that most triangles touch few bands.
 const BAND: usize = 16;
 
 impl Visibility {
-    /// Draws `triangles` at `width` x `height` samples; sample (i, j) lies at (i + 0.5, j + 0.5). `floor` is the `near` of
-    /// nothing. Where two are equally near, the earlier one wins, whatever the thread count.
+    /// Rasterises `triangles` at `width` x `height` samples; sample (i, j) lies at (i + 0.5, j + 0.5). `floor` is the depth key of the background.
+    /// Of two triangles with equal keys the earlier one wins, for any thread count.
     pub(crate) fn draw(width: usize, height: usize, floor: f32, triangles: &[ScreenTriangle]) -> Self {
         let mut this = Self { width, ids: vec![SKY; width * height], near: vec![floor; width * height] };
         let bands = height.div_ceil(BAND);
@@ -69,7 +69,7 @@ fn min_max(v: [f32; 3]) -> (f32, f32) {
     (v[0].min(v[1]).min(v[2]), v[0].max(v[1]).max(v[2]))
 }
 
-/// Fills one triangle into a band that starts at row `top`.
+/// Rasterises one triangle into a band that starts at row `top`.
 fn fill(t: &ScreenTriangle, top: usize, width: usize, ids: &mut [u32], near: &mut [f32]) {
     let [a, b, c] = t.at;
     let area = (b - a).perp_dot(c - a);
@@ -87,7 +87,7 @@ fn fill(t: &ScreenTriangle, top: usize, width: usize, ids: &mut [u32], near: &mu
         return;
     }
     let (j1, i1) = (j1 as usize, i1 as usize);
-    // Barycentric weights as planes over the screen: w = w0 + x dx + y dy, all non-negative inside.
+    // Barycentric weights are linear on the screen: w = w0 + x dx + y dy, all non-negative inside.
     let inverse = 1.0 / area;
     let plane = |p: Vec2, q: Vec2| {
         let (dx, dy) = (-(q.y - p.y) * inverse, (q.x - p.x) * inverse);
@@ -100,7 +100,7 @@ fn fill(t: &ScreenTriangle, top: usize, width: usize, ids: &mut [u32], near: &mu
     for j in j0..=j1 {
         let y = j as f32 + 0.5;
         let row = (j - top) * width;
-        // The span where all three weights are non-negative, found from the edges, then checked sample by sample.
+        // Estimates the span with non-negative weights from the edges, then checks each sample.
         let (mut left, mut right) = (i0 as f32, i1 as f32);
         for (dx, dy, w0) in edges {
             let at_zero = w0 + dy * y + dx * 0.5;
@@ -127,7 +127,7 @@ fn fill(t: &ScreenTriangle, top: usize, width: usize, ids: &mut [u32], near: &mu
     }
 }
 
-/// Cuts a view-space triangle at the plane z = `limit` and hands on what lies beyond it.
+/// Clips a view-space triangle at the plane z = `limit` and passes on the parts beyond it.
 pub(crate) fn clip_near(corners: [Vec3; 3], limit: f32, mut keep: impl FnMut([Vec3; 3])) {
     let outside = corners.iter().filter(|p| p.z < limit).count();
     match outside {

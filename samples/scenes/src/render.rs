@@ -1,4 +1,4 @@
-//! Drawing a scene: colour, device depth and exact motion.
+//! Renders a scene: colour, device depth and exact motion.
 
 use cairn::Picture;
 use glam::{Mat3, Vec2, Vec3};
@@ -10,14 +10,14 @@ use crate::material::{Material, look};
 use crate::raster::{SKY, ScreenTriangle, Visibility, clip_near};
 use crate::scene::{Chunk, Scene};
 
-/// Where the eye is at one moment.
+/// Camera and walk state at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
     /// The camera.
     pub camera: Camera,
-    /// Metres walked so far: a held item sways with the steps.
+    /// Metres walked so far; a held item sways with the steps.
     pub walked: f32,
-    /// Seconds since the start: a held item breathes with time.
+    /// Seconds since the start; a held item also moves slightly with time.
     pub time: f32,
 }
 
@@ -28,15 +28,15 @@ pub struct Frame {
     pub picture: Picture,
     /// Device depth of each pixel's centre, 0 at [`NEAR`] and 1 at [`crate::camera::FAR`]; the sky is 1.
     pub depth: Vec<f32>,
-    /// For each pixel's centre, in pixels and y down: where the same point was in the previous picture, minus where it is.
-    /// Non-finite where it was behind the eye.
+    /// Motion of each pixel's centre, in pixels and y down: position of the same point in the previous picture minus its current position.
+    /// Non-finite if the point was behind the eye.
     pub motion: Vec<Vec2>,
 }
 
-/// How a scene is drawn.
+/// Render quality.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Quality {
-    /// Colour samples per pixel and axis, 1 to 8. Two is what pictures for people should have.
+    /// Colour samples per pixel and axis, 1 to 8. Use at least two for pictures that people look at.
     pub samples: u32,
 }
 
@@ -46,7 +46,7 @@ impl Default for Quality {
     }
 }
 
-/// The pose of a held item: a turn and a shift in view space.
+/// Pose of a held item: a rotation and a translation in view space.
 #[derive(Clone, Copy)]
 struct Pose {
     turn: Mat3,
@@ -68,13 +68,13 @@ impl Pose {
         self.turn * p + self.shift
     }
 
-    /// Where a posed point was before it was posed.
+    /// Applies the inverse pose.
     fn undo(&self, p: Vec3) -> Vec3 {
         self.turn.transpose() * (p - self.shift)
     }
 }
 
-/// Draws `scene` as seen `now`, with motion against the moment `before`, at `width` x `height` pixels.
+/// Renders `scene` as seen at `now`, with motion to `before`, at `width` x `height` pixels.
 ///
 /// Uses all threads of the current rayon pool; the result does not depend on their number.
 pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: u32, quality: Quality) -> Frame {
@@ -118,7 +118,7 @@ pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: 
 
 /// All triangles in front of the eye, in the scene's order.
 fn project(scene: &Scene, view: &View, pose: &Pose, width: u32, height: u32) -> Vec<ScreenTriangle> {
-    // Half angles of the view's sides, as slopes and the lengths of their normals.
+    // Slopes of the view's sides, and the lengths of their normals.
     let slope = Vec2::new(width as f32, height as f32) * 0.5 / view.focal;
     let length = (slope * slope + Vec2::ONE).map(f32::sqrt);
     let seen = |c: &&Chunk| {
@@ -156,13 +156,13 @@ fn project(scene: &Scene, view: &View, pose: &Pose, width: u32, height: u32) -> 
     parts.concat()
 }
 
-/// What a ray meets.
+/// Intersection of a ray.
 struct Hit<'a> {
     chunk: &'a Chunk,
     triangle: usize,
-    /// In view space.
+    /// Position in view space.
     view: Vec3,
-    /// In the world, or for a held item in its own frame.
+    /// Position in the world or, for a held item, in its own frame.
     place: Vec3,
 }
 
@@ -175,7 +175,7 @@ struct Painter<'a> {
 }
 
 impl Painter<'_> {
-    /// Where the ray through `at` meets triangle `id`'s plane.
+    /// Intersection of the ray through `at` with the plane of triangle `id`.
     fn hit(&self, id: u32, at: Vec2) -> Option<Hit<'_>> {
         if id == SKY {
             return None;
@@ -199,7 +199,7 @@ impl Painter<'_> {
         Some(Hit { chunk, triangle, view: ray * z, place: self.view.eye + along * z })
     }
 
-    /// Previous minus current pixel position of what is seen at `at`.
+    /// Motion of the point seen at `at`: previous minus current pixel position.
     fn motion(&self, hit: Option<&Hit<'_>>, at: Vec2) -> Vec2 {
         let was = match hit {
             None => self.previous.turn(self.view.to_world(self.view.ray(at))),
@@ -209,7 +209,7 @@ impl Painter<'_> {
         if was.z <= 1e-4 { Vec2::NAN } else { self.previous.project(was) - at }
     }
 
-    /// The mean of the samples of pixel (x, y), after the filmic curve: bright edges stay smooth.
+    /// Mean of the samples of pixel (x, y), taken after tone mapping, so that bright edges stay anti-aliased.
     fn mean(&self, fine: &Visibility, x: usize, y: usize, s: usize) -> Vec3 {
         let mut sum = Vec3::ZERO;
         for j in 0..s {
@@ -222,12 +222,12 @@ impl Painter<'_> {
         sum / (s * s) as f32
     }
 
-    /// Light that reaches the eye through `at`, exposed.
+    /// Light through `at`, with exposure applied.
     fn light(&self, hit: Option<&Hit<'_>>, at: Vec2) -> Vec3 {
         let weather = &self.scene.weather;
         let ray = self.view.to_world(self.view.ray(at));
         let towards = ray.normalize();
-        // Textures are made for a whole pixel, however many samples it has: samples smooth edges, not textures.
+        // The texture filter is one pixel wide for any number of samples: the samples anti-alias edges, not textures.
         let angle = 1.0 / self.view.focal.max_element();
         let Some(hit) = hit else {
             return weather.sky(towards, angle) * weather.exposure;
@@ -237,7 +237,7 @@ impl Painter<'_> {
         let weights = barycentric(corners.map(|i| mesh.positions[i as usize]), hit.place);
         let normal = (0..3).map(|k| mesh.normals[corners[k] as usize] * weights[k]).sum::<Vec3>().normalize_or(Vec3::Y);
         let surface = mesh.materials[hit.triangle];
-        // A pixel's width on the surface, stretched where the surface is seen at a slant.
+        // Size of a pixel on the surface, larger at grazing angles.
         let slant = normal.dot(towards).abs().clamp(0.25, 1.0);
         let distance = hit.view.length();
         let footprint = distance * angle / slant;
@@ -262,7 +262,7 @@ impl Painter<'_> {
     }
 }
 
-/// Weights of a triangle's corners at a point of its plane.
+/// Barycentric coordinates of a point in a triangle's plane.
 fn barycentric([a, b, c]: [Vec3; 3], p: Vec3) -> [f32; 3] {
     let (u, v, w) = (b - a, c - a, p - a);
     let (uu, uv, vv, wu, wv) = (u.dot(u), u.dot(v), v.dot(v), w.dot(u), w.dot(v));

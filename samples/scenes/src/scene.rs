@@ -1,4 +1,4 @@
-//! A place: terrain, things on it, light and air, all from a family and a seed.
+//! A place: terrain, objects, light and atmosphere, generated from a family and a seed.
 
 use std::f32::consts::TAU;
 
@@ -12,16 +12,16 @@ use crate::objects::{self, Detail};
 use crate::shadow::ShadowMap;
 use crate::terrain::{FINE, Terrain};
 
-/// A piece of a scene that is drawn or skipped as a whole.
+/// A part of a scene that is drawn or culled as a whole.
 #[derive(Debug)]
 pub struct Chunk {
-    /// Its triangles; in the world, or in view space for a held item.
+    /// Its triangles, in world space or, for a held item, in view space.
     pub mesh: Mesh,
-    /// Whether it is fixed to the eye.
+    /// Whether it is attached to the camera.
     pub held: bool,
     centre: Vec3,
     radius: f32,
-    /// Number of the first triangle among all of the scene.
+    /// Index of its first triangle within the scene.
     pub first: u32,
 }
 
@@ -36,13 +36,13 @@ impl Chunk {
         Self { mesh, held, centre, radius, first: 0 }
     }
 
-    /// The ball around it: centre and radius in metres.
+    /// Bounding sphere: centre and radius in metres.
     pub fn ball(&self) -> (Vec3, f32) {
         (self.centre, self.radius)
     }
 }
 
-/// A whole place. It never changes after it was made; any number of threads may draw it.
+/// A whole place. Immutable; any number of threads may render it.
 #[derive(Debug)]
 pub struct Scene {
     /// Its kind.
@@ -51,18 +51,18 @@ pub struct Scene {
     pub seed: u64,
     /// The ground.
     pub terrain: Terrain,
-    /// Light and air.
+    /// Light and atmosphere.
     pub weather: Weather,
-    /// Everything to draw.
+    /// All geometry.
     pub chunks: Vec<Chunk>,
-    /// What a walker cannot pass: centre (east, north) and radius, in metres.
+    /// Obstacles for the walker: centre (east, north) and radius, in metres.
     pub obstacles: Vec<(Vec2, f32)>,
-    /// How many things were placed, blades of grass and pebbles not counted.
+    /// Number of placed objects, without grass and pebbles.
     pub objects: usize,
     pub(crate) shadow: ShadowMap,
 }
 
-/// Gathers what is placed into square cells.
+/// Collects placed objects into square cells.
 struct Garden<'a> {
     terrain: &'a Terrain,
     cells: std::collections::BTreeMap<(i32, i32), Mesh>,
@@ -79,7 +79,7 @@ impl Garden<'_> {
         self.cells.entry(key).or_default().place(mesh, place, Mat3::from_rotation_y(turn), Vec3::splat(scale));
     }
 
-    /// Puts a thing a walker cannot pass, if nothing solid stands there; says whether it did.
+    /// Places an obstacle unless another one is in the way. Returns whether it was placed.
     fn solid(&mut self, mesh: &Mesh, at: Vec2, turn: f32, scale: f32, sink: f32, radius: f32) -> bool {
         if self.obstacles.iter().any(|&(p, r)| p.distance(at) < r + radius + 0.4) {
             return false;
@@ -91,19 +91,19 @@ impl Garden<'_> {
     }
 }
 
-/// How things of one kind are strewn.
+/// Parameters for scattering objects of one kind.
 struct Strew {
     count: usize,
-    /// Least distance from the path's edge, in metres.
+    /// Minimum distance from the path's edge, in metres.
     clear: f32,
-    /// Things lie denser near the path the larger this is; 0 is even.
+    /// Concentration of objects near the path; 0 is uniform.
     gather: f32,
-    /// Half side of the square they are strewn over.
+    /// Half side of the square over which they are scattered.
     reach: f32,
 }
 
 impl Strew {
-    /// Tries places until `count` were accepted by `put`, or forty times as many were tried.
+    /// Tries random positions until `put` has accepted `count`, at most forty times as many.
     fn over(&self, terrain: &Terrain, dice: &mut Dice, mut put: impl FnMut(Vec2, &mut Dice) -> bool) {
         let (mut done, mut tries) = (0, 0);
         while done < self.count && tries < self.count * 40 {
@@ -122,7 +122,7 @@ impl Strew {
 }
 
 impl Scene {
-    /// Makes the place of `family` for `seed`. Takes a second or so: the shadows are drawn once, here.
+    /// Generates the place of `family` for `seed`. Takes about a second, because the shadow map is rendered here.
     pub fn new(family: Family, seed: u64) -> Self {
         let terrain = Terrain::new(family, seed);
         let mut dice = Dice::new(seed ^ (family as u64) << 40);
@@ -150,13 +150,13 @@ impl Scene {
         Self { family, seed, terrain, weather, chunks, obstacles, objects, shadow }
     }
 
-    /// How many triangles there are in all.
+    /// Total number of triangles.
     pub fn triangles(&self) -> usize {
         self.chunks.iter().map(|c| c.mesh.triangles.len()).sum()
     }
 }
 
-/// A handful of grown examples to choose from, so that memory and start-up stay small.
+/// A few generated variants to choose from, to save memory and start-up time.
 fn grove(count: usize, dice: &mut Dice, mut grow: impl FnMut(&mut Dice) -> Mesh) -> Vec<Mesh> {
     (0..count).map(|_| grow(dice)).collect()
 }
@@ -213,7 +213,7 @@ fn forest(garden: &mut Garden<'_>, dice: &mut Dice) {
 fn hillside(garden: &mut Garden<'_>, dice: &mut Dice) {
     let terrain = garden.terrain;
     let rocks = grove(8, dice, |d| objects::rock(d.range(0.8, 3.2), Material::Rock, d));
-    // Rocks lie in groups, as the shape of the land would leave them.
+    // Rocks lie in groups.
     Strew { count: 170, clear: 0.8, gather: 0.7, reach: 75.0 }.over(terrain, dice, |at, d| {
         value2(at / 13.0, 21) > 0.1 && garden.solid(pick(&rocks, d), at, turn(d), d.range(0.4, 1.4), 0.15, 0.9)
     });

@@ -1,4 +1,4 @@
-//! Sunlight that things keep from each other. Nothing in the world moves, so it is drawn once.
+//! Shadow map of the sun. Nothing in the world moves, so it is rendered once.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -6,14 +6,14 @@ use rayon::prelude::*;
 use crate::raster::{ScreenTriangle, Visibility};
 use crate::scene::Chunk;
 
-/// Texels along a side.
+/// Texels per side.
 const SIZE: usize = 3072;
-/// Half the side of the lit square, in metres; beyond it everything is in the sun.
+/// Half side of the shadowed square, in metres; everything outside is in the sun.
 const REACH: f32 = 104.0;
-/// How far in front of a surface another must be to shade it, in metres.
+/// Depth bias in metres: minimum distance of an occluder in front of a surface.
 const BIAS: f32 = 0.09;
 
-/// Heights towards the sun over a square of the world.
+/// Height towards the sun for each texel of a square of the world.
 #[derive(Debug)]
 pub(crate) struct ShadowMap {
     axes: [Vec3; 3],
@@ -21,7 +21,7 @@ pub(crate) struct ShadowMap {
 }
 
 impl ShadowMap {
-    /// Draws `chunks` as the sun, in direction `sun`, sees them.
+    /// Renders `chunks` as seen from the sun in direction `sun`.
     pub(crate) fn new(chunks: &[Chunk], sun: Vec3) -> Self {
         let (u, v) = sun.any_orthonormal_pair();
         let mut this = Self { axes: [u, v, sun], heights: Vec::new() };
@@ -46,7 +46,7 @@ impl ShadowMap {
         (Vec2::new(p.dot(u), p.dot(v)) * scale + SIZE as f32 * 0.5, p.dot(sun))
     }
 
-    /// How much sun reaches `p` on a surface with unit `normal`, 0 to 1: a soft-edged mean over a few texels.
+    /// Sun visibility at `p` on a surface with unit `normal`, 0 to 1: a soft-edged mean over a few texels.
     pub(crate) fn sun_at(&self, p: Vec3, normal: Vec3) -> f32 {
         let (at, height) = self.texel(p + normal * 0.05);
         let at = at - 0.5;
@@ -60,7 +60,7 @@ impl ShadowMap {
             let top = self.heights[(j + dy) as usize * SIZE + (i + dx) as usize];
             if top > height + BIAS { 0.0 } else { 1.0 }
         };
-        // A box of three texels, slid smoothly: weights 1-f, 1, 1, f over four.
+        // A box filter of three texels with subpixel position: weights 1-f, 1, 1, f over four texels.
         let wx = [1.0 - f.x, 1.0, 1.0, f.x];
         let wy = [1.0 - f.y, 1.0, 1.0, f.y];
         let mut sum = 0.0;

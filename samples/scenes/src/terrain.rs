@@ -1,4 +1,4 @@
-//! The ground: a height for every place, a path to walk on, and what the ground looks like.
+//! The ground: its height, a path to walk on, and its material.
 
 use std::f32::consts::TAU;
 
@@ -29,7 +29,7 @@ impl Terrain {
     /// The ground of `family` for a seed.
     pub fn new(family: Family, seed: u64) -> Self {
         let mut dice = Dice::new(seed ^ 0x7e44a1);
-        // Each bend of the path: amplitude in metres, waves per metre, phase.
+        // Bends of the path: amplitude in metres, angular frequency per metre, phase.
         let bends = [(3.5, 0.045), (6.0, 0.021), (1.2, 0.11)].map(|(amplitude, frequency)| {
             Vec3::new(amplitude * dice.range(0.5, 1.2), frequency * dice.range(0.8, 1.25), dice.range(0.0, TAU))
         });
@@ -46,13 +46,13 @@ impl Terrain {
         Self { family, seed: dice.bits(), bends, mesas }
     }
 
-    /// East coordinate of the path's middle at `north`.
+    /// East coordinate of the path's centre line at `north`.
     pub fn path(&self, north: f32) -> f32 {
         // The path runs through the origin, so that a walk can start there.
         self.bends.iter().map(|b| b.x * ((north * b.y + b.z).sin() - b.z.sin())).sum()
     }
 
-    /// Signed distance from the path's middle, metres, positive to the east.
+    /// Signed distance from the path's centre line in metres, positive to the east.
     pub fn off_path(&self, at: Vec2) -> f32 {
         let slope: f32 = self.bends.iter().map(|b| b.x * b.y * (at.y * b.y + b.z).cos()).sum();
         (at.x - self.path(at.y)) / (1.0 + slope * slope).sqrt()
@@ -120,14 +120,14 @@ impl Terrain {
         Vec3::new(at.x, self.height(at), at.y)
     }
 
-    /// The mesh in square tiles of at most 24 x 24 cells, fine near the origin and coarse beyond.
+    /// Meshes in square tiles of at most 24 x 24 cells, fine near the origin and coarse farther out.
     pub fn tiles(&self, surface: Surface) -> Vec<Mesh> {
         let mut tiles = self.grid(FINE, FINE_CELL, 0.0, 16, surface);
         tiles.extend(self.grid(WHOLE, COARSE_CELL, FINE - COARSE_CELL, 10, surface));
         tiles
     }
 
-    /// A grid over the square of half side `half`, leaving out the square of half side `hole`.
+    /// A grid over the square of half side `half`, without the square of half side `hole`.
     fn grid(&self, half: f32, cell: f32, hole: f32, tile: i32, surface: Surface) -> Vec<Mesh> {
         let n = (half / cell) as i32;
         let at = |i: i32, j: i32| Vec2::new(i as f32 * cell, j as f32 * cell);
@@ -139,7 +139,7 @@ impl Terrain {
                 for j in tj..=ej {
                     for i in ti..=ei {
                         let p = at(i, j);
-                        // The coarse ring reaches a cell under the fine square, so that no crack shows the sky.
+                        // The coarse ring extends one cell under the fine square, so that there is no gap.
                         let sink = if hole > 0.0 && p.abs().max_element() < FINE { 1.0 } else { 0.0 };
                         mesh.vertex(self.on(p) - Vec3::Y * sink, self.normal(p, cell * 0.5));
                     }
@@ -163,7 +163,7 @@ impl Terrain {
         tiles
     }
 
-    /// What the ground looks like at `p`, and by how much (metres per metre) its small bumps tilt it.
+    /// Material properties of the ground at `p`, and the slope (metres per metre) of its small bumps.
     pub fn look(&self, p: Vec3, normal: Vec3, footprint: f32) -> (Look, Vec2) {
         let at = Vec2::new(p.x, p.z);
         let off = self.off_path(at);

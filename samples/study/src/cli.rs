@@ -1,4 +1,4 @@
-//! The command line: what all subcommands share. Each has a file of its own.
+//! The command line: code that all subcommands share. Each subcommand has a file of its own.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -99,13 +99,12 @@ enum Command {
     SeedPicture(seed_picture::SeedPictureArgs),
 }
 
-/// What every subcommand can do.
+/// Interface of every subcommand.
 trait Subcommand {
-    /// Whether its options make sense: everything that needs no file. What [`run`](Self::run) would refuse for such
-    /// a reason is refused here with the same words.
+    /// Checks everything in the options that needs no file. Fails with the same messages as [`run`](Self::run) would.
     fn check(&self) -> Result<()>;
 
-    /// Does it.
+    /// Runs the subcommand.
     fn run(&self) -> Result<ExitCode>;
 }
 
@@ -180,7 +179,7 @@ fn stop_on_interrupt() -> Result<&'static AtomicBool> {
     Ok(&STOP)
 }
 
-/// The exit status of what leaves a manifest in `out`, told where it did not come to its end. `frames`: complete, planned.
+/// Exit status of a command that leaves a manifest in `out`. Prints a message if it did not finish. `frames`: complete, planned.
 fn status(failure: Option<&Error>, interrupted: bool, [complete, planned]: [u64; 2], out: &Path) -> ExitCode {
     if let Some(error) = failure {
         eprintln!("error: {error}");
@@ -197,7 +196,7 @@ fn status(failure: Option<&Error>, interrupted: bool, [complete, planned]: [u64;
     ExitCode::SUCCESS
 }
 
-/// Said where video took most of the time and could have taken a fifth of it: an encoder without its assembly kernels.
+/// Hint for when video encoding took most of the time although an encoder with assembly kernels would take a fifth of it.
 /// Both times are in seconds.
 fn encoder_hint(encoding: f64, total: f64, assembly: bool) -> Option<&'static str> {
     (!assembly && encoding > 5.0 && 2.0 * encoding > total).then_some(

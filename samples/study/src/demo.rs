@@ -1,5 +1,4 @@
-//! What somebody sees who has just cloned the repository: four seconds of a world, and two seconds of frame generation
-//! where the truth is known.
+//! The first demonstration after cloning the repository: four seconds of a world, and two seconds of frame generation compared with the truth.
 
 use std::path::Path;
 
@@ -8,27 +7,27 @@ use crate::output::{MANIFEST, SHEET, VIDEO};
 use crate::progress::duration;
 use crate::reconstruct::ReconstructSettings;
 
-/// Said before anything is made.
+/// Printed before the demo starts.
 pub(crate) const WELCOME: &str = "\
 A world model dreams four seconds: 15 anchors a second, and a generated frame between every two of them.
 It is the small world inside the library, which has learnt walks through drawn scenes, in a place that it has never seen.
 ";
 
-/// Said before frame generation is shown alone.
+/// Printed before the frame generation part.
 pub(crate) const SECOND_PART: &str = "
 Now frame generation alone, in a place worth looking at: a walk drawn 15 times a second and shown 60 times,
 with every generated frame beside the one that would have been drawn.
 ";
 
-/// The folder for it in that of the demo.
+/// Folder of the frame generation part within that of the demo.
 pub(crate) const RECONSTRUCT: &str = "reconstruct";
 
-/// Small, so that it takes seconds; without LPIPS, so that it is the same with and without its weights.
+/// Small, so that it takes seconds; without LPIPS, so that the result does not depend on whether its weights are installed.
 pub(crate) fn reconstruct() -> ReconstructSettings {
     ReconstructSettings { scene: "sword".into(), size: [384, 216], ..ReconstructSettings::default() }
 }
 
-/// Says what was made, and what to open.
+/// Text that lists the results and the files to open.
 pub(crate) fn summary(outcome: &Outcome, out: &Path) -> String {
     let counts = outcome.manifest.counts;
     let seconds = outcome.manifest.timings.get("total").copied().unwrap_or(0.0);

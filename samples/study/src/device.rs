@@ -1,4 +1,4 @@
-//! Where a world runs: `--device`.
+//! Device on which a world runs: `--device`.
 
 use std::fmt;
 use std::str::FromStr;
@@ -10,16 +10,16 @@ use cairn::world::{World, WorldOptions};
 use cairn::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 
-/// What was asked for, or, in a manifest, what it came to.
+/// The requested device or, in a manifest, the device used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum DeviceChoice {
-    /// A Direct3D 12 adapter where there is one on which the world loads, else the processor.
+    /// A Direct3D 12 adapter on which the world loads, if there is one; otherwise the CPU.
     Auto,
-    /// The processor. What manifests mean that name no device.
+    /// The CPU. Also meant by manifests without a device.
     #[default]
     Cpu,
-    /// A Direct3D 12 adapter by its number in the system's list, or the best.
+    /// A Direct3D 12 adapter by its number in the system's list; `None` for the best.
     D3d12(Option<u32>),
 }
 
@@ -72,7 +72,7 @@ impl From<DeviceChoice> for String {
 }
 
 impl DeviceChoice {
-    /// Whether this, which a choice came to, may be what `wanted` comes to.
+    /// Whether `wanted` may resolve to this device.
     pub(crate) fn is_what(self, wanted: Self) -> bool {
         match wanted {
             Self::Auto => true,
@@ -81,22 +81,22 @@ impl DeviceChoice {
         }
     }
 
-    /// Whether it is what manifests mean that name no device.
+    /// Whether this is the device meant by manifests without one.
     pub(crate) fn is_cpu(&self) -> bool {
         *self == Self::Cpu
     }
 }
 
-/// A world on the device that was chosen for it.
+/// A world on its device.
 pub(crate) struct Loaded {
     pub(crate) world: Arc<World>,
-    /// The device in the words that choose it again, on this machine.
+    /// The device as a choice that selects it again on this machine.
     pub(crate) choice: DeviceChoice,
-    /// Why `auto` came to the processor, where it did.
+    /// Why `auto` fell back to the CPU, if it did.
     pub(crate) fallback: Option<Error>,
 }
 
-/// Loads `bundle` on the device that `choice` means; on the processor with `threads`.
+/// Loads `bundle` on the device for `choice`; on the CPU with `threads`.
 pub(crate) fn load(
     choice: DeviceChoice,
     ort: &Ort,
@@ -122,7 +122,7 @@ pub(crate) fn load(
     }
 }
 
-/// The device of adapter `number` of the system's list, or of the first that is no software; the number is told.
+/// Opens adapter `number` of the system's list, or the first that is not a software adapter. Also returns the number.
 #[cfg(windows)]
 fn d3d12(ort: &Ort, number: Option<u32>) -> Result<(Device, u32)> {
     let mut adapters = (0..).zip(cairn::gpu::adapters()?);
@@ -143,7 +143,7 @@ fn d3d12(ort: &Ort, number: Option<u32>) -> Result<(Device, u32)> {
     Ok((Device::directml(ort, &gpu, options)?, number))
 }
 
-/// There is none.
+/// Not available on this platform.
 #[cfg(not(windows))]
 fn d3d12(_: &Ort, _: Option<u32>) -> Result<(Device, u32)> {
     Err(Error::new(ErrorKind::Unsupported, "Direct3D 12 is there on Windows only")

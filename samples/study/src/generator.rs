@@ -1,4 +1,4 @@
-//! What makes frames between anchors: `--generator`.
+//! Generator of frames between anchors: `--generator`.
 
 use std::fmt;
 use std::str::FromStr;
@@ -10,11 +10,11 @@ use cairn::world::{OperatingPoint, Presentation};
 use cairn::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 
-/// What was asked for.
+/// The requested generator.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum GeneratorChoice {
-    /// The processor. What manifests mean that name no generator.
+    /// The CPU. Also meant by manifests without a generator.
     #[default]
     Cpu,
     /// The library's shaders on Direct3D 12.
@@ -23,7 +23,7 @@ pub enum GeneratorChoice {
     Fsr,
 }
 
-/// The choices in words.
+/// The choices and their names.
 const NAMES: [(GeneratorChoice, &str); 3] =
     [(GeneratorChoice::Cpu, "cpu"), (GeneratorChoice::Shader, "shader"), (GeneratorChoice::Fsr, "fsr")];
 
@@ -62,12 +62,12 @@ impl From<GeneratorChoice> for String {
 }
 
 impl GeneratorChoice {
-    /// Whether it is what manifests mean that name no generator.
+    /// Whether this is the generator meant by manifests without one.
     pub(crate) fn is_cpu(&self) -> bool {
         *self == Self::Cpu
     }
 
-    /// Refuses what this machine, or the way of presenting, cannot have: what can be known before anything is loaded.
+    /// Fails if this machine or the way of presenting cannot have this generator. Loads nothing.
     pub(crate) fn check(self, point: &OperatingPoint) -> Result<()> {
         let half = 2 * point.latents_per_second;
         self.check_for(match point.presentation {
@@ -78,13 +78,13 @@ impl GeneratorChoice {
         })
     }
 
-    /// The same where so many frames are made of each, one of them itself.
+    /// The same for `multiplier` frames per anchor, the anchor itself included.
     pub(crate) fn check_multiplier(self, multiplier: u32) -> Result<()> {
         let why = "fsr makes frames half way between two others: two of each";
         self.check_for((multiplier != 2).then(|| why.to_owned()))
     }
 
-    /// Refuses what this machine cannot have, and `fsr` where there is something against it.
+    /// Fails if this machine cannot have this generator, or for `fsr` with the reason in `against_fsr`.
     fn check_for(self, against_fsr: Option<String>) -> Result<()> {
         if !self.is_cpu() && !cfg!(windows) {
             return Err(Error::new(
@@ -102,8 +102,8 @@ impl GeneratorChoice {
         }
     }
 
-    /// The generator for frames that lie `interval_ms` apart, on the device that a world runs on where that is one of Direct3D 12, else
-    /// on the best.
+    /// Opens the generator for frames that are `interval_ms` apart: on the world's device if that is a Direct3D 12 device, otherwise on the best
+    /// adapter.
     #[cfg(windows)]
     pub(crate) fn make(self, world: Option<&Device>, interval_ms: f32) -> Result<Box<dyn FrameGenerator>> {
         use cairn::ffx::{Choice, Effect, Library, LoadOptions};
@@ -122,7 +122,7 @@ impl GeneratorChoice {
         })
     }
 
-    /// The generator; others than the processor's were refused before.
+    /// Opens the CPU generator; the others were refused before.
     #[cfg(not(windows))]
     pub(crate) fn make(self, _world: Option<&Device>, _interval_ms: f32) -> Result<Box<dyn FrameGenerator>> {
         Ok(Box::new(CpuGenerator::new()))

@@ -1,4 +1,4 @@
-//! Finds and reads what a rollout starts from, and fetches what is missing.
+//! Finds and reads the inputs of a rollout, and fetches missing ones.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,39 +16,39 @@ use crate::place;
 use crate::progress::Progress;
 use crate::settings::Settings;
 
-/// The script where none is named.
+/// The default script.
 const DEMO_SCRIPT: &str = include_str!("../../scripts/demo.txt");
-/// The largest seed picture, in bytes of its file.
+/// Maximum file size of a seed picture, in bytes.
 const MAX_PICTURE: u64 = 512 << 20;
-/// The library's own limit on scripts, and one byte, so that it is the library that refuses.
+/// The library's own limit on scripts plus one byte, so that the library reports the error.
 const MAX_SCRIPT: u64 = (4 << 20) + 1;
-/// The largest file of latents, in bytes: hours of a large world.
+/// Maximum file size of latents, in bytes: hours of a large world.
 const MAX_LATENTS: u64 = 16 << 30;
 
-/// Other places for the inputs of a manifest.
+/// Replacement paths for a manifest's inputs.
 #[derive(Debug, Clone, Default)]
 pub struct Overrides {
-    /// Of the bundle.
+    /// For the bundle.
     pub world: Option<PathBuf>,
-    /// Of the seed picture.
+    /// For the seed picture.
     pub seed_picture: Option<PathBuf>,
-    /// Of the script.
+    /// For the script.
     pub script: Option<PathBuf>,
 }
 
-/// Everything read and checked, with its description.
+/// All inputs, read and checked, with their descriptions.
 pub(crate) struct Loaded {
     pub(crate) bundle: Arc<Bundle>,
     pub(crate) ort: Ort,
     pub(crate) script: ControlScript,
     /// At render size.
     pub(crate) seed: Picture,
-    /// Those to be decoded, where none are made.
+    /// Latents to decode, if none are made.
     pub(crate) latents: Option<Latents>,
     pub(crate) inputs: Inputs,
 }
 
-/// Reads all inputs: the small ones first, so that a slip in them is told before anything is fetched.
+/// Reads all inputs, the small ones first, so that mistakes in them are reported before anything is fetched.
 pub(crate) fn load(settings: &Settings, progress: &Progress) -> Result<Loaded> {
     let (script_bytes, script_path) = match &settings.script {
         Some(path) => (read_bounded(path, MAX_SCRIPT)?, absolute(path).display().to_string()),
@@ -94,12 +94,12 @@ fn describe(path: String, bytes: &[u8]) -> Input {
     Input { path, size: bytes.len() as u64, sha256: sha256(bytes) }
 }
 
-/// Names option and file before the place inside it that the error names.
+/// Adds option and file name in front of an error's position.
 fn in_file(error: &Error, option: &str, path: &str) -> Error {
     Error::new(error.kind(), format!("{path}: {error}")).field(option)
 }
 
-/// ONNX Runtime, fetched where it is not there and none is named.
+/// ONNX Runtime; fetched if it is missing and no path is given.
 pub(crate) fn onnxruntime(progress: &Progress) -> Result<(Ort, Input)> {
     let explicit = std::env::var_os("CAIRN_ONNXRUNTIME").is_some_and(|v| !v.is_empty());
     let ort = if explicit {
@@ -112,7 +112,7 @@ pub(crate) fn onnxruntime(progress: &Progress) -> Result<(Ort, Input)> {
     Ok((ort, input))
 }
 
-/// The world at `path`; without one, the one that the library carries.
+/// The world at `path`; without a path, the embedded one.
 pub(crate) fn world(path: Option<&Path>, progress: &Progress) -> Result<(Arc<Bundle>, Input)> {
     progress.phase("reading the world");
     let (bundle, path) = match path {
@@ -124,7 +124,7 @@ pub(crate) fn world(path: Option<&Path>, progress: &Progress) -> Result<(Arc<Bun
     Ok((bundle, input))
 }
 
-/// A network of LPIPS. Its weights are fetched where they are not there, but never in place of a folder that was named.
+/// A network of LPIPS. Missing weights are fetched, but never into a folder that the user named.
 pub(crate) fn lpips(net: Net, progress: &Progress) -> Result<Lpips> {
     if std::env::var_os("CAIRN_LPIPS").is_none_or(|folder| folder.is_empty()) {
         provision::lpips_weights(progress).map_err(|e| {
@@ -135,7 +135,7 @@ pub(crate) fn lpips(net: Net, progress: &Progress) -> Result<Lpips> {
     Lpips::find(net)
 }
 
-/// What could not be fetched, as an error of ours.
+/// Converts a fetch error.
 pub(crate) fn not_provided(error: &provision::Error, kind: ErrorKind) -> Error {
     Error::new(kind, error.cause.trim_end_matches(['.', '\n']).to_owned())
         .field(error.wanted.clone())

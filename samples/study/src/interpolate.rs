@@ -1,11 +1,10 @@
-//! More frames a second for a video: motion between every two of its frames, and pictures at the phases between.
+//! Raises the frame rate of a video: optical flow between consecutive frames, and generated frames at phases between them.
 //!
 //! ```text
 //! source (reads, decodes) -> flow (motion) -> generator -> recorder (encodes, writes)
 //! ```
 //!
-//! Each of the four works on a thread of its own and waits for the next one, so that a few frames are in memory however
-//! long the video is.
+//! Each of the four stages has its own thread and waits for the next one, so only a few frames are in memory for a video of any length.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -27,75 +26,74 @@ mod pipeline;
 mod source;
 mod target;
 
-/// The rate of pictures in a folder, which say none.
+/// Frame rate of a folder of pictures, which has none itself.
 pub const FOLDER_RATE: u32 = 30;
-/// The most frames that can be made of one.
+/// Maximum number of frames made from one.
 pub const MAX_MULTIPLIER: u32 = 16;
 
-/// An interpolation to be made.
+/// An interpolation job.
 pub struct Interpolation<'a> {
     /// A Y4M file, a folder of PNG or JPEG pictures, or a video that an ffmpeg on the path (or the one that
     /// `CAIRN_FFMPEG` names) can read.
     pub input: &'a Path,
-    /// Frames made of each, 2 to [`MAX_MULTIPLIER`].
+    /// Output frames per input frame, 2 to [`MAX_MULTIPLIER`].
     pub multiplier: u32,
-    /// Frames per second of the input, instead of what it says itself.
+    /// Input frames per second, overriding the input's own rate.
     pub rate: Option<FrameRate>,
-    /// What makes frames between two.
+    /// Generator of the frames between.
     pub generator: GeneratorChoice,
-    /// `.mp4`, `.y4m`, or a folder for PNG pictures; none for an MP4 beside the input.
+    /// `.mp4`, `.y4m`, or a folder for PNG pictures; `None` for an MP4 beside the input.
     pub out: Option<&'a Path>,
     /// Whether an earlier output may be replaced.
     pub overwrite: bool,
-    /// Where files are made.
+    /// Where files are created.
     pub disk: Arc<dyn Disk>,
-    /// Set it from any thread to end after the current frame.
+    /// Set from any thread to stop after the current frame.
     pub stop: &'a AtomicBool,
-    /// Who is told how far it is.
+    /// Receives the progress.
     pub progress: &'a Progress,
 }
 
-/// What came of it. What was written is whole and can be played, also after a failure.
+/// Result. The written files are complete and playable, also after a failure.
 #[derive(Debug)]
 pub struct Report {
     /// `(width, height)` of every frame.
     pub size: (u32, u32),
-    /// Of the input.
+    /// Frame rate of the input.
     pub rate: FrameRate,
-    /// Of the output: exactly the multiple.
+    /// Frame rate of the output: exactly the multiple.
     pub new_rate: FrameRate,
     /// Frames that were read.
     pub frames_in: u64,
     /// Frames that were written.
     pub frames_out: u64,
-    /// Frames that show a moment between two of the input.
+    /// Frames generated between two input frames.
     pub generated: u64,
-    /// Pairs of frames with a cut between, across which nothing is generated: the nearer frame is shown.
+    /// Pairs with a cut between them; they get no generated frames, but the nearer frame.
     pub cuts: u64,
-    /// Pairs of equal frames, between which the same frame is shown.
+    /// Pairs of equal frames; the same frame is repeated between them.
     pub repeats: u64,
-    /// What the frames were written to, or the folder of the pictures.
+    /// The output file, or the folder of pictures.
     pub out: PathBuf,
-    /// Whether there is something in it.
+    /// Whether the output has any content.
     pub has_output: bool,
-    /// What a reader should know, e.g. that the sound is left aside.
+    /// Notes for the user, e.g. that the sound is left out.
     pub notes: Vec<String>,
-    /// Time each stage worked; they work side by side.
+    /// Working time of each stage; stages run in parallel.
     pub stages: Vec<(&'static str, Duration)>,
-    /// Time on the clock.
+    /// Wall time.
     pub total: Duration,
-    /// What ended it early.
+    /// The error that ended the job early.
     pub failure: Option<Error>,
-    /// Whether [`Interpolation::stop`] ended it.
+    /// Whether [`Interpolation::stop`] ended the job.
     pub interrupted: bool,
 }
 
-/// Makes it.
+/// Runs the job.
 ///
 /// # Errors
-/// Everything that can be wrong before the first frame is written: `InvalidArgument` for an input of fewer than two
-/// frames, or of two sizes; `Unsupported` for video that cannot be read; `Io`. What goes wrong later is in
-/// [`Report::failure`].
+/// Everything that can fail before the first frame is written: `InvalidArgument` for an input of fewer than two frames, or of two sizes;
+/// `Unsupported` for video that cannot be read; `Io`. Later failures are in [`Report::failure`].
 pub fn interpolate(job: &Interpolation<'_>) -> Result<Report> {
     let began = Instant::now();
     check(job.multiplier, job.rate, job.out)?;
@@ -110,7 +108,7 @@ pub fn interpolate(job: &Interpolation<'_>) -> Result<Report> {
     let format = VideoFormat { pixel_aspect, ..VideoFormat::new(size, new_rate) };
     let generator = job.generator.make(None, rate.interval_ms())?;
     let mut steps = Steps::start(source, stopper, size)?;
-    // Nothing is made before it is known that there is something to make.
+    // No output is created before the first two frames are read.
     let start = steps.first_pair(job.stop).map_err(|e| named(e, job.input))?;
     let recorder = Recorder::start(vec![target.create(&job.disk, &format)?], size)?;
     job.progress.begin(expected.map(|frames| frames * u64::from(job.multiplier)));
@@ -136,13 +134,13 @@ pub fn interpolate(job: &Interpolation<'_>) -> Result<Report> {
         notes,
         stages: vec![("reading", reading), ("motion", flow), ("generation", generation), ("encoding", recorded.busy)],
         total: began.elapsed(),
-        // What the recorder says comes first: the rest ends because it does.
+        // The recorder's error takes precedence, because it causes the others.
         failure: recorded.failure.or(run.failure.filter(|_| !interrupted)),
         interrupted,
     })
 }
 
-/// Checks what needs no file.
+/// Checks the options; reads no file.
 pub(crate) fn check(multiplier: u32, rate: Option<FrameRate>, out: Option<&Path>) -> Result<()> {
     if !(2..=MAX_MULTIPLIER).contains(&multiplier) {
         return Err(Error::new(ErrorKind::InvalidArgument, format!("{multiplier} frames cannot be made of each"))
@@ -175,7 +173,7 @@ fn settled_rate(
     Ok((FrameRate::new(FOLDER_RATE.into(), 1)?, notes))
 }
 
-/// Names the input where the error names nothing.
+/// Adds the input's name to an error that names no file.
 fn named(error: Error, input: &Path) -> Error {
     if error.offending_field().is_some() { error } else { error.field(input.display().to_string()) }
 }

@@ -24,7 +24,7 @@ use stream::{End, Makers, Stream};
 
 mod stream;
 
-/// A rollout to be made.
+/// A rollout job.
 pub struct Job<'a> {
     /// What to make.
     pub settings: &'a Settings,
@@ -32,34 +32,34 @@ pub struct Job<'a> {
     pub out: &'a Path,
     /// Whether an earlier rollout in that folder may be replaced.
     pub overwrite: bool,
-    /// Where files are made.
+    /// Where files are created.
     pub disk: Arc<dyn Disk>,
-    /// Set it from any thread to end after the current frame.
+    /// Set from any thread to stop after the current frame.
     pub stop: &'a AtomicBool,
-    /// Who is told how far it is.
+    /// Receives the progress.
     pub progress: &'a Progress,
-    /// Ends where an earlier, interrupted rollout ended: after so many latents and presented frames.
+    /// Stops after this many latents and presented frames, where an earlier, interrupted rollout ended.
     pub limit: Option<Counts>,
 }
 
-/// What came of it. Every file that is there is whole, and the manifest is written.
+/// Result. Every file is complete, and the manifest is written.
 #[derive(Debug)]
 pub struct Outcome {
     /// As written.
     pub manifest: Manifest,
-    /// What went wrong after the first frame.
+    /// The error after the first frame, if any.
     pub failure: Option<Error>,
-    /// Whether [`Job::stop`] ended it.
+    /// Whether [`Job::stop`] ended the job.
     pub interrupted: bool,
-    /// Why [`DeviceChoice::Auto`] came to the processor, where it did.
+    /// Why [`DeviceChoice::Auto`] fell back to the CPU, if it did.
     pub fallback: Option<Error>,
 }
 
 /// Makes a rollout.
 ///
 /// # Errors
-/// Everything that can be wrong before the first frame. What goes wrong later is in [`Outcome::failure`], and the
-/// manifest then says `"complete": false`.
+/// Everything that can fail before the first frame. Later failures are in [`Outcome::failure`], and the manifest then has
+/// `"complete": false`.
 pub fn run(job: &Job<'_>) -> Result<Outcome> {
     let began = Instant::now();
     let checked = job.settings.check()?;
@@ -77,14 +77,14 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     let Settings { device, threads, .. } = *job.settings;
     let device::Loaded { world, choice, fallback } =
         device::load(device, &loaded.ort, threads, &loaded.bundle, &options)?;
-    // A graphics device leaves all of the processor's threads to the video encoder.
+    // With a graphics device, all CPU threads are free for the video encoder.
     let threads = match choice {
         DeviceChoice::Cpu => world.device().threads(),
         _ => threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)),
     };
     let rollout = Rollout::new(&world, &checked.point, job.settings.seed)?;
     let size = job.settings.size.into();
-    // Before the folder is prepared: where they cannot be had, an earlier rollout stays.
+    // Before the folder is prepared: if this fails, an earlier rollout stays.
     let makers = Makers::new(&checked, &world, size)?;
     let loading = began.elapsed();
 
@@ -105,11 +105,11 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     job.progress.end();
 
     let mut finished = stream.finish();
-    // Some are loaded when the first frame needs them.
+    // Some libraries are loaded only at the first frame.
     manifest.versions.libraries = machine::libraries();
     let mut failure = finished.failure.take();
     let interrupted = matches!(end, Ok(End::Stopped));
-    // The recorder knows why it stopped; the loop only saw that it did.
+    // The recorder's error is the cause; the loop only noticed that it stopped.
     failure = failure.or(end.err());
 
     manifest.counts = Counts { planned: counts.presented, ..finished.counts };
@@ -130,13 +130,13 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     Ok(Outcome { manifest, failure, interrupted, fallback })
 }
 
-/// The manifest as it stands before the first frame, so that a broken run leaves one.
+/// The manifest before the first frame, so that an interrupted run leaves one.
 fn first_manifest(mut settings: Settings, loaded: &Loaded, device: &Device, checked: &Checked) -> Result<Manifest> {
     let Settings { world, seed_picture, script, latents, .. } = &mut settings;
     for path in [world, seed_picture, script, latents].into_iter().flatten() {
         *path = absolute(path);
     }
-    // A preset's name stands for its point and for nothing else.
+    // A preset's name is kept only if all its values are unchanged.
     let named = settings.preset.as_deref().and_then(Preset::from_name);
     settings.preset = named.filter(|p| p.operating_point() == checked.point).map(|p| p.name().into());
     let weights = loaded.bundle.manifest().provenance.get("weights");
@@ -183,7 +183,7 @@ fn subtitle(manifest: &Manifest) -> String {
     )
 }
 
-/// Draws the sheet and describes every finished file; what fails costs its own entry and no other.
+/// Makes the contact sheet and describes every finished file. An error costs only its own entry.
 fn describe(
     job: &Job<'_>,
     folder: &Folder,
@@ -213,18 +213,18 @@ fn describe(
     (outputs, failure)
 }
 
-/// Seconds by stage. `total` is the wall clock; the recorder works beside the other stages.
+/// Seconds by stage. `total` is wall time; the recorder runs in parallel to the other stages.
 fn timings(loading: Duration, total: Duration, stages: BTreeMap<&'static str, Duration>) -> BTreeMap<String, f64> {
     let all = stages.into_iter().chain([("loading", loading), ("total", total)]);
     all.map(|(name, time)| (name.to_owned(), (time.as_secs_f64() * 1e6).round() / 1e6)).collect()
 }
 
-/// Whether the job is to end.
+/// Whether `stop` was set.
 fn stopped(job: &Job<'_>) -> bool {
     job.stop.load(Ordering::Relaxed)
 }
 
-/// An inner disagreement, told and not hidden.
+/// Error for an internal inconsistency.
 fn impossible(what: &str) -> Error {
     Error::new(ErrorKind::InvalidState, what).remedy("Report this together with the manifest")
 }

@@ -6,10 +6,10 @@ use cairn::{Error, ErrorKind, Result};
 
 use crate::media::{Disk, GrowingFile};
 
-/// Room for the header, padded with spaces as the format allows.
+/// Size of the header, padded with spaces as the format allows.
 const HEADER: usize = 248;
 
-/// Writes latents one by one; the file is valid after each.
+/// Writes latents one at a time; the file is valid after each.
 pub(crate) struct LatentFile {
     file: GrowingFile,
     shape: [u32; 3],
@@ -38,7 +38,7 @@ impl LatentFile {
         self.file.replace(0, &header(self.count, self.shape))
     }
 
-    /// Closes the file; gives its path and the number of latents.
+    /// Closes the file. Returns its path and the number of latents.
     pub(crate) fn close(self) -> Result<(PathBuf, u64)> {
         Ok((self.file.close()?, self.count))
     }
@@ -52,7 +52,7 @@ fn header(count: u64, [c, h, w]: [u32; 3]) -> Vec<u8> {
     header
 }
 
-/// Latents that an earlier rollout stored.
+/// Stored latents of an earlier rollout.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Latents {
     /// `[C, h, w]` of each.
@@ -60,14 +60,14 @@ pub(crate) struct Latents {
     values: Vec<f32>,
 }
 
-/// The longest header that is read, in bytes: that of a file with one tensor is far shorter.
+/// Maximum header size in bytes; that of a file with one tensor is far smaller.
 const MAX_HEADER: usize = 1 << 16;
 
 impl Latents {
     /// Reads the tensor `latents` of a safetensors file, f32 of shape `[count, C, h, w]`.
     ///
     /// # Errors
-    /// `InvalidArgument` when it is no such file, or ends too early.
+    /// `InvalidArgument` for another kind of file, or a truncated one.
     pub(crate) fn parse(bytes: &[u8]) -> Result<Self> {
         #[derive(serde::Deserialize)]
         struct Tensor {
@@ -101,12 +101,12 @@ impl Latents {
         }
     }
 
-    /// Latent `number`, `[C, h, w]`; none past the last.
+    /// Latent `number`, `[C, h, w]`; `None` after the last.
     pub(crate) fn get(&self, number: u64) -> Option<&[f32]> {
         self.values.chunks_exact(self.len()).nth(usize::try_from(number).ok()?)
     }
 
-    /// Refuses latents of another world's shape, and fewer than `wanted`.
+    /// Fails if the shape is that of another world, or if there are fewer than `wanted` latents.
     ///
     /// # Errors
     /// `InvalidArgument`.
@@ -130,13 +130,13 @@ impl Latents {
         Ok(())
     }
 
-    /// Numbers in one latent.
+    /// Number of values in one latent.
     fn len(&self) -> usize {
         self.shape.iter().map(|&n| n as usize).product()
     }
 }
 
-/// The first latent that differs between two such files of the same shape; none when one is not like that.
+/// The first latent that differs between two such files of the same shape; `None` if a file is invalid or the shapes differ.
 pub(crate) fn first_difference(a: &[u8], b: &[u8]) -> Option<u64> {
     let (head_a, body_a) = a.split_at_checked(8 + HEADER)?;
     let (head_b, body_b) = b.split_at_checked(8 + HEADER)?;
@@ -185,7 +185,7 @@ mod tests {
             let error = latents.check_for(shape, wanted).unwrap_err();
             assert!(error.kind() == ErrorKind::InvalidArgument && error.to_string().contains(words), "{error}");
         }
-        // Whatever is cut off or changed in the header is told, and no size is believed.
+        // Truncated or corrupted headers are reported, and no size is trusted.
         for end in 0..bytes.len() {
             assert!(Latents::parse(&bytes[..end]).is_err(), "{end}");
         }

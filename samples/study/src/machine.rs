@@ -1,4 +1,4 @@
-//! Versions and the machine, as far as they can decide a bit or explain a time.
+//! Versions and hardware that can affect results or timings.
 
 use cairn::runtime::Device;
 use serde::{Deserialize, Serialize};
@@ -6,30 +6,30 @@ use serde::{Deserialize, Serialize};
 use crate::generator::GeneratorChoice;
 use crate::media;
 
-/// What ran, and on what.
+/// Software and hardware of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Versions {
-    /// Of the library.
+    /// Version of the library.
     pub cairn: String,
-    /// Of ONNX Runtime; none where no world runs, as for the device and its threads.
+    /// Version of ONNX Runtime. `None` if no world runs; the same holds for the device and its threads.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub onnxruntime: Option<String>,
-    /// Of the video encoder.
+    /// Name and version of the video encoder.
     pub encoder: String,
-    /// Whether the encoder has its assembly kernels; changes the speed alone.
+    /// Whether the encoder has its assembly kernels; affects the speed only.
     pub encoder_assembly: bool,
     /// The generator of frames between anchors.
     pub generator: String,
     /// The device the world ran on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
-    /// Threads of a pass.
+    /// Threads per pass.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub threads: Option<usize>,
-    /// The graphics adapter of the world or of the generator, where one of them runs on it.
+    /// The graphics adapter of the world or of the generator, if one of them runs on it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adapter: Option<AdapterVersion>,
-    /// Libraries of others that decide what a graphics device computes: of ONNX Runtime, DirectML, Direct3D and AMD.
+    /// External libraries that affect results of a graphics device: ONNX Runtime, DirectML, Direct3D and AMD's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub libraries: Vec<LibraryVersion>,
     /// Operating system and its version.
@@ -38,7 +38,7 @@ pub struct Versions {
     pub architecture: String,
     /// Name of the processor.
     pub cpu: String,
-    /// Those of its features that decide which kernels run.
+    /// CPU features by which kernels are selected.
     pub cpu_features: Vec<String>,
     /// Whether the program was compiled with optimisation.
     pub optimised_build: bool,
@@ -47,19 +47,19 @@ pub struct Versions {
 /// A graphics adapter.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AdapterVersion {
-    /// What it calls itself.
+    /// Name that the adapter reports.
     pub name: String,
     /// The version of its driver, as Windows shows it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub driver: Option<String>,
 }
 
-/// A library of others.
+/// An external library.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LibraryVersion {
     /// The name of its file.
     pub name: String,
-    /// What the file says of itself.
+    /// Version in the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub version: Option<String>,
 }
@@ -86,7 +86,7 @@ impl Versions {
     }
 }
 
-/// Those libraries of this process, as far as it has loaded them by now.
+/// Those libraries that this process has loaded so far.
 #[cfg(windows)]
 pub(crate) fn libraries() -> Vec<LibraryVersion> {
     let all = cairn::runtime::loaded_libraries().into_iter();
@@ -97,13 +97,13 @@ pub(crate) fn libraries() -> Vec<LibraryVersion> {
     .collect()
 }
 
-/// None elsewhere: worlds run on the processor there, and the manifest has ONNX Runtime by itself.
+/// None on other systems: worlds run on the CPU there, and ONNX Runtime has its own entry.
 #[cfg(not(windows))]
 pub(crate) fn libraries() -> Vec<LibraryVersion> {
     Vec::new()
 }
 
-/// The adapter that a world runs on, or else its generator: that takes the system's first which is no software.
+/// Adapter of the world, or else of its generator: the system's first that is not a software adapter.
 #[cfg(windows)]
 pub(crate) fn adapter(world: &Device, generator: GeneratorChoice) -> Option<AdapterVersion> {
     let adapter = match world.gpu() {
@@ -117,7 +117,7 @@ pub(crate) fn adapter(world: &Device, generator: GeneratorChoice) -> Option<Adap
     Some(AdapterVersion { name: adapter.description, driver: adapter.driver })
 }
 
-/// None elsewhere.
+/// None on other systems.
 #[cfg(not(windows))]
 pub(crate) fn adapter(_: &Device, _: GeneratorChoice) -> Option<AdapterVersion> {
     None
@@ -145,7 +145,7 @@ fn os() -> String {
     }
 }
 
-/// The processor's own name.
+/// Name of the processor.
 fn cpu() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info.lines().find_map(|l| l.strip_prefix("model name")?.split_once(':').map(|(_, name)| name.trim()));
@@ -153,7 +153,7 @@ fn cpu() -> String {
     model.map(str::to_owned).or_else(windows).unwrap_or_else(|| "unknown".into())
 }
 
-/// Features that ONNX Runtime and this library choose kernels by.
+/// CPU features by which ONNX Runtime and this library select kernels.
 fn cpu_features() -> Vec<String> {
     #[cfg(target_arch = "x86_64")]
     let found = [

@@ -1,4 +1,4 @@
-//! `manifest.json`: what went in, what came out, and what is needed to make it again.
+//! `manifest.json`: inputs, outputs, and everything needed to make the same files again.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -13,9 +13,9 @@ use crate::machine::Versions;
 use crate::media::describe_io;
 use crate::settings::Settings;
 
-/// The version this program writes, and the newest it reads.
+/// The version that this program writes, and the newest that it reads.
 pub const MANIFEST_VERSION: u32 = 1;
-/// The longest manifest, in bytes: a day of PNG frames fits.
+/// Maximum size of a manifest in bytes: enough for a day of PNG frames.
 const MAX_BYTES: u64 = 1 << 30;
 
 /// A whole manifest.
@@ -23,36 +23,36 @@ const MAX_BYTES: u64 = 1 << 30;
 pub struct Manifest {
     /// [`MANIFEST_VERSION`].
     pub manifest_version: u32,
-    /// The rollout went to its end and every file is whole.
+    /// Whether the rollout finished and every file is complete.
     pub complete: bool,
-    /// Why not, where it did not.
+    /// Reason, if the rollout did not finish.
     pub stopped_by: Option<String>,
-    /// What a reader should know, e.g. that the weights are random.
+    /// Note for the reader, e.g. that the weights are random.
     pub note: Option<String>,
-    /// What to do.
+    /// Settings of the rollout.
     pub settings: Settings,
-    /// With what.
+    /// Input files.
     pub inputs: Inputs,
-    /// How many of what were made.
+    /// Counters.
     pub counts: Counts,
     /// Every file beside this one.
     pub outputs: Vec<Output>,
-    /// By what.
+    /// Software and hardware.
     pub versions: Versions,
-    /// How long it took, in seconds. Nothing else depends on the clock.
+    /// Durations in seconds. The only part that depends on a clock.
     pub timings: std::collections::BTreeMap<String, f64>,
 }
 
 /// All inputs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Inputs {
-    /// The bundle; its checksum is that of its manifest, which holds those of its files.
+    /// The bundle. The checksum is that of the bundle's manifest, which has those of its files.
     pub world: Input,
-    /// The picture the rollout starts from.
+    /// The seed picture.
     pub seed_picture: Input,
-    /// The controls.
+    /// The control script.
     pub script: Input,
-    /// The latents, where they are not made anew.
+    /// Stored latents, if none are made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latents: Option<Input>,
     /// The ONNX Runtime library.
@@ -62,7 +62,7 @@ pub struct Inputs {
 /// One input.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Input {
-    /// Its absolute path, or a name in angle brackets for what is part of this program.
+    /// Absolute path, or a name in angle brackets for an input inside this program.
     pub path: String,
     /// Bytes.
     pub size: u64,
@@ -70,35 +70,35 @@ pub struct Input {
     pub sha256: String,
 }
 
-/// How many were made.
+/// Counters of a rollout.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counts {
-    /// Latents, the seed's own included.
+    /// Latents, including the seed's own.
     pub latents: u64,
     /// Passes of the transformer.
     pub passes: u64,
-    /// Decoded pictures that were used.
+    /// Decoded pictures that were presented.
     pub anchors: u64,
     /// Frames generated between anchors.
     pub generated: u64,
-    /// Of these, how many show the nearer anchor unchanged, because a cut lies between the two.
+    /// Generated frames that show the nearer anchor because of a cut between the two.
     pub cut_fallbacks: u64,
     /// Frames presented, all kinds.
     pub presented: u64,
-    /// Frames that were asked for.
+    /// Frames that were requested.
     pub planned: u64,
 }
 
 /// One file that was made.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Output {
-    /// Beside the manifest, with `/`.
+    /// Path relative to the manifest, with `/`.
     pub path: String,
     /// `mp4`, `png`, `y4m`, `latents` or `contact-sheet`.
     pub kind: String,
     /// Frames or latents in it.
     pub frames: u64,
-    /// Whether it holds everything presented.
+    /// Whether it has everything that was presented.
     pub complete: bool,
     /// Bytes.
     pub size: u64,
@@ -110,13 +110,13 @@ impl Manifest {
     /// Reads `path`.
     ///
     /// # Errors
-    /// `Io`; `Unsupported` for a newer version; `InvalidArgument` when it is no manifest.
+    /// `Io`; `Unsupported` for a newer version; `InvalidArgument` for an invalid manifest.
     pub fn read(path: &Path) -> Result<Self> {
         read_manifest(path, "a rollout", "study rollout")
     }
 }
 
-/// Whether the manifest at `path` names a job: that of a rollout names none.
+/// Job name in the manifest at `path`; `None` for a rollout's manifest, which has none.
 ///
 /// # Errors
 /// As [`Manifest::read`].
@@ -128,7 +128,7 @@ pub(crate) fn job_of(path: &Path) -> Result<Option<String>> {
     read_manifest::<Head>(path, "a rollout or a reconstruct", "study").map(|head| head.job)
 }
 
-/// Reads a manifest of `what`, which the command `writer` makes.
+/// Reads a manifest of kind `what`, written by the command `writer`.
 ///
 /// # Errors
 /// As [`Manifest::read`].
@@ -156,7 +156,7 @@ pub(crate) fn read_manifest<T: DeserializeOwned>(path: &Path, what: &str, writer
     serde_json::from_slice(&bytes).map_err(wrong)
 }
 
-/// A manifest as JSON for people.
+/// A manifest as indented JSON.
 pub(crate) fn to_json(manifest: &impl Serialize) -> Result<Vec<u8>> {
     let mut json = serde_json::to_vec_pretty(manifest)
         .map_err(|e| Error::new(ErrorKind::InvalidArgument, format!("the manifest cannot be written: {e}")))?;
@@ -189,7 +189,7 @@ pub(crate) fn digest_file(path: &Path) -> Result<(u64, String)> {
     }
 }
 
-/// A whole file of at most `limit` bytes.
+/// Reads a whole file of at most `limit` bytes.
 pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let failed = |e: io::Error| describe_io("cannot be read", path, &e);
     let file = File::open(path).map_err(failed)?;

@@ -1,4 +1,4 @@
-//! The folder a rollout writes into, and what is in it afterwards.
+//! The output folder of a rollout, and its content.
 
 use std::fs;
 use std::io;
@@ -19,13 +19,13 @@ pub(crate) const VIDEO: &str = "rollout.mp4";
 pub(crate) const RAW: &str = "rollout.y4m";
 pub(crate) const FRAMES: &str = "frames";
 
-/// Where everything goes.
+/// The output folder.
 pub(crate) struct Folder {
     path: PathBuf,
 }
 
 impl Folder {
-    /// Checks that `path` may be written into: it is not there, or empty, or may be overwritten. Changes nothing.
+    /// Checks that `path` may be written to: it is missing, empty, or may be overwritten. Changes nothing.
     pub(crate) fn check(path: &Path, overwrite: bool) -> Result<Self> {
         let folder = Self { path: path.to_owned() };
         let empty = match fs::read_dir(path) {
@@ -41,7 +41,7 @@ impl Folder {
         }
     }
 
-    /// Makes the folder, and removes what an earlier rollout left in it: files by the names above and no others.
+    /// Creates the folder and removes an earlier rollout's files: those with the names above and no others.
     pub(crate) fn prepare(&self, pictures: bool) -> Result<()> {
         fs::create_dir_all(&self.path).map_err(|e| describe_io("cannot be made", &self.path, &e))?;
         let frames = self.join(FRAMES);
@@ -81,8 +81,8 @@ impl Folder {
     }
 }
 
-/// What writes the frames in `formats`: the MP4 and Y4M files of those `names`, and the folder of pictures. Encodes on
-/// `threads` threads, 0 for one to a core.
+/// Sinks for the frames in `formats`: the MP4 and Y4M files with these `names`, and the folder of pictures. Encodes on `threads` threads, 0 for
+/// one per core.
 pub(crate) fn sinks(
     disk: &Arc<dyn Disk>,
     folder: &Folder,
@@ -104,7 +104,7 @@ pub(crate) fn sinks(
     Ok(sinks)
 }
 
-/// Removes the pictures that an earlier run numbered, and no others.
+/// Removes the numbered pictures of an earlier run, and no other files.
 pub(crate) fn remove_numbered(folder: &Path) -> Result<()> {
     let numbered = |name: &str| {
         let stem = name.strip_suffix(".part").unwrap_or(name).strip_suffix(".png").unwrap_or("");

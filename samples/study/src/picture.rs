@@ -1,4 +1,4 @@
-//! Pictures from files, and of other sizes.
+//! Decodes and resizes pictures.
 
 use std::io::{BufRead, Cursor, Seek};
 
@@ -7,13 +7,13 @@ use image::imageops::FilterType;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits, RgbaImage};
 
-/// The most memory a decoded picture may take, in bytes.
+/// Maximum memory of a decoded picture, in bytes.
 const MAX_DECODED: u64 = 2 << 30;
 
-/// Reads a PNG or JPEG file of any size, turned as its camera says, on black where it is transparent.
+/// Reads a PNG or JPEG file of any size, rotated by its EXIF orientation, over black where it is transparent.
 ///
 /// # Errors
-/// `InvalidArgument` when it is no such file or is larger than [`MAX_SIDE`].
+/// `InvalidArgument` for another kind of file, or a picture larger than [`MAX_SIDE`].
 pub(crate) fn decode(bytes: &[u8]) -> Result<Picture> {
     let (decoder, orientation) = open(Cursor::new(bytes))?;
     let mut image = DynamicImage::from_decoder(decoder).map_err(no_picture)?;
@@ -30,7 +30,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Picture> {
     Picture::from_rgba(width, height, image.into_raw())
 }
 
-/// The size that [`decode`] would give, without reading more than the head of the file.
+/// The size that [`decode`] would return; reads only the file's header.
 ///
 /// # Errors
 /// As [`decode`].
@@ -64,14 +64,14 @@ fn no_picture(cause: impl std::fmt::Display) -> Error {
         .remedy(format!("Use a PNG or JPEG file of at most {MAX_SIDE} x {MAX_SIDE} pixels"))
 }
 
-/// `picture` scaled so that it covers `size`, with what hangs over cut off equally on both sides.
+/// `picture` scaled to cover `size`, with the excess cropped equally on both sides.
 ///
 /// # Errors
 /// As [`Picture::new`].
 pub(crate) fn cover(picture: &Picture, size: (u32, u32)) -> Result<Picture> {
     let (width, height) = (u64::from(picture.width()), u64::from(picture.height()));
     let (to_width, to_height) = (u64::from(size.0), u64::from(size.1));
-    // The largest part of the picture that has the aspect of `size`.
+    // The largest part of the picture with the aspect of `size`.
     let (part_width, part_height) = if width * to_height > height * to_width {
         (((height * to_width) / to_height).max(1), height)
     } else {

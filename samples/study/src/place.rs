@@ -1,4 +1,4 @@
-//! The built-in seed picture: a place of the scenes, where a walk through it starts.
+//! The built-in seed picture: the start of a walk through a place of the scenes.
 
 use cairn::world::ControlScript;
 use cairn::{Error, ErrorKind, Picture, Result};
@@ -6,9 +6,9 @@ use scenes::{Clip, ClipOptions, Family, Scene};
 
 /// The scene of the built-in seed picture.
 pub(crate) const FAMILY: Family = Family::Desert;
-/// Which of that kind: a place that the embedded world has never seen.
+/// Seed of the place; the embedded world was not trained on it.
 pub(crate) const PLACE: u64 = 41;
-/// The longest side that is drawn.
+/// The largest side that is rendered.
 pub(crate) const MOST: u32 = 8192;
 
 /// Refuses sides that are not from 1 to [`MOST`].
@@ -23,8 +23,8 @@ pub(crate) fn check(width: u32, height: u32) -> Result<()> {
         .remedy(format!("Use a width and a height from 1 to {MOST}, such as 1280x720")))
 }
 
-/// Draws what is seen at the start of a walk through place `number` of `family`, `width` x `height` pixels that show 16:9.
-/// The same on every machine.
+/// Renders the start of a walk through place `number` of `family`: `width` x `height` pixels that show 16:9. The same bytes on every
+/// machine.
 ///
 /// # Errors
 /// As [`check`].

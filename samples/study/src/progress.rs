@@ -1,4 +1,4 @@
-//! What a person sees while it runs: a bar on a terminal, a line now and then elsewhere.
+//! Progress output: a bar on a terminal, otherwise a line now and then.
 
 use std::io::IsTerminal;
 use std::sync::Mutex;
@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// Between two lines where there is no terminal.
+/// Interval between two lines without a terminal.
 const LINE_EVERY: Duration = Duration::from_secs(5);
 
-/// Tells how far the job is, on standard error.
+/// Prints progress to standard error.
 pub struct Progress {
     style: Style,
     fetching: provision::Console,
@@ -28,12 +28,12 @@ struct Lines {
 }
 
 impl Progress {
-    /// Says nothing.
+    /// Prints nothing.
     pub fn quiet() -> Self {
         Self { style: Style::Quiet, fetching: provision::Console::new() }
     }
 
-    /// A bar where standard error is a terminal, else lines.
+    /// A bar if standard error is a terminal, otherwise lines.
     pub fn console() -> Self {
         let style = if std::io::stderr().is_terminal() {
             let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
@@ -46,7 +46,7 @@ impl Progress {
         Self { style, fetching: provision::Console::new() }
     }
 
-    /// What is being done before frames come.
+    /// Prints the current phase before the first frame.
     pub fn phase(&self, what: &str) {
         match &self.style {
             Style::Quiet => {}
@@ -58,7 +58,7 @@ impl Progress {
         }
     }
 
-    /// Frames begin to come, `total` of them where that is known.
+    /// Starts counting frames, `total` of them if known.
     pub(crate) fn begin(&self, total: impl Into<Option<u64>>) {
         let total = total.into();
         match &self.style {
@@ -80,7 +80,7 @@ impl Progress {
         }
     }
 
-    /// `done` frames are there.
+    /// Sets the number of frames that are done.
     pub(crate) fn frames(&self, done: u64) {
         match &self.style {
             Style::Quiet => {}
@@ -95,7 +95,7 @@ impl Progress {
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub(crate) fn end(&self) {
         if let Style::Bar(bar) = &self.style {
             bar.finish_and_clear();
@@ -123,7 +123,7 @@ impl provision::Progress for Progress {
     }
 }
 
-/// A poisoned lock only means that another thread died while it printed.
+/// A poisoned lock only means that another thread panicked while printing.
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }

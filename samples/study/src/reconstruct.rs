@@ -1,5 +1,5 @@
-//! Generated frames against the truth: anchors of a scene at 15 frames a second, the frames between them made and drawn,
-//! and how far the two are apart.
+//! Scores generated frames against the truth: takes a scene's anchors at 15 frames a second, generates and renders the frames between them,
+//! and compares the two.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -34,11 +34,11 @@ pub(crate) use walk::script as script_of;
 
 /// Anchors per second of world time.
 pub(crate) const ANCHOR_RATE: u32 = 15;
-/// The frames that can be made of each anchor, one of them itself.
+/// Allowed presented frames per anchor, the anchor included.
 const MULTIPLIERS: std::ops::RangeInclusive<u32> = 2..=8;
-/// The largest side that scenes are drawn at.
+/// The largest side of rendered scenes.
 const MAX_SIDE: u32 = 8192;
-/// The smallest, which a video can have.
+/// The smallest side, limited by the video encoder.
 const MIN_SIDE: u32 = 16;
 
 pub(crate) const JOB: &str = "reconstruct";
@@ -48,37 +48,37 @@ pub(crate) const COMPARISON_VIDEO: &str = "comparison.mp4";
 pub(crate) const COMPARISON: &str = "comparison.png";
 pub(crate) const TABLE: &str = "scores.csv";
 
-/// Where motion and depth come from.
+/// Source of motion and depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TruthOrPicture {
-    /// The scene's own.
+    /// The scene's exact motion and depth.
     Truth,
     /// Optical flow between the anchors.
     Picture,
 }
 
-/// Everything that decides the bytes of the outputs.
+/// Settings that affect the bytes of the outputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReconstructSettings {
     /// `forest`, `sword`, `desert` or `snow`.
     pub scene: String,
-    /// Which place of that kind.
+    /// Seed of the place.
     pub seed: u64,
     /// `[width, height]` of all frames.
     pub size: [u32; 2],
     /// Decimal seconds of world time.
     pub seconds: String,
-    /// Frames presented for each anchor, 2 to 8.
+    /// Frames presented per anchor, 2 to 8.
     pub multiplier: u32,
-    /// Motion and depth.
+    /// Source of motion and depth.
     pub guidance: TruthOrPicture,
-    /// Media of the presented frames; the comparison is always there.
+    /// Media of the presented frames; the comparison is always written.
     pub formats: Formats,
     /// Whether LPIPS is measured as well.
     pub lpips: bool,
-    /// What makes frames between anchors.
+    /// Generator of frames between anchors.
     #[serde(default, skip_serializing_if = "GeneratorChoice::is_cpu")]
     pub generator: GeneratorChoice,
 }
@@ -100,14 +100,14 @@ impl Default for ReconstructSettings {
     }
 }
 
-/// Settings that have been understood.
+/// Parsed settings.
 pub(crate) struct Checked {
     family: Family,
     anchors: u64,
 }
 
 impl ReconstructSettings {
-    /// Everything that needs no file.
+    /// Checks the settings; reads no file.
     pub(crate) fn check(&self) -> Result<Checked> {
         let refused = |cause: String, field: &str, remedy: String| {
             Err(Error::new(ErrorKind::InvalidArgument, cause).field(field).remedy(remedy))
@@ -160,24 +160,24 @@ impl ReconstructSettings {
         Ok(Checked { family, anchors })
     }
 
-    /// Frames presented in a second.
+    /// Frames presented per second.
     pub fn rate(&self) -> u32 {
         ANCHOR_RATE * self.multiplier
     }
 }
 
-/// How many were made.
+/// Counters.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReconstructCounts {
-    /// True frames that frames are generated between.
+    /// True frames used as anchors.
     pub anchors: u64,
     /// Frames generated between them.
     pub generated: u64,
-    /// Of these, how many show the nearer anchor, because a cut was found.
+    /// Generated frames that show the nearer anchor because of a detected cut.
     pub cut_fallbacks: u64,
     /// Frames presented, anchors and generated.
     pub presented: u64,
-    /// Frames that were asked for.
+    /// Frames that were requested.
     pub planned: u64,
 }
 
@@ -186,25 +186,25 @@ pub struct ReconstructCounts {
 pub struct ReconstructManifest {
     /// [`MANIFEST_VERSION`].
     pub manifest_version: u32,
-    /// `reconstruct`, which tells it from the manifest of a rollout.
+    /// `reconstruct`, which distinguishes it from a rollout's manifest.
     pub job: String,
-    /// It went to its end and every file is whole.
+    /// Whether the job finished and every file is complete.
     pub complete: bool,
-    /// Why not, where it did not.
+    /// Reason, if the job did not finish.
     pub stopped_by: Option<String>,
-    /// What to do.
+    /// Settings of the job.
     pub settings: ReconstructSettings,
-    /// The control script that the walk follows.
+    /// The control script of the walk.
     pub script: Input,
-    /// How many of what were made.
+    /// Counters.
     pub counts: ReconstructCounts,
-    /// How near the generated frames are to the true ones; none where there are none.
+    /// Scores of the generated frames; `None` if there are none.
     pub scores: Option<Summary>,
     /// Every file beside this one.
     pub outputs: Vec<Output>,
-    /// By what.
+    /// Software and hardware.
     pub versions: Versions,
-    /// How long it took, in seconds. Nothing else depends on the clock.
+    /// Durations in seconds. The only part that depends on a clock.
     pub timings: BTreeMap<String, f64>,
 }
 
@@ -218,7 +218,7 @@ impl ReconstructManifest {
     }
 }
 
-/// A reconstruct to be made.
+/// A reconstruct job.
 pub struct Reconstruction<'a> {
     /// What to make.
     pub settings: &'a ReconstructSettings,
@@ -226,24 +226,24 @@ pub struct Reconstruction<'a> {
     pub out: &'a Path,
     /// Whether an earlier one in that folder may be replaced.
     pub overwrite: bool,
-    /// Where files are made.
+    /// Where files are created.
     pub disk: Arc<dyn Disk>,
-    /// Set it from any thread to end after the current anchor.
+    /// Set from any thread to stop after the current anchor.
     pub stop: &'a AtomicBool,
-    /// Who is told how far it is.
+    /// Receives the progress.
     pub progress: &'a Progress,
-    /// Ends where an earlier, interrupted one ended: after so many frames.
+    /// Stops after this many frames, where an earlier, interrupted job ended.
     pub limit: Option<u64>,
 }
 
-/// What came of it. Every file that is there is whole, and the manifest is written.
+/// Result. Every file is complete, and the manifest is written.
 #[derive(Debug)]
 pub struct ReconstructOutcome {
     /// As written.
     pub manifest: ReconstructManifest,
-    /// What went wrong after the first frame.
+    /// The error after the first frame, if any.
     pub failure: Option<Error>,
-    /// Whether [`Reconstruction::stop`] ended it.
+    /// Whether [`Reconstruction::stop`] ended the job.
     pub interrupted: bool,
 }
 
@@ -258,11 +258,11 @@ pub(crate) fn script_input(scene: &str) -> Option<Input> {
     })
 }
 
-/// Makes a reconstruct.
+/// Runs the job.
 ///
 /// # Errors
-/// Everything that can be wrong before the first frame. What goes wrong later is in [`ReconstructOutcome::failure`], and
-/// the manifest then says `"complete": false`.
+/// Everything that can fail before the first frame. Later failures are in [`ReconstructOutcome::failure`], and the manifest then says
+/// `"complete": false`.
 pub fn reconstruct(job: &Reconstruction<'_>) -> Result<ReconstructOutcome> {
     let began = Instant::now();
     let settings = job.settings;
@@ -316,7 +316,7 @@ pub fn reconstruct(job: &Reconstruction<'_>) -> Result<ReconstructOutcome> {
     Ok(ReconstructOutcome { manifest, failure, interrupted })
 }
 
-/// To the microsecond.
+/// Seconds, rounded to microseconds.
 fn seconds(time: Duration) -> f64 {
     (time.as_secs_f64() * 1e6).round() / 1e6
 }
@@ -343,8 +343,8 @@ fn write_manifest(job: &Reconstruction<'_>, folder: &Folder, manifest: &Reconstr
     write_whole(job.disk.as_ref(), &folder.join(MANIFEST), &to_json(manifest)?)
 }
 
-/// Draws and writes what is made at the end, and describes every finished file; what fails costs its own entry and no
-/// other. After a failure nothing is complete: its end is a matter of chance.
+/// Draws and writes the final pictures, and describes every finished file. An error costs only its own entry. After a failed job no file counts
+/// as complete, because its end is arbitrary.
 fn describe(
     job: &Reconstruction<'_>,
     folder: &Folder,

@@ -1,4 +1,4 @@
-//! Makes a rollout or a reconstruct again from its manifest and compares.
+//! Makes a rollout or a reconstruct again from its manifest and compares the files.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -18,44 +18,44 @@ use crate::progress::Progress;
 use crate::reconstruct::{self, ReconstructManifest, ReconstructOutcome, Reconstruction, reconstruct};
 use crate::settings::Settings;
 
-/// A replay to be made.
+/// A replay job.
 pub struct Replay<'a> {
     /// The manifest of the first rollout.
     pub manifest: &'a Path,
-    /// The folder for what is made again; none for `replay` beside the manifest.
+    /// Output folder; `None` for `replay` beside the manifest.
     pub out: Option<&'a Path>,
     /// Whether an earlier replay in that folder may be replaced.
     pub overwrite: bool,
-    /// Where the inputs are now.
+    /// Current paths of the inputs.
     pub overrides: Overrides,
-    /// Set it from any thread to end after the current frame.
+    /// Set from any thread to stop after the current frame.
     pub stop: &'a AtomicBool,
-    /// Who is told how far it is.
+    /// Receives the progress.
     pub progress: &'a Progress,
 }
 
-/// One thing that is not as it was.
+/// A difference from the first run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Difference {
-    /// An input: the rollout cannot be the same, and was not made.
+    /// An input differs, so the rollout was not made.
     Input {
-        /// Which.
+        /// Name of the input.
         name: &'static str,
         /// What is different.
         how: String,
     },
-    /// A version or the machine: the rollout may or may not be the same.
+    /// A version or the hardware differs: the result may or may not be the same.
     Version {
-        /// Which.
+        /// Name of the item.
         name: &'static str,
-        /// As the manifest has it.
+        /// Value in the manifest.
         then: String,
-        /// As it is now.
+        /// Current value.
         now: String,
     },
-    /// An output.
+    /// An output differs.
     Output {
-        /// Its path beside the manifest.
+        /// Its path relative to the manifest.
         path: String,
         /// What is different.
         how: String,
@@ -63,7 +63,7 @@ pub enum Difference {
 }
 
 impl Difference {
-    /// Whether the replay failed by it. Another version alone is no failure.
+    /// Whether this makes the replay fail. A different version alone does not.
     pub fn is_failure(&self) -> bool {
         !matches!(self, Self::Version { .. })
     }
@@ -79,16 +79,16 @@ impl fmt::Display for Difference {
     }
 }
 
-/// What a replay found.
+/// Result of a replay.
 #[derive(Debug)]
 pub struct Compared {
-    /// Everything that is not as it was; empty when all is.
+    /// All differences; empty if everything is equal.
     pub differences: Vec<Difference>,
-    /// Files that are equal to the bit.
+    /// Number of bit-identical files.
     pub equal: usize,
-    /// Files the first rollout could not finish, which are not compared.
+    /// Files that the first run did not finish; they are not compared.
     pub skipped: Vec<String>,
-    /// Where the files of the replay are.
+    /// Folder of the replay's files.
     pub out: PathBuf,
     /// Whether it was stopped before its end.
     pub interrupted: bool,
@@ -97,7 +97,7 @@ pub struct Compared {
 /// Makes the rollout of a manifest again and compares every output by its checksum.
 ///
 /// # Errors
-/// As for a manifest that cannot be read, and as [`run`](crate::run_job); also when the replay fails on its way.
+/// Errors of reading the manifest, and those of [`run`](crate::run_job); also failures during the replay.
 pub fn replay(job: &Replay<'_>) -> Result<Compared> {
     let beside = job.manifest.parent().unwrap_or(Path::new(""));
     let out = job.out.map_or_else(|| beside.join("replay"), Path::to_owned);
@@ -133,7 +133,7 @@ fn replay_rollout(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<Compa
         script: script.or(first.settings.script.clone()),
         ..first.settings.clone()
     };
-    // Before anything is made: an input that is not the same makes another rollout.
+    // Checked first: with a different input the rollout would differ.
     let now = crate::inputs::load(&settings, job.progress)?.inputs;
     let mut differences = inputs(&first.inputs, &now);
     if !differences.is_empty() {
@@ -176,7 +176,7 @@ fn replay_reconstruct(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<C
                 .remedy("Leave it out"));
         }
     }
-    // Before anything is made: another script makes another walk.
+    // Checked first: with a different script the walk would differ.
     let script = reconstruct::script_input(&first.settings.scene);
     if let Some(now) = script.filter(|now| now.sha256 != first.script.sha256) {
         let difference = Difference::Input { name: "script", how: changed_input(&first.script, &now) };

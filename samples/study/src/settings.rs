@@ -1,4 +1,4 @@
-//! What a rollout is asked to do: everything that decides the bytes of its outputs, and nothing else.
+//! Settings of a rollout: everything that affects the bytes of its outputs, and nothing else.
 
 use std::path::PathBuf;
 
@@ -26,7 +26,7 @@ impl Formats {
     /// Reads `mp4,png,y4m`.
     ///
     /// # Errors
-    /// `InvalidArgument` for another word, or none.
+    /// `InvalidArgument` for an unknown word, or for no word.
     pub fn parse(text: &str) -> Result<Self> {
         let mut formats = Self::default();
         for word in text.split(',').map(str::trim) {
@@ -45,27 +45,27 @@ impl Formats {
     }
 }
 
-/// A rollout's settings, as the manifest keeps them.
+/// Settings as stored in the manifest.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// The bundle; none for the library's own.
+    /// The bundle; `None` for the library's own.
     pub world: Option<PathBuf>,
-    /// PNG or JPEG; none for a place of the scenes.
+    /// PNG or JPEG; `None` for a place of the scenes.
     pub seed_picture: Option<PathBuf>,
     /// None for the built-in script.
     pub script: Option<PathBuf>,
-    /// The stored latents of an earlier rollout, which are decoded in place of new ones. Seed picture, script and seed of
-    /// the noise then decide nothing.
+    /// Stored latents of an earlier rollout, which are decoded instead of making new ones. Seed picture, script and noise seed then have no
+    /// effect.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latents: Option<PathBuf>,
-    /// The preset's name, where one was given: for people. What counts is `operating_point`.
+    /// Name of the preset, if one was given: information only. `operating_point` counts.
     pub preset: Option<String>,
-    /// As [`OperatingPoint`] writes it.
+    /// In the text form of [`OperatingPoint`].
     pub operating_point: String,
     /// Decimal seconds of world time.
     pub seconds: String,
-    /// Of the noise.
+    /// Seed of the noise.
     pub seed: u64,
     /// `[width, height]` of the presented frames.
     pub size: [u32; 2],
@@ -73,17 +73,17 @@ pub struct Settings {
     pub upscaler: String,
     /// Media.
     pub formats: Formats,
-    /// Threads of a pass; the bits depend on it. None: one to a physical core, and the manifest has the number.
+    /// Threads per pass; results depend on it. `None`: one per physical core, and the manifest has the number.
     pub threads: Option<usize>,
-    /// Where the world runs. A manifest has what `auto` came to.
+    /// Device of the world. A manifest has the device that `auto` resolved to.
     #[serde(default, skip_serializing_if = "DeviceChoice::is_cpu")]
     pub device: DeviceChoice,
-    /// What makes frames between anchors.
+    /// Generator of frames between anchors.
     #[serde(default, skip_serializing_if = "GeneratorChoice::is_cpu")]
     pub generator: GeneratorChoice,
 }
 
-/// Settings that have been understood.
+/// Parsed settings.
 pub(crate) struct Checked {
     pub(crate) point: OperatingPoint,
     pub(crate) duration: WorldTime,
@@ -114,7 +114,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Understands the texts and checks the ranges: everything that needs no file.
+    /// Parses the texts and checks the ranges; reads no file.
     pub(crate) fn check(&self) -> Result<Checked> {
         let [width, height] = self.size;
         let least = if self.formats.mp4 { 16 } else { 1 };

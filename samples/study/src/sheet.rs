@@ -6,9 +6,9 @@ use cairn::{Picture, Result};
 use crate::picture::shrink;
 use crate::text::{LARGE, SMALL, fit, write};
 
-/// The most columns; a shorter rollout has as many as it has pairs of anchors.
+/// Maximum number of columns; a shorter rollout has as many as it has pairs of anchors.
 const COLUMNS: usize = 8;
-/// The most that are kept while nobody knows how long the rollout will be.
+/// Maximum number of columns kept while the rollout's length is unknown.
 const KEPT: usize = 2 * COLUMNS;
 /// Width of one picture; the height follows the aspect.
 const TILE: u32 = 240;
@@ -22,7 +22,7 @@ const DIM: [u8; 3] = [150, 154, 160];
 const WARN: [u8; 3] = [240, 190, 90];
 const NOTHING: [u8; 3] = [36, 39, 44];
 
-/// What is kept of one anchor.
+/// Data kept of one anchor.
 struct Column {
     latent: u64,
     time: f64,
@@ -31,10 +31,9 @@ struct Column {
     guidance: Option<(MotionField, Picture)>,
 }
 
-/// Collects columns while frames are made, and draws them at the end.
+/// Collects columns during a rollout and draws them at the end.
 ///
-/// What it keeps depends on what was made and not on what was planned: an interrupted rollout has a full sheet, and its
-/// replay has the same one.
+/// The selection depends on what was made, not on what was planned: an interrupted rollout has a full sheet, and its replay has the same.
 pub(crate) struct Sheet {
     tile: (u32, u32),
     noun: &'static str,
@@ -43,13 +42,13 @@ pub(crate) struct Sheet {
 }
 
 impl Sheet {
-    /// For pictures of size `render`; what is numbered is called `noun`.
+    /// For pictures of size `render`; `noun` names the numbered items.
     pub(crate) fn new(render: (u32, u32), noun: &'static str) -> Self {
         let height = (u64::from(TILE) * u64::from(render.1) / u64::from(render.0)).clamp(1, 4096) as u32;
         Self { tile: (TILE, height), noun, stride: 1, columns: Vec::new() }
     }
 
-    /// Whether latent number `latent` gets a column, of those that may still be thinned out.
+    /// Whether latent number `latent` gets a column, which may be dropped later.
     pub(crate) fn wants(&self, latent: u64) -> bool {
         latent == 0 || (latent - 1).is_multiple_of(self.stride)
     }
@@ -58,7 +57,7 @@ impl Sheet {
     pub(crate) fn add(&mut self, latent: u64, time: f64, anchor: &Picture, guidance: Option<&Guidance>) -> Result<()> {
         let anchor = shrink(anchor, self.tile)?;
         let guidance = guidance.map(|g| Ok((g.motion().clone(), depth_tile(g.depth(), self.tile)?))).transpose()?;
-        // The seed's own latent has no pair; it stands alone or not at all.
+        // The seed's own latent has no pair: it is shown only if it is the only one.
         self.columns.retain(|column| column.latent > 0);
         if self.columns.len() >= KEPT {
             self.stride *= 2;
@@ -70,13 +69,13 @@ impl Sheet {
         Ok(())
     }
 
-    /// The columns to draw: evenly from the first to the last.
+    /// The columns to draw: evenly spaced from the first to the last.
     fn shown(&self) -> Vec<&Column> {
         let (have, show) = (self.columns.len(), self.columns.len().min(COLUMNS));
         (0..show).map(|i| &self.columns[i * (have - 1) / (show - 1).max(1)]).collect()
     }
 
-    /// Keeps the frame at phase `t` before the anchor last added; the one nearest the middle stays.
+    /// Keeps the frame at phase `t` before the last added anchor, unless a kept one is closer to the middle.
     pub(crate) fn add_between(&mut self, latent: u64, t: f32, frame: &Picture) -> Result<()> {
         if let Some(column) = self.columns.last_mut().filter(|c| c.latent == latent) {
             let nearer = column.between.as_ref().is_none_or(|(old, _)| (t - 0.5).abs() < (old - 0.5).abs());
@@ -87,7 +86,7 @@ impl Sheet {
         Ok(())
     }
 
-    /// Draws the sheet. `title` and `subtitle` head it, `warning` stands beside them in another colour.
+    /// Draws the sheet with `title` and `subtitle` at the top, and `warning` beside them in another colour.
     pub(crate) fn draw(&self, title: &str, subtitle: &str, warning: Option<&str>) -> Result<Picture> {
         let (tile_width, tile_height) = self.tile;
         let shown = self.shown();
@@ -134,7 +133,7 @@ impl Sheet {
     }
 }
 
-/// The wheel and what it means, from line `y` on.
+/// The colour wheel of motion and its explanation, from line `y` on.
 fn legend(sheet: &mut Picture, y: u32, scale: f32) -> Result<()> {
     let wheel = visual::wheel(72)?;
     for (i, px) in wheel.pixels().iter().enumerate().filter(|(_, px)| px[3] > 0) {
@@ -159,7 +158,7 @@ fn number(value: f32) -> String {
     if value < 10.0 { format!("{value:.2}") } else { format!("{value:.0}") }
 }
 
-/// A length that nearly all vectors stay below, so that a single large one does not turn the rest white.
+/// A length that nearly all vectors stay below, so that a single long one does not fade the others.
 fn full_scale<'a>(fields: impl Iterator<Item = &'a MotionField>) -> f32 {
     let mut lengths: Vec<f32> = fields
         .flat_map(|field| field.vectors().iter().step_by(7))
@@ -186,7 +185,7 @@ fn depth_tile(map: &DepthMap, tile: (u32, u32)) -> Result<Picture> {
     shrink(&picture, tile)
 }
 
-/// Puts a tile into a sheet that has room for it.
+/// Copies a tile into a sheet that has room for it.
 pub(crate) fn paste(sheet: &mut Picture, tile: &Picture, at: (u32, u32)) {
     let width = sheet.width();
     for (row, pixels) in (at.1..).zip(tile.pixels().chunks_exact(tile.width() as usize)) {
@@ -203,7 +202,7 @@ fn fill(sheet: &mut Picture, at: (u32, u32), size: (u32, u32), colour: [u8; 3]) 
     }
 }
 
-/// A word on a dark ground in the lower left corner of a picture that ends at line `below`.
+/// A word on a dark background in the lower left corner of a picture that ends at line `below`.
 fn tag(sheet: &mut Picture, text: &str, (x, below): (u32, u32)) {
     let size = (text.chars().count() as u32 * SMALL.width + 8, SMALL.height + 2);
     if below >= size.1 && x + size.0 <= sheet.width() {

@@ -1,27 +1,27 @@
-//! Tables that read well as plain text and as Markdown.
+//! Tables that are readable as plain text and as Markdown.
 
-/// A table: a head, and rows of as many columns.
+/// A table with a header row.
 pub(crate) struct Table {
     pub(crate) head: Vec<String>,
     pub(crate) rows: Vec<Vec<String>>,
-    /// Columns of words; those behind them hold numbers, which stand to the right.
+    /// Number of left-aligned text columns; the following ones have right-aligned numbers.
     pub(crate) words: usize,
-    /// The last column holds verdicts, which the page colours.
+    /// Whether the last column has verdicts, which the page colours.
     pub(crate) judges: bool,
 }
 
 impl Table {
-    /// A table whose first `words` columns are words.
+    /// A table whose first `words` columns are text.
     pub(crate) fn new(words: usize, head: &[&str], rows: Vec<Vec<String>>) -> Self {
         Self { head: head.iter().map(|&cell| cell.to_owned()).collect(), rows, words, judges: false }
     }
 
-    /// A table of words whose last column holds verdicts.
+    /// A table of text whose last column has verdicts.
     pub(crate) fn verdicts(head: &[&str], rows: Vec<Vec<String>>) -> Self {
         Self { judges: true, ..Self::new(head.len(), head, rows) }
     }
 
-    /// As Markdown, with columns as wide as their longest cell.
+    /// The table as Markdown, with columns padded to their longest cell.
     pub(crate) fn markdown(&self) -> String {
         let length = |text: &str| text.chars().count();
         let widths: Vec<usize> = (0..self.head.len())

@@ -1,4 +1,4 @@
-//! Words in pictures, in the Spleen bitmap font.
+//! Text in pictures, in the Spleen bitmap font.
 
 use cairn::Picture;
 use spleen_font::{FONT_8X16, FONT_12X24};
@@ -8,7 +8,7 @@ pub(crate) const SMALL: Size = Size { width: 8, height: 16, header: 4, font: FON
 /// For headings.
 pub(crate) const LARGE: Size = Size { width: 12, height: 24, header: 32, font: FONT_12X24 };
 
-/// A size of the font, in pixels, and its file: a header (of PSF 1 or PSF 2), then the glyphs, ASCII first and in order.
+/// A font size in pixels and its file: a PSF 1 or PSF 2 header, then the glyphs, ASCII first and in order.
 #[derive(Clone, Copy)]
 pub(crate) struct Size {
     pub(crate) width: u32,
@@ -18,7 +18,7 @@ pub(crate) struct Size {
 }
 
 impl Size {
-    /// Rows of whole bytes, the leftmost pixel in the highest bit. What is not ASCII is a question mark.
+    /// Rows of whole bytes with the leftmost pixel in the highest bit. Non-ASCII characters give a question mark.
     fn glyph(self, letter: char) -> impl Iterator<Item = &'static [u8]> {
         let row = self.width.div_ceil(8) as usize;
         let code = if letter.is_ascii_graphic() || letter == ' ' { letter as usize } else { '?' as usize };
@@ -28,7 +28,7 @@ impl Size {
     }
 }
 
-/// Writes one line with its upper left corner at `at`; what does not fit is cut off. Returns the column behind it.
+/// Writes one line with its upper left corner at `at`, clipped to the picture. Returns the column after it.
 pub(crate) fn write(out: &mut Picture, text: &str, at: (u32, u32), size: Size, colour: [u8; 3]) -> u32 {
     let (width, height) = out.size();
     let mut x = at.0;
@@ -45,7 +45,7 @@ pub(crate) fn write(out: &mut Picture, text: &str, at: (u32, u32), size: Size, c
     x
 }
 
-/// As much of `text` as fits `width` pixels, with `...` where something is missing.
+/// The start of `text` that fits `width` pixels, with `...` if it is shortened.
 pub(crate) fn fit(text: &str, width: u32, size: Size) -> String {
     let room = (width / size.width) as usize;
     if text.chars().count() <= room {
@@ -70,12 +70,12 @@ mod tests {
             };
             let (h, i) = (drawn("H"), drawn("i"));
             assert!(h != i);
-            // Both strokes of an H run over most of its height.
+            // Both stems of an H span most of its height.
             let lit =
                 |row: u32| (0..size.width).filter(|x| h.pixels()[(row * 4 * size.width + x) as usize][0] > 0).count();
             let rows = (0..size.height).filter(|&row| lit(row) >= 2).count() as u32;
             assert!(rows >= size.height / 2, "{rows} rows");
-            // What hangs over the edge is cut off.
+            // Text outside the picture is clipped.
             write(&mut drawn("x"), "cut off", (3 * size.width, size.height - 3), size, [255; 3]);
         }
     }

@@ -1,4 +1,4 @@
-//! What takes a world's pictures to the size that is presented: `--upscaler`.
+//! Upscaler from the world's size to the presented size: `--upscaler`.
 
 use std::str::FromStr;
 
@@ -7,16 +7,16 @@ use cairn::runtime::Device;
 use cairn::world::{OperatingPoint, Presentation};
 use cairn::{Error, ErrorKind, Result};
 
-/// What was asked for.
+/// The requested upscaler.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum UpscalerChoice {
-    /// Each frame is resized by itself.
+    /// A spatial filter for each frame by itself.
     Space(Filter),
-    /// AMD's FSR on Direct3D 12: anchors are made larger, each from those before it too, and frames generated between the larger ones.
+    /// AMD's FSR on Direct3D 12: temporal upscaling of anchors, before frames are generated between them.
     Fsr,
 }
 
-/// The choices in words.
+/// The choices and their names.
 const NAMES: [(UpscalerChoice, &str); 3] = [
     (UpscalerChoice::Space(Filter::Lanczos3), "lanczos"),
     (UpscalerChoice::Space(Filter::CatmullRom), "catmull-rom"),
@@ -26,7 +26,7 @@ const NAMES: [(UpscalerChoice, &str); 3] = [
 impl FromStr for UpscalerChoice {
     type Err = Error;
 
-    /// Reads `lanczos`, which is `spatial` too, `catmull-rom` or `fsr`.
+    /// Reads `lanczos` or its synonym `spatial`, `catmull-rom` or `fsr`.
     fn from_str(text: &str) -> Result<Self> {
         let name = if text == "spatial" { "lanczos" } else { text };
         let found = NAMES.iter().find(|(_, known)| *known == name).map(|(choice, _)| *choice);
@@ -39,7 +39,7 @@ impl FromStr for UpscalerChoice {
 }
 
 impl UpscalerChoice {
-    /// Refuses what this machine, or the way of presenting, cannot have: what can be known before anything is loaded.
+    /// Fails if this machine or the way of presenting cannot have this upscaler. Loads nothing.
     pub(crate) fn check(self, point: &OperatingPoint) -> Result<()> {
         if self != Self::Fsr {
             return Ok(());
@@ -58,11 +58,10 @@ impl UpscalerChoice {
         Ok(())
     }
 
-    /// What takes pictures from one size to another, on the device that the world runs on where that is one of Direct3D 12, else on
-    /// the best.
+    /// Opens the upscaler from one size to another: on the world's device if that is a Direct3D 12 device, otherwise on the best adapter.
     ///
     /// # Errors
-    /// For `fsr`: the libraries are not there, or have no upscaler for the device; the size is smaller than the pictures.
+    /// For `fsr`: missing libraries, no upscaler for the device, or a size smaller than the pictures.
     pub(crate) fn make(
         self,
         from: (u32, u32),
@@ -77,11 +76,11 @@ impl UpscalerChoice {
     }
 }
 
-/// What takes pictures to their size.
+/// An opened upscaler.
 pub(crate) enum Scaling {
-    /// Each frame, by itself.
+    /// Scales each presented frame.
     Space(Box<Upscaler>),
-    /// Anchors, before frames are generated.
+    /// Scales anchors before frames are generated.
     #[cfg(windows)]
     Amd(Box<cairn::present::device::PictureUpscaler>),
 }
@@ -99,7 +98,7 @@ fn fsr(from: (u32, u32), to: (u32, u32), world: &Device, latents_per_second: u32
     Ok(Scaling::Amd(Box::new(made)))
 }
 
-/// It was refused before.
+/// Not reached: the choice was refused before.
 #[cfg(not(windows))]
 fn fsr(_: (u32, u32), _: (u32, u32), _: &Device, _: u32) -> Result<Scaling> {
     Err(Error::new(ErrorKind::Unsupported, "fsr needs Direct3D 12").field("--upscaler"))

@@ -1,4 +1,4 @@
-//! This program again, in processes of their own, so many at a time: each makes one folder of frames.
+//! Runs this program again in several parallel processes, each of which makes one folder of frames.
 
 use std::ffi::OsString;
 use std::io::Read;
@@ -12,28 +12,28 @@ use cairn::{Error, ErrorKind, Result};
 use crate::output::FRAMES;
 use crate::progress::Progress;
 
-/// Between two looks at the processes.
+/// Polling interval.
 const EVERY: Duration = Duration::from_millis(50);
-/// How long a process that was interrupted may take to finish its frame and its manifest.
+/// Time limit for an interrupted process to finish its frame and its manifest.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// The most that is kept of what a process says.
+/// Maximum number of bytes kept of a process's messages.
 const MAX_WORDS: u64 = 64 << 10;
-/// The most processes at a time.
+/// Maximum number of parallel processes.
 const MAX_JOBS: usize = 256;
 
-/// What one process makes.
+/// Work of one process.
 pub(crate) struct Work {
-    /// For people.
+    /// Name for messages.
     pub(crate) name: String,
-    /// Where its frames will lie.
+    /// Folder of its frames.
     pub(crate) folder: PathBuf,
     /// The command line, without the program.
     pub(crate) arguments: Vec<OsString>,
-    /// Frames.
+    /// Expected number of frames.
     pub(crate) planned: u64,
 }
 
-/// Refuses a number of processes that makes no sense.
+/// Checks the number of parallel processes.
 ///
 /// # Errors
 /// `InvalidArgument`.
@@ -46,17 +46,17 @@ pub(crate) fn check_jobs(jobs: usize) -> Result<()> {
         .remedy(format!("Use 1 to {MAX_JOBS}")))
 }
 
-/// A process at work. It does not outlive this value.
+/// A running process; dropping the value kills it.
 struct Running<'a> {
     work: &'a Work,
     child: Child,
-    /// Frames that were seen in its folder.
+    /// Frames counted in its folder.
     frames: u64,
 }
 
 impl Drop for Running<'_> {
     fn drop(&mut self) {
-        // Both fail for one that has ended, which is as it should be.
+        // Both fail if the process has ended, which is fine.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -78,7 +78,7 @@ impl<'a> Running<'a> {
         Ok(Self { work, child, frames: 0 })
     }
 
-    /// Frames that are there by now.
+    /// Number of frames in the folder.
     fn frames(&mut self) -> u64 {
         let frames = self.work.folder.join(FRAMES);
         while frames.join(format!("{:06}.png", self.frames)).exists() && self.frames < self.work.planned {
@@ -87,7 +87,7 @@ impl<'a> Running<'a> {
         self.frames
     }
 
-    /// Whether it has ended; an error when not well.
+    /// Whether the process has ended; an error if it failed.
     fn ended(&mut self) -> Result<bool> {
         let name = &self.work.name;
         let status = self.child.try_wait().map_err(|e| Error::new(ErrorKind::Io, format!("{name}: {e}")))?;
@@ -97,7 +97,7 @@ impl<'a> Running<'a> {
         }
         let mut words = String::new();
         if let Some(stderr) = self.child.stderr.take() {
-            // What it said before it ended; that it cannot be read tells nothing more.
+            // If its messages cannot be read, the error has no text.
             let _ = stderr.take(MAX_WORDS).read_to_string(&mut words);
         }
         let said = words.lines().find_map(|line| line.strip_prefix("error: ")).unwrap_or_default();
@@ -109,10 +109,10 @@ impl<'a> Running<'a> {
     }
 }
 
-/// Makes all of `work`, `jobs` at a time. After a failure nothing new is begun, and what runs comes to its end.
+/// Runs all of `work`, `jobs` processes at a time. After a failure no new process starts, and running ones finish.
 ///
 /// # Errors
-/// What a process fails with, with its name; `Cancelled` when `stop` was set.
+/// Errors of a process, with its name; `Cancelled` when `stop` was set.
 pub(crate) fn run_all(work: &[Work], jobs: usize, progress: &Progress, stop: &AtomicBool) -> Result<()> {
     let Some(first) = work.first() else { return Ok(()) };
     let more = if work.len() > 1 { format!(", and {} more", work.len() - 1) } else { String::new() };
@@ -132,7 +132,7 @@ pub(crate) fn run_all(work: &[Work], jobs: usize, progress: &Progress, stop: &At
                 Some(Err(error)) => failure = Some(error),
             }
         }
-        // The signal of the keyboard reaches them too; what ignores it is ended.
+        // The processes also get the keyboard's signal; those that ignore it are killed.
         if running.is_empty() || interrupted.is_some_and(|since| since.elapsed() > PATIENCE) {
             break;
         }

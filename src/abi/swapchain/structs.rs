@@ -1,4 +1,4 @@
-//! What a host says of AMD's swap chain and what it is told: numbers and structs, and their ranges.
+//! Constants and structs of the swap chain interface, and checks of their ranges.
 
 use super::super::d3d12::{ID3D12Resource, given};
 use super::super::results::{Failure, Outcome};
@@ -6,38 +6,38 @@ use super::super::structs::{describe, read, read_or_default};
 
 /// The provider that AMD's libraries and the driver prefer.
 pub const CAIRN_FSR_ANY: u32 = 0;
-/// The newest by a network, and where there is none the newest by rules.
+/// The newest machine-learning provider, or else the newest analytic one.
 pub const CAIRN_FSR_PREFER_ML: u32 = 1;
-/// The newest by rules, and where there is none the newest by a network.
+/// The newest analytic provider, or else the newest machine-learning one.
 pub const CAIRN_FSR_PREFER_ANALYTIC: u32 = 2;
-/// The newest by a network, or none at all.
+/// The newest machine-learning provider; fails where there is none.
 pub const CAIRN_FSR_REQUIRE_ML: u32 = 3;
-/// The newest by rules, or none at all.
+/// The newest analytic provider; fails where there is none.
 pub const CAIRN_FSR_REQUIRE_ANALYTIC: u32 = 4;
 
 /// A flag of cairn_swapchain_options: frames are generated on a compute queue of the swap chain's own, beside what the engine draws.
 pub const CAIRN_SWAPCHAIN_ASYNC: u32 = 1;
-/// A flag of cairn_swapchain_options: motion has the size of the buffers, and not the size rendered at.
+/// A flag of cairn_swapchain_options: the motion texture has the buffers' size instead of the render size.
 pub const CAIRN_SWAPCHAIN_SHOWN_MOTION: u32 = 2;
-/// A flag of cairn_swapchain_options: motion holds the camera's jitter.
+/// A flag of cairn_swapchain_options: motion vectors include the camera's jitter.
 pub const CAIRN_SWAPCHAIN_JITTERED_MOTION: u32 = 4;
 /// A flag of cairn_swapchain_options: depth is 1 at the near plane.
 pub const CAIRN_SWAPCHAIN_INVERTED_DEPTH: u32 = 8;
 /// A flag of cairn_swapchain_options: the far plane is infinitely far away.
 pub const CAIRN_SWAPCHAIN_INFINITE_DEPTH: u32 = 16;
-/// A flag of cairn_swapchain_options: buffers are of high dynamic range, as SetColorSpace1 and SetHDRMetaData say.
+/// A flag of cairn_swapchain_options: buffers have high dynamic range, as set by SetColorSpace1 and SetHDRMetaData.
 pub const CAIRN_SWAPCHAIN_HDR: u32 = 32;
-/// A flag of cairn_swapchain_options: AMD's provider looks at what it is given and logs what it finds.
+/// A flag of cairn_swapchain_options: AMD's provider checks its inputs and logs what it finds.
 pub const CAIRN_SWAPCHAIN_CHECKED: u32 = 64;
-/// A flag of cairn_swapchain_options: the provider need not show first that it puts a picture of known motion where it belongs.
+/// A flag of cairn_swapchain_options: skips the test in which a provider must move a picture of known motion to the right position.
 pub const CAIRN_SWAPCHAIN_UNTRIED: u32 = 128;
 
-/// A flag of cairn_swapchain_frame: there is none before it, as after a cut. Nothing new is shown between it and the one before.
+/// A flag of cairn_swapchain_frame: the frame has no predecessor, as after a cut. No frame is generated between it and the previous one.
 pub const CAIRN_SWAPCHAIN_RESET: u32 = 1;
 
-/// A flag of cairn_swapchain_set_interface: its colours are multiplied by its alpha.
+/// A flag of cairn_swapchain_set_interface: colours are premultiplied by alpha.
 pub const CAIRN_INTERFACE_PREMULTIPLIED: u32 = 1;
-/// A flag of cairn_swapchain_set_interface: it is copied within Present, so that the next one may be drawn at once.
+/// A flag of cairn_swapchain_set_interface: the picture is copied within Present, so that it may be drawn to again at once.
 pub const CAIRN_INTERFACE_COPIED: u32 = 2;
 
 /// A flag of cairn_swapchain_pacing: waits by sleeping, and by spinning for the last spin_ticks; else by spinning alone.
@@ -45,7 +45,7 @@ pub const CAIRN_PACING_HYBRID_SPIN: u32 = 1;
 /// A flag of cairn_swapchain_pacing: the system wakes a thread at a fence; else it spins.
 pub const CAIRN_PACING_WAIT_ON_FENCE: u32 = 2;
 
-/// How a swap chain of AMD's is made. All zero: by any provider that stands the test, with motion and depth of the buffers' size.
+/// Options of AMD's swap chain. All zero: any provider that passes the test, with motion and depth of the buffers' size.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_swapchain_options {
@@ -55,17 +55,17 @@ pub struct cairn_swapchain_options {
     pub flags: u32,
     /// CAIRN_FSR_ANY to CAIRN_FSR_REQUIRE_ANALYTIC
     pub provider: u32,
-    /// A DXGI_FORMAT, of frames without interface; 0 for that of the buffers.
+    /// DXGI_FORMAT of frames without interface; 0 for that of the buffers.
     pub hudless_format: u32,
-    /// The largest size in pixels that motion and depth are rendered at; 0 both ways for that of the buffers, whatever it becomes.
+    /// The largest size in pixels of motion and depth; 0 both ways for that of the buffers, even after they are resized.
     pub max_render_width: u32,
     /// See max_render_width.
     pub max_render_height: u32,
 }
 describe!(cairn_swapchain_options, [], { struct_size, flags, provider, hudless_format, max_render_width, max_render_height });
 
-/// Motion and depth of a frame that an engine draws. Textures are of two dimensions with one level, slice and sample, each in its state, a
-/// D3D12_RESOURCE_STATES, when the list runs, before and after; a null pointer for one that may be missing.
+/// Motion and depth of a frame that an engine draws. Textures are two-dimensional with one level, slice and sample. Each is in the given
+/// D3D12_RESOURCE_STATES before and after the list runs; optional ones may be null.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_swapchain_frame {
@@ -73,29 +73,29 @@ pub struct cairn_swapchain_frame {
     pub struct_size: u32,
     /// CAIRN_SWAPCHAIN_RESET
     pub flags: u32,
-    /// Device depth, of the size rendered at.
+    /// Device depth, of the render size.
     pub depth: *mut ID3D12Resource,
-    /// From this frame to the one before: halves or floats, of the size rendered at, or of the buffers' with CAIRN_SWAPCHAIN_SHOWN_MOTION.
+    /// Motion from this frame to the previous one in half or single floats, of the render size, or of the buffers' with CAIRN_SWAPCHAIN_SHOWN_MOTION.
     pub motion: *mut ID3D12Resource,
     /// The frame without interface, of the buffers' size and options.hudless_format; may be null. It is read within Present and must not be
-    /// drawn to before that came back, with CAIRN_SWAPCHAIN_ASYNC not before the next one did.
+    /// drawn to until Present returns, with CAIRN_SWAPCHAIN_ASYNC until the next Present returns.
     pub hudless: *mut ID3D12Resource,
-    /// Where a lens puts each pixel less where it was, in parts of the picture, of the buffers' size; may be null, but not in a frame
-    /// after one that had it.
+    /// Lens distortion: each pixel's position after the lens minus its position before, as a fraction of the picture, of the buffers' size. May
+    /// be null, but not in a frame after one that had it.
     pub distortion: *mut ID3D12Resource,
-    /// Of depth.
+    /// State of depth.
     pub depth_state: u32,
-    /// Of motion.
+    /// State of motion.
     pub motion_state: u32,
-    /// Of hudless.
+    /// State of hudless.
     pub hudless_state: u32,
-    /// Of distortion.
+    /// State of distortion.
     pub distortion_state: u32,
-    /// The size rendered at in pixels, at most that of the options.
+    /// Render size in pixels, at most that of the options.
     pub render_width: u32,
     /// See render_width.
     pub render_height: u32,
-    /// What of the buffers is the world, in pixels: the rest is shown as it is. No size for all of it.
+    /// The rectangle of the buffers that shows the world, in pixels; the rest is shown unchanged. Size 0 for all of it.
     pub world_left: u32,
     /// See world_left.
     pub world_top: u32,
@@ -103,32 +103,32 @@ pub struct cairn_swapchain_frame {
     pub world_width: u32,
     /// See world_left.
     pub world_height: u32,
-    /// Of the camera, in pixels rendered.
+    /// Camera jitter in render pixels.
     pub jitter_x: f32,
     /// See jitter_x.
     pub jitter_y: f32,
-    /// What makes pixels of motion's own size of what it holds; 0 for 1.
+    /// Factor from motion values to pixels of the motion texture's size; 0 for 1.
     pub motion_scale_x: f32,
     /// See motion_scale_x.
     pub motion_scale_y: f32,
-    /// Milliseconds of the world's time since the frame before, above 0.
+    /// Milliseconds of world time since the previous frame, above 0.
     pub frame_time_ms: f32,
-    /// Radians from the bottom of the picture to its top, inside (0, pi). 0 for a camera that nobody knows: at the origin, looking along
-    /// z with y up, 1 radian, from 0.1 to 100 metres. What follows is not looked at then.
+    /// Vertical field of view in radians, inside (0, pi). 0 for an unknown camera: at the origin, looking along z with y up, 1 radian, from
+    /// 0.1 to 100 metres. The fields below are then ignored.
     pub vertical_fov: f32,
     /// Distance of the near plane, above 0.
     pub near_plane: f32,
-    /// Distance of the far plane, above 0 and another; not looked at with CAIRN_SWAPCHAIN_INFINITE_DEPTH.
+    /// Distance of the far plane, above 0 and different from near; ignored with CAIRN_SWAPCHAIN_INFINITE_DEPTH.
     pub far_plane: f32,
-    /// Metres in a unit of the camera's, 0 for 1.
+    /// Metres per world unit; 0 for 1.
     pub metres: f32,
-    /// Where the camera is in the world.
+    /// Camera position in the world.
     pub position: [f32; 3],
-    /// Up on the screen, in the world; of length 1, as the next two.
+    /// Camera's up direction in the world; a unit vector, as the next two.
     pub up: [f32; 3],
-    /// To the right on the screen.
+    /// Camera's right direction.
     pub right: [f32; 3],
-    /// Into the screen.
+    /// Camera's forward direction.
     pub forward: [f32; 3],
     /// 0
     pub reserved: u32,
@@ -147,37 +147,37 @@ pub struct cairn_swapchain_pacing {
     pub struct_size: u32,
     /// CAIRN_PACING_HYBRID_SPIN, CAIRN_PACING_WAIT_ON_FENCE
     pub flags: u32,
-    /// Milliseconds that are taken off the time from one present to the next, 0 or more; AMD's own is 0.1.
+    /// Safety margin in milliseconds, subtracted from the time between presents, 0 or more; AMD's default is 0.1.
     pub safety_margin_ms: f32,
-    /// How much of the variance of frame times is taken off besides, from 0 to 1; AMD's own is 0.1.
+    /// Fraction of the frame times' variance subtracted as well, from 0 to 1; AMD's default is 0.1.
     pub variance_factor: f32,
-    /// Ticks of the system's timer that CAIRN_PACING_HYBRID_SPIN spins for; AMD's own is 2.
+    /// Ticks of the system's timer that CAIRN_PACING_HYBRID_SPIN spins for; AMD's default is 2.
     pub spin_ticks: u32,
 }
 describe!(cairn_swapchain_pacing, [], { struct_size, flags, safety_margin_ms, variance_factor, spin_ticks });
 
-/// What a swap chain of AMD's has done and keeps.
+/// Statistics of AMD's swap chain.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_swapchain_statistics {
     /// sizeof(cairn_swapchain_statistics)
     pub struct_size: u32,
-    /// What AMD's generator answered last within Present where it failed, a code of ffx-api's; 0 where it never has. Where it fails
-    /// frames are presented without one between.
+    /// Last error code of AMD's generator within Present, a code of ffx-api's; 0 where it never failed. After an error frames are presented
+    /// without a generated one between them.
     pub failed: u32,
     /// Frames generated.
     pub generated: u64,
-    /// Bytes that the generator keeps on the device as it reports them; 0 where it cannot say.
+    /// Bytes of device memory that the generator reports; 0 where unknown.
     pub generator_bytes: u64,
-    /// The part of them that may lie over other memory.
+    /// The part of them that may alias other memory.
     pub generator_aliasable_bytes: u64,
-    /// Bytes that the swap chain itself keeps; 0 where it cannot say.
+    /// Bytes of device memory of the swap chain itself; 0 where unknown.
     pub swapchain_bytes: u64,
-    /// The part of them that may lie over other memory.
+    /// The part of them that may alias other memory.
     pub swapchain_aliasable_bytes: u64,
-    /// Who generates frames, such as "3.1.6 (analytic)"; empty after cairn_swapchain_fit has failed. UTF-8.
+    /// Provider that generates frames, such as "3.1.6 (analytic)"; empty after cairn_swapchain_fit has failed. UTF-8.
     pub generator: [std::ffi::c_char; 64],
-    /// Who presents them. UTF-8.
+    /// Provider that presents them. UTF-8.
     pub pacer: [std::ffi::c_char; 64],
 }
 describe!(cairn_swapchain_statistics, [], {
@@ -192,7 +192,7 @@ pub(super) fn check_flags(flags: u32, known: u32, name: &str) -> Outcome<()> {
     Err(Failure::argument(name, format!("{flags:#x} has an unknown bit")))
 }
 
-/// Options of a host's that are within their ranges.
+/// A host's options, checked against their ranges.
 ///
 /// # Safety
 /// `options` is null or points to as many readable bytes as its first four say.

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::ffx::bindings::{Coordinates, CreateFlags, Dimensions, Rect, SurfaceFormat};
-use crate::ffx::{Camera, Choice, Family, Shot};
+use crate::ffx::{Camera, Choice, Family, FrameParams};
 
 pub(super) fn choice(provider: u32) -> Choice {
     match provider {
@@ -44,7 +44,7 @@ pub(super) fn hudless(dxgi: u32) -> Outcome<Option<SurfaceFormat>> {
 }
 
 /// What is told of a frame beside its textures.
-pub(super) fn shot(frame: &cairn_swapchain_frame) -> Shot {
+pub(super) fn shot(frame: &cairn_swapchain_frame) -> FrameParams {
     let or = |given: f32, default: f32| if given == 0.0 { default } else { given };
     let side = |length: u32| i32::try_from(length).unwrap_or(i32::MAX);
     let camera = match frame.vertical_fov {
@@ -60,7 +60,7 @@ pub(super) fn shot(frame: &cairn_swapchain_frame) -> Shot {
             metres: or(frame.metres, 1.0),
         },
     };
-    Shot {
+    FrameParams {
         jitter: Coordinates { x: frame.jitter_x, y: frame.jitter_y },
         motion_scale: Coordinates { x: or(frame.motion_scale_x, 1.0), y: or(frame.motion_scale_y, 1.0) },
         frame_time: frame.frame_time_ms,
@@ -72,7 +72,7 @@ pub(super) fn shot(frame: &cairn_swapchain_frame) -> Shot {
             width: side(frame.world_width),
             height: side(frame.world_height),
         },
-        ..Shot::of(Dimensions { width: frame.render_width, height: frame.render_height })
+        ..FrameParams::of(Dimensions { width: frame.render_width, height: frame.render_height })
     }
 }
 
@@ -110,7 +110,7 @@ mod tests {
             forward: [25.0, 26.0, 27.0],
             ..frame()
         };
-        let Shot { render_size, jitter, motion_scale, frame_time, camera, reset, rect, .. } = shot(&told);
+        let FrameParams { render_size, jitter, motion_scale, frame_time, camera, reset, rect, .. } = shot(&told);
         assert_eq!((render_size.width, render_size.height, reset), (1, 2, true));
         assert_eq!([rect.left, rect.top, rect.width, rect.height], [3, 4, 5, i32::MAX]);
         assert_eq!([jitter.x, jitter.y, motion_scale.x, motion_scale.y, frame_time], [7.0, 8.0, 9.0, 10.0, 11.0]);
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn zero_is_the_default() {
-        let Shot { motion_scale, camera, reset, .. } = shot(&frame());
+        let FrameParams { motion_scale, camera, reset, .. } = shot(&frame());
         assert_eq!((motion_scale.x, motion_scale.y, camera, reset), (1.0, 1.0, Camera::default(), false));
         let known = cairn_swapchain_frame { vertical_fov: 0.5, far_plane: 9.0, ..frame() };
         assert_eq!((shot(&known).camera.metres, shot(&known).camera.far), (1.0, 9.0));

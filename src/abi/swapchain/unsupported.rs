@@ -53,7 +53,7 @@ impl Showing {
         match *self {}
     }
 
-    pub(super) fn held_by_others(&self) -> u32 {
+    pub(super) fn external_references(&self) -> u32 {
         match *self {}
     }
 

@@ -14,7 +14,7 @@ use crate::abi::text::fixed_text;
 use crate::ffx::bindings::{Dimensions, MemoryUsage};
 pub(super) use crate::ffx::is_presenting_thread;
 use crate::ffx::{
-    Api, Effect, Interface, Library, LoadOptions, Paced, PacedPictures, Pacing, Swapchain, SwapchainOptions,
+    Api, Effect, FrameTextures, Interface, Library, LoadOptions, Pacing, Swapchain, SwapchainOptions, SwapchainSource,
 };
 use crate::gpu::compute::ResourceWithState;
 use crate::runtime::Device;
@@ -40,7 +40,7 @@ pub(super) unsafe fn wrap(
     let mut theirs: Option<dxgi::IDXGISwapChain4> = Some(unsafe { object(given.cast(), "own") }?);
     // SAFETY: the caller's reference, which is counted twice now. AMD's library wants the only one.
     drop(unsafe { IUnknown::from_raw(given.cast()) });
-    let made = make(device, options, Paced::Wrap(&mut theirs));
+    let made = make(device, options, SwapchainSource::Wrap(&mut theirs));
     match theirs {
         None => *own = std::ptr::null_mut(),
         Some(_) => {
@@ -66,7 +66,7 @@ pub(super) unsafe fn create(
     let factory: dxgi::IDXGIFactory = unsafe { object(factory.cast(), "factory") }?;
     // SAFETY: the caller's promise.
     let description = unsafe { copied(description.cast::<dxgi::DXGI_SWAP_CHAIN_DESC>(), "description") }?;
-    make(device, options, Paced::New(&factory, description))
+    make(device, options, SwapchainSource::New(&factory, description))
 }
 
 /// Makes one for a window.
@@ -90,7 +90,7 @@ pub(super) unsafe fn create_for_window(
         // SAFETY: the caller's promise.
         false => Some(unsafe { copied(fullscreen.cast::<dxgi::DXGI_SWAP_CHAIN_FULLSCREEN_DESC>(), "fullscreen") }?),
     };
-    make(device, options, Paced::ForWindow(&factory, HWND(window), description, fullscreen))
+    make(device, options, SwapchainSource::ForWindow(&factory, HWND(window), description, fullscreen))
 }
 
 /// A struct of DXGI's.
@@ -103,7 +103,7 @@ unsafe fn copied<T: Copy>(from: *const T, name: &str) -> Outcome<T> {
     Ok(unsafe { from.read() })
 }
 
-fn make(device: &Device, options: &cairn_swapchain_options, from: Paced<'_>) -> Outcome<Showing> {
+fn make(device: &Device, options: &cairn_swapchain_options, from: SwapchainSource<'_>) -> Outcome<Showing> {
     let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
     let options = of_host(options)?;
     let library = Library::load(&LoadOptions::of_host(device.library_search()))?;
@@ -146,8 +146,8 @@ impl Showing {
         self.swapchain.dxgi().clone().into_raw().cast()
     }
 
-    pub(super) fn held_by_others(&self) -> u32 {
-        self.swapchain.held_by_others()
+    pub(super) fn external_references(&self) -> u32 {
+        self.swapchain.external_references()
     }
 
     /// # Safety
@@ -169,7 +169,7 @@ impl Showing {
             ]
         };
         let missing = |name| move || Failure::argument(name, "a null pointer");
-        let pictures = PacedPictures {
+        let pictures = FrameTextures {
             depth: resting(&depth).ok_or_else(missing("frame.depth"))?,
             motion: resting(&motion).ok_or_else(missing("frame.motion"))?,
             hudless: resting(&hudless),

@@ -1,4 +1,4 @@
-//! A whole model against the contract.
+//! Checks a whole model against the contract.
 
 use super::interface::Interface;
 use super::operators::check_node;
@@ -10,14 +10,14 @@ use crate::{Error, ErrorKind, Result};
 
 /// The largest model without its weights, in bytes.
 const MAX_MODEL: usize = 8 << 20;
-/// The largest initializer inside a model, in bytes.
+/// The largest initializer stored in the model file, in bytes.
 const MAX_INSIDE: usize = 64 << 10;
 const IR_VERSIONS: std::ops::RangeInclusive<i64> = 8..=10;
 const OPSETS: std::ops::RangeInclusive<i64> = 17..=20;
 
-/// What a checked model needs beside its own bytes.
+/// External data that a checked model refers to.
 pub(in crate::bundle) struct Checked {
-    /// Location as the graph writes it, and the bundle's file it means; each location once.
+    /// Each external location as written in the graph, with the bundle file it names; no duplicates.
     pub(in crate::bundle) external: Vec<(String, String)>,
 }
 
@@ -42,7 +42,7 @@ impl Subject<'_> {
     }
 }
 
-/// Holds the model `onnx` to everything that section 4 asks for.
+/// Checks the model `onnx` against section 4 of the format.
 ///
 /// # Errors
 /// `InvalidBundle` with the model's file name.
@@ -53,7 +53,7 @@ pub(in crate::bundle) fn check(onnx: &[u8], subject: Subject<'_>) -> Result<Chec
 /// The memory of a checked model at the global window `g`.
 ///
 /// # Errors
-/// `InvalidBundle` where a shape does not work out at this window.
+/// `InvalidBundle` if shape inference fails at this window.
 pub(in crate::bundle) fn footprint(onnx: &[u8], subject: Subject<'_>, g: u32) -> Result<Footprint> {
     parse(onnx).and_then(|model| sized(&model, subject, g)).map_err(|fault| subject.refuse(fault))
 }
@@ -90,7 +90,7 @@ fn inspect(onnx: &[u8], subject: Subject<'_>) -> Check<Checked> {
     Interface::of(subject.kind, subject.precision, subject.manifest)
         .check(&model.graph.inputs, &model.graph.outputs)?;
     let external = check_tensors(&model.graph.tensors, subject)?;
-    // A graph whose shapes work out at the smallest, the stock and the largest window; others are asked when they are used.
+    // Shape inference must succeed at the smallest, the stock and the largest window. Other windows are checked when used.
     let window = subject.manifest.geometry.global;
     for g in [window.dilation, window.window, window.max_window] {
         sized(&model, subject, g)?;
@@ -144,7 +144,7 @@ fn check_tensors(tensors: &[Tensor<'_>], subject: Subject<'_>) -> Check<Vec<(Str
     Ok(external)
 }
 
-/// The listed file that an external location means: it is relative to the model's own folder.
+/// The listed file that an external location names, relative to the model's own folder.
 fn resolve(location: &str, subject: Subject<'_>) -> Check<String> {
     if let Some(cause) = names::fault(location) {
         return Err(Fault::new(format!("the location {} is refused: {cause}", quoted(location))));

@@ -4,7 +4,7 @@ use super::proto::{Dim, ValueInfo};
 use super::{Check, Element, Fault, Shape, quoted};
 use crate::bundle::{GraphKind, Manifest, Precision};
 
-/// Pictures the autoencoder takes and makes at a time.
+/// Pictures per run of the autoencoder.
 const PICTURES: u32 = 4;
 
 /// An input or output of the contract.
@@ -54,7 +54,7 @@ impl Interface {
         }
     }
 
-    /// Holds the model's inputs and outputs to the contract: names, order, types, ranks, dimensions.
+    /// Checks the model's inputs and outputs against the contract: names, order, types, ranks, dimensions.
     pub(super) fn check(&self, inputs: &[ValueInfo<'_>], outputs: &[ValueInfo<'_>]) -> Check<()> {
         compare("input", &self.inputs, inputs)?;
         compare("output", &self.outputs, outputs)
@@ -127,7 +127,7 @@ fn decoder(f: Element, m: &Manifest) -> Interface {
     with_memories(f, &m.geometry.autoencoder.memories, latent("latent", f, m), rgb(f, m))
 }
 
-/// A graph from `input` to `output` that is handed memories of such shapes, `[channels, height, width]`, and hands them on.
+/// A graph from `input` to `output` that also takes and returns memories of these shapes, `[channels, height, width]`.
 fn with_memories(f: Element, shapes: &[[u32; 3]], input: Port, output: Port) -> Interface {
     let ports = |first, prefix: &str| {
         let memory = |(j, &[c, h, w]): (usize, &[u32; 3])| Port::fixed(format!("{prefix}.{j}"), f, &[1, c, h, w]);

@@ -29,7 +29,7 @@ type Check<T> = Result<T, Fault>;
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Fault {
     cause: String,
-    /// It is not the model's: there is no memory to check it.
+    /// Out of memory during the check; the model is not at fault.
     memory: bool,
 }
 
@@ -42,7 +42,7 @@ impl Fault {
         Self { cause: "the lists that are needed to check it cannot be allocated".into(), memory: true }
     }
 
-    /// The same, with its place.
+    /// The same fault with `place` prepended.
     fn within(self, place: &str) -> Self {
         Self { cause: format!("{place}: {}", self.cause), ..self }
     }

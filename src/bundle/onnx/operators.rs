@@ -1,7 +1,7 @@
 //! The operators a bundle may use, and how each output's shape follows from the inputs.
 //!
-//! Meaning of every operator: <https://onnx.ai/onnx/operators/>, opsets 17 to 20. A rule takes only the forms a shape can
-//! be told of without running anything, so bounds, axes and scales are constants inside the model.
+//! Meaning of every operator: <https://onnx.ai/onnx/operators/>, opsets 17 to 20. A rule accepts only forms whose shape can be inferred
+//! without running the graph, so bounds, axes and scales must be constants inside the model.
 
 use super::proto::{Attribute, Node};
 use super::{Check, Element, Fault, Shape, quoted};
@@ -10,7 +10,7 @@ use super::{Check, Element, Fault, Shape, quoted};
 #[derive(Clone, Copy)]
 pub(super) struct Operand<'a> {
     pub(super) shape: &'a Shape,
-    /// The little-endian numbers of a constant inside the model.
+    /// Little-endian elements of a constant stored inside the model.
     pub(super) data: Option<&'a [u8]>,
 }
 
@@ -30,9 +30,9 @@ enum Kind {
 
 struct Operator {
     name: &'static str,
-    /// Fewest and most inputs; those beyond the fewest may be left out.
+    /// Minimum and maximum number of inputs; those beyond the minimum are optional.
     inputs: (usize, usize),
-    /// The most outputs.
+    /// Maximum number of outputs.
     outputs: usize,
     attributes: &'static [(&'static str, Kind)],
     rule: fn(&Call<'_>) -> Check<Vec<Shape>>,
@@ -86,12 +86,12 @@ fn operator(name: &str) -> Check<&'static Operator> {
         .ok_or_else(|| Fault::new(format!("the operator {} is not on the list", quoted(name))))
 }
 
-/// Holds a node to the list as far as that needs no shapes: operator, counts, attributes.
+/// Checks everything about a node that needs no shapes: operator, counts, attributes.
 pub(super) fn check_node(node: &Node<'_>) -> Check<()> {
     let operator = operator(node.operator)?;
     let (least, most) = operator.inputs;
     let given = node.inputs.iter().take(least).filter(|name| !name.is_empty()).count();
-    // `Resize` alone has a hole among its first inputs: the region of interest, which must be left out.
+    // Only `Resize` may omit one of its first inputs: the region of interest, which must be omitted.
     let holes = usize::from(operator.name == "Resize");
     if given + holes < least || node.inputs.len() < least || node.inputs.len() > most {
         return Err(Fault::new(format!("{} has {} inputs", node.operator, node.inputs.len())));
@@ -243,7 +243,7 @@ fn clip(call: &Call<'_>) -> Check<Vec<Shape>> {
     same(call)
 }
 
-/// Dimensions of two operands stretched over one another, aligned at the last.
+/// Broadcasts the dimensions of two operands, aligned at the last.
 fn stretched(call: &Call<'_>, a: &[u64], b: &[u64]) -> Check<Vec<u64>> {
     let rank = a.len().max(b.len());
     let at = |dims: &[u64], i: usize| (i + dims.len()).checked_sub(rank).map_or(1, |k| dims[k]);
@@ -413,7 +413,7 @@ fn resize(call: &Call<'_>) -> Check<Vec<Shape>> {
     let mut dims = Vec::with_capacity(scales.len());
     for (&bytes, &size) in scales.iter().zip(&x.dims) {
         let scale = f32::from_le_bytes(bytes);
-        // Exact for every size that passes the limit on values, which are far below 2^24 along one axis or refused later.
+        // Exact for every size below the value limit: sizes along one axis are far below 2^24, or refused later.
         let scaled = (size as f64 * f64::from(scale)).floor();
         if !(scale > 0.0 && scale <= 2.0) || scaled < 1.0 {
             return Err(call.fault(format!("has the scale {scale}, it must be above 0 and at most 2")));

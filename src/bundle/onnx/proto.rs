@@ -1,6 +1,6 @@
 //! ONNX messages, as far as a bundle may use them. Field numbers: `onnx/onnx.proto3` of ONNX 1.17.
 //!
-//! A field that is not read here is refused, so nothing reaches the runtime that was not looked at.
+//! Unknown fields are refused, so the runtime gets nothing that was not checked here.
 
 use super::wire::{Field, Fields};
 use super::{Check, Fault, quoted};
@@ -59,7 +59,7 @@ pub(super) struct Tensor<'a> {
     pub(super) data: Data<'a>,
 }
 
-/// Where a tensor's numbers are.
+/// Location of a tensor's elements.
 pub(super) enum Data<'a> {
     Inside(&'a [u8]),
     External { location: &'a str, offset: u64, length: u64 },
@@ -78,7 +78,7 @@ pub(super) enum Dim<'a> {
     Unknown,
 }
 
-/// Adds to a list that may hold `most`.
+/// Appends to a list of at most `most` entries.
 fn push<T>(field: &Field<'_>, list: &mut Vec<T>, most: usize, value: T) -> Check<()> {
     if list.len() >= most {
         return Err(field.fault(format!("comes more than {most} times")));
@@ -187,7 +187,7 @@ fn attribute<'a>(mut fields: Fields<'a>) -> Check<(&'a str, Attribute<'a>)> {
     let name = name.unwrap_or("");
     let fault = || Fault::new(format!("attribute {} does not hold exactly one value of its type", quoted(name)));
     let given = [float.is_some(), int.is_some(), text.is_some(), !ints.is_empty()];
-    // An integer of 0, an empty text and an empty list may be left out of the file.
+    // A 0, an empty string and an empty list may be omitted from the file.
     let alone = |own: usize| (0..given.len()).all(|i| i == own || !given[i]);
     let (own, value) = match kind {
         Some(1) => (0, Attribute::Float(float.unwrap_or(0.0))),
@@ -239,7 +239,7 @@ fn external_data<'a>(tensor: &str, entries: &[(&'a str, &'a str)]) -> Check<Data
             return Err(fault("has an entry twice"));
         }
     }
-    // Decimal digits alone: what a reader makes of signs, spaces or hex is its own affair.
+    // Decimal digits only: readers differ on signs, spaces and hexadecimal.
     let number = |text: Option<&str>| {
         let digits = text.filter(|t| !t.is_empty() && t.bytes().all(|b| b.is_ascii_digit()));
         digits.and_then(|t| t.parse::<u64>().ok()).ok_or_else(|| fault("has no `offset` or `length` in decimal digits"))

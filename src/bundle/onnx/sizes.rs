@@ -1,9 +1,8 @@
-//! The size of every value of a graph, and the memory a run takes, before anything runs.
+//! Sizes of all values of a graph and the memory of a run, by shape inference.
 //!
-//! Since each shape follows from the inputs' shapes, one walk over the nodes gives every size. No value may pass
-//! [`MAX_VALUE`]. Memory is the runtime's as far as a reader can know it: values that depend on weights alone are folded
-//! at load and held; others live from the node that makes them to the last that reads them; `Reshape` shares its input's
-//! memory; inputs and outputs are the caller's.
+//! Each shape follows from the inputs' shapes, so one pass over the nodes gives every size. No value may exceed [`MAX_VALUE`]. Memory
+//! is estimated as the runtime's: values that depend only on weights are folded at load and kept; others live from the node that makes
+//! them to the last that reads them; `Reshape` shares its input's memory; the caller owns inputs and outputs.
 
 use std::collections::HashMap;
 
@@ -20,13 +19,13 @@ const MAX_VALUES: usize = 1 << 17;
 /// Memory of one graph, in bytes, beside its inputs and outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(in crate::bundle) struct Footprint {
-    /// Constants that a run reads, in the type in which it reads them.
+    /// Constants read by a run, in the type in which they are read.
     pub(in crate::bundle) weights: u64,
-    /// The most that intermediate values take together at any node.
+    /// Peak of all intermediate values together at any node.
     pub(in crate::bundle) peak: u64,
     /// The largest intermediate value.
     pub(in crate::bundle) largest: u64,
-    /// What a run does.
+    /// Cost of a run.
     pub(in crate::bundle) work: GraphWork,
 }
 
@@ -34,7 +33,7 @@ struct Value<'a> {
     shape: Shape,
     data: Option<&'a [u8]>,
     origin: Origin,
-    /// The value whose memory this one shares: itself, but for a `Reshape`.
+    /// The value whose memory this one shares; itself unless made by `Reshape`.
     owner: usize,
     /// The node after which the memory is free.
     last_use: usize,
@@ -43,7 +42,7 @@ struct Value<'a> {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Origin {
     Input,
-    /// Known at load; `true` once a node that is not has read it.
+    /// Known at load time; `true` once a node that runs has read it.
     Constant {
         held: bool,
     },
@@ -60,7 +59,7 @@ struct Walk<'a> {
 /// Names and shapes of inputs or outputs.
 pub(super) type Named<'a> = [(&'a str, Shape)];
 
-/// Walks `graph` with inputs of the given shapes; its outputs must come out in the given shapes.
+/// Infers all sizes of `graph` from inputs of the given shapes; its outputs must get the given shapes.
 pub(super) fn walk<'a>(graph: &'a Graph<'a>, opset: i64, inputs: &Named<'a>, outputs: &Named<'_>) -> Check<Footprint> {
     let mut walk = Walk { values: Vec::new(), names: HashMap::new(), footprint: Footprint::default() };
     for (name, shape) in inputs {
@@ -82,7 +81,7 @@ fn within(what: &str, name: &str, fault: Fault) -> Fault {
     fault.within(&format!("{what} {}", quoted(name)))
 }
 
-/// Bytes of a value of sane size.
+/// Size of a value in bytes, within the limit.
 fn bytes(shape: &Shape) -> Check<u64> {
     let count = shape.count().filter(|&count| count > 0 && count <= MAX_VALUE / 4);
     let fault =
@@ -147,10 +146,10 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// Counts what a node does that runs: it reads the values `read` and makes those of `shapes`.
+    /// Adds the cost of a node that runs: it reads the values `read` and writes values of `shapes`.
     fn work(&mut self, node: &Node<'_>, read: &[usize], shapes: &[Shape]) -> Check<()> {
         let dims = |n: usize| read.get(n).map_or(&[][..], |&v| &self.values[v].shape.dims);
-        // Products that are added up to one number of the output.
+        // Products summed for one element of the output.
         let terms = match node.operator {
             "MatMul" => dims(0).last().copied().unwrap_or(0),
             "Conv" => dims(1).iter().skip(1).fold(1_u64, |all, &n| all.saturating_mul(n)),
@@ -172,7 +171,7 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// Notes that node `i`, which runs, reads value `v`.
+    /// Records that node `i`, which runs, reads value `v`.
     fn read(&mut self, v: usize, i: usize) -> Check<()> {
         let owner = self.values[v].owner;
         self.values[owner].last_use = i;
@@ -208,7 +207,7 @@ impl<'a> Walk<'a> {
         )))
     }
 
-    /// Types that a model states of inner values must be those they have.
+    /// Checks the types that a model declares for inner values.
     fn check_declared(&self, graph: &Graph<'_>) -> Check<()> {
         for info in &graph.value_info {
             let value = &self.values[self.find(info.name)?];
@@ -228,7 +227,7 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// The most bytes alive at one node.
+    /// Peak number of bytes alive at one node.
     fn peak(&self, nodes: usize, outputs: &[usize]) -> u64 {
         let mut made = vec![0_u64; nodes];
         let mut freed = vec![0_u64; nodes];

@@ -1,4 +1,4 @@
-//! A model whose large weights are inputs: whoever runs it gives it memory of their own, which a runtime keeps to itself otherwise.
+//! Rewrites a model so that its large weights are inputs. The caller can then supply their memory, which the runtime would own otherwise.
 
 use super::proto::{self, Data, Graph};
 use super::wire::Fields;
@@ -7,23 +7,23 @@ use super::{Check, Element, Fault, quoted};
 use crate::bundle::ModelSource;
 use crate::{Error, ErrorKind, Result};
 
-/// Smaller weights stay constants, in bytes: a buffer of Direct3D takes twice as much in any case.
+/// Weights smaller than this stay constants, in bytes: a Direct3D buffer takes twice as much anyway.
 const SMALLEST: u64 = 32 << 10;
 
 /// A weight that became an input.
 pub(crate) struct Weight<'a> {
-    /// As the model calls it.
+    /// Name in the model.
     pub(crate) name: &'a str,
     pub(crate) shape: Vec<usize>,
     /// Half floats, little-endian.
     pub(crate) bytes: &'a [u8],
 }
 
-/// A checked model, written anew with its large weights as further inputs behind its own, and these weights in the order of the inputs.
-/// A weight that is converted before it is used stays a constant: the runtime converts it once.
+/// Rewrites a checked model with its large weights as additional inputs after its own; also returns these weights in input order. A
+/// weight that is converted before use stays a constant, because the runtime converts it once.
 ///
 /// # Errors
-/// `InvalidBundle` for a model that was not checked.
+/// `InvalidBundle` for a model that does not pass the checks.
 pub(crate) fn weights_as_inputs<'a>(model: &ModelSource<'a>) -> Result<(Vec<u8>, Vec<Weight<'a>>)> {
     rewrite(model).map_err(|fault| Error::new(ErrorKind::InvalidBundle, fault.cause))
 }
@@ -173,7 +173,7 @@ mod tests {
             [("large", &[256, 128], &file[4..65540]), ("filter", &[1, 4, 64, 64], &file[2..32770])];
         assert_eq!(told, expected);
 
-        // The rest is what it was, with the weights behind the inputs.
+        // The rest is unchanged, with the weights after the inputs.
         let graph = proto::model(&written).unwrap().graph;
         assert_eq!(graph.nodes.len(), 5);
         assert_eq!(graph.tensors.iter().map(|tensor| tensor.name).collect::<Vec<_>>(), ["small", "shared"]);
@@ -182,7 +182,7 @@ mod tests {
         assert_eq!(graph.inputs[2].dims, [1, 4, 64, 64].map(proto::Dim::Number));
         assert_eq!(graph.outputs.len(), 1);
 
-        // Without any the model stays as it is.
+        // Without such weights the model is unchanged.
         let onnx = model(&constants);
         let (written, weights) = weights_as_inputs(&ModelSource { onnx: &onnx, ..source }).unwrap();
         assert!(written == onnx && weights.is_empty());

@@ -1,7 +1,7 @@
-//! Protobuf's wire format, read without copying and without trust.
+//! Reader of protobuf's wire format, zero-copy, for untrusted input.
 //!
-//! Only what ONNX needs: varints, 32-bit numbers and length-delimited bytes. Groups and 64-bit numbers are refused, and
-//! so is whatever could be read in two ways. Nothing here recurses or allocates for a length that a file claims.
+//! Only what ONNX needs: varints, 32-bit numbers and length-delimited bytes. Groups, 64-bit numbers and ambiguous encodings are
+//! refused. Nothing here recurses or allocates for a length that a file claims.
 //! Encoding: <https://protobuf.dev/programming-guides/encoding/>.
 
 use super::{Check, Fault};
@@ -17,7 +17,7 @@ pub(super) enum Value<'a> {
 /// The fields of one message, in file order.
 pub(super) struct Fields<'a> {
     rest: &'a [u8],
-    /// What is read, for messages to people.
+    /// Name of the message, for error texts.
     message: &'static str,
 }
 
@@ -119,7 +119,7 @@ impl<'a> Field<'a> {
         std::str::from_utf8(bytes).map_err(|_| self.fault("is no UTF-8"))
     }
 
-    /// Adds one integer, or a packed run of them, to a list that may hold `most`.
+    /// Appends one integer, or a packed run of them, to a list of at most `most` entries.
     pub(super) fn ints(&self, list: &mut Vec<i64>, most: usize) -> Check<()> {
         match self.value {
             Value::Varint(value) => list.push(value.cast_signed()),
@@ -142,8 +142,8 @@ impl<'a> Field<'a> {
         Ok(Fields::new(message, self.bytes()?))
     }
 
-    /// Puts `value` where nothing may be yet: protobuf lets a later field replace or join an earlier one, and two
-    /// readers may differ on which.
+    /// Stores `value` in an empty slot, and refuses a repeated field: protobuf lets a later field replace or merge with an earlier one,
+    /// and readers may differ on which.
     pub(super) fn once<T>(&self, slot: &mut Option<T>, value: T) -> Check<()> {
         match slot.replace(value) {
             None => Ok(()),
@@ -151,7 +151,7 @@ impl<'a> Field<'a> {
         }
     }
 
-    /// The refusal of a field that no bundle needs.
+    /// Error for a field that no bundle needs.
     pub(super) fn refuse<T>(&self, meaning: &str) -> Check<T> {
         Err(self.fault(format!("({meaning}) is not allowed")))
     }

@@ -1,9 +1,9 @@
-//! Protobuf's wire format, written.
+//! Writer of protobuf's wire format.
 
 use super::wire::{Field, Value};
 
 impl Field<'_> {
-    /// Appends it to a message as it was read.
+    /// Appends the field to a message as it was read.
     pub(super) fn write(&self, message: &mut Vec<u8>) {
         match self.value {
             Value::Varint(value) => write_int(message, self.number, value),

@@ -1,19 +1,18 @@
-//! Formats of pixels and states of resources, and what DXGI and Direct3D 12 call them. Numbers, so that they are the same
-//! everywhere.
+//! Pixel formats and resource states, and their values in DXGI and Direct3D 12. Plain numbers, so that they exist on every system.
 
 use super::open_set;
 
-/// Names each format once: its number here, and those of DXGI that are it, the first of which it is there.
+/// Lists each format once: its ffx-api number, and the DXGI formats that map to it. It maps back to the first of these.
 macro_rules! formats {
     ($( $word:ident = $value:literal: $($dxgi:literal),*; )*) => {
         open_set! {
-            /// Format of a pixel.
+            /// A pixel format.
             SurfaceFormat: u32 {
                 $( #[doc = concat!("Number ", stringify!($value), ".")] $word = $value, )*
             }
         }
 
-        /// A format, and DXGI's that are it.
+        /// Each format with the DXGI formats that map to it.
         const FORMATS: &[(SurfaceFormat, &[u32])] = &[$( (SurfaceFormat::$word, &[$($dxgi),*]) ),*];
     };
 }
@@ -63,18 +62,18 @@ formats! {
 }
 
 impl SurfaceFormat {
-    /// What a DXGI_FORMAT is here; [`Self::UNKNOWN`] for one that ffx-api has not.
+    /// The format for a DXGI_FORMAT; [`Self::UNKNOWN`] if ffx-api has none.
     pub fn from_dxgi(dxgi: u32) -> Self {
         FORMATS.iter().find(|(_, known)| known.contains(&dxgi)).map_or(Self::UNKNOWN, |(format, _)| *format)
     }
 
-    /// What it is in DXGI; DXGI_FORMAT_UNKNOWN, 0, for a number that is none.
+    /// Its DXGI_FORMAT; DXGI_FORMAT_UNKNOWN, 0, for an unknown number.
     pub fn to_dxgi(self) -> u32 {
         FORMATS.iter().find(|(format, _)| *format == self).map_or(0, |(_, known)| known[0])
     }
 
-    /// The group in which a frame generator takes pictures with and without interface together: its bits and how it counts
-    /// them. None for one that it does not take at all.
+    /// The group of formats that may be combined for pictures with and without HUD: bits and encoding. None for a format that a
+    /// frame generator does not accept.
     pub fn precision(self) -> Option<Precision> {
         Some(match self {
             Self::R32G32B32A32_TYPELESS | Self::R32G32B32A32_FLOAT | Self::R32G32B32_FLOAT => Precision::Float32,
@@ -92,7 +91,7 @@ impl SurfaceFormat {
     }
 }
 
-/// Formats that a frame generator copies between.
+/// Groups of formats that a frame generator can copy between.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Precision {
     /// Floats of 32 bits.
@@ -101,7 +100,7 @@ pub enum Precision {
     Float16,
     /// Floats of 11 and 10 bits.
     Float11,
-    /// Fractions of 9 bits with one exponent.
+    /// 9-bit mantissas with a shared exponent.
     SharedExponent,
     /// 10 bits, 0 to 1.
     Unorm10,
@@ -113,7 +112,7 @@ pub enum Precision {
     Snorm8,
 }
 
-/// Names each state with its number here and in Direct3D 12.
+/// Lists each state with its ffx-api and Direct3D 12 values.
 macro_rules! states {
     ($( $(#[$about:meta])* $word:ident = $value:literal: $d3d12:literal; )*) => {
         open_set! {
@@ -123,15 +122,15 @@ macro_rules! states {
             }
         }
 
-        /// A state, and Direct3D 12's.
+        /// Each state with its Direct3D 12 value.
         const STATES: &[(ResourceState, u32)] = &[$( (ResourceState::$word, $d3d12) ),*];
     };
 }
 
 states! {
-    /// Nothing in particular.
+    /// The common state.
     COMMON = 1: 0;
-    /// Written by shaders anywhere.
+    /// Unordered access by shaders.
     UNORDERED_ACCESS = 2: 0x8;
     /// Read by compute shaders.
     COMPUTE_READ = 4: 0x40;
@@ -145,23 +144,23 @@ states! {
     GENERIC_READ = 20: 0xac3;
     /// Copied to.
     COPY_DESTINATION = 32: 0x400;
-    /// Arguments of draws.
+    /// Arguments of indirect draws.
     INDIRECT_ARGUMENT = 64: 0x200;
     /// About to be presented.
     PRESENT = 128: 0;
-    /// Drawn to.
+    /// Render target.
     RENDER_TARGET = 256: 0x4;
-    /// Depth drawn to. SDK 2.0 and later.
+    /// Depth target. SDK 2.0 and later.
     DEPTH_ATTACHMENT = 512: 0x10;
 }
 
 impl ResourceState {
-    /// What D3D12_RESOURCE_STATES are here. None for what ffx-api cannot say, such as depth that is read.
+    /// The state for D3D12_RESOURCE_STATES. None for states that ffx-api lacks, such as depth read.
     pub fn from_d3d12(states: u32) -> Option<Self> {
         STATES.iter().find(|(_, known)| *known == states).map(|(state, _)| *state)
     }
 
-    /// What it is in Direct3D 12. None for a number that is none.
+    /// Its Direct3D 12 value. None for an unknown number.
     pub fn to_d3d12(self) -> Option<u32> {
         STATES.iter().find(|(state, _)| *state == self).map(|(_, known)| *known)
     }
@@ -179,11 +178,11 @@ mod tests {
                 assert_eq!(SurfaceFormat::from_dxgi(one), format);
             }
         }
-        // R8G8B8A8_UINT and R16G16_UNORM are none of ffx-api's.
+        // ffx-api has no R8G8B8A8_UINT and no R16G16_UNORM.
         assert_eq!([30, 35, 1000].map(SurfaceFormat::from_dxgi), [SurfaceFormat::UNKNOWN; 3]);
         assert_eq!(SurfaceFormat(1000).to_dxgi(), 0);
         assert_eq!(format!("{:?} {:?}", SurfaceFormat::R8_UNORM, SurfaceFormat(1000)), "R8_UNORM 0x3e8");
-        // Numbers are without a gap, and no number of DXGI is two formats.
+        // The numbers have no gap, and no DXGI format maps to two formats.
         for (number, (format, _)) in (0..).zip(FORMATS) {
             assert_eq!(format.0, number);
         }
@@ -201,7 +200,7 @@ mod tests {
             let back = ResourceState::from_d3d12(d3d12);
             assert_eq!(back, Some(if state == ResourceState::PRESENT { ResourceState::COMMON } else { state }));
         }
-        // DEPTH_READ cannot be said, nor can two states that are no reading.
+        // ffx-api has no DEPTH_READ, and no such combined states.
         assert_eq!([0x20, 0xc, 0x60].map(ResourceState::from_d3d12), [None; 3]);
         assert_eq!(ResourceState(3).to_d3d12(), None);
     }

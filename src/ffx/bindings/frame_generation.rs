@@ -8,26 +8,27 @@ use crate::ffx::Chain;
 
 /// Composes a frame that is about to be presented.
 pub type PresentCallback = unsafe extern "C" fn(*mut CallbackPresent, *mut c_void) -> ReturnCode;
-/// Records generation; usually hands the struct on to `ffxDispatch`.
+/// Records generation; usually forwards the struct to `ffxDispatch`.
 pub type GenerateCallback = unsafe extern "C" fn(*mut DispatchFrameGeneration, *mut c_void) -> ReturnCode;
 
 described! {
-    /// Makes a frame generator.
+    /// Creates a frame generator.
     CreateFrameGeneration = FRAME_GENERATION, 40: {
-        /// How.
+        /// Creation flags.
         16 4 flags: CreateFlags,
-        /// The size shown.
+        /// The display size.
         20 8 display_size: Dimensions,
-        /// The largest size rendered at.
+        /// The maximum render size.
         28 8 max_render_size: Dimensions,
-        /// Of pictures in and out.
+        /// The format of input and output pictures.
         36 4 back_buffer_format: SurfaceFormat,
     }
 }
 
 impl CreateFrameGeneration {
-    /// The shortest side of a picture shown, in pixels. AMD's optical flow keeps copies of it down to a 64th of its size, and a
-    /// texture without a pixel crashes the process: Direct3D 12 refuses to make it, and the library throws through its own interface.
+    /// The minimum side of the display size in pixels. AMD's optical flow keeps copies down to 1/64 of the size, and a texture
+    /// without a pixel crashes the process: Direct3D 12 does not create it, and the library throws an exception through its C
+    /// interface.
     pub const SHORTEST_SIDE: u32 = 64;
 }
 
@@ -60,7 +61,7 @@ impl Creates for CreateFrameGeneration {
 }
 
 described! {
-    /// Tells for which release the host was written: major << 22 | minor << 12 | patch. SDK 2.1 and later.
+    /// The release that the host was written for: major << 22 | minor << 12 | patch. SDK 2.1 and later.
     CreateFrameGenerationVersion = FRAME_GENERATION_VERSION extends [CreateFrameGeneration], 24: {
         /// That number.
         16 4 version: u32,
@@ -74,7 +75,7 @@ impl From<u32> for CreateFrameGenerationVersion {
 }
 
 described! {
-    /// The format of pictures without interface, where it is another. SDK 1.1.3 and later.
+    /// The format of HUD-less pictures, if it differs. SDK 1.1.3 and later.
     CreateFrameGenerationHudless = FRAME_GENERATION_HUDLESS extends [CreateFrameGeneration], 24: {
         /// That format.
         16 4 format: SurfaceFormat,
@@ -84,49 +85,50 @@ described! {
 described! {
     /// Settings for a frame.
     ConfigureFrameGeneration = FRAME_GENERATION_CONFIGURE, 144: {
-        /// AMD's swapchain; null with [`FrameFlags::NO_SWAPCHAIN`].
+        /// AMD's swap chain; null with [`FrameFlags::NO_SWAPCHAIN`].
         16 8 swapchain: *mut c_void,
-        /// Composes frames, on a thread of the swapchain's.
+        /// Composes frames, on a thread of the swap chain's.
         24 8 present: Option<PresentCallback>,
-        /// Given to it.
+        /// User data of `present`.
         32 8 present_user: *mut c_void,
-        /// Records generation, when the swapchain wants it.
+        /// Records generation, when the swap chain calls it.
         40 8 generate: Option<GenerateCallback>,
-        /// Given to it.
+        /// User data of `generate`.
         48 8 generate_user: *mut c_void,
         /// Whether frames are generated.
         56 1 enabled: bool,
-        /// Whether generation may run beside rendering.
+        /// Whether generation may run asynchronously to rendering.
         57 1 allow_async: bool,
-        /// The picture without interface, as shown; may be none. Kept for later dispatches.
+        /// The HUD-less picture at display size; may be null. Kept for later dispatches.
         64 48 hudless: Resource,
-        /// How.
+        /// Flags of the frame.
         112 4 flags: FrameFlags,
         /// Shows generated frames only.
         116 1 only_generated: bool,
-        /// What of the picture is the world; of no size: all.
+        /// The part that is generated, the rest is copied; a size of 0 means all.
         120 16 rect: Rect,
-        /// One more than of the frame before, or history is dropped.
+        /// The previous frame's id plus 1, or the history is dropped.
         136 8 frame_id: u64,
     }
 }
 
 described! {
-    /// The distortion of a lens: where a pixel is after it less where it was before, of the picture's size. SDK 1.1.2 and later.
+    /// The lens distortion field: distorted minus undistorted position of a pixel, as a fraction of the picture's size. SDK 1.1.2
+    /// and later.
     ConfigureDistortion = FRAME_GENERATION_DISTORTION extends [ConfigureFrameGeneration], 64: {
-        /// Two channels.
+        /// A texture with two channels.
         16 48 field: Resource,
     }
 }
 
 described! {
-    /// A setting by its number.
+    /// A setting as a key and a value.
     ConfigureFrameGenerationKeyValue = FRAME_GENERATION_KEY_VALUE, 40: {
-        /// Which.
+        /// The key.
         16 8 key: u64,
-        /// Its value, where that is a number.
+        /// The value, if it is a number.
         24 8 number: u64,
-        /// Its value, where that is something else.
+        /// The value, if it is not a number.
         32 8 pointer: *mut c_void,
     }
 }
@@ -134,33 +136,33 @@ described! {
 described! {
     /// Motion and depth of a frame. Replaced by [`DispatchPrepareV2`] in SDK 2.1.
     DispatchPrepare = FRAME_GENERATION_PREPARE, 184: {
-        /// Of the frame.
+        /// The frame's id.
         16 8 frame_id: u64,
-        /// How.
+        /// Flags of the frame.
         24 4 flags: FrameFlags,
         /// `ID3D12GraphicsCommandList`, open.
         32 8 command_list: *mut c_void,
-        /// The size rendered at.
+        /// The render size.
         40 8 render_size: Dimensions,
-        /// Of this frame's camera, in render pixels.
+        /// Camera jitter in render pixels.
         48 8 jitter: Coordinates,
-        /// What makes pixels of motion.
+        /// Scale from motion-texture units to pixels.
         56 8 motion_scale: Coordinates,
-        /// Milliseconds since the frame before.
+        /// Time since the previous frame in milliseconds.
         64 4 frame_time: f32,
-        /// Not looked at.
+        /// Ignored.
         68 1 unused_reset: bool,
         /// The near plane.
         72 4 camera_near: f32,
         /// The far plane.
         76 4 camera_far: f32,
-        /// From bottom to top, radians.
+        /// Vertical field of view in radians.
         80 4 camera_fov: f32,
-        /// What makes metres of the view's units; 0 for 1.
+        /// Metres per unit of view space; 0 for 1.
         84 4 metres: f32,
-        /// Depth, of the render size.
+        /// Depth at render size.
         88 48 depth: Resource,
-        /// From this frame to the one before.
+        /// Motion vectors from this frame to the previous one.
         136 48 motion: Resource,
     }
 }
@@ -168,13 +170,13 @@ described! {
 described! {
     /// The camera of a frame. SDK 1.1.4 to 2.0.
     DispatchCamera = FRAME_GENERATION_CAMERA extends [DispatchPrepare], 64: {
-        /// In the world.
+        /// Position in world space.
         16 12 position: [f32; 3],
-        /// Of length 1.
+        /// Unit vector up on the screen.
         28 12 up: [f32; 3],
-        /// Of length 1.
+        /// Unit vector to the right on the screen.
         40 12 right: [f32; 3],
-        /// Of length 1.
+        /// Unit vector into the screen.
         52 12 forward: [f32; 3],
     }
 }
@@ -182,41 +184,41 @@ described! {
 described! {
     /// Motion, depth and camera of a frame. SDK 2.1 and later.
     DispatchPrepareV2 = FRAME_GENERATION_PREPARE_V2, 232: {
-        /// Of the frame.
+        /// The frame's id.
         16 8 frame_id: u64,
-        /// How.
+        /// Flags of the frame.
         24 4 flags: FrameFlags,
         /// `ID3D12GraphicsCommandList`, open.
         32 8 command_list: *mut c_void,
-        /// The size rendered at.
+        /// The render size.
         40 8 render_size: Dimensions,
-        /// Of this frame's camera, in render pixels.
+        /// Camera jitter in render pixels.
         48 8 jitter: Coordinates,
-        /// What makes pixels of motion.
+        /// Scale from motion-texture units to pixels.
         56 8 motion_scale: Coordinates,
-        /// Milliseconds since the frame before.
+        /// Time since the previous frame in milliseconds.
         64 4 frame_time: f32,
-        /// There is no frame before.
+        /// Drops the history.
         68 1 reset: bool,
         /// The near plane.
         72 4 camera_near: f32,
         /// The far plane.
         76 4 camera_far: f32,
-        /// From bottom to top, radians.
+        /// Vertical field of view in radians.
         80 4 camera_fov: f32,
-        /// What makes metres of the view's units; 0 for 1.
+        /// Metres per unit of view space; 0 for 1.
         84 4 metres: f32,
-        /// Depth, of the render size.
+        /// Depth at render size.
         88 48 depth: Resource,
-        /// From this frame to the one before.
+        /// Motion vectors from this frame to the previous one.
         136 48 motion: Resource,
-        /// In the world.
+        /// Position in world space.
         184 12 camera_position: [f32; 3],
-        /// Of length 1.
+        /// Unit vector up on the screen.
         196 12 camera_up: [f32; 3],
-        /// Of length 1.
+        /// Unit vector to the right on the screen.
         208 12 camera_right: [f32; 3],
-        /// Of length 1.
+        /// Unit vector into the screen.
         220 12 camera_forward: [f32; 3],
     }
 }
@@ -226,27 +228,27 @@ described! {
     DispatchFrameGeneration = FRAME_GENERATION_DISPATCH, 312: {
         /// `ID3D12GraphicsCommandList`, open.
         16 8 command_list: *mut c_void,
-        /// This frame, as shown.
+        /// This frame at display size.
         24 48 present_color: Resource,
-        /// Where generated frames go; providers so far fill the first only.
+        /// Outputs for generated frames; providers so far fill the first only.
         72 192 outputs: [Resource; 4],
-        /// 1.
+        /// The number of generated frames: 1.
         264 4 frames: u32,
-        /// There is no frame before.
+        /// Drops the history.
         268 1 reset: bool,
-        /// How the picture's light became numbers.
+        /// The colours' transfer function.
         272 4 transfer: TransferFunction,
-        /// Nits, of high dynamic range.
+        /// Minimum and maximum luminance in nits, for high dynamic range.
         276 8 luminance: [f32; 2],
-        /// What of the picture is the world; of no size: all.
+        /// The part that is generated, the rest is copied; a size of 0 means all.
         284 16 rect: Rect,
-        /// Of the frame.
+        /// The frame's id.
         304 8 frame_id: u64,
     }
 }
 
 described! {
-    /// A frame that is about to be presented, as the host's callback is given it. Whatever is not 0 is true.
+    /// A frame that is about to be presented: the struct passed to the host's callback. Any value but 0 is true.
     CallbackPresent = FRAME_GENERATION_PRESENT, 192: {
         /// `ID3D12Device`.
         16 8 device: *mut c_void,
@@ -254,51 +256,51 @@ described! {
         24 8 command_list: *mut c_void,
         /// The frame.
         32 48 back_buffer: Resource,
-        /// The interface; may be none.
+        /// The interface; may be null.
         80 48 interface: Resource,
-        /// What will be presented.
+        /// The texture that will be presented.
         128 48 output: Resource,
-        /// Whether it is a generated frame.
+        /// Whether the frame is generated.
         176 1 is_generated: u8,
-        /// Of the frame.
+        /// The frame's id.
         184 8 frame_id: u64,
     }
 }
 
 described! {
-    /// How the interface's alpha is meant. SDK 2.1 and later. Whatever is not 0 is true.
+    /// Whether the interface has premultiplied alpha. SDK 2.1 and later. Any value but 0 is true.
     CallbackPremultiplied = FRAME_GENERATION_PREMULTIPLIED extends [CallbackPresent], 24: {
-        /// Its colours are multiplied by it.
+        /// The interface's colours are multiplied by its alpha.
         16 1 premultiplied: u8,
     }
 }
 
 described! {
-    /// Asks for the memory of a context. SDK 1.1.2 and later.
+    /// Queries the device memory of a context. SDK 1.1.2 and later.
     QueryFrameGenerationMemory = FRAME_GENERATION_MEMORY, 24: {
-        /// Gets it.
+        /// Receives the answer.
         16 8 usage: *mut MemoryUsage,
     }
 }
 
 described! {
-    /// Asks for the memory of a context to come. SDK 2.0 and later.
+    /// Queries the device memory of a context before it is created. SDK 2.0 and later.
     QueryFrameGenerationMemoryV2 = FRAME_GENERATION_MEMORY_V2, 64: {
         /// `ID3D12Device`.
         16 8 device: *mut c_void,
-        /// The largest size rendered at.
+        /// The maximum render size.
         24 8 max_render_size: Dimensions,
-        /// The size shown.
+        /// The display size.
         32 8 display_size: Dimensions,
-        /// How it would be made.
+        /// Its creation flags.
         40 4 create_flags: CreateFlags,
-        /// How frames would be generated.
+        /// Flags of its frames.
         44 4 frame_flags: FrameFlags,
-        /// Of pictures in and out.
+        /// The format of input and output pictures.
         48 4 back_buffer_format: SurfaceFormat,
-        /// Of pictures without interface; unknown for none.
+        /// The format of HUD-less pictures; `UNKNOWN` for none.
         52 4 hudless_format: SurfaceFormat,
-        /// Gets it.
+        /// Receives the answer.
         56 8 usage: *mut MemoryUsage,
     }
 }

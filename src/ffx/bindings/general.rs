@@ -1,4 +1,4 @@
-//! What all effects share.
+//! Structs that all effects share.
 
 use std::ffi::{c_char, c_void};
 
@@ -6,7 +6,7 @@ use super::{ResourceFlags, ResourceState, ResourceType, ResourceUsage, SurfaceFo
 use super::{ReturnCode, StructId, described, plain};
 use crate::ffx::Header;
 
-/// A context, which every call gets the address of.
+/// A context's handle; calls get its address.
 pub type RawContext = *mut c_void;
 
 /// `ffxCreateContext`.
@@ -20,17 +20,17 @@ pub type Query = unsafe extern "C" fn(*mut RawContext, *mut Header) -> ReturnCod
 /// `ffxDispatch`.
 pub type Dispatch = unsafe extern "C" fn(*mut RawContext, *const Header) -> ReturnCode;
 
-/// Gets a message: 0 for an error or 1 for a warning, and text that ends with a zero, in UTF-16 as on Windows.
+/// Receives a message: 0 for an error or 1 for a warning, and NUL-terminated UTF-16 text, as on Windows.
 pub type MessageCallback = unsafe extern "C" fn(u32, *const u16);
 
 plain! {
-    /// Where memory comes from; a null pointer to it means malloc and free.
+    /// The host's allocator; a null pointer to it means malloc and free.
     AllocationCallbacks, 24 align 8: {
-        /// Given to both.
+        /// User data of both functions.
         0 8 user: *mut c_void,
-        /// Gets the user pointer and a number of bytes.
+        /// Takes the user data and a number of bytes.
         8 8 alloc: Option<unsafe extern "C" fn(*mut c_void, u64) -> *mut c_void>,
-        /// Gets the user pointer and what `alloc` gave.
+        /// Takes the user data and a pointer from `alloc`.
         16 8 dealloc: Option<unsafe extern "C" fn(*mut c_void, *mut c_void)>,
     }
 }
@@ -38,15 +38,15 @@ plain! {
 plain! {
     /// A size in pixels.
     Dimensions, 8 align 4: {
-        /// From left to right.
+        /// Width.
         0 4 width: u32,
-        /// From top to bottom.
+        /// Height.
         4 4 height: u32,
     }
 }
 
 impl Dimensions {
-    /// What Direct3D 12 makes no texture for.
+    /// Why Direct3D 12 cannot create a texture of this size, if so.
     pub(in crate::ffx) fn fault(self) -> Option<&'static str> {
         const LARGEST: u32 = 16384;
         match (self.width.min(self.height), self.width.max(self.height)) {
@@ -60,29 +60,29 @@ impl Dimensions {
 plain! {
     /// Two coordinates.
     Coordinates, 8 align 4: {
-        /// To the right.
+        /// Points right.
         0 4 x: f32,
-        /// Down.
+        /// Points down.
         4 4 y: f32,
     }
 }
 
 plain! {
-    /// A part of a picture, in pixels.
+    /// A rectangle of a picture, in pixels.
     Rect, 16 align 4: {
         /// The first column.
         0 4 left: i32,
         /// The first row.
         4 4 top: i32,
-        /// Columns.
+        /// Number of columns.
         8 4 width: i32,
-        /// Rows.
+        /// Number of rows.
         12 4 height: i32,
     }
 }
 
 impl Rect {
-    /// What is wrong with it as a part of a picture of that size.
+    /// Why it is no valid part of a picture of that size, if so.
     pub(in crate::ffx) fn fault(self, whole: Dimensions) -> Option<&'static str> {
         let Self { left, top, width, height } = self;
         if left < 0 || top < 0 || width < 0 || height < 0 {
@@ -98,11 +98,11 @@ impl Rect {
 }
 
 plain! {
-    /// What a resource is. Providers trust it.
+    /// Description of a resource. Providers do not check it.
     ResourceDescription, 32 align 4: {
-        /// Its shape.
+        /// Kind of resource.
         0 4 kind: ResourceType,
-        /// Of a pixel.
+        /// Pixel format.
         4 4 format: SurfaceFormat,
         /// Pixels, or bytes of a buffer.
         8 4 width: u32,
@@ -110,29 +110,29 @@ plain! {
         12 4 height: u32,
         /// Pixels, elements of an array, or the alignment of a buffer.
         16 4 depth: u32,
-        /// Levels; 0 for all.
+        /// Mip levels; 0 for all.
         20 4 mips: u32,
-        /// What it may be.
+        /// Flags of its memory.
         24 4 flags: ResourceFlags,
-        /// What it can be used as.
+        /// Possible uses.
         28 4 usage: ResourceUsage,
     }
 }
 
 plain! {
-    /// A resource as a call is given it; with null there is none.
+    /// A resource argument of a call; null for none.
     Resource, 48 align 8: {
         /// `ID3D12Resource`.
         0 8 resource: *mut c_void,
-        /// What it is.
+        /// Its description.
         8 32 description: ResourceDescription,
-        /// The state it is in when the list gets to the call, and in again afterwards.
+        /// Its state when the list reaches the call, and again afterwards.
         40 4 state: ResourceState,
     }
 }
 
 impl Resource {
-    /// What is wrong with it as a picture of that size.
+    /// Why it is no valid picture of that size, if so.
     pub(in crate::ffx) fn fault(&self, size: Dimensions) -> Option<&'static str> {
         let Self { resource, description, state, .. } = self;
         if resource.is_null() {
@@ -154,15 +154,15 @@ impl Resource {
 plain! {
     /// Bytes of device memory.
     MemoryUsage, 16 align 8: {
-        /// In all.
+        /// Total.
         0 8 total: u64,
-        /// Of these, what could be shared with others.
+        /// The part that could be aliased with other resources.
         8 8 aliasable: u64,
     }
 }
 
 described! {
-    /// The device that a context is made on.
+    /// The device of a new context.
     CreateBackendDx12 = BACKEND_DX12, 24: {
         /// `ID3D12Device`.
         16 8 device: *mut c_void,
@@ -170,31 +170,31 @@ described! {
 }
 
 described! {
-    /// Asks which providers there are, with no context.
+    /// Queries the available providers, without a context.
     QueryVersions = GET_VERSIONS, 56: {
-        /// The struct that a context would be made with.
+        /// The struct that would create the context.
         16 8 create: StructId,
         /// `ID3D12Device`.
         24 8 device: *mut c_void,
-        /// In: how many there is room for; out: how many were written.
+        /// In: capacity of the lists; out: number of entries written.
         32 8 count: *mut u64,
-        /// Gets what [`OverrideVersion`] takes.
+        /// Receives ids for [`OverrideVersion`].
         40 8 ids: *mut u64,
-        /// Gets names, which may be gone after the next call.
+        /// Receives names, which may be freed at the next call.
         48 8 names: *mut *const c_char,
     }
 }
 
 described! {
-    /// Which provider it is to be.
+    /// Requests a provider.
     OverrideVersion = OVERRIDE_VERSION, 24: {
-        /// As [`QueryVersions`] gave it in this process.
+        /// An id from [`QueryVersions`] in this process.
         16 8 version_id: u64,
     }
 }
 
 described! {
-    /// Asks which provider a context has. SDK 1.1.4 and later.
+    /// Queries a context's provider. SDK 1.1.4 and later.
     QueryProviderVersion = GET_PROVIDER_VERSION, 32: {
         /// Out: 0 for none.
         16 8 version_id: u64,
@@ -204,9 +204,9 @@ described! {
 }
 
 described! {
-    /// Where messages go, of every effect.
+    /// Sets the message callback of all effects.
     ConfigureGlobalDebug1 = GLOBAL_DEBUG_1, 32: {
-        /// Gets them.
+        /// The callback.
         16 8 message: Option<MessageCallback>,
         /// 0: none, 1: errors, 2: warnings too, 0x0fff_ffff: all.
         24 4 level: u32,
@@ -214,13 +214,13 @@ described! {
 }
 
 described! {
-    /// Where messages of one effect go. SDK 2.1 and later.
+    /// Sets the message callback of one effect. SDK 2.1 and later.
     ConfigureGlobalDebug = GLOBAL_DEBUG, 40: {
         /// The effect, of [`EffectId`](super::EffectId).
         16 8 effect: super::EffectId,
-        /// Gets them.
+        /// The callback.
         24 8 message: Option<MessageCallback>,
-        /// As of [`ConfigureGlobalDebug1`].
+        /// As in [`ConfigureGlobalDebug1`].
         32 4 level: u32,
     }
 }

@@ -1,25 +1,26 @@
 //! The structs of ffx-api, written by hand from its published layout for x64; sizes and offsets are checked by the compiler, field
 //! by field. They hold pointers and numbers only, so they are the same on every 64-bit system.
 //!
-//! What a struct says of the release that brought it is the SDK's: a provider of an earlier one does not know it.
+//! "SDK 1.1.2 and later" in a struct's doc comment is the SDK release that introduced it: providers of earlier releases do not know
+//! it.
 
+mod enums;
 mod formats;
 mod frame_generation;
 mod general;
 mod swapchain;
 mod upscale;
-mod words;
 
 use super::{Chain, Described, Extends};
 
+pub use enums::*;
 pub use formats::*;
 pub use frame_generation::*;
 pub use general::*;
 pub use swapchain::*;
 pub use upscale::*;
-pub use words::*;
 
-/// A struct of the interface: each field with its offset, its size and its type.
+/// Defines a struct of the interface: each field with its offset, size and type, which the compiler checks.
 macro_rules! plain {
     ($(#[$doc:meta])* $name:ident, $size:literal align $align:literal: {
         $( $(#[$about:meta])* $offset:literal $length:literal $field:ident: $type:ty, )*
@@ -38,7 +39,7 @@ macro_rules! plain {
     };
 }
 
-/// A struct that starts with a header: its id, and what it may follow.
+/// Defines a struct that starts with a header: its id, and the structs that it may follow in a chain.
 macro_rules! described {
     ($(#[$doc:meta])* $name:ident = $id:ident $(extends [$($head:ty),*])?, $size:literal: {
         $( $(#[$about:meta])* $offset:literal $length:literal $field:ident: $type:ty, )*
@@ -46,7 +47,7 @@ macro_rules! described {
         $crate::ffx::bindings::plain! {
             $(#[$doc])*
             $name, $size align 8: {
-                /// What it is and what follows, written by the chain.
+                /// Id and next struct, written by the chain.
                 0 16 header: $crate::ffx::Header,
                 $( $(#[$about])* $offset $length $field: $type, )*
             }
@@ -62,14 +63,14 @@ macro_rules! described {
 
 pub(crate) use {described, plain};
 
-/// A struct that `ffxCreateContext` starts with.
+/// A struct that heads the creation chain of `ffxCreateContext`.
 pub trait Creates: Described + Copy {
-    /// The struct that tells a provider of SDK 2.1 or later for which release this was written.
+    /// The struct that states the host's release to providers of SDK 2.1 or later.
     type Version: Extends<Self> + From<u32>;
-    /// The oldest release that has all that is used here, as its headers number it.
+    /// The oldest release with everything used here, in the numbering of its headers.
     const WRITTEN_FOR: u32;
 
-    /// A field that no provider takes, with the reason: some fail without a word, or crash, when they are given it.
+    /// A field value that no provider accepts, with the reason: some providers fail without a message, or crash.
     fn fault(_chain: &Chain<Self>) -> Option<(&'static str, &'static str)> {
         None
     }
@@ -78,7 +79,7 @@ pub trait Creates: Described + Copy {
 impl<Head: Creates> Extends<Head> for CreateBackendDx12 {}
 impl<Head: Creates> Extends<Head> for OverrideVersion {}
 
-/// Names for numbers of a set that other releases extend: any number is one of them.
+/// Named constants of an open set: later releases may add others, so any number is valid.
 macro_rules! open_set {
     ($(#[$doc:meta])* $name:ident: $number:ty { $( $(#[$about:meta])* $word:ident = $value:expr, )* }) => {
         $(#[$doc])*
@@ -89,7 +90,7 @@ macro_rules! open_set {
         impl $name {
             $( $(#[$about])* pub const $word: Self = Self($value); )*
 
-            /// What the number is called, where it is one that is known here.
+            /// The constant's name; None for an unknown number.
             pub fn name(self) -> Option<&'static str> {
                 [$( (Self::$word, stringify!($word)) ),*].into_iter().find(|(known, _)| *known == self).map(|(_, name)| name)
             }

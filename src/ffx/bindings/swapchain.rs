@@ -1,13 +1,13 @@
-//! The swapchain that presents generated frames.
+//! The swap chain that presents generated frames.
 
 use std::ffi::c_void;
 
 use super::{Creates, Dimensions, InterfaceFlags, MemoryUsage, Resource, SurfaceFormat, described, open_set, plain};
 
 open_set! {
-    /// What [`ConfigureSwapchainKeyValue`] sets.
+    /// Keys of [`ConfigureSwapchainKeyValue`].
     SwapchainKey: u64 {
-        /// What is called while waiting.
+        /// A callback that is called while waiting.
         WAIT_CALLBACK = 0,
         /// A [`PacingTuning`].
         PACING_TUNING = 2,
@@ -15,25 +15,25 @@ open_set! {
 }
 
 plain! {
-    /// How presents are spread over time.
+    /// How presents are paced.
     PacingTuning, 20 align 4: {
-        /// Milliseconds that are taken off. 0.1 where nothing is said.
+        /// Milliseconds subtracted from the time between presents. Default 0.1.
         0 4 safety_margin: f32,
-        /// Share of the variance that is taken off, 0 to 1. 0.1 where nothing is said.
+        /// Share of the variance of frame times that is subtracted, 0 to 1. Default 0.1.
         4 4 variance_factor: f32,
-        /// Wait by sleeping, then by spinning.
+        /// Waits by sleeping first, then by spinning.
         8 1 hybrid_spin: bool,
-        /// How long by spinning, in ticks of the timer. 2 where nothing is said.
+        /// How long it spins, in timer ticks. Default 2.
         12 4 hybrid_spin_time: u32,
-        /// Let the system wake the thread at a fence.
+        /// Waits on a fence event instead of spinning.
         16 1 wait_on_fence: bool,
     }
 }
 
 described! {
-    /// Takes over a swapchain.
+    /// Creates AMD's swap chain from the host's.
     CreateSwapchainWrap = SWAPCHAIN_WRAP, 32: {
-        /// In: the host's, which is let go; out: AMD's. `IDXGISwapChain4`.
+        /// In: the host's, which is released; out: AMD's. `IDXGISwapChain4`.
         16 8 swapchain: *mut *mut c_void,
         /// `ID3D12CommandQueue`, direct.
         24 8 queue: *mut c_void,
@@ -41,9 +41,9 @@ described! {
 }
 
 described! {
-    /// Makes a swapchain.
+    /// Creates a swap chain.
     CreateSwapchainNew = SWAPCHAIN_NEW, 48: {
-        /// Gets it. `IDXGISwapChain4`.
+        /// Receives it. `IDXGISwapChain4`.
         16 8 swapchain: *mut *mut c_void,
         /// `DXGI_SWAP_CHAIN_DESC`.
         24 8 description: *mut c_void,
@@ -55,9 +55,9 @@ described! {
 }
 
 described! {
-    /// Makes a swapchain of a window.
+    /// Creates a swap chain for a window.
     CreateSwapchainForWindow = SWAPCHAIN_FOR_WINDOW, 64: {
-        /// Gets it. `IDXGISwapChain4`.
+        /// Receives it. `IDXGISwapChain4`.
         16 8 swapchain: *mut *mut c_void,
         /// `HWND`.
         24 8 window: *mut c_void,
@@ -106,74 +106,74 @@ impl Creates for CreateSwapchainForWindow {
 }
 
 described! {
-    /// The interface's picture.
+    /// Sets the interface's texture.
     ConfigureInterface = SWAPCHAIN_INTERFACE, 72: {
-        /// May be none.
+        /// The texture; may be null.
         16 48 interface: Resource,
-        /// How it is laid over frames.
+        /// How it is drawn over frames.
         64 4 flags: InterfaceFlags,
     }
 }
 
 described! {
-    /// A setting by its number.
+    /// A setting as a key and a value.
     ConfigureSwapchainKeyValue = SWAPCHAIN_KEY_VALUE, 40: {
-        /// Which.
+        /// The key.
         16 8 key: SwapchainKey,
-        /// Its value, where that is a number.
+        /// The value, if it is a number.
         24 8 number: u64,
-        /// Its value, where that is something else.
+        /// The value, if it is not a number.
         32 8 pointer: *mut c_void,
     }
 }
 
 described! {
-    /// Asks for the list to record generation into, where there is no callback for it.
+    /// Queries the command list to record generation into, if there is no callback.
     QueryCommandList = SWAPCHAIN_COMMAND_LIST, 24: {
-        /// Gets it.
+        /// Receives the answer.
         16 8 list: *mut *mut c_void,
     }
 }
 
 described! {
-    /// Asks for the texture to generate into.
+    /// Queries the texture to generate into.
     QueryTexture = SWAPCHAIN_TEXTURE, 24: {
-        /// Gets it.
+        /// Receives the answer.
         16 8 texture: *mut Resource,
     }
 }
 
 described! {
-    /// Waits for all that is to be presented.
+    /// Waits until all pending frames are presented.
     DispatchWait = SWAPCHAIN_WAIT, 16: {}
 }
 
 described! {
-    /// Asks for the memory of a context. SDK 1.1.2 and later.
+    /// Queries the device memory of a context. SDK 1.1.2 and later.
     QuerySwapchainMemory = SWAPCHAIN_MEMORY, 24: {
-        /// Gets it.
+        /// Receives the answer.
         16 8 usage: *mut MemoryUsage,
     }
 }
 
 described! {
-    /// Asks for the memory of a context to come. SDK 2.0 and later.
+    /// Queries the device memory of a context before it is created. SDK 2.0 and later.
     QuerySwapchainMemoryV2 = SWAPCHAIN_MEMORY_V2, 64: {
         /// `ID3D12Device`.
         16 8 device: *mut c_void,
-        /// The size shown.
+        /// The display size.
         24 8 display_size: Dimensions,
-        /// Of its buffers.
+        /// The format of its buffers.
         32 4 back_buffer_format: SurfaceFormat,
-        /// How many.
+        /// The number of its buffers.
         36 4 back_buffers: u32,
-        /// Of no size without one.
+        /// The interface's size; 0 for none.
         40 8 interface_size: Dimensions,
-        /// Unknown without one.
+        /// The interface's format; `UNKNOWN` for none.
         48 4 interface_format: SurfaceFormat,
-        /// How it is laid over frames.
+        /// How it is drawn over frames.
         52 4 flags: InterfaceFlags,
-        /// Gets it.
+        /// Receives the answer.
         56 8 usage: *mut MemoryUsage,
     }
 }

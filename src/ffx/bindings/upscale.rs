@@ -7,31 +7,31 @@ use super::{QualityMode, ReactiveFlags, UpscaleCreateFlags, UpscaleFlags, Upscal
 use crate::ffx::Chain;
 
 open_set! {
-    /// What [`ConfigureUpscaleKeyValue`] sets; its pointer leads to an `f32`.
+    /// Keys of [`ConfigureUpscaleKeyValue`], whose pointer points to an `f32`.
     UpscaleKey: u64 {
-        /// How far motion rules history out.
+        /// How strongly motion rejects history.
         VELOCITY_FACTOR = 0,
-        /// What the reactive mask is multiplied by.
+        /// Factor of the reactive mask.
         REACTIVENESS_SCALE = 1,
-        /// What changes of shading are multiplied by.
+        /// Factor of detected shading changes.
         SHADING_CHANGE_SCALE = 2,
-        /// How fast history is trusted.
+        /// How fast the weight of history grows.
         ACCUMULATION_ADDED = 3,
-        /// How much of what was just uncovered is trusted.
+        /// Minimum weight of history in disoccluded pixels.
         MIN_DISOCCLUSION_ACCUMULATION = 4,
     }
 }
 
 described! {
-    /// Makes an upscaler.
+    /// Creates an upscaler.
     CreateUpscale = UPSCALE, 48: {
-        /// How.
+        /// Creation flags.
         16 4 flags: UpscaleCreateFlags,
-        /// The largest size rendered at.
+        /// The maximum render size.
         20 8 max_render_size: Dimensions,
-        /// The largest size upscaled to.
+        /// The maximum upscaled size.
         28 8 max_upscale_size: Dimensions,
-        /// Gets messages.
+        /// Receives messages.
         40 8 message: Option<MessageCallback>,
     }
 }
@@ -70,169 +70,169 @@ described! {
     DispatchUpscale = UPSCALE_DISPATCH, 432: {
         /// `ID3D12GraphicsCommandList`, open.
         16 8 command_list: *mut c_void,
-        /// The picture, of the render size.
+        /// The picture at render size.
         24 48 color: Resource,
         /// Its depth.
         72 48 depth: Resource,
-        /// From this frame to the one before.
+        /// Motion vectors from this frame to the previous one.
         120 48 motion: Resource,
-        /// Of one pixel; may be none.
+        /// Exposure, a 1x1 texture; may be null.
         168 48 exposure: Resource,
-        /// What not to trust history for; may be none.
+        /// Reactive mask: where history is not to be trusted; may be null.
         216 48 reactive: Resource,
-        /// Where things are transparent; may be none.
+        /// Transparency mask; may be null.
         264 48 transparency: Resource,
-        /// Gets the upscaled picture.
+        /// Receives the upscaled picture.
         312 48 output: Resource,
-        /// Of this frame's camera, in render pixels.
+        /// Camera jitter in render pixels.
         360 8 jitter: Coordinates,
-        /// What makes pixels of motion.
+        /// Scale from motion-texture units to pixels.
         368 8 motion_scale: Coordinates,
-        /// The size rendered at.
+        /// The render size.
         376 8 render_size: Dimensions,
-        /// The size upscaled to; 0 for the largest.
+        /// The upscaled size; 0 for the maximum.
         384 8 upscale_size: Dimensions,
-        /// Whether it is sharpened.
+        /// Whether the output is sharpened.
         392 1 sharpen: bool,
-        /// How much, 0 to 1.
+        /// Strength of sharpening, 0 to 1.
         396 4 sharpness: f32,
-        /// Milliseconds since the frame before.
+        /// Time since the previous frame in milliseconds.
         400 4 frame_time: f32,
-        /// What the picture was multiplied by, above 0.
+        /// Factor that the picture was multiplied by, above 0.
         404 4 pre_exposure: f32,
-        /// There is no frame before.
+        /// Drops the history.
         408 1 reset: bool,
         /// The near plane.
         412 4 camera_near: f32,
         /// The far plane.
         416 4 camera_far: f32,
-        /// From bottom to top, radians.
+        /// Vertical field of view in radians.
         420 4 camera_fov: f32,
-        /// What makes metres of the view's units; 0 for 1.
+        /// Metres per unit of view space; 0 for 1.
         424 4 metres: f32,
-        /// How.
+        /// Flags of the frame.
         428 4 flags: UpscaleFlags,
     }
 }
 
 described! {
-    /// Finds a reactive mask.
+    /// Computes a reactive mask.
     DispatchReactiveMask = UPSCALE_REACTIVE_MASK, 192: {
         /// `ID3D12GraphicsCommandList`, open.
         16 8 command_list: *mut c_void,
-        /// The picture without what is transparent.
+        /// The picture without transparent objects.
         24 48 opaque: Resource,
-        /// The picture with it.
+        /// The picture with transparent objects.
         72 48 color: Resource,
-        /// Gets the mask.
+        /// Receives the mask.
         120 48 output: Resource,
-        /// The size rendered at.
+        /// The render size.
         168 8 render_size: Dimensions,
-        /// What the mask is multiplied by.
+        /// Factor of the mask.
         176 4 scale: f32,
-        /// Below this there is none.
+        /// Below this threshold the mask is 0.
         180 4 threshold: f32,
-        /// Its value above.
+        /// The mask above the threshold.
         184 4 value: f32,
-        /// How.
+        /// Flags of the mask.
         188 4 flags: ReactiveFlags,
     }
 }
 
 described! {
-    /// A setting by its number.
+    /// A setting as a key and a value.
     ConfigureUpscaleKeyValue = UPSCALE_KEY_VALUE, 40: {
-        /// Which.
+        /// The key.
         16 8 key: UpscaleKey,
-        /// Its value, where that is a number.
+        /// The value, if it is a number.
         24 8 number: u64,
-        /// Its value, where that is something else.
+        /// The value, if it is not a number.
         32 8 pointer: *mut c_void,
     }
 }
 
 described! {
-    /// Asks for the ratio of a quality mode.
+    /// Queries the ratio of a quality mode.
     QueryUpscaleRatio = UPSCALE_RATIO, 32: {
         /// The mode.
         16 4 mode: QualityMode,
-        /// Gets the ratio of sides.
+        /// Receives the ratio of display to render side.
         24 8 ratio: *mut f32,
     }
 }
 
 described! {
-    /// Asks for the render size of a quality mode.
+    /// Queries the render size of a quality mode.
     QueryRenderSize = UPSCALE_RENDER_SIZE, 48: {
-        /// The width shown.
+        /// The display width.
         16 4 display_width: u32,
-        /// The height shown.
+        /// The display height.
         20 4 display_height: u32,
         /// The mode.
         24 4 mode: QualityMode,
-        /// Gets the width to render at.
+        /// Receives the render width.
         32 8 render_width: *mut u32,
-        /// Gets the height to render at.
+        /// Receives the render height.
         40 8 render_height: *mut u32,
     }
 }
 
 described! {
-    /// Asks how many jitters a sequence has.
+    /// Queries the length of the jitter sequence.
     QueryJitterPhases = UPSCALE_JITTER_PHASES, 32: {
-        /// The width rendered at.
+        /// The render width.
         16 4 render_width: u32,
-        /// The width shown.
+        /// The display width.
         20 4 display_width: u32,
-        /// Gets the count.
+        /// Receives the length.
         24 8 count: *mut i32,
     }
 }
 
 described! {
-    /// Asks for a jitter.
+    /// Queries one jitter of a sequence.
     QueryJitter = UPSCALE_JITTER_OFFSET, 40: {
-        /// Which of the sequence.
+        /// Index in the sequence.
         16 4 index: i32,
-        /// How many the sequence has.
+        /// Length of the sequence.
         20 4 count: i32,
-        /// Gets it, in render pixels.
+        /// Receives x in render pixels.
         24 8 x: *mut f32,
-        /// Gets it, in render pixels.
+        /// Receives y in render pixels.
         32 8 y: *mut f32,
     }
 }
 
 described! {
-    /// Asks for the memory of a context. SDK 1.1.2 and later.
+    /// Queries the device memory of a context. SDK 1.1.2 and later.
     QueryUpscaleMemory = UPSCALE_MEMORY, 24: {
-        /// Gets it.
+        /// Receives the answer.
         16 8 usage: *mut MemoryUsage,
     }
 }
 
 described! {
-    /// Asks for the memory of a context to come. SDK 2.0 and later.
+    /// Queries the device memory of a context before it is created. SDK 2.0 and later.
     QueryUpscaleMemoryV2 = UPSCALE_MEMORY_V2, 56: {
         /// `ID3D12Device`.
         16 8 device: *mut c_void,
-        /// The largest size rendered at.
+        /// The maximum render size.
         24 8 max_render_size: Dimensions,
-        /// The largest size upscaled to.
+        /// The maximum upscaled size.
         32 8 max_upscale_size: Dimensions,
-        /// How it would be made.
+        /// Its creation flags.
         40 4 flags: UpscaleCreateFlags,
-        /// Gets it.
+        /// Receives the answer.
         48 8 usage: *mut MemoryUsage,
     }
 }
 
 described! {
-    /// Asks what a provider wants to be given. SDK 2.0 and later.
+    /// Queries the inputs of a provider. SDK 2.0 and later.
     QueryUpscaleResources = UPSCALE_RESOURCES, 32: {
-        /// Out: what it must be given.
+        /// Out: required inputs.
         16 8 required: UpscaleResources,
-        /// Out: what it can use.
+        /// Out: optional inputs.
         24 8 optional: UpscaleResources,
     }
 }

@@ -1,4 +1,4 @@
-//! Contexts of a library that is played.
+//! Contexts of a fake library.
 
 use std::ffi::c_void;
 
@@ -7,10 +7,10 @@ use super::super::double::{ANALYTIC, ANALYTIC_20, Double, ML, PLAY, api, count, 
 use super::super::{Dialect, Family, versions};
 use super::*;
 
-/// Makes a context of a library that plays so.
+/// Creates a context of a fake library with this behaviour.
 fn made(choice: Choice, play: Double) -> Result<Context<CreateFrameGeneration>> {
     PLAY.set(play);
-    // SAFETY: the library played here uses no device.
+    // SAFETY: the fake library uses no device.
     unsafe { Context::create(&api(), 0x1000 as *mut c_void, choice, head(), |chain| chain) }
 }
 
@@ -129,13 +129,13 @@ fn every_code_at_every_call_is_an_error_that_names_the_call_and_what_was_passed(
             assert!(error.remedy_text().is_some(), "{error}");
         };
         let error = made(Choice::Any, play(refuse(StructId::FRAME_GENERATION))).expect_err("refused");
-        // Of a struct that is not known, without a provider, without memory, of a value, of a failure, and of what nobody knows.
+        // Suspected fields for: unknown struct, no provider, no memory, invalid parameter, failure, unknown code.
         let of_device = ["provider", "device", "display_size", "flags", "device", "device"];
         says(error, "ffxCreateContext", "R8G8B8A8_UNORM", of_device);
         let mut context = made(Choice::Any, play(refuse(StructId::FRAME_GENERATION_PREPARE))).expect("a context");
         let list = "command_list";
         let mut prepare = Chain::new(DispatchPrepare { frame_id: 4711, ..Default::default() });
-        // SAFETY: the library played here reads ids only.
+        // SAFETY: the fake library reads ids only.
         says(
             unsafe { context.dispatch(&mut prepare) }.expect_err("refused"),
             "ffxDispatch",
@@ -160,7 +160,7 @@ fn every_code_at_every_call_is_an_error_that_names_the_call_and_what_was_passed(
             "FRAME_GENERATION_MEMORY",
             ["provider", "provider", "device", "provider", "device", "device"],
         );
-        // Of a context that is destroyed the log tells; there is nobody to return it to.
+        // A failure to destroy a context is only logged.
         PLAY.with_borrow_mut(|play| play.refuses.clear());
     }
 }
@@ -174,7 +174,7 @@ fn a_library_that_knows_only_the_earlier_struct_for_messages_is_heard_too() {
     let play =
         Double { offers: vec![ANALYTIC_20], runs: Some(ANALYTIC_20), refuses, says: "a word", ..Double::default() };
     let mut context = made(Choice::Any, play).expect("a context");
-    // SAFETY: the library played here reads ids only.
+    // SAFETY: the fake library reads ids only.
     let failed = unsafe { context.configure(&mut Chain::new(ConfigureFrameGeneration::default())) };
     assert!(failed.expect_err("refused").cause().contains("the library says: a word"));
 }

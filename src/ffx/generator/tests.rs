@@ -1,4 +1,4 @@
-//! Frames of a library that is played: what is refused, and what each call is given.
+//! Frame generation with a fake library: which inputs are rejected, and what each call receives.
 
 use super::super::bindings::*;
 use super::super::double::{ANALYTIC_20, Double, ML, PLAY, api, head};
@@ -28,12 +28,12 @@ fn frame() -> Frame {
         motion: picture(0x400, SurfaceFormat::R16G16_FLOAT),
         hudless: Resource::default(),
         distortion: Resource::default(),
-        shot: Shot::of(SIZE),
+        shot: FrameParams::of(SIZE),
     }
 }
 
-/// A frame that was told otherwise.
-fn shot(told: impl FnOnce(&mut Shot)) -> Frame {
+/// A frame with changed parameters.
+fn shot(told: impl FnOnce(&mut FrameParams)) -> Frame {
     let mut frame = frame();
     told(&mut frame.shot);
     frame
@@ -49,18 +49,18 @@ fn made(
     hudless: Option<SurfaceFormat>,
 ) -> Generator {
     PLAY.set(Double { offers: vec![runs], runs: Some(runs), ..Double::default() });
-    // SAFETY: the library played here uses no device.
+    // SAFETY: the fake library uses no device.
     let made = unsafe { Generator::create(&api(), 0x1000 as *mut c_void, Choice::Any, head, hudless) };
     PLAY.with_borrow_mut(|play| play.calls.clear());
     made.expect("a generator")
 }
 
 fn record(generator: &mut Generator, frame: &Frame) -> Result<()> {
-    // SAFETY: the library played here reads ids only.
+    // SAFETY: the fake library reads ids only.
     unsafe { generator.record(frame) }
 }
 
-/// The id of the frame and whether history is dropped, as the last picture was asked for.
+/// Frame id and reset flag of the last generation call.
 fn asked(generator: &Generator) -> (u64, bool) {
     let head = generator.dispatch.head();
     assert_eq!(generator.settings.head().frame_id, head.frame_id, "one id in all calls");
@@ -97,7 +97,7 @@ fn ids_go_up_by_one_and_history_is_dropped_at_the_start_at_cuts_and_after_a_fail
         assert_eq!(ask(&mut generator, false).expect("recorded"), (2, false));
         assert_eq!(ask(&mut generator, true).expect("recorded"), (3, true));
         assert_eq!(ask(&mut generator, false).expect("recorded"), (4, false));
-        // What is refused before any call leaves history as it was.
+        // An input rejected before any call does not change the history.
         assert!(record(&mut generator, &shot(|shot| shot.frame_time = 0.0)).is_err());
         assert_eq!(ask(&mut generator, false).expect("recorded"), (5, false));
         PLAY.with_borrow_mut(|play| play.refuses = vec![(StructId::FRAME_GENERATION_DISPATCH, ReturnCode(3))]);
@@ -134,7 +134,7 @@ fn every_code_at_every_call_of_a_frame_is_an_error_that_names_the_call_and_the_n
     }
 }
 
-/// What was told of a frame decides what is suspected.
+/// The parameters of a frame decide which field is suspected.
 #[test]
 fn what_settings_name_is_suspected_first() {
     for (told, diagnose) in [
@@ -166,14 +166,14 @@ fn everything_of_a_frame_reaches_the_library() {
     let frame = Frame {
         hudless: picture(0x500, SurfaceFormat::B8G8R8A8_UNORM),
         distortion: picture(0x600, SurfaceFormat::R16G16_FLOAT),
-        shot: Shot {
+        shot: FrameParams {
             camera,
             jitter: Coordinates { x: 0.25, y: -0.25 },
             motion_scale: Coordinates { x: 640.0, y: -360.0 },
             rect: Rect { left: 10, top: 20, width: 620, height: 320 },
             transfer: TransferFunction::PQ,
             luminance: [0.25, 800.0],
-            ..Shot::of(SIZE)
+            ..FrameParams::of(SIZE)
         },
         ..frame()
     };
@@ -307,9 +307,9 @@ fn how_it_was_made_decides_what_is_right() {
     for luminance in [[400.0, 400.0], [-1.0, 400.0]] {
         assert_eq!(wrong(&bright(luminance), CreateFlags::HIGH_DYNAMIC_RANGE), Some("luminance"));
     }
-    // Once there was a distortion, the next frame's must be told.
+    // Once a distortion field was given, every later frame needs one.
     assert_eq!(fault(&frame(), &head(), format, true, false).map(|(field, _)| field), Some("distortion"));
-    // Of one that AMD's swap chain presents it is the swap chain that knows how its light became numbers.
+    // For a presented frame, the swap chain knows the transfer function.
     let presented = fault(&bright([400.0, 0.0]), &head(), format, false, true);
     assert_eq!(presented, None);
 }

@@ -1,4 +1,4 @@
-//! Loading, and the report of what was found.
+//! Loads AMD's libraries, and reports the files found.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,16 +9,16 @@ use crate::ffx::{Api, Effect};
 use crate::libraries::own_folders;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 
-/// Where AMD's libraries come from.
+/// Where AMD's libraries are loaded from.
 #[derive(Debug, Clone)]
 pub struct LoadOptions {
-    /// Their folder; without one, that of this library, else the program's.
+    /// Their folder; None for this library's folder, else the program's.
     pub directory: Option<PathBuf>,
-    /// Loads only what is whole and signed by AMD. Without it whatever has the right name is loaded, a user's replacement too.
+    /// Loads only unaltered files signed by AMD. If false, any file of the right name is loaded, also a user's replacement.
     pub signed: bool,
 }
 
-/// Whether [`LoadOptions::of_host`] asks for signed libraries only.
+/// Whether [`LoadOptions::of_host`] loads signed libraries only.
 static HOST_WANTS_SIGNED: AtomicBool = AtomicBool::new(true);
 
 impl Default for LoadOptions {
@@ -29,38 +29,38 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
-    /// What tools use, which have no host to tell them: the folder is what `CAIRN_FFX_DIR` names, where it is set. Libraries that AMD
-    /// has not signed are loaded only where `CAIRN_FFX_UNSIGNED` is 1.
+    /// The options of tools, which have no host: the folder in `CAIRN_FFX_DIR`, if set. Files that AMD has not signed are loaded
+    /// only if `CAIRN_FFX_UNSIGNED` is 1.
     pub fn from_environment() -> Self {
         let is_unsigned = std::env::var_os("CAIRN_FFX_UNSIGNED").is_some_and(|value| value == "1");
         Self { directory: search::named(&LibrarySearch::for_tools()), signed: !is_unsigned }
     }
 
-    /// What the C interface uses: the folder that a host names; else what `CAIRN_FFX_DIR` names, where it is set and the host lets the
+    /// The options of the C interface: the folder that the host names, else the one in `CAIRN_FFX_DIR`, if the host lets the
     /// environment name libraries. Signed libraries only, whatever the environment says.
     pub fn of_host(search: &LibrarySearch) -> Self {
         Self { directory: search::named(search), signed: HOST_WANTS_SIGNED.load(Ordering::Relaxed) }
     }
 }
 
-/// Has the C interface load libraries that AMD has not signed too, in this process from now on: for tests, and for programs in
-/// Rust whose user replaces AMD's libraries. C hosts cannot ask for it.
+/// Makes the C interface load libraries that AMD has not signed too, in this process from now on: for tests, and for Rust programs
+/// whose user replaces AMD's libraries. C hosts cannot ask for it.
 pub fn allow_unsigned_in_host() {
     HOST_WANTS_SIGNED.store(false, Ordering::Relaxed);
 }
 
-/// One of the files that were found.
+/// A file that was found.
 #[derive(Debug, Clone)]
 pub struct File {
-    /// What it is for.
+    /// Its purpose.
     pub part: Part,
-    /// Where it is.
+    /// Its path.
     pub path: PathBuf,
-    /// The version that it gives as its own.
+    /// The version in its version resource.
     pub version: Option<FileVersion>,
-    /// Who signed it, where that was to be checked.
+    /// Its signer, if the signature was checked.
     pub signer: Option<String>,
-    /// Why it is not used, where it is not.
+    /// Why it is not used, if it is not.
     pub fault: Option<Error>,
 }
 
@@ -70,17 +70,17 @@ pub struct File {
 #[derive(Debug, Clone)]
 pub struct Library {
     files: Vec<File>,
-    /// Of each effect, where its calls go.
+    /// For each effect, the library that its calls go to.
     doors: [Option<(Part, Api)>; Effect::ALL.len()],
 }
 
 impl Library {
-    /// Loads what there is. The library of each effect is loaded by its path before the loader, which asks the system for it by
-    /// name; where another file of that name is in the process already, the effect's own functions are called and the loader is
-    /// left out. The library of SDK 1.1 serves what no other does.
+    /// Loads the libraries in the folder. Each effect's library is loaded by path before AMD's loader, which loads it by name. If
+    /// another file of that name is already in the process, the effect's own functions are called and the loader is not used. The
+    /// library of SDK 1.1 serves the effects that have no other.
     ///
     /// # Errors
-    /// `RuntimeMissing` when no folder holds any of them, or none of what is there can be used; the error is the first one's, and
+    /// `RuntimeMissing` when no folder holds any of them, or none of the files can be used; it is the first file's error, and
     /// [`File::fault`] has each.
     pub fn load(options: &LoadOptions) -> Result<Self> {
         let folder = search::folder(options.directory.as_deref(), &own_folders())?;
@@ -127,7 +127,7 @@ impl Library {
     /// The functions that serve `effect`.
     ///
     /// # Errors
-    /// `RuntimeMissing` when its library is not there, or cannot be used.
+    /// `RuntimeMissing` when its library is missing or cannot be used.
     pub fn api(&self, effect: Effect) -> Result<&Api> {
         let door = self.doors.iter().zip(Effect::ALL).find(|(_, of)| *of == effect);
         door.and_then(|(door, _)| door.as_ref()).map(|(_, api)| api).ok_or_else(|| {
@@ -141,7 +141,7 @@ impl Library {
         })
     }
 
-    /// The library that calls for `effect` go to first.
+    /// The library that calls for `effect` go to.
     pub fn serves(&self, effect: Effect) -> Option<Part> {
         self.doors.iter().zip(Effect::ALL).find(|(_, of)| *of == effect).and_then(|(door, _)| Some(door.as_ref()?.0))
     }
@@ -152,7 +152,7 @@ impl Library {
     }
 }
 
-/// What was looked at so far.
+/// The state of loading: the folder, and the files found so far.
 struct Loading {
     folder: PathBuf,
     signed: bool,
@@ -160,7 +160,7 @@ struct Loading {
 }
 
 impl Loading {
-    /// Loads one, where it is there and can be used.
+    /// Loads one library, if its file exists and can be used.
     fn open(&mut self, part: Part) -> Option<(Module, Api)> {
         let path = self.folder.join(part.file_name());
         if !path.is_file() {
@@ -173,7 +173,7 @@ impl Loading {
         opened
     }
 
-    /// Whether the loader would find the effects' libraries that were loaded, and no others of their names.
+    /// Whether AMD's loader would find exactly the effect libraries that were loaded, and no others of their names.
     fn may_use_loader(&mut self, effects: &[(Part, Module)]) -> bool {
         let other = effects.iter().find_map(|&(part, module)| {
             let namesake = Module::namesakes(part.file_name()).into_iter().find(|other| *other != module);
@@ -196,11 +196,11 @@ impl Loading {
 }
 
 fn open(file: &mut File, signed: bool) -> Result<(Module, Api)> {
-    // Held until it is loaded: what was checked is what runs.
+    // The file is held open until it is loaded, so that the checked bytes are the loaded ones.
     let held = if signed { Some(signature::check(&file.path)?) } else { None };
     file.signer = held.as_ref().map(|signed| signed.signer.clone());
     let module = Module::load(&file.path)?;
-    // SAFETY: a library with the name of AMD's, which the caller named as such; it is never unloaded.
+    // SAFETY: a library with AMD's name, which the caller chose; it is never unloaded.
     let api = unsafe { Api::from_exports(|name| module.symbol(name)) }.map_err(|missing| {
         let names: Vec<_> = missing.iter().map(|name| name.to_string_lossy()).collect();
         Error::new(

@@ -1,4 +1,4 @@
-//! Libraries in this process, and what their files say of themselves.
+//! Loaded libraries of this process, and the version of a file.
 
 use std::ffi::{CStr, c_void};
 use std::fmt;
@@ -27,36 +27,36 @@ unsafe extern "system" {
     fn K32EnumProcessModules(process: HANDLE, modules: *mut HMODULE, room: u32, needed: *mut u32) -> i32;
 }
 
-/// A path or name as the system takes it.
+/// A NUL-terminated UTF-16 path or name.
 pub(super) fn wide(text: impl AsRef<std::ffi::OsStr>) -> Vec<u16> {
     text.as_ref().encode_wide().chain([0]).collect()
 }
 
-/// A library that is loaded and stays: threads and the driver may be in it as long as the process lives.
+/// A loaded library. It is never unloaded: its threads and the driver may use it as long as the process lives.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(in crate::ffx) struct Module(HMODULE);
 
 impl Module {
-    /// Loads the file at an absolute path. What it needs in turn is looked for beside it, beside the program and in the system,
-    /// and neither in the working folder nor along the PATH.
+    /// Loads the file at an absolute path. Its dependencies are searched beside it, beside the program and in the system, and
+    /// neither in the working directory nor along the PATH.
     pub(super) fn load(path: &Path) -> Result<Self> {
         let name = wide(path);
         let search = LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR | LOAD_LIBRARY_SEARCH_DEFAULT_DIRS;
-        // SAFETY: a NUL-terminated path; runs the initialisers of a library that the caller named as AMD's, with its trust.
+        // SAFETY: a NUL-terminated path; this runs the initialisers of a library that the caller trusts as AMD's.
         let module = unsafe { LoadLibraryExW(PCWSTR(name.as_ptr()), None, search) };
         module.map(Self).map_err(|e| refused(path, e.code()))
     }
 
-    /// All libraries in this process whose file has that name, in whatever folder. Which of them a load by name alone gives is
-    /// the system's to say, and not always the first.
+    /// All loaded libraries of this process with that file name, in any folder. Which of them a load by name returns is up to the
+    /// system, and not always the first.
     pub(in crate::ffx) fn namesakes(name: &str) -> Vec<Self> {
-        // SAFETY: the call takes nothing; what it gives stands for this process and needs no closing.
+        // SAFETY: the call has no arguments; its result is a pseudo-handle that needs no closing.
         let process = unsafe { GetCurrentProcess() };
         let mut modules = vec![HMODULE::default(); 256];
         loop {
             let room = size_of_val(modules.as_slice());
             let mut needed = 0;
-            // SAFETY: memory of the size that is named, and a place for the size that is needed.
+            // SAFETY: memory of the stated size, and memory for the needed size.
             let told = unsafe { K32EnumProcessModules(process, modules.as_mut_ptr(), room as u32, &mut needed) };
             let count = if told == 0 { 0 } else { needed as usize / size_of::<HMODULE>() };
             if count <= modules.len() {
@@ -76,21 +76,21 @@ impl Module {
         found.map_or(std::ptr::null(), |function| function as *const c_void)
     }
 
-    /// Where its file is.
+    /// The path of its file.
     pub(in crate::ffx) fn path(self) -> PathBuf {
         let mut name = vec![0; 1 << 15];
-        // SAFETY: a loaded module and memory of the length that the slice tells.
+        // SAFETY: a loaded module, and the slice's memory.
         let length = unsafe { GetModuleFileNameW(Some(self.0), &mut name) } as usize;
         String::from_utf16_lossy(&name[..length]).into()
     }
 }
 
-/// What a library is made for, where it is not this machine's kind: what its header says, in people's words.
+/// The processor type in a library's PE header, as text, if it is not x64.
 fn other_machine(path: &Path) -> Option<String> {
     let mut start = Vec::new();
     File::open(path).ok()?.take(1 << 16).read_to_end(&mut start).ok()?;
     let half = |at: usize| Some(u16::from_le_bytes(*start.get(at..)?.first_chunk()?));
-    // Where the second header is stands in the first one, as four bytes, of which the upper two are 0 in any library of sense.
+    // The offset of the PE header is a 32-bit number at 0x3c; its upper half is 0 in real libraries.
     let header = usize::from(half(0x3c)?);
     if start.get(header..header + 4)? != b"PE\0\0" {
         return None;
@@ -104,7 +104,7 @@ fn other_machine(path: &Path) -> Option<String> {
     }
 }
 
-/// Why a file is not loaded, in words that help.
+/// The error for a file that the system does not load.
 fn refused(path: &Path, code: HRESULT) -> Error {
     if let Some(machine) = other_machine(path) {
         let cause = format!("it cannot be loaded: it is made for {machine}, and this process is of 64-bit x86");
@@ -134,7 +134,7 @@ fn refused(path: &Path, code: HRESULT) -> Error {
         .remedy(remedy)
 }
 
-/// The version that a file gives as its own.
+/// The version in a file's version resource.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct FileVersion(pub [u16; 4]);
 
@@ -146,7 +146,7 @@ impl fmt::Display for FileVersion {
 }
 
 impl FileVersion {
-    /// Reads it from a file's version resource; None where there is none.
+    /// Reads it from a file's version resource; None if there is none.
     pub fn read(path: &Path) -> Option<Self> {
         let name = wide(path);
         let name = PCWSTR(name.as_ptr());
@@ -156,15 +156,15 @@ impl FileVersion {
         if data.is_empty() {
             return None;
         }
-        // SAFETY: memory of the size that is named.
+        // SAFETY: memory of the stated size.
         unsafe { GetFileVersionInfoW(name, None, size, data.as_mut_ptr().cast()) }.ok()?;
         let (mut found, mut length) = (std::ptr::null_mut(), 0);
-        // SAFETY: what the call above filled; places for an address in it and a length.
+        // SAFETY: the data filled above, and memory for a pointer into it and a length.
         let known = unsafe { VerQueryValueW(data.as_ptr().cast(), w!("\\"), &mut found, &mut length) };
         if !known.as_bool() || found.is_null() || (length as usize) < size_of::<VS_FIXEDFILEINFO>() {
             return None;
         }
-        // SAFETY: the system says that so many bytes are there, of this struct.
+        // SAFETY: the system states that at least so many bytes of this struct are there.
         let info = unsafe { found.cast::<VS_FIXEDFILEINFO>().read_unaligned() };
         let halves = |word: u32| [(word >> 16) as u16, (word & 0xffff) as u16];
         let ([a, b], [c, d]) = (halves(info.dwFileVersionMS), halves(info.dwFileVersionLS));

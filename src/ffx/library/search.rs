@@ -1,4 +1,4 @@
-//! Which files AMD's libraries are, and in which folder they are looked for.
+//! File names of AMD's libraries, and the search for their folder.
 
 #[cfg(any(windows, test))]
 use std::path::{Path, PathBuf};
@@ -7,12 +7,12 @@ use crate::ffx::Effect;
 #[cfg(any(windows, test))]
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 
-/// A library of AMD's by what it is for.
+/// One of AMD's libraries, by purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Part {
-    /// Hands calls on to the libraries of effects. SDK 2.0 and later.
+    /// Forwards calls to the effects' libraries. SDK 2.0 and later.
     Loader,
-    /// Frame generation and its swapchain. SDK 2.0 and later.
+    /// Frame generation and its swap chain. SDK 2.0 and later.
     FrameGeneration,
     /// Upscaling. SDK 2.0 and later.
     Upscaler,
@@ -43,14 +43,14 @@ impl Part {
     }
 }
 
-/// The folder that a host names, or the environment where it may.
+/// The folder that the host names, or `CAIRN_FFX_DIR` if the host allows the environment.
 #[cfg(any(windows, test))]
 pub(super) fn named(search: &LibrarySearch) -> Option<PathBuf> {
     search.ffx.clone().or_else(|| search.variable("CAIRN_FFX_DIR"))
 }
 
-/// The folder that libraries are taken from: `given` and no other, else the first of `others` that holds one of them. Always
-/// absolute: a library that is asked for by less is looked for in places that anybody may write to.
+/// The folder to load from: `given` and no other, else the first of `others` that holds a library. Always absolute: the system
+/// searches for a relative path in folders that other users may write to.
 #[cfg(any(windows, test))]
 pub(super) fn folder(given: Option<&Path>, others: &[PathBuf]) -> Result<PathBuf> {
     let given = given.map(|place| [place.to_owned()]);
@@ -75,7 +75,7 @@ pub(super) fn folder(given: Option<&Path>, others: &[PathBuf]) -> Result<PathBuf
 mod tests {
     use super::*;
 
-    /// A folder of the test's own with these files, empty.
+    /// A temporary folder with these files, empty.
     fn with(name: &str, parts: &[Part]) -> PathBuf {
         let place = std::env::temp_dir().join(format!("cairn-ffx-{}-{name}", std::process::id()));
         std::fs::create_dir_all(&place).expect("a folder");

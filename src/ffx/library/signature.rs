@@ -1,4 +1,4 @@
-//! Who signed a file: Authenticode.
+//! Checks a file's Authenticode signature.
 
 use std::ffi::c_void;
 use std::fs::{File, OpenOptions};
@@ -19,16 +19,16 @@ use windows::core::PCWSTR;
 use super::module::wide;
 use crate::{Error, ErrorKind, Result};
 
-/// How the name of AMD's certificates starts.
+/// Prefix of the name in AMD's certificates.
 const AMD: &str = "Advanced Micro Devices";
 
-/// A file that nobody can alter while this lives, signed by AMD.
+/// A file signed by AMD, which cannot be altered while this lives.
 pub(super) struct Signed {
     pub(super) signer: String,
     _held: File,
 }
 
-/// Opens the file so that it stays what it is, and checks that it is whole and AMD's.
+/// Opens the file without sharing it for writing, and checks that it is unaltered and signed by AMD.
 ///
 /// # Errors
 /// `RuntimeMissing` for a file that is not signed, was altered, or whose signer is not trusted or not AMD.
@@ -50,14 +50,14 @@ pub(super) fn check(path: &Path) -> Result<Signed> {
         dwUnionChoice: WTD_CHOICE_FILE,
         Anonymous: WINTRUST_DATA_0 { pFile: &mut file },
         dwStateAction: WTD_STATEACTION_VERIFY,
-        // Nothing is fetched: a check must not wait for a network.
+        // No network access: the check must not wait for it.
         dwProvFlags: WTD_CACHE_ONLY_URL_RETRIEVAL,
         ..Default::default()
     };
     let verify = |data: &mut WINTRUST_DATA| {
         let mut action = WINTRUST_ACTION_GENERIC_VERIFY_V2;
         let data: *mut WINTRUST_DATA = data;
-        // SAFETY: both structs say their size, and all they point to lives during the call.
+        // SAFETY: both structs state their size, and all they point to lives during the call.
         unsafe { WinVerifyTrust(HWND::default(), &mut action, data.cast::<c_void>()) }
     };
     let code = verify(&mut data);
@@ -76,7 +76,7 @@ pub(super) fn check(path: &Path) -> Result<Signed> {
 
 /// The first signer's name.
 fn signer(state: HANDLE) -> Option<String> {
-    // SAFETY: a state that the check gave, or null; each step is given what the one before gave.
+    // SAFETY: the state that the check returned, or null; each call gets the result of the previous one.
     let certificate = unsafe {
         let data = WTHelperProvDataFromStateData(state);
         if data.is_null() {
@@ -92,7 +92,7 @@ fn signer(state: HANDLE) -> Option<String> {
         return None;
     }
     let mut name = [0; 256];
-    // SAFETY: a certificate of the state, and memory of the length that the slice tells.
+    // SAFETY: a certificate of the state, and the slice's memory.
     let length = unsafe { CertGetNameStringW(certificate, CERT_NAME_SIMPLE_DISPLAY_TYPE, 0, None, Some(&mut name)) };
     let name = String::from_utf16_lossy(&name[..(length as usize).saturating_sub(1)]);
     Some(name).filter(|name| !name.is_empty())
@@ -104,7 +104,7 @@ fn refused(path: &Path, why: &str) -> Error {
         .remedy("Use the signed file of AMD's FidelityFX SDK")
 }
 
-/// What the check's code means.
+/// The meaning of the check's result code.
 fn meaning(code: i32) -> &'static str {
     match code.cast_unsigned() {
         0x800b_0100 => "it has no signature",

@@ -1,12 +1,12 @@
-//! When the list of a presented frame has run.
+//! The fence that signals when a presented frame's command list has run.
 
 use windows::Win32::Graphics::Direct3D12::*;
 
 use crate::Result;
 use crate::gpu::{FencePoint, Gpu, failed_on};
 
-/// A fence that the queue for frames is told to signal when the next frame is prepared. The list of the frame before has been given to the queue by
-/// then: AMD's swap chain demands it before that frame's `Present`, and the next frame is prepared after that.
+/// A fence that the frame queue signals when the next frame is prepared. By then the previous frame's list has been submitted:
+/// AMD's swap chain requires that before `Present`, and the next frame is prepared after it.
 pub(super) struct PresentFence {
     gpu: Gpu,
     fence: ID3D12Fence,
@@ -22,7 +22,7 @@ impl PresentFence {
         Ok(Self { gpu: gpu.clone(), fence, last: 0, is_owed: false })
     }
 
-    /// When the list that is recorded next will have run.
+    /// The fence point at which the next recorded list will have run.
     pub(super) fn next(&mut self) -> Result<FencePoint> {
         let fence_point = FencePoint::of_engine(&self.gpu, &self.fence, self.last + 1)?;
         self.last += 1;
@@ -30,7 +30,7 @@ impl PresentFence {
         Ok(fence_point)
     }
 
-    /// The frame was presented, or never will be: has the queue signal the fence behind all that it has been given.
+    /// To be called when the frame was presented, or never will be: signals the fence behind all work submitted to the queue.
     ///
     /// # Errors
     /// `DeviceRemoved`.
@@ -47,7 +47,8 @@ impl PresentFence {
 
 impl Drop for PresentFence {
     fn drop(&mut self) {
-        // Whoever waits for it waits for what the queue has; of a device that is gone nobody can be told more.
+        // Waiters wait for the work already on the queue. A failure means that the device was removed; there is nobody to report it
+        // to.
         _ = self.presented();
     }
 }

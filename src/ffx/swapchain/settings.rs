@@ -1,4 +1,4 @@
-//! What a swap chain of AMD's is made of, and what it is told.
+//! Options and settings of AMD's swap chain.
 
 use std::ptr::null_mut;
 
@@ -17,23 +17,24 @@ use crate::ffx::{Api, Chain, Choice};
 use crate::gpu::Gpu;
 use crate::gpu::compute::ResourceWithState;
 
-/// How a swap chain of AMD's is made.
+/// How AMD's swap chain is created.
 #[derive(Debug, Clone, Copy)]
 pub struct SwapchainOptions {
-    /// Whose generator.
+    /// Which provider generates frames.
     pub choice: Choice,
-    /// The largest size that motion and depth are rendered at; None for that of the buffers, whatever it becomes.
+    /// The largest render size of motion and depth; None for the size of the buffers, whatever it becomes.
     pub max_render_size: Option<Dimensions>,
-    /// How the generator is made. [`CreateFlags::ASYNC_WORKLOAD`]: frames are generated on a compute queue of the swap chain's.
+    /// How the generator is created. With [`CreateFlags::ASYNC_WORKLOAD`], frames are generated on a compute queue of the swap
+    /// chain's own.
     pub flags: CreateFlags,
-    /// The format of frames without interface, where it is another than that of the buffers.
+    /// The format of HUD-less pictures, if it differs from that of the buffers.
     pub hudless: Option<SurfaceFormat>,
-    /// Whether the provider has to show that it puts a picture of known motion where it belongs.
+    /// Whether the provider must pass the self-test: a frame of known motion.
     pub self_test: bool,
 }
 
 impl SwapchainOptions {
-    /// Any provider, tested, for motion and depth of that size.
+    /// Any provider that passes the self-test, for motion and depth of that size.
     pub fn new(max_render_size: Dimensions) -> Self {
         Self {
             choice: Choice::Any,
@@ -45,10 +46,10 @@ impl SwapchainOptions {
     }
 }
 
-/// What becomes a swap chain of AMD's.
-pub enum Paced<'a> {
-    /// An engine's own, in a window, which is taken out when AMD's library gets it and let go of there: this must be the only
-    /// reference to it, and none to its buffers may be left.
+/// What AMD's swap chain is created from.
+pub enum SwapchainSource<'a> {
+    /// The engine's own, in a window. It is taken out of the option, and AMD's library releases it: this must be the only reference
+    /// to it, and none to its buffers may be left.
     Wrap(&'a mut Option<IDXGISwapChain4>),
     /// A new one, as `IDXGIFactory::CreateSwapChain` makes it.
     New(&'a IDXGIFactory, DXGI_SWAP_CHAIN_DESC),
@@ -56,73 +57,73 @@ pub enum Paced<'a> {
     ForWindow(&'a IDXGIFactory, HWND, DXGI_SWAP_CHAIN_DESC1, Option<DXGI_SWAP_CHAIN_FULLSCREEN_DESC>),
 }
 
-/// Motion and depth of a frame that an engine draws. Each is a texture of two dimensions with one level, layer and sample, and in the
-/// state it rests in when the list is run, before and after.
+/// Motion and depth of an engine's frame. Each is a 2D texture with one mip level, array layer and sample, in the given state
+/// before and after the list runs.
 #[derive(Clone, Copy)]
-pub struct PacedPictures<'a> {
-    /// Device depth, of the size rendered at.
+pub struct FrameTextures<'a> {
+    /// Device depth at render size.
     pub depth: ResourceWithState<'a>,
-    /// From this frame to the one before; see [`Pictures::motion`](crate::ffx::Pictures::motion).
+    /// Motion vectors from this frame to the previous one; see [`Pictures::motion`](crate::ffx::Pictures::motion).
     pub motion: ResourceWithState<'a>,
-    /// The frame without interface, of the size shown. It is read within `Present`, and must not be drawn to before that came back; with
-    /// [`CreateFlags::ASYNC_WORKLOAD`] not before the next one did.
+    /// The HUD-less frame at display size. `Present` reads it: do not draw to it before `Present` returns, or, with
+    /// [`CreateFlags::ASYNC_WORKLOAD`], before the next `Present` returns.
     pub hudless: Option<ResourceWithState<'a>>,
     /// See [`Pictures::distortion`](crate::ffx::Pictures::distortion).
     pub distortion: Option<ResourceWithState<'a>>,
 }
 
-/// An interface that AMD's swap chain lays over real and generated frames alike.
+/// An interface (HUD) that AMD's swap chain draws over real and generated frames alike.
 #[derive(Clone, Copy)]
 pub struct Interface<'a> {
-    /// Of the size shown, with alpha. It is read within `Present` and after it, in that state; unless it is copied, it must not be
-    /// drawn to before [`Swapchain::wait`](super::Swapchain::wait).
+    /// Display size, with alpha. It is read during and after `Present`, in the given state; unless it is copied, do not draw to it
+    /// before [`Swapchain::wait`](super::Swapchain::wait).
     pub picture: ResourceWithState<'a>,
-    /// Its colours are multiplied by its alpha.
+    /// Its colours are premultiplied by its alpha.
     pub premultiplied: bool,
-    /// The swap chain copies it within `Present`, so that the next one may be drawn at once.
+    /// The swap chain copies it within `Present`, so that the next one may be drawn immediately after.
     pub copied: bool,
 }
 
-/// How presents are spread over time.
+/// How presents are paced.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pacing {
-    /// Milliseconds that are taken off the time from one present to the next, 0 or more.
+    /// Milliseconds subtracted from the time between presents, 0 or more.
     pub safety_margin_ms: f32,
-    /// How much of the variance of frame times is taken off besides, from 0 to 1.
+    /// Share of the variance of frame times that is subtracted too, from 0 to 1.
     pub variance_factor: f32,
-    /// Waits by sleeping, and at the end for so many ticks of the timer by spinning; None by spinning alone.
+    /// Waits by sleeping, and spins for the last timer ticks, this many; None to spin only.
     pub hybrid_spin: Option<u32>,
-    /// Lets the system wake a thread at a fence, and not by spinning.
+    /// Waits on a fence event instead of spinning.
     pub wait_on_fence: bool,
 }
 
 impl Default for Pacing {
-    /// AMD's own.
+    /// AMD's defaults.
     fn default() -> Self {
         Self { safety_margin_ms: 0.1, variance_factor: 0.1, hybrid_spin: None, wait_on_fence: false }
     }
 }
 
 impl Pacing {
-    /// What AMD advises where the default is stuck at a low rate: a margin of 0.01 ms, and 0.3 of the variance.
+    /// AMD's advice where the defaults keep the rate too low: a margin of 0.01 ms and 0.3 of the variance.
     pub const LOOSE: Self =
         Self { safety_margin_ms: 0.01, variance_factor: 0.3, hybrid_spin: None, wait_on_fence: false };
 }
 
-/// What a swap chain of AMD's keeps on the device, in bytes.
+/// Device memory of AMD's swap chain, in bytes.
 #[derive(Debug, Clone, Copy)]
 pub struct SwapchainMemory {
-    /// The generator, as its provider reports it; None where it cannot say.
+    /// The generator's memory, as its provider reports it; None if it cannot.
     pub generator: Option<MemoryUsage>,
-    /// The swap chain; None where it cannot say.
+    /// The swap chain's memory; None if it cannot report it.
     pub swapchain: Option<MemoryUsage>,
 }
 
-/// What a context that paces would keep on `gpu`, for buffers of that size and format and an interface of the same size, if there is one.
-/// None where the library cannot say: SDK 2.0 and later can.
+/// Device memory that a pacing context would use on `gpu`, for buffers of that size and format and, if given, an interface of the
+/// same size. None if the library cannot report it: SDK 2.0 and later can.
 ///
 /// # Errors
-/// What the library answers.
+/// The library's own errors.
 pub fn swapchain_memory_needed(
     gpu: &Gpu,
     api: &Api,
@@ -143,7 +144,7 @@ pub fn swapchain_memory_needed(
         usage: &mut usage,
         ..Default::default()
     });
-    // SAFETY: no context; a live device, and a place for the answer that lives during the call.
+    // SAFETY: no context; a live device, and memory for the answer that lives during the call.
     let known = known(unsafe { api.query(null_mut(), &mut query) })?;
     Ok(known.then_some(usage))
 }

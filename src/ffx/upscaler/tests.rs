@@ -1,4 +1,4 @@
-//! Larger frames of a library that is played: what is answered to each call, and who is suspected.
+//! Upscaling with a fake library: the handling of each call's return code, and the suspected fields.
 
 use super::super::bindings::*;
 use super::super::double::{Double, PLAY, api};
@@ -24,7 +24,7 @@ fn upscaler() -> Upscaler {
     let newest = (0xf600_0000_0100_0003, c"4.0.3");
     PLAY.set(Double { offers: vec![newest], runs: Some(newest), ..Double::default() });
     let head = CreateUpscale { max_render_size: RENDERED, max_upscale_size: SHOWN, ..Default::default() };
-    // SAFETY: the library played here uses no device.
+    // SAFETY: the fake library uses no device.
     unsafe { Upscaler::create(&api(), 0x1000 as *mut c_void, Choice::Any, head) }.expect("an upscaler")
 }
 
@@ -39,7 +39,7 @@ fn frame() -> UpscaleFrame {
         reactive: none,
         transparency: none,
         output: picture(0x400, SHOWN),
-        shot: UpscaleShot::of(RENDERED, SHOWN),
+        shot: UpscaleParams::of(RENDERED, SHOWN),
     }
 }
 
@@ -49,7 +49,7 @@ fn every_code_at_every_call_names_the_call_the_suspect_and_what_was_passed() {
     type Call = fn(&mut Upscaler) -> Result<()>;
     let calls: [(Call, StructId, &str, &str, [&str; 2]); 6] = [
         (
-            // SAFETY: the library played here reads ids only.
+            // SAFETY: the fake library reads ids only.
             |upscaler| unsafe { upscaler.record(&frame()) },
             StructId::UPSCALE_DISPATCH,
             "ffxDispatch",
@@ -95,7 +95,7 @@ fn every_code_at_every_call_names_the_call_the_suspect_and_what_was_passed() {
         for code in (1..=8).chain([u32::MAX]) {
             PLAY.with_borrow_mut(|play| play.refuses = vec![(id, ReturnCode(code))]);
             let answer = act(&mut upscaler);
-            // A question about memory that is not known is no failure.
+            // An unknown memory query is not an error.
             if id == StructId::UPSCALE_MEMORY && [2, 6, 7].contains(&code) {
                 assert!(answer.is_ok(), "{code}");
                 continue;
@@ -119,7 +119,7 @@ fn a_view_that_nobody_can_ask_for_is_not_made() {
     PLAY.set(Double::default());
     let flags = UpscaleCreateFlags::DEBUG_VISUALIZATION;
     let head = CreateUpscale { flags, max_render_size: RENDERED, max_upscale_size: SHOWN, ..Default::default() };
-    // SAFETY: the library played here uses no device.
+    // SAFETY: the fake library uses no device.
     let refused = unsafe { Upscaler::create(&api(), 0x1000 as *mut c_void, Choice::Any, head) }.expect_err("refused");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("flags")));
     assert!(PLAY.with_borrow(|play| play.calls.is_empty()), "the library was not asked");

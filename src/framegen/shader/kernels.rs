@@ -1,16 +1,16 @@
-//! The shaders of a frame.
+//! The compute shaders of a frame.
 
 use super::layout::WORDS;
 use crate::Result;
 use crate::gpu::Gpu;
 use crate::gpu::compute::{Kernel, Shape};
 
-/// What each of them reads and writes, in the order of `frame.hlsli`.
+/// Bindings of all shaders, in the order of `frame.hlsli`.
 const SHAPE: Shape = Shape { constants: WORDS as u32, inputs: 6, outputs: 6 };
 
 macro_rules! kernels {
     ($($name:ident),* $(,)?) => {
-        /// One of each, named as its text in `src/gpu/shaders` is after `frame_`.
+        /// All shaders; each has the name of its source in `src/gpu/shaders` after `frame_`.
         pub(super) struct Kernels {
             $(pub(super) $name: Kernel,)*
         }

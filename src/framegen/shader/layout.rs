@@ -1,19 +1,19 @@
-//! What the shaders of a frame are told, and where things lie in their memory.
+//! Root constants of a frame's shaders, and the layout of their memory.
 
-/// Pixels to a side of a tile.
+/// Side of a tile, in pixels.
 pub(super) const TILE: u32 = 8;
-/// The longer side of the pictures in which cuts are looked for is at most this.
+/// Largest side of the reduced pictures for cut detection, in pixels.
 const SMALL_SIDE: u32 = 320;
-/// Pixels of these to one of the tiny pictures in which the motion of the whole is sought.
+/// Reduction factor from those to the tiny pictures in which the global motion is searched.
 const TINY_FACTOR: u32 = 4;
-/// Side of their blocks.
+/// Side of the blocks of the reduced pictures, in pixels.
 const BLOCK: u32 = 16;
-/// Bytes for what single words say.
+/// Bytes reserved for single-word results.
 const STATE: u32 = 1024;
-/// Of one row in so many the light is summed.
+/// Step between the rows whose brightness is summed.
 const SPARSE: u32 = 8;
 
-/// The constants of every shader of a frame, in the order of `frame.hlsli`, which says what they are.
+/// Root constants of all shaders of a frame, in the order of `frame.hlsli`, which documents them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Constants {
     pub(super) size: [u32; 2],
@@ -57,11 +57,11 @@ pub(super) struct Constants {
     pub(super) at_shifts: u32,
 }
 
-/// How many words they are.
+/// Number of 32-bit words of [`Constants`].
 pub(super) const WORDS: usize = 43;
 
 impl Constants {
-    /// As shaders read them.
+    /// The words in the order in which shaders read them.
     pub(super) fn words(&self) -> [u32; WORDS] {
         [
             self.size[0],
@@ -111,22 +111,22 @@ impl Constants {
     }
 }
 
-/// What a size of pictures makes of the memory.
+/// Layout of the memory for one picture size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Layout {
-    /// With everything in them that follows from the size.
+    /// Constants with all values that depend on the size only.
     pub(super) constants: Constants,
-    /// Where the tiles of what claims land on lie, between the anchors.
+    /// Byte offset of the tiles of the splat destination between the anchors.
     pub(super) at_place_tiles: u32,
-    /// Bytes of all that is not a key to a pixel.
+    /// Bytes of the buffer for everything except the per-pixel keys.
     pub(super) small: u64,
-    /// Places of claims while they land.
+    /// Pixels of the splat scratch buffer: the tiles plus a border of one pixel.
     pub(super) places: u64,
-    /// Blocks of the small pictures across and down.
+    /// Columns and rows of blocks of the reduced pictures.
     pub(super) blocks: [u32; 2],
-    /// Pixels of the tiny pictures.
+    /// Size of the tiny pictures, in pixels.
     pub(super) tiny: [u32; 2],
-    /// Shifts of them that are compared.
+    /// Columns and rows of compared shifts of the tiny pictures.
     pub(super) shifts: [u32; 2],
 }
 
@@ -144,7 +144,7 @@ impl Layout {
         let mut take = |bytes: u64| {
             let start = end;
             end += bytes.next_multiple_of(16);
-            // Beyond 4 GiB nothing is made, see where the memory is.
+            // A layout of more than 4 GiB is rejected in `Memory::new`.
             start as u32
         };
         let area = |[across, down]: [u32; 2]| u64::from(across) * u64::from(down);

@@ -8,10 +8,10 @@ use crate::gpu::compute::{ResourceWithState, View, Words};
 use crate::gpu::{Gpu, Heap, buffer};
 use crate::{Error, ErrorKind, Result};
 
-/// What buffers and dispatches have room for: places in groups of 1024.
+/// Largest number of splat pixels: 65535 thread groups of 1024.
 const MOST_PLACES: u64 = 65_535 * 1024;
 
-/// About 50 bytes to a pixel, made once.
+/// The buffers: about 50 bytes per pixel, allocated once.
 pub(super) struct Memory {
     small: ID3D12Resource,
     scratch: ID3D12Resource,
@@ -24,10 +24,10 @@ pub(super) struct Memory {
 
 impl Memory {
     /// # Errors
-    /// `Unsupported` for pictures beyond about 64 million pixels; `OutOfMemory`, `DeviceRemoved`.
+    /// `Unsupported` for pictures of more than about 64 million pixels; `OutOfMemory`, `DeviceRemoved`.
     pub(super) fn new(gpu: &Gpu, layout: &Layout) -> Result<Self> {
         let [width, height] = layout.constants.size;
-        // Halves are the widest.
+        // Half floats are the widest format.
         let picture = u64::from(pitch(width, 8)) * u64::from(height);
         let keys = 8 * u64::from(width) * u64::from(height);
         let sizes = [layout.small, 8 * layout.places, keys, picture];
@@ -48,7 +48,7 @@ impl Memory {
         })
     }
 
-    /// The views that shaders write: with what claims land on being the previous anchor (`swapped`), or the frame.
+    /// The views that shaders write. The splat destination is the previous anchor if `swapped`, otherwise the frame.
     pub(super) fn views(&self, swapped: bool) -> [View<'_>; 6] {
         let [small, scratch, keys, picture] = self.sizes;
         let (owners, places) = if swapped { (&self.places, &self.owners) } else { (&self.owners, &self.places) };
@@ -67,7 +67,7 @@ impl Memory {
         resting(&self.picture)
     }
 
-    /// What was found out besides.
+    /// The buffer with the single-word results.
     pub(super) fn small(&self) -> ResourceWithState<'_> {
         resting(&self.small)
     }

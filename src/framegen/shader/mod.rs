@@ -1,10 +1,10 @@
-//! The generator in compute shaders, on an engine's own Direct3D device.
+//! The generator in compute shaders, on a Direct3D 12 device.
 //!
-//! It computes what the [`cpu`](super::cpu) generator does, whose modules say what each step is for; its shaders are
-//! `frame_*.hlsl`, and `frame.hlsli` holds what they share. What the processor does tile by tile with bands and short cuts, they do
-//! place by place: a claim lands by an atomic minimum of its key, the upper word in one dispatch and the lower in a second, so that
-//! the winner is the same. Cuts, bars and the way of the camera are found on the device, and later dispatches read them there:
-//! nothing comes back to the processor. A finished picture is copied into its target, which thus need not be one that shaders write.
+//! It computes the same as the [`cpu`](super::cpu) generator, whose modules document the purpose of each step. Its shaders are
+//! `frame_*.hlsl`; `frame.hlsli` holds shared code. Where the CPU works tile by tile with bands and short cuts, the shaders work per
+//! pixel: a splat is an atomic minimum of its key, the upper word in one dispatch and the lower word in a second, so both generators keep
+//! the same winner. Cuts, letterbox bars and the camera motion are found on the device, and later dispatches read them there: nothing is
+//! read back by the CPU. The finished picture is copied into its target, so the target need not allow unordered access.
 
 mod kernels;
 mod layout;
@@ -22,11 +22,11 @@ use layout::{Constants, Layout};
 use memory::Memory;
 use steps::Steps;
 
-/// The whole way between two anchors.
+/// Fixed-point phase 1: the time between two anchors.
 const WHOLE: i32 = 1 << 12;
-/// The mark of a place of the previous anchor that no pixel of the current one comes from.
+/// Tag of a pixel of the previous anchor that no pixel of the current one comes from.
 const ORPHAN: u32 = 254;
-/// The mark of a place between the anchors that nothing lands on.
+/// Tag of a destination pixel between the anchors to which nothing is warped.
 const HOLE: u32 = 255;
 /// Formats of motion and of depth.
 const MOTION: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32G32_FLOAT];
@@ -35,43 +35,43 @@ const DEPTH: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R32_FLOAT, DXGI_FORMAT_R16_FLOAT];
 /// Motion and depth in textures, as [`Guidance`](crate::guidance::Guidance) holds them.
 #[derive(Clone, Copy)]
 pub struct GuidanceTextures<'a> {
-    /// R16G16 or R32G32 (FLOAT): from the current anchor to the previous one, in pixels, y down.
+    /// R16G16 or R32G32 (FLOAT): motion from the current anchor to the previous one, in pixels, y down.
     pub motion: ResourceWithState<'a>,
-    /// Pixels to a side for which it has one vector: 1, 8 or 16.
+    /// Tile size of motion in pixels: 1, 8 or 16.
     pub motion_tile: u32,
     /// R32 or R16 (FLOAT): device depth of the current anchor, 0 near.
     pub depth: ResourceWithState<'a>,
-    /// Pixels to a side for which it has one value: 1, 8 or 16.
+    /// Tile size of depth in pixels: 1, 8 or 16.
     pub depth_tile: u32,
-    /// Whether depth is known to be one and the same everywhere ([`DepthMap::even`](crate::guidance::DepthMap::even)), as beside motion
-    /// that was found in pictures: edges are then known to a pixel or two, and frames a little soft there.
+    /// Whether depth is known to be the same everywhere ([`DepthMap::even`](crate::guidance::DepthMap::even)), as with optical flow. Edges
+    /// are then accurate to a pixel or two only, and frames are a little soft there.
     pub depth_is_even: bool,
-    /// R8 (UNORM), where an engine knows it: what is not 0 lies over the current anchor's picture and stands still, like a HUD. Without
-    /// it, such is told from colours that do not move, as letterbox bars are in any case.
+    /// R8 (UNORM): mask of a static overlay over the current anchor, such as a HUD, not 0 where there is one. Without it, an overlay is detected
+    /// from colours that do not move, as letterbox bars always are.
     pub hud: Option<ResourceWithState<'a>>,
 }
 
 /// Two consecutive anchors in textures, as [`AnchorPair`](super::AnchorPair) holds them.
 ///
 /// Both pictures are of one format: R8G8B8A8 or B8G8R8A8 (UNORM, UNORM_SRGB or typeless), R10G10B10A2 (UNORM or typeless) or R16G16B16A16
-/// (FLOAT or typeless). What is typed as sRGB gives the same frames as what is not, at a little more cost: every read of it is brought back from
-/// light. Numbers of floats may lie beyond [0, 1], and may be light ([`ShaderGenerator::with_transfer`]).
+/// (FLOAT or typeless). An sRGB format gives the same frames as the one without, at a little more cost: every read is converted back from
+/// linear. Float values may be outside [0, 1], and may be linear ([`ShaderGenerator::with_transfer`]).
 #[derive(Clone, Copy)]
 pub struct TexturePair<'a> {
     /// The earlier anchor.
     pub previous: ResourceWithState<'a>,
     /// The later anchor.
     pub current: ResourceWithState<'a>,
-    /// From the later back to the earlier.
+    /// Motion from the later anchor back to the earlier one, and the later one's depth.
     pub guidance: GuidanceTextures<'a>,
-    /// The earlier anchor's depth with its tile, where it is known and of the same camera as the later's.
+    /// The earlier anchor's depth with its tile size, if it is known and has the later one's projection.
     pub previous_depth: Option<(ResourceWithState<'a>, u32)>,
-    /// Whether a cut is known to lie between the two. Where this is not stated, cuts are looked for.
+    /// Whether the caller states a cut between the two. If not, the generator detects cuts.
     pub cut: bool,
 }
 
-/// Generates frames of one size on a Direct3D device. Its memory is about 50 bytes to a pixel and is made with it, as are its
-/// pipelines; recording makes nothing. Frames that use it run one after the other: on one queue, as ever.
+/// Generates frames of one size on a Direct3D 12 device. Its memory, about 50 bytes per pixel, and its pipelines are created with it;
+/// recording creates nothing. Frames that use it must run one after the other, for example on one queue.
 ///
 /// Threads: one at a time; may move between them.
 pub struct ShaderGenerator {
@@ -80,33 +80,33 @@ pub struct ShaderGenerator {
     layout: Layout,
     memory: Memory,
     transfer: Transfer,
-    /// Of targets in half floats, where it is another than that of anchors.
+    /// Transfer function of targets in half floats, if it differs from that of the anchors.
     target_transfer: Option<Transfer>,
-    /// The pair of which the memory knows all that does not depend on the phase.
+    /// The pair whose phase-independent results are in memory.
     prepared: Option<Prepared>,
-    /// How the finished picture is held that was made last.
+    /// Format of the last finished picture.
     last: Option<Format>,
 }
 
-/// What tells one pair from another: its textures, and what is said of them.
+/// Identity of a pair: its textures and constants.
 type Prepared = ([usize; INPUTS], Constants);
 
-/// In a generator's [report](ShaderGenerator::report) the word that is 1 where a cut lies between the anchors, and else 0.
+/// Word of a generator's [report](ShaderGenerator::report) that is 1 if there is a cut between the anchors, else 0.
 pub const WORD_OF_CUT: u32 = 0;
-/// The word that counts the pixels that nothing visible in the current anchor lands on.
+/// Word with the number of pixels to which no visible pixel of the current anchor is warped.
 pub const WORD_OF_UNCOVERED: u32 = 6;
-/// The word with the share, a float from 0 to 1, for which no counterpart was found in the previous anchor; 0 where none was sought.
+/// Word with the share of pixels, a float from 0 to 1, without a counterpart in the previous anchor; 0 if no cut detection was run.
 pub const WORD_OF_UNEXPLAINED: u32 = 29;
-/// Descriptors that a frame of it takes; half of them where it only prepares a pair or makes a frame of one that is prepared.
+/// Descriptors per frame; half as many for [`prepare`](ShaderGenerator::prepare) or [`interpolate`](ShaderGenerator::interpolate) alone.
 pub const DESCRIPTORS: u32 = 24;
-/// Textures that shaders read.
+/// Number of textures that shaders read.
 const INPUTS: usize = 6;
 
 impl ShaderGenerator {
-    /// Makes it ready for pictures of `size`, 1 to [`MAX_SIDE`](crate::MAX_SIDE) to a side and about 64 million pixels.
+    /// Creates a generator for pictures of `size`, 1 to [`MAX_SIDE`](crate::MAX_SIDE) per side and at most about 64 million pixels.
     ///
     /// # Errors
-    /// `InvalidArgument` for another size, `Unsupported` for one that does not fit into the buffers of Direct3D; `OutOfMemory`,
+    /// `InvalidArgument` for another size, `Unsupported` for one that exceeds the buffers of Direct3D; `OutOfMemory`,
     /// `DeviceRemoved`, or `Device` when the driver refuses a shader.
     pub fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
         let sides = 1..=MAX_SIDE;
@@ -122,35 +122,33 @@ impl ShaderGenerator {
             kernels: Kernels::new(gpu)?,
             layout,
             memory,
-            transfer: Transfer::Shown,
+            transfer: Transfer::Encoded,
             target_transfer: None,
             prepared: None,
             last: None,
         })
     }
 
-    /// The same for anchors whose numbers stand for light in another way than [`Transfer::Shown`], and for targets in half floats like them.
+    /// Sets the transfer function of anchors, [`Transfer::Encoded`] by default, and of targets in half floats.
     pub fn with_transfer(self, transfer: Transfer) -> Self {
         Self { transfer, ..self }
     }
 
-    /// The same for targets in half floats whose numbers stand for light in another way than those of anchors: anchors in sRGB and a window
-    /// in scRGB.
+    /// Sets another transfer function for targets in half floats than for anchors: for example anchors in sRGB and a window in scRGB.
     pub fn with_target_transfer(self, transfer: Transfer) -> Self {
         Self { target_transfer: Some(transfer), ..self }
     }
 
-    /// `shader`.
+    /// The generator's name, `shader`.
     pub fn name(&self) -> &str {
         "shader"
     }
 
     /// Records the picture at phase `t` of `pair`, 0 being the previous anchor and 1 the current one, into `target`: a texture
-    /// of the generator's size in a format of anchors; it need not be one that shaders write. Of light in anchors half floats get light,
-    /// unless told otherwise, and other formats what is shown for it in sRGB, up to white. Across a cut the nearer anchor is shown.
+    /// of the generator's size in a format of anchors; it need not allow unordered access. For linear anchors, targets in half floats get linear
+    /// values unless set otherwise, and other formats get sRGB values, clamped at white. Across a cut the nearer anchor is shown.
     ///
-    /// Of a pair that several pictures are made of, [`prepare`](Self::prepare) and [`interpolate`](Self::interpolate) do the same with
-    /// less work.
+    /// For several pictures of a pair, [`prepare`](Self::prepare) and [`interpolate`](Self::interpolate) give the same result with less work.
     ///
     /// # Errors
     /// `InvalidArgument` when `t` is not inside (0, 1), or for a texture of another size, format or device; as for any frame.
@@ -169,30 +167,30 @@ impl ShaderGenerator {
         frame.fits(DESCRIPTORS)?;
         let table = frame.bind(&seen.inputs, &self.memory.views(true))?;
         let shown = frame.bind(&seen.inputs, &self.memory.views(false))?;
-        // It may be one of the inputs, and must rest in one state then.
+        // The target may be one of the inputs and must then be in one state.
         target.takes(frame)?;
-        self.explore(frame, &table, &seen);
+        self.record_pair(frame, &table, &seen);
         self.show(frame, &shown, &seen, at, written, target)
     }
 
-    /// Records all that frames between the anchors of `pair` have in common: [`interpolate`](Self::interpolate) makes any number of them,
-    /// in this frame or in later ones of the same queue, until another pair is prepared or anything else is made. The pair's textures
-    /// must hold the same until then.
+    /// Records the work that all frames between the anchors of `pair` share. [`interpolate`](Self::interpolate) then makes any number of them,
+    /// in this frame or in later ones of the same queue, until another pair is prepared or another kind of frame is made. The pair's textures
+    /// must not change until then.
     ///
     /// # Errors
     /// As for [`generate`](Self::generate).
     pub fn prepare(&mut self, frame: &mut CommandRecorder<'_>, pair: &TexturePair<'_>) -> Result<()> {
         let seen = self.look_at_pair(pair)?;
         let table = frame.bind(&seen.inputs, &self.memory.views(true))?;
-        self.explore(frame, &table, &seen);
+        self.record_pair(frame, &table, &seen);
         Ok(())
     }
 
-    /// Records the picture at phase `t` of the pair that was prepared last, as [`generate`](Self::generate) does, to the bit. A prepared
-    /// frame that was dropped instead of run leaves pictures of no meaning.
+    /// Records the picture at phase `t` of the last prepared pair; the result is identical to that of [`generate`](Self::generate). If the
+    /// frame with the preparation was dropped instead of run, pictures are undefined.
     ///
     /// # Errors
-    /// `InvalidArgument` for a pair of which another is prepared, or none; as for [`generate`](Self::generate).
+    /// `InvalidArgument` if the pair is not the last prepared one; as for [`generate`](Self::generate).
     pub fn interpolate<'t>(
         &mut self,
         frame: &mut CommandRecorder<'_>,
@@ -214,8 +212,8 @@ impl ShaderGenerator {
         self.show(frame, &table, &seen, at, written, target)
     }
 
-    /// Records the picture `t` anchor intervals after an anchor, as if its motion went on, into `target`. Bounded to one interval:
-    /// later than that, and after a cut (`is_after_cut`), a picture is held.
+    /// Records the picture extrapolated `t` anchor intervals after an anchor along its motion, into `target`. Limited to one interval:
+    /// beyond that, and after a cut (`is_after_cut`), a picture is held.
     ///
     /// # Errors
     /// `InvalidArgument` when `t` is not above 0 and finite, and as for [`generate`](Self::generate).
@@ -235,7 +233,7 @@ impl ShaderGenerator {
                 .remedy("Pass a positive number of anchor intervals"));
         }
         let phase = ((t.min(1.0) * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE);
-        let seen = self.look(current, guidance)?;
+        let seen = self.check_inputs(current, guidance)?;
         let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
         let beyond = Constants {
             is_stated: is_after_cut.into(),
@@ -245,7 +243,7 @@ impl ShaderGenerator {
             ..self.constants(&seen, &written)
         };
         let table = frame.bind(&seen.inputs, &self.memory.views(false))?;
-        // It may be one of the inputs, and must rest in one state then.
+        // The target may be one of the inputs and must then be in one state.
         target.takes(frame)?;
         self.prepared = None;
         let kernels = &self.kernels;
@@ -261,8 +259,8 @@ impl ShaderGenerator {
         self.copy(frame, &written, target)
     }
 
-    /// Records `picture` as it is, of the generator's size in a format of anchors, into `target`, as for
-    /// [`generate`](Self::generate): what is shown at an anchor's own time.
+    /// Records `picture` unchanged, of the generator's size in a format of anchors, into `target`, as for
+    /// [`generate`](Self::generate): for a frame at an anchor's own time.
     ///
     /// # Errors
     /// `InvalidArgument` for a texture of another size, format or device; as for any frame. Nothing is recorded then.
@@ -277,11 +275,11 @@ impl ShaderGenerator {
         let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
         let inputs = [View::Texture(*picture, anchor.viewed); INPUTS];
         let table = frame.bind(&inputs, &self.memory.views(false))?;
-        // It may be the anchor, and must rest in one state then.
+        // The target may be the anchor and must then be in one state.
         target.takes(frame)?;
         self.prepared = None;
-        // As the later one of two with a cut between them, of which nothing else is read.
-        let seen = Seen { constants: self.layout.constants, inputs, anchor };
+        // Uses the path for a cut between two anchors, which reads only the later anchor.
+        let seen = CheckedInputs { constants: self.layout.constants, inputs, anchor };
         let shown = Constants {
             is_pair: 1,
             is_stated: 1,
@@ -298,7 +296,7 @@ impl ShaderGenerator {
         self.copy(frame, &written, target)
     }
 
-    /// Whether frames of `pair` can be made without preparing it.
+    /// Whether `pair` is prepared.
     ///
     /// # Errors
     /// As for [`generate`](Self::generate).
@@ -306,8 +304,8 @@ impl ShaderGenerator {
         Ok(self.prepared == Some(self.look_at_pair(pair)?.prepared()))
     }
 
-    /// Records the picture that was made last once more, into `target`; whether that is possible: where the target's format is that of the
-    /// last one, in which the finished picture is held.
+    /// Records another copy of the last picture into `target`; `false` if the target's format differs from the one in which the finished picture
+    /// is stored.
     ///
     /// # Errors
     /// As for [`show_anchor`](Self::show_anchor).
@@ -321,13 +319,13 @@ impl ShaderGenerator {
         Ok(true)
     }
 
-    /// A buffer in which the device leaves what happened in the frame that was made last, for whoever wants to copy it from there:
-    /// [`WORD_OF_CUT`], [`WORD_OF_UNCOVERED`] and [`WORD_OF_UNEXPLAINED`] say in which words of four bytes. The next frame overwrites it.
+    /// The buffer with the report of the last frame, to copy from: [`WORD_OF_CUT`], [`WORD_OF_UNCOVERED`] and [`WORD_OF_UNEXPLAINED`] are indices
+    /// of its 32-bit words. The next frame overwrites it.
     pub fn report(&self) -> ResourceWithState<'_> {
         self.memory.small()
     }
 
-    /// A phase inside (0, 1).
+    /// Converts a phase inside (0, 1) to fixed point.
     fn phase(&self, t: f32) -> Result<Phase> {
         if !(t > 0.0 && t < 1.0) {
             return Err(Error::new(ErrorKind::InvalidArgument, format!("a phase of {t} is not inside (0, 1)"))
@@ -337,9 +335,9 @@ impl ShaderGenerator {
         Ok(Phase { phase: ((t * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE - 1), cut_shows_current: t >= 0.5 })
     }
 
-    /// Looks at what frames between two anchors are made of, so that nothing is recorded of what cannot be.
-    fn look_at_pair<'t>(&self, pair: &TexturePair<'t>) -> Result<Seen<'t>> {
-        let mut seen = self.look(&pair.current, &pair.guidance)?;
+    /// Checks the inputs of a pair before anything is recorded.
+    fn look_at_pair<'t>(&self, pair: &TexturePair<'t>) -> Result<CheckedInputs<'t>> {
+        let mut seen = self.check_inputs(&pair.current, &pair.guidance)?;
         let size = seen.constants.size;
         if pictures::anchor(&self.gpu, &pair.previous, size, self.transfer, "previous")?.viewed != seen.anchor.viewed {
             return Err(Error::new(ErrorKind::InvalidArgument, "the anchors are of two formats").field("previous"));
@@ -354,8 +352,12 @@ impl ShaderGenerator {
         Ok(seen)
     }
 
-    /// Looks at an anchor and what is known of it.
-    fn look<'t>(&self, current: &ResourceWithState<'t>, guidance: &GuidanceTextures<'t>) -> Result<Seen<'t>> {
+    /// Checks an anchor and its guidance.
+    fn check_inputs<'t>(
+        &self,
+        current: &ResourceWithState<'t>,
+        guidance: &GuidanceTextures<'t>,
+    ) -> Result<CheckedInputs<'t>> {
         let size = self.layout.constants.size;
         let anchor = pictures::anchor(&self.gpu, current, size, self.transfer, "current")?;
         let (tile, formats) = (guidance.motion_tile, &MOTION);
@@ -375,12 +377,12 @@ impl ShaderGenerator {
             is_light: anchor.is_light.into(),
             ..self.layout.constants
         };
-        // What is not there is another of its kind, which nobody reads.
-        Ok(Seen { constants, inputs: [picture, picture, motion, depth, depth, hud], anchor })
+        // A missing input is replaced by another texture of its kind that no shader reads.
+        Ok(CheckedInputs { constants, inputs: [picture, picture, motion, depth, depth, hud], anchor })
     }
 
-    /// Records what does not depend on the phase: cuts, bars, the way of the camera, motion, and what is in the previous anchor.
-    fn explore(&mut self, frame: &mut CommandRecorder<'_>, table: &Table, seen: &Seen<'_>) {
+    /// Records the phase-independent work: cuts, bars, camera motion, motion field, and splats into the previous anchor.
+    fn record_pair(&mut self, frame: &mut CommandRecorder<'_>, table: &Table, seen: &CheckedInputs<'_>) {
         self.prepared = Some(seen.prepared());
         let kernels = &self.kernels;
         let in_previous = Constants { mark: ORPHAN, at_tiles: seen.constants.at_owner_tiles, ..seen.constants };
@@ -398,12 +400,12 @@ impl ShaderGenerator {
         steps.fill(in_previous);
     }
 
-    /// Records a frame between two anchors that were explored.
+    /// Records the phase-dependent work of a prepared pair.
     fn show(
         &mut self,
         frame: &mut CommandRecorder<'_>,
         table: &Table,
-        seen: &Seen<'_>,
+        seen: &CheckedInputs<'_>,
         Phase { phase, cut_shows_current }: Phase,
         written: Format,
         target: Output<'_>,
@@ -426,13 +428,13 @@ impl ShaderGenerator {
         self.copy(frame, &written, target)
     }
 
-    /// The constants of a frame that is written in a format.
-    fn constants(&self, seen: &Seen<'_>, written: &Format) -> Constants {
+    /// The constants for a frame in a target format.
+    fn constants(&self, seen: &CheckedInputs<'_>, written: &Format) -> Constants {
         let transfer = self.target_transfer.unwrap_or(self.transfer);
         Constants {
             written: written.written,
             pitch: pictures::pitch(seen.constants.size[0], written.bytes),
-            writes_light: (transfer == Transfer::Light && written.holds_light()).into(),
+            writes_light: (transfer == Transfer::Linear && written.holds_light()).into(),
             ..seen.constants
         }
     }
@@ -457,23 +459,23 @@ impl std::fmt::Debug for ShaderGenerator {
     }
 }
 
-/// Where between the anchors a frame is.
+/// Fixed-point time of a frame between the anchors.
 #[derive(Clone, Copy)]
 struct Phase {
-    /// In parts of [`WHOLE`].
+    /// Numerator over [`WHOLE`].
     phase: i32,
-    /// Whether the current anchor is shown there across a cut.
+    /// Whether the current anchor is shown at this phase if there is a cut.
     cut_shows_current: bool,
 }
 
-/// What a frame is made of.
-struct Seen<'t> {
+/// Checked inputs of a frame.
+struct CheckedInputs<'t> {
     constants: Constants,
     inputs: [View<'t>; INPUTS],
     anchor: Format,
 }
 
-impl Seen<'_> {
+impl CheckedInputs<'_> {
     fn prepared(&self) -> Prepared {
         (self.inputs.each_ref().map(View::address), self.constants)
     }

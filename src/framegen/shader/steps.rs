@@ -1,20 +1,20 @@
-//! The steps of a frame as dispatches, in the order that they are called in.
+//! The steps of a frame as dispatches.
 
 use super::kernels::Kernels;
 use super::layout::{Constants, Layout};
 use crate::gpu::compute::{CommandRecorder, Kernel, Table};
 
-/// Threads of a group that goes over places, and over the ends of lines.
+/// Threads of a group over splat pixels, and over the ends of rows and columns.
 const PLACES: u32 = 1024;
 const ENDS: u32 = 64;
-/// Tiles to a side of a square whose colours one group finds.
+/// Side of the square of tiles whose colours one group computes, in tiles.
 const SQUARE: u32 = 16;
-/// Sides of a group of threads that goes over a small picture.
+/// Side of a thread group over a reduced picture, in threads.
 const GROUP: u32 = 8;
-/// Columns that one group looks at.
+/// Columns per group.
 const COLUMNS: u32 = 8;
 
-/// A frame with everything bound.
+/// A frame with all resources bound.
 pub(super) struct Steps<'f, 'g> {
     pub(super) frame: &'f mut CommandRecorder<'g>,
     pub(super) table: &'f Table,
@@ -27,30 +27,30 @@ impl Steps<'_, '_> {
         self.frame.dispatch(self.table, kernel, &constants.words(), groups);
     }
 
-    /// A group to a tile.
+    /// Dispatches one group per tile.
     pub(super) fn by_tiles(&mut self, kernel: &Kernel, constants: Constants) {
         let [across, down] = constants.tiles;
         self.run(kernel, constants, [across, down, 1]);
     }
 
-    /// A group to a row, and to eight columns.
+    /// Dispatches one group per row, and one per eight columns.
     pub(super) fn by_lines(&mut self, kernel: &Kernel, constants: Constants) {
         let [width, height] = constants.size;
         self.run(kernel, constants, [height + width.div_ceil(COLUMNS), 1, 1]);
     }
 
-    /// A thread to each end of a row or column.
+    /// Dispatches one thread per end of a row or column.
     pub(super) fn by_ends(&mut self, kernel: &Kernel, constants: Constants) {
         let [width, height] = constants.size;
         self.run(kernel, constants, [(2 * (width + height)).div_ceil(ENDS), 1, 1]);
     }
 
-    /// One group.
+    /// Dispatches one group.
     pub(super) fn by_one(&mut self, kernel: &Kernel, constants: Constants) {
         self.run(kernel, constants, [1, 1, 1]);
     }
 
-    /// Forgets the frame before.
+    /// Clears the state of the frame before.
     pub(super) fn begin(&mut self, constants: Constants) {
         self.clear(Constants { turn: 0, ..constants });
     }
@@ -60,7 +60,7 @@ impl Steps<'_, '_> {
         self.run(&self.kernels.begin, constants, [groups, 1, 1]);
     }
 
-    /// Looks whether a cut lies between the anchors; the second half only where there may be one.
+    /// Detects a cut between the anchors. The second half does its work only if the first half found a possible cut.
     pub(super) fn find_cut(&mut self, constants: Constants) {
         let Layout { blocks, tiny, shifts, .. } = *self.layout;
         let kernels = self.kernels;
@@ -77,7 +77,7 @@ impl Steps<'_, '_> {
         self.by_one(&kernels.verdict, turn(1));
     }
 
-    /// Carries claims, lets the nearest have each place, and closes cracks.
+    /// Splats: forward-warps pixels, keeps the nearest one at each destination pixel, and closes cracks.
     pub(super) fn land(&mut self, constants: Constants) {
         let turn = |turn| Constants { turn, ..constants };
         self.clear(turn(1));
@@ -86,13 +86,13 @@ impl Steps<'_, '_> {
         self.by_tiles(&self.kernels.settle, constants);
     }
 
-    /// Lets places that nothing claims borrow.
+    /// Hole filling: uncovered pixels inherit motion.
     pub(super) fn fill(&mut self, constants: Constants) {
         self.by_one(&self.kernels.pyramid, constants);
         self.by_tiles(&self.kernels.fill, constants);
     }
 
-    /// Gives what nothing shows the colours around it.
+    /// Fills pixels that neither anchor shows with surrounding colours.
     pub(super) fn paint(&mut self, constants: Constants) {
         let [across, down] = constants.tiles.map(|len| len.div_ceil(SQUARE));
         self.run(&self.kernels.squares, constants, [across, down, 1]);

@@ -4,8 +4,7 @@ use std::mem::ManuallyDrop;
 
 use windows::Win32::Graphics::Direct3D12::*;
 
-/// From one state of a whole resource to another, for a list's `ResourceBarrier`: it takes no reference, so the resource must live until
-/// then.
+/// A transition barrier of all subresources for `ResourceBarrier`. It holds no reference, so the resource must live until that call.
 pub fn transition(
     resource: &ID3D12Resource,
     before: D3D12_RESOURCE_STATES,
@@ -24,7 +23,7 @@ pub fn transition(
     }
 }
 
-/// What was written as an unordered view is seen by the next dispatch.
+/// A UAV barrier: later dispatches see the writes to `resource`.
 pub(super) fn written(resource: &ID3D12Resource) -> D3D12_RESOURCE_BARRIER {
     let uav = D3D12_RESOURCE_UAV_BARRIER { pResource: borrowed(resource) };
     D3D12_RESOURCE_BARRIER {
@@ -34,7 +33,7 @@ pub(super) fn written(resource: &ID3D12Resource) -> D3D12_RESOURCE_BARRIER {
     }
 }
 
-/// Whatever was written as an unordered view is seen by the next dispatch.
+/// A UAV barrier for all resources.
 pub(super) fn all_written() -> D3D12_RESOURCE_BARRIER {
     let uav = D3D12_RESOURCE_UAV_BARRIER { pResource: ManuallyDrop::new(None) };
     D3D12_RESOURCE_BARRIER {
@@ -44,8 +43,8 @@ pub(super) fn all_written() -> D3D12_RESOURCE_BARRIER {
     }
 }
 
-/// A resource as a call names it that takes no reference and only reads it.
+/// A resource argument for a call that only reads the pointer and takes no reference.
 pub(super) fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
-    // SAFETY: the same pointer; what is never dropped releases no reference.
+    // SAFETY: the same pointer; `ManuallyDrop` releases no reference.
     unsafe { std::mem::transmute_copy(resource) }
 }

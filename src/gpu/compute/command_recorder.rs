@@ -1,4 +1,4 @@
-//! One frame's commands.
+//! Records the commands of one frame.
 
 use std::ffi::CStr;
 
@@ -13,41 +13,41 @@ use crate::gpu::queue::EVENT_OF_BYTES;
 use crate::gpu::{FencePoint, Gpu, Queue, failed_on};
 use crate::{Error, ErrorKind, Result};
 
-/// What a shader may read a resource in.
+/// The state in which a shader reads a resource.
 const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
-/// What a shader writes a resource in.
+/// The state in which a shader writes a resource.
 const WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
 
-/// A frame that is being recorded. Dropped before it is handed on, one in a list of the ring's is forgotten, and one in an engine's
-/// list leaves what it has recorded there, with every resource in the state it rests in.
+/// A frame that is being recorded. If it is dropped before it is submitted, a frame in the ring's list is discarded; a frame in an engine's list
+/// keeps its recorded commands, with every resource returned to its initial state.
 pub struct CommandRecorder<'a> {
     gpu: &'a Gpu,
     heap: &'a ID3D12DescriptorHeap,
     /// Bytes from one descriptor to the next.
     step: u32,
-    /// Descriptors that are left.
+    /// Number of free descriptors.
     room: u32,
-    /// The next descriptor.
+    /// Index of the next free descriptor.
     next: u32,
     kind: D3D12_COMMAND_LIST_TYPE,
-    /// The ring's clock, and the frame's place in it.
+    /// The ring's timestamps, and the frame's slot.
     timing: Option<(&'a Timing, usize)>,
     slot: &'a mut Slot,
     list: ID3D12GraphicsCommandList,
     own: bool,
     open: bool,
-    /// Whether what the last dispatch wrote may still be on its way.
+    /// Whether writes of the last dispatch may be incomplete, so that the next dispatch needs a UAV barrier.
     is_written: bool,
 }
 
-/// Views that a frame's shaders see.
+/// A descriptor table: inputs, then outputs.
 pub(crate) struct Table {
     place: D3D12_GPU_DESCRIPTOR_HANDLE,
     inputs: u32,
     outputs: u32,
 }
 
-/// A resource of a frame.
+/// A resource of a frame, with its state outside of the frame and its current state.
 pub(super) struct Tracked {
     resource: ID3D12Resource,
     resting: D3D12_RESOURCE_STATES,
@@ -76,7 +76,7 @@ impl<'a> CommandRecorder<'a> {
         frame
     }
 
-    /// Ends the frame and gives it to `queue`, of the kind that the ring was made for; the moment when it has run.
+    /// Closes the frame and submits it to `queue`, of the ring's queue type; returns the fence point of its completion.
     ///
     /// # Errors
     /// `InvalidArgument` for a frame in an engine's list, which the engine submits, and for a queue of another kind;
@@ -100,7 +100,7 @@ impl<'a> CommandRecorder<'a> {
         Ok(fence_point)
     }
 
-    /// Runs a shader over `groups` of its threads. What it needs of the frame before is there: writes are waited for.
+    /// Binds resources and dispatches a shader with `groups` thread groups. Earlier writes of the frame are waited for.
     ///
     /// # Errors
     /// As for [`bind`](Self::bind). Nothing is recorded then.
@@ -117,8 +117,8 @@ impl<'a> CommandRecorder<'a> {
         Ok(())
     }
 
-    /// Brings resources into the states in which shaders read and write them, for one dispatch or several until anything else is
-    /// recorded.
+    /// Transitions resources to the states for shader reads and writes, and writes their descriptors. The table is valid for any number of
+    /// dispatches until something else is recorded.
     ///
     /// # Errors
     /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states; `Unsupported` when the
@@ -137,7 +137,7 @@ impl<'a> CommandRecorder<'a> {
         Ok(Table { place, inputs: inputs.len() as u32, outputs: outputs.len() as u32 })
     }
 
-    /// Refuses where fewer than so many descriptors are left.
+    /// Checks that `descriptors` descriptors are free.
     pub(crate) fn fits(&self, descriptors: u32) -> Result<()> {
         if descriptors > self.room {
             return Err(Error::new(ErrorKind::Unsupported, "the frame has no descriptor left")
@@ -146,7 +146,7 @@ impl<'a> CommandRecorder<'a> {
         Ok(())
     }
 
-    /// Runs a shader over `groups` of its threads with what was bound last. Writes of the dispatch before are waited for.
+    /// Dispatches a shader with `groups` thread groups and the last bound table. Writes of the dispatch before are waited for.
     pub(crate) fn dispatch(&mut self, table: &Table, kernel: &Kernel, constants: &[u32], groups: [u32; 3]) {
         let found = [constants.len() as u32, table.inputs, table.outputs];
         let expected = [kernel.shape.constants, kernel.shape.inputs, kernel.shape.outputs];
@@ -169,7 +169,7 @@ impl<'a> CommandRecorder<'a> {
         }
     }
 
-    /// Copies a picture's rows, which lie in a buffer as `rows` says, over all of a texture.
+    /// Copies a picture from a buffer, laid out as `rows`, to a whole texture.
     ///
     /// # Errors
     /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states. Nothing is recorded then.
@@ -220,27 +220,27 @@ impl<'a> CommandRecorder<'a> {
         Ok(())
     }
 
-    /// Has a resource of the frame left in `state` in the end, and not in the one that it came in.
+    /// Sets the state in which a resource of the frame is left at its end, instead of its initial state.
     pub(crate) fn leave(&mut self, resource: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
         if let Some(at) = self.tracked(resource) {
             self.slot.tracked[at].resting = state;
         }
     }
 
-    /// Names what is recorded from now on until [`end_stage`](Self::end_stage), for tools that show the device's work.
+    /// Begins a named event that lasts until [`end_stage`](Self::end_stage), for GPU profilers.
     pub(crate) fn stage(&self, name: &CStr) {
         let bytes = name.to_bytes_with_nul();
-        // SAFETY: an open list, and a text of so many bytes that is copied.
+        // SAFETY: an open list, and a text of that length, which is copied.
         unsafe { self.list.BeginEvent(EVENT_OF_BYTES, Some(bytes.as_ptr().cast()), bytes.len() as u32) };
     }
 
-    /// Ends the stage that was named last.
+    /// Ends the last named event.
     pub(crate) fn end_stage(&self) {
         // SAFETY: an open list, in which a stage was begun.
         unsafe { self.list.EndEvent() };
     }
 
-    /// Brings a resource into `state`, and holds it, for what somebody else records into [`list`](Self::list), who leaves it so.
+    /// Transitions a resource to `state` and holds it, for other code that records into [`list`](Self::list) and must leave it in that state.
     ///
     /// # Errors
     /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states.
@@ -251,18 +251,18 @@ impl<'a> CommandRecorder<'a> {
         Ok(())
     }
 
-    /// What it is recorded into.
+    /// The command list.
     pub(crate) fn list(&self) -> &ID3D12GraphicsCommandList {
         &self.list
     }
 
-    /// Goes on after somebody else has recorded into the list, who set heaps of their own.
+    /// Sets the descriptor heap again after other code has recorded into the list and set heaps of its own.
     pub(crate) fn resume(&self) {
         // SAFETY: an open list and a live heap, which the ring keeps until the list has run.
         unsafe { self.list.SetDescriptorHeaps(&[Some(self.heap.clone())]) };
     }
 
-    /// Refuses a resource whose state does not fit: one that the queue does not know, or another than it was given in before.
+    /// Checks a resource's state: the queue's type must support it, and it must be the same state as before in this frame.
     pub(crate) fn takes(&self, given: &ResourceWithState<'_>) -> Result<()> {
         let known = WRITTEN
             | READ
@@ -271,7 +271,7 @@ impl<'a> CommandRecorder<'a> {
             | D3D12_RESOURCE_STATE_VERTEX_AND_CONSTANT_BUFFER
             | D3D12_RESOURCE_STATE_INDIRECT_ARGUMENT;
         let refuse = |why: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field("state"));
-        // A heap that the processor writes rests in a state of its own, which never changes.
+        // A resource of an upload heap is always in GENERIC_READ.
         let fixed = given.state == D3D12_RESOURCE_STATE_GENERIC_READ;
         if self.kind == D3D12_COMMAND_LIST_TYPE_COMPUTE && !fixed && given.state & !known != D3D12_RESOURCE_STATE_COMMON
         {
@@ -287,7 +287,7 @@ impl<'a> CommandRecorder<'a> {
         self.slot.tracked.iter().position(|known| known.resource.as_raw() == resource.as_raw())
     }
 
-    /// Brings a resource into the state that the next dispatch needs.
+    /// Collects the barrier that brings a resource to the state that the next command needs.
     fn becomes(&mut self, given: &ResourceWithState<'_>, needed: D3D12_RESOURCE_STATES) {
         let at = self.tracked(given.resource).unwrap_or_else(|| {
             let (resource, resting) = (given.resource.clone(), given.state);
@@ -296,7 +296,7 @@ impl<'a> CommandRecorder<'a> {
         });
         let Slot { tracked, barriers, .. } = &mut *self.slot;
         let known = &mut tracked[at];
-        // What may be read in several ways at once needs no change: the memory that the processor writes for the device, above all.
+        // A combined read state that contains the needed one needs no transition: above all GENERIC_READ of upload heaps.
         let is_read = needed == READ || needed == D3D12_RESOURCE_STATE_COPY_SOURCE;
         if known.current == WRITTEN && needed == WRITTEN {
             barriers.push(written(&known.resource));
@@ -306,7 +306,7 @@ impl<'a> CommandRecorder<'a> {
         }
     }
 
-    /// Records the barriers that were collected.
+    /// Records the collected barriers.
     fn flush(&mut self) {
         if !self.slot.barriers.is_empty() {
             // SAFETY: an open list; the resources are held and in the states before.
@@ -315,7 +315,7 @@ impl<'a> CommandRecorder<'a> {
         }
     }
 
-    /// Writes the table of a dispatch.
+    /// Writes the descriptors of a table.
     fn describe(&mut self, inputs: &[View<'_>], outputs: &[View<'_>]) -> D3D12_GPU_DESCRIPTOR_HANDLE {
         // SAFETY: a live heap that shaders see.
         let (processors, shaders) =
@@ -334,7 +334,7 @@ impl<'a> CommandRecorder<'a> {
         D3D12_GPU_DESCRIPTOR_HANDLE { ptr: table }
     }
 
-    /// Brings every resource back into the state it rests in.
+    /// Transitions every resource back to its state outside of the frame.
     fn end(&mut self) {
         let Slot { tracked, barriers, .. } = &mut *self.slot;
         for known in tracked {
@@ -357,7 +357,7 @@ impl Drop for CommandRecorder<'_> {
             return;
         }
         if self.own {
-            // It is recorded anew before anything is submitted; a failure to close shows then.
+            // The list is reset before it is submitted again; a failed `Close` shows then.
             // SAFETY: an open list.
             _ = unsafe { self.list.Close() };
         } else {
@@ -368,6 +368,6 @@ impl Drop for CommandRecorder<'_> {
 
 impl std::fmt::Debug for CommandRecorder<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Frame({} resources)", self.slot.tracked.len())
+        write!(f, "CommandRecorder({} resources)", self.slot.tracked.len())
     }
 }

@@ -1,4 +1,4 @@
-//! The ring of frames.
+//! A ring of command lists with descriptors, one slot per frame in flight.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
@@ -13,11 +13,11 @@ use crate::{Error, ErrorKind, Result};
 /// How many frames may be recorded before the first of them has run.
 pub const FRAMES_IN_FLIGHT: usize = 3;
 
-/// Resources, barriers and shaders of a frame for which there is room from the start.
+/// Initial capacity for resources, barriers and shaders of a frame.
 const RESOURCES: usize = 64;
 
-/// A ring of frames: the memory of what shaders are run with. Everything is made with it; a frame makes nothing and allocates
-/// nothing, but for more than 64 resources or shaders in one.
+/// A ring of slots, each with a command list, an allocator and descriptors for one frame. Creates everything in advance; a frame creates and
+/// allocates nothing unless it uses more than 64 resources or shaders.
 ///
 /// Threads: one at a time; may move between them.
 pub struct CommandRing {
@@ -26,28 +26,28 @@ pub struct CommandRing {
     pub(super) heap: ID3D12DescriptorHeap,
     /// Bytes from one descriptor to the next.
     pub(super) step: u32,
-    /// Descriptors of one frame.
+    /// Descriptors per frame.
     pub(super) room: u32,
     slots: Vec<Slot>,
     next: usize,
     timing: Option<Timing>,
 }
 
-/// One frame's part.
+/// The slot of one frame.
 pub(super) struct Slot {
-    /// Its first descriptor.
+    /// Index of its first descriptor.
     pub(super) first: u32,
     allocator: ID3D12CommandAllocator,
     list: ID3D12GraphicsCommandList,
-    /// Whether its time on the device is still to be looked at.
+    /// Whether its timestamps have not been read yet.
     pub(super) is_timed: bool,
-    /// Until when the device may use it.
+    /// The fence point until which the device may use it.
     pub(super) busy: Option<FencePoint>,
-    /// What it uses, held until then.
+    /// The resources it uses, held until then.
     pub(super) tracked: Vec<Tracked>,
-    /// The shaders it runs, held as well.
+    /// The pipelines it uses, held until then.
     pub(super) kernels: Vec<(ID3D12RootSignature, ID3D12PipelineState)>,
-    /// Barriers that are collected for one call.
+    /// Barriers collected for the next `ResourceBarrier`.
     pub(super) barriers: Vec<D3D12_RESOURCE_BARRIER>,
 }
 
@@ -56,7 +56,7 @@ pub(super) struct Slot {
 unsafe impl Send for Slot {}
 
 impl CommandRing {
-    /// A ring for frames on a queue like `queue`, direct or compute, each with room for `descriptors` views.
+    /// A ring for frames on a queue of the type of `queue`, direct or compute, with `descriptors` descriptors per frame.
     ///
     /// # Errors
     /// `OutOfMemory`, `DeviceRemoved`; `Unsupported` for more descriptors than a heap can have.
@@ -86,14 +86,14 @@ impl CommandRing {
         Ok(Self { gpu: gpu.clone(), kind, heap, step, room: descriptors, slots, next: 0, timing })
     }
 
-    /// Starts a frame in a command list of the ring's, for [`CommandRecorder::submit`]. Waits where [`FRAMES_IN_FLIGHT`] frames are under way.
+    /// Starts a frame in a command list of the ring, for [`CommandRecorder::submit`]. Waits if [`FRAMES_IN_FLIGHT`] frames are in flight.
     ///
     /// # Errors
     /// `DeviceRemoved`.
     pub fn begin(&mut self) -> Result<CommandRecorder<'_>> {
         self.free_next()?;
         let slot = &self.slots[self.next];
-        // SAFETY: what was recorded with it has run, or was closed and never will.
+        // SAFETY: the allocator's last list has run, or was closed and will never run.
         unsafe { slot.allocator.Reset() }
             .map_err(|e| failed_on(self.gpu.device(), "ID3D12CommandAllocator::Reset", &e))?;
         // SAFETY: a closed list and an allocator that no list is recorded with.
@@ -103,8 +103,8 @@ impl CommandRing {
         Ok(self.start(list, true))
     }
 
-    /// Starts a frame in an engine's open `list`, which will have run at `until`, a moment that must come even if the list is
-    /// never given to a queue. Waits where [`FRAMES_IN_FLIGHT`] frames are under way.
+    /// Starts a frame in an engine's open `list`, which has run once `until` is reached. The engine must signal `until` even if it never
+    /// submits the list. Waits if [`FRAMES_IN_FLIGHT`] frames are in flight.
     ///
     /// Afterwards the list has another pipeline, compute root signature and descriptor heaps than before.
     ///
@@ -122,7 +122,7 @@ impl CommandRing {
         Ok(self.start(list.clone(), false))
     }
 
-    /// Lets go of the resources of frames that have run: before a swap chain is resized, for one.
+    /// Releases the resources of frames that have run, for example before a swap chain is resized.
     pub fn let_go(&mut self) {
         for slot in &mut self.slots {
             if slot.busy.as_ref().is_none_or(FencePoint::reached) {
@@ -132,7 +132,7 @@ impl CommandRing {
         }
     }
 
-    /// Waits for all frames, and lets go of their resources.
+    /// Waits for all frames and releases their resources.
     ///
     /// # Errors
     /// `DeviceRemoved`.
@@ -142,7 +142,7 @@ impl CommandRing {
         Ok(())
     }
 
-    /// Waits until the next slot can be used.
+    /// Waits until the next slot is free, and clears it.
     fn free_next(&mut self) -> Result<()> {
         if let Some(gone) = self.gpu.removed() {
             return Err(gone);
@@ -155,36 +155,36 @@ impl CommandRing {
         slot.tracked.clear();
         slot.kernels.clear();
         slot.barriers.clear();
-        self.look(self.next);
+        self.read_timing(self.next);
         Ok(())
     }
 
-    /// Time on the device of the frames that have run.
+    /// Device time of the frames that have run.
     pub fn spent(&mut self) -> Spent {
         for slot in 0..self.slots.len() {
             if self.slots[slot].busy.as_ref().is_none_or(FencePoint::reached) {
-                self.look(slot);
+                self.read_timing(slot);
             }
         }
         self.timing.as_ref().map(|timing| timing.spent).unwrap_or_default()
     }
 
-    /// Looks at the time of a frame that has run.
-    fn look(&mut self, slot: usize) {
+    /// Reads the timestamps of a frame that has run.
+    fn read_timing(&mut self, slot: usize) {
         if std::mem::take(&mut self.slots[slot].is_timed)
             && let Some(timing) = &mut self.timing
         {
-            timing.look(slot);
+            timing.read(slot);
         }
     }
 
-    /// Which place of the ring, from 0 to [`FRAMES_IN_FLIGHT`], the next frame takes: what belongs to the frame before it in that place can be
-    /// used again once it is begun.
+    /// The slot that the next frame takes, below [`FRAMES_IN_FLIGHT`]. After [`begin`](Self::begin), resources of the earlier frame in that slot can
+    /// be reused.
     pub(crate) fn place(&self) -> usize {
         self.next
     }
 
-    /// How many frames are under way.
+    /// Number of frames in flight.
     pub fn under_way(&self) -> usize {
         self.slots.iter().filter(|slot| slot.busy.as_ref().is_some_and(|fence_point| !fence_point.reached())).count()
     }
@@ -208,7 +208,7 @@ impl CommandRing {
 
 impl Drop for CommandRing {
     fn drop(&mut self) {
-        // The device may still use what is freed next.
+        // The device may still use the slots that are freed next.
         self.slots.iter().filter_map(|slot| slot.busy.as_ref()).for_each(FencePoint::wait_ignoring_loss);
     }
 }
@@ -216,7 +216,7 @@ impl Drop for CommandRing {
 impl std::fmt::Debug for CommandRing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let busy = self.under_way();
-        write!(f, "Frames({busy} of {FRAMES_IN_FLIGHT} under way)")
+        write!(f, "CommandRing({busy} of {FRAMES_IN_FLIGHT} under way)")
     }
 }
 
@@ -238,7 +238,7 @@ impl Slot {
         Ok(Self { first, allocator, list, is_timed: false, busy: None, tracked, kernels, barriers })
     }
 
-    /// The closed list as a queue takes it.
+    /// The closed list for [`Queue::submit`].
     pub(super) fn closed(&self, gpu: &Gpu) -> Result<ID3D12CommandList> {
         self.list.cast().map_err(|e| failed_on(gpu.device(), "IUnknown::QueryInterface", &e))
     }

@@ -5,25 +5,25 @@ use windows::Win32::Graphics::Direct3D12::*;
 use crate::Result;
 use crate::gpu::{Gpu, shader};
 
-/// What a shader takes.
+/// The bindings of a shader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Shape {
-    /// Words of constants, in `b0`.
+    /// 32-bit root constants, in `b0`.
     pub(crate) constants: u32,
-    /// What it reads, `t0` and on.
+    /// Shader resource views, from `t0` on.
     pub(crate) inputs: u32,
-    /// What it writes, `u0` and on.
+    /// Unordered access views, from `u0` on.
     pub(crate) outputs: u32,
 }
 
-/// A compute shader with its pipeline. Made once for a device; running it makes nothing.
+/// A compute shader with its root signature and pipeline. A dispatch creates nothing.
 pub(crate) struct Kernel {
     pub(super) root: ID3D12RootSignature,
     pub(super) pipeline: ID3D12PipelineState,
     pub(super) shape: Shape,
 }
 
-/// Words that a root signature has room for.
+/// Size limit of a root signature, in 32-bit words.
 const ROOT_WORDS: u32 = 64;
 
 impl Kernel {
@@ -38,7 +38,7 @@ impl Kernel {
     }
 }
 
-/// Constants in the first parameter; in the second one table of everything else, inputs first.
+/// Parameter 0: root constants. Parameter 1: one descriptor table, inputs first.
 fn root_signature(gpu: &Gpu, shape: Shape) -> Result<ID3D12RootSignature> {
     let range = |kind, count| D3D12_DESCRIPTOR_RANGE {
         RangeType: kind,

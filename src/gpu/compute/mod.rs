@@ -1,8 +1,8 @@
 //! Compute shaders in an engine's command list or in one of our own.
 //!
-//! [`CommandRing`] is a ring of [`FRAMES_IN_FLIGHT`] frames, each with its part of a descriptor heap and a command list. What a shader
-//! reads and writes is given with the state it rests in ([`ResourceWithState`]); a [`CommandRecorder`] brings it into the state that the shader needs
-//! and, in the end, back. Constants lie in the command list itself. Pipelines are made once, with what records them.
+//! [`CommandRing`] is a ring of [`FRAMES_IN_FLIGHT`] frames, each with a command list and its range of a descriptor heap. A shader's resources
+//! are passed with their current state ([`ResourceWithState`]); a [`CommandRecorder`] transitions them to the state that the shader needs, and
+//! back at the end of the frame. Constants are root constants. Pipelines are created once, when their owner is created.
 
 mod barrier;
 mod command_recorder;

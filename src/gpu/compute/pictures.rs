@@ -1,4 +1,4 @@
-//! Textures of pictures and of what is known of them, looked at before anything is recorded.
+//! Validation of the textures of pictures and guidance before anything is recorded, and output of finished pictures.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
@@ -7,42 +7,41 @@ use super::{CommandRecorder, ResourceWithState, View};
 use crate::gpu::Gpu;
 use crate::{Error, ErrorKind, Result};
 
-/// How the numbers of anchors in half floats stand for light. Whatever is decided about colours is decided about what is shown for
-/// light, which is what eyes tell apart.
+/// The transfer function of anchors in half floats. Decisions about colours always use display-encoded values, since these match what the eye
+/// distinguishes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Transfer {
-    /// They are made to be shown: in sRGB, PQ (SMPTE ST 2084) or HLG. They are taken as they are held. PQ spends about half of its numbers
-    /// on what sRGB can show, so that differences in that count half.
+    /// Display-encoded values, in sRGB, PQ (SMPTE ST 2084) or HLG, used as stored. PQ spends about half of its range on what sRGB can show, so
+    /// differences within that range count half.
     #[default]
-    Shown,
-    /// They are proportional to light, as in scRGB, where 1 is 80 nits and colours beyond those of sRGB lie below 0. The curve of sRGB,
-    /// which goes on above 1 and is mirrored below 0, makes of them what is shown, wherever they are read, and frames in half floats are
-    /// brought back.
-    Light,
+    Encoded,
+    /// Linear values, as in scRGB, where 1 is 80 nits and colours outside the sRGB gamut have negative components. Reads apply the sRGB curve,
+    /// extended above 1 and mirrored below 0; frames in half floats are converted back to linear.
+    Linear,
 }
 
-/// How a picture's pixels are held.
+/// Pixel format of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Format {
-    /// In which it is viewed and copied: sRGB is not undone.
+    /// Format of views and copies; without sRGB conversion, except in anchors of an sRGB format.
     pub(crate) viewed: DXGI_FORMAT,
-    /// Its number in the shaders.
+    /// Its code in the shaders.
     pub(crate) written: u32,
-    /// Whether what shaders read is light.
+    /// Whether shader reads return linear values.
     pub(crate) is_light: bool,
-    /// Whether colours are computed as floats.
+    /// Whether shaders compute colours as floats.
     pub(crate) is_float: bool,
-    /// Bytes of a pixel.
+    /// Bytes per pixel.
     pub(crate) bytes: u32,
 }
 
 impl Format {
-    /// Whether its numbers may stand for light.
+    /// Whether it can hold linear values.
     pub(crate) fn holds_light(&self) -> bool {
         matches!(self.viewed, DXGI_FORMAT_R16G16B16A16_FLOAT | DXGI_FORMAT_R11G11B10_FLOAT)
     }
 
-    /// That of a texture, if frames can be made in it.
+    /// The pixel format of a texture's format, if frames can be made in it.
     pub(crate) fn of(format: DXGI_FORMAT) -> Option<Self> {
         let (viewed, written, is_float, bytes) = match format {
             DXGI_FORMAT_R8G8B8A8_UNORM | DXGI_FORMAT_R8G8B8A8_UNORM_SRGB | DXGI_FORMAT_R8G8B8A8_TYPELESS => {
@@ -64,32 +63,32 @@ impl Format {
     }
 }
 
-/// Where a finished picture is copied to.
+/// Destination of a finished picture.
 #[derive(Clone, Copy)]
 pub struct Output<'a>(To<'a>);
 
 #[derive(Clone, Copy)]
 enum To<'a> {
-    /// Over all of a texture.
+    /// A whole texture.
     Texture(ResourceWithState<'a>),
-    /// To the start of a buffer, held so, row after row as a copy into a texture wants them.
+    /// The start of a buffer, in this format, with the row pitch of a texture copy.
     Rows(ResourceWithState<'a>, Format),
 }
 
 impl<'a> From<&ResourceWithState<'a>> for Output<'a> {
-    /// All of a texture.
+    /// A whole texture.
     fn from(texture: &ResourceWithState<'a>) -> Self {
         Self(To::Texture(*texture))
     }
 }
 
 impl<'a> Output<'a> {
-    /// The rows of a picture that is held as `format` says, each at a multiple of 256 bytes, in a buffer with room for them.
+    /// A buffer for a picture in `format`, with a row pitch of a multiple of 256 bytes.
     pub(crate) fn rows(buffer: ResourceWithState<'a>, format: Format) -> Self {
         Self(To::Rows(buffer, format))
     }
 
-    /// How it is to hold a picture of that size.
+    /// The format of a picture of that size in this destination.
     ///
     /// # Errors
     /// `InvalidArgument` for a texture of another size, format or device, and in a state that does not fit.
@@ -101,13 +100,13 @@ impl<'a> Output<'a> {
         }
     }
 
-    /// Refuses a state that does not fit.
+    /// Checks the resource's state.
     pub(crate) fn takes(&self, frame: &CommandRecorder<'_>) -> Result<()> {
         let (To::Texture(given) | To::Rows(given, _)) = &self.0;
         frame.takes(given)
     }
 
-    /// Records the copy of a picture that lies in a buffer as `rows` says.
+    /// Records the copy of a picture from a buffer, laid out as `rows`.
     ///
     /// # Errors
     /// As for any frame. Nothing is recorded then.
@@ -128,7 +127,7 @@ impl<'a> Output<'a> {
 }
 
 impl Format {
-    /// The rows of a picture of that size, as a copy wants them in a buffer.
+    /// Buffer layout of a picture of that size for a texture copy.
     pub(crate) fn rows(&self, [width, height]: [u32; 2]) -> D3D12_SUBRESOURCE_FOOTPRINT {
         D3D12_SUBRESOURCE_FOOTPRINT {
             Format: self.viewed,
@@ -140,16 +139,16 @@ impl Format {
     }
 }
 
-/// Bytes from one row to the next of a picture in a buffer, as copies want it.
+/// Row pitch in bytes of a picture in a buffer, as texture copies require it.
 pub(crate) fn pitch(width: u32, pixel: u32) -> u32 {
     (width * pixel).next_multiple_of(D3D12_TEXTURE_DATA_PITCH_ALIGNMENT)
 }
 
-/// An anchor's picture to read from.
+/// Checks an anchor's picture as a shader input.
 ///
 /// # Errors
-/// `InvalidArgument`, of `field`, for another size, another device's, no plain texture, or a format that frames are not made of; for
-/// light in other numbers than half floats.
+/// `InvalidArgument`, of `field`, for another size or device, for a texture with several samples, levels or layers, for a format that frames are not
+/// made of, and for linear values in another format than half floats.
 pub(crate) fn anchor(
     gpu: &Gpu,
     given: &ResourceWithState<'_>,
@@ -158,23 +157,23 @@ pub(crate) fn anchor(
     field: &str,
 ) -> Result<Format> {
     let found = checked(gpu, given, size, field)?;
-    // Without alpha it is a target only.
+    // A format without alpha can only be a target.
     let format = Format::of(found.Format).filter(|format| format.viewed != DXGI_FORMAT_R11G11B10_FLOAT);
     let Some(mut format) = format else { return Err(refused(&found, field)) };
-    if transfer == Transfer::Light && !format.holds_light() {
+    if transfer == Transfer::Linear && !format.holds_light() {
         return Err(Error::new(ErrorKind::InvalidArgument, format!("DXGI format {} holds no light", found.Format.0))
             .field(field)
-            .remedy("Use R16G16B16A16_FLOAT, or Transfer::Shown"));
+            .remedy("Use R16G16B16A16_FLOAT, or Transfer::Encoded"));
     }
-    format.is_light = transfer == Transfer::Light;
+    format.is_light = transfer == Transfer::Linear;
     if matches!(found.Format, DXGI_FORMAT_R8G8B8A8_UNORM_SRGB | DXGI_FORMAT_B8G8R8A8_UNORM_SRGB) {
-        // Shaders read it in no other way than as light.
+        // Shader reads of an sRGB format always return linear values.
         (format.viewed, format.is_light) = (found.Format, true);
     }
     Ok(format)
 }
 
-/// A texture to write a frame to.
+/// Checks a texture as the target of a frame.
 ///
 /// # Errors
 /// As for an anchor's.
@@ -183,7 +182,7 @@ pub(crate) fn target(gpu: &Gpu, given: &ResourceWithState<'_>, size: [u32; 2]) -
     Format::of(found.Format).ok_or_else(|| refused(&found, "target"))
 }
 
-/// Motion or depth, one texel to a square of `tile` pixels.
+/// Checks a texture of motion or depth with one texel per square of `tile` pixels; returns its view.
 ///
 /// # Errors
 /// `InvalidArgument`, of `field`, for another tile than 1, 8 or 16 pixels, another size or format, or another device's.

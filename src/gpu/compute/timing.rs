@@ -1,38 +1,38 @@
-//! How long frames take on the device.
+//! Device time of frames.
 
 use windows::Win32::Graphics::Direct3D12::ID3D12GraphicsCommandList;
 
 use super::command_ring::FRAMES_IN_FLIGHT;
 use crate::Result;
-use crate::gpu::{Gpu, Marks, Queue, Spent};
+use crate::gpu::{Gpu, Queue, Spent, TimestampPairs};
 
-/// The clock's marks before and behind each frame of a ring.
+/// Timestamps at the start and end of each frame of a ring.
 pub(super) struct Timing {
-    marks: Marks,
-    /// The first mark of each slot as it was seen last: a list that was never run leaves it there.
+    marks: TimestampPairs,
+    /// The last start timestamp that was read from each slot: it is unchanged if the list never ran.
     seen: [u64; FRAMES_IN_FLIGHT],
     pub(super) spent: Spent,
 }
 
 impl Timing {
-    /// For frames on a queue like `queue`; none where that has no clock.
+    /// For frames on a queue of the type of `queue`; `None` if it has no timestamps.
     pub(super) fn new(gpu: &Gpu, queue: &Queue) -> Result<Option<Self>> {
-        let marks = Marks::new(gpu, queue, FRAMES_IN_FLIGHT)?;
+        let marks = TimestampPairs::new(gpu, queue, FRAMES_IN_FLIGHT)?;
         Ok(marks.map(|marks| Self { marks, seen: [0; FRAMES_IN_FLIGHT], spent: Spent::default() }))
     }
 
-    /// Marks the start of a frame.
+    /// Records the timestamp at the start of a frame.
     pub(super) fn start(&self, list: &ID3D12GraphicsCommandList, slot: usize) {
         self.marks.start(list, slot);
     }
 
-    /// Marks its end.
+    /// Records the timestamp at its end.
     pub(super) fn end(&self, list: &ID3D12GraphicsCommandList, slot: usize) {
         self.marks.end(list, slot);
     }
 
-    /// Counts a frame that has run.
-    pub(super) fn look(&mut self, slot: usize) {
+    /// Adds the time of a frame that has run.
+    pub(super) fn read(&mut self, slot: usize) {
         if let (start, Some(took)) = self.marks.read(slot)
             && start != self.seen[slot]
         {

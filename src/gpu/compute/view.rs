@@ -1,4 +1,4 @@
-//! What shaders read and write.
+//! Resources of shaders and their views.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
@@ -7,38 +7,38 @@ use windows::core::Interface;
 use crate::gpu::{Gpu, failed_on};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 
-/// A resource and the state it rests in: it is in that state, all of it, when a frame's commands start, and again when they have
-/// run. It is held until then.
+/// A resource and its state outside of a frame: all its subresources are in that state when a frame's commands start, and again when
+/// they have run. The frame holds a reference until then.
 #[derive(Clone, Copy)]
 pub struct ResourceWithState<'a> {
     /// A resource of the device.
     pub resource: &'a ID3D12Resource,
-    /// For a frame on a compute queue one that such a queue knows.
+    /// On a compute queue it must be a state that such a queue supports.
     pub state: D3D12_RESOURCE_STATES,
 }
 
 /// A resource as a shader sees it.
 #[derive(Clone, Copy)]
 pub(crate) enum View<'a> {
-    /// A stretch of a buffer as `ByteAddressBuffer` or `RWByteAddressBuffer`.
+    /// A range of a buffer as `ByteAddressBuffer` or `RWByteAddressBuffer`.
     Buffer(ResourceWithState<'a>, Words),
-    /// The first level of a texture of two dimensions.
+    /// The first mip level of a 2D texture.
     Texture(ResourceWithState<'a>, DXGI_FORMAT),
 }
 
-/// A stretch of words of four bytes.
+/// A range of 32-bit words.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Words {
     pub(crate) first: u32,
     pub(crate) count: u32,
 }
 
-/// A texture that was looked at.
+/// A checked texture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Texture {
     pub(crate) width: u32,
     pub(crate) height: u32,
-    /// The format to view it in: where the texture has none, the one without sRGB.
+    /// View format: for a typeless texture the variant without sRGB.
     pub(crate) format: DXGI_FORMAT,
 }
 
@@ -49,12 +49,12 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Tells its resource from others that live.
+    /// Identity of its resource among live ones.
     pub(crate) fn address(&self) -> usize {
         self.resting().resource.as_raw() as usize
     }
 
-    /// Writes the descriptor with which a shader reads it.
+    /// Writes its shader resource view.
     pub(super) fn describe_input(&self, device: &ID3D12Device, at: D3D12_CPU_DESCRIPTOR_HANDLE) {
         let mut wanted = D3D12_SHADER_RESOURCE_VIEW_DESC {
             Shader4ComponentMapping: D3D12_DEFAULT_SHADER_4_COMPONENT_MAPPING,
@@ -77,11 +77,11 @@ impl<'a> View<'a> {
                 wanted.Anonymous.Texture2D = D3D12_TEX2D_SRV { MipLevels: 1, ..Default::default() };
             }
         }
-        // SAFETY: a live device and resource, a description of a view that it can have, and a place in a heap of ours.
+        // SAFETY: a live device and resource, a view description that fits the resource, and a descriptor in a heap of ours.
         unsafe { device.CreateShaderResourceView(self.resting().resource, Some(&wanted), at) };
     }
 
-    /// Writes the descriptor with which a shader writes it.
+    /// Writes its unordered access view.
     pub(super) fn describe_output(&self, device: &ID3D12Device, at: D3D12_CPU_DESCRIPTOR_HANDLE) {
         let mut wanted = D3D12_UNORDERED_ACCESS_VIEW_DESC::default();
         match *self {
@@ -106,10 +106,10 @@ impl<'a> View<'a> {
 }
 
 impl ResourceWithState<'_> {
-    /// Looks at a buffer of at least `bytes` bytes.
+    /// Checks that it is a buffer of at least `bytes` bytes.
     ///
     /// # Errors
-    /// `InvalidArgument`, of `field`, when it is another device's, no buffer, or shorter.
+    /// `InvalidArgument`, of `field`, if it belongs to another device, is no buffer, or is shorter.
     pub(crate) fn buffer(&self, gpu: &Gpu, bytes: u64, field: &str) -> Result<()> {
         gpu.owns(self.resource, field)?;
         // SAFETY: a live resource.
@@ -125,11 +125,11 @@ impl ResourceWithState<'_> {
     }
 }
 
-/// Looks at a texture that a shader is to write in one of `formats`.
+/// Checks a texture that a shader writes in one of `formats`.
 ///
 /// # Errors
-/// `InvalidArgument`, of `field`, when it is another device's, has another format, more than one sample, level or layer, or was not
-/// made to be written by shaders; `Unsupported` when the device cannot write that format from a shader.
+/// `InvalidArgument`, of `field`, if it belongs to another device, has another format, more than one sample, level or layer, or does not
+/// allow unordered access; `Unsupported` if the device cannot store that format from a shader.
 pub(crate) fn texture(
     gpu: &Gpu,
     given: &ResourceWithState<'_>,
@@ -167,7 +167,7 @@ pub(crate) fn texture(
     Ok(Texture { width, height, format })
 }
 
-/// The format that a shader writes where a texture leaves it open.
+/// The format that a shader writes to a typeless texture.
 pub(crate) fn untyped(format: DXGI_FORMAT) -> DXGI_FORMAT {
     match format {
         DXGI_FORMAT_R8G8B8A8_TYPELESS => DXGI_FORMAT_R8G8B8A8_UNORM,
@@ -182,7 +182,7 @@ pub(crate) fn untyped(format: DXGI_FORMAT) -> DXGI_FORMAT {
 fn stores(gpu: &Gpu, format: DXGI_FORMAT) -> Result<bool> {
     let mut support = D3D12_FEATURE_DATA_FORMAT_SUPPORT { Format: format, ..Default::default() };
     let (place, size) = ((&raw mut support).cast(), size_of_val(&support) as u32);
-    // SAFETY: a live device and a place of that size which lives during the call.
+    // SAFETY: a live device, and an output struct of that size that lives during the call.
     unsafe { gpu.device().CheckFeatureSupport(D3D12_FEATURE_FORMAT_SUPPORT, place, size) }
         .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CheckFeatureSupport", &e))?;
     Ok(support.Support2.contains(D3D12_FORMAT_SUPPORT2_UAV_TYPED_STORE))

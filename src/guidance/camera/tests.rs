@@ -1,4 +1,4 @@
-//! What an eye over level ground must see.
+//! Expected motion and depth of a camera over level ground.
 
 use super::*;
 use crate::guidance::paper;
@@ -55,9 +55,9 @@ fn a_turn_to_the_right_brings_things_from_the_right() {
     // Two tenths of a radian.
     let out = step(&mut extractor(), &controls([100.0, 0.0], &[]), 1);
     let [u, v] = vector(&out, 160, 20);
-    // What is in the middle now was at an angle of 0.2 to the right of it.
+    // The point now at the centre was 0.2 rad to the right of it.
     assert!((u - 90.0 * 0.2_f32.tan()).abs() < 0.6 && v.abs() < 1.5, "{u} {v}");
-    // Up in the picture is where an eye that tilts up was not looking.
+    // When the camera tilts up, points at the top of the picture were outside the previous one.
     let [u, v] = vector(&step(&mut extractor(), &controls([0.0, -100.0], &[]), 1), 160, 90);
     assert!(u.abs() < 0.2 && (v + 90.0 * 0.2_f32.tan()).abs() < 0.6, "{u} {v}");
 }
@@ -65,7 +65,7 @@ fn a_turn_to_the_right_brings_things_from_the_right() {
 #[test]
 fn walking_on_brings_the_ground_nearer() {
     let mut walker = extractor();
-    // Ten time constants: it walks steadily.
+    // After ten time constants the speed is constant.
     step(&mut walker, &controls([0.0; 2], b"W"), 1);
     let out = step(&mut walker, &controls([0.0; 2], b"W"), 1);
     // On row 135 the ground is 3.363 away and was 4.863: it stood 90 * 1.7 / 4.863 below the middle.
@@ -83,7 +83,7 @@ fn walking_on_brings_the_ground_nearer() {
 
 #[test]
 fn it_walks_where_it_looks() {
-    // Turned by half a turn and walking backwards: what is ahead goes away as if it had not turned.
+    // A half turn, then walking backwards: the scene ahead recedes as if the camera had not turned.
     let mut walker = extractor();
     step(&mut walker, &controls([std::f32::consts::PI / 0.002, 0.0], &[]), 1);
     step(&mut walker, &controls([0.0; 2], b"W"), 1);
@@ -95,7 +95,7 @@ fn it_walks_where_it_looks() {
         let ([a, b], [c, d]) = (vector(&turned, x, y), vector(&straight, x, y));
         assert!((a - c).hypot(b - d) < 0.1, "{a} {b} for {c} {d}");
     }
-    // A step to the right: the ground comes from the right, the sky stays.
+    // A step to the right: the ground shifts, the sky does not.
     let mut aside = extractor();
     step(&mut aside, &controls([0.0; 2], b"D"), 1);
     let aside = step(&mut aside, &controls([0.0; 2], b"D"), 1);

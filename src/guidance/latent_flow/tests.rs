@@ -41,7 +41,7 @@ fn vector(guidance: &Guidance, x: u32, y: u32) -> [f32; 2] {
 fn a_shift_in_cells_is_motion_in_pixels_of_the_picture() {
     let z0 = latent(texture);
     for shift in [[1.0, 0.0], [0.0, -1.0], [0.5, 0.25], [-1.75, 0.75], [0.1, -0.4]] {
-        // What is at x now was at x + shift.
+        // The pattern now at x was at x + shift.
         let z1 = latent(|c, x, y| texture(c, x + shift[0], y + shift[1]));
         // A cell has 20 pixels across and 18 down.
         let out = flow(&z0, &z1, (320, 180));
@@ -75,7 +75,7 @@ fn what_does_not_change_or_has_no_texture_rests() {
 
 #[test]
 fn a_loud_channel_does_not_drown_the_others() {
-    // One channel rests and is a thousand times as loud.
+    // One channel does not move and has a thousand times the amplitude.
     let loud = |shift: f32| {
         move |c: usize, x: f32, y: f32| {
             if c == 5 { 1000.0 * texture(c, x, y) } else { texture(c, x + shift, y) }
@@ -83,7 +83,7 @@ fn a_loud_channel_does_not_drown_the_others() {
     };
     let out = flow(&latent(loud(0.0)), &latent(loud(1.0)), (320, 180));
     let [u, v] = vector(&out, 160, 90);
-    // One of six channels asks for rest, and gets a sixth of the say.
+    // One of six channels votes for no motion, with a sixth of the weight.
     assert!((14.0..20.5).contains(&u) && v.abs() < 3.0, "{u} {v}");
 }
 

@@ -10,36 +10,36 @@ use crate::{Error, ErrorKind, MAX_SIDE, Result};
 /// A latent in a buffer: `[channels, height, width]` numbers, tightly packed.
 #[derive(Clone, Copy)]
 pub struct LatentBuffer<'a> {
-    /// Where it is.
+    /// The buffer with its state.
     pub buffer: ResourceWithState<'a>,
-    /// Its first number, counted in numbers.
+    /// Index of the latent's first number.
     pub first: u32,
 }
 
-/// The extractor for latents of one shape. What it writes is within two steps of a half of what
-/// [`Extractor`](super::Extractor) writes; below the smallest normal half its steps count.
+/// The extractor for latents of one shape. Its output is within two half-float steps of [`Extractor`](super::Extractor)'s; below the
+/// smallest normal half the step of subnormals applies.
 pub struct GpuExtractor {
     gpu: Gpu,
     grid: Kernel,
     lift: Kernel,
-    /// Per cell five words, as the shaders say.
+    /// Intermediate values: five 32-bit words per cell, in the shaders' layout.
     cells: ID3D12Resource,
     shape: [u32; 3],
     half: bool,
 }
 
-/// The most channels whose sums the shader divides as exactly as it says.
+/// The most channels for which the shader's division is as exact as documented.
 const CHANNELS: usize = 2047;
-/// Words of a cell between the two shaders.
+/// Words per cell passed from the first shader to the second.
 const WORDS: u32 = 5;
-/// Sides of a group of threads at render size.
+/// Side of a thread group at render size.
 const GROUP: u32 = 8;
 /// Formats of motion and of depth.
 const MOTION: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32G32_FLOAT];
 const DEPTH: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R32_FLOAT, DXGI_FORMAT_R16_FLOAT];
 
 impl GpuExtractor {
-    /// Makes it ready for latents of shape `[channels, height, width]`, of halves or of floats. A frame of
+    /// Prepares an extractor for latents of shape `[channels, height, width]` in half or single precision. Each
     /// [`record`](Self::record) takes six descriptors.
     ///
     /// # Errors
@@ -64,7 +64,7 @@ impl GpuExtractor {
         Ok(Self { gpu: gpu.clone(), grid, lift, cells, shape, half })
     }
 
-    /// From now on latents are of halves, or of floats.
+    /// Sets whether latents are half or single precision from now on.
     pub fn reads_halves(&mut self, half: bool) {
         self.half = half;
     }
@@ -103,12 +103,12 @@ impl GpuExtractor {
         frame.run(&self.lift, &[width, height, to.width, to.height], &[cells], &outputs, groups)
     }
 
-    /// The words of a buffer up to the end of a latent.
+    /// A view of the buffer's words up to the end of a latent.
     fn latent<'a>(&self, given: &LatentBuffer<'a>, field: &str) -> Result<View<'a>> {
         let numbers: u64 = self.shape.iter().map(|n| u64::from(*n)).product();
         let element = if self.half { 2 } else { 4 };
         let bytes = ((u64::from(given.first) + numbers) * element).next_multiple_of(4);
-        // What a shader counts in bytes, it counts in 32 bits.
+        // Shaders address bytes with 32 bits.
         if u32::try_from(bytes).is_err() {
             let why = format!("a latent that starts at number {} lies beyond 4 GiB", given.first);
             return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));

@@ -1,4 +1,4 @@
-//! Against numpy, and against what the formulas promise.
+//! Against numpy, and against properties that follow from the formulas.
 
 use serde::Deserialize;
 

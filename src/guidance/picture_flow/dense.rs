@@ -1,9 +1,8 @@
-//! From patches to pixels.
+//! Densification: from patch motion to pixel motion.
 //!
-//! Pixels are taken in blocks of 8 x 8. Where the patches in and around a block move as if on one smooth sheet, motion is
-//! bilinear between them. Elsewhere an edge of motion runs somewhere near, and each pixel chooses: every motion that is
-//! found around the block is tried on the whole of it, and a pixel takes that which explains it and the pixels around it
-//! best.
+//! Pixels are processed in blocks of 8 x 8. Where no cell in or around the block is rough, motion is interpolated bilinearly.
+//! Elsewhere a motion edge is near: every distinct motion around the block is tried on all of it, and each pixel takes the one with
+//! the smallest difference over its 5 x 5 neighbourhood.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd, dispatch, f32x8};
@@ -16,43 +15,43 @@ use crate::tasks::{Parallel, ParallelSliceMut};
 
 /// Pixels along a block's side.
 const BLOCK: usize = 8;
-/// How far around a pixel a motion must explain the pictures to explain it.
+/// Radius of the neighbourhood over which differences are summed, in pixels.
 const REACH: usize = 2;
 const WIDE: usize = BLOCK + 2 * REACH;
 const DIAMETER: usize = 2 * REACH + 1;
-/// Lanes of a row of a wide block, with room to work on all of them.
+/// Row length of a block with its margin, rounded up to whole vectors.
 const LANES: usize = 16;
-/// Motions that are tried on a block at most.
+/// Largest number of candidate motions per block.
 const MOST: usize = 8;
-/// Motions nearer to each other than this, in pixels, are tried once.
+/// Candidates closer than this, in pixels, are merged.
 const SAME: f32 = 0.25;
-/// Motions nearer to each other than this, in pixels, are of one surface.
+/// Motions closer than this, in pixels, belong to the same surface.
 const SURFACE: f32 = 1.0;
-/// A difference counts at most this much, in code values.
+/// A pixel's difference is clamped to this, in code values.
 const MOST_UNLIKE: f32 = 20.0;
-/// What a pixel that leads out of the picture counts, in code values.
+/// Difference assigned to a pixel whose motion leads out of the picture, in code values.
 const OUTSIDE: f32 = 8.0;
-/// A mean difference above this is no match, in code values.
+/// A mean difference above this is a mismatch, in code values.
 const MISMATCH: f32 = 16.0;
 
-/// A motion for each pixel, in pixels.
+/// Per-pixel motion, in pixels.
 #[derive(Debug, Default)]
 pub(super) struct Dense {
     pub(super) width: usize,
     pub(super) flow: Vec<[f32; 2]>,
-    /// Whether the other picture shows the same at the motion's end.
+    /// Whether the other picture matches at the end of the motion.
     pub(super) matched: Vec<bool>,
 }
 
-/// The cells in and around a block.
+/// Motion and brightening of the cells in and around a block.
 struct Window {
     flow: [[f32; 2]; 16],
     brightening: [f32; 16],
-    /// Along a side: 3 of 8 pixels, or 4 of 4.
+    /// Cells per side: 3 at stride 8, 4 at stride 4.
     side: usize,
 }
 
-/// What a row of 8 pixels is bilinear between: for each the nearer and the farther cell, and the weight of that.
+/// Linear interpolation of 8 pixels: indices of the nearer and the farther cell, and the weight of the farther one.
 struct Taps {
     near: [usize; BLOCK],
     far: [usize; BLOCK],
@@ -75,17 +74,17 @@ const fn taps(stride: usize) -> Taps {
     taps
 }
 
-/// Cells of a window, those nearest to its middle first.
+/// Cell indices of a window, sorted by distance from its centre.
 const ORDER_OF_9: [usize; 9] = [4, 3, 5, 1, 7, 0, 2, 6, 8];
 const ORDER_OF_16: [usize; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 15];
 
 impl Dense {
-    /// The motion of the pixels of row `y`.
+    /// Motion of the pixels of row `y`.
     pub(super) fn row(&self, y: usize) -> &[[f32; 2]] {
         &self.flow[y * self.width..][..self.width]
     }
 
-    /// Spreads the motion of `grid`'s patches over the pixels of `from`.
+    /// Computes the motion of every pixel of `from` from the patches of `grid`.
     pub(super) fn spread(&mut self, level: Level, from: &Plane, to: &Plane, grid: &Grid) -> Result<()> {
         self.width = from.width;
         reserve(&mut self.flow, from.luma.len(), [0.0; 2])?;
@@ -98,7 +97,7 @@ impl Dense {
     }
 }
 
-/// Row `j` of blocks.
+/// Densifies row `j` of blocks.
 #[inline(always)]
 fn spread_row<S: Simd>(
     simd: S,
@@ -131,7 +130,7 @@ fn spread_row<S: Simd>(
 type Block = [[f32; BLOCK]; BLOCK];
 
 impl Window {
-    /// The window of block (i, j), and whether its motion is other than that of a smooth sheet.
+    /// The window of block (i, j), and whether any of its cells is rough.
     #[inline(always)]
     fn new(grid: &Grid, i: usize, j: usize) -> (Self, bool) {
         let (side, cells) = if grid.stride == BLOCK { (3, 1) } else { (4, 2) };
@@ -150,7 +149,7 @@ impl Window {
         (window, is_rough)
     }
 
-    /// Bilinear between the cells.
+    /// Bilinear interpolation between the cells.
     #[inline(always)]
     fn bilinear<S: Simd>(&self, simd: S) -> [Block; 2] {
         let taps = if self.side == 3 { &APART } else { &CLOSE };
@@ -161,7 +160,7 @@ impl Window {
                 for (x, value) in row.iter_mut().enumerate() {
                     let at = |x: usize| self.flow[y * self.side + x][axis];
                     let near = at(taps.near[x]);
-                    // Differences, so that equal motions stay equal to the last bit.
+                    // Computed from differences, so that equal motions stay equal to the last bit.
                     *value = near + (at(taps.far[x]) - near) * taps.weight[x];
                 }
             }
@@ -174,7 +173,7 @@ impl Window {
         motion
     }
 
-    /// The distinct motions of the window, those nearest to its middle first, and how many there are.
+    /// Indices of cells with distinct motions, nearest to the window's centre first, and how many there are.
     #[inline(always)]
     fn motions(&self) -> ([usize; MOST], usize) {
         let order = if self.side == 3 { &ORDER_OF_9[..] } else { &ORDER_OF_16[..] };
@@ -193,7 +192,7 @@ impl Window {
         (picked, count)
     }
 
-    /// For each pixel of the block from `origin` on the motion of the window that explains it best, and whether it does.
+    /// Chooses the best candidate for each pixel of the block at `origin`. Also returns whether the pixel matches at that motion.
     #[inline(always)]
     fn choose<S: Simd>(
         &self,
@@ -252,7 +251,7 @@ impl Window {
         (chosen, good)
     }
 
-    /// How much the pixels of a wide block, `own` from `corner` on, differ from `to` at the motion of `cell`.
+    /// Absolute differences between `own`, the block with its margin at `corner`, and `to` displaced by the motion of `cell`.
     #[inline(always)]
     fn differences<S: Simd>(
         &self,
@@ -292,7 +291,7 @@ impl Window {
         unlike
     }
 
-    /// The motion over the block of the surface that `cell` is of.
+    /// Smooth motion over the block of the surface that `cell` belongs to: the weighted mean of all cells within [`SURFACE`] of it.
     #[inline(always)]
     fn sheet<S: Simd>(&self, simd: S, cell: usize) -> [[f32x8<S>; BLOCK]; 2] {
         let taps = if self.side == 3 { &APART } else { &CLOSE };
@@ -324,7 +323,7 @@ impl Window {
     }
 }
 
-/// How much cell number `cell` along a side counts for each of the 8 pixels: a tent over two cells each way.
+/// Weight of cell `cell` along one side for each of the 8 pixels: a tent of half-width two cells.
 #[inline(always)]
 fn tent(taps: &Taps, cell: usize) -> [f32; BLOCK] {
     let mut weights = [0.0; BLOCK];
@@ -336,7 +335,7 @@ fn tent(taps: &Taps, cell: usize) -> [f32; BLOCK] {
     weights
 }
 
-/// Eight positions of a row from number `x` on, each a part `fraction` of a pixel on.
+/// Linear interpolation at eight positions of a row from `x` on, each shifted right by `fraction` of a pixel.
 #[inline(always)]
 fn across<S: Simd>(simd: S, row: &[f32; LANES + 1], x: usize, fraction: f32) -> f32x8<S> {
     let left = f32x8::from_slice(simd, &row[x..x + BLOCK]);

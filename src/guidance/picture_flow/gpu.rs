@@ -1,9 +1,9 @@
 //! Motion from two pictures on a Direct3D device: the same algorithm, from anchors in textures into textures.
 //!
-//! Its shaders are `flow_*.hlsl`, and `flow.hlsli` holds what they share. They keep the processor's order of sums, so that what
-//! differs is how a device divides, and the motion of the whole picture, which is fitted in floats. Both directions run in one
-//! dispatch. A patch is searched by eight threads, each with one column of it; the rounds of the smoothing stay in the memory of a
-//! group, which works at some cells around its own as well where the grid does not fit into one.
+//! The shaders are `flow_*.hlsl`; `flow.hlsli` holds shared code. They keep the CPU's order of sums, so only division and the fit of the
+//! global model, which is in single precision, differ. Both directions run in one dispatch. Eight threads search a patch, one per
+//! column. Smoothing iterations stay in group-shared memory; where the grid does not fit into one group, each group also computes a
+//! halo of cells around its own.
 
 mod kernels;
 mod layout;
@@ -19,19 +19,19 @@ use kernels::Kernels;
 use layout::{Constants, Layout};
 use steps::Steps;
 
-/// Descriptors that an extraction takes of its frame.
+/// Descriptors that one extraction allocates from the command recorder.
 pub const DESCRIPTORS: u32 = 5;
-/// What buffers have room for, in words.
+/// Largest size of the working buffer, in 32-bit words.
 const MOST_WORDS: u64 = 1 << 27;
-/// Pixels to a side for which depth may have one texel.
+/// Sides of the pixel square that a depth texel may cover.
 const TILES: [u32; 3] = [1, 8, 16];
 /// Formats of motion and of depth.
 const MOTION: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32G32_FLOAT];
 const DEPTH: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R32_FLOAT, DXGI_FORMAT_R16_FLOAT];
 
-/// The extractor for pictures of one size. What it finds is within a quarter of a pixel of what [`Extractor`](super::Extractor)
-/// finds for 99 of 100 pixels of pictures of one scene, and as a rule the same. Its memory is about 40 bytes to a pixel, in pictures of
-/// more than a megapixel at most 10, and is made with it, as are its pipelines; recording makes nothing.
+/// The extractor for pictures of one size. For 99 of 100 pixels of pictures of one scene its result is within a quarter of a pixel of
+/// [`Extractor`](super::Extractor)'s, and as a rule equal. Working memory is about 40 bytes per pixel, at most 10 for pictures of more
+/// than a megapixel. It and the pipelines are created with the extractor; recording creates nothing.
 ///
 /// Threads: one at a time; may move between them.
 pub struct GpuExtractor {
@@ -63,12 +63,11 @@ impl GpuExtractor {
             return Err(refuse(ErrorKind::Unsupported).remedy("Find motion at a smaller size"));
         }
         let work = buffer(gpu, Heap::Device, layout.bytes as usize)?;
-        let (kernels, transfer) = (Kernels::new(gpu)?, Transfer::Shown);
+        let (kernels, transfer) = (Kernels::new(gpu)?, Transfer::Encoded);
         Ok(Self { gpu: gpu.clone(), kernels, layout, work, transfer, size: [width, height] })
     }
 
-    /// The same for anchors whose numbers stand for light in another way than [`Transfer::Shown`]. Numbers beyond [0, 1] of what is shown count
-    /// as its ends.
+    /// Sets the anchors' transfer function if it is not [`Transfer::Encoded`]. Display-encoded values outside [0, 1] are clamped.
     pub fn with_transfer(self, transfer: Transfer) -> Self {
         Self { transfer, ..self }
     }
@@ -78,7 +77,7 @@ impl GpuExtractor {
     /// (FLOAT): a texel to each square of 1, 8 or 16 pixels to a side, all of them [`FLAT_DEPTH`](super::FLAT_DEPTH). Shaders must be able to
     /// write both.
     ///
-    /// Frames of one extractor are recorded for one queue: they share its working memory. Nothing comes back to the processor.
+    /// All recordings of one extractor must run on the same queue, because they share its working memory. Nothing is read back.
     ///
     /// # Errors
     /// `InvalidArgument` for textures of other sizes or formats, anchors of two formats, and what is another device's; `Unsupported` when the

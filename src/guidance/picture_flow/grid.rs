@@ -10,68 +10,68 @@ use super::reserve;
 use crate::tasks::{Parallel, ParallelSliceMut};
 use crate::{Error, ErrorKind, Result};
 
-/// Pixels from one patch to the next,
+/// Patch stride in pixels.
 pub(super) const CLOSE: usize = 4;
-/// and where the picture is so large that neither the search nor what it is for needs them closer.
+/// Patch stride on the finest level of a large picture, where denser patches bring nothing.
 pub(super) const APART: usize = 8;
-/// Rounds of the smoothing.
+/// Jacobi iterations of the smoothing.
 pub(super) const ROUNDS: usize = 12;
-/// Weight of a neighbour's motion against the information in a patch, per squared pixel.
+/// Weight of a neighbour's motion against a patch's own data term, per squared pixel.
 const LAMBDA: f32 = 0.3;
-/// Variance of a pixel that matches, in squared code values.
+/// Noise variance of a matching pixel, in squared code values.
 const NOISE: f32 = 1.0;
-/// Luma by which neighbours differ before they count as different things, in code values.
+/// Luma difference at which the weight between neighbours halves, in code values.
 const LUMA_SCALE: f32 = 25.0;
-/// Motion by which neighbours differ before they count as different things, in pixels.
+/// Motion difference at which the weight between neighbours halves, in pixels.
 const FLOW_SCALE: f32 = 1.0;
-/// By how much, in pixels to a pixel of the stride, a cell's motion may differ from that between two others on a smooth
-/// sheet.
+/// A cell is marked rough if its motion differs by more than this from the mean of two opposite neighbours, in pixels per pixel
+/// of stride.
 const ROUGH: f32 = 0.5;
-/// Information by which a patch counts half for the motion of the whole picture.
+/// Information at which a patch has half of the full weight in the global model.
 const KNOWN: f32 = 4.0;
-/// Motion by which two neighbours differ at most where it is drawn on in a line, in pixels.
+/// Motion is extrapolated from two neighbours only if they differ by less than this, in pixels.
 const STRAIGHT: f32 = 2.0;
-/// Cells that the motion of the whole picture is taken from at most.
+/// Largest number of cells sampled for the global model.
 pub(super) const SAMPLES: usize = 400;
-/// Cells that are worked on at once.
+/// Cells processed at once by vector instructions.
 const LANES: usize = 8;
-/// Cells that are worth a task of their own in the smoothing.
+/// Smallest number of cells per parallel task of the smoothing.
 const CELLS: usize = 4096;
 
-/// The patches of one level, one to a square cell and centred on it.
+/// The patches of one level: one per square cell, centred on it.
 #[derive(Debug, Default)]
 pub(super) struct Grid {
     pub(super) across: usize,
     pub(super) down: usize,
     /// Pixels along a cell's side.
     pub(super) stride: usize,
-    /// What the search found for each patch.
+    /// Search result of each patch.
     pub(super) found: Vec<Found>,
     /// Motion of each patch after smoothing.
     pub(super) flow: Padded<2>,
     next: Padded<2>,
     facts: Padded<7>,
-    /// Whether the motion of a cell is other than that between the cells on either side of it.
+    /// Whether a cell's motion differs from the mean of its left and right, or upper and lower, neighbours by more than [`ROUGH`].
     pub(super) rough: Vec<bool>,
-    /// The motion of the whole picture.
+    /// Global motion model of the picture.
     model: Option<Model>,
     samples: Vec<Sample>,
 }
 
-/// `N` values for each cell, each a plane of its own, with a cell of none all around.
+/// `N` planes with one value per cell each, with a border of one zero cell on all sides.
 #[derive(Debug)]
 pub(super) struct Padded<const N: usize> {
-    /// Cells along a row, with those around.
+    /// Cells per row, border included.
     pitch: usize,
     planes: [Vec<f32>; N],
 }
 
-/// What the smoothing knows of a cell: its search's motion, what that knows, and how alike its neighbours' luma is.
+/// Inputs of the smoothing for one row of cells: motion found, its H over the residual, and the luma penalties to the neighbours.
 #[derive(Debug, Clone, Copy)]
 struct Facts<'a> {
     flow: [&'a [f32]; 2],
     hessian: [&'a [f32]; 3],
-    /// To the left neighbour, and, one cell on, to the right.
+    /// Penalty to the left neighbour; the next entry is that to the right neighbour.
     beside: &'a [f32],
     above: &'a [f32],
     below: &'a [f32],
@@ -96,7 +96,7 @@ impl<const N: usize> Padded<N> {
         std::array::from_fn(|n| self.planes[n][k])
     }
 
-    /// Row `j` of plane `n` with the cells around; -1 and the number of rows are outside.
+    /// Row `j` of plane `n` with its border cells; rows -1 and `down` are the border.
     #[inline(always)]
     fn row(&self, n: usize, j: isize) -> &[f32] {
         let start = (j + 1) as usize * self.pitch;
@@ -105,7 +105,7 @@ impl<const N: usize> Padded<N> {
 }
 
 impl Grid {
-    /// Searches every patch of `from`, one every `stride` pixels, in `to`, starting from what the `coarse` level knows.
+    /// Searches every patch of `from` (one per `stride` pixels) in `to`, starting from the motions of the `coarse` level.
     pub(super) fn search(
         &mut self,
         level: Level,
@@ -124,10 +124,10 @@ impl Grid {
         Ok(())
     }
 
-    /// Searches again from the smooth motion of each patch and of those around it, wherever that is another than was
-    /// found: what is right spreads from patch to patch, also along a slope of motion.
+    /// Searches again from the smoothed motion of each patch and of its neighbours, where that differs from the motion found. Correct
+    /// motion so spreads from patch to patch, also where it changes linearly.
     pub(super) fn search_again(&mut self, level: Level, from: &Plane, to: &Plane) {
-        // Taken for the time of the work: the rest is read meanwhile.
+        // Moved out so that the rows can be written while the rest of the grid is read.
         let mut found = std::mem::take(&mut self.found);
         let this = &*self;
         found.par_chunks_mut(this.across).enumerate().for_each(|(j, row)| {
@@ -136,8 +136,7 @@ impl Grid {
         self.found = found;
     }
 
-    /// Motions to try anew for cell (i, j): its own, that of the whole picture, and those of its neighbours, drawn on in
-    /// a line from the neighbours behind them.
+    /// Start motions for the repeated search of cell (i, j): its own, the global model's, and one linearly extrapolated from each side.
     #[inline(always)]
     fn starts_again(&self, i: usize, j: usize) -> [[f32; 2]; 6] {
         let own = self.flow.at(i, j);
@@ -161,13 +160,13 @@ impl Grid {
         ]
     }
 
-    /// The middle of cell (i, j), in pixels.
+    /// Centre of cell (i, j), in pixels.
     #[inline(always)]
     fn middle(&self, i: usize, j: usize) -> [f32; 2] {
         [(i as f32 + 0.5) * self.stride as f32, (j as f32 + 0.5) * self.stride as f32]
     }
 
-    /// Finds the motion of the whole picture, from the smooth motion of cells spread over it.
+    /// Fits the global model to the smoothed motion of a regular subset of the cells.
     pub(super) fn fit(&mut self) -> Result<()> {
         let fits = |step: &usize| self.across.div_ceil(*step) * self.down.div_ceil(*step) <= SAMPLES;
         let step = (1..).find(fits).unwrap_or(1);
@@ -185,8 +184,8 @@ impl Grid {
         Ok(())
     }
 
-    /// Motions to try for cell (i, j) of the next finer level: of the cell it lies in, of the whole picture, of the cells
-    /// beside it, and none.
+    /// Start motions for cell (i, j) of the next finer level: the enclosing coarse cell's, the global model's, the adjacent cells', and
+    /// zero.
     #[inline(always)]
     fn starts(&self, i: usize, j: usize, stride: usize) -> [[f32; 2]; 7] {
         let (last_x, last_y) = (self.across - 1, self.down - 1);
@@ -197,18 +196,18 @@ impl Grid {
         let middle = [i, j].map(|k| (k as f32 + 0.5) * stride as f32);
         let whole = self.model.map_or([0.0; 2], |model| model.doubled().at(middle));
         if stride == 2 * self.stride {
-            // Cell upon cell.
+            // Each fine cell covers exactly one coarse cell.
             let (left, above) = (at(i.saturating_sub(1), j), at(i, j.saturating_sub(1)));
             return [at(i, j), whole, left, at(i + 1, j), above, at(i, j + 1), [0.0; 2]];
         }
-        // The cells around its centre.
+        // The four coarse cells around the fine cell's centre.
         let pair = |i: usize| [i / 2, if i.is_multiple_of(2) { (i / 2).saturating_sub(1) } else { i / 2 + 1 }];
         let ([x, beside], [y, above]) = (pair(i), pair(j));
         [at(x, y), whole, at(beside, y), at(x, above), at(beside, above), [0.0; 2], [0.0; 2]]
     }
 
-    /// Smooths the motion: patches that fix theirs well keep it, the others take their neighbours'. Jacobi rounds of
-    /// the normal equations, weights anew in each.
+    /// Smooths the motion: patches with strong data terms keep theirs, the others follow their neighbours. Jacobi iterations of the
+    /// normal equations; the weights are recomputed in each.
     pub(super) fn smooth(&mut self, level: Level) -> Result<()> {
         let (across, down) = (self.across, self.down);
         self.flow.resize(across, down)?;
@@ -251,12 +250,12 @@ impl Grid {
         Ok(())
     }
 
-    /// Lays out what the smoothing needs.
+    /// Fills the planes that the smoothing reads.
     fn gather(&mut self) {
         let (across, down, pitch) = (self.across, self.down, self.across + 2);
         for planes in [&mut self.flow.planes[..], &mut self.next.planes[..], &mut self.facts.planes[..]] {
             for plane in planes {
-                // The cells around may hold what was inside a grid of another size.
+                // The border may hold values from a grid of another size.
                 plane[..pitch].fill(0.0);
                 plane[(down + 1) * pitch..].fill(0.0);
                 for row in plane.chunks_exact_mut(pitch) {
@@ -274,7 +273,7 @@ impl Grid {
                 };
                 let [u, v] = found.flow;
                 let [xx, xy, yy] = found.hessian.map(|h| h * certain);
-                // The weights are quotients: LAMBDA over these. A neighbour that is not there has none.
+                // Penalties: the neighbour's weight is LAMBDA divided by them. A missing neighbour has an infinite penalty, so weight 0.
                 let beside = if i > 0 { alike(row[i - 1].mean) } else { f32::INFINITY };
                 let above = if j > 0 { alike(self.found[(j - 1) * across + i].mean) } else { f32::INFINITY };
                 for (plane, value) in self.facts.planes.iter_mut().zip([u, v, xx, xy, yy, beside, above]) {
@@ -322,15 +321,15 @@ fn search_row_again<S: Simd>(simd: S, from: &Plane, to: &Plane, grid: &Grid, j: 
     }
 }
 
-/// One round for a row of cells: the motion that suits both the patch and its neighbours' present motion. `around` is
-/// the present motion of the row above, of the row and of the row below.
+/// One Jacobi iteration for a row of cells: the motion that minimises the data term plus the weighted distance to the neighbours'
+/// current motion. `around` holds the current motion of the row above, this row and the row below.
 #[inline(always)]
 fn relax_row<S: Simd>(simd: S, known: Facts<'_>, around: [[&[f32]; 2]; 3], next: [&mut [f32]; 2]) {
     let [next_x, next_y] = next;
     let len = next_x.len();
     let mut from = 0;
     while from < len {
-        // The last eight may overlap those before.
+        // The last group of eight may overlap the one before.
         if from + LANES > len && len >= LANES {
             from = len - LANES;
         }
@@ -345,7 +344,7 @@ fn relax_row<S: Simd>(simd: S, known: Facts<'_>, around: [[&[f32]; 2]; 3], next:
             (pair(simd, below, from + 1), lanes(simd, known.below, from + 1)),
         ];
         for (there, alike) in neighbours {
-            // Differences, so that equal motions stay equal to the last bit.
+            // Computed from differences, so that equal motions stay equal to the last bit.
             let apart = [there[0] - here[0], there[1] - here[1]];
             let change = apart[0] * apart[0] + apart[1] * apart[1];
             let weight = f32x8::splat(simd, LAMBDA) / (alike * (change * (1.0 / (FLOW_SCALE * FLOW_SCALE)) + 1.0));
@@ -377,7 +376,7 @@ fn relax_row<S: Simd>(simd: S, known: Facts<'_>, around: [[&[f32]; 2]; 3], next:
     }
 }
 
-/// Eight values of `row` from number `k` on; what is beyond its end is 0.
+/// Eight values of `row` from `k` on; values past its end are 0.
 #[inline(always)]
 fn lanes<S: Simd>(simd: S, row: &[f32], k: usize) -> f32x8<S> {
     match row.get(k..k + LANES) {

@@ -1,4 +1,4 @@
-//! One motion for the whole picture: what most of it does.
+//! Global motion model: one parametric motion for the whole picture.
 //!
 //! The motion of a plane before a camera that moves and turns, to first order in time (Longuet-Higgins and Prazdny 1980):
 //!
@@ -7,27 +7,27 @@
 //! v = a3 + a4 x + a5 y + a6 x y + a7 y^2
 //! ```
 //!
-//! A camera that only turns moves everything so. It is no more than another motion to try: where texture repeats, or
-//! motion is long, a patch finds its own only from a start that is near it.
+//! A pure camera rotation has exactly this form. The model is only one more start for the search: where texture repeats or motion is
+//! long, a patch finds its motion only from a start near it.
 
-/// Numbers of a model.
+/// Parameters of the model.
 const N: usize = 8;
-/// By how much a motion may differ from the model before it counts little, in pixels: from round to round.
+/// Residual scale of each reweighting round, in pixels: samples farther off than this lose weight.
 const SCALES: [f64; 5] = [f64::INFINITY, 2.0, 1.0, 0.5, 0.5];
-/// Part of the mean diagonal that is added to it, so that a picture with little in it still gives a model.
+/// Regularisation: this fraction of the mean diagonal is added to the diagonal, so that little data still gives a model.
 const RIDGE: f64 = 1e-5;
 
-/// A motion at each place of a picture.
+/// A motion for every position in a picture.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Model {
     numbers: [f64; N],
-    /// Half the picture's size in pixels: the place where x and y are 0.
+    /// Origin of x and y: the picture's centre, in pixels.
     middle: [f64; 2],
-    /// What a pixel is in x and y.
+    /// Scale from pixels to x and y.
     unit: f64,
 }
 
-/// What is known of the motion at one place.
+/// Motion measured at one position.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sample {
     /// In pixels.
@@ -38,8 +38,8 @@ pub(super) struct Sample {
 }
 
 impl Model {
-    /// The model that most of `samples` agree on, in a picture of `size` pixels. Least squares, again and again, each
-    /// sample counting the less the farther it was off. None where the samples say nothing.
+    /// The model that most `samples` agree on, in a picture of `size` pixels. Iteratively reweighted least squares. `None` if the
+    /// samples carry no weight or are not finite.
     pub(super) fn fit(samples: &[Sample], size: [f64; 2]) -> Option<Self> {
         let middle = size.map(|s| 0.5 * s);
         let mut model = Self { numbers: [0.0; N], middle, unit: 2.0 / size[0].max(size[1]) };
@@ -67,7 +67,7 @@ impl Model {
         Some(model)
     }
 
-    /// The motion at a place in pixels.
+    /// Motion at a position in pixels.
     pub(super) fn at(&self, place: [f32; 2]) -> [f32; 2] {
         self.exact(place).map(|v| v as f32)
     }
@@ -88,12 +88,12 @@ impl Model {
     }
 }
 
-/// Solves a positive definite system of which `matrix` holds the upper half; none where nothing is in it.
+/// Solves a symmetric positive definite system given by the upper half of `matrix`; `None` if it is singular or not finite.
 fn solve(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
     let ridge = RIDGE / N as f64 * (0..N).map(|i| matrix[i][i]).sum::<f64>();
     for i in 0..N {
         matrix[i][i] += ridge;
-        // Not a number fails this too.
+        // Written so that NaN is refused as well.
         let is_known = matrix[i][i] > 0.0;
         if !is_known {
             return None;
@@ -118,7 +118,7 @@ fn solve(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
 mod tests {
     use super::*;
 
-    /// A camera that turns to the right and up and rolls, above a plane: u and v by its own formula.
+    /// Motion of a plane seen by a camera that pans right, tilts up and rolls, from the analytic formula.
     fn turning([x, y]: [f32; 2]) -> [f32; 2] {
         let (x, y) = ((x - 80.0) / 80.0, (y - 45.0) / 80.0);
         [12.0 + 2.0 * x - 1.5 * y + 5.0 * x * x - 3.0 * x * y, -4.0 + 1.5 * x + 3.0 * y + 5.0 * x * y - 3.0 * y * y]
@@ -160,7 +160,7 @@ mod tests {
         assert!(Model::fit(&[], [160.0, 90.0]).is_none());
         assert!(Model::fit(&[Sample { weight: 0.0, ..Sample::default() }], [160.0, 90.0]).is_none());
         assert!(Model::fit(&samples(|_, _| [f32::NAN; 2]), [160.0, 90.0]).is_none());
-        // One place says little, yet something.
+        // One sample is enough for a model.
         let one = [Sample { place: [80.0, 45.0], flow: [3.0, 1.0], weight: 1.0 }];
         let [u, v] = Model::fit(&one, [160.0, 90.0]).unwrap().at([80.0, 45.0]);
         assert!((u - 3.0).abs() < 0.01 && (v - 1.0).abs() < 0.01, "{u} {v}");

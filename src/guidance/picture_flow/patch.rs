@@ -9,17 +9,17 @@ use super::pyramid::{Plane, floor};
 pub(super) const SIDE: usize = 8;
 
 const AREA: usize = SIDE * SIDE;
-/// Fewer pixels than these in both pictures say nothing about a motion.
+/// A comparison of fewer overlapping pixels than this is rejected.
 const FEWEST: f32 = (AREA / 4) as f32;
 const MOST_STEPS: usize = 8;
-/// A step shorter than this, in pixels, is the last and needs no trial.
+/// A step shorter than this, in pixels, is taken without another comparison and ends the descent.
 const SETTLED: f32 = 0.02;
-/// A start nearer than this to one that was tried, in pixels, is left to the steps.
+/// A start within this distance of an earlier one, in pixels, is skipped: the descent covers it.
 pub(super) const NEAR: f32 = 0.3;
-/// By how much another start must be better than what the coarser level says, in squared code values: rounding to 8 bits
-/// alone must not decide it, or a plain sky would rest while all else turns.
+/// A start must beat the best one so far by this much, in squared code values. Otherwise 8-bit rounding alone would decide,
+/// and a plain sky would stand still while everything else turns.
 const MARGIN: f32 = 1.0;
-/// Added to the diagonal of H per pixel, in squared code values: what a flat patch has instead of a gradient.
+/// Added per pixel to the diagonal of H, in squared code values. Keeps H invertible on a flat patch.
 const DAMPING: f32 = 0.02;
 
 /// One value for each pixel of a patch.
@@ -30,9 +30,9 @@ type Area = [[f32; SIDE]; SIDE];
 pub(super) struct Found {
     /// Motion in pixels of this level.
     pub(super) flow: [f32; 2],
-    /// How much brighter the other picture is there, in code values.
+    /// Mean of target minus template, in code values.
     pub(super) brightening: f32,
-    /// Mean squared difference that is left, in squared code values.
+    /// Mean squared difference after the mean is removed, in squared code values.
     pub(super) residual: f32,
     /// H per pixel: xx, xy, yy.
     pub(super) hessian: [f32; 3],
@@ -40,7 +40,7 @@ pub(super) struct Found {
     pub(super) mean: f32,
 }
 
-/// A patch of the picture the motion is wanted for.
+/// An 8 x 8 patch of the source picture, with its centred gradients and H.
 pub(super) struct Template {
     origin: [i32; 2],
     value: Area,
@@ -50,7 +50,7 @@ pub(super) struct Template {
     hessian: [f32; 3],
 }
 
-/// A template against the other picture at one motion.
+/// Result of comparing a template with the target picture at one motion.
 #[derive(Clone, Copy)]
 struct Comparison {
     slope: [f32; 2],
@@ -59,7 +59,7 @@ struct Comparison {
 }
 
 impl Template {
-    /// The patch whose first pixel is `origin`; where it hangs over the edge of the picture, that does not count.
+    /// The patch whose first pixel is `origin`. Pixels outside the picture have weight 0.
     #[inline(always)]
     pub(super) fn new<S: Simd>(simd: S, plane: &Plane, origin: [i32; 2]) -> Self {
         let mut template = Self {
@@ -78,7 +78,7 @@ impl Template {
         template
     }
 
-    /// Takes values and gradients from `plane`, the mean off the gradients, and sums up H.
+    /// Reads values and gradients from `plane`, subtracts the mean from the gradients, and sums H.
     #[inline(always)]
     fn centre<S: Simd>(&mut self, simd: S, plane: &Plane) {
         let (left, top) = (self.origin[0] - 1, self.origin[1] - 1);
@@ -110,7 +110,7 @@ impl Template {
         self.hessian = [mean_of(hessian[0]), mean_of(hessian[1]), mean_of(hessian[2])];
     }
 
-    /// As [`centre`](Self::centre), where pixels outside the picture do not count and those at its edge are repeated.
+    /// As [`centre`](Self::centre) for a patch at the border: outside pixels have weight 0, gradients use clamped reads.
     #[inline(always)]
     fn centre_at_edge<S: Simd>(&mut self, simd: S, plane: &Plane) {
         let around = plane.block::<{ SIDE + 2 }>(self.origin[0] - 1, self.origin[1] - 1);
@@ -144,7 +144,7 @@ impl Template {
         self.hessian = hessian.map(|sum| sum_of(sum) / count);
     }
 
-    /// The best motion into `target` that can be reached from one of `starts`; the first of them where all are bad.
+    /// The best motion into `target` reachable from `starts`; `starts[0]` if no start can be compared.
     #[inline(always)]
     pub(super) fn search<S: Simd, const N: usize>(&self, simd: S, target: &Plane, starts: &[[f32; 2]; N]) -> Found {
         let nowhere = Comparison { slope: [0.0; 2], residual: f32::INFINITY, brightening: 0.0 };
@@ -165,14 +165,14 @@ impl Template {
         Found {
             flow,
             brightening: best.brightening,
-            // Where nothing could be compared, nothing is known.
+            // No start could be compared: a large residual gives this patch almost no weight.
             residual: if best.residual.is_finite() { best.residual } else { 1e6 },
             hessian: self.hessian,
             mean: self.mean,
         }
     }
 
-    /// Inverse-compositional steps from `flow` on, kept while they do not make it worse.
+    /// Inverse-compositional steps from `flow`, until one does not reduce the residual.
     #[inline(always)]
     fn descend<S: Simd>(&self, simd: S, target: &Plane, flow: &mut [f32; 2], best: &mut Comparison) {
         let [xx, xy, yy] = self.hessian;
@@ -192,7 +192,7 @@ impl Template {
                 break;
             }
             let comparison = self.compare(simd, target, next);
-            // Not a number fails this too.
+            // Written so that NaN also ends the loop.
             let better = comparison.residual < best.residual;
             if !better {
                 break;
@@ -201,7 +201,7 @@ impl Template {
         }
     }
 
-    /// The template against `target` at `flow`; an infinite residual where too little of it is in both pictures.
+    /// Compares the template with `target` at `flow`. The residual is infinite where too few pixels lie in both pictures.
     #[inline(always)]
     fn compare<S: Simd>(&self, simd: S, target: &Plane, flow: [f32; 2]) -> Comparison {
         let whole = [floor(flow[0]), floor(flow[1])];
@@ -224,24 +224,24 @@ impl Template {
         }
         let mean = mean_of(sum);
         Comparison {
-            // The gradients are centred: the difference's mean drops out of the slope.
+            // The gradients have zero mean, so the mean of the difference cancels.
             slope: [mean_of(slope[0]), mean_of(slope[1])],
             residual: (mean_of(squares) - mean * mean).max(0.0),
             brightening: mean,
         }
     }
 
-    /// As [`compare`](Self::compare), where pixels outside one of the pictures do not count.
+    /// As [`compare`](Self::compare), with weight 0 for pixels outside either picture.
     #[inline(always)]
     fn compare_at_edge<S: Simd>(&self, simd: S, target: &Plane, place: [i32; 2], [fx, fy]: [f32; 2]) -> Comparison {
-        // Both pictures have one size.
+        // Both pictures have the same size.
         let size = [target.width, target.height];
         let own = [0, 1].map(|axis| inside(self.origin[axis], size[axis]));
         let there = [0, 1].map(|axis| inside(place[axis], size[axis]));
         let both: [[f32; SIDE]; 2] = [0, 1].map(|axis| std::array::from_fn(|i| own[axis][i] * there[axis][i]));
         let count = |[across, down]: &[[f32; SIDE]; 2]| across.iter().sum::<f32>() * down.iter().sum::<f32>();
         let shared = count(&both);
-        // The first also where the patch itself is all outside.
+        // The first condition also covers a patch that lies entirely outside.
         if shared == 0.0 || shared < FEWEST.min(count(&own)) {
             return Comparison { slope: [0.0; 2], residual: f32::INFINITY, brightening: 0.0 };
         }
@@ -259,7 +259,7 @@ impl Template {
         let mean = sum_of(sum) / shared;
         let (mut squares, mut slope) = (none, [none; 2]);
         for j in 0..SIDE {
-            // The gradients are centred over more than what counts here: the mean must go first.
+            // The gradients were centred over more pixels than are compared here, so subtract the mean explicitly.
             let difference = (differences[j] - mean) * (columns * rows[j]);
             squares += difference * difference;
             slope[0] += f32x8::from_slice(simd, &self.gradient[0][j]) * difference;
@@ -273,7 +273,7 @@ impl Template {
     }
 }
 
-/// For each pixel of a patch along an axis 1 where it lies in the picture, 0 where it does not.
+/// Weight of each of a patch's 8 positions along one axis: 1 inside the picture, 0 outside.
 #[inline(always)]
 fn inside(first: i32, len: usize) -> [f32; SIDE] {
     let mut inside = [0.0; SIDE];
@@ -284,26 +284,26 @@ fn inside(first: i32, len: usize) -> [f32; SIDE] {
     inside
 }
 
-/// The sum over a patch of which each lane holds the sum of a column, in a tree.
+/// Sum of all elements, each the sum of one patch column. A fixed tree order keeps the result reproducible.
 #[inline(always)]
 fn sum_of<S: Simd>(lanes: f32x8<S>) -> f32 {
     let [a, b, c, d, e, f, g, h] = <[f32; SIDE]>::from(lanes);
     ((a + e) + (c + g)) + ((b + f) + (d + h))
 }
 
-/// The mean over a whole patch, as [`sum_of`].
+/// Mean over a whole patch; see [`sum_of`].
 #[inline(always)]
 fn mean_of<S: Simd>(lanes: f32x8<S>) -> f32 {
     sum_of(lanes) * (1.0 / AREA as f32)
 }
 
-/// Eight pixels of a row, from number `x` on.
+/// Eight pixels of a row, starting at `x`.
 #[inline(always)]
 fn lanes<S: Simd, const N: usize>(simd: S, row: &[f32; N], x: usize) -> f32x8<S> {
     f32x8::from_slice(simd, &row[x..x + SIDE])
 }
 
-/// Eight positions of a row, each a part `fraction` of a pixel on.
+/// Linear interpolation at eight positions of a row, each shifted right by `fraction` of a pixel.
 #[inline(always)]
 fn across<S: Simd>(simd: S, row: &[f32; SIDE + 1], fraction: f32) -> f32x8<S> {
     let left = lanes(simd, row, 0);

@@ -1,4 +1,4 @@
-//! Luma at full, half, quarter, ... size.
+//! Luma pyramid: full, half, quarter, ... size.
 
 use fearless_simd::{Level, Simd, dispatch};
 
@@ -8,11 +8,11 @@ use crate::{Picture, Result};
 
 /// A level is halved again while its shorter side has at least this many pixels.
 pub(super) const SHORT: usize = 24;
-/// Pixels of the finest level that is searched at most: motion changes no faster in a larger picture.
+/// Largest number of pixels of the finest level searched. In larger pictures motion does not vary on a finer scale.
 pub(super) const LARGE: usize = 1 << 20;
-/// Pixels of a row of halved luma that are made at once.
+/// Pixels of a halved row computed at a time.
 const RUN: usize = 64;
-/// Rows that are worth a task of their own.
+/// Smallest number of rows per parallel task.
 const ROWS: usize = 16;
 
 /// One level: luma in code values, row by row.
@@ -30,7 +30,7 @@ pub(super) struct Pyramid {
     used: usize,
 }
 
-/// The whole number at or below `x`. Without SSE 4.1 `f32::floor` is a call.
+/// Rounds down. Without SSE 4.1 `f32::floor` is a function call.
 #[inline(always)]
 pub(super) fn floor(x: f32) -> i32 {
     let towards_zero = x as i32;
@@ -38,14 +38,14 @@ pub(super) fn floor(x: f32) -> i32 {
 }
 
 impl Plane {
-    /// Whether the `side` x `side` pixels from (x, y) on lie in the picture.
+    /// Whether the `side` x `side` pixels from (x, y) on lie inside the picture.
     #[inline(always)]
     pub(super) fn holds(&self, x: i32, y: i32, side: usize) -> bool {
         let (x, y) = (i64::from(x), i64::from(y));
         x >= 0 && y >= 0 && x + side as i64 <= self.width as i64 && y + side as i64 <= self.height as i64
     }
 
-    /// The `N` pixels from (x, y) on, which lie in the picture.
+    /// The `N` pixels from (x, y) on, all of which must lie inside the picture.
     #[inline(always)]
     pub(super) fn row<const N: usize>(&self, x: i32, y: i32) -> [f32; N] {
         let start = y as usize * self.width + x as usize;
@@ -54,7 +54,7 @@ impl Plane {
         row
     }
 
-    /// The `N` x `N` pixels from (x, y) on, the edge repeated outside.
+    /// The `N` x `N` pixels from (x, y) on, with clamped coordinates.
     #[inline(always)]
     pub(super) fn block<const N: usize>(&self, x: i32, y: i32) -> [[f32; N]; N] {
         if self.holds(x, y, N) {
@@ -97,14 +97,13 @@ impl Pyramid {
         &self.planes[..self.used]
     }
 
-    /// The finest level that is not large, or else the last.
+    /// The finest level of at most [`LARGE`] pixels, or else the coarsest.
     pub(super) fn finest(&self) -> usize {
         let fits = |plane: &Plane| !plane.luma.is_empty() && plane.luma.len() <= LARGE;
         self.levels().iter().position(fits).unwrap_or(self.used.saturating_sub(1))
     }
 
-    /// Takes the luma of `picture` and halves it as often as it bears. The first level of a large picture, which nobody
-    /// searches, has no luma.
+    /// Builds the pyramid of `picture`. Level 0 of a large picture is never searched and stores no luma.
     pub(super) fn build(&mut self, features: Level, picture: &Picture) -> Result<()> {
         let (mut width, mut height) = (picture.width() as usize, picture.height() as usize);
         let is_large = width * height > LARGE && width.min(height) >= SHORT;
@@ -153,14 +152,14 @@ impl Pyramid {
 #[inline(always)]
 fn luma<S: Simd>(_: S, pixels: &[[u8; 4]], row: &mut [f32]) {
     for (value, &pixel) in row.iter_mut().zip(pixels) {
-        // As one number, which vectors take apart faster than four bytes.
+        // Read as one u32: vector code extracts bytes from it faster than from four u8.
         let pixel = u32::from_le_bytes(pixel);
         let [r, g, b] = [0, 8, 16].map(|shift| (pixel >> shift & 255) as i32 as f32);
         *value = 0.299 * r + 0.587 * g + 0.114 * b;
     }
 }
 
-/// [`luma`] of two rows, and of that what [`halve`] gives.
+/// [`luma`] of two rows, then [`halve`].
 #[inline(always)]
 fn halved_luma<S: Simd>(simd: S, above: &[[u8; 4]], below: &[[u8; 4]], row: &mut [f32]) {
     let mut lumas = [[0.0; 2 * RUN]; 2];

@@ -59,7 +59,7 @@ fn pans_are_found() {
     ];
     for (shift, most) in pans {
         let previous = picture(161, 99, texture);
-        // What is at x now was at x + shift.
+        // The pattern now at x was at x + shift.
         let current = picture(161, 99, |x, y| texture(x + shift[0], y + shift[1]));
         let error = worst(&flow(&previous, &current), 16, |_, _| shift);
         assert!(error < most, "{shift:?}: off by {error} px");
@@ -86,7 +86,7 @@ fn a_rotation_is_found() {
 
 #[test]
 fn long_motion_is_found_where_texture_repeats() {
-    // A camera turns fast while it walks: up to 28 pixels over a pattern that is alike every 14.
+    // Fast camera rotation while walking: up to 28 pixels of motion over a pattern with a period of 14.
     let stripes = |x: f32, y: f32| 0.5 * texture(x, y) + 64.0 + 30.0 * (0.45 * x + 0.02 * y).sin() * (0.4 * y).sin();
     let before = |x: f32, y: f32| [160.0 + 1.1 * (x - 160.0) + 12.0, 90.0 + 1.1 * (y - 90.0) + 3.0];
     let current = picture(320, 180, |x, y| {
@@ -102,7 +102,7 @@ fn long_motion_is_found_where_texture_repeats() {
             wrong += u32::from((u - px + x as f32).hypot(v - py + y as f32) > 1.0);
         }
     }
-    // Some of it leads out of the picture.
+    // Some of the motion leads out of the picture.
     assert!(wrong < 320 * 180 / 10, "{wrong} of 57600 pixels are off");
 }
 
@@ -134,7 +134,7 @@ fn a_thing_moves_over_a_resting_ground() {
 
 #[test]
 fn motion_that_is_not_undone_is_taken_from_likely_neighbours() {
-    // Dark left of 16, light from there on; each half has its motion, and columns 12 to 19 are wrong.
+    // Dark left of column 16, light from there on; each half has its own motion, and columns 12 to 19 are given a wrong one.
     let half = |x: usize| if x < 16 { [0.0, 1.0] } else { [-3.0, 0.0] };
     let wrong = |x: usize| (12..20).contains(&x);
     let field = |value: &dyn Fn(usize) -> [f32; 2]| {
@@ -161,7 +161,7 @@ fn motion_that_is_not_undone_is_taken_from_likely_neighbours() {
         let [tu, tv] = half(x);
         assert!((u - tu).hypot(v - tv) < 0.05, "column {x}: {u} {v}");
     }
-    // Down at the lower edge the left half leads out of the picture: that cannot be checked.
+    // At the lower edge the left half's motion leads out of the picture and cannot be checked.
     assert!(!trust.row(15)[3] && trust.row(14)[3]);
 }
 
@@ -233,7 +233,7 @@ fn vector_instructions_change_nothing() {
     // The larger one has more than a megapixel, and both have blocks that hang over the edge.
     for (width, height) in [(131, 77), (1253, 841)] {
         let previous = picture(width, height, texture);
-        // A part of its own goes over the rest, so that there are edges of motion.
+        // A patch with its own motion covers part of the picture, so that there are motion edges.
         let current = picture(width, height, |x, y| {
             if (40.0..83.0).contains(&x) { texture(x + 9.0, y) } else { texture(x * 1.01 + 2.0, y * 0.99 - 1.0) }
         });

@@ -1,4 +1,4 @@
-//! Which motions to trust, and what to put in place of the others.
+//! Forward-backward consistency check, and hole filling for the pixels that fail it.
 
 use super::dense::Dense;
 use super::pyramid::floor;
@@ -6,22 +6,22 @@ use super::reserve;
 use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
 use crate::{Picture, Result};
 
-/// How far forward and backward motion may fail to undo each other, in squared pixels: this,
+/// Tolerance of the forward-backward check, in squared pixels: a constant,
 const SLACK: f32 = 0.5;
-/// and this part of their squared lengths.
+/// plus this fraction of the sum of the squared lengths.
 const SLACK_PER_LENGTH: f32 = 0.01;
-/// How far a fill looks along a ray, step by step, in pixels.
+/// Distances at which hole filling samples along a ray, in pixels.
 const STEPS: [i32; 14] = [1, 2, 3, 4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 86];
-/// Colour by which pixels differ before they count as different things, in code values.
+/// RMS colour difference at which a candidate's weight falls to a quarter, in code values.
 const COLOUR_SCALE: f32 = 20.0;
-/// How far apart two pixels are at least whose motion gives a slope, in steps along a ray.
+/// Smallest distance between the two pixels from which a motion gradient is taken, in steps along a ray.
 const LEAST_REACH: i32 = 8;
-/// A slope of motion from here on is an edge, in pixels to a step.
+/// A motion gradient of at least this is an edge, in pixels per step.
 const STEEP: f32 = 0.3;
-/// Where a fill looks.
+/// Ray directions of hole filling.
 const RAYS: [[i32; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, 1], [1, -1], [-1, -1]];
 
-/// Which pixels' motion to trust.
+/// Which pixels passed the forward-backward check.
 #[derive(Debug, Default)]
 pub(super) struct Trust {
     width: usize,
@@ -29,8 +29,8 @@ pub(super) struct Trust {
 }
 
 impl Trust {
-    /// Finds where motion in `flow` shows the same at its end and is undone there by `back`. Motion out of the picture
-    /// cannot be checked, and is not trusted. `back` is `halvings` times half the size.
+    /// Trusts motion of `flow` that matched and that `back` undoes at its end. Motion that leads out of the picture cannot be checked
+    /// and is not trusted. `back` is halved `halvings` times in size.
     pub(super) fn check(&mut self, flow: &Dense, back: &Dense, halvings: usize) -> Result<()> {
         let scale = (1_u32 << halvings) as f32;
         let (width, height) = (flow.width, flow.flow.len() / flow.width);
@@ -53,14 +53,14 @@ impl Trust {
         Ok(())
     }
 
-    /// Whether the motion of the pixels of row `y` is trusted.
+    /// For each pixel of row `y`, whether its motion is trusted.
     pub(super) fn row(&self, y: usize) -> &[bool] {
         &self.trusted[y * self.width..][..self.width]
     }
 
-    /// What to take for the motion of pixel (x, y) in place of its own: that of the nearest trusted pixels along eight
-    /// rays, drawn on to it, weighted by nearness and by likeness in `picture`; its own where there are none. All but
-    /// `picture` is `halvings` times half the size.
+    /// Replacement motion for pixel (x, y): the nearest trusted pixel along each of eight rays, extrapolated to it and weighted by
+    /// nearness and by colour similarity in `picture`. Its own motion where no ray finds one. `flow` and this check are `picture`'s size
+    /// halved `halvings` times.
     pub(super) fn filled(&self, flow: &Dense, picture: &Picture, halvings: usize, x: usize, y: usize) -> [f32; 2] {
         let (width, height) = (self.width as i32, (self.trusted.len() / self.width) as i32);
         let colour = |x: usize, y: usize| {
@@ -91,8 +91,8 @@ impl Trust {
         if weight_sum > 0.0 { sum.map(|s| s / weight_sum) } else { flow.row(y)[x] }
     }
 
-    /// The motion of the trusted pixel `place`, drawn on in a line over `distance` steps back along `ray`, from as far
-    /// behind it: on a floor or a wall motion has a slope. As it is where another surface begins there.
+    /// Extrapolates the motion of the trusted pixel `place` linearly by `distance` steps against `ray`, because motion on a floor or wall
+    /// has a gradient. Returns it unchanged where the gradient is so steep that another surface begins.
     #[inline(always)]
     fn drawn_on(&self, flow: &Dense, place: [i32; 2], ray: [i32; 2], distance: i32) -> [f32; 2] {
         let (width, height) = (self.width as i32, (self.trusted.len() / self.width) as i32);

@@ -1,4 +1,4 @@
-//! Frames of a presenter for Direct3D 12: which of AMD's generator, the library's shaders and the processor makes them. Windows only.
+//! Renders a presenter's frames for Direct3D 12 with AMD's generator, the library's shaders or the CPU. Windows only.
 
 mod prepare;
 
@@ -18,12 +18,12 @@ use prepare::{Amd, Request, Without};
 /// Whether a generator or an upscaler is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Preference {
-    /// Where it can be.
+    /// If possible.
     #[default]
     Auto,
-    /// Always: preparing fails where it cannot be.
+    /// Always: preparation fails if it cannot be used.
     Require,
-    /// Not at all.
+    /// Never.
     Never,
 }
 
@@ -40,20 +40,20 @@ pub struct RendererOptions {
     pub upscaler: Preference,
 }
 
-/// What frames are prepared for.
+/// Sizes and formats to prepare for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PrepareOptions {
     /// Width and height of the targets in pixels; `None`: those of the presenter's frames.
     pub size: Option<(u32, u32)>,
-    /// Width and height of the anchors in pixels; `None`: those of the anchors that have come.
+    /// Width and height of the anchors in pixels; `None`: those of the anchors that have arrived.
     pub anchor_size: Option<(u32, u32)>,
-    /// Format of the targets; `DXGI_FORMAT_UNKNOWN` for any, with memory for 8 bytes to a pixel.
+    /// Format of the targets; `DXGI_FORMAT_UNKNOWN` for any, with memory for 8 bytes per pixel.
     pub format: DXGI_FORMAT,
-    /// Frames recorded into the engine's lists that may not have run at a time; 0 where frames are submitted only.
+    /// How many recorded frames may wait for the engine's lists to run; 0 if frames are only submitted.
     pub lists: usize,
-    /// Pictures of an anchor, at least 1.
+    /// Pictures per anchor, at least 1.
     pub pictures: usize,
-    /// Channels, height and width of the anchors' latents; zeros where motion does not come from latents.
+    /// Channels, height and width of the anchors' latents; zeros if motion is not extracted from latents.
     pub latent: [u32; 3],
 }
 
@@ -64,31 +64,31 @@ impl Default for PrepareOptions {
     }
 }
 
-/// Keeps the bytes of compiled pipelines.
+/// Callback that stores the bytes of compiled pipelines.
 pub type StorePipelines<'a> = dyn FnMut(&[u8]) + 'a;
 
-/// Keeps a device's compiled pipelines from one run of a program to the next.
+/// Callbacks that keep a device's compiled pipelines for the next run of a program.
 #[derive(Default)]
 pub struct PipelineCallbacks<'a> {
-    /// Gives the bytes that `store` was given in an earlier run, or `None`. Called once for a device. Damaged bytes, and those of another
+    /// Returns the bytes that `store` received in an earlier run, or `None`. Called once per device. Damaged bytes, and bytes of another
     /// adapter, driver or version, are ignored.
     pub load: Option<&'a mut dyn FnMut() -> Option<Vec<u8>>>,
-    /// Gets all of the device's pipelines, after some were compiled that were neither loaded nor stored before.
+    /// Receives all of the device's pipelines, if some were compiled that were neither loaded nor stored before.
     pub store: Option<&'a mut StorePipelines<'a>>,
 }
 
-/// What became of a frame.
+/// Result of a request for a frame.
 #[derive(Debug)]
 pub enum Rendered {
-    /// No anchor has come.
+    /// No anchor has arrived.
     NotReady,
-    /// As many lists as were prepared may not have run; nothing was recorded.
+    /// Every slot holds a recorded frame whose list may not have run; nothing was recorded.
     QueueFull,
     /// It was recorded or submitted. A submitted one comes with the fence value that guards its target.
     Frame(FrameInfo, Option<FencePoint>),
 }
 
-/// What a renderer has done.
+/// Statistics of a renderer.
 #[derive(Debug, Clone, Default)]
 pub struct RendererStatistics {
     /// Submitted frames that have not run.
@@ -97,52 +97,52 @@ pub struct RendererStatistics {
     pub lists_pending: usize,
     /// Device time of frames.
     pub frames: Spent,
-    /// Device time of lists that convert anchors and guidance for them.
+    /// Device time of the lists that upload anchors and upload or extract guidance.
     pub anchors: Spent,
-    /// Which generator made the last frame, `None` for the processor, and why no preferred one did; `None` before the first frame.
+    /// The generator of the last frame, `None` for the CPU, and why no preferred one was used; `None` before the first frame.
     pub generator: Option<(Option<String>, String)>,
-    /// Which upscaler brought the last frame to its size, and why AMD's did not; `None` where the processor made it.
+    /// The upscaler of the last frame, and why AMD's was not used; `None` if the CPU made the frame.
     pub upscaler: Option<(String, String)>,
 }
 
 /// Makes a presenter's frames for Direct3D 12.
 ///
-/// [`prepare`](Self::prepare) makes pipelines, textures, memory and AMD's contexts on a thread that loads. Until it is done, and for frames of
-/// another size, format or device, frames show the nearest anchor. Belongs to one presenter, which all its calls are given.
+/// [`prepare`](Self::prepare) creates pipelines, textures, memory and AMD's contexts on a loading thread. Until it is done, and for frames of
+/// another size, format or device, frames show the nearest anchor. A renderer belongs to one presenter; pass the same one to all calls.
 ///
-/// Threads: any; one frame at a time, beside a thread that prepares.
+/// Threads: any; one frame at a time, while another thread may prepare.
 pub struct Renderer {
     options: RendererOptions,
     state: Mutex<State>,
-    /// Held by the thread that prepares. Dropped behind what uses AMD's libraries, which it keeps loaded.
+    /// Locked by the preparing thread. Keeps AMD's libraries loaded, so it must be dropped after everything that uses them.
     amd: Mutex<Amd>,
 }
 
-/// Why AMD's generator has not made a frame, where it is used.
+/// The reason that is reported if AMD's generator is in use and did not make a frame.
 const ONLY_HALF: &str = "fsr: it makes frames half way between two anchors, and no others";
 
-/// Why AMD's upscaler is not used, where it could be.
+/// The reason that is reported if AMD's upscaler is available and not used.
 const ONLY_LARGER: &str = "fsr: it makes anchors larger, and not those that bring all frames with them";
 
-/// Why an anchor is shown in place of a frame.
+/// The reason that is reported if an anchor replaces a frame.
 const NOT_PREPARED: &str =
     "not prepared: cairn_presenter_prepare_d3d12 was not called for this device, and these sizes and formats";
 
 #[derive(Default)]
 struct State {
     prepared: Option<Prepared>,
-    /// Copies anchors that are shown in place of frames that are not prepared.
+    /// Copies anchors that replace unprepared frames.
     anchors: Option<Upload>,
     /// Earlier preparations that the engine's lists may still read.
     retired: RetiredFrames,
     retired_uploads: Vec<Uploads>,
-    /// Device time of earlier preparations: frames, anchors.
+    /// Device time of earlier preparations: for frames and for anchors.
     spent: [Spent; 2],
-    /// Why the processor made the last frame; empty where shaders made it.
+    /// Why the CPU made the last frame; empty if shaders made it.
     used: Option<String>,
 }
 
-/// All that frames of one size need.
+/// Resources for frames of one size.
 struct Prepared {
     gpu: Gpu,
     made_by: MadeBy,
@@ -154,34 +154,34 @@ enum MadeBy {
     Processor(Box<OnProcessor>),
 }
 
-/// Frames that the processor makes.
+/// Frame generation on the CPU.
 struct OnProcessor {
     upload: Upload,
     size: (u32, u32),
     pixel_bytes: u32,
-    /// Why no shaders do.
+    /// Why shaders are not used.
     why: String,
 }
 
-/// Copies pictures of the processor's into targets.
+/// Copies pictures from CPU memory into targets.
 struct Upload {
     uploads: Uploads,
-    /// Command lists for frames that are submitted.
+    /// Command lists for submitted frames.
     lists: CommandRing,
 }
 
 impl Renderer {
-    /// A renderer that has prepared nothing.
+    /// A renderer without a preparation.
     pub fn new(options: RendererOptions) -> Self {
         Self { options, state: Mutex::default(), amd: Mutex::default() }
     }
 
-    /// Makes all that frames need, and uses it from then on; `false` where neither an anchor nor the options say how large anchors are. May
-    /// take seconds. Frames are made meanwhile, by what was prepared before.
+    /// Creates all resources for frames and uses them from then on; `false` if the size of the anchors is unknown, from anchors or `options`. May
+    /// take seconds. Meanwhile frames use the preparation before.
     ///
     /// # Errors
-    /// `Busy` while another thread prepares; `InvalidArgument` for a format that frames are not written in; `Unsupported` for a device that is
-    /// no Direct3D 12 one, and as `RuntimeMissing` where something required cannot be used; `OutOfMemory`, `Device`, `DeviceRemoved`.
+    /// `Busy` while another thread prepares; `InvalidArgument` for an unsupported format; `Unsupported` for a device other than Direct3D 12; this or
+    /// `RuntimeMissing` if a required generator or upscaler cannot be used; `OutOfMemory`, `Device`, `DeviceRemoved`.
     pub fn prepare(
         &self,
         presenter: &Presenter,
@@ -210,7 +210,7 @@ impl Renderer {
         Ok(is_known)
     }
 
-    /// Uses `prepared` from now on and drops the preparation before, for which recording does not wait; whether that freed memory.
+    /// Replaces the preparation and drops the one before, without blocking recording; returns whether there was one.
     fn replace(&self, prepared: Option<Prepared>) -> bool {
         let mut state = self.state.lock();
         let Some(before) = std::mem::replace(&mut state.prepared, prepared) else { return false };
@@ -219,7 +219,7 @@ impl Renderer {
                 let [frames, anchors] = [drawer.spent(), drawer.spent_on_anchors()];
                 state.spent = [state.spent[0].and(frames), state.spent[1].and(anchors)];
                 drop(state);
-                // Waits for its frames, but for those that lists of the engine's may still read.
+                // Waits for the drawer's frames, except those that the engine's lists may still read.
                 let retired = drawer.retire();
                 self.state.lock().retired.append(retired);
             }
@@ -228,8 +228,8 @@ impl Renderer {
         true
     }
 
-    /// Records the frame due at `now` into an engine's open list, which has run when `until` is signalled; the nearest anchor where the frame
-    /// was not prepared.
+    /// Records the frame due at `now` into an engine's open list, which has run once `until` is reached. If the frame is not prepared, records
+    /// the nearest anchor.
     ///
     /// # Errors
     /// `InvalidArgument` for a list, fence or target that does not fit; `Unsupported`, `OutOfMemory`, `Device`, `DeviceRemoved`.
@@ -245,7 +245,7 @@ impl Renderer {
         self.render(presenter, gpu, now, Some((list, until)), target)
     }
 
-    /// The same in a list of the renderer's own, given to the device's queue for frames.
+    /// Submits the frame due at `now` in a list of the renderer to the device's queue for frames.
     ///
     /// # Errors
     /// As [`record`](Self::record).
@@ -269,7 +269,7 @@ impl Renderer {
         made
     }
 
-    /// Waits until all frames have run, and releases their targets and what lists that were dropped would have read.
+    /// Waits until all frames have run and releases their targets. Every list must have been submitted, or must never run.
     ///
     /// # Errors
     /// `DeviceRemoved`.
@@ -289,18 +289,18 @@ impl Renderer {
         Ok(())
     }
 
-    /// What it has done. Waits for a thread that records.
+    /// Returns the statistics. Waits for a recording thread.
     pub fn statistics(&self, presenter: &Presenter) -> RendererStatistics {
         Self::statistics_of(self.state.lock(), presenter)
     }
 
-    /// The same without waiting; `None` while a frame is recorded.
+    /// Returns the statistics without waiting; `None` while a frame is recorded.
     pub fn try_statistics(&self, presenter: &Presenter) -> Option<RendererStatistics> {
         self.state.try_lock().map(|state| Self::statistics_of(state, presenter))
     }
 
     fn statistics_of(mut state: MutexGuard<'_, State>, presenter: &Presenter) -> RendererStatistics {
-        // First, as it may find out more.
+        // First, as it reads reports of finished frames.
         let generator = state.generator(presenter);
         let upscaler = state.upscaler();
         RendererStatistics { generator, upscaler, ..state.times() }
@@ -312,7 +312,7 @@ impl Upload {
         Ok(Self { uploads: Uploads::new(gpu, LISTS)?, lists: CommandRing::new(gpu, gpu.frames(), 1)? })
     }
 
-    /// The frame due at `now`, or the nearest anchor, made by the processor.
+    /// Renders the frame due at `now`, or the nearest anchor, on the CPU.
     fn render(
         &mut self,
         presenter: &Presenter,
@@ -384,7 +384,7 @@ impl State {
             }
             None => {}
         }
-        // Lists of another queue than before need memory of their own.
+        // Another queue needs upload memory of its own.
         if let Some(other) =
             self.anchors.take_if(|upload| upload.uploads.gpu().frames().d3d12() != gpu.frames().d3d12())
         {
@@ -416,7 +416,7 @@ impl State {
     fn generator(&mut self, presenter: &Presenter) -> Option<(Option<String>, String)> {
         let prepared = self.prepared.as_mut();
         if let Some(MadeBy::Shaders(drawer)) = prepared.map(|prepared| &mut prepared.made_by) {
-            presenter.look(drawer);
+            presenter.collect_reports(drawer);
         }
         let why = self.used.as_ref()?;
         let Some(prepared) = self.prepared.as_ref().filter(|_| why.is_empty()) else {
@@ -449,14 +449,14 @@ impl State {
         }
         for Upload { uploads, lists } in uploads {
             in_flight += lists.under_way();
-            // Those in lists of ours are in flight.
+            // Copies in our own lists count as in flight.
             pending += uploads.pending().saturating_sub(lists.under_way());
         }
         RendererStatistics { in_flight, lists_pending: pending, frames, anchors: converted, ..Default::default() }
     }
 }
 
-/// What became of a frame, where it was prepared.
+/// Converts the result of a prepared frame; `None` if it was not prepared.
 fn rendered<T>(result: FrameResult<T>, made: impl FnOnce(T) -> Rendered) -> Option<Rendered> {
     match result {
         FrameResult::Made(frame) => Some(made(frame)),

@@ -1,4 +1,4 @@
-//! What a renderer makes before the first frame, and the choice among AMD's libraries, the shaders and the processor.
+//! Preparation of a renderer, and the choice among AMD's libraries, the shaders and the CPU.
 
 use windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_UNKNOWN;
 
@@ -10,7 +10,7 @@ use crate::present::device::{DeviceDrawer, LISTS, Preparation};
 use crate::present::presenter::Presenter;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 
-/// One preparation.
+/// Arguments of a preparation.
 pub(super) struct Request<'a, 'b> {
     pub(super) renderer: &'a RendererOptions,
     pub(super) presenter: &'a Presenter,
@@ -37,7 +37,7 @@ impl Request<'_, '_> {
         let PrepareOptions { lists, pictures, latent, .. } = *options;
         let preparation = Preparation { size, pixel_bytes, lists, pictures: pictures.max(1), latent };
         if let Some(load) = &mut self.pipelines.load
-            && gpu.pipelines().asks()
+            && gpu.pipelines().take_first_request()
             && let Some(bytes) = load()
             && !gpu.pipelines().load(gpu, &bytes)
         {
@@ -59,7 +59,7 @@ impl Request<'_, '_> {
             Ok(drawer) => MadeBy::Shaders(Box::new(drawer)),
             Err(why) => {
                 let mut upload = Upload::new(gpu)?;
-                // Frames that are submitted need memory as well.
+                // Submitted frames need slots as well.
                 upload.uploads.prepare(lists.max(LISTS), size, pixel_bytes)?;
                 MadeBy::Processor(Box::new(OnProcessor { upload, size, pixel_bytes, why }))
             }
@@ -72,7 +72,7 @@ impl Request<'_, '_> {
         Ok(Some(Prepared { gpu: gpu.clone(), made_by, without }))
     }
 
-    /// Frames by shaders, with AMD's generator and upscaler where they can be.
+    /// Creates a drawer with shaders, and with AMD's generator and upscaler if they can be used.
     fn drawer(&mut self, without: &mut Without, anchors: (u32, u32), wanted: &Preparation) -> Result<DeviceDrawer> {
         let mut drawer = DeviceDrawer::new(self.gpu, anchors, self.renderer.colours)?;
         without.fsr = self.use_fsr(&mut drawer)?;
@@ -81,7 +81,7 @@ impl Request<'_, '_> {
         Ok(drawer)
     }
 
-    /// Has AMD's generator make frames; why that cannot be, empty where it does.
+    /// Sets AMD's generator; returns why it cannot be used, or an empty text.
     fn use_fsr(&mut self, drawer: &mut DeviceDrawer) -> Result<String> {
         let is_required = match self.renderer.fsr {
             Preference::Never => return Ok("fsr: it is not to be used".to_owned()),
@@ -95,7 +95,7 @@ impl Request<'_, '_> {
         }
     }
 
-    /// Has AMD's upscaler make anchors larger where frames are; why that cannot be, empty where it does.
+    /// Sets AMD's upscaler; returns why it cannot be used, or an empty text.
     fn use_upscaler(&mut self, drawer: &mut DeviceDrawer) -> Result<String> {
         let is_required = match self.renderer.upscaler {
             Preference::Never => return Ok("fsr: it is not to be used".to_owned()),
@@ -112,7 +112,7 @@ impl Request<'_, '_> {
     }
 }
 
-/// AMD's libraries, once they were found.
+/// AMD's libraries, loaded on first use.
 #[derive(Default)]
 pub(super) struct Amd {
     search: LibrarySearch,
@@ -120,7 +120,7 @@ pub(super) struct Amd {
 }
 
 impl Amd {
-    /// Searches where `search` says from now on; libraries found by another search are released.
+    /// Sets where to search; libraries found by another search are released.
     pub(super) fn set_search(&mut self, search: &LibrarySearch) {
         if self.search != *search {
             *self = Self { search: search.clone(), library: None };
@@ -137,7 +137,7 @@ impl Amd {
     }
 }
 
-/// Why AMD's generator and upscaler are not used; empty where they are.
+/// Why AMD's generator and upscaler are not used; empty if they are.
 #[derive(Default)]
 pub(super) struct Without {
     pub(super) fsr: String,

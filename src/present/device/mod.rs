@@ -1,9 +1,8 @@
-//! Frames of a presenter that a Direct3D device makes. Windows only.
+//! Presenter frames made on a Direct3D 12 device. Windows only.
 //!
-//! All work on a frame is in command lists of our own, on the device's queue for frames. A frame that an engine records into a list of
-//! its own is made in memory of the presenter's first, and the engine's list only copies it from there: it may be submitted late, in
-//! another order than it was recorded in, or never. Nothing comes back but a few words on what happened, which are read when the next
-//! frame is made.
+//! All work on a frame is recorded into command lists of our own and submitted to the device's queue for frames. A frame that an engine records
+//! into its own list is first made in memory of the presenter; the engine's list only copies it from there. So the engine may submit that list
+//! late, in another order, or never. The device returns only a small report per frame, which is read when a later frame is made.
 
 mod output_pass;
 mod pictures;
@@ -39,8 +38,8 @@ use resource_cache::{FrameInputs, ResourceCache};
 pub use scaling::ScaledBy;
 use scaling::Upscaling;
 
-/// What a presenter's frames are made with on a Direct3D device, by the `shader` generator, or those half way
-/// between two anchors by `fsr`, from anchors of one size. Everything is made with it and by [`prepare`](Self::prepare); a frame makes nothing.
+/// Makes a presenter's frames on a Direct3D 12 device from anchors of one size: with the `shader` generator, or with `fsr` for the frame half
+/// way between two anchors. [`new`](Self::new) and [`prepare`](Self::prepare) create all resources; making a frame creates none.
 ///
 /// Belongs to one presenter.
 ///
@@ -50,48 +49,48 @@ pub struct DeviceDrawer {
     size: (u32, u32),
     colours: Colours,
     generator: ShaderGenerator,
-    /// What brings pictures into targets that the generator does not write itself.
+    /// Scales and converts pictures for targets that the generator does not write itself.
     output_pass: Option<OutputPass>,
-    /// The size that frames are generated in: the anchors', or larger where these are made so first.
+    /// The size at which frames are generated: that of the anchors, or of the upscaled anchors.
     work: (u32, u32),
-    /// AMD's upscaler, where it is wanted.
+    /// AMD's upscaler, if the caller asked for it.
     upscaling: Option<Upscaling>,
-    /// AMD's generator, where it is wanted.
+    /// AMD's frame generator, if the caller asked for it.
     fsr: Option<Fsr>,
     frames: CommandRing,
     cache: ResourceCache,
     reports: Reports,
-    /// What lists of an engine's copy frames from.
+    /// Finished frames that an engine's lists copy from.
     recorded: RecordedFrames,
-    /// What they may still copy from of what was prepared before.
+    /// Frames of earlier preparations that an engine's lists may still copy from.
     retired: RetiredFrames,
-    /// What it is prepared for.
+    /// Sizes and format of the last [`prepare`](Self::prepare).
     prepared: Option<Prepared>,
-    /// The pair whose common work the generator holds.
+    /// The pair that the generator is prepared for.
     pair: Option<PairKey>,
     drawn: Option<FrameKey>,
-    /// Frames that were shown again from memory, without work of the device.
+    /// Repeated frames that a list of the engine's copied from memory, without other work of the device.
     copied: u64,
-    /// Frames whose time the presenter knows, and all time that it knows of.
+    /// Frames whose device time was reported to the presenter, and the sum of that time.
     noted: (u64, Duration),
 }
 
-/// Sizes and formats that frames are prepared for.
+/// Sizes and formats to prepare for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Preparation {
     /// `(width, height)` of the frames.
     pub size: (u32, u32),
-    /// Bytes of a pixel of the targets, at most: 4, or 8 for half floats.
+    /// Largest number of bytes per pixel of the targets: 4, or 8 for half floats.
     pub pixel_bytes: u32,
-    /// Frames recorded into an engine's lists that may not have run; 0 where frames are only submitted.
+    /// How many recorded frames may wait for the engine's lists to run; 0 if frames are only submitted.
     pub lists: usize,
-    /// Pictures that an anchor brings.
+    /// Pictures per anchor.
     pub pictures: usize,
-    /// `[channels, height, width]` of anchors' latents, where motion comes from these; else all 0.
+    /// `[channels, height, width]` of the anchors' latents if motion is extracted from them; otherwise all 0.
     pub latent: [u32; 3],
 }
 
-/// Lists that may not have run, unless a host says another number.
+/// Default of [`Preparation::lists`].
 pub const LISTS: usize = 4;
 
 impl Preparation {
@@ -101,7 +100,7 @@ impl Preparation {
     }
 }
 
-/// What a drawer is prepared for.
+/// The preparation of a drawer.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Prepared {
     size: (u32, u32),
@@ -109,7 +108,7 @@ struct Prepared {
     keeps_shape: bool,
 }
 
-/// Names a pair of anchors with what lies over them.
+/// Cache key of a prepared pair: the stream's epoch, the later anchor and the version of the overlay.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct PairKey {
     epoch: u64,
@@ -118,46 +117,46 @@ struct PairKey {
     overlay: u64,
 }
 
-/// A generator of AMD's.
+/// AMD's frame generator and its state.
 struct Fsr {
     api: Api,
     choice: Choice,
-    /// Where nobody else is to make the frames that it does.
+    /// If set, a failure is an error; otherwise the shaders take over.
     is_required: bool,
     generator: Option<FsrGenerator>,
-    /// Why it makes none any more.
+    /// The failure after which it is not used any more.
     failed: Option<Error>,
-    /// Whether it made the frame that was generated last, or none was.
+    /// Whether it made the last generated frame; true before the first one.
     made_last: bool,
 }
 
-/// What became of a frame that was asked for.
+/// Result of a request for a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FrameResult<T> {
-    /// It is made.
+    /// The frame was made.
     Made(T),
-    /// No anchor has come yet.
+    /// No anchor has arrived yet.
     NoAnchor,
     /// [`DeviceDrawer::prepare`] was not called for frames of this size and format. Nothing was made.
     NotPrepared,
-    /// As many recorded frames as there is memory for may not have run. Nothing was recorded.
+    /// Every slot holds a recorded frame whose list may not have run. Nothing was recorded.
     QueueFull,
 }
 
 impl<T> FrameResult<T> {
-    /// The frame; none where there is none.
+    /// The frame, if it was made.
     pub fn made(self) -> Option<T> {
         if let Self::Made(made) = self { Some(made) } else { None }
     }
 }
 
 impl DeviceDrawer {
-    /// For anchors of `size`, and frames in `colours`.
+    /// Creates a drawer for anchors of `size` and frames in `colours`.
     ///
     /// # Errors
     /// As for [`ShaderGenerator::new`].
     pub fn new(gpu: &Gpu, size: (u32, u32), colours: Colours) -> Result<Self> {
-        let transfer = if colours == Colours::Linear { Transfer::Light } else { Transfer::Shown };
+        let transfer = if colours == Colours::Linear { Transfer::Linear } else { Transfer::Encoded };
         Ok(Self {
             gpu: gpu.clone(),
             size,
@@ -180,11 +179,11 @@ impl DeviceDrawer {
         })
     }
 
-    /// From now on frames half way between two anchors are made by a provider of AMD's in `api`; only one that puts a picture of known
-    /// motion where it belongs is taken. Those at other phases, and those beyond an anchor, are made by shaders as ever. Where the
-    /// provider fails later, shaders make its frames too, unless it `is_required`: then drawing fails.
+    /// From now on a provider of AMD's in `api` makes the frames half way between two anchors. Only a provider that passes the test with a picture
+    /// of known motion is accepted. Shaders still make frames at other phases and extrapolated frames. If the provider fails later, shaders make
+    /// its frames too; with `is_required`, drawing fails instead.
     ///
-    /// A provider goes on from frame to frame. Where the frame half way to an anchor is not drawn, the next one costs a second call of it.
+    /// A provider keeps history from frame to frame. If the frame half way to an anchor is skipped, the next one costs a second call of the provider.
     ///
     /// # Errors
     /// As for [`TextureGenerator::new`](crate::ffx::TextureGenerator::new).
@@ -194,28 +193,28 @@ impl DeviceDrawer {
         Ok(())
     }
 
-    /// The provider that made the frame that was generated last, or will make the first one half way; None where shaders did, or will.
+    /// The provider that made the last generated frame, or will make the first one half way; `None` if shaders did or will.
     pub fn made_by_fsr(&self) -> Option<&Version> {
         let fsr = self.fsr.as_ref().filter(|fsr| fsr.made_last)?;
         fsr.generator.as_ref().map(FsrGenerator::version)
     }
 
-    /// Why the provider that it was given makes no frames any more, where it failed.
+    /// The failure after which the provider is not used any more, if it failed.
     pub fn fsr_failed(&self) -> Option<&Error> {
         self.fsr.as_ref().and_then(|fsr| fsr.failed.as_ref())
     }
 
-    /// The device that it is for.
+    /// The device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
-    /// Whether it makes frames of anchors of `size` for lists of the same queue.
+    /// Whether this drawer takes anchors of `size` and its queue for frames is that of `gpu`.
     pub fn fits(&self, gpu: &Gpu, size: (u32, u32)) -> bool {
         self.size == size && self.gpu.frames().d3d12() == gpu.frames().d3d12()
     }
 
-    /// Makes all that `presenter`'s frames need, but for what a change of sizes or format would need.
+    /// Creates everything that `presenter`'s frames of this preparation need. Another size or a wider format needs another call.
     ///
     /// # Errors
     /// `Unsupported` for more pixels than fit into the buffers of Direct3D, and where an upscaler is required that cannot be used;
@@ -224,7 +223,7 @@ impl DeviceDrawer {
         let keeps_shape = presenter.keeps_shape();
         self.prepared = None;
         let area = Area::of(self.size, wanted.size, keeps_shape);
-        let work = self.enlarge_to(area.size, presenter.brings_all(wanted.pictures))?;
+        let work = self.set_upsampled_size(area.size, presenter.brings_all(wanted.pictures))?;
         self.work_at(work)?;
         self.cache.prepare(presenter.options().motion, wanted.latent)?;
         self.scale_to(wanted.size, keeps_shape)?;
@@ -236,7 +235,7 @@ impl DeviceDrawer {
         Ok(())
     }
 
-    /// Has frames of `size` scaled from those that are generated, where that is needed.
+    /// Sets up the output pass for frames of `size`, or drops it if the generator can write them itself.
     fn scale_to(&mut self, size: (u32, u32), keeps_shape: bool) -> Result<()> {
         if size == self.work && matches!(self.colours, Colours::Shown | Colours::Linear) {
             self.output_pass = None;
@@ -249,16 +248,16 @@ impl DeviceDrawer {
         output_pass.fit(&mut self.cache, size, keeps_shape)
     }
 
-    /// Has frames generated in that size.
+    /// Sets the size at which frames are generated.
     fn work_at(&mut self, size: (u32, u32)) -> Result<()> {
         self.cache.work_at(size)?;
         if self.work == size {
             return Ok(());
         }
         (self.output_pass, self.pair, self.drawn) = (None, None, None);
-        // Where something fails below it is of no size, and all of it is made again.
+        // If a step below fails, no size matches and the next call creates everything again.
         self.work = (0, 0);
-        let transfer = if self.colours == Colours::Linear { Transfer::Light } else { Transfer::Shown };
+        let transfer = if self.colours == Colours::Linear { Transfer::Linear } else { Transfer::Encoded };
         self.generator = ShaderGenerator::new(&self.gpu, size)?.with_target_transfer(transfer);
         if let Some(fsr) = self.fsr.as_mut().filter(|fsr| fsr.failed.is_none()) {
             fsr.generator = None;
@@ -282,8 +281,8 @@ impl DeviceDrawer {
         })
     }
 
-    /// Waits until all frames have run and releases their targets: before a swap chain is resized, for one. Every list that was recorded
-    /// has been given to the queue, or never will be.
+    /// Waits until all frames have run and releases their targets, for example before a swap chain is resized. The caller must have submitted or
+    /// discarded every list that a frame was recorded into.
     ///
     /// # Errors
     /// `DeviceRemoved`.
@@ -295,24 +294,24 @@ impl DeviceDrawer {
         Ok(())
     }
 
-    /// Ends it, but for the frames that lists of an engine's may still read.
+    /// Destroys the drawer except for the frames that an engine's lists may still read.
     pub fn retire(self) -> RetiredFrames {
         let Self { recorded, mut retired, .. } = self;
         retired.push(recorded);
         retired
     }
 
-    /// Time on the device of the frames that have run.
+    /// Device time of the frames that have run.
     pub fn spent(&mut self) -> Spent {
         self.frames.spent()
     }
 
-    /// Time on the device of what brought anchors there, with their motion and depth.
+    /// Device time of the uploads of anchors and of the extraction of motion and depth.
     pub fn spent_on_anchors(&mut self) -> Spent {
         self.cache.spent()
     }
 
-    /// Frames that were given to the queue, and have not run.
+    /// Submitted frames that have not finished.
     pub fn under_way(&self) -> usize {
         self.frames.under_way()
     }
@@ -322,7 +321,7 @@ impl DeviceDrawer {
         self.recorded.pending() + self.retired.pending()
     }
 
-    /// Has a frame made on the queue; the moment when it is there.
+    /// Records and submits a frame; returns the fence point at which it is finished.
     fn make(
         &mut self,
         pending: &PendingFrame,
@@ -335,7 +334,7 @@ impl DeviceDrawer {
         let PresenterOptions { motion, multiplier, .. } = *presenter.options();
         let interval_ms = interval_ms(pending, multiplier);
         let place = pending.plan.place(pending.epoch);
-        let also_leads = self.enlarger().is_some_and(|enlarger| place.is_some_and(|place| !enlarger.has(place)));
+        let also_leads = self.upsampler().is_some_and(|upsampler| place.is_some_and(|place| !upsampler.has(place)));
         let inputs = self.cache.bring(pending, motion, also_leads)?;
         times.guidance += start.elapsed();
         let start = Instant::now();
@@ -380,7 +379,7 @@ impl DeviceDrawer {
             frame.leave(&target.texture, target.after);
         }
         frame.end_stage();
-        // Of all else it is known beforehand whether there is a cut, and a provider shows an anchor there without a word.
+        // Only shader interpolation detects cuts on the device. Other plans know them beforehand, and a provider does not report a cut.
         let may_be_cut = matches!(pending.plan, Plan::Interpolate { .. }) && half.is_none();
         let fence_point = frame.submit(self.gpu.frames())?;
         self.reports.comes_at(place, &fence_point, may_be_cut && !is_copied);
@@ -392,16 +391,16 @@ impl DeviceDrawer {
     }
 }
 
-/// Where a frame is made.
+/// Destination of a frame.
 #[derive(Clone, Copy)]
 enum To<'a> {
     Target(&'a Target),
-    /// A slot of what engine's lists copy from.
+    /// A slot of [`RecordedFrames`].
     Recorded(usize),
 }
 
 impl DeviceDrawer {
-    /// The frame half way between two anchors, where it is asked for and a provider makes it.
+    /// The provider's frame, if the plan is the frame half way between two anchors and a provider is in use.
     fn half(
         &mut self,
         pending: &PendingFrame,
@@ -417,7 +416,7 @@ impl DeviceDrawer {
         if let Some(rendered) = &inputs.rendered {
             pair.guidance = GuidanceTextures { hud: pair.guidance.hud, ..rendered.as_guidance() };
         }
-        // What follows on the queue for frames comes after it.
+        // The provider runs on the queue for frames, so later work on that queue needs no wait.
         match generator.generate(&pair, &facts) {
             Ok((half, _)) => Ok(Some(half)),
             Err(why) if fsr.is_required || why.kind() == ErrorKind::DeviceRemoved => Err(why),
@@ -429,7 +428,7 @@ impl DeviceDrawer {
         }
     }
 
-    /// Has what frames of a pair have in common made, where it is not.
+    /// Submits the work that all frames of a pair share, unless the generator is prepared for this pair already.
     fn prepare_pair(&mut self, pair: &TexturePair<'_>, key: PairKey) -> Result<()> {
         // Textures are recycled, so pointer equality does not identify the pair.
         if self.pair == Some(key) && self.generator.is_prepared(pair)? {
@@ -447,7 +446,7 @@ impl DeviceDrawer {
 }
 
 impl FrameInputs {
-    /// For frames between two anchors.
+    /// Textures for interpolation.
     fn pair(&self) -> Result<TexturePair<'_>> {
         let previous = self.previous.as_ref().map(resting).ok_or_else(nothing_brought)?;
         let previous_depth = self.previous_depth.as_ref().map(|(depth, tile)| (resting(depth), *tile));
@@ -466,7 +465,7 @@ impl FrameInputs {
     }
 }
 
-/// Records what a plan says, or shows what a provider has made of it.
+/// Records the frame of a plan; with `half`, shows the provider's frame instead.
 fn generate(
     generator: &mut ShaderGenerator,
     frame: &mut CommandRecorder<'_>,
@@ -487,7 +486,7 @@ fn generate(
     }
 }
 
-/// Refuses a list and a fence that frames cannot be recorded with.
+/// Checks that a frame can be recorded into the list with this fence.
 ///
 /// # Errors
 /// `DeviceRemoved`; `InvalidArgument` for a list of another type than the queue for frames or of another device, and for a fence that has its
@@ -500,14 +499,14 @@ pub(crate) fn check_recording(gpu: &Gpu, list: &ID3D12GraphicsCommandList, until
     until.check_pending()
 }
 
-/// A frame that is due, and how its target holds it.
+/// A frame that is due, and the pixel format of its target.
 struct Ready {
     pending: PendingFrame,
     format: Format,
 }
 
 impl Plan {
-    /// The anchor that is shown, led to or gone on from.
+    /// The anchor that is shown, the later anchor of an interpolation, or the start of an extrapolation.
     fn slot(&self) -> &Slot {
         let (Self::Copy { current: slot, .. }
         | Self::Interpolate { current: slot, .. }
@@ -515,12 +514,12 @@ impl Plan {
         slot
     }
 
-    /// Size of the pictures it is made of.
+    /// Size of the anchor's pictures.
     fn size(&self) -> (u32, u32) {
         self.slot().anchor.size()
     }
 
-    /// Which anchor it is; None for a picture that one brought beside its own.
+    /// Epoch and index of the anchor; `None` for a copy of an additional picture of the anchor.
     fn place(&self, epoch: u64) -> Option<Place> {
         match self {
             Self::Copy { current, picture, .. } if picture + 1 < current.anchor.count() => None,
@@ -532,7 +531,7 @@ impl Plan {
 }
 
 impl Slot {
-    /// The camera of the depth that leads to it.
+    /// Camera projection of the anchor's depth.
     fn projection(&self) -> Projection {
         self.guidance.as_ref().map_or(paper::PROJECTION, |given| given.depth().projection())
     }
@@ -550,12 +549,12 @@ impl std::fmt::Debug for DeviceDrawer {
     }
 }
 
-/// Between command lists all of ours rest so.
+/// Our own resources are in the state COMMON between command lists.
 fn resting(resource: &ID3D12Resource) -> ResourceWithState<'_> {
     ResourceWithState { resource, state: D3D12_RESOURCE_STATE_COMMON }
 }
 
-/// Cannot come about: what a plan needs was brought before.
+/// Cannot happen: the cache provides everything that a plan needs.
 fn nothing_brought() -> Error {
     Error::new(ErrorKind::InvalidState, "what the frame is made of is not there")
 }

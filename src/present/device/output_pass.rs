@@ -1,4 +1,4 @@
-//! Finished frames in targets of another size than the anchors', or in colours that pictures are not in.
+//! Output pass: scales finished frames to the target's size and converts them to its colours and format.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
@@ -13,39 +13,39 @@ use crate::gpu::{Gpu, Heap, Shared, buffer, written_texture};
 use crate::texels::NITS_OF_SCRGB;
 use crate::{Colours, Error, ErrorKind, Result};
 
-/// Descriptors of a frame that it takes: for the rows, and for the columns.
+/// Descriptors per frame: for the vertical and the horizontal pass.
 pub(super) const DESCRIPTORS: u32 = 6;
-/// Sides of a group of threads.
+/// Side of a thread group, in threads.
 const GROUP: u32 = 8;
-/// Bytes of a pixel between the two.
+/// Bytes of a pixel between the two passes.
 const BETWEEN: u64 = 8;
-/// Bytes of a buffer that shaders reach.
+/// Largest buffer that shaders can address, in bytes.
 const MOST: u64 = 4 << 27;
 
-/// The shaders that bring a picture into a target: its rows, and of these its columns in the target's colours and format. A copy does the
-/// rest, so that the target need not be one that shaders write.
+/// Separable resampling of a picture in two shaders: first along columns to the target's rows, then along rows, with conversion to the target's
+/// colours and format. The result is copied, so the target need not allow unordered access.
 pub(super) struct OutputPass {
     gpu: Gpu,
     rows: Kernel,
     columns: Kernel,
-    /// What the generator writes into: of the anchors' size, RGBA8.
+    /// The generator's output: of the anchors' size, RGBA8.
     picture: ID3D12Resource,
     from: (u32, u32),
     made: Option<Made>,
 }
 
-/// What a size of frames takes.
+/// Resources for one size of frames.
 struct Made {
     size: (u32, u32),
     area: Area,
-    /// Weights for rows and, from byte `at_columns` on, for columns.
+    /// Filter weights for rows and, from byte `at_columns` on, for columns.
     tables: ID3D12Resource,
     bytes: usize,
     taps: [u32; 2],
     at_columns: u32,
     between: ID3D12Resource,
     finished: ID3D12Resource,
-    /// The format and colours of what is finished.
+    /// Format and colours of the finished frame.
     last: Option<(Format, Colours)>,
 }
 
@@ -67,15 +67,15 @@ impl OutputPass {
         })
     }
 
-    /// Makes it ready for frames of `size`, which keep the shape of the picture if so, with a list of `cache`'s. What frames before use lives
-    /// until they have run.
+    /// Prepares for frames of `size`, with the picture's shape kept if `keeps_shape`; records into a list of `cache`. Resources of earlier frames
+    /// live until those have run.
     ///
     /// # Errors
     /// `Unsupported` for more pixels than fit into the buffers of Direct3D; `OutOfMemory`, `DeviceRemoved`.
     pub(super) fn fit(&mut self, cache: &mut ResourceCache, size: (u32, u32), keeps_shape: bool) -> Result<()> {
         let area = Area::of(self.from, size, keeps_shape);
         if !self.made.as_ref().is_some_and(|made| made.size == size && made.area == area) {
-            // First, as there may not be room for both.
+            // Freed first: there may not be enough memory for both.
             self.made = None;
             self.made = Some(Made::new(&self.gpu, cache, self.from, size, area)?);
         }
@@ -87,12 +87,12 @@ impl OutputPass {
         self.made.as_ref().is_some_and(|made| made.area.size != self.from)
     }
 
-    /// Where the generator writes the picture.
+    /// The texture that the generator writes.
     pub(super) fn picture(&self) -> ResourceWithState<'_> {
         resting(&self.picture)
     }
 
-    /// Records what brings the picture into `target`, which has the size that it was made ready for.
+    /// Records the scaling of the picture and the copy into `target`, which has the size of the last [`fit`](Self::fit).
     ///
     /// # Errors
     /// As for any frame. Nothing more is recorded then.
@@ -141,7 +141,7 @@ impl OutputPass {
         made.copy(frame, target)
     }
 
-    /// Records the picture that was finished last once more, into `target`; whether that is possible.
+    /// Records another copy of the last finished frame into `target`; `false` if it has another format or colours.
     ///
     /// # Errors
     /// As for [`record`](Self::record).
@@ -162,7 +162,7 @@ impl OutputPass {
 impl Made {
     fn new(gpu: &Gpu, cache: &mut ResourceCache, from: (u32, u32), size: (u32, u32), area: Area) -> Result<Self> {
         let between = u64::from(from.0) * u64::from(area.size.1) * BETWEEN;
-        // Halves are the widest.
+        // Half floats are the widest format.
         let finished = u64::from(pitch(size.0, 8)) * u64::from(size.1);
         if between.max(finished) > MOST {
             let why = format!("frames of {} x {} pixels of anchors of {} x {}", size.0, size.1, from.0, from.1);
@@ -185,7 +185,7 @@ impl Made {
         }
         let make = |bytes: u64| buffer(gpu, Heap::Device, bytes as usize);
         let tables = make(bytes as u64)?;
-        // In a list of ours: an engine's may never run.
+        // In a list of our own: an engine's list may never run.
         let mut frame = cache.begin()?;
         frame.stage(c"Cairn: weights for another size");
         let from_processor =
@@ -206,7 +206,7 @@ impl Made {
         })
     }
 
-    /// Copies what is finished over all of a target.
+    /// Copies the finished frame over the whole target.
     fn copy(&self, frame: &mut CommandRecorder<'_>, target: Output<'_>) -> Result<()> {
         let (format, _) = self.last.ok_or_else(not_ready)?;
         target.copy(frame, &resting(&self.finished), format.rows([self.size.0, self.size.1]))
@@ -217,7 +217,7 @@ fn view(resource: &ID3D12Resource, bytes: u64) -> View<'_> {
     View::Buffer(resting(resource), Words { first: 0, count: (bytes / 4) as u32 })
 }
 
-/// Cannot come about: it was made ready for the size before.
+/// Cannot happen: `fit` was called for the size before.
 fn not_ready() -> Error {
     Error::new(ErrorKind::InvalidState, "there is nothing to bring a frame into a target with")
 }

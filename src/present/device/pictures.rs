@@ -1,32 +1,32 @@
-//! Pictures in memory made larger by a device: for tools, which have no textures.
+//! Upscales pictures in memory on a device: for tools, which have no textures.
 //!
-//! Everything goes to the device and comes back for every picture, and each is waited for.
+//! Each picture is uploaded, upscaled and read back, and the caller waits for it.
 
 use windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COMMON;
 
 use super::resource_cache::Textures;
-use super::upsampler::{Small, Upsampler};
+use super::upsampler::{LowResolutionAnchor, Upsampler};
 use crate::ffx::{Api, Choice, Version};
 use crate::framegen::device::textures_of;
 use crate::gpu::{Gpu, read_texture, texture_of};
 use crate::guidance::Guidance;
 use crate::{Error, ErrorKind, Picture, Result};
 
-/// Makes pictures of a stream larger by AMD's upscaler, each from what it and those before it show, as a presenter makes anchors.
+/// Upscales the pictures of a stream with AMD's temporal upscaler, as a presenter upscales anchors.
 pub struct PictureUpscaler {
     gpu: Gpu,
-    enlarger: Upsampler,
+    upsampler: Upsampler,
     from: (u32, u32),
     interval_ms: f32,
-    /// Which picture is next; what starts anew skips one.
+    /// Number of the next picture; a picture without guidance skips one number, so that the upscaler restarts its history.
     next: u64,
 }
 
 impl PictureUpscaler {
-    /// For pictures of the size `from` that are to have the size `to`, so many milliseconds of the world's time apart.
+    /// Creates an upscaler from pictures of the size `from` to the size `to`; `interval_ms` is the world time between two pictures in milliseconds.
     ///
     /// # Errors
-    /// `InvalidArgument` for a size that is smaller; as of [`TextureUpscaler::new`](crate::ffx::TextureUpscaler::new).
+    /// `InvalidArgument` if `to` is smaller than `from`; as of [`TextureUpscaler::new`](crate::ffx::TextureUpscaler::new).
     pub fn new(
         gpu: &Gpu,
         api: &Api,
@@ -39,19 +39,19 @@ impl PictureUpscaler {
             let why = format!("{} x {} pixels are not made smaller, as {} x {} are", from.0, from.1, to.0, to.1);
             return Err(Error::new(ErrorKind::InvalidArgument, why).field("size").remedy("Have them resized in space"));
         }
-        let enlarger = Upsampler::new(gpu, api, choice, from, to)?;
-        Ok(Self { gpu: gpu.clone(), enlarger, from, interval_ms, next: 0 })
+        let upsampler = Upsampler::new(gpu, api, choice, from, to)?;
+        Ok(Self { gpu: gpu.clone(), upsampler, from, interval_ms, next: 0 })
     }
 
-    /// What runs.
+    /// The version of the upscaler in use.
     pub fn version(&self) -> &Version {
-        self.enlarger.version()
+        self.upsampler.version()
     }
 
-    /// The next picture of the stream, larger. `guidance` leads to it from the one before; None where nothing does, as at a cut.
+    /// Upscales the next picture of the stream. `guidance` leads from it back to the picture before; `None` at the start and after a cut.
     ///
     /// # Errors
-    /// `InvalidArgument` for a picture or guidance of another size; what the library answers; `OutOfMemory`, `DeviceRemoved`.
+    /// `InvalidArgument` for a picture or guidance of another size; errors of AMD's library; `OutOfMemory`, `DeviceRemoved`.
     pub fn upscale(&mut self, picture: &Picture, guidance: Option<&Guidance>) -> Result<Picture> {
         let sizes = [Some((picture.size(), "picture")), guidance.map(|guidance| (guidance.size(), "guidance"))];
         for (size, field) in sizes.into_iter().flatten() {
@@ -77,8 +77,8 @@ impl PictureUpscaler {
         let place = Some((0, self.next + u64::from(lead.is_none())));
         self.next = place.map_or(0, |(_, number)| number + 1);
         let lead = lead.as_ref().map(|(textures, projection)| (textures, *projection));
-        let small = Small { place, picture: &texture, lead, interval_ms: self.interval_ms };
-        let larger = self.enlarger.anchor(&small)?;
+        let small = LowResolutionAnchor { place, picture: &texture, lead, interval_ms: self.interval_ms };
+        let larger = self.upsampler.anchor(&small)?;
         self.gpu.frames().now()?.wait()?;
         read_texture(&self.gpu, &larger, D3D12_RESOURCE_STATE_COMMON)
     }
@@ -86,6 +86,6 @@ impl PictureUpscaler {
 
 impl std::fmt::Debug for PictureUpscaler {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "PictureUpscaler({:?} to {:?}, {})", self.from, self.enlarger.to(), self.version())
+        write!(f, "PictureUpscaler({:?} to {:?}, {})", self.from, self.upsampler.to(), self.version())
     }
 }

@@ -3,11 +3,11 @@
 use super::*;
 
 impl Presenter {
-    /// Has the frame that is due at `now` made, and records its copy into `list`, an engine's open one, over `target`: what
-    /// [`draw`](Self::draw) writes into memory. A cut that only the generator finds is counted once the frame has run.
+    /// Makes the frame that is due at `now` and records its copy over `target` into `list`, an engine's open list. The result is the same as that
+    /// of [`draw`](Self::draw). A cut that only the generator detects is counted once the frame has run.
     ///
-    /// Nothing of the list changes but the state of the target. Its memory is used again once `until` is reached, a fence of the engine's that has
-    /// its value when the list has run: early or late, in whatever order. Where no memory is left nothing waits.
+    /// The list's state does not change except for the state of the target. The frame's memory is reused once `until` is reached, a fence point of
+    /// the engine that is signalled after the list has run, early or late, in any order. If no slot is free, the call returns at once.
     ///
     /// # Errors
     /// `InvalidArgument` for a list or target that frames cannot be recorded into, for a fence that has its value already, or where latents are
@@ -48,8 +48,8 @@ impl Presenter {
         Ok(FrameResult::Made(pending.shown))
     }
 
-    /// Has the frame that is due at `now` made on the device's queue for frames, behind what that has been given; also the moment when
-    /// `target` holds it.
+    /// Makes the frame that is due at `now` on the device's queue for frames, after all earlier work of that queue; also returns the fence point at
+    /// which `target` holds it.
     ///
     /// # Errors
     /// As for [`record`](Self::record).
@@ -70,12 +70,12 @@ impl Presenter {
         Ok(FrameResult::Made((ready.pending.shown, fence_point)))
     }
 
-    /// The frame that is due at `now`, where it can be made.
+    /// Selects the frame that is due at `now` and checks that it can be made.
     fn begin(&self, now: u64, drawer: &mut DeviceDrawer, target: &Target) -> Result<FrameResult<Ready>> {
         if let Some(gone) = drawer.gpu.removed() {
             return Err(gone);
         }
-        self.look(drawer);
+        self.collect_reports(drawer);
         let Some(mut pending) = self.take(now, Some(Phases::Any)) else { return Ok(FrameResult::NoAnchor) };
         let anchors = pending.plan.size();
         let size = pending.size.unwrap_or(anchors);
@@ -92,7 +92,7 @@ impl Presenter {
         Ok(FrameResult::Made(Ready { pending, format }))
     }
 
-    /// Has it made.
+    /// Makes the frame.
     fn finish(
         &self,
         drawer: &mut DeviceDrawer,
@@ -106,8 +106,8 @@ impl Presenter {
         Ok((fence_point, times))
     }
 
-    /// Looks at what has happened in frames that have run meanwhile, so that [`statistics`](Self::statistics) has it.
-    pub fn look(&self, drawer: &mut DeviceDrawer) {
+    /// Adds reports and device times of frames that have run since to [`statistics`](Self::statistics).
+    pub fn collect_reports(&self, drawer: &mut DeviceDrawer) {
         self.count_cuts(drawer.reports.cuts());
         let (frames, lists) = (drawer.spent(), drawer.spent_on_anchors());
         let known = (frames.frames + drawer.copied, frames.total.saturating_add(lists.total));
@@ -115,7 +115,7 @@ impl Presenter {
         if known.0 > before {
             self.note_spent(known.0 - before, known.1.saturating_sub(spent));
         } else {
-            // It counts with the next frame.
+            // Anchor work without a new frame is counted with the next frame.
             drawer.noted.1 = spent;
         }
     }

@@ -1,4 +1,4 @@
-//! Finished frames that lists of an engine's copy into its textures.
+//! Finished frames that an engine's lists copy into its textures.
 
 use windows::Win32::Graphics::Direct3D12::*;
 
@@ -7,23 +7,23 @@ use crate::Result;
 use crate::gpu::compute::pictures::{Format, pitch};
 use crate::gpu::{FencePoint, Gpu, Heap, RecordedMemory, Target, buffer};
 
-/// A ring of finished frames. Each slot is filled by a list of ours and then only read, by any number of lists of an engine's, until the fences
-/// that came with these have their values.
+/// A ring of finished frames. A list of ours fills each slot; after that any number of the engine's lists may read it until the fence points
+/// that were given with them are reached.
 pub(super) struct RecordedFrames {
     gpu: Option<Gpu>,
     slots: RecordedMemory<ID3D12Resource>,
     size: [u32; 2],
-    /// The slot that was filled last, and the frame in it.
+    /// The last filled slot, with the key and format of its frame.
     last: Option<(usize, FrameKey, Format)>,
 }
 
 impl RecordedFrames {
-    /// Without memory: no frame can be recorded.
+    /// Without slots: no frame can be recorded.
     pub(super) fn none() -> Self {
         Self { gpu: None, slots: RecordedMemory::none(), size: [0; 2], last: None }
     }
 
-    /// So many frames of `size`, with so many bytes to a pixel at most.
+    /// `count` slots for frames of `size` with at most `pixel` bytes per pixel.
     ///
     /// # Errors
     /// `OutOfMemory`, `DeviceRemoved`.
@@ -40,12 +40,12 @@ impl RecordedFrames {
         self.gpu.is_none()
     }
 
-    /// The slot that holds that frame in that format.
+    /// The last filled slot, if it holds this frame in this format.
     pub(super) fn again(&self, key: FrameKey, format: Format) -> Option<usize> {
         self.last.filter(|(_, of, held)| (*of, *held) == (key, format)).map(|(slot, ..)| slot)
     }
 
-    /// A slot that no list reads any more; its frame is forgotten. None where every slot has one that may not have run.
+    /// A slot that no list reads any more; its frame is discarded. `None` if each slot has a list that may not have run.
     pub(super) fn free(&mut self) -> Option<usize> {
         let slot = self.slots.free()?;
         self.last = None;
@@ -56,12 +56,12 @@ impl RecordedFrames {
         self.slots.memory(slot)
     }
 
-    /// A frame was made in the slot.
+    /// Records that the slot holds this frame.
     pub(super) fn holds(&mut self, slot: usize, key: FrameKey, format: Format) {
         self.last = Some((slot, key, format));
     }
 
-    /// Records the copy of a slot's frame over `target` into an engine's open list, which has run when `until` is reached.
+    /// Records the copy of a slot's frame over `target` into an engine's open list, which has run once `until` is reached.
     pub(super) fn record(
         &mut self,
         slot: usize,
@@ -71,17 +71,17 @@ impl RecordedFrames {
     ) {
         let Some((_, _, format)) = self.last else { return };
         let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: format.rows(self.size) };
-        // A buffer is in the state COMMON when a list starts, and becomes what it is first used as.
+        // A buffer is in the state COMMON when a list starts and is promoted implicitly on first use.
         target.record_copy(list, self.slots.memory(slot), rows);
         self.slots.read_until(slot, until);
     }
 
-    /// Frames that lists may still read.
+    /// Number of slots that lists may still read.
     pub(super) fn pending(&self) -> usize {
         self.slots.pending()
     }
 
-    /// Every list has run, or never will.
+    /// Releases all frames. Every list must have run, or must never run.
     pub(super) fn release(&mut self) {
         self.slots.release();
     }
@@ -89,14 +89,14 @@ impl RecordedFrames {
 
 impl Drop for RecordedFrames {
     fn drop(&mut self) {
-        // The queue may still read what is freed next. Lists that it was not given are the engine's to drop first.
+        // The queue may still read the memory that is freed next. The engine must drop unsubmitted lists first.
         if let Some(gpu) = self.gpu.as_ref().filter(|_| self.pending() > 0) {
             gpu.frames().wait_ignoring_loss();
         }
     }
 }
 
-/// Frames of a drawer that is gone, which lists of an engine's may still read.
+/// Frames of destroyed drawers and earlier preparations that an engine's lists may still read.
 #[derive(Default)]
 pub struct RetiredFrames(Vec<RecordedFrames>);
 
@@ -107,18 +107,18 @@ impl RetiredFrames {
         }
     }
 
-    /// Takes others in.
+    /// Adds the frames of `others`.
     pub fn append(&mut self, mut others: Self) {
         self.0.append(&mut others.0);
     }
 
-    /// Frees what no list reads any more; how many recorded frames lists may still read.
+    /// Frees frames that no list reads any more; returns how many recorded frames lists may still read.
     pub fn pending(&mut self) -> usize {
         self.0.retain(|frames| frames.pending() > 0);
         self.0.iter().map(RecordedFrames::pending).sum()
     }
 
-    /// Every list has run, or never will.
+    /// Releases all frames. Every list must have run, or must never run.
     pub fn release(&mut self) {
         self.0.iter_mut().for_each(RecordedFrames::release);
         self.0.clear();

@@ -1,4 +1,4 @@
-//! What frames are made of, on the device.
+//! Cache of the frames' inputs on the device: pictures, motion, depth and overlay masks.
 
 use std::sync::{Arc, Weak};
 
@@ -17,20 +17,20 @@ use crate::guidance::{Guidance, paper, picture_flow};
 use crate::world::KeptAnchor;
 use crate::{Error, ErrorKind, Result};
 
-/// Anchors' pictures that are kept: of a pair, and of those beside it.
+/// Cached pictures: those of a pair, and of the anchors before and after it.
 const PICTURES: usize = 4;
-/// Pairs' motion and depth that are kept.
+/// Cached pairs of motion and depth.
 const PAIRS: usize = 3;
-/// Descriptors of a list: the generator takes the most.
+/// Descriptors per list: the generator needs the most.
 const DESCRIPTORS: u32 = shader::DESCRIPTORS;
-/// Pixels to a side for which there is one depth, where it is the same everywhere.
+/// Tile size in pixels of constant depth.
 const EVEN: u32 = 16;
-/// Between pictures in memory that is copied from.
+/// Alignment of pictures in an upload heap, in bytes.
 const ALIGNMENT: usize = D3D12_TEXTURE_DATA_PLACEMENT_ALIGNMENT as usize;
 const PITCH: usize = D3D12_TEXTURE_DATA_PITCH_ALIGNMENT as usize;
 
-/// Brings pictures, motion and depth to the device where they are not there, on the queue for frames and in lists of its own. All of its memory is
-/// made with it and by [`prepare`](Self::prepare); nothing waits for an anchor, as one that has not arrived is not shown.
+/// Uploads or extracts missing pictures, motion and depth, on the queue for frames and in lists of its own. [`new`](Self::new) and
+/// [`prepare`](Self::prepare) allocate all memory. Nothing here waits for an anchor: one that has not arrived is never shown.
 pub(super) struct ResourceCache {
     gpu: Gpu,
     size: (u32, u32),
@@ -39,28 +39,28 @@ pub(super) struct ResourceCache {
     staging: [Shared; FRAMES_IN_FLIGHT],
     pictures: Vec<PictureTexture>,
     pairs: Vec<PairTextures>,
-    /// What lies over the anchors.
+    /// The static overlay mask.
     overlay: OverlayTexture,
-    /// Counts them.
+    /// Version of the overlay mask: counts uploads.
     pub(super) overlays: u64,
     extractors: Extractors,
-    /// Memory for what they find.
+    /// Result buffer of the extractors on the CPU.
     found: Option<Guidance>,
-    /// The paper's extractor, for latents of a shape, of halves if so.
+    /// The paper's extractor, and the latent shape that it was made for.
     from_latents: Option<(paper::GpuExtractor, [u32; 3])>,
     from_pictures: Option<picture_flow::GpuExtractor>,
-    /// Counts what is asked for.
+    /// Number of requests: the time stamp of the least-recently-used order.
     clock: u64,
 }
 
-/// A picture of an anchor that was not made on the device.
+/// Cached copy of an anchor's picture that was not made on the device.
 struct PictureTexture {
     of: Option<(Weak<KeptAnchor>, usize)>,
     texture: ID3D12Resource,
     used: u64,
 }
 
-/// What lies over the anchors, in the size that generated frames have.
+/// The static overlay mask, at the size at which frames are generated.
 struct OverlayTexture {
     of: Option<Weak<Overlay>>,
     texture: ID3D12Resource,
@@ -71,16 +71,16 @@ struct OverlayTexture {
 struct PairTextures {
     of: Option<Pair>,
     textures: Textures,
-    /// A texture for each of [`TILES`]: which of them guidance has is not known before it comes.
+    /// One texture per tile size of [`TILES`], since the guidance's tile size is not known in advance.
     motion: Vec<ID3D12Resource>,
     depth: Vec<ID3D12Resource>,
     used: u64,
 }
 
-/// Pixels to a side for which guidance may have one value.
+/// Tile sizes of guidance, in pixels.
 const TILES: [u32; 3] = [1, 8, 16];
 
-/// Whose motion and depth it is: what came with an anchor, or what was found for the one of an index, after so many resets.
+/// Cache key of motion and depth: the guidance that came with an anchor, or epoch and anchor index of extracted guidance.
 #[derive(Clone)]
 enum Pair {
     Given(Weak<Guidance>),
@@ -93,24 +93,24 @@ pub(super) struct Textures {
     pub(super) motion_tile: u32,
     pub(super) depth: ID3D12Resource,
     pub(super) depth_tile: u32,
-    /// Whether all of it is known to be one and the same.
+    /// Whether depth is known to be the same everywhere.
     pub(super) depth_is_even: bool,
 }
 
-/// What a frame is made of. All of it rests in the state COMMON.
+/// Inputs of a frame. All textures are in the state COMMON between lists.
 pub(super) struct FrameInputs {
     pub(super) previous: Option<ID3D12Resource>,
-    /// The later anchor, the last one, or the picture that is shown as it is.
+    /// The later anchor of a pair, the last anchor, or the picture to copy.
     pub(super) current: ID3D12Resource,
     pub(super) guidance: Option<Textures>,
-    /// The same of the anchors as they are, where all else is of larger ones.
+    /// Guidance at the anchors' original resolution; set only if the anchors were upscaled.
     pub(super) rendered: Option<Textures>,
     pub(super) previous_depth: Option<(ID3D12Resource, u32)>,
-    /// What lies over the anchors.
+    /// The static overlay mask.
     pub(super) overlay: Option<ID3D12Resource>,
 }
 
-/// What is to be copied into a texture: rows without a gap.
+/// Data to copy into a texture: tightly packed rows.
 struct Upload<'a> {
     bytes: &'a [u8],
     size: (u32, u32),
@@ -142,7 +142,7 @@ impl ResourceCache {
         })
     }
 
-    /// Makes what finds motion from `source`, of latents of the shape `[channels, height, width]` where it is known.
+    /// Creates the extractor for `source`. `latent` is the latents' shape `[channels, height, width]`, all 0 if it is unknown.
     ///
     /// # Errors
     /// `OutOfMemory`, `DeviceRemoved`, or `Device` when the driver refuses a shader.
@@ -151,7 +151,7 @@ impl ResourceCache {
             MotionSource::PictureFlow if self.from_pictures.is_none() => {
                 match picture_flow::GpuExtractor::new(&self.gpu, self.size) {
                     Ok(made) => self.from_pictures = Some(made),
-                    // The processor finds it.
+                    // The extractor on the CPU takes over.
                     Err(why) if why.kind() == ErrorKind::Unsupported => {}
                     Err(why) => return Err(why),
                 }
@@ -170,8 +170,8 @@ impl ResourceCache {
         Ok(())
     }
 
-    /// What a frame needs; where anchors came without guidance it is found from `motion`. What leads to an anchor that is shown as it is comes
-    /// along only if `also_leads` and there is something.
+    /// Returns the inputs of a frame; `motion` selects the extractor for anchors without guidance. For a plain copy of an anchor, guidance that
+    /// leads to it is included only if `also_leads` is set and there is any.
     pub(super) fn bring(
         &mut self,
         PendingFrame { plan, epoch, overlay, .. }: &PendingFrame,
@@ -221,7 +221,7 @@ impl ResourceCache {
         Ok(inputs)
     }
 
-    /// Motion and depth that lead to an anchor.
+    /// Motion and depth from an anchor back to the one before.
     fn bring_guidance(
         &mut self,
         motion: MotionSource,
@@ -238,7 +238,7 @@ impl ResourceCache {
         }
     }
 
-    /// From now on generated frames have that size.
+    /// Sets the size at which frames are generated.
     ///
     /// # Errors
     /// `OutOfMemory`, `DeviceRemoved`.
@@ -253,17 +253,17 @@ impl ResourceCache {
         Ok(())
     }
 
-    /// A list for what a pair needs besides.
+    /// Begins a list of this ring for other preparatory work.
     pub(super) fn begin(&mut self) -> Result<CommandRecorder<'_>> {
         self.ring.begin()
     }
 
-    /// Time on the device of its lists that have run.
+    /// Device time of the lists that have run.
     pub(super) fn spent(&mut self) -> Spent {
         self.ring.spent()
     }
 
-    /// A picture of an anchor: where it was made, or a copy.
+    /// A picture of an anchor: its own texture if it was made on this device, else a cached copy.
     fn bring_picture(&mut self, anchor: &Arc<KeptAnchor>, picture: usize) -> Result<ID3D12Resource> {
         let made_here = anchor.texture(picture).filter(|(texture, _)| self.gpu.owns(*texture, "").is_ok());
         if let Some((texture, _)) = made_here {
@@ -290,7 +290,7 @@ impl ResourceCache {
         Ok(to)
     }
 
-    /// What lies over the anchors, copied once.
+    /// The static overlay mask, uploaded once.
     fn bring_overlay(&mut self, overlay: &Arc<Overlay>) -> Result<ID3D12Resource> {
         let OverlayTexture { of, texture, size } = &mut self.overlay;
         if of.as_ref().is_some_and(|of| of.as_ptr() == Arc::as_ptr(overlay)) {
@@ -315,7 +315,7 @@ impl ResourceCache {
         }
     }
 
-    /// Motion and depth of a pair that came without: from latents on the device there, else by the processor.
+    /// Extracted motion and depth of a pair without guidance: on the device where possible, else on the CPU.
     fn bring_found(
         &mut self,
         source: MotionSource,
@@ -332,7 +332,7 @@ impl ResourceCache {
         let is_found = match source {
             MotionSource::PictureFlow => self.find_from_pictures(at, previous, current)?,
             MotionSource::Paper => self.find_from_latents(at, previous, current)?,
-            // A few cells: the processor is done before a list would be.
+            // A few cells: the CPU is done before a list would be.
             MotionSource::LatentFlow => false,
         };
         if is_found {
@@ -350,7 +350,7 @@ impl ResourceCache {
         brought
     }
 
-    /// Motion from the two pictures; `false` where they are too large for that.
+    /// Extracts optical flow on the device; `false` if the pictures are too large for it.
     fn find_from_pictures(&mut self, at: usize, previous: &Arc<KeptAnchor>, current: &Arc<KeptAnchor>) -> Result<bool> {
         if self.from_pictures.is_none() {
             return Ok(false);
@@ -371,7 +371,7 @@ impl ResourceCache {
         Ok(true)
     }
 
-    /// The paper's motion and depth; `false` where the latents are not on the device.
+    /// Runs the paper's extractor on the device; `false` if it is not prepared for the latents or they are not on this device.
     fn find_from_latents(&mut self, at: usize, previous: &KeptAnchor, current: &KeptAnchor) -> Result<bool> {
         let (Some(z0), Some(z1)) = (previous.latent_buffer(), current.latent_buffer()) else { return Ok(false) };
         let here = [z0.0, z1.0].iter().all(|buffer| self.gpu.owns(*buffer, "").is_ok());
@@ -398,7 +398,7 @@ impl ResourceCache {
         Ok(true)
     }
 
-    /// The textures of a pair, or else the place that is to take it.
+    /// The cached textures of a pair, or else the index of the entry to replace.
     fn pair(&mut self, is: impl Fn(&Pair) -> bool) -> std::result::Result<Textures, usize> {
         let at = self.pairs.iter().position(|kept| kept.of.as_ref().is_some_and(&is));
         let at = at.ok_or_else(|| oldest(self.pairs.iter().map(|kept| kept.used)))?;
@@ -432,7 +432,7 @@ impl ResourceCache {
         Ok(textures)
     }
 
-    /// Gives the queue a list that copies.
+    /// Submits a list with these copies.
     fn submit(&mut self, uploads: &[Upload<'_>]) -> Result<()> {
         let slot = self.ring.place();
         let mut frame = self.ring.begin()?;
@@ -453,7 +453,7 @@ const MOTION: DXGI_FORMAT = DXGI_FORMAT_R16G16_FLOAT;
 const DEPTH: DXGI_FORMAT = DXGI_FORMAT_R32_FLOAT;
 
 impl Textures {
-    /// For pictures of `size`, of motion and of depth in tiles of so many pixels to a side.
+    /// For pictures of `size`; `tiles` are the tile sizes of motion and depth in pixels.
     pub(super) fn new(gpu: &Gpu, size: (u32, u32), tiles: [u32; 2]) -> Result<Self> {
         let texture = |tile: u32, format| {
             let size = (size.0.div_ceil(tile), size.1.div_ceil(tile));
@@ -464,7 +464,7 @@ impl Textures {
         Ok(Self { motion, motion_tile, depth, depth_tile, depth_is_even: false })
     }
 
-    /// As generators take them.
+    /// As input of a generator.
     pub(super) fn as_guidance(&self) -> GuidanceTextures<'_> {
         GuidanceTextures {
             motion: resting(&self.motion),
@@ -493,7 +493,7 @@ impl PairTextures {
         Ok(Self { of: None, textures, motion, depth, used: 0 })
     }
 
-    /// Takes the textures for tiles of motion and of depth; of depth that is known to be even, or not.
+    /// Selects the textures for these tile sizes of motion and depth.
     fn choose(&mut self, [motion_tile, depth_tile]: [u32; 2], depth_is_even: bool) -> Result<()> {
         let place = |tile| TILES.iter().position(|known| *known == tile).ok_or_else(|| no_tile(tile));
         let motion = self.motion[place(motion_tile)?].clone();
@@ -510,10 +510,10 @@ impl OverlayTexture {
     }
 }
 
-/// Bytes of the largest upload for anchors of that size: a picture, or motion and depth of each pixel, or what lies over it.
+/// Bytes of the largest upload for anchors of that size: a picture, motion and depth per pixel, or an overlay mask.
 fn most_bytes(size: (u32, u32)) -> usize {
     let [picture, mask] = [4, 1].map(|pixel| bytes_of(size, pixel));
-    // Motion and depth have four bytes each.
+    // Motion and depth have four bytes per pixel each.
     (2 * picture).max(mask)
 }
 
@@ -521,7 +521,7 @@ fn overlay_bytes(size: (u32, u32)) -> usize {
     bytes_of(size, 1)
 }
 
-/// Bytes of a picture in memory that is copied from.
+/// Bytes of a picture in an upload heap.
 fn bytes_of(size: (u32, u32), pixel: usize) -> usize {
     ((size.0 as usize * pixel).next_multiple_of(PITCH) * size.1 as usize).next_multiple_of(ALIGNMENT)
 }
@@ -535,7 +535,7 @@ impl Upload<'_> {
         (self.row().next_multiple_of(PITCH) * self.size.1 as usize).next_multiple_of(ALIGNMENT)
     }
 
-    /// Writes it to byte `at` of `memory`, and records that it is copied from there.
+    /// Writes the rows to byte `at` of `memory` and records the copy from there.
     fn record(&self, frame: &mut CommandRecorder<'_>, memory: &mut Shared, at: usize) -> Result<()> {
         let pitch = self.row().next_multiple_of(PITCH);
         for (y, row) in self.bytes.chunks_exact(self.row()).enumerate() {
@@ -554,7 +554,7 @@ impl Upload<'_> {
     }
 }
 
-/// Which has not been used for longest.
+/// Index of the least recently used entry.
 fn oldest(used: impl Iterator<Item = u64>) -> usize {
     used.enumerate().min_by_key(|(_, used)| *used).map_or(0, |(at, _)| at)
 }

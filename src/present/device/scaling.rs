@@ -1,62 +1,62 @@
-//! What brings frames to their size: AMD's upscaler before they are generated, or a filter afterwards.
+//! Scaling of frames to their size: AMD's upscaler before frame generation, or a spatial filter after it.
 
 use super::resource_cache::FrameInputs;
-use super::upsampler::{Small, Upsampler};
+use super::upsampler::{LowResolutionAnchor, Upsampler};
 use super::{DeviceDrawer, PendingFrame, Plan, Presenter};
 use crate::ffx::{Api, Choice, Version};
 use crate::{Error, ErrorKind, Result};
 
-/// An upscaler of AMD's that is to be used.
+/// AMD's upscaler and its state.
 pub(super) struct Upscaling {
-    enlarger: Option<Upsampler>,
+    upsampler: Option<Upsampler>,
     api: Api,
     choice: Choice,
-    /// Where nobody else is to do what it does.
+    /// If set, a failure is an error; otherwise frames are resized spatially.
     is_required: bool,
-    /// Why it is not used any more.
+    /// The failure after which it is not used any more.
     failed: Option<Error>,
 }
 
-/// What brings frames from the size of anchors to theirs.
+/// How frames are scaled from the size of the anchors to their own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ScaledBy<'a> {
-    /// Nothing: they have it.
+    /// Not scaled: the sizes are equal.
     Nothing,
-    /// Each frame is resized, by itself.
+    /// A spatial filter resizes each frame on its own.
     Space,
-    /// A provider of AMD's makes anchors larger, each from those before it too.
+    /// A provider of AMD's upscales anchors temporally.
     Amd(&'a Version),
 }
 
 impl DeviceDrawer {
-    /// From now on anchors are made as large as frames by a provider of AMD's upscaler in `api`, before frames are generated between them.
-    /// That is where frames are larger than anchors; and where these do not bring all frames with them, as it goes from anchor to anchor.
-    /// Where the provider fails frames are resized in space, unless it `is_required`: then drawing fails.
+    /// From now on a provider of AMD's upscaler in `api` upscales anchors to the size of frames before frames are generated between them. It is used
+    /// only if frames are larger than anchors and anchors do not bring all frames of their interval with them, because its history goes from anchor
+    /// to anchor. If the provider fails, frames are resized spatially; with `is_required`, drawing fails instead.
     pub fn use_fsr_upscaler(&mut self, api: &Api, choice: Choice, is_required: bool) {
-        self.upscaling = Some(Upscaling { enlarger: None, api: *api, choice, is_required, failed: None });
+        self.upscaling = Some(Upscaling { upsampler: None, api: *api, choice, is_required, failed: None });
     }
 
-    /// Who makes anchors larger.
-    pub(super) fn enlarger(&self) -> Option<&Upsampler> {
-        self.upscaling.as_ref().and_then(|upscaling| upscaling.enlarger.as_ref())
+    /// The upsampler, if it is in use.
+    pub(super) fn upsampler(&self) -> Option<&Upsampler> {
+        self.upscaling.as_ref().and_then(|upscaling| upscaling.upsampler.as_ref())
     }
 
-    /// What brings frames to their size, as of the last [`prepare`](Self::prepare).
+    /// How frames are scaled, as of the last [`prepare`](Self::prepare).
     pub fn scaled_by(&self) -> ScaledBy<'_> {
-        match (self.enlarger(), &self.output_pass) {
-            (Some(enlarger), _) => ScaledBy::Amd(enlarger.version()),
+        match (self.upsampler(), &self.output_pass) {
+            (Some(upsampler), _) => ScaledBy::Amd(upsampler.version()),
             (None, Some(output_pass)) if output_pass.resizes() => ScaledBy::Space,
             _ => ScaledBy::Nothing,
         }
     }
 
-    /// Why the upscaler that it was given is not used any more, where it failed.
+    /// The failure after which the upscaler is not used any more, if it failed.
     pub fn upscaler_failed(&self) -> Option<&Error> {
         self.upscaling.as_ref().and_then(|upscaling| upscaling.failed.as_ref())
     }
 
-    /// Has anchors made so large, where that is wanted and can be; the size that they have then.
-    pub(super) fn enlarge_to(&mut self, wanted: (u32, u32), decoded: bool) -> Result<(u32, u32)> {
+    /// Creates or drops the upsampler for anchors of the size `wanted`; returns the resulting size of anchors. `decoded`: anchors bring all frames.
+    pub(super) fn set_upsampled_size(&mut self, wanted: (u32, u32), decoded: bool) -> Result<(u32, u32)> {
         let Some(upscaling) = self.upscaling.as_mut().filter(|upscaling| upscaling.failed.is_none()) else {
             return Ok(self.size);
         };
@@ -68,17 +68,17 @@ impl DeviceDrawer {
                 .remedy("Have frames generated, or let them be resized in space"));
         }
         if !is_larger || decoded {
-            upscaling.enlarger = None;
+            upscaling.upsampler = None;
             return Ok(self.size);
         }
-        if upscaling.enlarger.as_ref().is_some_and(|enlarger| enlarger.to() == wanted) {
+        if upscaling.upsampler.as_ref().is_some_and(|upsampler| upsampler.to() == wanted) {
             return Ok(wanted);
         }
-        // First, as there may not be room for both.
-        upscaling.enlarger = None;
+        // Freed first: there may not be enough memory for both.
+        upscaling.upsampler = None;
         match Upsampler::new(&self.gpu, &upscaling.api, upscaling.choice, self.size, wanted) {
             Ok(made) => {
-                upscaling.enlarger = Some(made);
+                upscaling.upsampler = Some(made);
                 Ok(wanted)
             }
             Err(why) if upscaling.is_required || why.kind() == ErrorKind::DeviceRemoved => Err(why),
@@ -90,7 +90,7 @@ impl DeviceDrawer {
         }
     }
 
-    /// What a frame is made of, of larger anchors where these are made larger first.
+    /// Replaces a frame's inputs by upscaled ones if the upsampler is in use.
     pub(super) fn larger(
         &mut self,
         inputs: FrameInputs,
@@ -98,27 +98,27 @@ impl DeviceDrawer {
         presenter: &Presenter,
         interval_ms: f32,
     ) -> Result<FrameInputs> {
-        let enlarger = self.upscaling.as_mut().and_then(|upscaling| upscaling.enlarger.as_mut());
-        let Some(enlarger) = enlarger else { return Ok(inputs) };
-        let why = match enlarge(enlarger, &inputs, pending, interval_ms) {
+        let upsampler = self.upscaling.as_mut().and_then(|upscaling| upscaling.upsampler.as_mut());
+        let Some(upsampler) = upsampler else { return Ok(inputs) };
+        let why = match upsample(upsampler, &inputs, pending, interval_ms) {
             Ok(larger) => return Ok(larger),
             Err(why) => why,
         };
         let upscaling = self.upscaling.as_mut().filter(|upscaling| !upscaling.is_required);
         let Some(upscaling) = upscaling.filter(|_| why.kind() != ErrorKind::DeviceRemoved) else { return Err(why) };
         log::warn!("frames are resized in space from now on, as the upscaler fails: {why}");
-        (upscaling.enlarger, upscaling.failed) = (None, Some(why));
-        // Makes memory for frames of the anchors' size; the pipelines are the device's and are there.
+        (upscaling.upsampler, upscaling.failed) = (None, Some(why));
+        // Allocates memory for frames of the anchors' size. The device caches the pipelines already.
         self.work_at(self.size)?;
         self.scale_to(pending.size.unwrap_or(self.size), presenter.keeps_shape())?;
-        // What lies over the anchors had the larger size.
+        // The overlay mask had the upscaled size.
         self.cache.bring(pending, presenter.options().motion, false)
     }
 }
 
-/// The same of larger anchors.
-fn enlarge(
-    enlarger: &mut Upsampler,
+/// The inputs with upscaled anchors.
+fn upsample(
+    upsampler: &mut Upsampler,
     inputs: &FrameInputs,
     pending: &PendingFrame,
     interval_ms: f32,
@@ -127,19 +127,21 @@ fn enlarge(
     let before = place.and_then(|(stream, number)| Some((stream, number.checked_sub(1)?)));
     let slot = pending.plan.slot();
     let previous = match &inputs.previous {
-        // The pair's motion leads away from it.
-        Some(picture) => Some(enlarger.anchor(&Small { place: before, picture, lead: None, interval_ms })?),
+        // The pair's motion leads back to this anchor, so there is none that leads from it.
+        Some(picture) => {
+            Some(upsampler.anchor(&LowResolutionAnchor { place: before, picture, lead: None, interval_ms })?)
+        }
         None => None,
     };
     let lead = inputs.guidance.as_ref().filter(|_| !slot.cut).map(|guidance| (guidance, slot.projection()));
-    let current = enlarger.anchor(&Small { place, picture: &inputs.current, lead, interval_ms })?;
+    let current = upsampler.anchor(&LowResolutionAnchor { place, picture: &inputs.current, lead, interval_ms })?;
     let guidance = match (&pending.plan, &inputs.guidance, place) {
         (Plan::Interpolate { .. } | Plan::Extrapolate { .. }, Some(guidance), Some(place)) => {
-            Some(enlarger.guidance(place, guidance)?)
+            Some(upsampler.guidance(place, guidance)?)
         }
         _ => None,
     };
-    let previous_depth = inputs.previous_depth.as_ref().and(before).and_then(|before| enlarger.depth(before));
+    let previous_depth = inputs.previous_depth.as_ref().and(before).and_then(|before| upsampler.depth(before));
     let (rendered, overlay) = (inputs.guidance.clone(), inputs.overlay.clone());
     Ok(FrameInputs { previous, current, guidance, rendered, previous_depth, overlay })
 }

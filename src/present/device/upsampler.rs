@@ -1,4 +1,4 @@
-//! Anchors made as large as frames are shown, by AMD's upscaler, before frames are generated between them.
+//! Upscales anchors to the size of frames with AMD's upscaler, before frames are generated between them.
 
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
@@ -7,57 +7,57 @@ use super::resource_cache::Textures;
 use super::resting;
 use crate::Result;
 use crate::ffx::bindings::{CreateUpscale, UpscaleCreateFlags, UpscaleFlags};
-use crate::ffx::{Api, Choice, TextureUpscaler, UpscalePictures, UpscaleShot, Version};
+use crate::ffx::{Api, Choice, TextureUpscaler, UpscaleParams, UpscalePictures, Version};
 use crate::framegen::densify::{DEPTH, Densifier, MOTION};
 use crate::framegen::fsr::{Place, camera, dimensions};
 use crate::gpu::compute::{CommandRing, Kernel, Shape, View};
 use crate::gpu::{Gpu, written_texture};
 use crate::guidance::{Projection, paper};
 
-/// Larger anchors that are kept: of a pair, and of those beside it.
+/// Cached upscaled anchors: those of a pair, and of the anchors before and after it.
 const ANCHORS: usize = 4;
-/// Pairs' larger motion and depth that are kept.
+/// Cached pairs of upscaled motion and depth.
 const PAIRS: usize = 2;
-/// Descriptors of a list that enlarges motion and depth.
+/// Descriptors of a list that upscales motion and depth.
 const ROOM: u32 = 4;
-/// Sides of a group of threads.
+/// Side of a thread group, in threads.
 const GROUP: u32 = 8;
 
-/// Makes anchors of one size larger, each from what it and those before it show. A provider goes on from anchor to anchor; where one was
-/// left out, and after a cut, it starts anew.
+/// Upscales anchors of one size temporally: the provider keeps history from anchor to anchor. If an anchor was skipped, and after a cut, it
+/// resets the history.
 ///
-/// What it makes is in lists of its own, submitted at once, so that an engine's list that is dropped leaves its history whole.
+/// The work is in lists of its own that are submitted at once, so a list that the engine discards leaves the history intact.
 pub(super) struct Upsampler {
     upscaler: TextureUpscaler,
     gpu: Gpu,
     from: (u32, u32),
     to: (u32, u32),
     each: Densifier,
-    /// Motion and depth of what has none: no motion.
+    /// Guidance for an anchor without any: no motion.
     still: Textures,
-    enlarge: Kernel,
+    upsample: Kernel,
     ring: CommandRing,
     anchors: Vec<(Option<Place>, ID3D12Resource)>,
     pairs: Vec<(Option<Place>, Textures)>,
-    /// The places of either that are taken next.
+    /// Next entry to replace in `anchors` and in `pairs`.
     next: [usize; 2],
-    /// The anchor that was made larger last.
+    /// The last upscaled anchor.
     last: Option<Place>,
 }
 
-/// An anchor as it is.
-pub(super) struct Small<'a> {
-    /// Which it is; None for what nothing follows.
+/// An anchor at its original size.
+pub(super) struct LowResolutionAnchor<'a> {
+    /// Epoch and index; `None` for a picture that is not part of the sequence.
     pub(super) place: Option<Place>,
     pub(super) picture: &'a ID3D12Resource,
-    /// Motion and depth that lead to it from the one before it, with the depth's camera; None for the first, and after a cut.
+    /// Motion and depth that lead back to the anchor before, with the depth's projection; `None` for the first anchor and after a cut.
     pub(super) lead: Option<(&'a Textures, Projection)>,
-    /// From the one before it, in milliseconds of the world's time.
+    /// Time since the anchor before, in milliseconds of the world's time.
     pub(super) interval_ms: f32,
 }
 
 impl Upsampler {
-    /// Makes it ready for anchors of the size `from`, RGBA8 in sRGB, that are to have the size `to`.
+    /// Creates an upsampler from anchors of the size `from`, RGBA8 in sRGB, to the size `to`.
     ///
     /// # Errors
     /// As of [`TextureUpscaler::new`].
@@ -78,9 +78,9 @@ impl Upsampler {
             from,
             to,
             each: Densifier::new(gpu, from)?,
-            // Memory of the device is zero where nothing was written.
+            // New device memory is zero.
             still: Textures::new(gpu, from, [1, 1])?,
-            enlarge: Kernel::new(
+            upsample: Kernel::new(
                 gpu,
                 include_bytes!("../../gpu/shaders/fsr_enlarge.dxbc"),
                 Shape { constants: 6, inputs: 2, outputs: 2 },
@@ -93,26 +93,26 @@ impl Upsampler {
         })
     }
 
-    /// Size of larger anchors.
+    /// Size of the upscaled anchors.
     pub(super) fn to(&self) -> (u32, u32) {
         self.to
     }
 
-    /// What runs.
+    /// The version of the upscaler in use.
     pub(super) fn version(&self) -> &Version {
         &self.upscaler.provider().version
     }
 
-    /// Whether the larger anchor is there.
+    /// Whether the upscaled anchor is cached.
     pub(super) fn has(&self, place: Place) -> bool {
         self.anchors.iter().any(|(of, _)| *of == Some(place))
     }
 
-    /// The larger anchor; in the state COMMON between lists.
+    /// The upscaled anchor, in the state COMMON between lists.
     ///
     /// # Errors
-    /// As of [`TextureUpscaler::upscale`]. The next one then starts anew.
-    pub(super) fn anchor(&mut self, small: &Small<'_>) -> Result<ID3D12Resource> {
+    /// As of [`TextureUpscaler::upscale`]. The next anchor then resets the history.
+    pub(super) fn anchor(&mut self, small: &LowResolutionAnchor<'_>) -> Result<ID3D12Resource> {
         let kept = self.anchors.iter().find(|(of, _)| small.place.is_some() && *of == small.place);
         if let Some((_, there)) = kept {
             return Ok(there.clone());
@@ -124,12 +124,12 @@ impl Upsampler {
         let at = self.next[0];
         self.anchors[at].0 = None;
         let to = self.anchors[at].1.clone();
-        let shot = UpscaleShot {
+        let shot = UpscaleParams {
             reset: !follows,
             frame_time: small.interval_ms,
             camera: camera(&projection),
             encoding: UpscaleFlags::COLOR_SRGB,
-            ..UpscaleShot::of(dimensions(self.from), dimensions(self.to))
+            ..UpscaleParams::of(dimensions(self.from), dimensions(self.to))
         };
         let pictures = UpscalePictures {
             color: resting(small.picture),
@@ -147,7 +147,7 @@ impl Upsampler {
         Ok(to)
     }
 
-    /// Motion and depth, of the larger size, that lead to the anchor of that place.
+    /// Motion and depth at the upscaled size that lead to the anchor `place`.
     ///
     /// # Errors
     /// `OutOfMemory`, `DeviceRemoved`.
@@ -164,7 +164,7 @@ impl Upsampler {
         let outputs = [View::Texture(resting(&to.motion), MOTION), View::Texture(resting(&to.depth), DEPTH)];
         let mut frame = self.ring.begin()?;
         frame.stage(c"Cairn: motion and depth of a larger anchor");
-        frame.run(&self.enlarge, &constants, &inputs, &outputs, groups)?;
+        frame.run(&self.upsample, &constants, &inputs, &outputs, groups)?;
         frame.end_stage();
         frame.submit(self.gpu.frames())?;
         self.pairs[at] = (Some(place), to.clone());
@@ -172,7 +172,7 @@ impl Upsampler {
         Ok(to)
     }
 
-    /// The larger depth of that place's anchor, where it is kept.
+    /// The upscaled depth of the anchor `place` with its tile size, if it is cached.
     pub(super) fn depth(&self, place: Place) -> Option<(ID3D12Resource, u32)> {
         let found = self.pairs.iter().find(|(of, _)| *of == Some(place));
         found.map(|(_, textures)| (textures.depth.clone(), textures.depth_tile))

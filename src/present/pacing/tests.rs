@@ -72,7 +72,7 @@ fn what_a_stall_added_is_caught_up_step_by_step_where_asked_for() {
         pacer.push(0);
         pacer.push(180 * MS);
         assert_eq!(pacer.slipped_ns(), 60 * MS);
-        // From here on they are as early as they were meant to be.
+        // From here on anchors arrive on schedule.
         for i in 2..40 {
             pacer.push(i * 60 * MS);
         }
@@ -86,7 +86,7 @@ fn what_a_stall_added_is_caught_up_step_by_step_where_asked_for() {
 fn rates_that_are_no_whole_nanoseconds_do_not_drift() {
     let pacing = Pacing { multiplier: 3, delay_ns: 0, catch_up: false };
     let mut pacer = Pacer::new(Interval::per_second(15).unwrap(), pacing).unwrap();
-    // An hour; under Miri, which takes its time, a minute.
+    // An hour; under Miri, which is slow, a minute.
     let (seconds, positions) = if cfg!(miri) { (60, 200) } else { (3_600, 10_000) };
     for _ in 0..15 * seconds + 1 {
         pacer.push(0);

@@ -1,4 +1,4 @@
-//! Frames of a presenter held to a budget, its own or a rollout's.
+//! Keeps a presenter's frames within a budget, its own or a rollout's.
 
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -10,10 +10,10 @@ use crate::world;
 use crate::{Error, ErrorKind, Result};
 
 impl Presenter {
-    /// Holds frames to so much of a device's time for each that is shown, on average over an interval, what is done once to an anchor among it;
-    /// `None`: to nothing. Where it is too little, only every second, third or sixth frame of an interval is made, as the multiplier has
-    /// it, and the others repeat the one before; where it is enough again, more are. It goes by what the device says of frames that have
-    /// run, and does nothing where frames are made by the processor. What it does is logged, and [`statistics`](Self::statistics) has it.
+    /// Limits the device time per shown frame, averaged over an interval and including the work done once per anchor; `None` removes the limit. If
+    /// the budget is too small, only every second, third or sixth frame of an interval is made, depending on the multiplier's divisors, and the
+    /// others repeat the one before; if it suffices again, more frames are made. The decision uses device times of finished frames and has no effect
+    /// on frames made on the CPU. Changes are logged and counted in [`statistics`](Self::statistics).
     ///
     /// # Errors
     /// `InvalidArgument` for a time of 0.
@@ -29,9 +29,9 @@ impl Presenter {
         Ok(())
     }
 
-    /// Makes as many frames of an interval as a rollout's governor says, and tells it what the device has spent on them, for as long as
-    /// the rollout is governed; it takes the place of [`set_budget`](Self::set_budget), which ends it. None: makes all of them again. Frames
-    /// that the processor makes take none of the device's time, and are left out like others.
+    /// Makes as many frames per interval as a rollout's governor decides, and reports their device time to it, as long as the rollout is governed.
+    /// Replaces [`set_budget`](Self::set_budget), and is ended by it. `None`: makes all frames again. Frames made on the CPU use no device time but
+    /// are dropped like others.
     ///
     /// # Errors
     /// `InvalidArgument` for a governor of another multiplier.
@@ -51,7 +51,7 @@ impl Presenter {
         Ok(())
     }
 
-    /// Takes note of what a device has spent on so many frames more, and decides how many are made.
+    /// Records the device time spent on `frames` more frames, and adapts how many frames are made.
     #[cfg_attr(not(any(windows, test)), expect(dead_code, reason = "a device says it"))]
     pub(in crate::present) fn note_spent(&self, frames: u64, spent: Duration) {
         let mut stream = self.stream.lock();
@@ -73,12 +73,12 @@ impl Presenter {
 }
 
 impl Stream {
-    /// The governor that frames follow, while it is there.
+    /// The rollout's governor, while it exists.
     pub(super) fn followed(&self) -> Option<Arc<world::Governor>> {
         self.followed.as_ref().and_then(Weak::upgrade)
     }
 
-    /// The frame that is due at `now`, or the one before it that is shown in its place.
+    /// The frame that is due at `now`, or the earlier frame that replaces it under the budget.
     pub(super) fn due(&mut self, now: u64) -> Option<Due> {
         let due = self.pacer.as_mut()?.due(now)?;
         let followed = self.followed().map(|governor| (governor.multiplier(), governor.made()));

@@ -53,7 +53,7 @@ fn anchors_are_shown_as_they_are_and_frames_between_them_as_the_generator_has_th
     let mut expected = Picture::new(WIDTH, HEIGHT).unwrap();
     CpuGenerator::new().generate(&pair, 0.5, &mut expected).unwrap();
     assert_eq!(picture, expected);
-    // Guidance that is given is used.
+    // Pushed guidance replaces extracted guidance.
     let still = Arc::new(Guidance::new(WIDTH, HEIGHT, paper::PROJECTION).unwrap());
     presenter.reset();
     presenter.push(anchors[0].clone(), None, 1_000 * MS).unwrap();
@@ -73,7 +73,7 @@ fn a_frame_that_is_drawn_again_is_not_made_again() {
     assert!(picture == same && picture.size() == (96, 64));
     let statistics = presenter.statistics();
     assert_eq!((statistics.generate, statistics.generated, statistics.repeated), (spent, 2, 1));
-    // Also where only the anchor's number is the same.
+    // After a reset the frame is made anew, although the anchors' numbers are the same.
     presenter.reset();
     presenter.push(anchor(0, true), None, 200 * MS).unwrap();
     presenter.push(anchor(1, false), None, 260 * MS).unwrap();
@@ -92,7 +92,7 @@ fn nothing_is_generated_across_a_cut() {
             assert_eq!((shown.source, shown.cut), (FrameSource::Held, true), "stated: {states_it}");
             assert_eq!(&picture, expected.picture().unwrap());
         }
-        // Nor beyond it: no motion leads to this anchor.
+        // Nor is it extrapolated: no motion leads to this anchor.
         let (shown, picture) = draw(&presenter, 135 * MS);
         assert_eq!((shown.source, shown.cut, &picture), (FrameSource::Held, true, second.picture().unwrap()));
     }
@@ -131,7 +131,7 @@ fn without_a_generator_the_nearer_anchor_stands() {
     }
 }
 
-/// Can do the middle only, and paints all green.
+/// Supports only t = 1/2 and paints everything green.
 struct Halfway;
 
 impl FrameGenerator for Halfway {
@@ -164,7 +164,7 @@ fn a_generator_of_the_middle_only_makes_the_middle_only() {
     presenter.push(anchor(1, false), None, 60 * MS).unwrap();
     let sources = [15, 30, 45].map(|ms| draw(&presenter, (60 + ms) * MS).0.source);
     assert_eq!(sources, [FrameSource::Held, FrameSource::Generated, FrameSource::Held]);
-    // What a generator says it did is what is told.
+    // The frame's source follows the generator's report.
     assert_eq!(draw(&presenter, 135 * MS).0.source, FrameSource::Held);
 }
 
@@ -219,7 +219,7 @@ fn frames_change_their_size_and_the_stream_goes_on() {
     let (first, whole) = draw(&changing, 90 * MS);
     changing.resize(Some((30, 20))).unwrap();
     let (second, small) = draw(&changing, 91 * MS);
-    // The same frame, and another picture.
+    // The same frame in another size.
     assert_eq!((first.due, second.repeated), (second.due, false));
     assert!(small == draw(&fixed, 91 * MS).1);
     changing.resize(None).unwrap();
@@ -249,7 +249,7 @@ fn anchors_keep_their_shape_in_a_frame_of_another_where_they_shall() {
     assert!(height < 90 && black(&bars[..above * row]) && black(&bars[(above + height) * row..]));
     assert!(!black(&bars[above * row..][..row]) && !black(&bars[(above + height - 1) * row..][..row]));
     assert!(!black(&whole[..row]) && bars != whole);
-    // In frames of their shape there is no bar.
+    // Frames of the anchors' aspect ratio have no bars.
     for presenter in [&stretched, &framed] {
         presenter.resize(Some((2 * area.0, 2 * area.1))).unwrap();
     }
@@ -269,7 +269,7 @@ fn an_overlay_has_the_size_of_the_anchors() {
     let size = presenter.anchor_size().unwrap();
     presenter.set_overlay(of(size)).unwrap();
     assert_eq!(presenter.set_overlay(of((3, 5))).unwrap_err().kind(), ErrorKind::InvalidArgument);
-    // The next stream is another one.
+    // After a reset another size is allowed.
     presenter.reset();
     presenter.set_overlay(of((3, 5))).unwrap();
 }
@@ -289,7 +289,7 @@ fn frames_are_left_out_where_they_take_more_than_the_budget() {
         (shown.source, shown.t, shown.repeated)
     };
     assert_eq!(shown(1), (FrameSource::Generated, 0.25, false));
-    // Two intervals of four frames that take too long each.
+    // Two intervals of four frames, each over the budget.
     presenter.note_spent(8, Duration::from_millis(24));
     let done = presenter.statistics();
     assert_eq!((done.made_to_anchor, done.budget_changes), (2, 1));
@@ -300,7 +300,7 @@ fn frames_are_left_out_where_they_take_more_than_the_budget() {
     let at = presenter.query(60 * MS + 5 * 15 * MS).unwrap();
     assert_eq!((at.due.position, at.source, at.previous), (5, FrameSource::Held, 1));
     assert_eq!(shown(6), (FrameSource::Generated, 0.5, false));
-    // Nothing is held back any more.
+    // Without a budget all frames are made again.
     presenter.set_budget(None).unwrap();
     assert_eq!(shown(7), (FrameSource::Generated, 0.75, false));
     let done = presenter.statistics();
@@ -321,13 +321,13 @@ fn frames_follow_a_rollout_s_governor_for_as_long_as_there_is_one() {
         (shown.source, shown.t, shown.repeated)
     };
     assert_eq!(shown(1), (FrameSource::Generated, 0.25, false));
-    // A latent of 4 ms for 4 frames, and frames that take 4 ms each: 5 ms of the 2.1.
+    // A latent takes 4 ms for 4 frames, and each frame takes 4 ms: 5 ms per frame with a budget of 2.1 ms.
     for _ in 0..3 {
         presenter.note_spent(4, Duration::from_millis(16));
         followed.note_latent(Duration::from_millis(4), None);
     }
     let done = presenter.statistics();
-    // Fewer passes help too little; one frame instead of four makes it 2 ms.
+    // Fewer passes do not suffice; one frame instead of four needs 2 ms.
     assert_eq!((done.made_to_anchor, done.budget_changes), (1, 1));
     assert_eq!((followed.statistics().passes, followed.statistics().frames), (4, 12));
     assert_eq!(shown(2).0, FrameSource::Held);

@@ -1,4 +1,4 @@
-//! Against a plain two-dimensional resampler in f64, and against what any resampler must do.
+//! Compares the upscaler with a plain two-dimensional resampler in f64, and checks properties of any resampler.
 
 use super::*;
 use crate::tasks::Pool;
@@ -25,8 +25,8 @@ fn resampled(source: &Picture, to: (u32, u32), filter: Filter) -> Picture {
     out
 }
 
-/// Every output pixel straight from the definition: the kernel in both directions at once, over all positions it
-/// reaches, those beyond the edges standing for the edge pixels.
+/// Computes every output pixel directly from the definition: the 2D kernel over all positions it reaches, with the edge pixels
+/// repeated beyond the edges.
 fn reference(source: &Picture, to: (u32, u32), filter: Filter) -> Vec<[f64; 4]> {
     let (width, height) = source.size();
     let axis = |i: u32, from: u32, to: u32| {
@@ -75,7 +75,7 @@ fn every_ratio_gives_what_the_definition_gives() {
             let out = resampled(&source, to, filter);
             for (i, (have, want)) in out.pixels().iter().zip(reference(&source, to, filter)).enumerate() {
                 for (&have, want) in have.iter().zip(want) {
-                    // Half a level of rounding, and the rounding of f32 where it decides.
+                    // Half a level of rounding, plus f32 rounding near a boundary.
                     let apart = (f64::from(have) - want.clamp(0.0, 255.0)).abs();
                     assert!(apart < 0.502, "{filter:?} {from:?} to {to:?}: {have} for {want} at {i}");
                 }

@@ -1,4 +1,4 @@
-//! What is in buffers, kept on the device.
+//! Copies of buffers on the device, and how they are restored.
 
 use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
 
@@ -7,18 +7,19 @@ use crate::Result;
 use crate::gpu::{FencePoint, Gpu, Heap, buffer};
 use crate::runtime::execution_context::Region;
 
-/// A copy of buffers, and the list that brings it back: recorded with it, so that nothing is asked for when that is needed.
+/// A copy of buffers, with the command list that restores them. That list is recorded together with the copy, so restoring
+/// allocates nothing.
 pub(crate) struct Backup {
     back: ReusableList,
-    /// The list that made the copy, and where that is.
+    /// The list that made the copy, and the buffer with the copy.
     _forth: ReusableList,
     _copy: ID3D12Resource,
-    /// When nothing of it is used any more.
+    /// Reached when the queue no longer uses the copy or the lists.
     last: FencePoint,
 }
 
 impl Backup {
-    /// Copies buffers, each of so many bytes, behind all that the queue for anchors was given.
+    /// Copies buffers, each given with its size in bytes, after all work submitted to the queue for anchors.
     pub(super) fn new(gpu: &Gpu, of: &[(&ID3D12Resource, usize)]) -> Result<Self> {
         let copy = buffer(gpu, Heap::Device, of.iter().map(|(_, bytes)| bytes).sum())?;
         let (mut forth, mut back) = (Vec::with_capacity(of.len()), Vec::with_capacity(of.len()));
@@ -36,8 +37,8 @@ impl Backup {
         Ok(Self { back, _forth: forth, _copy: copy, last })
     }
 
-    /// Brings it back, behind all that the queue for anchors was given.
-    pub(super) fn put_back(mut self, gpu: &Gpu) -> Result<()> {
+    /// Restores the buffers, after all work submitted to the queue for anchors.
+    pub(super) fn restore_backup(mut self, gpu: &Gpu) -> Result<()> {
         self.last = gpu.anchors().submit(std::slice::from_ref(self.back.list()))?;
         Ok(())
     }
@@ -45,7 +46,7 @@ impl Backup {
 
 impl Drop for Backup {
     fn drop(&mut self) {
-        // The queue may still use what is freed next.
+        // The queue may still use the resources that are freed next.
         self.last.wait_ignoring_loss();
     }
 }

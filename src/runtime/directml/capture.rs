@@ -1,8 +1,8 @@
-//! Passes whose commands ONNX Runtime keeps and submits again: graph capture.
+//! Graph capture: ONNX Runtime keeps the commands of a pass and submits them again.
 //!
-//! Without it the provider writes the addresses of a binding's buffers anew whenever another binding has run in between, and waits
-//! for the device before it does. A captured pass costs the processor next to nothing. It is used where it gives the same bits: the
-//! first runs of each binding are done both ways, and the device compares what they wrote.
+//! Without capture, the provider rewrites the addresses of a binding's buffers whenever another binding ran in between, and waits
+//! for the device before it does so. A captured pass costs the processor next to nothing. It is used only where it gives the same
+//! bits: the first runs of each binding are done with and without capture, and the device compares their outputs.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -13,50 +13,51 @@ use parking_lot::Mutex;
 use crate::Result;
 use crate::runtime::failure::make;
 
-/// ONNX Runtime's option of a session that allows capture.
+/// ONNX Runtime's session option that allows capture.
 pub(super) const ALLOWED: (&str, &str) = ("ep.dml.enable_graph_capture", "1");
-/// Its option of a run that names the capture, and the name that means none.
+/// Its run option that names the capture, and the value that means no capture.
 const NAME: &str = "gpu_graph_id";
 const NONE: i32 = -1;
 
-/// Runs of a binding that are done both ways before captured ones are trusted.
+/// Comparisons of a binding's captured and normal runs that must agree before only captured ones are used.
 const CHECKS: u32 = 2;
 
-/// How many passes are captured, and why others are not.
+/// How many passes are captured, and why others are not. A pass here is a graph with one set of bound buffers.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Captured {
-    /// Passes with buffers of their own that run by capture.
+    /// Passes that run by capture.
     pub used: usize,
-    /// Those that are run both ways to see whether their bits are the same, or were not run yet.
+    /// Passes that have not run yet, or whose captured runs are still compared with normal ones.
     pub unproven: usize,
-    /// Those that run as ever.
+    /// Passes that run without capture.
     pub unused: usize,
-    /// Why, of one of them.
+    /// Why one of the `unused` passes is not captured.
     pub reason: Option<String>,
 }
 
-/// What the sessions of a device and one session in particular allow.
+/// How many captures a session still allows, or why it allows none.
 pub(crate) struct Captures {
-    /// Captures of this session that may still be made; ONNX Runtime lets go of none before the session is gone.
+    /// Captures of this session that may still be made. ONNX Runtime frees captures only with the session.
     left: AtomicUsize,
     next: AtomicUsize,
     refused: Option<String>,
-    /// ONNX Runtime lets captured runs of two threads into the provider at once, which is not made for it.
+    /// Held during each run: ONNX Runtime lets captured runs of two threads into the provider at once, and the provider is not made
+    /// for that.
     pub(super) one: Mutex<()>,
 }
 
 impl Captures {
-    /// Of a session that allows so many.
+    /// For a session that allows `count` captures.
     pub(super) fn up_to(count: usize) -> Self {
         Self { left: AtomicUsize::new(count), next: AtomicUsize::new(1), refused: None, one: Mutex::new(()) }
     }
 
-    /// Of a session that allows none.
+    /// For a session that allows no capture, with the reason.
     pub(in crate::runtime) fn refused(why: impl Into<String>) -> Self {
         Self { refused: Some(why.into()), ..Self::up_to(0) }
     }
 
-    /// How the runs of a new binding begin.
+    /// The capture state of a new binding.
     pub(super) fn begin(&self) -> Capture {
         match &self.refused {
             Some(why) => Capture::Never(why.clone()),
@@ -64,7 +65,7 @@ impl Captures {
         }
     }
 
-    /// A name that no other capture of the session has.
+    /// A new capture name, unique in the session; `None` when no more captures are allowed.
     pub(super) fn take(&self) -> Option<Named> {
         self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1)).ok()?;
         let name = self.next.fetch_add(1, Ordering::Relaxed);
@@ -72,7 +73,7 @@ impl Captures {
     }
 }
 
-/// Options of a run with its capture's name.
+/// Run options that hold a capture's name.
 pub(super) struct Named(RunOptions<NoSelectedOutputs>);
 
 impl Named {
@@ -85,7 +86,7 @@ impl Named {
         .map(Self)
     }
 
-    /// For runs that are not to be captured, of a session that allows it.
+    /// Options for runs without capture, in a session that allows capture.
     pub(super) fn none() -> Result<Self> {
         Self::new(NONE)
     }
@@ -95,20 +96,20 @@ impl Named {
     }
 }
 
-/// How a binding's runs are done.
+/// How a binding's graph is run.
 pub(super) enum Capture {
-    /// As ever, for a reason.
+    /// Without capture, for this reason.
     Never(String),
-    /// It has not run yet.
+    /// Not run yet.
     Untried,
-    /// Both ways: the captured one has given the same bits so many times.
+    /// With and without capture; the captured runs have matched this many times so far.
     Checked(Named, u32),
-    /// By capture.
+    /// By capture only.
     Used(Named),
 }
 
 impl Capture {
-    /// The same after one more comparison.
+    /// The state after one more comparison.
     pub(super) fn judged(name: Named, times: u32, is_same: bool) -> Self {
         match (is_same, times + 1) {
             (false, _) => Self::Never("a captured pass gave other bits than the same pass run anew".to_owned()),
@@ -117,7 +118,7 @@ impl Capture {
         }
     }
 
-    /// Adds itself to what is told of a context.
+    /// Counts this binding in a context's statistics.
     pub(super) fn tell(&self, told: &mut Captured) {
         match self {
             Self::Used(_) => told.used += 1,

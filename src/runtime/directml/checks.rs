@@ -1,4 +1,4 @@
-//! Whether a captured pass gives the same bits: it is run both ways, and the device compares.
+//! Compares a captured pass with the same pass run normally, on the device, bit by bit.
 
 use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
 
@@ -9,10 +9,10 @@ use crate::gpu::{Heap, buffer};
 use crate::runtime::execution_context::{BindingId, Region};
 
 impl DirectMlContext {
-    /// Runs a binding as ever, then by capture, and decides how it is run from now on. Whatever comes of it, the outputs are those of
-    /// a run.
+    /// Runs a binding without capture, then with it, and decides how it runs from now on. If the two differ or the captured run
+    /// fails, the binding runs once more without capture, so that the outputs are always those of a valid run.
     pub(super) fn run_both_ways(&mut self, id: BindingId) -> Result<()> {
-        self.run_as_ever(id)?;
+        self.run_uncaptured(id)?;
         let bound = &mut self.bindings[id.0];
         let (name, times) = match std::mem::replace(&mut bound.capture, Capture::Untried) {
             Capture::Checked(name, times) => (name, times),
@@ -38,10 +38,10 @@ impl DirectMlContext {
         if let Capture::Never(why) = &self.bindings[id.0].capture {
             log::warn!("{why}");
         }
-        self.run_as_ever(id)
+        self.run_uncaptured(id)
     }
 
-    /// Runs a binding by capture, whose outputs are what a run has left, and compares.
+    /// Copies a binding's outputs, runs the binding by capture, and compares its outputs with the copies on the device.
     fn gives_the_same(&mut self, id: BindingId, name: &Named, is_new: bool) -> Result<bool> {
         let outputs = self.bindings[id.0].outputs.clone();
         let mut expected = Vec::with_capacity(outputs.len());
@@ -50,38 +50,38 @@ impl DirectMlContext {
             let copy = buffer(&self.gpu, Heap::Device, words)?;
             let whole = Region { to: 0, from: 0, len: words };
             self.recorder.get_mut().copy(&copy, &resource, std::iter::once(whole))?;
-            // Held by the context in whatever way this ends: the open list has its address.
+            // The context holds the copy even if this function fails: the open command list refers to it.
             self.expected.push(copy.clone());
             expected.push((copy, resource, words));
         }
         if is_new {
-            // Runs as ever, and writes the commands down.
+            // The first run with a new name executes normally and records the commands.
             self.run_named(id, name)?;
         }
-        // What is left there would hide that nothing was written.
-        outputs.iter().try_for_each(|output| self.blank(*output))?;
+        // Clears the outputs: old contents would hide that the captured run wrote nothing.
+        outputs.iter().try_for_each(|output| self.clear_buffer(*output))?;
         self.run_named(id, name)?;
         let word = std::iter::once(Region { to: 0, from: 0, len: size_of::<u32>() });
         let fence_point = {
             let recorder = self.recorder.get_mut();
-            recorder.fill(&self.verdict, self.zeroes.resource(), word.clone())?;
+            recorder.fill(&self.check_result, self.zeroes.resource(), word.clone())?;
             for (copy, resource, bytes) in &expected {
                 let words = u32::try_from(bytes / size_of::<u32>()).unwrap_or(u32::MAX);
                 let (groups, threads) = groups_for(words);
                 let reads = [resource, copy];
-                recorder.dispatch(&self.kernels.equal, &[words, threads], &reads, &[&self.verdict], groups);
+                recorder.dispatch(&self.kernels.equal, &[words, threads], &reads, &[&self.check_result], groups);
             }
-            recorder.copy(self.answer.resource(), &self.verdict, word)?;
+            recorder.copy(self.check_readback.resource(), &self.check_result, word)?;
             recorder.now()?
         };
         self.wait(&fence_point)?;
         self.expected.clear();
-        let mut verdict = [0; size_of::<u32>()];
-        self.answer.read(&mut verdict);
-        Ok(u32::from_ne_bytes(verdict) == 0)
+        let mut check_result = [0; size_of::<u32>()];
+        self.check_readback.read(&mut check_result);
+        Ok(u32::from_ne_bytes(check_result) == 0)
     }
 
-    /// A buffer with what fills its last word up, in bytes.
+    /// A buffer, and its size in bytes rounded up to whole 32-bit words.
     fn words(&self, of: crate::runtime::execution_context::BufferId) -> (ID3D12Resource, usize) {
         let buffer = &self.buffers[of.0];
         (buffer.resource.clone(), buffer.bytes.next_multiple_of(size_of::<u32>()))

@@ -1,4 +1,4 @@
-//! A rollout's timeline on a Direct3D queue.
+//! The execution context of one rollout on a Direct3D 12 queue.
 
 use std::ffi::CStr;
 use std::sync::Arc;
@@ -34,59 +34,60 @@ use crate::runtime::failure::{make, ort_failure};
 use crate::runtime::graph::TensorSpec;
 use crate::{Error, Result};
 
-/// The shader that looks whether numbers are finite.
+/// The shader that checks whether all values of a buffer are finite.
 const FINITE: &[u8] = include_bytes!("../../gpu/shaders/finite.dxbc");
-/// Threads of such shaders' groups, as their sources have it.
+/// Threads in a thread group of these shaders, as in their source.
 const GROUP: u32 = 256;
-/// Their groups at most: each thread then looks at many numbers, and a large adapter is still full.
+/// Maximum number of thread groups: each thread then checks many values, and a large adapter is still fully used.
 const GROUPS: u32 = 1024;
 
-/// Pictures that one frame draws.
+/// Pictures converted by one command recorder.
 const PICTURES: usize = 8;
 
-/// Bytes of zeroes that buffers are cleared with.
+/// Size in bytes of the buffer of zeroes that buffers are cleared from.
 const ZEROES: usize = 1 << 20;
 
-/// The shader that looks whether two buffers are equal.
+/// The shader that compares two buffers.
 const EQUAL: &[u8] = include_bytes!("../../gpu/shaders/equal.dxbc");
 
-/// Buffers on the device, and copies and runs on one queue: order there is order here, and nothing waits but what reads.
+/// Buffers, copies and graph runs on one queue, executed in the order of submission. Only reads wait, and runs that exceed the
+/// submission limit.
 pub(super) struct DirectMlContext {
     // Bindings hold allocations of buffers: they are dropped first.
     pub(super) bindings: Vec<Bound>,
     pub(super) buffers: Vec<Buffer>,
-    /// The buffers' residency, which every use of them asks for first.
+    /// Residency of the buffers; every use of a buffer makes them resident first.
     residency: Mutex<ResidencySet>,
-    /// Graphs whose weights are held resident as long as the buffers are, each once.
+    /// Graphs whose weights are kept resident as long as the buffers are, without duplicates.
     held: Vec<Arc<Graph>>,
-    /// Copies that are recorded once, and the bytes that they move.
+    /// Recorded copies, each with the bytes that it moves.
     recorded: Vec<(ReusableList, u64)>,
     finite_checks: Vec<FiniteCheck>,
     copying: Kind,
     pub(super) zeroes: Shared,
-    /// A word that a shader sets, and where the processor reads it, once for each group of a look.
-    pub(super) verdict: ID3D12Resource,
-    pub(super) answer: Shared,
+    /// A 32-bit word that a shader sets, and its readback buffer, with one word for each group of a finite check.
+    pub(super) check_result: ID3D12Resource,
+    pub(super) check_readback: Shared,
     pub(super) recorder: Mutex<Recorder>,
     pub(super) kernels: Arc<Kernels>,
-    /// What draws pictures into textures, from the first on that are kept.
+    /// Converts pictures to textures; made with the first snapshot.
     frames: Option<CommandRing>,
-    /// What runs wrote that are compared with captured ones.
+    /// Copies of outputs of normal runs, to compare with captured ones.
     pub(super) expected: Vec<ID3D12Resource>,
-    /// Of runs that are not to be captured, where others may be.
+    /// Options for runs without capture; set once a bound session allows capture.
     plain: Option<Named>,
     pub(super) gpu: Gpu,
     bytes: Bytes,
     read: Arc<AtomicU64>,
-    /// Inside ONNX Runtime.
+    /// Time spent inside ONNX Runtime.
     inside: Duration,
-    /// Nanoseconds of waiting for the device.
+    /// Nanoseconds spent waiting for the device.
     waited: AtomicU64,
     pub(super) throttle: SubmissionThrottle,
 }
 
 pub(super) struct Buffer {
-    // ONNX Runtime's name for the resource: dropped before it.
+    // The provider's handle of the resource: dropped before it.
     allocation: DMLResource,
     pub(super) resource: ID3D12Resource,
     pub(super) bytes: usize,
@@ -102,12 +103,12 @@ impl Buffer {
     }
 }
 
-// SAFETY: neither is tied to a thread; the allocation is only an address.
+// SAFETY: neither field is tied to a thread; the allocation is only an address.
 unsafe impl Send for Buffer {}
-// SAFETY: shared access only reads the two.
+// SAFETY: shared access only reads the fields.
 unsafe impl Sync for Buffer {}
 
-/// Groups and threads that look through so many words.
+/// Number of thread groups and of threads that check this many words.
 pub(super) fn groups_for(words: u32) -> (u32, u32) {
     let groups = words.div_ceil(GROUP).clamp(1, GROUPS);
     (groups, groups * GROUP)
@@ -127,30 +128,30 @@ impl Kernels {
     }
 }
 
-/// A session's inputs and outputs, tied to buffers.
+/// A session with its inputs and outputs bound to buffers.
 pub(super) struct Bound {
     binding: IoBinding,
     pub(super) graph: Arc<Graph>,
     pub(super) outputs: Vec<BufferId>,
     pub(super) capture: Capture,
-    /// What its runs are timed as: those of one graph together.
+    /// Timing category of its runs; all bindings of one graph share it.
     kind: Kind,
 }
 
 impl DirectMlContext {
     pub(super) fn new(gpu: &Gpu, kernels: &Arc<Kernels>, longest: Option<Duration>) -> Result<Self> {
-        // Not every driver refuses to make things on a device that is gone.
+        // Some drivers do not fail when objects are created on a removed device.
         if let Some(gone) = gpu.removed() {
             return Err(gone);
         }
         let mut recorder = Recorder::new(gpu)?;
         let copying = recorder.kind();
         let recorder = Mutex::new(recorder);
-        // Written here: not every driver gives memory that is zero.
+        // Written explicitly: not every driver returns zeroed memory.
         let mut zeroes = Shared::new(gpu, Heap::Upload, ZEROES)?;
         zeroes.write(0, &vec![0; ZEROES]);
-        let verdict = buffer(gpu, Heap::Device, size_of::<u32>())?;
-        let answer = Shared::new(gpu, Heap::Readback, MAX_GROUPS * size_of::<u32>())?;
+        let check_result = buffer(gpu, Heap::Device, size_of::<u32>())?;
+        let check_readback = Shared::new(gpu, Heap::Readback, MAX_GROUPS * size_of::<u32>())?;
         let (bindings, buffers, recorded, finite_checks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let kernels = kernels.clone();
         let (frames, gpu, bytes, read) = (None, gpu.clone(), Bytes::default(), Arc::default());
@@ -165,8 +166,8 @@ impl DirectMlContext {
             finite_checks,
             copying,
             zeroes,
-            verdict,
-            answer,
+            check_result,
+            check_readback,
             recorder,
             kernels,
             frames,
@@ -181,13 +182,13 @@ impl DirectMlContext {
         })
     }
 
-    /// Runs a binding, and captures nothing.
-    pub(super) fn run_as_ever(&mut self, id: BindingId) -> Result<()> {
+    /// Runs a binding without capture.
+    pub(super) fn run_uncaptured(&mut self, id: BindingId) -> Result<()> {
         let options = self.plain.as_ref().map_or(std::ptr::null(), Named::ptr);
         self.run_timed(id, options)
     }
 
-    /// Runs a binding by its capture, or makes that with the first run.
+    /// Runs a binding by its capture; the first run with a name makes the capture.
     pub(super) fn run_named(&mut self, id: BindingId, name: &Named) -> Result<()> {
         self.recorder.get_mut().submit()?;
         self.run_with(id, name.ptr())
@@ -204,9 +205,9 @@ impl DirectMlContext {
         ran
     }
 
-    /// Has ONNX Runtime run a binding; `options` are null or live.
+    /// Runs a binding in ONNX Runtime; `options` are null or live.
     fn run_with(&mut self, id: BindingId, options: *const ort::sys::OrtRunOptions) -> Result<()> {
-        // ONNX Runtime would give the queue its work first and look then.
+        // ONNX Runtime would submit its work first and check for a removed device after that.
         if let Some(gone) = self.gpu.removed() {
             return Err(gone);
         }
@@ -224,8 +225,8 @@ impl DirectMlContext {
         unsafe { ort::Error::result_from_status(status) }.map_err(|e| self.or_removed(ort_failure("run a graph", &e)))
     }
 
-    /// Fills a buffer with zeroes, with what fills its last word up, which shaders read.
-    pub(super) fn blank(&mut self, buffer: BufferId) -> Result<()> {
+    /// Fills a buffer with zeroes, including the padding of its last 32-bit word, which shaders read.
+    pub(super) fn clear_buffer(&mut self, buffer: BufferId) -> Result<()> {
         let buffer = &self.buffers[buffer.0];
         let bytes = buffer.bytes.next_multiple_of(size_of::<u32>());
         let regions = (0..bytes).step_by(ZEROES);
@@ -233,7 +234,7 @@ impl DirectMlContext {
         self.recorder.get_mut().fill(&buffer.resource, self.zeroes.resource(), regions)
     }
 
-    /// Has buffers and weights be resident for what is submitted from now on: all of them or none.
+    /// Makes buffers and weights resident for everything submitted from now on: all of them or none.
     fn be_resident(&self) -> Result<()> {
         let mut residency = self.residency.lock();
         if residency.is_resident() {
@@ -248,17 +249,17 @@ impl DirectMlContext {
         let all = self.held.iter().try_for_each(&mut hold);
         let all = all.and_then(|()| residency.make_resident(&self.gpu, self.gpu.anchors()));
         if all.is_err() {
-            self.let_go(&self.held[..held]);
+            self.release(&self.held[..held]);
         }
         all
     }
 
-    /// Lets weights go, of which nothing that was submitted makes use any more.
-    fn let_go(&self, of: &[Arc<Graph>]) {
-        of.iter().filter_map(|graph| graph.weights()).for_each(|weights| weights.let_go(&self.gpu));
+    /// Releases weights. No submitted work may use them any more.
+    fn release(&self, of: &[Arc<Graph>]) {
+        of.iter().filter_map(|graph| graph.weights()).for_each(|weights| weights.release(&self.gpu));
     }
 
-    /// Waits for what was submitted.
+    /// Waits until `fence_point` is reached, and adds the time to `waited`.
     pub(super) fn wait(&self, fence_point: &FencePoint) -> Result<()> {
         let start = Instant::now();
         let reached = fence_point.wait();
@@ -268,7 +269,7 @@ impl DirectMlContext {
         reached
     }
 
-    /// A failure of ONNX Runtime; where the device is gone, that says more.
+    /// The error for a removed device if the device is removed, else `error`.
     fn or_removed(&self, error: Error) -> Error {
         self.gpu.removed().unwrap_or(error)
     }
@@ -281,7 +282,7 @@ impl ExecutionContext for DirectMlContext {
         self.residency.get_mut().add(&self.gpu, &made.resource)?;
         self.buffers.push(made);
         let made = BufferId(self.buffers.len() - 1);
-        self.blank(made)?;
+        self.clear_buffer(made)?;
         Ok(made)
     }
 
@@ -335,7 +336,7 @@ impl ExecutionContext for DirectMlContext {
         self.be_resident()?;
         let mut staged = Shared::new(&self.gpu, Heap::Upload, contents.iter().map(|(_, bytes)| bytes.len()).sum())?;
         let recorder = self.recorder.get_mut();
-        recorder.apart()?;
+        recorder.submit_and_reserve()?;
         let mut from = 0;
         for (to, bytes) in contents {
             let to = &self.buffers[to.0];
@@ -353,8 +354,8 @@ impl ExecutionContext for DirectMlContext {
 
     fn clear(&mut self, buffers: &[BufferId]) -> Result<()> {
         self.be_resident()?;
-        self.recorder.get_mut().apart()?;
-        buffers.iter().try_for_each(|buffer| self.blank(*buffer))?;
+        self.recorder.get_mut().submit_and_reserve()?;
+        buffers.iter().try_for_each(|buffer| self.clear_buffer(*buffer))?;
         self.recorder.get_mut().submit()
     }
 
@@ -401,18 +402,18 @@ impl ExecutionContext for DirectMlContext {
         super::Backup::new(&self.gpu, &contents).map(Backup::Device)
     }
 
-    fn put_back(&mut self, backup: Backup) -> Result<()> {
+    fn restore_backup(&mut self, backup: Backup) -> Result<()> {
         let Backup::Device(backup) = backup else { unreachable!("a backup of another context") };
         let recorder = self.recorder.get_mut();
-        // What a failure left recorded may write what is put back.
+        // Commands recorded before the failure may write to the restored buffers, so they must run first or be discarded.
         recorder.submit().or_else(|_| recorder.discard())?;
-        backup.put_back(&self.gpu)
+        backup.restore_backup(&self.gpu)
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
         self.be_resident()?;
         match &self.bindings[binding.0].capture {
-            Capture::Never(_) => self.run_as_ever(binding),
+            Capture::Never(_) => self.run_uncaptured(binding),
             Capture::Untried | Capture::Checked(..) => self.run_both_ways(binding),
             Capture::Used(name) => {
                 let options = name.ptr();
@@ -430,7 +431,7 @@ impl ExecutionContext for DirectMlContext {
     fn spent(&mut self, on: Work<'_>) -> Option<Spent> {
         let kind = match on {
             Work::Runs(graph) => self.bindings.iter().find(|bound| Arc::ptr_eq(&bound.graph, graph))?.kind,
-            Work::Repeated => self.copying,
+            Work::RecordedCopies => self.copying,
         };
         Some(self.recorder.get_mut().spent(kind))
     }
@@ -471,18 +472,18 @@ impl ExecutionContext for DirectMlContext {
         let fence_point = self.gpu.anchors().named(c"Cairn: look for numbers", || recorder.submit_before(list))?;
         self.finite_checks[finite_check.0].runs_until(&fence_point);
         self.wait(&fence_point)?;
-        Ok(self.finite_checks[finite_check.0].read(&self.answer))
+        Ok(self.finite_checks[finite_check.0].read(&self.check_readback))
     }
 
     fn rest(&mut self) -> Result<()> {
         if self.is_resting() {
             return Ok(());
         }
-        // What was recorded and not submitted uses the buffers as well.
+        // Recorded commands that are not submitted yet use the buffers as well.
         let fence_point = self.recorder.get_mut().now()?;
         self.wait(&fence_point)?;
         self.residency.get_mut().evict(&self.gpu)?;
-        self.let_go(&self.held);
+        self.release(&self.held);
         Ok(())
     }
 
@@ -494,14 +495,14 @@ impl ExecutionContext for DirectMlContext {
         Bytes { read: self.read.load(Ordering::Relaxed), ..self.bytes }
     }
 
-    fn room_on_device(&mut self, latent: BufferId, pictures: usize, size: (u32, u32)) -> Result<Option<Snapshot>> {
+    fn allocate_snapshot(&mut self, latent: BufferId, pictures: usize, size: (u32, u32)) -> Result<Option<Snapshot>> {
         if self.frames.is_none() {
             self.frames = Some(CommandRing::new(&self.gpu, self.gpu.anchors(), 2 * PICTURES as u32)?);
         }
         Snapshot::new(&self.gpu, pictures, size, self.size(latent), &self.read).map(Some)
     }
 
-    fn keep_on_device(&mut self, decoded: &Decoded<'_>, latent: BufferId, into: &mut Snapshot) -> Result<()> {
+    fn fill_snapshot(&mut self, decoded: &Decoded<'_>, latent: BufferId, into: &mut Snapshot) -> Result<()> {
         self.be_resident()?;
         let frames = self.frames.as_mut().expect("made with the room");
         let state = D3D12_RESOURCE_STATE_COMMON;
@@ -519,7 +520,7 @@ impl ExecutionContext for DirectMlContext {
                 let planes = Planes { buffer, picture: *picture, size: decoded.size, half };
                 self.kernels.resize.record(&mut frame, &planes, &ResourceWithState { resource: texture, state })?;
             }
-            into.comes_at(frame.submit(self.gpu.anchors())?);
+            into.set_fence_point(frame.submit(self.gpu.anchors())?);
         }
         Ok(())
     }
@@ -527,15 +528,15 @@ impl ExecutionContext for DirectMlContext {
 
 impl Drop for DirectMlContext {
     fn drop(&mut self) {
-        // The queue may still use what is freed next, and what ONNX Runtime frees after it.
+        // The queue may still use the resources that are freed next, and those that ONNX Runtime frees after them.
         self.gpu.anchors().wait_ignoring_loss();
         if self.residency.get_mut().is_resident() {
-            self.let_go(&self.held);
+            self.release(&self.held);
         }
     }
 }
 
-/// Binds one tensor to the buffer behind `allocation`, which is as large as `spec` says and outlives `binding`.
+/// Binds one tensor to the buffer of `allocation`. The buffer must have the size of `spec` and outlive `binding`.
 fn bind_one(
     binding: &mut IoBinding,
     name: &CStr,
@@ -556,7 +557,7 @@ fn bind_one(
             unsafe { TensorRefMut::<half::f16>::from_raw(device, address.cast(), shape) }?.into_dyn()
         }
     };
-    // The crate's own way to bind copies what is borrowed.
+    // The `ort` crate's own method copies borrowed tensors.
     let bind = if input { ort::api().BindInput } else { ort::api().BindOutput };
     // SAFETY: name and value are valid for the call; the binding keeps its own reference to the value.
     let status = unsafe { bind(binding.ptr_mut(), name.as_ptr(), value.ptr()) };

@@ -1,4 +1,4 @@
-//! DirectML's library: the one beside ONNX Runtime's, by its absolute path, unless the process has one already.
+//! Loads DirectML: the library beside ONNX Runtime's, by its absolute path, unless the process has loaded one already.
 
 use std::ffi::c_void;
 use std::os::windows::ffi::OsStrExt;
@@ -20,19 +20,19 @@ use crate::runtime::Ort;
 use crate::runtime::module::{self, Version};
 use crate::{Error, ErrorKind, Result};
 
-/// The library, which is never unloaded: ONNX Runtime finds it by its name when the first session is made.
+/// The library. It is never unloaded: ONNX Runtime finds it by name when the first session is made.
 pub(super) struct Library {
     module: HMODULE,
     path: PathBuf,
 }
 
-/// The oldest that serves: the release ONNX Runtime 1.24 is built against.
+/// The oldest supported version: the release ONNX Runtime 1.24 is built against.
 const OLDEST: Version = Version([1, 15, 0, 0]);
 
-/// Loads it, or finds it loaded.
+/// Loads DirectML, or uses the one that is loaded.
 ///
-/// Windows gives a library that is asked for by name to whoever asks if one of this name is in the process already: ONNX
-/// Runtime gets an engine's where that is the first. One that is new enough serves us as well; an older one would not.
+/// When a library is requested by name, Windows returns the one of this name that is loaded already: if the engine has loaded its
+/// DirectML first, ONNX Runtime gets the engine's. That one is used if its version is new enough; an older one is an error.
 pub(super) fn load(ort: &Ort) -> Result<Library> {
     let path = ort.path().with_file_name("DirectML.dll");
     let missing = |why: String| {
@@ -59,14 +59,14 @@ pub(super) fn load(ort: &Ort) -> Result<Library> {
     }
     let wide: Vec<u16> = path.as_os_str().encode_wide().chain([0]).collect();
     let search = LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR | LOAD_LIBRARY_SEARCH_SYSTEM32;
-    // SAFETY: a NUL-terminated path; runs the initialisers of a library beside the one the caller named, with its trust.
+    // SAFETY: a NUL-terminated path. Runs the initialisers of a library beside the one that the caller named, and so trusts.
     let module = unsafe { LoadLibraryExW(PCWSTR(wide.as_ptr()), None, search) }
         .map_err(|e| missing(format!("DirectML's library cannot be loaded: {e}")))?;
     Ok(Library { module, path })
 }
 
 impl Library {
-    /// DirectML's device on a Direct3D device.
+    /// Makes a DirectML device on a Direct3D device.
     pub(super) fn device(&self, gpu: &Gpu) -> Result<IDMLDevice> {
         type Create = unsafe extern "system" fn(
             *mut c_void,
@@ -84,7 +84,7 @@ impl Library {
         let create: Create = unsafe { std::mem::transmute(create) };
         let mut device = std::ptr::null_mut();
         let direct3d = gpu.device().as_raw();
-        // SAFETY: a live Direct3D device, and a place that lives during the call.
+        // SAFETY: a live Direct3D device, and a pointer that is valid during the call.
         let result = unsafe {
             create(direct3d, DML_CREATE_DEVICE_FLAG_NONE, DML_FEATURE_LEVEL_5_0, &IDMLDevice::IID, &mut device)
         };
@@ -92,7 +92,7 @@ impl Library {
             let why = format!("DMLCreateDevice1 failed with {:#010x} at feature level 5.0", result.0);
             return Err(gpu.removed().unwrap_or_else(|| unsupported(why)));
         }
-        // SAFETY: the call above gave a reference of this type, used once.
+        // SAFETY: the call above returned a reference of this type, used once.
         Ok(unsafe { IDMLDevice::from_raw(device) })
     }
 }

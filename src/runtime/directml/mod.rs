@@ -1,4 +1,4 @@
-//! A Direct3D 12 device as a device for worlds: ONNX Runtime's DirectML provider over buffers of our own. Windows only.
+//! Runs worlds on a Direct3D 12 device: ONNX Runtime's DirectML provider over buffers of our own. Windows only.
 
 mod backup;
 mod capture;
@@ -39,30 +39,30 @@ use crate::bundle::{ModelSource, Precision, weights_as_inputs};
 use crate::gpu::Gpu;
 use crate::{Error, ErrorKind, Result};
 
-/// How DirectML is used.
+/// Options of a DirectML device.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct DirectMlOptions {
-    /// ONNX Runtime's deterministic kernels only, and no captured passes. Which metacommands a driver has is not ours to choose: the
-    /// provider that is made on an engine's device has no switch for them.
+    /// Uses ONNX Runtime's deterministic kernels only, and no captured passes. The metacommands of a driver stay enabled: the
+    /// provider has no switch for them on an engine's device.
     pub deterministic: bool,
-    /// How many passes of each graph ONNX Runtime may capture at most: it keeps their commands and submits them again, which spares the
-    /// processor almost all of a pass. A rollout has at most two to a graph, and ONNX Runtime keeps those of rollouts that are gone for
-    /// as long as the world is there. Captured passes are used where they give the same bits as others, which the first runs of each show;
-    /// [`Rollout::captured`](crate::world::Rollout::captured) tells. 0 turns it off; it is the default, as what is
-    /// kept grows with rollouts that come and go. 16 are enough for eight rollouts.
+    /// Maximum number of passes of each graph that ONNX Runtime may capture: it keeps their commands and submits them again, which
+    /// saves almost all of a pass's processor time. A rollout has at most two per graph, and ONNX Runtime keeps those of dropped
+    /// rollouts as long as the world is loaded. A captured pass is used only if it gives the same bits as a normal one; the first
+    /// runs of each pass check this, and [`Rollout::captured`](crate::world::Rollout::captured) reports it. 0, the default, turns
+    /// capture off, as memory grows with each rollout that is made. 16 are enough for eight rollouts.
     pub captured_passes: usize,
-    /// How much work a rollout may have on the queue for anchors at a time, by the device's own clock, so that an engine's frames get
-    /// their turn in between: before a pass that would make it more, the rollout waits for what is there. A pass is never divided:
-    /// [`DeviceTimes`](crate::world::DeviceTimes) has the longest, and how often was waited. None, the default, sets no limit.
+    /// Maximum work of a rollout on the queue for anchors at a time, in device time, so that an engine's frames get their turn in
+    /// between: before a pass that would exceed it, the rollout waits until the queued work is done. A pass is never divided:
+    /// [`DeviceTimes`](crate::world::DeviceTimes) has the longest pass and the number of waits. `None`, the default, sets no limit.
     pub longest_submission: Option<Duration>,
-    /// Lets ONNX Runtime write down which node ran where and for how long: a file of JSON for each session, which is whole when
-    /// the session is gone. Its path begins with this one; the session's number, date and time follow. Costs time in every pass,
-    /// and no pass is captured.
+    /// Makes ONNX Runtime write a profile with the provider and duration of each node: a JSON file for each session, complete when
+    /// the session is dropped. The file name begins with this path; the session's number, date and time follow. Costs time in every
+    /// pass, and no pass is captured.
     pub profile: Option<PathBuf>,
 }
 
 impl DirectMlOptions {
-    /// How many passes of a session may be captured, or why none.
+    /// How many passes of a session may be captured, or why none may.
     fn captures(&self) -> std::result::Result<usize, &'static str> {
         match self {
             Self { deterministic: true, .. } => Err("the device is deterministic"),
@@ -97,7 +97,7 @@ impl DirectMlBackend {
         Ok(Self { ort: ort.clone(), gpu: gpu.clone(), device, kernels, name, options: Mutex::new(options) })
     }
 
-    /// The options every session shares.
+    /// The session options that all graphs share.
     fn session(
         &self,
         options: &DirectMlOptions,
@@ -106,10 +106,10 @@ impl DirectMlBackend {
     ) -> ort::Result<SessionBuilder> {
         let mut builder = Session::builder(self.ort.environment())?
             .with_optimization_level(GraphOptimizationLevel::Level3)?
-            // What the provider asks for: it runs nodes in order, and its memory is its own.
+            // Required by the provider: it runs nodes in order and manages its own memory.
             .with_parallel_execution(false)?
             .with_memory_pattern(false)?
-            // A node that fell to the processor would drag its tensors there and back in every pass.
+            // A node that falls back to the processor would copy its tensors to the host and back in every pass.
             .with_config_entry("session.disable_cpu_ep_fallback", "1")?
             .with_deterministic_compute(options.deterministic)?;
         if is_captured {
@@ -117,7 +117,7 @@ impl DirectMlBackend {
             builder = builder.with_config_entry(name, value)?;
         }
         if let Some(path) = &options.profile {
-            // ONNX Runtime adds the time in whole seconds: sessions of one second would write over each other.
+            // ONNX Runtime appends the time in whole seconds: sessions made in the same second would overwrite each other's files.
             static SESSIONS: AtomicUsize = AtomicUsize::new(0);
             let mut path = path.clone().into_os_string();
             path.push(format!("_{}", SESSIONS.fetch_add(1, Ordering::Relaxed)));
@@ -164,7 +164,8 @@ impl Backend for DirectMlBackend {
             return Err(gone);
         }
         let options = self.options.lock().clone();
-        // The runtime never lets go of what is inside a session. Weights that are inputs are evicted while no rollout uses them.
+        // ONNX Runtime keeps weights inside a session until the session is dropped. Weights that are inputs can be evicted while no
+        // rollout uses them.
         let (onnx, weights) = weights_as_inputs(model)?;
         let model = ModelSource { onnx: &onnx, external: model.external.clone() };
         let specs: Vec<_> =
@@ -200,7 +201,7 @@ impl Backend for DirectMlBackend {
     }
 }
 
-/// What DirectML as such cannot do here.
+/// The error for what DirectML cannot do on this system.
 fn unsupported(cause: String) -> Error {
     Error::new(ErrorKind::Unsupported, cause).remedy("Use a CPU device")
 }

@@ -1,40 +1,40 @@
-//! Copies and shaders on a queue's timeline: recorded as they come, given to the queue when something must see them.
+//! Records copies and dispatches in a command list, and submits it to the queue for anchors when later work depends on it.
 
 use std::collections::VecDeque;
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
-use super::times::{Begun, Kind, Times};
+use super::times::{Kind, TimedInterval, Times};
 use crate::gpu::compute::transition;
 use crate::gpu::{FencePoint, Gpu, Heap, Pipeline, Shared, Spent, failed_on};
 use crate::runtime::execution_context::Region;
 use crate::{Error, Result};
 
-/// Bytes of a page of upload memory: more than a latent step of 720p sends up.
+/// Size in bytes of a page of upload memory: more than a latent step at 720p uploads.
 const PAGE: usize = 1 << 20;
 
-/// An open command list, the memory its uploads lie in, and what the queue still works on.
+/// An open command list, its upload memory, and the memory and allocators that the queue still uses.
 ///
-/// Two lists take turns. The second is open before the first is closed, as to open one may fail: what has been recorded is given to
-/// the queue, or stays recorded for the next try.
+/// Two lists take turns. The second is opened before the first is closed, because opening may fail: the recorded commands are then
+/// either submitted, or stay recorded for the next attempt.
 pub(super) struct Recorder {
     gpu: Gpu,
     list: ID3D12GraphicsCommandList,
     allocator: ID3D12CommandAllocator,
     other: ID3D12GraphicsCommandList,
-    /// What the other list is open with, when it is.
+    /// The allocator of the other list while that is open.
     next: Option<ID3D12CommandAllocator>,
-    /// Whether anything is recorded.
+    /// Whether the open list has recorded commands.
     pending: bool,
-    /// Buffers the open list uses, by address, and as what.
+    /// Buffers that the open list uses, by address, with their current state.
     used: Vec<(usize, D3D12_RESOURCE_STATES)>,
-    /// Pages the open list reads, the last with `filled` bytes taken.
+    /// Upload pages that the open list reads; `filled` bytes of the last are in use.
     pages: Vec<Shared>,
     filled: usize,
-    /// What submitted lists use, until their moment.
+    /// Allocators and pages of submitted lists, with the fence point at which they may be reused.
     working: VecDeque<(FencePoint, ID3D12CommandAllocator, Vec<Shared>)>,
-    /// Pages that nobody uses.
+    /// Upload pages that are not in use.
     free: Vec<Shared>,
     times: Times,
 }
@@ -49,9 +49,9 @@ impl Recorder {
         Ok(Self { gpu, list, allocator, other, next, pending: false, used, pages, filled: 0, working, free, times })
     }
 
-    /// Writes `bytes` into `to` from byte `at` on; they may be reused at once.
+    /// Writes `bytes` into `to` from byte `at` on; `bytes` may be reused at once.
     pub(super) fn upload(&mut self, to: &ID3D12Resource, at: usize, bytes: &[u8]) -> Result<()> {
-        // What is only uploaded would show it at the next submission, which may never come.
+        // Recording does not fail on a removed device; only the next submission would, and it may never come.
         if let Some(gone) = self.gpu.removed() {
             return Err(gone);
         }
@@ -69,7 +69,7 @@ impl Recorder {
             self.becomes(to, D3D12_RESOURCE_STATE_COPY_DEST);
             let page = self.pages.last_mut().expect("a page was pushed above");
             page.write(self.filled, piece);
-            // SAFETY: an open list; both buffers are held until it has run, and the stretches lie inside them.
+            // SAFETY: an open list; both buffers are held until it has run, and the ranges are inside them.
             unsafe {
                 self.list.CopyBufferRegion(to, at as u64, page.resource(), self.filled as u64, piece.len() as u64);
             }
@@ -80,7 +80,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Copies regions of `from` into `to`, two different buffers of the device; `to` may be one that the processor reads.
+    /// Copies regions of `from` into `to`, two different buffers of the device; `to` may be a readback buffer.
     pub(super) fn copy(
         &mut self,
         to: &ID3D12Resource,
@@ -93,7 +93,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Copies regions of `from`, which the processor has written and whose state never changes, into `to`.
+    /// Copies regions of `from`, an upload buffer, whose state never changes, into `to`.
     pub(super) fn fill(
         &mut self,
         to: &ID3D12Resource,
@@ -108,13 +108,13 @@ impl Recorder {
     fn regions(&mut self, to: &ID3D12Resource, from: &ID3D12Resource, regions: impl Iterator<Item = Region>) {
         self.becomes(to, D3D12_RESOURCE_STATE_COPY_DEST);
         for r in regions {
-            // SAFETY: an open list; both buffers are held until it has run, and the stretches lie inside them.
+            // SAFETY: an open list; both buffers are held until it has run, and the ranges are inside them.
             unsafe { self.list.CopyBufferRegion(to, r.to as u64, from, r.from as u64, r.len as u64) };
             self.pending = true;
         }
     }
 
-    /// Runs a shader in `groups` groups, which reads and writes buffers of the device.
+    /// Dispatches `groups` thread groups of a shader that reads and writes buffers of the device.
     pub(super) fn dispatch(
         &mut self,
         pipeline: &Pipeline,
@@ -138,8 +138,8 @@ impl Recorder {
         self.times.kind()
     }
 
-    /// Marks the start of a piece of work behind all that is recorded, and gives the mark to the queue.
-    pub(super) fn start(&mut self, kind: Kind) -> Result<Option<Begun>> {
+    /// Records a timestamp for the start of an interval after all recorded commands, and submits.
+    pub(super) fn start(&mut self, kind: Kind) -> Result<Option<TimedInterval>> {
         let begun = self.times.start(&self.list, kind);
         self.pending |= begun.is_some();
         match self.submit() {
@@ -151,27 +151,27 @@ impl Recorder {
         }
     }
 
-    /// Marks its end, which goes to the queue with what is recorded next.
-    pub(super) fn end(&mut self, begun: Option<Begun>) {
+    /// Records the timestamp for its end, which is submitted with the commands recorded next.
+    pub(super) fn end(&mut self, begun: Option<TimedInterval>) {
         if let Some(begun) = begun {
             self.times.end(&self.list, begun);
             self.pending = true;
         }
     }
 
-    /// Lets go of a piece of work that failed: it has no time.
-    pub(super) fn forget(&mut self, begun: Option<Begun>) {
+    /// Discards the interval of work that failed: its time is not counted.
+    pub(super) fn forget(&mut self, begun: Option<TimedInterval>) {
         if let Some(begun) = begun {
             self.times.forget(begun);
         }
     }
 
-    /// Time on the device of the work of a kind that has run.
+    /// Device time of all completed work of a kind.
     pub(super) fn spent(&mut self, kind: Kind) -> Spent {
         self.times.spent(kind)
     }
 
-    /// Gives what is recorded to the queue.
+    /// Submits the recorded commands.
     pub(super) fn submit(&mut self) -> Result<()> {
         if !self.pending {
             return Ok(());
@@ -180,15 +180,19 @@ impl Recorder {
         self.hand_over(Vec::new(), None).map(drop)
     }
 
-    /// Gives the queue all that is recorded, and sees to it that what is recorded next can be given to it as well: until then, nothing
-    /// asks for memory, if no buffer is written twice.
-    pub(super) fn apart(&mut self) -> Result<()> {
+    /// Submits the recorded commands and opens the other list. The commands recorded next can then be submitted without an
+    /// allocation, if no buffer is written twice.
+    pub(super) fn submit_and_reserve(&mut self) -> Result<()> {
         self.submit()?;
         self.prepare()
     }
 
-    /// Has the queue run closed lists, a piece of work that was begun, and gives it all that is recorded behind them: all or nothing.
-    pub(super) fn submit_behind(&mut self, lists: Vec<ID3D12CommandList>, begun: Option<Begun>) -> Result<FencePoint> {
+    /// Submits closed lists, whose interval `begun` is, and the recorded commands after them: all or nothing.
+    pub(super) fn submit_behind(
+        &mut self,
+        lists: Vec<ID3D12CommandList>,
+        begun: Option<TimedInterval>,
+    ) -> Result<FencePoint> {
         if let Err(error) = self.prepare() {
             self.forget(begun);
             return Err(error);
@@ -197,9 +201,9 @@ impl Recorder {
         self.hand_over(lists, None)
     }
 
-    /// Gives the queue all that is recorded, and behind it a closed list, which finds all buffers in the state COMMON.
+    /// Submits the recorded commands, and after them a closed list, which expects all buffers in the state COMMON.
     pub(super) fn submit_before(&mut self, list: ID3D12CommandList) -> Result<FencePoint> {
-        // What one call gives to the queue keeps its states from list to list.
+        // Within one call of ExecuteCommandLists, buffers keep their state from list to list; they decay to COMMON only at its end.
         if !self.used.is_empty() {
             self.submit()?;
         }
@@ -210,14 +214,14 @@ impl Recorder {
         self.hand_over(Vec::new(), Some(list))
     }
 
-    /// Lets go of what is recorded.
+    /// Discards the recorded commands.
     pub(super) fn discard(&mut self) -> Result<()> {
         let failed = |call: &str, e: &windows::core::Error| -> Error { failed_on(self.gpu.device(), call, e) };
         // SAFETY: an open list.
         _ = unsafe { self.list.Close() };
-        // SAFETY: no list made with it is given to a queue.
+        // SAFETY: no list recorded with it was submitted.
         unsafe { self.allocator.Reset() }.map_err(|e| failed("ID3D12CommandAllocator::Reset", &e))?;
-        // SAFETY: a closed list and an allocator that no list is recorded with.
+        // SAFETY: a closed list and an allocator that no open list uses.
         unsafe { self.list.Reset(&self.allocator, None) }
             .map_err(|e| failed("ID3D12GraphicsCommandList::Reset", &e))?;
         self.times.lost();
@@ -225,14 +229,14 @@ impl Recorder {
         Ok(())
     }
 
-    /// Holds what the open list reads until it has run.
+    /// Keeps memory that the open list reads until the list has run.
     pub(super) fn hold(&mut self, memory: Shared) {
         self.pages.push(memory);
-        // It is no page: uploads after it begin one.
+        // It is not an upload page: the next upload starts a new one.
         self.filled = PAGE;
     }
 
-    /// Opens the other list.
+    /// Opens the other list, with an allocator that is no longer in use.
     fn prepare(&mut self) -> Result<()> {
         if self.next.is_some() {
             return Ok(());
@@ -247,19 +251,19 @@ impl Recorder {
         }
         let next = match reusable {
             Some(allocator) => {
-                // SAFETY: all lists made with it have run.
+                // SAFETY: all lists recorded with it have run.
                 unsafe { allocator.Reset() }.map_err(|e| failed("ID3D12CommandAllocator::Reset", &e))?;
                 allocator
             }
             None => allocator(&self.gpu)?,
         };
-        // SAFETY: a closed list and an allocator that no list is recorded with.
+        // SAFETY: a closed list and an allocator that no open list uses.
         unsafe { self.other.Reset(&next, None) }.map_err(|e| failed("ID3D12GraphicsCommandList::Reset", &e))?;
         self.next = Some(next);
         Ok(())
     }
 
-    /// Closes the open list and gives it to the queue behind others and before one more, when the other list is open.
+    /// Closes the open list and submits it after `lists` and before `last`. The other list must be open.
     fn hand_over(&mut self, mut lists: Vec<ID3D12CommandList>, last: Option<ID3D12CommandList>) -> Result<FencePoint> {
         // SAFETY: an open list.
         let closed = unsafe { self.list.Close() };
@@ -287,7 +291,7 @@ impl Recorder {
         handed
     }
 
-    /// Forgets what the list before had.
+    /// Resets the state that belongs to the previous list.
     fn begin(&mut self) {
         self.pages.clear();
         self.used.clear();
@@ -295,13 +299,13 @@ impl Recorder {
         self.pending = false;
     }
 
-    /// The moment when all that was submitted is done, ONNX Runtime's work on the queue too.
+    /// Submits, and returns the fence point at which all submitted work is done, ONNX Runtime's work on the queue included.
     pub(super) fn now(&mut self) -> Result<FencePoint> {
         self.submit()?;
         self.gpu.anchors().now()
     }
 
-    /// A second write into a buffer goes into another list, as nothing orders two copies within one.
+    /// Submits if the open list already writes `to`: nothing orders two copies to one buffer within a list.
     fn written_once(&mut self, to: &ID3D12Resource) -> Result<()> {
         let key = to.as_raw() as usize;
         let written =
@@ -309,11 +313,11 @@ impl Recorder {
         if written { self.submit() } else { Ok(()) }
     }
 
-    /// Brings a buffer into the state that a copy or a shader needs.
+    /// Transitions a buffer to the state that a copy or a shader needs.
     fn becomes(&mut self, buffer: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
         let key = buffer.as_raw() as usize;
         let Some(entry) = self.used.iter_mut().find(|(address, _)| *address == key) else {
-            // The first use in a list promotes it from COMMON, and the end of the list lets it fall back.
+            // The first use in a list promotes the buffer from COMMON; after execution it decays to COMMON.
             self.used.push((key, state));
             return;
         };
@@ -327,14 +331,14 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // The queue may still read what is freed next.
+        // The queue may still read the memory that is freed next.
         if let Some((fence_point, ..)) = self.working.back() {
             fence_point.wait_ignoring_loss();
         }
     }
 }
 
-/// A list with an allocator of its own.
+/// An open list with its own allocator.
 fn open(gpu: &Gpu) -> Result<(ID3D12GraphicsCommandList, ID3D12CommandAllocator)> {
     let allocator = allocator(gpu)?;
     // SAFETY: a live device and allocator.

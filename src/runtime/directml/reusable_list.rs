@@ -11,13 +11,13 @@ use crate::{Error, Result};
 pub(super) struct ReusableList {
     list: ID3D12CommandList,
     _allocator: ID3D12CommandAllocator,
-    /// When it has run for the last time: until then it must not be given to a queue again.
+    /// Reached when its last submission has run: until then it must not be submitted again.
     last: Option<FencePoint>,
 }
 
 impl ReusableList {
-    /// Records copies, each of regions of a buffer into another one. Buffers are in the state COMMON between lists, from which
-    /// each copy promotes them.
+    /// Records copies, each of regions of one buffer into another. Buffers are in the state COMMON between lists; each copy
+    /// promotes them.
     pub(super) fn new<'a>(
         gpu: &Gpu,
         copies: impl Iterator<Item = ((&'a ID3D12Resource, &'a ID3D12Resource), &'a [Region])>,
@@ -25,15 +25,15 @@ impl ReusableList {
         Self::record(gpu, |list| {
             for ((to, from), regions) in copies {
                 for r in regions {
-                    // SAFETY: an open list; the context holds both buffers as long as this list, and the stretches lie inside them.
+                    // SAFETY: an open list; the context holds both buffers as long as this list, and the ranges are inside them.
                     unsafe { list.CopyBufferRegion(to, r.to as u64, from, r.from as u64, r.len as u64) };
                 }
             }
         })
     }
 
-    /// Records what `record` does with an open list, which finds all buffers in the state COMMON. What it uses is held as long as
-    /// this list.
+    /// Calls `record` with an open list, which expects all buffers in the state COMMON. The caller keeps the resources that the
+    /// list uses alive as long as this list.
     pub(super) fn record(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<Self> {
         let (device, kind) = (gpu.device(), gpu.anchors().kind());
         let failed = |call: &str, e: &windows::core::Error| -> Error { failed_on(device, call, e) };
@@ -50,17 +50,18 @@ impl ReusableList {
         Ok(Self { list, _allocator: allocator, last: None })
     }
 
-    /// Waits until it may be given to a queue: long so, but for a slot that comes twice in a moment.
+    /// Waits until the list may be submitted again. Its last run is normally long over, except when a ring slot is used twice
+    /// within a short time.
     pub(super) fn ready(&self) -> Result<()> {
         self.last.as_ref().map_or(Ok(()), FencePoint::wait)
     }
 
-    /// The list as a queue takes it.
+    /// The list, in the type that a queue takes.
     pub(super) fn list(&self) -> &ID3D12CommandList {
         &self.list
     }
 
-    /// It was given to a queue, and will have run at `fence_point`.
+    /// Records that the list was submitted and has run when `fence_point` is reached.
     pub(super) fn runs_until(&mut self, fence_point: &FencePoint) {
         self.last = Some(fence_point.clone());
     }

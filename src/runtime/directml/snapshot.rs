@@ -1,4 +1,4 @@
-//! A latent and its pictures that stay on the device.
+//! Copies of a latent and its pictures in device memory.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -8,20 +8,20 @@ use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Re
 use crate::gpu::{FencePoint, Gpu, Heap, blank_texture, buffer, read_buffer, read_texture};
 use crate::{Error, ErrorKind, Picture, Result};
 
-/// Copies of a latent and of its pictures, made on the device and kept there; they come down where somebody asks.
+/// Copies of a latent and its pictures, made on the device and kept there; they are read back only on request.
 pub(crate) struct Snapshot {
     gpu: Gpu,
     /// RGBA8, in the state COMMON between command lists.
     textures: Vec<ID3D12Resource>,
     latent: ID3D12Resource,
-    /// When all of it is there, once it is on its way.
+    /// Reached when all copies are complete; `None` before they are submitted.
     fence_point: Option<FencePoint>,
-    /// Bytes that came down of the context's and of what was made of it.
+    /// Counter of bytes read back from the context and its snapshots.
     read: Arc<AtomicU64>,
 }
 
 impl Snapshot {
-    /// Room for `pictures` pictures of `size` and a latent of so many bytes.
+    /// Allocates `pictures` textures of `size` and a latent buffer of `latent` bytes.
     pub(super) fn new(
         gpu: &Gpu,
         pictures: usize,
@@ -42,21 +42,21 @@ impl Snapshot {
         &self.latent
     }
 
-    pub(super) fn comes_at(&mut self, fence_point: FencePoint) {
+    pub(super) fn set_fence_point(&mut self, fence_point: FencePoint) {
         self.fence_point = Some(fence_point);
     }
 
-    /// Picture `i` as a texture, and when it is there.
+    /// Picture `i` as a texture, and the fence point at which it is complete.
     pub(crate) fn texture(&self, i: usize) -> Option<(&ID3D12Resource, &FencePoint)> {
         self.textures.get(i).zip(self.fence_point.as_ref())
     }
 
-    /// The latent in a buffer that rests in the state COMMON, and when it is there.
+    /// The latent in a buffer, in the state COMMON between command lists, and the fence point at which it is complete.
     pub(crate) fn latent_buffer(&self) -> Option<(&ID3D12Resource, &FencePoint)> {
         Some((&self.latent, self.fence_point.as_ref()?))
     }
 
-    /// Waits for picture `i`, then brings it down.
+    /// Waits for picture `i`, then reads it back.
     pub(crate) fn read_picture(&self, i: usize) -> Result<Picture> {
         let (texture, fence_point) = self.texture(i).ok_or_else(nothing_there)?;
         fence_point.wait()?;
@@ -65,7 +65,7 @@ impl Snapshot {
         Ok(picture)
     }
 
-    /// Waits for the latent, then brings its first `into.len()` bytes down.
+    /// Waits for the latent, then reads back its first `into.len()` bytes.
     pub(crate) fn read_latent(&self, into: &mut [u8]) -> Result<()> {
         self.fence_point.as_ref().ok_or_else(nothing_there)?.wait()?;
         read_buffer(&self.gpu, &self.latent, into)?;
@@ -76,7 +76,7 @@ impl Snapshot {
 
 impl Drop for Snapshot {
     fn drop(&mut self) {
-        // The queue may still write what is freed next.
+        // The queue may still write to the resources that are freed next.
         if let Some(fence_point) = &self.fence_point {
             fence_point.wait_ignoring_loss();
         }
@@ -89,7 +89,7 @@ impl std::fmt::Debug for Snapshot {
     }
 }
 
-/// Cannot come about: what is asked for was put there before anybody could ask.
+/// Does not occur: a snapshot is filled before anyone can read it.
 fn nothing_there() -> Error {
     Error::new(ErrorKind::InvalidState, "nothing was kept on the device yet")
 }

@@ -1,4 +1,4 @@
-//! How much work the queue for anchors is given at a time.
+//! Limits the work that a context has on the queue for anchors at a time.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -7,10 +7,11 @@ use super::context::DirectMlContext;
 use super::times::Kind;
 use crate::Result;
 
-/// A context's work that nobody has waited for, against what it may be.
+/// Estimated duration of a context's queued work, against the limit of
+/// [`longest_submission`](super::DirectMlOptions::longest_submission).
 pub(super) struct SubmissionThrottle {
     longest: Option<Duration>,
-    /// Nanoseconds, as passes took before; 1 at least where there is any.
+    /// Nanoseconds of queued work, estimated from each pass's last duration; at least 1 for each queued pass.
     queued: AtomicU64,
     yields: u64,
 }
@@ -20,17 +21,18 @@ impl SubmissionThrottle {
         Self { longest, queued: AtomicU64::new(0), yields: 0 }
     }
 
-    /// The device has done all that it was given.
+    /// Records that the device has completed all submitted work.
     pub(super) fn clear(&self) {
         self.queued.store(0, Ordering::Relaxed);
     }
 
-    /// How often was waited.
+    /// How often the context waited because of the limit.
     pub(super) fn yields(&self) -> u64 {
         self.yields
     }
 
-    /// Whether a pass that takes so long comes only after what is queued; one of which nothing is known is taken to be as long as may be.
+    /// Whether submitting a pass of this duration would exceed the limit. A duration of 0 is unmeasured and counts as the whole
+    /// limit. A pass is always submitted when nothing is queued.
     fn is_too_long(&self, takes: Duration) -> bool {
         let queued = Duration::from_nanos(self.queued.load(Ordering::Relaxed));
         let fits = |longest| !takes.is_zero() && queued.saturating_add(takes) <= longest;
@@ -45,7 +47,7 @@ impl SubmissionThrottle {
 }
 
 impl DirectMlContext {
-    /// Waits for what the queue has been given where a pass of a kind would make it more than it may be.
+    /// Waits for all submitted work if a pass of this kind would exceed the limit, then counts the pass as queued.
     pub(super) fn wait_for_room(&mut self, kind: Kind) -> Result<()> {
         if self.throttle.longest.is_none() {
             return Ok(());

@@ -1,39 +1,39 @@
-//! How long a context's runs and copies take on the device.
+//! Measures how long a context's runs and copies take on the device, with timestamp queries.
 
 use std::collections::VecDeque;
 
 use windows::Win32::Graphics::Direct3D12::ID3D12GraphicsCommandList;
 
 use crate::Result;
-use crate::gpu::{FencePoint, Gpu, Marks, Spent};
+use crate::gpu::{FencePoint, Gpu, Spent, TimestampPairs};
 
-/// Pieces of work whose time may be unknown yet, more than two latent steps have: those beyond are not timed.
+/// Intervals whose time may be unknown at once, more than two latent steps have. Further ones are not timed.
 const PAIRS: usize = 64;
 
-/// Names a kind of work of one context, all whose pieces are summed up.
+/// Names a kind of work of one context. The times of all intervals of a kind are added up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Kind(usize);
 
-/// A piece of work that has begun.
-pub(super) struct Begun {
+/// An interval that has a start timestamp.
+pub(super) struct TimedInterval {
     pair: usize,
     kind: Kind,
 }
 
-/// Marks of the device's clock before and behind pieces of work, and what is known of them.
+/// Timestamp pairs around intervals of work, and the times measured so far.
 pub(super) struct Times {
-    marks: Option<Marks>,
-    /// Pairs of marks that no piece uses.
+    marks: Option<TimestampPairs>,
+    /// Timestamp pairs that are not in use.
     free: Vec<usize>,
-    /// Pieces that have ended in an open list, or in one that will have run at a moment.
-    ended: VecDeque<(Begun, Option<FencePoint>)>,
-    /// By kind.
+    /// Intervals with both timestamps recorded, and the fence point of their list; `None` while the list is open.
+    ended: VecDeque<(TimedInterval, Option<FencePoint>)>,
+    /// Measured times, indexed by kind.
     spent: Vec<Spent>,
 }
 
 impl Times {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
-        let marks = Marks::new(gpu, gpu.anchors(), PAIRS)?;
+        let marks = TimestampPairs::new(gpu, gpu.anchors(), PAIRS)?;
         Ok(Self { marks, free: (0..PAIRS).collect(), ended: VecDeque::with_capacity(PAIRS), spent: Vec::new() })
     }
 
@@ -43,43 +43,43 @@ impl Times {
         Kind(self.spent.len() - 1)
     }
 
-    /// Marks the start of a piece in an open list; none where the queue has no clock, or too many pieces are under way.
-    pub(super) fn start(&mut self, list: &ID3D12GraphicsCommandList, kind: Kind) -> Option<Begun> {
+    /// Records the start timestamp in an open list; `None` where the queue has no clock, or all pairs are in use.
+    pub(super) fn start(&mut self, list: &ID3D12GraphicsCommandList, kind: Kind) -> Option<TimedInterval> {
         self.collect();
         let marks = self.marks.as_ref()?;
         let pair = self.free.pop()?;
         marks.start(list, pair);
-        Some(Begun { pair, kind })
+        Some(TimedInterval { pair, kind })
     }
 
-    /// Marks its end in an open list of the same queue.
-    pub(super) fn end(&mut self, list: &ID3D12GraphicsCommandList, begun: Begun) {
+    /// Records the end timestamp in an open list of the same queue.
+    pub(super) fn end(&mut self, list: &ID3D12GraphicsCommandList, begun: TimedInterval) {
         if let Some(marks) = &self.marks {
             marks.end(list, begun.pair);
             self.ended.push_back((begun, None));
         }
     }
 
-    /// Takes the marks of a piece back that will have no end.
-    pub(super) fn forget(&mut self, begun: Begun) {
+    /// Frees the pair of an interval that gets no end.
+    pub(super) fn forget(&mut self, begun: TimedInterval) {
         self.free.push(begun.pair);
     }
 
-    /// What the open list has is lost, and so are the ends of pieces that it marks.
+    /// The commands of the open list are lost: frees the pairs of all intervals that end in it.
     pub(super) fn lost(&mut self) {
         while let Some((begun, _)) = self.ended.pop_back_if(|(_, until)| until.is_none()) {
             self.free.push(begun.pair);
         }
     }
 
-    /// The open list is on its way, and will have run at `fence_point`.
+    /// The open list was submitted, and has run when `fence_point` is reached.
     pub(super) fn submitted(&mut self, fence_point: &FencePoint) {
         for (_, until) in self.ended.iter_mut().rev().take_while(|(_, until)| until.is_none()) {
             *until = Some(fence_point.clone());
         }
     }
 
-    /// Time of the pieces of a kind that have run.
+    /// Time of all completed intervals of a kind.
     pub(super) fn spent(&mut self, kind: Kind) -> Spent {
         self.collect();
         self.spent[kind.0]

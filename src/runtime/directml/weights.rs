@@ -1,4 +1,4 @@
-//! A graph's large weights in memory of our own: below the engine's in rank, and evicted while every rollout rests.
+//! A graph's large weights in our own device memory: below the engine's in residency priority, and evicted while all rollouts rest.
 
 use std::ffi::{CStr, CString};
 
@@ -11,10 +11,10 @@ use crate::gpu::{Gpu, ResidencySet};
 use crate::runtime::graph::TensorSpec;
 use crate::{Error, ErrorKind, Result};
 
-/// Bytes that are under way to the device at a time, when a graph is made.
+/// Maximum bytes in flight to the device while a graph is made.
 const UNDER_WAY: usize = 64 << 20;
 
-/// Weights that a session takes as inputs. Each context that may run the session holds them while it does not rest.
+/// Weights that a session takes as inputs. Each context that may run the session holds them while it is not resting.
 pub(crate) struct Weights {
     inputs: Vec<(CString, TensorSpec, Buffer)>,
     residency: Mutex<Residency>,
@@ -22,12 +22,12 @@ pub(crate) struct Weights {
 
 struct Residency {
     set: ResidencySet,
-    /// Lanes that hold it. At 0 it may be resident or not.
+    /// Contexts that hold the weights. At 0 the weights may be resident or evicted.
     holders: usize,
 }
 
 impl Weights {
-    /// Has them copied to the device, and waits for that.
+    /// Copies the weights to the device, and waits for that.
     pub(super) fn new(gpu: &Gpu, weights: &[Weight<'_>]) -> Result<Self> {
         let mut set = ResidencySet::new();
         let mut recorder = Recorder::new(gpu)?;
@@ -52,15 +52,16 @@ impl Weights {
         Ok(Self { inputs, residency: Mutex::new(Residency { set, holders: 0 }) })
     }
 
-    /// The session's inputs behind the graph's own.
+    /// The weights as session inputs, which follow the graph's own inputs.
     pub(super) fn inputs(&self) -> impl Iterator<Item = (&CStr, &TensorSpec, &Buffer)> {
         self.inputs.iter().map(|(name, spec, memory)| (name.as_c_str(), spec, memory))
     }
 
-    /// Has them resident for what the queue for anchors is given from now on, until they are let go as often.
+    /// Makes the weights resident for everything submitted to the queue for anchors from now on, until [`release`](Self::let_go) is
+    /// called as often.
     ///
     /// # Errors
-    /// As [`ResidencySet::make_resident`]; they are not held then.
+    /// As [`ResidencySet::make_resident`]; the weights are not held then.
     pub(super) fn hold(&self, gpu: &Gpu) -> Result<()> {
         let mut residency = self.residency.lock();
         residency.set.make_resident(gpu, gpu.anchors())?;
@@ -68,14 +69,14 @@ impl Weights {
         Ok(())
     }
 
-    /// Lets them go. Nothing that this holder has given to the queue uses them any more.
-    pub(super) fn let_go(&self, gpu: &Gpu) {
+    /// Releases the weights for one holder, and evicts them with the last. No submitted work of this holder may use them any more.
+    pub(super) fn release(&self, gpu: &Gpu) {
         let mut residency = self.residency.lock();
         residency.holders -= 1;
         if residency.holders == 0
             && let Err(e) = residency.set.evict(gpu)
         {
-            // They stay where they are, and all goes on.
+            // They stay resident, and nothing else changes.
             log::warn!("weights are not evicted: {e}");
         }
     }

@@ -1,4 +1,4 @@
-//! What an anchor keeps on a Direct3D 12 device. Windows only.
+//! An anchor's data on a Direct3D 12 device. Windows only.
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
@@ -11,7 +11,7 @@ use crate::gpu::FencePoint;
 use crate::runtime::{Decoded, Snapshot};
 use crate::{Picture, Result};
 
-/// An anchor's latent and pictures where they were made.
+/// An anchor's latent and pictures in the memory of the device that made them.
 #[derive(Debug)]
 pub(super) struct OnDevice {
     snapshot: Snapshot,
@@ -20,15 +20,15 @@ pub(super) struct OnDevice {
 }
 
 impl OnDevice {
-    /// Room for an anchor of `rollout`; none where its device is no Direct3D 12 one.
+    /// Allocates memory for an anchor of `rollout`; `None` if its device is not a Direct3D 12 device.
     pub(super) fn room(rollout: &mut Rollout) -> Result<Option<Self>> {
         let pictures = rollout.point.pictures_per_latent as usize;
-        let snapshot = rollout.context.room_on_device(rollout.latent, pictures, rollout.world.render_size())?;
+        let snapshot = rollout.context.allocate_snapshot(rollout.latent, pictures, rollout.world.render_size())?;
         let (precision, numbers) = (rollout.world.precision(), rollout.world.latent_len());
         Ok(snapshot.map(|snapshot| Self { snapshot, precision, numbers }))
     }
 
-    /// Has what `rollout` made last copied; nothing waits for it and nothing comes down.
+    /// Submits copies of the last latent and pictures of `rollout`. Does not wait, and reads nothing back.
     pub(super) fn copy(&mut self, rollout: &mut Rollout) -> Result<()> {
         let world = &rollout.world;
         let temporal = world.manifest().geometry.autoencoder.temporal;
@@ -40,7 +40,7 @@ impl OnDevice {
             size: world.decoded_size(),
             precision: self.precision,
         };
-        rollout.context.keep_on_device(&decoded, rollout.latent, &mut self.snapshot)
+        rollout.context.fill_snapshot(&decoded, rollout.latent, &mut self.snapshot)
     }
 
     pub(super) fn texture(&self, i: usize) -> Option<(&ID3D12Resource, &FencePoint)> {
@@ -52,7 +52,7 @@ impl OnDevice {
         Some((latent, fence_point, self.precision == Precision::F16))
     }
 
-    /// Whether its copy has run.
+    /// Whether its copies are complete.
     pub(super) fn has_arrived(&self) -> bool {
         self.snapshot.latent_buffer().is_none_or(|(_, fence_point)| fence_point.reached())
     }

@@ -257,9 +257,9 @@ impl Rollout {
 
     /// Applies its governor's decision. [`step`](Self::step) does this too; a host calls it to choose when a move to another
     /// window, which takes a while, is made. A move that fails is logged and not tried again.
-    pub fn obey(&mut self) {
+    pub fn apply_decision(&mut self) {
         let Some(governed) = self.governed.take() else { return };
-        if governed.memory_changes.as_ref().is_some_and(MemoryChanges::come)
+        if governed.memory_changes.as_ref().is_some_and(MemoryChanges::changed)
             && let Some(room) = self.memory_left()
         {
             governed.governor.note_memory(room);
@@ -298,7 +298,7 @@ impl Rollout {
     }
 
     /// Reports a latent to its governor. `start` is the time at which it was begun, `before` the device time spent until then.
-    pub(super) fn tell_governor(&mut self, start: Instant, before: Option<Duration>) {
+    pub(super) fn report_to_governor(&mut self, start: Instant, before: Option<Duration>) {
         let Some(governor) = self.governor().cloned() else { return };
         let spent = self.spent_on_device().zip(before).map(|(now, before)| now.saturating_sub(before));
         let took = spent.unwrap_or_else(|| start.elapsed());

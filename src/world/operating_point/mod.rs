@@ -9,36 +9,36 @@ use crate::{Error, ErrorKind, Result};
 
 pub use text::parse_global_window;
 
-/// The most latents per second of world time.
+/// Maximum latents per second of world time.
 pub const MAX_LATENT_RATE: u32 = 240;
-/// The most pictures presented per second of world time.
+/// Maximum pictures presented per second of world time.
 pub const MAX_PRESENTED_RATE: u32 = 960;
-/// The longest interval of [`CacheMode::Interval`], in generated latents.
+/// Maximum interval of [`CacheMode::Interval`], in generated latents.
 pub const MAX_INTERVAL: u32 = 4_096;
 
-/// Where the keys and values come from that a generated latent leaves in the ring.
+/// Source of the keys and values that a generated latent commits to the ring.
 ///
 /// An appended picture always runs its own cache pass at sigma 0 and commits, in every mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum CacheMode {
-    /// Its own forward at sigma 0 with the same controls: the paper's way, and Waypoint's.
+    /// A separate forward pass at sigma 0 with the same controls, as in the paper and in Waypoint.
     Separate,
-    /// Those of the last denoise forward are kept.
+    /// The keys and values of the last denoise pass.
     Fused,
-    /// As separate, but only generated latents number t with t mod k == 0 commit, t = 1, 2, ... from the first
-    /// generated latent; k is 1 to [`MAX_INTERVAL`]. A skipped latent leaves every slot and flag as it was. The ring
-    /// clock counts commits, the RoPE clock counts latents.
+    /// As separate, but only generated latents number t with t mod k == 0 commit, t = 1, 2, ... from the first generated latent; k
+    /// is 1 to [`MAX_INTERVAL`]. A skipped latent changes no slot and no flag. The ring clock counts commits, the RoPE clock counts
+    /// latents.
     Interval(u32),
 }
 
-/// Where motion and depth for generated frames come from.
+/// Source of motion and depth for generated frames.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum GuidanceSource {
-    /// The paper's, from a pair of latents (`guidance::paper`).
+    /// The paper's method, from a pair of latents (`guidance::paper`).
     Paper,
-    /// Optical flow on a pair of decoded anchors (`guidance::picture_flow`). The source of a point that names
-    /// none, save the paper's presets.
+    /// Optical flow between a pair of decoded anchors (`guidance::picture_flow`). The default source, except in the paper's
+    /// presets.
     #[default]
     PictureFlow,
     /// Correspondence between a pair of latents (`guidance::latent_flow`).
@@ -46,11 +46,11 @@ pub enum GuidanceSource {
 }
 
 impl GuidanceSource {
-    /// Of those that need nothing but anchors, the one whose frames are nearest to the true ones: `docs/motion.md`.
+    /// The source with the best frame quality of those that need only anchors: `docs/motion.md`.
     pub const BEST: Self = Self::PictureFlow;
 }
 
-/// What is shown.
+/// Which pictures are shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Presentation {
     /// The decoded pictures themselves, at `latents_per_second * pictures_per_latent`.
@@ -59,30 +59,30 @@ pub enum Presentation {
     Generated {
         /// Presented pictures per second, more than anchors per second, at most [`MAX_PRESENTED_RATE`].
         rate: u32,
-        /// Where motion and depth come from.
+        /// Source of motion and depth.
         guidance: GuidanceSource,
     },
 }
 
-/// How a world is run. Make one from a [`Preset`](crate::world::Preset), from text, or field by field; [`OperatingPoint::check`] says whether
-/// it holds together.
+/// How a world is run. Make one from a [`Preset`](crate::world::Preset), from text, or field by field; [`OperatingPoint::check`]
+/// checks that it is valid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OperatingPoint {
     /// g: the global window in latents, a multiple of the dilation.
     pub global_window: u32,
     /// Noise levels of a latent step.
     pub schedule: Schedule,
-    /// What a latent leaves in the ring.
+    /// Which keys and values a latent commits to the ring.
     pub cache_mode: CacheMode,
-    /// One latent step stands for the reciprocal of this, in seconds of world time; 1 to [`MAX_LATENT_RATE`].
+    /// Latents per second of world time, 1 to [`MAX_LATENT_RATE`]; one latent step is the reciprocal of this in seconds.
     pub latents_per_second: u32,
     /// How many of a latent's decoded pictures are used: 1 (the last: the anchor), 2 (second and last) or 4.
     pub pictures_per_latent: u32,
-    /// What is shown.
+    /// Which pictures are shown.
     pub presentation: Presentation,
 }
 
-/// How many of what a duration takes.
+/// Numbers of latents, pictures and frames for a duration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Counts {
     /// Latents, the seed's own included.
@@ -98,10 +98,10 @@ pub struct Counts {
 }
 
 impl OperatingPoint {
-    /// Checks the point by itself: rates, counts, interval and, where it can be known without a world, the schedule.
+    /// Checks rates, counts, interval and presentation, without a world.
     ///
     /// # Errors
-    /// `InvalidArgument` with the field that is out of range.
+    /// `InvalidArgument`, with the field that is out of range.
     pub fn check(&self) -> Result<()> {
         let wrong = |field: &str, cause: String, remedy: String| {
             Err(Error::new(ErrorKind::InvalidArgument, cause).field(field).remedy(remedy))
@@ -151,8 +151,8 @@ impl OperatingPoint {
     /// Checks the point for a world of this geometry.
     ///
     /// # Errors
-    /// As [`OperatingPoint::check`], and `InvalidArgument` when g is no multiple of the dilation or past the bundle's
-    /// largest window, or when a latent does not decode to a multiple of `pictures_per_latent`.
+    /// As [`OperatingPoint::check`], and `InvalidArgument` when g is not a multiple of the dilation or exceeds the bundle's largest
+    /// window, or when a latent does not decode to a multiple of `pictures_per_latent`.
     pub fn check_for(&self, geometry: &Geometry) -> Result<()> {
         self.check()?;
         global_buckets(geometry, self.global_window)?;
@@ -181,30 +181,30 @@ impl OperatingPoint {
         }
     }
 
-    /// Pictures of the first latent that lie before world time zero and are not shown.
+    /// Number of pictures of the first latent before world time zero, which are not shown.
     pub fn dropped_pictures(&self) -> u32 {
         self.pictures_per_latent.saturating_sub(1)
     }
 
-    /// Which decoded picture is the `i`-th used one, both from 0, of a latent that decodes to `temporal` pictures;
-    /// none past the last.
+    /// Index of the decoded picture that is the `i`-th used one, both from 0, of a latent that decodes to `temporal` pictures;
+    /// `None` past the last.
     pub fn decoded_index(&self, i: u32, temporal: u32) -> Option<u32> {
         let every = temporal.checked_div(self.pictures_per_latent).filter(|every| *every > 0)?;
         (i < self.pictures_per_latent).then(|| (i + 1) * every - 1)
     }
 
-    /// When the last picture of latent number `latent` stands: the seed's at zero.
+    /// World time of the last picture of latent number `latent`; the seed's is zero.
     pub fn time_of_latent(&self, latent: u64) -> WorldTime {
         WorldTime::new(latent, self.latents_per_second)
     }
 
-    /// The world time that latent number `latent` stands for, as start (included) and end (not included): the span
-    /// whose controls it is made with. Empty at zero for the seed's latent.
+    /// The world time span of latent number `latent`, as start (included) and end (not included); its controls come from this span.
+    /// Empty at zero for the seed's latent.
     pub fn span_of_latent(&self, latent: u64) -> (WorldTime, WorldTime) {
         (self.time_of_latent(latent.saturating_sub(1)), self.time_of_latent(latent))
     }
 
-    /// How many latents, pictures and frames show the world from time zero to `duration`, both included.
+    /// Numbers of latents, pictures and frames that show the world from time zero to `duration`, both included.
     pub fn counts(&self, duration: WorldTime) -> Counts {
         let steps = duration.covering_steps(self.latents_per_second);
         let latents = steps.saturating_add(1);
@@ -221,7 +221,7 @@ impl OperatingPoint {
 /// Buckets of a global layer at window `g`.
 ///
 /// # Errors
-/// `InvalidArgument` when g is no positive multiple of the dilation or past the bundle's largest window.
+/// `InvalidArgument` when g is not a positive multiple of the dilation or exceeds the bundle's largest window.
 pub fn global_buckets(geometry: &Geometry, g: u32) -> Result<u32> {
     let (dilation, most) = (geometry.global.dilation, geometry.global.max_window);
     if dilation == 0 || g == 0 || !g.is_multiple_of(dilation) || g > most {

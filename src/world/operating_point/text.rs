@@ -79,7 +79,7 @@ impl fmt::Display for Presentation {
 impl FromStr for Presentation {
     type Err = Error;
 
-    /// Reads `native`, `generated:30` or `generated:30:paper`. Without a source of guidance it is the default one.
+    /// Reads `native`, `generated:30` or `generated:30:paper`. Without a guidance source, the default one is used.
     fn from_str(text: &str) -> Result<Self> {
         let wrong = || {
             Error::new(ErrorKind::InvalidArgument, format!("{:?} is no way to present", clip(text)))
@@ -99,8 +99,8 @@ impl FromStr for Presentation {
 }
 
 impl OperatingPoint {
-    /// Sets what is shown from a text as [`Presentation`] reads it. A text that names no source of guidance keeps the
-    /// one in use; where nothing was generated, it is the default one.
+    /// Sets the presentation from a text that [`Presentation`] can read. Without a guidance source in the text, the current one
+    /// stays; if nothing was generated, the default one is used.
     ///
     /// # Errors
     /// `InvalidArgument` for anything else.
@@ -118,7 +118,7 @@ impl OperatingPoint {
     }
 }
 
-/// Reads a global window: `g384`, or the bare number.
+/// Reads a global window: `g384`, or only the number.
 ///
 /// # Errors
 /// `InvalidArgument` for anything else.
@@ -132,7 +132,7 @@ pub fn parse_global_window(text: &str) -> Result<u32> {
 }
 
 impl fmt::Display for OperatingPoint {
-    /// All six items; they read back as the same point.
+    /// All six items; reading them gives the same point.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { global_window, schedule, cache_mode, latents_per_second, pictures_per_latent, presentation } = self;
         write!(
@@ -146,9 +146,9 @@ impl fmt::Display for OperatingPoint {
 impl FromStr for OperatingPoint {
     type Err = Error;
 
-    /// Reads items between commas: first a preset's name or nothing (then it starts from `stock`), then what differs:
-    /// `coherence,g256,refined:12,interval:4,latents:15,pictures:1,generated:60`; presentation as
-    /// [`OperatingPoint::present`] reads it. The result passes [`OperatingPoint::check`].
+    /// Reads comma-separated items: first a preset's name, or none for `stock`, then the differences from it, such as
+    /// `coherence,g256,refined:12,interval:4,latents:15,pictures:1,generated:60`; presentation as in [`OperatingPoint::present`].
+    /// The result passes [`OperatingPoint::check`].
     fn from_str(text: &str) -> Result<Self> {
         if text.len() > 4_096 {
             return Err(Error::new(ErrorKind::InvalidArgument, "the text is longer than any operating point")
@@ -166,7 +166,7 @@ impl FromStr for OperatingPoint {
                 })
             };
             match name {
-                // `stock` names a preset when it stands first, and the schedule anywhere else.
+                // `stock` is a preset as the first item, and the schedule elsewhere.
                 "stock" | "refined" | "explicit" => point.schedule = item.parse()?,
                 "separate" | "fused" | "interval" => point.cache_mode = item.parse()?,
                 "native" | "generated" => point.present(item)?,

@@ -1,4 +1,4 @@
-//! Control scripts: what a player does, by world time. The text format is `docs/control-script.md`.
+//! Control scripts: a player's input by world time. The text format is `docs/control-script.md`.
 
 mod recorder;
 #[cfg(test)]
@@ -15,55 +15,54 @@ use crate::{Error, ErrorKind, Result};
 pub use recorder::ScriptRecorder;
 pub use text::{MAX_SCRIPT_BYTES, SCRIPT_VERSION};
 
-/// The most events a script may have.
+/// Maximum number of events of a script.
 pub const MAX_EVENTS: usize = 200_000;
-/// The largest mouse motion of one event, in counts, either way and on either axis.
+/// Maximum mouse motion of one event, in counts, on either axis and in either direction.
 pub const MAX_EVENT_MOUSE: f64 = 1.0e9;
-/// The largest wheel motion of one event, in notches, either way.
+/// Maximum wheel motion of one event, in notches, in either direction.
 pub const MAX_EVENT_SCROLL: i32 = 1_000_000;
-/// A smaller motion than this many counts is none, so that every number has a short decimal form.
+/// Smaller motions, in counts, are set to zero, so that every number has a short decimal form.
 const LEAST_MOTION: f64 = 1.0e-9;
 
-/// Something the player does.
+/// One input event.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScriptEvent {
-    /// When, or from when on, in microseconds of world time.
+    /// Start time, in microseconds of world time.
     pub at: u64,
-    /// What.
+    /// The input.
     pub action: Action,
 }
 
-/// What a [`ScriptEvent`] does.
+/// The input of a [`ScriptEvent`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Action {
     /// A key goes down.
     Down(Key),
-    /// A key that is down goes up.
+    /// A held key goes up.
     Up(Key),
-    /// The mouse moves by dx (right positive) and dy (down positive) counts: at once, or evenly spread until a later
-    /// moment, in microseconds.
+    /// The mouse moves by dx (right positive) and dy (down positive) counts: at once, or evenly until a later time.
     Mouse {
         /// dx and dy, each from -[`MAX_EVENT_MOUSE`] to [`MAX_EVENT_MOUSE`].
         motion: [f64; 2],
-        /// The end of the motion, not included; none for a motion at one moment.
+        /// The end of the motion in microseconds, not included; `None` for a motion at once.
         until: Option<u64>,
     },
-    /// The wheel turns by this many notches, up positive, at most [`MAX_EVENT_SCROLL`] either way.
+    /// The wheel turns by this many notches, up positive, at most [`MAX_EVENT_SCROLL`] in either direction.
     Scroll(i32),
 }
 
 /// A valid control script.
 ///
-/// Time is exact: [`ControlScript::span`] over neighbouring spans of 1/15 s loses nothing and counts nothing twice,
-/// however long the script.
+/// Time is exact: [`ControlScript::span`] over adjacent spans of 1/15 s loses nothing and counts nothing twice, however long the
+/// script is.
 #[derive(Debug, Clone)]
 pub struct ControlScript {
-    /// By time; events of one moment in the order they were given.
+    /// Sorted by time; events at the same time keep their order.
     events: Vec<ScriptEvent>,
     end: Option<u64>,
-    /// Keys held before event i, and after the last one: one more than events.
+    /// Keys held before event i, and after the last one: one entry more than events.
     held: Vec<KeySet>,
-    /// Events that move the mouse over a span, by start.
+    /// Events that move the mouse over a span, sorted by start.
     ramps: Vec<Ramp>,
 }
 
@@ -76,7 +75,7 @@ struct Ramp {
     latest: u64,
 }
 
-/// Where an event was written, for messages.
+/// Position of an event in its source, for messages.
 #[derive(Debug, Clone, Copy)]
 enum Place {
     Text { line: usize, column: usize },
@@ -93,13 +92,13 @@ impl fmt::Display for Place {
 }
 
 impl ControlScript {
-    /// A script of these events, in any order; those of one moment keep theirs. At `end`, where there is one, in
-    /// microseconds, all keys are released and the script is over.
+    /// A script of these events, in any order; events at the same time keep theirs. At `end` (microseconds), if given, all keys are
+    /// released and the script ends.
     ///
     /// # Errors
-    /// `InvalidArgument`, naming the event by its index, for a time past [`MAX_SECONDS`] or past the end, a motion that
-    /// is not finite or too large, a motion that ends before it starts, a key that goes down twice or up without having
-    /// been down; and for more than [`MAX_EVENTS`] events.
+    /// `InvalidArgument`, with the event's index, for a time after [`MAX_SECONDS`] or after the end, a motion that is not finite or
+    /// too large, a motion that ends before it starts, a key that goes down while held or up while not held; and for more than
+    /// [`MAX_EVENTS`] events.
     pub fn from_events(events: Vec<ScriptEvent>, end: Option<u64>) -> Result<Self> {
         Self::build(events.into_iter().enumerate().map(|(i, event)| (event, Place::Index(i))).collect(), end)
     }
@@ -125,7 +124,7 @@ impl ControlScript {
             })?;
         }
         if let Some(end) = end {
-            // What the end releases is released by an event, so that a written script says so.
+            // Keys held at the end are released by explicit events, so that a written script contains the releases.
             for key in script.held_last().iter() {
                 script
                     .push(ScriptEvent { at: end, action: Action::Up(key) })
@@ -139,7 +138,7 @@ impl ControlScript {
         self.held.last().copied().unwrap_or_default()
     }
 
-    /// Adds the next event by time; the error is a cause.
+    /// Adds the next event in order of time; the error is a cause.
     fn push(&mut self, mut event: ScriptEvent) -> std::result::Result<(), String> {
         let mut held = self.held_last();
         let latest = self.end.unwrap_or(MAX_SECONDS * MICROS);
@@ -190,23 +189,23 @@ impl ControlScript {
         &self.events
     }
 
-    /// Where the script says it ends, in microseconds.
+    /// The script's explicit end, in microseconds.
     pub fn end(&self) -> Option<u64> {
         self.end
     }
 
-    /// How long it lasts: to its end where it has one, else until the last thing happens.
+    /// Its duration: to its explicit end, else to the end of its last event or motion.
     pub fn duration(&self) -> WorldTime {
         let last_event = self.events.last().map_or(0, |event| event.at);
         let last_motion = self.ramps.last().map_or(0, |ramp| ramp.latest);
         WorldTime::from_micros(self.end.unwrap_or(last_event.max(last_motion)))
     }
 
-    /// The controls of the span from `start` (included) to `end` (not included): the motion of mouse and wheel that
-    /// falls in it, and every key that is held at any moment of it, so that the shortest tap counts.
+    /// The controls of the span from `start` (included) to `end` (not included): the motion of mouse and wheel within it, and every
+    /// key that is held at any time in it, so that even the shortest tap counts.
     ///
     /// # Errors
-    /// `InvalidArgument` when `start` lies after `end`, or when the motion of the span is more than
+    /// `InvalidArgument` when `start` is after `end`, or when the motion of the span exceeds
     /// [`MAX_MOUSE`](crate::world::MAX_MOUSE).
     pub fn span(&self, start: WorldTime, end: WorldTime) -> Result<ControlInput> {
         if start > end {
@@ -226,7 +225,7 @@ impl ControlScript {
                     keys.insert(key);
                     pressed.insert(key);
                 }
-                // Released at the very start: held before the span, but in no moment of it.
+                // Released at the start of the span: held before it, but at no time in it.
                 Action::Up(key) if WorldTime::from_micros(event.at) == start && !pressed.contains(key) => {
                     keys.remove(key);
                 }
@@ -244,7 +243,7 @@ impl ControlScript {
             .map_err(|error| error.remedy(format!("Spread the motion between {start} and {end} of the script")))
     }
 
-    /// Adds what the motions over a span have in common with `start..end`, by exact shares of time.
+    /// Adds the share of each mouse motion over a span that falls into `start..end`, by exact fractions of time.
     fn add_ramps(&self, start: WorldTime, end: WorldTime, mouse: &mut [f64; 2]) {
         let past = self.ramps.partition_point(|ramp| WorldTime::from_micros(ramp.from) < end);
         let first = self.ramps.partition_point(|ramp| WorldTime::from_micros(ramp.latest) <= start);
@@ -260,7 +259,7 @@ impl ControlScript {
 }
 
 impl PartialEq for ControlScript {
-    /// Equal when events and end are: the rest follows from them.
+    /// Compares events and end; the other fields follow from them.
     fn eq(&self, other: &Self) -> bool {
         self.events == other.events && self.end == other.end
     }

@@ -1,4 +1,4 @@
-//! Makes a script out of live input.
+//! Records live input as a control script.
 
 use crate::world::controls::ControlInput;
 use crate::world::keys::{Key, KeySet};
@@ -22,7 +22,7 @@ impl ScriptRecorder {
         Self::default()
     }
 
-    /// A key went down or up. A repeat of what is known already is ignored, as keyboards repeat.
+    /// Records that a key went down or up. Repeats of a known state are ignored, because keyboards repeat.
     ///
     /// # Errors
     /// `InvalidArgument` when the recording is full.
@@ -30,7 +30,7 @@ impl ScriptRecorder {
         self.key_at(if down { at.ceil_micros() } else { at.floor_micros() }, key, down)
     }
 
-    /// The mouse moved by dx and dy counts.
+    /// Records a mouse motion of dx and dy counts.
     ///
     /// # Errors
     /// `InvalidArgument` for a motion that is not finite, or when the recording is full.
@@ -46,7 +46,7 @@ impl ScriptRecorder {
         self.push(at.ceil_micros(), Action::Mouse { motion, until: None })
     }
 
-    /// The wheel turned by this many notches, up positive.
+    /// Records a wheel motion in notches, up positive.
     ///
     /// # Errors
     /// `InvalidArgument` when the recording is full.
@@ -57,14 +57,15 @@ impl ScriptRecorder {
         self.push(at.ceil_micros(), Action::Scroll(notches))
     }
 
-    /// A latent step got these controls for the span from `start` to `end`. The script's
-    /// [`span`](ControlScript::span) from `start` to `end` gives them back, bit for bit, when every step is recorded, in
-    /// order and without a gap. (A motion below 10^-9 counts is none.)
+    /// Records the controls of a latent step from `start` to `end`. The script's [`span`](ControlScript::span) from `start` to
+    /// `end` returns the same controls, bit for bit, if every step is recorded, in order and without a gap. (A motion below 10^-9
+    /// counts becomes none.)
     ///
     /// # Errors
-    /// `InvalidArgument` when no whole microsecond lies in the span, or when the recording is full.
+    /// `InvalidArgument` when the span contains no whole microsecond, or when the recording is full.
     pub fn step(&mut self, start: WorldTime, end: WorldTime, input: &ControlInput) -> Result<()> {
-        // Presses and motion fall on the first microsecond of the span, releases on the last one that is not in it.
+        // Presses and motion get the first microsecond of the span, releases the last whole microsecond that is not after its
+        // start.
         let (before, within) = (start.floor_micros(), start.ceil_micros());
         if WorldTime::from_micros(within) >= end {
             return Err(Error::new(
@@ -86,9 +87,9 @@ impl ScriptRecorder {
     /// Ends the recording; keys that are still held are released.
     ///
     /// # Errors
-    /// As [`ControlScript::from_events`], for instance when something happened after `end`.
+    /// As [`ControlScript::from_events`], for instance when an event is after `end`.
     pub fn finish(mut self, end: WorldTime) -> Result<ControlScript> {
-        // As every release, on the last microsecond that is not in what follows.
+        // As every release, at the last microsecond that is not in the following span.
         let last = self.events.last().map_or(0, |event| event.at);
         let at = end.floor_micros().max(last);
         self.events.extend(self.held.iter().map(|key| ScriptEvent { at, action: Action::Up(key) }));
@@ -110,20 +111,20 @@ impl ScriptRecorder {
     }
 
     fn push(&mut self, at: u64, action: Action) -> Result<()> {
-        // Every held key needs one more event at the end.
+        // Reserves one event for the release of each key at the end.
         if self.events.len() + 256 >= MAX_EVENTS {
             return Err(Error::new(ErrorKind::InvalidArgument, "the recording is full")
                 .field("script")
                 .remedy("Finish it and start another"));
         }
-        // Live events come in order; a clock that steps back must not turn a release into a press.
+        // Live events are in order; a clock that steps back must not reorder a press and its release.
         let at = self.events.last().map_or(at, |last| at.max(last.at));
         self.events.push(ScriptEvent { at, action });
         Ok(())
     }
 }
 
-/// The f64 with the shortest decimal form that still rounds to `value`, so that recordings are pleasant to read.
+/// The f64 with the shortest decimal form that still rounds to `value`, so that recordings are readable.
 fn shortest(value: f32) -> f64 {
     let short: f64 = value.to_string().parse().unwrap_or(f64::NAN);
     if short as f32 == value { short } else { f64::from(value) }

@@ -1,4 +1,4 @@
-//! Control scripts: the text form, the spans against a brute-force player, the recorder, and text that is no script.
+//! Tests of control scripts: the text form, spans compared with a brute-force player, the recorder, and invalid text.
 
 use super::*;
 use crate::world::fixture::Chance;
@@ -39,7 +39,7 @@ fn random(seed: u64) -> ControlScript {
     for code in 65..70 {
         let mut now = 0;
         while chance.below(4) > 0 {
-            // Steps of zero are taps and changes at one moment; multiples of 200 ms fall on the edges of 1/15 s.
+            // A step of zero gives taps and changes at the same time; multiples of 200 ms are on the edges of 1/15 s.
             let step = |chance: &mut Chance| [0, 1, 200_000, chance.below(900_000)][chance.below(4) as usize];
             let from = now + step(&mut chance);
             let until = from + step(&mut chance);
@@ -57,7 +57,7 @@ fn random(seed: u64) -> ControlScript {
     ControlScript::from_events(events, (chance.below(2) == 0).then_some(length)).unwrap()
 }
 
-/// What a span holds, by looking at every event on its own; `on` and `off` in microseconds.
+/// The controls of a span, from each event on its own; `on` and `off` in microseconds.
 fn brute_force(script: &ControlScript, start: WorldTime, end: WorldTime) -> ([f64; 2], KeySet, f32) {
     let inside = |m: u64| WorldTime::from_micros(m) >= start && WorldTime::from_micros(m) < end;
     let (mut mouse, mut held, mut notches) = ([0.0; 2], KeySet::NONE, 0);
@@ -175,7 +175,7 @@ fn keys_count_from_their_press_to_just_before_their_release() {
     assert_eq!(held(2), KeySet::NONE);
     assert_eq!(held(3), keys(&["W"]));
     assert_eq!(held(5), keys(&["W"]));
-    // Released at the very start of the step; the tap at the same moment counts.
+    // A key released at the start of the step does not count; a tap at the same time does.
     assert_eq!(held(6), keys(&["A"]));
     assert_eq!(held(7), KeySet::NONE);
     assert_eq!(held(15), keys(&["S"]));

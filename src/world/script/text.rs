@@ -9,9 +9,9 @@ use crate::{Error, ErrorKind, Result};
 
 /// The version this library writes, and the newest it reads.
 pub const SCRIPT_VERSION: u32 = 1;
-/// The longest script text, in bytes.
+/// Maximum length of a script, in bytes.
 pub const MAX_SCRIPT_BYTES: usize = 4 << 20;
-/// The longest line, in bytes.
+/// Maximum length of a line, in bytes.
 const MAX_LINE: usize = 1_000;
 const HEADER: &str = "cairn-controls";
 
@@ -34,8 +34,8 @@ impl ControlScript {
     /// Reads a script.
     ///
     /// # Errors
-    /// `Unsupported` for a newer version. `InvalidArgument` for a text that is no script or breaks a rule of
-    /// `docs/control-script.md`; the field names line and column.
+    /// `Unsupported` for a newer version. `InvalidArgument` for a text that is not a script or breaks a rule of
+    /// `docs/control-script.md`; the field has line and column.
     pub fn parse(text: &str) -> Result<Self> {
         check_size(text.len())?;
         let mut lines = text.strip_prefix('\u{feff}').unwrap_or(text).lines();
@@ -97,7 +97,7 @@ fn check_header(line: &str) -> Result<()> {
     match version.parse::<u32>() {
         Ok(SCRIPT_VERSION) => Ok(()),
         Ok(0) => Err(no_script()),
-        // More digits than u32 holds are newer still.
+        // A number that does not fit in u32 is a newer version too.
         _ => Err(Error::new(
             ErrorKind::Unsupported,
             format!("the script has version {}, this library reads version {SCRIPT_VERSION}", clip(version)),
@@ -107,7 +107,7 @@ fn check_header(line: &str) -> Result<()> {
     }
 }
 
-/// One line, cut into words.
+/// One line, split into words.
 struct Words<'a> {
     line: &'a str,
     number: usize,
@@ -115,7 +115,7 @@ struct Words<'a> {
 
 impl<'a> Words<'a> {
     fn place(&self, word: &str) -> Place {
-        // `word` is a slice of the line, so its distance in bytes is its place.
+        // `word` is a slice of the line, so the difference of their addresses is its byte offset.
         let bytes = (word.as_ptr() as usize).saturating_sub(self.line.as_ptr() as usize).min(self.line.len());
         let column = self.line.get(..bytes).map_or(bytes, |before| before.chars().count()) + 1;
         Place::Text { line: self.number, column }
@@ -129,13 +129,13 @@ impl<'a> Words<'a> {
         self.line.split('#').next().unwrap_or("").split_whitespace()
     }
 
-    /// The end of the line's text, where something is missing.
+    /// The empty end of the line's text, as the position of a missing word.
     fn rest(&self) -> &'a str {
         let text = self.line.split('#').next().unwrap_or("").trim_end();
         &text[text.len()..]
     }
 
-    /// `1.5` or `1.5..2`.
+    /// Reads `1.5` or `1.5..2`.
     fn time(&self, when: &str) -> Result<(u64, Option<u64>)> {
         let one = |word: &str| {
             let remedy = "Write seconds with at most six decimals, such as 1.5, or a span, such as 1.5..2";
@@ -256,7 +256,7 @@ impl Reader {
 
 const VERBS: &str = "Write one of: down, up, hold, mouse, scroll, end";
 
-/// A decimal number: a sign, digits, and decimals after a point where wanted; no exponent, no word.
+/// Reads a decimal number: optional sign, digits, optional point and decimals; no exponent, no word.
 fn plain_number(word: &str) -> Option<f64> {
     let digits = word.strip_prefix(['-', '+']).unwrap_or(word);
     let (whole, decimals) = digits.split_once('.').unwrap_or((digits, "0"));

@@ -1,5 +1,5 @@
-/* An ONNX Runtime that tests can look into: it opens the real one, which CAIRN_ONNXRUNTIME names, and hands out its table of
-   functions with some of them wrapped. */
+/* An ONNX Runtime shim whose calls tests can observe: it loads the real library, which CAIRN_ONNXRUNTIME names, and returns its table
+   of functions with some of them wrapped. */
 #include <dlfcn.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -7,7 +7,7 @@
 
 #include "onnxruntime.h"
 
-/* Places in the table of interface version 24, which only ever grows. */
+/* Indices in the table of functions of interface version 24. Later versions only append to it. */
 enum { CREATE_STATUS = 0, CREATE_SESSION_FROM_ARRAY = 8, RUN_WITH_BINDING = 133, ENTRIES = 415 };
 
 typedef struct {
@@ -27,14 +27,14 @@ static void *create_status(int code, const char *text)
     return create(code, text);
 }
 
-/* ---- Calls that are only made to fail: all that the library makes for a world and a rollout, by their places. Left out
-   is what frees something, as its failure would be a leak of the test's making, and what only reads a value that was made, of
-   type or shape, or describes memory, which only fails where a few bytes are not to be had. ---- */
+/* ---- Calls that are wrapped only to fail, by their indices: all that the library makes for a world and a rollout, except two kinds.
+   A failing release would be a leak caused by the test; and calls that read a type or shape, or describe memory, fail only if
+   a few bytes cannot be allocated. ---- */
 #define WRAPPED(W)                                                                                                       \
     W(9) W(10) W(12) W(13) W(23) W(24) W(25) W(30) W(31) W(33) W(34) W(36) W(37) W(39) W(46) W(47) W(48) W(49)           \
     W(78) W(124) W(130) W(131) W(134) W(136) W(137) W(138) W(274) W(279)
 
-/* Every one of them takes at most eight words, and a callee does not mind more than it knows. */
+/* Each takes at most eight words, and a function ignores additional arguments. */
 typedef uintptr_t Word;
 typedef void *(*Call)(Word, Word, Word, Word, Word, Word, Word, Word);
 

@@ -1,4 +1,5 @@
-//! The three calls of a frame, judged: settings, then motion and depth, then the picture, with one id that goes up by one.
+//! Checks the three calls of a frame: configure, prepare (motion and depth), generate. All have one id, which goes up by one per
+//! frame.
 
 use std::ffi::c_void;
 use std::sync::Arc;
@@ -15,7 +16,7 @@ use crate::role::Sdk;
 use crate::swapchain::{Settings, Stage, named};
 use crate::work::{self, CONSTANTS, Pictures, Told};
 
-/// Ids of the structs, and of those that may follow them.
+/// Ids of the structs and of their extensions.
 pub(crate) const CONFIGURE: u64 = 0x2_0002;
 pub(crate) const PICTURE: u64 = 0x2_0003;
 pub(crate) const PREPARE: u64 = 0x2_0004;
@@ -23,10 +24,10 @@ const DISTORTION: u64 = 0x2_0008;
 const CAMERA: u64 = 0x2_000a;
 pub(crate) const PREPARE_V2: u64 = 0x2_000c;
 
-/// No swapchain of AMD's is told.
+/// The flag for use without AMD's swap chain.
 const NO_SWAPCHAIN: u32 = 8;
 
-/// Flags that a context is made with.
+/// Creation flags of a context.
 const ASYNC: u32 = 1;
 const DISPLAY_RESOLUTION_MOTION: u32 = 2;
 const MOTION_JITTER: u32 = 4;
@@ -34,11 +35,11 @@ const DEPTH_INVERTED: u32 = 8;
 const DEPTH_INFINITE: u32 = 16;
 const HIGH_DYNAMIC_RANGE: u32 = 32;
 
-/// Formats of ffx-api, with DXGI's: those that hosts use most.
+/// ffx-api formats with their DXGI formats: those that hosts use most.
 const FORMATS: [(u32, i32); 9] =
     [(3, 2), (4, 10), (10, 28), (12, 29), (16, 26), (17, 24), (18, 34), (21, 54), (28, 41)];
 
-/// What a context was made for.
+/// Creation parameters of a context.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Made {
     pub(crate) flags: u32,
@@ -49,35 +50,35 @@ pub(crate) struct Made {
 }
 
 impl Made {
-    /// Bytes of what it would keep: a picture, and what a pixel of motion and depth needs.
+    /// The device memory that it reports, in bytes: 4 per display pixel and 8 per render pixel.
     pub(crate) fn memory(&self) -> u64 {
         let pixels = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
         4 * pixels(self.shown) + 8 * pixels(self.render)
     }
 }
 
-/// Where in a frame a context is, and what it was told of it.
+/// State of a generator's context: the calls of the current frame and their parameters.
 pub(crate) struct Frames {
     made: Made,
-    /// What the settings say.
+    /// Parameters of the configure call.
     hudless: Option<Told>,
     distortion: Option<Told>,
     rect: [i32; 4],
     is_async: bool,
-    /// The swap chain of AMD's that presents, where there is one.
+    /// The double's swap chain that presents, if there is one.
     presented_by: Option<Arc<Stage>>,
-    /// What was told of motion and depth.
+    /// Parameters of the prepare call.
     seen: Option<Seen>,
-    /// The jitter of the frame before.
+    /// The previous frame's jitter.
     jitter_before: [f32; 2],
-    /// What was called of the present frame, with its id.
+    /// Ids of the current frame's configure and prepare calls, once made.
     settings: Option<u64>,
     prepared: Option<u64>,
-    /// Of the last picture.
+    /// Id of the last generated picture.
     last: Option<u64>,
 }
 
-/// What was told of motion and depth.
+/// Parameters of a prepare call.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
     motion: Told,
@@ -85,14 +86,14 @@ struct Seen {
     size: [u32; 2],
     jitter: [f32; 2],
     scale: [f32; 2],
-    /// Whether it starts anew, where it is told there.
+    /// The reset flag, if the struct has one.
     reset: Option<u8>,
 }
 
 // SAFETY: addresses of the caller's objects, which are free-threaded.
 unsafe impl Send for Frames {}
 
-/// A frame that was asked for as it should be: its list, its pictures, and what the shader is told but for how it plays.
+/// A valid request for a picture: its list, its textures and the shader's constants, except for the configured errors.
 pub(crate) struct Asked {
     pub(crate) list: *mut c_void,
     pub(crate) pictures: Pictures,
@@ -120,15 +121,15 @@ impl Frames {
         self.made.memory()
     }
 
-    /// The swap chain of AMD's that it generates for.
+    /// The swap chain that it generates for.
     pub(crate) fn presented_by(&self) -> Option<&Arc<Stage>> {
         self.presented_by.as_ref()
     }
 
-    /// Judges one call; faults go to `fault`. Gives what is to be recorded for a picture.
+    /// Checks one call and reports violations to `fault`. Returns the work to record if the call generates a picture.
     ///
     /// # Safety
-    /// A chain of structs that are what their ids say.
+    /// A chain of structs whose types match their ids.
     pub(crate) unsafe fn judge(
         &mut self,
         sdk: Sdk,
@@ -153,14 +154,14 @@ impl Frames {
             }
         }
         let before = self.last;
-        // SAFETY: the caller's promise; each reads at its own struct's offsets.
+        // SAFETY: the caller's promise; each function reads its own struct's offsets.
         unsafe {
             match first {
                 CONFIGURE => self.settings(context, head, chain.get(1).map(|(_, at)| *at), fault),
                 PREPARE | PREPARE_V2 => self.prepare(head, first == PREPARE_V2, chain, sdk, fault),
                 _ => {
                     let asked = self.picture(head, fault);
-                    // What was refused was no frame.
+                    // A rejected call does not count as a frame.
                     if faults > 0 {
                         self.last = before;
                     }
@@ -196,7 +197,7 @@ impl Frames {
                 fault(why);
             }
             if enabled == 0 {
-                // What was prepared and is not presented is none to go on from.
+                // A frame that was prepared but not presented leaves no history.
                 (self.settings, self.prepared, self.hudless) = (None, None, None);
                 return;
             }
@@ -225,17 +226,17 @@ impl Frames {
         if left < 0 || top < 0 || width < 0 || height < 0 || left + width > columns || top + height > rows {
             fault(format!("the part {:?} of {:?}", self.rect, self.made.shown));
         }
-        // SAFETY: as above; a picture stands there, or none.
+        // SAFETY: as above; the struct has a resource there, which may be null.
         self.hudless = unsafe { told(head, 64) };
         if self.hudless.is_some() {
             let mut fault = |why| fault(format!("without interface: {why}"));
             // SAFETY: as above.
             unsafe { judge_resource(head, 64, self.made.shown, Some(self.made.hudless), false, &mut fault) };
         }
-        // As AMD's: what was told once stays.
+        // As in AMD's libraries, a distortion field stays set.
         if let Some(link) = distortion {
             let mut fault = |why| fault(format!("distortion: {why}"));
-            // SAFETY: a picture stands there.
+            // SAFETY: the struct has a resource there.
             unsafe {
                 judge_resource(link, 16, self.made.shown, None, false, &mut fault);
                 self.distortion = told(link, 16);
@@ -257,7 +258,7 @@ impl Frames {
         if is_v2 != (sdk >= Sdk::V21) {
             fault(format!("motion and depth are told as another release than {sdk:?} wants"));
         }
-        // SAFETY: fields that both structs have at the same places.
+        // SAFETY: fields that both structs have at the same offsets.
         let (id, list, size) =
             unsafe { (get::<u64>(head, 16), get::<*mut c_void>(head, 32), [40, 44].map(|at| get::<u32>(head, at))) };
         if self.settings != Some(id) {
@@ -277,7 +278,7 @@ impl Frames {
         // SAFETY: as above.
         let numbers = unsafe { [48, 52, 56, 60, 64, 72, 76, 80, 84].map(|at| get::<f32>(head, at)) };
         let [.., time, near, far, fov, metres] = numbers;
-        // Where depth is infinite nobody looks at the far plane.
+        // With infinite depth the far plane is ignored.
         let far = if self.made.flags & DEPTH_INFINITE != 0 { near + 1.0 } else { far };
         let above_0 = [time, near, far, fov, metres].into_iter().all(|number| number > 0.0 && number.is_finite());
         let is_finite = numbers[..4].iter().all(|number| number.is_finite());
@@ -286,13 +287,13 @@ impl Frames {
         }
         let of_motion = if self.made.flags & DISPLAY_RESOLUTION_MOTION != 0 { self.made.shown } else { size };
         for (name, at, size) in [("depth", 88, size), ("motion", 136, of_motion)] {
-            // SAFETY: a resource stands there.
+            // SAFETY: the struct has a resource there.
             unsafe { judge_resource(head, at, size, None, false, &mut |why| fault(format!("{name}: {why}"))) };
         }
         let camera = if is_v2 { Some((head, 184)) } else { chain.get(1).map(|(_, at)| (*at, 16)) };
         match camera {
             Some((place, at)) => {
-                // SAFETY: four vectors of three stand there.
+                // SAFETY: the struct has four vectors of three floats there.
                 let [position, up, right, forward] = [0, 12, 24, 36]
                     .map(|vector| [0, 4, 8].map(|axis| unsafe { get::<f32>(place, at + vector + axis) }));
                 if !position.iter().all(|x| x.is_finite()) {
@@ -346,10 +347,10 @@ impl Frames {
         }
         for (name, at, is_written) in [("color", 24, false), ("output", 72, true)] {
             let mut fault = |why| fault(format!("{name}: {why}"));
-            // SAFETY: a resource stands there.
+            // SAFETY: the struct has a resource there.
             unsafe { judge_resource(head, at, self.made.shown, Some(self.made.format), is_written, &mut fault) };
         }
-        // SAFETY: three more outputs stand behind the first.
+        // SAFETY: the struct has three more outputs behind the first.
         if [120, 168, 216].iter().any(|of| (0..44).step_by(4).any(|at| unsafe { get::<u32>(head, of + at) } != 0)) {
             fault("more outputs than frames".to_owned());
         }
@@ -370,10 +371,10 @@ impl Frames {
             fault(format!("transfer function {transfer}, luminance {luminance:?}, flags {}", self.made.flags));
         }
         self.last = Some(id);
-        // SAFETY: pictures stand there.
+        // SAFETY: the struct has resources there.
         let (shown, output) = unsafe { (told(head, 24)?, told(head, 72)?) };
         let seen = self.seen?;
-        // What is not there is not read.
+        // Missing textures are replaced by others, which the shader does not read.
         let source = self.hudless.unwrap_or(shown);
         let inputs = [shown, source, shown, seen.motion, seen.depth, self.distortion.unwrap_or(seen.motion), shown];
         let pictures = Pictures { inputs, motion: 3, output, kept: Some(1) };
@@ -381,7 +382,7 @@ impl Frames {
         let [columns, rows] = self.made.shown.map(u32::cast_signed);
         let (right, bottom) = (left.saturating_add(width), top.saturating_add(height));
         let part = if width == 0 { [0, 0, columns, rows] } else { [left, top, right, bottom] };
-        // What motion holds of jitter is what it was less what it is, as AMD's take it out.
+        // Motion contains the previous jitter minus this one, which AMD's libraries subtract.
         let [before, now] = [self.jitter_before, seen.jitter];
         let has_jitter = self.made.flags & MOTION_JITTER != 0;
         let jitter = if has_jitter { [before[0] - now[0], before[1] - now[1]] } else { [0.0; 2] };
@@ -403,14 +404,14 @@ impl Frames {
     }
 }
 
-/// The picture that stands at an offset, with its state; None for none.
+/// The resource at an offset, with its state; None if it is null.
 pub(crate) unsafe fn told(head: *const u8, at: usize) -> Option<Told> {
-    // SAFETY: the fields of a resource stand there, by the caller's promise.
+    // SAFETY: the struct has a resource there, by the caller's promise.
     let (place, state) = unsafe { (get::<*mut c_void>(head, at), get::<u32>(head, at + 40)) };
     (!place.is_null()).then_some(Told { place, state })
 }
 
-/// A list that generation can be recorded into.
+/// Checks that generation can be recorded into the list.
 pub(crate) unsafe fn judge_list(list: *mut c_void, is_async: bool, fault: &mut dyn FnMut(String)) {
     // SAFETY: null or an object of COM, by the caller's promise.
     let object = unsafe { IUnknown::from_raw_borrowed(&list) };
@@ -427,7 +428,7 @@ pub(crate) unsafe fn judge_list(list: *mut c_void, is_async: bool, fault: &mut d
     }
 }
 
-/// A picture: an object that is what its description says, in a state that there is.
+/// Checks a texture argument: the object must match its description and have a valid state.
 pub(crate) unsafe fn judge_resource(
     head: *const u8,
     at: usize,
@@ -436,7 +437,7 @@ pub(crate) unsafe fn judge_resource(
     is_written: bool,
     fault: &mut dyn FnMut(String),
 ) {
-    // SAFETY: the fields of a resource stand there.
+    // SAFETY: the struct has a resource there.
     let (place, words) =
         unsafe { (get::<*mut c_void>(head, at), [8, 12, 16, 20, 24, 28, 32, 36].map(|of| get::<u32>(head, at + of))) };
     // SAFETY: as above; null or an object of COM, by the caller's promise.

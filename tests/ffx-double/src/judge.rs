@@ -1,4 +1,4 @@
-//! The play itself: answers as AMD's libraries give them, and a verdict on every call.
+//! The calls themselves: answers as AMD's libraries do, and checks every call.
 
 use std::collections::HashMap;
 use std::ffi::{CString, c_void};
@@ -19,7 +19,7 @@ use crate::upscale::{Larger, MASK, UPSCALE};
 use crate::work::{CONSTANTS, RESET, Work};
 use crate::{NO_PROVIDER, OK, PARAMETER, RUNTIME, UNKNOWN_STRUCT};
 
-/// Ids of structs, with their effects above.
+/// Struct ids, with the effect in the upper bits.
 pub(crate) mod id {
     pub(crate) const GLOBAL_DEBUG_1: u64 = 1;
     pub(crate) const BACKEND: u64 = 2;
@@ -51,49 +51,49 @@ pub(crate) mod id {
 
 pub(crate) const EFFECT: u64 = 0x00ff_0000;
 
-/// Gets a message: what it is, and text in UTF-16.
+/// The message callback: the kind, and text in UTF-16.
 type Message = unsafe extern "C" fn(u32, *const u16);
 
-/// What is known between calls.
+/// The double's state between calls.
 #[derive(Default)]
 pub(crate) struct Judge {
     pub(crate) role: Role,
-    /// Live contexts, by their addresses, with the provider of each.
+    /// Live contexts by address, with the provider of each.
     pub(crate) contexts: HashMap<usize, (u64, CString)>,
-    /// The chain that each was made with, which is to stay as long: the place of each link, and how it starts.
+    /// The creation chain of each context, which must live as long: the address of each link and its header.
     chains: HashMap<usize, Vec<(usize, [u64; 2])>>,
-    /// Of these, where they are, and what they have on the device.
+    /// The generators and upscalers among the contexts.
     pub(crate) frames: HashMap<usize, Worker>,
-    /// Those that present.
+    /// The swap chains among the contexts.
     pub(crate) swapchains: HashMap<usize, Presenting>,
-    /// Pictures that were asked for.
+    /// Number of pictures requested.
     pictures: u64,
-    /// Ids that were handed out.
+    /// Provider ids returned by queries.
     pub(crate) offered: Vec<u64>,
     message: Option<Message>,
-    /// Of a loader: the libraries of effects.
+    /// For a loader: the libraries of the effects.
     behind: HashMap<u64, Behind>,
-    /// Of a loader: the effect of each context.
+    /// For a loader: the effect of each context.
     pub(crate) owners: HashMap<usize, u64>,
 }
 
-/// A context that works.
+/// A generator's or upscaler's context.
 pub(crate) struct Worker {
     pub(crate) does: Does,
     device: ID3D12Device,
-    /// Made for its first picture: shaders take a driver long.
+    /// Created at the first picture: drivers take long to compile shaders.
     work: Option<Work>,
-    /// The same for its first mask.
+    /// The same for reactive masks.
     mask: Option<Work>,
 }
 
-/// What it does.
+/// The kind of a context, with its state.
 pub(crate) enum Does {
     Generates(Frames),
     Enlarges(Larger),
 }
 
-/// An exported function, before it is known which.
+/// An exported function of unknown type.
 type Found = unsafe extern "system" fn() -> isize;
 type Create = unsafe extern "C" fn(*mut *mut c_void, *mut u8, *const c_void) -> u32;
 type Destroy = unsafe extern "C" fn(*mut *mut c_void, *const c_void) -> u32;
@@ -101,7 +101,7 @@ type Query = unsafe extern "C" fn(*mut *mut c_void, *mut u8) -> u32;
 /// `ffxConfigure` and `ffxDispatch`.
 type Send = unsafe extern "C" fn(*mut *mut c_void, *const u8) -> u32;
 
-/// The functions of a library that a loader hands calls to.
+/// The functions of a library that a loader forwards to.
 #[derive(Clone, Copy)]
 pub(crate) struct Behind {
     create: Create,
@@ -114,8 +114,7 @@ pub(crate) struct Behind {
 static JUDGE: OnceLock<Result<Mutex<Judge>, String>> = OnceLock::new();
 
 impl Judge {
-    /// One call. Calls at once are what ffx-api does not allow for one context; it has no lock of its own, so they are judged, not
-    /// made to wait.
+    /// Handles one call. ffx-api forbids concurrent calls of one context and has no lock; here they take turns and are checked.
     pub(crate) fn hears(call: &'static str, act: impl FnOnce(&mut Self) -> u32) -> u32 {
         let judge = JUDGE.get_or_init(|| Role::own().map(|role| Mutex::new(Self { role, ..Self::default() })));
         let Ok(judge) = judge else {
@@ -132,7 +131,7 @@ impl Judge {
         act(&mut judge)
     }
 
-    /// What a call with these structs is answered at once, where that is what is played.
+    /// The code for a call that the configuration rejects, if it does.
     pub(crate) fn refusal(&self, call: &str, chain: &[(u64, *const u8)]) -> Option<u32> {
         if !self.role.is_refusing {
             return None;
@@ -148,7 +147,7 @@ impl Judge {
         Some(self.note(call, chain, code))
     }
 
-    /// Sends a message to who listens.
+    /// Sends a message to the callback.
     fn say(&self, text: &str) {
         let units: Vec<u16> = text.encode_utf16().chain([0]).collect();
         if let Some(message) = self.message {
@@ -165,7 +164,7 @@ impl Judge {
         }
     }
 
-    /// Writes down a call.
+    /// Logs a call.
     pub(crate) fn note(&self, call: &str, links: &[(u64, *const u8)], code: u32) -> u32 {
         if self.role.quiet {
             return code;
@@ -174,7 +173,7 @@ impl Judge {
         self.append("calls.txt", &format!("{call} {} {code}", ids.join(",")));
         if code == OK && !self.role.is_loader {
             for (id, at) in links {
-                // SAFETY: a link of the call that is being answered, of the kind that its id says.
+                // SAFETY: a link of the current call, of the type that its id says.
                 if let Some(line) = unsafe { told::line(*id, *at) } {
                     self.append("told.txt", &line);
                 }
@@ -183,7 +182,7 @@ impl Judge {
         code
     }
 
-    /// Writes down what was wrong; the code to answer with.
+    /// Logs a rule violation; returns the code.
     pub(crate) fn fault(&self, call: &str, why: &str, code: u32) -> u32 {
         self.append("judgement.txt", &format!("{call}: {why}"));
         code
@@ -211,7 +210,7 @@ impl Judge {
         let first = chain[0].0;
         if self.role.is_loader {
             let Some(behind) = self.behind(first & EFFECT) else { return self.note("create", &chain, NO_PROVIDER) };
-            // SAFETY: handed on as it came.
+            // SAFETY: forwarded unchanged.
             let code = unsafe { (behind.create)(context, head, callbacks) };
             if code == OK {
                 // SAFETY: written by the call.
@@ -222,7 +221,7 @@ impl Judge {
         if !callbacks.is_null() {
             self.fault("create", "memory is to come from the host, which this one never asks for", OK);
         }
-        // SAFETY: the chain's links, of the kinds their ids say.
+        // SAFETY: the chain's links, of the types that their ids say.
         let code = unsafe { self.judge_create(context, &chain) };
         if code == OK {
             // SAFETY: the caller's links; a header is two numbers long.
@@ -233,10 +232,11 @@ impl Judge {
         self.note("create", &chain, code)
     }
 
-    /// Whether what a context was made with is still where it was. What is gone may read as anything.
+    /// Whether a context's creation chain is still unchanged in memory. Freed memory may hold anything.
     fn has_chain(&self, context: usize) -> bool {
         self.chains.get(&context).is_none_or(|links| {
-            // SAFETY: a chain stays as long as its context: who breaks that is found out here, one way or the other.
+            // SAFETY: a chain must live as long as its context; a host that breaks this is detected here, by the comparison or by a
+            // crash.
             let stays =
                 |(at, head): &(usize, [u64; 2])| [0, 8].map(|of| unsafe { get::<u64>(*at as *const u8, of) }) == *head;
             links.iter().all(stays)
@@ -268,7 +268,7 @@ impl Judge {
                 self.fault("create", "a release before 2.1 is told for which release the host was written", OK);
             }
             (Some(at), _) => {
-                // SAFETY: a struct of the release, which has it at 16.
+                // SAFETY: the version struct has its number at 16.
                 let told = unsafe { get::<u32>(at, 16) };
                 let own = self.role.offers.iter().map(|(id, _)| *id as u32 & 0x7fff_ffff).max().unwrap_or(0);
                 if told >> 22 == 0 || told > own.max(0x0100_0000) {
@@ -278,11 +278,11 @@ impl Judge {
             (None, _) => {}
         }
         let Some(backend) = find(id::BACKEND) else { return self.fault("create", "there is no device", PARAMETER) };
-        // SAFETY: the device stands at 16.
+        // SAFETY: the device is at 16.
         if !unsafe { is_device(get(backend, 16)) } {
             return self.fault("create", "the device is none", PARAMETER);
         }
-        // SAFETY: the id stands at 16.
+        // SAFETY: the id is at 16.
         let wanted = find(id::OVERRIDE).map(|at| unsafe { get::<u64>(at, 16) });
         if let Some(wanted) = wanted
             && !self.offered.contains(&wanted)
@@ -292,7 +292,7 @@ impl Judge {
         if id::SWAPCHAINS.contains(&first) {
             let Some(provider) = self.provider(wanted) else { return NO_PROVIDER };
             let mut faults = Vec::new();
-            // SAFETY: the struct's fields are what its id says.
+            // SAFETY: a struct of the type that its id says.
             let made = unsafe { swapchain::make(first, head, self.role.folder.clone(), &mut faults) };
             let code = if made.is_some() { OK } else { RUNTIME };
             for why in faults {
@@ -302,7 +302,7 @@ impl Judge {
                 let context = Box::into_raw(Box::new(0_u64)).cast::<c_void>();
                 self.swapchains.insert(context as usize, presenting);
                 self.contexts.insert(context as usize, provider);
-                // SAFETY: the caller's place.
+                // SAFETY: the caller's memory.
                 unsafe { *place = context };
             }
             return code;
@@ -313,14 +313,14 @@ impl Judge {
         if sides.iter().any(|side| !(1..=16384).contains(side)) {
             return self.fault("create", &format!("sizes {sides:?}"), PARAMETER);
         }
-        // AMD's optical flow has copies of the picture shown down to a 64th of its size. A texture without a pixel ends the process: in
-        // the lab in a shader that writes it, and by an exception of theirs where Direct3D refuses it.
+        // AMD's optical flow keeps copies of the displayed picture down to 1/64 of its size. A texture without a pixel ends the
+        // process: in the lab in a shader that writes it, and by an exception of AMD's where Direct3D does not create it.
         if first == id::GENERATION && sides[..2].iter().any(|side| side >> 6 == 0) {
             let code = self.fault("create", &format!("sides {:?} end the process", &sides[..2]), RUNTIME);
             return if self.role.survives { code } else { std::process::abort() };
         }
-        // Formats of three or four channels that are no integers.
-        // SAFETY: the format stands at 36 of a frame generator's, and at 16 of the other struct.
+        // Colour formats: three or four channels, no integers.
+        // SAFETY: the format is at 36 of a frame generator's struct, and at 16 of the HUD-less struct.
         let format = (first == id::GENERATION).then(|| unsafe { get::<u32>(head, 36) });
         // SAFETY: as above.
         let hudless = find(id::HUDLESS).map(|at| unsafe { get::<u32>(at, 16) });
@@ -332,12 +332,12 @@ impl Judge {
         let Some(provider) = self.provider(wanted) else { return NO_PROVIDER };
         let made = Box::into_raw(Box::new(0_u64)).cast::<c_void>();
         {
-            // SAFETY: judged to be a device; the reference stays the caller's.
+            // SAFETY: checked to be a device; the caller keeps its reference.
             let device = unsafe { get::<*mut c_void>(backend, 16) };
             // SAFETY: as above.
             let device = unsafe { IUnknown::from_raw_borrowed(&device) }.map(|object| object.cast::<ID3D12Device>());
             let Some(Ok(device)) = device else { return self.fault("create", "the device is none", PARAMETER) };
-            // SAFETY: the flags stand at 16.
+            // SAFETY: the flags are at 16.
             let flags = unsafe { get::<u32>(head, 16) };
             let (one, other) = ([sides[0], sides[1]], [sides[2], sides[3]]);
             let does = match format {
@@ -351,7 +351,7 @@ impl Judge {
             self.frames.insert(made as usize, Worker { does, device, work: None, mask: None });
         }
         self.contexts.insert(made as usize, provider);
-        // SAFETY: the caller's place.
+        // SAFETY: the caller's memory.
         unsafe { *place = made };
         OK
     }
@@ -360,11 +360,11 @@ impl Judge {
         if context.is_null() {
             return self.fault("destroy", "a pointer is null", PARAMETER);
         }
-        // SAFETY: the caller's place.
+        // SAFETY: the caller's memory.
         let known = unsafe { *context } as usize;
         if let Some(effect) = self.owners.remove(&known) {
             let Some(behind) = self.behind(effect) else { return NO_PROVIDER };
-            // SAFETY: handed on as it came.
+            // SAFETY: forwarded unchanged.
             let code = unsafe { (behind.destroy)(context, callbacks) };
             return self.note("destroy", &[], code);
         }
@@ -386,13 +386,13 @@ impl Judge {
             && work.under_way() > 0
         {
             self.fault("destroy", &format!("{} frames are under way", work.under_way()), OK);
-            // What the device uses now must stay.
+            // The device may still use it, so it is leaked.
             std::mem::forget(work);
         }
         if self.contexts.remove(&known).is_none() {
             return self.fault("destroy", "there is no such context", PARAMETER);
         }
-        // SAFETY: made by `create`, and forgotten above.
+        // SAFETY: allocated by `create`, and removed from the maps above.
         drop(unsafe { Box::from_raw(known as *mut u64) });
         self.note("destroy", &[], OK)
     }
@@ -407,11 +407,11 @@ impl Judge {
         if let Some(code) = self.refusal("configure", &chain) {
             return code;
         }
-        // SAFETY: the caller's place.
+        // SAFETY: the caller's memory.
         let known = (!context.is_null()).then(|| unsafe { *context } as usize);
         if let Some(effect) = known.and_then(|known| self.owners.get(&known).copied()) {
             let Some(behind) = self.behind(effect) else { return NO_PROVIDER };
-            // SAFETY: handed on as it came.
+            // SAFETY: forwarded unchanged.
             let code = unsafe { (behind.configure)(context, head) };
             return self.note("configure", &chain, code);
         }
@@ -419,24 +419,24 @@ impl Judge {
             return self.fault("configure", "there is no such context", PARAMETER);
         }
         let code = match chain[0].0 {
-            // Before there is a context only releases from 2.1 listen.
+            // Without a context, only releases from 2.1 on accept a callback.
             id::GLOBAL_DEBUG_1 if known.is_none() => PARAMETER,
             id::GLOBAL_DEBUG_1 => {
-                // SAFETY: the function stands at 16, null or of this type.
+                // SAFETY: the function is at 16, null or of this type.
                 self.message = unsafe { get(head, 16) };
                 OK
             }
             id::GLOBAL_DEBUG if self.role.sdk >= Sdk::V21 => {
-                // SAFETY: the effect stands at 16.
+                // SAFETY: the effect is at 16.
                 let effect = unsafe { get::<u64>(head, 16) };
                 if !self.role.has(effect) {
                     self.fault("configure", &format!("{effect:x} is no effect of this library"), OK);
                 }
-                // SAFETY: the function stands at 24.
+                // SAFETY: the function is at 24.
                 self.message = unsafe { get(head, 24) };
                 OK
             }
-            // SAFETY: the chain's links, of the kinds their ids say.
+            // SAFETY: the chain's links, of the types that their ids say.
             CONFIGURE => known.map_or(PARAMETER, |known| unsafe { self.frame("configure", known, &chain) }),
             id::INTERFACE | id::SWAPCHAIN_KEY => match known.and_then(|known| self.swapchains.get(&known)) {
                 // SAFETY: as above.
@@ -451,7 +451,7 @@ impl Judge {
         self.note("configure", &chain, code)
     }
 
-    /// One call of a frame.
+    /// Handles one call of a frame.
     unsafe fn frame(&mut self, call: &str, context: usize, chain: &[(u64, *const u8)]) -> u32 {
         if !self.has_chain(context) {
             return self.fault(call, "the chain that the context was made with is gone", PARAMETER);
@@ -515,7 +515,7 @@ impl Judge {
             *work = Work::new(&worker.device, code).ok();
         }
         let Some(work) = work else { return RUNTIME };
-        // SAFETY: list and resources were judged.
+        // SAFETY: list and resources were checked.
         let recorded = unsafe { work.record(asked.list, &asked.pictures, asked.constants) };
         self.pictures += 1;
         let removed = if self.role.removes == Some(self.pictures) { work.remove_device() } else { Ok(()) };
@@ -532,11 +532,11 @@ impl Judge {
         if let Some(code) = self.refusal("dispatch", &chain) {
             return code;
         }
-        // SAFETY: the caller's place.
+        // SAFETY: the caller's memory.
         let known = unsafe { *context } as usize;
         if let Some(effect) = self.owners.get(&known).copied() {
             let Some(behind) = self.behind(effect) else { return NO_PROVIDER };
-            // SAFETY: handed on as it came.
+            // SAFETY: forwarded unchanged.
             let code = unsafe { (behind.dispatch)(context, head) };
             return self.note("dispatch", &chain, code);
         }
@@ -544,9 +544,9 @@ impl Judge {
             return self.fault("dispatch", "there is no such context", PARAMETER);
         }
         let code = match chain[0].0 {
-            // As AMD's of 2.0 answers a struct that it does not know.
+            // AMD's 2.0 returns this for an unknown struct.
             PREPARE_V2 if self.role.sdk < Sdk::V21 => PARAMETER,
-            // SAFETY: the chain's links, of the kinds their ids say.
+            // SAFETY: the chain's links, of the types that their ids say.
             PREPARE | PREPARE_V2 | PICTURE | UPSCALE | MASK => unsafe { self.frame("dispatch", known, &chain) },
             id::WAIT => match self.swapchains.get(&known) {
                 Some(presenting) => {

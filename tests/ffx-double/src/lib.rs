@@ -1,13 +1,13 @@
-//! A library with ffx-api's five exports that plays the releases of AMD's SDK, and a strict judge of who calls it. Windows only.
+//! A fake ffx-api library (test double) that imitates the releases of AMD's SDK and checks every call strictly. Windows only.
 //!
-//! A copy of it stands under each name of AMD's, and beside it a text with that name and `.txt` behind it says what it plays
-//! (`role`). What it was asked is appended to `calls.txt` in the same folder, and what was wrong with it to
-//! `judgement.txt`; the numbers that it was told to `told.txt`.
+//! Tests copy it to AMD's file names. A text file beside each copy, with `.txt` appended to the name, configures it (`role`). In
+//! the same folder it appends the calls to `calls.txt`, rule violations to `judgement.txt`, and the parameters it received to
+//! `told.txt`.
 //!
-//! It generates frames and larger ones with shaders of its own (`interpolate.hlsl`, `upscale.hlsl`), so that pixels show whether what it was told of motion, depth,
-//! states and all else is right.
+//! It generates and upscales frames with shaders of its own (`interpolate.hlsl`, `upscale.hlsl`), so that pixels show whether
+//! motion, depth, states and all other parameters are right.
 //!
-//! It shares nothing with the bindings under test: what it knows of structs are offsets, in `memory` and where they are read.
+//! It shares no code with the bindings under test: it reads structs by offsets only, in `memory` and its callers.
 #![cfg(windows)]
 
 mod frames;
@@ -32,52 +32,52 @@ const RUNTIME: u32 = 3;
 const NO_PROVIDER: u32 = 4;
 const PARAMETER: u32 = 6;
 
-/// Makes a context.
+/// Creates a context.
 ///
 /// # Safety
-/// As of ffx-api's function.
+/// As for ffx-api's function.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxCreateContext(context: *mut *mut c_void, head: *mut u8, callbacks: *const c_void) -> u32 {
-    // SAFETY: the caller's promise about the chain and the place.
+    // SAFETY: the caller's promise about the chain and the context's address.
     Judge::hears("create", |judge| unsafe { judge.create(context, head, callbacks) })
 }
 
-/// Ends a context.
+/// Destroys a context.
 ///
 /// # Safety
-/// As of ffx-api's function.
+/// As for ffx-api's function.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxDestroyContext(context: *mut *mut c_void, callbacks: *const c_void) -> u32 {
-    // SAFETY: the caller's promise about the place.
+    // SAFETY: the caller's promise about the context's address.
     Judge::hears("destroy", |judge| unsafe { judge.destroy(context, callbacks) })
 }
 
-/// Sets something.
+/// Configures a context, or the library.
 ///
 /// # Safety
-/// As of ffx-api's function.
+/// As for ffx-api's function.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxConfigure(context: *mut *mut c_void, head: *const u8) -> u32 {
-    // SAFETY: the caller's promise about the chain and the place.
+    // SAFETY: the caller's promise about the chain and the context's address.
     Judge::hears("configure", |judge| unsafe { judge.configure(context, head) })
 }
 
-/// Asks something.
+/// Queries a context, or the library.
 ///
 /// # Safety
-/// As of ffx-api's function.
+/// As for ffx-api's function.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxQuery(context: *mut *mut c_void, head: *mut u8) -> u32 {
-    // SAFETY: the caller's promise about the chain and the place.
+    // SAFETY: the caller's promise about the chain and the context's address.
     Judge::hears("query", |judge| unsafe { judge.query(context, head) })
 }
 
 /// Records work.
 ///
 /// # Safety
-/// As of ffx-api's function.
+/// As for ffx-api's function.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxDispatch(context: *mut *mut c_void, head: *const u8) -> u32 {
-    // SAFETY: the caller's promise about the chain and the place.
+    // SAFETY: the caller's promise about the chain and the context's address.
     Judge::hears("dispatch", |judge| unsafe { judge.dispatch(context, head) })
 }

@@ -1,9 +1,9 @@
-//! Fields of structs by their offsets.
+//! Access to struct fields by offset.
 
 /// Reads a field.
 ///
 /// # Safety
-/// A struct with a field of this type there.
+/// The struct has a field of this type at that offset.
 pub(crate) unsafe fn get<T: Copy>(place: *const u8, offset: usize) -> T {
     // SAFETY: the caller's promise.
     unsafe { place.add(offset).cast::<T>().read_unaligned() }
@@ -12,14 +12,14 @@ pub(crate) unsafe fn get<T: Copy>(place: *const u8, offset: usize) -> T {
 /// Writes a field.
 ///
 /// # Safety
-/// A struct that may be written, with a field of this type there.
+/// The struct may be written, and has a field of this type at that offset.
 pub(crate) unsafe fn put<T>(place: *mut u8, offset: usize, value: T) {
     // SAFETY: the caller's promise.
     unsafe { place.add(offset).cast::<T>().write_unaligned(value) }
 }
 
-/// The links of a chain: the id at 0, the next link's address at 8. Ends at a link that is seen twice, or where no chain of a
-/// host's would still go on.
+/// The links of a chain: the id is at offset 0, the next link's address at 8. Fails at a repeated link, and where no host's chain
+/// would go on.
 ///
 /// # Safety
 /// A linked chain, or null.

@@ -1,4 +1,4 @@
-//! The swap chain that a host has: what it does by itself, and what is handed on to the real one.
+//! The swap chain object that the host gets: it implements some functions itself, and forwards others to the real swap chain.
 
 use std::ffi::c_void;
 use std::sync::Arc;
@@ -12,16 +12,16 @@ use crate::OK;
 use crate::judge::Judge;
 use crate::swapchain::{Stage, released, textures};
 
-/// What a host has of it.
+/// The host's swap chain object.
 #[implement(IDXGISwapChain4)]
 pub(crate) struct Proxy {
     pub(crate) stage: Arc<Stage>,
 }
 
-/// Handed on to the real one, or not played.
+/// Forwards a call to the real swap chain.
 macro_rules! real {
     ($self:ident . $name:ident ( $($argument:expr),* )) => {
-        // SAFETY: a live swap chain, and arguments as they came.
+        // SAFETY: a live swap chain, and arguments unchanged.
         unsafe { $self.stage.real.$name($($argument),*) }
     };
 }
@@ -41,7 +41,7 @@ impl IDXGIObject_Impl for Proxy_Impl {
     }
 
     fn GetParent(&self, id: *const GUID, parent: *mut *mut c_void) -> Result<()> {
-        // SAFETY: as it came.
+        // SAFETY: forwarded unchanged.
         unsafe {
             (self.stage.real.vtable().base__.base__.base__.base__.base__.base__.GetParent)(
                 self.stage.real.as_raw(),
@@ -56,7 +56,7 @@ impl IDXGIObject_Impl for Proxy_Impl {
 #[allow(non_snake_case, reason = "DXGI's names")]
 impl IDXGIDeviceSubObject_Impl for Proxy_Impl {
     fn GetDevice(&self, id: *const GUID, device: *mut *mut c_void) -> Result<()> {
-        // SAFETY: as it came.
+        // SAFETY: forwarded unchanged.
         unsafe {
             (self.stage.real.vtable().base__.base__.base__.base__.base__.GetDevice)(
                 self.stage.real.as_raw(),
@@ -77,7 +77,7 @@ impl IDXGISwapChain_Impl for Proxy_Impl {
     fn GetBuffer(&self, buffer: u32, id: *const GUID, to: *mut *mut c_void) -> Result<()> {
         let found = self.stage.now().buffers.get(buffer as usize).cloned();
         let found = found.ok_or(DXGI_ERROR_INVALID_CALL)?;
-        // SAFETY: a live object, and the host's place.
+        // SAFETY: a live object, and the host's memory for the result.
         unsafe { found.query(id, to) }.ok()
     }
 
@@ -87,7 +87,7 @@ impl IDXGISwapChain_Impl for Proxy_Impl {
 
     fn GetFullscreenState(&self, full: *mut BOOL, output: OutRef<'_, IDXGIOutput>) -> Result<()> {
         if !full.is_null() {
-            // SAFETY: the host's place.
+            // SAFETY: the host's memory.
             unsafe { *full = false.into() };
         }
         output.write(None)
@@ -241,7 +241,7 @@ impl IDXGISwapChain3_Impl for Proxy_Impl {
         _: *const u32,
         _: *const Option<IUnknown>,
     ) -> Result<()> {
-        // As AMD's.
+        // As AMD's swap chain does.
         Err(E_NOTIMPL.into())
     }
 }
@@ -249,7 +249,7 @@ impl IDXGISwapChain3_Impl for Proxy_Impl {
 #[allow(non_snake_case, reason = "DXGI's names")]
 impl IDXGISwapChain4_Impl for Proxy_Impl {
     fn SetHDRMetaData(&self, kind: DXGI_HDR_METADATA_TYPE, size: u32, data: *const c_void) -> Result<()> {
-        // SAFETY: as it came.
+        // SAFETY: forwarded unchanged.
         unsafe { (self.stage.real.vtable().SetHDRMetaData)(self.stage.real.as_raw(), kind, size, data) }.ok()
     }
 }

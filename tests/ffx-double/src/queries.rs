@@ -1,4 +1,4 @@
-//! What the library is asked, and answers as AMD's do.
+//! Answers queries as AMD's libraries do.
 
 use std::ffi::{c_char, c_void};
 
@@ -20,27 +20,27 @@ impl Judge {
         if let Some(code) = self.refusal("query", &chain) {
             return code;
         }
-        // SAFETY: the caller's place.
+        // SAFETY: the caller's memory.
         let known = (!context.is_null()).then(|| unsafe { *context } as usize);
         if self.role.is_loader {
             let effect = match known {
                 Some(known) => self.owners.get(&known).copied(),
-                // SAFETY: the struct that a context would be made with stands at 16.
+                // SAFETY: the id of the creation struct is at 16.
                 None if chain[0].0 == id::GET_VERSIONS => Some(unsafe { get::<u64>(head, 16) } & EFFECT),
                 None => Some(chain[0].0 & EFFECT),
             };
             let behind = effect.and_then(|effect| self.behind(effect));
-            // SAFETY: handed on as it came.
+            // SAFETY: forwarded unchanged.
             let code = behind.map_or(NO_PROVIDER, |behind| unsafe { (behind.query)(context, head) });
             return self.note("query", &chain, code);
         }
         let code = match (chain[0].0, known) {
-            // SAFETY: as the id says.
+            // SAFETY: a struct of the type that its id says.
             (id::GET_VERSIONS, None) => unsafe { self.versions(head) },
             (id::PROVIDER_VERSION, Some(_)) if self.role.sdk == Sdk::V110 => UNKNOWN_STRUCT,
             (id::PROVIDER_VERSION, Some(known)) => match self.contexts.get(&known) {
                 Some((id, name)) => {
-                    // SAFETY: the id stands at 16, the name at 24, and both may be written.
+                    // SAFETY: the id is at 16, the name at 24, and both may be written.
                     unsafe {
                         put(head, 16, *id);
                         put(head, 24, name.as_ptr());
@@ -55,7 +55,7 @@ impl Judge {
                     (id::UPSCALE_MEMORY, Some(Does::Enlarges(of))) => Larger::memory(of.render, of.shown),
                     _ => return UNKNOWN_STRUCT,
                 };
-                // SAFETY: as the id says.
+                // SAFETY: a struct of the type that its id says.
                 unsafe { self.memory(head, 16, bytes) }
             }
             (id::UPSCALE_MEMORY_V2, None) if self.role.sdk >= Sdk::V20 => {
@@ -67,25 +67,25 @@ impl Judge {
                     return self.fault("query", &format!("memory of {sides:?}"), PARAMETER);
                 }
                 let [a, b, c, d] = sides;
-                // SAFETY: as the id says.
+                // SAFETY: a struct of the type that its id says.
                 unsafe { self.memory(head, 48, Larger::memory([a, b], [c, d])) }
             }
             (id::RENDER_SIZE, _) => {
                 // SAFETY: fields of the struct.
                 let (shown, mode) = unsafe { ([16, 20].map(|at| get::<u32>(head, at)), get::<u32>(head, 24)) };
-                // SAFETY: two places for the answers stand there.
+                // SAFETY: the struct has two pointers for the answers there.
                 let places = unsafe { [32, 40].map(|at| get::<*mut u8>(head, at)) };
                 let Some(size) = upscale::render_size(shown, mode) else {
                     return self.fault("query", &format!("quality mode {mode}"), PARAMETER);
                 };
-                // SAFETY: the caller's places.
+                // SAFETY: the caller's memory for the answers.
                 unsafe { self.answer(&places, &size) }
             }
             (id::JITTER_PHASES, _) => {
                 // SAFETY: fields of the struct.
                 let [render, shown] = unsafe { [16, 20].map(|at| get::<u32>(head, at)) };
                 let count = (8.0 * (shown as f32 / render as f32).powi(2)) as i32;
-                // SAFETY: the place for the answer stands there.
+                // SAFETY: the struct has a pointer for the answer there.
                 unsafe { self.answer(&[get::<*mut u8>(head, 24)], &[count]) }
             }
             (id::JITTER, _) => {
@@ -94,12 +94,12 @@ impl Judge {
                 let Some(jitter) = upscale::jitter(index, count) else {
                     return self.fault("query", &format!("jitter {index} of {count}"), PARAMETER);
                 };
-                // SAFETY: two places for the answers stand there.
+                // SAFETY: the struct has two pointers for the answers there.
                 unsafe { self.answer(&[24, 32].map(|at| get::<*mut u8>(head, at)), &jitter) }
             }
             (id::RESOURCES, Some(_)) if self.role.sdk >= Sdk::V20 => {
                 let required = self.role.requires.unwrap_or(7);
-                // SAFETY: the answers stand in the struct; the others can be used besides.
+                // SAFETY: the answers are fields of the struct.
                 unsafe {
                     put(head, 16, required);
                     put(head, 24, 63 & !required);
@@ -109,7 +109,7 @@ impl Judge {
             (id::SWAPCHAIN_MEMORY, Some(known)) if self.role.sdk >= Sdk::V114 => {
                 let Some(presenting) = self.swapchains.get(&known) else { return UNKNOWN_STRUCT };
                 let ([width, height], _) = presenting.stage.shown();
-                // SAFETY: as the id says.
+                // SAFETY: a struct of the type that its id says.
                 unsafe { self.memory(head, 16, 16 * u64::from(width) * u64::from(height)) }
             }
             (id::SWAPCHAIN_MEMORY_V2, None) if self.role.sdk >= Sdk::V20 => {
@@ -128,7 +128,7 @@ impl Judge {
                     return self.fault("query", &format!("memory of a swap chain of {words:?}"), PARAMETER);
                 }
                 let pictures = u64::from(buffers + 1 + u32::from(interface && flags & 2 != 0));
-                // SAFETY: as the id says.
+                // SAFETY: a struct of the type that its id says.
                 unsafe { self.memory(head, 56, 4 * pictures * u64::from(width) * u64::from(height)) }
             }
             (id::MEMORY_V2, None) if self.role.sdk >= Sdk::V20 => {
@@ -148,7 +148,7 @@ impl Judge {
                     format: formats[0],
                     hudless: formats[1],
                 };
-                // SAFETY: as the id says.
+                // SAFETY: a struct of the type that its id says.
                 unsafe { self.memory(head, 56, made.memory()) }
             }
             _ => UNKNOWN_STRUCT,
@@ -156,26 +156,26 @@ impl Judge {
         self.note("query", &chain, code)
     }
 
-    /// Answers where the struct says.
+    /// Writes answers through the struct's pointers.
     unsafe fn answer<T: Copy>(&self, places: &[*mut u8], values: &[T]) -> u32 {
         if places.iter().any(|place| place.is_null()) {
             return self.fault("query", "there is no room for the answer", PARAMETER);
         }
         for (place, value) in places.iter().zip(values) {
-            // SAFETY: the caller's place.
+            // SAFETY: the caller's memory.
             unsafe { put(*place, 0, *value) };
         }
         OK
     }
 
-    /// Answers how much memory there is, where the struct says.
+    /// Writes the memory usage through the struct's pointer.
     unsafe fn memory(&self, head: *const u8, at: usize, bytes: u64) -> u32 {
-        // SAFETY: the place of the answer stands there.
+        // SAFETY: the struct has a pointer for the answer there.
         let place = unsafe { get::<*mut u8>(head, at) };
         if place.is_null() {
             return self.fault("query", "there is no room for the answer", PARAMETER);
         }
-        // SAFETY: the caller's place, of two numbers.
+        // SAFETY: the caller's memory for two numbers.
         unsafe {
             put(place, 0, bytes);
             put(place, 8, bytes / 2);
@@ -184,7 +184,7 @@ impl Judge {
     }
 
     unsafe fn versions(&mut self, head: *mut u8) -> u32 {
-        // SAFETY: fields of the struct that asks.
+        // SAFETY: fields of the struct.
         let (create, device, count) =
             unsafe { (get::<u64>(head, 16), get::<*mut c_void>(head, 24), get::<*mut u64>(head, 32)) };
         // SAFETY: as above.
@@ -199,17 +199,17 @@ impl Judge {
         if count.is_null() || ids.is_null() || names.is_null() {
             return self.fault("query", "there is no room for the answer", PARAMETER);
         }
-        // SAFETY: the caller's place.
+        // SAFETY: the caller's memory.
         let room = usize::try_from(unsafe { *count }).unwrap_or(0);
         if room == 0 {
-            // AMD's says so whatever it has.
+            // AMD's libraries return 0 here in any case.
             return self.fault("query", "the number alone is asked for, which no release tells", OK);
         }
         let fits = self.role.has(create & EFFECT);
         let offers = self.role.offers.iter().filter(|_| fits).take(room);
         let mut written = 0;
         for (id, name) in offers {
-            // SAFETY: there is room for so many.
+            // SAFETY: the lists have this capacity.
             unsafe {
                 *ids.add(written) = *id;
                 *names.add(written) = name.as_ptr();
@@ -217,7 +217,7 @@ impl Judge {
             self.offered.push(*id);
             written += 1;
         }
-        // SAFETY: the caller's place.
+        // SAFETY: the caller's memory.
         unsafe { *count = written as u64 };
         OK
     }

@@ -1,4 +1,4 @@
-//! What a copy plays, from the text beside it.
+//! Configuration of a copy of the double, read from the text file beside it.
 
 use std::ffi::CString;
 use std::path::{Path, PathBuf};
@@ -12,44 +12,44 @@ use windows::core::PCWSTR;
 
 use crate::work;
 
-/// One part of a play. The text has a line for each word: `sdk 2.1`, `offers 0xf600000001000001 4.0.1`, and so on.
+/// The configuration: one setting per line, such as `sdk 2.1` or `offers 0xf600000001000001 4.0.1`.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Role {
-    /// `sdk 1.1.0`, `1.1.4`, `2.0` or `2.1`: the release, 1.1.4 where nothing is said.
+    /// `sdk 1.1.0`, `1.1.4`, `2.0` or `2.1`: the SDK release; default 1.1.4.
     pub(crate) sdk: Sdk,
-    /// `loader`: hands every call on to the library of its effect, which it loads by name, as AMD's does.
+    /// `loader`: forwards every call to the library of its effect, which it loads by name, as AMD's loader does.
     pub(crate) is_loader: bool,
-    /// `effect NUMBER`: the effect it has; 0x20000 where nothing is said. More lines, more effects.
+    /// `effect NUMBER`: the effect it implements; default 0x20000. May be repeated.
     pub(crate) effects: Vec<u64>,
-    /// `offers ID NAME`: a provider, the default one first.
+    /// `offers ID NAME`: an available provider; the first is the default.
     pub(crate) offers: Vec<(u64, CString)>,
-    /// `runs ID NAME`: what contexts get in its place, as drivers do.
+    /// `runs ID NAME`: the provider that contexts get instead, as drivers do.
     pub(crate) runs: Option<(u64, CString)>,
-    /// `answers CALL CODE TEXT`: that call fails, and the text is sent to who listens.
+    /// `answers CALL CODE TEXT`: that call returns the code, and the text goes to the message callback.
     pub(crate) answers: Vec<(String, u32, String)>,
-    /// `refusing`: calls whose first struct has the id in `refuses.txt` fail: its line is `ID CODE TEXT`, and it may change.
+    /// `refusing`: fails calls whose first struct has the id in `refuses.txt`, which has a line `ID CODE TEXT` and may change.
     pub(crate) is_refusing: bool,
-    /// `plays FLAG`: what is wrong with its pictures, by the shader's flags: `through`, `black`, `backwards`, `upside-down`, `farthest`
-    /// or `jitter`.
+    /// `plays FLAG`: an error in its pictures, by the shader's flags: `through`, `black`, `backwards`, `upside-down`, `farthest` or
+    /// `jitter`.
     pub(crate) plays: u32,
-    /// `only NAME`: only the provider of that name plays so.
+    /// `only NAME`: only the provider of that name has this error.
     pub(crate) only: Option<CString>,
-    /// `slow COUNT`: how often more its shader does all over.
+    /// `slow COUNT`: how many more times its shader repeats its work.
     pub(crate) slow: u32,
-    /// `survives`: what would end the process fails.
+    /// `survives`: calls that would end the process return an error instead.
     pub(crate) survives: bool,
-    /// `quiet`: calls are not written down, only what was wrong with them.
+    /// `quiet`: logs rule violations only, and no calls.
     pub(crate) quiet: bool,
-    /// `removes COUNT`: at which picture the device is taken away.
+    /// `removes COUNT`: removes the device at that picture.
     pub(crate) removes: Option<u64>,
-    /// `cuts COUNT`: which picture it takes for a cut that nobody told it of; that one and the next three are the frame itself, as AMD's
-    /// are while one of the last four was a cut.
+    /// `cuts COUNT`: the picture that it takes for a cut by itself. That picture and the next three are copies of the input, as
+    /// AMD's are while one of the last four frames was a cut.
     pub(crate) cuts: Option<u64>,
-    /// `breaks COUNT`: from which picture on it makes none.
+    /// `breaks COUNT`: generation fails from that picture on.
     pub(crate) breaks: Option<u64>,
-    /// `requires KINDS`: the pictures an upscaler must be given, as a sum; colour, depth and motion where nothing is said.
+    /// `requires KINDS`: the required inputs of an upscaler, as a sum of flags; default colour, depth and motion.
     pub(crate) requires: Option<u64>,
-    /// Where it is.
+    /// The folder of the copy.
     pub(crate) folder: PathBuf,
 }
 
@@ -68,7 +68,7 @@ pub(crate) enum Sdk {
 }
 
 impl Role {
-    /// Reads the text beside this library.
+    /// Reads the text file beside this library.
     pub(crate) fn own() -> Result<Self, String> {
         let file = own_file()?;
         let folder = file.parent().unwrap_or(Path::new("")).to_owned();
@@ -135,7 +135,7 @@ impl Role {
 }
 
 impl Role {
-    /// Whether it has an effect; swap chains come with frame generation.
+    /// Whether it implements an effect; swap chains belong to frame generation.
     pub(crate) fn has(&self, effect: u64) -> bool {
         self.effects.contains(&if effect == 0x3_0000 { 0x2_0000 } else { effect })
     }
@@ -149,15 +149,15 @@ fn name(text: &str) -> Result<CString, String> {
     CString::new(text).map_err(|e| e.to_string())
 }
 
-/// The file this very code was loaded from.
+/// The path of this library's file.
 fn own_file() -> Result<PathBuf, String> {
     let here = own_file as fn() -> Result<PathBuf, String> as *const u16;
     let flags = GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS | GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT;
     let mut module = HMODULE::default();
-    // SAFETY: an address in this module, and a place for the handle.
+    // SAFETY: an address in this module, and memory for the handle.
     unsafe { GetModuleHandleExW(flags, PCWSTR(here), &mut module) }.map_err(|e| e.to_string())?;
     let mut name = vec![0; 1 << 15];
-    // SAFETY: a loaded module and memory of the length that the slice tells.
+    // SAFETY: a loaded module, and the slice's memory.
     let length = unsafe { GetModuleFileNameW(Some(module), &mut name) } as usize;
     Ok(String::from_utf16_lossy(&name[..length]).into())
 }

@@ -1,4 +1,4 @@
-//! What a swap chain is told.
+//! The configure calls of a swap chain.
 
 use crate::frames;
 use crate::judge::id;
@@ -6,10 +6,10 @@ use crate::memory::get;
 use crate::role::Sdk;
 use crate::swapchain::{self, Presenting};
 
-/// Judges what a swap chain is told, and tells it.
+/// Checks a configure call of a swap chain, and applies it.
 ///
 /// # Safety
-/// A chain of structs that are what their ids say.
+/// A chain of structs whose types match their ids.
 pub(crate) unsafe fn configure(presenting: &Presenting, chain: &[(u64, *const u8)], sdk: Sdk) -> Result<(), String> {
     let (first, head) = chain[0];
     if chain.len() > 1 {
@@ -21,7 +21,7 @@ pub(crate) unsafe fn configure(presenting: &Presenting, chain: &[(u64, *const u8
         let mut fault = None;
         if interface.is_some() {
             let (size, _) = presenting.stage.shown();
-            // SAFETY: a resource stands there.
+            // SAFETY: the struct has a resource there.
             unsafe { frames::judge_resource(head, 16, size, None, false, &mut |why| fault = Some(why)) };
         }
         if flags > 3 || (interface.is_none() && flags != 0) {
@@ -40,7 +40,7 @@ pub(crate) unsafe fn configure(presenting: &Presenting, chain: &[(u64, *const u8
     if key != 2 || tuning.is_null() || sdk == Sdk::V110 {
         return Err(format!("key {key} is not known, or has no value"));
     }
-    // SAFETY: the struct of pacing stands there.
+    // SAFETY: a pointer to a pacing struct.
     let (margin, factor, spins, waits) =
         unsafe { (get::<f32>(tuning, 0), get::<f32>(tuning, 4), get::<u8>(tuning, 8), get::<u8>(tuning, 16)) };
     let is_right = margin.is_finite() && margin >= 0.0 && (0.0..=1.0).contains(&factor) && spins < 2 && waits < 2;

@@ -1,8 +1,7 @@
-//! A swap chain that presents generated frames between a host's own, as AMD's does: the host draws into textures of its own, and what
-//! is shown is put together from them within `Present`. What it showed is kept: `shown.txt` has a line for each present, and its pixels lie
-//! in `shown-N.rgba`.
+//! A swap chain that presents generated frames between the host's own, as AMD's does. The host draws into separate textures, and
+//! `Present` composes the shown pictures from them. Each present is kept: a line in `shown.txt`, and its pixels in `shown-N.rgba`.
 //!
-//! It is slow and simple where AMD's is not: one frame after the other, each waited for, the interface laid over by the processor.
+//! Unlike AMD's it is slow and simple: it waits for each frame, and the CPU composites the interface.
 
 use std::ffi::c_void;
 use std::io::Write;
@@ -23,17 +22,17 @@ use crate::memory::{get, put};
 use crate::proxy::Proxy;
 use crate::work::{Told, committed, state, transition};
 
-/// What the host draws into, and what is generated: copied from, and written by shaders.
+/// Resting state of the host's buffers, and of the generated texture while it is copied from.
 const REST: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COMMON;
-/// The word for it.
+/// ffx-api's value for the presentation state.
 const PRESENT: u32 = 128;
 const WRITTEN: u32 = 2;
 const BUFFERS: u32 = 3;
 
-/// Records generation: the struct, and what the host said that it wants to be given.
+/// The host's generation callback: the struct and the user data.
 type Generate = unsafe extern "C" fn(*mut u8, *mut c_void) -> u32;
 
-/// What a generator's settings say to its swap chain.
+/// The parts of a generator's configure call that concern its swap chain.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Settings {
     pub(crate) generate: Option<Generate>,
@@ -41,14 +40,14 @@ pub(crate) struct Settings {
     pub(crate) enabled: bool,
     pub(crate) rect: [i32; 4],
     pub(crate) frame: u64,
-    /// The generator's context.
+    /// Address of the generator's context.
     pub(crate) by: usize,
 }
 
-// SAFETY: addresses of the host's.
+// SAFETY: addresses that belong to the host.
 unsafe impl Send for Settings {}
 
-/// A swap chain that is played.
+/// The fake swap chain.
 pub(crate) struct Stage {
     pub(crate) real: IDXGISwapChain4,
     pub(crate) device: ID3D12Device,
@@ -58,46 +57,46 @@ pub(crate) struct Stage {
     now: Mutex<Now>,
 }
 
-/// Where it is.
+/// Its changing state.
 pub(crate) struct Now {
-    /// What the host draws into, and what is generated; made anew for another size.
+    /// The host's buffers and the generated texture; recreated for another size.
     pub(crate) buffers: Vec<ID3D12Resource>,
     pub(crate) generated: ID3D12Resource,
     pub(crate) next: u32,
     told: Option<Settings>,
     /// The last frame that was generated.
     last: u64,
-    /// Nothing was generated since generation was turned on.
+    /// No frame was generated since generation was turned on.
     starts: bool,
     interface: Option<(Told, bool)>,
-    /// Presents of the real one.
+    /// Number of presents of the real swap chain.
     pub(crate) shown: u64,
-    /// Since generation was turned off it was waited for what is to be shown.
+    /// The host has waited for pending presents since generation was turned on or off.
     waited: bool,
 }
 
-// SAFETY: objects of Direct3D 12 and of DXGI, and addresses of the host's.
+// SAFETY: objects of Direct3D 12 and DXGI, and addresses that belong to the host.
 unsafe impl Send for Now {}
 
-/// What a context holds of it.
+/// The context's part of the swap chain.
 pub(crate) struct Presenting {
     pub(crate) stage: Arc<Stage>,
     proxy: Option<IDXGISwapChain4>,
 }
 
-/// The address by which settings name a swap chain, with what it is.
+/// All swap chains, by the address that configure calls use.
 static ALL: Mutex<Vec<(usize, Arc<Stage>)>> = Mutex::new(Vec::new());
 
-/// The swap chain of an address.
+/// The swap chain at an address.
 pub(crate) fn named(address: usize) -> Option<Arc<Stage>> {
     let all = ALL.lock().unwrap_or_else(PoisonError::into_inner);
     all.iter().find(|(known, _)| *known == address).map(|(_, stage)| stage.clone())
 }
 
-/// Takes over a swap chain, or makes one; what was wrong with how that was asked for is in `faults`.
+/// Takes over a swap chain, or creates one; rule violations are added to `faults`.
 ///
 /// # Safety
-/// A struct of that id, with objects that are what its fields say.
+/// A struct of that id with valid objects.
 pub(crate) unsafe fn make(
     id: u64,
     head: *const u8,
@@ -159,7 +158,7 @@ pub(crate) unsafe fn make(
             let address = proxy.as_raw() as usize;
             ALL.lock().unwrap_or_else(PoisonError::into_inner).push((address, stage.clone()));
             let for_host = proxy.clone().into_raw();
-            // SAFETY: the host's place.
+            // SAFETY: the host's memory.
             unsafe { *place = for_host };
             Some((Presenting { stage, proxy: Some(proxy) }, for_host))
         }
@@ -170,10 +169,10 @@ pub(crate) unsafe fn make(
     }
 }
 
-/// A window with what its swap chain is to be, and who makes it.
+/// A window, the description of its swap chain, and the factory.
 type Wanted = ((HWND, DXGI_SWAP_CHAIN_DESC1), IDXGIFactory);
 
-/// What a host's own swap chain was; it is let go of.
+/// Reads the description of the host's swap chain, and releases it.
 unsafe fn taken_over(swapchain: *mut c_void, faults: &mut Vec<String>) -> Option<Wanted> {
     if swapchain.is_null() {
         return None;
@@ -197,7 +196,7 @@ unsafe fn taken_over(swapchain: *mut c_void, faults: &mut Vec<String>) -> Option
     }
 }
 
-/// The window of a description, and it in the newer words.
+/// The window of a description, and the description as `DXGI_SWAP_CHAIN_DESC1`.
 unsafe fn described(desc: *const DXGI_SWAP_CHAIN_DESC) -> Option<(HWND, DXGI_SWAP_CHAIN_DESC1)> {
     // SAFETY: null or a description, by the caller's promise.
     let desc = unsafe { desc.as_ref() }?;
@@ -215,13 +214,13 @@ unsafe fn described(desc: *const DXGI_SWAP_CHAIN_DESC) -> Option<(HWND, DXGI_SWA
     (!desc.OutputWindow.is_invalid()).then_some((desc.OutputWindow, made))
 }
 
-/// An object of COM that is not null, as another interface; the reference stays the caller's.
+/// Queries another interface of a COM object, if it is not null; the caller keeps its reference.
 unsafe fn object<I: Interface>(place: *mut c_void) -> Option<I> {
     // SAFETY: the caller's promise.
     unsafe { IUnknown::from_raw_borrowed(&place) }.and_then(|object| object.cast().ok())
 }
 
-/// Lets go of a reference; how many are left.
+/// Releases a reference; returns the remaining count.
 pub(crate) fn released<I: Interface>(object: I) -> u32 {
     let raw = object.into_raw();
     // SAFETY: the reference that was handed over; every interface of COM starts with IUnknown's functions.
@@ -237,7 +236,7 @@ impl Stage {
         folder: PathBuf,
     ) -> Result<Self> {
         let mut device: Option<ID3D12Device> = None;
-        // SAFETY: live objects and places, and a description that lives during the call.
+        // SAFETY: live objects, valid memory for results, and a description that lives during the call.
         unsafe {
             queue.GetDevice(&mut device)?;
             let device = device.ok_or_else(windows::core::Error::empty)?;
@@ -266,14 +265,14 @@ impl Stage {
         self.now.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The size of what is shown, and its format.
+    /// The display size and format.
     pub(crate) fn shown(&self) -> ([u32; 2], DXGI_FORMAT) {
         // SAFETY: a live texture.
         let desc = unsafe { self.now().generated.GetDesc() };
         ([desc.Width as u32, desc.Height], desc.Format)
     }
 
-    /// What a generator's settings say; what is wrong with them.
+    /// Applies a generator's configure call; returns a rule violation, if any.
     pub(crate) fn tell(&self, told: Settings) -> Option<String> {
         let mut now = self.now();
         let before = now.told.replace(told);
@@ -283,17 +282,17 @@ impl Stage {
         (told.enabled && told.generate.is_none()).then(|| "nobody generates frames".to_owned())
     }
 
-    /// What is laid over frames.
+    /// Sets the interface drawn over frames.
     pub(crate) fn set_interface(&self, interface: Option<(Told, bool)>) {
         self.now().interface = interface;
     }
 
-    /// Waits for what is to be shown, which has been.
+    /// The wait call; presents here are synchronous, so there is nothing to wait for.
     pub(crate) fn wait(&self) {
         self.now().waited = true;
     }
 
-    /// The generator of that context goes; what is wrong with that.
+    /// Removes the generator of a destroyed context; returns a rule violation, if any.
     pub(crate) fn let_go(&self, context: usize) -> Option<String> {
         let mut now = self.now();
         let told = now.told.filter(|told| told.by == context)?;
@@ -306,12 +305,12 @@ impl Stage {
         }
     }
 
-    /// Whether a generator's settings still name it.
+    /// Whether a generator is still configured.
     fn has_generator(&self) -> bool {
         self.now().told.is_some()
     }
 
-    /// One frame of the host's.
+    /// Presents one frame of the host's.
     pub(crate) fn present(&self, sync: u32, flags: DXGI_PRESENT) -> Result<()> {
         if flags.contains(DXGI_PRESENT_TEST) {
             // SAFETY: a live swap chain.
@@ -340,7 +339,7 @@ impl Stage {
         Ok(())
     }
 
-    /// Has the host record generation; the list, where it did.
+    /// Calls the host's generation callback; returns the list if it succeeded.
     fn generate(
         &self,
         told: &Settings,
@@ -360,7 +359,7 @@ impl Stage {
                 let desc = resource.GetDesc();
                 let format = if desc.Format == DXGI_FORMAT_R8G8B8A8_UNORM { 10_u32 } else { 4 };
                 put(head, at, resource.as_raw());
-                // What shaders may write has bit 2, and what is drawn to bit 1.
+                // Usage flags: 2 for unordered access, 1 for a render target.
                 let words = [2, format, desc.Width as u32, desc.Height, 1, 1, 0, 3_u32];
                 for (index, word) in words.into_iter().enumerate() {
                     put(head, at + 8 + 4 * index, word);
@@ -373,12 +372,12 @@ impl Stage {
             put(head, 284, told.rect);
             put(head, 304, told.frame);
         }
-        // SAFETY: the host's function, with what it said that it wants.
+        // SAFETY: the host's function with its user data.
         let code = unsafe { generate(head, told.user) };
         Ok((code == OK).then_some(list))
     }
 
-    /// An open list.
+    /// Creates an open list.
     fn list(&self) -> Result<ID3D12GraphicsCommandList> {
         let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
         // SAFETY: a live device. The allocator is kept by the list.
@@ -405,12 +404,12 @@ impl Stage {
         }
     }
 
-    /// Presents a picture with the interface over it.
+    /// Presents a picture with the interface drawn over it.
     fn show(&self, picture: &ID3D12Resource, what: &str, frame: u64) -> Result<()> {
         let mut pixels = self.read(picture, REST)?;
         let interface = self.now().interface;
         if let Some((told, premultiplied)) = interface
-            // SAFETY: judged to be a resource, which the host keeps until it tells another.
+            // SAFETY: checked to be a resource, which the host keeps until it sets another.
             && let Some(resource) = unsafe { ID3D12Resource::from_raw_borrowed(&told.place) }
         {
             for (under, over) in pixels.iter_mut().zip(self.read(resource, state(told.state))?) {
@@ -440,14 +439,14 @@ impl Stage {
         unsafe { self.real.Present(0, DXGI_PRESENT(0)) }.ok()
     }
 
-    /// The pixels of a texture.
+    /// Reads a texture back.
     fn read(&self, from: &ID3D12Resource, rests: D3D12_RESOURCE_STATES) -> Result<Vec<[u8; 4]>> {
         // SAFETY: a live texture.
         let desc = unsafe { from.GetDesc() };
         let (buffer, rows) = self.rows(&desc, D3D12_HEAP_TYPE_READBACK)?;
         let list = self.list()?;
         let copied = D3D12_RESOURCE_STATE_COPY_SOURCE;
-        // SAFETY: an open list, and live resources in the states that are told.
+        // SAFETY: an open list, and live resources in the stated states.
         unsafe {
             list.ResourceBarrier(&[transition(from, rests, copied)]);
             list.CopyTextureRegion(&placed(&buffer, rows), 0, 0, 0, &whole(from), None);
@@ -457,7 +456,7 @@ impl Stage {
         let (width, height, pitch) = (desc.Width as usize, desc.Height as usize, rows.Footprint.RowPitch as usize);
         let mut pixels = Vec::with_capacity(width * height);
         let mut place = std::ptr::null_mut();
-        // SAFETY: a buffer that the processor reads, with that many rows of that many bytes.
+        // SAFETY: a readback buffer with that many rows of that many bytes.
         unsafe {
             buffer.Map(0, None, Some(&mut place))?;
             for y in 0..height {
@@ -469,7 +468,7 @@ impl Stage {
         Ok(pixels)
     }
 
-    /// Puts pixels into what is presented next.
+    /// Writes pixels to the current back buffer of the real swap chain.
     fn write(&self, pixels: &[[u8; 4]]) -> Result<()> {
         // SAFETY: a live swap chain.
         let to: ID3D12Resource = unsafe { self.real.GetBuffer(self.real.GetCurrentBackBufferIndex()) }?;
@@ -478,7 +477,7 @@ impl Stage {
         let (buffer, rows) = self.rows(&desc, D3D12_HEAP_TYPE_UPLOAD)?;
         let (width, pitch) = (desc.Width as usize, rows.Footprint.RowPitch as usize);
         let mut place = std::ptr::null_mut();
-        // SAFETY: a buffer that the processor writes, with room for these rows.
+        // SAFETY: an upload buffer with room for these rows.
         unsafe {
             buffer.Map(0, None, Some(&mut place))?;
             for (y, row) in pixels.chunks_exact(width).enumerate() {
@@ -488,7 +487,7 @@ impl Stage {
         }
         let list = self.list()?;
         let (rests, copied) = (D3D12_RESOURCE_STATE_PRESENT, D3D12_RESOURCE_STATE_COPY_DEST);
-        // SAFETY: an open list, and live resources in the states that are told.
+        // SAFETY: an open list, and live resources in the stated states.
         unsafe {
             list.ResourceBarrier(&[transition(&to, rests, copied)]);
             list.CopyTextureRegion(&whole(&to), 0, 0, 0, &placed(&buffer, rows), None);
@@ -497,14 +496,14 @@ impl Stage {
         self.run(&list)
     }
 
-    /// A buffer for the rows of a texture.
+    /// Creates an upload or readback buffer for a texture; returns its footprint too.
     fn rows(
         &self,
         desc: &D3D12_RESOURCE_DESC,
         heap: D3D12_HEAP_TYPE,
     ) -> Result<(ID3D12Resource, D3D12_PLACED_SUBRESOURCE_FOOTPRINT)> {
         let (mut rows, mut bytes) = (D3D12_PLACED_SUBRESOURCE_FOOTPRINT::default(), 0);
-        // SAFETY: a live device, and places that live during the call.
+        // SAFETY: a live device, and memory for the results that lives during the call.
         unsafe { self.device.GetCopyableFootprints(desc, 0, 1, 0, Some(&mut rows), None, None, Some(&mut bytes)) };
         let wanted = D3D12_RESOURCE_DESC {
             Dimension: D3D12_RESOURCE_DIMENSION_BUFFER,
@@ -525,7 +524,7 @@ impl Stage {
 }
 
 impl Presenting {
-    /// Ends the context; what is wrong with that.
+    /// Destroys the context; returns rule violations.
     pub(crate) fn end(mut self) -> Vec<String> {
         let mut faults = Vec::new();
         if self.stage.has_generator() {
@@ -542,7 +541,7 @@ impl Presenting {
     }
 }
 
-/// Textures that a host draws into, and one that is generated.
+/// Creates the host's buffers and the generated texture.
 pub(crate) fn textures(
     device: &ID3D12Device,
     count: u32,
@@ -566,7 +565,7 @@ pub(crate) fn textures(
 
 fn whole(resource: &ID3D12Resource) -> D3D12_TEXTURE_COPY_LOCATION {
     D3D12_TEXTURE_COPY_LOCATION {
-        // SAFETY: the same pointer; what is never dropped releases no reference.
+        // SAFETY: the same pointer; it is never dropped, so no reference is released.
         pResource: ManuallyDrop::new(Some(unsafe { std::mem::transmute_copy(resource) })),
         Type: D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX,
         Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { SubresourceIndex: 0 },
@@ -581,10 +580,10 @@ fn placed(buffer: &ID3D12Resource, rows: D3D12_PLACED_SUBRESOURCE_FOOTPRINT) -> 
     }
 }
 
-/// The interface at an offset, with how its alpha is meant.
+/// The interface's texture, and whether its alpha is premultiplied.
 ///
 /// # Safety
-/// A struct with a resource there, and flags behind it.
+/// A struct with a resource at 16 and flags at 64.
 pub(crate) unsafe fn interface(head: *const u8) -> Option<(Told, bool)> {
     // SAFETY: the caller's promise.
     unsafe { told(head, 16).map(|told| (told, get::<u32>(head, 64) & 1 != 0)) }

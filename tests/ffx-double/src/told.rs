@@ -1,29 +1,29 @@
-//! What a host tells beside pictures, written down as it came: `told.txt` has a line for each struct of a call that was answered, with the
-//! numbers that the pictures here do not depend on as well.
+//! Logs the parameters that a host passes beside textures. `told.txt` gets a line for each struct of a successful call, also with
+//! the parameters that do not change the double's pictures.
 
 use crate::memory::get;
 
-/// What stands at an offset.
+/// Type of a field.
 #[derive(Clone, Copy)]
 enum Kind {
     /// A byte.
     Byte,
     Word,
     Float,
-    /// So many floats.
+    /// An array of floats.
     Floats(usize),
-    /// So many words.
+    /// An array of words.
     Words(usize),
-    /// The place of AMD's struct of pacing.
+    /// A pointer to AMD's pacing struct.
     Pacing,
 }
 
 use Kind::{Byte, Float, Floats, Pacing, Word, Words};
 
-/// Fields of a struct: their names, and where they stand.
+/// Fields of a struct: name, offset and type.
 type Fields = &'static [(&'static str, usize, Kind)];
 
-/// Motion and depth, as both structs have them.
+/// The fields that both prepare structs share.
 const PREPARE: Fields = &[
     ("render_size", 40, Words(2)),
     ("jitter", 48, Floats(2)),
@@ -81,7 +81,7 @@ const STRUCTS: [(u64, &[Fields]); 11] = [
     (0x3_0008, &[&[("key", 16, Word), ("pacing", 32, Pacing)]]),
 ];
 
-/// The line of a struct: its id, and each field as `NAME=VALUE`. None for one whose fields are of no interest here.
+/// The log line of a struct: its id, and each field as `NAME=VALUE`. None for a struct that is not logged.
 ///
 /// # Safety
 /// A struct of that id.
@@ -97,7 +97,7 @@ pub(crate) unsafe fn line(id: u64, at: *const u8) -> Option<String> {
 }
 
 /// # Safety
-/// A struct with such a field there.
+/// The struct has a field of this type at that offset.
 unsafe fn value(at: *const u8, offset: usize, kind: Kind) -> String {
     // SAFETY: the caller's promise, here and below.
     let floats = |count: usize| (0..count).map(|index| unsafe { get::<f32>(at, offset + 4 * index) }.to_string());
@@ -111,7 +111,7 @@ unsafe fn value(at: *const u8, offset: usize, kind: Kind) -> String {
         Floats(count) => floats(count).collect::<Vec<_>>().join(","),
         Words(count) => words(count).collect::<Vec<_>>().join(","),
         Pacing => {
-            // SAFETY: as above; null, or the struct of pacing, whose fields stand there.
+            // SAFETY: as above; null, or a pacing struct with these fields.
             unsafe {
                 let tuning = get::<*const u8>(at, offset);
                 if tuning.is_null() {

@@ -1,4 +1,4 @@
-//! A larger frame, judged: one call, with all that it is told of.
+//! Checks an upscaling call and its parameters.
 
 use std::ffi::c_void;
 
@@ -8,10 +8,10 @@ use crate::work::{CONSTANTS, Pictures, Told};
 
 /// The struct's id.
 pub(crate) const UPSCALE: u64 = 0x1_0001;
-/// That of the struct that asks for a mask.
+/// The id of the struct for a reactive mask.
 pub(crate) const MASK: u64 = 0x1_0006;
 
-/// Flags that a context is made with.
+/// Creation flags of a context.
 const HIGH_DYNAMIC_RANGE: u32 = 1;
 const DISPLAY_RESOLUTION_MOTION: u32 = 2;
 const MOTION_JITTER: u32 = 4;
@@ -35,29 +35,29 @@ const SRGB: u32 = 32;
 const PQ: u32 = 64;
 const JITTERED: u32 = 128;
 
-/// What a context was made for, and where it is.
+/// Creation parameters and state of an upscaler's context.
 #[derive(Debug)]
 pub(crate) struct Larger {
     pub(crate) flags: u32,
     pub(crate) render: [u32; 2],
     pub(crate) shown: [u32; 2],
-    /// A frame has been before.
+    /// There is history.
     pub(crate) follows: bool,
-    /// The jitter of the last one.
+    /// The previous frame's jitter.
     pub(crate) jitter: [f32; 2],
 }
 
 impl Larger {
-    /// Bytes of what it would keep.
+    /// The device memory that it reports, in bytes.
     pub(crate) fn memory(render: [u32; 2], shown: [u32; 2]) -> u64 {
         let pixels = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
         16 * pixels(shown) + 8 * pixels(render)
     }
 
-    /// Judges one call; faults go to `fault`. Gives what is to be recorded, with constants that leave the size of motion out.
+    /// Checks one call and reports violations to `fault`. Returns the work to record; its constants lack the size of motion.
     ///
     /// # Safety
-    /// A struct that is what its id says, alone in its chain.
+    /// A struct of the type that its id says, alone in its chain.
     pub(crate) unsafe fn judge(&mut self, head: *const u8, fault: &mut dyn FnMut(String)) -> Option<Asked> {
         let has = |flag| self.flags & flag != 0;
         // SAFETY: fields of the struct, here and below.
@@ -89,7 +89,7 @@ impl Larger {
             ("transparency", 264, render, false, false),
             ("output", 312, shown, true, true),
         ] {
-            // SAFETY: a resource stands there.
+            // SAFETY: the struct has a resource there.
             unsafe {
                 if is_needed || get::<usize>(head, at) != 0 {
                     judge_resource(head, at, size, None, is_written, &mut |why| fault(format!("{name}: {why}")));
@@ -129,7 +129,7 @@ impl Larger {
         if reset > 1 || (reset == 0 && !self.follows) {
             fault(format!("reset {reset}, follows {}", self.follows));
         }
-        // Numbers of sRGB are of no light beyond white.
+        // sRGB cannot encode light brighter than white.
         let is_of_both = flags == OF_SRGB && has(HIGH_DYNAMIC_RANGE);
         if ![0, OF_SRGB, OF_PQ].contains(&flags) || (flags != 0) != has(NON_LINEAR) || is_of_both {
             fault(format!("flags {flags} of a context with {}", self.flags));
@@ -158,7 +158,7 @@ impl Larger {
         .into_iter()
         .map(|(is_set, flag)| if is_set { flag } else { 0 })
         .sum();
-        // What motion holds of jitter is what it was less what it is, as AMD's take it out.
+        // Motion contains the previous jitter minus this one, which AMD's libraries subtract.
         let now = [pairs[0], pairs[1]];
         let held = std::mem::replace(&mut self.jitter, now);
         let [held_x, held_y] = [held[0] - now[0], held[1] - now[1]].map(f32::to_bits);
@@ -187,10 +187,10 @@ impl Larger {
 }
 
 impl Larger {
-    /// Judges a call for a mask, as [`judge`](Self::judge) does one for a larger frame.
+    /// Checks a call for a reactive mask, as [`judge`](Self::judge) checks one for an upscaled frame.
     ///
     /// # Safety
-    /// A struct that is what its id says, alone in its chain.
+    /// A struct of the type that its id says, alone in its chain.
     pub(crate) unsafe fn judge_mask(&mut self, head: *const u8, fault: &mut dyn FnMut(String)) -> Option<Asked> {
         // SAFETY: fields of the struct, here and below.
         let (list, size) = unsafe { (get::<*mut c_void>(head, 16), [168, 172].map(|at| get::<u32>(head, at))) };
@@ -200,7 +200,7 @@ impl Larger {
             fault(format!("a mask of {size:?} for frames of {:?}", self.render));
         }
         for (name, at, is_written) in [("opaque", 24, false), ("color", 72, false), ("mask", 120, true)] {
-            // SAFETY: a resource stands there.
+            // SAFETY: the struct has a resource there.
             unsafe { judge_resource(head, at, size, None, is_written, &mut |why| fault(format!("{name}: {why}"))) };
         }
         // SAFETY: as above.
@@ -222,13 +222,13 @@ impl Larger {
     }
 }
 
-/// The size that a quality mode renders at.
+/// The render size of a quality mode.
 pub(crate) fn render_size(shown: [u32; 2], mode: u32) -> Option<[u32; 2]> {
     let ratio = [1.0, 1.5, 1.7, 2.0, 3.0_f32].get(mode as usize)?;
     Some(shown.map(|side| (side as f32 / ratio) as u32))
 }
 
-/// The jitter of a sequence: Halton's numbers of 2 and of 3, less a half.
+/// The jitter of a sequence: Halton numbers of bases 2 and 3, minus 0.5.
 pub(crate) fn jitter(index: i32, count: i32) -> Option<[f32; 2]> {
     let index = u32::try_from(index).ok()?.checked_rem(u32::try_from(count).ok()?)? + 1;
     Some([2, 3].map(|base: u32| {

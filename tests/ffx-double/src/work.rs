@@ -1,5 +1,5 @@
-//! What a frame becomes: the one half way to the frame before, by a shader that is recorded into the caller's list and reads all that
-//! it was told of. It leaves a heap, a root signature and a pipeline of its own there, as AMD's does.
+//! Records the double's shaders into the caller's list: the frame half way to the previous one, from all inputs. Like AMD's
+//! libraries it leaves its own descriptor heap, root signature and pipeline set.
 
 use std::ffi::c_void;
 use std::mem::ManuallyDrop;
@@ -9,22 +9,23 @@ use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
 use windows::core::{Interface, Result};
 
-/// How many frames AMD's have room for before the first of them has run.
+/// Number of frames in flight that AMD's libraries support.
 const SLOTS: u64 = 4;
 
-/// What the shader reads, and the one that it writes.
+/// Number of inputs of the shader; it has one output.
 pub(crate) const INPUTS: usize = 7;
 const DESCRIPTORS: u32 = INPUTS as u32 + 1;
 
-/// Words of its constants; the last two are its flags and how often it does all over.
+/// Number of root constants; the last two are the flags and the number of repetitions.
 pub(crate) const CONSTANTS: usize = 19;
 
-/// Its flags.
+/// The shader's flags.
 pub(crate) const RESET: u32 = 1;
 pub(crate) const HUDLESS: u32 = 2;
 pub(crate) const DISTORTED: u32 = 4;
 pub(crate) const INVERTED: u32 = 8;
-/// The frame itself, black, against the motion, against vertical motion, far in front of near, and jitter taken out the wrong way.
+/// Errors: a copy of the frame, black, wrong sign of motion, wrong sign of vertical motion, reversed depth order, jitter of the
+/// wrong sign.
 pub(crate) const THROUGH: u32 = 16;
 pub(crate) const BLACK: u32 = 32;
 pub(crate) const WRONG_SIGN: u32 = 64;
@@ -35,7 +36,7 @@ pub(crate) const WRONG_JITTER: u32 = 512;
 const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
 const WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
 
-/// States of ffx-api, with Direct3D's.
+/// ffx-api states with their Direct3D 12 states.
 const STATES: [(u32, i32); 12] = [
     (1, 0),
     (2, 0x8),
@@ -51,38 +52,39 @@ const STATES: [(u32, i32); 12] = [
     (512, 0x10),
 ];
 
-/// A picture of the caller's: its object, and the state that it is told to be in.
+/// A texture of the caller's, with the state that the caller states.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Told {
     pub(crate) place: *mut c_void,
     pub(crate) state: u32,
 }
 
-/// The pictures of a frame.
+/// The textures of a frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pictures {
-    /// What the shader reads, in the order of its registers, and what was there before in the third of them; where there is none
-    /// of a kind another stands in its place, which is not read.
+    /// Inputs in the order of the shader's registers; the previous picture goes into the third. A missing input is replaced by
+    /// another texture, which the shader does not read.
     pub(crate) inputs: [Told; INPUTS],
-    /// Of these, motion, whose size the shader is told.
+    /// Index of motion among the inputs; the shader gets its size.
     pub(crate) motion: usize,
     pub(crate) output: Told,
-    /// What the next frame finds as what was there before: one of the inputs; without a number, what comes out.
+    /// Index of the input to keep as the next frame's previous picture; None to keep the output.
     pub(crate) kept: Option<usize>,
 }
 
-/// The place of what was there before.
+/// Index of the previous picture among the inputs.
 pub(crate) const BEFORE: usize = 2;
 
-/// What a context has on the device.
+/// The device objects of a context.
 pub(crate) struct Work {
     device: ID3D12Device,
     root: ID3D12RootSignature,
     pipeline: ID3D12PipelineState,
     heap: ID3D12DescriptorHeap,
-    /// What the frame before was made of, in the state that shaders read it in.
+    /// The previous picture, in the state for shader reads.
     before: Option<ID3D12Resource>,
-    /// Numbers of frames: what the processor writes before a frame is recorded, and what the device has copied when it has run.
+    /// Frame numbers for each slot: the CPU writes `asked` before a frame is recorded, and the device copies it to `done` when the
+    /// frame has run.
     asked: ID3D12Resource,
     done: ID3D12Resource,
     recorded: u64,
@@ -92,7 +94,7 @@ pub(crate) struct Work {
 unsafe impl Send for Work {}
 
 impl Work {
-    /// With the shader that generates frames, or another.
+    /// Creates the objects for a shader.
     pub(crate) fn new(device: &ID3D12Device, code: &[u8]) -> Result<Self> {
         let root = root_signature(device)?;
         let wanted = D3D12_COMPUTE_PIPELINE_STATE_DESC {
@@ -130,18 +132,17 @@ impl Work {
         Ok(made)
     }
 
-    /// Frames that were recorded and have not run.
+    /// Number of recorded frames that have not run.
     pub(crate) fn under_way(&self) -> u64 {
         let mut done = 0;
         self.mapped(&self.done, |numbers| done = numbers.iter().copied().max().unwrap_or(0));
         self.recorded - done
     }
 
-    /// Records a frame; every picture is afterwards in the state that it is told to be in. The size of the motion is written
-    /// into `constants` here.
+    /// Records a frame. Every texture returns to its stated state. Writes the size of motion into `constants`.
     ///
     /// # Safety
-    /// List and pictures were judged, and live until the list has run.
+    /// List and textures were checked, and live until the list has run.
     pub(crate) unsafe fn record(
         &mut self,
         list: *mut c_void,
@@ -149,10 +150,10 @@ impl Work {
         mut constants: [u32; CONSTANTS],
     ) -> Result<()> {
         let object = |told: &Told| {
-            // SAFETY: judged to be a resource; the reference stays the caller's.
+            // SAFETY: checked to be a resource; the caller keeps its reference.
             unsafe { ID3D12Resource::from_raw_borrowed(&told.place) }.cloned()
         };
-        // SAFETY: judged to be a list.
+        // SAFETY: checked to be a list.
         let list = unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&list) }.cloned();
         let motion = object(&pictures.inputs[pictures.motion]);
         let kept = pictures.kept.map_or(pictures.output, |kept| pictures.inputs[kept]);
@@ -190,7 +191,7 @@ impl Work {
         let recorded = self.recorded;
         self.mapped(&self.asked, |numbers| numbers[slot as usize] = recorded);
         let groups = |side: u32| side.div_ceil(8);
-        // SAFETY: an open list; what it uses lives until it has run, by the caller's promise and as the context does.
+        // SAFETY: an open list; its objects live until it has run, by the caller's promise and as the context does.
         unsafe {
             record_all(&list, &barriers(false));
             list.SetDescriptorHeaps(&[Some(self.heap.clone())]);
@@ -216,7 +217,7 @@ impl Work {
         Ok(())
     }
 
-    /// A texture for what a frame is made of.
+    /// A texture for the previous picture, of the source's size and format.
     fn before_of(&mut self, source: &ID3D12Resource) -> Result<ID3D12Resource> {
         // SAFETY: live resources.
         let (wanted, had) = unsafe { (source.GetDesc(), self.before.as_ref().map(|before| before.GetDesc())) };
@@ -239,7 +240,7 @@ impl Work {
         inputs: &[Option<ID3D12Resource>; INPUTS],
         output: Option<&ID3D12Resource>,
     ) -> D3D12_GPU_DESCRIPTOR_HANDLE {
-        // SAFETY: a live device and heap; places inside it.
+        // SAFETY: a live device and heap; descriptors inside it.
         unsafe {
             let step = self.device.GetDescriptorHandleIncrementSize(D3D12_DESCRIPTOR_HEAP_TYPE_CBV_SRV_UAV);
             let first = slot * DESCRIPTORS * step;
@@ -253,23 +254,23 @@ impl Work {
         }
     }
 
-    /// The numbers of a buffer.
+    /// Maps a buffer of frame numbers.
     fn mapped(&self, buffer: &ID3D12Resource, act: impl FnOnce(&mut [u64])) {
         let mut place = std::ptr::null_mut();
-        // SAFETY: a buffer of a heap that the processor sees.
+        // SAFETY: a buffer that the CPU can map.
         if unsafe { buffer.Map(0, None, Some(&mut place)) }.is_ok() {
-            // SAFETY: mapped above, with room for a number of each slot; each is written by one side at a time.
+            // SAFETY: mapped above, with a number for each slot; CPU and device never write the same number at a time.
             act(unsafe { std::slice::from_raw_parts_mut(place.cast(), SLOTS as usize) });
             // SAFETY: mapped above.
             unsafe { buffer.Unmap(0, None) };
         }
     }
 
-    /// Has the system take the device away, as it does from a program whose commands hang: by a list that is not closed.
+    /// Removes the device, as the system does when commands hang, by submitting a list that is not closed.
     pub(crate) fn remove_device(&self) -> Result<()> {
         let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
         let wanted = D3D12_COMMAND_QUEUE_DESC { Type: kind, ..Default::default() };
-        // SAFETY: a live device, and objects of its that live during the calls.
+        // SAFETY: a live device, and its objects, which live during the calls.
         unsafe {
             let queue: ID3D12CommandQueue = self.device.CreateCommandQueue(&wanted)?;
             let allocator: ID3D12CommandAllocator = self.device.CreateCommandAllocator(kind)?;
@@ -335,12 +336,12 @@ pub(crate) fn committed(
 ) -> Result<ID3D12Resource> {
     let heap = D3D12_HEAP_PROPERTIES { Type: heap, ..Default::default() };
     let mut made: Option<ID3D12Resource> = None;
-    // SAFETY: descriptions and place live during the call.
+    // SAFETY: descriptions and memory for the result live during the call.
     unsafe { device.CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, wanted, state, None, &mut made) }?;
     made.ok_or_else(windows::core::Error::empty)
 }
 
-/// An object as a description names it: without a reference of its own.
+/// An object as a field of a description: without a reference of its own.
 fn borrowed<T: Interface>(object: &T) -> ManuallyDrop<Option<T>> {
     // SAFETY: the same pointer; what is never dropped releases no reference.
     unsafe { std::mem::transmute_copy(object) }

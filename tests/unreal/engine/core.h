@@ -1,6 +1,6 @@
 /*
- * What Cairn's plugin uses of the engine's core, declared anew from what is publicly documented of it: names, parameters and what they
- * mean. What is behind it here is small and the plain standard library; engine.cpp has what needs the system.
+ * The parts of the engine's core that Cairn's plugin uses, declared anew from public documentation: names, parameters and behaviour.
+ * The implementation here is small and uses the standard library; host/core.cpp has what needs the system.
  */
 #pragma once
 
@@ -25,7 +25,7 @@ using uint64 = std::uint64_t;
 using TCHAR = wchar_t;
 
 #define TEXT(text) L##text
-/** Of what has a name and may change, as the engine insists. */
+/** For a named, non-const object only, as in the engine. */
 template <class T> constexpr std::remove_reference_t<T>&& MoveTemp(T&& value) noexcept
 {
     static_assert(std::is_lvalue_reference_v<T>, "what has no name is moved without being told");
@@ -34,14 +34,14 @@ template <class T> constexpr std::remove_reference_t<T>&& MoveTemp(T&& value) no
 }
 #define THIRD_PARTY_INCLUDES_START
 #define THIRD_PARTY_INCLUDES_END
-/* Macros of the engine's whose names are everyday words, so that headers meet them. */
+/* Macros of the engine whose names are everyday words, so that headers are compiled with them. */
 #define check(expression) do { if (!(expression)) std::abort(); } while (0)
 #define verify(expression) check(expression)
 #define ensure(expression) (expression)
 template <class T> constexpr T&& Forward(std::remove_reference_t<T>& value) noexcept { return static_cast<T&&>(value); }
 template <class T> constexpr T&& Forward(std::remove_reference_t<T>&& value) noexcept { return static_cast<T&&>(value); }
 
-/** Of the defines that the compiler is given: the engine's version. */
+/** From the engine's version macros on the compiler's command line. */
 #define UE_VERSION_OLDER_THAN(major, minor, patch) \
     (ENGINE_MAJOR_VERSION < (major) || (ENGINE_MAJOR_VERSION == (major) && ENGINE_MINOR_VERSION < (minor)) || (patch) < 0)
 
@@ -62,12 +62,12 @@ public:
     int32 Len() const { return static_cast<int32>(text_.size()); }
     bool IsEmpty() const { return text_.empty(); }
     TCHAR operator[](int32 at) const { return text_[static_cast<std::size_t>(at)]; }
-    /** Without regard to case, as the engine does. */
+    /** Ignores case, as the engine does. */
     friend bool operator==(const FString& a, const TCHAR* b) { return a == FString(b); }
     friend bool operator==(const FString& a, const FString& b);
     friend FString operator+(FString a, const TCHAR* b) { return a.text_ += b, a; }
     friend FString operator+(FString a, const FString& b) { return a.text_ += b.text_, a; }
-    /** %s is a text of TCHAR. */
+    /** %s is a TCHAR string. */
     static FString Printf(const TCHAR* format, ...);
 
 private:
@@ -118,7 +118,7 @@ template <class T> using TArray64 = TArray<T, int64>;
 
 template <class Signature> using TFunctionRef = const std::function<Signature>&;
 
-/* ---- Who owns what ----------------------------------------------------------------------------------------------- */
+/* ---- Ownership --------------------------------------------------------------------------------------------------- */
 
 enum class ESPMode { NotThreadSafe, ThreadSafe };
 
@@ -165,7 +165,7 @@ template <class T, ESPMode Mode = ESPMode::ThreadSafe, class... A> TSharedRef<T,
     return TSharedRef<T, Mode>(std::make_shared<T>(std::forward<A>(a)...));
 }
 
-/** What MakeShareable gives, to be made a TSharedRef of. */
+/** The result of MakeShareable, which converts to a TSharedRef. */
 template <class T> struct TRawPtrProxy {
     T* raw;
     template <ESPMode Mode> operator TSharedRef<T, Mode>() const { return TSharedRef<T, Mode>(std::shared_ptr<T>(raw)); }
@@ -182,7 +182,7 @@ private:
     std::unique_ptr<T> of_;
 };
 
-/** Of what counts its own references. */
+/** For objects with a reference count of their own. */
 template <class T> class TRefCountPtr {
 public:
     TRefCountPtr() = default;
@@ -192,7 +192,7 @@ public:
     bool IsValid() const { return of_ != nullptr; }
     operator T*() const { return of_; }
     T* operator->() const { return of_; }
-    /** Where a reference more is written to. What was there before is let go of. */
+    /** Address for a new reference. The former one is released. */
     T** GetInitReference()
     {
         if (of_ != nullptr) std::exchange(of_, nullptr)->Release();
@@ -210,7 +210,7 @@ public:
     FCriticalSection();
     ~FCriticalSection();
     FCriticalSection(const FCriticalSection&) = delete;
-    /** One that is gone already is told: its memory may be anybody's. */
+    /** Locking a destroyed one is reported: its memory may have been reused. */
     void Lock();
     void Unlock();
 
@@ -263,7 +263,7 @@ public:
 class FRunnableThread {
 public:
     static FRunnableThread* Create(FRunnable* runnable, const TCHAR* name, uint32 stack, EThreadPriority priority);
-    /** Tells the runnable to stop, as Kill does, and waits. */
+    /** Asks the runnable to stop, as Kill does, and waits. */
     ~FRunnableThread();
     void WaitForCompletion();
 
@@ -298,7 +298,7 @@ public:
     static FTSTicker& GetCoreTicker();
     FDelegateHandle AddTicker(const FTickerDelegate& what, float delay);
     void RemoveTicker(FDelegateHandle of);
-    /** For the host. */
+    /** Called by the host. */
     void Tick(float seconds);
 
 private:
@@ -318,13 +318,13 @@ public:
 class FModuleManager {
 public:
     template <class T> static T& LoadModuleChecked(const TCHAR* name) { return static_cast<T&>(Find(name)); }
-    /** Null where it is not loaded. */
+    /** Null if it is not loaded. */
     template <class T> static T* GetModulePtr(const TCHAR* name) { return static_cast<T*>(Loaded(name)); }
     static IModuleInterface* Loaded(const TCHAR* name);
     static IModuleInterface& Find(const TCHAR* name);
     using Maker = std::unique_ptr<IModuleInterface> (*)();
     static bool Register(const TCHAR* name, Maker maker);
-    /** For the host: ends all that were loaded. */
+    /** Called by the host: shuts down all loaded modules. */
     static void Shutdown();
 };
 #define IMPLEMENT_MODULE(type, name)                                                                   \
@@ -348,11 +348,11 @@ public:
 
 struct FPaths {
     static FString Combine(const FString& a, const TCHAR* b) { return a + L"/" + b; }
-    /** From the folder of the program's file. */
+    /** Relative to the folder of the program's file. */
     static FString ConvertRelativePathToFull(const FString& path);
-    /** From another one, which stays as it is given. */
+    /** Relative to another folder, which is not changed. */
     static FString ConvertRelativePathToFull(const FString& base, const FString& path);
-    /** Where it is from the folder of the program's file. */
+    /** Relative to the folder of the program's file. */
     static FString ProjectDir();
     static FString ProjectSavedDir();
 };
@@ -372,14 +372,14 @@ enum EFileRead { FILEREAD_None = 0, FILEREAD_Silent = 2 };
 
 struct FFileHelper {
     static bool LoadFileToArray(TArray64<uint8>& to, const TCHAR* file, uint32 flags = FILEREAD_None);
-    /** Makes the folders too. */
+    /** Creates missing folders. */
     static bool SaveArrayToFile(TArrayView<const uint8> from, const TCHAR* file);
 };
 
 class IFileManager {
 public:
     static IFileManager& Get();
-    /** In place of what is there. */
+    /** Replaces an existing file. */
     bool Move(const TCHAR* to, const TCHAR* from);
 };
 

@@ -1,6 +1,6 @@
 /*
- * The engine's public interface to its Direct3D 12 device, as each version has it. 5.7 and 5.8 have the functions of 5.6; what 5.8 changed,
- * RHIWaitManualFence, is not used.
+ * The engine's public interface to its Direct3D 12 device in each version. 5.7 and 5.8 have the functions of 5.6; the plugin does not use
+ * RHIWaitManualFence, which 5.8 changed.
  */
 #pragma once
 
@@ -23,11 +23,11 @@ struct ID3D12DynamicRHI : public FDynamicRHI {
 #if UE_VERSION_OLDER_THAN(5, 6, 0)
     virtual void RHITransitionResource(FRHICommandList& list, FRHITexture* texture, D3D12_RESOURCE_STATES state, uint32 subresource) = 0;
 #else
-    /* RHITransitionResource is there, deprecated, and does nothing. */
+    /* RHITransitionResource still exists, deprecated, and does nothing. */
     virtual void RHIFlushResourceBarriers(FRHICommandListBase& list, uint32 device) = 0;
     virtual void RHIUpdateResourceResidency(FRHICommandListBase& list, uint32 device, FRHIResource* resource) = 0;
 #endif
-    /** Closes the list that is open, and has the fence signalled behind it. */
+    /** Closes the open list; the fence is signalled after it. */
     virtual void RHISignalManualFence(FRHICommandList& list, ID3D12Fence* fence, uint64 value) = 0;
 };
 

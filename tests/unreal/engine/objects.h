@@ -1,4 +1,4 @@
-/* Objects, components, subsystems and input. The marks of the header tool mean nothing here: what it would make of them is left out. */
+/* Objects, components, subsystems and input. The header tool's macros do nothing here, and there is no generated code. */
 #pragma once
 
 #include "core.h"
@@ -17,15 +17,15 @@ class UGameInstance;
 class UObject {
 public:
     virtual ~UObject() = default;
-    /** By the collector, before it goes. */
+    /** Called by the garbage collector before destruction. */
     virtual void BeginDestroy() {}
-    /** Whom it was made in. */
+    /** The object that owns this one. */
     UObject* Outer = nullptr;
-    /** What was made in it, and goes with it: here nobody collects what nobody names. */
+    /** Objects that this one owns and destroys: there is no garbage collection here. */
     std::vector<std::unique_ptr<UObject>> Inner;
 };
 
-/** The header tool tells each class the one above it; here they have that from one another. */
+/** In the engine the generated body names the base class; here the classes do that themselves. */
 #define GENERATED_BODY()
 
 template <class T> class TObjectPtr {
@@ -54,13 +54,13 @@ public:
         const auto all = all_;
         for (const auto& what : all) what(a...);
     }
-    /** For the host, and what AddDynamic comes to. */
+    /** Called by the host, and by AddDynamic. */
     void Listen(std::function<void(A...)> what) { all_.push_back(std::move(what)); }
 
 private:
     std::vector<std::function<void(A...)>> all_;
 };
-/** Of a UFUNCTION of an object's. */
+/** For a UFUNCTION of an object. */
 #define AddDynamic(object, function) Listen([self = object](auto&&... a) { (self->*function)(a...); })
 #define DECLARE_DYNAMIC_MULTICAST_DELEGATE(name) using name = TMulticast<>
 #define DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(name, type, parameter) using name = TMulticast<type>
@@ -89,7 +89,7 @@ public:
     bool IsInputKeyDown(const FKey key) const { return std::find(Down.begin(), Down.end(), key) != Down.end(); }
     bool WasInputKeyJustPressed(const FKey key) const { return std::find(Pressed.begin(), Pressed.end(), key) != Pressed.end(); }
     void GetInputMouseDelta(float& x, float& y) const { x = MouseX, y = MouseY; }
-    /** For the host. */
+    /** Set by the host. */
     std::vector<FKey> Down, Pressed;
     float MouseX = 0, MouseY = 0;
 };
@@ -123,7 +123,7 @@ class UWorld : public UObject {
 public:
     UGameInstance* GetGameInstance() const { return Game; }
     APlayerController* GetFirstPlayerController() const { return Player; }
-    /** For the host. */
+    /** Set by the host. */
     UGameInstance* Game = nullptr;
     APlayerController* Player = nullptr;
 };
@@ -160,14 +160,14 @@ class FTextureRenderTargetResource {
 public:
     const FTextureRHIRef& GetRenderTargetTexture() const { return Texture; }
     bool ReadPixels(TArray<FColor>& to);
-    /** For the host. */
+    /** Used by the host. */
     FTextureRHIRef Texture;
 };
 
 class UTextureRenderTarget2D : public UObject {
 public:
     UTextureRenderTarget2D() = default;
-    /** What it has is let go of by the render thread, when that gets to it. */
+    /** The render thread releases its resource later. */
     ~UTextureRenderTarget2D() override;
     int32 SizeX = 0, SizeY = 0;
     ETextureRenderTargetFormat RenderTargetFormat = RTF_RGBA16f;
@@ -175,6 +175,6 @@ public:
     void InitAutoFormat(uint32 width, uint32 height);
     void UpdateResourceImmediate(bool clear);
     FTextureRenderTargetResource* GameThread_GetRenderTargetResource() { return Resource.get(); }
-    /** For the host. */
+    /** Used by the host. */
     std::unique_ptr<FTextureRenderTargetResource> Resource;
 };

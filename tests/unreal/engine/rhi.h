@@ -1,4 +1,4 @@
-/* Textures, command lists and the graph, and Direct3D 12 behind them, by the engine's version. */
+/* Textures, command lists, the render graph, and Direct3D 12 behind them, for each version of the engine. */
 #pragma once
 
 #include "core.h"
@@ -33,7 +33,7 @@ public:
     virtual ~FRHIResource() = default;
 };
 
-/** A texture of the engine's. What it has is the host's, which knows these things of it. */
+/** A texture of the engine. The members are the host's bookkeeping. */
 class FRHITexture : public FRHIResource {
 public:
     FRHITexture(ID3D12Resource* resource, EPixelFormat format, int32 width, int32 height)
@@ -46,13 +46,13 @@ public:
     ID3D12Resource* const Resource;
     const EPixelFormat Format;
     const int32 Width, Height;
-    /** The state in the list, with the barriers that are not written down yet; as Direct3D 12 numbers them. */
+    /** The Direct3D 12 state at this point of the list, including barriers that are not recorded yet. */
     uint32 State = 0;
-    /** Of the last list that the engine knows to use it. */
+    /** The last frame in which the engine knows of a use. */
     uint64 UsedIn = 0;
 };
 
-/** Of a texture. */
+/** A reference to a texture. */
 class FTextureRHIRef {
 public:
     FTextureRHIRef() = default;
@@ -72,12 +72,12 @@ class FRHICommandListImmediate : public FRHICommandList {
 public:
     template <class Lambda> void EnqueueLambda(Lambda&& lambda)
     {
-        // What a lambda holds may be movable alone; what a function holds may not.
+        // A lambda's captures may be move-only; std::function needs copyable ones.
         auto held = std::make_shared<std::decay_t<Lambda>>(std::forward<Lambda>(lambda));
         Commands.push_back([held](FRHICommandListImmediate& executing) { (*held)(executing); });
     }
     void CopyTexture(FRHITexture* from, FRHITexture* to, const FRHICopyTextureInfo&);
-    /** For the host: what the thread that writes lists is to do. */
+    /** Used by the host: work for the thread that records lists. */
     std::vector<std::function<void(FRHICommandListImmediate&)>> Commands;
 };
 
@@ -91,23 +91,23 @@ public:
 };
 extern FDynamicRHI* GDynamicRHI;
 
-/** Which graphics cards are rendered on. */
+/** The graphics cards that render. */
 class FRHIGPUMask {
 public:
     static FRHIGPUMask All() { return FRHIGPUMask(); }
     uint32 GetNumActive() const { return Count; }
-    /** For the host. */
+    /** Set by the host. */
     static uint32 Count;
 };
 inline ERHIInterfaceType RHIGetInterfaceType() { return GDynamicRHI->GetInterfaceType(); }
 
-/* ---- The graph --------------------------------------------------------------------------------------------------- */
+/* ---- The render graph -------------------------------------------------------------------------------------------- */
 
 class FRDGTexture {
 public:
     explicit FRDGTexture(FTextureRHIRef texture, bool external) : IsExternal(external), IsWritten(external), texture_(std::move(texture)) {}
     FRHITexture* GetRHI() const { return texture_; }
-    /** For the host. */
+    /** Used by the host. */
     const bool IsExternal;
     bool IsWritten;
 
@@ -137,7 +137,7 @@ constexpr ERDGPassFlags operator|(ERDGPassFlags a, ERDGPassFlags b)
     return static_cast<ERDGPassFlags>(static_cast<uint8>(a) | static_cast<uint8>(b));
 }
 
-/** Parameters of a pass, which know what textures they name. */
+/** Parameters of a pass, with the list of textures that they use. */
 struct FPassParameters {
     struct FAccess {
         FRDGTextureRef texture = nullptr;
@@ -168,14 +168,14 @@ public:
     FRDGTextureRef CreateTexture(const FRDGTextureDesc& desc, const TCHAR* name);
     template <class T, class Lambda> void AddPass(FRDGEventName&&, const T* parameters, ERDGPassFlags flags, Lambda&& lambda)
     {
-        // Whoever takes any list may run on any thread; who takes the immediate one runs where it is.
+        // A lambda that takes any list may run on any thread; one that takes the immediate list runs on the calling thread.
         static_assert(std::is_invocable_v<Lambda, FRHICommandListImmediate&>, "a pass takes the command list");
         auto held = std::make_shared<std::decay_t<Lambda>>(std::forward<Lambda>(lambda));
         Add(parameters, flags, [held](FRHICommandListImmediate& list) { (*held)(list); });
     }
     void Execute();
 
-    /** For the functions below. */
+    /** Used by the functions below. */
     FRDGTextureRef Register(std::shared_ptr<FRDGTexture> texture);
     void Add(const FPassParameters* parameters, ERDGPassFlags flags, std::function<void(FRHICommandListImmediate&)> what);
 
@@ -192,7 +192,7 @@ private:
 FRDGTextureRef RegisterExternalTexture(FRDGBuilder& builder, FRHITexture* texture, const TCHAR* name);
 void AddClearRenderTargetPass(FRDGBuilder& builder, FRDGTextureRef texture);
 
-/** What is given to the render thread. */
+/** Enqueues commands for the render thread. */
 struct FRenderCommands {
     template <class Lambda> void operator()(Lambda&& lambda) const
     {
@@ -202,5 +202,5 @@ struct FRenderCommands {
     static void Add(std::function<void(FRHICommandListImmediate&)> what);
 };
 #define ENQUEUE_RENDER_COMMAND(name) FRenderCommands()
-/** Waits until all that was given is done, and the device has been given its lists. */
+/** Waits until all commands are done and the device has its lists. */
 void FlushRenderingCommands();

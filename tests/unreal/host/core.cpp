@@ -1,4 +1,4 @@
-/* What is behind the engine's core in tests: the system's threads, files and clock. */
+/* The engine's core in tests, implemented on the system: threads, files and clock. */
 #include "core.h"
 #include "objects.h"
 
@@ -99,7 +99,7 @@ double FPlatformTime::Seconds()
     LARGE_INTEGER ticks, per_second;
     QueryPerformanceCounter(&ticks);
     QueryPerformanceFrequency(&per_second);
-    // The engine's clock does not begin at zero either.
+    // The engine's clock does not start at zero either.
     return static_cast<double>(ticks.QuadPart) / static_cast<double>(per_second.QuadPart) + 16777216.0;
 }
 
@@ -166,7 +166,7 @@ void FModuleManager::Shutdown()
     modules::get().loaded.clear();
 }
 
-/** Decodes what looks like a picture of one format of its own: a size, and that many pixels. */
+/** Decodes one picture format of the tests' own: a size, and that many pixels. */
 class image_formats final : public IImageWrapperModule {
     bool DecompressImage(const void* bytes, int64 size, FImage& to) override
     {
@@ -205,7 +205,7 @@ static bool is_whole(const std::wstring& path)
     return path.size() > 1 && (path[1] == L':' || path[0] == L'\\' || path[0] == L'/');
 }
 
-/* The program's file is two folders below the project, as in a game, and nothing begins where the process happens to be. */
+/* The program's file is two folders below the project, as in a game; no path is relative to the working folder. */
 FString FPaths::ProjectDir() { return FString(L"../../"); }
 FString FPaths::ProjectSavedDir() { return ProjectDir() + L"Saved/"; }
 FString FPaths::ConvertRelativePathToFull(const FString& path)

@@ -1,6 +1,6 @@
 /*
- * The engine's graph and its textures in tests: the graph brings textures into the states that its passes ask for, and keeps what its
- * lists name.
+ * The engine's render graph and its textures in tests: the graph transitions textures into the states of its passes, and keeps alive what
+ * its lists use.
  */
 #include "renderer.h"
 
@@ -25,7 +25,7 @@ struct pixel_format {
     UINT bytes;
 };
 
-/** Whose views say whether they are sRGB, as the engine has them. */
+/** Formats of a texture and of its views, sRGB or not as in the engine. */
 pixel_format format_of(EPixelFormat format)
 {
     switch (format) {
@@ -38,7 +38,7 @@ pixel_format format_of(EPixelFormat format)
 
 } /* namespace */
 
-/** Memory that the host reads or writes, and where a texture's rows are in it. */
+/** An upload or readback buffer, and the layout of a texture's rows in it. */
 struct rows {
     released<ID3D12Resource> memory;
     UINT pitch;
@@ -165,7 +165,7 @@ void write_texture(FRHITexture& texture, const std::vector<uint8>& bytes)
     finish_frames();
 }
 
-/* ---- The graph --------------------------------------------------------------------------------------------------- */
+/* ---- The render graph -------------------------------------------------------------------------------------------- */
 
 FRDGTextureRef FRDGBuilder::Register(std::shared_ptr<FRDGTexture> texture)
 {
@@ -211,7 +211,7 @@ void FRDGBuilder::Execute()
             engine->transition(*of, D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE);
         });
     }
-    // What the graph made lives as long as commands name it, and what they give to the device runs.
+    // Objects of the graph live as long as commands use them, and the device's work with them runs.
     RHICmdList.Commands.push_back([parameters = kept_, textures = textures_](FRHICommandListImmediate&) {
         for (const auto& texture : textures) engine->keep(texture);
     });
@@ -224,7 +224,7 @@ FRDGTextureRef RegisterExternalTexture(FRDGBuilder& builder, FRHITexture* textur
 
 void AddClearRenderTargetPass(FRDGBuilder&, FRDGTextureRef texture)
 {
-    // Its colour is nobody's concern: that it is written is.
+    // The colour does not matter here, only that the texture is written.
     texture->IsWritten = true;
 }
 
@@ -237,7 +237,7 @@ EPixelFormat UTextureRenderTarget2D::GetFormat() const
     }
 }
 
-/** As the engine: commands that name it come first. */
+/** As in the engine, earlier commands that use it run first. */
 static void let_go(std::shared_ptr<FTextureRenderTargetResource> of)
 {
     if (of == nullptr || engine == nullptr) return;

@@ -1,46 +1,46 @@
-/* What the parts of the host share. */
+/* Shared declarations of the host's parts. */
 #pragma once
 
 #include "direct3d.h"
 
 #include <string>
 
-/** Counts what is wrong, and goes on. */
+/** Prints and counts a failed check, and continues. */
 void expect(bool fine, const char* what);
 
-/** Where the plugin is. */
+/** Folder of the plugin. */
 const std::wstring& plugin_folder();
-/** The project that it is in; nowhere near the folder that the process happens to be in. */
+/** Folder of its project, which is not near the process's working folder. */
 std::wstring project_folder();
 
-/** How often the plugin has looked for compiled pipelines. */
+/** Number of times that the plugin has loaded compiled pipelines. */
 int pipeline_loads();
 
 /** Starts the engine's renderer on Direct3D 12. */
 void start_renderer();
 /**
- * Ends a frame of the game's. What was given to the render thread, and by that to the thread that writes lists, goes on while the next
- * frame is made: the game may be a frame ahead of the one, and that a frame ahead of the other.
+ * Ends a frame of the game. The render thread's work, and the list thread's, continues while the next frame is made: the game may be a
+ * frame ahead of the render thread, and that a frame ahead of the list thread.
  */
 void run_frame();
-/** Ends a frame, and waits until the device has done all. */
+/** Ends a frame, and waits until the device has done all work. */
 void finish_frames();
-/** From now on closed lists are kept from the device, as while a window is minimised or frames are rendered off screen. */
+/** From now on closed lists are withheld from the device, as while a window is minimised or frames are rendered off screen. */
 void hold_submission();
-/** Gives the device what was kept, in the order of recording, and waits until it has done it. */
+/** Submits the withheld lists, in the order of recording, and waits for them. */
 void release_submission();
 /** References to the device that are not the engine's own. */
 unsigned long foreign_references();
-/** Waits for the device and lets go of all. */
+/** Waits for the device and releases everything. */
 void end_renderer();
 
 std::shared_ptr<FRHITexture> make_texture(EPixelFormat format, int32 width, int32 height);
-/** What a texture holds where the list comes to it. */
+/** A texture's contents at one point of the list. */
 class texture_copy;
-/** Records a copy of the texture behind what the render thread was given. */
+/** Records a copy of the texture after the render thread's earlier commands. */
 std::shared_ptr<texture_copy> copy_texture(const FTextureRHIRef& texture);
-/** The copy's bytes, row by row; the device has done it. */
+/** The copy's bytes, row by row; the device must have finished it. */
 std::vector<uint8> read_copy(const texture_copy& copy);
-/** The texture's bytes, row by row. What is under way is finished first. */
+/** The texture's bytes, row by row, after all work in flight is finished. */
 std::vector<uint8> read_texture(FRHITexture& texture);
 void write_texture(FRHITexture& texture, const std::vector<uint8>& bytes);

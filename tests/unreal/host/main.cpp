@@ -1,9 +1,9 @@
 /*
  * A small engine that runs Cairn's plugin: its module, subsystem, component and pass, compiled from the sources that Unreal compiles,
- * on a Direct3D 12 device of its own. What comes into render targets is compared with what the library makes when it is asked directly.
+ * on a Direct3D 12 device of its own. Render targets are compared with the library's direct output.
  *
- * host PLUGIN load [LIBRARY]: says why the library cannot be used, or nothing; once somebody has loaded that other one.
- * host PLUGIN show: a walk, and the end of the module.
+ * host PLUGIN load [LIBRARY]: prints why the library cannot be used, or nothing; with LIBRARY, after that other library was loaded.
+ * host PLUGIN show: a walk, and the shutdown of the module.
  * host PLUGIN play: everything else.
  */
 #include "CairnInput.h"
@@ -36,7 +36,7 @@ namespace {
 std::atomic<int> failures{0}, checks{0};
 std::wstring folder;
 
-/** How long anything may take. */
+/** Time limit for anything, in seconds. */
 constexpr double PATIENCE = 300.0;
 constexpr int64 SEED = 7;
 constexpr int32 THREADS = 2;
@@ -44,7 +44,7 @@ const char* const OPERATING_POINT = "stock,pictures:1";
 
 bool says(const FString& text, const wchar_t* part) { return std::wcsstr(*text, part) != nullptr; }
 
-/** As the library has them: anchors of a rollout from a picture, blue first, while W is held, the mouse having moved before the first. */
+/** The expected anchors, made with the library directly: a rollout from a picture, in BGRA, while W is held, after one mouse movement. */
 class own_rollout {
 public:
     explicit own_rollout(const FCairnPicture& picture, uint64_t seed)
@@ -102,10 +102,10 @@ struct level {
     UCairnWorldSubsystem& subsystem() { return *game.GetSubsystem<UCairnWorldSubsystem>(); }
 };
 
-/** Whether the anchor's own picture is in the target, where nothing is generated: it stands while the next one is late. */
+/** Whether the target shows an anchor's own picture, not a generated frame: also while the next anchor is late. */
 bool is_anchor(const FCairnStatistics& now) { return now.Shown == ECairnFrameSource::Anchor || now.Shown == ECairnFrameSource::Held; }
 
-/** A component in a level, and what it has said. */
+/** A component in a level, and its messages. */
 struct actor {
     UCairnWorldComponent component;
     int ready = 0;
@@ -121,7 +121,7 @@ struct actor {
         component.OnProgress.Listen([this](float part) { progress = part; });
         component.OnError.Listen([this](const FString& message) { error = message; });
     }
-    /** As the collector lets go of it. */
+    /** Destruction as by the garbage collector. */
     ~actor() { component.BeginDestroy(); }
     void frame()
     {
@@ -129,7 +129,7 @@ struct actor {
         run_frame();
         FTSTicker::GetCoreTicker().Tick(0.01f);
     }
-    /** Runs frames until something is so. */
+    /** Runs frames until a condition holds. */
     template <class Until> bool until(Until so)
     {
         const double end = FPlatformTime::Seconds() + PATIENCE;
@@ -140,14 +140,14 @@ struct actor {
         }
         return true;
     }
-    /** The statistics of what is in the target: nothing is under way any more. */
+    /** Statistics that match the target's contents: no work is in flight. */
     FCairnStatistics settled()
     {
         finish_frames();
         return component.GetStatistics();
     }
     const FTextureRHIRef& texture() { return component.Target->GameThread_GetRenderTargetResource()->Texture; }
-    /** The message that starting ends with. */
+    /** The message with which starting fails. */
     FString refusal()
     {
         component.Start();
@@ -165,17 +165,17 @@ FCairnPicture place_of_the_plugin()
     return picture;
 }
 
-/** A walk into a target that the component makes: each anchor that is shown is the library's own, to the bit. */
+/** A walk into a target that the component makes: each anchor shown equals the library's own, to the bit. */
 void walk(level& in)
 {
     in.player.Down = {FKey(L"W")};
     actor shown(in);
     shown.component.Multiplier = 1;
-    // From the project, wherever the process is.
+    // Relative to the project, not to the working folder.
     shown.component.SeedPicture.FilePath = L"Cairn/Resources/place.ppm";
     shown.component.BeginPlay();
     shown.component.AddMouse(30, -20);
-    /* A slow machine may not show them all. */
+    /* A slow machine may not show all of them. */
     std::map<int64, std::vector<uint8>> pictures;
     const bool made = shown.until([&] {
         if (pictures.count(shown.component.GetStatistics().ShownAnchor) == 0) {
@@ -206,7 +206,7 @@ void walk(level& in)
     in.player.Down.clear();
 }
 
-/** From a render target into one of half floats, with frames between; then an edit, and a pause. */
+/** From one render target into another of half floats, with generated frames; then an edit, and a pause. */
 void capture(level& in)
 {
     actor shown(in);
@@ -247,7 +247,7 @@ void capture(level& in)
     double most = 0;
     for (std::size_t i = 0; i < own.size() && first.size() == own.size() * 2; i++) {
         if (i % 4 == 3) continue;
-        /* Blue comes first in one, red in the other. */
+        /* One format is BGRA, the other RGBA. */
         uint16_t half;
         std::memcpy(&half, &first[(i / 4 * 4 + (2 - i % 4)) * 2], sizeof half);
         const int exponent = half >> 10 & 31;
@@ -272,7 +272,7 @@ void capture(level& in)
     shown.component.Stop();
 }
 
-/** A game that adds the pass itself, into a texture of its own, from before there is anything to show. */
+/** A game that adds the pass itself, into a texture of its own, before there is a frame to show. */
 void own_pass(level& in)
 {
     actor shown(in);
@@ -301,7 +301,7 @@ void own_pass(level& in)
 }
 
 /**
- * Lists wait long for the device, as of a minimised window: each has the anchor that it was recorded with, and no thread of the engine
+ * Lists are submitted late, as for a minimised window: each has the anchor of the time when it was recorded, and no thread of the engine
  * waits for the device in between.
  */
 void late_submission(level& in)
@@ -337,7 +337,7 @@ void late_submission(level& in)
     in.player.Down.clear();
 }
 
-/** A component that goes without an end of its game, while frames of it are under way. */
+/** A component that is destroyed without EndPlay, while its frames are in flight. */
 void left_behind(level& in)
 {
     TWeakPtr<FCairnStream, ESPMode::ThreadSafe> stream;
@@ -354,7 +354,7 @@ void left_behind(level& in)
     expect(stream.Pin().IsValid(), "a component that goes waits neither for its thread nor for the device");
 }
 
-/** The module ends while render commands hold a stream, and a component has not been told of it. */
+/** The module shuts down while render commands hold a stream, and a component does not know of the shutdown. */
 void end_of_the_module()
 {
     level in;
@@ -365,7 +365,7 @@ void end_of_the_module()
     finish_frames();
     TSharedPtr<FCairnStream, ESPMode::ThreadSafe> stream = stopped.component.GetStream();
     const double end = FPlatformTime::Seconds() + PATIENCE;
-    /* This one and the component's; a third is that of a frame that is to be drawn. */
+    /* References of this function and of the component; a third is that of a frame to be drawn. */
     while (stream.GetSharedReferenceCount() < 3 && FPlatformTime::Seconds() < end) {
         stopped.component.TickComponent(0.01f, LEVELTICK_All, nullptr);
         Sleep(2);
@@ -380,7 +380,7 @@ void end_of_the_module()
     expect(!playing.component.IsPlaying(), "a component may stop when the module has ended");
 }
 
-/** What cannot be played is told, with what to do. */
+/** An invalid setting is reported, with a remedy. */
 void refusals(level& in)
 {
     struct wrong {
@@ -413,7 +413,7 @@ void refusals(level& in)
     expect(says(lost.refusal(), L"no running game"), "a component without a game says so");
 }
 
-/** Another renderer than Direct3D 12: the setting to change is named. */
+/** A renderer other than Direct3D 12: the message names the setting to change. */
 void other_renderer()
 {
     struct vulkan final : FDynamicRHI {
@@ -458,7 +458,7 @@ void input()
     expect(made.Pixels[0] == 1 && made.Pixels[2] == 3 && made.Pixels[3] == 255, "a capture's colours are taken, without its alpha");
 }
 
-/** Bytes that the plugin has of compiled pipelines, as the library asks for them. */
+/** The plugin's bytes of compiled pipelines, as the library loads them. */
 std::vector<uint8> compiled()
 {
     FCairnPipelineCache cache;
@@ -470,7 +470,7 @@ std::vector<uint8> compiled()
     return bytes;
 }
 
-/** What one run of the game has compiled the next one loads. The device's driver gives nothing away, so the library stores nothing itself. */
+/** The next run of the game loads the pipelines that this one compiled. The device's driver returns no blobs, so the library stores none. */
 void compiled_pipelines()
 {
     const std::filesystem::path file = project_folder() + L"/Saved/Cairn/Pipelines.bin";
@@ -485,7 +485,7 @@ void compiled_pipelines()
     }
     const std::filesystem::directory_iterator kept(file.parent_path());
     expect(std::distance(begin(kept), end(kept)) == 1, "nothing else is left beside it");
-    /* Another one holds the file: the game goes on. */
+    /* Another process has the file open: the game continues. */
     const HANDLE held = CreateFileW(file.c_str(), GENERIC_READ, 0, nullptr, OPEN_EXISTING, 0, nullptr);
     FCairnPipelineCache cache;
     FCairnPipelineCache::Store("abc", 3, &cache);
@@ -516,7 +516,7 @@ void play()
         left_behind(in);
         refusals(in);
         expect(pipeline_loads() == loaded + 1, "the device's pipelines are asked for once");
-        /* What was stopped goes when the device has done with it. */
+        /* A stopped component's objects are released when the device has finished with them. */
         actor idle(in);
         in.subsystem().Deinitialize();
         expect(idle.until([&] { return foreign_references() <= before; }), "nothing of the device is held when all has ended");
@@ -525,7 +525,7 @@ void play()
     end_renderer();
 }
 
-/** What a game shows in its first minute. */
+/** A first run of a game. */
 void show()
 {
     start_renderer();
@@ -536,7 +536,7 @@ void show()
         in.subsystem().Deinitialize();
     }
     FModuleManager::Shutdown();
-    /* The library may be unloaded while the engine runs on: none of its threads or callbacks is left. */
+    /* The library may be unloaded while the engine continues: none of its threads or callbacks remains. */
     const HMODULE library = GetModuleHandleW(L"cairn.dll");
     expect(library != nullptr && FreeLibrary(library), "the library can be unloaded");
     end_renderer();
@@ -546,7 +546,7 @@ void show()
 
 void expect(bool fine, const char* what)
 {
-    /* From several threads, one after the other. */
+    /* Several threads call this, one after the other. */
     checks++;
     if (fine) return;
     failures++;

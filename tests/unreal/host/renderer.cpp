@@ -1,6 +1,6 @@
 /*
- * The engine's renderer in tests: lists that are filled on one thread and written on another, both beside the game, and barriers that are
- * written down when the engine gets to it. It judges what a plugin does between.
+ * The engine's renderer in tests: one thread fills command lists and another records them, both in parallel with the game, and barriers
+ * are recorded late. It checks the plugin's use of the lists.
  */
 #include "renderer.h"
 
@@ -8,7 +8,7 @@ uint32 FRHIGPUMask::Count = 1;
 FDynamicRHI* GDynamicRHI = nullptr;
 renderer* engine = nullptr;
 
-/** How long a frame of a thread may take. */
+/** Time limit for a thread's frame. */
 static constexpr DWORD PATIENCE_MS = 300000;
 static thread_local place here = place::game;
 place where_this_runs() { return here; }
@@ -63,7 +63,7 @@ DWORD WINAPI engine_thread::run(void* self)
         ReleaseSRWLockExclusive(&own.lock_);
         if (!what) return 0;
         what();
-        // What it held goes before it counts as done.
+        // Releases the captures before the job counts as done.
         what = nullptr;
         AcquireSRWLockExclusive(&own.lock_);
         own.done_++;
@@ -72,11 +72,11 @@ DWORD WINAPI engine_thread::run(void* self)
     }
 }
 
-/* ---- Commands that others record --------------------------------------------------------------------------------- */
+/* ---- Commands that the plugin records ---------------------------------------------------------------------------- */
 
 namespace {
 
-/** Which of ID3D12GraphicsCommandList's functions. */
+/** Indices in ID3D12GraphicsCommandList's table of functions. */
 enum list_function : std::size_t { SET_PIPELINE = 25, RESOURCE_BARRIER = 26, SET_HEAPS = 28, SET_ROOT_SIGNATURE = 29 };
 
 using barrier_call = void(STDMETHODCALLTYPE*)(ID3D12GraphicsCommandList*, UINT, const D3D12_RESOURCE_BARRIER*);
@@ -115,7 +115,7 @@ void STDMETHODCALLTYPE heard_root(ID3D12GraphicsCommandList* list, ID3D12RootSig
     system_root(list, signature);
 }
 
-/** Puts a function in the place of one that all lists of the kind have, and the former one into `was`. */
+/** Replaces a function in the table that all lists of the kind share; the former one goes into `was`. */
 template <class Call> void replace(ID3D12GraphicsCommandList* list, list_function which, Call by, Call& was)
 {
     Call* const slot = reinterpret_cast<Call*>(*reinterpret_cast<void***>(list) + which);
@@ -210,7 +210,7 @@ void renderer::RHISignalManualFence(FRHICommandList& executing, ID3D12Fence* fen
 {
     is_written(executing);
     expect(FRHIGPUMask::Count == 1, "fences are signalled where there is one graphics card");
-    // The engine does not ask whether the list is lent: it closes it.
+    // The engine closes the list without checking whether it is lent.
     lent_ = 0;
     close();
     signal(fence, value);
@@ -231,9 +231,9 @@ ID3D12GraphicsCommandList* renderer::hand_out() const
 
 void renderer::take_back(ID3D12GraphicsCommandList* list)
 {
-    // The engine asserts this: a signal in between has closed that list, and what is current is another one.
+    // The engine asserts this: a signal in between would have closed that list and made another one current.
     expect(list == this->list() && --lent_ == 0, "the list that comes back is the one that is current");
-    // It marks these as unknown, and sets them again. What it takes for the pipeline of the list it does not touch.
+    // The engine marks root signature and heaps as unknown and sets them again, but not the pipeline that it last set.
     foreign_state_[static_cast<int>(list_state::root_signature)] = false;
     foreign_state_[static_cast<int>(list_state::heaps)] = false;
     expect(named_ != nullptr && named_->UsedIn == frame_, "the engine knows of textures that others use");
@@ -266,7 +266,7 @@ void renderer::copy(FRHITexture& from, FRHITexture& to)
     list()->CopyResource(to.Resource, from.Resource);
 }
 
-/** The frame's allocator: every list of the frame uses it, one after the other. */
+/** The frame's allocator, which all lists of the frame use one after the other. */
 ID3D12CommandAllocator* renderer::allocator()
 {
     const uint64 done = fence_->GetCompletedValue();
@@ -303,7 +303,7 @@ ID3D12GraphicsCommandList* renderer::list() const
     return list_ = made;
 }
 
-/** Closes the list with what waits to be written into it. The next one begins with nothing set. */
+/** Records pending barriers and closes the list. The next one starts without state. */
 void renderer::close()
 {
     if (list_ == nullptr && barriers_.empty()) return;
@@ -324,19 +324,19 @@ void renderer::signal(ID3D12Fence* fence, uint64 value)
 void renderer::end_frame()
 {
     expect(lent_ == 0, "a list that was lent was given back");
-    // The engine's next dispatch in this list sets only what it does not take to be there.
+    // The engine's next dispatch in this list sets only state that it believes to have changed.
     for (const bool foreign : foreign_state_) expect(!foreign, "the engine knows what state its list has");
     close();
     signal(fence_.of, frame_);
     frame_++;
     if (held_) return;
     submit();
-    // As an engine, which is so many frames ahead of its device.
+    // As in an engine, the processor is at most COUNT frames ahead of the device.
     wait(frame_ - COUNT);
     while (!kept_.empty() && kept_.front().first + COUNT <= frame_) kept_.pop_front();
 }
 
-/** As the submission thread: each list, and the signals behind it, in the order of recording. */
+/** As the engine's submission thread: executes each list, then its signals, in the order of recording. */
 void renderer::submit()
 {
     for (payload& one : payloads_) {
@@ -402,7 +402,7 @@ void renderer::settle()
 void renderer::finish()
 {
     settle();
-    // What is held does not reach the device.
+    // Withheld lists do not reach the device.
     if (!held_) wait(frame_ - 1);
 }
 

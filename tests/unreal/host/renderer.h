@@ -1,4 +1,4 @@
-/* The host's device and its threads, as its graph and its render targets use them. */
+/* The host's device and threads, for its render graph and render targets. */
 #pragma once
 
 #include "host.h"
@@ -7,11 +7,11 @@
 
 #include <windows.h>
 
-/** Whose thread code runs on. */
+/** The thread that code runs on. */
 enum class place { game, render, lists };
 place where_this_runs();
 
-/** What the engine's state cache knows of a list. */
+/** State of a list that the engine caches. */
 enum class list_state { pipeline, root_signature, heaps };
 
 template <class T> struct released {
@@ -20,17 +20,17 @@ template <class T> struct released {
     T* operator->() const { return of; }
 };
 
-/** Ends the program where the system refuses what it always gives. */
+/** Ends the program if a system call fails that never should. */
 void must(HRESULT result, const char* what);
 
-/** A thread of the engine's, which does what it is given, in order. */
+/** A thread of the engine that runs its jobs in order. */
 class engine_thread {
 public:
     explicit engine_thread(place where) : where_(where), thread_(CreateThread(nullptr, 0, run, this, 0, nullptr)) {}
-    /** Once all is done. */
+    /** Ends the thread after all jobs are done. */
     ~engine_thread();
     engine_thread(const engine_thread&) = delete;
-    /** Its number, to be waited for. */
+    /** Adds a job; returns its number, which can be waited for. */
     uint64 give(std::function<void()> what);
     void wait(uint64 number);
 
@@ -49,7 +49,7 @@ class renderer final : public ID3D12DynamicRHI {
 public:
     renderer();
 
-    /* What the plugin calls. */
+    /* Functions for the plugin. */
     const TCHAR* GetName() override { return L"D3D12"; }
     ID3D12CommandQueue* RHIGetCommandQueue() const override { return queue_.of; }
     ID3D12Device* RHIGetDevice(uint32 index) const override;
@@ -77,48 +77,48 @@ public:
 #endif
     void RHISignalManualFence(FRHICommandList& executing, ID3D12Fence* fence, uint64 value) override;
 
-    /* What the engine does, on the thread that writes lists or while that rests. */
+    /* Functions for the engine, on the thread that records lists or while that is idle. */
     void transition(FRHITexture& texture, D3D12_RESOURCE_STATES state);
     void flush();
     void copy(FRHITexture& from, FRHITexture& to);
-    /** Keeps what this frame's lists name until the device has done with it. */
+    /** Keeps an object that this frame's lists use until the device has finished the frame. */
     void keep(std::shared_ptr<void> what) { kept_.emplace_back(frame_, std::move(what)); }
     ID3D12Device* device() const { return device_.of; }
-    /** The list that is recorded; a new one is opened where the last was closed. */
+    /** The open list; opens a new one if there is none. */
     ID3D12GraphicsCommandList* list() const;
-    /** Barriers came into its list, whoever wrote them. */
+    /** Barriers were recorded into its list, by the engine or the plugin. */
     void barriers_came(UINT count, const D3D12_RESOURCE_BARRIER* all);
     bool heard_barriers() const { return heard_; }
-    /** A pipeline, a compute root signature or descriptor heaps were set in its list, whoever set them. */
+    /** A pipeline, a compute root signature or descriptor heaps were set in its list, by the engine or the plugin. */
     void state_came(list_state which);
     bool is_recording(ID3D12GraphicsCommandList* list) const { return list_ == list; }
 
-    /* What the game does. */
+    /* Functions for the game. */
     void render(std::function<void(FRHICommandListImmediate&)> what);
     void frame();
-    /** Waits until the other threads rest. */
+    /** Waits until the other threads are idle. */
     void settle();
     void finish();
     /**
-     * Closed lists and signals stay with the submission thread until `release`, as while a window is minimised or frames are rendered
-     * off screen. No thread waits for the device meanwhile.
+     * Withholds closed lists and signals from the device until `release`, as while a window is minimised or frames are rendered off
+     * screen. No thread waits for the device meanwhile.
      */
     void hold() { held_ = true; }
     void release();
-    /** Lists and allocators of its own, each of which holds the device. */
+    /** Number of its own lists and allocators, each of which holds a reference to the device. */
     std::size_t objects() const { return lists_pool_.size() + allocators_.size(); }
 
 private:
     static constexpr uint64 COUNT = 3;
 
-    /** A closed list, and the fences that are signalled behind it; either may be missing. */
+    /** A closed list, and the fences to signal after it; either may be missing. */
     struct payload {
         ID3D12GraphicsCommandList* list = nullptr;
         std::vector<std::pair<ID3D12Fence*, uint64>> signals;
     };
     struct pooled_list {
         std::unique_ptr<released<ID3D12GraphicsCommandList>> list;
-        /** Closed, and not given to the queue yet. */
+        /** Closed, and not submitted yet. */
         bool is_pending = false;
     };
     struct pooled_allocator {
@@ -142,16 +142,16 @@ private:
     released<ID3D12Fence> fence_;
     HANDLE done_;
 
-    /* Of the thread that writes lists. */
+    /* Used on the thread that records lists. */
     uint64 frame_ = COUNT;
-    /** The open list; null while none is. */
+    /** The open list; null if there is none. */
     mutable ID3D12GraphicsCommandList* list_ = nullptr;
     std::vector<pooled_list> lists_pool_;
     std::vector<pooled_allocator> allocators_;
     std::vector<payload> payloads_;
     std::vector<D3D12_RESOURCE_BARRIER> barriers_;
     std::deque<std::pair<uint64, std::shared_ptr<void>>> kept_;
-    /** State of the open list that a plugin has set and the engine takes for its own. */
+    /** State of the open list that a plugin has set and that the engine's cache does not know. */
     bool foreign_state_[3] = {};
     std::atomic<bool> held_{false};
     const FRHICommandListBase* executing_ = nullptr;
@@ -159,14 +159,14 @@ private:
     mutable FRHITexture* named_ = nullptr;
     bool heard_ = false;
 
-    /* Of the render thread, and of the game's. */
+    /* Used on the render thread and by the game. */
     FRHICommandListImmediate filled_;
     uint64 written_ = 0, filled_frame_ = 0;
 
-    /* These end first, and the one that gives to the other before it. */
+    /* Members that are destroyed first: the render thread before the list thread that it gives jobs to. */
     engine_thread lists_{place::lists};
     engine_thread render_{place::render};
 };
 
-/** The one that runs. */
+/** The running renderer. */
 extern renderer* engine;

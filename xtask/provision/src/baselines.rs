@@ -1,6 +1,6 @@
-//! What the quality table is compared with, and what it is measured on: programs, weights and clips of others.
+//! Third-party programs, weights and clips that the quality table is compared with and measured on.
 //!
-//! Programs are run as programs only: GPL code is never linked and nothing of it is kept in the clone.
+//! Programs are only run: GPL code is never linked, and the repository contains none of it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use crate::{Error, Progress, Result};
 
 /// ffmpeg's package on PyPI; it holds one program, whose name ends with its version.
 const FFMPEG: &str = "imageio-ffmpeg==0.8.1";
-/// VapourSynth with MVTools, and what hands them pictures.
+/// VapourSynth with MVTools, and numpy to pass pictures to them.
 const MVTOOLS: &str = "numpy==2.4.6\nvapoursynth==81\nvapoursynth-mvtools==29\n";
 /// ViZDoom with the free game data in it.
 const VIZDOOM: &str = "numpy==2.4.6\nvizdoom==1.3.2\n";
@@ -38,10 +38,10 @@ const BUNNY_VIDEO: Pinned = Pinned {
     sha256: "07b756a4c7b481829776645c153167ca14c9df802ddbea7dffda3d817aa5261a",
 };
 
-/// ffmpeg: the one of `$CAIRN_FFMPEG`, else a pinned one from PyPI, else the one on the PATH.
+/// ffmpeg: from `$CAIRN_FFMPEG`, else a pinned one from PyPI, else from the PATH.
 ///
 /// # Errors
-/// There is none of them.
+/// No ffmpeg is found in any of these ways.
 pub fn ffmpeg(progress: &dyn Progress) -> Result<PathBuf> {
     if let Some(own) = std::env::var_os("CAIRN_FFMPEG").filter(|value| !value.is_empty()) {
         return Ok(PathBuf::from(own));

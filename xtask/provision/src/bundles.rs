@@ -1,4 +1,4 @@
-//! Random-weight worlds for the tests and the demo, made by the bundle builder of this clone.
+//! Random-weight worlds for the tests and the demo, made by this repository's bundle builder.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -74,7 +74,7 @@ pub fn test_bundles(progress: &dyn Progress) -> Result<PathBuf> {
     Ok(cache::cache_dir()?.join("bundles").join(builder_key(&python_path())?))
 }
 
-/// Names a state of the builder: a hash over the paths and bytes of all its files.
+/// Cache key of the builder: a hash over the paths and bytes of all its files.
 fn builder_key(package: &Path) -> Result<String> {
     let mut files = Vec::new();
     let sources = package.join("cairn").join("build");

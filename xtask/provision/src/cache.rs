@@ -1,4 +1,4 @@
-//! The cache directory: where things lie, one lock per item, and items that appear complete or not at all.
+//! The cache directory: paths, one lock per item, and items that appear complete or not at all.
 
 use std::ffi::OsString;
 use std::fs::{self, File, TryLockError};
@@ -65,7 +65,7 @@ pub(crate) fn lock(item: &str, progress: &dyn Progress) -> Result<Held> {
     Ok(Held { _file: file })
 }
 
-/// An empty folder to prepare `item` in. What an interrupted run left is removed first, so the caller must hold its lock.
+/// An empty folder to prepare `item` in. Leftovers of an interrupted run are removed first, so the caller must hold its lock.
 pub(crate) fn scratch(item: &str, _held: &Held) -> Result<PathBuf> {
     let path = cache_dir()?.join("unfinished").join(item);
     remove(&path)?;
@@ -73,7 +73,7 @@ pub(crate) fn scratch(item: &str, _held: &Held) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// Moves a finished folder or file to its place in one step.
+/// Moves a finished folder or file to its final path in one step.
 pub(crate) fn publish(finished: &Path, place: &Path) -> Result<()> {
     if let Some(parent) = place.parent() {
         fs::create_dir_all(parent).map_err(|e| Error::io(parent, &e))?;
@@ -84,7 +84,7 @@ pub(crate) fn publish(finished: &Path, place: &Path) -> Result<()> {
     fs::rename(finished, place).map_err(|e| Error::io(place, &e))
 }
 
-/// Removes a folder with all it holds; that it is not there is fine.
+/// Removes a folder recursively; a missing one is not an error.
 pub(crate) fn remove(path: &Path) -> Result<()> {
     match fs::remove_dir_all(path) {
         Ok(()) => Ok(()),
@@ -111,7 +111,7 @@ pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// Size of everything under `path` in bytes; what vanishes while it looks counts nothing.
+/// Size of everything under `path` in bytes; files that vanish meanwhile count as empty.
 pub(crate) fn size_of(path: &Path) -> u64 {
     let Ok(entries) = fs::read_dir(path) else { return 0 };
     entries

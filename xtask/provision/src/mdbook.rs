@@ -1,4 +1,4 @@
-//! mdBook, which makes the documentation a book.
+//! mdBook, which renders the documentation as a book.
 
 use std::path::PathBuf;
 

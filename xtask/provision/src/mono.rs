@@ -1,4 +1,4 @@
-//! Mono: a compiler of C# and what runs its programs.
+//! Mono: a C# compiler and a runtime.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,18 +8,18 @@ use crate::{Error, Progress, Result, cache, process, tools};
 
 const WANTED: &str = "Mono, which compiles and runs C#";
 
-/// The packages asked for; apt says what they need.
+/// The packages to install; apt adds their dependencies.
 const PACKAGES: [&str; 2] = ["mono-mcs", "mono-runtime"];
 
-/// A Mono that is there.
+/// An installed Mono.
 #[derive(Debug, Clone)]
 pub struct Mono {
-    /// Where its packages lie unpacked; none for the machine's own.
+    /// Folder of its unpacked packages; `None` for the machine's own Mono.
     unpacked: Option<PathBuf>,
 }
 
 impl Mono {
-    /// The compiler, to be given its arguments.
+    /// The compiler's command; the caller adds arguments.
     pub fn compiler(&self) -> Command {
         match &self.unpacked {
             None => Command::new("mcs"),
@@ -31,12 +31,12 @@ impl Mono {
         }
     }
 
-    /// What runs a program, to be given its file and arguments.
+    /// A command that runs a C# program; the caller adds the program's file and arguments.
     pub fn program(&self) -> Command {
         let mut command = match &self.unpacked {
             None => Command::new("mono"),
             Some(root) => {
-                // It finds its assemblies from where it lies, and is told the rest.
+                // It finds its assemblies relative to its own path; the other paths are passed here.
                 let mut command = Command::new(root.join(RUNTIME));
                 command.env("MONO_CFG_DIR", root.join("etc"));
                 let libraries = fs::read_dir(root.join("usr/lib")).into_iter().flatten().flatten();
@@ -48,7 +48,7 @@ impl Mono {
                 command
             }
         };
-        // In another locale names of files have no letters but Latin ones.
+        // In another locale file names may have Latin letters only.
         command.env("LC_ALL", "C.UTF-8");
         command
     }
@@ -76,7 +76,7 @@ pub fn mono(progress: &dyn Progress) -> Result<Mono> {
     }
     let mut version = candidate();
     if version.is_none() {
-        // Known once the lists have been fetched, for which apt wants root.
+        // apt knows the version only after it has fetched the lists, for which it needs root.
         progress.start("asking apt for Mono");
         _ = process::run(Command::new("apt-get").args(["update", "-qq"]), |line| progress.detail(line));
         version = candidate();
@@ -126,7 +126,7 @@ fn candidate_of(policy: &str) -> Option<String> {
     (version != "(none)").then(|| version.to_owned())
 }
 
-/// All that is to be unpacked: Mono's own packages, whatever of them is installed, and what else of their needs the machine lacks.
+/// The packages to unpack: Mono's own even if installed, and their dependencies that the machine lacks.
 fn closure() -> std::result::Result<Vec<String>, String> {
     let simulated = |state: &[&str]| {
         let mut command = Command::new("apt-get");
@@ -144,11 +144,11 @@ fn closure() -> std::result::Result<Vec<String>, String> {
     Ok(packages)
 }
 
-/// `NAME=VERSION` of each package that a simulated run would install.
+/// `NAME=VERSION` of each package that a simulated apt run would install.
 fn installs(output: &str) -> Vec<String> {
     let package = |line: &str| {
         let (name, rest) = line.strip_prefix("Inst ")?.split_once(" ")?;
-        // In brackets the version that is there, in parentheses the one to come.
+        // The installed version is in brackets, the new one in parentheses.
         let version = rest.split_once('(')?.1.split([' ', ')']).next()?;
         Some(format!("{name}={version}"))
     };

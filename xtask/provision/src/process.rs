@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use std::sync::mpsc;
 use std::time::Duration;
 
-/// What a program said and how it ended.
+/// A program's output and exit status.
 pub(crate) struct Outcome {
     pub(crate) status: ExitStatus,
     pub(crate) stdout: String,
@@ -14,7 +14,7 @@ pub(crate) struct Outcome {
 }
 
 impl Outcome {
-    /// The last `lines` lines of what it said, standard error after standard output.
+    /// The last `lines` lines of its output, standard error after standard output.
     pub(crate) fn tail(&self, lines: usize) -> String {
         let all: Vec<&str> =
             self.stdout.lines().chain(self.stderr.lines()).filter(|line| !line.trim().is_empty()).collect();
@@ -37,7 +37,7 @@ pub(crate) fn run(command: &mut Command, mut tick: impl FnMut(&str)) -> std::io:
             let last_line = &last_line;
             scope.spawn(move || collect(stderr, last_line, finished))
         };
-        // Ends when both streams are closed, which drops their senders.
+        // Ends when both streams are closed, which drops the senders.
         while let Err(mpsc::RecvTimeoutError::Timeout) | Ok(()) = waiting.recv_timeout(Duration::from_millis(250)) {
             let line = last_line.lock().map(|line| line.clone()).unwrap_or_default();
             tick(&line);

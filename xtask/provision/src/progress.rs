@@ -1,20 +1,20 @@
-//! How a caller is told what is being fetched.
+//! Reports to the caller what is being fetched.
 
 use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
 use std::time::Instant;
 
-/// Receives what is being done. One job at a time: `start`, any number of `detail`s, then `done` unless it failed.
+/// Receives progress reports. One job at a time: `start`, any number of `detail`s, then `done` unless it failed.
 pub trait Progress: Sync {
     /// A job begins, e.g. "fetching ONNX Runtime 1.24.4 from PyPI".
     fn start(&self, what: &str);
-    /// How far it is, a few times per second, e.g. "12.3 MB".
+    /// Progress, a few times per second, e.g. "12.3 MB".
     fn detail(&self, detail: &str);
-    /// It has ended well; `outcome` says what there is now.
+    /// The job has succeeded; `outcome` describes the result.
     fn done(&self, outcome: &str);
 }
 
-/// Says nothing.
+/// Reports nothing.
 #[derive(Debug, Default, Clone, Copy)]
 pub struct Silent;
 
@@ -37,11 +37,11 @@ struct Job {
     last_said: Instant,
 }
 
-/// Where there is no terminal a log line every so often is enough to show life.
+/// Without a terminal an occasional log line suffices to show activity.
 const LOG_EVERY_SECONDS: u64 = 15;
 
 impl Console {
-    /// A console that has said nothing yet.
+    /// A console without output yet.
     pub fn new() -> Self {
         Self::default()
     }

@@ -19,18 +19,18 @@ const NAMES: [&str; 7] = ["python3", "python", "python3.15", "python3.14", "pyth
 /// Pinned packages, one per line.
 pub(crate) const REQUIREMENTS: &str = include_str!("../requirements.txt");
 
-/// What training needs besides, pinned likewise.
+/// Additional packages for training, also pinned.
 const TRAINING: &str = include_str!("../training.txt");
 
-/// What a sweep through Ray needs, pinned likewise: all of it, beside nothing.
+/// All packages for a sweep through Ray, also pinned.
 const CLUSTER: &str = include_str!("../cluster.txt");
 
 /// A Python that is new enough and has pip.
 #[derive(Debug)]
 pub(crate) struct Python {
-    /// What to run.
+    /// Path of the interpreter.
     pub(crate) program: PathBuf,
-    /// Its own account: version and place, the same for every run of the same installation.
+    /// Its version and path, the same for every run of the same installation.
     identity: String,
 }
 
@@ -47,8 +47,8 @@ pub(crate) fn find() -> Result<Python> {
     }
 }
 
-/// Finds a Python that is newer than most of us needs: the usual one where it will do, else any of the usual names, else one
-/// that pyenv keeps.
+/// Finds a newer Python than most features need: the usual one if it suffices, else any of the usual names, else one
+/// that pyenv has.
 pub(crate) fn find_at_least(oldest: (u32, u32)) -> Result<Python> {
     let mut places: Vec<PathBuf> = std::env::var_os("CAIRN_PYTHON").into_iter().map(PathBuf::from).collect();
     places.extend(NAMES.map(PathBuf::from));
@@ -62,7 +62,7 @@ pub(crate) fn find_at_least(oldest: (u32, u32)) -> Result<Python> {
     first_of(&places, oldest, "no python3 or python is on the PATH")
 }
 
-/// The first Python of `names` that is new enough; `nothing` says why there is none at all.
+/// The first Python of `names` that is new enough; `nothing` is the message if there is none at all.
 fn first_of(names: &[PathBuf], oldest: (u32, u32), nothing: &str) -> Result<Python> {
     let mut seen = Vec::new();
     for name in names {
@@ -87,7 +87,7 @@ fn first_of(names: &[PathBuf], oldest: (u32, u32), nothing: &str) -> Result<Pyth
     Err(Error::new(format!("Python {major}.{minor} or newer"), cause, remedy))
 }
 
-/// The Python behind a name; else why it will not do, or nothing when there is none.
+/// The Python behind a name; else why it is unsuitable, or `None` if there is none.
 fn examine(name: &Path, oldest: (u32, u32)) -> Result<Python, Option<String>> {
     const QUESTION: &str = "import sys, platform; print(*sys.version_info[:2]); \
                             print(platform.python_version(), platform.machine(), sys.base_prefix)";
@@ -141,7 +141,7 @@ pub(crate) fn pip(
     if outcome.status.success() { Ok(outcome) } else { Err(explain(wanted, &outcome)) }
 }
 
-/// pip's failure in our words, with the last of its own.
+/// Describes pip's failure, with the end of its output.
 fn explain(wanted: &str, outcome: &Outcome) -> Error {
     const OFFLINE: [&str; 6] = [
         "Failed to establish a new connection",
@@ -153,7 +153,7 @@ fn explain(wanted: &str, outcome: &Outcome) -> Error {
     ];
     let all = format!("{}\n{}", outcome.stdout, outcome.stderr);
     let said = outcome.tail(4);
-    // pip ends an unreachable index with "No matching distribution", so the connection is looked at first.
+    // For an unreachable index pip prints "No matching distribution", so connection errors are checked first.
     if OFFLINE.iter().any(|sign| all.contains(sign)) {
         let remedy = "Connect to the network, or name an index that can be reached in pip's own configuration \
                       (PIP_INDEX_URL or pip.conf), and run the command again";
@@ -172,7 +172,7 @@ fn explain(wanted: &str, outcome: &Outcome) -> Error {
 
 /// A Python interpreter with the packages of the bundle builder and the Python tests; made on first use.
 ///
-/// Run it with [`python_path`] as `PYTHONPATH` to reach this clone's own package `cairn`.
+/// Run it with [`python_path`] as `PYTHONPATH` to import this repository's own package `cairn`.
 ///
 /// # Errors
 /// No Python >= 3.11 with pip, an unreachable package index, or a disk that is full: cause and remedy are named.
@@ -228,7 +228,7 @@ pub(crate) fn environment(
     let few = packages.iter().take(4).copied().collect::<Vec<_>>().join(", ");
     let more = if packages.len() > 4 { " and others" } else { "" };
     progress.start(&format!("making {wanted} ({few}{more} from PyPI)"));
-    // An environment cannot be moved once made, so it is made in place and marked when complete.
+    // An environment cannot be moved, so it is made in place and marked when complete.
     cache::remove(&place)?;
     fs::create_dir_all(&place).map_err(|e| Error::io(&place, &e))?;
     // Without its own pip: some distributions ship ensurepip apart, and the machine's pip can install into it.
@@ -266,7 +266,7 @@ pub(crate) fn packages_of(environment: &Path) -> Result<PathBuf> {
     Ok(PathBuf::from(answer.stdout.trim()))
 }
 
-/// Installs this clone's package `cairn` into the folder `into`, as a user does, but without what it depends on: with the shared
+/// Installs this repository's package `cairn` into the folder `into`, as a user does, but without dependencies: with the shared
 /// library `library` in it, or with none.
 ///
 /// # Errors
@@ -280,7 +280,7 @@ pub fn install_package(library: Option<&Path>, into: &Path) -> Result<()> {
     if outcome.status.success() { Ok(()) } else { Err(explain("the package cairn", &outcome)) }
 }
 
-/// Builds this clone's package `cairn` in a new folder `into`, as a user does, without a library: the wheel.
+/// Builds this repository's package `cairn` as a wheel without a library in a new folder `into`, as a user does.
 ///
 /// # Errors
 /// As [`install_package`].
@@ -299,12 +299,12 @@ pub fn build_package(into: &Path) -> Result<PathBuf> {
     wheel.ok_or_else(|| Error::new("the package cairn", "pip made no wheel", "Update pip"))
 }
 
-/// The folder of this clone's Python package, to be set as `PYTHONPATH`.
+/// The folder of this repository's Python package, for `PYTHONPATH`.
 pub fn python_path() -> PathBuf {
     repository().join("bindings").join("python")
 }
 
-/// A path as text, which pip's command line needs here.
+/// A path as text, as pip's command line needs it.
 pub(crate) fn text(path: &Path) -> Result<&str> {
     path.to_str().ok_or_else(|| {
         Error::new(

@@ -14,19 +14,19 @@ pub const WINDOWS_TARGET: &str = "x86_64-pc-windows-gnu";
 pub enum Mingw {
     /// A MinGW-w64 GCC on the PATH; cargo finds it by itself.
     Gcc,
-    /// `cargo-zigbuild` with its `ziglang`, which [`by_zig`] lets a command find.
+    /// `cargo-zigbuild` with its `ziglang`; [`by_zig`] puts them on a command's PATH.
     Zig,
 }
 
-/// The program `name`, where the PATH has it.
+/// Path of the program `name` if it is on the PATH.
 pub fn on_path(name: &str) -> Option<PathBuf> {
     let paths = std::env::var_os("PATH")?;
     let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
     std::env::split_paths(&paths).map(|folder| folder.join(&file)).find(|path| path.is_file())
 }
 
-/// The assembler that makes the video encoder faster; none where neither the PATH nor apt has it. It is optional, so its
-/// absence is no error: the encoder then does without its assembly and the pictures are the same.
+/// The assembler for the video encoder's fast code; `None` if neither the PATH nor apt has it. It is optional: without it
+/// the encoder is slower and the pictures are the same.
 pub fn nasm(progress: &dyn Progress) -> Option<PathBuf> {
     on_path("nasm").or_else(|| {
         apt("nasm", progress).ok()?;
@@ -34,7 +34,7 @@ pub fn nasm(progress: &dyn Progress) -> Option<PathBuf> {
     })
 }
 
-/// A Chromium that plays video, from the PATH or by apt when root; none elsewhere.
+/// A Chromium that plays video, from the PATH or by apt when root; else `None`.
 pub fn chromium(progress: &dyn Progress) -> Option<PathBuf> {
     let find = || ["chromium", "chromium-browser", "google-chrome"].into_iter().find_map(on_path);
     find().or_else(|| {
@@ -43,7 +43,7 @@ pub fn chromium(progress: &dyn Progress) -> Option<PathBuf> {
     })
 }
 
-/// Clang's compiler `name` (`clang`, `clang++`), from the PATH or by apt when root; none elsewhere.
+/// Clang's compiler `name` (`clang`, `clang++`), from the PATH or by apt when root; else `None`.
 pub fn clang(name: &str, progress: &dyn Progress) -> Option<PathBuf> {
     on_path(name).or_else(|| {
         apt("clang", progress).ok()?;
@@ -51,7 +51,7 @@ pub fn clang(name: &str, progress: &dyn Progress) -> Option<PathBuf> {
     })
 }
 
-/// CMake, from the PATH or by apt when root; none elsewhere.
+/// CMake, from the PATH or by apt when root; else `None`.
 pub fn cmake(progress: &dyn Progress) -> Option<PathBuf> {
     on_path("cmake").or_else(|| {
         apt("cmake", progress).ok()?;
@@ -59,7 +59,7 @@ pub fn cmake(progress: &dyn Progress) -> Option<PathBuf> {
     })
 }
 
-/// What makes a Debian in a folder, from the PATH or by apt when root.
+/// debootstrap, which installs a Debian into a folder, from the PATH or by apt when root.
 pub(crate) fn debootstrap(progress: &dyn Progress) -> Result<PathBuf> {
     const NAME: &str = "debootstrap";
     if on_path(NAME).is_none() {
@@ -69,7 +69,7 @@ pub(crate) fn debootstrap(progress: &dyn Progress) -> Result<PathBuf> {
     on_path(NAME).ok_or_else(|| Error::new(NAME, "apt installed it, and it is not on the PATH", remedy))
 }
 
-/// A C or C++ compiler for Windows, and the words that come before its other arguments.
+/// A C or C++ compiler for Windows, and its first arguments.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MingwCompiler {
     /// The program.
@@ -141,18 +141,18 @@ fn apt(package: &str, progress: &dyn Progress) -> Result<()> {
     Ok(())
 }
 
-/// Whether we may install system packages. The id is asked of the `id` program: std has no call for it.
+/// Whether we may install system packages. The `id` program gives the user id, as std has no call for it.
 pub(crate) fn is_root() -> bool {
     cfg!(unix) && process::run(Command::new("id").arg("-u"), |_| {}).is_ok_and(|outcome| outcome.stdout.trim() == "0")
 }
 
-/// The version of the compiler that links for other systems.
+/// The version of zig, which links for other systems.
 pub const ZIG: &str = "0.16.0";
 
 /// Pinned: the linker wrapper and the compiler it drives.
 const ZIG_PACKAGES: [&str; 2] = ["cargo-zigbuild==0.23.4", "ziglang==0.16.0"];
 
-/// Where they lie in the cache, with what zig has compiled.
+/// Their folder in the cache, with what zig has compiled.
 pub const ZIG_PLACE: &str = "zigbuild-0.23.4-zig-0.16.0";
 
 /// The folder with `cargo-zigbuild` and a `python` that has `ziglang`, in an environment of their own; fetched on first use (90 MB).
@@ -192,7 +192,7 @@ pub fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
     Ok(programs)
 }
 
-/// The folder of what zig compiles while it links: the sources of the unwinder and of the C libraries.
+/// The folder of the sources that zig compiles while it links: the unwinder and the C libraries.
 ///
 /// # Errors
 /// As [`zigbuild`], or its package has no such folder.
@@ -201,7 +201,7 @@ pub fn zig_sources(progress: &dyn Progress) -> Result<PathBuf> {
     let place = programs.parent().unwrap_or(&programs);
     let packages = match cfg!(windows) {
         true => vec![place.join("Lib")],
-        // Below a folder of the Python's version.
+        // It is below a folder named after the Python version.
         false => {
             let library = place.join("lib");
             let entries = std::fs::read_dir(&library).map_err(|e| Error::io(&library, &e))?;
@@ -215,12 +215,12 @@ pub fn zig_sources(progress: &dyn Progress) -> Result<PathBuf> {
     })
 }
 
-/// What zig compiles while it links is compiled without debug information: that would name its sources by their place in the cache and
-/// the folder it was started in. Clang's driver takes arguments from a variable, the only way to those that zig does not ask for; the `#`
-/// keeps it quiet about them.
+/// Makes zig compile its own sources without debug information, which would name them by their path in the cache and the working folder.
+/// Clang's driver reads arguments from this variable, the only way to reach compilations that zig starts itself; the `#` suppresses the
+/// driver's message about them.
 const NO_DEBUG: (&str, &str) = ("CCC_OVERRIDE_OPTIONS", "#+-g0");
 
-/// Lets a command find `cargo-zigbuild` and its zig, fetched on first use, before all other programs.
+/// Puts `cargo-zigbuild` and its zig, fetched on first use, at the front of a command's PATH.
 ///
 /// # Errors
 /// As [`zigbuild`], or a cache whose folder cannot be on a PATH.
@@ -229,14 +229,14 @@ pub fn by_zig(command: &mut Command, progress: &dyn Progress) -> Result<()> {
     let folders = std::iter::once(zigbuild(progress)?).chain(std::env::split_paths(&path));
     let remedy = "Set CAIRN_CACHE_DIR to a folder with a plain name";
     let joined = std::env::join_paths(folders).map_err(|e| Error::new("PATH", e.to_string(), remedy))?;
-    // What they compile is kept with themselves: zig takes it up again whatever it was compiled with.
+    // Their compiled files have a cache of their own: zig reuses them whatever flags they were compiled with.
     let kept = cache::cache_dir()?.join(ZIG_PLACE).join("kept");
     command.env("PATH", joined).env("ZIG_GLOBAL_CACHE_DIR", kept.join("global"));
     command.env("CARGO_ZIGBUILD_CACHE_DIR", kept.join("wrappers")).env(NO_DEBUG.0, NO_DEBUG.1);
     Ok(())
 }
 
-/// Adds `target` to the pinned toolchain where it is missing.
+/// Adds `target` to the pinned toolchain if it is missing.
 ///
 /// # Errors
 /// The target's standard library is missing and rustup cannot add it.
@@ -249,7 +249,7 @@ pub fn rust_target(target: &str, progress: &dyn Progress) -> Result<()> {
     rustup(&["target", "add", target], &format!("the Rust target {target}"), progress)
 }
 
-/// Adds the toolchain component behind `program` (`rustfmt`, `clippy`) where it is missing.
+/// Adds the toolchain component behind `program` (`rustfmt`, `clippy`) if it is missing.
 ///
 /// # Errors
 /// It is missing and rustup cannot add it.
@@ -260,11 +260,11 @@ pub fn rust_component(component: &str, program: &str, progress: &dyn Progress) -
     rustup(&["component", "add", component], &format!("the toolchain component {component}"), progress)
 }
 
-/// The nightly toolchain that Miri, the sanitizers and the fuzz targets run under, and the day its compiler tells of itself.
+/// The nightly toolchain for Miri, the sanitizers and the fuzz targets, and the date that its compiler reports.
 const NIGHTLY: (&str, &str) = ("nightly-2026-05-20", "2026-05-19");
 
-/// The pinned nightly toolchain with `components` (`miri`, `rust-src`); its name for `rustup run`. Where the machine's own
-/// `nightly` is the very same, that is it; where the pinned one cannot be had and the machine has another nightly, that one.
+/// The pinned nightly toolchain with `components` (`miri`, `rust-src`); returns its name for `rustup run`. If the machine's `nightly` is
+/// the same version, that one; if the pinned one is unavailable and the machine has another nightly, that one.
 ///
 /// # Errors
 /// There is no such toolchain, or a component is missing, and rustup cannot add it.
@@ -287,13 +287,13 @@ pub fn nightly(components: &[&str], progress: &dyn Progress) -> Result<&'static 
     }
 }
 
-/// What the compiler of an installed toolchain says of its version; none where it is not installed.
+/// The version line of an installed toolchain's compiler; `None` if it is not installed.
 fn version_line(toolchain: &str) -> Option<String> {
     let outcome = process::run(rustup_run(toolchain).args(["rustc", "--version"]), |_| {}).ok()?;
     outcome.status.success().then_some(outcome.stdout)
 }
 
-/// Adds what an installed toolchain lacks of `components`.
+/// Adds those of `components` that an installed toolchain lacks.
 fn rustup_components(toolchain: &str, components: &[&str], progress: &dyn Progress) -> Result<()> {
     let list = process::run(
         Command::new("rustup").args(["component", "list", "--installed", "--toolchain", toolchain]),
@@ -301,7 +301,7 @@ fn rustup_components(toolchain: &str, components: &[&str], progress: &dyn Progre
     );
     let installed =
         list.map_err(|e| Error::new(toolchain, format!("rustup does not run: {e}"), "Install rustup"))?.stdout;
-    // Listed with the platform behind the name, where it has one.
+    // Listed with the platform after the name, if the component has one.
     let has = |component: &&&str| {
         installed
             .lines()
@@ -316,7 +316,7 @@ fn rustup_components(toolchain: &str, components: &[&str], progress: &dyn Progre
     rustup(&arguments, &format!("{} of the toolchain {toolchain}", missing.join(" and ")), progress)
 }
 
-/// `rustup run TOOLCHAIN`, free of the pinned toolchain that we ourselves run under.
+/// `rustup run TOOLCHAIN`, without the variables of the pinned toolchain that runs this program.
 pub fn rustup_run(toolchain: &str) -> Command {
     let mut command = Command::new("rustup");
     command.args(["run", toolchain]).env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO").env_remove("RUSTC");
@@ -367,7 +367,7 @@ pub fn cargo_program(name: &str, version: &str, progress: &dyn Progress) -> Resu
         .args(["install", "--locked", "--no-track", "--version", version, name, "--root", text(&scratch)?])
         .args(["--config", "profile.release.debug=false", "--config", "profile.release.lto=false"])
         .args(["--config", "profile.release.codegen-units=16", "--config", "profile.release.opt-level=1"])
-        // A folder outside the clone: its configuration, flags and target folder are for its own crates.
+        // A folder outside the repository, whose configuration, flags and target folder do not apply to this crate.
         .current_dir(&scratch)
         .env("CARGO_TARGET_DIR", scratch.join("target"))
         .env_remove("RUSTFLAGS");

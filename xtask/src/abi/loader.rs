@@ -1,19 +1,19 @@
-//! The lists of functions in `include/cairn_ld.h`, written from what `include/cairn.h` declares.
+//! Generates the function lists in `include/cairn_ld.h` from the declarations in `include/cairn.h`.
 
 use super::declarations::{Declarations, Function};
 
-/// Where it lies.
+/// Path in the repository.
 pub(crate) const LOADER: &str = "include/cairn_ld.h";
 
-/// How each list begins, and whether it is the one of experimental functions.
+/// The first line of each list, and whether the list is the one of experimental functions.
 const LISTS: [(&str, bool); 2] = [("#define CAIRN_LD_FUNCTIONS(X)", false), ("#define CAIRN_LD_EXPERIMENTAL(X)", true)];
 
-/// The loader's text with the lists that `declared` asks for; everything around them stays.
+/// The loader's text with both lists generated from `declared`; everything else stays.
 pub(crate) fn with_lists(text: &str, declared: &Declarations) -> Result<String, String> {
     let mut text = text.to_owned();
     for (begin, experimental) in LISTS {
         let (before, rest) = text.split_once(begin).ok_or_else(|| format!("{LOADER} has no \"{begin}\""))?;
-        // A list ends with the first line that does not go on.
+        // An empty line ends a list.
         let (_, after) =
             rest.split_once("\n\n").ok_or_else(|| format!("{LOADER}: a list has no empty line behind it"))?;
         let functions = declared.functions.iter().filter(|function| function.experimental == experimental);
@@ -24,7 +24,7 @@ pub(crate) fn with_lists(text: &str, declared: &Declarations) -> Result<String, 
     Ok(text)
 }
 
-/// `result name(arguments)` as `X(result, name, (arguments))`.
+/// Rewrites `result name(arguments)` as `X(result, name, (arguments))`.
 fn entry(function: &Function) -> Result<String, String> {
     let Function { name, prototype, .. } = function;
     let (result, arguments) =

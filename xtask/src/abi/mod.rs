@@ -1,5 +1,5 @@
-//! The C interface as files: the header made from `src/abi`, the functions that the loader's header lists, what C# calls them by, and
-//! `abi.txt`, the record of what it promises.
+//! Generated files of the C interface: the header from `src/abi`, the function lists of the loader's header, the C# declarations, and
+//! `abi.txt`, the record of what hosts rely on.
 
 pub(crate) mod csharp;
 pub(crate) mod declarations;
@@ -9,7 +9,7 @@ pub(crate) mod record;
 
 use crate::workspace::Workspace;
 
-/// Writes header, loader's list, C#'s declarations and record anew.
+/// Rewrites the header, the loader's lists, the C# declarations and the record.
 pub(crate) fn fix(workspace: &Workspace) -> Result<(), String> {
     let header = header::generate(&workspace.root)?;
     let layout = crate::shell::output(&mut record::rust_layout(workspace))?;

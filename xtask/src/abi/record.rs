@@ -1,4 +1,4 @@
-//! `abi.txt`: one line for each thing that hosts rely on. What is added adds lines; a line that goes or changes breaks hosts.
+//! `abi.txt`: one line for each thing that hosts rely on. Additions add lines; a removed or changed line breaks hosts.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -7,7 +7,7 @@ use std::process::Command;
 use super::declarations::Declarations;
 use crate::workspace::Workspace;
 
-/// Where it lies.
+/// Path in the repository.
 pub(crate) const RECORD: &str = "abi.txt";
 
 const INTRODUCTION: &str = "\
@@ -16,12 +16,12 @@ const INTRODUCTION: &str = "\
 # but for what is experimental.
 ";
 
-/// The command that prints constants and structs as Rust has them.
+/// The command that prints constants and struct layouts as Rust has them.
 pub(crate) fn rust_layout(workspace: &Workspace) -> Command {
     workspace.cargo(["run", "--quiet", "--package", "cairn", "--example", "interface"])
 }
 
-/// The whole record: the layout, and the declarations that have none.
+/// The whole record: the layout, and the declarations that have no layout.
 pub(crate) fn compose(layout: &str, declarations: &Declarations) -> String {
     let mut record = format!("{INTRODUCTION}{layout}");
     for line in &declarations.typedefs {
@@ -34,7 +34,7 @@ pub(crate) fn compose(layout: &str, declarations: &Declarations) -> String {
     record
 }
 
-/// A C program that prints the layout as a C compiler has it, in the words of the Rust side.
+/// A C program that prints the layout as a C compiler has it, in the Rust side's format.
 pub(crate) fn c_program(declarations: &Declarations) -> String {
     let mut program = String::from(
         "#include <stdio.h>\n#include <stddef.h>\n#include \"cairn.h\"\n\nint main(void)\n{\n    cairn_result wide = 0;\n",
@@ -59,8 +59,8 @@ pub(crate) fn c_program(declarations: &Declarations) -> String {
     program
 }
 
-/// A C or C++ source that compiles only where sizes, places and values are those of the record: for compilers whose programs
-/// do not run here.
+/// A C or C++ source that compiles only if sizes, offsets and values match the record. It is for compilers whose programs do not
+/// run here.
 pub(crate) fn assertions(record: &str) -> String {
     let mut source = String::from(
         "#include <stddef.h>\n#include \"cairn.h\"\n\n#ifdef __cplusplus\n#define HOLDS(what) static_assert(what, #what)\n\
@@ -70,7 +70,7 @@ pub(crate) fn assertions(record: &str) -> String {
     for line in record.lines() {
         let words: Vec<&str> = line.split(' ').collect();
         let now = match words[..] {
-            // Of several sizes the last is today's.
+            // A struct may have several recorded sizes; the last is the current one.
             ["size", name, size] => {
                 last_size = Some(format!("HOLDS(sizeof({name}) == {size});\n"));
                 continue;
@@ -92,7 +92,7 @@ pub(crate) fn assertions(record: &str) -> String {
     source
 }
 
-/// How what the C program printed differs from the record; sizes of earlier releases are in the record alone.
+/// The first difference between the C program's output and the record. Only the record has sizes of earlier releases.
 pub(crate) fn difference(record: &str, printed: &str) -> Option<String> {
     let layout = ["constant ", "cairn_result ", "struct ", "size ", "field "];
     let is_layout = |line: &&str| layout.iter().any(|start| line.starts_with(start));
@@ -104,13 +104,13 @@ pub(crate) fn difference(record: &str, printed: &str) -> Option<String> {
     lost.or(added)
 }
 
-/// The line that `new` lost although it claims the same number; none when the change only adds.
+/// The first line that `new` lacks without a higher `CAIRN_ABI_VERSION`; `None` when the change only adds.
 pub(crate) fn break_of_promise(old: &str, new: &str) -> Option<String> {
     let number = |record: &str| {
         record.lines().find_map(|line| line.strip_prefix("constant CAIRN_ABI_VERSION ")?.parse::<u64>().ok())
     };
     let lines: BTreeSet<&str> = new.lines().collect();
-    // The library's own version may change, what is experimental, and the introduction.
+    // The library's own version, experimental items and the introduction may change.
     let free = ["#", "constant CAIRN_VERSION ", "experimental "];
     let promised = |line: &&str| !free.iter().any(|start| line.starts_with(start));
     let lost = old.lines().filter(promised).find(|line| !lines.contains(line))?;

@@ -1,4 +1,4 @@
-//! Trees as ZIP and as compressed tar: of one moment, of nobody, in order, so that the same files make the same bytes.
+//! Packs trees as ZIP and as compressed tar, with one fixed time, no owner and sorted entries: the same files give the same bytes.
 
 use std::io::{Cursor, Write};
 use std::process::Command;
@@ -13,10 +13,10 @@ use super::tree::Tree;
 use crate::shell::output;
 use crate::workspace::Workspace;
 
-/// The variable that says when something is to have been made <https://reproducible-builds.org/specs/source-date-epoch/>.
+/// The environment variable for the build time <https://reproducible-builds.org/specs/source-date-epoch/>.
 pub(super) const EPOCH: &str = "SOURCE_DATE_EPOCH";
 
-/// When everything in an archive was made, in whole seconds: as the variable says, else when the clone's commit was.
+/// The time of every entry in an archive, in whole seconds: from the variable, else the time of the repository's last commit.
 pub(super) fn moment(workspace: &Workspace) -> Result<Timestamp, String> {
     let text = match std::env::var(EPOCH) {
         Ok(text) => text,
@@ -27,7 +27,7 @@ pub(super) fn moment(workspace: &Workspace) -> Result<Timestamp, String> {
     moment.ok_or_else(|| format!("{EPOCH} is {text:?}, and not a number of seconds since 1970"))
 }
 
-/// Everyone reads, the owner writes.
+/// Everyone may read, the owner may write.
 const MODE: u32 = 0o644;
 
 /// A ZIP file.
@@ -45,7 +45,7 @@ pub(super) fn zip(tree: &Tree, moment: Timestamp) -> Result<Vec<u8>, String> {
     Ok(writer.finish().map_err(failed)?.into_inner())
 }
 
-/// As ZIP has times: from 1980 on. What is before is the first that it has.
+/// The time in ZIP's format, which begins in 1980; earlier times become the earliest that it has.
 fn zip_time(moment: Timestamp) -> DateTime {
     let at = moment.to_zoned(TimeZone::UTC);
     let parts = [at.month(), at.day(), at.hour(), at.minute(), at.second()].map(|part| u8::try_from(part).unwrap_or(0));
@@ -57,7 +57,7 @@ fn zip_time(moment: Timestamp) -> DateTime {
 /// A tar file, compressed by gzip.
 pub(super) fn tar_gz(tree: &Tree, moment: Timestamp) -> Result<Vec<u8>, String> {
     let failed = |e: std::io::Error| format!("{}: {e}", tree.name());
-    // No name and no time in the compressed file's own header.
+    // The gzip header has no name and no time.
     let writer = GzBuilder::new().mtime(0).write(Vec::new(), Compression::best());
     let mut builder = tar::Builder::new(writer);
     for (path, bytes) in tree.files() {

@@ -1,4 +1,4 @@
-//! What is in an archive, and where.
+//! The contents of an archive, and their paths.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -22,15 +22,15 @@ const LINUX: &str = include_str!("pages/linux.md");
 const RUNTIME: &str = include_str!("pages/runtime.md");
 const AMD: &str = include_str!("pages/amd.md");
 
-/// For build systems.
+/// Files for build systems.
 const CMAKE: &str = include_str!("pages/CairnConfig.cmake");
 const CMAKE_VERSION: &str = include_str!("pages/CairnConfigVersion.cmake");
 const PKG_CONFIG: &str = include_str!("pages/cairn.pc");
 
-/// What goes wherever the library goes, also where a part of the archive is copied out of it: its licence, and those of all that is in it.
+/// Licence files that accompany every copy of the library, also where one folder of the archive is copied out: its own and its parts'.
 pub(crate) const TERMS: [&str; 4] = ["LICENSE-APACHE", "LICENSE-MIT", dependencies::PAGE, runtime::RUST_NOTICES];
 
-/// The archive of a platform; with `slim` without Microsoft's libraries. None where that would be the same archive once more.
+/// The archive of a platform; with `slim` without Microsoft's libraries. `None` if the slim archive would be the same as the full one.
 pub(super) fn of(
     workspace: &Workspace,
     platform: Platform,
@@ -101,11 +101,11 @@ pub(super) fn of(
     Ok(Some(tree))
 }
 
-/// What of the book a host's programmers do not need: how Cairn itself is worked on, and whole runs of the comparison and of a sweep, of which
-/// the first is as large as the library.
+/// Pages of the book that a host's programmers do not need: how Cairn itself is developed, and whole runs of the comparison and of a
+/// sweep. The former run is as large as the library.
 const NOT_FOR_HOSTS: [&str; 3] = ["docs/lab.md", "docs/report/", "docs/sweeps/"];
 
-/// The book's chapters that lie in its folder, with the pictures and files that they show; an archive has the others in their places.
+/// The book's chapters in `docs/`, with the images and files that they show. An archive has the other chapters at their own paths.
 fn book_files(workspace: &Workspace) -> Result<BTreeSet<String>, String> {
     let chapters = book::chapters(&workspace.read(book::SUMMARY)?)?;
     let mut files = BTreeSet::new();

@@ -1,4 +1,4 @@
-//! The crates that a library is made of, their licences, and the page that names every part.
+//! The crates that the library is built from, their licences, and the page that names every part.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -15,19 +15,19 @@ use crate::workspace::Workspace;
 /// Where a part of the library comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Cargo brought it.
+    /// A crate from Cargo.
     Crate,
-    /// The compiler or the linker did.
+    /// Added by the compiler or the linker.
     Runtime,
 }
 
-/// What refers to a part: its package URL <https://github.com/package-url/purl-spec>.
+/// Identifies a part: its package URL <https://github.com/package-url/purl-spec>.
 pub(super) fn reference(kind: Kind, name: &str, version: &str) -> String {
     format!("pkg:{}/{name}@{version}", kind.package_type())
 }
 
 impl Kind {
-    /// In a package URL.
+    /// The type in a package URL.
     pub(super) fn package_type(self) -> &'static str {
         match self {
             Self::Crate => "cargo",
@@ -36,7 +36,7 @@ impl Kind {
     }
 }
 
-/// Something that is in the library.
+/// A component of the library.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Part {
     pub(super) kind: Kind,
@@ -45,13 +45,13 @@ pub(super) struct Part {
     /// An SPDX expression.
     pub(super) licence: String,
     pub(super) description: Option<String>,
-    /// Where it is developed.
+    /// URL of its source repository.
     pub(super) repository: Option<String>,
-    /// As the lock file has it; none of our own.
+    /// Checksum from the lock file; `None` for our own crates.
     pub(super) sha256: Option<String>,
-    /// References to what it is made of in turn.
+    /// References to its own dependencies.
     pub(super) uses: Vec<String>,
-    /// The files in which it states its licence, by name.
+    /// Its licence files, by name.
     pub(super) texts: BTreeMap<String, String>,
 }
 
@@ -61,10 +61,10 @@ impl Part {
     }
 }
 
-/// The page that names every part, in an archive.
+/// File name in an archive of the page that names every part.
 pub(super) const PAGE: &str = "THIRD-PARTY.md";
 
-/// Beginnings of the names of files that state a licence, in capitals.
+/// Prefixes of the names of licence files, in capitals.
 const LICENCE_FILES: [&str; 6] = ["LICENSE", "LICENCE", "COPYING", "COPYRIGHT", "NOTICE", "UNLICENSE"];
 
 /// All crates of the library for a platform, the library's own first.
@@ -92,12 +92,12 @@ pub(super) fn of(workspace: &Workspace, platform: Platform) -> Result<Vec<Part>,
         crates.push(Part {
             kind: Kind::Crate,
             uses: uses.collect(),
-            // The library's own stand in the archive as they are.
+            // The archive has the library's own licence files as they are.
             texts: if id == root.id { BTreeMap::new() } else { texts(package.manifest_path.parent())? },
             sha256: sums.get(&(name.clone(), version.clone())).cloned(),
             description: package.description.as_ref().map(|text| text.split_whitespace().collect::<Vec<_>>().join(" ")),
             repository: package.repository.clone(),
-            // The older way to write OR.
+            // A slash is the older way to write OR.
             licence: licence.replace('/', " OR "),
             name,
             version,
@@ -106,7 +106,7 @@ pub(super) fn of(workspace: &Workspace, platform: Platform) -> Result<Vec<Part>,
     Ok(crates)
 }
 
-/// What every package is linked with: neither what only builds it nor what only tests it.
+/// The packages that every package is linked with, without build and development dependencies.
 fn links(metadata: &Metadata) -> Result<BTreeMap<PackageId, Vec<PackageId>>, String> {
     let resolve = metadata.resolve.as_ref().ok_or("cargo metadata resolves nothing")?;
     let linked = |node: &cargo_metadata::Node| {
@@ -117,7 +117,7 @@ fn links(metadata: &Metadata) -> Result<BTreeMap<PackageId, Vec<PackageId>>, Str
     Ok(resolve.nodes.iter().map(|node| (node.id.clone(), linked(node))).collect())
 }
 
-/// `root` and all that it leads to: itself first, the others in order.
+/// `root` and all packages reachable from it: `root` first, the others sorted.
 fn reached(root: &PackageId, links: &BTreeMap<PackageId, Vec<PackageId>>) -> Vec<PackageId> {
     let mut found = BTreeSet::new();
     let mut next = vec![root.clone()];
@@ -130,7 +130,7 @@ fn reached(root: &PackageId, links: &BTreeMap<PackageId, Vec<PackageId>>) -> Vec
     std::iter::once(root.clone()).chain(found).collect()
 }
 
-/// Checksums of the lock file by name and version.
+/// Checksums in the lock file by name and version.
 fn sums(lock: &str) -> Result<BTreeMap<(String, String), String>, String> {
     let lock: toml::Table = lock.parse().map_err(|e| format!("Cargo.lock: {e}"))?;
     let packages = lock.get("package").and_then(toml::Value::as_array).into_iter().flatten();
@@ -140,7 +140,7 @@ fn sums(lock: &str) -> Result<BTreeMap<(String, String), String>, String> {
         .collect())
 }
 
-/// The files beside a manifest that state a licence.
+/// The licence files beside a manifest.
 fn texts(folder: Option<&Utf8Path>) -> Result<BTreeMap<String, String>, String> {
     let folder = folder.ok_or("a manifest lies in no folder")?;
     let mut texts = BTreeMap::new();
@@ -156,7 +156,7 @@ fn texts(folder: Option<&Utf8Path>) -> Result<BTreeMap<String, String>, String> 
     Ok(texts)
 }
 
-/// A page with every part that is not our own, its licence, and every text of a licence once.
+/// A page with every part that is not our own, its licence, and each distinct licence text once.
 pub(super) fn page(parts: &[Part]) -> String {
     let others = || parts.iter().skip(1);
     let mut page = "# What is in the library besides our own work\n\nThe licence of each part, as its authors state it, and the texts \
@@ -167,7 +167,7 @@ pub(super) fn page(parts: &[Part]) -> String {
         _ = writeln!(page, "| {} {} | {} | {place} |", part.name, part.version, part.licence);
     }
     _ = writeln!(page, "\nWhat rust-std is made of in turn, with its notices: [{RUST_NOTICES}]({RUST_NOTICES}).");
-    // By text, since most are the same.
+    // Grouped by text, since most are the same.
     let mut parts: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     for part in others() {
         for text in part.texts.values() {
@@ -178,7 +178,7 @@ pub(super) fn page(parts: &[Part]) -> String {
     texts.sort_by_key(|(text, parts)| (std::cmp::Reverse(parts.len()), *text));
     for (text, mut parts) in texts {
         parts.dedup();
-        // A fence that no text has.
+        // This fence occurs in no licence text.
         _ = write!(page, "\n## {}\n\n~~~~text\n{text}\n~~~~\n", parts.join(", "));
     }
     page

@@ -1,4 +1,4 @@
-//! The library, built for an archive: what hosts load, what they link, and what debuggers read, apart from each other.
+//! Builds the library for an archive: the shared library, the import libraries, and the debug information as a separate file.
 
 use std::fs;
 use std::io::Cursor;
@@ -20,21 +20,21 @@ use crate::workspace::Workspace;
 /// Where an archive's library comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Source {
-    /// It is compiled for hosts' users, with what it was compiled from named the same wherever that is.
+    /// Compiled for release, with source paths that do not depend on the machine.
     Release,
-    /// The one that tests have built.
+    /// The library that tests have built.
     Tests,
 }
 
-/// A library and what belongs to it, as bytes of files.
+/// A library and its companion files, as bytes.
 pub(super) struct Built {
-    /// `cairn.dll` or `libcairn.so`, without debug information and with the name of the file that has it.
+    /// `cairn.dll` or `libcairn.so`, without debug information and with the name of the debug file.
     pub(super) library: Vec<u8>,
-    /// That file.
+    /// The debug file.
     pub(super) debug: Vec<u8>,
-    /// What Windows programs are linked with.
+    /// Import libraries for Windows programs.
     pub(super) import: Option<Import>,
-    /// The same library with Unity's doors, of Windows.
+    /// The same library with Unity's entry points, for Windows.
     pub(super) unity: Option<Vec<u8>>,
 }
 
@@ -46,7 +46,7 @@ pub(super) struct Import {
     pub(super) mingw: Vec<u8>,
 }
 
-/// Names of the library and of the file with its debug information.
+/// Names of the library and of its debug file.
 pub(super) fn names(platform: Platform) -> [&'static str; 2] {
     match platform {
         Platform::Windows => ["cairn.dll", "cairn.dll.debug"],
@@ -54,10 +54,10 @@ pub(super) fn names(platform: Platform) -> [&'static str; 2] {
     }
 }
 
-/// The plugin for Unity.
+/// File name of the plugin for Unity.
 const UNITY: &str = "cairn_unity.dll";
 
-/// What takes debug information out of a platform's files.
+/// The program that separates debug information from a platform's files.
 fn objcopy(platform: Platform) -> &'static str {
     match platform {
         Platform::Windows => "x86_64-w64-mingw32-objcopy",
@@ -68,7 +68,7 @@ fn objcopy(platform: Platform) -> &'static str {
 /// The oldest glibc that the Linux library runs on: that of Debian 10, Ubuntu 20.04 and RHEL 8.
 pub(super) const GLIBC: &str = "2.28";
 
-/// Builds it, or takes the one that is there.
+/// Builds the library, or takes the one that tests have built.
 pub(super) fn build(
     workspace: &Workspace,
     platform: Platform,
@@ -105,15 +105,15 @@ pub(super) fn build(
     Ok(Built { library: read(work.join(library))?, debug: read(work.join(debug))?, import, unity })
 }
 
-/// Compiles it for hosts' users; the folder of what came out.
+/// Compiles the library for release; returns the output folder.
 fn compile(workspace: &Workspace, platform: Platform, moment: Timestamp) -> Result<PathBuf, String> {
     let console = Console::new();
-    // Compiled with other flags than everything else, it would replace what is there.
+    // It has other flags than all other builds, and would replace their files.
     let apart = workspace.target.join("dist").join("build");
     tools::rust_target(platform.triple(), &console).map_err(|e| e.to_string())?;
     let (verb, target) = match platform {
         Platform::Windows => ("build", platform.triple().to_owned()),
-        // Linked with stand-ins of an older C library than this machine's.
+        // Linked with stubs of an older C library than this machine's.
         Platform::Linux => ("zigbuild", format!("{}.{GLIBC}", platform.triple())),
     };
     let mut command = workspace.cargo([verb, "--release", "--package", "cairn", "--lib", "--target", &target]);
@@ -132,11 +132,11 @@ fn compile(workspace: &Workspace, platform: Platform, moment: Timestamp) -> Resu
     Ok(apart.join(platform.triple()).join("release"))
 }
 
-/// A library that is Cairn's whole: what an `rlib` exports to C, a library made of it does too.
+/// A library that re-exports all of Cairn: a `cdylib` made of an `rlib` also exports the `rlib`'s C functions.
 const NOTHING: &str = "extern crate cairn as _;\n";
 
-/// Links what tests have compiled as [`compile`] links it; the folder of what came out. Compiled code knows nothing of the C library's
-/// age, so that only the last step is another.
+/// Links the `rlib` that tests have compiled as [`compile`] links it; returns the output folder. Compiled code does not depend on the C
+/// library's version, so only the link step differs.
 fn link(workspace: &Workspace, work: &Path) -> Result<PathBuf, String> {
     let write = |name: &str, text: &str| {
         let path = work.join(name);
@@ -162,7 +162,7 @@ fn link(workspace: &Workspace, work: &Path) -> Result<PathBuf, String> {
     Ok(linked)
 }
 
-/// Lets a file be run.
+/// Makes a file executable.
 fn executable(file: &Path) -> std::io::Result<()> {
     #[cfg(unix)]
     {
@@ -172,19 +172,19 @@ fn executable(file: &Path) -> std::io::Result<()> {
     fs::metadata(file).map(drop)
 }
 
-/// Flags that have the compiler name every source the same, wherever the clone and cargo's sources lie; separated as
-/// `CARGO_ENCODED_RUSTFLAGS` wants it.
+/// Compiler flags that make source paths the same wherever the repository and cargo's sources are; separated as in
+/// `CARGO_ENCODED_RUSTFLAGS`.
 fn flags(workspace: &Workspace) -> Result<String, String> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
     let home = home.or_else(|| std::env::home_dir().map(|home| home.join(".cargo"))).ok_or("no home directory")?;
     let remap = |from: &Path, to: &str| format!("--remap-path-prefix={}={to}", from.display());
-    // The later of two that fit is taken, and the clone may lie below the home.
+    // The last matching flag wins, and the repository may be below the home directory.
     Ok([remap(&home, "cargo"), remap(&workspace.root, "cairn")].join("\u{1f}"))
 }
 
-/// Takes out symbols that are other ones in every build, and that nobody looks for. LLVM numbers what it shares among parts of a crate by
-/// how the compiler wrote these down, which is not always the same; debug information has the names without numbers. And `dlltool`
-/// calls the import libraries that rustc makes while it compiles by where they lay; such a symbol names no code.
+/// Strips symbols that differ from build to build and that nothing needs. LLVM numbers what it shares among parts of a crate in the order
+/// in which the compiler emitted them, which can vary; debug information has the names without numbers. And `dlltool` names symbols of
+/// rustc's temporary import libraries after their paths; such a symbol names no code.
 const PASSING: [&str; 4] = [
     "--wildcard",
     "--strip-symbol=*.llvm.[0-9]*",
@@ -192,13 +192,13 @@ const PASSING: [&str; 4] = [
     "--strip-symbol=_head_*_dll_imports_lib",
 ];
 
-/// Puts the library without its debug information into `work`, and that information beside it. A Windows file tells when it was
-/// made: at `moment`.
+/// Writes the stripped library into `work`, and its debug information beside it. `moment` is the time stamp that a Windows file
+/// contains.
 fn split(platform: Platform, library: &Path, work: &Path, moment: Timestamp) -> Result<(), String> {
     let program = objcopy(platform);
     let [name, debug] = names(platform);
     let run = |arguments: &[&str], files: &[&Path]| {
-        // The link names the other file as it is given: in its own folder it is a name alone.
+        // The debug link stores the path as given, so the file is named relative to its own folder.
         let mut command = Command::new(program);
         command.args(PASSING).args(arguments).args(files).current_dir(work).env(EPOCH, moment.as_second().to_string());
         pass_through(&mut command)
@@ -222,13 +222,13 @@ fn import_library(name: &str, dll: &[u8]) -> Result<Vec<u8>, String> {
     Ok(bytes.into_inner())
 }
 
-/// Names of what a DLL exports.
+/// Names of a DLL's exports.
 pub(crate) fn exports<'data>(dll: impl ReadRef<'data>) -> Result<Vec<String>, String> {
     let file = PeFile64::parse(dll).map_err(|e| format!("the built library is no DLL: {e}"))?;
     let failed = |e: object::read::Error| format!("the DLL's exports: {e}");
     let mut names = Vec::new();
     for export in file.exports().map_err(failed)? {
-        // What has a number only is no function of ours.
+        // An export with an ordinal only is not one of our functions.
         if let NameOrOrdinal::Name(name) = export.map_err(failed)?.name() {
             names.push(String::from_utf8_lossy(name).into_owned());
         }

@@ -1,4 +1,4 @@
-//! `cargo xtask dist`: archives and Python wheels that a project takes Cairn from, byte for byte the same of the same commit and compiler.
+//! `cargo xtask dist`: archives and Python wheels for users, byte for byte the same for the same commit and compiler.
 
 mod archive;
 mod contents;
@@ -26,7 +26,7 @@ pub(crate) use library::{Source, exports};
 use tree::Tree;
 pub(crate) use unreal::{PLUGIN as UNREAL, assemble as assemble_unreal};
 
-/// What an archive is for.
+/// The platform that an archive is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Platform {
     /// Windows 10 and 11 on x86-64
@@ -47,7 +47,7 @@ impl Platform {
         }
     }
 
-    /// As rustc names it.
+    /// The target triple as rustc names it.
     fn triple(self) -> &'static str {
         match self {
             Self::Windows => provision::tools::WINDOWS_TARGET,
@@ -56,7 +56,7 @@ impl Platform {
     }
 }
 
-/// What is made for a platform.
+/// What to make for a platform.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Parts {
     /// Archives and Python wheels.
@@ -65,10 +65,10 @@ pub(crate) enum Parts {
     Wheels,
 }
 
-/// Where the list of the archives' sums stands beside them.
+/// File name of the list of the archives' checksums, beside them.
 const SUMS: &str = "SHA256SUMS";
 
-/// Builds the library and packs what `options` choose; tells what came of it.
+/// Builds the library, packs what `options` choose, and prints the result.
 pub(crate) fn run(workspace: &Workspace, options: &DistOptions) -> Result<(), String> {
     let folder = options.out.clone().unwrap_or_else(|| workspace.target.join("dist"));
     let platforms = if options.platforms.is_empty() { &Platform::ALL[..] } else { &options.platforms };
@@ -88,7 +88,7 @@ pub(crate) struct Made {
     pub(crate) sha256: String,
 }
 
-/// Writes `parts` for `platforms` into `folder`, of each platform the wheel last; earlier ones of the same names are replaced.
+/// Writes `parts` for `platforms` into `folder`, the wheel last for each platform; existing files of the same names are replaced.
 pub(crate) fn make(
     workspace: &Workspace,
     platforms: &[Platform],
@@ -141,7 +141,7 @@ pub(crate) fn make(
     Ok(made)
 }
 
-/// What is in a library, itself first: crates, and what compilers put beside them. Its `debug` information tells of those.
+/// The components of a library, itself first: crates, and the compilers' runtime parts, which are found in its `debug` information.
 fn parts_of(workspace: &Workspace, platform: Platform, debug: &[u8]) -> Result<Vec<dependencies::Part>, String> {
     let mut parts = dependencies::of(workspace, platform)?;
     let runtimes = runtime::of(workspace, platform, debug)?;

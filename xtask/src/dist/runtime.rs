@@ -1,5 +1,5 @@
-//! What compilers put into a library besides crates: Rust's standard library, and the parts of C's and of the unwinder that are linked in.
-//! Which those are is read from the library's symbols, so that none goes unnamed.
+//! Components that compilers add to a library besides crates: Rust's standard library, and the linked parts of the C library and the
+//! unwinder. They are read from the library's symbols, so that none goes unnamed.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -16,17 +16,17 @@ use super::dependencies::{Kind, Part};
 use crate::shell::output;
 use crate::workspace::Workspace;
 
-/// Rust's own account of what its standard library is made of, with all notices, beside the page of parts.
+/// Rust's own list of its standard library's components, with all notices, beside the page of parts.
 pub(super) const RUST_NOTICES: &str = "THIRD-PARTY-RUST.html";
 
-/// The same, as bytes.
+/// The same file, as bytes.
 pub(super) fn rust_notices(workspace: &Workspace) -> Result<Vec<u8>, String> {
     let sysroot = output(Command::new("rustc").args(["--print", "sysroot"]).current_dir(&workspace.root))?;
     let page = Path::new(sysroot.trim()).join("share/doc/rust/COPYRIGHT-library.html");
     fs::read(&page).map_err(|e| format!("{}: {e}. Take Rust by rustup, which brings that page along", page.display()))
 }
 
-/// What a library has in it, by the symbols in the file with its `debug` information: the library itself has lost some.
+/// A library's runtime parts, from the symbols in its `debug` file: the library itself is stripped.
 pub(super) fn of(workspace: &Workspace, platform: Platform, debug: &[u8]) -> Result<Vec<Part>, String> {
     let mut parts = vec![standard_library(workspace)?];
     match platform {
@@ -59,16 +59,16 @@ fn standard_library(workspace: &Workspace) -> Result<Part, String> {
     Ok(part("rust-std", version, "MIT OR Apache-2.0", "https://github.com/rust-lang/rust", BTreeMap::new()))
 }
 
-/// What zig compiles out of its own sources while it links, and under what terms.
+/// Sources that zig compiles while it links, and their licence.
 struct Origin {
     name: &'static str,
     licence: &'static str,
     place: &'static str,
-    /// Of the sources.
+    /// Folder of the sources.
     folder: &'static str,
-    /// The file with the terms; where there is none, every source states them at its head.
+    /// The licence file; without one, every source states its licence in its first comment.
     terms: Option<&'static str>,
-    /// Words that the terms must have, so that others are not taken for them.
+    /// Text that the licence must contain, to recognise it.
     words: &'static str,
 }
 
@@ -91,7 +91,7 @@ const ORIGINS: [Origin; 2] = [
     },
 ];
 
-/// The parts that C `sources` in a library come from; one that is no file of a known origin is refused.
+/// The parts that the C `sources` in a library come from. A source of unknown origin is an error.
 fn of_zig(sources: &BTreeSet<String>, zig: &Path) -> Result<Vec<Part>, String> {
     let mut parts = Vec::new();
     let mut known = BTreeSet::new();
@@ -123,7 +123,7 @@ fn of_zig(sources: &BTreeSet<String>, zig: &Path) -> Result<Vec<Part>, String> {
     }
 }
 
-/// Adds files below `folder` that have one of `names`.
+/// Adds files below `folder` whose name is in `names`.
 fn find(folder: &Path, names: &BTreeSet<String>, found: &mut Vec<PathBuf>) -> Result<(), String> {
     let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
     let entries = fs::read_dir(folder).map_err(failed)?.collect::<Result<Vec<_>, _>>().map_err(failed)?;
@@ -139,14 +139,14 @@ fn find(folder: &Path, names: &BTreeSet<String>, found: &mut Vec<PathBuf>) -> Re
     Ok(())
 }
 
-/// The comment that a source in C begins with, without its marks.
+/// The comment at the start of a C source, without its comment marks.
 fn head(source: &str) -> String {
     let comment =
         source.trim_start().strip_prefix("/*").and_then(|rest| rest.split_once("*/")).map_or("", |(text, _)| text);
     comment.lines().map(str::trim).collect::<Vec<_>>().join("\n").trim().to_owned()
 }
 
-/// Names of the sources in C, C++ and assembly that a Linux library was compiled from; Rust's have no such ending.
+/// Names of the C, C++ and assembly sources that a Linux library was compiled from; Rust's have no such extension.
 fn c_sources(debug: &[u8]) -> Result<BTreeSet<String>, String> {
     let file =
         ElfFile64::<object::Endianness>::parse(debug).map_err(|e| format!("the built library is no ELF file: {e}"))?;
@@ -162,10 +162,10 @@ fn c_sources(debug: &[u8]) -> Result<BTreeSet<String>, String> {
     Ok(names.into_iter().filter(is_c).collect())
 }
 
-/// Where Debian keeps MinGW-w64's notices.
+/// Path of MinGW-w64's notices on Debian.
 const MINGW_NOTICES: &str = "/usr/share/doc/mingw-w64-common/copyright";
 
-/// MinGW-w64's start files and helpers, and GCC's unwinder: their symbols must be there, since their linker took nothing else's.
+/// MinGW-w64's start files and helpers, and GCC's unwinder. Their symbols must be there: MinGW's linker takes no other runtime.
 fn of_mingw(debug: &[u8]) -> Result<Vec<Part>, String> {
     let file = PeFile64::parse(debug).map_err(|e| format!("the built library is no DLL: {e}"))?;
     let names: BTreeSet<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
@@ -195,7 +195,7 @@ fn of_mingw(debug: &[u8]) -> Result<Vec<Part>, String> {
 mod tests {
     use super::*;
 
-    /// Sources of zig, as far as they count here, in a folder of their own.
+    /// A folder with a small copy of zig's sources, as far as these tests need them.
     fn zig(name: &str, glibc: &str) -> PathBuf {
         let folder = std::env::temp_dir().join(format!("cairn-runtime-{name}-{}", std::process::id()));
         for (file, text) in [
@@ -247,7 +247,7 @@ mod tests {
 
     #[test]
     fn a_library_tells_which_sources_of_c_it_has() {
-        // This program itself: it is linked with the C library's start files, or with none that names a source.
+        // This program itself: its C start files may or may not name a source.
         let own = std::env::current_exe().unwrap();
         if cfg!(target_os = "linux") {
             let sources = c_sources(&fs::read(own).unwrap()).unwrap();

@@ -15,12 +15,13 @@ use sha2::{Digest, Sha256};
 
 use super::dependencies::Part;
 
-/// Its name in an archive.
+/// File name in an archive.
 pub(super) const NAME: &str = "cairn.cdx.json";
 
 const VERSION: SpecVersion = SpecVersion::V1_5;
 
-/// The bill of `parts`, the first of which is what is billed. The same parts make the same bill: its number is made of them.
+/// The bill of `parts`, the first of which is the library itself. The serial number is computed from the parts, so the same parts make
+/// the same bill.
 pub(super) fn write(parts: &[Part], moment: Timestamp) -> Result<Vec<u8>, String> {
     let failed = |e: &dyn std::fmt::Display| format!("the bill of materials: {e}");
     let (own, others) = parts.split_first().ok_or("a library of no parts")?;
@@ -62,14 +63,14 @@ fn component(part: &Part) -> Result<Component, String> {
         .sha256
         .as_ref()
         .map(|sum| Hashes(vec![Hash { alg: HashAlgorithm::SHA_256, content: HashValue(sum.clone()) }]));
-    // Where it is not a web address, it is left out.
+    // An address that is not a URL is left out.
     let place = part.repository.clone().and_then(|place| Address::try_from(place).ok());
     component.external_references = place
         .map(|place| ExternalReferences(vec![ExternalReference::new(ExternalReferenceType::Vcs, Uri::Url(place))]));
     Ok(component)
 }
 
-/// A number of version 8, which RFC 9562 leaves to who makes it: here of a digest of names and versions.
+/// A UUID of version 8, whose content RFC 9562 leaves to the implementer: here a digest of names and versions.
 fn number(parts: &[Part]) -> String {
     let mut digest = Sha256::new();
     for part in parts {

@@ -6,26 +6,27 @@ use std::path::Path;
 
 use crate::workspace::Workspace;
 
-/// Files by their paths, with `/`, below the archive's one folder, where it has one. Sorted, so that archives do not depend on the order they came in.
+/// Files by their paths, with `/`, below the archive's top folder if it has one. Sorted, so that an archive does not depend on insertion
+/// order.
 pub(super) struct Tree {
     name: String,
-    /// Before every path.
+    /// Prefix of every path.
     folder: String,
     files: BTreeMap<String, Vec<u8>>,
 }
 
 impl Tree {
-    /// An empty one, whose folder has that name.
+    /// An empty tree with a top folder of that name.
     pub(super) fn new(name: String) -> Self {
         Self { folder: format!("{name}/"), name, files: BTreeMap::new() }
     }
 
-    /// An empty one of a name, whose files lie in no folder.
+    /// An empty tree of that name, without a top folder.
     pub(super) fn without_folder(name: String) -> Self {
         Self { folder: String::new(), name, files: BTreeMap::new() }
     }
 
-    /// Of the one folder, and so of the archive without its ending; of what has no folder the whole name.
+    /// Name of the top folder, and so of the archive without its extension; without a top folder the whole file name.
     pub(super) fn name(&self) -> &str {
         &self.name
     }
@@ -39,18 +40,18 @@ impl Tree {
         }
     }
 
-    /// Adds a file of this machine.
+    /// Adds a file from this machine's disk.
     pub(super) fn add_file(&mut self, path: impl Into<String>, from: &Path) -> Result<(), String> {
         self.add(path, fs::read(from).map_err(|e| format!("{}: {e}", from.display()))?)
     }
 
-    /// Adds what is there under another name once more.
+    /// Copies an existing entry to another path.
     pub(super) fn copy(&mut self, from: &str, to: String) -> Result<(), String> {
         let bytes = self.files.get(from).ok_or_else(|| format!("{} has no {from}", self.name))?.clone();
         self.add(to, bytes)
     }
 
-    /// Adds the clone's files whose names start with `prefix` and that `wanted` takes, under the names they have there.
+    /// Adds the repository's files whose paths start with `prefix` and that `wanted` accepts, at the same paths.
     pub(super) fn add_clone(
         &mut self,
         workspace: &Workspace,
@@ -65,8 +66,8 @@ impl Tree {
         files.into_iter().try_for_each(|file| self.add_file(file.clone(), &workspace.root.join(&file)))
     }
 
-    /// Lets links in pages lead to where the archive has their targets, and makes plain words of those to what it does not have. `moved` are
-    /// folders that lie elsewhere than in the clone: there and here.
+    /// Adjusts links in pages to the archive's paths; a link to a file that the archive lacks becomes plain text. `moved` has pairs of
+    /// folders: path in the repository, path in the archive.
     pub(super) fn relink(&mut self, moved: &[(&str, &str)]) {
         let pages: Vec<String> = self.files.keys().filter(|path| path.ends_with(".md")).cloned().collect();
         for page in pages {
@@ -83,7 +84,7 @@ impl Tree {
         }
     }
 
-    /// Whether it has that file or folder.
+    /// Whether the tree has that file or folder.
     fn has(&self, path: &str) -> bool {
         let path = path.trim_end_matches('/');
         let is_below = |file: &String| file.strip_prefix(path).is_some_and(|rest| rest.starts_with('/'));
@@ -95,13 +96,13 @@ impl Tree {
                 .any(|(file, _)| is_below(file))
     }
 
-    /// In order: the path with the folder before it, and what is in it.
+    /// All files in order: path with the top folder, and contents.
     pub(super) fn files(&self) -> impl Iterator<Item = (String, &[u8])> {
         self.files.iter().map(|(path, bytes)| (format!("{}{path}", self.folder), bytes.as_slice()))
     }
 }
 
-/// A path that a page of `folder` links to, from the root; none where it leads out of that.
+/// Resolves a link in a page of `folder` to a path from the root; `None` if it leads out of the root.
 pub(crate) fn joined(folder: &str, target: &str) -> Option<String> {
     let mut parts: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
     for part in target.split('/') {
@@ -114,13 +115,13 @@ pub(crate) fn joined(folder: &str, target: &str) -> Option<String> {
     Some(parts.join("/"))
 }
 
-/// A path with the folder it begins with, where it is the first of a pair, replaced by the second.
+/// Replaces the path's prefix that is the first of a pair by the second.
 fn renamed<'a>(path: &str, mut folders: impl Iterator<Item = (&'a str, &'a str)>) -> String {
     let found = folders.find_map(|(from, to)| Some(format!("{to}{}", path.strip_prefix(from)?)));
     found.unwrap_or_else(|| path.to_owned())
 }
 
-/// How a page of `folder` links to a path from the root.
+/// The relative link from a page of `folder` to a path from the root.
 fn relative(folder: &str, path: &str) -> String {
     let folder: Vec<&str> = folder.split('/').filter(|part| !part.is_empty()).collect();
     let path: Vec<&str> = path.split('/').collect();
@@ -129,13 +130,13 @@ fn relative(folder: &str, path: &str) -> String {
     up.chain(path[shared..].iter().copied()).collect::<Vec<_>>().join("/")
 }
 
-/// A page whose Markdown links to files that are not there are their words alone; pictures that are not there are left out. Links into
-/// the page itself and to other sites stay.
+/// Replaces Markdown links to missing files by their text, and removes images that are missing. Links into the page itself and to other
+/// sites stay.
 pub(crate) fn without_dead_links(text: &str, exists: impl Fn(&str) -> bool) -> String {
     relinked(text, |path| exists(path).then(|| path.to_owned()))
 }
 
-/// The same, where `lead` says what leads to a file, if anything does.
+/// The same; `lead` returns the new target of a link, or `None` if there is none.
 fn relinked(text: &str, lead: impl Fn(&str) -> Option<String>) -> String {
     let mut kept = String::with_capacity(text.len());
     let mut rest = text;

@@ -1,4 +1,4 @@
-//! The package for Unity: its own files, the C# binding as it is, the plugin, and what Unity keeps beside every file.
+//! The package for Unity: its own files, the C# binding unchanged, the plugin, and Unity's `.meta` file beside every file.
 
 use provision::Console;
 use sha2::{Digest, Sha256};
@@ -7,22 +7,22 @@ use super::contents::TERMS;
 use super::tree::Tree;
 use crate::workspace::Workspace;
 
-/// Where the package's own files lie.
+/// Folder of the package's own files.
 pub(crate) const PACKAGE: &str = "bindings/unity/";
 
-/// Where the archive has the package.
+/// Folder of the package in the archive.
 pub(super) const FOLDER: &str = "unity/com.cairn.unity/";
 
-/// Where native plugins for Windows on x86-64 lie in a package.
+/// Folder of native plugins for Windows on x86-64 in a package.
 const PLUGINS: &str = "Plugins/x86_64/";
 
-/// What of [`PACKAGE`] is the package: all but the plugin's sources, tests, and the page that is about them.
+/// Whether a file below [`PACKAGE`] is part of the package: all but the plugin's sources, tests, and their page.
 pub(crate) fn is_package(file: &str) -> bool {
     file.strip_prefix(PACKAGE)
         .is_some_and(|file| !file.starts_with("plugin/") && !file.starts_with("tests/") && file != "README.md")
 }
 
-/// Adds the package to an archive that has the library's terms; with `runtimes`, Microsoft's libraries beside the plugin.
+/// Adds the package to an archive that already has the licence files; with `runtimes`, also Microsoft's libraries beside the plugin.
 pub(super) fn add(tree: &mut Tree, workspace: &Workspace, plugin: &[u8], runtimes: bool) -> Result<(), String> {
     let mut files = Vec::new();
     for file in workspace.files()? {
@@ -35,7 +35,7 @@ pub(super) fn add(tree: &mut Tree, workspace: &Workspace, plugin: &[u8], runtime
         files.push((name, std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?));
     }
     let place = workspace.root.join("samples/worlds/place.ppm");
-    // Unity knows no such pictures; what ends like this it hands on as it is.
+    // Unity cannot import PPM; it passes `.bytes` files on unchanged.
     let picture = std::fs::read(&place).map_err(|e| format!("{}: {e}", place.display()))?;
     files.push(("Samples~/Walk/Place.bytes".to_owned(), picture));
     files.push((format!("{PLUGINS}cairn_unity.dll"), plugin.to_vec()));
@@ -55,8 +55,8 @@ pub(super) fn add(tree: &mut Tree, workspace: &Workspace, plugin: &[u8], runtime
     files.into_iter().try_for_each(|(name, bytes)| tree.add(format!("{FOLDER}{name}"), bytes))
 }
 
-/// Unity's descriptions of a package's files and folders, without which it leaves files of an installed package out. What has a name
-/// that ends in `~` Unity does not look into.
+/// `.meta` files of a package's files and folders; Unity ignores files of an installed package that lack one. Unity does not read folders
+/// whose name ends in `~`.
 fn descriptions<'a>(files: impl Iterator<Item = &'a str>) -> Vec<(String, String)> {
     let mut made = std::collections::BTreeMap::new();
     for file in files {
@@ -74,14 +74,14 @@ fn descriptions<'a>(files: impl Iterator<Item = &'a str>) -> Vec<(String, String
     made.into_iter().collect()
 }
 
-/// What Unity knows a file by in every project: of its name, so that it is the same in every release.
+/// A `.meta` file. Its GUID is a digest of the path, so that it is the same in every release.
 fn description(name: &str, importer: &str) -> String {
     let digest = Sha256::digest(format!("com.cairn.unity/{name}"));
     let guid: String = digest.iter().take(16).map(|byte| format!("{byte:02x}")).collect();
     format!("fileFormatVersion: 2\nguid: {guid}\n{importer}")
 }
 
-/// How Unity takes a file in.
+/// The importer settings for a file.
 fn importer(file: &str) -> &'static str {
     match file.rsplit('.').next().unwrap_or_default() {
         "cs" => {
@@ -95,7 +95,7 @@ fn importer(file: &str) -> &'static str {
     }
 }
 
-/// A native library for the editor and for players on Windows.
+/// Settings of a native library for the editor and for players on Windows.
 macro_rules! native {
     ($preloaded:literal) => {
         concat!(
@@ -109,7 +109,7 @@ macro_rules! native {
     };
 }
 
-/// Loaded when Unity starts, so that it is there before the graphics device.
+/// Loaded when Unity starts, so that it is loaded before the graphics device is created.
 const PRELOADED: &str = native!("1");
 const LIBRARY: &str = native!("0");
 

@@ -1,4 +1,4 @@
-//! The plugin for Unreal Engine, whole: what the clone has of it, and the library where its build files look for it.
+//! The whole plugin for Unreal Engine: its sources from the repository, and the library where its build files expect it.
 
 use std::fs;
 use std::path::Path;
@@ -7,15 +7,15 @@ use super::contents::TERMS;
 use super::tree::Tree;
 use crate::workspace::Workspace;
 
-/// In the clone: the binding with its page, and the plugin in it.
+/// Folder in the repository: the binding with its page, and the plugin in it.
 pub(super) const SOURCE: &str = "bindings/unreal/";
 pub(crate) const PLUGIN: &str = "bindings/unreal/Cairn/";
 
-/// In an archive.
+/// Folder in an archive.
 pub(super) const FOLDER: &str = "unreal/";
 const PLACE: &str = "unreal/Cairn/";
 
-/// What the library is to a plugin: name in the archive, and name in the plugin.
+/// Files of the library that the plugin needs: path in the archive, and path in the plugin.
 pub(crate) const FILLED: [(&str, &str); 5] = [
     ("include/cairn.h", "Source/ThirdParty/CairnLibrary/include/cairn.h"),
     ("include/cairn.hpp", "Source/ThirdParty/CairnLibrary/include/cairn.hpp"),
@@ -24,8 +24,8 @@ pub(crate) const FILLED: [(&str, &str); 5] = [
     ("bin/cairn.dll", "Binaries/ThirdParty/Cairn/Win64/cairn.dll"),
 ];
 
-/// Adds the plugin to an archive that has the library and its terms. Microsoft's libraries are in
-/// the archive once, and who takes the plugin puts them beside it.
+/// Adds the plugin to an archive that has the library and its licence files. The archive has Microsoft's libraries once; users of the
+/// plugin put them beside it.
 pub(super) fn add(workspace: &Workspace, tree: &mut Tree, import: &[u8]) -> Result<(), String> {
     for file in workspace.files()?.iter().filter(|file| file.starts_with(PLUGIN)) {
         let path = file.replacen(PLUGIN, PLACE, 1);
@@ -38,7 +38,7 @@ pub(super) fn add(workspace: &Workspace, tree: &mut Tree, import: &[u8]) -> Resu
     tree.add(format!("{PLACE}Source/ThirdParty/CairnLibrary/lib/cairn.lib"), import)
 }
 
-/// Puts the plugin together in a folder, from the clone and a library that was built.
+/// Assembles the plugin in a folder, from the repository and a built library.
 pub(crate) fn assemble(workspace: &Workspace, library: &Path, folder: &Path) -> Result<(), String> {
     let copy = |from: &Path, to: &str| {
         let to = folder.join(to);

@@ -1,6 +1,6 @@
-//! Python wheels: the package with the library beside its modules, written as the packaging specifications say
-//! <https://packaging.python.org/en/latest/specifications/binary-distribution-format/>. What it says of itself stands in the package's
-//! `pyproject.toml`, as for everyone who builds it.
+//! Python wheels: the package with the library beside its modules, as the packaging specifications require
+//! <https://packaging.python.org/en/latest/specifications/binary-distribution-format/>. The metadata comes from the package's
+//! `pyproject.toml`.
 
 use std::fmt::Write as _;
 
@@ -21,7 +21,7 @@ const PROJECT: &str = "bindings/python/pyproject.toml";
 const PACKAGE: &str = "bindings/python/cairn/";
 const README: &str = "bindings/python/README.md";
 
-/// What a wheel is for, as its name says: any Python of the platform.
+/// The wheel's compatibility tag: any Python 3 on the platform.
 pub(super) fn tag(platform: Platform) -> String {
     let system = match platform {
         Platform::Windows => "win_amd64".to_owned(),
@@ -35,7 +35,7 @@ pub(super) fn name(version: &str, platform: Platform) -> String {
     format!("cairn-{version}-{}.whl", tag(platform))
 }
 
-/// Everything in the wheel of a platform.
+/// All files of a platform's wheel.
 pub(super) fn of(
     workspace: &Workspace,
     platform: Platform,
@@ -65,7 +65,7 @@ pub(super) fn of(
     tree.add(format!("{info}/licenses/{}", dependencies::PAGE), dependencies::page(parts))?;
     tree.add(format!("{info}/licenses/{RUST_NOTICES}"), runtime::rust_notices(workspace)?)?;
     tree.add(format!("{info}/sboms/{}", sbom::NAME), bill)?;
-    // Nothing that the page links to is in a wheel.
+    // A wheel has none of the files that the page links to.
     let page = tree::without_dead_links(&workspace.read(README)?, |_| false);
     let texts = [&licences[..], &[dependencies::PAGE, RUST_NOTICES]].concat();
     tree.add(format!("{info}/METADATA"), project.metadata(&texts, &page))?;
@@ -78,7 +78,7 @@ pub(super) fn of(
     Ok(tree)
 }
 
-/// Every file with its sum and size; the list itself has none.
+/// Every file with its hash and size; `RECORD` itself has neither.
 fn record(tree: &Tree, own: &str) -> String {
     let mut lines = String::new();
     for (path, bytes) in tree.files() {
@@ -89,7 +89,7 @@ fn record(tree: &Tree, own: &str) -> String {
     lines
 }
 
-/// What the package's project file says.
+/// The package's project file.
 #[derive(Debug, Default)]
 struct Project {
     name: String,
@@ -98,13 +98,13 @@ struct Project {
     requires_python: String,
     license: String,
     dependencies: Vec<String>,
-    /// Words for more, with what each asks for.
+    /// Extras by name, with their requirements.
     extras: Vec<(String, Vec<String>)>,
     scripts: Vec<(String, String)>,
 }
 
 impl Project {
-    /// A word that is not known here is refused, since a wheel would not have it.
+    /// Refuses an unknown key, since the wheel would lack it.
     fn of(file: &Table) -> Result<Self, String> {
         let table = file.get("project").and_then(Value::as_table).ok_or_else(|| format!("{PROJECT} has no project"))?;
         let mut project = Self::default();
@@ -135,7 +135,7 @@ impl Project {
         Ok(project)
     }
 
-    /// As <https://packaging.python.org/en/latest/specifications/core-metadata/> has it.
+    /// The `METADATA` file <https://packaging.python.org/en/latest/specifications/core-metadata/>.
     fn metadata(&self, licences: &[&str], page: &str) -> String {
         let Self { name, version, description, requires_python, license, .. } = self;
         let mut text = format!(

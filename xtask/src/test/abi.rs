@@ -1,5 +1,5 @@
-//! The C interface: header and record are those of the sources, every compiler takes the header, the library exports what it
-//! declares, and C programs find it to work as it says, as does one in C++.
+//! The C interface: the header and the record match the sources, every compiler accepts the header, the library exports what the header
+//! declares, and C programs and one C++ program verify the documented behaviour.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -15,20 +15,20 @@ use crate::abi::declarations::{self, Declarations};
 use crate::abi::{header, record};
 use crate::shell::{Ended, Log, output};
 
-/// What every compiler is told.
+/// Warning flags for every compiler.
 pub(super) const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"];
 
 /// C programs that run against the library; each is a file of `tests/abi`.
 const PROGRAMS: &str = "tests/abi";
 
-/// Those that have a longer form, which `CAIRN_THOROUGH` asks for.
+/// Programs that have a longer form, enabled by `CAIRN_THOROUGH`.
 const LONGER: [&str; 2] = ["tests/abi/fail_nth.c", "tests/abi/fuzz_calls.c"];
 
-/// The table of every function, which hostile callers play.
+/// The table of all functions that the hostile test programs call.
 const CALLS: &str = "tests/abi/calls.h";
 
-/// Headers that hosts may have been compiled with, by their folder in `tests/abi/earlier`, and programs that must run with
-/// them still.
+/// Earlier headers that hosts may have been compiled with, by their folder in `tests/abi/earlier`, and the programs that must still run
+/// with them.
 const EARLIER: [(&str, &[&str]); 1] = [("2", &["basics", "world", "input", "rollout"])];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
@@ -60,7 +60,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// The longer forms of the C programs that have one.
+/// Runs the longer forms of the C programs that have one.
 pub(super) fn run_longer(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let work = context.workspace.target.join("xtask").join("abi");
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
@@ -70,13 +70,13 @@ pub(super) fn run_longer(context: &Context<'_>, log: &mut Log) -> Result<Tally, 
     Ok(tally)
 }
 
-/// The first change of the record, in the history there is or since the last commit, that breaks hosts under an old number.
+/// The first change of the record, in the available history or since the last commit, that breaks hosts without a new ABI version.
 fn broken_promise(workspace: &crate::workspace::Workspace, now: &str) -> Result<Option<String>, String> {
     let git = |arguments: &[&str]| output(Command::new("git").args(arguments).current_dir(&workspace.root));
     let history = git(&["log", "--first-parent", "--format=%h", "--", record::RECORD])?;
     let mut newer = ("the working tree".to_owned(), now.to_owned());
     for commit in history.lines() {
-        // A commit that removed the file has nothing to show.
+        // A commit that removed the file has no older version to compare.
         let Ok(older) = git(&["show", &format!("{commit}:{}", record::RECORD)]) else { break };
         if let Some(line) = record::break_of_promise(&older, &newer.1) {
             return Ok(Some(format!("{} drops \"{line}\" and leaves CAIRN_ABI_VERSION as it was", newer.0)));
@@ -86,15 +86,15 @@ fn broken_promise(workspace: &crate::workspace::Workspace, now: &str) -> Result<
     Ok(None)
 }
 
-/// A compiler of the matrix.
+/// A compiler to test with.
 pub(super) struct Compiler {
     pub(super) program: PathBuf,
-    /// What comes before everything else.
+    /// Arguments that come before all others.
     pub(super) first: &'static [&'static str],
     pub(super) cpp: bool,
 }
 
-/// Every compiler there should be; those that cannot be had are skipped by name.
+/// All compilers to test with; a missing one is skipped by name.
 pub(super) fn matrix(tally: &mut Tally) -> Vec<Compiler> {
     let console = Console::new();
     let mut all = Vec::new();
@@ -132,7 +132,7 @@ fn compilers(
         let path = work.join(name);
         fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display())).map(|()| path)
     };
-    // Twice, as two headers of a host may; and by itself, before any other.
+    // Included twice, as two headers of a host may do, and before any other header.
     let alone = "#include \"cairn.h\"\n#include \"cairn.h\"\n\nint cairn_test_header(void);\n\
                  int cairn_test_header(void)\n{\n    return CAIRN_ABI_VERSION + CAIRN_ERROR_INTERNAL;\n}\n";
     let c = [
@@ -180,14 +180,14 @@ fn c_compiler() -> Command {
     command
 }
 
-/// The shared library, built as cargo's tests have it.
+/// The shared library as cargo's tests build it.
 pub(super) fn library(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
     context.build_programs(log)?;
     let (prefix, suffix) = (std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
     Ok(context.workspace.target.join("debug").join(format!("{prefix}cairn{suffix}")))
 }
 
-/// What the library exports and the header does not declare, or the other way round.
+/// Functions that the library exports and the header does not declare, or the other way round.
 fn exports(library: &Path, declared: &Declarations) -> Result<Option<String>, String> {
     let symbols = output(Command::new("nm").args(["-D", "--defined-only", "--format=posix"]).arg(library))?;
     let exported: BTreeSet<&str> = symbols.lines().filter_map(|line| line.split(' ').next()).collect();
@@ -196,7 +196,7 @@ fn exports(library: &Path, declared: &Declarations) -> Result<Option<String>, St
     Ok((!wrong.is_empty()).then(|| format!("exported or declared, but not both: {}", wrong.join(", "))))
 }
 
-/// The functions that can refuse something and that no hostile caller is told of.
+/// Functions that can return an error and have no row in the table of the hostile test programs.
 fn without_row(declared: &Declarations, calls: &str) -> Option<String> {
     let refuses = declared.functions.iter().filter(|function| function.prototype.starts_with("cairn_result "));
     let missing: Vec<_> = refuses
@@ -206,13 +206,13 @@ fn without_row(declared: &Declarations, calls: &str) -> Option<String> {
     (!missing.is_empty()).then(|| format!("{CALLS} has no row for {}", missing.join(", ")))
 }
 
-/// Whether what follows the macro's name, such as `(cairn_version, ...)`, is the row of `name`.
+/// Whether the text after the macro's name, such as `(cairn_version, ...)`, is the row of `name`.
 fn is_row(row: &str, name: &str) -> bool {
     row.strip_prefix('(').and_then(|row| row.strip_prefix(name)).is_some_and(|rest| rest.starts_with([',', ')']))
 }
 
-/// Compiles and runs every C program against the library, and some as hosts that were compiled with an earlier header. Each
-/// prints a line for every test, as Rust's do.
+/// Compiles and runs every C program against the library, and some of them also with an earlier header. Each
+/// prints one line per test, as Rust's test programs do.
 fn programs(
     context: &Context<'_>,
     log: &mut Log,
@@ -274,7 +274,7 @@ fn programs(
     Ok(())
 }
 
-/// Counts the lines that a program printed for its tests.
+/// Counts the test results that a program printed.
 pub(super) fn count(name: &str, ended: &Ended, tally: &mut Tally) {
     let (mut passed, mut failed) = (0, 0);
     for line in ended.output.lines() {
@@ -290,7 +290,7 @@ pub(super) fn count(name: &str, ended: &Ended, tally: &mut Tally) {
     tally.check(broken.then(|| format!("{name} ended before its tests did")));
 }
 
-/// The ONNX Runtime that programs can look into.
+/// The ONNX Runtime shim whose internals test programs can read.
 fn shim(context: &Context<'_>, log: &mut Log, work: &Path) -> Result<PathBuf, String> {
     let library = work.join("libonnxruntime-shim.so");
     let mut command = c_compiler();

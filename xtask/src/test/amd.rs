@@ -1,5 +1,5 @@
-//! With AMD's own libraries and without: what runs on Direct3D 12 is run both ways where `CAIRN_FFX_DIR` names their folder, and
-//! without them where it does not.
+//! Runs with and without AMD's own libraries: tests on Direct3D 12 run both ways if `CAIRN_FFX_DIR` names the libraries' folder, and
+//! else without them only.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,21 +10,21 @@ use super::tally::{Skip, Tally};
 
 /// The folder of AMD's own libraries, which may not be redistributed.
 const VARIABLE: &str = "CAIRN_FFX_DIR";
-/// Has tools load what AMD has not signed.
+/// Makes tools load libraries that AMD has not signed.
 const UNSIGNED: &str = "CAIRN_FFX_UNSIGNED";
 
 /// Which of AMD's libraries a program finds.
 #[derive(Debug, Clone)]
 pub(super) enum Amd {
     None,
-    /// AMD's own, signed, in that folder.
+    /// AMD's own signed libraries in that folder.
     Own(PathBuf),
-    /// A double in that folder.
+    /// A test double in that folder.
     Double(PathBuf),
 }
 
 impl Amd {
-    /// AMD's own libraries, where this machine has them.
+    /// AMD's own libraries, if this machine has them.
     pub(super) fn own() -> Result<Option<Self>, String> {
         let folder = std::env::var_os(VARIABLE).filter(|folder| !folder.is_empty()).map(PathBuf::from);
         folder
@@ -33,8 +33,8 @@ impl Amd {
             .map_err(|e| format!("{VARIABLE}: {e}"))
     }
 
-    /// Runs something with AMD's own libraries beside another library, where a plugin for an engine looks for them, and with none there
-    /// otherwise: plugins read no variable.
+    /// Runs something with AMD's own libraries in a library's folder, where an engine's plugin looks for them, or with none there: plugins
+    /// read no environment variable.
     pub(super) fn beside<T>(&self, folder: &Path, run: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
         take_away(folder)?;
         if let Self::Own(own) = self {
@@ -48,7 +48,7 @@ impl Amd {
         ran
     }
 
-    /// Has a command find these libraries and no others.
+    /// Makes a command find these libraries and no others.
     pub(super) fn provide(&self, command: &mut Command) {
         command.env_remove(VARIABLE).env_remove(UNSIGNED);
         match self {
@@ -63,7 +63,7 @@ impl Amd {
     }
 }
 
-/// Files in a folder that are called as AMD's libraries are.
+/// Files in a folder that have the names of AMD's libraries.
 fn of_amd(folder: &Path) -> Result<Vec<PathBuf>, String> {
     let entries = fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let names = entries.flatten().map(|entry| entry.path());
@@ -82,7 +82,7 @@ fn take_away(folder: &Path) -> Result<(), String> {
 }
 
 impl Context<'_> {
-    /// Runs something without AMD's libraries, and where they are there once more with them. That they are not is named once.
+    /// Runs something without AMD's libraries, and again with them if this machine has them. Their absence is reported once.
     pub(super) fn with_and_without_amd(
         &self,
         tally: &mut Tally,

@@ -1,6 +1,6 @@
-//! What a stranger has from the Windows archive in the first minute: from what was unpacked alone, and with nothing in the environment, hosts
-//! of every kind show a picture of the world inside the library, and end well. Where this machine has AMD's own libraries they do it once more
-//! with those beside the library. How long each takes is in the log.
+//! A first run from the Windows archive: with the unpacked files alone, and with an empty environment, hosts of every kind show a picture
+//! of the embedded world and exit cleanly. If this machine has AMD's own libraries, they run again with those beside the library. The log
+//! has the time that each takes.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,13 +14,13 @@ use super::tally::{Skip, Tally};
 use super::{Context, csharp, lab, unreal};
 use crate::shell::Log;
 
-/// The sample's frames.
+/// Number of frames that the sample makes.
 const FRAMES: usize = 6;
 
 const CSHARP: &str = "tests/host/Picture.cs";
 
-/// Runs a host in C++, which was built from the archive, a program in C#, a Unity and an Unreal Engine of the tests'. The wheel's turn is in
-/// the runner of wheels.
+/// Runs a C++ host built from the archive, a C# program, the test host for Unity and the test engine for Unreal. The wheels' runner tests
+/// the wheel.
 pub(super) fn run(
     context: &Context<'_>,
     log: &mut Log,
@@ -39,20 +39,20 @@ pub(super) fn run(
 
 struct Hosts<'a> {
     context: &'a Context<'a>,
-    /// Of the archive.
+    /// Root of the unpacked archive.
     root: &'a Path,
     work: PathBuf,
 }
 
-/// A program that shows the world inside the library.
+/// A program that shows the embedded world.
 struct Host<'a> {
     name: &'a str,
     command: Command,
-    /// Where the library lies, and so where it looks for AMD's.
+    /// Folder of the library, in which the library looks for AMD's.
     folder: &'a Path,
-    /// The picture that it writes; none where it compares what it shows itself.
+    /// The picture that it writes; `None` if it compares its pictures itself.
     picture: Option<&'a Path>,
-    /// It prints which generator its frames are made by; in C++ and in Unity the last one lies half way between two anchors.
+    /// Whether it prints the name of its frame generator. In C++ and in Unity the last frame is half way between two anchors.
     names_generator: bool,
 }
 
@@ -98,7 +98,7 @@ impl Hosts<'_> {
         Ok(())
     }
 
-    /// The sample as its page says, with the libraries that CMake put beside it.
+    /// The sample, built as its page says, with the libraries that CMake copied beside it.
     fn cpp(&self, log: &mut Log, sample: &Path, tally: &mut Tally) -> Result<(), String> {
         let (script, seed) = (self.root.join("samples/scripts/walk.txt"), self.root.join("samples/worlds/place.ppm"));
         let mut command = lab::alone(sample)?;
@@ -111,7 +111,7 @@ impl Hosts<'_> {
         self.shows(log, &mut host, tally)
     }
 
-    /// A program in C# on .NET for Windows, with the archive's sources of the binding, and all libraries beside it.
+    /// A C# program on .NET for Windows, built from the archive's sources of the binding, with all libraries beside it.
     fn csharp(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
         let console = Console::new();
         let (mono, dotnet) = match (provision::mono(&console), provision::dotnet_for_windows(&console)) {
@@ -148,7 +148,7 @@ impl Hosts<'_> {
         self.shows(log, &mut host, tally)
     }
 
-    /// The package for Unity where the archive has it, in the Unity of the plugin's tests, which was built with the library.
+    /// The archive's package for Unity, in the test host of the plugin's tests, which was built with the library.
     fn unity(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
         let program = self.context.windows_programs().join("examples").join("show.exe");
         let plugin = self.root.join("unity/com.cairn.unity/Plugins/x86_64/cairn_unity.dll");
@@ -160,8 +160,8 @@ impl Hosts<'_> {
         self.shows(log, &mut host, tally)
     }
 
-    /// The plugin for Unreal Engine with `runtime/` beside its library, as its page says, in the small engine of its tests, which holds its
-    /// own pictures against the library's.
+    /// The archive's plugin for Unreal Engine with `runtime/` beside its library, as its page says, in the test engine, which compares its
+    /// pictures with the library's.
     fn unreal(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
         let program = unreal::host(self.context, log, self.work.join("engine"))?;
         let plugin = self.work.join("Game").join("Plugins").join("Cairn");
@@ -176,7 +176,7 @@ impl Hosts<'_> {
     }
 }
 
-/// Copies a folder with all that is in it.
+/// Copies a folder recursively.
 fn copy_all(from: &Path, to: &Path) -> Result<(), String> {
     fs::create_dir_all(to).map_err(|e| format!("{}: {e}", to.display()))?;
     for entry in fs::read_dir(from).map_err(|e| format!("{}: {e}", from.display()))? {
@@ -191,7 +191,7 @@ fn copy_all(from: &Path, to: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// Whether nothing is to be seen in a PPM: less than sixteen levels between the darkest and the brightest byte, or no pixels at all.
+/// Whether a PPM is uniform: fewer than sixteen levels between the darkest and the brightest byte, or no pixels at all.
 fn is_flat(ppm: &[u8]) -> bool {
     let mut lines = ppm.splitn(4, |byte| *byte == b'\n');
     let (kind, pixels) = (lines.next(), lines.nth(2).unwrap_or_default());

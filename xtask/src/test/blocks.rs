@@ -1,5 +1,5 @@
-//! The code that pages show. Every block has a language, and something that knows the language has seen it: a compiler, a parser, the
-//! tests of a binding, or the file that the block is a part of, which a comment before the block names: `<!-- from FILE -->`.
+//! The code blocks of pages. Every block has a language and is checked by something that knows it: a compiler, a parser, the tests of a
+//! binding, or comparison with the file that it is an excerpt of, named in a comment before the block: `<!-- from FILE -->`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,16 +16,16 @@ use crate::workspace::Workspace;
 /// A fenced block of a page.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Block {
-    /// Of its first line of code, from 1.
+    /// Line number of its first line of code, from 1.
     pub(super) line: usize,
-    /// Empty where the page says none.
+    /// Empty if the page gives none.
     pub(super) language: String,
-    /// The file that it is a part of, where the page names one.
+    /// The file that it is an excerpt of, if the page names one.
     pub(super) from: Option<String>,
     pub(super) text: String,
 }
 
-/// The pages whose code is looked at: of the documentation, of samples and of bindings.
+/// The pages whose code is checked: those of the documentation, of samples and of bindings.
 pub(super) fn pages(workspace: &Workspace) -> Result<Vec<String>, String> {
     let folders = ["docs/", "samples/host-c/", "samples/host-d3d12/", "bindings/"];
     let is_page = |file: &String| {
@@ -36,7 +36,7 @@ pub(super) fn pages(workspace: &Workspace) -> Result<Vec<String>, String> {
     Ok(workspace.files()?.into_iter().filter(is_page).collect())
 }
 
-/// Whether a page is about the plugin of an engine, whose code needs that engine: what compiles the plugin compiles the page's code.
+/// Whether a page is about an engine's plugin. Its code needs that engine, so the plugin's runner compiles it.
 pub(super) fn is_of_engine(page: &str) -> bool {
     ["bindings/unity/", "bindings/unreal/"].iter().any(|folder| page.starts_with(folder))
 }
@@ -67,7 +67,7 @@ pub(super) fn of(page: &str) -> Vec<Block> {
     blocks
 }
 
-/// Looks at every block of every page, compiles what is C or C++, and builds and runs the programs among them as their page says.
+/// Checks every block of every page, compiles those in C and C++, and builds and runs the programs among them as their page says.
 pub(super) fn check(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let work = context.workspace.target.join("xtask").join("blocks");
     match fs::remove_dir_all(&work) {
@@ -100,14 +100,14 @@ pub(super) fn check(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> 
     Ok(())
 }
 
-/// What is wrong with a block that is no part of a file and that no C compiler reads.
+/// The error of a block that is neither an excerpt of a file nor read by a C compiler.
 fn unseen(language: &str, page: &str, text: &str) -> Option<String> {
     match language {
-        // Looked at line by line, by the same runner.
+        // The same runner checks these line by line.
         "sh" | "text" => None,
         "toml" => toml::from_str::<toml::Table>(text).err().map(|e| e.to_string()),
         "json" => serde_json::from_str::<serde_json::Value>(text).err().map(|e| e.to_string()),
-        // The runner `pytest` runs those of these pages, `csharp` those of all.
+        // The runner `pytest` runs the Python blocks of these pages, `csharp` the C# blocks of all pages.
         "python" if page == "README.md" || page.starts_with("docs/") || page == "bindings/python/README.md" => None,
         "csharp" if !page.starts_with("bindings/unreal/") => None,
         "" => Some("the block has no language; what is no code is text".to_owned()),
@@ -115,9 +115,9 @@ fn unseen(language: &str, page: &str, text: &str) -> Option<String> {
     }
 }
 
-/// Whether a block is not a part of a file, white space aside.
+/// The error if a block is not an excerpt of the file, ignoring white space.
 fn differs(shown: &str, file: &str, source: &str) -> Option<String> {
-    // Examples of headers stand in comments.
+    // A header's examples are inside comments.
     let is_header = Path::new(file).extension().is_some_and(|ending| ending == "h" || ending == "hpp");
     let plain = |line: &str| line.strip_prefix(" *").filter(|_| is_header).unwrap_or(line).to_owned();
     let source: String = source.lines().map(plain).collect::<Vec<_>>().join("\n");
@@ -129,7 +129,7 @@ fn flat(text: &str) -> String {
     text.split_whitespace().collect()
 }
 
-/// Has each compiler of its language take a block, as a source file of its own, every warning being an error.
+/// Compiles a block as a source file of its own with each compiler of its language; every warning is an error.
 fn compiled(
     context: &Context<'_>,
     log: &mut Log,
@@ -152,7 +152,7 @@ fn compiled(
     Ok(None)
 }
 
-/// A block as a source file, whose lines are those of its page.
+/// A block as a source file that keeps the line numbers of its page.
 fn source(place: &str, block: &Block) -> String {
     let page = place.split(':').next().unwrap_or_default();
     let header = match (block.text.contains("#include"), block.language.as_str()) {
@@ -163,20 +163,20 @@ fn source(place: &str, block: &Block) -> String {
     format!("{header}#line {} \"{page}\"\n{}", block.line, block.text)
 }
 
-/// What needs Windows' own headers, or the parts of `cairn.hpp` that only Windows has, is for compilers for Windows.
+/// A block that needs Windows' own headers, or the Windows-only parts of `cairn.hpp`, goes to compilers for Windows only.
 fn takes_block(compiler: &Compiler, block: &Block) -> bool {
     let windows = block.text.contains("<d3d12.h>") || (block.language == "cpp" && block.text.contains("d3d12"));
     let for_windows = compiler.program.to_string_lossy().contains("mingw") || !compiler.first.is_empty();
     for_windows || !windows
 }
 
-/// Whether it is a program that a page has its reader build, and not one for Windows.
+/// Whether the block is a whole program that the page tells its reader to build, and not one for Windows.
 fn is_program(block: &Block) -> bool {
     let is_main = block.text.contains("int main(") && block.from.is_none();
     is_main && matches!(block.language.as_str(), "c" | "cpp") && !block.text.contains("d3d12")
 }
 
-/// Builds a page's program by the line that the page shows for it, and runs it by the next, whose last word is a file that it writes.
+/// Builds a page's program by the command line on the page, and runs it by the next one, whose last word is its output file.
 fn runs(
     context: &Context<'_>,
     log: &mut Log,

@@ -1,5 +1,5 @@
-//! The documentation as a book: every page is a chapter, every link leads somewhere, every name of the C interface is one, and the pages that
-//! say of each result, and of each function, what to do know all of them.
+//! The documentation as a book: every page is a chapter, every link has a target, every name of the C interface exists, and the pages that
+//! have a row for each result, or for each function, are complete.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -14,11 +14,11 @@ use crate::dist::tree::joined;
 use crate::shell::Log;
 use crate::workspace::Workspace;
 
-/// Has a row for every result.
+/// Has a row for every result code.
 const RESULTS: &str = "docs/troubleshooting.md";
-/// Has a row for every function that one thread at a time may call.
+/// Has a row for every function that allows one call at a time.
 const THREADS: &str = "docs/threads.md";
-/// Names every function that is given a texture or a command list.
+/// Names every function that takes a texture or a command list.
 const STATES: &str = "docs/resource-states.md";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
@@ -47,7 +47,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// Pages that nobody who reads the book comes to, and chapters that are there twice.
+/// Pages that are not in the book, and chapters that are listed twice.
 fn outside(chapters: &[String], files: &[String]) -> Option<String> {
     let listed: BTreeSet<&String> = chapters.iter().collect();
     let is_page = |file: &&String| {
@@ -62,7 +62,7 @@ fn outside(chapters: &[String], files: &[String]) -> Option<String> {
     (listed.len() != chapters.len()).then(|| format!("{SUMMARY} has a chapter twice"))
 }
 
-/// Names and numbers of all results, of the header's chapter of them.
+/// Names and values of all result codes in the header.
 fn results(header: &str) -> Result<BTreeMap<String, String>, String> {
     let (_, rest) = header.split_once("typedef int32_t cairn_result;").ok_or("the header has no results")?;
     let (chapter, _) = rest.split_once("CAIRN_API").ok_or("the header has no function after its results")?;
@@ -70,19 +70,19 @@ fn results(header: &str) -> Result<BTreeMap<String, String>, String> {
     Ok(constants.into_iter().map(|(name, value)| (name, value.trim_matches(['(', ')']).to_owned())).collect())
 }
 
-/// The cells of a page's rows that begin with a name of the C interface.
+/// The cells of a page's table rows that begin with a name of the C interface.
 fn rows(page: &str) -> Vec<Vec<&str>> {
     let rows = page.lines().filter(|line| line.starts_with("| `CAIRN_") || line.starts_with("| `cairn_"));
     rows.map(|row| row.trim_matches('|').split('|').map(str::trim).collect()).collect()
 }
 
-/// What the page on results has otherwise than the header.
+/// How the page on results differs from the header.
 fn results_differ(results: &BTreeMap<String, String>, page: &str) -> Option<String> {
     let mut told = BTreeMap::new();
     for row in rows(page) {
         let [name, number, why, remedy] = row.as_slice() else { continue };
         let name = name.trim_matches('`');
-        // Other tables of the page are about other things.
+        // The page has other tables as well.
         if !results.contains_key(name) && number.parse::<i32>().is_err() {
             continue;
         }
@@ -99,7 +99,7 @@ fn results_differ(results: &BTreeMap<String, String>, page: &str) -> Option<Stri
     differs.then(|| format!("{RESULTS} lacks {missing:?}, and has {invented:?} that the header does not have"))
 }
 
-/// What the table of functions for one thread at a time has otherwise than the header's comments.
+/// How the table of functions that allow one call at a time differs from the header's comments.
 fn threads_differ(declared: &Declarations, page: &str) -> Option<String> {
     let alone = declared.functions.iter().filter(|function| function.comment.join(" ").contains("one call at a time"));
     let alone: BTreeSet<&str> = alone.map(|function| function.name.as_str()).collect();
@@ -110,7 +110,7 @@ fn threads_differ(declared: &Declarations, page: &str) -> Option<String> {
     (!differ.is_empty()).then(|| format!("{THREADS} and the header do not agree on {}", differ.join(", ")))
 }
 
-/// The functions that are given an object of Direct3D 12 or DXGI, and that the page on states does not name.
+/// The functions that take an object of Direct3D 12 or DXGI and that the page on resource states does not name.
 fn states_missing(declared: &Declarations, page: &str) -> Option<String> {
     const OBJECTS: [&str; 4] =
         ["ID3D12Resource", "ID3D12GraphicsCommandList", "cairn_swapchain_frame", "IDXGISwapChain"];
@@ -119,7 +119,7 @@ fn states_missing(declared: &Declarations, page: &str) -> Option<String> {
     (!missing.is_empty()).then(|| format!("{STATES} does not say of {}", missing.join(", ")))
 }
 
-/// Words of a text that are made of letters of identifiers.
+/// A text's words of identifier characters.
 fn words(text: &str) -> impl Iterator<Item = &str> {
     text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'))
 }
@@ -128,13 +128,13 @@ fn is_name(word: &str) -> bool {
     word.strip_prefix("cairn_").or_else(|| word.strip_prefix("CAIRN_")).is_some_and(|rest| !rest.is_empty())
 }
 
-/// All that begins like a name of the C interface and stands in a file that is no page.
+/// All words in non-page files that start like a name of the C interface.
 fn words_of_sources(workspace: &Workspace) -> Result<BTreeSet<String>, String> {
     const ENDINGS: [&str; 8] = ["h", "hpp", "rs", "py", "cs", "c", "cpp", "cmake"];
     let mut known = BTreeSet::new();
     for file in workspace.files()? {
         let ending = Path::new(&file).extension().unwrap_or_default();
-        // This file's tests have names that nothing has.
+        // This file's tests contain names that do not exist.
         if ENDINGS.iter().any(|known| ending == *known) && !file.ends_with("test/book.rs") {
             known.extend(words(&workspace.read(&file)?).filter(|word| is_name(word)).map(str::to_owned));
         }
@@ -142,7 +142,7 @@ fn words_of_sources(workspace: &Workspace) -> Result<BTreeSet<String>, String> {
     Ok(known)
 }
 
-/// Names on a page that nothing has. One that ends in `_` stands for all that begin so.
+/// Names on a page that do not exist. One that ends in `_` stands for all names with that prefix.
 fn unknown_names(page: &str, text: &str, known: &BTreeSet<String>) -> Option<String> {
     let is_known = |word: &str| match word.ends_with('_') {
         true => known.iter().any(|name| name.starts_with(word)),
@@ -153,7 +153,7 @@ fn unknown_names(page: &str, text: &str, known: &BTreeSet<String>) -> Option<Str
     (!unknown.is_empty()).then(|| format!("{page} names what nothing has: {}", unknown.join(", ")))
 }
 
-/// The links of the book's pages that lead to no file of it, or to no place in that file.
+/// Links in the rendered book to a missing file or fragment.
 fn dead_links(pages: &Path) -> Result<Vec<String>, String> {
     let mut texts = BTreeMap::new();
     let mut files = BTreeSet::new();
@@ -174,7 +174,7 @@ fn dead_links(pages: &Path) -> Result<Vec<String>, String> {
         }
     }
     let mut found = BTreeSet::new();
-    // The page for what is not there is made for the root of a site.
+    // The page for error 404 is written for a site's root.
     for (name, text) in texts.iter().filter(|(name, _)| *name != "404.html") {
         found.extend(
             targets(text).filter_map(|target| dead(name, target, &files, &texts)).map(|why| format!("{name}: {why}")),
@@ -183,14 +183,14 @@ fn dead_links(pages: &Path) -> Result<Vec<String>, String> {
     Ok(found.into_iter().collect())
 }
 
-/// What attributes of a page's elements link to.
+/// The link targets in the attributes of a page's elements.
 fn targets(text: &str) -> impl Iterator<Item = &str> {
     [" href=\"", " src=\""].into_iter().flat_map(move |attribute| {
         text.match_indices(attribute).filter_map(move |(at, _)| Some(text[at + attribute.len()..].split_once('"')?.0))
     })
 }
 
-/// Why a target leads nowhere; other sites are not asked.
+/// Why a target does not exist; links to other sites are not checked.
 fn dead(page: &str, target: &str, files: &BTreeSet<String>, texts: &BTreeMap<String, String>) -> Option<String> {
     if target.contains(':') || target.starts_with("//") {
         return None;

@@ -1,4 +1,4 @@
-//! The video and the report of a comparison in a browser: Chromium, without a window, against a server of our own on the loopback
+//! The video and the report of a comparison in a browser: headless Chromium, against a local server on the loopback
 //! address.
 
 use std::io::{BufRead, BufReader, Read, Write};
@@ -15,10 +15,10 @@ use super::study;
 use super::tally::{Skip, Tally};
 use crate::shell::Log;
 
-/// How long the browser may take to start and play half a second.
+/// Time limit for the browser to start and play half a second.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Plays the video and tells the server how it went.
+/// Plays the video and sends the result to the server.
 const PAGE: &str = r#"<!doctype html><meta charset="utf-8"><video muted src="/video.mp4"></video><script>
 const video = document.querySelector("video");
 const tell = text => fetch("/told", { method: "POST", body: text });
@@ -30,7 +30,7 @@ video.onended = () => tell(`played ${video.videoWidth}x${video.videoHeight} for 
 video.play().catch(error => tell(`error: ${error}`));
 </script>"#;
 
-/// Opens the report in a frame, looks at all that is in it, steps and plays its video, and tells the server what is wrong.
+/// Opens the report in a frame, checks its contents, steps and plays its video, and sends the errors to the server.
 const REPORT_PAGE: &str = r#"<!doctype html><meta charset="utf-8"><iframe src="/report.html" width="1200" height="900"></iframe><script>
 const tell = text => fetch("/told", { method: "POST", body: text });
 const pause = time => new Promise(done => setTimeout(done, time));
@@ -62,7 +62,7 @@ frame.onload = async () => {
 };
 </script>"#;
 
-/// What the page tells when all is well: size and length of the short rollout.
+/// The page's message on success: size and length of the short rollout.
 const EXPECTED: &str = "played 256x144 for 0.53 s, drew 2 frames or more";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
@@ -87,7 +87,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// What the server has: a page, and a file that the page asks for.
+/// The server's contents: a page, and a file that the page requests.
 #[derive(Clone)]
 struct Served {
     page: &'static str,
@@ -96,7 +96,7 @@ struct Served {
     bytes: Vec<u8>,
 }
 
-/// Opens the page in the browser and waits for what it tells.
+/// Opens the page in the browser and waits for its message.
 fn open(chromium: &Path, served: Served, profile: &Path) -> Result<String, String> {
     let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(|e| format!("no port on the loopback address: {e}"))?;
     let address = listener.local_addr().map_err(|e| e.to_string())?;
@@ -104,7 +104,7 @@ fn open(chromium: &Path, served: Served, profile: &Path) -> Result<String, Strin
     std::thread::spawn(move || {
         for stream in listener.incoming().flatten() {
             let (tell, served) = (tell.clone(), served.clone());
-            // A browser that closes a connection early is no failure: what counts is what the page tells.
+            // A connection that the browser closes early is not a failure: only the page's message counts.
             std::thread::spawn(move || _ = answer(stream, &served, &tell));
         }
     });
@@ -112,7 +112,7 @@ fn open(chromium: &Path, served: Served, profile: &Path) -> Result<String, Strin
     told.recv_timeout(PATIENCE).map_err(|_| format!("the browser told nothing for {} s", PATIENCE.as_secs()))
 }
 
-/// Answers one request: the page, its file, or what the page tells.
+/// Answers one request: returns the page or its file, or receives the page's message.
 fn answer(mut stream: TcpStream, served: &Served, tell: &Sender<String>) -> std::io::Result<()> {
     let mut reader = BufReader::new(stream.try_clone()?);
     let (mut request, mut length) = (String::new(), 0);
@@ -146,7 +146,7 @@ fn answer(mut stream: TcpStream, served: &Served, tell: &Sender<String>) -> std:
     stream.write_all(body)
 }
 
-/// A running browser; it ends with this value.
+/// A running browser; dropping it ends the process.
 struct Browser(Child);
 
 impl Browser {
@@ -155,9 +155,9 @@ impl Browser {
         std::fs::create_dir_all(&profile).map_err(|e| format!("{}: {e}", profile.display()))?;
         Command::new(chromium)
             .args(["--headless", "--disable-gpu", "--no-first-run", "--mute-audio"])
-            // A test machine runs as root, where the sandbox cannot; nothing but our own page is opened.
+            // A test machine runs as root, where the sandbox cannot run; only our own page is opened.
             .arg("--no-sandbox")
-            // Without these it looks for the makers' servers at every start.
+            // Without these Chromium contacts its makers' servers at every start.
             .args(["--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-quic"])
             .arg("--autoplay-policy=no-user-gesture-required")
             .arg(format!("--user-data-dir={}", profile.display()))

@@ -8,7 +8,7 @@ use super::Context;
 use super::tally::{Skip, Tally};
 use crate::shell::{Ended, Log};
 
-/// The cargo-deny whose rules `deny.toml` is written for.
+/// The version of cargo-deny that `deny.toml` is written for.
 pub(crate) const DENY_VERSION: &str = "0.20.2";
 
 pub(super) fn fmt(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
@@ -39,7 +39,7 @@ pub(super) fn docs(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
     Ok(Tally::of_command(ended.success, "the documentation has warnings"))
 }
 
-/// Links the DLL for Windows, and looks at what came out.
+/// Links the DLLs for Windows, and checks the files.
 pub(super) fn link_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let console = Console::new();
     tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(|e| e.to_string())?;
@@ -77,7 +77,7 @@ pub(super) fn tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, Strin
     Ok(count(&ended))
 }
 
-/// Sums up what the test programs of one cargo run printed.
+/// Sums up the output of the test programs of one cargo run.
 pub(super) fn count(ended: &Ended) -> Tally {
     let mut tally = Tally::default();
     for line in ended.output.lines() {
@@ -101,8 +101,8 @@ pub(super) fn count(ended: &Ended) -> Tally {
     tally
 }
 
-/// The same where the command names tests or parts of their names: a name that stands for no test is a failure, as nothing of what it
-/// meant has run.
+/// The same for a command that names tests or parts of their names. A name that matches no test is a failure: its tests have not
+/// run.
 pub(super) fn count_named(ended: &Ended, names: &[&str]) -> Tally {
     let mut tally = count(ended);
     let ran: Vec<&str> = ended.output.lines().filter_map(test_name).collect();
@@ -111,7 +111,7 @@ pub(super) fn count_named(ended: &Ended, names: &[&str]) -> Tally {
     tally
 }
 
-/// The test that a line of a test program tells the result of.
+/// The name of the test whose result a line of output gives.
 fn test_name(line: &str) -> Option<&str> {
     Some(line.strip_prefix("test ")?.split_once(" ... ")?.0.trim())
 }

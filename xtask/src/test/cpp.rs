@@ -1,5 +1,5 @@
-//! `include/cairn.hpp`: it has all that `cairn.h` has, every compiler takes it with exceptions and without, and a program finds it
-//! to work as it says.
+//! `include/cairn.hpp`: it covers all of `cairn.h`, every compiler accepts it with exceptions and without, and a program verifies its
+//! behaviour.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +15,7 @@ use provision::tools;
 const HEADER: &str = "include/cairn.hpp";
 const PROGRAM: &str = "tests/abi/wrapper.cpp";
 
-/// With exceptions, as compilers are by themselves, and without.
+/// With exceptions, which is the default, and without.
 const WAYS: [(&str, &[&str]); 2] = [("with exceptions", &[]), ("without exceptions", &["-fno-exceptions"])];
 
 pub(super) fn run(
@@ -37,7 +37,7 @@ pub(super) fn run(
     let root = &context.workspace.root;
     let sources = [write("alone-hpp.cpp", twice)?, write("loop-hpp.cpp", &example(&header)?)?, root.join(PROGRAM)];
     let strict = |command: &mut Command| {
-        // Hosts may be stricter than we are with our own sources.
+        // Hosts may use stricter flags than we do for our own sources.
         command.arg("-std=c++17").args(STRICT).arg("-Wshadow").arg("-I").arg(root.join("include"));
     };
     for compiler in abi::matrix(&mut Tally::default()).iter().filter(|compiler| compiler.cpp) {
@@ -73,14 +73,14 @@ pub(super) fn run(
     Ok(())
 }
 
-/// What `cairn.h` has and the wrapper does not use.
+/// Declarations of `cairn.h` that the wrapper does not use.
 fn not_wrapped(declared: &Declarations, header: &str) -> Option<String> {
-    // Its comments name things as well.
+    // Names in comments do not count.
     let code: String =
         header.lines().filter(|line| !line.trim_start().starts_with(['*', '/'])).collect::<Vec<_>>().join("\n");
     let calls = declared.functions.iter().map(|function| format!("{}(", function.name));
     let sized = declared.structs.iter().filter(|found| found.fields.iter().any(|field| field == "struct_size"));
-    // Only the library makes these.
+    // Only the library creates these.
     let sized = sized.filter(|found| found.name != "cairn_load_progress").map(|found| format!("sized<{}>", found.name));
     let missing: Vec<_> = calls.chain(sized).filter(|name| !code.contains(name)).collect();
     (!missing.is_empty()).then(|| format!("{HEADER} does not have {}", missing.join(", ")))

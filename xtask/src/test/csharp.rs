@@ -1,4 +1,4 @@
-//! `bindings/csharp`: it declares what `include/cairn.h` does, compiles without a warning and with a word on every public item, and its tests
+//! `bindings/csharp`: its declarations match `include/cairn.h`, it compiles without warnings and documents every public item, and its tests
 //! run against the library on Mono and on .NET.
 
 use std::fs;
@@ -20,10 +20,10 @@ use crate::workspace::Workspace;
 const PROJECT: &str = "bindings/csharp/Cairn.csproj";
 const STAND_IN: &str = "tests/host/stand_in.c";
 
-/// Where library and assemblies are brought: with a space and a letter that is not Latin.
+/// Folder of library and assemblies: its name has a space and a letter that is not Latin.
 const FOLDER: &str = "a folder Ж";
 
-/// Libraries that are not quite Cairn, and what makes them so.
+/// Libraries that differ from Cairn in one respect each, and the compiler flags for that.
 const STAND_INS: [(&str, &[&str]); 5] = [
     ("other", &[]),
     ("later", &["-DSTAND_IN_ABI=CAIRN_ABI_VERSION+1"]),
@@ -73,16 +73,16 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// The text of the classes, which are written by hand.
+/// The source text of the hand-written classes.
 fn classes(workspace: &Workspace) -> Result<String, String> {
     let files = workspace.files()?;
     let own = files.iter().filter(|file| file.starts_with("bindings/csharp/src/") && *file != csharp::NATIVE);
     own.map(|file| workspace.read(file)).collect()
 }
 
-/// What `cairn.h` has and no class calls.
+/// Functions of `cairn.h` that no class calls.
 fn not_used(declared: &Declarations, classes: &str) -> Option<String> {
-    // Results have names as an enumeration.
+    // Result codes are an enumeration.
     let functions =
         declared.functions.iter().filter(|function| !function.experimental && function.name != "cairn_result_name");
     let called = |name: &str| {
@@ -93,7 +93,7 @@ fn not_used(declared: &Declarations, classes: &str) -> Option<String> {
     (!missing.is_empty()).then(|| format!("no class of C# calls {}", missing.join(", ")))
 }
 
-/// Of .NET's own assemblies those that the binding and its tests use.
+/// The assemblies of .NET that the binding and its tests use.
 pub(super) const FRAMEWORK: [&str; 14] = [
     "Microsoft.Win32.Primitives",
     "System.Collections",
@@ -111,18 +111,18 @@ pub(super) const FRAMEWORK: [&str; 14] = [
     "System.Threading.Thread",
 ];
 
-/// What programs run on.
+/// A runtime for C# programs.
 struct Runtime {
     name: &'static str,
-    /// Of the library and the assemblies.
+    /// Folder of the library and the assemblies.
     folder: PathBuf,
-    /// What the compiler is told of the runtime's own assemblies.
+    /// Compiler arguments for the runtime's own assemblies.
     references: Vec<String>,
-    /// To be given a program.
+    /// Takes the program to run as its argument.
     program: Command,
 }
 
-/// Compiles libraries that are not quite Cairn into a folder that is there.
+/// Compiles the libraries that differ from Cairn into an existing folder.
 pub(super) fn make_stand_ins(
     log: &mut Log,
     root: &Path,
@@ -161,7 +161,7 @@ impl Place<'_> {
         let settings = folder.join("Cairn.Tests.runtimeconfig.json");
         fs::write(&settings, DotNet::SETTINGS).map_err(|e| format!("{}: {e}", settings.display()))?;
         let own = dotnet.framework();
-        // Its assemblies name each other by versions that the compiler wants to talk about.
+        // Its assemblies reference each other by differing versions, for which the compiler warns.
         let mut references: Vec<String> = ["-nostdlib", "-noconfig", "-nowarn:1702"].map(str::to_owned).into();
         references.extend(FRAMEWORK.iter().map(|name| format!("-r:{}", own.join(format!("{name}.dll")).display())));
         Ok(Runtime { name: "C# on .NET", folder, references, program: dotnet.program() })
@@ -173,7 +173,7 @@ impl Place<'_> {
         Ok(folder)
     }
 
-    /// In a new folder, libraries that are not quite Cairn.
+    /// The libraries that differ from Cairn, in a new folder.
     fn make_stand_ins(&self, log: &mut Log) -> Result<(), String> {
         match fs::remove_dir_all(&self.work) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", self.work.display())),
@@ -186,11 +186,11 @@ impl Place<'_> {
     /// Compiles everything for a runtime, beside the library, and runs the tests.
     fn check(&self, log: &mut Log, library: &Path, runtime: &Runtime, tally: &mut Tally) -> Result<(), String> {
         let own = runtime.folder.join(library.file_name().unwrap_or_default());
-        // The same file under another name takes no room; not every file system has that.
+        // A hard link takes no space; not every file system has them.
         if fs::hard_link(library, &own).is_err() {
             fs::copy(library, &own).map_err(|e| format!("{}: {e}", own.display()))?;
         }
-        // Beside the library, where a game has it.
+        // Beside the library, as in a game.
         let onnxruntime = Context::provide(&self.context.library, provision::onnxruntime)?;
         let beside = runtime.folder.join(onnxruntime.file_name().unwrap_or_default());
         if fs::hard_link(onnxruntime, &beside).is_err() {
@@ -207,15 +207,15 @@ impl Place<'_> {
         command.env("CAIRN_TEST_RECORD", self.context.workspace.root.join(record::RECORD));
         command.env("CAIRN_TEST_STAND_INS", &self.work).env_remove("CAIRN_LIBRARY");
         self.context.provide_worlds(&mut command)?;
-        // What it names is for tools only.
+        // Only tools may use the path in this variable.
         command.env("CAIRN_ONNXRUNTIME", self.work.join("there is none"));
         abi::count(runtime.name, &log.run(&mut command)?, tally);
         Ok(())
     }
 
-    /// Compiles the assembly, its documentation and its tests; what went wrong.
+    /// Compiles the assembly, its documentation and its tests; returns the error, if any.
     fn compile(&self, log: &mut Log, runtime: &Runtime, tests: &Path) -> Result<Option<String>, String> {
-        // Mono's compiler knows nothing later; a project of .NET compiles them as 7.3.
+        // Mono's compiler supports no later version; a .NET project compiles the sources as 7.3.
         const STRICT: [&str; 4] = ["-langversion:7.2", "-unsafe", "-warnaserror+", "-warn:4"];
         let workspace = self.context.workspace;
         let files = workspace.files()?;
@@ -227,7 +227,7 @@ impl Place<'_> {
         let assembly = runtime.folder.join("Cairn.dll");
         let mut command = self.mono.compiler();
         command.arg("-target:library").args(STRICT).args(&runtime.references).args(below("bindings/csharp/src/"));
-        // With it a public item without a word is a warning, and so an error.
+        // With `-doc` an undocumented public item is a warning, and so an error.
         command.arg(option("doc", &runtime.folder.join("Cairn.xml"))).arg(option("out", &assembly));
         if !log.run(&mut command)?.success {
             return Ok(Some("bindings/csharp/src does not compile".to_owned()));
@@ -244,7 +244,7 @@ impl Place<'_> {
     }
 }
 
-/// The examples of pages as a source file, one after the other; those that are a part of another page are there.
+/// The C# examples of pages as one source file, one after the other. Excerpts of other files are left out.
 fn examples(pages: &[String]) -> Result<String, String> {
     let shown = pages.iter().flat_map(|page| blocks::of(page));
     let own = shown.filter(|block| block.language == "csharp" && block.from.is_none());

@@ -1,5 +1,5 @@
-//! Worlds on DirectML, in the lab or on Windows, held to what worlds on the processor are held to: parity with the oracle, saved
-//! states that go on to the bit, and budgets. A short form in every run, all of it with `--thorough`.
+//! Worlds on DirectML, in the lab or on Windows, pass the same tests as worlds on the processor: parity with the oracle, bit-exact
+//! continuation of saved states, and budgets. Every run has a short form, `--thorough` runs all.
 
 use std::process::Command;
 
@@ -8,16 +8,16 @@ use super::tally::Tally;
 use super::{Context, cargo, lab, python};
 use crate::shell::Log;
 
-/// What cargo is told to build: all in one command, so that nothing is compiled a second time for another choice of features.
+/// Packages to build in one command, so that nothing is compiled again for another choice of features.
 const PACKAGES: [&str; 4] = ["--package", "cairn", "--package", "parity-trace"];
 const STATES: &str = "rollout_state";
 const BUDGETS: &str = "rollout_budget";
 const TRACE: &str = "parity-trace";
 
-/// The tests of the short form that load no world besides their own: each world is gigabytes where a processor plays the device.
+/// The short form's tests that load no world of their own: each world takes gigabytes if the processor emulates the device.
 const SHORT_STATES: [&str; 2] =
     ["a_restored_rollout_continues_bit_for_bit", "a_state_continues_bit_for_bit_in_another_process"];
-/// Those that ask what only a device can answer: whether its memory is moved right, and what its clock says.
+/// Tests whose result only a device can give: whether its memory is moved correctly, and what its clock measures.
 const SHORT_BUDGETS: [&str; 2] = [
     "a_narrower_window_sees_the_newest_latents_and_a_wider_one_forgets_none",
     "a_device_s_own_clock_says_what_latents_take",
@@ -52,7 +52,7 @@ fn all(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally, St
     Ok(tally)
 }
 
-/// A test program of the library, or some of its tests in their short form. One at a time, as each has worlds of its own.
+/// Runs a test program of the library, or some of its tests for the short form. One at a time, as each has worlds of its own.
 fn tests(context: &Context<'_>, log: &mut Log, name: &str, short: Option<&[&str]>, amd: &Amd) -> Result<Tally, String> {
     let mut command = context.workspace.cargo(["test", "--no-fail-fast"]);
     command.args(PACKAGES).args(["--test", name]);
@@ -66,7 +66,7 @@ fn tests(context: &Context<'_>, log: &mut Log, name: &str, short: Option<&[&str]
     Ok(cargo::count_named(&log.run(&mut command)?, short.unwrap_or_default()))
 }
 
-/// Rollouts against the whole history recomputed.
+/// Compares rollouts with a recomputation of the whole history.
 fn parity(context: &Context<'_>, log: &mut Log, is_short: bool, amd: &Amd) -> Result<Tally, String> {
     let mut command = Command::new(context.python()?);
     command.env("PYTHONPATH", provision::python_path()).env("PARITY_DEVICE", "d3d12");
@@ -80,10 +80,10 @@ fn parity(context: &Context<'_>, log: &mut Log, is_short: bool, amd: &Amd) -> Re
     }
     context.provide_windows_worlds(&mut command)?;
     amd.provide(&mut command);
-    // Whether a faulty world is told from a good one is a question to the comparison, which is the same for every device.
+    // Whether the comparison detects faulty worlds does not depend on the device, so it is not tested here.
     let chosen: &[&str] = if is_short {
         command.env("PARITY_CASES", "short");
-        // The first latents see little of the past.
+        // The first latents see little of the past, so these tests need more of them.
         &["test_rollout.py", "-k", "not real_windows and not past_carries"]
     } else {
         &["test_rollout.py"]

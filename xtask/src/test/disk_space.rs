@@ -1,22 +1,22 @@
-//! Is there room on the disk for everything? Half an hour later is too late to say no.
+//! Checks for enough disk space before the tests start, rather than failing half an hour later.
 
 use std::fs;
 
 use crate::workspace::Workspace;
 
-/// Of bytes.
+/// In bytes.
 const GB: u64 = 1_000_000_000;
-/// What the whole set writes into a target directory that has nothing: 11 GB measured, and some to spare.
+/// What the whole set writes into an empty target directory: 11 GB measured, plus a margin.
 const FROM_NOTHING: u64 = 13 * GB;
-/// What it writes where all was built before, by reckoning: programs and logs.
+/// An estimate of what it writes if everything was built before: programs and logs.
 const BUILT_BEFORE: u64 = 2 * GB;
 
-/// Refuses to begin where the target directory's disk is too full for all runners.
+/// Refuses to start if the target directory's disk has too little space for all runners.
 pub(super) fn require(workspace: &Workspace) -> Result<(), String> {
     fs::create_dir_all(&workspace.target).map_err(|e| format!("{}: {e}", workspace.target.display()))?;
-    // A file system that does not tell is not a reason to stop.
+    // A file system that does not report its free space is not a reason to stop.
     let Ok(free) = fs4::available_space(&workspace.target) else { return Ok(()) };
-    // Built last of all compiled code.
+    // The last folder that the runners build.
     let built = workspace.target.join("tsan").is_dir();
     let needed = if built { BUILT_BEFORE } else { FROM_NOTHING };
     if free >= needed {

@@ -1,4 +1,4 @@
-//! Archives: packed twice they are the same, they hold what their pages say, and from them alone hosts are built and run.
+//! Archives: packing twice gives the same bytes, they contain what their pages list, and hosts are built and run from them alone.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,21 +15,21 @@ use crate::book;
 use crate::dist::{self, Made, Parts, Platform, Source};
 use crate::shell::{Log, output};
 
-/// What archives are made for.
+/// The platforms that archives are made for.
 const BOTH: [Platform; 2] = [Platform::Windows, Platform::Linux];
 
-/// Archives are unpacked below it: with a space and a letter that is not Latin.
+/// Archives are unpacked below this folder: its name has a space and a letter that is not Latin.
 const UNPACKED: &str = "a folder Ж";
 
-/// A host of one line: whether the library it is linked with is the one of its header.
+/// A minimal host: checks that the linked library has the header's version.
 const HOST: &str = "#include \"cairn.h\"\n\nint main(void)\n{\n    return cairn_version() == CAIRN_VERSION && \
                     cairn_abi_version() == CAIRN_ABI_VERSION ? 0 : 3;\n}\n";
 
-/// The same as a program of nobody's C library.
+/// The same as a program without a C library.
 const BARE_HOST: &str =
     "#include \"cairn.h\"\n\nint start(void)\n{\n    return cairn_version() == CAIRN_VERSION ? 0 : 3;\n}\n";
 
-/// A project that finds the archive.
+/// A CMake project that finds the archive.
 const PROJECT: &str = "cmake_minimum_required(VERSION 3.16)\nproject(game LANGUAGES C)\nfind_package(Cairn 0.1 REQUIRED)\n\
                        add_executable(game game.c)\ntarget_link_libraries(game PRIVATE Cairn::Cairn)\n\
                        if(WIN32)\n    add_custom_command(TARGET game POST_BUILD COMMAND ${CMAKE_COMMAND} -E copy_if_different\n        \
@@ -96,7 +96,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// The archives of this clone and of a clone of it, compiled for hosts' users in two places, each with tools in a cache of its own.
+/// Compares the release archives of this repository and of a clone of it, each compiled at its own path and with tools in its own cache.
 pub(super) fn run_release(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
     let work = fresh(context, "dist-release")?;
@@ -125,7 +125,7 @@ pub(super) fn run_release(context: &Context<'_>, log: &mut Log) -> Result<Tally,
     Ok(tally)
 }
 
-/// A cache elsewhere, as another user has one: with a zig of its own that has compiled nothing yet, and all else of this one's.
+/// A second cache, as another user has one: its zig has compiled nothing yet, everything else is linked from this cache.
 fn other_cache(work: &Path) -> Result<PathBuf, String> {
     let folder = work.join("another user");
     let own = folder.join("cairn");
@@ -144,7 +144,7 @@ fn other_cache(work: &Path) -> Result<PathBuf, String> {
     }
 }
 
-/// An empty folder for what is made.
+/// An empty folder for output.
 pub(super) fn fresh(context: &Context<'_>, name: &str) -> Result<PathBuf, String> {
     let work = context.workspace.target.join("xtask").join("test").join(name);
     match fs::remove_dir_all(&work) {
@@ -155,7 +155,7 @@ pub(super) fn fresh(context: &Context<'_>, name: &str) -> Result<PathBuf, String
     Ok(work)
 }
 
-/// Unpacks an archive with a program that is not ours; its one folder.
+/// Unpacks an archive with CMake, not with our own code; returns its top folder.
 fn unpack(log: &mut Log, cmake: &Path, made: &Made, into: &Path) -> Result<PathBuf, String> {
     fs::create_dir_all(into).map_err(|e| format!("{}: {e}", into.display()))?;
     let unpacked = log.run(Command::new(cmake).args(["-E", "tar", "xf"]).arg(&made.path).current_dir(into))?.success;
@@ -168,7 +168,7 @@ fn unpack(log: &mut Log, cmake: &Path, made: &Made, into: &Path) -> Result<PathB
     }
 }
 
-/// What the first column of the page's table names and the archive does not have. A slim archive's page is the other's.
+/// Files that the first column of the page's table lists and the archive lacks. A slim archive has the full archive's page.
 fn promises(root: &Path) -> Result<Option<String>, String> {
     let page = root.join("README.md");
     let text = fs::read_to_string(&page).map_err(|e| format!("{}: {e}", page.display()))?;
@@ -186,11 +186,11 @@ fn promises(root: &Path) -> Result<Option<String>, String> {
     Ok((!missing.is_empty()).then(|| format!("{} names {}", page.display(), missing.join(", "))))
 }
 
-/// The book's chapters that an archive lacks.
+/// Chapters of the book that an archive lacks.
 fn no_book(context: &Context<'_>, root: &Path) -> Result<Option<String>, String> {
     let chapters = book::chapters(&context.workspace.read(book::SUMMARY)?)?;
     let wanted = chapters.iter().filter(|chapter| chapter.starts_with("docs/"));
-    // A whole run of the comparison is as large as the library, and the lab is for who works on Cairn.
+    // A whole run of the comparison is as large as the library, and the lab is for Cairn's developers.
     let missing: Vec<_> = wanted
         .filter(|chapter| !["docs/lab.md", "docs/report/report.md", "docs/sweeps/paper.md"].contains(&chapter.as_str()))
         .filter(|chapter| !root.join(chapter).is_file())
@@ -199,7 +199,7 @@ fn no_book(context: &Context<'_>, root: &Path) -> Result<Option<String>, String>
     Ok((!missing.is_empty()).then(|| format!("{} has no {}", root.display(), missing.join(", "))))
 }
 
-/// Links of an archive's pages that lead to nothing in it.
+/// Links in an archive's pages to files that it lacks.
 fn dead_links(root: &Path) -> Result<Option<String>, String> {
     let mut dead = Vec::new();
     let mut alive = 0;
@@ -231,8 +231,8 @@ fn unnamed(root: &Path, parts: &[&str]) -> Result<Option<String>, String> {
     Ok((!missing.is_empty()).then(|| format!("the archive's licences do not name {}", missing.join(", "))))
 }
 
-/// What a library or its debug information names that another build would name otherwise: this machine's cache, what rustc had beside
-/// what it compiled, and the numbers that LLVM gave.
+/// The first string in a library or its debug information that would differ in another build: the path of this machine's cache, rustc's
+/// temporary folders, and LLVM's numbers.
 fn passing(debug: &Path) -> Result<Option<String>, String> {
     let cache = provision::cache_dir().map_err(|e| e.to_string())?;
     let bytes = fs::read(debug).map_err(|e| format!("{}: {e}", debug.display()))?;
@@ -274,8 +274,8 @@ fn foreign(root: &Path) -> Result<Option<String>, String> {
     Ok((!found.is_empty()).then(|| format!("archives must not have {}", found.join(", "))))
 }
 
-/// What is wrong with the package for Unity: its plugin must have Unity's doors and the whole library, and every file that Unity sees a
-/// description beside it.
+/// The first error in the package for Unity: its plugin must export Unity's entry points and the whole library, and every file that Unity
+/// reads must have a `.meta` file.
 fn unity(root: &Path) -> Result<Option<String>, String> {
     let package = root.join("unity/com.cairn.unity");
     let plugin = package.join("Plugins/x86_64/cairn_unity.dll");
@@ -297,7 +297,7 @@ fn unity(root: &Path) -> Result<Option<String>, String> {
     Ok((!missing.is_empty()).then(|| format!("{} has not {}", package.display(), missing.join(", "))))
 }
 
-/// Terms of the library that a plugin has not in its own folder, which a studio copies out of the archive.
+/// The library's licence files that a plugin's own folder lacks. A studio copies only that folder out of the archive.
 fn without_terms(root: &Path) -> Result<Option<String>, String> {
     let mut missing = Vec::new();
     for name in dist::TERMS {
@@ -308,7 +308,7 @@ fn without_terms(root: &Path) -> Result<Option<String>, String> {
     Ok((!missing.is_empty()).then(|| format!("not the archive's own: {missing:?}")))
 }
 
-/// Where hosts are built, and by what.
+/// Folders and tools for building hosts.
 struct Place<'a> {
     context: &'a Context<'a>,
     work: &'a Path,
@@ -323,7 +323,7 @@ impl Place<'_> {
         Ok(path)
     }
 
-    /// By CMake, the sample as its page says and a project that finds the package; by pkg-config, one file.
+    /// With CMake, the sample as its page says and a project that finds the package; with pkg-config, one file.
     fn on_linux(&self, log: &mut Log, root: &Path, cc: &Path, tally: &mut Tally) -> Result<(), String> {
         let build = self.work.join("host-c");
         let source = root.join("samples").join("host-c");
@@ -368,7 +368,7 @@ impl Place<'_> {
             return Ok(());
         }
         let program = self.work.join("by-pkg-config");
-        // Its words are written for a shell, the folder's space among them.
+        // `pkg-config` quotes its output for a shell, including the space in the folder's name.
         let script =
             r#"flags=$(pkg-config --cflags --libs cairn) && eval "\"\$1\" -std=c11 \"\$2\" $flags -o \"\$3\"""#;
         let mut command = Command::new("sh");
@@ -379,8 +379,8 @@ impl Place<'_> {
         Ok(())
     }
 
-    /// The sample as its page says, run with nothing but what the archive has, and hosts of other kinds; a project that finds the package;
-    /// and a program that LLVM links as MSVC does.
+    /// The sample as its page says, run with nothing but the archive's files; hosts of other kinds; a project that finds the package; and a
+    /// program that LLVM links as MSVC does.
     fn on_windows(&self, log: &mut Log, root: &Path, tally: &mut Tally) -> Result<(), String> {
         let source = root.join("samples").join("host-d3d12");
         let program = host::windows_sample(log, self.cmake, &source, &self.work.join("host-d3d12"), &[])?;
@@ -392,7 +392,7 @@ impl Place<'_> {
         let mut configure = Command::new(self.cmake);
         configure.arg("-S").arg(&list).arg("-B").arg(&build).arg("-DCMAKE_SYSTEM_NAME=Windows");
         configure.arg(format!("-DCMAKE_C_COMPILER={}", compiler.program.display()));
-        // CMake looks for packages of another system in that system's folders only.
+        // CMake looks for packages for another system in that system's folders only.
         configure.arg(format!("-DCairn_DIR={}", root.join("lib/cmake/Cairn").display()));
         let right = log.run(&mut configure)?.success
             && log.run(Command::new(self.cmake).arg("--build").arg(&build))?.success
@@ -402,7 +402,7 @@ impl Place<'_> {
         self.by_import_library(log, root, tally)
     }
 
-    /// `cairn.lib`, with LLVM's compiler and linker in MSVC's manner.
+    /// `cairn.lib`, with LLVM's compiler and linker in MSVC mode.
     fn by_import_library(&self, log: &mut Log, root: &Path, tally: &mut Tally) -> Result<(), String> {
         const NAME: &str = "cairn.lib with a linker in MSVC's manner";
         let (Some(clang), Some(lld)) = (tools::clang("clang", &Console::new()), rust_lld()?) else {
@@ -445,14 +445,14 @@ impl Place<'_> {
     }
 }
 
-/// A Windows program in the lab.
+/// Runs a Windows program in the lab.
 fn in_lab(program: &Path) -> Result<Command, String> {
     let mut command = lab::lab_run()?;
     command.arg(program);
     Ok(command)
 }
 
-/// The linker that rustc brings along.
+/// The linker that rustc ships.
 fn rust_lld() -> Result<Option<PathBuf>, String> {
     let sysroot = output(Command::new("rustc").args(["--print", "sysroot"]))?;
     let host = format!("lib/rustlib/{}-unknown-linux-gnu/bin/rust-lld", std::env::consts::ARCH);

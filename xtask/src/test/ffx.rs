@@ -1,4 +1,4 @@
-//! AMD's ffx-api: the library's tests against the double that plays AMD's libraries, and against AMD's own where they are there.
+//! AMD's ffx-api: the library's tests against the test double of AMD's libraries, and against AMD's own if this machine has them.
 
 use std::fs;
 use std::path::PathBuf;
@@ -30,7 +30,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.skips.push(skip);
         return Ok(tally);
     }
-    // Together with the library, so that what both use is compiled once.
+    // Built together with the library, so that shared crates are compiled once.
     let mut double = context.workspace.cargo(["build", "--package", "cairn", "--package", "ffx-double", "--lib"]);
     lab::for_windows(&mut double)?;
     if !log.run(&mut double)?.success {
@@ -39,7 +39,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let mut command = context.workspace.cargo(["test", "--package", "cairn", "--no-fail-fast"]);
     command.args(PROGRAMS.iter().flat_map(|program| ["--test", program]));
     lab::for_windows(&mut command)?;
-    // A device of the C interface runs worlds as well.
+    // A device of the C interface runs worlds too.
     let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
     command.env("CAIRN_ONNXRUNTIME", library);
     let own = Amd::own()?;
@@ -49,12 +49,12 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// The double, and what it is called: AMD's name for the library that generates frames.
+/// File name of the double, and AMD's name for its frame generation library.
 pub(super) const DOUBLE: &str = "ffx_double.dll";
 pub(super) const AMD: &str = "amd_fidelityfx_framegeneration_dx12.dll";
 
-/// What a presenter and the plugin for Unity do with AMD's libraries, also where these are not there: tests of two programs by their
-/// names.
+/// Names of tests of two programs: what a presenter and the plugin for Unity do with AMD's libraries, including tests without
+/// them.
 const OVER_THE_DOUBLE: [&str; 4] = [
     "a_window_that_is_resized_minimised_and_waits_for_anchors_goes_on",
     "small::anchors_that_are_too_small_for_amd_s_libraries_are_the_shaders",
@@ -62,10 +62,10 @@ const OVER_THE_DOUBLE: [&str; 4] = [
     "devices_come_and_go_and_nothing_of_them_is_kept",
 ];
 
-/// What the double plays: the release of AMD's that comes with SDK 2.0.
+/// The release that the double emulates: the one in AMD's SDK 2.0.
 const ROLE: &str = "sdk 2.0\noffers 0xf600000000c01005 3.1.5\n";
 
-/// Runs those tests with the double in the place of AMD's libraries; it has nothing against its calls.
+/// Runs those tests with the double in place of AMD's libraries; the double must report no wrong call.
 fn over_the_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let folder = context.workspace.target.join("xtask").join("ffx-double");
     let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
@@ -95,7 +95,7 @@ fn over_the_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> R
     Ok(())
 }
 
-/// Where programs for Windows are built.
+/// Folder of programs built for Windows.
 pub(super) fn built(context: &Context<'_>) -> PathBuf {
     let target = &context.workspace.target;
     if cfg!(windows) { target.join("debug") } else { target.join(tools::WINDOWS_TARGET).join("debug") }

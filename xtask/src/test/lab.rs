@@ -1,4 +1,4 @@
-//! Windows programs in the lab, or on Windows itself: what it passes through, Direct3D 12, and ONNX Runtime with DirectML.
+//! Windows programs in the lab, or on Windows itself: what `lab run` passes through, Direct3D 12, and ONNX Runtime with DirectML.
 
 use std::fs;
 use std::io::Write;
@@ -15,7 +15,7 @@ use super::tally::{Skip, Tally};
 use super::{cargo, ffx};
 use crate::shell::Log;
 
-/// How long a program that is not to end may take to start and, once told, to be gone.
+/// Time limit for a program to start and, after its end was requested, to exit.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
@@ -31,10 +31,10 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// The command with which a program of the Windows target is run.
+/// The command that runs a program of the Windows target.
 pub(super) fn lab_run() -> Result<Command, String> {
-    // A build of the workspace may have put another file in this program's place since it started; Linux keeps this one
-    // under its number.
+    // A build of the workspace may have replaced this program's file since it started; Linux keeps the running one as
+    // `/proc/PID/exe`.
     let own = if cfg!(target_os = "linux") {
         PathBuf::from(format!("/proc/{}/exe", std::process::id()))
     } else {
@@ -45,7 +45,7 @@ pub(super) fn lab_run() -> Result<Command, String> {
     Ok(command)
 }
 
-/// The library's tests of Direct3D 12 and DirectML, and the plugin's in a Unity of our own, built for Windows.
+/// The library's tests of Direct3D 12 and DirectML, and the plugin's in the Unity test host, built for Windows.
 fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, String> {
     let packages = ["test", "--package", "cairn", "--package", "cairn-unity", "--no-fail-fast"];
     let mut command = context.workspace.cargo(packages);
@@ -53,19 +53,19 @@ fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, S
     for_windows(&mut command)?;
     context.provide_windows_worlds(&mut command)?;
     amd.provide(&mut command);
-    // Where the test programs lie, for the plugin that is linked into one.
+    // Folder of the test programs, where the plugin linked into one of them looks for AMD's libraries.
     let programs = ffx::built(context).join("deps");
     fs::create_dir_all(&programs).map_err(|e| format!("{}: {e}", programs.display()))?;
     Ok(cargo::count(&amd.beside(&programs, || log.run(&mut command))?))
 }
 
-/// A command that runs a program as [`lab_run`] does, with nothing in its environment but what Windows itself puts there.
+/// A command that runs a program as [`lab_run`] does, with only Windows' own variables in its environment.
 pub(super) fn alone(program: &Path) -> Result<Command, String> {
     let mut command = crate::lab::command(program)?;
     let own: Vec<_> =
         command.get_envs().filter_map(|(name, value)| Some((name.to_owned(), value?.to_owned()))).collect();
     command.env_clear().envs(own);
-    // What starts the lab, or Windows, cannot do without.
+    // Variables that starting the lab, or Windows, requires.
     for name in if cfg!(windows) { ["SystemRoot", "SystemDrive"] } else { ["PATH", "TERM"] } {
         if let Some(value) = std::env::var_os(name) {
             command.env(name, value);
@@ -74,16 +74,16 @@ pub(super) fn alone(program: &Path) -> Result<Command, String> {
     Ok(command)
 }
 
-/// A path of this machine as programs in the lab, or on Windows, have it.
+/// A path of this machine as programs in the lab, or on Windows, see it.
 pub(super) fn on_drive(path: &Path) -> PathBuf {
     if cfg!(windows) {
         return path.to_owned();
     }
-    // The machine's root is a drive there.
+    // The lab maps the machine's root to this drive.
     format!("Z:{}", path.display().to_string().replace('/', "\\")).into()
 }
 
-/// Puts Microsoft's libraries into a folder, where a program or a library of ours looks for them first.
+/// Puts Microsoft's libraries into a folder, where a program or our library looks for them first.
 pub(super) fn put_runtime(folder: &Path) -> Result<(), String> {
     let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
     let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
@@ -95,7 +95,7 @@ pub(super) fn put_runtime(folder: &Path) -> Result<(), String> {
             continue;
         }
         _ = fs::remove_file(&to);
-        // The same file under another name takes no room; not every file system has that.
+        // A hard link takes no space; not every file system has them.
         if fs::hard_link(&from, &to).is_err() {
             fs::copy(&from, &to).map_err(failed)?;
         }
@@ -103,10 +103,10 @@ pub(super) fn put_runtime(folder: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// How many lives of a device, and of a world, the long run has.
+/// Numbers of create-destroy cycles of a device, and of a world, in the long run.
 const DEVICES: &str = "1000";
 const WORLDS: &str = "20";
-/// The tests that have them.
+/// The tests that run them.
 const CYCLES: [&str; 2] =
     ["devices_come_and_go_and_leave_what_their_calls_leave_without_cairn", "worlds_come_and_go_and_memory_is_flat"];
 
@@ -122,7 +122,7 @@ pub(super) fn run_cycles(context: &Context<'_>, log: &mut Log) -> Result<Tally, 
     Ok(cargo::count_named(&log.run(&mut command)?, &CYCLES))
 }
 
-/// Has a cargo command, whose own arguments are all there, build for Windows and run what it built in the lab.
+/// Makes a complete cargo command build for Windows and run the programs in the lab.
 pub(crate) fn for_windows(command: &mut Command) -> Result<(), String> {
     if cfg!(windows) {
         return Ok(());
@@ -141,7 +141,7 @@ pub(crate) fn for_windows(command: &mut Command) -> Result<(), String> {
     Ok(())
 }
 
-/// Makes the lab where it is missing; what is skipped, with the reason, where this machine cannot have it.
+/// Builds the lab if it is missing; returns a skip with its reason if this machine cannot have the lab.
 pub(super) fn or_skip(what: &str) -> Result<Option<Skip>, String> {
     if cfg!(windows) {
         return Ok(None);
@@ -153,12 +153,12 @@ pub(super) fn or_skip(what: &str) -> Result<Option<Skip>, String> {
     Ok(None)
 }
 
-/// A word as TOML writes it.
+/// A TOML string.
 fn quoted(word: &std::ffi::OsStr) -> String {
     format!("\"{}\"", word.to_string_lossy().replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-/// What the lab passes to a program and back, and what it leaves behind.
+/// What the lab passes to a program and back, and what a run leaves behind.
 fn passes_through(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let folder = context.workspace.target.join("xtask").join("lab").join("a folder");
     fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
@@ -208,23 +208,23 @@ fn passes_through(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Re
     Ok(())
 }
 
-/// Writes a file into the folder with the program; its path.
+/// Writes a file into the program's folder; returns its path.
 fn mark(echo: &Echo, name: &str, text: &str) -> Result<String, String> {
     let path = echo.folder.join(name);
     fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(path.display().to_string())
 }
 
-/// The program and the folder it is in and runs in.
+/// The test program and its folder, which is also its working directory.
 struct Echo {
     program: PathBuf,
     folder: PathBuf,
 }
 
-/// What ends a run from outside.
+/// How a run is ended from outside.
 #[derive(Debug, Clone, Copy)]
 enum Signal {
-    /// Nothing can answer it.
+    /// SIGKILL, which no process can handle.
     Kill,
     /// Ctrl-C.
     Interrupt,
@@ -263,14 +263,14 @@ impl Echo {
         let failed = |e: std::io::Error| format!("the lab with {arguments:?}: {e}");
         let mut child = self.command(arguments)?.spawn().map_err(failed)?;
         let mut stdin = child.stdin.take().ok_or("no standard input")?;
-        // A program that does not read may be gone before all is written.
+        // A program that does not read its input may have exited before all is written.
         _ = stdin.write_all(input);
         drop(stdin);
         let Output { status, stdout, stderr } = child.wait_with_output().map_err(failed)?;
         Ok(Ended { status: status.code(), out: stdout, err: stderr })
     }
 
-    /// Says which of Windows' own processes could speak through the program's streams.
+    /// Fails if one of Windows' own processes holds the program's output streams.
     fn listeners(&self, log: &mut Log) -> Result<Option<String>, String> {
         let mark = self.folder.join("started");
         _ = fs::remove_file(&mark);
@@ -290,7 +290,7 @@ impl Echo {
         Ok((!heard.is_empty()).then(|| format!("Windows' own processes have the program's streams: {heard:?}")))
     }
 
-    /// Ends a run by a signal while the program and its child wait; says what stays behind, and an exit status that is not
+    /// Ends a run by a signal while the program and its child wait. Fails if a process stays behind, or if the exit status is not
     /// `expected`.
     fn ended_by(&self, signal: Signal, expected: Option<i32>, log: &mut Log) -> Result<Option<String>, String> {
         let mark = self.folder.join("started");
@@ -300,7 +300,7 @@ impl Echo {
         let running = self.running();
         match signal {
             Signal::Kill => _ = child.kill(),
-            // To this process alone: what a terminal's Ctrl-C tells the others as well must not be needed.
+            // To this process only: the others must end without the signal that a terminal's Ctrl-C sends them too.
             Signal::Interrupt => {
                 let kill = format!("kill -INT {}", child.id());
                 Command::new("sh").args(["-c", &kill]).status().map_err(|e| format!("{kill}: {e}"))?;
@@ -318,7 +318,7 @@ impl Echo {
         Ok((!gone).then(|| format!("processes stay behind a run that ended by {signal:?}: {:?}", self.running())))
     }
 
-    /// Processes of the lab's that name the program.
+    /// Command lines of processes that name the program.
     fn running(&self) -> Vec<String> {
         let name = self.program.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let lines = processes(|line| line.contains(&name) && line.contains("stay"));
@@ -326,7 +326,7 @@ impl Echo {
     }
 }
 
-/// Processes of this machine whose command lines are such, by their numbers.
+/// Processes of this machine whose command line satisfies `such`, with their ids.
 fn processes(such: impl Fn(&str) -> bool) -> Vec<(u32, String)> {
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
@@ -335,7 +335,7 @@ fn processes(such: impl Fn(&str) -> bool) -> Vec<(u32, String)> {
     lines.filter(|(_, line)| such(line)).collect()
 }
 
-/// Whether `what` becomes true in time.
+/// Whether `what` becomes true before the time limit.
 fn within(time: Duration, what: impl Fn() -> bool) -> bool {
     let end = Instant::now() + time;
     while Instant::now() < end {
@@ -347,7 +347,7 @@ fn within(time: Duration, what: impl Fn() -> bool) -> bool {
     false
 }
 
-/// What is mounted.
+/// The mounted file systems.
 fn mounts() -> Result<Vec<String>, String> {
     let path = Path::new("/proc/self/mounts");
     let text = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;

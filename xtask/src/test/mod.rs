@@ -1,4 +1,4 @@
-//! `cargo xtask test`: named runners, one after the other, and one sum.
+//! `cargo xtask test`: runs named runners one after the other, and sums up their results.
 
 mod abi;
 mod amd;
@@ -48,14 +48,14 @@ use tally::Tally;
 pub(crate) use cargo::DENY_VERSION;
 pub(crate) use lab::for_windows;
 
-/// One named part of the tests. What it reports is counted; a message instead of a tally is one failure.
+/// A named part of the tests. Its tally is counted; an error instead of a tally counts as one failure.
 struct Runner {
     name: &'static str,
     what: &'static str,
     run: fn(&Context<'_>, &mut Log) -> Result<Tally, String>,
 }
 
-/// In the order they run: what is quick and often wrong first, then what reuses the compiled code of its predecessor.
+/// In the order they run: quick and often failing ones first, then those that reuse the compiled code of their predecessor.
 const RUNNERS: &[Runner] = &[
     Runner { name: "fmt", what: "the code is formatted", run: cargo::fmt },
     Runner { name: "repository", what: "file lengths, forbidden words, links, who may use whom", run: repository::run },
@@ -146,7 +146,7 @@ const THOROUGH: &[Runner] = &[
     Runner { name: "soak", what: "2,000 latents and 10,000 generated frames with flat memory", run: thorough::soak },
 ];
 
-/// What runners share: the clone, and what was fetched for them.
+/// Shared state of the runners: the workspace, and what was fetched for them.
 struct Context<'a> {
     workspace: &'a Workspace,
     library: OnceCell<Result<PathBuf, String>>,
@@ -156,7 +156,7 @@ struct Context<'a> {
     training: OnceCell<Result<PathBuf, String>>,
     cluster: OnceCell<Result<PathBuf, String>>,
     built: OnceCell<Result<(), String>>,
-    /// It was named that AMD's own libraries are not there.
+    /// Whether the absence of AMD's own libraries was reported already.
     amd_skipped: Cell<bool>,
 }
 
@@ -168,7 +168,7 @@ impl<'a> Context<'a> {
         Self { workspace, library, bundles, lpips, python, training, cluster, built, amd_skipped }
     }
 
-    /// Provides something once; a failure is remembered too, so that an unreachable index is asked once.
+    /// Provides something once. A failure is cached too, so that an unreachable index is tried only once.
     fn provide(
         cell: &OnceCell<Result<PathBuf, String>>,
         how: fn(&dyn provision::Progress) -> provision::Result<PathBuf>,
@@ -181,7 +181,7 @@ impl<'a> Context<'a> {
         Self::provide(&self.python, provision::python_env)
     }
 
-    /// The Python that trains, with JAX.
+    /// The Python with JAX, for training.
     fn training_python(&self) -> Result<&Path, String> {
         Self::provide(&self.training, provision::training_env)
     }
@@ -196,15 +196,15 @@ impl<'a> Context<'a> {
         Ok(Self::provide(&self.bundles, provision::test_bundles)?.join(name))
     }
 
-    /// Tells a command where ONNX Runtime and the test worlds are.
+    /// Sets a command's variables for ONNX Runtime and the test worlds.
     fn provide_worlds(&self, command: &mut Command) -> Result<(), String> {
         command.env("CAIRN_ONNXRUNTIME", Self::provide(&self.library, provision::onnxruntime)?);
         command.env("CAIRN_TEST_BUNDLE", Self::provide(&self.bundles, provision::test_bundles)?);
         Ok(())
     }
 
-    /// The same for a command that runs programs that cargo builds for Windows: Microsoft's libraries lie beside them, as beside a game,
-    /// and no variable names them.
+    /// The same for a command that runs cargo's programs for Windows: Microsoft's libraries are put beside them, as beside a game, and no
+    /// variable names them.
     fn provide_windows_worlds(&self, command: &mut Command) -> Result<(), String> {
         let built = self.windows_programs();
         lab::put_runtime(&built)?;
@@ -214,7 +214,7 @@ impl<'a> Context<'a> {
         Ok(())
     }
 
-    /// The same for a program that fetches ONNX Runtime itself where no variable names it.
+    /// The same for a program that would fetch ONNX Runtime itself without the variable.
     fn provide_windows_tools(&self, command: &mut Command) -> Result<(), String> {
         let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
         command.env("CAIRN_ONNXRUNTIME", library);
@@ -222,20 +222,20 @@ impl<'a> Context<'a> {
         Ok(())
     }
 
-    /// Where cargo puts programs for Windows; those of tests are in its folder `deps`.
+    /// Cargo's folder of programs for Windows; test programs are in its folder `deps`.
     fn windows_programs(&self) -> PathBuf {
         let target = &self.workspace.target;
         if cfg!(windows) { target.join("debug") } else { target.join(provision::tools::WINDOWS_TARGET).join("debug") }
     }
 
-    /// Tells a command where the weights of LPIPS are.
+    /// Sets a command's variable for the weights of LPIPS.
     fn provide_lpips(&self, command: &mut Command) -> Result<(), String> {
         command.env("CAIRN_LPIPS", Self::provide(&self.lpips, provision::lpips_weights)?);
         Ok(())
     }
 
-    /// Builds the workspace's libraries and programs, once. The libraries are named because cargo puts only what is named beside
-    /// the programs; the tests, so that features are those of `cargo test` and nothing heavy is compiled a second time.
+    /// Builds the workspace's libraries and programs, once. `--lib` is needed because cargo puts only named targets beside the programs;
+    /// `--tests` makes the features those of `cargo test`, so that nothing heavy is compiled a second time.
     fn build_programs(&self, log: &mut Log) -> Result<(), String> {
         let build = || {
             let ended = log.run(&mut self.workspace.cargo(["build", "--workspace", "--lib", "--bins", "--tests"]))?;
@@ -245,7 +245,7 @@ impl<'a> Context<'a> {
     }
 }
 
-/// Runs what `options` choose; whether nothing failed.
+/// Runs the runners that `options` choose; returns whether nothing failed.
 pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, String> {
     let all = RUNNERS.iter().chain(if options.thorough || options.list { THOROUGH } else { &[] });
     if options.list {
@@ -313,7 +313,7 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
     Ok(total.failures.is_empty())
 }
 
-/// A failed runner's whole log, and what failed in it.
+/// A failed runner's whole log, and its failures.
 fn describe_failures(text: &mut String, name: &str, tally: &Tally, log: &Path) {
     let output = std::fs::read_to_string(log).unwrap_or_else(|e| format!("the log is lost: {e}\n"));
     _ = write!(text, "\n---- {name}: {} ----\n{output}\n", log.display());

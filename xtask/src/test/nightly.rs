@@ -1,4 +1,4 @@
-//! What only a nightly compiler does: Miri over what has no foreign code, and ThreadSanitizer over the rest.
+//! Tests that need a nightly compiler: Miri for code without foreign calls, and ThreadSanitizer for the rest.
 
 use std::process::Command;
 
@@ -9,30 +9,30 @@ use super::cargo;
 use super::tally::{Skip, Tally};
 use crate::shell::{Log, output};
 
-/// The modules that Miri runs the tests of: all there is of the C interface without ONNX Runtime, and the clock behind it.
+/// The modules whose tests run under Miri: all of the C interface that needs no ONNX Runtime, and the presentation clock.
 const UNDER_MIRI: [&str; 3] = ["abi::", "present::pacing::", "present::timeline::"];
 
-/// Where ThreadSanitizer is run.
+/// The target that ThreadSanitizer is run on.
 const TARGET: &str = "x86_64-unknown-linux-gnu";
 
-/// Miri finds undefined behaviour, data races, and what is never freed.
+/// Miri detects undefined behaviour, data races and leaks.
 pub(super) fn miri(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let toolchain = match tools::nightly(&["miri", "rust-src"], &Console::new()) {
         Ok(toolchain) => toolchain,
         Err(e) => return Ok(skipped("tests under Miri", &e)),
     };
     let mut command = tools::rustup_run(toolchain);
-    // Dependencies are read, not compiled to machine code, into a folder of their own.
+    // Miri interprets dependencies, so they are built into a folder of their own.
     command.args(["cargo", "miri", "test", "--package", "cairn", "--lib", "--"]).args(UNDER_MIRI);
     command.current_dir(&context.workspace.root).env("CARGO_TARGET_DIR", context.workspace.target.join("miri"));
     let ended = log.run(&mut command)?;
     let mut tally = cargo::count_named(&ended, &UNDER_MIRI);
-    // A leak is found after the last test.
+    // Leaks are reported after the last test.
     tally.check((!ended.success && tally.failures.is_empty()).then(|| "Miri has found something".to_owned()));
     Ok(tally)
 }
 
-/// The program of rollouts and queues against a library whose every access is watched, its standard library's too.
+/// Runs the C program of rollouts and queues against a library, and its standard library, built with ThreadSanitizer.
 pub(super) fn races(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let name = "rollout under ThreadSanitizer";
     if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
@@ -54,7 +54,7 @@ pub(super) fn races(context: &Context<'_>, log: &mut Log) -> Result<Tally, Strin
     let library = target.join(TARGET).join("debug");
     let program = target.join("rollout");
     let mut command = Command::new("gcc");
-    // Objects that call the sanitizer, and the one runtime that the library's own instrumentation is made for.
+    // Compiled with GCC's instrumentation, but linked with the sanitizer runtime that the Rust library was instrumented for.
     command.args(["-std=c11", "-g", "-D_GNU_SOURCE", "-fsanitize=thread", "-c", "-I"]).arg(root.join("include"));
     command.arg(root.join("tests/abi/rollout.c")).arg("-o").arg(program.with_extension("o"));
     let compiled = log.run(&mut command)?.success;
@@ -66,7 +66,7 @@ pub(super) fn races(context: &Context<'_>, log: &mut Log) -> Result<Tally, Strin
     if !compiled || !log.run(&mut command)?.success {
         return Err("the program does not link with ThreadSanitizer".to_owned());
     }
-    // Its shadow memory needs addresses that are not random.
+    // ThreadSanitizer's shadow memory requires address space randomisation to be off.
     let mut command = Command::new("setarch");
     let options = format!("suppressions={} exitcode=66", root.join("tests/abi/tsan.supp").display());
     command.arg("-R").arg(&program).current_dir(&target).env("TSAN_OPTIONS", options);

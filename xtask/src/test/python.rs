@@ -1,4 +1,4 @@
-//! The Python tests: the package's, which drive the bundle builder and the shared library, parity of the runtime with the
+//! The Python tests: the package's, which use the bundle builder and the shared library, the runtime's parity with the
 //! oracle, and the training of the miniature world at its smallest.
 
 use std::fs;
@@ -11,13 +11,13 @@ use super::junit;
 use super::tally::Tally;
 use crate::shell::Log;
 
-/// Where they lie; each folder has settings of its own, so each is a run of its own.
+/// Their folders; each has its own settings, so each is a separate run.
 const FOLDERS: [&str; 3] = ["bindings/python", "tests/parity", TRAINING];
 /// The one that needs JAX.
 const TRAINING: &str = "samples/worlds/miniature";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    // The tests drive the library and a program of the workspace.
+    // The tests use the library and a program of the workspace.
     context.build_programs(log)?;
     let mut tally = Tally::default();
     for folder in FOLDERS {
@@ -31,7 +31,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// Installs the package as its page says, and looks whether it carries the library and then finds that one by itself.
+/// Installs the package as its page says, and checks that it contains the library and finds it without further settings.
 fn installed(
     context: &Context<'_>,
     log: &mut Log,
@@ -72,23 +72,23 @@ fn suite(context: &Context<'_>, log: &mut Log, folder: &str) -> Result<Tally, St
     pytest(context, log, command, folder, (&folder.replace('/', "-"), &[]))
 }
 
-/// Sweeps through Ray, in the only Python that has it.
+/// Sweeps through Ray, in the only Python environment that has it.
 pub(super) fn cluster(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     context.build_programs(log)?;
     let mut command = Command::new(context.cluster_python()?);
     command
         .env("PYTHONPATH", provision::python_path())
         .env("CAIRN_STUDY", context.workspace.program("debug", "study"))
-        // Ray tells nobody of the tests, and leaves nothing in the home.
+        // Ray sends no usage report, and leaves nothing in the home directory.
         .env("RAY_USAGE_STATS_ENABLED", "0")
         .env("RAY_AUTH_MODE", "disabled")
-        // Its workers would else give way to every other program of the machine.
+        // Otherwise its workers would run at a lower priority than every other program.
         .env("RAY_worker_niceness", "0");
     context.provide_worlds(&mut command)?;
     pytest(context, log, command, FOLDERS[0], ("bindings-python-cluster", &["cluster"]))
 }
 
-/// Has a Python, which has what the tests of `folder` need, run those that are `chosen`; the report is called `name`.
+/// Runs the tests `chosen` with a Python that has the packages that `folder` needs; the report is called `name`.
 pub(super) fn pytest(
     context: &Context<'_>,
     log: &mut Log,

@@ -1,5 +1,5 @@
 //! The quality table at its smallest, through the program as a user starts it. The whole table is `study quality --publish`,
-//! which asks for programs of others and for minutes.
+//! which needs third-party programs and takes minutes.
 
 use std::fs;
 use std::process::Command;
@@ -8,7 +8,7 @@ use super::Context;
 use super::tally::Tally;
 use crate::shell::Log;
 
-/// Rows that need no other program; each is scored on two frames.
+/// Rows that need no third-party program; each is scored on two frames.
 const ROWS: [&str; 4] = ["repeat", "blend", "cairn-flow", "cairn-truth"];
 const FRAMES: usize = 2;
 
@@ -35,7 +35,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// Whether a line of the table of frames is of `row` and ends with PSNR, SSIM and LPIPS as numbers.
+/// Whether a line of the table of frames belongs to `row` and ends with PSNR, SSIM and LPIPS as numbers.
 fn is_score(line: &str, row: &str) -> bool {
     let fields: Vec<&str> = line.split(',').collect();
     fields.get(1) == Some(&row)

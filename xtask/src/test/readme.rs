@@ -1,5 +1,5 @@
-//! What the pages show (README.md, those of docs, samples and bindings): commands exist and take the options the text gives them, and code
-//! is seen by what knows its language.
+//! Commands and code on pages (README.md, those of docs, samples and bindings): commands exist and accept the options that the text gives
+//! them, and code is checked by a tool that knows its language.
 
 use std::process::Command;
 
@@ -42,7 +42,7 @@ pub(super) fn commands(page: &str) -> Vec<String> {
     found
 }
 
-/// What is wrong with a command of ours; commands of others are only looked at.
+/// The error in a command of ours; other programs' commands are only checked to be known.
 fn check(context: &Context<'_>, log: &mut Log, line: &str) -> Result<Option<String>, String> {
     let words: Vec<&str> =
         line.split_whitespace().skip_while(|word| word.contains('=') && !word.starts_with('-')).collect();
@@ -65,7 +65,7 @@ fn check(context: &Context<'_>, log: &mut Log, line: &str) -> Result<Option<Stri
         }
         [python, "-m", "venv" | "pip" | "pytest", ..] if is_python(python) => Ok(None),
         ["cargo", "build", "--release"] | ["cargo", "build", "--release", "--target", WINDOWS_TARGET] => Ok(None),
-        // The runners `host` and `host-d3d12` build and run by these, and `blocks` the programs of pages.
+        // The runners `host` and `host-d3d12` build and run these, and `blocks` the programs of pages.
         ["cc" | "c++" | "cmake" | "./host-c" | "./first", ..] => Ok(None),
         ["git" | "cd" | "mpv" | "ffplay" | "rustup" | "apt" | "apt-get" | "sudo" | "export", ..] => Ok(None),
         [program, ..] => Ok(Some(format!("{program} is no program these documents may ask for"))),
@@ -92,7 +92,7 @@ fn run_of_a_package(context: &Context<'_>, log: &mut Log, words: &[&str]) -> Res
     let arguments = words.iter().position(|word| *word == "--").map_or(&[][..], |at| &words[at + 1..]);
     let mut program = Command::new(context.workspace.program("debug", package));
     if package == "study" {
-        // It can say more than whether it knows the options: whether their values make sense.
+        // `--dry-run` also checks the options' values.
         let ended = log.run(program.arg("--dry-run").args(arguments))?;
         let first_line = || ended.output.lines().next().unwrap_or("it is refused").to_owned();
         return Ok((!ended.success).then(first_line));

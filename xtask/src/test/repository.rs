@@ -1,5 +1,5 @@
-//! The rules of the house that a compiler does not hold: length of files, words that must not stay, references to files
-//! that are there, and which room may use which.
+//! Repository checks that a compiler does not make: file length, words for unfinished work, references to existing files, and
+//! the allowed dependencies between modules.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -9,29 +9,29 @@ use super::tally::Tally;
 use crate::shell::Log;
 use crate::workspace::Workspace;
 
-/// Longer than this is more than one concept.
+/// Maximum number of lines; a longer file has more than one concept.
 const LONGEST_FILE: usize = 600;
 
-/// Words that mark unfinished work, in halves so that this file may pass.
+/// Words that mark unfinished work, each in two halves so that this file passes.
 const UNFINISHED: [(&str, &str); 7] = [
     ("TO", "DO"),
     ("FIX", "ME"),
     ("XX", "X:"),
     ("todo", "!("),
     ("unimplemented", "!("),
-    // A test that cannot run everywhere says so, with the reason, when it is run.
+    // A test that cannot run everywhere must report that at run time, with the reason.
     ("#[ign", "ore]"),
     ("#[ign", "ore ="),
 ];
 
-/// The rooms of the library from the top down: each may use those after it only.
+/// The library's modules from the top down: each may use only those after it.
 const ROOMS: [&str; 9] = ["abi", "present", "framegen", "guidance", "world", "runtime", "bundle", "ffx", "gpu"];
 
 /// Folders at the root; a path in a text that starts with one of them must exist.
 const FOLDERS: [&str; 9] =
     ["src/", "include/", "docs/", "tests/", "samples/", "bindings/", "xtask/", "fuzz/", "examples/"];
 
-/// Endings of files that texts refer to.
+/// Extensions of files that texts refer to.
 const ENDINGS: [&str; 16] =
     ["rs", "hlsl", "c", "h", "cpp", "hpp", "cs", "csproj", "py", "md", "toml", "json", "png", "txt", "yaml", "csv"];
 
@@ -89,7 +89,7 @@ fn dead_references(workspace: &Workspace, files: &[String]) -> Result<Vec<String
         let text = workspace.read(file)?;
         let is_page = ends_with_one_of(file, &["md"]);
         for (number, line) in text.lines().enumerate() {
-            // A text may name a file from the root of the clone, or from any folder that it lies in itself.
+            // A text may name a file relative to the repository's root, or to any folder that contains the text.
             let exists =
                 |path: &str| Path::new(file).ancestors().skip(1).any(|f| workspace.root.join(f).join(path).exists());
             for path in named_files(line).filter(|path| !exists(path)) {
@@ -105,7 +105,7 @@ fn dead_references(workspace: &Workspace, files: &[String]) -> Result<Vec<String
     Ok(finds)
 }
 
-/// Paths below one of our folders that a line names, with an ending of ours.
+/// Paths in a line that start with one of our folders and have one of our extensions.
 fn named_files(line: &str) -> impl Iterator<Item = &str> {
     line.split(|c: char| !(c.is_ascii_alphanumeric() || "_-./".contains(c)))
         .map(|word| word.trim_end_matches('.'))
@@ -117,7 +117,7 @@ fn links(line: &str) -> Vec<&str> {
     line.match_indices("](").filter_map(|(at, _)| line[at + 2..].split_once(')').map(|(target, _)| target)).collect()
 }
 
-/// Why a link leads nowhere; links to other sites are not followed.
+/// Why a link has no target; links to other sites are not checked.
 fn dead_link(workspace: &Workspace, page: &str, text: &str, target: &str) -> Option<String> {
     if target.contains("://") || target.starts_with("mailto:") {
         return None;
@@ -135,7 +135,7 @@ fn dead_link(workspace: &Workspace, page: &str, text: &str, target: &str) -> Opt
     (!known.contains(heading)).then(|| format!("the link {target} leads to no heading"))
 }
 
-/// The anchors of a page's headings, made as code hosts make them.
+/// Fragments of a page's headings, as code hosts make them.
 fn headings(text: &str) -> BTreeSet<String> {
     text.lines()
         .filter(|line| line.starts_with('#'))
@@ -152,7 +152,7 @@ fn upward_uses(workspace: &Workspace, files: &[String]) -> Result<Vec<String>, S
     for file in files.iter().filter(|file| file.starts_with("src/") && ends_with_one_of(file, &["rs"])) {
         let place = file.trim_start_matches("src/").split(['/', '.']).next().unwrap_or_default();
         let Some(room) = ROOMS.iter().position(|room| *room == place) else { continue };
-        // Comments may point up; code may not.
+        // Comments may refer to modules above; code may not.
         for (number, line) in
             workspace.read(file)?.lines().enumerate().filter(|(_, line)| !line.trim().starts_with("//"))
         {

@@ -1,4 +1,4 @@
-//! The shaders that the library carries are those whose text stands beside them.
+//! The library's compiled shaders match the HLSL sources beside them.
 
 use std::fs;
 

@@ -1,10 +1,10 @@
-//! Which tests may be skipped where every skip must be accounted for: `xtask/skips.toml`.
+//! `xtask/skips.toml`: the tests that may be skipped in continuous integration, where every other skip is a failure.
 
 use serde::Deserialize;
 
 use super::tally::Skip;
 
-/// What a test may need that a machine may lack.
+/// The things that a test may need and a machine may lack.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Allowed {
@@ -15,9 +15,9 @@ pub(super) struct Allowed {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Need {
-    /// The word a skipping test gives: its reason starts with `needs <id>`.
+    /// The word in the skip's reason, which starts with `needs <id>`.
     id: String,
-    /// Why no machine of ours can be sure to have it.
+    /// Why not every machine of ours can have it.
     reason: String,
 }
 

@@ -1,5 +1,5 @@
-//! The main job end to end, through the program as a user starts it: a short rollout, its replay, a quick look at which
-//! motion is best, and the smallest sweep.
+//! The study program end to end, as a user starts it: a short rollout, its replay, a small comparison of
+//! motion sources, and the smallest sweep.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use super::Context;
 use super::tally::Tally;
 use crate::shell::Log;
 
-/// What a rollout leaves.
+/// Files that a rollout writes.
 const MADE: [&str; 2] = ["manifest.json", "contact-sheet.png"];
 
 /// Half a second of a small world: 15 anchors a second and a generated frame between every two.
@@ -28,7 +28,7 @@ const SHORT: &[&str] = &[
     "mp4,png,y4m",
 ];
 
-/// The video of the short rollout; makes it where the `study` runner has not.
+/// The video of the short rollout, which is made here if the `study` runner has not made it.
 pub(super) fn rollout_video(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
     let folder = context.workspace.target.join("xtask").join("study").join("rollout");
     if find_video(&folder).is_none() {
@@ -37,7 +37,7 @@ pub(super) fn rollout_video(context: &Context<'_>, log: &mut Log) -> Result<Path
     find_video(&folder).ok_or_else(|| format!("{} holds no video", folder.display()))
 }
 
-/// The report of a comparison of a fifth of a second of one scene.
+/// The report of a comparison over a fifth of a second of one scene.
 pub(super) fn comparison_report(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
     context.build_programs(log)?;
     let folder = context.workspace.target.join("xtask").join("compare");
@@ -87,7 +87,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     replay.arg("replay").arg(first.join("manifest.json")).arg("--out").arg(folder.join("replay"));
     tally.check((!log.run(&mut replay)?.success).then(|| "the replay differs from the rollout, or failed".to_owned()));
 
-    // With the world inside the library, whose latents mean something.
+    // With the embedded world, whose latents are meaningful.
     let looked = folder.join("motion");
     let mut motion = study(context)?;
     motion.args(["motion", "--quick", "--no-lpips", "--check", "--quiet", "--out"]).arg(&looked);
@@ -115,7 +115,7 @@ fn study(context: &Context<'_>) -> Result<Command, String> {
     Ok(command)
 }
 
-/// Says so where a file is not there, or empty.
+/// The error if a file is missing or empty.
 pub(super) fn missing(path: &Path) -> Option<String> {
     match fs::metadata(path) {
         Ok(data) if data.len() > 0 => None,

@@ -1,5 +1,5 @@
-//! The study for Windows, in the lab or on Windows itself: its own tests, and the paper's experiment in small on DirectML, with
-//! frames between anchors by the library's shaders and then by the double that plays AMD's libraries.
+//! The study for Windows, in the lab or on Windows itself: its own tests, and the paper's experiment at a small size on DirectML, with
+//! generated frames first by the library's shaders and then by the test double of AMD's libraries.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,30 +14,30 @@ use super::tally::Tally;
 use super::{Context, cargo, lab};
 use crate::shell::{Ended, Log};
 
-/// What cargo is told to build: all in one command, so that nothing is compiled a second time for another choice of features.
+/// Packages to build in one command, so that nothing is compiled again for another choice of features.
 const PACKAGES: [&str; 4] = ["--package", "study", "--package", "ffx-double"];
-/// The test programs that ask what another system may answer otherwise: processes, streams, files and their locks, videos.
+/// The test programs whose results may depend on the system: processes, streams, files and their locks, videos.
 const PROGRAMS: [&str; 5] = ["compare", "media", "program", "score", "sweep"];
-/// Of these what is long and runs on the processor: the comparison below does the same on DirectML.
+/// Tests among these that are slow and run on the processor: the comparison below does the same on DirectML.
 const LONG: [&str; 2] =
     ["a_comparison_is_made_once_and_goes_on_where_it_was_broken_off", "a_sweep_is_made_once_and_nothing_whole_again"];
 
-/// What it plays: the provider that computes its frames as AMD's analytic one does.
+/// What the double emulates: the provider that computes its frames as AMD's analytic one does.
 const ROLE: &str = "sdk 2.1\noffers 0xf600000000c01006 3.1.6\n";
-/// Where it writes what it was asked, and what was wrong with it.
+/// The double's log of its calls.
 const CALLS: &str = "calls.txt";
 const JUDGEMENT: &str = "judgement.txt";
 
-/// A fifteenth of a second of one scene, and a little more: two anchors, so a frame between them.
+/// A little more than a fifteenth of a second of one scene: two anchors, so one frame between them.
 const SHORT: [&str; 8] = ["--scene", "sword", "--seconds", "0.0667", "--size", "128x72", "--device", "d3d12"];
 const PLACE: &str = "sword-41";
 const LOOKS: usize = 3;
-/// The one between the anchors.
+/// The frame between the anchors.
 const BETWEEN: u32 = 1;
-/// Every branch: how many frames it shows, and how many of them a generator makes.
+/// Every branch: the number of its frames, and how many of them a generator makes.
 const BRANCHES: [(&str, u64, u64); 5] =
     [("coherence", 3, 1), ("baseline", 3, 0), ("baseline-doubled", 3, 0), ("heavy", 3, 1), ("decoded-60", 5, 0)];
-/// What runs on a graphics device through libraries of others, and whether their files tell a version: Wine's own does not.
+/// Libraries used on a graphics device, and whether their files contain a version: Wine's own do not.
 const LIBRARIES: [(&str, bool); 3] = [("onnxruntime.dll", true), ("DirectML.dll", true), ("d3d12.dll", false)];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
@@ -76,7 +76,7 @@ fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, S
     let mut command = context.workspace.cargo(["test", "--no-fail-fast"]);
     command.args(PACKAGES).arg("--lib").args(programs());
     lab::for_windows(&mut command)?;
-    // By their whole names: another test whose name holds one of them is not left out, and a renamed one runs.
+    // By full name: another test whose name contains one of them still runs, and so does a renamed one.
     command.args(["--", "--exact"]).args(LONG.iter().flat_map(|name| ["--skip", name]));
     context.provide_windows_tools(&mut command)?;
     context.provide_lpips(&mut command)?;
@@ -84,7 +84,7 @@ fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, S
     Ok(cargo::count(&log.run(&mut command)?))
 }
 
-/// One folder, compared twice.
+/// A comparison that is run twice in one folder.
 struct Comparison<'a> {
     context: &'a Context<'a>,
     program: PathBuf,
@@ -94,7 +94,7 @@ struct Comparison<'a> {
 }
 
 impl<'a> Comparison<'a> {
-    /// Has the double stand under AMD's name in a folder of its own.
+    /// Copies the double under AMD's file name into a folder of its own.
     fn new(context: &'a Context<'a>, folder: &Path) -> Result<Self, String> {
         let built = ffx::built(context);
         let amd = folder.join("amd");
@@ -105,7 +105,7 @@ impl<'a> Comparison<'a> {
         Ok(Self { context, program: built.join("study.exe"), out: folder.join("compare"), amd: Amd::Double(amd) })
     }
 
-    /// Runs the comparison with such libraries of AMD's.
+    /// Runs the comparison with these libraries of AMD's.
     fn run(&self, generator: &str, amd: &Amd, log: &mut Log) -> Result<Ended, String> {
         let mut command = lab::lab_run()?;
         command.arg(&self.program).arg("compare").args(SHORT).args(["--quiet", "--generator", generator]);
@@ -116,13 +116,13 @@ impl<'a> Comparison<'a> {
         log.run(&mut command)
     }
 
-    /// Runs it to its end; what it says.
+    /// Runs it, requires success, and returns its output.
     fn compare(&self, generator: &str, log: &mut Log) -> Result<String, String> {
         let ended = self.run(generator, &self.amd, log)?;
         if ended.success { Ok(ended.output) } else { Err(format!("the comparison with {generator} failed")) }
     }
 
-    /// Runs it where so many branches are there already, and looks at all that it leaves.
+    /// Runs it where `kept` branches exist already, and checks all of its output.
     fn made(&self, generator: &str, kept: u32, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
         let said = self.compare(generator, log)?;
         tally.check(lacks(&said, &format!("5 rollouts, {kept} of them kept")));
@@ -136,17 +136,17 @@ impl<'a> Comparison<'a> {
         self.out.join(PLACE)
     }
 
-    /// Every branch on DirectML, with the frames between anchors by shaders.
+    /// Every branch on DirectML, with generated frames by shaders.
     fn by_shaders(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
         self.made("shader", 0, log, tally)?;
         tally.check((self.calls()? != [0, 0]).then(|| "shaders ask AMD's libraries for frames".to_owned()));
         Ok(())
     }
 
-    /// The same folder with AMD's libraries: what does not depend on them is kept.
+    /// The same folder with AMD's libraries: branches that do not depend on them are kept.
     fn by_amd(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
         let (before, frames) = (files(&self.place())?, self.between()?);
-        // Where they are missing that is told, and nothing is lost by it.
+        // Missing libraries are reported, and nothing that exists is lost.
         let nowhere = self.run("fsr", &Amd::Double(self.out.join("figures")), log)?;
         tally.check(nowhere.success.then(|| "frames were made by libraries that are not there".to_owned()));
         for words in ["sword 41, coherence: ", AMD, "AMD's libraries were not found"] {
@@ -175,7 +175,7 @@ impl<'a> Comparison<'a> {
         tally.check((calls == 0).then(|| "AMD's library was never asked".to_owned()));
         tally.check((complaints > 0).then(|| format!("{complaints} calls of AMD's library were not as they must be")));
 
-        // Once more, and nothing is made anew: neither rollouts nor figures nor the video.
+        // A further run makes nothing again: neither rollouts nor metrics nor the video.
         let said = self.compare("fsr", log)?;
         tally.check(lacks(&said, "5 rollouts, 5 of them kept"));
         tally.check((files(&self.place())? != after).then(|| "something was made again that was whole".to_owned()));
@@ -183,7 +183,7 @@ impl<'a> Comparison<'a> {
         Ok(())
     }
 
-    /// The manifests say where everything ran and what made the frames, and their files are there.
+    /// The manifests name the device and the generator, and their files exist.
     fn manifests(&self, generator: &str, tally: &mut Tally) -> Result<(), String> {
         for (branch, presented, generated) in BRANCHES {
             let folder = self.place().join(branch);
@@ -197,7 +197,7 @@ impl<'a> Comparison<'a> {
             equal("the frames presented", &manifest["counts"]["presented"], presented.into());
             equal("the frames generated", &manifest["counts"]["generated"], generated.into());
             equal("the generator", &versions["generator"], generator.into());
-            // The processor is what a manifest means that names none.
+            // A manifest without a generator means the processor.
             let named = if generated > 0 { generator.into() } else { Value::Null };
             equal("the generator asked for", &manifest["settings"]["generator"], named);
 
@@ -228,7 +228,7 @@ impl<'a> Comparison<'a> {
         Ok(())
     }
 
-    /// What is decoded of the same latents is the same picture, bit for bit, and what is generated between two of them is another.
+    /// Pictures decoded from the same latents are equal, bit for bit, and a generated frame differs from both of its anchors.
     fn anchors(&self, tally: &mut Tally) -> Result<(), String> {
         for anchor in 0..2 {
             let [shown, decoded] = [self.frame("coherence", 2 * anchor)?, self.frame("decoded-60", 4 * anchor)?];
@@ -252,7 +252,7 @@ impl<'a> Comparison<'a> {
         branches.map(|(branch, ..)| Ok((branch, self.frame(branch, BETWEEN)?))).collect()
     }
 
-    /// The figures of every frame of truth and branches: none is no number.
+    /// The metrics of every frame of truth and branches: none is NaN.
     fn series(&self, tally: &mut Tally) -> Result<(), String> {
         let path = self.place().join("series.csv");
         let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -264,7 +264,7 @@ impl<'a> Comparison<'a> {
         Ok(())
     }
 
-    /// The report is there, and names what the manifests do.
+    /// The report exists, and names what the manifests name.
     fn report(&self, generator: &str, tally: &mut Tally) -> Result<(), String> {
         let path = self.out.join("report.md");
         let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -296,7 +296,7 @@ impl<'a> Comparison<'a> {
         Ok(())
     }
 
-    /// How often the double was called, and how often it had something against it.
+    /// The number of the double's calls, and of its complaints.
     fn calls(&self) -> Result<[usize; 2], String> {
         let Amd::Double(amd) = &self.amd else { return Ok([0; 2]) };
         let lines = |name: &str| {
@@ -311,7 +311,7 @@ impl<'a> Comparison<'a> {
     }
 }
 
-/// A file: its path in the place, its length, and when it was written.
+/// A file's path, its length, and when it was written.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct Written {
     path: PathBuf,
@@ -325,7 +325,7 @@ impl Written {
     }
 }
 
-/// All files below `folder`, in the order of their names.
+/// All files below `folder`, sorted by path.
 fn files(folder: &Path) -> Result<Vec<Written>, String> {
     let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
     let mut all = Vec::new();
@@ -342,7 +342,7 @@ fn files(folder: &Path) -> Result<Vec<Written>, String> {
     Ok(all)
 }
 
-/// The first output of a manifest that is not there with its size; a manifest without outputs is not right either.
+/// The first output of a manifest that is missing or has another size; a manifest without outputs is an error too.
 fn outputs(folder: &Path, manifest: &Value) -> Option<String> {
     let outputs = manifest["outputs"].as_array().map(Vec::as_slice).unwrap_or_default();
     let there = |output: &Value| {
@@ -360,7 +360,7 @@ fn json(path: &Path) -> Result<Value, String> {
     serde_json::from_slice(&bytes).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// Says so where `text` does not have `words`.
+/// The error if `text` does not contain `words`.
 fn lacks(text: &str, words: &str) -> Option<String> {
     (!text.contains(words)).then(|| format!("lacks \"{words}\""))
 }

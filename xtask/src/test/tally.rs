@@ -1,4 +1,4 @@
-//! What a runner counted.
+//! A runner's counts.
 
 use std::fmt;
 
@@ -19,7 +19,7 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// A runner that could not do its work: one failure.
+    /// A runner that could not run: one failure.
     pub(super) fn broken(why: impl Into<String>) -> Self {
         Self { failures: vec![why.into()], ..Self::default() }
     }

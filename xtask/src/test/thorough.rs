@@ -1,4 +1,4 @@
-//! What takes minutes by intention: fuzzing, and the long soak.
+//! Tests that take minutes: fuzzing, and the long soak.
 
 use provision::{Console, tools};
 
@@ -7,11 +7,11 @@ use super::cargo;
 use super::tally::{Skip, Tally};
 use crate::shell::Log;
 
-/// How long the soaks are.
+/// Number of latents in the soaks.
 const SOAK_LATENTS: &str = "2000";
 const SOAK_FRAMES: &str = "10000";
 
-/// The cargo-fuzz that drives the fuzz targets.
+/// The version of cargo-fuzz that runs the fuzz targets.
 const CARGO_FUZZ_VERSION: &str = "0.13.2";
 
 /// How long each fuzz target runs.
@@ -21,7 +21,7 @@ pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
     let files = context.workspace.files()?;
     let targets = files.iter().filter_map(|file| file.strip_prefix("fuzz/fuzz_targets/")?.strip_suffix(".rs"));
     let mut tally = Tally::default();
-    // libFuzzer's instrumentation is a feature of the nightly compiler.
+    // libFuzzer's instrumentation needs the nightly compiler.
     let toolchain = match tools::nightly(&["rust-src"], &Console::new()) {
         Ok(toolchain) => toolchain,
         Err(e) => {
@@ -43,7 +43,7 @@ pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
 }
 
 pub(super) fn soak(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    // The whole workspace is named so that what the cargo runner compiled serves here.
+    // The whole workspace is named so that the `cargo` runner's compiled code is reused.
     let mut command = context.workspace.cargo(["test", "--workspace", "--test", "soak", "--test", "soak_frames"]);
     context.provide_worlds(&mut command)?;
     Ok(cargo::count(&log.run(command.env("CAIRN_SOAK_LATENTS", SOAK_LATENTS).env("CAIRN_SOAK_FRAMES", SOAK_FRAMES))?))

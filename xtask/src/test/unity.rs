@@ -1,6 +1,6 @@
-//! `bindings/unity`: every C# file of the package compiles, in each way that a project can have input, against declarations of what it
-//! uses of Unity, and so do the scripts that its pages show; its manifests say what is there; and the scripts know the plugin's
-//! functions by their names.
+//! `bindings/unity`: every C# file of the package, and every script on its pages, compiles against declarations of Unity's interface for
+//! each input system that a project can have; its manifests are correct; and the scripts declare the plugin's functions by their right
+//! names.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -15,8 +15,8 @@ use crate::dist::unity::{PACKAGE, is_package};
 use crate::shell::Log;
 use crate::workspace::Workspace;
 
-/// What Unity defines: without input, with the Input System, an earlier and a later one, with the Input Manager. The last is what is
-/// compiled further.
+/// Unity's defines: without input, with an earlier and a later Input System, with the Input Manager. Later checks use the assemblies
+/// compiled with the last.
 const INPUTS: [&[&str]; 4] = [
     &[],
     &["-define:ENABLE_INPUT_SYSTEM", "-define:CAIRN_INPUT_SYSTEM"],
@@ -24,11 +24,11 @@ const INPUTS: [&[&str]; 4] = [
     &["-define:ENABLE_LEGACY_INPUT_MANAGER"],
 ];
 
-/// Assemblies of the package by their manifests, without the binding, in the order they are compiled in.
+/// Assemblies of the package by their folders, without the binding, in the order they are compiled in.
 const ASSEMBLIES: [(&str, &str); 3] =
     [("Runtime/", "Cairn.Unity"), ("Editor/", "Cairn.Unity.Editor"), ("Samples~/Walk/", "Cairn.Unity.Samples.Walk")];
 
-/// Assemblies that a project has from elsewhere, or may not have.
+/// Assemblies that come from elsewhere, or that a project may lack.
 const FOREIGN: [&str; 1] = ["Unity.InputSystem"];
 
 const ENTRY_POINTS: &str = "bindings/unity/plugin/src/entry_points.rs";
@@ -62,7 +62,7 @@ pub(super) fn check(
         command.args(defines).args(sources).arg(format!("-out:{}", out.display()));
         command.args(references.iter().map(|reference| format!("-r:{}", reference.display())));
         if words {
-            // With it a public item without a word is a warning, and so an error.
+            // With `-doc` an undocumented public item is a warning, and so an error.
             command.arg(format!("-doc:{}", work.join(format!("{name}.xml")).display()));
         }
         let compiled = log.run(&mut command)?.success;
@@ -110,13 +110,13 @@ pub(super) fn check(
     Ok(())
 }
 
-/// The scripts that a page shows, each a file of its own whose lines are those of the page, and where they begin.
+/// The scripts on a page, each as a file that keeps the page's line numbers, and the lines where they begin.
 fn scripts(page: &str, text: &str) -> Vec<(usize, String)> {
     let shown = blocks::of(text).into_iter().filter(|block| block.language == "csharp" && block.from.is_none());
     shown.map(|block| (block.line, format!("#line {} \"{page}\"\n{}", block.line, block.text))).collect()
 }
 
-/// What is wrong with the package's manifest and those of its assemblies.
+/// The error in the package's manifest or in those of its assemblies.
 fn manifests(workspace: &Workspace, files: &[String]) -> Result<Option<String>, String> {
     let read = |file: &str| -> Result<Value, String> {
         serde_json::from_str(&workspace.read(file)?).map_err(|e| format!("{file}: {e}"))
@@ -157,7 +157,7 @@ fn manifests(workspace: &Workspace, files: &[String]) -> Result<Option<String>, 
     Ok((!wrong.is_empty()).then(|| wrong.join("; ")))
 }
 
-/// How the plugin's functions and version differ from what the scripts declare.
+/// How the plugin's functions and version differ from the scripts' declarations.
 fn names(entry_points: &str, script: &str) -> Option<String> {
     let exported: BTreeSet<&str> =
         entry_points.split("extern \"C\" fn ").skip(1).filter_map(|rest| rest.split('(').next()).collect();

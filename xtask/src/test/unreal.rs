@@ -1,5 +1,5 @@
-//! `bindings/unreal`: Clang takes the plugin, and the code of its pages, for each version of the engine, by declarations of its public
-//! interface; its rules apply; and a small engine in the lab runs it on a Direct3D 12 device.
+//! `bindings/unreal`: Clang compiles the plugin, and the code on its pages, for each version of the engine, against declarations of its
+//! public interface; its build rules are applied; and a small test engine in the lab runs it on a Direct3D 12 device.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -27,16 +27,16 @@ const HOST: &str = "tests/unreal/host";
 const HEADERS: &str = "tests/unreal/headers.txt";
 const BUILD_TOOL: &str = "tests/unreal/BuildTool.cs";
 
-/// The second number of each version of Unreal Engine 5 that the plugin is for.
+/// The minor version of each Unreal Engine 5 that the plugin supports.
 const VERSIONS: [u32; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
 
-/// Those that the small engine is built as: one of each way that lists are had and barriers written down, and the newest.
+/// The versions that the test engine is built as: one for each way to get command lists and write barriers, and the newest.
 const PLAYED: [u32; 4] = [4, 5, 6, 8];
 
-/// Where the plugin is put together: with a space and a letter that is not Latin.
+/// Folder of the assembled plugin: its name has a space and a letter that is not Latin.
 const FOLDER: &str = "a folder Ж";
 
-/// Whose pages are for the plugin.
+/// Folder of the plugin's pages.
 const PAGES: &str = "bindings/unreal/";
 
 /// The library in the plugin.
@@ -61,7 +61,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// Builds the small engine as the newest version in a folder; the program.
+/// Builds the test engine as the newest version in a folder; returns the program.
 pub(super) fn host(context: &Context<'_>, log: &mut Log, work: PathBuf) -> Result<PathBuf, String> {
     let place = Place { context, work };
     place.mark_headers(&mut Tally::default())?;
@@ -74,7 +74,7 @@ fn skip(name: &str, reason: String) -> Skip {
     Skip { name: name.to_owned(), reason }
 }
 
-/// What is in the library's place, its file, and what must be said of it.
+/// A case: what is in the library's place, its file, and the expected message.
 type Other = (&'static str, Option<PathBuf>, &'static str);
 
 struct Place<'a> {
@@ -90,15 +90,15 @@ impl Place<'_> {
         fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display())).map(|()| path)
     }
 
-    /// The clone's files of a folder with that ending.
+    /// The repository's files below a folder with that extension.
     fn files(&self, folder: &str, ending: &str) -> Result<Vec<PathBuf>, String> {
         let files = self.context.workspace.files()?.into_iter();
         let own = files.filter(|file| file.starts_with(folder) && file.ends_with(ending));
         Ok(own.map(|file| self.context.workspace.root.join(file)).collect())
     }
 
-    /// The plugin's description is JSON, of the library's version, and names modules that are there. None is called Cairn, whose macro the
-    /// build tool would define as `cairn.h` does.
+    /// The plugin's descriptor is JSON, has the library's version, and names existing modules. None is called Cairn: the build tool would
+    /// define that module's macro, which `cairn.h` defines too.
     fn describe(&self, tally: &mut Tally) -> Result<(), String> {
         let text = self.context.workspace.read(DESCRIPTION)?;
         let read: serde_json::Value = serde_json::from_str(&text).map_err(|e| format!("{DESCRIPTION}: {e}"))?;
@@ -115,7 +115,7 @@ impl Place<'_> {
         Ok(())
     }
 
-    /// What the engine's header tool wants of headers that it reads, as far as it can be told from their text.
+    /// Checks what the engine's header tool requires of headers with its macros, as far as their text shows it.
     fn mark_headers(&self, tally: &mut Tally) -> Result<(), String> {
         for path in self.files(&format!("{RUNTIME}/Public/"), ".h")? {
             let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -130,13 +130,13 @@ impl Place<'_> {
         Ok(())
     }
 
-    /// The C++ of the pages that are for the plugin, as headers of a game's.
+    /// The C++ blocks of the plugin's pages, as headers of a game.
     fn shown(&self, tally: &mut Tally) -> Result<Vec<PathBuf>, String> {
         let mut headers = Vec::new();
         for page in blocks::pages(self.context.workspace)?.iter().filter(|page| page.starts_with(PAGES)) {
             let text = self.context.workspace.read(page)?;
             for block in blocks::of(&text).iter().filter(|block| block.language == "cpp") {
-                // A header that has marks is named by what the header tool makes of it.
+                // A header with the header tool's macros is named after its generated header.
                 let generated = block.text.lines().find_map(|line| line.trim().strip_suffix(".generated.h\""));
                 let name = generated.and_then(|line| line.strip_prefix("#include \"")).unwrap_or_default();
                 if !name.is_empty() {
@@ -151,7 +151,7 @@ impl Place<'_> {
         Ok(headers)
     }
 
-    /// What a compiler of the plugin is told, whichever it is.
+    /// Arguments for every compiler of the plugin.
     fn told(&self, command: &mut Command, version: u32, d3d12: bool) {
         let root = &self.context.workspace.root;
         command.arg("-std=c++17").args(STRICT).arg("-Wshadow").args(["-DUNICODE", "-D_UNICODE", "-DCAIRNRUNTIME_API="]);
@@ -163,17 +163,17 @@ impl Place<'_> {
         for folder in ["Public", "Private"] {
             command.arg("-I").arg(root.join(RUNTIME).join(folder));
         }
-        // The build tool has ThirdParty's headers as the system's.
+        // The build tool includes ThirdParty's headers as system headers.
         command.arg("-isystem").arg(root.join("include"));
     }
 
-    /// A source file of all the given ones.
+    /// A source file that includes all the given ones.
     fn together(&self, name: &str, files: &[PathBuf]) -> Result<PathBuf, String> {
         let lines: String = files.iter().map(|file| format!("#include \"{}\"\n", file.display())).collect();
         self.write(name, &lines)
     }
 
-    /// Has Clang take the plugin for each version, and each of its files by itself for the last one; and where there is no Direct3D 12.
+    /// Compiles the plugin with Clang for each version, each of its files alone for the last one, and once without Direct3D 12.
     fn compile(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
         let console = Console::new();
         let mingw = tools::mingw_compiler(true, &console).map_err(|e| e.to_string())?;
@@ -184,11 +184,11 @@ impl Place<'_> {
             };
             (clang, &["--target=x86_64-pc-windows-gnu"][..], system_headers(&mingw.program)?)
         } else {
-            // Zig's compiler is Clang, and brings its headers.
+            // Zig's compiler is Clang, and has its own headers.
             (mingw.program, mingw.first, Vec::new())
         };
         let sources = self.files(&format!("{RUNTIME}/Private/"), ".cpp")?;
-        // What pages show comes first, and so includes all that it needs.
+        // The pages' code comes first, so it must include everything that it needs.
         let all = self.together("plugin.cpp", &[self.shown(tally)?, sources.clone()].concat())?;
         let cases = VERSIONS.iter().map(|version| (*version, true, &all));
         let last = VERSIONS[VERSIONS.len() - 1];
@@ -209,7 +209,7 @@ impl Place<'_> {
         Ok(())
     }
 
-    /// Applies the build tool's rules of the plugin, with the library in it and without.
+    /// Runs the plugin's build rules, with the library in it and without.
     fn rules(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
         let mono = match provision::mono(&Console::new()) {
             Ok(mono) if cfg!(target_os = "linux") => mono,
@@ -223,7 +223,7 @@ impl Place<'_> {
         let program = self.work.join("BuildTool.exe");
         let mut command = mono.compiler();
         command.args(["-target:exe", "-langversion:7.2", "-warnaserror+", "-warn:4"]);
-        // What only one side of a rule reads is nobody's mistake here.
+        // A field that only one side of a rule reads is not an error here.
         command.arg("-nowarn:414,649").arg(format!("-out:{}", program.display())).arg(workspace.root.join(BUILD_TOOL));
         command.args(self.files(dist::UNREAL, ".Build.cs")?);
         if !log.run(&mut command)?.success {
@@ -258,7 +258,7 @@ impl Place<'_> {
         Ok(())
     }
 
-    /// The small engine as a version, with the plugin's sources; none where it does not compile.
+    /// The test engine as a version, with the plugin's sources; `None` if it does not compile.
     fn engine(&self, log: &mut Log, version: u32, late: &Path) -> Result<Option<PathBuf>, String> {
         let sources =
             [self.files(&format!("{RUNTIME}/Private/"), ".cpp")?, self.files(&format!("{HOST}/"), ".cpp")?].concat();
@@ -272,12 +272,12 @@ impl Place<'_> {
         Ok(log.run(command.arg(&program))?.success.then_some(program))
     }
 
-    /// Builds a small engine around the plugin, and runs it with the library, with others in its place, and with none.
+    /// Builds the test engine around the plugin, and runs it with the library, with other files in its place, and with none.
     fn play(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
         let library = host::windows_library(self.context, log)?;
         let plugin = self.work.join(FOLDER).join("Cairn");
         dist::assemble_unreal(self.context.workspace, &library, &plugin)?;
-        // Beside the library, as the page has it, and the program is elsewhere.
+        // Beside the library, as the page says; the program is elsewhere.
         lab::put_runtime(&plugin.join(LIBRARY).with_file_name(""))?;
         let late = self.late_imports(log)?;
         let mut newest = PathBuf::new();
@@ -314,7 +314,7 @@ impl Place<'_> {
         fs::copy(self.work.join("other.dll"), &second).map_err(|e| format!("{}: {e}", second.display()))?;
         let ended =
             log.run(in_lab(&newest, &Amd::None)?.arg(&plugin).arg("load").arg(&second).current_dir(&self.work))?;
-        // Windows finds the one that was loaded first, which is told; Wine the last one, which is the plugin's own.
+        // By name, Windows finds the library that was loaded first, which the plugin reports; Wine the last one, which is the plugin's own.
         let told = ended.output.contains("the process has loaded another cairn.dll");
         let right = told || ended.output.contains("its functions are those of the plugin's library: 1");
         tally.check(
@@ -323,7 +323,7 @@ impl Place<'_> {
         Ok(())
     }
 
-    /// An import library as a linker makes it of `cairn.lib` for what is loaded late.
+    /// A delay-load import library for all functions of `cairn.dll`, as a linker makes it of `cairn.lib`.
     fn late_imports(&self, log: &mut Log) -> Result<PathBuf, String> {
         let declared = declarations::read(&self.context.workspace.read(header::HEADER)?)?;
         let names: String = declared.functions.iter().map(|function| format!("    {}\n", function.name)).collect();
@@ -334,7 +334,7 @@ impl Place<'_> {
         if log.run(&mut command)?.success { Ok(made) } else { Err("dlltool makes no imports".to_owned()) }
     }
 
-    /// What may be in the library's place, and what must be said of it.
+    /// Files that may be in the library's place, and the message that each must cause.
     fn others(&self, log: &mut Log) -> Result<Vec<Other>, String> {
         let compiler = tools::mingw_compiler(false, &Console::new()).map_err(|e| e.to_string())?;
         let compile = || {
@@ -358,11 +358,11 @@ impl Place<'_> {
     }
 }
 
-/// A library as it is, for a processor of Arm's by what its header says.
+/// A copy of a library whose header says that it is for Arm.
 fn for_another_processor(library: &Path) -> Result<PathBuf, String> {
     let made = library.with_file_name("processor.dll");
     let mut bytes = fs::read(library).map_err(|e| format!("{}: {e}", library.display()))?;
-    // At 60 is where the header is, which begins with four letters and then names the processor.
+    // The offset of the PE header is at 60. The header begins with four letters, then the processor.
     let header = bytes.get(60..64).and_then(|at| at.try_into().ok()).map_or(0, u32::from_le_bytes) as usize;
     match bytes.get_mut(header + 4..header + 6) {
         Some(processor) if header > 0 => processor.copy_from_slice(&0xAA64_u16.to_le_bytes()),
@@ -371,7 +371,7 @@ fn for_another_processor(library: &Path) -> Result<PathBuf, String> {
     fs::write(&made, bytes).map_err(|e| format!("{}: {e}", made.display())).map(|()| made)
 }
 
-/// A program in the lab, or on Windows itself.
+/// A command that runs a program in the lab, or on Windows itself.
 fn in_lab(program: &Path, amd: &Amd) -> Result<Command, String> {
     let mut command = if cfg!(windows) { Command::new(program) } else { lab::lab_run()? };
     if !cfg!(windows) {
@@ -381,7 +381,7 @@ fn in_lab(program: &Path, amd: &Amd) -> Result<Command, String> {
     Ok(command)
 }
 
-/// Where a compiler of GCC's for Windows has the C++ library and the system's headers. Its own C headers are not Clang's.
+/// Folders of the C++ library and the system's headers of MinGW-w64's GCC. Its own C headers are not for Clang.
 fn system_headers(compiler: &Path) -> Result<Vec<PathBuf>, String> {
     let mut command = Command::new(compiler);
     command.args(["-print-file-name=include"]);
@@ -394,7 +394,7 @@ fn system_headers(compiler: &Path) -> Result<Vec<PathBuf>, String> {
     }
 }
 
-/// Why the engine's header tool would refuse a header: it reads neither conditions around what is marked nor marks without its own header.
+/// Why the engine's header tool would refuse a header: it allows no `#if` around its macros, and no macros without the generated header.
 fn wrong_marks(text: &str, name: &str) -> Option<String> {
     let marked = ["UCLASS(", "USTRUCT(", "UENUM("].iter().map(|mark| text.matches(mark).count()).sum::<usize>();
     let includes: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("#include ")).collect();

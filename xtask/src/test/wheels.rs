@@ -1,5 +1,5 @@
-//! Python wheels: written twice they are the same, they hold what they say, pip takes them where they fit and nowhere else, and from
-//! environments of nothing else they run, in the lab too.
+//! Python wheels: writing twice gives the same bytes, they contain what they list, pip accepts them on matching platforms only, and they
+//! run in otherwise empty environments, also in the lab.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,14 +19,14 @@ use super::tally::{Skip, Tally};
 use crate::dist::{self, Made, Parts, Platform, Source};
 use crate::shell::Log;
 
-/// Programs and tests of wheels.
+/// Folder of the wheels' programs and tests.
 const FOLDER: &str = "bindings/python";
 const PROGRAMS: &str = "bindings/python/wheel";
 
-/// Environments lie below it: with a space and a letter that is not Latin.
+/// Folder of the environments: its name has a space and a letter that is not Latin.
 const PLACE: &str = "a folder Ж";
 
-/// Platforms as pip names them, and whether the Linux wheel is for them.
+/// pip's platform names, and whether the Linux wheel fits.
 const LINUXES: [(&str, bool); 4] = [
     ("manylinux_2_28_x86_64", true),
     ("manylinux2014_x86_64", false),
@@ -57,7 +57,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// Looks at a Windows and a Linux wheel from all sides.
+/// Checks a Windows and a Linux wheel.
 pub(super) fn check(
     context: &Context<'_>,
     log: &mut Log,
@@ -91,7 +91,7 @@ struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// File by file, and beside what setuptools makes of the package.
+    /// Compares the wheel's files with its list, and with setuptools' wheel of the package.
     fn contents(&self, log: &mut Log, wheel: &Path, tally: &mut Tally) -> Result<(), String> {
         let built = self.work.join("built");
         let built = provision::build_package(&built).map_err(|e| e.to_string())?;
@@ -102,7 +102,7 @@ impl Place<'_> {
         Ok(())
     }
 
-    /// What the Linux wheel's library asks of a system.
+    /// The system requirements of the Linux wheel's library, by auditwheel.
     fn audit(&self, log: &mut Log, wheel: &Path, tally: &mut Tally) -> Result<(), String> {
         let python = wheels::audit_env(&Console::new()).map_err(|e| e.to_string())?;
         let ended = log.run(Command::new(python).args(["-m", "auditwheel", "show"]).arg(wheel))?;
@@ -112,7 +112,7 @@ impl Place<'_> {
         Ok(())
     }
 
-    /// Which systems pip takes the wheels for.
+    /// Which platforms pip accepts the wheels for.
     fn fits(&self, windows: &Path, linux: &Path, tally: &mut Tally) -> Result<(), String> {
         let cases = LINUXES.map(|(platform, right)| (linux, platform, right));
         let others = [(linux, "win_amd64", false), (windows, "win_amd64", true), (windows, "win_arm64", false)];
@@ -125,7 +125,7 @@ impl Place<'_> {
         Ok(())
     }
 
-    /// A program of ours for an installed wheel, run from a folder of nothing, where no variable helps.
+    /// A program of ours that uses an installed wheel, run in an empty folder, without our environment variables.
     fn program(&self, mut python: Command, name: &str, folder: &Path) -> Result<Command, String> {
         fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
         python.arg(self.context.workspace.root.join(PROGRAMS).join(name)).arg(folder).current_dir(folder);
@@ -139,7 +139,7 @@ impl Place<'_> {
     fn on_linux(&self, log: &mut Log, python: &Path, stand_ins: &Path, tally: &mut Tally) -> Result<(), String> {
         self.stand_ins(log, &|| Command::new("cc"), "so", stand_ins)?;
         let folder = self.work.join(PLACE);
-        // Nor does the cache help here. The lab has another: this machine's is where the lab itself lies.
+        // The cache must not help either, so it is empty. The lab has another cache anyway; this machine's contains the lab itself.
         let no_cache = folder.join("no cache");
         let mut walk = self.program(Command::new(python), "walk.py", &folder.join("walk"))?;
         walk.env("CAIRN_CACHE_DIR", &no_cache);
@@ -155,7 +155,7 @@ impl Place<'_> {
         Ok(())
     }
 
-    /// Libraries that are not quite Cairn.
+    /// Libraries that differ from Cairn in one respect each.
     fn stand_ins(
         &self,
         log: &mut Log,
@@ -191,7 +191,7 @@ impl Place<'_> {
         Ok(())
     }
 
-    /// A Python for Windows that finds the packages of `site`, as an environment does; its program.
+    /// A Python for Windows that finds the packages of `site`, as an environment does; returns its program.
     fn windows_environment(&self, python: &wheels::WindowsPython, site: &Path) -> Result<PathBuf, String> {
         let from = python.program.with_file_name("");
         let into = self.work.join(PLACE).join("python");

@@ -3,7 +3,7 @@
 import importlib.util
 import sys
 
-# By the names they are imported by; what pip is asked for is the package's extra `build`.
+# Import names; pip installs them through the package's extra `build`.
 PACKAGES = {"onnx": "onnx>=1.16", "safetensors": "safetensors>=0.4.3", "yaml": "PyYAML>=6.0"}
 
 
@@ -17,7 +17,7 @@ def require() -> None:
         f"so that only its extra \"build\" brings them. Run: {sys.executable or 'python'} -m pip install "
         + " ".join(f'"{package}"' for package in missing.values())
     )
-    # Python calls itself so while it looks for the module of -m: to who typed a command a message is more than a stack.
+    # sys.argv[0] is "-m" while Python looks for the module of -m: a command-line user gets a message, not a stack trace.
     if sys.argv[:1] == ["-m"]:
         sys.exit(message)
     raise ImportError(message, name=next(iter(missing)))

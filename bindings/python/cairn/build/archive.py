@@ -24,7 +24,7 @@ SUFFIX = ".cairn"
 MANIFEST_LIMIT = 1 << 20
 _NAME = re.compile(r"[A-Za-z0-9._-]+(/[A-Za-z0-9._-]+)*")
 _CHUNK = 1 << 20
-# The same bytes for the same content: the earliest date that ZIP can express.
+# A fixed date, so that equal content gives equal bytes: the earliest that ZIP can store.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 

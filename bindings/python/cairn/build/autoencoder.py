@@ -70,8 +70,8 @@ def build_decoder(g: Geometry, precision: str, weights: dict[str, Placed]) -> Gr
         for m in range(MEMORIES_PER_STAGE):
             present.append(_frame(o, x, frames, frames - 1, f"decoder.{first + m}.last"))
             x = _memory_block(o, x, past[stage * MEMORIES_PER_STAGE + m], frames, f"decoder.{first + m}")
-        # The growing layer is a 1 x 1 convolution, which commutes with nearest upsampling: done first, on a quarter
-        # of the pixels, with the same numbers.
+        # The growing layer is a 1 x 1 convolution, which commutes with nearest upsampling. It is done before the upsampling, on a quarter of the
+        # pixels, with the same result.
         grow = first + MEMORIES_PER_STAGE + 1
         x = _conv(o, x, f"decoder.{grow}.conv", 1)
         frames *= grown

@@ -78,7 +78,7 @@ class Checkpoint:
         if weight.name.startswith(("encoder.", "decoder.")):
             numbers = self.autoencoder.get(weight.name)
             if weight.name == _GROWN:
-                # Some files carry the rows of more frames than are made; the last ones are used.
+                # Some files have the rows of more frames than the decoder makes; the last ones are used.
                 numbers = numbers[-weight.shape[0] :]
         elif weight.name == "cond_head.bias_in":
             numbers = np.stack([self._part(f"{weight.name}.{i}") for i in range(self.geometry.layers)])
@@ -120,13 +120,13 @@ class Checkpoint:
             return numbers.T
         return numbers.reshape(weight.shape)
 
-    # Before any number is read.
+    # Before any weights are read.
 
     def _settle_transformer(self) -> dict[str, list[tuple[str, Meaning]]]:
         needed = {w.name: w for w in transformer_weights(self.geometry)}
         slots = [s for s in needed if s != "cond_head.bias_in"]
         slots += [f"cond_head.bias_in.{i}" for i in range(self.geometry.layers)]
-        # Layer 0's mixing factor has no effect; the released file has it all the same.
+        # Layer 0's mixing factor has no effect, but the released file contains it.
         known = {*slots, "blocks.0.attn.v_lamb"}
         found: dict[str, list[tuple[str, Meaning]]] = {}
         for name, shape in self.transformer.shapes.items():

@@ -9,7 +9,7 @@ import yaml
 from .errors import BuildError
 from .geometry import AUTOENCODER_TEMPORAL, Geometry
 
-# What this builder's graph is; a checkpoint that says otherwise is of another model.
+# Values that this builder's graph requires; a checkpoint with others is of a different model.
 _FIXED = {
     "model_type": "waypoint-1.5",
     "rope_impl": "ortho",
@@ -30,9 +30,9 @@ _REQUIRED = (
     "global_window global_pinned_dilation global_attn_period global_attn_offset ctrl_conditioning_period scheduler_sigmas "
     "base_fps inference_fps temporal_compression"
 ).split()
-# Read where they are there.
+# Optional keys.
 _OPTIONAL = ("rope_nyquist_frac", "rope_theta", "conv_kw")
-# What changes nothing of the graphs: where the autoencoder was published, how training went, and the prompt's part, which a model
+# Keys that do not affect the graphs: where the autoencoder was published, training settings, and settings of the prompt, which a model
 # without `prompt_conditioning` does not have.
 _WITHOUT_EFFECT = (
     "ae_uri n_frames ctrl_cond_dropout prompt_cond_dropout prompt_conditioning_period prompt_embedding_dim prompt_encoder_uri"

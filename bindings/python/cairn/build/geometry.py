@@ -9,7 +9,7 @@ from .errors import BuildError
 # The noise conditioner's Fourier features and hidden width are constants of the architecture, not of the geometry.
 FOURIER_WIDTH = 512
 CONDITIONER_RATIO = 4
-# Three blocks of three memory layers in the decoder, each halving once in space; pixel shuffle adds another factor.
+# Three blocks of three memory layers in the decoder. Each block changes the resolution by two; pixel shuffle by another factor.
 AUTOENCODER_PATCH = 2
 AUTOENCODER_STRIDE = 8
 AUTOENCODER_TEMPORAL = 4
@@ -46,7 +46,7 @@ class Geometry:
     encoder_width: int = 64
     decoder_widths: tuple[int, int, int, int] = (256, 128, 64, 64)
     render: tuple[int, int] = field(default=(0, 0))
-    # Whether the encoder's graph is handed its memories, so that a rollout may keep its stream.
+    # Whether the encoder's graph takes its memories as inputs, so that a rollout can continue its stream.
     streaming_encoder: bool = False
 
     def __post_init__(self) -> None:
@@ -221,7 +221,7 @@ _TINY = Geometry(
     render=(128, 72),
 )
 
-# What `random --preset` offers: a name, what it is for, its geometry.
+# Presets of `random --preset`: name, purpose, geometry.
 PRESETS: dict[str, tuple[str, Geometry]] = {
     "tiny": ("8 tokens, windows 4 / 4 / 16: tests of a few milliseconds", _TINY),
     "window": (

@@ -11,7 +11,7 @@ from .weights import Placed
 OPSET = 18
 IR_VERSION = 8
 PRODUCER = "cairn.build"
-# Everything a graph of a bundle may contain: `docs/bundle.md`, section 4. All of it runs on DirectML.
+# Operators allowed in a graph of a bundle: `docs/bundle.md`, section 4. All of them run on DirectML.
 OPERATORS = (
     "Add Cast Clip Concat Conv Cos DepthToSpace Div MatMul Mul ReduceMean Relu Reshape Resize Sigmoid Sin Slice Softmax "
     "Split Sqrt Sub Tanh Transpose"
@@ -41,7 +41,7 @@ class Graph:
         self._names: set[str] = set()
         self._renamed: dict[str, str] = {}
 
-    # Values that come in and go out.
+    # Inputs and outputs.
 
     def input(self, name: str, kind: str, shape: list) -> str:
         """Declares the next input."""

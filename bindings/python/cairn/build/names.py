@@ -21,7 +21,7 @@ _TOP = {
 }
 _COND = re.compile(r"(attn_|mlp_|)cond_head\.cond_proj\.([0-5])\.weight")
 _FIRST_SLOT = {"attn_": 0, "mlp_": 3, "": 0}
-# Later ones win, as in the released engine.
+# Later ones take precedence, as in the released engine.
 _BIAS = ("attn_cond_head.bias_in", "mlp_cond_head.bias_in", "cond_head.bias_in")
 _BLOCK_SLOTS = {
     **{f"attn.{p}_proj.weight": f"attn.{p}_proj.weight" for p in ("q", "k", "v", "out")},
@@ -30,7 +30,7 @@ _BLOCK_SLOTS = {
     **{f"ctrl_mlpfusion.{p}.weight": f"ctrl_mlpfusion.{p}.weight" for p in ("fc1_x", "fc1_c", "fc2")},
     "ctrl_mlpfusion.mlp.fc2.weight": "ctrl_mlpfusion.fc2.weight",
 }
-# Several slots in one tensor: along which axis, in which order.
+# Tensors that combine several slots: axis and order.
 _BLOCK_FUSED = {
     "attn.qkv_proj.weight": (0, ("attn.q_proj.weight", "attn.k_proj.weight", "attn.v_proj.weight")),
     "ctrl_mlpfusion.mlp.fc1.weight": (1, ("ctrl_mlpfusion.fc1_x.weight", "ctrl_mlpfusion.fc1_c.weight")),
@@ -56,7 +56,7 @@ class Meaning:
 def meaning(name: str) -> Meaning | None:
     """What a transformer's tensor stands for; `None` for an unknown name."""
     if ".cond_heads." in name or name == "ctrl_cfg.null_emb":
-        # Of training only: the engine drops them too.
+        # Used in training only; the engine drops them too.
         return Meaning(())
     if name in _TOP:
         return Meaning((name,))

@@ -15,14 +15,14 @@ from .geometry import Geometry
 from .stream import Stream
 from .weights import DECODER_GROWTH, ENCODER_POOLING, Weight
 
-# Size of what a memory block adds, over what passes it.
+# Relative size of what a memory block adds to its input.
 MEMORY = 0.35
-# How far the frames of one latent differ.
+# Relative difference between the frames of one latent.
 FRAME = 0.3
 # Standard deviation of decoded pictures about 1/2 for latents of deviation 1, and the reverse gain.
 CONTRAST = 0.09
 GAIN = 1.5
-# How far the four pixels of a patch differ, over what they share.
+# Difference between the four pixels of a patch, relative to their common value.
 TEXTURE = 0.05
 
 

@@ -41,9 +41,9 @@ DRIFT = 0.45
 SPREAD = 0.15
 # Time frequencies at which a local and a wide layer tell latents apart, in radians per latent and per bucket.
 LOWEST_TIME = 0.3
-# How far back local heads look, in latents: past the current frame, which is still noise.
+# How far back local heads attend, in latents: past the current frame, which is still noise.
 LOOK = 2
-# Turns per bucket that tell the current frame from the one looked for best, and how much such pairs count.
+# Rotation per bucket that separates the current frame from the best match, and the weight of such pairs.
 SHARP_TIME = (0.5, 2.6)
 TIME_WEIGHT = 2.0
 
@@ -100,7 +100,7 @@ class RandomTransformer:
             return self.writer(weight, 1.7 * CONTROL / math.sqrt(controlled) * unit)
         return self.normal(weight, unit)
 
-    # Building stones.
+    # Helpers.
 
     def normal(self, weight: Weight, deviation: float) -> np.ndarray:
         """Random numbers of the tensor's own stream."""
@@ -144,7 +144,7 @@ class RandomTransformer:
         share = np.float32(PULL) * sign / copies[at]
         out[np.arange(self.state), at] = share
         out[np.arange(self.state) + self.state, at] = share
-        # z comes as silu(z) - silu(-z).
+        # z arrives as silu(z) - silu(-z).
         rest = np.zeros((self.g.width - 2 * self.half, self.g.patch_width), np.float32)
         return np.concatenate([out, -out, rest])
 

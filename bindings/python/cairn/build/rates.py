@@ -50,11 +50,11 @@ GPUS = (
 )
 
 
-# What starting a kernel costs where nothing is fused: a few microseconds on any desktop, an assumption and no measurement.
+# Cost of a kernel launch without fusion: a few microseconds on any desktop. An assumption, not a measurement.
 KERNEL_SECONDS = 5e-6
-# Worlds are real time at so many latents a second: Waypoint-1.5's, and the miniature's.
+# Latents per second for real time: Waypoint-1.5's, and the miniature's.
 REAL_TIME = 15
-# What is left of a GPU's memory to the engine.
+# GPU memory reserved for the game engine.
 ENGINES_SHARE = 0.25
 
 
@@ -67,7 +67,7 @@ class Preset:
     passes: int  # with the cache pass
 
 
-# As `cairn::world::Preset` has them; a test holds the two together.
+# The same as `cairn::world::Preset`; a test compares the two.
 PRESETS_OF_THE_LIBRARY = (
     Preset("stock", 128, 5),
     Preset("baseline112", 112, 10),

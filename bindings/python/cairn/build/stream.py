@@ -14,7 +14,7 @@ import numpy as np
 # Four uniform 16-bit integers: mean 2 * 65535, variance 4 * (65536^2 - 1) / 12.
 _MEAN = 2 * 65535
 _DEVIATION = math.sqrt(4 * (65536**2 - 1) / 12)
-# Numbers made at once: bounds memory for the large matrices.
+# Numbers generated at a time; bounds the memory for large matrices.
 _BLOCK = 1 << 22
 
 

@@ -12,7 +12,7 @@ from .graph import Graph
 from .weights import autoencoder_weights, transformer_weights
 from .writer import build_graphs
 
-# Global windows of the paper; those that a world's dilation and largest window admit are shown.
+# The paper's context windows; the table shows those that the world's dilation and largest window allow.
 WINDOWS = (112, 128, 384, 512)
 _BYTES = {"f32": 4, "f16": 2}
 _ITEM = {onnx.TensorProto.FLOAT: 4, onnx.TensorProto.FLOAT16: 2, onnx.TensorProto.INT64: 8}

@@ -17,7 +17,7 @@ import numpy as np
 
 from .errors import BuildError
 
-# The pickle of a state dictionary is a few kilobytes; this bounds what an interpreter of hostile bytes can be made to do.
+# The pickle of a state dictionary has a few kilobytes; this bounds the work that hostile bytes can cause.
 PICKLE_LIMIT = 1 << 20
 STORAGE_LIMIT = 4 << 30
 _REMEDY = "Save the state dictionary again with torch.save, or as safetensors."
@@ -175,7 +175,7 @@ class _Interpreter:
                 items = self.since_mark() if name == "SETITEMS" else self.pop_many(2)
                 if len(items) % 2:
                     raise ValueError("a key without a value")
-                # Only strings: hashing tuples within tuples could take for ever.
+                # Only strings: hashing nested tuples could take exponential time.
                 if not all(isinstance(key, str) for key in items[::2]):
                     raise TypeError("a key that is no string")
                 self.top(dict).update(zip(items[::2], items[1::2]))
@@ -189,7 +189,7 @@ class _Interpreter:
                 function, arguments = self.pop_many(2)
                 stack.append(self.rebuilt(function, arguments))
             case "BUILD":
-                # torch hangs `_metadata` on its dictionaries. It says nothing about numbers.
+                # torch attaches `_metadata` to its dictionaries. It does not affect the weights.
                 stack.pop()
                 self.top(dict)
             case _:

@@ -193,7 +193,7 @@ class _Transformer:
         q = self.rope(self.rms_norm(q, f"{name}.q.norm"), g.heads, f"{name}.q.rope")
         k = o.cast(self.rope(self.rms_norm(k, f"{name}.k.norm"), g.kv_heads, f"{name}.k.rope"), F)
 
-        # The queries of one group become rows beside one another, so K and V need not be repeated; scaled by d^-1/2.
+        # The queries of one group become adjacent rows, so that K and V need not be repeated; scaled by d^-1/2.
         q = o.mul(q, o.number(float(g.head_width**-0.5), "f32"), f"{name}.q.scaled")
         q = o.cast(o.reshape(q, [1, g.kv_heads, g.group * g.tokens, g.head_width], f"{name}.q.rows"), F)
         y = self.attend(layer, q, (k, v), past, name)
@@ -242,7 +242,7 @@ class _Transformer:
         y = o.silu(self.modulated_norm(h, scale, shift, "out.norm"), "out.act")
         y = o.add(o.linear(y, "unpatchify", "unpatchify.cells"), o.weight("unpatchify.bias"), "unpatchify.biased")
         rows, columns = g.grid
-        # A token's numbers are ordered (c, row in patch, column in patch).
+        # A token's values are ordered (c, row in patch, column in patch).
         y = o.reshape(y, [rows, columns, g.latent_channels, *g.patch], "unpatchify.grid")
         y = o.transpose(y, [2, 0, 3, 1, 4], "unpatchify.turned")
         return o.reshape(y, [1, g.latent_channels, g.latent_height, g.latent_width], "v")

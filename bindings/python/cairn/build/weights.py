@@ -116,14 +116,14 @@ def autoencoder_weights(g: Geometry) -> list[Weight]:
         first = 3 + stage * (3 + MEMORIES_PER_STAGE)
         for m in range(MEMORIES_PER_STAGE):
             out += _memory_block(f"decoder.{first + m}", widths[stage])
-        # Between them lies the upsampling, which has no weights.
+        # The upsampling between them has no weights.
         out += _conv(f"decoder.{first + MEMORIES_PER_STAGE + 1}.conv", widths[stage], frames * widths[stage], 1, False)
         out += _conv(f"decoder.{first + MEMORIES_PER_STAGE + 2}", widths[stage], widths[stage + 1], 3, False)
     out += _conv(f"decoder.{3 + STAGES * (3 + MEMORIES_PER_STAGE) + 1}", widths[3], shuffled, 3, True)
     return out
 
 
-# Frames that one temporal pooling layer joins, and that one growing layer makes, stage by stage.
+# Number of frames that a temporal pooling layer joins, and that a growing layer makes, stage by stage.
 ENCODER_POOLING = (2, 2, 1)
 DECODER_GROWTH = (1, 2, 2)
 

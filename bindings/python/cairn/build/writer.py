@@ -31,7 +31,7 @@ from .weights import (
     transformer_weights,
 )
 
-# Called with what is being done, and how many of how many bytes of weights are written.
+# Called with the current step, the bytes of weights written so far, and their total.
 Progress = Callable[[str, int, int], None]
 
 

@@ -26,7 +26,7 @@ namespace Cairn.Unity.Samples
             int width;
             int height;
             byte[] pixels = Read(place.bytes, out width, out height);
-            // Components start when their game object does: what they need is told first.
+            // Components are enabled with their game object, so their properties are set before.
             var shown = new GameObject("Cairn");
             shown.SetActive(false);
             var input = shown.AddComponent<CairnInput>();
@@ -47,7 +47,7 @@ namespace Cairn.Unity.Samples
             width = int.Parse(Word(file, ref at));
             height = int.Parse(Word(file, ref at));
             if (Word(file, ref at) != "255") throw new FormatException("The picture does not have 8 bits to a colour");
-            // One blank stands between the last number and the pixels.
+            // A single white-space byte separates the last number from the pixels.
             at++;
             var pixels = new byte[checked(4 * width * height)];
             for (int i = 0; i < width * height; i++)

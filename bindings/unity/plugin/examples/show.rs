@@ -1,7 +1,7 @@
-//! The tests' Unity with the plugin as a project has it, a DLL: shows a frame between two anchors of the world inside the library in a texture.
+//! The tests' stand-in for Unity with the plugin as a DLL, as a project has it. Shows a generated frame of the embedded world in a texture.
 //!
 //! ```text
-//! show PLUGIN PICTURE    loads cairn_unity.dll from the file PLUGIN, and writes what is in the texture to PICTURE (PPM)
+//! show PLUGIN PICTURE    loads cairn_unity.dll from the file PLUGIN and writes the texture's content to PICTURE (PPM)
 //! ```
 
 #[cfg(windows)]
@@ -29,7 +29,7 @@ mod textures;
 #[allow(dead_code, reason = "each program uses its part")]
 mod unity;
 
-/// Functions of the DLL, under the names that the tests' Unity calls them by.
+/// The DLL's functions, under the names by which the stand-in for Unity calls them.
 #[cfg(windows)]
 mod plugin {
     use std::ffi::{CString, c_void};
@@ -51,7 +51,7 @@ mod plugin {
         MODULE.set(module.0.expose_provenance()).expect("one plugin");
     }
 
-    /// Unloads the DLL; UnityPluginUnload was called before.
+    /// Unloads the DLL. UnityPluginUnload must have been called before.
     pub(crate) fn unload() {
         // SAFETY: a loaded module; none of its functions is called any more.
         unsafe { FreeLibrary(module()) }.expect("the plugin is unloaded");
@@ -61,7 +61,7 @@ mod plugin {
         HMODULE(std::ptr::with_exposed_provenance_mut(*MODULE.get().expect("the plugin is loaded")))
     }
 
-    /// A function of the DLL. `like` is the same function of this program, whose type it has.
+    /// Address of a function of the DLL. `like` is the same function of this program and gives its type.
     pub(crate) fn function<F: Copy>(name: &str, _like: F) -> F {
         let name = CString::new(name).expect("no NUL");
         // SAFETY: a loaded module and a name that ends with a zero.
@@ -99,7 +99,7 @@ fn main() {
         std::process::exit(2);
     };
     plugin::load(file);
-    // Calls UnityPluginUnload at its end.
+    // Calls UnityPluginUnload at the end.
     show::run(picture);
     plugin::unload();
     println!("unloaded");
@@ -147,10 +147,10 @@ mod show {
 
     /// Nanoseconds between anchors.
     const INTERVAL: u64 = 100_000_000;
-    /// The frame between the two anchors, of which the first is due an interval after it was pushed.
+    /// Time of the frame halfway between the two anchors. The first anchor is due one interval after it was pushed.
     const HALF_WAY: u64 = INTERVAL * 3 / 2;
 
-    /// Calls a function of the DLL, with as many arguments as its type has places, and ends the program where it fails.
+    /// Calls a function of the DLL with as many arguments as its type has parameters. Ends the program on failure.
     macro_rules! call {
         ($name:ident as $type:ty, $($argument:expr),*) => {{
             let like: $type = $name;

@@ -1,4 +1,4 @@
-//! What C# calls. Results are those of `include/cairn.h`; `bindings/unity/Runtime/Plugin.cs` declares the same.
+//! Functions that C# calls. Results are those of `include/cairn.h`; `bindings/unity/Runtime/Plugin.cs` declares the same functions.
 
 use std::ffi::{CStr, c_char, c_int, c_void};
 
@@ -18,10 +18,10 @@ use super::pipeline_cache::{self, PipelineCache};
 use super::plugin::{self, Event};
 use super::{events, guarded, text, views};
 
-/// The version of these doors, which C# compares with its own.
+/// Version of these functions, which C# compares with the one it was written for.
 pub const CAIRN_UNITY_VERSION: u32 = 3;
 
-/// A view: its number, never an address.
+/// Handle of a view: a number, never an address.
 pub struct cairn_unity_view(());
 
 /// [`CAIRN_UNITY_VERSION`].
@@ -32,8 +32,8 @@ pub extern "C" fn cairn_unity_version() -> u32 {
     CAIRN_UNITY_VERSION
 }
 
-/// Whether frames can be shown: `CAIRN_OK`, and the text names Unity's interface; `CAIRN_NOT_READY` where Unity has not loaded the
-/// plugin or has no device at the moment; else an error. The text then says why and what can be done.
+/// Whether frames can be shown. `CAIRN_OK`: yes, and the text names Unity's interface. `CAIRN_NOT_READY`: Unity has not loaded the plugin, or
+/// has no device at present. Otherwise an error. In the last two cases the text says why and how to solve it.
 ///
 /// Threads: any.
 ///
@@ -49,7 +49,7 @@ pub unsafe extern "C" fn cairn_unity_state(text: *mut c_char, capacity: usize, l
     })
 }
 
-/// The file that this library was loaded from, in UTF-8. `CAIRN_ERROR_UNSUPPORTED` where the system does not say.
+/// Path of the file that this library was loaded from, in UTF-8. `CAIRN_ERROR_UNSUPPORTED` where the system does not tell it.
 ///
 /// Threads: any.
 ///
@@ -65,9 +65,9 @@ pub unsafe extern "C" fn cairn_unity_path(text: *mut c_char, capacity: usize, le
     })
 }
 
-/// Makes a device of Cairn's on Unity's device and queue, for `cairn_device_destroy`. Takes as long as `cairn_device_create_d3d12`,
-/// and says the same; `CAIRN_ERROR_UNSUPPORTED`, with nothing new in `cairn_last_error`, where [`cairn_unity_state`] is not
-/// `CAIRN_OK`.
+/// Creates a Cairn device on Unity's device and queue. Destroy it with `cairn_device_destroy`. Duration and results are those of
+/// `cairn_device_create_d3d12`. `CAIRN_ERROR_UNSUPPORTED`, without a new message in `cairn_last_error`, where [`cairn_unity_state`]
+/// is not `CAIRN_OK`.
 ///
 /// Threads: any.
 ///
@@ -83,15 +83,15 @@ pub unsafe extern "C" fn cairn_unity_create_device(device: *mut *mut cairn_devic
     })
 }
 
-/// Makes all that a presenter's frames of a size need, in any format, as cairn_presenter_prepare_d3d12 does, and says the same. Blocks, the
-/// first time for seconds: to be called on a thread that loads, once the presenter was given an anchor, and again for another size. Frames
-/// of a size that is not prepared show the nearest anchor.
+/// Creates everything that a presenter needs for frames of a size, in any format. Results are those of cairn_presenter_prepare_d3d12. Blocks,
+/// the first time for seconds, so call it on a loading thread, after the presenter got its first anchor, and again for each other size.
+/// Frames of a size that is not prepared show the nearest anchor.
 ///
-/// pipelines: a file's path in UTF-8, in which compiled pipelines are kept from one run of the game to the next; null keeps none. The file and
-/// its folder are made. One that is damaged, or of another driver, is made anew; one that cannot be written costs the next run its time.
-/// `CAIRN_ERROR_INVALID_ARGUMENT` for other than UTF-8.
+/// pipelines: path of a file in UTF-8 that keeps compiled pipelines between runs of the game; null for none. The file and its folder are
+/// created. A file that is damaged or of another driver is replaced. If it cannot be written, the next run compiles again.
+/// `CAIRN_ERROR_INVALID_ARGUMENT` if the path is not UTF-8.
 ///
-/// Threads: any, beside events too; a second call for the same presenter beside it gets `CAIRN_ERROR_BUSY`.
+/// Threads: any, also during events; a concurrent second call for the same presenter gets `CAIRN_ERROR_BUSY`.
 ///
 /// # Safety
 /// `pipelines` is null or ends with a NUL, and lives during the call.
@@ -130,8 +130,8 @@ pub unsafe extern "C" fn cairn_unity_prepare(
     })
 }
 
-/// Makes a view of a presenter, for [`cairn_unity_view_destroy`]. Both handles stay the caller's: once one is destroyed the view's
-/// events fail with `CAIRN_ERROR_INVALID_HANDLE`.
+/// Creates a view of a presenter. Destroy it with [`cairn_unity_view_destroy`]. The caller keeps both handles: once one of them is destroyed,
+/// the view's events fail with `CAIRN_ERROR_INVALID_HANDLE`.
 ///
 /// Threads: any.
 ///
@@ -157,14 +157,14 @@ pub unsafe extern "C" fn cairn_unity_view_create(
     })
 }
 
-/// Says what the next events show: the frame that is due at `now_ns`, in `texture`, an `ID3D12Resource` of Unity's as
-/// `Texture.GetNativeTexturePtr` gives it. The view holds a reference to it until it is told another; null for none.
+/// Sets what the next events show: the frame that is due at `now_ns`, in `texture`, an `ID3D12Resource` of Unity's from
+/// `Texture.GetNativeTexturePtr`. The view holds a reference to it until another texture is set; null for none.
 /// `CAIRN_ERROR_INVALID_ARGUMENT` for an object of another kind.
 ///
 /// Threads: any.
 ///
 /// # Safety
-/// `texture` is null or an object of COM, which lives during the call.
+/// `texture` is null or a COM object that lives during the call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_unity_view_set(
     view: *mut cairn_unity_view,
@@ -183,16 +183,16 @@ pub unsafe extern "C" fn cairn_unity_view_set(
     })
 }
 
-/// Says how the view's last event ended: `CAIRN_OK` and the frame that was made; `CAIRN_NOT_READY` before the first; else an error,
-/// and `text` has its message. What is null is not asked for.
+/// Result of the view's last event: `CAIRN_OK` and the frame that was made; `CAIRN_NOT_READY` before the first event; otherwise an error, and
+/// `text` gets its message. Any pointer may be null.
 ///
-/// shown: gets the frames that were copied into Unity's textures.
+/// shown: gets the number of frames that were copied into Unity's textures.
 /// frame: its struct_size must be set.
 ///
 /// Threads: any.
 ///
 /// # Safety
-/// What is not null can be written; `text` has room for `capacity` bytes.
+/// Each pointer is null or can be written; `text` has room for `capacity` bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_unity_view_get(
     view: *const cairn_unity_view,
@@ -226,14 +226,14 @@ pub unsafe extern "C" fn cairn_unity_view_get(
     })
 }
 
-/// Ends a view; null is allowed. Events that still name it do nothing, and one that runs is waited for. Nothing is drawn into its
-/// texture, which keeps the last frame. What Unity's queue still uses, the texture among it, is let go of when a later view is shown
-/// or ended, and with the device.
+/// Destroys a view; null is allowed. Waits for an event of the view that is running; later events do nothing. The texture keeps its last
+/// frame. Resources that Unity's queue still uses, the texture included, are released when a later view is shown or destroyed, or
+/// with the device.
 ///
 /// Threads: any.
 ///
 /// # Safety
-/// Nothing is asked for.
+/// None: the handle is looked up.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_unity_view_destroy(view: *mut cairn_unity_view) -> cairn_result {
     guarded(CAIRN_ERROR_INTERNAL, || {
@@ -247,7 +247,7 @@ pub unsafe extern "C" fn cairn_unity_view_destroy(view: *mut cairn_unity_view) -
     })
 }
 
-/// The function for `CommandBuffer.IssuePluginEventAndData`, whose data is a view.
+/// The function for `CommandBuffer.IssuePluginEventAndData`. Its data is a view.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
@@ -255,7 +255,7 @@ pub extern "C" fn cairn_unity_get_event_function() -> RenderEvent {
     events::on_event
 }
 
-/// The number of the event that makes a view's frame; -1 where Unity has not loaded the plugin.
+/// Number of the event that makes a view's frame; -1 if Unity has not loaded the plugin.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]
@@ -263,7 +263,7 @@ pub extern "C" fn cairn_unity_get_make_event() -> c_int {
     guarded(-1, || plugin::number(Event::Make).unwrap_or(-1))
 }
 
-/// The number of the event that copies it into Unity's texture, to be issued behind the other one.
+/// Number of the event that copies the frame into Unity's texture. Issue it after the other one.
 ///
 /// Threads: any.
 #[unsafe(no_mangle)]

@@ -1,12 +1,12 @@
-//! What Unity offers to native plugins, as far as it is used here, in our own words.
+//! The part of Unity's native plugin interface that is used here, declared anew.
 //!
-//! An interface is a table of functions without an object: the pointer that the registry gives points to the first function, and no
-//! function takes the table. All are called as the system's functions are (on x86-64 there is one way). The tables of Direct3D 12 do
-//! not grow at the end: each version has a number and an order of its own.
+//! An interface is a table of functions without an object: the registry returns a pointer to the first function, and no function takes the
+//! table as an argument. All use the system's calling convention (on x86-64 there is only one). The Direct3D 12 tables do not grow at the
+//! end: each version has its own GUID and its own order.
 
 use std::ffi::{c_int, c_void};
 
-/// What the registry finds an interface by.
+/// GUID by which the registry finds an interface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
 pub struct Guid {
@@ -20,7 +20,7 @@ impl Guid {
     }
 }
 
-/// A function of a table that is never called: it keeps the place.
+/// A function of a table that is never called; it keeps its slot.
 pub type Unused = usize;
 
 /// The registry of interfaces.
@@ -33,10 +33,10 @@ pub struct Interfaces {
     pub register_split: Unused,
 }
 
-/// Is told that the graphics device comes or goes: one of the constants `DEVICE_*`.
+/// Called when the graphics device appears or disappears, with one of the constants `DEVICE_*`.
 pub type DeviceEvent = unsafe extern "system" fn(c_int);
 
-/// Is called on Unity's render or submission thread, with an event's number and what was given with it.
+/// Called on Unity's render or submission thread, with the event's number and its data.
 pub type RenderEvent = unsafe extern "system" fn(c_int, *mut c_void);
 
 pub const DEVICE_INITIALISE: c_int = 0;
@@ -44,7 +44,7 @@ pub const DEVICE_SHUTDOWN: c_int = 1;
 pub const DEVICE_BEFORE_RESET: c_int = 2;
 pub const DEVICE_AFTER_RESET: c_int = 3;
 
-/// Kinds of renderers, of those that a desktop has.
+/// Renderers that exist on a desktop.
 pub const RENDERER_D3D11: c_int = 2;
 pub const RENDERER_NULL: c_int = 4;
 pub const RENDERER_OPENGL_ES: c_int = 11;
@@ -53,7 +53,7 @@ pub const RENDERER_OPENGL: c_int = 17;
 pub const RENDERER_D3D12: c_int = 18;
 pub const RENDERER_VULKAN: c_int = 21;
 
-/// The renderer, whichever it is.
+/// Interface for any renderer.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 pub struct Graphics {
@@ -76,32 +76,32 @@ pub struct ResourceState {
     pub current: c_int,
 }
 
-/// What Unity records at the moment.
+/// The command list that Unity is recording.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 pub struct RecordingState {
     pub list: *mut c_void,
 }
 
-/// The event runs on the render thread, where Unity records and its queue is not to be used.
+/// The event runs on the render thread, where Unity records. It must not use the queue.
 pub const QUEUE_LEFT_ALONE: c_int = 0;
-/// The event runs on the submission thread, where the queue may be used and Unity's list may not.
+/// The event runs on the submission thread. It may use the queue, but not Unity's list.
 pub const QUEUE_ALLOWED: c_int = 1;
 
-/// Lists that are there already are submitted first.
+/// Unity submits its pending lists first.
 pub const FLUSH_COMMAND_BUFFERS: u32 = 1 << 1;
-/// Unity's worker threads are waited for.
+/// Unity waits for its worker threads first.
 pub const SYNC_WORKER_THREADS: u32 = 1 << 2;
-/// The event leaves other bindings in Unity's list.
+/// The event changes bindings in Unity's list.
 pub const MODIFIES_COMMAND_BUFFERS: u32 = 1 << 3;
 
-/// How an event is to be called.
+/// Configuration of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
 pub struct EventConfig {
     pub queue_access: c_int,
     pub flags: u32,
-    /// Not zero: the texture that is rendered to is bound first.
+    /// Not zero: Unity binds the current render target first.
     pub binds_render_texture: u8,
 }
 
@@ -109,18 +109,18 @@ pub type GetObject = unsafe extern "system" fn() -> *mut c_void;
 pub type GetValue = unsafe extern "system" fn() -> u64;
 pub type Execute = unsafe extern "system" fn(*mut c_void, c_int, *mut ResourceState) -> u64;
 pub type Configure = unsafe extern "system" fn(c_int, *const EventConfig);
-/// Gives one byte, 0 where nothing is recorded.
+/// Returns one byte, 0 if no list is being recorded.
 pub type Recording = unsafe extern "system" fn(*mut RecordingState) -> u8;
 pub type Request = unsafe extern "system" fn(*mut c_void, c_int);
 pub type Notify = unsafe extern "system" fn(*mut c_void, c_int, u8);
 
-/// A version's place in the registry.
+/// Number and GUID of a version in the registry.
 pub trait Version {
     const NUMBER: u32;
     const GUID: Guid;
 }
 
-/// What is used of the best version that Unity has; `None` for what that version lacks.
+/// Functions that are used, of the newest version that Unity has; `None` for a function that this version lacks.
 #[derive(Debug, Clone, Copy, Default)]
 #[cfg_attr(not(windows), expect(dead_code, reason = "nothing is drawn there"))]
 pub(crate) struct Direct3d12 {
@@ -136,7 +136,7 @@ pub(crate) struct Direct3d12 {
     pub(crate) notify_resource_state: Option<Notify>,
 }
 
-/// The type of a function that is used, or what keeps the place of one that is not.
+/// Type of a table entry: the function's type if it is used, else the placeholder.
 macro_rules! function {
     () => {
         Unused
@@ -146,7 +146,7 @@ macro_rules! function {
     };
 }
 
-/// Declares versions of the interface by their functions, in Unity's order: those that are used with their types, and the rest.
+/// Declares versions of the interface by their functions in Unity's order: used functions with their types, and placeholders.
 macro_rules! versions {
     ($($table:ident: $number:literal, $high:literal, $low:literal { $($function:ident $(: $used:ident)?),* $(,)? })*) => {$(
         #[derive(Debug, Clone, Copy)]
@@ -227,7 +227,7 @@ versions! {
 }
 
 impl Direct3d12 {
-    /// The best version in the registry.
+    /// The newest version in the registry.
     ///
     /// # Safety
     /// The registry is Unity's, whose tables live as long as it does.
@@ -243,7 +243,7 @@ impl Direct3d12 {
         v8.or_else(v7).or_else(v6).or_else(v5).filter(Self::is_whole)
     }
 
-    /// Whether it has what every version has.
+    /// Whether it has the functions that every version has.
     fn is_whole(&self) -> bool {
         self.get_device.is_some()
             && self.get_frame_fence.is_some()
@@ -253,7 +253,7 @@ impl Direct3d12 {
     }
 }
 
-/// What is used of a version, where the registry has it.
+/// The functions that are used of one version, if the registry has it.
 ///
 /// # Safety
 /// As for [`Direct3d12::find`].
@@ -262,10 +262,10 @@ unsafe fn version<T: Version + Copy + Into<Direct3d12>>(registry: &Interfaces) -
     unsafe { table::<T>(registry, T::GUID) }.map(T::into)
 }
 
-/// A copy of a table of the registry's.
+/// Copy of a table from the registry.
 ///
 /// # Safety
-/// The registry is Unity's, and `T` is the table of that number.
+/// The registry is Unity's, and `T` is the table of that GUID.
 pub(crate) unsafe fn table<T: Copy>(registry: &Interfaces, guid: Guid) -> Option<T> {
     let get = registry.get_split?;
     // SAFETY: a function of the registry, which takes two numbers.

@@ -1,22 +1,22 @@
-//! Cairn as a native plugin of Unity: one library that has all of `include/cairn.h` and, beside it, what Unity calls.
+//! Cairn as a native plugin of Unity: one library with all of `include/cairn.h` and the functions that Unity calls.
 //!
-//! It is a library of its own so that no other host has Unity's doors in it, and it is whole, so that a process never has two
-//! copies of Cairn that do not know each other's handles.
+//! It is a separate library so that no other host contains Unity's entry points. It contains all of Cairn, so that a process never has two
+//! copies that do not know each other's handles.
 //!
 //! | file | what |
 //! |---|---|
-//! | `interfaces` | what Unity offers, declared in our own words |
-//! | `plugin` | loading, unloading, the graphics device that comes and goes, and why there is none |
-//! | `views` | what is shown where; numbers that Unity's events carry |
-//! | `events` | the two things that are done on Unity's threads |
-//! | `drawing` | how they are done: on Windows with Direct3D 12, elsewhere not at all |
-//! | `pipeline_cache` | compiled pipelines in a file of the game's |
+//! | `interfaces` | Unity's native plugin interface, declared anew |
+//! | `plugin` | loading, unloading, the graphics device that appears and disappears, and the reason when there is none |
+//! | `views` | which presenter is shown in which texture; the numbers that Unity's events carry |
+//! | `events` | the two events that run on Unity's threads |
+//! | `drawing` | implementation of the events: Direct3D 12 on Windows, nothing on other platforms |
+//! | `pipeline_cache` | compiled pipelines in a file of the game |
 //! | `entry_points` | the functions that C# calls |
 //!
-//! A frame crosses in two events, as Unity keeps its queue and its command lists apart. `make` runs on the submission thread, where the
-//! queue may be used, and has the presenter write the frame into a texture of the view's ring. `show` runs where Unity records, and copies
-//! the newest frame of the ring into Unity's texture. The list with that copy may run frames later: a texture of the ring is written again
-//! once Unity's frame fence says that it has.
+//! A frame needs two events, because Unity uses its queue and its command lists on different threads. `make` runs on the submission thread,
+//! where the queue may be used: the presenter writes the frame into a texture of the view's ring. `show` runs where Unity records: it copies
+//! the newest frame of the ring into Unity's texture. The list with that copy may execute frames later: a texture of the ring is written
+//! again once Unity's frame fence says that the list has executed.
 
 #[allow(non_camel_case_types, reason = "the name is that of the interface in C")]
 mod entry_points;
@@ -36,10 +36,10 @@ pub use plugin::{UnityPluginLoad, UnityPluginUnload};
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Does `work`; a panic, of which the panic hook has told, ends here and gives `otherwise`.
+/// Runs `work`. A panic, which the panic hook has reported, is caught here and gives `otherwise`.
 fn guarded<T>(otherwise: T, work: impl FnOnce() -> T) -> T {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
-        // What was thrown may panic again where it is dropped.
+        // Dropping the payload may panic again.
         std::mem::forget(payload);
         otherwise
     })

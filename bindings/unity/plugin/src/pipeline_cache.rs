@@ -1,4 +1,4 @@
-//! Compiled pipelines in a file of the game's, from one run to the next.
+//! Keeps compiled pipelines in a file of the game between runs.
 
 use std::ffi::c_void;
 use std::io::Write;
@@ -10,7 +10,7 @@ use super::guarded;
 /// A file that `cairn_presenter_prepare_d3d12` reads and writes through [`load`] and [`store`], whose `user` is its address.
 pub(crate) struct PipelineCache {
     path: PathBuf,
-    /// What the file had when its size was asked for.
+    /// Content of the file when its size was queried.
     loaded: Vec<u8>,
 }
 
@@ -19,7 +19,7 @@ impl PipelineCache {
         Self { path, loaded: Vec::new() }
     }
 
-    /// Replaces the file as a whole, so that a game that ends meanwhile leaves the earlier one. Without it the next run compiles again.
+    /// Replaces the file atomically: if the game ends meanwhile, the earlier file stays. A failed write is logged, and the next run compiles again.
     fn replace(&self, bytes: &[u8]) {
         static WRITTEN: AtomicU64 = AtomicU64::new(0);
         let own = format!("{}-{}.tmp", std::process::id(), WRITTEN.fetch_add(1, Ordering::Relaxed));
@@ -79,7 +79,7 @@ mod tests {
     use super::*;
     use std::ptr::null_mut;
 
-    /// What [`load`] gives.
+    /// The bytes that [`load`] returns.
     fn loaded(cache: &mut PipelineCache) -> Vec<u8> {
         let user = std::ptr::from_mut(cache).cast();
         // SAFETY: a cache of ours; the size is asked for.
@@ -101,7 +101,7 @@ mod tests {
             unsafe { store(content.as_ptr().cast(), content.len() as u64, std::ptr::from_mut(&mut cache).cast()) };
             assert_eq!(loaded(&mut PipelineCache::new(path.clone())), content);
         }
-        // Nothing but the file is left, and a place that cannot be written is no failure.
+        // No temporary file is left, and a path that cannot be written is no failure.
         assert_eq!(std::fs::read_dir(folder.join("below")).expect("a folder").count(), 1);
         PipelineCache::new(path.join("not a folder")).replace(&[1]);
         std::fs::remove_dir_all(folder).expect("ours");

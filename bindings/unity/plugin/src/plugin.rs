@@ -1,6 +1,6 @@
-//! The plugin's life: Unity loads it, its graphics device comes and goes, Unity unloads it.
+//! The plugin's life cycle: Unity loads it, its graphics device appears and disappears, Unity unloads it.
 //!
-//! No lock is held while Unity is called: it may call back.
+//! No lock is held during calls into Unity, because Unity may call back.
 
 use std::ffi::{c_int, c_void};
 use std::sync::Arc;
@@ -12,19 +12,19 @@ use super::drawing::Drawing;
 use super::interfaces::*;
 use super::{guarded, views};
 
-/// Where a project says what it is drawn with.
+/// The project setting that selects the graphics API.
 const SETTING: &str = "In Project Settings > Player > Other Settings turn off Auto Graphics API for Windows, and put Direct3D12 at the \
                        top of Graphics APIs for Windows; the editor then has to be restarted";
 
-/// Events that are reserved: `MAKE` and `SHOW`, counted from the first.
+/// Number of reserved event numbers: `MAKE` and `SHOW`, counted from the first.
 const EVENTS: c_int = 2;
 
-/// What is to be done by an event.
+/// Action of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Event {
-    /// The frame is made, where Unity's queue may be used.
+    /// Makes the frame, where Unity's queue may be used.
     Make,
-    /// It is copied into Unity's texture, where Unity records.
+    /// Copies it into Unity's texture, where Unity records.
     Show,
 }
 
@@ -38,19 +38,19 @@ struct Plugin {
     state: State,
 }
 
-/// What there is to draw with.
+/// Whether frames can be drawn.
 #[derive(Clone)]
 enum State {
     /// Unity has not loaded the plugin, or has unloaded it.
     NotLoaded,
     /// There is no graphics device yet, or none any more.
     NoDevice,
-    /// Nothing will come of it, and why.
+    /// Frames can never be drawn in this process: the result and the reason.
     Never(cairn_result, String),
     Ready(Arc<Drawing>),
 }
 
-/// Is called by Unity when it loads the library.
+/// Unity calls this when it loads the library.
 ///
 /// # Safety
 /// The pointer is null, or Unity's registry, which lives until [`UnityPluginUnload`].
@@ -80,15 +80,15 @@ pub unsafe extern "system" fn UnityPluginLoad(interfaces: *const c_void) {
             // SAFETY: as above.
             unsafe { register(Some(on_device)) };
         }
-        // The device may be there already, and nobody tells then.
+        // The device may exist already; Unity then sends no event.
         initialise();
     });
 }
 
-/// Is called by Unity before it unloads the library.
+/// Unity calls this before it unloads the library.
 ///
 /// # Safety
-/// Unity's registry still lives, where it was given one.
+/// Unity's registry is still alive, if there was one.
 #[unsafe(no_mangle)]
 pub unsafe extern "system" fn UnityPluginUnload() {
     guarded((), unload);
@@ -102,7 +102,7 @@ unsafe extern "system" fn on_device(event: c_int) {
     });
 }
 
-/// Lets go of everything of Unity's.
+/// Releases everything that belongs to Unity.
 fn unload() {
     shut_down();
     let left = std::mem::replace(
@@ -115,7 +115,7 @@ fn unload() {
     }
 }
 
-/// Lets go of the device, and waits until it has done what was given to it.
+/// Releases the device and waits until it has finished the work that was submitted.
 fn shut_down() {
     let left = {
         let mut plugin = PLUGIN.lock();
@@ -130,7 +130,7 @@ fn shut_down() {
     }
 }
 
-/// Takes the device that is there.
+/// Starts using the current device.
 fn initialise() {
     let (interfaces, graphics, first_event) = {
         let plugin = PLUGIN.lock();
@@ -145,7 +145,7 @@ fn initialise() {
         // SAFETY: a function of Unity's, which any thread may call.
         Some(get) => match unsafe { get() } {
             RENDERER_D3D12 => take(&interfaces, first_event),
-            // A device may still come; a batch without graphics never has one.
+            // A device may still come. In batch mode without graphics none comes.
             RENDERER_NULL => State::NoDevice,
             other => never(&format!("Unity draws with {}, and Cairn needs Direct3D 12. {SETTING}", name(other))),
         },
@@ -154,7 +154,7 @@ fn initialise() {
     PLUGIN.lock().state = state;
 }
 
-/// Direct3D 12 by the best interface.
+/// Opens Direct3D 12 through the newest interface version.
 fn take(interfaces: &Interfaces, first_event: Option<c_int>) -> State {
     // SAFETY: Unity's registry.
     let Some(api) = (unsafe { Direct3d12::find(interfaces) }) else {
@@ -164,9 +164,9 @@ fn take(interfaces: &Interfaces, first_event: Option<c_int>) -> State {
     };
     let Some(first) = first_event else { return never("Unity's IUnityGraphics reserves no events") };
     if let Some(configure) = api.configure_event {
-        // `make` submits lists of its own into a texture that no list of Unity's reads any more: nothing has to be flushed or waited for.
+        // `make` submits lists that write to a texture that no list of Unity's reads any more: no flush or wait is needed.
         let make = EventConfig { queue_access: QUEUE_ALLOWED, flags: 0, binds_render_texture: 0 };
-        // `show` copies: no binding is another afterwards. Where the list is one of ours, Unity puts it behind its own.
+        // `show` copies and changes no bindings. A list of the plugin's own is executed after Unity's lists.
         let show = EventConfig { queue_access: QUEUE_LEFT_ALONE, flags: 0, binds_render_texture: 0 };
         for (event, config) in (first..).zip([make, show]) {
             // SAFETY: a function of Unity's, called while the device is initialised; the struct is read during the call.
@@ -183,7 +183,7 @@ fn never(why: &str) -> State {
     State::Never(CAIRN_ERROR_UNSUPPORTED, why.to_owned())
 }
 
-/// A renderer as Unity's settings call it.
+/// A renderer's name in Unity's settings.
 fn name(renderer: c_int) -> String {
     let known = match renderer {
         RENDERER_D3D11 => "Direct3D11",
@@ -196,7 +196,7 @@ fn name(renderer: c_int) -> String {
     known.to_owned()
 }
 
-/// What there is to draw with, if there is.
+/// The device to draw with, if there is one.
 pub(crate) fn drawing() -> Option<Arc<Drawing>> {
     match &PLUGIN.lock().state {
         State::Ready(drawing) => Some(drawing.clone()),
@@ -204,7 +204,7 @@ pub(crate) fn drawing() -> Option<Arc<Drawing>> {
     }
 }
 
-/// What an event of that number does, and with what.
+/// Action of an event number, and the device to draw with.
 pub(crate) fn event(number: c_int) -> Option<(Arc<Drawing>, Event)> {
     let plugin = PLUGIN.lock();
     let State::Ready(drawing) = &plugin.state else { return None };
@@ -215,12 +215,12 @@ pub(crate) fn event(number: c_int) -> Option<(Arc<Drawing>, Event)> {
     }
 }
 
-/// The number of an event.
+/// Number of an event.
 pub(crate) fn number(event: Event) -> Option<c_int> {
     PLUGIN.lock().first_event.map(|first| first + c_int::from(event == Event::Show))
 }
 
-/// Whether there is something to draw with, and what, or why not.
+/// Whether frames can be drawn, with the interface's name or the reason why not.
 pub(crate) fn state() -> (cairn_result, String) {
     match &PLUGIN.lock().state {
         State::NotLoaded => (

@@ -1,8 +1,8 @@
-//! Text that a caller has room for.
+//! Copies text into a caller's buffer.
 
 use std::ffi::c_char;
 
-/// Copies what fits of `text`, with a NUL behind it, and says how long it is.
+/// Copies as much of `text` as fits, with a terminating NUL, and writes the full length.
 ///
 /// # Safety
 /// `to` is null, or has room for `capacity` bytes; `length` is null or can be written.

@@ -1,7 +1,7 @@
-//! Views: what is shown where. C# makes them and tells them what is next; Unity's events carry their numbers.
+//! Views: which presenter is shown in which texture. C# creates and updates them; Unity's events carry their numbers.
 //!
-//! An event runs frames later than it was asked for, when what it was asked for may be gone. So it carries a number that is looked
-//! up, and never an address; and a view holds references to what it is told to show into.
+//! An event runs frames after it was issued, when its objects may be gone. So it carries a number that is looked up, never an address, and a
+//! view holds a reference to its target texture.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,37 +12,37 @@ use parking_lot::Mutex;
 
 use super::drawing::{Target, TargetRing};
 
-/// What a presenter of Cairn's shows in a texture of Unity's.
+/// A presenter of Cairn's, shown in a texture of Unity's.
 #[cfg_attr(not(windows), expect(dead_code, reason = "nothing is drawn there"))]
 pub(crate) struct View {
-    /// Handles of Cairn's, as numbers: whoever uses them is told when they are gone.
+    /// Handles of Cairn's as numbers: their use fails once they are destroyed.
     pub(crate) device: usize,
     pub(crate) presenter: usize,
     wanted: Mutex<Wanted>,
     told: Mutex<Told>,
-    /// Held by the one event at a time that draws.
+    /// Locked by an event while it draws; only one draws at a time.
     pub(crate) ring: Mutex<TargetRing>,
 }
 
-/// What is to be shown next.
+/// Time and texture of the next frame.
 #[derive(Default, Clone)]
 struct Wanted {
     now: u64,
     target: Option<Target>,
 }
 
-/// What has been shown.
+/// Progress of a view.
 #[derive(Clone, Copy)]
 pub(crate) struct Shown {
-    /// Frames that were copied into Unity's texture.
+    /// Number of frames that were copied into Unity's texture.
     pub(crate) frames: u64,
-    /// The last one that was made.
+    /// The last frame that was made.
     pub(crate) frame: cairn_frame,
 }
 
 struct Told {
     shown: Shown,
-    /// How the last event ended, and with which message.
+    /// Result of the last event, with its message.
     result: cairn_result,
     message: String,
 }
@@ -50,15 +50,15 @@ struct Told {
 static VIEWS: Mutex<Views> = Mutex::new(Views { last: 0, live: BTreeMap::new() });
 
 struct Views {
-    /// No number is used again.
+    /// The last number given out; numbers are not reused.
     last: usize,
     live: BTreeMap<usize, Arc<View>>,
 }
 
-/// The part of a view's number that says that it is one.
+/// Bits of a view's number that distinguish it from other data.
 const MARK: usize = 0x5600_0000_0000_0000;
 
-/// A new view; its number.
+/// Adds a view and returns its number.
 pub(crate) fn add(device: usize, presenter: usize) -> usize {
     let shown = Shown { frames: 0, frame: no_frame() };
     let view = View {
@@ -80,12 +80,12 @@ pub(crate) fn find(number: usize) -> Option<Arc<View>> {
     VIEWS.lock().live.get(&number).cloned()
 }
 
-/// Takes a view out; events that still name it find nothing.
+/// Removes a view; events that still name it do nothing.
 pub(crate) fn remove(number: usize) -> Option<Arc<View>> {
     VIEWS.lock().live.remove(&number)
 }
 
-/// Has all views let go of what they hold of a device that goes.
+/// Releases what all views hold of a device that is about to disappear.
 pub(crate) fn let_go() {
     let all: Vec<_> = VIEWS.lock().live.values().cloned().collect();
     for view in all {
@@ -94,20 +94,20 @@ pub(crate) fn let_go() {
 }
 
 impl View {
-    /// Says what is shown next.
+    /// Sets time and texture of the next frame.
     pub(crate) fn want(&self, now: u64, target: Option<Target>) {
-        // A texture may go with the last reference to it, which takes long enough to hold no lock.
+        // Dropping the last reference to a texture is slow, so it happens outside the lock.
         let _before = std::mem::replace(&mut *self.wanted.lock(), Wanted { now, target });
     }
 
-    /// When the next frame is shown, and where.
+    /// Time and texture of the next frame.
     #[cfg_attr(not(windows), expect(dead_code, reason = "nothing is drawn there"))]
     pub(crate) fn wanted(&self) -> Option<(u64, Target)> {
         let Wanted { now, target } = self.wanted.lock().clone();
         Some((now, target?))
     }
 
-    /// Keeps how an event ended.
+    /// Records the result of an event.
     pub(crate) fn tell(&self, ended: Ended) {
         let mut told = self.told.lock();
         match ended {
@@ -121,20 +121,20 @@ impl View {
         }
     }
 
-    /// What has been shown, how the last event that did something ended, and with which message.
+    /// Progress, and result and message of the last event that did something.
     pub(crate) fn told(&self) -> (Shown, cairn_result, String) {
         let told = self.told.lock();
         (told.shown, told.result, told.message.clone())
     }
 
-    /// Lets go of what it holds of a device. It may be told to show again.
+    /// Releases what the view holds of a device. It can be used again afterwards.
     pub(crate) fn let_go(&self) {
         self.want(0, None);
         self.ring.lock().let_go();
     }
 }
 
-/// How an event ended.
+/// Result of an event.
 #[cfg_attr(not(windows), expect(dead_code, reason = "nothing is drawn there"))]
 pub(crate) enum Ended {
     Made(cairn_frame),
@@ -144,7 +144,7 @@ pub(crate) enum Ended {
     Failed(cairn_result, String),
 }
 
-/// A frame that says nothing.
+/// A frame with no content.
 pub(crate) fn no_frame() -> cairn_frame {
     cairn_frame {
         struct_size: size_of::<cairn_frame>() as u32,

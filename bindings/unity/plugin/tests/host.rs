@@ -1,4 +1,4 @@
-//! The plugin in a Unity of our own, over a real device and by every version of the interface. On Windows, or in the lab.
+//! The plugin in the stand-in for Unity, over a real device and with every version of the interface. On Windows, or in the lab.
 #![cfg(windows)]
 
 use std::ffi::{CString, c_char, c_int, c_void};
@@ -46,14 +46,14 @@ use handles::{made, prepared};
 use textures::Wanted;
 use unity::Running;
 
-/// Frames' size; a row is no whole number of what copies align to, and AMD's libraries take it.
+/// Size of frames. Its row size is not a multiple of the copy alignment, and AMD's libraries accept it.
 const SIZE: (u32, u32) = (101, 67);
 /// Nanoseconds between anchors.
 const INTERVAL: u64 = 100_000_000;
 /// Where Unity leaves a texture that a shader has read.
 const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE;
 
-/// A presenter of two anchors, four frames to an anchor, in those colours.
+/// A presenter with two anchors, four frames to an anchor, in the given colour space.
 fn presenter(colour_space: u32) -> *mut cairn_presenter {
     let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
     (options.multiplier, options.interval_ns, options.colour_space) = (4, INTERVAL, colour_space);
@@ -78,7 +78,7 @@ fn presenter(colour_space: u32) -> *mut cairn_presenter {
     presenter
 }
 
-/// The frame at `now` as it is drawn into memory.
+/// The frame at `now`, drawn into memory.
 fn drawn(presenter: *mut cairn_presenter, now: u64) -> Vec<u8> {
     let mut pixels = vec![0; (SIZE.0 * SIZE.1 * 4) as usize];
     let mut target: cairn_target = prepared(|target: &mut cairn_target| &mut target.struct_size);
@@ -89,7 +89,7 @@ fn drawn(presenter: *mut cairn_presenter, now: u64) -> Vec<u8> {
     pixels
 }
 
-/// The same as numbers of a colour space, red first, without alpha.
+/// The same frame as numbers in a colour space: red first, without alpha.
 fn drawn_in(presenter: *mut cairn_presenter, now: u64, colour_space: u32) -> Vec<f64> {
     if colour_space == CAIRN_COLOUR_SRGB {
         return numbers(&drawn(presenter, now), DXGI_FORMAT_R8G8B8A8_TYPELESS);
@@ -103,7 +103,7 @@ fn drawn_in(presenter: *mut cairn_presenter, now: u64, colour_space: u32) -> Vec
     numbers(&halves, DXGI_FORMAT_R16G16B16A16_FLOAT)
 }
 
-/// What the plugin says of itself.
+/// State of the plugin and its text.
 fn state() -> (cairn_result, String) {
     let (mut text, mut length) = ([0_u8; 512], 0);
     // SAFETY: as much room as is said, and a place for the length.
@@ -127,7 +127,7 @@ impl Scene {
         Self::with_pipelines(colour_space, null())
     }
 
-    /// Prepared with a file for compiled pipelines.
+    /// Prepared with a file that keeps compiled pipelines.
     fn with_pipelines(colour_space: u32, file: *const c_char) -> Self {
         amd::prepare();
         // SAFETY: a place for the handle.
@@ -140,14 +140,14 @@ impl Scene {
         Self { device, presenter, view }
     }
 
-    /// Says what is shown next, and where.
+    /// Sets time and texture of the next frame.
     fn set(&self, now: u64, texture: Option<&ID3D12Resource>) -> cairn_result {
         let texture = texture.map_or(null_mut(), Interface::as_raw);
         // SAFETY: a live texture, or null.
         unsafe { cairn_unity_view_set(self.view, now, texture) }
     }
 
-    /// How the last event ended, the frames shown, the last one made, and the message.
+    /// Result of the last event, number of frames shown, the last frame made, and the message.
     fn get(&self) -> (cairn_result, u64, cairn_frame, String) {
         let mut frame: cairn_frame = prepared(|frame: &mut cairn_frame| &mut frame.struct_size);
         let (mut shown, mut text, mut length) = (0, [0_u8; 1024], 0);
@@ -157,7 +157,7 @@ impl Scene {
         (result, shown, frame, String::from_utf8_lossy(&text[..length]).into_owned())
     }
 
-    /// Both events, in a frame of Unity's.
+    /// Issues both events in one frame of Unity's.
     fn show(&self, unity: &Running) {
         unity.event(cairn_unity_get_make_event(), self.view.cast());
         unity.event(cairn_unity_get_show_event(), self.view.cast());
@@ -177,7 +177,7 @@ impl Scene {
     }
 }
 
-/// A texture as a RenderTexture of Unity's is.
+/// A texture with the format of a RenderTexture of Unity's.
 fn texture(unity: &Running, size: (u32, u32), levels: u16) -> ID3D12Resource {
     texture_of(unity, size, levels, DXGI_FORMAT_R8G8B8A8_TYPELESS)
 }
@@ -200,17 +200,17 @@ fn pixels(unity: &Running, texture: &ID3D12Resource) -> Vec<u8> {
     textures::read(&unity.device(), &unity.queue(), texture, unity.state_of(texture))
 }
 
-/// Whether two pictures are the same, but for a level.
+/// Whether two pictures differ by at most one level.
 fn alike(one: &[u8], other: &[u8]) -> bool {
     one.len() == other.len() && one.iter().zip(other).all(|(a, b)| a.abs_diff(*b) <= 1)
 }
 
-/// A frame that a target shall show.
+/// A frame that a target is expected to show.
 #[derive(Clone, PartialEq)]
 enum Expected {
-    /// The pixels that the processor draws.
+    /// The pixels that the CPU draws.
     Drawn(Vec<u8>),
-    /// A picture that AMD's libraries make half way between anchors, which the processor does not draw.
+    /// A picture that AMD's libraries make halfway between anchors and that the CPU cannot draw.
     MadeByAmd,
 }
 
@@ -244,7 +244,7 @@ fn frames_are_shown_by_every_version_of_the_interface() {
         assert_eq!(state(), (CAIRN_OK, format!("IUnityGraphicsD3D12v{version}")));
         let (make, show) = (cairn_unity_get_make_event(), cairn_unity_get_show_event());
         if version > 5 {
-            // On the submission thread and on the render thread; nothing is flushed, and no worker thread is waited for.
+            // On the submission thread and on the render thread, without a flush and without a wait for worker threads.
             assert_eq!((unity.configured(make), unity.configured(show)), (Some([1, 0, 0]), Some([0, 0, 0])));
         }
         let scene = Scene::new();
@@ -259,14 +259,14 @@ fn frames_are_shown_by_every_version_of_the_interface() {
         ];
         for ((now, source), count) in frames.into_iter().zip(1..) {
             assert_eq!(scene.set(now, Some(&target)), CAIRN_OK);
-            // Unity reads the texture before, and leaves it where only Unity knows.
+            // Unity reads the texture before, and leaves it in a state that only Unity knows.
             unity.bring(&target, if count % 2 == 0 { READ } else { D3D12_RESOURCE_STATE_RENDER_TARGET });
             scene.show(&unity);
             let (result, shown, frame, message) = scene.get();
             assert_eq!((result, shown, frame.source), (CAIRN_OK, count, source), "v{version}: {message} {frame:?}");
             assert!(is_shown(&unity, &target, scene.presenter, now), "v{version}: frame {count}");
         }
-        // Every function that a version has and the plugin needs is called, and no other.
+        // Every function that the version has and the plugin needs is called, and no other.
         let whole = [("GetDevice", 5), ("GetFrameFence", 5), ("GetCommandQueue", 5), ("ConfigureEvent", 6)];
         for (name, least) in whole {
             assert_eq!(unity.calls(name) > 0, version >= least, "v{version}: {name}");
@@ -288,7 +288,7 @@ fn what_cannot_be_shown_is_said_and_harms_nothing() {
         unity.load();
         let scene = Scene::new();
         let target = texture(&unity, SIZE, 1);
-        // Nothing was told yet; then a texture of another size than the frames, one with mip maps, and no texture.
+        // First nothing is set; then a texture of another size than the frames, one with mip maps, and no texture.
         scene.show(&unity);
         assert_eq!(scene.get().0, CAIRN_NOT_READY);
         for (wrong, part) in
@@ -306,7 +306,7 @@ fn what_cannot_be_shown_is_said_and_harms_nothing() {
         assert_eq!(scene.set(INTERVAL, Some(&target)), CAIRN_OK);
         let (make, show) = (cairn_unity_get_make_event(), cairn_unity_get_show_event());
         let view: *mut c_void = scene.view.cast();
-        // Nothing is shown that was not made; events and data that nobody issued do nothing.
+        // A frame that was not made is not shown; unknown events and data do nothing.
         let events: [(c_int, *mut c_void); 6] = [
             (make - 1, view),
             (show + 1, view),
@@ -324,7 +324,7 @@ fn what_cannot_be_shown_is_said_and_harms_nothing() {
         assert_eq!((scene.get().0, scene.get().1), (CAIRN_OK, 1), "it goes on: {}", scene.get().3);
         assert!(is_shown(&unity, &target, scene.presenter, INTERVAL));
 
-        // A presenter that is gone, and then the view itself.
+        // First the presenter is destroyed, then the view itself.
         // SAFETY: a live handle.
         assert_eq!(unsafe { cairn_presenter_destroy(scene.presenter) }, CAIRN_OK);
         unity.event(make, view);
@@ -348,11 +348,11 @@ fn devices_come_and_go_and_nothing_of_them_is_kept() {
         let target = texture(&unity, SIZE, 1);
         let count = || [engine::references(&device), engine::references(&queue), engine::references(&target)];
         let before = count();
-        // Loaded twice it is as loaded once.
+        // Loading twice has the effect of loading once.
         unity.load();
         unity.load();
         assert_eq!(unity.calls("UnregisterDeviceEventCallback"), 1);
-        // A device that was lost and made again; one that was reset.
+        // A device that was lost and created again; one that was reset.
         for (goes, comes) in [(1, 0), (2, 3)] {
             let scene = Scene::new();
             assert_eq!(scene.set(INTERVAL, Some(&target)), CAIRN_OK);
@@ -365,7 +365,7 @@ fn devices_come_and_go_and_nothing_of_them_is_kept() {
             unity.device_event(comes);
             unity.device_event(comes);
             assert_eq!(state().0, CAIRN_OK);
-            // What the view was told is forgotten with the device.
+            // A view forgets its settings with the device.
             scene.show(&unity);
             assert_eq!(scene.get().1, 1);
             assert_eq!(scene.set(INTERVAL * 3 / 2, Some(&target)), CAIRN_OK);
@@ -374,7 +374,7 @@ fn devices_come_and_go_and_nothing_of_them_is_kept() {
             assert!(is_shown(&unity, &target, scene.presenter, INTERVAL * 3 / 2));
             scene.end();
         }
-        // Unloaded with work under way, and with a view that is still there.
+        // Unloading with work in flight and a view that still exists.
         let scene = Scene::new();
         for frame in 4..8 {
             assert_eq!(scene.set(INTERVAL * frame / 4, Some(&target)), CAIRN_OK);
@@ -403,7 +403,7 @@ fn frames_are_shown_where_the_submission_thread_is_behind() {
             let now = INTERVAL * (4 + frame) / 4;
             assert_eq!(scene.set(now, Some(&target)), CAIRN_OK);
             scene.show(&unity);
-            // Where the first is to be shown nothing was made; later lists show what was made the frame before.
+            // At the first `show` no frame was made yet. Later ones show the frame made before.
             let (result, shown, _, message) = scene.get();
             assert_eq!((result, shown), (CAIRN_OK, frame), "v{version}: {message}");
             if let Some(before) = &before {
@@ -420,26 +420,26 @@ fn frames_are_shown_where_the_submission_thread_is_behind() {
 fn compiled_pipelines_are_in_a_file_in_the_next_run() {
     let unity = Running::start(8);
     unity.load();
-    // The lab's driver gives away nothing of its own.
+    // The lab's driver has no pipeline cache of its own.
     counts::install(&unity.device());
     let folder = std::env::temp_dir().join(format!("cairn-unity-pipelines-{}", std::process::id()));
     let path = folder.join("Cairn").join("pipelines.bin");
     let name = CString::new(path.to_str().expect("UTF-8")).expect("no NUL");
-    // Each device is a run of the game: what it compiled is forgotten with it.
+    // Each device is one run of the game: its compiled pipelines are lost with it.
     let run = || {
         Scene::with_pipelines(CAIRN_COLOUR_SRGB, name.as_ptr()).end();
         std::fs::read(&path).expect("the file")
     };
     let first = run();
     assert!(first.len() > 1024, "{} bytes", first.len());
-    // The next one has nothing new to keep.
+    // The next run compiles nothing new and leaves the file alone.
     let long_ago = SystemTime::UNIX_EPOCH + Duration::from_secs(1 << 30);
     let written = || std::fs::metadata(&path).and_then(|file| file.modified()).expect("a file");
     let file = std::fs::File::options().write(true).open(&path).expect("the file");
     file.set_modified(long_ago).expect("a time");
     drop(file);
     assert!(run() == first && written() == long_ago, "it was loaded, and nothing was stored");
-    // A damaged file is made anew.
+    // A damaged file is replaced.
     std::fs::write(&path, &first[..first.len() - 1]).expect("a damaged file");
     assert!(run() == first);
     std::fs::remove_dir_all(&folder).expect("ours");
@@ -461,7 +461,7 @@ fn a_list_shows_the_frame_that_it_was_recorded_with_however_late_it_runs() {
             scene.show(&unity);
             let (result, shown, frame, message) = scene.get();
             assert_eq!((result, shown), (CAIRN_OK, count + 1), "v{version}, {delay}: {message}");
-            // Where all textures of the ring are in use, the last frame is shown once more.
+            // If all textures of the ring are in use, the last frame is shown again.
             if frame.since_ns.max(1) != made {
                 (made, last) = (frame.since_ns.max(1), Expected::at(scene.presenter, now));
             }
@@ -479,9 +479,9 @@ fn a_list_shows_the_frame_that_it_was_recorded_with_however_late_it_runs() {
     }
 }
 
-/// The numbers of a texture's pixels by its format, red first, without alpha.
+/// A texture's pixels as numbers, red first, without alpha.
 fn numbers(bytes: &[u8], format: DXGI_FORMAT) -> Vec<f64> {
-    // Bits of a float without a sign, with five bits of exponent biased by 15.
+    // An unsigned float with five exponent bits, biased by 15.
     let float = |bits: u32, mantissa: u32| {
         let part = f64::from(bits & ((1 << mantissa) - 1)) / f64::from(1 << mantissa);
         match bits >> mantissa {
@@ -506,7 +506,7 @@ fn numbers(bytes: &[u8], format: DXGI_FORMAT) -> Vec<f64> {
     }
 }
 
-/// Every format of a render texture that the package offers, in a project of either colour space.
+/// Every render-texture format that the package offers, in projects of both colour spaces.
 #[test]
 fn frames_go_into_floats_and_bytes_as_light_or_srgb() {
     let all = [
@@ -520,7 +520,7 @@ fn frames_go_into_floats_and_bytes_as_light_or_srgb() {
         unity.load();
         let scene = Scene::of(colour_space);
         let targets: Vec<_> = formats.iter().map(|format| (texture_of(&unity, SIZE, 1, *format), *format)).collect();
-        // An anchor, and one that is generated.
+        // An anchor and a generated frame.
         for now in [INTERVAL, INTERVAL * 5 / 4] {
             for (target, format) in &targets {
                 assert_eq!(scene.set(now, Some(target)), CAIRN_OK);
@@ -531,7 +531,7 @@ fn frames_go_into_floats_and_bytes_as_light_or_srgb() {
                 let found = numbers(&pixels(&unity, target), *format);
                 assert_eq!(found.len(), expected.len());
                 for (found, expected) in found.iter().zip(&expected) {
-                    // Half a step of the format, and a level of eight bits.
+                    // Half a step of the format plus one level of eight bits.
                     let step = if *format == DXGI_FORMAT_R11G11B10_FLOAT { expected / 64.0 } else { expected / 2048.0 };
                     let apart = (found - expected).abs();
                     assert!(apart <= step + 0.012, "{format:?}, {colour_space}: {found} for {expected}");
@@ -565,7 +565,7 @@ fn what_the_queue_uses_is_kept_and_then_let_go_of() {
         assert_eq!(scene.set(INTERVAL, Some(&targets[0])), CAIRN_OK);
         scene.show(&unity);
         unity.wait_ignoring_loss();
-        // One frame is under way in each texture, and with the second the first has none any more.
+        // One frame is in flight in each texture. With the second texture set, the first has none left.
         let gate = unity.hold();
         for (place, target) in (5..).zip(&targets) {
             assert_eq!(scene.set(INTERVAL * place / 4, Some(target)), CAIRN_OK);
@@ -577,14 +577,14 @@ fn what_the_queue_uses_is_kept_and_then_let_go_of() {
         assert_eq!((unity.freed(), unity.wrong()), (0, Vec::new()), "v{version}");
         drop(gate);
         unity.wait_ignoring_loss();
-        // Another view that ends finds that they have run.
+        // Ending another view finds that they have executed.
         // SAFETY: live handles, and a place for the view.
         unsafe {
             let other = made(|to| cairn_unity_view_create(scene.device, scene.presenter, to));
             assert_eq!(cairn_unity_view_destroy(other), CAIRN_OK);
         }
         engine::comes_back(|| [count()[2], count()[3]], [before[2], before[3]]);
-        // The presenter holds what its frames were made in, and goes behind them.
+        // The presenter holds the textures of its frames and is destroyed after them.
         // SAFETY: live handles.
         let ended = unsafe { [cairn_presenter_destroy(scene.presenter), cairn_device_destroy(scene.device)] };
         assert_eq!(ended, [CAIRN_OK; 2]);

@@ -1,4 +1,4 @@
-//! The plugin in a Unity that has nothing for it, and called as nobody should. On every system.
+//! The plugin in a Unity that offers no usable interface, and with wrong calls. On every system.
 
 use std::ffi::{c_int, c_void};
 use std::ptr::{null, null_mut, without_provenance_mut};
@@ -11,13 +11,13 @@ use cairn::abi::results::{
 use cairn_unity::interfaces::*;
 use cairn_unity::*;
 
-/// There is one plugin in a process.
+/// A process has one plugin, so the tests run one at a time.
 static ONE_AT_A_TIME: std::sync::Mutex<()> = std::sync::Mutex::new(());
 static RENDERER: AtomicI32 = AtomicI32::new(0);
 static REGISTERED: AtomicUsize = AtomicUsize::new(0);
 static RESERVED: AtomicU32 = AtomicU32::new(0);
 
-/// Whether the registry has tables of Direct3D 12, in which no function is.
+/// Whether the registry has Direct3D 12 tables whose functions are all null.
 static HAS_EMPTY_TABLES: AtomicU32 = AtomicU32::new(0);
 
 unsafe extern "system" fn renderer() -> c_int {
@@ -44,7 +44,7 @@ static GRAPHICS: Graphics = Graphics {
     reserve_events: Some(reserve),
 };
 
-/// As many nulls as the longest table has functions.
+/// As many null pointers as the longest table has functions.
 static EMPTY: [usize; 15] = [0; 15];
 
 unsafe extern "system" fn get(high: u64, low: u64) -> *const c_void {
@@ -63,7 +63,7 @@ fn registry(get: unsafe extern "system" fn(u64, u64) -> *const c_void) -> Interf
     Interfaces { get: 0, register: 0, get_split: Some(get), register_split: 0 }
 }
 
-/// What the plugin says, and the text.
+/// State of the plugin and its text.
 fn state() -> (i32, String) {
     let (mut text, mut length) = ([0_u8; 512], 0);
     // SAFETY: as much room as is said, and a place for the length.
@@ -115,12 +115,12 @@ fn what_unity_lacks_is_said_with_what_to_do() {
         assert_eq!(unsafe { cairn_unity_create_device(&mut device) }, CAIRN_ERROR_UNSUPPORTED);
         assert!(device.is_null());
     }
-    // Without graphics, and with Direct3D 12 in a Unity that is too old, or that has tables without functions.
+    // Without graphics, then with Direct3D 12 in a Unity that is too old, or whose tables have no functions.
     RENDERER.store(4, Ordering::SeqCst);
     load(&unity);
     assert!(state().0 == CAIRN_NOT_READY && state().1.contains("-nographics"), "{:?}", state());
     RENDERER.store(18, Ordering::SeqCst);
-    // It was registered anew by each load, and taken out by each.
+    // Each load registered the callback again, and each unload removed it.
     let event = REGISTERED.load(Ordering::SeqCst);
     assert_ne!(event, 0);
     // SAFETY: the plugin's own function.
@@ -183,7 +183,7 @@ fn events_and_doors_take_anything() {
         assert_eq!(get((&raw mut frame).byte_add(1), &raw mut shown), CAIRN_ERROR_INVALID_ARGUMENT);
         assert_eq!((shown, get(&raw mut frame, &raw mut shown), shown), (7, CAIRN_NOT_READY, 0));
         assert_eq!((get(null_mut(), null_mut()), frame.source), (CAIRN_NOT_READY, 0));
-        // Nothing is drawn with Direct3D 11.
+        // With Direct3D 11 nothing is drawn.
         for number in [100, 101] {
             event(number, view.cast());
         }

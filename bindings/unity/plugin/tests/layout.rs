@@ -1,11 +1,10 @@
-//! Unity's interfaces: numbers, order of functions and layout of structs, against a table of the facts written apart from the
-//! declarations.
+//! Unity's interfaces: GUIDs, order of functions and layout of structs, compared with a separately written table of facts.
 
 use std::mem::{align_of, offset_of, size_of};
 
 use cairn_unity::interfaces::*;
 
-/// Checks that functions stand where the table says, counted in pointers, and that there are so many.
+/// Checks the position of each function, counted in pointers, and the number of functions.
 macro_rules! order {
     ($table:ty, $count:literal, $($name:ident = $place:literal),* $(,)?) => {
         assert_eq!(size_of::<$table>(), $count * size_of::<usize>(), stringify!($table));

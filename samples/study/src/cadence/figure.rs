@@ -1,4 +1,4 @@
-//! One interval from 10 to 60: what is true above what was made, for the renderer's anchors and the world's own.
+//! Figure of one interval from 10 to 60 frames a second: true frames above generated ones, for the renderer's anchors and the world's own.
 
 use cairn::{Picture, Result};
 
@@ -14,7 +14,7 @@ const TOP: u32 = 32;
 const GROUND: [u8; 3] = [24, 26, 30];
 const BRIGHT: [u8; 3] = [235, 235, 230];
 
-/// What the figure shows.
+/// Caption of the figure.
 pub(super) fn caption(place: Place) -> String {
     format!(
         "{} {}: the first interval that was scored. Left and right are the anchors; between them, above what is true and below what \

@@ -1,4 +1,4 @@
-//! Frames at every phase, between anchors of the renderer and of the world, against what is true there.
+//! Scores generated frames at every phase, between anchors of the renderer and of the world, against the true frames.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,18 +16,18 @@ use crate::progress::Progress;
 use crate::reconstruct::script_of;
 use crate::reconstruct::walk::{Walk, tell};
 
-/// What equal pictures count in means, in dB; nothing else reaches it.
+/// PSNR that equal pictures count as in means, in dB; no other pair reaches it.
 const EQUAL: f64 = 100.0;
-/// Frames a second of the finest stream: what the decoder makes.
+/// Frames a second of the finest stream, as the decoder makes them.
 pub(super) const FINEST: u32 = 60;
-/// Seconds of a walk at which an interval of every cadence ends, whatever the script does there.
+/// Seconds of a walk at which one interval of every cadence ends, independent of the script.
 const MOMENTS: [u32; 7] = [1, 3, 5, 7, 9, 11, 13];
-/// Those of a quick look.
+/// Number of [`MOMENTS`] used by `--quick`.
 const FEW: usize = 1;
-/// Seconds of the world's own walk, and of a quick one.
+/// Seconds of the world's own walk: usual, and with `--quick`.
 const SECONDS: [u32; 2] = [2, 1];
 
-/// Anchors a second, and frames a second that are made of them.
+/// Anchors a second, and presented frames a second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Cadence {
     pub(super) anchors: u32,
@@ -43,12 +43,12 @@ pub(super) const CADENCES: [Cadence; 4] = [
 ];
 
 impl Cadence {
-    /// Frames of each anchor, one of them itself.
+    /// Presented frames per anchor, the anchor itself included.
     pub(super) fn multiplier(self) -> u32 {
         self.frames / self.anchors
     }
 
-    /// Frames of the finest stream from one anchor to the next.
+    /// Number of frames of the finest stream from one anchor to the next.
     fn stride(self) -> usize {
         (FINEST / self.anchors) as usize
     }
@@ -60,27 +60,27 @@ impl std::fmt::Display for Cadence {
     }
 }
 
-/// Whose anchors, and so whose frames between them are the truth.
+/// Source of the anchors and of the true frames between them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Source {
-    /// The renderer's.
+    /// The renderer.
     Drawn,
     /// The world's own: pictures that its decoder makes, 60 a second.
     World,
 }
 
-/// How frames between anchors are made.
+/// Method that makes the frames between anchors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Way {
-    /// The nearer anchor once more.
+    /// Repeats the nearer anchor.
     Repeat,
-    /// With motion from the two pictures.
+    /// Generates with optical flow between the two anchors.
     Pictures,
-    /// With the renderer's motion and depth.
+    /// Generates with the renderer's motion and depth.
     Truth,
 }
 
-/// All ways, in the order of the tables.
+/// All methods, in the order of the tables.
 pub(super) const WAYS: [Way; 3] = [Way::Repeat, Way::Pictures, Way::Truth];
 
 impl Way {
@@ -93,7 +93,7 @@ impl Way {
     }
 }
 
-/// How near a frame is to the true one.
+/// Distance of a frame from the true one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Score {
     pub(super) psnr: f64,
@@ -101,29 +101,29 @@ pub(super) struct Score {
     pub(super) lpips: Option<f64>,
 }
 
-/// One frame.
+/// Score of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Record {
     pub(super) place: Place,
     pub(super) source: Source,
     pub(super) cadence: Cadence,
     pub(super) way: Way,
-    /// When the interval ends, in frames of the finest stream.
+    /// End of the interval, in frames of the finest stream.
     pub(super) end: u64,
-    /// Steps of the multiplier from the anchor before.
+    /// Phase: number of presented frames after the previous anchor.
     pub(super) part: u32,
     pub(super) score: Score,
 }
 
-/// One interval for the figure: what is true, and what was made.
+/// One interval for the figure: true frames and generated ones.
 pub(super) struct Strip {
     pub(super) source: Source,
-    /// The anchors at both ends are among them.
+    /// True frames, with the anchors at both ends.
     pub(super) truth: Vec<Picture>,
     pub(super) made: Vec<Picture>,
 }
 
-/// What walks are measured with.
+/// World, settings and tools for the measurement.
 pub(super) struct Tools<'a> {
     pub(super) world: &'a Arc<World>,
     pub(super) point: &'a OperatingPoint,
@@ -133,7 +133,7 @@ pub(super) struct Tools<'a> {
     pub(super) stop: &'a AtomicBool,
 }
 
-/// What an interval is made and scored with.
+/// Generator and metrics for one interval.
 struct Bench<'a> {
     lpips: Option<&'a Lpips>,
     flow: picture_flow::Extractor,
@@ -141,14 +141,14 @@ struct Bench<'a> {
     guidance: Guidance,
 }
 
-/// The pictures of an interval from anchor to anchor, and what the renderer knows of its end and of its beginning.
+/// Pictures of an interval from anchor to anchor, with the renderer's motion and depth at its end and its beginning.
 struct Interval<'a> {
     pictures: &'a [Picture],
     truth: Option<[&'a Guidance; 2]>,
 }
 
 impl Bench<'_> {
-    /// The frames between the anchors, and how near each is.
+    /// Makes the frames between the anchors and scores each.
     fn make(&mut self, interval: &Interval<'_>, way: Way) -> Result<Vec<(Picture, Score)>> {
         let Interval { pictures, truth } = interval;
         let [previous, between @ .., current] = pictures else { return Ok(Vec::new()) };
@@ -181,10 +181,10 @@ impl Bench<'_> {
 }
 
 impl Tools<'_> {
-    /// Scores every cadence in a place, and shows one interval of the first.
+    /// Scores every cadence in a place. Returns one interval of the first cadence for the figure.
     ///
     /// # Errors
-    /// What making latents can fail with; `Cancelled` when it was asked to stop.
+    /// Errors of making latents; `Cancelled` when `stop` was set.
     pub(super) fn score(&self, place: Place) -> Result<(Vec<Record>, Vec<Strip>)> {
         self.progress.phase(&format!("{} {}", place.family, place.seed));
         let size = self.world.render_size();
@@ -235,7 +235,7 @@ impl Tools<'_> {
         Ok(())
     }
 
-    /// The world's own walk, of whose pictures some are anchors and the others the truth.
+    /// Scores the world's own walk: some of its pictures are anchors, the others are the truth.
     fn own(
         &self,
         place: Place,
@@ -259,7 +259,7 @@ impl Tools<'_> {
         Ok(())
     }
 
-    /// Every picture that the decoder makes of a walk, from world time zero on.
+    /// Every picture that the decoder makes of a walk, from world time zero.
     fn walk(&self, place: Place) -> Result<Vec<Picture>> {
         let (width, height) = self.world.render_size();
         let script = ControlScript::parse(script_of(place.family))?;
@@ -319,7 +319,7 @@ impl Tools<'_> {
         Ok(())
     }
 
-    /// Refuses to go on once it was asked to stop.
+    /// Fails with `Cancelled` when `stop` was set.
     fn go_on(&self) -> Result<()> {
         if self.stop.load(Ordering::Relaxed) {
             return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
@@ -328,7 +328,7 @@ impl Tools<'_> {
     }
 }
 
-/// An inner disagreement, told and not hidden.
+/// Error for an internal inconsistency.
 fn behind_the_end() -> Error {
     Error::new(ErrorKind::InvalidState, "a frame behind the end of the walk")
 }

@@ -1,4 +1,4 @@
-//! Few anchors and many frames: 10 to 60 a second beside 15 to 30, 15 to 60 and 30 to 60, frame by frame against the truth.
+//! Few anchors and many frames: 10 to 60 a second beside 15 to 30, 15 to 60 and 30 to 60, scored against the truth frame by frame.
 //!
 //! ```text
 //! measure (walks and rollouts, frames at every phase) -> report (tables, CSV, page), figure
@@ -26,35 +26,35 @@ use crate::progress::Progress;
 use crate::world_quality::held_out;
 use measure::Tools;
 
-/// The places that are walked, of each kind.
+/// Scene seeds that are walked, for each kind of place.
 const SEEDS: [u64; 3] = [41, 42, 43];
 
-/// What is to be measured.
+/// Settings of the measurement.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
-    /// The bundle; the library's own without one.
+    /// The bundle; `None` for the library's own.
     pub(crate) world: Option<PathBuf>,
-    /// Scene seeds; the usual ones where it is empty.
+    /// Scene seeds; empty for the usual ones.
     pub(crate) seeds: Vec<u64>,
-    /// One place of each kind, and few moments of each.
+    /// One place of each kind, and few intervals of each.
     pub(crate) quick: bool,
-    /// Whether LPIPS is measured; its weights are fetched where they are not there.
+    /// Whether LPIPS is measured; its weights are fetched if they are missing.
     pub(crate) lpips: bool,
-    /// Write page and picture into the clone's docs as well.
+    /// Also writes the page and the picture into the repository's docs.
     pub(crate) publish: bool,
     pub(crate) out: PathBuf,
 }
 
-/// What came of it.
+/// Result of the measurement.
 pub(crate) struct Outcome {
-    /// For people.
+    /// Summary for the terminal.
     pub(crate) text: String,
     /// Files that were written.
     pub(crate) files: Vec<PathBuf>,
 }
 
 impl Settings {
-    /// Refuses what makes no sense; needs no file.
+    /// Checks the settings; reads no file.
     ///
     /// # Errors
     /// `InvalidArgument` for a scene seed that is not held out.
@@ -90,7 +90,7 @@ impl Settings {
 /// Measures all cadences.
 ///
 /// # Errors
-/// An unusable world, weights of LPIPS that cannot be had, what making latents can fail with, and `Cancelled`.
+/// An unusable world, missing weights of LPIPS, errors of making latents, and `Cancelled`.
 pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
     settings.check()?;
     let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
@@ -139,8 +139,8 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
     Ok(Outcome { text: report::summary(&found), files })
 }
 
-/// The latents of the paper's operating point, with every picture that the decoder makes of them, in the largest window that the
-/// world has up to that.
+/// The operating point: the paper's, with every decoded picture used, and the largest context window that the world supports up to the
+/// paper's.
 fn point(bundle: &Arc<Bundle>) -> OperatingPoint {
     let point = Preset::Decoded60.operating_point();
     OperatingPoint { global_window: point.global_window.min(bundle.geometry().global.max_window), ..point }

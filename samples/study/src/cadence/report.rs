@@ -8,7 +8,7 @@ use crate::compare::summary::{Estimate, estimate};
 use crate::motion::Place;
 use crate::table::Table;
 
-/// Everything that was measured.
+/// All measurements.
 pub(super) struct Found<'a> {
     pub(super) settings: &'a Settings,
     /// The world's name.
@@ -17,13 +17,13 @@ pub(super) struct Found<'a> {
     pub(super) records: &'a [Record],
 }
 
-/// A figure of a frame.
+/// A value of a frame, for example its PSNR.
 type Figure = fn(&Record) -> Option<f64>;
 
 const FIGURES: [(Figure, usize); 3] =
     [(|record| Some(record.score.psnr), 2), (|record| Some(record.score.ssim), 4), (|record| record.score.lpips, 4)];
 
-/// Mean over places of the means of those frames that `of` takes.
+/// Mean over places of each place's mean over the frames selected by `of`.
 fn over_places(records: &[Record], figure: Figure, of: impl Fn(&Record) -> bool) -> Option<Estimate> {
     let mut places: Vec<Place> = records.iter().map(|record| record.place).collect();
     places.sort_unstable();
@@ -45,7 +45,7 @@ fn number(value: Option<Estimate>, digits: usize) -> String {
     }
 }
 
-/// Every cadence in every way, over all of its phases.
+/// Table of every cadence and method, over all phases.
 fn table(records: &[Record], source: Source) -> Table {
     let mut lines = Vec::new();
     for cadence in CADENCES {
@@ -59,7 +59,7 @@ fn table(records: &[Record], source: Source) -> Table {
     Table::new(2, &["cadence", "motion", "PSNR, dB", "SSIM", "LPIPS"], lines)
 }
 
-/// The first cadence by phase, with motion from pictures.
+/// Table of the first cadence by phase, with optical flow.
 fn by_phase(records: &[Record], source: Source) -> Table {
     let cadence: Cadence = CADENCES[0];
     let lines = (1..cadence.multiplier()).map(|part| {
@@ -73,7 +73,7 @@ fn by_phase(records: &[Record], source: Source) -> Table {
     Table::new(1, &["phase", "PSNR, dB", "SSIM", "LPIPS"], lines.collect())
 }
 
-/// For people who ran it.
+/// Summary for the terminal.
 pub(super) fn summary(found: &Found<'_>) -> String {
     format!(
         "{}, {} places\n\nbetween the renderer's anchors:\n\n{}\nbetween the world's own:\n\n{}",
@@ -84,7 +84,7 @@ pub(super) fn summary(found: &Found<'_>) -> String {
     )
 }
 
-/// `docs/cadence.md`. It depends on nothing but what was measured.
+/// The page `docs/cadence.md`. Depends on the measurements only.
 pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> String {
     let Found { settings, world, places, records } = found;
     let seeds: Vec<String> = settings.seeds().iter().map(u64::to_string).collect();
@@ -123,7 +123,7 @@ pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> St
     out
 }
 
-/// Every frame.
+/// CSV with a line for every frame.
 pub(super) fn csv(records: &[Record]) -> String {
     let mut text = String::from("scene,place,anchors,cadence,motion,end,part,psnr,ssim,lpips\n");
     for Record { place, source, cadence, way, end, part, score } in records {

@@ -1,12 +1,12 @@
-//! The branches of the comparison: how one world is run in each.
+//! Branches of the comparison: the operating points at which one world is run.
 
 use cairn::world::{GuidanceSource, OperatingPoint, Presentation, Preset};
 use scenes::Family;
 
-/// One way to run the world, on the seed picture, controls and noise that all of them share.
+/// One operating point; all branches share seed picture, controls and noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Branch {
-    /// The paper's: fewer and better anchors, every second frame generated.
+    /// The paper's main branch: fewer and better anchors, every second frame generated.
     Coherence,
     /// The paper's baseline: two decoded pictures of each latent, nothing generated.
     Baseline,
@@ -23,7 +23,7 @@ impl Branch {
     pub(crate) const ALL: [Self; 5] =
         [Self::Coherence, Self::Baseline, Self::BaselineDoubled, Self::Heavy, Self::Decoded60];
 
-    /// Its name, and that of its folder.
+    /// Name of the branch and of its folder.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Coherence => "coherence",
@@ -34,7 +34,7 @@ impl Branch {
         }
     }
 
-    /// The preset it starts from; the baseline's depends on the scene, as in the paper.
+    /// The preset of the branch; the baseline's depends on the scene, as in the paper.
     pub(crate) fn preset(self, family: Family) -> Preset {
         match self {
             Self::Coherence => Preset::Coherence,
@@ -46,7 +46,7 @@ impl Branch {
         }
     }
 
-    /// How the world is run in a scene of that kind. The doubled baseline has the window of the scene's baseline.
+    /// Operating point of the branch in a scene of that kind. The doubled baseline uses the context window of the scene's baseline.
     pub(crate) fn point(self, family: Family) -> OperatingPoint {
         let mut point = self.preset(family).operating_point();
         if self == Self::BaselineDoubled {
@@ -55,12 +55,12 @@ impl Branch {
         point
     }
 
-    /// The branch whose latents it shows, where it makes none of its own.
+    /// The branch whose latents this one shows, if it makes none of its own.
     pub(crate) fn shares_latents_of(self) -> Option<Self> {
         (self == Self::Decoded60).then_some(Self::Coherence)
     }
 
-    /// What it is there for.
+    /// Purpose of the branch.
     pub(crate) fn role(self) -> &'static str {
         match self {
             Self::Coherence => "the paper's operating point",
@@ -72,7 +72,7 @@ impl Branch {
     }
 }
 
-/// Cadence and presentation in the words of the paper's Table 2.
+/// Cadence and presentation as the paper's Table 2 words them.
 pub(crate) fn cadence(point: &OperatingPoint) -> String {
     let shown = point.presented_rate();
     match point.presentation {

@@ -1,12 +1,12 @@
-//! What a branch costs: passes, arithmetic and traffic counted from the graphs, and time as it was measured.
+//! Cost of a branch: passes, arithmetic and memory traffic counted from the graphs, and measured time.
 //!
 //! ```text
 //! work of a branch = passes * pass(g) + encode + (latents + primes) * decode
 //! ```
 //!
-//! Passes and latents are the manifest's, `pass(g)`, `encode` and `decode` what the bundle's graphs do in one run, and the first
-//! latent is decoded `primes` times more, for the decoder's memory. What frame generation and scaling do runs outside of
-//! graphs; it is in the times alone. A branch that shows the latents of another is charged with their making.
+//! Passes and latents come from the manifest; `pass(g)`, `encode` and `decode` are the work of one run of the bundle's graphs. The first
+//! latent is decoded `primes` more times to fill the decoder's memory. Frame generation and scaling run outside of graphs and appear in
+//! the times only. A branch that shows the latents of another is charged for making them.
 
 use cairn::bundle::{Bundle, Precision};
 use cairn::world::{OperatingPoint, Presentation, WorldTime};
@@ -17,22 +17,22 @@ use super::plan::Cell;
 use crate::device::DeviceChoice;
 use crate::manifest::Manifest;
 
-/// What one cell cost, for each second of world time.
+/// Cost of one cell per second of world time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Budget {
-    /// Latents, the seed's own included.
+    /// Latents, including the seed's own.
     pub(crate) latents: f64,
     /// Passes of the transformer.
     pub(crate) passes: f64,
-    /// Frames shown.
+    /// Presented frames.
     pub(crate) presented: f64,
-    /// Those of them that the world made: pictures of latents that are shown as they are.
+    /// Presented frames that the world decoded and that are shown unchanged.
     pub(crate) native: f64,
-    /// Floating-point operations of the graphs' products: two for each multiplication and addition.
+    /// Floating-point operations of the graphs' matrix products: two per multiply-add.
     pub(crate) flops: f64,
     /// Bytes that the graphs' nodes read and write.
     pub(crate) bytes: f64,
-    /// As measured.
+    /// Measured times.
     pub(crate) times: Times,
 }
 
@@ -41,18 +41,18 @@ pub(crate) struct Budget {
 pub(crate) struct Times {
     /// Denoise and cache passes, and copies into the ring.
     pub(crate) world: f64,
-    /// Latents made pictures, and pictures read and resized.
+    /// Decoding latents, and reading and resizing pictures.
     pub(crate) decode: f64,
     /// Motion and depth.
     pub(crate) guidance: f64,
     /// Frames between anchors.
     pub(crate) generation: f64,
-    /// From the world's size to that of the comparison.
+    /// Scaling from the world's size to that of the comparison.
     pub(crate) upscaling: f64,
 }
 
 impl Times {
-    /// All of them.
+    /// Sum of all stages.
     pub(crate) fn sum(&self) -> f64 {
         self.world + self.decode + self.guidance + self.generation + self.upscaling
     }
@@ -61,7 +61,7 @@ impl Times {
 /// The budgets of all cells, in their order.
 ///
 /// # Errors
-/// As [`Bundle::work`]; `InvalidState` where a cell lacks the one whose latents it shows.
+/// As [`Bundle::work`]; `InvalidState` if the cell with the shown latents is missing.
 pub(super) fn budgets(cells: &[(Cell, Manifest)], bundle: &Bundle) -> Result<Vec<Budget>> {
     cells
         .iter()
@@ -75,7 +75,7 @@ pub(super) fn budgets(cells: &[(Cell, Manifest)], bundle: &Bundle) -> Result<Vec
         .collect()
 }
 
-/// The manifest of the same place in another branch.
+/// Manifest of the same place in another branch.
 fn source(cells: &[(Cell, Manifest)], cell: Cell, branch: Branch) -> Result<&Manifest> {
     let wanted = Cell { branch, ..cell };
     let found = cells.iter().find(|(other, _)| *other == wanted).map(|(_, manifest)| manifest);
@@ -87,7 +87,7 @@ pub(crate) fn is_half(manifest: &Manifest, bundle: &Bundle) -> bool {
     manifest.settings.device != DeviceChoice::Cpu && bundle.has(Precision::F16)
 }
 
-/// What `manifest` cost, where the latents are those of `source`.
+/// Budget of the cell of `manifest`, whose latents were made by the cell of `source`.
 ///
 /// # Errors
 /// As [`Bundle::work`].
@@ -116,7 +116,7 @@ pub(crate) fn budget(manifest: &Manifest, source: &Manifest, bundle: &Bundle) ->
         times: Times {
             world: time(source, &["encode", "denoise", "cache", "commit"]),
             decode: time(manifest, &["decode", "resize"]),
-            // Where nothing is generated, motion is made for the contact sheet alone.
+            // Without generated frames, motion is computed for the contact sheet only.
             guidance: time(manifest, if generates { &["guidance"] } else { &[] }),
             generation: time(manifest, &["generation"]),
             upscaling: time(manifest, &["upscaling"]),

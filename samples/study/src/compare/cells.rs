@@ -1,4 +1,4 @@
-//! Whether a cell is there already: its manifest says what it was made from, and its files are as the manifest says.
+//! Decides whether a cell is complete: its manifest matches settings and inputs, and its files match the manifest.
 
 use std::path::Path;
 
@@ -9,23 +9,23 @@ use crate::manifest::{Input, Inputs, Manifest};
 use crate::output::MANIFEST;
 use crate::settings::Settings;
 
-/// What was found in the folder of a cell.
+/// State of a cell's folder.
 #[derive(Debug)]
 pub(crate) enum Found {
-    /// It is whole and of the same settings and inputs.
+    /// Complete, with the same settings and inputs.
     Whole(Box<Manifest>),
-    /// It must be made; why, for people.
+    /// Must be made, with the reason for the terminal.
     Missing(String),
 }
 
-/// The SHA-256 of everything that a cell is made from.
+/// SHA-256 of every input of a cell.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Digests {
     pub(crate) world: String,
     pub(crate) seed_picture: String,
     pub(crate) script: String,
     pub(crate) onnxruntime: String,
-    /// Of the latents that are decoded, where none are made.
+    /// Of stored latents that are decoded, if none are made.
     pub(crate) latents: Option<String>,
 }
 
@@ -42,10 +42,10 @@ impl Digests {
     }
 }
 
-/// Looks whether the rollout of `wanted` and `digests` lies in `folder`.
+/// Checks whether `folder` holds the complete rollout of `wanted` and `digests`.
 ///
 /// # Errors
-/// `Unsupported` for a manifest of a newer version, which is not replaced; `Io` when a file cannot be read.
+/// `Unsupported` for a manifest of a newer version, which is not overwritten; `Io` when a file cannot be read.
 pub(crate) fn look(folder: &Path, wanted: &Settings, digests: &Digests) -> Result<Found> {
     let missing = |why: &str| Ok(Found::Missing(why.to_owned()));
     let path = folder.join(MANIFEST);
@@ -54,7 +54,7 @@ pub(crate) fn look(folder: &Path, wanted: &Settings, digests: &Digests) -> Resul
     }
     let manifest = match Manifest::read(&path) {
         Ok(manifest) => manifest,
-        // Half a manifest cannot be, but a manifest of another kind can.
+        // Manifests are written atomically, so this is a manifest of another kind.
         Err(error) if error.kind() == ErrorKind::InvalidArgument => return missing("its manifest cannot be read"),
         Err(error) => return Err(error),
     };
@@ -79,8 +79,8 @@ pub(crate) fn look(folder: &Path, wanted: &Settings, digests: &Digests) -> Resul
     Ok(Found::Whole(Box::new(manifest)))
 }
 
-/// Settings without what does not decide a bit: names of presets, places of inputs (their sums are compared), and the device,
-/// which the manifest names as what the choice came to.
+/// Settings without the parts that do not affect a result: preset names, input paths (their checksums are compared), and the requested
+/// device (the manifest names the one used).
 fn comparable(settings: &Settings) -> Settings {
     Settings {
         world: None,
@@ -93,10 +93,10 @@ fn comparable(settings: &Settings) -> Settings {
     }
 }
 
-/// The manifest of a cell that was just made.
+/// Manifest of a cell that was just made.
 ///
 /// # Errors
-/// `InvalidState` when it is not what was asked for, with the reason.
+/// `InvalidState` with the reason if it does not match what was requested.
 pub(crate) fn expect(name: &str, folder: &Path, wanted: &Settings, digests: &Digests) -> Result<Manifest> {
     match look(folder, wanted, digests)? {
         Found::Whole(manifest) => Ok(*manifest),

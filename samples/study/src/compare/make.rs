@@ -1,4 +1,4 @@
-//! Makes the cells that are not there yet, each in a process of its own: this program again, as `study rollout`.
+//! Makes the missing cells, each in a process of its own: this program again, as `study rollout`.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -21,18 +21,18 @@ use crate::reconstruct::script_of;
 use crate::settings::Settings as Rollout;
 use crate::workers::{Work, run_all};
 
-/// All cells, there.
+/// All cells, complete.
 #[derive(Debug)]
 pub(super) struct Made {
     /// Every branch of every place, in the plan's order.
     pub(super) cells: Vec<(Cell, Manifest)>,
-    /// The straight walks.
+    /// The walks without turns.
     pub(super) straight: Vec<(Cell, Manifest)>,
-    /// How many were there already.
+    /// Number of cells that were complete already.
     pub(super) kept: usize,
 }
 
-/// What all rollouts of a world share.
+/// Inputs that all rollouts of a world share.
 pub(crate) struct Common {
     /// Digest of the bundle.
     pub(crate) world: String,
@@ -40,10 +40,10 @@ pub(crate) struct Common {
     pub(crate) onnxruntime: String,
 }
 
-/// Makes what is missing.
+/// Makes the missing cells.
 ///
 /// # Errors
-/// As [`look`]; what a rollout fails with, with the cell named; `Cancelled` when `stop` was set.
+/// As [`look`]; errors of a rollout, with the cell named; `Cancelled` when `stop` was set.
 pub(super) fn make(settings: &Settings, bundle: &Bundle, progress: &Progress, stop: &AtomicBool) -> Result<Made> {
     let (_, onnxruntime) = inputs::onnxruntime(progress)?;
     for cell in settings.cells() {
@@ -57,7 +57,7 @@ pub(super) fn make(settings: &Settings, bundle: &Bundle, progress: &Progress, st
         write_if_other(&place.script(&settings.out, true), straight.as_bytes())?;
     }
     let mut kept = 0;
-    // What shows latents of others waits for them.
+    // Cells that show the latents of others are made after them.
     for shared in [false, true] {
         let (mut work, mut expected) = (Vec::new(), Vec::new());
         for cell in settings.cells().filter(|cell| cell.branch.shares_latents_of().is_some() == shared) {
@@ -89,7 +89,7 @@ pub(super) fn make(settings: &Settings, bundle: &Bundle, progress: &Progress, st
     Ok(Made { cells, straight, kept })
 }
 
-/// Writes the picture and the script of a place below `out`, where they are not there as they should be.
+/// Writes the seed picture and the script of a place below `out`, unless they are there unchanged.
 pub(crate) fn prepare(place: Place, out: &Path, [width, height]: [u32; 2]) -> Result<()> {
     let folder = place.folder(out);
     std::fs::create_dir_all(&folder).map_err(|e| describe_io("cannot be made", &folder, &e))?;
@@ -116,7 +116,7 @@ fn digest_of(path: &Path) -> Result<String> {
 }
 
 impl Common {
-    /// Of everything that a rollout through a prepared place is made from.
+    /// Digests of all inputs of a rollout through a prepared place.
     ///
     /// # Errors
     /// `Io` where the place was not prepared.
@@ -131,7 +131,7 @@ impl Common {
     }
 }
 
-/// The command line that makes `rollout` in `out`.
+/// Command line that makes `rollout` in `out`.
 fn arguments(rollout: &Rollout, out: &Path) -> Result<Vec<OsString>> {
     let mut all: Vec<OsString> = ["rollout", "--quiet", "--overwrite"].map(OsString::from).into();
     let mut add = |option: &str, value: &dyn AsRef<std::ffi::OsStr>| all.extend([option.into(), value.as_ref().into()]);
@@ -147,7 +147,7 @@ fn arguments(rollout: &Rollout, out: &Path) -> Result<Vec<OsString>> {
         }
     }
     let [width, height] = rollout.size;
-    // Every item of the point, so that nothing of a preset is left.
+    // Every item of the operating point is passed, so that no value of a preset remains.
     let point: OperatingPoint = rollout.operating_point.parse()?;
     add("--context", &format!("g{}", point.global_window));
     add("--schedule", &point.schedule.to_string());

@@ -31,26 +31,26 @@ use crate::inputs;
 use crate::metrics::Net;
 use crate::progress::Progress;
 
-/// The report's name, in the folder of everything.
+/// File name of the report in the output folder.
 const REPORT: &str = "report";
 
-/// What came of it.
+/// Result of the comparison.
 pub(crate) struct Outcome {
-    /// For people.
+    /// Summary for the terminal.
     pub(crate) text: String,
-    /// Files that were written, beside the cells' own.
+    /// Files that were written, apart from those of the cells.
     pub(crate) files: Vec<PathBuf>,
 }
 
-/// Makes what is missing, measures it, and writes the report on everything.
+/// Makes the missing cells, measures all, and writes the report.
 ///
 /// # Errors
-/// What [`Settings::check`] refuses; a world that cannot be run at a branch's window; a rollout that fails, with its cell
-/// named; a manifest of a newer version; `Cancelled` when `stop` was set. What is whole is kept in every case.
+/// Errors of [`Settings::check`]; a world that cannot be run at a branch's window; a rollout that fails, with its cell named; a manifest of
+/// a newer version; `Cancelled` when `stop` was set. Complete cells are kept in every case.
 pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
     settings.check()?;
     let (bundle, _) = inputs::world(settings.world.as_deref(), progress)?;
-    // First of all: hours of rollouts are no use to who learns at their end that they cannot be measured.
+    // Load LPIPS first: a failure must not come after hours of rollouts.
     let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
     let made = make::make(settings, &bundle, progress, stop)?;
     let scored = score::score(settings, &made, lpips.as_ref(), progress, stop)?;

@@ -1,4 +1,4 @@
-//! Frames of several streams on one picture, each under its name: for the report's figures and for the side-by-side videos.
+//! Frames of several streams in one picture, each under its name: for the report's figures and the side-by-side videos.
 
 use std::path::Path;
 
@@ -13,37 +13,37 @@ use crate::picture::{decode, shrink};
 use crate::sheet::paste;
 use crate::text::{SMALL, fit, write};
 
-/// Height of a line of words above tiles.
+/// Height of a text line above tiles.
 const LABEL: u32 = 24;
 const GAP: u32 = 8;
-/// Width of the words beside a row.
+/// Width of the text beside a row.
 const SIDE: u32 = 64;
 const GROUND: [u8; 3] = [24, 26, 30];
 const BRIGHT: [u8; 3] = [235, 235, 230];
 const DIM: [u8; 3] = [150, 154, 160];
 /// Columns of the side-by-side video.
 const ACROSS: u32 = 3;
-/// Moments of a contact sheet.
+/// Number of times shown on a contact sheet.
 const MOMENTS: u64 = 6;
 /// The largest frame, in bytes of its file.
 const MAX_FRAME: u64 = 512 << 20;
 
-/// A stream of a place.
+/// A stream of frames of a place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Shown {
-    /// The renderer's.
+    /// The renderer's frames.
     Truth,
-    /// A branch's.
+    /// Frames of a branch.
     Branch(Branch),
 }
 
 impl Shown {
-    /// Truth and all branches, in the order in which they are shown.
+    /// Truth and all branches, in display order.
     pub(super) fn all() -> impl Iterator<Item = Self> {
         std::iter::once(Self::Truth).chain(Branch::ALL.map(Self::Branch))
     }
 
-    /// Its name, and that of its folder.
+    /// Name of the stream and of its folder.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Truth => FOLDER,
@@ -51,7 +51,7 @@ impl Shown {
         }
     }
 
-    /// Its frame at look `number`.
+    /// Frame of the stream at sample `number`.
     fn read(self, place: Place, number: u64, settings: &Settings) -> Result<Picture> {
         let step = match self {
             Self::Truth => 1,
@@ -65,7 +65,7 @@ fn read(path: &Path) -> Result<Picture> {
     decode(&read_bounded(path, MAX_FRAME)?).map_err(|e| e.field(path.display().to_string()))
 }
 
-/// The size of a tile at most `width` wide, in the aspect of what is compared; even, as video wants it.
+/// Size of a tile at most `width` wide, with the aspect of the compared frames; even, as video requires.
 fn tile(settings: &Settings, width: u32) -> (u32, u32) {
     let [full, height] = settings.size;
     let width = full.min(width).max(16) & !1;
@@ -82,7 +82,7 @@ fn seconds(look: u64) -> String {
     format!("{:.1} s", look as f64 / f64::from(RATE))
 }
 
-/// A grid with a column for each of `columns` and a row for each of `looks`, as the paper's figures are.
+/// A grid with a column for each of `columns` and a row for each sample of `looks`, laid out like the paper's figures.
 pub(super) fn grid(place: Place, columns: &[Shown], looks: &[u64], width: u32, settings: &Settings) -> Result<Picture> {
     let tile = tile(settings, width);
     let mut out = ground(SIDE + columns.len() as u32 * (tile.0 + GAP), LABEL + looks.len() as u32 * (tile.1 + GAP))?;
@@ -96,7 +96,7 @@ pub(super) fn grid(place: Place, columns: &[Shown], looks: &[u64], width: u32, s
     Ok(out)
 }
 
-/// Truth and all branches below each other, a column for each of six moments of `count` looks.
+/// Truth and all branches below each other, with a column for each of six of the `count` samples.
 pub(super) fn sheet(place: Place, count: u64, settings: &Settings) -> Result<Picture> {
     let tile = tile(settings, 240);
     let side = 2 * SIDE + GAP;
@@ -115,7 +115,7 @@ pub(super) fn sheet(place: Place, count: u64, settings: &Settings) -> Result<Pic
     Ok(out)
 }
 
-/// The seed pictures of `places`, beside each other.
+/// The seed pictures of `places`, side by side.
 pub(super) fn seeds(places: &[Place], settings: &Settings) -> Result<Picture> {
     let tile = tile(&Settings { size: [1920, 1080], ..settings.clone() }, 300);
     let mut out = ground(places.len().max(1) as u32 * (tile.0 + GAP), LABEL + tile.1 + GAP)?;
@@ -126,7 +126,7 @@ pub(super) fn seeds(places: &[Place], settings: &Settings) -> Result<Picture> {
     Ok(out)
 }
 
-/// All streams of a place at one time, for a video.
+/// Draws all streams of a place at one time, for a video.
 pub(super) struct SideBySide<'a> {
     place: Place,
     settings: &'a Settings,
@@ -138,18 +138,18 @@ impl<'a> SideBySide<'a> {
         Self { place, settings, tile: tile(settings, 320) }
     }
 
-    /// `(width, height)` of what is drawn.
+    /// `(width, height)` of the drawing.
     pub(super) fn size(&self) -> (u32, u32) {
         let rows = (Shown::all().count() as u32).div_ceil(ACROSS);
         (ACROSS * self.tile.0, rows * (self.tile.1 + LABEL))
     }
 
-    /// Draws look `number` into `out`, of that size.
+    /// Draws sample `number` into `out`, which has that size.
     pub(super) fn draw(&self, number: u64, out: &mut Picture) -> Result<()> {
         out.pixels_mut().iter_mut().for_each(|px| px[..3].copy_from_slice(&GROUND));
         for (shown, n) in Shown::all().zip(0..) {
             let (x, y) = (n % ACROSS * self.tile.0, n / ACROSS * (self.tile.1 + LABEL));
-            // In the report a made frame is told from the world's own.
+            // Labels a generated frame differently from one of the world's own.
             let kind = match shown {
                 Shown::Branch(Branch::Coherence | Branch::Heavy) if !number.is_multiple_of(STRIDE) => ", generated",
                 Shown::Truth => "",

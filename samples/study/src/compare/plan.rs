@@ -1,4 +1,4 @@
-//! What a comparison consists of: cells, one for each scene, place and branch, and where they lie.
+//! Plan of a comparison: cells, one per scene, place and branch, and their folders.
 //!
 //! ```text
 //! OUT/forest-41/seed.png, script.txt      what all branches of a place start from
@@ -24,12 +24,12 @@ use crate::settings::{Formats, Settings as Rollout};
 use crate::workers::check_jobs;
 use crate::world_quality::held_out;
 
-/// The first place of each kind; the others follow it. No world was trained on any of them.
+/// Seed of the first place of each kind; the others follow. No world was trained on any of them.
 pub(crate) const FIRST_PLACE: u64 = 41;
-/// The most places of a kind.
+/// Maximum number of places of a kind.
 const MAX_PLACES: u64 = 100;
 
-/// What is compared: everything that decides a number, and how many rollouts are made at a time.
+/// Settings of a comparison: everything that affects a number, and the number of parallel rollouts.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
     /// Kinds of places.
@@ -38,63 +38,63 @@ pub(crate) struct Settings {
     pub(crate) places: u64,
     /// Decimal seconds of world time.
     pub(crate) seconds: String,
-    /// `[width, height]` at which everything is compared.
+    /// `[width, height]` of the compared frames.
     pub(crate) size: [u32; 2],
-    /// The bundle; none for the library's own.
+    /// The bundle; `None` for the library's own.
     pub(crate) world: Option<PathBuf>,
-    /// Where the world runs.
+    /// Device on which the world runs.
     pub(crate) device: DeviceChoice,
-    /// What makes frames between anchors, where a branch has such.
+    /// Generator of frames between anchors, for branches that have such frames.
     pub(crate) generator: GeneratorChoice,
     /// `lanczos` or `catmull-rom`.
     pub(crate) upscaler: String,
     /// Threads of a pass; a setting of every cell, so that numbers do not depend on `jobs`.
     pub(crate) threads: usize,
-    /// Whether LPIPS is measured; its weights are fetched where they are not there.
+    /// Whether LPIPS is measured; its weights are fetched if they are missing.
     pub(crate) lpips: bool,
-    /// Rollouts made at a time.
+    /// Number of rollouts that run in parallel.
     pub(crate) jobs: usize,
-    /// The folder for everything.
+    /// Output folder.
     pub(crate) out: PathBuf,
     /// Another folder for the report and its figures, without the rollouts.
     pub(crate) publish: Option<PathBuf>,
 }
 
-/// A place of a kind.
+/// A place of a kind: one generated scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Place {
-    /// Its kind.
+    /// Kind of the place.
     pub(crate) family: Family,
-    /// Which one; also the seed of the noise.
+    /// Seed of the place, and of the noise.
     pub(crate) seed: u64,
 }
 
 /// One rollout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Cell {
-    /// Where it starts.
+    /// The place.
     pub(crate) place: Place,
-    /// How the world is run.
+    /// Operating point.
     pub(crate) branch: Branch,
-    /// Whether it is the walk without the mouse, which the first turn is compared with.
+    /// Whether this is the walk without the mouse, the reference for the first turn.
     pub(crate) straight: bool,
 }
 
-/// The branches whose turns are compared: the paper's.
+/// Branches whose turns are compared: the paper's two.
 const TURNING: [Branch; 2] = [Branch::Coherence, Branch::Baseline];
 
 impl Place {
-    /// Its folder.
+    /// Folder of the place.
     pub(crate) fn folder(self, out: &Path) -> PathBuf {
         out.join(format!("{}-{}", self.family, self.seed))
     }
 
-    /// The picture that every branch starts from.
+    /// Seed picture of all branches.
     pub(crate) fn seed_picture(self, out: &Path) -> PathBuf {
         self.folder(out).join("seed.png")
     }
 
-    /// The controls that every branch follows; with `straight`, those without the mouse.
+    /// Control script of all branches; with `straight`, the one without the mouse.
     pub(crate) fn script(self, out: &Path, straight: bool) -> PathBuf {
         self.folder(out).join(if straight { "script-straight.txt" } else { "script.txt" })
     }
@@ -113,25 +113,25 @@ impl std::fmt::Display for Cell {
 }
 
 impl Cell {
-    /// Its name among the cells of its place, and that of its folder.
+    /// Name of the cell within its place, and of its folder.
     fn name(self) -> String {
         format!("{}{}", self.branch.name(), if self.straight { "-straight" } else { "" })
     }
 
-    /// Its folder.
+    /// Folder of the cell.
     pub(crate) fn folder(self, out: &Path) -> PathBuf {
         self.place.folder(out).join(self.name())
     }
 
-    /// The rollout that it is.
+    /// The rollout that makes the cell.
     pub(crate) fn rollout(self, settings: &Settings) -> Rollout {
         let Place { family, seed } = self.place;
         let out = &settings.out;
-        // A straight walk is planned only where it has a length.
+        // Only scripts with a turn have a straight walk with a length.
         let short = straight_seconds(family, &settings.seconds).ok().flatten().filter(|_| self.straight);
         let shared = self.branch.shares_latents_of().map(|branch| Self { branch, ..self });
         let point = self.branch.point(family);
-        // Where nothing is generated nothing depends on it, and what was made with another is kept.
+        // Without generated frames the generator does not matter; cells made with another one are kept.
         let generates = matches!(point.presentation, Presentation::Generated { .. });
         Rollout {
             world: settings.world.clone(),
@@ -144,7 +144,7 @@ impl Cell {
             seed,
             size: settings.size,
             upscaler: settings.upscaler.clone(),
-            // Nothing but PNG keeps every bit of a frame.
+            // Only PNG is lossless.
             formats: Formats { png: true, ..Formats::default() },
             threads: Some(settings.threads),
             device: settings.device,
@@ -154,13 +154,13 @@ impl Cell {
 }
 
 impl Settings {
-    /// Every place, kind by kind.
+    /// All places, kind by kind.
     pub(crate) fn places(&self) -> impl Iterator<Item = Place> + '_ {
         let seeds = FIRST_PLACE..FIRST_PLACE + self.places;
         self.scenes.iter().flat_map(move |&family| seeds.clone().map(move |seed| Place { family, seed }))
     }
 
-    /// Every cell, place by place: all branches, then the straight walks where the walk has a turn in it.
+    /// All cells, place by place: all branches, then the straight walks if the walk has a turn.
     pub(crate) fn cells(&self) -> impl Iterator<Item = Cell> + '_ {
         self.places().flat_map(|place| {
             let turns = straight_seconds(place.family, &self.seconds).is_ok_and(|seconds| seconds.is_some());
@@ -170,10 +170,10 @@ impl Settings {
         })
     }
 
-    /// Refuses what makes no sense; needs no file.
+    /// Checks the settings; reads no file.
     ///
     /// # Errors
-    /// `InvalidArgument`, with the option.
+    /// `InvalidArgument`, naming the option.
     pub(crate) fn check(&self) -> Result<()> {
         let refused = |cause: String, field: &str, remedy: String| {
             Err(Error::new(ErrorKind::InvalidArgument, cause).field(field).remedy(remedy))

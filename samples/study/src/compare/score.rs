@@ -1,4 +1,4 @@
-//! Every place measured, or read again where it was measured before.
+//! Measures every place, or reads the stored measurements.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -19,32 +19,32 @@ use crate::metrics::Lpips;
 use crate::output::MANIFEST;
 use crate::progress::Progress;
 
-/// The per-frame series.
+/// File of the per-frame series.
 pub(crate) const SERIES: &str = "series.csv";
-/// What names the way of measuring: raised when a column changes its meaning.
+/// Version of the measurement; raised when a column changes its meaning.
 const VERSION: u32 = 2;
 
-/// What was measured of a place.
+/// Measurements of a place.
 pub(super) struct Scored {
     pub(super) place: Place,
-    /// Names the files of all streams.
+    /// Digest of the files of all streams.
     pub(super) key: String,
-    /// The truth beside itself: how much truly changes.
+    /// The truth compared with itself: its own change over time.
     pub(super) truth: Figures,
     /// In the order of [`Branch::ALL`].
     pub(super) branches: Vec<(Branch, Figures)>,
-    /// The truth's, then each branch's.
+    /// Series of the truth, then of each branch.
     pub(super) series: Vec<Series>,
-    /// Whether straight walks were the same as those that turn until they turned, as they must be.
+    /// Whether the straight walks equal the turning ones until the turn, as they must.
     pub(super) same_before_turn: bool,
-    /// Where the series are kept.
+    /// File with the series.
     pub(super) file: PathBuf,
 }
 
-/// Measures every place of what was made.
+/// Measures every place.
 ///
 /// # Errors
-/// What drawing and measuring fail with; `Cancelled` when `stop` was set.
+/// Errors of drawing and measuring; `Cancelled` when `stop` was set.
 pub(super) fn score(
     settings: &Settings,
     made: &Made,
@@ -70,7 +70,7 @@ pub(super) fn score(
         .collect()
 }
 
-/// Finds when the branch of a straight walk turns, and notes it.
+/// Measures the turn onset of each branch that has a straight walk, and stores it.
 fn turns(
     straight: Cell,
     settings: &Settings,
@@ -90,7 +90,7 @@ fn turns(
     Ok(())
 }
 
-/// When the truth itself is seen to turn, by the same detector: what is later than that is late.
+/// Turn onset of the truth by the same detector, as the reference for delays.
 fn true_turn(place: Place, settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Option<f64>> {
     let Some(command) = turn::command(place.family)? else { return Ok(None) };
     let straight = turn::straight_seconds(place.family, &settings.seconds)?;
@@ -133,10 +133,10 @@ fn score_place(
     Ok(Scored { place, key, truth, branches, series, same_before_turn: true, file })
 }
 
-/// Names what series are made from: the streams' files and those of the truth in `truth`.
+/// Key of the series' inputs: digests of the streams' files and of those of the truth in `truth`.
 ///
 /// # Errors
-/// `Io` where the truth was not drawn.
+/// `Io` if the truth was not drawn.
 pub(crate) fn key<'a>(
     count: u64,
     lpips: bool,
@@ -145,7 +145,7 @@ pub(crate) fn key<'a>(
 ) -> Result<String> {
     let mut key = format!("{VERSION} {count} {lpips}");
     for manifest in manifests {
-        // Times differ from run to run, files do not.
+        // Timings differ between runs, so only the outputs count.
         key += &sha256(&to_json(&manifest.outputs)?);
     }
     let drawn = truth.join(MANIFEST);
@@ -153,13 +153,13 @@ pub(crate) fn key<'a>(
     Ok(sha256(key.as_bytes()))
 }
 
-/// The series of truth and `streams` others in `file`, where they were measured under that key.
+/// The stored series of the truth and `streams` others in `file`, if they were measured under `key`.
 pub(crate) fn kept(file: &Path, key: &str, streams: usize) -> Option<Vec<Series>> {
     let series = from_csv(key, &std::fs::read_to_string(file).ok()?)?;
     (series.len() == streams + 1).then_some(series)
 }
 
-/// Measures, and keeps the series in `file`.
+/// Measures the series and stores them in `file`.
 ///
 /// # Errors
 /// As [`Comparison::measure`]; `Io` when they cannot be written.
@@ -176,7 +176,7 @@ pub(crate) fn measure(
 }
 
 fn stream(cell: Cell, settings: &Settings) -> Stream {
-    // All branches present a multiple of the looks.
+    // All branches present a multiple of the sample rate.
     let step = u64::from(cell.branch.point(cell.place.family).presented_rate() / RATE).max(1);
     Stream { name: cell.branch.name().into(), folder: cell.folder(&settings.out), step }
 }

@@ -1,9 +1,8 @@
-//! What is measured of every frame: each stream beside the truth, beside its own frames before, and beside the decoder's own
-//! pictures in between.
+//! Per-frame measurements: each stream against the truth, against its own earlier frames, and against the decoder's own pictures in between.
 //!
-//! All streams are looked at [`RATE`] times a second, so that every one has a frame at each of these times; of `decoded-60` it
-//! is every second frame. LPIPS is with AlexNet, and what the network sees in a frame is computed once and used for all
-//! comparisons of that frame. Memory does not grow with the length of the video: three frames of each stream are held.
+//! All streams are sampled [`RATE`] times a second, so that each has a frame at every sample; of `decoded-60` it is every second frame. LPIPS
+//! uses AlexNet; the network's features of a frame are computed once and used for all its comparisons. Memory does not grow with the
+//! length of the video: three frames of each stream are held.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -17,35 +16,35 @@ use crate::metrics::{Features, Lpips, MS_SSIM_SIDE, ms_ssim, psnr, ssim};
 use crate::picture::decode;
 use crate::progress::Progress;
 
-/// Looks a second: the rate of the paper's presentation.
+/// Samples a second: the rate of the paper's presentation.
 pub(crate) const RATE: u32 = 30;
-/// Looks between two anchors: the paper's anchor-aligned comparison is at 15 Hz.
+/// Samples between two anchors: the paper compares anchors at 15 Hz.
 pub(crate) const STRIDE: u64 = 2;
 /// The largest frame, in bytes of its file.
 const MAX_FRAME: u64 = 512 << 20;
 
-/// What is measured of a frame.
+/// A measurement of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Column {
     /// Against the truth, in dB.
     Psnr,
     /// Against the truth.
     Ssim,
-    /// Against the truth, where frames are large enough.
+    /// Against the truth, if the frame is large enough.
     MsSsim,
     /// Against the truth.
     Lpips,
-    /// LPIPS of the stream's own first frame against this frame's truth: what is left of the first view by now.
+    /// LPIPS of the stream's first frame against this frame's truth: how much of the first view is still valid.
     HeldLpips,
     /// To the frame before.
     AdjacentLpips,
     /// To the frame before.
     AdjacentSsim,
-    /// To the anchor before, at every second frame.
+    /// To the previous anchor, at every second frame.
     AnchorLpips,
-    /// To the anchor before, at every second frame.
+    /// To the previous anchor, at every second frame.
     AnchorSsim,
-    /// Against the decoder's picture of the same latents and time, where the frame is a generated one; in dB.
+    /// Of a generated frame against the decoder's picture of the same latents and time, in dB.
     DecoderPsnr,
     /// As above.
     DecoderSsim,
@@ -79,10 +78,10 @@ impl Column {
     ];
 }
 
-/// One frame: a value for each column, none where it does not apply.
+/// Values of one frame, one per column; `None` where a column does not apply.
 pub(crate) type Row = [Option<f64>; Column::ALL.len()];
 
-/// All frames of a stream, from world time zero on.
+/// All frames of a stream, from world time zero.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Series {
     /// Its branch, or `truth`.
@@ -92,35 +91,35 @@ pub(crate) struct Series {
 }
 
 impl Series {
-    /// A column, frame by frame.
+    /// Values of a column, frame by frame.
     pub(crate) fn column(&self, column: Column) -> impl Iterator<Item = Option<f64>> + Clone + '_ {
         self.rows.iter().map(move |row| row[column as usize])
     }
 }
 
-/// Frames in a folder, seen [`RATE`] times a second.
+/// Frames in a folder, sampled [`RATE`] times a second.
 #[derive(Debug, Clone)]
 pub(crate) struct Stream {
     /// Its branch, or `truth`.
     pub(crate) name: String,
     pub(crate) folder: PathBuf,
-    /// Of its frames, how many lie between two looks.
+    /// Number of frames from one sample to the next.
     pub(crate) step: u64,
 }
 
-/// What is measured of one place.
+/// Streams and settings for measuring one place.
 pub(crate) struct Comparison<'a> {
     pub(crate) truth: &'a Stream,
     pub(crate) streams: &'a [Stream],
-    /// The stream whose odd frames are generated, and the one that shows the decoder's own pictures of the same latents.
+    /// The stream whose odd frames are generated, and the one with the decoder's pictures of the same latents.
     pub(crate) decoder: Option<[&'a str; 2]>,
-    /// Looks to be taken.
+    /// Number of samples.
     pub(crate) count: u64,
-    /// Where LPIPS is asked for.
+    /// `None` if LPIPS is not measured.
     pub(crate) lpips: Option<&'a Lpips>,
 }
 
-/// A picture, and what the network sees in it.
+/// A picture and its LPIPS features.
 struct Seen {
     picture: Picture,
     features: Option<Features>,
@@ -141,20 +140,19 @@ impl Seen {
     }
 }
 
-/// The frames of one stream that are still needed.
+/// Earlier frames of one stream that are still needed.
 #[derive(Default)]
 struct History {
     first: Option<Seen>,
-    /// One look ago, and two.
+    /// The frames one and two samples ago.
     before: [Option<Seen>; STRIDE as usize],
 }
 
 impl Comparison<'_> {
-    /// Measures every frame: the truth's own series first, then that of every stream in their order.
+    /// Measures every frame. Returns the truth's own series, then that of each stream in order.
     ///
     /// # Errors
-    /// `Io` for a frame that is not there, `InvalidArgument` for one that is no picture or of another size; `Cancelled` when
-    /// `stop` was set.
+    /// `Io` for a missing frame, `InvalidArgument` for a file that is no picture or has another size; `Cancelled` when `stop` was set.
     pub(crate) fn measure(&self, progress: &Progress, stop: &AtomicBool) -> Result<Vec<Series>> {
         let all: Vec<&Stream> = std::iter::once(self.truth).chain(self.streams).collect();
         let mut series: Vec<Series> =
@@ -189,7 +187,7 @@ impl Comparison<'_> {
             }
             for (history, seen) in histories.iter_mut().zip(seen) {
                 if history.first.is_none() {
-                    // A copy, because the frame itself moves on.
+                    // A copy, because the frame moves into the history.
                     history.first = Some(Seen { picture: seen.picture.clone(), features: seen.features.clone() });
                 }
                 let [one, two] = &mut history.before;
@@ -202,7 +200,7 @@ impl Comparison<'_> {
         Ok(series)
     }
 
-    /// What a stream says of itself.
+    /// Measurements of a stream against its own earlier frames.
     fn row(&self, number: u64, seen: &Seen, history: &History) -> Result<Row> {
         let mut row = Row::default();
         let [one, two] = &history.before;
@@ -236,7 +234,7 @@ impl Comparison<'_> {
     }
 }
 
-/// All series as CSV; `key` says what they were made from.
+/// All series as CSV; `key` identifies their inputs.
 pub(crate) fn to_csv(key: &str, series: &[Series]) -> String {
     let mut text = format!("# {key}\nstream,frame,seconds");
     Column::ALL.iter().for_each(|(_, name)| text += &format!(",{name}"));
@@ -257,7 +255,7 @@ pub(crate) fn to_csv(key: &str, series: &[Series]) -> String {
     text
 }
 
-/// Series that were written earlier under the same key; none where the text is another.
+/// Series written earlier under the same key; `None` if the key differs or the text is invalid.
 pub(crate) fn from_csv(key: &str, text: &str) -> Option<Vec<Series>> {
     let mut lines = text.lines();
     if lines.next()?.strip_prefix("# ")? != key {
@@ -328,7 +326,7 @@ mod tests {
     #[test]
     fn frames_of_the_same_time_are_compared() {
         let [truth, coherence, decoded] = measured(false).try_into().unwrap();
-        // Both show what is true, one of them at twice the rate.
+        // Both show the truth, one of them at twice the rate.
         for series in [&coherence, &decoded] {
             assert!(series.column(Column::Psnr).all(|v| v == Some(f64::INFINITY)), "{}", series.name);
             assert_eq!(
@@ -361,7 +359,7 @@ mod tests {
         Stream { name: name.into(), folder, step: 1 }
     }
 
-    /// The traps of a mean change, with the network itself: who holds every second frame is praised by the mean and by nothing else.
+    /// Pitfalls of the mean change, with the real network: holding every second frame improves the mean and no other metric.
     #[test]
     fn held_and_blended_frames_do_not_win() {
         let folder = tempfile::tempdir().unwrap();
@@ -388,7 +386,7 @@ mod tests {
         assert!(held.adjacent_error > blended.adjacent_error && blended.adjacent_error > Some(0.0), "{blended:?}");
         assert_eq!(held.asymmetry, Some(f64::INFINITY));
         assert!(good.asymmetry.unwrap() < 1.3, "{good:?}");
-        // At the anchors' own rate nobody gains anything.
+        // At the anchors' own rate no stream has an advantage.
         assert_eq!((held.anchor_lpips, blended.anchor_lpips), (good.anchor_lpips, good.anchor_lpips));
         assert!(good.odd_lpips < blended.odd_lpips && blended.odd_lpips < held.odd_lpips, "{blended:?} {held:?}");
     }

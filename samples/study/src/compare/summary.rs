@@ -1,65 +1,65 @@
-//! From frames to figures: one number a rollout, and intervals over places, never over frames, which depend on each other.
+//! Reduces per-frame series to one value per rollout, with intervals over places. Frames depend on each other, so none over frames.
 
 use super::series::{Column, RATE, STRIDE, Series};
 
-/// Looks in one segment: a second.
+/// Samples in one segment: a second.
 const SEGMENT: usize = RATE as usize;
-/// Resamplings of an interval.
+/// Bootstrap samples of an interval.
 const RESAMPLINGS: usize = 2_000;
-/// The share of resampled means that lies inside an interval.
+/// Share of bootstrap means inside an interval.
 const CONFIDENCE: f64 = 0.95;
 
-/// The figures of one rollout; none where they could not be measured.
+/// Metrics of one rollout; `None` for a metric that could not be measured.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Figures {
-    /// Mean change from frame to frame, LPIPS. Lower is not better: a frozen picture has 0.
+    /// Mean change between consecutive frames, LPIPS. Lower is not better: a frozen picture has 0.
     pub(crate) adjacent_lpips: Option<f64>,
-    /// The same as similarity.
+    /// The same with SSIM.
     pub(crate) adjacent_ssim: Option<f64>,
-    /// Mean change from anchor to anchor, LPIPS.
+    /// Mean change between consecutive anchors, LPIPS.
     pub(crate) anchor_lpips: Option<f64>,
-    /// The same as similarity.
+    /// The same with SSIM.
     pub(crate) anchor_ssim: Option<f64>,
-    /// Mean distance of each change from frame to frame from that of the truth at the same time, LPIPS.
+    /// Mean absolute difference of the frame-to-frame change from that of the truth at the same time, LPIPS.
     pub(crate) adjacent_error: Option<f64>,
     /// The same from anchor to anchor.
     pub(crate) anchor_error: Option<f64>,
-    /// Mean change into odd frames over that into even ones, the larger over the smaller: 1 is even motion, a stream that
-    /// shows every frame twice has infinity.
+    /// Ratio of the mean changes into odd and into even frames, the larger over the smaller: 1 for even motion, infinity for a stream that
+    /// shows every frame twice.
     pub(crate) asymmetry: Option<f64>,
     /// Means against the truth.
     pub(crate) psnr: Option<f64>,
     pub(crate) ssim: Option<f64>,
     pub(crate) ms_ssim: Option<f64>,
     pub(crate) lpips: Option<f64>,
-    /// LPIPS against the truth at odd looks alone, where a branch that generates shows what it generated.
+    /// LPIPS against the truth at odd samples only, where a generating branch shows generated frames.
     pub(crate) odd_lpips: Option<f64>,
-    /// Mean LPIPS against the truth of the last third of the walk less that of the first.
+    /// Mean LPIPS against the truth in the last third of the walk minus that in the first third.
     pub(crate) divergence: Option<f64>,
-    /// Means of generated frames against the decoder's own pictures.
+    /// Means of generated frames against the decoder's pictures.
     pub(crate) decoder_psnr: Option<f64>,
     pub(crate) decoder_ssim: Option<f64>,
     pub(crate) decoder_lpips: Option<f64>,
-    /// Of all seconds, the farthest mean brightness from that of the truth, 0 to 255.
+    /// Largest signed difference of a second's mean brightness from the truth's, 0 to 255.
     pub(crate) brightness_drift: Option<f64>,
-    /// The same of red less blue: positive is warmer.
+    /// The same of red minus blue: positive is warmer.
     pub(crate) warmth_drift: Option<f64>,
-    /// Mean change of brightness from frame to frame beyond the truth's.
+    /// Mean frame-to-frame change of brightness minus the truth's.
     pub(crate) flicker: Option<f64>,
-    /// Seconds until the stream is as far from the truth as its first picture is from the second half of the walk; the whole
-    /// length where it never is.
+    /// Seconds until the stream is as far from the truth as its first picture is from the second half of the walk; the full length if that
+    /// never happens.
     pub(crate) horizon: Option<f64>,
-    /// Seconds from the first command to turn until the turn is seen.
+    /// Seconds from the first turn command until the turn is visible.
     pub(crate) onset: Option<f64>,
 }
 
-/// Mean of what is there.
+/// Mean of the values that exist.
 pub(crate) fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     let (sum, count) = values.flatten().fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
 }
 
-/// The figures of a stream beside the truth of its place.
+/// Metrics of a stream against the truth of its place.
 pub(crate) fn figures(stream: &Series, truth: &Series) -> Figures {
     let of = |column| mean(stream.column(column));
     let error = |column| {
@@ -91,7 +91,7 @@ pub(crate) fn figures(stream: &Series, truth: &Series) -> Figures {
         warmth_drift: drift(warmth(stream), warmth(truth)),
         flicker: change(stream).zip(change(truth)).map(|(ours, theirs)| ours - theirs),
         horizon: horizon(stream),
-        // It takes a second walk to know.
+        // Needs the straight walk as well; see `turn`.
         onset: None,
     }
 }
@@ -108,11 +108,11 @@ fn asymmetry(stream: &Series) -> Option<f64> {
         mean(frames.filter(|(number, _)| (number % STRIDE as usize == 1) == odd).map(|(_, value)| value))
     };
     let (odd, even) = (into(true)?, into(false)?);
-    // Two frozen halves are even.
+    // Two frozen halves count as even.
     if odd == even { Some(1.0) } else { Some(odd.max(even) / odd.min(even)) }
 }
 
-/// Rec. 709 weights on the bytes as they are.
+/// Rec. 709 luma of the gamma-encoded bytes.
 fn brightness(series: &Series) -> impl Iterator<Item = Option<f64>> + '_ {
     series.rows.iter().map(|row| {
         let of = |column: Column| row[column as usize];
@@ -124,21 +124,21 @@ fn warmth(series: &Series) -> impl Iterator<Item = Option<f64>> + '_ {
     series.rows.iter().map(|row| Some(row[Column::Red as usize]? - row[Column::Blue as usize]?))
 }
 
-/// Means of whole seconds; one of a video that has none.
+/// Means over whole seconds; a single mean for a shorter video.
 fn segments(values: impl Iterator<Item = Option<f64>>) -> Vec<Option<f64>> {
     let all: Vec<Option<f64>> = values.collect();
     let whole = (all.len() / SEGMENT).max(1) * SEGMENT;
     all.chunks(SEGMENT).take(whole / SEGMENT).map(|segment| mean(segment.iter().copied())).collect()
 }
 
-/// The farthest segment, with its sign.
+/// The largest difference of a segment, signed.
 fn drift(ours: impl Iterator<Item = Option<f64>>, truth: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     let differences = segments(ours.zip(truth).map(|(ours, truth)| Some(ours? - truth?)));
     differences.into_iter().flatten().max_by(|a, b| a.abs().total_cmp(&b.abs()))
 }
 
-/// Start of the first second that is as far from the truth as the stream's first picture is, on average, from the second half
-/// of the walk: nothing of what the world knew in the beginning is left then.
+/// Start of the first second that is as far from the truth as the stream's first picture is, on average, from the second half of the walk:
+/// by then nothing of the first view remains.
 fn horizon(stream: &Series) -> Option<f64> {
     let lost = mean(stream.column(Column::HeldLpips).skip(stream.rows.len() / 2))?;
     let far = segments(stream.column(Column::Lpips));
@@ -151,18 +151,18 @@ fn horizon(stream: &Series) -> Option<f64> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Estimate {
     pub(crate) mean: f64,
-    /// 95 % of resampled means; none for a single place.
+    /// 95 % interval of the bootstrap means; `None` for a single place.
     pub(crate) interval: Option<[f64; 2]>,
 }
 
-/// Mean over places with a percentile bootstrap of places; the same bits everywhere. None where there is no value.
+/// Mean over places with a percentile bootstrap over places, bit-identical on every machine. `None` without values.
 pub(crate) fn estimate(values: &[f64]) -> Option<Estimate> {
     let n = values.len();
     let mean_of = |sum: f64| sum / n as f64;
     let interval = (n > 1 && values.iter().all(|value| value.is_finite())).then(|| {
         let mut state = 0x9e37_79b9_7f4a_7c15_u64;
         let mut pick = || {
-            // The generator of splitmix64.
+            // The splitmix64 generator.
             state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
             let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
             let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -181,7 +181,7 @@ mod tests {
     use super::*;
     use crate::compare::series::Row;
 
-    /// A stream whose change into frame n, and whose distance from the truth, are given.
+    /// A stream with a given change into frame n and a given distance from the truth.
     fn stream(frames: usize, change: impl Fn(usize) -> f64, far: impl Fn(usize) -> f64) -> Series {
         let rows = (0..frames)
             .map(|n| {
@@ -198,8 +198,8 @@ mod tests {
         Series { name: "test".into(), rows }
     }
 
-    /// The trap of mean adjacent LPIPS: who shows every picture twice has half of the changes, or fewer where perception
-    /// saturates, and would win by it.
+    /// A pitfall of mean adjacent LPIPS: a stream that shows every picture twice has half of the changes or fewer (LPIPS saturates), and would
+    /// win.
     #[test]
     fn holding_frames_does_not_win() {
         let truth = stream(61, |_| 0.1, |_| 0.0);
@@ -216,7 +216,7 @@ mod tests {
     #[test]
     fn drift_is_the_farthest_second_with_its_sign() {
         let truth = stream(91, |_| 0.1, |_| 0.0);
-        // Warmer by 10 in the second second, and back again: start against end would not see it.
+        // Warmer by 10 in the second second only: comparing start and end would miss it.
         let drifted = figures(&stream(91, |_| 0.1, |n| if n / 30 == 1 { 10.0 } else { 1.0 }), &truth);
         assert!((drifted.warmth_drift.unwrap() - 10.0).abs() < 1e-9);
         assert!((drifted.brightness_drift.unwrap() - 2.126).abs() < 1e-9);

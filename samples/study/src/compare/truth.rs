@@ -1,4 +1,4 @@
-//! The renderer's truth of a place: the same walk, drawn at the times and at the size at which streams are compared.
+//! The renderer's truth of a place: the same walk, rendered at the times and the size of the comparison.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,23 +17,23 @@ use crate::output::{FRAMES, MANIFEST};
 use crate::progress::Progress;
 use crate::reconstruct::script_of;
 
-/// The folder of the truth in that of its place.
+/// Folder of the truth within that of its place.
 pub(crate) const FOLDER: &str = "truth";
-/// That of the same walk without the mouse.
+/// Folder of the truth of the walk without the mouse.
 const STRAIGHT: &str = "truth-straight";
-/// What its manifest says that it is.
+/// Job name in the manifest.
 const JOB: &str = "truth";
 
-/// Where walks are drawn, and how large.
+/// Output folder and size.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Settings<'a> {
-    /// The folder of everything.
+    /// The output folder.
     pub(crate) out: &'a Path,
     /// `[width, height]`.
     pub(crate) size: [u32; 2],
 }
 
-/// `manifest.json` of a drawn walk.
+/// `manifest.json` of a rendered walk.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Manifest {
     manifest_version: u32,
@@ -41,26 +41,26 @@ struct Manifest {
     job: String,
     /// `forest`, `sword`, `desert` or `snow`.
     scene: String,
-    /// Which place of that kind.
+    /// Seed of the place.
     place: u64,
-    /// Of the control script.
+    /// Checksum of the control script.
     script_sha256: String,
     /// Frames a second.
     rate: u32,
-    /// `[width, height]` of all frames.
+    /// `[width, height]` of the frames.
     size: [u32; 2],
-    /// Of this program, which draws.
+    /// Version of this program, which renders the frames.
     version: String,
     /// The size of each frame's file, in bytes.
     files: Vec<u64>,
 }
 
-/// The picture of frame `number` in a folder of frames.
+/// File of frame `number` in a folder of frames.
 pub(crate) fn frame(folder: &Path, number: u64) -> PathBuf {
     folder.join(FRAMES).join(format!("{number:06}.png"))
 }
 
-/// Draws `count` frames of a place, with `straight` of its walk without the mouse, where they are not there.
+/// Renders `count` frames of a place, unless they are there; with `straight`, of its walk without the mouse.
 ///
 /// # Errors
 /// `Unsupported` for a manifest of a newer version; `Io`; `Cancelled` when `stop` was set.
@@ -114,7 +114,7 @@ pub(crate) fn draw(
     Ok(folder)
 }
 
-/// Whether the frames are there as the manifest says, and it is the manifest of what is wanted.
+/// Whether all frames match the manifest, and the manifest is the wanted one.
 fn whole(folder: &Path, path: &Path, count: u64, wanted: &dyn Fn(Vec<u64>) -> Manifest) -> Result<bool> {
     let found: Manifest = match read_manifest(path, "a drawn walk", "study compare") {
         Ok(found) => found,

@@ -1,12 +1,11 @@
-//! Turn onset: how long after the first turn of the script a stream is seen to turn (the paper's Table 8).
+//! Turn onset: the delay from the first turn command of the script until the turn is visible in a stream (the paper's Table 8).
 //!
-//! A walk has motion of its own, which a detector on one video takes for turns. So the same walk is made a second time without
-//! the mouse, and the two are compared: the difference of their horizontal motion is the turn's alone, and before the command
-//! there is none, picture for picture.
+//! A walk has motion of its own, which a detector on one video would take for turns. So the same walk is made again without the mouse: the
+//! difference of the two horizontal motions is the turn alone, and before the command both walks are identical.
 //!
-//! Horizontal motion of a frame is the median over the middle half of the picture, each way, of the optical flow from the frame to
-//! the one before, in widths of the picture. The onset is the first of three frames (a tenth of a second) whose differences, of one
-//! sign, all pass 0.03 widths a second, after a median over three frames.
+//! Horizontal motion of a frame is the median, over the middle half of the picture in each direction, of the optical flow to the previous
+//! frame, in picture widths. After a median filter over three frames, the onset is the first of three frames (a tenth of a second) whose
+//! differences have the same sign and all exceed 0.03 widths a second.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,23 +21,23 @@ use crate::manifest::read_bounded;
 use crate::picture::{decode, shrink};
 use crate::reconstruct::script_of;
 
-/// What pictures are looked at in: the width, and the height of 16:9.
+/// Size to which pictures are scaled: 16:9.
 const SIZE: (u32, u32) = (320, 180);
-/// Widths of the picture a second.
+/// Threshold in picture widths a second.
 const THRESHOLD: f64 = 0.03;
-/// Frames for which it must be passed.
+/// Number of consecutive frames above the threshold.
 const HOLD: usize = 3;
-/// Parts of a second in which a script is searched.
+/// Steps per second of the search through a script.
 const GRAIN: u32 = 60;
-/// Seconds that are looked at from the command on.
+/// Seconds that are searched after the command.
 const AFTER: f64 = 2.0;
 /// The largest frame, in bytes of its file.
 const MAX_FRAME: u64 = 512 << 20;
 
-/// When the script of a kind of place turns first, in seconds; none where it never does.
+/// Time of the first turn in the script of a kind of place, in seconds; `None` if it never turns.
 ///
 /// # Errors
-/// None, for scripts that parse.
+/// Only for scripts that do not parse.
 pub(super) fn command(family: Family) -> Result<Option<f64>> {
     let script = ControlScript::parse(script_of(family))?;
     let end = script.duration().whole_steps(GRAIN);
@@ -51,35 +50,34 @@ pub(super) fn command(family: Family) -> Result<Option<f64>> {
     Ok(None)
 }
 
-/// The script of a kind of place without its mouse: the same walk, straight on.
+/// Script of a kind of place without the mouse: the same walk, straight on.
 pub(super) fn straight(family: Family) -> String {
     let walks = |line: &&str| line.split_whitespace().nth(1) != Some("mouse");
     script_of(family).lines().filter(walks).map(|line| format!("{line}\n")).collect()
 }
 
-/// How long the straight walk must be, as decimal seconds: none where nothing turns before `seconds` less [`AFTER`].
+/// Length of the straight walk in decimal seconds; `None` if no turn comes earlier than [`AFTER`] before the end of `seconds`.
 ///
 /// # Errors
-/// `InvalidArgument` for `seconds` that are no time.
+/// `InvalidArgument` if `seconds` is not a time.
 pub(super) fn straight_seconds(family: Family, seconds: &str) -> Result<Option<String>> {
     let whole = WorldTime::parse(seconds)?.seconds();
     Ok(command(family)?.map(|at| at + AFTER).filter(|end| *end <= whole).map(|end| format!("{end:.3}")))
 }
 
-/// What was found.
+/// Result of the detector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Onset {
-    /// Seconds from the command to the onset; none where no turn was seen in two seconds.
+    /// Seconds from the command to the onset; `None` if no turn was seen within two seconds.
     pub(super) latency: Option<f64>,
-    /// Whether both walks were the same until the command, as they must be.
+    /// Whether both walks were identical until the command, as they must be.
     pub(super) same_before: bool,
 }
 
-/// Compares the frames in `turned` with those in `straight`, of which every `step`-th is looked at; the command is at
-/// `command` seconds.
+/// Compares every `step`-th frame in `turned` with that in `straight`; the command is at `command` seconds.
 ///
 /// # Errors
-/// `Io` for a frame that is not there; `Cancelled` when `stop` was set.
+/// `Io` for a missing frame; `Cancelled` when `stop` was set.
 pub(super) fn onset(turned: &Path, straight: &Path, step: u64, command: f64, stop: &AtomicBool) -> Result<Onset> {
     let count = ((command + AFTER) * f64::from(RATE)).floor() as usize + 1;
     let (turned, straight) = (Motion::of(turned, step, count, stop)?, Motion::of(straight, step, count, stop)?);
@@ -126,7 +124,7 @@ impl Motion {
     }
 }
 
-/// Median of the horizontal motion in the middle of the picture, in its widths.
+/// Median horizontal motion in the middle of the picture, in picture widths.
 fn shift(guidance: &Guidance) -> f64 {
     let motion = guidance.motion();
     let (width, height) = (motion.width() as usize, motion.height() as usize);
@@ -141,7 +139,7 @@ fn shift(guidance: &Guidance) -> f64 {
     f64::from(*median) / f64::from(SIZE.0)
 }
 
-/// The first frame after `command` with [`HOLD`] differences of one sign above the threshold.
+/// The first frame after `command` that starts [`HOLD`] differences of one sign above the threshold.
 fn first_run(differences: &[f64], command: usize) -> Option<usize> {
     let threshold = THRESHOLD / f64::from(RATE);
     let median = |n: usize| {
@@ -179,7 +177,7 @@ mod tests {
         assert_eq!(straight_seconds(Family::Forest, "3").unwrap(), None);
     }
 
-    /// Frames of a texture that walks down steadily and turns by `turn` pixels a frame from frame `from` on.
+    /// Frames of a texture that moves down steadily and turns by `turn` pixels a frame from frame `from` on.
     fn film(folder: &Path, turn: i64, from: u64) -> Motion {
         const COUNT: u64 = 60;
         std::fs::create_dir_all(folder.join(FRAMES)).unwrap();
@@ -201,7 +199,7 @@ mod tests {
     fn a_turn_is_seen_when_it_begins_and_no_turn_never() {
         let folder = tempfile::tempdir().unwrap();
         let straight = film(&folder.path().join("straight"), 0, 0);
-        // The command is at frame 36; the stream obeys six frames later.
+        // The command is at frame 36; the stream follows six frames later.
         let right = film(&folder.path().join("right"), 2, 42);
         let Onset { latency, same_before } = compare(&right, &straight, 1.2);
         assert!(same_before && (latency.unwrap() - 7.0 / 30.0).abs() < 1.01 / 30.0, "{latency:?}");

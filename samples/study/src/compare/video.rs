@@ -1,4 +1,4 @@
-//! One video of a place with all of its streams side by side, in step.
+//! One video per place with all streams side by side, in step.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,32 +13,32 @@ use crate::manifest::{MANIFEST_VERSION, digest_file, read_manifest, to_json};
 use crate::media::{FrameRate, Mp4Sink, RealDisk, Recorder, VideoFormat, write_whole};
 use crate::progress::Progress;
 
-/// The video, in the folder of its place.
+/// File name of the video in its place's folder.
 pub(super) const VIDEO: &str = "side-by-side.mp4";
 const MANIFEST: &str = "side-by-side.json";
 const JOB: &str = "side-by-side";
-/// What names the way of drawing: raised when it changes.
+/// Version of the layout; raised when it changes.
 const LAYOUT: u32 = 2;
 
-/// What a video was made from.
+/// Record of what a video was made from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Manifest {
     manifest_version: u32,
     /// `side-by-side`.
     job: String,
     layout: u32,
-    /// Of all streams, as their figures have it.
+    /// Key of all streams, as in their series.
     streams: String,
     frames: u64,
     size: [u32; 2],
-    /// Of the file.
+    /// Checksum of the video.
     sha256: String,
 }
 
-/// Makes the video of a place, where it is not there; `streams` names the frames that it shows.
+/// Makes the video of a place unless it is there. `streams` is the key of its frames.
 ///
 /// # Errors
-/// `Unsupported` for a manifest of a newer version; `Io`; `Cancelled` when `stop` was set; what the encoder refuses.
+/// `Unsupported` for a manifest of a newer version; `Io`; `Cancelled` when `stop` was set; errors of the encoder.
 pub(super) fn video(
     place: Place,
     streams: &str,
@@ -88,7 +88,7 @@ pub(super) fn video(
         let mut picture = recorder.spent().map_or_else(|| Picture::new(width, height), Ok)?;
         panels.draw(number, &mut picture)?;
         progress.frames(number + 1);
-        // Why it takes no more is told when it is finished.
+        // If the recorder has stopped, `finish` returns the reason.
         recorder.push(picture);
         Ok(())
     });

@@ -1,4 +1,4 @@
-//! Documents: blocks, shown as Markdown, which is also what the program prints, and as one HTML page.
+//! Documents: lists of blocks, rendered as Markdown (which the program also prints) and as one HTML page.
 
 mod page;
 
@@ -11,22 +11,22 @@ use crate::table::Table;
 
 pub(crate) use page::escaped;
 
-/// The longest line of a paragraph.
+/// Maximum line length of a paragraph.
 const LINE: usize = 120;
 
 /// A part of a document.
 pub(crate) enum Block {
-    /// With the word that links to it lead.
+    /// Also an anchor that links can name.
     Heading(String),
     Text(String),
     Table(Table),
-    /// A picture or a drawing of a file of its own, beside the document.
+    /// A picture or drawing in a file beside the document.
     Figure {
         file: Asset,
-        /// What it shows.
+        /// Caption.
         words: String,
     },
-    /// A video, of which the page alone has the player.
+    /// A video; only the HTML page has a player for it.
     Player {
         words: String,
         video: Vec<u8>,
@@ -35,21 +35,21 @@ pub(crate) enum Block {
     },
 }
 
-/// A file beside the document, which the page has inside.
+/// A file beside the Markdown document, embedded in the HTML page.
 #[derive(Clone)]
 pub(crate) struct Asset {
-    /// Where it lies from the document.
+    /// Path relative to the document.
     pub(crate) path: String,
     pub(crate) bytes: Vec<u8>,
 }
 
 impl Asset {
-    /// A picture.
+    /// A picture, as JPEG.
     pub(crate) fn jpeg(name: &str, picture: &cairn::Picture) -> Result<Self> {
         Ok(Self { path: format!("{FIGURES}/{name}.jpg"), bytes: encode_jpeg(picture)? })
     }
 
-    /// A drawing.
+    /// A drawing, as SVG.
     pub(crate) fn svg(name: &str, svg: String) -> Self {
         Self { path: format!("{FIGURES}/{name}.svg"), bytes: svg.into_bytes() }
     }
@@ -59,7 +59,7 @@ impl Asset {
     }
 }
 
-/// The folder of those files.
+/// Folder of the assets.
 const FIGURES: &str = "figures";
 
 impl Block {
@@ -86,7 +86,7 @@ impl Block {
     }
 }
 
-/// A document in both forms, and the files beside it.
+/// A document in both forms, and its assets.
 pub(crate) struct Document {
     pub(crate) markdown: String,
     pub(crate) html: String,
@@ -94,7 +94,7 @@ pub(crate) struct Document {
 }
 
 impl Document {
-    /// Puts `blocks` together.
+    /// Renders `blocks`.
     pub(crate) fn new(title: &str, blocks: &[Block]) -> Self {
         let assets = blocks.iter().filter_map(|block| match block {
             Block::Figure { file, .. } => Some(file.clone()),
@@ -107,7 +107,7 @@ impl Document {
         }
     }
 
-    /// Writes it into `folder` as `NAME.md` and `NAME.html`, with what it has beside it; what was written.
+    /// Writes `NAME.md`, `NAME.html` and the assets into `folder`. Returns the written files.
     ///
     /// # Errors
     /// `Io`.
@@ -125,7 +125,7 @@ impl Document {
     }
 }
 
-/// A paragraph in lines of at most [`LINE`] characters.
+/// Wraps a paragraph at [`LINE`] characters.
 fn wrapped(words: &str) -> String {
     let (mut text, mut length) = (String::new(), 0);
     for word in words.split_whitespace() {

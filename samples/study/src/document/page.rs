@@ -1,4 +1,4 @@
-//! A document as one HTML page that needs nothing beside it.
+//! Renders a document as one self-contained HTML page.
 
 use super::{Asset, Block};
 use crate::table::Table;
@@ -31,7 +31,7 @@ svg text { font: 12px system-ui, sans-serif; fill: currentColor; }
 .player input { flex: 1 1 16rem; } .player output { min-width: 8rem; font-variant-numeric: tabular-nums; }
 ";
 
-/// Steps a player by frames; the rate of all videos is that of the looks.
+/// Script that steps a player by frames, at the sample rate of all videos.
 const SCRIPT: &str = "\
 for (const player of document.querySelectorAll('.player')) {
   const video = player.closest('figure').querySelector('video');
@@ -54,7 +54,7 @@ for (const player of document.querySelectorAll('.player')) {
 }
 ";
 
-/// The page. Nothing in it is fetched from anywhere.
+/// The page. It loads nothing from anywhere.
 pub(super) fn page(title: &str, blocks: &[Block]) -> String {
     let body: String = blocks.iter().enumerate().map(|(number, block)| show(number, block)).collect();
     let links = blocks.iter().enumerate().filter_map(|(number, block)| match block {
@@ -113,7 +113,7 @@ fn rows(table: &Table) -> String {
     row(&table.head, "th") + &table.rows.iter().map(|cells| row(cells, "td")).collect::<String>()
 }
 
-/// How a verdict is coloured.
+/// CSS class of a verdict.
 fn kind(verdict: &str) -> &'static str {
     if verdict.starts_with("holds") {
         "holds"
@@ -128,13 +128,13 @@ fn figure(inner: &str, words: &str) -> String {
     format!("<figure>{inner}<figcaption>{}</figcaption></figure>\n", escaped(words))
 }
 
-/// Words between pairs of stars, as Markdown has them.
+/// Converts Markdown's pairs of stars to bold text.
 fn strong(text: &str) -> String {
     let parts = text.split("**").enumerate();
     parts.map(|(n, part)| if n % 2 == 1 { format!("<strong>{part}</strong>") } else { part.to_owned() }).collect()
 }
 
-/// Text as it may stand in an element or in a quoted attribute.
+/// Escapes text for an element or a quoted attribute.
 pub(crate) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

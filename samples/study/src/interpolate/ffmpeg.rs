@@ -1,4 +1,4 @@
-//! Videos of every other kind, read by an ffmpeg that runs as a program and gives Y4M through a pipe.
+//! Reads all other videos through an ffmpeg process that writes Y4M to a pipe.
 
 use std::ffi::OsString;
 use std::io::{self, Read};
@@ -13,9 +13,9 @@ use cairn::{Error, ErrorKind, Picture, Result};
 use super::source::{Input, Source};
 use crate::media::{Matrix, Y4mReader};
 
-/// Names an ffmpeg that is not on the path.
+/// Environment variable with the path of an ffmpeg that is not on the path.
 const VARIABLE: &str = "CAIRN_FFMPEG";
-/// The most that is kept of what ffmpeg says, in bytes.
+/// Maximum number of bytes kept of ffmpeg's messages.
 const MAX_WORDS: usize = 4096;
 
 /// Ends ffmpeg from another thread.
@@ -26,7 +26,7 @@ impl Stopper {
     pub(super) fn stop(&self) {
         let mut child = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let _ = child.kill();
-        // Takes the dead process away; its status means nothing any more.
+        // Reaps the process; its status is irrelevant.
         let _ = child.wait();
     }
 }
@@ -46,7 +46,7 @@ impl Source for Ffmpeg {
                 self.frames += 1;
                 Ok(true)
             }
-            // An end is the video's own only when ffmpeg ended well; else what it says is the better reason.
+            // The end of the stream counts only if ffmpeg succeeded; otherwise its message is the better error.
             end => match self.failure() {
                 Some(error) => Err(error),
                 None => end,
@@ -56,7 +56,7 @@ impl Source for Ffmpeg {
 }
 
 impl Ffmpeg {
-    /// How ffmpeg ended, when it did not end well.
+    /// The error of a failed ffmpeg.
     fn failure(&mut self) -> Option<Error> {
         let (status, words) = ended(&self.child, &self.words);
         let status = status.filter(|status| !status.success());
@@ -90,7 +90,7 @@ pub(super) fn open(path: &Path) -> Result<Input> {
     let about = look(&program, path)?;
     let mut command = Command::new(&program);
     command.args(["-nostdin", "-hide_banner", "-v", "error", "-i"]).arg(file_url(path));
-    // The first video that is no cover picture, in the one form that loses nothing of 8-bit video and says its rate.
+    // Selects the first video stream that is no cover picture, in the Y4M format that keeps 8-bit video exact and states its rate.
     let scale =
         format!("scale=in_color_matrix={}:out_color_matrix=bt709:out_range=tv:flags=accurate_rnd", about.matrix);
     command.args(["-map", "0:V:0", "-vf", &scale, "-pix_fmt", "yuv444p", "-f", "yuv4mpegpipe", "-"]);
@@ -105,7 +105,7 @@ pub(super) fn open(path: &Path) -> Result<Input> {
         Err(error) => {
             child.stop();
             let words = words.recv_timeout(PATIENCE).unwrap_or_default();
-            // Interlaced video comes through well and is refused here.
+            // For example interlaced video: ffmpeg passes it on, and the reader refuses it.
             return Err(if words.is_empty() { error } else { unread(&name, &words) });
         }
     };
@@ -123,7 +123,7 @@ pub(super) fn open(path: &Path) -> Result<Input> {
     })
 }
 
-/// How long a program that has ended may take until its last words are there.
+/// Time limit for the last messages of a process that has ended.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 fn program() -> Option<PathBuf> {
@@ -133,7 +133,7 @@ fn program() -> Option<PathBuf> {
     }
 }
 
-/// With the protocol in front, so that no name of a file can be taken for an address.
+/// Adds the protocol, so that a file name is never taken for a URL.
 fn file_url(path: &Path) -> OsString {
     let mut url = OsString::from("file:");
     url.push(path);
@@ -141,7 +141,7 @@ fn file_url(path: &Path) -> OsString {
 }
 
 fn start(command: &mut Command, program: &Path) -> Result<Child> {
-    // Ctrl-C is for this program, which then ends that one.
+    // Ctrl-C must reach this program only, which then ends ffmpeg.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(command, 0);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(|e| {
@@ -151,14 +151,14 @@ fn start(command: &mut Command, program: &Path) -> Result<Child> {
     })
 }
 
-/// What ffmpeg says about a video before it reads it.
+/// What ffmpeg reports about a video before decoding.
 struct About {
     matrix: &'static str,
     seconds: Option<f64>,
     has_sound: bool,
 }
 
-/// Asks ffmpeg about a video. Without an output it describes the input and ends with a complaint, which is no matter.
+/// Asks ffmpeg about a video. Without an output ffmpeg describes the input and exits with an error, which is ignored.
 fn look(program: &Path, path: &Path) -> Result<About> {
     let mut command = Command::new(program);
     command.args(["-nostdin", "-hide_banner", "-i"]).arg(file_url(path));
@@ -175,7 +175,7 @@ fn look(program: &Path, path: &Path) -> Result<About> {
 fn describe(text: &str) -> About {
     let video =
         text.lines().find(|line| line.contains("Video:") && !line.contains("(attached pic)")).unwrap_or_default();
-    // Colour is told in brackets, such as yuv420p(tv, bt709, progressive) or yuv420p(tv, smpte170m/bt470bg/bt709).
+    // The colour matrix is in brackets, such as yuv420p(tv, bt709, progressive) or yuv420p(tv, smpte170m/bt470bg/bt709).
     let tagged = ["bt709", "bt470bg", "smpte170m", "smpte240m", "bt2020nc", "fcc", "gbr", "ycgco"];
     let told =
         video.split(['(', ',', ')']).map(str::trim).any(|word| tagged.contains(&word.split('/').next().unwrap_or("")));
@@ -195,11 +195,10 @@ fn describe(text: &str) -> About {
     About { matrix, seconds, has_sound: text.contains("Audio:") }
 }
 
-/// Collects what a program says, on a thread of its own so that it never has to wait; sends the beginning when all is
-/// said.
+/// Collects a process's messages on a thread of its own, so that the process never blocks. Sends their beginning when the stream ends.
 fn listen(mut words: impl Read + Send + 'static) -> Receiver<String> {
     let (send, heard) = channel();
-    // Without the thread nothing is heard, which is told as silence.
+    // If the thread cannot start, the messages are treated as empty.
     let _ = std::thread::Builder::new().name("ffmpeg".into()).spawn(move || {
         let mut kept = Vec::new();
         let _ = (&mut words).take(MAX_WORDS as u64).read_to_end(&mut kept);
@@ -209,9 +208,9 @@ fn listen(mut words: impl Read + Send + 'static) -> Receiver<String> {
     heard
 }
 
-/// Waits for a program whose output has ended, and for its last words.
+/// Waits for a process whose output has ended, and for its last messages.
 fn ended(child: &Stopper, words: &Receiver<String>) -> (Option<ExitStatus>, String) {
-    // Not `wait`, which would keep the lock from whoever wants to end the program.
+    // Not `wait`, which would hold the lock that `Stopper` needs to end the process.
     let mut status = None;
     for _ in 0..PATIENCE.as_millis() / 10 {
         status = child.0.lock().unwrap_or_else(PoisonError::into_inner).try_wait().ok().flatten();
@@ -224,14 +223,14 @@ fn ended(child: &Stopper, words: &Receiver<String>) -> (Option<ExitStatus>, Stri
 }
 
 fn unread(name: &str, words: &str) -> Error {
-    // Its last line is the reason; those before it describe the file.
+    // The last line has the reason; earlier ones describe the file.
     let last = words.lines().rev().find(|line| !line.trim().is_empty() && !line.contains("output file"));
     Error::new(ErrorKind::InvalidArgument, format!("ffmpeg finds no video in it{}", said(last.unwrap_or_default())))
         .field(name)
         .remedy("Name a video, a Y4M file or a folder of pictures")
 }
 
-/// What was said, as the end of a sentence.
+/// Formats messages as the end of a sentence.
 fn said(words: &str) -> String {
     let lines: Vec<&str> = words.lines().map(str::trim).filter(|line| !line.is_empty()).take(3).collect();
     if lines.is_empty() { String::new() } else { format!(": {}", lines.join("; ").trim_end_matches('.')) }

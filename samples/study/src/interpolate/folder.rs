@@ -1,4 +1,4 @@
-//! A folder of pictures, in the order in which people count: `2.png` before `10.png`.
+//! A folder of pictures in natural order: `2.png` before `10.png`.
 
 use std::fs::{self, File};
 use std::io::{self, BufReader};
@@ -11,13 +11,13 @@ use crate::manifest::read_bounded;
 use crate::media::describe_io;
 use crate::picture;
 
-/// The largest picture, in bytes of its file.
+/// Maximum file size of a picture, in bytes.
 const MAX_BYTES: u64 = 512 << 20;
-/// How many of the files that are no pictures are named.
+/// Number of files named in the note on files that are no pictures.
 const NAMED: usize = 3;
 
 struct Pictures {
-    /// Those not yet read, the next one last.
+    /// Unread pictures in reverse order: the next one is last.
     waiting: Vec<PathBuf>,
 }
 
@@ -27,7 +27,7 @@ impl Source for Pictures {
         let picture =
             picture::decode(&read_bounded(&path, MAX_BYTES)?).map_err(|e| e.field(path.display().to_string()))?;
         if picture.size() != out.size() {
-            // It was another one when the folder was looked at.
+            // The file has changed since the folder was opened.
             let cause = format!("it is {picture:?} now, those before it are {out:?}");
             return Err(Error::new(ErrorKind::InvalidArgument, cause).field(path.display().to_string()));
         }
@@ -36,7 +36,7 @@ impl Source for Pictures {
     }
 }
 
-/// Looks at every picture of `folder`: that it is one, and that all have one size.
+/// Checks every picture of `folder`: each can be read, and all have the same size.
 pub(super) fn open(folder: &Path) -> Result<Input> {
     let failed = |e: io::Error| describe_io("cannot be read", folder, &e);
     let (mut pictures, mut others) = (Vec::new(), Vec::new());
@@ -78,12 +78,12 @@ fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Numbers within names by their value; names that count the same (`1` and `01`) byte by byte.
+/// Compares numbers within names by value; names with equal values (`1` and `01`) byte by byte.
 fn by_number(a: &Path, b: &Path) -> std::cmp::Ordering {
     natord::compare(&name(a), &name(b)).then_with(|| a.cmp(b))
 }
 
-/// The size of all of them.
+/// The common size.
 fn one_size(pictures: &[PathBuf]) -> Result<(u32, u32)> {
     let mut first: Option<(&Path, (u32, u32))> = None;
     for path in pictures {

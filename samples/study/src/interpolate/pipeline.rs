@@ -1,4 +1,4 @@
-//! The threads, and what goes from one to the next.
+//! The threads, and the data passed between them.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,27 +14,27 @@ use super::ffmpeg::Stopper;
 use super::source::Source;
 use crate::media::Recorder;
 
-/// Frames, and pairs of them, that may wait between two threads. Bounds the memory.
+/// Capacity of a channel between two threads. Bounds the memory.
 const QUEUE: usize = 1;
-/// How often a wait for the next step looks whether it is still wanted.
+/// Interval at which a wait for the next step checks `stop`.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-/// A frame of the input, and how it came about from the one before.
+/// An input frame, and its relation to the previous one.
 struct Step {
     frame: Arc<Picture>,
     link: Link,
 }
 
 enum Link {
-    /// It is the first.
+    /// The first frame.
     First,
-    /// It equals the one before.
+    /// Equal to the previous frame.
     Same,
-    /// It moved so.
+    /// Moved; with the motion.
     Moved(Guidance),
 }
 
-/// What was counted.
+/// Frame counters.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Counts {
     pub(super) frames_in: u64,
@@ -43,13 +43,13 @@ pub(super) struct Counts {
     pub(super) repeats: u64,
 }
 
-/// How long it took.
+/// Working times.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Stages {
     pub(super) generation: Duration,
 }
 
-/// How the frames ended.
+/// Result of the frame loop.
 pub(super) struct Run {
     pub(super) counts: Counts,
     pub(super) stages: Stages,
@@ -59,10 +59,10 @@ pub(super) struct Run {
 /// The first two frames.
 pub(super) struct FirstPair(Step, Step);
 
-/// The threads that read and that find motion, and what comes out of them.
+/// The threads that read and that find motion, and their output channel.
 pub(super) struct Steps {
     steps: Option<Receiver<Result<Step>>>,
-    /// Takes frames and guidance back, to be filled anew.
+    /// Returns used frames and guidance for reuse.
     spent_frames: SyncSender<Picture>,
     spent_guidance: SyncSender<Guidance>,
     reading: JoinHandle<Duration>,
@@ -89,7 +89,7 @@ impl Steps {
         Ok(Self { steps: Some(steps), spent_frames, spent_guidance, reading, flow, stopper })
     }
 
-    /// The next step; none at the end, and when somebody asks to stop while it is waited for.
+    /// The next step; `None` at the end of the input, or if `stop` was set during the wait.
     fn next(&self, stop: &AtomicBool) -> Result<Option<Step>> {
         let Some(steps) = &self.steps else { return Ok(None) };
         while !stop.load(Ordering::Relaxed) {
@@ -102,7 +102,7 @@ impl Steps {
         Ok(None)
     }
 
-    /// Waits for two frames.
+    /// Waits for the first two frames.
     pub(super) fn first_pair(&self, stop: &AtomicBool) -> Result<FirstPair> {
         let too_few = |what: &str| {
             if stop.load(Ordering::Relaxed) {
@@ -115,9 +115,8 @@ impl Steps {
         Ok(FirstPair(first, second))
     }
 
-    /// Generates between all frames and hands everything over, the input's own frames among them, until the input ends.
-    /// The last frame stays for the time of its own, so that the video keeps its length. `tell` hears how many frames
-    /// are done.
+    /// Generates between all frames and hands everything to the recorder, including the input's frames, until the input ends. The last frame is
+    /// shown for one more interval, so that the video keeps its length. Calls `tell` with the number of frames done.
     pub(super) fn run(
         &mut self,
         FirstPair(first, second): FirstPair,
@@ -144,7 +143,7 @@ impl Steps {
             on = writer.between(&previous, &step, &mut tell) && writer.frame(&step.frame);
             tell(writer.written);
             if let Link::Moved(guidance) = step.link {
-                // Where nobody takes it, it is simply dropped.
+                // If the channel is full, the guidance is dropped.
                 let _ = self.spent_guidance.try_send(guidance);
             }
             if let Ok(frame) = Arc::try_unwrap(std::mem::replace(&mut previous, step.frame)) {
@@ -158,7 +157,7 @@ impl Steps {
         writer.run
     }
 
-    /// Ends both threads and says how long they worked.
+    /// Stops both threads and returns their working times.
     pub(super) fn finish(mut self) -> (Duration, Duration) {
         drop(self.steps.take());
         if let Some(stopper) = &self.stopper {
@@ -174,7 +173,7 @@ impl Run {
     }
 }
 
-/// Makes frames and hands them to the recorder.
+/// Generates frames and passes them to the recorder.
 struct Writer<'a> {
     recorder: &'a Recorder,
     multiplier: u32,
@@ -184,7 +183,7 @@ struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    /// Everything between two frames; `false` when it has to end.
+    /// Makes all frames between two input frames; `false` if the job must stop.
     fn between(&mut self, previous: &Picture, step: &Step, tell: &mut impl FnMut(u64)) -> bool {
         let mut is_cut = false;
         for part in 1..self.multiplier {
@@ -216,7 +215,7 @@ impl Writer<'_> {
     ) -> Result<bool> {
         let start = Instant::now();
         let mut out = self.empty(current.size())?;
-        // A cut that was found once is not sought again.
+        // A cut that was detected once is not searched for again.
         let pair = AnchorPair::new(previous, current, guidance)?.with_cut(*is_cut);
         let report = self.generator.generate(&pair, part as f32 / self.multiplier as f32, &mut out)?;
         self.run.stages.generation += start.elapsed();
@@ -225,7 +224,7 @@ impl Writer<'_> {
         Ok(self.push(out))
     }
 
-    /// A frame of the input, as it is.
+    /// Passes on an input frame unchanged.
     fn frame(&mut self, frame: &Picture) -> bool {
         match self.empty(frame.size()) {
             Ok(mut out) => {
@@ -250,7 +249,7 @@ impl Writer<'_> {
     }
 }
 
-/// The thread that reads.
+/// Body of the reading thread.
 fn read(
     mut source: Box<dyn Source>,
     size: (u32, u32),
@@ -276,7 +275,7 @@ fn read(
     }
 }
 
-/// The thread that finds motion.
+/// Body of the thread that finds motion.
 fn find_motion(
     size: (u32, u32),
     frames: &Receiver<Result<Picture>>,

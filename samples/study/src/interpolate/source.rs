@@ -1,4 +1,4 @@
-//! Where the frames come from: a Y4M file, a folder of pictures, or whatever an ffmpeg can read.
+//! Input frames: a Y4M file, a folder of pictures, or any video that ffmpeg can read.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -10,24 +10,24 @@ use super::ffmpeg;
 use super::folder;
 use crate::media::{FrameRate, Y4M_MAGIC, Y4mReader, describe_io};
 
-/// Frames in order of time, all of one size.
+/// Frames of one size in order of time.
 pub(super) trait Source: Send {
     /// Reads the next frame into `out`; `false` at the end.
     fn read(&mut self, out: &mut Picture) -> Result<bool>;
 }
 
-/// An input that has been looked at, but for its frames.
+/// An opened input, whose frames are not read yet.
 pub(super) struct Input {
     pub(super) size: (u32, u32),
-    /// None where it says nothing.
+    /// `None` if the input does not state it.
     pub(super) rate: Option<FrameRate>,
     pub(super) pixel_aspect: (u32, u32),
-    /// How many frames there should be, where that is known before they are read.
+    /// Expected number of frames, if known in advance.
     pub(super) expected: Option<u64>,
-    /// What a reader of the report should know.
+    /// Notes for the report.
     pub(super) notes: Vec<String>,
     pub(super) source: Box<dyn Source>,
-    /// Makes a read that waits for another program return.
+    /// Ends the other process, so that a blocked read returns.
     pub(super) stopper: Option<ffmpeg::Stopper>,
 }
 
@@ -37,7 +37,7 @@ impl Source for Y4mReader {
     }
 }
 
-/// Looks at `path` and decides by what it is, not by its name.
+/// Opens `path`. The kind is decided by content, not by name.
 pub(super) fn open(path: &Path) -> Result<Input> {
     let failed = |e: io::Error| describe_io("cannot be read", path, &e);
     let data = fs::metadata(path).map_err(failed)?;

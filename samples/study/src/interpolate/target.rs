@@ -1,4 +1,4 @@
-//! Where the frames go.
+//! Output of the frames.
 
 use std::fs;
 use std::io;
@@ -20,7 +20,7 @@ pub(super) enum Target {
 }
 
 impl Target {
-    /// What `path` asks for, by its extension.
+    /// Kind of output by `path`'s extension.
     pub(super) fn of(path: &Path) -> Result<Self> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
         match extension.as_deref() {
@@ -36,7 +36,7 @@ impl Target {
         }
     }
 
-    /// `out`, or an MP4 file beside the input that says what was done.
+    /// `out`, or an MP4 file beside the input, named after the multiplier.
     pub(super) fn choose(input: &Path, out: Option<&Path>, multiplier: u32) -> Result<Self> {
         if let Some(out) = out {
             return Self::of(out);
@@ -54,7 +54,7 @@ impl Target {
         }
     }
 
-    /// Checks that nothing of value is replaced. Changes nothing.
+    /// Checks that no existing file would be lost. Changes nothing.
     pub(super) fn check(&self, input: &Path, overwrite: bool) -> Result<()> {
         let path = self.path();
         let refused = |cause: String, remedy: &str| {
@@ -83,7 +83,7 @@ impl Target {
         Ok(())
     }
 
-    /// Makes it, in place of an earlier one.
+    /// Creates the output, replacing an earlier one.
     pub(super) fn create(&self, disk: &Arc<dyn Disk>, format: &VideoFormat) -> Result<Box<dyn Sink>> {
         Ok(match self {
             Self::Mp4(path) => Box::new(Mp4Sink::create(disk.as_ref(), path, format, 0)?),

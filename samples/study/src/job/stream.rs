@@ -1,4 +1,4 @@
-//! The loop: a latent, its pictures, motion and depth, the frames they complete.
+//! The main loop: make a latent, decode its pictures, find motion and depth, present the frames that are complete.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -19,17 +19,17 @@ use crate::settings::Checked;
 use crate::sheet::Sheet;
 use crate::upscaler::{Scaling, UpscalerChoice};
 
-/// How the loop ended, when nothing went wrong.
+/// How the loop ended without an error.
 pub(super) enum End {
-    /// All frames are there.
+    /// All frames were made.
     Complete,
-    /// Somebody asked for it.
+    /// `stop` was set.
     Stopped,
-    /// The recorder takes no more, and will say why.
+    /// The recorder stopped and knows the reason.
     RecorderGone,
 }
 
-/// Everything that lives as long as the stream.
+/// State of the stream.
 pub(super) struct Stream {
     point: OperatingPoint,
     timeline: Timeline,
@@ -39,19 +39,19 @@ pub(super) struct Stream {
     render: (u32, u32),
     latent_shape: [usize; 3],
     generator: Box<dyn FrameGenerator>,
-    /// All extractors are empty until they are used.
+    /// Extractors allocate nothing until their first use.
     paper: paper::Extractor,
     latent_flow: latent_flow::Extractor,
     picture_flow: picture_flow::Extractor,
     guidance: Guidance,
     scaling: Scaling,
     size: (u32, u32),
-    /// Where anchors are made larger before frames are generated: the two of a pair, and what leads from one to the other.
+    /// If anchors are upscaled before generation: the two anchors of a pair, and the guidance between them.
     larger: Option<Larger>,
     recorder: Recorder,
     latents: LatentFile,
     sheet: Sheet,
-    /// The pictures of the current latent, and the anchor before them.
+    /// Pictures of the current latent, after the previous anchor.
     pictures: Vec<Picture>,
     previous_anchor: Picture,
     latent: Vec<f32>,
@@ -61,7 +61,7 @@ pub(super) struct Stream {
     times: BTreeMap<&'static str, Duration>,
 }
 
-/// What is made of anchors: frames between them, and pictures of the size that is asked for.
+/// Frame generator and upscaler.
 pub(super) struct Makers {
     generator: Box<dyn FrameGenerator>,
     scaling: Scaling,
@@ -69,7 +69,7 @@ pub(super) struct Makers {
 
 impl Makers {
     /// # Errors
-    /// What is asked for cannot be had: libraries that are not there, or a device that they do not serve.
+    /// The generator or the upscaler is not available: missing libraries, or an unsuitable device.
     pub(super) fn new(checked: &Checked, world: &World, size: (u32, u32)) -> Result<Self> {
         let rate = checked.point.latents_per_second;
         let generator = checked.generator.make(Some(world.device()), 1000.0 / rate as f32)?;
@@ -78,7 +78,7 @@ impl Makers {
     }
 }
 
-/// Larger anchors.
+/// Upscaled anchors.
 #[derive(Default)]
 struct Larger {
     previous: Option<Picture>,
@@ -86,7 +86,7 @@ struct Larger {
     guidance: Option<Guidance>,
 }
 
-/// What the stream leaves.
+/// Result of the stream.
 pub(super) struct Finished {
     pub(super) written: Vec<Written>,
     pub(super) latents: Option<(PathBuf, u64)>,
@@ -144,7 +144,7 @@ impl Stream {
         })
     }
 
-    /// Runs to the end, to the limit, or until it is asked to stop.
+    /// Runs to the end, to the limit, or until `stop` is set.
     pub(super) fn run(&mut self, job: &Job<'_>, loaded: &Loaded) -> Result<End> {
         let (latents, frames) = job.limit.map_or((self.latent_count, self.planned), |l| (l.latents, l.presented));
         for number in 0..latents.min(self.latent_count) {
@@ -179,7 +179,7 @@ impl Stream {
         Ok(End::Complete)
     }
 
-    /// Makes latent `number`, stores it and reads its pictures.
+    /// Makes latent `number`, stores it and reads back its pictures.
     fn make_latent(&mut self, number: u64, loaded: &Loaded) -> Result<()> {
         let info = if let Some(stored) = &loaded.latents {
             let latent = stored.get(number).ok_or_else(|| impossible("there are fewer latents than were counted"))?;
@@ -210,7 +210,7 @@ impl Stream {
 
     fn make_guidance(&mut self) -> Result<()> {
         let start = Instant::now();
-        // Where nothing is generated, only the contact sheet asks: it shows what the latents say.
+        // Without generated frames only the contact sheet needs guidance: it shows the motion from latents.
         let source = match self.point.presentation {
             Presentation::Native => GuidanceSource::Paper,
             Presentation::Generated { guidance, .. } => guidance,
@@ -239,7 +239,7 @@ impl Stream {
         Ok(())
     }
 
-    /// Makes the anchor larger, where that is done before frames are generated.
+    /// Upscales the anchor, if that happens before generation.
     #[cfg_attr(not(windows), expect(unused_variables, reason = "only a device does it"))]
     fn enlarge(&mut self, has_pair: bool) -> Result<()> {
         #[cfg(windows)]
@@ -260,7 +260,7 @@ impl Stream {
         let time = self.point.time_of_latent(number).seconds();
         let anchor = self.pictures.last().ok_or_else(|| impossible("a latent has no picture"))?;
         self.sheet.add(number, time, anchor, has_pair.then_some(&self.guidance))?;
-        // The decoder's own pictures stand between its anchors, where they are used.
+        // If the decoder's other pictures are used, they lie between its anchors.
         let per_latent = self.pictures.len() as f32;
         if has_pair {
             for (i, picture) in self.pictures.iter().enumerate().take(self.pictures.len() - 1) {
@@ -271,7 +271,7 @@ impl Stream {
         Ok(())
     }
 
-    /// Makes one frame and hands it over; `false` when the recorder takes no more.
+    /// Makes one frame and passes it on; `false` if the recorder has stopped.
     fn present(&mut self, number: u64, source: Source) -> Result<bool> {
         let size = self.size;
         let mut frame = match self.recorder.spent() {
@@ -332,7 +332,7 @@ impl Stream {
         let (written, mut failure) = match self.recorder.finish() {
             Ok(recorded) => {
                 self.times.insert("recorder", recorded.busy);
-                // Frames that were queued when the recorder failed are in no file.
+                // Frames queued when the recorder failed are in no file.
                 self.counts.presented = recorded.frames;
                 (recorded.written, recorded.failure)
             }

@@ -1,4 +1,4 @@
-//! AV1 by rav1e: the same frames always make the same bytes.
+//! AV1 by rav1e. Equal frames always give equal bytes.
 
 use cairn::{Error, ErrorKind, Result};
 use rav1e::prelude::{
@@ -9,23 +9,23 @@ use rav1e::prelude::{
 
 use super::{VideoFormat, Yuv420};
 
-/// The encoder as the manifest names it.
+/// Name of the encoder for the manifest.
 pub const ENCODER: &str = "rav1e 0.8.1";
-/// Whether the assembly kernels are in. They change the speed and not one byte of the video.
+/// Whether the assembly kernels are compiled in. They affect the speed, not the bytes.
 pub const ASSEMBLY: bool = cfg!(feature = "asm");
 
-/// The smallest side rav1e takes.
+/// The smallest width or height that rav1e accepts.
 const MIN_SIDE: u32 = 16;
 
 /// One coded picture.
 pub(super) struct Packet {
     /// The OBUs, without temporal delimiter: what an MP4 sample holds.
     pub(super) data: Vec<u8>,
-    /// Decoding can start here.
+    /// Whether decoding can start here.
     pub(super) key: bool,
 }
 
-/// What a container says about the stream, known from the first key frame on.
+/// Stream parameters for a container, known from the first key frame on.
 #[derive(Clone)]
 pub(super) struct StreamHeader {
     pub(super) level: u8,
@@ -53,7 +53,7 @@ impl Av1Encoder {
             .remedy(format!("Use at least {MIN_SIDE} x {MIN_SIDE}, or PNG pictures")));
         }
         let mut speed = SpeedSettings::from_preset(10);
-        // No look-ahead and key frames by the clock: a frame leaves when it enters, and cuts need no search.
+        // No look-ahead, and key frames at fixed intervals: each frame is output when it is pushed, and no scene-cut search is needed.
         speed.rdo_lookahead_frames = 1;
         speed.scene_detection_mode = SceneDetectionSpeed::None;
         speed.fast_deblock = true;
@@ -76,7 +76,7 @@ impl Av1Encoder {
             min_key_frame_interval: rate.ceil().into(),
             max_key_frame_interval: rate.ceil().into(),
             quantizer: format.quantiser.into(),
-            // By size and not by thread, so that the bytes do not depend on the machine.
+            // The number depends on the size, not on the thread count, so that the bytes do not depend on the machine.
             tiles: if u64::from(width) * u64::from(height) >= 640 * 360 { 4 } else { 1 },
             speed_settings: speed,
             ..EncoderConfig::default()
@@ -88,7 +88,7 @@ impl Av1Encoder {
         Ok(Self { context, level, header: None })
     }
 
-    /// Takes one picture and gives what is ready.
+    /// Encodes one picture and returns the packets that are ready.
     pub(super) fn push(&mut self, planes: &Yuv420) -> Result<Vec<Packet>> {
         let mut frame = self.context.new_frame();
         for (i, plane) in frame.planes.iter_mut().enumerate() {
@@ -98,13 +98,13 @@ impl Av1Encoder {
         self.drain()
     }
 
-    /// Gives what is left at the end.
+    /// Returns the remaining packets at the end.
     pub(super) fn flush(&mut self) -> Result<Vec<Packet>> {
         self.context.flush();
         self.drain()
     }
 
-    /// Known once the first packet is out.
+    /// Available after the first packet.
     pub(super) fn header(&self) -> Option<&StreamHeader> {
         self.header.as_ref()
     }
@@ -142,7 +142,7 @@ fn encoder_failed(status: &EncoderStatus) -> Error {
 const OBU_SEQUENCE_HEADER: u8 = 1;
 const OBU_TEMPORAL_DELIMITER: u8 = 2;
 
-/// The open bitstream units of a packet with their types; none when it is malformed.
+/// The OBUs of a packet with their types; `None` if the packet is malformed.
 fn split_obus(mut data: &[u8]) -> Option<Vec<(u8, &[u8])>> {
     let mut units = Vec::new();
     while let Some(&first) = data.first() {

@@ -1,4 +1,4 @@
-//! Display colour to the YCbCr that video stores: BT.709 matrix, limited range, 4:2:0 with left-sited chroma.
+//! Converts display colour to the YCbCr of video: BT.709 matrix, limited range, 4:2:0 with left-sited chroma.
 
 use cairn::{Error, ErrorKind, Picture, Result};
 
@@ -54,7 +54,7 @@ impl Yuv420 {
         &self.planes[i]
     }
 
-    /// Takes over `picture`. Alpha is ignored.
+    /// Converts `picture`. Alpha is ignored.
     ///
     /// # Errors
     /// `InvalidArgument` for a picture of another size.
@@ -99,7 +99,7 @@ fn dot(row: [i32; 3], rgb: [i32; 3]) -> i32 {
     row[0] * rgb[0] + row[1] * rgb[1] + row[2] * rgb[2]
 }
 
-/// Rounds to the nearest integer and adds the code value of zero. Never leaves 16 to 240.
+/// Rounds to the nearest integer and adds the code value of zero. The result is within 16 to 240.
 fn quantise(value: i32, bits: u32, zero: i32) -> u8 {
     (((value + (1 << (bits - 1))) >> bits) + zero) as u8
 }
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn chroma_is_sited_on_even_columns() {
-        // One blue column at x = 4 belongs wholly to chroma column 2; one at x = 3 is shared by columns 1 and 2.
+        // A blue column at x = 4 affects chroma column 2 only; one at x = 3 affects columns 1 and 2.
         for (blue, expected) in [(4usize, [0, 0, 2, 0]), (3, [0, 1, 1, 0])] {
             let mut picture = Picture::new(8, 2).unwrap();
             for row in picture.pixels_mut().chunks_exact_mut(8) {

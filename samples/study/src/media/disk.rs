@@ -1,4 +1,4 @@
-//! Files that are complete at every moment, on a disk that may fill up.
+//! Files that are complete at every time, on a disk that may run full.
 
 use std::fs;
 use std::io::{self, Seek, SeekFrom, Write};
@@ -6,31 +6,31 @@ use std::path::{Path, PathBuf};
 
 use cairn::{Error, ErrorKind, Result};
 
-/// An open file. Tests put one here that fails after a number of bytes.
+/// An open file. Tests use an implementation that fails after a number of bytes.
 pub trait Store: Write + Seek + Send {
     /// Cuts or extends the file to `len` bytes.
     ///
     /// # Errors
-    /// What the operating system says.
+    /// An error of the operating system.
     fn set_len(&mut self, len: u64) -> io::Result<()>;
 
-    /// Waits until the bytes are on the medium, which is when some file systems first notice that it is full.
+    /// Flushes to the medium. Some file systems report a full disk only then.
     ///
     /// # Errors
-    /// What the operating system says.
+    /// An error of the operating system.
     fn sync(&mut self) -> io::Result<()>;
 }
 
-/// Where files are made.
+/// Creates files.
 pub trait Disk: Send + Sync {
-    /// Makes a new file, replacing an old one of that name.
+    /// Creates a new file, replacing one of that name.
     ///
     /// # Errors
-    /// What the operating system says.
+    /// An error of the operating system.
     fn create(&self, path: &Path) -> io::Result<Box<dyn Store>>;
 }
 
-/// The computer's own file system.
+/// The operating system's file system.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct RealDisk;
 
@@ -50,9 +50,9 @@ impl Disk for RealDisk {
     }
 }
 
-/// A file that grows by whole units under a temporary name (`name.part`).
+/// A file that grows by complete units under a temporary name (`name.part`).
 ///
-/// A unit that could not be written is cut off again, so that the file always ends with a complete one.
+/// A unit that could not be written completely is cut off, so that the file always ends with a complete one.
 pub struct GrowingFile {
     store: Box<dyn Store>,
     part: PathBuf,
@@ -61,10 +61,10 @@ pub struct GrowingFile {
 }
 
 impl GrowingFile {
-    /// Starts the file that will be called `path`.
+    /// Starts the file whose final name is `path`.
     ///
     /// # Errors
-    /// `Io` when it cannot be made.
+    /// `Io` when it cannot be created.
     pub fn create(disk: &dyn Disk, path: &Path) -> Result<Self> {
         let mut name = path.file_name().unwrap_or_default().to_owned();
         name.push(".part");
@@ -78,12 +78,12 @@ impl GrowingFile {
         self.end
     }
 
-    /// The name the file will have.
+    /// The file's final name.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Adds `unit` at the end, wholly or not at all.
+    /// Appends `unit` completely or not at all.
     ///
     /// # Errors
     /// `Io` when it cannot be written; the file then ends where it ended before.
@@ -94,7 +94,7 @@ impl GrowingFile {
                 Ok(())
             }
             Err(cause) => {
-                // Should even this fail, `close` cuts again.
+                // If this fails too, `close` cuts the file again.
                 let _ = self.store.set_len(self.end);
                 let _ = self.store.seek(SeekFrom::Start(self.end));
                 Err(describe_io("cannot be written", &self.path, &cause))
@@ -102,7 +102,7 @@ impl GrowingFile {
         }
     }
 
-    /// Replaces bytes that are there already.
+    /// Replaces bytes that were written before.
     ///
     /// # Errors
     /// `Io` when they cannot be written.
@@ -127,10 +127,10 @@ impl GrowingFile {
         cut.map(|_| ()).map_err(|e| describe_io("cannot be cut", &self.path, &e))
     }
 
-    /// Closes the file and gives it its own name.
+    /// Closes the file and renames it to its final name.
     ///
     /// # Errors
-    /// `Io` when the bytes do not reach the medium or the name cannot be given.
+    /// `Io` when the bytes do not reach the medium or the file cannot be renamed.
     pub fn close(mut self) -> Result<PathBuf> {
         let refused = |e: io::Error| describe_io("cannot be finished", &self.path, &e);
         self.store.set_len(self.end).map_err(refused)?;
@@ -149,7 +149,7 @@ impl GrowingFile {
     }
 }
 
-/// Writes a small file wholly or not at all.
+/// Writes a small file completely or not at all.
 ///
 /// # Errors
 /// `Io`; an older file of that name is then untouched.
@@ -162,7 +162,7 @@ pub fn write_whole(disk: &dyn Disk, path: &Path, bytes: &[u8]) -> Result<()> {
     file.close().map(|_| ())
 }
 
-/// An `Io` error about `path` that says what to do.
+/// An `Io` error about `path`, with a remedy.
 pub fn describe_io(what: &str, path: &Path, cause: &io::Error) -> Error {
     let error = Error::new(ErrorKind::Io, format!("{what}: {cause}")).field(path.display().to_string());
     match cause.kind() {

@@ -1,4 +1,4 @@
-//! What a video is before its first frame: size, frame rate, shape of its pixels.
+//! Format of a video: size, frame rate, pixel aspect.
 
 use std::fmt;
 
@@ -38,7 +38,7 @@ impl FrameRate {
         Ok(Self { numerator: n, denominator: d })
     }
 
-    /// Milliseconds from one frame to the next.
+    /// Milliseconds between two frames.
     pub(crate) fn interval_ms(self) -> f32 {
         (1000.0 * f64::from(self.denominator) / f64::from(self.numerator)) as f32
     }
@@ -84,7 +84,7 @@ impl FrameRate {
         self.denominator
     }
 
-    /// Frames in a second, rounded up: 1 at least.
+    /// Frames per second, rounded up; at least 1.
     pub fn ceil(self) -> u32 {
         self.numerator.div_ceil(self.denominator)
     }
@@ -108,7 +108,7 @@ fn greatest_common_divisor(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { greatest_common_divisor(b, a % b) }
 }
 
-/// What every frame of a video has in common.
+/// Properties common to all frames of a video.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct VideoFormat {
     /// `(width, height)` in pixels.
@@ -117,14 +117,14 @@ pub struct VideoFormat {
     pub rate: FrameRate,
     /// Width over height of one pixel as shown; `(1, 1)` for square ones. Neither is 0.
     pub pixel_aspect: (u32, u32),
-    /// Of AV1, 0 (best) to 255.
+    /// AV1 quantiser, 0 (best) to 255.
     pub quantiser: u8,
 }
 
 impl VideoFormat {
     /// A quantiser at which 1080p is visually clean, about 4 Mbit/s for natural pictures.
     pub const CLEAN: u8 = 70;
-    /// One for pages with many videos: a third of the bytes, and fine texture is a little softer.
+    /// A quantiser for pages with many videos: a third of the bytes, and fine texture is a little softer.
     pub const SMALL: u8 = 120;
 
     /// Square pixels, visually clean.

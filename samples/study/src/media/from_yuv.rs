@@ -1,14 +1,13 @@
-//! The YCbCr that video stores to display colour: the way back of [`Yuv420`](super::Yuv420), for everything videos of
-//! others may hold.
+//! Converts the YCbCr of video to display colour: the inverse of [`Yuv420`](super::Yuv420), for every layout that foreign videos may have.
 
 use cairn::{Error, ErrorKind, Picture, Result};
 
 /// Fractional bits of the matrix.
 const BITS: u32 = 14;
-/// Chroma is interpolated by quarters in both directions: so many more fractional bits, for luma as well.
+/// Additional fractional bits, for luma as well: chroma is interpolated by quarters in both directions.
 const TAP_BITS: u32 = 4;
 
-/// How many chroma samples there are, and where they lie.
+/// Number and siting of chroma samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Chroma {
     /// Luma alone.
@@ -21,34 +20,34 @@ pub enum Chroma {
     Half420PalDv,
     /// Half the columns, on every second one.
     Half422,
-    /// All.
+    /// One per luma sample.
     Full444,
 }
 
-/// The weights that luma is made of.
+/// Luma coefficients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Matrix {
-    /// Of standard definition.
+    /// Standard definition.
     Bt601,
-    /// Of high definition.
+    /// High definition.
     Bt709,
 }
 
 impl Matrix {
-    /// The one that videos of a size have unless they say otherwise: what players assume.
+    /// The matrix that players assume for a video of this size without a colour tag.
     pub fn by_size((width, height): (u32, u32)) -> Self {
         if width >= 1280 || height > 576 { Self::Bt709 } else { Self::Bt601 }
     }
 }
 
-/// How the bytes of a frame are to be read.
+/// Layout of a frame's bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Layout {
     /// `(width, height)` in pixels.
     pub size: (u32, u32),
-    /// Chroma samples.
+    /// Number and siting of chroma samples.
     pub chroma: Chroma,
-    /// Weights.
+    /// Luma coefficients.
     pub matrix: Matrix,
     /// Luma from 0 to 255 and chroma from 1 to 255, instead of 16 to 235 and 16 to 240.
     pub full_range: bool,
@@ -75,7 +74,7 @@ impl Layout {
     }
 }
 
-/// Where chroma samples lie along one axis, seen from luma samples.
+/// Positions of chroma samples along one axis, relative to luma samples.
 #[derive(Debug, Clone, Copy)]
 enum Siting {
     /// At every luma sample.
@@ -97,7 +96,7 @@ struct Tap {
 }
 
 impl Siting {
-    /// What luma sample `at` lies between, of `len` chroma samples.
+    /// The chroma samples around luma sample `at`, out of `len`.
     fn tap(self, at: usize, len: usize) -> Tap {
         let (k, last) = (at / 2, len - 1);
         let (first, second, weight) = match (self, at % 2) {
@@ -112,16 +111,16 @@ impl Siting {
     }
 }
 
-/// Turns frames of one layout into pictures. Integer arithmetic makes the same bytes on every machine.
+/// Converts frames of one layout to pictures. Integer arithmetic gives the same bytes on every machine.
 #[derive(Debug)]
 pub struct FromYuv {
     layout: Layout,
-    /// Of the columns.
+    /// Per column.
     across: Vec<Tap>,
-    /// One row of chroma between its rows, then between its columns too.
+    /// A chroma row interpolated vertically. It is then interpolated horizontally.
     mixed: Vec<u16>,
     rows: [Vec<u16>; 2],
-    /// Luma; Cr to red; Cb and Cr to green; Cb to blue.
+    /// Coefficients: luma; Cr to red; Cb and Cr to green; Cb to blue.
     weights: [i32; 5],
 }
 
@@ -131,7 +130,7 @@ impl FromYuv {
     /// # Errors
     /// As [`Picture::new`].
     pub fn new(layout: Layout) -> Result<Self> {
-        // Refuses sizes that cannot be before anything is made of them.
+        // Rejects impossible sizes before allocating.
         Picture::new(layout.size.0, 1)?;
         Picture::new(1, layout.size.1)?;
         let width = layout.size.0 as usize;
@@ -143,12 +142,12 @@ impl FromYuv {
         };
         let across =
             if chroma_width == 0 { Vec::new() } else { (0..width).map(|x| siting.tap(x, chroma_width)).collect() };
-        // Mono keeps rows that mean "no colour".
+        // Mono frames keep these rows of neutral chroma.
         let grey = vec![128 << TAP_BITS; width];
         Ok(Self { layout, across, mixed: vec![0; chroma_width], rows: [grey.clone(), grey], weights: weights(&layout) })
     }
 
-    /// Reads one frame, [`Layout::frame_bytes`] of bytes, into `out`. Alpha becomes opaque.
+    /// Converts one frame of [`Layout::frame_bytes`] bytes into `out`. Alpha becomes opaque.
     ///
     /// # Errors
     /// `InvalidArgument` when the bytes or the picture have another size.
@@ -179,7 +178,7 @@ impl FromYuv {
         Ok(())
     }
 
-    /// Makes row `y` of chroma plane `which` (0: Cb, 1: Cr) at the places of luma.
+    /// Interpolates row `y` of chroma plane `which` (0: Cb, 1: Cr) at the luma positions.
     fn interpolate(&mut self, which: usize, plane: &[u8], y: usize) {
         let (width, height) = self.layout.chroma_size();
         let siting = match (self.layout.chroma, which) {

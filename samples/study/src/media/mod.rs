@@ -1,8 +1,7 @@
-//! Where presented frames go: video that a browser plays, loose pictures, and raw video for other programs; and where
-//! frames of others come from.
+//! Writes presented frames as browser-playable video, as PNG pictures, or as raw video for other programs; and reads videos of other programs.
 //!
-//! Every file grows under a temporary name by whole units (a frame, a fragment) and gets its own name when it is
-//! closed. A disk that fills up costs the unit being written, never what was complete before.
+//! Every file grows under a temporary name by complete units (a frame, a fragment) and is renamed when it is closed. A full disk costs only the
+//! unit that is being written.
 
 mod av1;
 mod colour;

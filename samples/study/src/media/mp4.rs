@@ -1,9 +1,9 @@
-//! MP4 that a browser plays, and that can be played up to the last fragment however the program ends.
+//! MP4 that a browser plays, and that is playable up to the last fragment however the program ends.
 //!
-//! While frames come in, the file is a fragmented MP4: every half second a self-contained fragment is added. At the
-//! end an ordinary index is added behind them, and the 16 bytes before the first header turn into the head of a media
-//! data box that swallows the fragments' headers. The result is an ordinary MP4, which every player can seek in;
-//! should the index not fit the disk, the fragmented file is what remains.
+//! While frames come in, the file is a fragmented MP4: every half second a self-contained fragment is appended. At the end an ordinary index is
+//! appended, and the 16 placeholder bytes before the first fragment become the header of a media data box that contains the fragments with
+//! their headers. The result is an ordinary MP4, in which every player can seek. If the index does not fit on the disk, the fragmented
+//! file remains.
 
 use std::path::Path;
 
@@ -20,11 +20,11 @@ pub struct Mp4Sink {
     encoder: Av1Encoder,
     format: VideoFormat,
     file: GrowingFile,
-    /// Known from the first packet on; then the file's header is written.
+    /// Known from the first packet on, when the file's header is written.
     track: Option<Track>,
-    /// Where the placeholder is.
+    /// Offset of the placeholder.
     mdat_at: u64,
-    /// Frames not yet written.
+    /// Frames that are not written yet.
     pending: Vec<Sample>,
     data: Vec<u8>,
     chunks: Vec<Chunk>,
@@ -100,7 +100,7 @@ impl Mp4Sink {
         Ok(())
     }
 
-    /// Adds the index and hides the fragments' headers.
+    /// Appends the index and hides the fragments' headers.
     fn write_index(&mut self, track: &Track) -> Result<()> {
         let end = self.file.end();
         let indexed = self
@@ -108,7 +108,7 @@ impl Mp4Sink {
             .append(&moov_for_chunks(track, &self.chunks))
             .and_then(|()| self.file.replace(self.mdat_at, &wide_mdat(end - self.mdat_at)));
         if indexed.is_err() {
-            // Back to a sound fragmented file.
+            // Restores a valid fragmented file.
             self.file.replace(self.mdat_at, &placeholder())?;
             self.file.cut(end)?;
         }

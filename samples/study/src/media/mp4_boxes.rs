@@ -1,12 +1,12 @@
-//! The boxes of an MP4 file (ISO/IEC 14496-12) that a silent AV1 video needs, and no others.
+//! The MP4 boxes (ISO/IEC 14496-12) needed for an AV1 video without sound.
 
 use super::VideoFormat;
 use super::av1::StreamHeader;
 
-/// What every box is made from.
+/// Parameters of the video track.
 #[derive(Clone)]
 pub(super) struct Track {
-    /// The rate's numerator is the number of ticks in a second, its denominator that of a frame.
+    /// The rate's numerator is the number of ticks per second, its denominator that per frame.
     pub(super) format: VideoFormat,
     pub(super) header: StreamHeader,
 }
@@ -19,20 +19,20 @@ pub(super) struct Sample {
 }
 
 impl Track {
-    /// How long `frames` frames last, in ticks.
+    /// Duration of `frames` frames in ticks.
     fn ticks(&self, frames: u64) -> u64 {
         frames.saturating_mul(self.format.rate.denominator().into())
     }
 }
 
-/// Samples that lie behind one another in the file.
+/// Samples that are consecutive in the file.
 pub(super) struct Chunk {
-    /// Place of the first byte in the file.
+    /// Offset of the first byte in the file.
     pub(super) offset: u64,
     pub(super) samples: Vec<Sample>,
 }
 
-/// `sample_flags` of a frame that decoding can start at, and of one that needs those before it.
+/// `sample_flags` of a frame at which decoding can start, and of one that depends on earlier frames.
 const KEY: u32 = 0x0200_0000;
 const DEPENDS: u32 = 0x0101_0000;
 
@@ -51,7 +51,7 @@ pub(super) fn ftyp() -> Vec<u8> {
     })
 }
 
-/// 16 bytes that mean nothing, until [`wide_mdat`] replaces them.
+/// 16 bytes without meaning, which [`wide_mdat`] replaces later.
 pub(super) fn placeholder() -> Vec<u8> {
     boxed(*b"free", |b| b.extend([0; 8]))
 }
@@ -64,7 +64,7 @@ pub(super) fn wide_mdat(len: u64) -> Vec<u8> {
     header
 }
 
-/// The movie header of a file made of fragments.
+/// The movie header of a fragmented file.
 pub(super) fn moov_for_fragments(track: &Track) -> Vec<u8> {
     boxed(*b"moov", |b| {
         b.extend(mvhd(track, 0));
@@ -96,7 +96,7 @@ pub(super) fn fragment_header(number: u32, first_frame: u64, ticks: u32, samples
     let mut bytes = boxed(*b"moof", |b| {
         b.extend(full(*b"mfhd", 0, 0, |b| put32(b, number)));
         b.extend(boxed(*b"traf", |b| {
-            // Offsets count from the moof; every frame lasts the same.
+            // Offsets are relative to the moof; every frame has the same duration.
             b.extend(full(*b"tfhd", 0, 0x02_0008, |b| {
                 put32(b, 1);
                 put32(b, ticks);
@@ -121,7 +121,7 @@ pub(super) fn fragment_header(number: u32, first_frame: u64, ticks: u32, samples
 
 fn mvhd(track: &Track, frames: u64) -> Vec<u8> {
     full(*b"mvhd", 1, 0, |b| {
-        // No creation time: the same frames make the same file.
+        // No creation time, so that equal frames give equal files.
         put64(b, 0);
         put64(b, 0);
         put32(b, track.format.rate.numerator());
@@ -177,7 +177,7 @@ fn trak(track: &Track, frames: u64, chunks: &[Chunk]) -> Vec<u8> {
     })
 }
 
-/// The sample table. A track of fragments has the same table without an entry.
+/// The sample table. Fragmented tracks have the same table without entries.
 fn stbl(track: &Track, chunks: &[Chunk]) -> Vec<u8> {
     let samples = || chunks.iter().flat_map(|c| &c.samples);
     let count = samples().count() as u32;
@@ -262,7 +262,7 @@ fn av01(track: &Track) -> Vec<u8> {
     })
 }
 
-/// The width at which the picture is shown, where a pixel is as high as it is: `tkhd` has no other place for it.
+/// The display width in units of the pixel height: `tkhd` has no field for the pixel aspect.
 fn shown_width(format: &VideoFormat) -> u32 {
     let (across, down) = format.pixel_aspect;
     let width = u64::from(format.size.0) * u64::from(across) / u64::from(down.max(1));

@@ -1,4 +1,4 @@
-//! Loose PNG pictures, one to a frame, and single pictures as PNG or JPEG.
+//! PNG pictures, one per frame, and single pictures as PNG or JPEG.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,10 +11,10 @@ use image::{ExtendedColorType, ImageEncoder};
 use super::recorder::{Frame, Sink, Written};
 use super::{Disk, write_whole};
 
-/// Of 100: blocks are not seen.
+/// JPEG quality out of 100, at which blocks are not visible.
 const JPEG_QUALITY: u8 = 88;
 
-/// Writes `000000.png`, `000001.png`, ... into a folder. A file that is there is whole.
+/// Writes `000000.png`, `000001.png`, ... into a folder. Every file that exists is complete.
 pub struct PngSink {
     disk: Arc<dyn Disk>,
     folder: PathBuf,
@@ -52,12 +52,12 @@ impl Sink for PngSink {
 /// `picture` as an 8-bit RGB PNG file; alpha is dropped.
 ///
 /// # Errors
-/// `OutOfMemory` or `InvalidArgument` as the encoder says.
+/// `OutOfMemory` or `InvalidArgument` from the encoder.
 pub fn encode_png(picture: &Picture) -> Result<Vec<u8>> {
     encode(picture, CompressionType::Fast)
 }
 
-/// As [`encode_png`], in more time and less room: for single pictures that people keep and send.
+/// As [`encode_png`], slower and smaller: for single pictures that people keep and send.
 ///
 /// # Errors
 /// As [`encode_png`].
@@ -65,7 +65,7 @@ pub fn encode_small_png(picture: &Picture) -> Result<Vec<u8>> {
     encode(picture, CompressionType::Best)
 }
 
-/// `picture` as a JPEG file that looks like it, in a fraction of the room: for pages with many pictures.
+/// `picture` as a JPEG file, visually close and much smaller: for pages with many pictures.
 ///
 /// # Errors
 /// As [`encode_png`].
@@ -77,7 +77,7 @@ pub(crate) fn encode_jpeg(picture: &Picture) -> Result<Vec<u8>> {
     Ok(file)
 }
 
-/// Its bytes without alpha.
+/// RGB bytes without alpha.
 fn colours(picture: &Picture) -> Result<Vec<u8>> {
     let mut rgb = Vec::new();
     rgb.try_reserve_exact(picture.pixels().len() * 3)

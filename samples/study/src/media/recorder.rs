@@ -1,4 +1,4 @@
-//! A thread of its own that turns frames into files while the next ones are being made.
+//! Encodes and writes frames on a thread of its own while the next ones are being made.
 
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -9,7 +9,7 @@ use cairn::{Error, ErrorKind, Picture, Result};
 
 use super::Yuv420;
 
-/// Frames that may wait for the encoder; the next one waits in [`Recorder::push`]. Bounds the memory.
+/// Capacity of the queue; a further frame waits in [`Recorder::push`]. Bounds the memory.
 const QUEUE: usize = 3;
 
 /// One presented frame.
@@ -18,14 +18,14 @@ pub struct Frame<'a> {
     pub number: u64,
     /// The picture.
     pub picture: &'a Picture,
-    /// The same as video planes; empty of meaning where no sink [wants](Sink::wants_planes) them.
+    /// The same as video planes; only valid if a sink [wants](Sink::wants_planes) them.
     pub planes: &'a Yuv420,
 }
 
 /// A finished file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Written {
-    /// Where it is.
+    /// Its path.
     pub path: PathBuf,
     /// `mp4`, `png` or `y4m`.
     pub kind: &'static str,
@@ -33,7 +33,7 @@ pub struct Written {
     pub frames: u64,
 }
 
-/// Something that stores frames.
+/// Stores frames.
 pub trait Sink: Send {
     /// `mp4`, `png` or `y4m`.
     fn kind(&self) -> &'static str;
@@ -44,28 +44,28 @@ pub trait Sink: Send {
     /// Stores one frame.
     ///
     /// # Errors
-    /// `Io` and what the encoder says. Everything before this frame stays.
+    /// `Io` and errors of the encoder. Everything before this frame stays.
     fn write(&mut self, frame: &Frame<'_>) -> Result<()>;
 
-    /// Closes the files and tells which are there. After a failed write (`failed`) it keeps what is complete. The
-    /// error, if any, says why less is there than was asked for.
+    /// Closes the files and returns those that exist. After a failed write (`failed`) it keeps what is complete. The error, if any, says why
+    /// something is missing.
     fn finish(self: Box<Self>, failed: bool) -> (Vec<Written>, Option<Error>);
 }
 
-/// What a recorder leaves behind.
+/// Result of a recorder.
 #[derive(Debug)]
 pub struct Recorded {
     /// Every finished file.
     pub written: Vec<Written>,
     /// Frames that all sinks stored.
     pub frames: u64,
-    /// What stopped it.
+    /// The error that stopped it.
     pub failure: Option<Error>,
-    /// Time the recorder's thread worked, waiting excluded.
+    /// Working time of the recorder's thread, without waiting.
     pub busy: Duration,
 }
 
-/// Gives frames to sinks on a thread of its own.
+/// Passes frames to sinks on a thread of its own.
 pub struct Recorder {
     queue: Option<SyncSender<Picture>>,
     spent: Receiver<Picture>,
@@ -88,21 +88,21 @@ impl Recorder {
         Ok(Self { queue: Some(queue), spent, thread })
     }
 
-    /// A picture that was stored and can be filled anew, where there is one.
+    /// A used picture for reuse, if there is one.
     pub fn spent(&self) -> Option<Picture> {
         self.spent.try_recv().ok()
     }
 
-    /// Hands over one frame; waits while the queue is full. `false`: the recorder has stopped, and
-    /// [`finish`](Self::finish) says why.
+    /// Passes one frame on; waits while the queue is full. `false`: the recorder has stopped, and [`finish`](Self::finish) returns the
+    /// reason.
     pub fn push(&self, picture: Picture) -> bool {
         self.queue.as_ref().is_some_and(|queue| queue.send(picture).is_ok())
     }
 
-    /// Waits for what is queued and closes all files.
+    /// Waits for the queued frames and closes all files.
     ///
     /// # Errors
-    /// `Device` when the thread itself broke. A failed file is told in [`Recorded::failure`].
+    /// `Device` when the thread itself failed. The error of a file is in [`Recorded::failure`].
     pub fn finish(mut self) -> Result<Recorded> {
         drop(self.queue.take());
         self.thread.join().map_err(|_| Error::new(ErrorKind::Device, "the video encoder stopped unexpectedly"))
@@ -138,7 +138,7 @@ fn record(
             break;
         }
         frames += 1;
-        // Full or gone: the picture is simply dropped.
+        // If the channel is full or closed, the picture is dropped.
         let _ = give_back.try_send(picture);
     }
     let start = Instant::now();

@@ -1,4 +1,4 @@
-//! Y4M: uncompressed video with a line of text in front, read by ffmpeg, mpv and encoders.
+//! Y4M: uncompressed video with a text header, read by ffmpeg, mpv and encoders.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use cairn::{Error, Result};
 use super::recorder::{Frame, Sink, Written};
 use super::{Disk, GrowingFile, VideoFormat};
 
-/// Writes a Y4M file: 4:2:0, left-sited chroma, limited range, exactly what the AV1 encoder is given.
+/// Writes a Y4M file: 4:2:0, left-sited chroma, limited range, the same planes that the AV1 encoder gets.
 pub struct Y4mSink {
     file: GrowingFile,
     unit: Vec<u8>,

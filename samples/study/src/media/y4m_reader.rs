@@ -1,5 +1,5 @@
-//! Reads Y4M strictly: what cannot be shown as it is meant is refused and not guessed, and a file that ends in the midst
-//! of a frame is told from one that ends behind it.
+//! Reads Y4M strictly: unknown formats are rejected, not guessed, and a file that ends within a frame is distinguished from one that ends after a
+//! frame.
 
 use std::io::{self, BufRead, BufReader, Read};
 
@@ -8,19 +8,19 @@ use cairn::{Error, ErrorKind, MAX_SIDE, Picture, Result};
 use super::from_yuv::{Chroma, FromYuv, Layout, Matrix};
 use super::{FrameRate, describe_io};
 
-/// What every Y4M stream starts with.
+/// The first bytes of every Y4M stream.
 pub const Y4M_MAGIC: &[u8] = b"YUV4MPEG2";
-/// The longest line of text, in bytes.
+/// Maximum length of a header line, in bytes.
 const MAX_LINE: u64 = 4096;
 
-/// What the first line says.
+/// Content of the header line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Y4mHeader {
-    /// How frames are to be read.
+    /// Layout of the frames.
     pub layout: Layout,
-    /// None where it says that the rate is unknown, or nothing.
+    /// `None` if the header says that the rate is unknown, or has none.
     pub rate: Option<FrameRate>,
-    /// Width over height of a pixel; `(1, 1)` where it is unknown.
+    /// Width over height of a pixel; `(1, 1)` if unknown.
     pub pixel_aspect: (u32, u32),
 }
 
@@ -36,16 +36,16 @@ pub struct Y4mReader {
 }
 
 impl Y4mReader {
-    /// Reads the header of `source`. `name` is what errors call the stream: its path.
+    /// Reads the header of `source`. Errors call the stream `name`: its path.
     ///
     /// # Errors
-    /// `InvalidArgument` when it is no Y4M stream or a damaged one, `Unsupported` for kinds of video that are not read,
+    /// `InvalidArgument` for another kind of stream or a damaged one, `Unsupported` for kinds of video that are not supported,
     /// `Io`.
     pub fn open(source: Box<dyn Read + Send>, name: &str) -> Result<Self> {
         Self::open_as(source, name, None)
     }
 
-    /// As [`open`](Self::open), where the matrix is known from elsewhere.
+    /// As [`open`](Self::open), with a known matrix.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -66,12 +66,12 @@ impl Y4mReader {
         Ok(Self { name: name.to_owned(), source, header, header_bytes, converter, frame, frames: 0 })
     }
 
-    /// What the header says.
+    /// The stream's header.
     pub fn header(&self) -> &Y4mHeader {
         &self.header
     }
 
-    /// How many frames a stream of `bytes` bytes holds when its frames have no parameters, as nearly all have.
+    /// Number of frames in a stream of `bytes` bytes if no frame has parameters, as is usual.
     pub fn frames_in(&self, bytes: u64) -> u64 {
         bytes.saturating_sub(self.header_bytes) / (self.frame.len() as u64 + 6)
     }
@@ -79,8 +79,7 @@ impl Y4mReader {
     /// Reads the next frame into `out`; `false` at the end.
     ///
     /// # Errors
-    /// `Io` when it cannot be read or ends in the midst of a frame, `InvalidArgument` when it is damaged or `out` has
-    /// another size.
+    /// `Io` when it cannot be read or ends within a frame, `InvalidArgument` when it is damaged or `out` has another size.
     pub fn read(&mut self, out: &mut Picture) -> Result<bool> {
         let Some(line) = line(&mut self.source, &self.name)? else { return Ok(false) };
         if line != b"FRAME" && !line.starts_with(b"FRAME ") {
@@ -104,7 +103,7 @@ impl Y4mReader {
     }
 }
 
-/// One line without its end; none at the end of the stream.
+/// A line without its newline; `None` at the end of the stream.
 fn line(source: &mut impl BufRead, name: &str) -> Result<Option<Vec<u8>>> {
     let mut line = Vec::new();
     source.take(MAX_LINE).read_until(b'\n', &mut line).map_err(|e| unreadable(name, &e))?;
@@ -129,7 +128,7 @@ fn no_y4m(cause: &str) -> Error {
         .remedy("Make it anew, for example with ffmpeg -i VIDEO -pix_fmt yuv420p VIDEO.y4m")
 }
 
-/// The first line, without its end.
+/// Parses the header line, without its newline.
 fn parse(line: &[u8]) -> Result<Y4mHeader> {
     let text = std::str::from_utf8(line).map_err(|_| no_y4m("its header is no text"))?;
     let mut words = text.split(' ');
@@ -154,7 +153,7 @@ fn parse(line: &[u8]) -> Result<Y4mHeader> {
                 Some(("COLORRANGE", range)) => full_range = range.eq_ignore_ascii_case("FULL"),
                 Some(("COLORMATRIX", "BT709")) => matrix = Some(Matrix::Bt709),
                 Some(("COLORMATRIX", "BT601")) => matrix = Some(Matrix::Bt601),
-                // What was written before there was C.
+                // The older parameter, from before `C` existed.
                 Some(("YSCSS", value)) => old_colour = Some(value.to_ascii_lowercase()),
                 _ => {}
             },
@@ -174,12 +173,12 @@ fn side(text: &str) -> Result<u32> {
     side.ok_or_else(|| no_y4m(&format!("a side of {text} is not from 1 to {MAX_SIDE}")))
 }
 
-/// The shape of a pixel; `0:0` means that nobody knows.
+/// A pixel aspect; `0:0` means unknown.
 fn ratio(text: &str) -> Result<(u32, u32)> {
     let numbers = text.split_once(':').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
     match numbers {
         Some((0, 0)) => Ok((1, 1)),
-        // Beyond any shape that was ever sold, and within what a container can say.
+        // Wider than any real pixel aspect, and within what a container can store.
         Some((a @ 1..=65_535, b @ 1..=65_535)) if a / b < 16 && b / a < 16 => Ok((a, b)),
         _ => Err(no_y4m(&format!("pixels cannot have the shape {text}"))),
     }

@@ -1,4 +1,4 @@
-//! How near a picture is to the true one.
+//! Distance of a picture from the true one.
 //!
 //! | measure | range, better towards | what it is |
 //! |---|---|---|

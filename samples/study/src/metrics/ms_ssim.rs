@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use super::same_size;
 use super::ssim::{Maps, Means, means, means_of};
 
-/// Exponents of contrast and structure, from the finest scale on; the last is that of luminance too.
+/// Exponents of contrast and structure, from the finest scale; the last also applies to luminance.
 const EXPONENTS: [f64; 5] = [0.0448, 0.2856, 0.3001, 0.2363, 0.1333];
 
-/// The smallest width and height that can be compared: the window fits into its sixteenth part, halves rounded up.
+/// The smallest width and height: the window must fit at a sixteenth of the size, with halves rounded up.
 pub const MS_SSIM_SIDE: u32 = 161;
 
 /// One channel after another.
@@ -21,10 +21,10 @@ struct Planes {
     channels: [Vec<f32>; 3],
 }
 
-/// Structural similarity at five scales, each half of the one before: of red, green and blue, and the mean of the three.
+/// Structural similarity at five scales, each half the size of the previous one: the mean over red, green and blue.
 ///
-/// Equal but for rounding to TensorFlow's `image.ssim_multiscale(truth, picture, max_val=255)`, which follows the authors' own
-/// program: a pixel of the next scale is the mean of four, an odd border is repeated, and negative contrast counts as none.
+/// Equal up to rounding to TensorFlow's `image.ssim_multiscale(truth, picture, max_val=255)`, which follows the authors' own program: a pixel of
+/// the next scale is the mean of four, an odd border is repeated, and negative contrast counts as 0.
 ///
 /// # Errors
 /// `InvalidArgument` for pictures of different sizes, or smaller than [`MS_SSIM_SIDE`] along an axis.
@@ -83,7 +83,7 @@ fn halved(planes: &Planes) -> Planes {
     half(planes.size, |channel, at| planes.channels[channel][at])
 }
 
-/// Means of four, of which a repeated border may be two; exact in 32 bits, as they start as bytes and are halved eight times.
+/// Means of four pixels, with a repeated border. Exact in 32 bits, as the values start as bytes and are halved eight times.
 fn half([width, height]: [usize; 2], value: impl Fn(usize, usize) -> f32 + Sync) -> Planes {
     let size = [width.div_ceil(2), height.div_ceil(2)];
     let channels = [0, 1, 2].map(|channel| {

@@ -6,22 +6,21 @@ use rayon::prelude::*;
 
 use super::same_size;
 
-/// Pixels of one task: enough to pay for handing it out, and few enough that a sum of squares fits 32 bits.
+/// Pixels per task: enough to outweigh the overhead, and few enough that a sum of squares fits 32 bits.
 const TASK: usize = 16_384;
 
 /// Peak signal-to-noise ratio in dB: `10 log10(255^2 / e)` with `e` from [`mean_squared_error`].
 ///
-/// Positive infinity for equal pictures, and 0 at the least (black against white).
+/// Positive infinity for equal pictures, and at least 0 (black against white).
 ///
 /// # Errors
 /// `InvalidArgument` for pictures of different sizes.
 pub fn psnr(truth: &Picture, picture: &Picture) -> Result<f64> {
-    // Equal pictures divide by zero, which is infinity as it should be.
+    // For equal pictures the division by zero gives infinity, as intended.
     mean_squared_error(truth, picture).map(|error| 10.0 * (255.0 * 255.0 / error).log10())
 }
 
-/// Mean squared difference over all pixels and R, G and B, in squared 8-bit steps: 0 to 65025. Exact but for its last
-/// division.
+/// Mean squared difference over all pixels and R, G and B, in squared 8-bit steps: 0 to 65025. Exact except for the final division.
 ///
 /// # Errors
 /// `InvalidArgument` for pictures of different sizes.
@@ -37,7 +36,7 @@ pub fn mean_squared_error(truth: &Picture, picture: &Picture) -> Result<f64> {
 fn squares(a: &[[u8; 4]], b: &[[u8; 4]]) -> u64 {
     let mut sum = 0u32;
     for (a, b) in a.iter().zip(b) {
-        // Alpha is masked rather than skipped: four equal bytes are what a vector can hold.
+        // Alpha is masked rather than skipped, because four equal bytes vectorise.
         let difference = |c: usize, mask: i32| {
             let d = (i32::from(a[c]) - i32::from(b[c])) & mask;
             (d * d) as u32

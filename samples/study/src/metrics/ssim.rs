@@ -10,10 +10,10 @@ use rayon::prelude::*;
 
 use super::same_size;
 
-/// Pixels of the window along each axis, and so the smallest width and height that can be compared.
+/// Width and height of the window, and so the smallest width and height of a picture.
 pub const WINDOW: usize = 11;
 
-/// Half a Gaussian of sigma 1.5 over 11 taps, from the outside to the centre; all 11 sum to one.
+/// Half a Gaussian of sigma 1.5 over 11 taps, from the outer tap to the centre; all 11 sum to one.
 const TAPS: [f64; WINDOW / 2 + 1] = [
     0.001_028_380_084_479_11,
     0.007_598_758_135_239_185,
@@ -26,10 +26,10 @@ const TAPS: [f64; WINDOW / 2 + 1] = [
 const C1: f64 = (0.01 * 255.0) * (0.01 * 255.0);
 const C2: f64 = (0.03 * 255.0) * (0.03 * 255.0);
 
-/// Rows of results that one task makes.
+/// Rows of results per task.
 const BAND: usize = 48;
 
-/// Structural similarity: the mean of [`ssim_rgb`]'s three.
+/// Structural similarity: the mean of [`ssim_rgb`]'s three values.
 ///
 /// Equal but for rounding to scikit-image's `structural_similarity(truth, picture, gaussian_weights=True, sigma=1.5,
 /// use_sample_covariance=False, channel_axis=2, data_range=255)`. In 64-bit floats: 32 bits lose the variance of bright
@@ -41,9 +41,8 @@ pub fn ssim(truth: &Picture, picture: &Picture) -> Result<f64> {
     Ok(ssim_rgb(truth, picture)?.iter().sum::<f64>() / 3.0)
 }
 
-/// Structural similarity of red, green and blue, each the mean over all places of the window that lie whole inside the
-/// picture. Five pixels along each border are therefore centres of no window, as in scikit-image, which crops its map
-/// by as much.
+/// Structural similarity of red, green and blue, each the mean over all positions of the window inside the picture. Pixels within five of a
+/// border are therefore never window centres, as in scikit-image, which crops its map by as much.
 ///
 /// # Errors
 /// As [`ssim`].
@@ -51,7 +50,7 @@ pub fn ssim_rgb(truth: &Picture, picture: &Picture) -> Result<[f64; 3]> {
     Ok(means_of(truth, picture, false)?.map(|means| means.similarity))
 }
 
-/// As [`ssim_rgb`], with contrast where `has_contrast`.
+/// As [`ssim_rgb`], and contrast if `has_contrast`.
 pub(super) fn means_of(truth: &Picture, picture: &Picture, has_contrast: bool) -> Result<[Means; 3]> {
     same_size(truth, picture)?;
     let (width, height) = (truth.width() as usize, truth.height() as usize);
@@ -72,21 +71,21 @@ pub(super) fn means_of(truth: &Picture, picture: &Picture, has_contrast: bool) -
     Ok(means([width, height], has_contrast, &fill))
 }
 
-/// What is averaged over all places of the window.
+/// Values averaged over all positions of the window.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Means {
     /// Structural similarity.
     pub(super) similarity: f64,
-    /// Its part without the means of the two pictures: contrast and structure. Nothing where it was not asked for.
+    /// Product of contrast and structure, without luminance. 0 if not requested.
     pub(super) contrast: f64,
 }
 
-/// What is averaged over the window, for each pixel of a row: a, b, a^2 + b^2 and ab.
+/// Quantities that are averaged over the window, for each pixel of a row: a, b, a^2 + b^2 and ab.
 pub(super) type Maps<T> = [Vec<T>; 4];
 
-/// A number of a map: of bytes they are whole, and sums of two exact in half of the room.
+/// Number type of the maps. For bytes they are integers, whose pairwise sums are exact in half the size.
 pub(super) trait Level: Copy + Default + Send {
-    /// Averages eleven rows down their columns.
+    /// Weighted vertical average of eleven rows.
     fn down(rows: [&Maps<Self>; WINDOW], out: &mut Maps<f64>);
 }
 
@@ -102,7 +101,7 @@ impl Level for f64 {
     }
 }
 
-/// The means of three channels of `size`, of which `fill` gives the maps of a row; with contrast where `has_contrast`.
+/// Means over three channels of `size`; `fill` computes the maps of a row. With contrast if `has_contrast`.
 pub(super) fn means<T: Level>(
     [width, height]: [usize; 2],
     has_contrast: bool,
@@ -110,7 +109,7 @@ pub(super) fn means<T: Level>(
 ) -> [Means; 3] {
     let (columns, rows) = (width - (WINDOW - 1), height - (WINDOW - 1));
     let bands = rows.div_ceil(BAND);
-    // Sums of whole rows are added in their order, so that bands and threads do not show in the result.
+    // Sums of whole rows are added in order, so that the result does not depend on bands and threads.
     let sums: Vec<Vec<Means>> = (0..3 * bands)
         .into_par_iter()
         .map_init(
@@ -130,15 +129,15 @@ pub(super) fn means<T: Level>(
     all
 }
 
-/// Rows of one channel on their way.
+/// Working memory for the rows of one channel.
 struct Scratch<T> {
     /// The maps of the last [`WINDOW`] rows; row `y` is at `y % WINDOW`.
     ring: [Maps<T>; WINDOW],
-    /// Those rows averaged.
+    /// The vertical average of those rows.
     averaged: Maps<f64>,
-    /// One row of results.
+    /// One row of similarity.
     similarity: Vec<f64>,
-    /// The same of contrast and structure.
+    /// One row of contrast and structure.
     contrast: Vec<f64>,
 }
 
@@ -154,7 +153,7 @@ impl<T: Level> Scratch<T> {
     }
 }
 
-/// The sums of each row of results in `rows`.
+/// Sums of each row of results in `rows`.
 fn band<T: Level>(
     fill: &dyn Fn(usize, &mut Maps<T>),
     rows: std::ops::Range<usize>,
@@ -211,7 +210,7 @@ fn down_fractions(rows: [&Maps<f64>; WINDOW], out: &mut Maps<f64>) {
     }
 }
 
-/// Sums eleven rows with the weights of the window: the two of a weight first.
+/// Weighted sum of eleven rows; rows with the same weight are added first.
 #[inline(always)]
 fn weigh<T: Copy>(rows: [&[T]; WINDOW], out: &mut [f64], pair: impl Fn(T, T) -> f64, one: impl Fn(T) -> f64) {
     let n = out.len();
@@ -225,13 +224,13 @@ fn weigh<T: Copy>(rows: [&[T]; WINDOW], out: &mut [f64], pair: impl Fn(T, T) -> 
     }
 }
 
-/// The similarity of each place of the window, whose rows are averaged already.
+/// Similarity at each position of the window, from vertically averaged rows.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+fma"))]
 fn across(maps: &Maps<f64>, out: &mut [f64]) {
     places::<false>(maps, out, &mut []);
 }
 
-/// The same, with its contrast and structure.
+/// The same, with contrast and structure.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+fma"))]
 fn across_with_contrast(maps: &Maps<f64>, out: &mut [f64], contrast: &mut [f64]) {
     places::<true>(maps, out, contrast);
@@ -266,7 +265,7 @@ fn places<const CONTRAST: bool>(maps: &Maps<f64>, out: &mut [f64], contrast: &mu
     }
 }
 
-/// A sum whose order does not depend on the machine's vectors.
+/// A sum whose order does not depend on the machine's vector width.
 fn sum(values: &[f64]) -> f64 {
     let (eights, rest) = values.as_chunks::<8>();
     let mut lanes = [0.0f64; 8];
@@ -296,7 +295,7 @@ mod tests {
         (128.0 + 90.0 * (x * 0.37 + f64::from(c)).sin() * (y * 0.23).cos() + 20.0 * (x * y * 0.9).sin()) as u8
     }
 
-    /// The paper's formula over every place of the two-dimensional window, in 64-bit floats.
+    /// The paper's formula for every position of the two-dimensional window, in 64-bit floats.
     fn by_definition(a: &Picture, b: &Picture, channel: usize) -> f64 {
         let width = a.width() as usize;
         let weight = |k: usize| (-(k as f64 - 5.0).powi(2) / (2.0 * 1.5 * 1.5)).exp();

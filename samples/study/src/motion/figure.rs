@@ -1,6 +1,6 @@
-//! One interval as every source sees it: its motion, the frame made with it, and how far that is off.
+//! Figure of one interval for every source: its motion, the frame generated with it, and that frame's error.
 //!
-//! Nobody chooses the interval by eye: one scored frame in ten is harder to blend.
+//! The interval is selected automatically: one scored frame in ten is harder to blend.
 
 use cairn::guidance::visual;
 use cairn::{Picture, Result};
@@ -16,12 +16,12 @@ const LEFT: u32 = 160;
 const TOP: u32 = 32;
 const GROUND: [u8; 3] = [24, 26, 30];
 const BRIGHT: [u8; 3] = [235, 235, 230];
-/// How much brighter than it is the error is shown.
+/// Factor by which the error is brightened.
 const ERROR_GAIN: u16 = 4;
-/// How many of ten scored frames are easier than the one that is shown.
+/// Number of scored frames out of ten that are easier than the selected one.
 const EASIER_OF_TEN: usize = 9;
 
-/// Place and anchor of the frame than which one in ten is harder to blend.
+/// Place and anchor of the selected frame: one scored frame in ten is harder to blend.
 pub(super) fn hard(records: &[Record]) -> Option<(Place, u64)> {
     let blended = records.iter().filter(|r| r.row == ROWS[0] && r.anchors == Anchors::Drawn);
     let mut frames: Vec<(f64, Place, u64)> =
@@ -31,7 +31,7 @@ pub(super) fn hard(records: &[Record]) -> Option<(Place, u64)> {
     frames.get(at).map(|(_, place, anchor)| (*place, *anchor))
 }
 
-/// What the figure shows.
+/// Caption of the figure.
 pub(super) fn caption(shown: &Shown) -> String {
     format!(
         "{} {}, between anchors {} and {}. Left, motion back to the anchor before: its direction as colour, full from {} pixels on \
@@ -45,7 +45,7 @@ pub(super) fn caption(shown: &Shown) -> String {
     )
 }
 
-/// The length of motion that has full colour: that which the truth's longest tenth passes.
+/// The motion length shown in full colour: the 90th percentile of the true motion.
 fn full_scale(shown: &Shown) -> f32 {
     let truth = shown.rows.iter().find(|(motion, ..)| *motion == Motion::Truth);
     let mut lengths: Vec<f32> = truth

@@ -1,4 +1,4 @@
-//! Walks through places, finds motion in every way, and holds it and the frames made with it against the truth.
+//! Walks through places, finds motion with every source, and scores it and the generated frames against the truth.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,17 +17,17 @@ use crate::progress::Progress;
 use crate::reconstruct::script_of;
 use crate::reconstruct::walk::{Walk, tell};
 
-/// Anchors a second, and frames that are made of each.
+/// Anchors a second, and frames per anchor.
 const RATE: [u32; 2] = [15, 2];
-/// Intervals that are scored end at these anchors: every 1.85 seconds of the script, whatever happens there.
+/// Anchors that end the scored intervals: every 1.85 seconds of the script, independent of its content.
 const TARGETS: [u64; 8] = [14, 41, 69, 97, 125, 152, 180, 208];
-/// Those of a quick look.
+/// Number of [`TARGETS`] used by `--quick`.
 const FEW: usize = 2;
-/// Anchors that the decoder sees before the two that it shows: it remembers.
+/// Number of earlier anchors decoded first, because the decoder has memory.
 const BEFORE: u64 = 3;
-/// What equal pictures count in means, in dB; nothing else reaches it.
+/// PSNR that equal pictures count as in means, in dB; no other pair reaches it.
 const EQUAL: f64 = 100.0;
-/// A motion that ends no farther from the truth than so many pixels is near.
+/// Maximum end-point error in pixels of a motion that counts as near.
 const NEAR: f64 = 1.0;
 
 /// A place that is walked through.
@@ -37,25 +37,25 @@ pub(crate) struct Place {
     pub(crate) seed: u64,
 }
 
-/// Which pictures stand at the ends of an interval.
+/// Source of the pictures at the ends of an interval.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Anchors {
-    /// The renderer's.
+    /// The renderer.
     Drawn,
-    /// The same, as the world's autoencoder shows them.
+    /// The renderer's pictures, encoded and decoded by the world's autoencoder.
     Decoded,
 }
 
-/// How far motion is off.
+/// Error of a motion field.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct EndPoint {
-    /// Mean distance in pixels, over those that both anchors show.
+    /// Mean end-point error in pixels, over pixels visible in both anchors.
     pub(super) mean: f64,
-    /// The share of them that are off by a pixel at most.
+    /// Share of them with an error of at most one pixel.
     pub(super) near: f64,
 }
 
-/// How near a made frame is to the true one.
+/// Distance of a generated frame from the true one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Score {
     pub(super) psnr: f64,
@@ -63,21 +63,21 @@ pub(super) struct Score {
     pub(super) lpips: Option<f64>,
 }
 
-/// One frame of one row.
+/// Score of one frame of one row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Record {
     pub(super) place: Place,
     pub(super) anchors: Anchors,
     pub(super) row: Row,
-    /// The anchor behind the interval.
+    /// The anchor that ends the interval.
     pub(super) anchor: u64,
     pub(super) end_point: EndPoint,
     pub(super) score: Score,
-    /// Whether the generator gave up and showed the nearer anchor.
+    /// Whether the generator detected a cut and showed the nearer anchor.
     pub(super) cut: bool,
 }
 
-/// What one interval looks like, for the figure.
+/// Pictures of one interval, for the figure.
 pub(super) struct Shown {
     pub(super) place: Place,
     pub(super) anchor: u64,
@@ -85,7 +85,7 @@ pub(super) struct Shown {
     pub(super) rows: Vec<(Motion, MotionField, Picture)>,
 }
 
-/// What walks are measured with.
+/// World, settings and tools for the measurement.
 pub(super) struct Tools<'a> {
     pub(super) world: &'a Arc<World>,
     pub(super) point: &'a OperatingPoint,
@@ -95,7 +95,7 @@ pub(super) struct Tools<'a> {
     pub(super) stop: &'a AtomicBool,
 }
 
-/// The two anchors of an interval, the frame between them, and what is known of them.
+/// The two anchors of an interval, the true frame between them, and their guidance.
 struct Interval {
     number: u64,
     frames: [Frame; 2],
@@ -105,7 +105,7 @@ struct Interval {
     /// True motion and depth of the second anchor, and of the first.
     truth: [Guidance; 2],
     controls: Guidance,
-    /// Which pixels of the second are in the first.
+    /// Which pixels of the second anchor are visible in the first.
     seen: Vec<bool>,
 }
 
@@ -114,7 +114,7 @@ impl Tools<'_> {
         if self.quick { &TARGETS[..FEW] } else { &TARGETS }
     }
 
-    /// Walks through a place and hands over its intervals.
+    /// Walks through a place and passes its intervals on.
     fn walk(&self, place: Place, each: &mut dyn FnMut(&Interval) -> Result<()>) -> Result<()> {
         let size = self.world.render_size();
         let targets = self.targets();
@@ -159,10 +159,10 @@ impl Tools<'_> {
         Ok(Interval { number, frames, between, latents, decoded, truth, controls, seen })
     }
 
-    /// The factor with which the paper's extractor is nearest to the truth, in the least squares over the places' pixels.
+    /// The least-squares scale of the paper's extractor against the true motion, over the places' pixels.
     ///
     /// # Errors
-    /// What making latents can fail with; `Cancelled` when it was asked to stop.
+    /// Errors of making latents; `Cancelled` when `stop` was set.
     pub(super) fn calibrate(&self, places: &[Place]) -> Result<f32> {
         let (mut product, mut square) = (0.0, 0.0);
         for &place in places {
@@ -216,7 +216,7 @@ impl Tools<'_> {
         Ok(records)
     }
 
-    /// Makes an interval again, of the renderer's anchors, to be looked at.
+    /// Makes an interval with the renderer's anchors again, for the figure.
     ///
     /// # Errors
     /// As [`calibrate`](Self::calibrate).
@@ -269,7 +269,7 @@ impl Interval {
         EndPoint { mean: sum / count, near: f64::from(near) / count }
     }
 
-    /// The frame in the middle, with `motion` and the depth of `row`.
+    /// The frame in the middle, generated with `motion` and the depth of `row`.
     fn make(
         &self,
         generator: &mut CpuGenerator,
@@ -289,8 +289,8 @@ impl Interval {
     }
 }
 
-/// For each pixel of `current` whether the point it shows is seen in `previous` too: its true motion ends in the picture, and
-/// one of the four pixels around that end lies as far away, to 5 % and the walk of one anchor.
+/// For each pixel of `current`, whether its point is visible in `previous`: the true motion ends inside the picture, and one of the four pixels
+/// around the end point has the same distance, to within 5 % plus the walk of one anchor interval.
 fn seen_in_both(current: &Frame, previous: &Frame, (width, height): (u32, u32)) -> Vec<bool> {
     let (width, height) = (width as usize, height as usize);
     let is_seen = |k: usize| {
@@ -312,7 +312,7 @@ fn seen_in_both(current: &Frame, previous: &Frame, (width, height): (u32, u32)) 
     (0..width * height).map(is_seen).collect()
 }
 
-/// An inner disagreement, told and not hidden.
+/// Error for an internal inconsistency.
 fn behind_the_end() -> Error {
     Error::new(ErrorKind::InvalidState, "a frame behind the end of the walk")
 }

@@ -27,39 +27,39 @@ use crate::world_quality::held_out;
 pub(crate) use measure::Place;
 use measure::Tools;
 
-/// The places that are walked, of each kind.
+/// Scene seeds that are walked, for each kind of place.
 const SEEDS: [u64; 3] = [41, 42, 43];
-/// The place of each kind that whatever is tuned is tuned on.
+/// Scene seed for tuning, for each kind of place.
 pub(crate) const TUNING: u64 = 4;
 
-/// What is to be measured.
+/// Settings of the measurement.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
-    /// The bundle; the library's own without one.
+    /// The bundle; `None` for the library's own.
     pub(crate) world: Option<PathBuf>,
-    /// Scene seeds; the usual ones where it is empty.
+    /// Scene seeds; empty for the usual ones.
     pub(crate) seeds: Vec<u64>,
     /// One place of each kind, and two frames of each.
     pub(crate) quick: bool,
-    /// Whether LPIPS is measured; its weights are fetched where they are not there.
+    /// Whether LPIPS is measured; its weights are fetched if they are missing.
     pub(crate) lpips: bool,
-    /// Write page and picture into the clone's docs as well.
+    /// Also writes the page and the picture into the repository's docs.
     pub(crate) publish: bool,
     pub(crate) out: PathBuf,
 }
 
-/// What came of it.
+/// Result of the measurement.
 pub(crate) struct Outcome {
-    /// For people.
+    /// Summary for the terminal.
     pub(crate) text: String,
     /// Files that were written.
     pub(crate) files: Vec<PathBuf>,
-    /// The source that the frames say is best, of those that need nothing but anchors.
+    /// The best source by its generated frames, of those that need anchors only.
     pub(crate) best: Option<GuidanceSource>,
 }
 
 impl Settings {
-    /// Refuses what makes no sense; needs no file.
+    /// Checks the settings; reads no file.
     ///
     /// # Errors
     /// `InvalidArgument` for a scene seed that is not held out.
@@ -95,7 +95,7 @@ impl Settings {
 /// Measures all sources.
 ///
 /// # Errors
-/// An unusable world, weights of LPIPS that cannot be had, what making latents can fail with, and `Cancelled`.
+/// An unusable world, missing weights of LPIPS, errors of making latents, and `Cancelled`.
 pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
     settings.check()?;
     let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
@@ -146,7 +146,7 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
     Ok(Outcome { text: report::summary(&found), files, best: report::best(&records) })
 }
 
-/// How the world is run: only its autoencoder counts here, so the smallest window that it declares does.
+/// The operating point: only the autoencoder matters here, so it has the smallest declared window.
 fn point(bundle: &Arc<Bundle>) -> OperatingPoint {
     let global = &bundle.geometry().global;
     OperatingPoint { global_window: global.window.min(global.max_window), ..Preset::Coherence.operating_point() }

@@ -11,21 +11,21 @@ use super::{Settings, TUNING};
 use crate::compare::summary::{Estimate, estimate};
 use crate::table::Table;
 
-/// Rows that say how sources compare; the rest of [`ROWS`] says what depth is worth.
+/// Number of rows that compare sources; the rest of [`ROWS`] compares depths.
 const SOURCES: usize = MOTIONS.len();
 
-/// Everything that was measured.
+/// All measurements.
 pub(super) struct Found<'a> {
     pub(super) settings: &'a Settings,
     /// The world's name.
     pub(super) world: &'a str,
     pub(super) places: &'a [Place],
-    /// That of the calibrated extractor.
+    /// Scale of the calibrated extractor.
     pub(super) scale: f32,
     pub(super) records: &'a [Record],
 }
 
-/// A figure of a frame.
+/// A value of a frame.
 type Figure = fn(&Record) -> Option<f64>;
 
 const END_POINT: Figure = |record| Some(record.end_point.mean);
@@ -34,7 +34,7 @@ const PSNR: Figure = |record| Some(record.score.psnr);
 const SSIM: Figure = |record| Some(record.score.ssim);
 const LPIPS: Figure = |record| record.score.lpips;
 
-/// Means of places, one value a place.
+/// Means per place.
 fn by_place(records: &[Record], anchors: Anchors, row: Row, figure: Figure) -> Vec<(Place, f64)> {
     let mut places: Vec<Place> = records.iter().map(|record| record.place).collect();
     places.sort_unstable();
@@ -52,8 +52,8 @@ fn over_places(records: &[Record], anchors: Anchors, row: Row, figure: Figure) -
     estimate(&by_place(records, anchors, row, figure).iter().map(|(_, value)| *value).collect::<Vec<_>>())
 }
 
-/// Of the sources that need nothing but anchors, the one whose frames are nearest to the truth between the renderer's anchors: by
-/// LPIPS where it was measured, else by PSNR.
+/// The source, of those that need anchors only, whose frames are closest to the truth between the renderer's anchors: by LPIPS if measured,
+/// otherwise by PSNR.
 pub(super) fn best(records: &[Record]) -> Option<GuidanceSource> {
     let score = |row: Row| {
         let of = |figure| over_places(records, Anchors::Drawn, row, figure).map(|estimate| estimate.mean);
@@ -64,7 +64,7 @@ pub(super) fn best(records: &[Record]) -> Option<GuidanceSource> {
 }
 
 fn digits(value: f64, digits: usize) -> String {
-    // No zero with a sign.
+    // Avoids a negative zero.
     let text = format!("{value:.digits$}");
     if text.trim_start_matches(['-', '0', '.']).is_empty() { text.trim_start_matches('-').into() } else { text }
 }
@@ -73,7 +73,7 @@ fn number(value: Option<Estimate>, figures: usize) -> String {
     value.map_or("–".into(), |estimate| digits(estimate.mean, figures))
 }
 
-/// The sources, or what depth is worth.
+/// Table of the sources, or of the depths.
 fn table(records: &[Record], anchors: Anchors, rows: &[Row], with_depth: bool) -> Table {
     let lines = rows.iter().map(|row| {
         let of = |figure, figures| number(over_places(records, anchors, *row, figure), figures);
@@ -99,7 +99,7 @@ fn table(records: &[Record], anchors: Anchors, rows: &[Row], with_depth: bool) -
     }
 }
 
-/// Sources by kind of place: the end point, and the frames.
+/// Table of sources by kind of place: end-point error, or frames.
 fn by_family(records: &[Record], figure: Figure, figures: usize) -> Table {
     let mut head = vec!["motion"];
     head.extend(FAMILIES.map(|family| family.name()));
@@ -115,7 +115,7 @@ fn by_family(records: &[Record], figure: Figure, figures: usize) -> Table {
     Table::new(1, &head, lines.collect())
 }
 
-/// How much better `picture_flow` is than every other source, place by place.
+/// Advantage of `picture_flow` over every other source, paired by place.
 fn differences(records: &[Record], anchors: Anchors) -> Table {
     let own = Row { motion: Motion::Pictures, depth: Depth::Flat };
     let lines = ROWS.iter().take(SOURCES).filter(|row| **row != own).map(|row| {
@@ -141,7 +141,7 @@ fn differences(records: &[Record], anchors: Anchors) -> Table {
     Table::new(1, &["picture-flow less", "PSNR, dB", "SSIM", "LPIPS"], lines.collect())
 }
 
-/// What is found, in one sentence.
+/// The result in one sentence.
 fn verdict(found: &Found<'_>) -> String {
     let Some(best) = best(found.records) else { return String::new() };
     let chosen = GuidanceSource::BEST;
@@ -156,7 +156,7 @@ fn verdict(found: &Found<'_>) -> String {
     }
 }
 
-/// For people who ran it.
+/// Summary for the terminal.
 pub(super) fn summary(found: &Found<'_>) -> String {
     format!(
         "{}, {} places, paper's scale calibrated to {}\n\n{}\n{}\n",
@@ -168,7 +168,7 @@ pub(super) fn summary(found: &Found<'_>) -> String {
     )
 }
 
-/// How much of the motion each source knows: what it takes away of the distance that no motion is off.
+/// Share of the true motion that each source explains: the reduction of the end-point error relative to zero motion.
 fn plainly(records: &[Record]) -> String {
     let off = |row: Row| over_places(records, Anchors::Drawn, row, END_POINT).map(|estimate| estimate.mean);
     let Some(none) = off(ROWS[0]).filter(|none| *none > 0.0) else { return String::new() };
@@ -182,7 +182,7 @@ fn plainly(records: &[Record]) -> String {
     )
 }
 
-/// `docs/motion.md`. It depends on nothing but what was measured.
+/// The page `docs/motion.md`. Depends on the measurements only.
 pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> String {
     let Found { settings, world, places, scale, records } = found;
     let seeds: Vec<String> = settings.seeds().iter().map(u64::to_string).collect();
@@ -241,7 +241,7 @@ pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> St
     out
 }
 
-/// Every frame.
+/// CSV with a line for every frame.
 pub(super) fn csv(records: &[Record]) -> String {
     let mut text = String::from("scene,place,anchors,anchor,motion,depth,off,within_1,psnr,ssim,lpips,given_up\n");
     for record in records {
@@ -284,7 +284,7 @@ mod tests {
             let rows = [ROWS[6], ROWS[1], ROWS[3], ROWS[5]];
             (0..4).map(|n| record(41, rows[n], psnr[n], lpips[n])).collect::<Vec<_>>()
         };
-        // The truth is better than all, and is no source.
+        // The truth is better than all sources, and is none itself.
         let all = with([50.0, 30.0, 31.0, 32.0], [Some(0.0), Some(0.1), Some(0.3), Some(0.2)]);
         assert_eq!(best(&all), Some(GuidanceSource::Paper), "by LPIPS");
         let all = with([50.0, 30.0, 33.0, 32.0], [None; 4]);
@@ -299,7 +299,7 @@ mod tests {
             record(41, ROWS[1], 38.0, None),
             record(42, ROWS[5], 30.0, None),
             record(42, ROWS[1], 27.0, None),
-            // A place that one of them lacks counts for neither.
+            // A place that one of the two lacks is left out for both.
             record(43, ROWS[1], 90.0, None),
         ];
         let text = differences(&records, Anchors::Drawn).markdown();

@@ -1,11 +1,11 @@
-//! Where motion and depth come from, and how they are paired.
+//! Sources of motion and depth, and the pairs that are compared.
 
 use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, camera, latent_flow, paper, picture_flow};
 use cairn::world::{ControlInput, ControlScript, GuidanceSource, WorldTime};
 use cairn::{Picture, Result};
 use scenes::{EASE, EYE, MAX_PITCH, RUN, TURN_PER_COUNT, WALK};
 
-/// Where motion comes from, by its place in the tables.
+/// Source of motion, in the order of the tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Motion {
     None,
@@ -28,14 +28,14 @@ pub(super) const MOTIONS: [Motion; 7] = [
     Motion::Truth,
 ];
 
-/// Where depth comes from.
+/// Source of depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Depth {
-    /// The same everywhere.
+    /// Constant depth.
     Flat,
-    /// The first channel of the latent, as the paper has it.
+    /// The first channel of the latent, as in the paper.
     Paper,
-    /// Of level ground.
+    /// Depth of level ground.
     Level,
     Truth,
 }
@@ -47,8 +47,7 @@ pub(super) struct Row {
     pub(super) depth: Depth,
 }
 
-/// What is compared, in the order of the tables: every source of motion with the depth that comes with it, then those that
-/// tell what depth is worth.
+/// The compared pairs in the order of the tables: every source of motion with its own depth, then pairs that show the value of depth.
 pub(super) const ROWS: [Row; 12] = [
     Row { motion: Motion::None, depth: Depth::Flat },
     Row { motion: Motion::Paper, depth: Depth::Paper },
@@ -65,7 +64,7 @@ pub(super) const ROWS: [Row; 12] = [
 ];
 
 impl Motion {
-    /// As it is written in CSV files.
+    /// Name in CSV files.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -78,7 +77,7 @@ impl Motion {
         }
     }
 
-    /// What it is, one sentence.
+    /// Description in one sentence.
     pub(super) fn description(self) -> &'static str {
         match self {
             Self::None => "Nothing moves: the two anchors are blended.",
@@ -93,7 +92,7 @@ impl Motion {
         }
     }
 
-    /// What a world's operating point calls it, where it needs nothing but anchors.
+    /// Name in a world's operating point, for sources that need anchors only.
     pub(super) fn guidance_source(self) -> Option<GuidanceSource> {
         match self {
             Self::Paper => Some(GuidanceSource::Paper),
@@ -115,16 +114,16 @@ impl Depth {
     }
 }
 
-/// What two anchors are, for who looks for motion between them.
+/// Input of the sources: two anchors.
 pub(super) struct Pair<'a> {
     pub(super) pictures: [&'a Picture; 2],
     pub(super) latents: [LatentView<'a>; 2],
     pub(super) truth: &'a Guidance,
-    /// What the controls say, found by [`Follower`].
+    /// Guidance from the controls, by [`Follower`].
     pub(super) controls: &'a Guidance,
 }
 
-/// Everything that finds motion, with its working memory.
+/// All sources of motion, with their working memory.
 pub(super) struct Finder {
     paper: paper::Extractor,
     calibrated: paper::Extractor,
@@ -134,7 +133,7 @@ pub(super) struct Finder {
 }
 
 impl Finder {
-    /// `scale` is that of the calibrated extractor.
+    /// `scale` is the calibrated extractor's.
     pub(super) fn new(scale: f32, (width, height): (u32, u32)) -> Result<Self> {
         Ok(Self {
             paper: paper::Extractor::new(),
@@ -179,7 +178,7 @@ impl Finder {
     }
 }
 
-/// Follows the controls of a walk from anchor to anchor.
+/// Derives motion from the controls of a walk, from anchor to anchor.
 pub(super) struct Follower {
     extractor: camera::Extractor,
     script: ControlScript,
@@ -189,7 +188,7 @@ pub(super) struct Follower {
 }
 
 impl Follower {
-    /// Of a walk under `script` with `rate` anchors a second that starts where `start` looks; pictures have `size`.
+    /// For a walk under `script` with `rate` anchors a second that starts at the camera `start`; pictures have `size`.
     pub(super) fn new(
         script: ControlScript,
         start: &scenes::camera::Camera,
@@ -208,7 +207,7 @@ impl Follower {
         Ok(Self { extractor: camera::Extractor::new(eye, start.pitch)?, script, rate, at: 0, size })
     }
 
-    /// Motion and depth of anchor `number`, later than any before.
+    /// Motion and depth of anchor `number`, which must be later than any before.
     pub(super) fn reach(&mut self, number: u64, out: &mut Guidance) -> Result<()> {
         while self.at < number {
             let span = [self.at, self.at + 1].map(|n| WorldTime::new(n, self.rate));

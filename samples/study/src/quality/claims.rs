@@ -1,19 +1,19 @@
-//! What Cairn claims about its pictures, held against the table.
+//! Cairn's claims about its pictures, checked against the table.
 
 use std::fmt;
 
 use super::rows::Kind;
 use super::table::{Table, is_better, measures};
 
-/// The measures as they are named to people.
+/// Names of the measures.
 pub(super) const MEASURES: [&str; 3] = ["PSNR", "SSIM", "LPIPS"];
 
-/// A claim about one row on one group of clips, and whether the table bears it out.
+/// A claim about one row on one group of clips, and whether the table supports it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Claim {
     pub(super) what: String,
     pub(super) held: bool,
-    /// The figures that decide it.
+    /// The values that decide it.
     pub(super) figures: String,
 }
 
@@ -24,9 +24,8 @@ impl fmt::Display for Claim {
     }
 }
 
-/// All claims that the table can decide, at twice the anchors' rate: with true motion and depth the generator is better
-/// than every other row in every measure; with `picture_flow` it is better than what needs no neural network in every
-/// measure, and than RIFE in PSNR.
+/// All claims that the table can decide, at twice the anchors' rate: with true motion and depth the generator is better than every other row in
+/// every measure; with `picture_flow` it is better in every measure than the rows without a neural network, and better than RIFE in PSNR.
 pub(super) fn judge(table: &Table) -> Vec<Claim> {
     let mut claims = Vec::new();
     for group in table.groups(2) {
@@ -39,8 +38,7 @@ pub(super) fn judge(table: &Table) -> Vec<Claim> {
     claims
 }
 
-/// The claim that `row` beats each of `others` on `group` in each of `which` measures; none where there is nothing to
-/// compare.
+/// The claim that `row` beats each of `others` on `group` in each of the `which` measures; `None` if there is nothing to compare.
 fn better(table: &Table, group: &str, row: Kind, others: &[Kind], which: &[usize]) -> Option<Claim> {
     let own = measures(&table.group(2, group, row)?.score);
     let rivals: Vec<_> =
@@ -95,7 +93,7 @@ mod tests {
     fn nothing_is_claimed_where_nothing_can_be_compared() {
         assert_eq!(judge(&Table::new(&[record("snow-5", Kind::Truth, 40.0, None)])), []);
         assert_eq!(judge(&Table::new(&[record("snow-5", Kind::Blend, 40.0, None)])), []);
-        // The measure that is missing is left out, the others are judged.
+        // A missing measure is left out; the others are judged.
         let table =
             Table::new(&[record("snow-5", Kind::Flow, 40.0, None), record("snow-5", Kind::Blend, 30.0, Some(0.1))]);
         let claims = judge(&table);

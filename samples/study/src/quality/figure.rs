@@ -1,7 +1,6 @@
-//! The comparison picture: one place of one frame, as every row shows it.
+//! The comparison figure: a crop of one frame, as every row makes it.
 //!
-//! Nobody chooses the frame or the place by eye: one scored frame in ten is harder, and the place is the one where all rows
-//! together err most.
+//! Frame and crop are selected automatically: one scored frame in ten is harder, and the crop has the largest total error over all rows.
 
 use cairn::{Picture, Result};
 
@@ -15,13 +14,13 @@ use crate::text::{SMALL, fit, write};
 
 /// Columns of the figure.
 const COLUMNS: u32 = 4;
-/// How many of ten scored frames are easier than the one that is shown.
+/// Number of scored frames out of ten that are easier than the selected one.
 const EASIER_OF_TEN: usize = 9;
-/// What comes into the picture at its edges nobody can know; the place keeps this far from them, in pixels.
+/// Distance of the crop from the edges in pixels, because content that enters at an edge cannot be predicted.
 const EDGE: u32 = 24;
-/// How much brighter than it is the error is shown.
+/// Factor by which the error is brightened.
 const ERROR_GAIN: u16 = 4;
-/// Pixels of the picture that a tile shows, and how many times it is enlarged.
+/// Size of the crop in pixels, and its magnification.
 const PLACE: (u32, u32) = (140, 105);
 const ENLARGED: u32 = 2;
 const LABEL: u32 = 24;
@@ -30,13 +29,13 @@ const GROUND: [u8; 3] = [24, 26, 30];
 const BRIGHT: [u8; 3] = [235, 235, 230];
 const FRAME: [u8; 3] = [250, 210, 60];
 
-/// The picture, and what it shows.
+/// The figure and its caption.
 pub(super) struct Figure {
     pub(super) picture: Picture,
     pub(super) caption: String,
 }
 
-/// Draws the figure; none where the clips are too small or no frame was scored.
+/// Draws the figure; `None` if the clips are too small or no frame was scored.
 pub(super) fn draw(measured: &mut Measured, store: &Store) -> Result<Option<Figure>> {
     let Some(chosen) = hard(&measured.records).cloned() else { return Ok(None) };
     let shown = measured.show(&chosen.clip, chosen.anchor, Phase::HALF, store)?;
@@ -51,7 +50,7 @@ pub(super) fn draw(measured: &mut Measured, store: &Store) -> Result<Option<Figu
         ("truth, and the anchor after".to_owned(), enlarge(truth, at)?, enlarge(&current, at)?),
     ];
     for (kind, picture) in &shown {
-        // Between two anchors a repeated one shows nothing that they do not show.
+        // A repeated anchor shows nothing new beside the anchors themselves.
         if let Some(kind) = kind.filter(|kind| *kind != rows::Kind::Repeat) {
             let label = kind.label().replace(['*', '`'], "");
             tiles.push((label, enlarge(picture, at)?, enlarge(&error(truth, picture)?, at)?));
@@ -68,7 +67,7 @@ pub(super) fn draw(measured: &mut Measured, store: &Store) -> Result<Option<Figu
     Ok(Some(Figure { picture: arrange(&tiles)?, caption }))
 }
 
-/// The frame at half phase than which one in ten is harder: of scenes where there are any.
+/// The frame at half phase that one in ten exceeds in difficulty; from the scenes if there are any.
 fn hard(records: &[Record]) -> Option<&Record> {
     let is_scene = |r: &&Record| scenes::FAMILIES.iter().any(|family| family.name() == r.group);
     let of_scenes = records.iter().any(|r| is_scene(&r));
@@ -85,7 +84,7 @@ fn hard(records: &[Record]) -> Option<&Record> {
     frames.get((frames.len() * EASIER_OF_TEN / 10).min(frames.len().checked_sub(1)?)).map(|(_, record)| *record)
 }
 
-/// The upper left corner of the place where the absolute errors of `pictures` have the greatest sum.
+/// The upper left corner of the crop with the largest sum of absolute errors of `pictures`.
 fn worst_place<'a>(truth: &Picture, pictures: impl Iterator<Item = &'a Picture>) -> (u32, u32) {
     let (width, height) = (truth.width() as usize, truth.height() as usize);
     let mut error = vec![0u64; width * height];
@@ -94,7 +93,7 @@ fn worst_place<'a>(truth: &Picture, pictures: impl Iterator<Item = &'a Picture>)
             *sum += a[..3].iter().zip(&b[..3]).map(|(a, b)| u64::from(a.abs_diff(*b))).sum::<u64>();
         }
     }
-    // Sums over everything above and to the left, with a row and a column of zeros in front.
+    // Summed-area table with a row and a column of zeros in front.
     let mut above = vec![0u64; (width + 1) * (height + 1)];
     for y in 0..height {
         let mut row = 0;
@@ -118,7 +117,7 @@ fn worst_place<'a>(truth: &Picture, pictures: impl Iterator<Item = &'a Picture>)
     worst.1
 }
 
-/// How far `picture` is from `truth`, brightened.
+/// The absolute error of `picture`, brightened.
 fn error(truth: &Picture, picture: &Picture) -> Result<Picture> {
     let mut out = truth.clone();
     for ((out, a), b) in out.pixels_mut().iter_mut().zip(truth.pixels()).zip(picture.pixels()) {
@@ -129,7 +128,7 @@ fn error(truth: &Picture, picture: &Picture) -> Result<Picture> {
     Ok(out)
 }
 
-/// The place at `at`, its pixels as squares.
+/// The crop at `at`, magnified by pixel replication.
 fn enlarge(picture: &Picture, at: (u32, u32)) -> Result<Picture> {
     let mut tile = Picture::new(PLACE.0 * ENLARGED, PLACE.1 * ENLARGED)?;
     let (tile_width, width) = (tile.width() as usize, picture.width() as usize);
@@ -140,7 +139,7 @@ fn enlarge(picture: &Picture, at: (u32, u32)) -> Result<Picture> {
     Ok(tile)
 }
 
-/// The whole picture with a frame around the place.
+/// The whole picture with a frame around the crop.
 fn overview(picture: &Picture, at: (u32, u32)) -> Result<Picture> {
     let room = (PLACE.0 * ENLARGED, PLACE.1 * ENLARGED);
     let scale = (f64::from(room.0) / f64::from(picture.width())).min(f64::from(room.1) / f64::from(picture.height()));
@@ -159,7 +158,7 @@ fn overview(picture: &Picture, at: (u32, u32)) -> Result<Picture> {
     Ok(small)
 }
 
-/// Puts pairs of tiles in rows, one tile above the other, with their labels above them.
+/// Arranges pairs of tiles in rows, one tile above the other, with labels above them.
 fn arrange(tiles: &[(String, Picture, Picture)]) -> Result<Picture> {
     let tile = (PLACE.0 * ENLARGED, PLACE.1 * ENLARGED);
     let lines = (tiles.len() as u32).div_ceil(COLUMNS);
@@ -184,10 +183,10 @@ mod tests {
     fn one_frame_in_ten_is_harder() {
         let kind = rows::Kind::Blend;
         let records: Vec<Record> = (0..20).map(|i| record(&format!("snow-{i}"), kind, f64::from(i), None)).collect();
-        // Of twenty, the two with the least PSNR are its equals or harder.
+        // Of twenty frames, two have a PSNR as low or lower.
         assert_eq!(hard(&records).unwrap().clip, "snow-1");
         assert_eq!(hard(&records[..1]).unwrap().clip, "snow-0");
-        // Frames of scenes come before others.
+        // Frames of scenes take precedence.
         let with_film = [record("film", kind, 5.0, None), record("snow-6", kind, 10.0, None)];
         assert_eq!(hard(&with_film).unwrap().clip, "snow-6");
         assert!(hard(&[]).is_none());

@@ -1,4 +1,4 @@
-//! Makes every row's pictures and scores them.
+//! Makes and scores the pictures of every row.
 
 use std::cell::OnceCell;
 use std::fmt;
@@ -14,36 +14,36 @@ use super::store::{Store, digest, digest_picture};
 use crate::metrics::{Features, Lpips, psnr, ssim};
 use crate::progress::Progress;
 
-/// Part of every score's name: changes when the same pictures would be given another score.
+/// Part of every stored score's key; changed when the same pictures would get another score.
 const SCORES: &str = "psnr, ssim 1";
-/// What equal pictures count in means, in dB; nothing else reaches it.
+/// PSNR that equal pictures count as in means, in dB; no other pair reaches it.
 const EQUAL: f64 = 100.0;
 
-/// How near a picture is to the true one.
+/// Distance of a picture from the true one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Score {
     /// In dB, at most [`EQUAL`].
     pub(super) psnr: f64,
     pub(super) ssim: f64,
-    /// None where its weights could not be had.
+    /// `None` if its weights are not available.
     pub(super) lpips: Option<f64>,
 }
 
-/// One picture of one row.
+/// Score of one picture of one row.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Record {
     pub(super) clip: String,
     pub(super) group: String,
     pub(super) row: rows::Kind,
-    /// Number of the anchor behind the interval.
+    /// Number of the anchor at the interval's end.
     pub(super) anchor: usize,
     pub(super) phase: Phase,
-    /// The multiples of the anchors' rate that it counts for.
+    /// Multiples of the anchors' rate to whose means it belongs.
     pub(super) multipliers: Vec<u32>,
     pub(super) score: Score,
 }
 
-/// A row or a clip that could not be had.
+/// A row or a clip that is not available.
 #[derive(Debug, Clone)]
 pub(super) struct LeftOut {
     pub(super) name: String,
@@ -56,7 +56,7 @@ impl fmt::Display for LeftOut {
     }
 }
 
-/// What is to be measured.
+/// Plan of the measurement.
 pub(super) struct Plan {
     pub(super) rows: Vec<rows::Kind>,
     pub(super) clips: Vec<clips::Kind>,
@@ -64,13 +64,13 @@ pub(super) struct Plan {
     pub(super) scale: Scale,
 }
 
-/// Everything that was measured.
+/// All measurements.
 pub(super) struct Measured {
     pub(super) records: Vec<Record>,
     pub(super) left_out: Vec<LeftOut>,
     pub(super) rows: Vec<(rows::Kind, Box<dyn Row>)>,
     pub(super) clips: Vec<Box<dyn Clip>>,
-    /// What measures LPIPS.
+    /// `None` if LPIPS is not measured.
     pub(super) lpips: Option<Lpips>,
     pub(super) computed: usize,
     pub(super) kept: usize,
@@ -80,7 +80,7 @@ pub(super) struct Measured {
 /// Opens clips and rows, and scores each row on each clip.
 ///
 /// # Errors
-/// A clip or a row that fails while it works; the disk. What cannot be had at all is left out and named.
+/// A clip or a row that fails while it works; disk errors. Unavailable clips and rows are left out and listed.
 pub(super) fn run(
     plan: &Plan,
     lpips: Result<Option<Lpips>>,
@@ -140,7 +140,7 @@ pub(super) fn run(
     Ok(measured)
 }
 
-/// The two anchors of an interval and what follows from them.
+/// The two anchors of an interval, and the cache key of what depends on them.
 struct Ends {
     previous: Picture,
     current: Picture,
@@ -201,14 +201,14 @@ impl Measured {
         Ok(())
     }
 
-    /// The anchors before and behind an interval of `clip`.
+    /// The anchors before and after an interval of `clip`.
     pub(super) fn ends(&mut self, clip: &str, anchor: usize, store: &Store) -> Result<[Picture; 2]> {
         let unknown = || Error::new(ErrorKind::InvalidArgument, format!("there is no clip {clip:?}"));
         let clip = self.clips.iter_mut().find(|c| c.name() == clip).ok_or_else(unknown)?;
         Ok([clip.anchor(anchor - 1, store)?, clip.anchor(anchor, store)?])
     }
 
-    /// The pictures of every row that shows `clip` at `phase` before anchor `anchor`, after the true one.
+    /// The true picture of `clip` at `phase` before anchor `anchor`, then the picture of every row that can make it.
     pub(super) fn show(
         &mut self,
         clip: &str,
@@ -234,14 +234,14 @@ impl Measured {
     }
 }
 
-/// True motion and depth of the two anchors of an interval, as far as anybody knows them.
+/// True motion and depth of the two anchors of an interval, if known.
 fn guidance(clip: &mut dyn Clip, anchor: usize, store: &Store) -> Result<[Option<Guidance>; 2]> {
-    // The first anchor of all has none before it that it could have moved from.
+    // The first anchor has no predecessor and so no motion.
     let before = if anchor >= 2 { clip.guidance(anchor - 1, store)? } else { None };
     Ok([before, clip.guidance(anchor, store)?])
 }
 
-/// A row's pictures: those that are kept, and the others made and kept.
+/// A row's pictures: stored ones are read, the others are made and stored.
 #[expect(clippy::too_many_arguments, reason = "one place that two callers share, with everything about one interval")]
 fn pictures(
     kind: rows::Kind,
@@ -255,7 +255,7 @@ fn pictures(
 ) -> Result<Vec<Picture>> {
     let name = |phase: &Phase| digest([&row.key(), &ends.key, &phase.to_string()].map(|part| part.as_bytes()));
     let names: Vec<String> = phases.iter().map(name).collect();
-    // What this program makes is made faster than it is read, and changes with every build.
+    // This program makes its own pictures faster than it reads them, and they change with every build.
     if !kind.is_built_in() {
         let kept: Result<Vec<Option<Picture>>> = names.iter().map(|name| store.kept_row(kind.name(), name)).collect();
         if let Some(kept) = kept?.into_iter().collect() {
@@ -288,12 +288,12 @@ fn pictures(
     Ok(made)
 }
 
-/// A true picture, and which part of it counts.
+/// A true picture and the mask of scored pixels.
 struct Truth {
     phase: Phase,
     picture: Picture,
     counts: Option<Vec<bool>>,
-    /// What LPIPS sees in it, once somebody asked.
+    /// Its LPIPS features, computed at first use.
     features: OnceCell<Features>,
     key: String,
 }
@@ -306,8 +306,7 @@ impl Truth {
         Ok(Self { phase, picture, counts, features: OnceCell::new(), key })
     }
 
-    /// Scores `picture`, in LPIPS where there is something to measure it with. Pixels that do not count are made equal to
-    /// the truth first, for every row alike.
+    /// Scores `picture`, with LPIPS if available. Pixels that are not scored are first made equal to the truth, for every row.
     fn score(&self, mut picture: Picture, lpips: Option<&Lpips>) -> Result<Score> {
         if let Some(counts) = &self.counts {
             for ((pixel, truth), counts) in picture.pixels_mut().iter_mut().zip(self.picture.pixels()).zip(counts) {
@@ -319,7 +318,7 @@ impl Truth {
         let lpips = match lpips {
             Some(lpips) => {
                 if self.features.get().is_none() {
-                    // Set once: nobody else holds this.
+                    // Cannot fail: this is the only owner.
                     let _ = self.features.set(lpips.features(&self.picture)?);
                 }
                 self.features.get().map(|truth| lpips.distance_to(truth, &picture)).transpose()?
@@ -330,7 +329,7 @@ impl Truth {
     }
 }
 
-/// A score as it is kept: to the last bit.
+/// A score as stored text, exact to the last bit.
 fn line(score: Score) -> String {
     let lpips = score.lpips.map_or_else(|| "-".to_owned(), |v| v.to_string());
     format!("{} {} {lpips}", score.psnr, score.ssim)

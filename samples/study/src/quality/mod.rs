@@ -35,16 +35,16 @@ use rows::program::not_provided;
 use store::Store;
 use table::Table;
 
-/// The table for people.
+/// The table as Markdown.
 const REPORT: &str = "quality.md";
-/// The table for programs.
+/// The table as CSV.
 const SUMMARY: &str = "quality.csv";
 /// Every frame's scores.
 const FRAMES: &str = "quality-frames.csv";
-/// The same place as every row shows it.
+/// The same crop for every row.
 const FIGURE: &str = "quality.png";
 
-/// What is to be measured. Texts are those of the command line.
+/// Settings of the measurement, as texts from the command line.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
     pub(crate) rows: String,
@@ -52,19 +52,19 @@ pub(crate) struct Settings {
     pub(crate) seeds: Vec<u64>,
     /// The network of LPIPS: alex, vgg or none.
     pub(crate) lpips: String,
-    /// Everything small, and only what this program can do alone.
+    /// Small clips, and only rows that need no other program.
     pub(crate) smoke: bool,
-    /// Make again what other programs made earlier, and score everything again.
+    /// Ignore stored scores and stored pictures of other programs.
     pub(crate) fresh: bool,
-    /// Take times as well.
+    /// Also measure times.
     pub(crate) speed: bool,
-    /// Write the report into the clone's docs as well.
+    /// Also write the report into the repository's docs.
     pub(crate) publish: bool,
     pub(crate) out: PathBuf,
 }
 
 impl Settings {
-    /// Refuses what makes no sense; needs no file.
+    /// Checks the settings; reads no file.
     pub(crate) fn check(&self) -> Result<()> {
         rows::parse(&self.rows)?;
         let clips = clips::parse(&self.clips)?;
@@ -95,24 +95,24 @@ fn net(name: &str) -> Result<Option<Net>> {
     }
 }
 
-/// Loads LPIPS; its weights are fetched where that is allowed and they are not there.
+/// Loads LPIPS. Missing weights are fetched if that is allowed.
 fn open_lpips(settings: &Settings, progress: &Progress) -> Result<Option<Lpips>> {
     let Some(net) = net(&settings.lpips)? else { return Ok(None) };
     if settings.smoke { Lpips::find(net) } else { inputs::lpips(net, progress) }.map(Some)
 }
 
-/// What came of it.
+/// Result of the measurement.
 pub(crate) struct Outcome {
     /// Files that were written, the report first.
     pub(crate) files: Vec<PathBuf>,
-    /// What the table says of the claims, one line each.
+    /// Verdict on each claim, one line each.
     pub(crate) claims: Vec<String>,
-    /// How many claims it does not bear out.
+    /// Number of claims that the table does not support.
     pub(crate) missed: usize,
-    /// Scores that were computed now, and those that were there already.
+    /// Number of scores computed now, and of stored ones.
     pub(crate) computed: usize,
     pub(crate) kept: usize,
-    /// Rows and clips that could not be had, with reason and remedy.
+    /// Unavailable rows and clips, with reason and remedy.
     pub(crate) left_out: Vec<String>,
     pub(crate) interrupted: bool,
 }
@@ -120,7 +120,7 @@ pub(crate) struct Outcome {
 /// Measures, and writes table, report and figure.
 ///
 /// # Errors
-/// Settings that make no sense, a clip that cannot be made, a full disk. A row whose program cannot be had is no error.
+/// Invalid settings, a clip that cannot be made, a full disk. An unavailable row is no error.
 pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
     settings.check()?;
     let cache = provision::cache_dir().map_err(|e| not_provided(&e))?;
@@ -160,7 +160,7 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
     })
 }
 
-/// What a report is made from besides what was measured.
+/// Input of the report besides the measurements.
 struct Page<'a> {
     settings: &'a Settings,
     table: &'a Table,
@@ -183,7 +183,7 @@ fn write(out: &Path, page: &Page<'_>, measured: &mut Measured, store: &Store) ->
     Ok(files)
 }
 
-/// Copies report, table and figure into the clone's docs. The figure lies in a folder of its own there.
+/// Copies report, table and figure into the repository's docs, where the figure has a folder of its own.
 fn publish(out: &Path) -> Result<Vec<PathBuf>> {
     let docs = provision::repository().join("docs");
     let mut files = Vec::new();

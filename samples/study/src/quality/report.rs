@@ -1,4 +1,4 @@
-//! The table for people, as Markdown.
+//! The report as Markdown.
 
 use std::fmt::Write as _;
 
@@ -8,10 +8,10 @@ use super::rows::Kind;
 use super::table::{Table, is_better, measures};
 use super::{FIGURE, FRAMES, Page, SUMMARY, Settings};
 
-/// The scenes' seed that work on the generator may look at.
+/// The scenes' seed that may be used to tune the generator.
 const SEED_FOR_TUNING: u64 = 4;
 
-/// The whole text. It depends on nothing but what was measured, so that a change of the page is a change of figures.
+/// The whole text. It depends on the measurements only, so the page changes only when they do.
 pub(super) fn text(page: &Page<'_>, measured: &Measured, caption: Option<&str>) -> String {
     let Page { settings, table, claims, speed } = page;
     let mut out = "# Picture quality\n\n".to_owned();
@@ -84,7 +84,7 @@ fn tables(out: &mut String, table: &Table, multiplier: u32) {
     }
 }
 
-/// The three values of a cell, with the best of their column bold.
+/// The three values of a cell; the best of each column is bold.
 fn cell(table: &Table, multiplier: u32, group: &str, row: Kind) -> String {
     let Some(own) = table.group(multiplier, group, row) else { return "–".into() };
     let all: Vec<_> = table
@@ -101,12 +101,12 @@ fn cell(table: &Table, multiplier: u32, group: &str, row: Kind) -> String {
     shown.collect::<Vec<_>>().join(" / ")
 }
 
-/// A value of measure `i` with the digits that mean something.
+/// A value of measure `i` with its significant digits.
 fn number(i: usize, value: f64) -> String {
     if i == 0 { format!("{value:.2}") } else { format!("{value:.4}") }
 }
 
-/// Differences of our rows to the others, clip by clip over the scenes.
+/// Differences between our rows and the others, paired by clip, over the scenes.
 fn differences(out: &mut String, table: &Table) {
     let groups: Vec<String> = scenes::FAMILIES.iter().map(|family| family.name().to_owned()).collect();
     let mut lines = String::new();

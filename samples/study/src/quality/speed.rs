@@ -1,7 +1,7 @@
-//! What a generated frame costs at 1920x1080, beside the plain average of two pictures and ffmpeg's `minterpolate`.
+//! Cost of a generated frame at 1920x1080, relative to the plain average of two pictures and to ffmpeg's `minterpolate`.
 //!
-//! What is timed is what is scored: the same generator, extractor and filter. Everything is measured in one run, all turns
-//! interleaved, the filter's too, so that ratios hold where times do not.
+//! The timed generator, extractor and filter are those that are scored. Everything is measured in one run with interleaved turns, the filter's too,
+//! so that ratios are reliable even where times are not.
 
 mod filter;
 
@@ -26,24 +26,24 @@ use crate::machine::Versions;
 use crate::progress::Progress;
 use filter::{Filter, intervals};
 
-/// Turns of each of our lines, after one that warms up.
+/// Turns of each of our lines, after one for warming up.
 const TURNS: usize = 12;
-/// Of so many turns `minterpolate` has one: it takes the time of each of its intervals.
+/// `minterpolate` has one turn per this many of ours, because one run gives a time for each of its intervals.
 const TURNS_TO_THEIRS: usize = 2;
-/// Anchors,
+/// Number of anchors,
 const ANCHORS: usize = 7;
-/// and which of them is the current one where motion is given.
+/// and index of the current one where motion is given.
 const CURRENT: usize = 3;
 /// Threads of the measurement.
 const THREADS: usize = 2;
-/// The place: in the middle of a walk with a turn, in the scene with the most edges.
+/// Scene of the measurement: in the middle of a walk with a turn, and the one with the most edges.
 const PLACE: Family = Family::Forest;
-/// Where the same is timed, but for `minterpolate`.
+/// Scenes where the same is timed, without `minterpolate`.
 const ELSEWHERE: [Family; 3] = [Family::Sword, Family::Desert, Family::Snow];
-/// The seed for work on the generator.
+/// Scene seed for tuning the generator.
 const SEED: u64 = 4;
 
-/// What is timed.
+/// Timed operations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Work {
     Average,
@@ -65,13 +65,13 @@ impl Work {
     }
 }
 
-/// Seconds to a frame.
+/// Time of a line.
 #[derive(Debug, Clone, PartialEq)]
 struct Line {
     work: Work,
-    /// On two threads, or as the program pleases.
+    /// Seconds per frame on two threads, or with the other program's own threads.
     seconds: f64,
-    /// On one thread, where that was measured.
+    /// Seconds per frame on one thread, if measured.
     alone: Option<f64>,
 }
 
@@ -79,17 +79,17 @@ struct Line {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Speed {
     lines: Vec<Line>,
-    /// The least and the greatest of `minterpolate`'s times, in seconds, or why there are none.
+    /// The smallest and the largest of `minterpolate`'s times in seconds, or why there are none.
     theirs: std::result::Result<[f64; 2], String>,
     /// The same lines of other scenes.
     elsewhere: Vec<(String, Vec<Line>)>,
     machine: String,
 }
 
-/// Measures; some seconds of it are the other program's.
+/// Measures all times.
 ///
 /// # Errors
-/// The scene cannot be drawn, or the generator refuses its own anchors.
+/// The scene cannot be rendered, or the generator rejects its anchors.
 pub(super) fn measure(store: &Store, progress: &Progress, stop: &AtomicBool) -> Result<Speed> {
     progress.phase("drawing anchors of 1920x1080");
     let timed = Timed::draw(PLACE, CURRENT, ANCHORS, store)?;
@@ -110,22 +110,22 @@ pub(super) fn measure(store: &Store, progress: &Progress, stop: &AtomicBool) -> 
     Ok(Speed { lines, theirs, elsewhere, machine: format!("{cpu}, {cores} logical cores{build}") })
 }
 
-/// What the time is taken on.
+/// Input of the timed operations.
 struct Timed {
     anchors: Vec<Picture>,
     /// Number of the anchor whose motion and depth are given.
     current: usize,
     given: Guidance,
-    /// The same for the anchor before it, where that is known.
+    /// The same for the previous anchor, if known.
     before: Option<Guidance>,
 }
 
 impl Timed {
-    /// Draws `count` anchors of a scene, of which the one with the number `current` is that of its first target.
+    /// Renders `count` anchors of a scene; index `current` is the anchor of the scene's first target.
     fn draw(family: Family, current: usize, count: usize, store: &Store) -> Result<Self> {
         let mut clip = SceneClip::new(family, SEED, Scale::Timed)?;
         let number = clip.targets().first().map_or(1, |target| target.anchor);
-        // Those before the target's anchor may lie before the script's start: the first is number 0.
+        // Anchors before the script's start do not exist: the first is number 0.
         let first = number.saturating_sub(current);
         let anchors = (first..first + count).map(|n| clip.anchor(n, store)).collect::<Result<Vec<Picture>>>()?;
         let given = clip
@@ -136,7 +136,7 @@ impl Timed {
     }
 }
 
-/// As many threads for the average as for the library's own work.
+/// Thread pools of equal size for the average and for the library's work.
 struct Threads {
     of_average: ThreadPool,
     of_library: Pool,
@@ -151,7 +151,7 @@ impl Threads {
     }
 }
 
-/// A piece of work and the threads it runs on.
+/// An operation and the threads it runs on.
 struct Turn<'a> {
     work: Work,
     threads: &'a Threads,
@@ -165,11 +165,11 @@ impl<'a> Turn<'a> {
     }
 }
 
-/// What [`take`] found: a line for each piece of work, and what [`Speed::theirs`] holds.
+/// Result of [`take`]: a line per operation, and the value of [`Speed::theirs`].
 type Times = (Vec<Line>, std::result::Result<[f64; 2], String>);
 
-/// Times what this program does, on two threads and on one, with the previous anchor's depth where that is known; and
-/// what the filter does, in turns between these. With [`Work::Flow`] every turn is another of the filter's intervals.
+/// Times this program's operations on two threads and on one, with the previous anchor's depth if known, interleaved with the
+/// filter. Each turn of [`Work::Flow`] uses another of the filter's intervals.
 fn take(timed: &Timed, filter: Result<Filter>, stop: &AtomicBool) -> Result<Times> {
     let Timed { anchors, current, given, before } = timed;
     let (pair, before) = ([&anchors[current - 1], &anchors[*current]], before.as_ref());
@@ -251,7 +251,7 @@ fn take(timed: &Timed, filter: Result<Filter>, stop: &AtomicBool) -> Result<Time
         .collect();
     let range = theirs.map_err(|error| error.to_string()).map(|(_, mut times)| {
         lines.push(Line { work: Work::Minterpolate, seconds: median(&mut times), alone: None });
-        // In order since the median was taken.
+        // Sorted, since the median was taken.
         [times.first(), times.last()].map(|time| time.map_or(f64::NAN, Duration::as_secs_f64))
     });
     Ok((lines, range))
@@ -262,7 +262,7 @@ fn median(times: &mut [Duration]) -> f64 {
     times.get(times.len() / 2).map_or(f64::NAN, Duration::as_secs_f64)
 }
 
-/// The cheapest picture there is between two others.
+/// The cheapest picture between two others: their average.
 fn average([previous, current]: [&Picture; 2], out: &mut Picture) {
     const PART: usize = 1 << 16;
     let pairs = previous.rgba().par_chunks(PART).zip(current.rgba().par_chunks(PART));
@@ -274,7 +274,7 @@ fn average([previous, current]: [&Picture; 2], out: &mut Picture) {
     std::hint::black_box(out);
 }
 
-/// Guidance in tiles, each with what is given to the pixel in its middle.
+/// Guidance in tiles; each tile has the value of its middle pixel.
 fn in_tiles(given: &Guidance, tile: u32) -> Result<Guidance> {
     let (width, height) = given.size();
     let mut motion = MotionField::tiled(width, height, tile)?;
@@ -297,7 +297,7 @@ fn line_of(lines: &[Line], work: Work) -> Option<&Line> {
     lines.iter().find(|line| line.work == work)
 }
 
-/// How many times the plain average's time a piece of work takes.
+/// Time of an operation as a multiple of the plain average's.
 fn times_average(lines: &[Line], work: Work) -> Option<f64> {
     Some(line_of(lines, work)?.seconds / line_of(lines, Work::Average)?.seconds)
 }
@@ -307,12 +307,12 @@ impl Speed {
         line_of(&self.lines, work)
     }
 
-    /// How many times the plain average's time a piece of work takes.
+    /// Time of an operation as a multiple of the plain average's.
     fn times_average(&self, work: Work) -> Option<f64> {
         times_average(&self.lines, work)
     }
 
-    /// What is claimed of times, as far as they were measured.
+    /// Verdicts on the claims about times, as far as they were measured.
     pub(super) fn judge(&self) -> Vec<Claim> {
         let mut claims = Vec::new();
         let mut claim = |what: &str, figure: Option<f64>, bound: f64, at_most: bool| {
@@ -412,7 +412,7 @@ mod tests {
         assert_eq!(held(&slow), held(&fast));
         assert!(slow.text().contains("| 7500.00 | 7.5 | 1.87 |"), "{}", slow.text());
         assert!(slow.text().contains("| snow-4 | 7.5 | – | – | – |"), "{}", slow.text());
-        // What was not measured is not judged.
+        // Claims without measurements are not judged.
         fast.lines.truncate(2);
         assert_eq!(held(&fast), [true]);
     }
@@ -425,7 +425,7 @@ mod tests {
         let depth = DepthMap::new(width, height, picture_flow::PROJECTION).unwrap();
         let tiled = in_tiles(&Guidance::from_parts(motion, depth).unwrap(), 8).unwrap();
         let found: Vec<f32> = tiled.motion().vectors().iter().map(|v| v[0].to_f32()).collect();
-        // Of the last row of tiles only its upper edge lies in the picture, of the last column its left half.
+        // Only the upper edge of the last row of tiles lies in the picture, and the left half of the last column.
         let middles = [(4, 4), (12, 4), (19, 4), (4, 8), (12, 8), (19, 8)];
         assert_eq!(found, middles.map(|(x, y)| (y * width + x) as f32));
     }

@@ -1,7 +1,6 @@
-//! What was made once and is kept: captures, pictures of other programs, and scores, each under a name that changes when
-//! anything it was made from changes.
+//! Cache of captures, pictures of other programs, and scores. Each key changes when any input changes.
 //!
-//! Everything lies below the user's cache folder and may be deleted at any time.
+//! Everything is below the user's cache folder and may be deleted at any time.
 
 use std::fs;
 use std::io;
@@ -13,7 +12,7 @@ use sha2::{Digest, Sha256};
 use crate::media::{describe_io, encode_png};
 use crate::picture::decode;
 
-/// A name for bytes: the first 24 hexadecimal digits of their SHA-256.
+/// Cache key of bytes: the first 24 hexadecimal digits of their SHA-256.
 pub(super) fn digest<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> String {
     let mut hash = Sha256::new();
     for part in parts {
@@ -23,23 +22,23 @@ pub(super) fn digest<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> String {
     hash.finalize().iter().take(12).map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// A name for a picture: its size and colours.
+/// Cache key of a picture, from its size and colours.
 pub(super) fn digest_picture(picture: &Picture) -> String {
     digest([&picture.width().to_le_bytes()[..], &picture.height().to_le_bytes()[..], picture.rgba()])
 }
 
-/// Where the pictures and numbers of one clip are kept.
+/// Cache key of the pictures and numbers of one clip.
 pub(super) struct Capture {
     key: String,
 }
 
 impl Capture {
-    /// A capture that follows from `description` alone.
+    /// A capture that depends on `description` only.
     pub(super) fn of(description: &str) -> Self {
         Self { key: digest([description.as_bytes()]) }
     }
 
-    /// A capture that follows from `description` and from the sources that draw the scenes.
+    /// A capture that depends on `description` and on the source code of the scenes.
     pub(super) fn of_scenes(description: &str) -> Result<Self> {
         let folder = provision::repository().join("samples").join("scenes").join("src");
         let mut files = Vec::new();
@@ -61,21 +60,21 @@ fn gather(folder: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
     Ok(())
 }
 
-/// The kept things.
+/// The cache.
 pub(super) struct Store {
     folder: PathBuf,
-    /// Whether scores and pictures of other programs that are there already are used.
+    /// Whether stored scores and pictures of other programs are used.
     reuse: bool,
 }
 
 impl Store {
-    /// The store in `folder`. With `reuse` off, what other programs made and what was scored is made again; captures,
-    /// which nothing but their own sources can change, are not.
+    /// The cache in `folder`. With `reuse` off, scores and pictures of other programs are made again; captures are not, because they depend on their
+    /// own sources only.
     pub(super) fn new(folder: PathBuf, reuse: bool) -> Self {
         Self { folder, reuse }
     }
 
-    /// The picture `name` of a capture; `make` makes it where it is not kept yet.
+    /// The picture `name` of a capture; calls `make` if it is not stored yet.
     pub(super) fn picture(
         &self,
         capture: &Capture,
@@ -91,7 +90,7 @@ impl Store {
         Ok(made)
     }
 
-    /// `count` numbers called `name` of a capture; `make` makes them where they are not kept yet.
+    /// `count` numbers called `name` of a capture; calls `make` if they are not stored yet.
     pub(super) fn numbers(
         &self,
         capture: &Capture,
@@ -112,7 +111,7 @@ impl Store {
         Ok(made)
     }
 
-    /// A picture that another program made earlier.
+    /// A stored picture of another program.
     pub(super) fn kept_row(&self, row: &str, key: &str) -> Result<Option<Picture>> {
         if !self.reuse {
             return Ok(None);
@@ -120,7 +119,7 @@ impl Store {
         Ok(read(&self.row_path(row, key))?.and_then(|bytes| decode(&bytes).ok()))
     }
 
-    /// Keeps a picture that another program made.
+    /// Stores a picture of another program.
     pub(super) fn keep_row(&self, row: &str, key: &str, picture: &Picture) -> Result<()> {
         write(&self.row_path(row, key), &encode_png(picture)?)
     }
@@ -129,7 +128,7 @@ impl Store {
         self.folder.join("rows").join(row).join(format!("{key}.png"))
     }
 
-    /// A line of text that was kept earlier, such as a score.
+    /// A stored line of text, such as a score.
     pub(super) fn kept_line(&self, key: &str) -> Result<Option<String>> {
         if !self.reuse {
             return Ok(None);
@@ -137,7 +136,7 @@ impl Store {
         Ok(read(&self.line_path(key))?.and_then(|bytes| String::from_utf8(bytes).ok()))
     }
 
-    /// Keeps a line of text.
+    /// Stores a line of text.
     pub(super) fn keep_line(&self, key: &str, line: &str) -> Result<()> {
         write(&self.line_path(key), line.as_bytes())
     }
@@ -147,7 +146,7 @@ impl Store {
     }
 }
 
-/// The bytes of a file; none where it is not there.
+/// The bytes of a file; `None` if it does not exist.
 fn read(path: &Path) -> Result<Option<Vec<u8>>> {
     match fs::read(path) {
         Ok(bytes) => Ok(Some(bytes)),
@@ -160,7 +159,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder).map_err(|e| describe_io("cannot be made", folder, &e))?;
     }
-    // The name of the unfinished file carries the process: several may fill one store.
+    // The temporary file's name contains the process number, because several processes may fill one cache.
     let unfinished = path.with_added_extension(format!("{}-part", std::process::id()));
     fs::write(&unfinished, bytes).map_err(|e| describe_io("cannot be written", &unfinished, &e))?;
     fs::rename(&unfinished, path).map_err(|e| describe_io("cannot be given its name", path, &e))
@@ -182,7 +181,7 @@ mod tests {
         assert_eq!(store.numbers(&capture, "0", 3, || Ok(numbers.clone())).unwrap(), numbers);
         assert_eq!(store.numbers(&capture, "0", 3, || panic!("made twice")).unwrap(), numbers);
         assert!(store.numbers(&capture, "1", 3, || Ok(vec![1.0])).is_err());
-        // A file that was cut off is made again.
+        // A truncated file is made again.
         fs::write(folder.path().join("captures").join(&capture.key).join("0.f32"), [1, 2]).unwrap();
         assert_eq!(store.numbers(&capture, "0", 3, || Ok(numbers.clone())).unwrap(), numbers);
 

@@ -1,19 +1,19 @@
-//! From frames to tables: frames are averaged to clips, clips to groups, and differences are taken clip by clip.
+//! Reduces frames to tables: frames are averaged to clips, clips to groups, and differences are paired by clip.
 
 use std::fmt::Write as _;
 
 use super::measure::{Record, Score};
 use super::rows;
 
-/// A mean over pictures of one row.
+/// A mean over one row's pictures.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Cell {
     pub(super) multiplier: u32,
     pub(super) group: String,
-    /// None for the mean over the group's clips.
+    /// `None` for the mean over the group's clips.
     pub(super) clip: Option<String>,
     pub(super) row: rows::Kind,
-    /// Pictures, or clips where it is a mean over clips.
+    /// Number of pictures, or of clips for a mean over clips.
     pub(super) count: usize,
     pub(super) score: Score,
 }
@@ -21,9 +21,9 @@ pub(super) struct Cell {
 /// All means.
 #[derive(Debug, Default)]
 pub(super) struct Table {
-    /// Means over pictures, one to a clip, row and multiple.
+    /// Means over pictures, one per clip, row and multiple.
     clips: Vec<Cell>,
-    /// Means over clips, one to a group, row and multiple.
+    /// Means over clips, one per group, row and multiple.
     groups: Vec<Cell>,
 }
 
@@ -33,16 +33,16 @@ pub(super) struct Paired {
     pub(super) clips: usize,
     /// Clips on which `a` is better, for PSNR, SSIM and LPIPS.
     pub(super) wins: [usize; 3],
-    /// Mean, least and greatest difference, for PSNR, SSIM and LPIPS; none for a measure that is missing somewhere.
+    /// Mean, smallest and largest difference, for PSNR, SSIM and LPIPS; `None` for a measure that is missing somewhere.
     pub(super) differences: [Option<[f64; 3]>; 3],
 }
 
-/// PSNR, SSIM and LPIPS; none for what was not measured.
+/// PSNR, SSIM and LPIPS; `None` for a measure that was not taken.
 pub(super) fn measures(score: &Score) -> [Option<f64>; 3] {
     [Some(score.psnr), Some(score.ssim), score.lpips]
 }
 
-/// Whether measure `i` of [`measures`] says that `a` is nearer to the truth than `b`.
+/// Whether `a` is better than `b` in measure `i` of [`measures`].
 pub(super) fn is_better(i: usize, a: f64, b: f64) -> bool {
     if i == 2 { a < b } else { a > b }
 }
@@ -61,7 +61,7 @@ impl Table {
                 table.clips.push(Cell { multiplier, group, clip: Some(clip), row, count: scores.len(), score });
             }
         }
-        // A row that cannot do all phases of a multiple would be averaged over easier or harder pictures than the others.
+        // A row that cannot make all phases of a multiple would be averaged over easier or harder pictures than the others, so it is left out.
         let most = |cells: &[Cell], c: &Cell| {
             let same = cells.iter().filter(|o| (o.multiplier, &o.clip) == (c.multiplier, &c.clip));
             same.map(|o| o.count).max().unwrap_or(0)
@@ -113,7 +113,7 @@ impl Table {
         self.clips.iter().find(|c| c.multiplier == multiplier && c.clip.as_deref() == Some(clip) && c.row == row)
     }
 
-    /// Compares two rows over the clips of `groups` that both have; none where there is no such clip.
+    /// Compares two rows over the clips of `groups` that both have; `None` if there is no such clip.
     pub(super) fn paired(&self, multiplier: u32, groups: &[String], a: rows::Kind, b: rows::Kind) -> Option<Paired> {
         let clips = groups.iter().flat_map(|group| self.clips(multiplier, group));
         let pairs: Vec<(Score, Score)> = clips
@@ -137,7 +137,7 @@ impl Table {
         Some(paired)
     }
 
-    /// Every mean as a CSV file: of clips first, then of groups, whose `clip` is empty.
+    /// All means as CSV: clips first, then groups, whose `clip` is empty.
     pub(super) fn csv(&self) -> String {
         let mut text = "multiplier,group,clip,row,count,psnr,ssim,lpips\n".to_owned();
         for cell in self.clips.iter().chain(&self.groups) {
@@ -150,7 +150,7 @@ impl Table {
     }
 }
 
-/// The values in the order of their first coming.
+/// The distinct values in order of first occurrence.
 fn unique<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
     let mut found = Vec::new();
     for value in values {
@@ -177,7 +177,7 @@ pub(super) mod tests {
     use super::*;
     use crate::quality::clips::Phase;
 
-    /// A picture of `clip`, whose group is what stands before its hyphen.
+    /// A picture of `clip`, whose group is the part before its hyphen.
     pub(in crate::quality) fn record(clip: &str, row: rows::Kind, psnr: f64, lpips: Option<f64>) -> Record {
         Record {
             clip: clip.into(),

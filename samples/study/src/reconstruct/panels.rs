@@ -5,11 +5,11 @@ use cairn::{Picture, Result};
 use crate::picture::shrink;
 use crate::text::{SMALL, fit, write};
 
-/// The most pixels that one of the three is wide; a larger picture is made smaller.
+/// Maximum width of a panel in pixels; larger pictures are scaled down.
 const WIDEST: u32 = 640;
 const GAP: u32 = 4;
 const LABEL: u32 = 24;
-/// The difference is shown so many times as strong as it is.
+/// Factor by which the difference is amplified.
 const STRENGTH: u8 = 4;
 const GROUND: [u8; 4] = [24, 26, 30, 255];
 const BRIGHT: [u8; 3] = [235, 235, 230];
@@ -31,13 +31,12 @@ impl Panels {
         Ok(Self { from, tile, difference: Picture::new(from.0, from.1)? })
     }
 
-    /// `(width, height)` of what is drawn.
+    /// `(width, height)` of the drawing.
     pub(super) fn size(&self) -> (u32, u32) {
         (3 * self.tile.0 + 2 * GAP, LABEL + self.tile.1)
     }
 
-    /// Draws truth, made and difference into `out`, with their upper edge at line `top`; the labels stand above the
-    /// first two.
+    /// Draws truth, generated frame and difference into `out`, with their upper edge at line `top`; the labels are above the first two.
     pub(super) fn draw(
         &mut self,
         [truth, made]: [&Picture; 2],
@@ -65,7 +64,7 @@ impl Panels {
         Ok(())
     }
 
-    /// Clears the line of labels.
+    /// Clears the label line.
     pub(super) fn clear(&self, out: &mut Picture) {
         out.pixels_mut().fill(GROUND);
     }

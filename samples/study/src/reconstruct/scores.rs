@@ -1,4 +1,4 @@
-//! How near every generated frame is to the true one.
+//! Scores of every generated frame against the true one.
 
 use std::fmt::Write as _;
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::metrics::{Lpips, psnr, ssim};
 
-/// What equal pictures count in means, in dB; nothing else reaches it.
+/// PSNR that equal pictures count as in means, in dB; no other pair reaches it.
 const EQUAL: f64 = 100.0;
 
 /// One generated frame against the truth.
@@ -18,7 +18,7 @@ pub(super) struct Score {
     pub(super) psnr: f64,
     pub(super) ssim: f64,
     pub(super) lpips: Option<f64>,
-    /// PSNR of the nearer anchor, which is what is shown where nothing is generated.
+    /// PSNR of the nearer anchor, which would be shown without generation.
     pub(super) psnr_of_anchor: f64,
 }
 
@@ -37,7 +37,7 @@ impl Score {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Entry {
     pub(super) frame: u64,
-    /// Number of the anchor at its end, and which of the frames before that: none for the anchor itself.
+    /// Number of the anchor at the interval's end, and the frame's index within the interval: `None` for the anchor itself.
     pub(super) anchor: u64,
     pub(super) part: Option<(u32, Score, Outcome)>,
 }
@@ -48,22 +48,22 @@ pub(super) struct Scores {
     pub(super) entries: Vec<Entry>,
 }
 
-/// What is worth knowing of all generated frames together.
+/// Summary over all generated frames.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// Mean over the frames; an equal frame counts 100.
     pub psnr_db: f64,
-    /// Of the frame in the middle.
+    /// PSNR of the median frame.
     pub median_psnr_db: f64,
-    /// Of the worst frame.
+    /// PSNR of the worst frame.
     pub worst_psnr_db: f64,
     /// Number of the worst frame.
     pub worst_frame: u64,
     /// Mean.
     pub ssim: f64,
-    /// Mean of LPIPS with AlexNet, where its weights were there.
+    /// Mean LPIPS with AlexNet, if its weights are installed.
     pub lpips: Option<f64>,
-    /// What showing the nearer anchor instead would have scored.
+    /// Mean PSNR of showing the nearer anchor instead.
     pub psnr_of_anchor_db: f64,
 }
 
@@ -79,7 +79,7 @@ impl Scores {
         ranked.into_iter().map(|(entry, _)| entry).collect()
     }
 
-    /// The frame in the middle and the worst one.
+    /// The median frame and the worst one.
     pub(super) fn shown(&self) -> Vec<(&'static str, Entry)> {
         let ranked = self.ranked();
         let middle = ranked.get(ranked.len() / 2).map(|entry| ("median", **entry));
@@ -95,7 +95,7 @@ impl Scores {
         let ranked = self.ranked();
         let psnr_at = |entry: &Entry| entry.part.map_or(EQUAL, |(_, score, _)| score.psnr.min(EQUAL));
         let worst = *ranked.first()?;
-        // Six decimals, which a JSON file gives back to the bit.
+        // Six decimals, which survive a round trip through JSON.
         let short = |value: f64| (value * 1e6).round() / 1e6;
         let measured = self.generated().all(|(_, s)| s.lpips.is_some());
         Some(Summary {
@@ -109,7 +109,7 @@ impl Scores {
         })
     }
 
-    /// One line to a frame. What is not measured is empty.
+    /// One line per frame. Missing values are empty.
     pub(super) fn csv(&self, multiplier: u32, rate: u32) -> String {
         let mut text = "frame,time_s,kind,phase,psnr_db,ssim,lpips_alex,psnr_of_anchor_db\n".to_owned();
         for Entry { frame, part, .. } in &self.entries {

@@ -1,4 +1,4 @@
-//! The loop: an anchor, its motion, the frames before it, and the truth they are held against.
+//! The main loop: an anchor, its motion, the frames before it, and the true frames for comparison.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,14 +17,14 @@ use crate::metrics::Lpips;
 use crate::sheet::Sheet;
 use crate::text::{SMALL, fit, write};
 
-/// Everything that lives as long as the stream.
+/// State of the stream.
 pub(super) struct Stream {
     walk: Walk,
     multiplier: u32,
     source: TruthOrPicture,
     flow: picture_flow::Extractor,
     guidance: Guidance,
-    /// That of the anchor before.
+    /// Guidance of the previous anchor.
     before: Guidance,
     generator: Box<dyn FrameGenerator>,
     lpips: Option<Lpips>,
@@ -35,7 +35,7 @@ pub(super) struct Stream {
     pub(super) times: BTreeMap<&'static str, Duration>,
 }
 
-/// Where frames go.
+/// Outputs for frames.
 struct Outlets<'a> {
     stream: &'a Recorder,
     comparison: &'a Recorder,
@@ -66,7 +66,7 @@ impl Stream {
         self.panels.size()
     }
 
-    /// Makes `limit` frames; `false` when it ends earlier because somebody asks for it, or a recorder has stopped.
+    /// Makes `limit` frames; `false` if `stop` was set or a recorder has stopped.
     pub(super) fn run(
         &mut self,
         limit: u64,
@@ -78,7 +78,7 @@ impl Stream {
         let outlets = Outlets { stream, comparison };
         let mut previous: Option<Picture> = None;
         for number in 0.. {
-            // Only here, so that what was made by then does not depend on when it was asked.
+            // Checked only here, so that the frames made do not depend on the exact time of the request.
             if stop.load(Ordering::Relaxed) {
                 return Ok(false);
             }
@@ -109,7 +109,7 @@ impl Stream {
         Ok(true)
     }
 
-    /// Draws an anchor and finds its motion back to the one before.
+    /// Renders an anchor and finds its motion to the previous one.
     fn make_anchor(&mut self, number: u64, previous: Option<&Picture>) -> Result<Picture> {
         let anchor = self.find_motion(number, previous)?;
         self.counts.anchors += 1;
@@ -141,7 +141,7 @@ impl Stream {
         Ok(frame.picture)
     }
 
-    /// Makes, scores and presents one frame between two anchors; `false` when a recorder has stopped.
+    /// Generates, scores and presents one frame between two anchors; `false` if a recorder has stopped.
     fn make_between(
         &mut self,
         frame: u64,
@@ -191,7 +191,7 @@ impl Stream {
         format!("{:.1} dB, {what} {part}/{}", score.psnr, self.multiplier)
     }
 
-    /// Hands one frame over, alone and beside the truth.
+    /// Passes one frame on, alone and beside the truth.
     fn present(
         &mut self,
         frame: u64,
@@ -215,7 +215,7 @@ impl Stream {
         Ok(taken)
     }
 
-    /// The generated frame of median quality and the worst one, beside the truth; none where nothing was generated.
+    /// The median and the worst generated frame beside the truth; `None` if nothing was generated.
     pub(super) fn compare(&mut self, title: &str) -> Result<Option<Picture>> {
         const TITLE: u32 = 28;
         let shown = self.scores.shown();
@@ -228,8 +228,8 @@ impl Stream {
         write(&mut out, &fit(title, width, SMALL), (4, 6), SMALL, [235, 235, 230]);
         for ((name, entry), row) in shown.into_iter().zip(0..) {
             let Some((part, score, outcome)) = entry.part else { continue };
-            // Everything is made once more, which saves keeping all frames until the end: the same bits, but by AMD's generator, which
-            // goes on from the frame before and here starts anew.
+            // The frames are generated again instead of being kept until the end. The bits are the same, except with AMD's generator,
+            // which has memory of earlier frames and here starts from nothing.
             let previous = self.walk.anchor(entry.anchor.saturating_sub(1)).ok_or_else(behind_the_end)?.picture;
             let anchor = self.find_motion(entry.anchor, Some(&previous))?;
             let (made, _) = self.generate(part, &previous, &anchor)?;
@@ -246,7 +246,7 @@ impl Stream {
     }
 }
 
-/// An inner disagreement, told and not hidden.
+/// Error for an internal inconsistency.
 fn behind_the_end() -> Error {
     Error::new(ErrorKind::InvalidState, "a frame behind the end of the walk").remedy("Report this with the manifest")
 }

@@ -1,4 +1,4 @@
-//! The truth: a walk through a scene, any frame of it, and the exact motion between anchors.
+//! The truth: a walk through a scene, with any of its frames and the exact motion between anchors.
 
 use cairn::guidance::{Guidance, Projection};
 use cairn::world::ControlScript;
@@ -16,7 +16,7 @@ pub(crate) struct Walk {
 }
 
 impl Walk {
-    /// Walks as far as `frames` frames go, of which every `multiplier`-th is an anchor of `rate` a second; draws nothing yet.
+    /// A walk of `frames` frames, of which every `multiplier`-th is an anchor, `rate` anchors a second. Renders nothing yet.
     pub(crate) fn new(
         family: Family,
         seed: u64,
@@ -36,13 +36,13 @@ impl Walk {
         Ok(Self { scene, moments, size, multiplier })
     }
 
-    /// What is seen at frame `index`; none behind the end of the walk.
+    /// Renders frame `index`; `None` after the end of the walk.
     pub(crate) fn truth(&self, index: u64) -> Option<Picture> {
         let moment = self.moments.get(usize::try_from(index).ok()?)?;
         Some(self.draw(moment, moment).picture)
     }
 
-    /// Anchor `number`, with its motion back to the one before.
+    /// Anchor `number`, with its motion to the previous one.
     pub(crate) fn anchor(&self, number: u64) -> Option<Frame> {
         let at = |number: u64| self.moments.get(usize::try_from(number.checked_mul(self.multiplier.into())?).ok()?);
         Some(self.draw(at(number)?, at(number.saturating_sub(1))?))
@@ -52,20 +52,20 @@ impl Walk {
         scenes::render(&self.scene, now, before, self.size.0, self.size.1, Quality::default())
     }
 
-    /// Where it starts.
+    /// Camera at the start.
     pub(crate) fn start(&self) -> Option<&Camera> {
         self.moments.first().map(|moment| &moment.camera)
     }
 
-    /// Room for the true motion and depth.
+    /// Allocates guidance for the true motion and depth.
     pub(crate) fn guidance(&self) -> Result<Guidance> {
-        // The walker never zooms.
+        // The walker never zooms, so the first field of view holds for all.
         let fov = self.moments.first().map_or(1.0, |moment| moment.camera.vertical_fov);
         Guidance::new(self.size.0, self.size.1, Projection::new(NEAR, FAR, fov)?)
     }
 }
 
-/// Copies the truth of an anchor into `guidance`, which is of its size and has a vector to a pixel.
+/// Copies the truth of an anchor into `guidance`, which has the anchor's size and one vector per pixel.
 pub(crate) fn tell(frame: &Frame, guidance: &mut Guidance) {
     for (vector, motion) in guidance.motion_mut().vectors_mut().iter_mut().zip(&frame.motion) {
         *vector = [f16::from_f32(motion.x), f16::from_f32(motion.y)];
@@ -73,7 +73,7 @@ pub(crate) fn tell(frame: &Frame, guidance: &mut Guidance) {
     guidance.depth_mut().depth_mut().copy_from_slice(&frame.depth);
 }
 
-/// The script that belongs to a kind of place.
+/// Script of a kind of place.
 pub(crate) fn script(family: Family) -> &'static str {
     match family {
         Family::Forest => include_str!("../../../scripts/forest.txt"),

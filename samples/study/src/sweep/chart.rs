@@ -1,4 +1,4 @@
-//! Points over compute as SVG: with lines where they belong together, intervals, a front in steps, and budgets.
+//! SVG charts of points over compute: joined lines, intervals, a stepped Pareto front, and budgets.
 
 use std::fmt::Write as _;
 
@@ -10,41 +10,41 @@ const LEFT: f64 = 84.0;
 const RIGHT: f64 = 150.0;
 const TOP: f64 = 14.0;
 const BOTTOM: f64 = 48.0;
-/// Of Okabe and Ito: told apart by nearly everybody.
+/// Okabe and Ito's palette, which colour-blind readers can tell apart.
 const COLOURS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#888888"];
 
-/// One point of a drawing.
+/// One point.
 #[derive(Clone)]
 pub(super) struct Mark {
     pub(super) x: f64,
     pub(super) y: f64,
     pub(super) interval: Option<[f64; 2]>,
-    /// What is told of it where a mouse points at it.
+    /// Tooltip.
     pub(super) words: String,
-    /// What stands beside it.
+    /// Label beside the point.
     pub(super) label: String,
 }
 
-/// Points that belong together.
+/// Points drawn in one colour.
 pub(super) struct Group {
     pub(super) name: String,
     pub(super) marks: Vec<Mark>,
 }
 
-/// A drawing.
+/// A chart.
 pub(super) struct Chart<'a> {
     pub(super) x: &'a str,
     pub(super) y: &'a str,
     pub(super) groups: &'a [Group],
-    /// Whether the points of a group are joined, in their order.
+    /// Whether the points of a group are joined by a line, in order.
     pub(super) joined: bool,
-    /// Ends of the steps of a front, from left to right.
+    /// Points of the front, from left to right.
     pub(super) front: &'a [[f64; 2]],
-    /// Where upright lines stand.
+    /// Positions of vertical lines.
     pub(super) budgets: &'a [f64],
 }
 
-/// The ends of an axis, with some room.
+/// Range of an axis with a margin.
 fn range(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for value in values.filter(|value| value.is_finite()) {
@@ -55,14 +55,14 @@ fn range(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
     (low <= high).then_some([low - room, high + room])
 }
 
-/// As many digits as tell neighbours apart.
+/// Formats with as many digits as distinguish the axis labels.
 fn number(value: f64, span: f64) -> String {
     let digits = (2.0 - span.abs().max(1e-9).log10()).ceil().clamp(0.0, 6.0) as usize;
     format!("{value:.digits$}")
 }
 
 impl Chart<'_> {
-    /// Draws it; empty where there is nothing to be drawn.
+    /// The SVG; empty without points.
     pub(super) fn draw(&self) -> String {
         let marks = || self.groups.iter().flat_map(|group| &group.marks);
         let ys = marks().flat_map(|mark| [mark.y].into_iter().chain(mark.interval.into_iter().flatten()));
@@ -186,7 +186,7 @@ mod tests {
         assert!(
             svg.starts_with("<svg") && svg.ends_with("</svg>") && svg.contains("g&lt;128") && !svg.contains("a < b")
         );
-        // Four marks and two keys; one line, for the other group has a single mark.
+        // Four points and two legend entries; one line, because the other group has a single point.
         assert_eq!((svg.matches("<circle").count(), svg.matches("stroke-width=\"1.5\"").count()), (6, 1), "{svg}");
         assert_eq!(svg.matches("stroke-dasharray").count(), 1);
         let places = svg.split("<circle cx=\"").skip(1).filter(|part| part.contains("<title>")).map(|part| {
@@ -197,7 +197,7 @@ mod tests {
         for (x, y) in &places {
             assert!((LEFT..=WIDTH - RIGHT).contains(x) && (TOP..=HEIGHT - BOTTOM).contains(y), "{x} {y}");
         }
-        // More to the right is dearer, higher is more.
+        // Larger x costs more; a higher point has a larger value.
         assert!(places[0].0 < places[1].0 && places[1].0 < places[2].0 && places[1].1 < places[2].1, "{places:?}");
         assert!(places[3].1 > places[0].1);
     }

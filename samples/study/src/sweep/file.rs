@@ -1,4 +1,4 @@
-//! The file of a sweep as it is written: TOML, of which every word is known.
+//! The TOML file of a sweep. Unknown keys are errors.
 
 use cairn::world::{
     CacheMode, GuidanceSource, MAX_LATENT_RATE, MAX_PRESENTED_RATE, OperatingPoint, Presentation, Preset, Schedule,
@@ -9,11 +9,11 @@ use serde::Deserialize;
 use super::plan::{MOST_POINTS, Point, refused};
 use crate::generator::GeneratorChoice;
 
-/// The whole of it.
+/// Content of the file.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
-    /// Kinds of places; all where none is named.
+    /// Kinds of places; empty for all.
     #[serde(default)]
     pub(super) scenes: Vec<String>,
     /// Places of each kind.
@@ -21,35 +21,35 @@ pub(super) struct File {
     pub(super) places: u64,
     /// World time, in seconds.
     pub(super) seconds: Seconds,
-    /// `[width, height]` at which everything is compared.
+    /// `[width, height]` of the compared frames.
     pub(super) size: [u32; 2],
-    /// A bundle, from where the file lies; without it, the world inside the library.
+    /// Path of a bundle, relative to the file; `None` for the embedded world.
     pub(super) world: Option<std::path::PathBuf>,
-    /// The operating point that the axes change: a preset's name, and what differs from it.
+    /// Operating point that the axes change: a preset's name and changes to it.
     #[serde(default = "coherence")]
     base: String,
-    /// Threads of a pass.
+    /// Threads per pass.
     #[serde(default = "one_thread")]
     pub(super) threads: usize,
-    /// Where the world runs.
+    /// Device of the world.
     #[serde(default = "cpu")]
     pub(super) device: String,
     /// Whether LPIPS is measured.
     #[serde(default = "yes")]
     pub(super) lpips: bool,
-    /// What coherence is measured by.
+    /// Measure of coherence.
     pub(super) measure: Option<String>,
-    /// What compute is counted in.
+    /// Measure of compute.
     #[serde(default = "gflop")]
     pub(super) cost: String,
-    /// For a second of world time; for each the best point is told.
+    /// Budgets per second of world time; the report names the best point for each.
     #[serde(default)]
     pub(super) budgets: Vec<f64>,
     #[serde(default)]
     sweep: Axes,
 }
 
-/// A number, or one as text.
+/// A number, or a number as text.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(untagged)]
 pub(super) enum Seconds {
@@ -92,37 +92,37 @@ fn yes() -> bool {
     true
 }
 
-/// What is varied; an axis that is not named stays as the base has it.
+/// The axes. One without values keeps the base's value.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Axes {
-    /// g, in latents.
+    /// Context window in latents.
     window: Vec<u32>,
-    /// Passes of a latent, of refined schedules.
+    /// Denoise passes per latent of refined schedules.
     steps: Vec<u32>,
-    /// Schedules, instead of steps.
+    /// Schedules; used instead of steps.
     schedule: Vec<String>,
     cache: Vec<String>,
-    /// Latents a second.
+    /// Latents per second.
     anchor_rate: Vec<u32>,
-    /// Frames shown for each anchor; 1 shows anchors alone.
+    /// Presented frames per anchor; 1 presents anchors only.
     multiplier: Vec<u32>,
     motion: Vec<String>,
     generator: Vec<String>,
 }
 
-/// The values of an axis, or none of its own.
+/// The values of an axis; a single `None` for an empty one.
 fn values<T: Clone>(values: &[T]) -> Vec<Option<T>> {
     if values.is_empty() { vec![None] } else { values.iter().cloned().map(Some).collect() }
 }
 
-/// The same, of texts.
+/// The same for values that are parsed from text.
 fn parsed<T: Clone + std::str::FromStr<Err = Error>>(texts: &[String], field: &str) -> Result<Vec<Option<T>>> {
     let read = |text: &String| text.parse::<T>().map_err(|e| e.field(field));
     Ok(values(&texts.iter().map(read).collect::<Result<Vec<T>>>()?))
 }
 
-/// Every point in every value of an axis.
+/// Combines every point with every value of an axis.
 fn each<T: Clone>(points: &mut Vec<Point>, values: &[Option<T>], set: impl Fn(&mut Point, T)) {
     let of = |point: &Point| {
         let of = |value: &Option<T>| {
@@ -138,10 +138,10 @@ fn each<T: Clone>(points: &mut Vec<Point>, values: &[Option<T>], set: impl Fn(&m
 }
 
 impl File {
-    /// Understands the text.
+    /// Parses the file's text.
     ///
     /// # Errors
-    /// `InvalidArgument` with line and column.
+    /// `InvalidArgument`, with line and column.
     pub(super) fn parse(text: &str) -> Result<Self> {
         toml::from_str(text).or_else(|e| {
             refused(
@@ -152,10 +152,10 @@ impl File {
         })
     }
 
-    /// Every combination of the axes, each once, in the order of the file: the last axis changes fastest.
+    /// Every combination of the axes, without duplicates, in the file's order: the last axis changes fastest.
     ///
     /// # Errors
-    /// `InvalidArgument`, with the axis.
+    /// `InvalidArgument`, naming the axis.
     pub(super) fn points(&self) -> Result<Vec<Point>> {
         let axes = &self.sweep;
         if !axes.steps.is_empty() && !axes.schedule.is_empty() {
@@ -181,7 +181,7 @@ impl File {
             motions.len(),
             generators.len(),
         ];
-        // Before they are made: a slip of the pen must not fill the memory.
+        // Checked before the points are made, so that a typo cannot fill the memory.
         let all = counts.into_iter().fold(1, usize::saturating_mul);
         if all > MOST_POINTS {
             return refused(
@@ -203,7 +203,7 @@ impl File {
         each(&mut points, &schedules, |p, schedule| p.point.schedule = schedule);
         each(&mut points, &caches, |p, cache| p.point.cache_mode = cache);
         each(&mut points, &rates, |p, rate| {
-            // As many frames for each anchor as before.
+            // The number of frames per anchor stays the same.
             if let Presentation::Generated { rate: shown, .. } = &mut p.point.presentation {
                 *shown = shown.saturating_mul(rate) / p.point.latents_per_second.max(1);
             }
@@ -225,7 +225,7 @@ impl File {
             }
         });
         each(&mut points, &generators, |p, generator| {
-            // Where nothing is generated nothing depends on it.
+            // Without generated frames the generator has no effect.
             if p.point.presentation != Presentation::Native {
                 p.generator = generator;
             }
@@ -240,7 +240,7 @@ impl File {
     }
 }
 
-/// An error about the text of `path`, which its field then names.
+/// Adds the file's path to an error's field.
 pub(super) fn in_file(error: &Error, path: &std::path::Path) -> Error {
     let path = path.display();
     let field = error.offending_field().map_or(path.to_string(), |field| format!("{path}: {field}"));
@@ -248,13 +248,13 @@ pub(super) fn in_file(error: &Error, path: &std::path::Path) -> Error {
     error.remedy_text().map_or(named.clone(), |remedy| named.remedy(remedy))
 }
 
-/// A limit of the file's size, in bytes.
+/// Maximum file size in bytes.
 pub(super) const MAX_FILE: u64 = 1 << 20;
 
-/// The text of `path`.
+/// Reads the file at `path`.
 ///
 /// # Errors
-/// `Io`; `InvalidArgument` for what is no text.
+/// `Io`; `InvalidArgument` if it is not UTF-8.
 pub(super) fn read(path: &std::path::Path) -> Result<String> {
     String::from_utf8(crate::manifest::read_bounded(path, MAX_FILE)?)
         .map_err(|_| Error::new(ErrorKind::InvalidArgument, "it is no UTF-8 text").field(path.display().to_string()))

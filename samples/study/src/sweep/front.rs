@@ -1,25 +1,25 @@
-//! Of all points those that nothing beats, what a budget buys, and where more compute made it worse.
+//! The Pareto front, the best point per budget, and steps where more compute gave worse results.
 
 use super::measure::Measure;
 use super::plan::Point;
 use crate::compare::summary::{Estimate, estimate};
 
-/// A point with its means over places.
+/// A point with its values and costs.
 pub(super) struct Score<'a> {
     pub(super) point: &'a Point,
-    /// Denoise passes of a latent: those of a stock schedule are the world's.
+    /// Denoise passes per latent; for a stock schedule, the world's.
     pub(super) passes: u32,
-    /// In the sweep's unit.
+    /// Cost per second of world time, in the sweep's unit.
     pub(super) cost: f64,
-    /// Bytes moved and seconds of computing for a second of world time.
+    /// Bytes of memory traffic and seconds of computing, per second of world time.
     pub(super) bytes: f64,
     pub(super) seconds: f64,
-    /// Of each measure of [`Measure::ALL`], place by place; empty where it was not measured.
+    /// Values of each measure of [`Measure::ALL`], place by place; empty if not measured.
     pub(super) values: [Vec<f64>; Measure::ALL.len()],
 }
 
 impl Score<'_> {
-    /// Place by place.
+    /// Values of a measure, place by place.
     fn places(&self, measure: Measure) -> &[f64] {
         &self.values[measure as usize]
     }
@@ -29,13 +29,13 @@ impl Score<'_> {
         estimate(self.places(measure))
     }
 
-    /// The mean so that more of it is better.
+    /// The mean with the sign changed where needed, so that larger is better.
     fn goodness(&self, measure: Measure) -> Option<f64> {
         self.estimate(measure).map(|estimate| measure.goodness(estimate.mean))
     }
 }
 
-/// The points for which no cheaper one is as good, and none as cheap is better: from the cheapest on, as indices.
+/// Indices of the Pareto-optimal points, from the cheapest: no cheaper point is as good, and no point of the same cost is better.
 pub(super) fn front(scores: &[Score<'_>], measure: Measure) -> Vec<usize> {
     let mut order: Vec<(usize, f64)> =
         scores.iter().enumerate().filter_map(|(n, score)| Some((n, score.goodness(measure)?))).collect();
@@ -51,22 +51,22 @@ pub(super) fn front(scores: &[Score<'_>], measure: Measure) -> Vec<usize> {
     order.into_iter().filter_map(beats).collect()
 }
 
-/// The best point that costs no more than `budget`; the cheaper of two that are as good.
+/// Index of the best point within `budget`; of two equally good ones, the cheaper.
 pub(super) fn within(scores: &[Score<'_>], measure: Measure, budget: f64) -> Option<usize> {
     front(scores, measure).into_iter().rfind(|&n| scores[n].cost <= budget)
 }
 
-/// A step to a heavier point that differs in window, schedule or anchor rate alone, to the next value of each that was swept.
+/// A step to a more expensive point: window, schedule or anchor rate moves to the next swept value, and nothing else changes.
 pub(super) struct Move {
-    /// Indices of scores.
+    /// Indices into the scores.
     pub(super) from: usize,
     pub(super) to: usize,
-    /// By how much better it is: a mean over places, each beside itself.
+    /// Improvement: mean over places, paired by place.
     pub(super) gain: Estimate,
 }
 
 impl Move {
-    /// Of places, not of frames: one place tells no more than its sign.
+    /// Whether the interval over places is entirely below zero; with one place, whether its value is.
     pub(super) fn is_surely_worse(&self) -> bool {
         self.gain.interval.is_some_and(|[_, high]| high < 0.0)
     }
@@ -76,7 +76,7 @@ impl Move {
     }
 }
 
-/// Every such step.
+/// All such steps.
 pub(super) fn moves(scores: &[Score<'_>], measure: Measure) -> Vec<Move> {
     let sorted = |of: fn(&Score<'_>) -> u32| {
         let mut all: Vec<u32> = scores.iter().map(of).collect();
@@ -107,7 +107,7 @@ pub(super) fn moves(scores: &[Score<'_>], measure: Measure) -> Vec<Move> {
     all
 }
 
-/// All but window, schedule and anchor rate.
+/// All settings except window, schedule and anchor rate.
 fn rest(point: &Point) -> (String, u32, String, String) {
     let motion = match point.point.presentation {
         cairn::world::Presentation::Native => "native".to_owned(),
@@ -132,7 +132,7 @@ pub(super) mod tests {
         }
     }
 
-    /// Scores of all points, of two places, with a cost that grows with both axes.
+    /// Scores of all points in two places, with a cost that grows along both axes.
     pub(in crate::sweep) fn scores(settings: &Settings, good: impl Fn(&Point, usize) -> f64) -> Vec<Score<'_>> {
         let score = |point| {
             let values = Measure::ALL.map(|measure| match measure {
@@ -151,7 +151,7 @@ pub(super) mod tests {
         (score.point.point.global_window, score.passes)
     }
 
-    /// The paper's finding: g384 with 10 passes is the best, more of both is worse.
+    /// The paper's finding: g384 with 10 passes is the best; more of both is worse.
     fn peak(point: &Point, place: usize) -> f64 {
         let (window, passes) = (point.point.global_window, passes(point));
         let far = f64::from(window.abs_diff(384)) / 512.0 + f64::from(passes.abs_diff(10)) / 10.0;
@@ -167,7 +167,7 @@ pub(super) mod tests {
             assert_eq!(front, [(128, 8), (128, 10), (384, 8), (384, 10)], "{measure}");
         }
         assert!(front(&scores, Measure::Psnr).is_empty(), "it was not measured");
-        // By brute force: nothing that is as cheap and as good is left out.
+        // Compared with brute force: every point left out is beaten.
         let front = front(&scores, Measure::Ssim);
         for (n, score) in scores.iter().enumerate() {
             let good = |s: &Score<'_>| s.goodness(Measure::Ssim).unwrap();
@@ -191,7 +191,7 @@ pub(super) mod tests {
         let settings = grid();
         let scores = scores(&settings, peak);
         let bought = |budget| within(&scores, Measure::Ssim, budget).map(|n| name(&scores[n]));
-        // g384 with 10 passes costs 38.4; nothing dearer is better.
+        // g384 with 10 passes costs 38.4; no more expensive point is better.
         for (budget, point) in [
             (10.0, None),
             (10.24, Some((128, 8))),
@@ -208,7 +208,7 @@ pub(super) mod tests {
         let settings = grid();
         let scores = scores(&settings, peak);
         let all = moves(&scores, Measure::Ssim);
-        // On a grid of three by three: 6 along each axis and 4 across.
+        // On a grid of three by three: 6 steps along each axis and 4 diagonal ones.
         assert_eq!(all.len(), 16);
         let of = |m: &Move| (name(&scores[m.from]), name(&scores[m.to]));
         let found = all.iter().find(|m| of(m) == ((384, 10), (512, 12))).unwrap();
@@ -216,7 +216,7 @@ pub(super) mod tests {
         assert!((found.gain.mean + 0.1 * (128.0 / 512.0 + 0.2)).abs() < 1e-9);
         let better = all.iter().find(|m| of(m) == ((128, 10), (384, 10))).unwrap();
         assert!(!better.is_worse() && !better.is_surely_worse());
-        // Where places disagree the interval says so.
+        // If places disagree, the interval contains zero.
         let doubtful = scores_of_two_minds(&settings);
         let all = moves(&doubtful, Measure::Ssim);
         assert!(all.iter().any(Move::is_worse) && !all.iter().any(Move::is_surely_worse));

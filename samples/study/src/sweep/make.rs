@@ -1,8 +1,7 @@
-//! One cell: its place prepared, its rollout made, its frames measured, each part only where it is not there.
+//! Makes one cell: prepares its place, makes its rollout and measures its frames, skipping each part that is complete.
 //!
-//! Several processes, on several machines that see the same folder, may make cells at the same time. So each holds the lock of a
-//! place while it prepares it, and that of a cell while it makes it; the system lets go of the locks of a process that is
-//! killed.
+//! Several processes, also on several machines with a shared folder, may make cells at the same time. So a process locks a place while it prepares
+//! it, and a cell while it makes it. The operating system releases the locks of a killed process.
 
 use std::fs::File;
 use std::path::Path;
@@ -27,27 +26,27 @@ use crate::metrics::Net;
 use crate::output::MANIFEST;
 use crate::progress::Progress;
 
-/// A cell that is there.
+/// A complete cell.
 pub(super) struct Whole {
     pub(super) manifest: Manifest,
-    /// Of the truth, and its own.
+    /// Series of the truth and of the cell.
     pub(super) series: [Series; 2],
 }
 
-/// What all cells share.
+/// Inputs shared by all cells.
 pub(super) struct Shared<'a> {
     settings: &'a Settings,
     bundle: &'a Bundle,
     common: Common,
 }
 
-/// A lock that is held until this value ends, or its process.
+/// A lock that is held until the value is dropped or the process ends.
 struct Lock {
     _file: File,
 }
 
 impl Lock {
-    /// Waits for the lock file at `path`, which is left there.
+    /// Waits for the lock file at `path`, which is not deleted afterwards.
     fn wait(path: &Path, progress: &Progress) -> Result<Self> {
         let failed = |e: std::io::Error| describe_io("cannot be locked", path, &e);
         let file = File::options().create(true).truncate(false).write(true).open(path).map_err(failed)?;
@@ -60,10 +59,10 @@ impl Lock {
 }
 
 impl<'a> Shared<'a> {
-    /// Finds ONNX Runtime, on which bits depend, and refuses what the world cannot do.
+    /// Finds ONNX Runtime, whose version affects results, and fails if the world does not support the settings.
     ///
     /// # Errors
-    /// As [`Settings::check_for`]; what finding it fails with.
+    /// As [`Settings::check_for`]; errors of finding ONNX Runtime.
     pub(super) fn new(settings: &'a Settings, bundle: &'a Bundle, progress: &Progress) -> Result<Self> {
         settings.check_for(bundle)?;
         let (_, onnxruntime) = inputs::onnxruntime(progress)?;
@@ -71,7 +70,7 @@ impl<'a> Shared<'a> {
         Ok(Self { settings, bundle, common })
     }
 
-    /// Writes seed picture and script of a place, where they are not there.
+    /// Writes seed picture and script of a place, unless they are there.
     ///
     /// # Errors
     /// `Io`.
@@ -90,10 +89,10 @@ impl<'a> Shared<'a> {
         self.common.digests(place, false, &self.settings.out)
     }
 
-    /// Looks for a cell of a prepared place; none where something of it must be made.
+    /// A cell of a prepared place; `None` if a part of it must be made.
     ///
     /// # Errors
-    /// `Unsupported` for a manifest of a newer version, which is not replaced; `Io`.
+    /// `Unsupported` for a manifest of a newer version, which is not overwritten; `Io`.
     pub(super) fn find(&self, cell: &Cell<'_>) -> Result<Option<Whole>> {
         let (settings, folder) = (self.settings, cell.folder(&self.settings.out));
         let manifest = match look(&folder, &cell.rollout(settings), &self.digests(cell.place)?)? {
@@ -109,10 +108,10 @@ impl<'a> Shared<'a> {
         Ok(series.map(|series| Whole { manifest, series }))
     }
 
-    /// Makes what is missing of a cell.
+    /// Makes the missing parts of a cell.
     ///
     /// # Errors
-    /// As [`find`](Self::find); what a rollout or its measuring fails with; `Cancelled` when `stop` was set.
+    /// As [`find`](Self::find); errors of the rollout or its measurement; `Cancelled` when `stop` was set.
     pub(super) fn make(&self, cell: &Cell<'_>, progress: &Progress, stop: &AtomicBool) -> Result<()> {
         let settings = self.settings;
         let place = cell.place;
@@ -127,7 +126,7 @@ impl<'a> Shared<'a> {
             let _lock = self.lock(place, progress)?;
             truth::draw(place, false, settings.looks()?, &drawn, progress, stop)?
         };
-        // Before the rollout, which is no use to who cannot measure it.
+        // Loaded before the rollout, which is useless if it cannot be measured.
         let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
         let (rollout, digests) = (cell.rollout(settings), self.digests(place)?);
         if let Found::Missing(_) = look(&folder, &rollout, &digests)? {

@@ -1,4 +1,4 @@
-//! What a point is judged by, and what it costs.
+//! Measures of coherence and of cost.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,23 +9,23 @@ use super::plan::refused;
 use crate::compare::budget::Budget;
 use crate::compare::summary::Figures;
 
-/// What decides which point is the better.
+/// Measure that ranks points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Measure {
-    /// Seconds until nothing is left of what the world knew in the beginning.
+    /// Seconds until nothing of the first view remains; see `Figures::horizon`.
     Horizon,
-    /// To the truth; lower is nearer.
+    /// LPIPS against the truth; lower is better.
     Lpips,
-    /// To the truth.
+    /// SSIM against the truth.
     Ssim,
-    /// To the truth, in dB.
+    /// PSNR against the truth, in dB.
     Psnr,
 }
 
 impl Measure {
     pub(super) const ALL: [Self; 4] = [Self::Horizon, Self::Lpips, Self::Ssim, Self::Psnr];
 
-    /// As files name it.
+    /// Name in files.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Horizon => "horizon",
@@ -35,7 +35,7 @@ impl Measure {
         }
     }
 
-    /// For the axis of a drawing.
+    /// Title of a chart's axis.
     pub(super) fn title(self) -> &'static str {
         match self {
             Self::Horizon => "coherence horizon, s",
@@ -56,7 +56,7 @@ impl Measure {
         matches!(self, Self::Horizon | Self::Lpips)
     }
 
-    /// Of one rollout; none where it was not measured.
+    /// Value of one rollout; `None` if it was not measured.
     pub(super) fn of(self, figures: &Figures) -> Option<f64> {
         match self {
             Self::Horizon => figures.horizon,
@@ -66,7 +66,7 @@ impl Measure {
         }
     }
 
-    /// The same number so that more of it is better.
+    /// The value with the sign changed where needed, so that larger is better.
     pub(super) fn goodness(self, value: f64) -> f64 {
         if self == Self::Lpips { -value } else { value }
     }
@@ -90,12 +90,12 @@ impl FromStr for Measure {
     }
 }
 
-/// What decides which point is the cheaper, for a second of world time.
+/// Measure of cost per second of world time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Cost {
-    /// Counted from the graphs: the same on every machine, without what runs outside of graphs.
+    /// Operations counted from the graphs: the same on every machine, without work outside of graphs.
     Gflop,
-    /// Seconds of computing, as measured: with frame generation, and with all that shared the machine.
+    /// Measured seconds of computing, including frame generation; affected by other load on the machine.
     Seconds,
 }
 
@@ -107,7 +107,7 @@ impl Cost {
         }
     }
 
-    /// For the axis of a drawing.
+    /// Title of a chart's axis.
     pub(super) fn title(self) -> &'static str {
         match self {
             Self::Gflop => "GFLOP for a second of world time",

@@ -1,11 +1,11 @@
-//! Operating points against each other: every combination of the axes of a file in every place, measured against the renderer's truth.
+//! Sweeps of operating points: every combination of a file's axes in every place, measured against the renderer's truth.
 //!
 //! ```text
 //! file (TOML) -> plan (points, cells) -> make (a process each, skipping what is there) -> front -> report, chart
 //!                                          ^ one cell: place, rollout, series, each under its manifest or key
 //! ```
 //!
-//! Rollouts, manifests, truth, series and figures are those of `compare`.
+//! Rollouts, manifests, truth, series and metrics are those of `compare`.
 
 mod chart;
 mod file;
@@ -36,50 +36,50 @@ use make::{Shared, Whole};
 use plan::Cell;
 use report::{Found, Sweep};
 
-/// What [`list`] writes.
+/// Version of the output of [`list`].
 const LIST_VERSION: u32 = 1;
 
-/// What came of it.
+/// Result of the sweep.
 pub(crate) struct Outcome {
-    /// For people.
+    /// Summary for the terminal.
     pub(crate) text: String,
-    /// Files that were written, beside the cells' own.
+    /// Files that were written, apart from those of the cells.
     pub(crate) files: Vec<PathBuf>,
 }
 
-/// Everything that is to be made, for programs that make it elsewhere.
+/// All jobs, for programs that run them on other machines.
 #[derive(Debug, Serialize)]
 struct List<'a> {
     list_version: u32,
-    /// Where all of it lies.
+    /// The output folder.
     out: PathBuf,
-    /// Threads of each.
+    /// Threads per job.
     threads: usize,
     jobs: Vec<Listed<'a>>,
 }
 
 #[derive(Debug, Serialize)]
 struct Listed<'a> {
-    /// What `--only` takes; with slashes, its folder below `out`.
+    /// Value for `--only`; with slashes, the folder below `out`.
     name: String,
     scene: &'a str,
     place: u64,
     operating_point: String,
-    /// Frames that it will have.
+    /// Number of frames to be made.
     frames: u64,
-    /// Whether it is there.
+    /// Whether the job is complete.
     whole: bool,
 }
 
-/// Makes what is missing, and writes the report on everything.
+/// Makes the missing cells and writes the report.
 ///
 /// # Errors
-/// A world that cannot do what is asked for; a rollout that fails, with its name; a manifest of a newer version; `Io`; `Cancelled` when
-/// `stop` was set. What is whole is kept in every case.
+/// A world that does not support the settings; a rollout that fails, with its name; a manifest of a newer version; `Io`; `Cancelled` when `stop`
+/// was set. Complete cells are kept in every case.
 pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
     let (bundle, _) = inputs::world(settings.world.as_deref(), progress)?;
     let shared = Shared::new(settings, &bundle, progress)?;
-    // First of all: hours of rollouts are no use to who learns at their end that they cannot be measured.
+    // Load LPIPS first: a failure must not come after hours of rollouts.
     if settings.lpips {
         inputs::lpips(Net::Alex, progress)?;
     }
@@ -119,7 +119,7 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
     Ok(Outcome { text: document.markdown, files })
 }
 
-/// All jobs as JSON, and which of them are there. Nothing is made but seed pictures and scripts.
+/// All jobs as JSON, with which of them are complete. Makes only seed pictures and scripts.
 ///
 /// # Errors
 /// As [`run`].
@@ -141,10 +141,10 @@ pub(crate) fn list(settings: &Settings, progress: &Progress) -> Result<String> {
     Ok(String::from_utf8_lossy(&to_json(&list)?).into_owned())
 }
 
-/// Makes the job of that name, where it is not there.
+/// Makes the named job, unless it is complete.
 ///
 /// # Errors
-/// `InvalidArgument` where the sweep has no such job; else as [`run`].
+/// `InvalidArgument` if the sweep has no such job; otherwise as [`run`].
 pub(crate) fn only(settings: &Settings, name: &str, progress: &Progress, stop: &AtomicBool) -> Result<()> {
     let cell = settings.cells().find(|cell| cell.name() == name).ok_or_else(|| {
         Error::new(ErrorKind::InvalidArgument, format!("the sweep has no job {name:?}"))
@@ -155,7 +155,7 @@ pub(crate) fn only(settings: &Settings, name: &str, progress: &Progress, stop: &
     Shared::new(settings, &bundle, progress)?.make(&cell, progress, stop)
 }
 
-/// Every cell, with what is there.
+/// All cells, with the result of each complete one.
 fn look<'a>(
     settings: &'a Settings,
     shared: &Shared<'_>,
@@ -172,7 +172,7 @@ fn planned(settings: &Settings, cell: &Cell<'_>) -> Result<u64> {
     Ok(checked.point.counts(checked.duration).presented)
 }
 
-/// The command line that makes a cell.
+/// Command line that makes a cell.
 fn arguments(settings: &Settings, cell: &Cell<'_>) -> Vec<OsString> {
     let name = cell.name();
     let words: [&dyn AsRef<std::ffi::OsStr>; 7] =

@@ -1,4 +1,4 @@
-//! What a sweep consists of: every combination of its axes, in every place, and where they lie.
+//! Plan of a sweep: every combination of its axes in every place, and their folders.
 //!
 //! ```text
 //! OUT/forest-41/seed.png, script.txt, truth/    what all points of a place start from, and are measured beside
@@ -26,14 +26,14 @@ use crate::settings::{Formats, Settings as Rollout};
 use crate::workers::check_jobs;
 use crate::world_quality::held_out;
 
-/// The most points of a sweep.
+/// Maximum number of points of a sweep.
 pub(super) const MOST_POINTS: usize = 1_000;
-/// The most places of a kind.
+/// Maximum number of places of a kind.
 const MOST_PLACES: u64 = 100;
-/// The longest name of a point; longer ones end in a digest.
+/// Maximum length of a point's name; longer ones end in a digest.
 const LONGEST: usize = 120;
 
-/// What is swept: everything that decides a number, and how many rollouts are made at a time.
+/// Settings of a sweep: everything that affects a number, and the number of parallel rollouts.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
     /// The file it was read from.
@@ -44,27 +44,27 @@ pub(crate) struct Settings {
     pub(super) places: u64,
     /// Decimal seconds of world time.
     pub(super) seconds: String,
-    /// `[width, height]` at which everything is compared.
+    /// `[width, height]` of the compared frames.
     pub(super) size: [u32; 2],
-    /// The bundle; none for the library's own.
+    /// The bundle; `None` for the library's own.
     pub(super) world: Option<PathBuf>,
-    /// Threads of a pass.
+    /// Threads per pass.
     pub(super) threads: usize,
-    /// Where the world runs.
+    /// Device of the world.
     pub(super) device: DeviceChoice,
-    /// Whether LPIPS is measured; its weights are fetched where they are not there.
+    /// Whether LPIPS is measured; its weights are fetched if they are missing.
     pub(super) lpips: bool,
-    /// What decides which point is the better.
+    /// Measure that ranks points.
     pub(super) measure: Measure,
-    /// What decides which point is the cheaper.
+    /// Measure of cost.
     pub(super) cost: Cost,
-    /// In the unit of the cost.
+    /// Budgets in the unit of the cost.
     pub(super) budgets: Vec<f64>,
     /// Every combination of the axes.
     pub(super) points: Vec<Point>,
-    /// Rollouts made at a time.
+    /// Number of rollouts that run in parallel.
     pub(super) jobs: usize,
-    /// The folder for everything.
+    /// The output folder.
     pub(super) out: PathBuf,
     /// Another folder for the report and its figures, without the rollouts.
     pub(super) publish: Option<PathBuf>,
@@ -94,7 +94,7 @@ impl std::fmt::Display for Point {
 }
 
 impl Point {
-    /// Its name as that of a folder: all that it consists of.
+    /// Folder name of the point, made from all its settings.
     fn folder_name(&self) -> String {
         let name = self.to_string().replace([':', ','], "-");
         if name.len() <= LONGEST {
@@ -104,14 +104,14 @@ impl Point {
         format!("{}-{}", &name[..LONGEST - 13], &digest[..12])
     }
 
-    /// Frames shown for each anchor.
+    /// Presented frames per anchor.
     pub(super) fn multiplier(&self) -> u32 {
         self.point.presented_rate() / self.point.latents_per_second.max(1)
     }
 }
 
 impl Cell<'_> {
-    /// What names it among all cells, and, with slashes, its folder.
+    /// Unique name of the cell; with slashes, its folder.
     pub(super) fn name(&self) -> String {
         format!("{}-{}/{}", self.place.family, self.place.seed, self.point.folder_name())
     }
@@ -120,7 +120,7 @@ impl Cell<'_> {
         self.place.folder(out).join(self.point.folder_name())
     }
 
-    /// The rollout that it is.
+    /// The rollout that makes the cell.
     pub(super) fn rollout(&self, settings: &Settings) -> Rollout {
         let out = &settings.out;
         Rollout {
@@ -142,12 +142,12 @@ impl Cell<'_> {
     }
 }
 
-/// A refusal, with the item of the file.
+/// An error that names an item of the file.
 pub(super) fn refused<T>(cause: String, field: &str, remedy: &str) -> Result<T> {
     Err(Error::new(ErrorKind::InvalidArgument, cause).field(field).remedy(remedy))
 }
 
-/// An error that names an item of the file where it named an option.
+/// Replaces an option's name in an error by the file's item.
 fn as_item(error: Error) -> Error {
     let item = match error.offending_field().map(|field| field.trim_start_matches("--").to_owned()) {
         Some(item) if item == "seeds" => "places".to_owned(),
@@ -158,11 +158,10 @@ fn as_item(error: Error) -> Error {
 }
 
 impl Settings {
-    /// Reads a sweep from its file; it has passed [`check`](Self::check).
+    /// Reads a sweep from its file and runs [`check`](Self::check).
     ///
     /// # Errors
-    /// `Io`; `InvalidArgument` for what is no sweep or makes no sense, with file and item; `Unsupported` for what this machine
-    /// cannot have.
+    /// `Io`; `InvalidArgument`, with file and item, for an invalid sweep; `Unsupported` for what this machine does not have.
     pub(crate) fn read(path: &Path, out: PathBuf, jobs: Option<usize>, publish: Option<PathBuf>) -> Result<Self> {
         let text = file::read(path)?;
         let read = Self::parse(&text, path).and_then(|settings| {
@@ -173,7 +172,7 @@ impl Settings {
         read.map_err(|e| file::in_file(&e, path))
     }
 
-    /// Understands the text of the file at `path`.
+    /// Parses the text of the file at `path`.
     fn parse(text: &str, path: &Path) -> Result<Self> {
         let file = File::parse(text)?;
         let scenes = match file.scenes.as_slice() {
@@ -209,7 +208,7 @@ impl Settings {
         })
     }
 
-    /// As many as there are processors for.
+    /// Default number of parallel rollouts: the number of processors divided by the threads per pass.
     fn usual_jobs(&self) -> usize {
         match self.device {
             DeviceChoice::Cpu => {
@@ -220,7 +219,7 @@ impl Settings {
         }
     }
 
-    /// The name of the sweep: that of its file.
+    /// Name of the sweep: its file's name.
     pub(super) fn name(&self) -> String {
         self.file.file_stem().map_or("sweep".into(), |stem| stem.to_string_lossy().into_owned())
     }
@@ -230,17 +229,17 @@ impl Settings {
         self.scenes.iter().flat_map(move |&family| seeds.clone().map(move |seed| Place { family, seed }))
     }
 
-    /// Every cell, place by place.
+    /// All cells, place by place.
     pub(super) fn cells(&self) -> impl Iterator<Item = Cell<'_>> + '_ {
         self.places().flat_map(|place| self.points.iter().map(move |point| Cell { place, point }))
     }
 
-    /// Looks at all streams, from world time zero to the end.
+    /// Number of samples of a stream, from world time zero to the end.
     pub(super) fn looks(&self) -> Result<u64> {
         Ok(WorldTime::parse(&self.seconds)?.whole_steps(RATE) + 1)
     }
 
-    /// Refuses what makes no sense; needs no other file.
+    /// Checks the settings; reads no other file.
     fn check(&self) -> Result<()> {
         if !(1..=MOST_PLACES).contains(&self.places) {
             let remedy = format!("Use 1 to {MOST_PLACES}");
@@ -288,10 +287,10 @@ impl Settings {
         self.cells().try_for_each(|cell| cell.rollout(self).check().map(drop)).map_err(as_item)
     }
 
-    /// Refuses what the world cannot do.
+    /// Fails if the world does not support the settings.
     ///
     /// # Errors
-    /// `InvalidArgument`, with the item.
+    /// `InvalidArgument`, naming the item.
     pub(super) fn check_for(&self, bundle: &Bundle) -> Result<()> {
         let check = |point: &Point| {
             point.point.check_for(bundle.geometry())?;
@@ -320,7 +319,7 @@ pub(super) mod tests {
              motion = [\"paper\", \"best\", \"picture\"]\n",
         )
         .unwrap();
-        // The best is one of the others.
+        // The motion named "best" is the same as one of the others.
         assert_eq!(settings.points.len(), 2 * 2 * 2 * 2);
         assert_eq!(settings.cells().count(), 2 * 16);
         let folders: BTreeSet<PathBuf> = settings.cells().map(|cell| cell.folder(&settings.out)).collect();
@@ -333,17 +332,17 @@ pub(super) mod tests {
 
     #[test]
     fn what_changes_nothing_is_no_point_of_its_own() {
-        // What shows anchors alone depends on neither motion nor generator.
+        // A point that presents anchors only depends on neither motion nor generator.
         let native = "base = \"coherence,latents:30,generated:60\"\n[sweep]\nmultiplier = [1]\nmotion = [\"paper\", \"picture\"]\n";
         let settings = parse(native).unwrap();
         assert_eq!(settings.points.len(), 1);
         assert_eq!(settings.points[0].to_string(), "g384,refined:10,separate,latents:30,pictures:1,native");
         assert_eq!(settings.points[0].multiplier(), 1);
-        // Ten anchors a second, six frames for each.
+        // Ten anchors a second, six frames per anchor.
         let sixty = parse("[sweep]\nanchor_rate = [10, 15]\nmultiplier = [6]\n").unwrap();
         let rates = sixty.points.iter().map(|p| (p.point.latents_per_second, p.point.presented_rate(), p.multiplier()));
         assert_eq!(rates.collect::<Vec<_>>(), [(10, 60, 6), (15, 90, 6)]);
-        // An anchor rate alone keeps the frames for each anchor.
+        // Changing only the anchor rate keeps the number of frames per anchor.
         let doubled = parse("[sweep]\nanchor_rate = [30]\n").unwrap();
         assert_eq!(doubled.points[0].point.presented_rate(), 60);
     }

@@ -1,4 +1,4 @@
-//! What was found of a sweep, as a document and as a table for programs.
+//! Results of a sweep as a document and as CSV.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -15,32 +15,32 @@ use crate::compare::summary::{Estimate, Figures};
 use crate::document::{Asset, Block, Document};
 use crate::table::Table;
 
-/// The most lines of a table of steps that made it worse.
+/// Maximum number of lines in the table of steps with worse results.
 const MOST_FALLS: usize = 20;
-/// The most lines of a curve's drawing.
+/// Maximum number of lines in a chart.
 const MOST_LINES: usize = 7;
 
-/// What was measured of a cell.
+/// Measurements of a cell.
 pub(super) struct Found<'a> {
     pub(super) cell: Cell<'a>,
-    /// Denoise passes of a latent.
+    /// Denoise passes per latent.
     pub(super) passes: u32,
     pub(super) budget: Budget,
     pub(super) figures: Figures,
 }
 
-/// Everything.
+/// All results.
 pub(super) struct Sweep<'a> {
     pub(super) settings: &'a Settings,
     pub(super) bundle: &'a Bundle,
     /// In the order of the cells.
     pub(super) found: &'a [Found<'a>],
-    /// How many cells were there already.
+    /// Number of cells that were complete already.
     pub(super) kept: usize,
 }
 
 impl<'a> Sweep<'a> {
-    /// Every point over its places.
+    /// Scores of every point over its places.
     fn scores(&self) -> Vec<Score<'a>> {
         let of = |point: &'a Point| {
             let all: Vec<&Found<'_>> = self.found.iter().filter(|found| found.cell.point == point).collect();
@@ -60,7 +60,7 @@ impl<'a> Sweep<'a> {
     }
 }
 
-/// A mean with its interval, where there is one.
+/// A mean, with its interval if it has one.
 fn shown(value: Option<Estimate>, digits: usize) -> String {
     match value {
         None => "–".into(),
@@ -120,7 +120,7 @@ fn head(sweep: &Sweep<'_>) -> Vec<Block> {
     blocks
 }
 
-/// Which windows no walk of that length fills, where the sweep has several of them: their points cannot differ.
+/// Note on the windows that no walk of this length fills, if the sweep has several: their points cannot differ.
 fn whole_walks(settings: &Settings) -> Option<Block> {
     let duration = WorldTime::parse(&settings.seconds).ok()?;
     let points = settings.points.iter().map(|point| &point.point);
@@ -141,14 +141,14 @@ fn asset(settings: &Settings, name: &str, svg: String) -> Asset {
     Asset::svg(&format!("{}-{name}", settings.name()), svg)
 }
 
-/// A point in a drawing.
+/// A point as a mark in a chart.
 fn mark(score: &Score<'_>, measure: Measure, label: String) -> Option<Mark> {
     let estimate = score.estimate(measure).filter(|estimate| estimate.mean.is_finite())?;
     let words = format!("{}: {}", score.point, shown(Some(estimate), measure.digits()));
     Some(Mark { x: score.cost, y: estimate.mean, interval: estimate.interval, words, label })
 }
 
-/// Coherence against compute, and the points that nothing beats.
+/// Coherence against compute, with the Pareto front.
 fn pareto(scores: &[Score<'_>], measure: Measure, settings: &Settings) -> Vec<Block> {
     let front = front(scores, measure);
     let number = |n: usize| front.iter().position(|&on| on == n).map(|place| (place + 1).to_string());
@@ -196,7 +196,7 @@ fn pareto(scores: &[Score<'_>], measure: Measure, settings: &Settings) -> Vec<Bl
     blocks
 }
 
-/// The operating point for each budget of the file.
+/// The best operating point for each budget of the file.
 fn budgets(scores: &[Score<'_>], settings: &Settings) -> Vec<Block> {
     if settings.budgets.is_empty() {
         return Vec::new();
@@ -217,7 +217,7 @@ fn budgets(scores: &[Score<'_>], settings: &Settings) -> Vec<Block> {
     vec![Block::heading("The operating point for a budget"), Block::Table(Table::new(2, &head, rows.collect()))]
 }
 
-/// What is drawn along one axis: its name, its values, and the name of a line's own value.
+/// An axis of a chart: its title, its value, and the legend of a line.
 type Axis = (&'static str, fn(&Score<'_>) -> u32, fn(&Point) -> String);
 
 const AXES: [Axis; 2] = [
@@ -225,11 +225,11 @@ const AXES: [Axis; 2] = [
     ("window", |s| s.point.point.global_window, |p| p.point.schedule.to_string()),
 ];
 
-/// How coherence goes as compute grows along one axis: the paper's step from g384 with 10 passes to g512 with 12, as curves.
+/// Coherence over compute along one axis, for example the paper's step from g384 with 10 passes to g512 with 12.
 fn curves(scores: &[Score<'_>], settings: &Settings) -> Vec<Block> {
     let measure = settings.measure;
     let Some(first) = settings.points.first() else { return Vec::new() };
-    // All else as the first point has it: lines of other caches or generators would lie across.
+    // Only points that share the first point's other settings, so that lines do not cross.
     let alike = |point: &Point| {
         let (a, b) = (&point.point, &first.point);
         (a.cache_mode, a.latents_per_second, a.presentation, point.generator)
@@ -278,7 +278,7 @@ fn curves(scores: &[Score<'_>], settings: &Settings) -> Vec<Block> {
     blocks
 }
 
-/// Steps to more compute that made it worse.
+/// Steps to more compute with worse results.
 fn falls(scores: &[Score<'_>], settings: &Settings) -> Vec<Block> {
     let measure = settings.measure;
     let all = moves(scores, measure);
@@ -336,7 +336,7 @@ fn all(scores: &[Score<'_>], settings: &Settings) -> Table {
     Table::new(2, &head, rows.collect())
 }
 
-/// A line for each rollout. What a clock decides stands last.
+/// CSV with a line per rollout. Timings are the last columns.
 pub(super) fn csv(found: &[Found<'_>]) -> String {
     let mut text = String::from(
         "scene,place,window,schedule,passes,cache,anchor_rate,multiplier,motion,generator,gflop,gb,horizon_s,lpips,ssim,psnr_db,\
@@ -402,7 +402,7 @@ mod tests {
         assert_eq!(document.assets.len(), 1);
         let svg = String::from_utf8(document.assets[0].bytes.clone()).unwrap();
         assert_eq!(svg.matches("<title>").count(), 9, "each point is there once");
-        // Only passes count here, so the smallest window is on the front alone.
+        // Here only the number of passes affects the score, so only the smallest window is on the front.
         let rows: Vec<&str> = document.markdown.lines().filter(|line| line.contains("| g")).collect();
         assert!(rows.len() == 3 && rows.iter().all(|row| row.contains("g128")), "{rows:?}");
         assert!(words(&pareto(&scores, Measure::Horizon, &settings)).contains("could not be measured"));
@@ -413,7 +413,7 @@ mod tests {
         let lasting = |seconds: &str| Settings { seconds: seconds.into(), ..grid() };
         let text = words(&Vec::from_iter(whole_walks(&lasting("15"))));
         assert!(text.contains("226 latents") && text.contains("g384, g512 hold"), "{text}");
-        // One that is never full is unlike the others.
+        // A window that is never full has no counterpart to be equal to.
         assert!(whole_walks(&lasting("30")).is_none());
     }
 

@@ -1,4 +1,4 @@
-//! Does a world last? How its pictures look as a whole, second by second, beside the true ones.
+//! Long-term stability of a world: global properties of its pictures, second by second, relative to the true ones.
 
 use cairn::{Picture, Result};
 
@@ -6,20 +6,20 @@ use super::response::{Response, following};
 use super::walk::Walked;
 use crate::picture::shrink;
 
-/// Seconds of a walk after which the one that ends there is looked at.
+/// Ends of the examined seconds of a walk.
 pub(super) const ENDS: [u32; 5] = [1, 2, 5, 10, 15];
 
-/// Pictures are looked at this small: an autoencoder's blur, which is there from the first picture on, hardly shows.
+/// Pictures are scaled down to this size, at which the autoencoder's blur, present from the first picture, hardly matters.
 const SIZE: (u32, u32) = (64, 36);
 
-/// What is left of a picture when nobody asks what it shows.
+/// Global properties of a picture, independent of its content.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Look {
-    /// Mean luma (Rec. 709 weights on the bytes as they are), 0 to 255.
+    /// Mean Rec. 709 luma of the gamma-encoded bytes, 0 to 255.
     pub(super) brightness: f64,
     /// Standard deviation of luma, 0 to 128.
     pub(super) contrast: f64,
-    /// Mean difference of luma between neighbours, across and down, 0 to 255.
+    /// Mean absolute luma difference of horizontal and vertical neighbours, 0 to 255.
     pub(super) detail: f64,
 }
 
@@ -41,21 +41,21 @@ impl Look {
     }
 }
 
-/// A second of a walk: the world's looks over the true ones, each a mean over the second.
+/// A second of a walk: ratios of the world's properties to the true ones, as means over the second.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Second {
-    /// 1 is as bright as in truth.
+    /// 1 is as bright as the truth.
     pub(super) brightness: f64,
-    /// How bright the true second is: mean luma, 0 to 255.
+    /// Mean luma of the truth in this second, 0 to 255.
     pub(super) true_brightness: f64,
     pub(super) contrast: f64,
     pub(super) detail: f64,
 }
 
-/// The second of a walk that ends after `end` seconds; none where the walk is shorter or the truth is black or flat.
+/// The second that ends after `end` seconds of a walk; `None` if the walk is shorter or the truth is black or flat.
 pub(super) fn second(walked: &Walked, end: u32, latents_per_second: u32) -> Option<Second> {
     let steps = steps(end, 1, latents_per_second);
-    // The first look is that of the picture before the first step.
+    // The first entry belongs to the picture before the first step.
     let looks = walked.looks.get(steps.start + 1..=steps.end)?;
     let ratio = |of: fn(&Look) -> f64| {
         let [made, true_] = [0, 1].map(|i| looks.iter().map(|pair| of(&pair[i])).sum::<f64>());
@@ -69,7 +69,7 @@ pub(super) fn second(walked: &Walked, end: u32, latents_per_second: u32) -> Opti
     })
 }
 
-/// How turning follows the controls in the `seconds` before `end`: Pearson's correlation over the steps of all walks.
+/// Correlation of turning with the controls in the `seconds` before `end`: Pearson's, over the steps of all walks.
 pub(super) fn turning<'a>(
     walks: impl Iterator<Item = &'a Walked>,
     end: u32,
@@ -81,7 +81,7 @@ pub(super) fn turning<'a>(
     following(responses.iter(), 0).map(|found| found.correlation)
 }
 
-/// Latent steps, from 0 on, of the `seconds` before `end`.
+/// Indices of the latent steps in the `seconds` before `end`.
 fn steps(end: u32, seconds: u32, latents_per_second: u32) -> std::ops::Range<usize> {
     let at = |second: u32| (second * latents_per_second) as usize;
     at(end.saturating_sub(seconds))..at(end)
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn only_the_second_asked_for_counts() {
-        // Four latent steps a second, three seconds, of which the last fades and turns the wrong way.
+        // Four latent steps a second for three seconds; in the last one the picture fades and turns the wrong way.
         let walked = walk([40.0, 5.0, 1.0], [50.0, 20.0, 5.0], 12);
         let [even, fading] = [2, 3].map(|end| second(&walked, end, 4).unwrap());
         assert_eq!(even, Second { brightness: 1.0, true_brightness: 50.0, contrast: 1.0, detail: 1.0 });

@@ -2,7 +2,7 @@
 
 use cairn::{Error, ErrorKind, Result};
 
-/// The list that the trainer refuses.
+/// The trainer's list of excluded seeds.
 const LIST: &str = include_str!("../../../worlds/miniature/held-out.txt");
 
 /// Ranges of the list, both ends included.
@@ -14,7 +14,7 @@ fn ranges() -> impl Iterator<Item = (u64, u64)> {
     })
 }
 
-/// Refuses scene seeds that are not held out: a world may have been trained on them.
+/// Fails for scene seeds that are not held out: a world may have been trained on them.
 pub(crate) fn require(seeds: &[u64]) -> Result<()> {
     match seeds.iter().find(|seed| !ranges().any(|(first, last)| (first..=last).contains(*seed))) {
         None => Ok(()),

@@ -1,4 +1,4 @@
-//! Turn away, wait, turn back: is the place still there?
+//! Memory test: turn away, wait, turn back, and compare with the original view.
 
 use std::sync::Arc;
 
@@ -9,30 +9,30 @@ use scenes::{Family, TURN_PER_COUNT};
 use super::walk::{Tools, Walk, step_at};
 use crate::metrics::{psnr, ssim};
 
-/// How far the eye turns, in degrees: the view's width is 94.
+/// Angle of the turn in degrees; the field of view is 94 wide.
 const TURN: f32 = 120.0;
-/// How long a turn takes, in seconds.
+/// Duration of a turn in seconds.
 const TURNING: f64 = 1.0;
-/// How long after the way back the place is looked at.
+/// Delay in seconds between the end of the turn back and the comparison.
 const SETTLING: f64 = 0.2;
 
-/// What came back.
+/// Result of the test.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Remembered {
     /// Seconds spent turned away.
     pub(super) away: f64,
-    /// Global window in latents.
+    /// Context window in latents.
     pub(super) window: u32,
-    /// The picture after the way back against the truth, in dB.
+    /// PSNR of the picture after the turn back against the truth, in dB.
     pub(super) psnr: f64,
     pub(super) ssim: f64,
-    /// The reconstruction of the first picture against the truth: the most that can come back, in dB.
+    /// PSNR of the autoencoder's reconstruction of the first picture against the truth, in dB: an upper bound.
     pub(super) most: f64,
-    /// The true picture seen while turned away against the true one after the way back, in dB: another place.
+    /// PSNR in dB of the true picture seen while turned away against the true one after the turn back: the score of another view.
     pub(super) elsewhere: f64,
 }
 
-/// The script: nobody walks.
+/// The script, without walking.
 fn script(away: f64) -> Result<ControlScript> {
     let counts = TURN.to_radians() / TURN_PER_COUNT;
     let (back, home) = (TURNING + away, 2.0 * TURNING + away);
@@ -43,7 +43,7 @@ fn script(away: f64) -> Result<ControlScript> {
     ))
 }
 
-/// Turns away from a place for `away` seconds and back. The window is the world's.
+/// Turns away for `away` seconds and back. The context window is the world's.
 ///
 /// # Errors
 /// As [`Walk::score`].

@@ -1,5 +1,5 @@
-//! A world against the truth: walks through held-out places under held-out scripts, from their first picture and the
-//! controls alone.
+//! Scores a world against the truth: walks through held-out places with held-out scripts, starting from the first picture and using only the
+//! controls.
 
 mod endurance;
 pub(crate) mod held_out;
@@ -27,38 +27,38 @@ use crate::reconstruct::script_of;
 use report::Place;
 use walk::{Tools, Walk};
 
-/// Horizons in seconds: after the last true picture.
+/// Horizons in seconds after the last true picture.
 const HORIZONS: [f64; 5] = [0.5, 1.0, 2.0, 5.0, 15.0];
-/// The places that are walked, of each kind.
+/// Scene seeds that are walked, for each kind of place.
 const SEEDS: [u64; 8] = [41, 42, 43, 44, 45, 46, 47, 48];
-/// Seconds turned away.
+/// Seconds turned away in the memory test.
 const AWAY: [f64; 3] = [2.0, 4.0, 8.0];
-/// Windows whose memory is compared.
+/// Context windows compared in the memory test.
 const WINDOWS: [u32; 2] = [384, 112];
-/// How far the stock schedule walks beside the refined one.
+/// Seconds for which the stock schedule is compared with the refined one.
 const FEW_STEPS_SECONDS: f64 = 2.0;
-/// What is quick: one place of each kind, so many seconds, the shortest time away.
+/// Seconds of a walk with `--quick`, which also uses one place of each kind and the shortest time away.
 const QUICK_SECONDS: f64 = 5.0;
 
-/// What is to be measured.
+/// Settings of the measurement.
 #[derive(Debug, Clone)]
 pub(crate) struct Settings {
-    /// The bundle; the library's own without one.
+    /// The bundle; `None` for the library's own.
     pub(crate) world: Option<PathBuf>,
-    /// Scene seeds; the usual ones where it is empty.
+    /// Scene seeds; empty for the usual ones.
     pub(crate) seeds: Vec<u64>,
     pub(crate) quick: bool,
-    /// Whether LPIPS is measured; its weights are fetched where they are not there.
+    /// Whether LPIPS is measured; its weights are fetched if they are missing.
     pub(crate) lpips: bool,
-    /// Whether the eye also turns away and back.
+    /// Whether the memory test runs.
     pub(crate) memory: bool,
-    /// Write page and pictures into the clone's docs as well.
+    /// Also writes the page and the pictures into the repository's docs.
     pub(crate) publish: bool,
     pub(crate) out: PathBuf,
 }
 
 impl Settings {
-    /// Refuses what makes no sense; needs no file.
+    /// Checks the settings; reads no file.
     ///
     /// # Errors
     /// `InvalidArgument` for a scene seed that is not held out.
@@ -94,9 +94,9 @@ impl Settings {
     }
 }
 
-/// What came of it.
+/// Result of the measurement.
 pub(crate) struct Outcome {
-    /// For people.
+    /// Summary for the terminal.
     pub(crate) text: String,
     /// Files that were written.
     pub(crate) files: Vec<PathBuf>,
@@ -105,7 +105,7 @@ pub(crate) struct Outcome {
 /// Measures a world.
 ///
 /// # Errors
-/// An unusable world, weights of LPIPS that cannot be had, and what making latents can fail with.
+/// An unusable world, missing weights of LPIPS, and errors of making latents.
 pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
     settings.check()?;
     let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
@@ -120,7 +120,7 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
     };
 
     let mut places = Vec::new();
-    // More than the first window is for what it remembers alone.
+    // Further windows are used by the memory test only.
     let windows = windows(&bundle).into_iter().take(if settings.memory { usize::MAX } else { 1 });
     for (number, window) in windows.enumerate() {
         let point = OperatingPoint { global_window: window, ..Preset::Coherence.operating_point() };
@@ -137,7 +137,7 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
                 let few_steps = few_steps.score(&world, &tools, &HORIZONS)?;
                 places.push(Place { family, scene, walked, few_steps, remembered: Vec::new() });
             }
-            // Looks away are long: one place of each kind has to do.
+            // The memory test takes long, so it uses one place of each kind.
             for &away in away.iter().filter(|_| settings.seeds().first() == Some(&scene)) {
                 let remembered = memory::turn_away_and_back(family, scene, away, &world, &tools)?;
                 places[n].remembered.push(remembered);
@@ -169,7 +169,7 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
     Ok(Outcome { text, files })
 }
 
-/// The windows whose memory is compared, of those that the world declares; its own where it declares none of them.
+/// Context windows for the memory test that the world declares; the world's own if it declares none of them.
 fn windows(bundle: &Bundle) -> Vec<u32> {
     let global = bundle.geometry().global;
     let declared = |g: &u32| *g <= global.max_window && g.is_multiple_of(global.dilation);
@@ -188,7 +188,7 @@ fn load(device: &Device, bundle: &Arc<Bundle>, point: &OperatingPoint) -> Result
     World::load(device, bundle, options)
 }
 
-/// Which world, and which places.
+/// Heading with the world and the places.
 fn head(settings: &Settings, bundle: &Bundle) -> String {
     let manifest = bundle.manifest();
     let seeds: Vec<String> = settings.seeds().iter().map(u64::to_string).collect();

@@ -1,4 +1,4 @@
-//! `docs/world.md`: what was measured, for people who have not measured it.
+//! The page `docs/world.md`.
 
 use std::path::PathBuf;
 
@@ -38,10 +38,10 @@ autoencoder could show of the place, *another place* what a wrong one would scor
 ```text
 ";
 
-/// Writes page and pictures into the clone's docs.
+/// Writes the page and the pictures into the repository's docs.
 ///
 /// # Errors
-/// `Io` where that cannot be.
+/// `Io`.
 pub(super) fn publish(command: &str, text: &str, good: &[u8], bad: &[u8]) -> Result<Vec<PathBuf>> {
     let docs = provision::repository().join("docs");
     let tables = text.trim_end();

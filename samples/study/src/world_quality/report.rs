@@ -1,4 +1,4 @@
-//! The figures as text, as CSV, and as pictures side by side.
+//! Results as text, as CSV, and as pictures side by side.
 
 use std::fmt::Write as _;
 
@@ -13,24 +13,24 @@ use crate::picture::shrink;
 use crate::sheet::paste;
 use crate::text::{SMALL, fit, write};
 
-/// All that was measured of one place.
+/// Measurements of one place.
 #[derive(Debug)]
 pub(super) struct Place {
     pub(super) family: Family,
     pub(super) scene: u64,
     pub(super) walked: Walked,
-    /// The same walk, shorter, at the stock schedule.
+    /// The start of the same walk with the stock schedule.
     pub(super) few_steps: Walked,
     pub(super) remembered: Vec<Remembered>,
 }
 
-/// A mean over places; none where nothing was measured.
+/// Mean over places; `None` without values.
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
 }
 
-/// Mean and standard deviation (of n - 1) over places; none of fewer than two.
+/// Mean and sample standard deviation over places; `None` for fewer than two.
 fn spread(values: impl Iterator<Item = f64> + Clone) -> Option<[f64; 2]> {
     let (mean, count) = (mean(values.clone())?, values.clone().count());
     let squares: f64 = values.map(|value| (value - mean).powi(2)).sum();
@@ -41,7 +41,7 @@ fn show(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".into(), |value| format!("{value:.digits$}"))
 }
 
-/// Mean change of brightness from picture to picture: the world's and the truth's.
+/// Mean frame-to-frame change of brightness: the world's and the truth's.
 fn flicker(walked: &Walked) -> [Option<f64>; 2] {
     [0, 1].map(|i| mean(walked.looks.windows(2).map(|pair| (pair[1][i].brightness - pair[0][i].brightness).abs())))
 }
@@ -60,7 +60,7 @@ fn follows(places: &[Place], family: Family, axis: usize) -> Option<Following> {
     following(responses.iter(), axis)
 }
 
-/// Tables for people; the last line is the summary.
+/// Tables for the terminal; the last line is the summary.
 pub(super) fn text(places: &[Place], horizons: &[f64], latents_per_second: u32) -> String {
     let mut text = String::from(
         "scene    at, s   world: PSNR  SSIM   LPIPS    last picture: PSNR  SSIM   LPIPS    its reconstruction: PSNR  SSIM   LPIPS\n",
@@ -105,7 +105,7 @@ pub(super) fn text(places: &[Place], horizons: &[f64], latents_per_second: u32) 
     text + "\n" + &summary(places, horizons) + "\n"
 }
 
-/// How the pictures hold together, second by second.
+/// Table of global picture properties, second by second.
 fn lasting(places: &[Place], latents_per_second: u32) -> String {
     let mut text = String::from(
         "\nscene    second   brightness: mean       ±   farthest   true places   contrast: mean  least   detail: mean  least   turning: correlation\n",
@@ -116,13 +116,13 @@ fn lasting(places: &[Place], latents_per_second: u32) -> String {
             let seconds: Vec<Second> = walks().filter_map(|w| second(w, end, latents_per_second)).collect();
             let all = |of: fn(&Second) -> f64| seconds.iter().map(of);
             let Some(brightness) = mean(all(|s| s.brightness - 1.0)) else { continue };
-            // How sure the mean is, and what could be known of it: true places of a kind are not equally bright.
+            // Standard error of the mean, and the spread of the truth: true places of a kind differ in brightness.
             let error = spread(all(|s| s.brightness)).map(|[_, sd]| sd / (seconds.len() as f64).sqrt());
             let places = spread(all(|s| s.true_brightness)).map(|[mean, sd]| sd / mean);
             let percent = |value: Option<f64>| show(value.map(|v| 100.0 * v), 1);
             let farthest = all(|s| s.brightness - 1.0).max_by(|a, b| a.abs().total_cmp(&b.abs()));
             let least = |of| all(of).min_by(f64::total_cmp);
-            // From the second before on: one second alone may have no turn in it.
+            // Turning is measured since the previous row's second, because a single second may contain no turn.
             let since = end - if n == 0 { 0 } else { endurance::ENDS[n - 1] };
             // Writing to a string cannot fail.
             let _ = writeln!(
@@ -144,7 +144,7 @@ fn lasting(places: &[Place], latents_per_second: u32) -> String {
     text
 }
 
-/// What is left of a place after a look away; nothing where nobody looked away.
+/// Table of the memory test; empty if it did not run.
 fn remembered(places: &[Place]) -> String {
     if places.iter().all(|place| place.remembered.is_empty()) {
         return String::new();
@@ -168,7 +168,7 @@ fn remembered(places: &[Place]) -> String {
     text
 }
 
-/// The stock schedule beside the refined one.
+/// Table of the stock schedule beside the refined one.
 fn few_steps(places: &[Place], horizons: &[f64]) -> String {
     let mut text = String::from(
         "\nscene    at, s   stock schedule: PSNR  SSIM   LPIPS    refined: PSNR  SSIM   LPIPS    turning, stock: correlation\n",
@@ -190,7 +190,7 @@ fn few_steps(places: &[Place], horizons: &[f64]) -> String {
     text
 }
 
-/// Mean PSNR, SSIM and LPIPS of a horizon; none where no walk is as long.
+/// Mean PSNR, SSIM and LPIPS at a horizon; `None` if no walk is that long.
 fn three<'a>(
     walks: impl Iterator<Item = &'a Walked> + Clone,
     seconds: f64,
@@ -202,7 +202,7 @@ fn three<'a>(
     Some(format!("{psnr:>6.2} {:>6} {:>6}", show(ssim, 3), show(lpips, 3)))
 }
 
-/// Every scene at the first horizon, in one line.
+/// One line with every scene at the first horizon.
 fn summary(places: &[Place], horizons: &[f64]) -> String {
     let first = horizons.first().copied().unwrap_or_default();
     let scene = |family: &Family| {
@@ -219,7 +219,7 @@ fn summary(places: &[Place], horizons: &[f64]) -> String {
     format!("at {first} s: {}", families(places).iter().map(scene).collect::<Vec<_>>().join("; "))
 }
 
-/// A line for each score.
+/// CSV with a line for each score.
 pub(super) fn csv(places: &[Place]) -> String {
     let mut text = String::from("scene,seed,seconds,what,psnr_db,ssim,lpips_alex\n");
     for place in places {
@@ -241,7 +241,7 @@ pub(super) fn csv(places: &[Place]) -> String {
     text
 }
 
-/// A line for each place and second: brightness, contrast and detail over the truth's, and how bright the truth is.
+/// CSV with a line for each place and second: brightness, contrast and detail relative to the truth, and the truth's brightness.
 pub(super) fn lasting_csv(places: &[Place], latents_per_second: u32) -> String {
     let mut text = String::from("scene,seed,second,brightness,contrast,detail,true_luma\n");
     for Place { family, scene, walked, .. } in places {
@@ -256,7 +256,7 @@ pub(super) fn lasting_csv(places: &[Place], latents_per_second: u32) -> String {
     text
 }
 
-/// Places on a sheet of the best or of the worst.
+/// Number of places on each sheet.
 const SHOWN: usize = 4;
 const TILE: (u32, u32) = (240, 135);
 const GAP: u32 = 8;
@@ -265,8 +265,8 @@ const TOP: u32 = 32;
 const GROUND: [u8; 3] = [24, 26, 30];
 const BRIGHT: [u8; 3] = [235, 235, 230];
 
-/// The places that the world shows best, the best first, and worst, the worst first: by how much nearer it is to the truth than
-/// the last true picture. Half of them each, and at most [`SHOWN`].
+/// The best places, best first, and the worst, worst first, ranked by PSNR gain over repeating the last true picture. At most half of all places
+/// and at most [`SHOWN`] each.
 pub(super) fn extremes(places: &[Place]) -> [Vec<&Place>; 2] {
     let gain = |place: &Place| mean(place.walked.horizons.iter().map(|h| h.world.psnr - h.repeat.psnr));
     let mut ranked: Vec<&Place> = places.iter().collect();
@@ -275,7 +275,7 @@ pub(super) fn extremes(places: &[Place]) -> [Vec<&Place>; 2] {
     [ranked[..best].to_vec(), ranked.iter().rev().take(worst).copied().collect()]
 }
 
-/// Truth above the world's pictures, a column for each horizon and two rows for each place, in the order given.
+/// Sheet with a column per horizon and two rows per place, truth above the world's pictures, in the given order.
 pub(super) fn sheet(places: &[&Place]) -> Result<Picture> {
     let columns = places.iter().map(|p| p.walked.horizons.len()).max().unwrap_or(0).max(1) as u32;
     let rows = 2 * places.len().max(1) as u32;
@@ -304,7 +304,7 @@ mod tests {
     use super::*;
     use crate::world_quality::endurance::Look;
 
-    /// Two places whose pictures are so bright, beside true ones.
+    /// Two places with the given brightness of the world's pictures and the true ones.
     fn places(brightness: [[f64; 2]; 2]) -> Vec<Place> {
         let walked = |brightness: [f64; 2]| Walked {
             horizons: Vec::new(),
@@ -328,7 +328,7 @@ mod tests {
         let text = lasting(&places, 15);
         let row: Vec<&str> = text.lines().nth(2).unwrap().split_whitespace().collect();
         assert_eq!(row[..10], ["snow", "1", "0.0", "%", "10.0", "%", "10.0", "%", "28.3", "%"], "{text}");
-        // Of one place nobody knows how far another would be.
+        // A single place gives no standard error.
         let alone = lasting(&places[..1], 15);
         let row: Vec<&str> = alone.lines().nth(2).unwrap().split_whitespace().collect();
         assert_eq!(row[..10], ["snow", "1", "10.0", "%", "-", "%", "10.0", "%", "-", "%"], "{alone}");

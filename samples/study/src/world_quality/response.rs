@@ -1,16 +1,16 @@
-//! Does the picture move as the controls say? Mean motion of the world's pictures against the truth's.
+//! Response to the controls: mean motion of the world's pictures against the truth's.
 
 /// Mean motion of one latent step, in render pixels from the current picture to the previous one, y down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Response {
-    /// Of the world's pictures, as optical flow finds it.
+    /// Mean optical flow of the world's pictures.
     pub(super) seen: [f64; 2],
-    /// Of the scene, exactly.
+    /// Mean exact motion of the scene.
     pub(super) meant: [f64; 2],
 }
 
 impl Response {
-    /// From all pixels' motions; what is not finite is left out.
+    /// Means over all pixels' motions; values that are not finite are left out.
     pub(super) fn new(seen: impl Iterator<Item = [f64; 2]>, meant: impl Iterator<Item = [f64; 2]>) -> Self {
         Self { seen: mean(seen), meant: mean(meant) }
     }
@@ -28,15 +28,15 @@ fn mean(motions: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
 /// How well the motion along one axis follows the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Following {
-    /// Pearson's correlation over steps, -1 to 1; 0 where the world's motion is always the same.
+    /// Pearson's correlation over steps, -1 to 1; 0 if the world's motion is constant.
     pub(super) correlation: f64,
-    /// Size: the slope of the least-squares line through the origin; 1 is right, 0.5 is half as fast.
+    /// Slope of the least-squares line through the origin; 1 is right, 0.5 is half as fast.
     pub(super) slope: f64,
-    /// Of the steps that truly move by at least half a pixel, the share that moves the same way.
+    /// Share of the steps with a true motion of at least half a pixel whose motion has the same sign.
     pub(super) same_sign: f64,
 }
 
-/// Motions that are smaller have no sign worth comparing, in pixels.
+/// Smaller true motions, in pixels, are not used for the sign comparison.
 const STILL: f64 = 0.5;
 
 /// How the steps follow along `axis` (0 is x: turning; 1 is y: tilting). None where the truth does not move.

@@ -12,13 +12,13 @@ use super::endurance::Look;
 use super::response::Response;
 use crate::metrics::{Lpips, psnr, ssim};
 
-/// How near a picture is to the true one.
+/// Distance of a picture from the true one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Score {
     /// In dB.
     pub(super) psnr: f64,
     pub(super) ssim: f64,
-    /// Where LPIPS was asked for.
+    /// `None` if LPIPS is not measured.
     pub(super) lpips: Option<f64>,
 }
 
@@ -29,41 +29,41 @@ impl Score {
     }
 }
 
-/// A moment of the walk, scored.
+/// Scores at one horizon of a walk.
 #[derive(Debug, Clone)]
 pub(super) struct Horizon {
     /// World time since the last true picture, in seconds.
     pub(super) seconds: f64,
     pub(super) world: Score,
-    /// The last true picture instead.
+    /// Score of repeating the last true picture.
     pub(super) repeat: Score,
-    /// The autoencoder's reconstruction of the last true picture instead.
+    /// Score of the autoencoder's reconstruction of the last true picture.
     pub(super) reconstruction: Score,
     pub(super) truth_picture: Picture,
     pub(super) picture: Picture,
 }
 
-/// What one walk gave.
+/// Result of one walk.
 #[derive(Debug, Clone)]
 pub(super) struct Walked {
     pub(super) horizons: Vec<Horizon>,
-    /// One for each latent step.
+    /// One per latent step.
     pub(super) responses: Vec<Response>,
-    /// Of every picture, from the first on: the world's and the true one.
+    /// Global properties of every picture from the first on: the world's and the truth's.
     pub(super) looks: Vec<[Look; 2]>,
 }
 
-/// A place, and how it is walked.
+/// A place and the settings of its walk.
 pub(super) struct Walk<'a> {
     pub(super) family: Family,
-    /// Which place of that kind.
+    /// Seed of the place.
     pub(super) scene: u64,
     pub(super) script: &'a ControlScript,
-    /// How far to go, in seconds of world time.
+    /// Length of the walk in seconds of world time.
     pub(super) seconds: f64,
 }
 
-/// What worlds are walked with.
+/// Settings and tools for all walks.
 #[derive(Clone, Copy)]
 pub(super) struct Tools<'a> {
     pub(super) point: &'a OperatingPoint,
@@ -72,7 +72,7 @@ pub(super) struct Tools<'a> {
 }
 
 impl Tools<'_> {
-    /// Refuses to go on once `stop` is set.
+    /// Fails with `Cancelled` if `stop` is set.
     fn go_on(&self) -> Result<()> {
         if self.stop.load(Ordering::Relaxed) {
             return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
@@ -81,13 +81,13 @@ impl Tools<'_> {
     }
 }
 
-/// The latent step that is nearest to so many seconds.
+/// The latent step nearest to the given time.
 pub(super) fn step_at(point: &OperatingPoint, seconds: f64) -> u64 {
     (seconds * f64::from(point.latents_per_second)).round() as u64
 }
 
 impl Walk<'_> {
-    /// The walk as it is, a frame a latent step, and a rollout from its first picture, which is drawn.
+    /// The true walk with one frame per latent step, and a rollout that starts from its first picture, which is rendered here.
     fn start<'s>(
         &'s self,
         scene: &'s Scene,
@@ -105,10 +105,10 @@ impl Walk<'_> {
         Ok((truth, rollout, first))
     }
 
-    /// Walks and scores. A horizon behind the end of the walk is left out.
+    /// Runs the walk and scores it. Horizons after the end of the walk are left out.
     ///
     /// # Errors
-    /// What making latents can fail with; `Cancelled` when `tools.stop` was set.
+    /// Errors of making latents; `Cancelled` when `tools.stop` was set.
     pub(super) fn score(&self, world: &Arc<World>, tools: &Tools<'_>, horizons: &[f64]) -> Result<Walked> {
         let point = tools.point;
         let scene = Scene::new(self.family, self.scene);
@@ -149,7 +149,7 @@ impl Walk<'_> {
         Ok(walked)
     }
 
-    /// Walks, and gives what the world shows, and what is true, after each of the steps `at`, which rise.
+    /// Runs the walk. Returns the world's picture and the true one after each of the steps `at`, which must be ascending.
     ///
     /// # Errors
     /// As [`score`](Self::score).
@@ -164,7 +164,7 @@ impl Walk<'_> {
                 step(&mut rollout, self.script, point, q)?;
             }
             if !at.contains(&q) {
-                // Walked past, not drawn. The first was drawn already.
+                // Advances without rendering. The first frame was rendered already.
                 if q > 0 {
                     truth.advance()?;
                 }
@@ -178,7 +178,7 @@ impl Walk<'_> {
     }
 }
 
-/// Lets the world make latent `q` with the controls of its span.
+/// Makes latent `q` with the controls of its time span.
 fn step(rollout: &mut Rollout, script: &ControlScript, point: &OperatingPoint, q: u64) -> Result<()> {
     let (start, end): (WorldTime, WorldTime) = point.span_of_latent(q);
     rollout.step(&script.span(start, end)?).map(drop)

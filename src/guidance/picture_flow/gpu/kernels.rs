@@ -5,12 +5,12 @@ use crate::Result;
 use crate::gpu::Gpu;
 use crate::gpu::compute::{Kernel, Shape};
 
-/// What each of them reads and writes, in the order of `flow.hlsli`.
+/// Root constants, inputs and outputs of every shader, in the order of `flow.hlsli`.
 const SHAPE: Shape = Shape { constants: WORDS as u32, inputs: 2, outputs: 3 };
 
 macro_rules! kernels {
     ($($name:ident),* $(,)?) => {
-        /// One of each, named as its text in `src/gpu/shaders` is after `flow_`.
+        /// One kernel for each shader `src/gpu/shaders/flow_<name>.hlsl`.
         pub(super) struct Kernels {
             $(pub(super) $name: Kernel,)*
         }

@@ -1,18 +1,18 @@
-//! What the shaders of an extraction are told, and where things lie in their memory.
+//! Root constants of the extraction shaders, and the layout of their working buffer.
 
 use super::super::grid::{APART, CLOSE, SAMPLES};
 use super::super::pyramid::{LARGE, SHORT};
 
-/// Directions: back, which is given out, and forth, which is for checking.
+/// Directions: backward flow (the output) and forward flow (for the check).
 const DIRECTIONS: usize = 2;
-/// Bytes of what is known of a patch.
+/// Bytes of a patch's search result.
 const FOUND: u64 = 32;
-/// Bytes of a motion.
+/// Bytes of a motion vector.
 const VECTOR: u64 = 8;
-/// Bytes of the motion of a whole picture.
+/// Bytes of a global motion model.
 const MODEL: u64 = 48;
 
-/// The constants of every shader of an extraction, in the order of `flow.hlsli`, which says what they are.
+/// Root constants of every extraction shader; order and meaning are those of `flow.hlsli`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Constants {
     pub(super) size: [u32; 2],
@@ -47,11 +47,11 @@ pub(super) struct Constants {
     pub(super) is_light: u32,
 }
 
-/// How many words they are.
+/// Number of 32-bit words in [`Constants`].
 pub(super) const WORDS: usize = 46;
 
 impl Constants {
-    /// As shaders read them.
+    /// The words in the shaders' order.
     pub(super) fn words(&self) -> [u32; WORDS] {
         let pairs = [
             self.size,
@@ -93,39 +93,39 @@ impl Constants {
     }
 }
 
-/// One level of the pyramids, and the grids on it.
+/// One pyramid level and its patch grids.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Level {
     /// In pixels.
     pub(super) size: [u32; 2],
-    /// Where luma lies, where that is wanted.
+    /// Offset of each picture's luma, on levels that have it.
     pub(super) at_luma: [u32; 2],
-    /// Pixels from one patch to the next.
+    /// Patch stride in pixels.
     pub(super) stride: u32,
     /// Patches across and down.
     pub(super) cells: [u32; 2],
     pub(super) at_found: [u32; 2],
     pub(super) at_flow: [u32; 2],
-    /// Cells from one sample of the whole picture's motion to the next.
+    /// Sampling stride of the global model, in cells.
     pub(super) step: u32,
 }
 
-/// What a size of pictures makes of the memory.
+/// Layout of the working buffer for one picture size.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) levels: Vec<Level>,
-    /// The finest level that has luma: only the first of a large picture has none.
+    /// Finest level with luma; in a large picture level 0 has none.
     pub(super) first: usize,
-    /// The finest level that is searched.
+    /// Finest level that is searched.
     pub(super) finest: usize,
-    /// That on which the way back is known.
+    /// Finest level of the forward flow.
     pub(super) checked: usize,
-    /// Where a pass of the smoothing leaves its motion for another.
+    /// Offsets of the second buffer for smoothing passes.
     pub(super) at_next: [u32; 2],
     pub(super) at_model: [u32; 2],
     pub(super) at_dense: [u32; 2],
     pub(super) at_trusted: u32,
-    /// All of it, in bytes.
+    /// Total size in bytes.
     pub(super) bytes: u64,
 }
 
@@ -134,7 +134,7 @@ fn area([across, down]: [u32; 2]) -> u64 {
 }
 
 impl Layout {
-    /// The levels are those of the processor's pyramid.
+    /// The levels are the same as in the CPU's pyramid.
     pub(super) fn new((width, height): (u32, u32)) -> Self {
         let is_short = |size: [u32; 2]| (size[0].min(size[1]) as usize) < SHORT;
         let mut levels = vec![Level { size: [width, height], ..Level::default() }];
@@ -150,7 +150,7 @@ impl Layout {
         let mut take = |bytes: u64| {
             let start = end;
             end += bytes.next_multiple_of(16);
-            // Beyond 4 GiB nothing is made, see where the memory is.
+            // Offsets may wrap beyond 4 GiB: the caller refuses such sizes.
             start as u32
         };
         for (number, level) in levels.iter_mut().enumerate().skip(first) {
@@ -167,7 +167,7 @@ impl Layout {
                 level.at_flow[direction] = take(VECTOR * area(level.cells));
             }
         }
-        // No grid has more cells than that on the finest level or, that having them farther apart, on the next.
+        // The largest grid: on the finest level or, where that has the larger stride, on the next.
         let most = levels.iter().map(|level| area(level.cells)).max().unwrap_or(0);
         Self {
             at_next: [0; DIRECTIONS].map(|_| take(VECTOR * most)),

@@ -1,33 +1,33 @@
-//! The steps of an extraction as dispatches, in the order of the processor's.
+//! The dispatches of an extraction, in the same order as on the CPU.
 
 use super::super::{ROUNDS, SMALL, grid};
 use super::kernels::Kernels;
 use super::layout::{Constants, Layout};
 use crate::gpu::compute::{CommandRecorder, Kernel, Table};
 
-/// Sides of a group of threads that goes over pixels.
+/// Thread group side for shaders over pixels.
 const GROUP: u32 = 8;
-/// Patches that a group searches.
+/// Patches searched per thread group.
 const PATCHES: u32 = 8;
-/// Sides of a group of threads that goes over cells.
+/// Thread group side for shaders over cells.
 const SIDE: u32 = 32;
-/// Rounds of the smoothing in one pass, where not all cells fit into a group; so deep are those around that it works at as well.
+/// Smoothing iterations per pass where the grid does not fit into one group; also the width of the halo that such a group computes.
 const PASS: u32 = 4;
-/// Directions, and pictures.
+/// Number of directions, and of pictures.
 const BOTH: u32 = 2;
 
-/// An extraction with everything bound.
+/// An extraction with all resources bound.
 pub(super) struct Steps<'f, 'g> {
     pub(super) frame: &'f mut CommandRecorder<'g>,
     pub(super) table: &'f Table,
     pub(super) kernels: &'f Kernels,
     pub(super) layout: &'f Layout,
-    /// What is the same on all levels.
+    /// Constants that are equal on all levels.
     pub(super) common: Constants,
 }
 
 impl Steps<'_, '_> {
-    /// All of it.
+    /// Records the whole extraction.
     pub(super) fn run(&mut self) {
         let Layout { first, finest, checked, ref levels, .. } = *self.layout;
         self.dispatch(&self.kernels.luma, self.of(first), levels[first].size, GROUP, BOTH);
@@ -65,7 +65,7 @@ impl Steps<'_, '_> {
         self.dispatch(&self.kernels.write, self.of(finest), self.common.size, GROUP, 1);
     }
 
-    /// The constants of a level.
+    /// Constants of level `number`.
     fn of(&self, number: usize) -> Constants {
         let Layout { first, finest, checked, ref levels, .. } = *self.layout;
         let (level, finer) = (levels[number], levels[number.saturating_sub(1)]);
@@ -105,7 +105,7 @@ impl Steps<'_, '_> {
             self.dispatch(&self.kernels.smooth, all, cells, SIDE, directions);
             return;
         }
-        // An odd number of passes, so that the last leaves its motion where it belongs.
+        // An odd number of passes, so that the last writes to `at_flow`.
         let (flow, next) = (all.at_flow, self.layout.at_next);
         for (is_source, at_source, at_target) in [(0, next, flow), (1, flow, next), (1, next, flow)] {
             let pass = Constants { rounds: PASS, halo: PASS, is_source, at_source, at_target, ..all };
@@ -117,7 +117,7 @@ impl Steps<'_, '_> {
         self.dispatch(&self.kernels.fit, self.of(level), [1, 1], 1, directions);
     }
 
-    /// As many groups as cover `size` when each covers `side`.
+    /// Dispatches enough groups to cover `size`, where each covers `side` x `side`, and `deep` groups in z.
     fn dispatch(&mut self, kernel: &Kernel, constants: Constants, size: [u32; 2], side: u32, deep: u32) {
         let groups = [size[0].div_ceil(side), size[1].div_ceil(side), deep];
         self.frame.dispatch(self.table, kernel, &constants.words(), groups);

@@ -1,4 +1,4 @@
-//! How the lab is built: steps that are each done once, so that an interrupted build goes on with the step it was at.
+//! Builds the lab in steps that each run once, so that an interrupted build resumes with the step it was at.
 
 use std::fs;
 use std::path::Path;
@@ -7,13 +7,13 @@ use std::process::Command;
 use super::{PACKAGES, PREFIX, RELEASE, WANTED, WINE, chamber};
 use crate::{Error, Progress, Result, cache, process, tools};
 
-/// Where Debian keeps what is replaced, and what the workshop calls it.
+/// Files in Debian that are replaced, and their names in the build folder.
 const REPLACED: [(&str, &str); 2] = [
     ("usr/lib/x86_64-linux-gnu/wine/x86_64-windows/wined3d.dll", "root/wined3d.dll"),
     ("usr/lib/wine/wineserver64", "root/wineserver64"),
 ];
 
-/// Names a Debian mirror where apt knows none, as on other distributions.
+/// Variable that names a Debian mirror if apt knows none, as on other distributions.
 const MIRROR_VARIABLE: &str = "CAIRN_DEBIAN_MIRROR";
 
 /// Builds the lab in `place`, whose lock the caller holds.
@@ -45,7 +45,7 @@ pub(super) fn build(place: &Path, progress: &dyn Progress) -> Result<()> {
         steps.run(&mut inside(&workshop, WINE, &[version.trim()]))?;
         for (theirs, ours) in REPLACED {
             let theirs = root.join(theirs);
-            // Overwriting is all that is wanted: where the packaged one is not found, the copy would serve nobody.
+            // The file must exist already: Wine would not load the copy from another path.
             fs::metadata(&theirs).map_err(|e| Error::io(&theirs, &e))?;
             fs::copy(workshop.join(ours), &theirs).map_err(|e| Error::io(&theirs, &e))?;
         }
@@ -63,7 +63,7 @@ struct Steps<'a> {
 }
 
 impl Steps<'_> {
-    /// Does a step that an earlier build has not completed.
+    /// Runs a step unless an earlier build has completed it.
     fn once(&self, name: &str, what: &str, act: impl FnOnce() -> Result<()>) -> Result<()> {
         let done = self.place.join("steps").join(name);
         if done.is_file() {
@@ -76,7 +76,7 @@ impl Steps<'_> {
         Ok(())
     }
 
-    /// Runs a command of a step; gives what it prints.
+    /// Runs a command of a step; returns its output.
     fn run(&self, command: &mut Command) -> Result<String> {
         let outcome = process::run(command, |line| self.progress.detail(&line.chars().take(60).collect::<String>()))
             .map_err(|e| Error::io(Path::new(command.get_program()), &e))?;
@@ -94,7 +94,7 @@ fn inside(root: &Path, script: &str, arguments: &[&str]) -> Command {
         "mount -t proc proc \"$0/proc\"; mount --rbind /dev \"$0/dev\"; exec chroot \"$0\" sh -euc \"$@\"";
     let mut command = chamber();
     command.args(["sh", "-euc", MOUNTS]).arg(root).args([script, "sh"]).args(arguments);
-    // What a person has set for programs of the machine is not meant for those in there.
+    // The user's environment variables do not apply inside it.
     command.env("PATH", "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin").env("HOME", "/root");
     for name in ["LD_PRELOAD", "LD_LIBRARY_PATH", "MAKEFLAGS", "CFLAGS", "CROSSCFLAGS", "CC", "CROSSCC", "TMPDIR"] {
         command.env_remove(name);
@@ -122,7 +122,7 @@ pub(super) fn mirror(progress: &dyn Progress) -> Result<String> {
     if let Some(found) = asked()? {
         return Ok(found);
     }
-    // Origins are known once the lists have been fetched.
+    // apt knows the origins only after it has fetched the lists.
     _ = process::run(Command::new("apt-get").args(["update", "-qq"]), |line| progress.detail(line));
     asked()?.ok_or_else(|| {
         let remedy = format!("Set {MIRROR_VARIABLE} to the address of a Debian mirror");
@@ -135,7 +135,7 @@ fn debian_of(targets: &str) -> Option<String> {
     targets.lines().find_map(|line| line.strip_prefix("Debian Debian main ").map(|uri| uri.trim().to_owned()))
 }
 
-/// The machine's own settings of apt that a Debian inside it needs to reach the same mirror.
+/// The machine's apt settings that a Debian inside it needs to reach the same mirror.
 fn apt_settings() -> Result<String> {
     let mut command = Command::new("apt-config");
     command.args(["dump", "--format", "%F \"%v\";%n", "Acquire"]);

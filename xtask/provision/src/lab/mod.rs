@@ -1,7 +1,7 @@
 //! The lab: a Windows with Direct3D 12 and DirectML on a Linux machine that has neither.
 //!
-//! Wine and a software Vulkan driver in a Debian of their own, with two files of Wine rebuilt from Debian's source so that
-//! Microsoft's DirectML runs and programs may take their time to end. Debian's packages come through debootstrap from the
+//! It is Wine and a software Vulkan driver in a Debian of their own. Two files of Wine are rebuilt from Debian's source so that
+//! Microsoft's DirectML runs and programs have enough time to end. Debian's packages come through debootstrap from the
 //! mirror that the machine's own apt uses.
 
 mod build;
@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 
 use crate::{Error, Progress, Result, cache, process, tools};
 
-/// The release of Debian whose Wine starts Rust programs and is new enough for Direct3D 12.
+/// The Debian release whose Wine runs Rust programs and is new enough for Direct3D 12.
 const RELEASE: &str = "trixie";
 
 const PACKAGES: &str = include_str!("packages.sh");
@@ -23,31 +23,31 @@ const PREFIX: &str = include_str!("prefix.sh");
 const ENTER: &str = include_str!("enter.sh");
 const INSIDE: &str = include_str!("inside.sh");
 
-/// What was wanted, in every error.
+/// Value of `Error::wanted` in every error here.
 const WANTED: &str = "the Windows lab";
 
-/// A lab that is there.
+/// An installed lab.
 #[derive(Debug, Clone)]
 pub struct Lab {
     place: PathBuf,
 }
 
 impl Lab {
-    /// The folder it fills.
+    /// The folder that contains it.
     pub fn place(&self) -> &Path {
         &self.place
     }
 
-    /// A command that runs a Windows program in the lab, with a display of its own; arguments, working directory, variables and
-    /// streams are given to it as to any command, and paths are the machine's. Its exit status is the program's; where that has
-    /// more than eight bits, the lowest eight, or 1 when these are 0.
+    /// A command that runs a Windows program in the lab, with a display of its own. Arguments, working directory, variables and
+    /// streams are passed as for any command, and paths are the machine's. Its exit status is the program's; of one with
+    /// more than eight bits the lowest eight, or 1 if these are 0.
     ///
-    /// Everything that the program starts ends with it, and it ends with the thread that started the command; nothing stays
-    /// mounted. What it writes below `C:\` is gone afterwards. One empty folder stays, `/tmp/.wine-0`: to remove it would
-    /// take it from runs beside this one.
+    /// Everything that the program starts ends with it, and it ends with the thread that started the command; no mount remains.
+    /// Files that it writes below `C:\` are lost. One empty folder remains, `/tmp/.wine-0`: removing it would take it from
+    /// concurrent runs.
     ///
     /// # Errors
-    /// `program` is not there.
+    /// `program` does not exist.
     pub fn command(&self, program: &Path) -> Result<Command> {
         let program = fs::canonicalize(program)
             .map_err(|e| Error::new(program.display().to_string(), e.to_string(), "Name a Windows program"))?;

@@ -1,13 +1,13 @@
-//! What `host-c` writes, read by another hand: Y4M videos and PPM pictures.
+//! Independent readers for the output of `host-c`: Y4M videos and PPM pictures.
 
 use std::fs;
 use std::path::Path;
 
-/// The pictures of a Y4M video in 4:4:4 with 8 bits: planes Y, Cb and Cr of each, one behind the other.
+/// The pictures of a Y4M video in 4:4:4 with 8 bits: planes Y, Cb and Cr of each, one after the other.
 pub(super) struct Video {
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Pictures per second, as `60:1`.
+    /// Pictures per second, e.g. `60:1`.
     pub(super) rate: String,
     pub(super) frames: Vec<Vec<u8>>,
 }
@@ -19,7 +19,7 @@ pub(super) struct Ppm {
     pub(super) pixels: Vec<u8>,
 }
 
-/// Numbers of red, green and blue of each pixel that go beyond eight bits, rows from top to bottom.
+/// Red, green and blue of each pixel with more than eight bits, rows from top to bottom.
 pub(super) struct Numbers {
     pub(super) width: usize,
     pub(super) height: usize,
@@ -87,7 +87,7 @@ impl Ppm {
         fs::write(path, bytes).map_err(|e| format!("{}: {e}", path.display()))
     }
 
-    /// By how much the planes of a video's frame are off this picture at most, by BT.601 in limited range.
+    /// Largest difference between the planes of a video's frame and this picture, by BT.601 in limited range.
     pub(super) fn distance(&self, planes: &[u8]) -> f64 {
         let count = self.width * self.height;
         let mut most = 0.0_f64;
@@ -134,7 +134,7 @@ impl Numbers {
         }
     }
 
-    /// By how much they are off what `pixel` makes of a picture's pixels at most; infinite for another size.
+    /// Largest difference from the result of `pixel` for each of the picture's pixels; infinite for another size.
     pub(super) fn distance(&self, picture: &Ppm, pixel: impl Fn([f64; 3]) -> [f64; 3]) -> f64 {
         if (self.width, self.height) != (picture.width, picture.height) {
             return f64::INFINITY;
@@ -144,17 +144,17 @@ impl Numbers {
             let wanted = pixel([0, 1, 2].map(|c| f64::from(of[c]) / 255.0));
             [0, 1, 2].map(|c| (found[c] - wanted[c]).abs())
         });
-        // What is no number is nowhere near.
+        // NaN counts as an infinite difference.
         differences.fold(0.0, |most, v| if v <= most { most } else { if v.is_nan() { f64::INFINITY } else { v } })
     }
 }
 
-/// Light of a part of sRGB's range.
+/// Linear light of an sRGB value.
 fn light(v: f64) -> f64 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Red, green and blue of sRGB as HDR10 has them in ten bits, where white is so many nits: SMPTE ST 2084, ITU-R BT.2087.
+/// sRGB to ten-bit HDR10 code values, with white at `white` nits: SMPTE ST 2084, ITU-R BT.2087.
 pub(super) fn hdr10([r, g, b]: [f64; 3], white: f64) -> [f64; 3] {
     const WIDE: [[f64; 3]; 3] = [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]];
     let seen = [r, g, b].map(light);
@@ -166,7 +166,7 @@ pub(super) fn hdr10([r, g, b]: [f64; 3], white: f64) -> [f64; 3] {
     })
 }
 
-/// The same as scRGB has them: light, 1 being 80 nits.
+/// The same in scRGB: linear, 1 is 80 nits.
 pub(super) fn scrgb(pixel: [f64; 3], white: f64) -> [f64; 3] {
     pixel.map(|v| light(v) * white / 80.0)
 }

@@ -1,4 +1,4 @@
-//! `include/cairn_ld.h`: every compiler takes it, a whole library loads by it, and what is no whole library is refused aloud.
+//! `include/cairn_ld.h`: every compiler accepts it, a complete library loads by it, and an incomplete one is refused with a message.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -47,20 +47,20 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log, place: &Place, tally: &m
     Ok(())
 }
 
-/// A library to load, and what must come of it.
+/// A library to load, and the expected result.
 struct Case {
     name: &'static str,
     library: PathBuf,
-    /// As printed: `CAIRN_OK`, `CAIRN_ERROR_IO` and so on by number.
+    /// The printed result: the value of `CAIRN_OK`, `CAIRN_ERROR_IO` and so on.
     result: &'static str,
-    /// Parts of the message.
+    /// Parts of the expected message.
     says: &'static [&'static str],
 }
 
 fn cases(context: &Context<'_>, log: &mut Log, place: &Place) -> Result<Vec<Case>, String> {
     let text = place.work.join("text.so");
     std::fs::write(&text, "no library").map_err(|e| format!("{}: {e}", text.display()))?;
-    // A library in the current folder, named without one.
+    // A library in the current folder, named without a folder.
     let bare = format!("{}here{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
     std::fs::copy(&place.library, place.work.join(&bare)).map_err(|e| format!("{bare}: {e}"))?;
     let mut make = |name: &str, defines: &[&str]| stand_in(context, log, place, name, defines);
@@ -109,7 +109,7 @@ fn cases(context: &Context<'_>, log: &mut Log, place: &Place) -> Result<Vec<Case
     ])
 }
 
-/// A small library that pretends to be Cairn.
+/// A small library with some of Cairn's functions.
 fn stand_in(
     context: &Context<'_>,
     log: &mut Log,

@@ -1,4 +1,4 @@
-//! Hosts, as their authors build and run them: the loader header, `samples/host-c` with its video, and `samples/host-d3d12`.
+//! Hosts, built and run as their authors do: the loader header, `samples/host-c` with its video, and `samples/host-d3d12`.
 
 mod frames;
 mod loader;
@@ -38,10 +38,10 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// Where things are.
+/// Folders and tools of these tests.
 struct Place {
     include: PathBuf,
-    /// An empty folder for what is made.
+    /// An empty folder for output.
     work: PathBuf,
     /// Cairn's shared library.
     library: PathBuf,
@@ -50,7 +50,7 @@ struct Place {
 }
 
 impl Place {
-    /// A strict compilation of C11.
+    /// The C11 compiler with strict warnings.
     fn compile(&self) -> Command {
         let mut command = Command::new(&self.cc);
         command.arg("-std=c11").args(STRICT).arg("-g").arg("-I").arg(&self.include);
@@ -62,7 +62,7 @@ impl Place {
     }
 }
 
-/// Whether `compiler` takes a source, with every warning an error.
+/// Whether `compiler` accepts a source, with every warning an error.
 fn takes(log: &mut Log, compiler: &Compiler, include: &Path, source: &Path, tally: &mut Tally) -> Result<(), String> {
     let mut command = Command::new(&compiler.program);
     command.args(compiler.first).args(if compiler.cpp { ["-std=c++17", "-xc++"] } else { ["-std=c11", "-xc"] });

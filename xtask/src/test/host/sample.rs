@@ -1,4 +1,4 @@
-//! `samples/host-c`: built as its page says, by CMake, and with the sanitizers; what it writes is read and compared.
+//! `samples/host-c`: built as its page says, by CMake, and with the sanitizers; its output is read and compared.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -39,7 +39,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log, place: &Place, tally: &m
     sanitizers(&host, log, &sources, tally)
 }
 
-/// Builds by the line that the sample's page and its source show, for the library there is.
+/// Builds by the command line in the sample's page and source, against the existing library.
 fn build_as_written(context: &Context<'_>, log: &mut Log, place: &Place) -> Result<PathBuf, String> {
     let page = context.workspace.read(&format!("{SAMPLE}/README.md"))?;
     let line = page.lines().find(|line| line.starts_with("cc ")).ok_or("the sample's page has no line with cc")?;
@@ -84,7 +84,7 @@ impl Host<'_> {
     }
 }
 
-/// A whole second: every picture is there, no two in a row are equal, and the seed decides what they show.
+/// A whole second: all pictures are there, no two consecutive ones are equal, and the seed changes them.
 fn videos(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let ended = host.walk(log, "1", "7", "walk.y4m", &[])?;
     tally.check((!ended.success).then(|| "the rollout failed".to_owned()));
@@ -105,7 +105,7 @@ fn videos(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Strin
     Ok(())
 }
 
-/// From a seed picture, as pictures and as a video: the same ones.
+/// From a seed picture, once as pictures and once as a video: both are equal.
 fn pictures(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let pixels = (0..100 * 60).flat_map(|i| [(i % 256) as u8, (i / 100 * 4) as u8, 200]).collect();
     let seed = host.place.work.join("seed.ppm");
@@ -122,7 +122,7 @@ fn pictures(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Str
     for (number, frame) in video.frames.iter().enumerate() {
         let picture = Ppm::read(&host.place.work.join(format!("pictures-{number:05}.ppm")))?;
         let off = picture.distance(frame);
-        // Rounding to 8 bits, and the three digits that the standard gives its numbers in.
+        // Rounding to 8 bits, and the standard's coefficients with three digits.
         let wrong = (picture.width, picture.height) != (video.width, video.height) || off > 0.51;
         tally.check(wrong.then(|| format!("picture {number} and the video's frame are {off:.2} apart")));
         written += 1;
@@ -132,7 +132,7 @@ fn pictures(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Str
     Ok(())
 }
 
-/// The line that the sample's page shows, but shorter: through the world inside the library, from a place that it knows.
+/// A shorter form of the command line on the sample's page: through the embedded world, from its known place.
 fn without_a_world(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let root = &host.context.workspace.root;
     let mut command = host.command(&host.program)?;
@@ -146,7 +146,7 @@ fn without_a_world(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<
     Ok(())
 }
 
-/// What cannot be is said, with what can be done.
+/// Invalid requests fail with a message that names the remedy.
 fn refusals(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let world = host.context.bundle("tiny")?;
     let world = world.to_str().ok_or("the test world's path is not UTF-8")?;
@@ -174,7 +174,7 @@ fn refusals(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Str
     Ok(())
 }
 
-/// Builds by CMake against header and library in a folder of their own, as a release has them.
+/// Builds by CMake against header and library in a folder of their own, as in a release.
 fn cmake(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let Some(cmake) = tools::cmake(&Console::new()) else {
         tally.skips.push(Skip { name: "host-c by CMake".into(), reason: "needs cmake: apt install cmake".into() });
@@ -202,8 +202,8 @@ fn cmake(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
     Ok(())
 }
 
-/// With AddressSanitizer, LeakSanitizer and UndefinedBehaviorSanitizer: nothing is found in a rollout, nor where one fails. The
-/// library's memory comes from malloc, so what it would leak is found as well.
+/// With AddressSanitizer, LeakSanitizer and UndefinedBehaviorSanitizer: no error in a rollout, nor in a failing one. The library
+/// allocates with malloc, so its leaks are detected as well.
 fn sanitizers(host: &Host<'_>, log: &mut Log, sources: &[PathBuf], tally: &mut Tally) -> Result<(), String> {
     let sanitized = |output: &Path| {
         let mut command = host.place.compile();
@@ -211,7 +211,7 @@ fn sanitizers(host: &Host<'_>, log: &mut Log, sources: &[PathBuf], tally: &mut T
         command.arg(output);
         command
     };
-    // A sanitizer that finds nothing proves nothing: here it must find.
+    // A control: the sanitizer must detect this leak.
     let leak = host.place.work.join("leak.c");
     let text = "#include <stdlib.h>\n\nint main(void)\n{\n    volatile char *lost = malloc(7);\n    lost[0] = 1;\n    \
                 lost = NULL;\n    return 0;\n}\n";

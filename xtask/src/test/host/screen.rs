@@ -1,10 +1,10 @@
-//! What is on a display, as the lab keeps it: the X root window in XWD format.
+//! The contents of the lab's display: the X root window in XWD format.
 
 use std::path::Path;
 
 use super::frames::Ppm;
 
-/// The words of an XWD header that we read, by their place. All are big-endian, of 32 bits.
+/// Indices of the XWD header's words that are read here. All are big-endian, 32 bits.
 mod word {
     pub(super) const HEADER_SIZE: usize = 0;
     pub(super) const VERSION: usize = 1;
@@ -18,7 +18,7 @@ mod word {
     pub(super) const COLOURS: usize = 19;
 }
 
-/// A part of a picture, in its pixels.
+/// A rectangle in pixels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rectangle {
     pub(super) left: usize,
@@ -33,7 +33,7 @@ impl Rectangle {
     }
 }
 
-/// Reads the root window; a display that is being started or ended has none.
+/// Reads the root window; `None` for a display that is just starting or ending.
 pub(super) fn read(path: &Path) -> Option<Ppm> {
     parse(&std::fs::read(path).ok()?)
 }
@@ -44,7 +44,7 @@ fn parse(bytes: &[u8]) -> Option<Ppm> {
         usize::try_from(u32::from_be_bytes(bytes.try_into().ok()?)).ok()
     };
     let [width, height, pitch] = [word(word::WIDTH)?, word(word::HEIGHT)?, word(word::BYTES_PER_LINE)?];
-    // Version 7, a Z pixmap of 32 bits with the least byte, blue, first: what Xvfb has at a depth of 24.
+    // Version 7, a Z pixmap of 32 bits with the least significant byte, blue, first: what Xvfb has at a depth of 24.
     let known = word(word::VERSION)? == 7
         && word(word::PIXMAP_FORMAT)? == 2
         && word(word::BYTE_ORDER)? == 0
@@ -62,14 +62,14 @@ fn parse(bytes: &[u8]) -> Option<Ppm> {
     Some(Ppm { width, height, pixels })
 }
 
-/// Where `picture` stands in `screen`, each of its pixels, but for those in `over` it.
+/// Position of `picture` in `screen`: all pixels match, except those inside `over`.
 pub(super) fn find(screen: &Ppm, picture: &Ppm, over: Rectangle) -> Option<(usize, usize)> {
-    // A row that nothing stands over leads to the place.
+    // A row that `over` does not cover is searched for first.
     let clue = (0..picture.height).find(|y| !(over.top..over.top + over.height).contains(y))?;
     let wanted = &picture.pixels[row(picture, clue)];
     for top in 0..(screen.height + 1).checked_sub(picture.height)? {
         let line = &screen.pixels[row(screen, top + clue)];
-        // Most of a display is black.
+        // Skips black rows, which most of a display consists of.
         if line.iter().all(|byte| *byte == 0) {
             continue;
         }
@@ -82,7 +82,7 @@ pub(super) fn find(screen: &Ppm, picture: &Ppm, over: Rectangle) -> Option<(usiz
     None
 }
 
-/// Whether `picture` stands at that place of `screen`, but for what is in `over` it.
+/// Whether `picture` is at that position of `screen`, except for the pixels inside `over`.
 pub(super) fn stands(screen: &Ppm, picture: &Ppm, (left, top): (usize, usize), over: Rectangle) -> bool {
     if left + picture.width > screen.width || top + picture.height > screen.height {
         return false;
@@ -95,7 +95,7 @@ pub(super) fn stands(screen: &Ppm, picture: &Ppm, (left, top): (usize, usize), o
     (0..picture.height).all(|y| (0..picture.width).all(|x| same(x, y)))
 }
 
-/// Where a row's bytes are.
+/// Byte range of a row.
 fn row(of: &Ppm, y: usize) -> std::ops::Range<usize> {
     y * of.width * 3..(y + 1) * of.width * 3
 }
@@ -111,7 +111,7 @@ mod tests {
         Ppm { width: 6, height: 4, pixels }
     }
 
-    /// The part of a screen with its corner at (2, 1).
+    /// A small picture cut out of a screen at (2, 1).
     fn part(of: &Ppm) -> Ppm {
         let rows = (1..4).flat_map(|y| of.pixels[(y * 6 + 2) * 3..(y * 6 + 5) * 3].to_vec());
         Ppm { width: 3, height: 3, pixels: rows.collect() }

@@ -1,5 +1,5 @@
-//! `samples/host-d3d12`: built by CMake, run without a window and in one, in the lab or on Windows; what it writes and what is on
-//! the display is read and compared.
+//! `samples/host-d3d12`: built by CMake, run without a window and in one, in the lab or on Windows; its output and the display are
+//! read and compared.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -27,13 +27,13 @@ const HANDS: &str = "tests/host/hands.c";
 const FRAMES: usize = 24;
 const MULTIPLIER: usize = 4;
 
-/// Size of the embedded world's pictures, and of its frames: nothing is resized on the way.
+/// Size of the embedded world's pictures and of the sample's frames: nothing is resized.
 const SIZE: (usize, usize) = (320, 180);
 
-/// Where the frame-time graph stands in a frame of that size, as the sample has it.
+/// Position of the frame-time graph in a frame of that size, as the sample draws it.
 const GRAPH: Rectangle = Rectangle { left: 8, top: SIZE.1 - 64 - 8, width: 256, height: 64 };
 
-/// How often the display is looked at.
+/// Interval at which the display is read.
 const LOOK: Duration = Duration::from_millis(50);
 
 pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
@@ -72,7 +72,7 @@ fn anew(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Resu
     Ok(program)
 }
 
-/// What it writes, and what is on the display.
+/// Tests the sample's output and the display.
 fn shown(host: &Host<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
     recorded(host, log, &mut tally)?;
@@ -85,8 +85,8 @@ fn shown(host: &Host<'_>, log: &mut Log) -> Result<Tally, String> {
     Ok(tally)
 }
 
-/// Builds the library for Windows, with what the library's own tests have been built with, and the Unity that shows a picture; the
-/// folder they are in.
+/// Builds the library for Windows with the same features as the library's own tests, and the Unity test host that shows a picture; returns
+/// their folder.
 pub(in crate::test) fn library(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
     let mut command = context.workspace.cargo([
         "build",
@@ -107,14 +107,14 @@ pub(in crate::test) fn library(context: &Context<'_>, log: &mut Log) -> Result<P
     Ok(context.windows_programs())
 }
 
-/// Builds the library, and the sample for it.
+/// Builds the library, and the sample against it.
 fn build(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Result<PathBuf, String> {
     let library = library(context, log)?;
     let place = format!("-DCAIRN_LIBRARY_DIR={}", library.display());
     by_cmake(log, cmake, &context.workspace.root.join(SAMPLE), &work.join("build"), &[&place])
 }
 
-/// Builds the sample in `source` by its CMake file; the program.
+/// Builds the sample in `source` by its CMake file; returns the program.
 pub(in crate::test) fn by_cmake(
     log: &mut Log,
     cmake: &Path,
@@ -150,7 +150,7 @@ struct Host<'a> {
 }
 
 impl Host<'_> {
-    /// The sample in the lab, in the folder that is made.
+    /// The sample in the lab, run in the output folder.
     fn command(&self, arguments: &[&str]) -> Result<Command, String> {
         let mut command = if cfg!(windows) { Command::new(&self.program) } else { lab::lab_run()? };
         if !cfg!(windows) {
@@ -161,7 +161,7 @@ impl Host<'_> {
         Ok(command)
     }
 
-    /// A picture that was recorded into a folder.
+    /// Reads a recorded picture from a folder.
     fn picture(&self, folder: &str, name: &str, number: usize) -> Result<Ppm, String> {
         Ppm::read(&self.work.join(folder).join(format!("{name}-{number:05}.ppm")))
     }
@@ -171,7 +171,7 @@ impl Host<'_> {
     }
 }
 
-/// Records frames without a window, with the anchors they were made of.
+/// Records frames without a window, with the anchors they are made from.
 fn recorded(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let frames = FRAMES.to_string();
     let script = host.script();
@@ -202,13 +202,13 @@ fn recorded(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Str
     Ok(())
 }
 
-/// Frames for displays of a high dynamic range: those of anchors are the anchors' pictures, as bright as is asked for. The lab's display
-/// shows none of them, and that is said.
+/// HDR frames: frames at anchors are the anchors' pictures at the requested brightness. The lab's display has no HDR, which the
+/// sample must report.
 fn high_range(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let script = host.script();
     let shared = ["--multiplier", "1", "--anchors", "cpu", "--script", &script];
     type Pixel = fn([f64; 3], f64) -> [f64; 3];
-    // A number of ten bits, and the least that a half float has near white; each is rounded to the nearest.
+    // Tolerances: one step of ten bits, and one of a half float near white; each value is rounded to nearest.
     let kinds: [(&str, &str, f64, Pixel, f64); 2] =
         [("hdr10", "ppm", 203.0, hdr10, 1.01), ("scrgb", "pfm", 400.0, scrgb, 0.003)];
     for (colours, ending, white, pixel, near) in kinds {
@@ -237,7 +237,7 @@ fn high_range(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), S
     Ok(())
 }
 
-/// Anchors that DirectML makes, on the device that shows them: near those of the processor.
+/// Anchors from DirectML, on the device that shows them: close to those of the processor.
 fn on_the_device(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let script = host.script();
     let arguments =
@@ -260,14 +260,14 @@ fn on_the_device(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<()
     Ok(())
 }
 
-/// Whether nothing is to be seen: less than sixteen levels between the darkest and the brightest byte.
+/// Whether a picture is uniform: fewer than sixteen levels between the darkest and the brightest byte.
 fn is_flat(picture: &Ppm) -> bool {
     let (least, most) = picture.pixels.iter().fold((u8::MAX, 0), |(least, most), v| (least.min(*v), most.max(*v)));
     most.saturating_sub(least) < 16
 }
 
-/// Anchors from the renderer are the pictures that it draws by itself. Here it draws for this machine, and a stand-in hands them to
-/// the sample, by the arguments that the renderer takes.
+/// Anchors from the renderer equal the pictures that it draws by itself. Here it runs natively on this machine, and a stand-in with the
+/// renderer's arguments passes them to the sample.
 fn scene(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let context = host.context;
     context.build_programs(log)?;
@@ -304,7 +304,7 @@ fn scene(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
     Ok(())
 }
 
-/// Builds a program of one file for the lab.
+/// Compiles a single-file program for the lab.
 fn compile(context: &Context<'_>, log: &mut Log, source: &str, program: &Path) -> Result<(), String> {
     let compiler = tools::mingw_compiler(false, &Console::new()).map_err(|e| e.to_string())?;
     let mut compile = Command::new(&compiler.program);
@@ -315,7 +315,7 @@ fn compile(context: &Context<'_>, log: &mut Log, source: &str, program: &Path) -
     }
 }
 
-/// Command lines that are wrong, and files that are not there: an exit status, and a message that names them.
+/// Invalid command lines and missing files: an exit status, and a message that names the fault.
 fn refusals(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     for (arguments, says) in [
         (&["--size", "3"][..], "--size: \"3\" is no size. Write it as 960x540. See host-d3d12 --help"),
@@ -329,7 +329,7 @@ fn refusals(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Str
     Ok(())
 }
 
-/// Runs it in a window, and looks for the world on the display.
+/// Runs the sample in a window, and looks for the world on the display.
 fn window(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let (script, size) = (host.script(), format!("{}x{}", SIZE.0, SIZE.1));
     let mut arguments: Vec<&str> = "--frames 30 --rate 2 --anchors cpu --record window --script".split(' ').collect();
@@ -356,7 +356,7 @@ fn window(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Strin
                 let at = ((top + GRAPH.top + y) * screen.width + left + GRAPH.left + x) * 3;
                 [screen.pixels[at], screen.pixels[at + 1], screen.pixels[at + 2]]
             };
-            // Its ground beside the number, which no frame has.
+            // The graph's background beside the number; no frame has this colour.
             let there = graph(GRAPH.width - 1, 0) == [0x10, 0x18, 0x20];
             tally.check((!there).then(|| "the graph is not in the picture".to_owned()));
         }
@@ -365,9 +365,9 @@ fn window(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Strin
     Ok(())
 }
 
-/// Plays in a window by key and mouse, and leaves it by Esc; what was heard is written down.
+/// Plays in a window with keys and mouse, and leaves by Esc; the received input is logged.
 fn hands(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
-    // On a Windows desktop somebody else may be typing.
+    // On a Windows desktop a user may be typing.
     if cfg!(windows) {
         return Ok(());
     }
@@ -385,22 +385,22 @@ fn hands(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
     Ok(())
 }
 
-/// What was seen on the display.
+/// What was found on the display.
 struct Seen {
-    /// Two of them, as the world goes on.
+    /// Indices of two anchors: the world advances.
     anchors: [usize; 2],
-    /// Where the second one's top left pixel was.
+    /// Position of the second one's top left pixel.
     place: (usize, usize),
-    /// All that was there with it.
+    /// The whole screen with the second one.
     screen: Ppm,
 }
 
-/// Looks until two of the anchors that the sample writes into the folder `made` were seen, or the run is over.
+/// Reads the display until two of the anchors that the sample writes into `made` were found, or the run is over.
 fn watch(display: &Path, made: &Path, over: &AtomicBool) -> Option<Seen> {
     let mut anchors: Vec<Ppm> = Vec::new();
     let mut first = None;
     while !over.load(Ordering::Relaxed) {
-        // One that is being written is read the next time.
+        // An anchor that is still being written is read next time.
         while let Ok(anchor) = Ppm::read(&made.join(format!("anchor-{:05}.ppm", anchors.len()))) {
             anchors.push(anchor);
         }

@@ -1,26 +1,26 @@
-//! Where there is no Direct3D 12 nothing is drawn.
+//! Platforms without Direct3D 12: nothing is drawn.
 
 use std::ffi::c_void;
 
 use crate::interfaces::Direct3d12;
 use crate::views::{Ended, View};
 
-/// There is none.
+/// Never exists on this platform.
 pub(crate) enum Drawing {}
 
-/// A texture of Unity's: there is none.
+/// A texture of Unity's. Never exists on this platform.
 #[derive(Clone)]
 pub(crate) enum Target {}
 
 impl Target {
     /// # Safety
-    /// Nothing is asked for.
+    /// None: no pointer is read.
     pub(crate) unsafe fn of_unity(_: *mut c_void) -> Option<Self> {
         None
     }
 }
 
-/// The textures that a view's frames are made in: none.
+/// Ring of textures for a view's frames. Empty on this platform.
 #[derive(Default)]
 pub(crate) struct TargetRing;
 
@@ -37,7 +37,7 @@ impl Drawing {
         match *self {}
     }
 
-    /// Device and queue, without a reference.
+    /// Device and queue, without adding a reference.
     pub(crate) fn parts(&self) -> (*mut c_void, *mut c_void) {
         match *self {}
     }
@@ -59,7 +59,7 @@ impl Drawing {
     }
 }
 
-/// The file of this library: only Windows is asked.
+/// Path of this library's file. Only Windows asks for it.
 pub(crate) fn own_path() -> Option<String> {
     None
 }

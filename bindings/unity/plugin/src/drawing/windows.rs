@@ -1,10 +1,10 @@
 //! Frames on Unity's Direct3D 12 device.
 //!
-//! A frame is made in a texture of the view's ring, in which each is as large as Unity's and rests in the state COMMON. A list of Unity's
-//! copies the newest one, and may run frames later: by Unity's frame fence it is known when, and until then nobody writes to that
-//! texture. So Unity has nothing to flush and no thread to wait for. Unity's texture is only ever asked for in COPY_DEST: from version 8
-//! on by `RequestResourceState` and `NotifyResourceState` in the list that Unity records, before that by the states that
-//! `ExecuteCommandList` takes with a list of ours.
+//! The presenter writes a frame into a texture of the view's ring. Ring textures have the size of Unity's texture and rest in the state COMMON.
+//! A command list of Unity's copies the newest one and may execute frames later. Unity's frame fence says when it has executed; until then
+//! nobody writes to that texture. So Unity need not flush anything or wait for a thread. The plugin requests Unity's texture in COPY_DEST
+//! only: from version 8 on by `RequestResourceState` and `NotifyResourceState` in the list that Unity records, before that by the states
+//! passed to `ExecuteCommandList` with a list of the plugin's own.
 
 use std::ffi::c_void;
 use std::sync::Arc;
@@ -27,17 +27,17 @@ use parking_lot::Mutex;
 use crate::interfaces::{Direct3d12, Notify, Recording, RecordingState, Request, ResourceState};
 use crate::views::{Ended, View, no_frame};
 
-/// How long is waited for work before what it uses is freed with the device. What is not done then is never freed.
+/// Time limit for work on the queue before the device's resources are freed. What is still in use then is leaked.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Lists of ours that may be with Unity at a time: Unity has two or three frames under way, each with a list for every view.
+/// Maximum number of the plugin's own lists in flight. Unity has two or three frames in flight, each with one list per view.
 const LISTS: usize = 256;
 
-/// Textures of a view's ring, at most. Unity has two or three frames in flight, and its submission thread may be one behind; more are in
-/// use where lists wait long for the device, as while a window is minimised.
+/// Maximum number of textures in a view's ring. Unity has two or three frames in flight, and its submission thread may be one behind. More
+/// are in use when lists wait long for the device, for example while a window is minimised.
 const RING: usize = 8;
 
-/// What there is to draw with.
+/// Unity's device, queue and fence, and the functions used to draw with them.
 pub(crate) struct Drawing {
     api: Direct3d12,
     device: ID3D12Device,
@@ -51,7 +51,7 @@ unsafe impl Send for Drawing {}
 // SAFETY: as above.
 unsafe impl Sync for Drawing {}
 
-/// What Unity's queue still uses. It is let go of by a later event or view; in the end it is waited for.
+/// Resources that Unity's queue still uses. A later event or view releases them; the shutdown waits for them.
 #[derive(Default)]
 struct Kept {
     textures: Vec<(FencePoint, ID3D12Resource)>,
@@ -59,7 +59,7 @@ struct Kept {
 }
 
 impl Kept {
-    /// Lets go of what is done with.
+    /// Releases what the queue no longer uses.
     fn tidy(&mut self) {
         self.textures.retain(|(until, _)| !until.is_reached());
     }
@@ -81,7 +81,7 @@ impl Drop for Kept {
     }
 }
 
-/// A fence and a value that it gets. A fence of a removed device has every value.
+/// A fence and a value. A fence of a removed device has reached every value.
 #[derive(Clone)]
 struct FencePoint(ID3D12Fence, u64);
 
@@ -91,7 +91,7 @@ impl FencePoint {
         unsafe { self.0.GetCompletedValue() >= self.1 }
     }
 
-    /// Waits for it, but no longer than that; whether it came.
+    /// Waits for the value until `end` at most. Returns whether it was reached.
     fn comes_before(&self, end: Instant) -> bool {
         while !self.is_reached() {
             if Instant::now() >= end {
@@ -103,21 +103,21 @@ impl FencePoint {
     }
 }
 
-/// A list of ours, for versions whose texture states only go with one.
+/// A list of the plugin's own, for interface versions that pass texture states with a list only.
 struct List {
     allocator: ID3D12CommandAllocator,
     list: ID3D12GraphicsCommandList,
-    /// It has run then.
+    /// Reached when the list has executed.
     until: FencePoint,
 }
 
-/// A texture of Unity's, with a reference.
+/// A texture of Unity's. Holds a reference.
 #[derive(Clone)]
 pub(crate) struct Target(ID3D12Resource);
 
 impl Target {
     /// # Safety
-    /// The pointer is null or of an object of COM, which lives during the call.
+    /// The pointer is null or a COM object that lives during the call.
     pub(crate) unsafe fn of_unity(texture: *mut c_void) -> Option<Self> {
         // SAFETY: the caller's promise; no reference is taken.
         let unknown = unsafe { IUnknown::from_raw_borrowed(&texture) }?;
@@ -125,24 +125,24 @@ impl Target {
     }
 }
 
-/// The textures that a view's frames are made in.
+/// Ring of textures that a view's frames are written to.
 #[derive(Default)]
 pub(crate) struct TargetRing(Option<Ring>);
 
 struct Ring {
     slots: Vec<Slot>,
-    /// The slot with the last frame.
+    /// Index of the slot with the newest frame.
     newest: Option<usize>,
-    /// Width, height and format of all.
+    /// Width, height and format of all textures.
     shape: (u64, u32, DXGI_FORMAT),
     kept: Arc<Mutex<Kept>>,
 }
 
 struct Slot {
     texture: ID3D12Resource,
-    /// The frame in it is complete then.
+    /// Reached when the frame in the texture is complete.
     written: Option<FencePoint>,
-    /// The last copy of it has run then.
+    /// Reached when the last copy from the texture has executed.
     read: Option<FencePoint>,
 }
 
@@ -153,7 +153,7 @@ impl Slot {
 }
 
 impl Drop for Ring {
-    /// The queue may use them for a while.
+    /// The queue may still use the textures, so they are not freed here.
     fn drop(&mut self) {
         let mut kept = self.kept.lock();
         for Slot { texture, written, read } in self.slots.drain(..) {
@@ -163,18 +163,18 @@ impl Drop for Ring {
 }
 
 impl TargetRing {
-    /// Lets go of the textures.
+    /// Releases the textures.
     pub(crate) fn let_go(&mut self) {
         self.0 = None;
     }
 
-    /// The slot with the newest frame, where it is like Unity's texture.
+    /// The slot with the newest frame, if it has the size and format of `target`.
     fn newest(&mut self, target: &ID3D12Resource) -> Option<&mut Slot> {
         let ring = self.0.as_mut().filter(|ring| ring.shape == shape(&desc_of(target)))?;
         ring.slots.get_mut(ring.newest?)
     }
 
-    /// A slot that nobody reads, with a texture as Unity's is but for what may be done with it; none where as many as may be are in use.
+    /// A slot that no list reads, with a texture of `target`'s size and format. `None` if all `RING` slots are in use.
     fn free(&mut self, drawing: &Drawing, target: &ID3D12Resource) -> Result<Option<(usize, ID3D12Resource)>, String> {
         let wanted = desc_of(target);
         if self.0.as_ref().is_none_or(|ring| ring.shape != shape(&wanted)) {
@@ -196,7 +196,7 @@ impl TargetRing {
         Ok(Some((place, slots[place].texture.clone())))
     }
 
-    /// A slot holds the newest frame, once `written` is reached.
+    /// Marks a slot as holding the newest frame, complete once `written` is reached.
     fn holds(&mut self, place: usize, written: FencePoint) {
         if let Some(ring) = &mut self.0 {
             ring.slots[place].written = Some(written);
@@ -214,7 +214,7 @@ fn shape(desc: &D3D12_RESOURCE_DESC) -> (u64, u32, DXGI_FORMAT) {
     (desc.Width, desc.Height, desc.Format)
 }
 
-/// A texture of a size and format, which rests in COMMON.
+/// Creates a texture of a size and format in the state COMMON.
 fn texture_like(wanted: &D3D12_RESOURCE_DESC, device: &ID3D12Device) -> Result<ID3D12Resource, String> {
     let desc = D3D12_RESOURCE_DESC {
         Dimension: D3D12_RESOURCE_DIMENSION_TEXTURE2D,
@@ -237,7 +237,7 @@ fn texture_like(wanted: &D3D12_RESOURCE_DESC, device: &ID3D12Device) -> Result<I
     made.ok_or_else(|| format!("ID3D12Device::CreateCommittedResource made no texture{why}"))
 }
 
-/// Why no frame can be copied into such a texture.
+/// The reason why no frame can be copied into such a texture, or `None`.
 fn refused(wanted: &D3D12_RESOURCE_DESC) -> Option<String> {
     let what = if wanted.Dimension != D3D12_RESOURCE_DIMENSION_TEXTURE2D || wanted.DepthOrArraySize != 1 {
         "it is no texture of two dimensions with one slice"
@@ -270,20 +270,20 @@ impl Drawing {
         self.api.version
     }
 
-    /// Device and queue, without a reference.
+    /// Device and queue, without adding a reference.
     pub(crate) fn parts(&self) -> (*mut c_void, *mut c_void) {
         (self.device.as_raw(), self.queue.as_raw())
     }
 
-    /// Has the frame that is due written into a texture of the view's ring, on Unity's queue.
+    /// Writes the frame that is due into a texture of the view's ring, on Unity's queue.
     pub(crate) fn make(&self, view: &View) -> Ended {
-        // What is wanted is read behind the lock, by which whoever ends the view waits for this.
+        // Read under the lock: whoever ends the view takes the lock and so waits for this event.
         let mut ring = view.ring.lock();
         let Some((now, Target(target))) = view.wanted() else { return Ended::Nothing };
         self.tidy();
         let (place, texture) = match ring.free(self, &target) {
             Ok(Some(found)) => found,
-            // Frames go on when Unity's queue has run the copies of earlier ones.
+            // The next frame is written once Unity's queue has executed the copies of earlier ones.
             Ok(None) => return Ended::Nothing,
             Err(why) => return Ended::Failed(CAIRN_ERROR_INVALID_ARGUMENT, why),
         };
@@ -313,7 +313,7 @@ impl Drawing {
         // As in `make`.
         let mut ring = view.ring.lock();
         let Some((_, Target(target))) = view.wanted() else { return Ended::Nothing };
-        // Another one may have been told between the events; the next frame is made for it.
+        // The view may have got another texture between the two events. The next frame is made for it.
         let Some(slot) = ring.newest(&target) else { return Ended::Nothing };
         let mut kept = self.kept.lock();
         kept.tidy();
@@ -333,7 +333,7 @@ impl Drawing {
         }
     }
 
-    /// The copy in the list that Unity records; when it has run, by the frame fence.
+    /// Records the copy in the list that Unity has open. Returns the value of the frame fence when it has executed.
     fn record(
         &self,
         recording: Recording,
@@ -359,7 +359,7 @@ impl Drawing {
         self.next_value()
     }
 
-    /// The copy in a list of ours, which Unity executes between its own; when it has run, by the frame fence.
+    /// Records the copy in a list of the plugin's own, which Unity executes between its lists. Returns the frame fence's value after it.
     fn execute(&self, lists: &mut Vec<List>, from: &ID3D12Resource, target: &ID3D12Resource) -> Result<u64, String> {
         let place = match lists.iter().position(|list| list.until.is_reached()) {
             Some(place) => place,
@@ -386,19 +386,19 @@ impl Drawing {
         Ok(until.1)
     }
 
-    /// What the frame fence has once the current frame is done.
+    /// Value that the frame fence gets at the end of the current frame.
     fn next_value(&self) -> Result<u64, String> {
         let get = self.api.get_next_frame_fence_value.ok_or("no GetNextFrameFenceValue")?;
         // SAFETY: a function of Unity's, called on the thread it says.
         Ok(unsafe { get() })
     }
 
-    /// Lets go of what has run.
+    /// Releases what the queue no longer uses.
     pub(crate) fn tidy(&self) {
         self.kept.lock().tidy();
     }
 
-    /// Waits until Unity's queue is done with what is ours.
+    /// Waits until Unity's queue has finished with the plugin's resources.
     pub(crate) fn finish(&self) {
         let kept = std::mem::take(&mut *self.kept.lock());
         drop(kept);
@@ -406,10 +406,10 @@ impl Drawing {
 }
 
 impl Target {
-    /// An object that somebody else holds, with a reference of its own.
+    /// A COM object that somebody else holds, with a reference added.
     ///
     /// # Safety
-    /// The pointer is null or of an object of COM, which lives during the call.
+    /// The pointer is null or a COM object that lives during the call.
     unsafe fn object(pointer: *mut c_void) -> Option<IUnknown> {
         // SAFETY: the caller's promise.
         unsafe { IUnknown::from_raw_borrowed(&pointer) }.cloned()
@@ -417,7 +417,7 @@ impl Target {
 }
 
 impl List {
-    /// A closed one that has nothing to run.
+    /// Creates a closed, empty list.
     fn new(device: &ID3D12Device, fence: &ID3D12Fence) -> Result<Self, String> {
         let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
         // SAFETY: a live device.
@@ -432,7 +432,7 @@ impl List {
     }
 }
 
-/// Records the copy of a texture that rests in COMMON into one that is in COPY_DEST.
+/// Records a copy from a texture in COMMON to a texture in COPY_DEST.
 fn copy(list: &ID3D12GraphicsCommandList, from: &ID3D12Resource, to: &ID3D12Resource) {
     let (rest, read) = (D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_STATE_COPY_SOURCE);
     // SAFETY: an open list, and live textures of one size and format in the states that are named.
@@ -443,7 +443,7 @@ fn copy(list: &ID3D12GraphicsCommandList, from: &ID3D12Resource, to: &ID3D12Reso
     }
 }
 
-/// The message of this thread's last failure in Cairn.
+/// Message of this thread's last failed call to Cairn.
 fn last_error() -> String {
     let mut text = [0_u8; 1024];
     let mut length = 0;
@@ -452,7 +452,7 @@ fn last_error() -> String {
     String::from_utf8_lossy(&text[..length.min(text.len() - 1)]).into_owned()
 }
 
-/// The file of this library.
+/// Path of this library's file.
 pub(crate) fn own_path() -> Option<String> {
     let mut module = HMODULE::default();
     let flags = GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS | GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT;

@@ -1,6 +1,6 @@
-//! What is recorded in lists and given to the queue, held against Direct3D's rules: textures are in the states that commands ask for,
-//! lists that are given are closed, and allocators are not reset, nor textures freed, while the queue uses them. Direct3D leaves all of
-//! that to its debug layer, and does anything at all without it.
+//! Checks recorded command lists and their submission against Direct3D's rules: textures are in the states that commands require, submitted
+//! lists are closed, allocators are not reset and textures not freed while the queue uses them. Direct3D itself checks these only in its
+//! debug layer; without it the behaviour is undefined.
 
 use std::collections::BTreeMap;
 use std::ffi::c_void;
@@ -14,10 +14,10 @@ use cairn::gpu::windows::core::{GUID, HRESULT, IUnknown, IUnknown_Vtbl, Interfac
 use super::tables::replace;
 use super::textures::Recording;
 
-/// Objects are known by their addresses.
+/// Objects are identified by their addresses.
 type Address = usize;
 
-/// What a list does that is looked at.
+/// Commands that are checked.
 enum Command {
     Barrier { texture: Address, before: D3D12_RESOURCE_STATES, after: D3D12_RESOURCE_STATES },
     Copy { to: Address, from: Address },
@@ -26,18 +26,18 @@ enum Command {
 
 #[derive(Default)]
 struct Seen {
-    /// Unity's own, by which it is known what has run.
+    /// Unity's frame fence, which says what the queue has executed.
     fence: Option<ID3D12Fence>,
     commands: BTreeMap<Address, Vec<Command>>,
-    /// The allocator of each list.
+    /// Allocator of each list.
     allocators: BTreeMap<Address, Address>,
-    /// The fence's value when the last list of each allocator has run.
+    /// Fence value at which the last list of each allocator has executed.
     busy: BTreeMap<Address, u64>,
-    /// Of textures, behind all that the queue was given. Those that are not there are in COMMON.
+    /// State of each texture after everything that was submitted. Textures that are not listed are in COMMON.
     states: BTreeMap<Address, D3D12_RESOURCE_STATES>,
-    /// Textures that lists copy from, and the fence's value up to which they must live.
+    /// Textures that lists copy from, with the fence value until which they must live.
     used: BTreeMap<Address, u64>,
-    /// Those of them that are gone.
+    /// Number of these textures that were freed.
     freed: usize,
     wrong: Vec<String>,
 }
@@ -48,7 +48,7 @@ fn seen() -> MutexGuard<'static, Option<Seen>> {
     SEEN.lock().unwrap_or_else(|e| e.into_inner())
 }
 
-/// Does something with what was seen; nothing where nobody looks.
+/// Calls `work` with the recorded state; does nothing while nothing is checked.
 fn with(work: impl FnOnce(&mut Seen)) {
     if let Some(seen) = seen().as_mut() {
         work(seen);
@@ -138,7 +138,7 @@ unsafe extern "system" fn our_freeing(this: *mut c_void) -> HRESULT {
         }
     });
     if !has_run {
-        // Done all the same, it takes the process with it.
+        // Really resetting it would crash the process.
         return E_FAIL;
     }
     let theirs = THEIR_FREEING.get().expect("what it replaces");
@@ -146,7 +146,7 @@ unsafe extern "system" fn our_freeing(this: *mut c_void) -> HRESULT {
     unsafe { theirs(this) }
 }
 
-/// Looks at lists of a device from now on, until it is begun anew.
+/// Starts to check the lists of a device. A later call starts again from nothing.
 pub(super) fn begin(device: &ID3D12Device, fence: &ID3D12Fence) {
     let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
     let any = Recording::new(device, kind);
@@ -162,23 +162,23 @@ pub(super) fn begin(device: &ID3D12Device, fence: &ID3D12Fence) {
     *seen() = Some(Seen { fence: Some(fence.clone()), ..Seen::default() });
 }
 
-/// Ends that.
+/// Stops the checks.
 pub(super) fn end() {
     let left = seen().take();
     drop(left);
 }
 
-/// A list is new, and what another of its address has done is nobody's concern.
+/// Registers a new list and forgets an earlier list of the same address.
 pub(super) fn is_new(list: &ID3D12GraphicsCommandList) {
     with(|seen| _ = seen.commands.remove(&list.as_raw().addr()));
 }
 
-/// Says what state a texture is in.
+/// Sets the state of a texture.
 pub(super) fn is_in(texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
     with(|seen| _ = seen.states.insert(texture.as_raw().addr(), state));
 }
 
-/// The list is handed over, to run before the fence has that value.
+/// The list was given to Unity. It executes before the fence reaches `value`.
 pub(super) fn handed_over(list: &ID3D12GraphicsCommandList, value: u64) {
     recorded(list, value);
     with(|seen| {
@@ -192,7 +192,7 @@ pub(super) fn handed_over(list: &ID3D12GraphicsCommandList, value: u64) {
     });
 }
 
-/// The list is recorded, to run before the fence has that value: what it copies is in use until then, however late that is.
+/// The list was recorded. It executes before the fence reaches `value`: its copy sources are in use until then.
 pub(super) fn recorded(list: &ID3D12GraphicsCommandList, value: u64) {
     with(|seen| {
         for command in seen.commands.get(&list.as_raw().addr()).into_iter().flatten() {
@@ -203,7 +203,7 @@ pub(super) fn recorded(list: &ID3D12GraphicsCommandList, value: u64) {
     });
 }
 
-/// The queue is given the list, behind all others, to run before the fence has that value.
+/// The list was submitted to the queue after all others. It executes before the fence reaches `value`.
 pub(super) fn given(list: &ID3D12CommandList, value: u64) {
     with(|seen| {
         for command in seen.commands.remove(&list.as_raw().addr()).unwrap_or_default() {
@@ -224,28 +224,28 @@ pub(super) fn given(list: &ID3D12CommandList, value: u64) {
     });
 }
 
-/// Holds what Unity takes a texture's state for against what it is in.
+/// Compares the state that Unity assumes for a texture with its real state.
 pub(super) fn compare(texture: Address, believed: D3D12_RESOURCE_STATES) {
     with(|seen| seen.expect("what Unity was told", texture, believed));
 }
 
-/// Has a texture that was copied from let go of its witness, as if it went.
+/// Removes the destruction callback object from a texture, as if the texture were freed.
 pub(super) fn let_go(texture: &ID3D12Resource) {
     // SAFETY: a live texture.
     unsafe { texture.SetPrivateDataInterface(&NAME, None) }.expect("a texture that lets go");
 }
 
-/// How many textures that were copied from are gone.
+/// Number of textures that lists copied from and that were freed.
 pub(super) fn freed() -> usize {
     seen().as_ref().map_or(0, |seen| seen.freed)
 }
 
-/// What was done against the rules since this was last asked.
+/// Takes the violations found since the last call.
 pub(super) fn wrong() -> Vec<String> {
     seen().as_mut().map(|seen| std::mem::take(&mut seen.wrong)).unwrap_or_default()
 }
 
-/// An object that a texture holds, and lets go of when it is freed.
+/// An object in a texture's private data; Direct3D releases it when the texture is freed.
 #[repr(C)]
 struct Witness {
     table: &'static IUnknown_Vtbl,
@@ -254,7 +254,7 @@ struct Witness {
 }
 
 static WITNESS: IUnknown_Vtbl = IUnknown_Vtbl { QueryInterface: query, AddRef: add, Release: release };
-/// What the texture knows it by; of our own making.
+/// GUID of the private data; our own.
 const NAME: GUID = GUID::from_u128(0x6b1c_40de_8a52_4f0e_9d07_31c2_5be4_70aa);
 
 unsafe extern "system" fn query(this: *mut c_void, id: *const GUID, to: *mut *mut c_void) -> HRESULT {
@@ -294,7 +294,7 @@ unsafe extern "system" fn release(this: *mut c_void) -> u32 {
 }
 
 impl Witness {
-    /// Has a texture hold one, which it may have already.
+    /// Puts such an object into a texture, unless it has one.
     fn send(to: &ID3D12Resource) {
         let mut size = 0;
         // SAFETY: a live texture; it is asked for the size alone.

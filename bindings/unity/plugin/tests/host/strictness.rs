@@ -1,4 +1,4 @@
-//! The Unity of these tests refuses what Unity, Direct3D or its debug layer would: what it is told here is wrong, each time otherwise.
+//! Tests of the stand-in for Unity: it must reject what Unity, Direct3D or its debug layer would reject. Each case breaks one rule.
 
 use std::ffi::c_void;
 use std::ptr::null_mut;
@@ -17,26 +17,26 @@ const RESTS: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COMMON;
 const IS_READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COPY_SOURCE;
 const IS_WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COPY_DEST;
 
-/// Unity's functions, of the version that has all of them.
+/// Unity's functions, from the version that has all of them.
 fn functions() -> Direct3d12V8 {
     // SAFETY: the table of that number.
     unsafe { table::<Direct3d12V8>(Direct3d12V8::GUID) }
 }
 
-/// Wherever something is wrong, and what, in part.
+/// Asserts that one of the violations contains the given text.
 #[track_caller]
 fn refused(unity: &Running, part: &str) {
     let wrong = unity.wrong();
     assert!(wrong.iter().any(|why| why.contains(part)), "{part}: {wrong:?}");
 }
 
-/// A texture that is no one's but the plugin's.
+/// A texture that belongs to the plugin and that Unity does not know.
 fn canvas(unity: &Running) -> ID3D12Resource {
     Wanted { size: SIZE, format: super::DXGI_FORMAT_R8G8B8A8_TYPELESS, state: RESTS, ..Wanted::default() }
         .make(&unity.device())
 }
 
-/// The list that Unity records, for an event.
+/// The list that Unity is recording, as an event gets it.
 fn list() -> ID3D12GraphicsCommandList {
     let mut state = RecordingState { list: null_mut() };
     // SAFETY: a place for the list.
@@ -55,7 +55,7 @@ fn copy(list: &ID3D12GraphicsCommandList, to: &ID3D12Resource, from: &ID3D12Reso
     }
 }
 
-/// A list of the plugin's own that copies, open.
+/// An open list of the plugin's own with one copy in it.
 fn recorded(unity: &Running, to: &ID3D12Resource, from: &ID3D12Resource) -> (Recording, ID3D12CommandAllocator) {
     let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
     let made = Recording::new(&unity.device(), kind);
@@ -76,7 +76,7 @@ fn execute(list: &ID3D12GraphicsCommandList, states: &mut [ResourceState]) -> u6
     unsafe { execute(list.as_raw(), states.len() as i32, states.as_mut_ptr()) }
 }
 
-/// Has an event hand a list to Unity, closed before or else behind: Direct3D runs no other.
+/// Hands a list to Unity in an event. `closes`: before the hand-over, as Direct3D requires; otherwise after it.
 fn hand_over(unity: &Running, made: &Recording, states: &[ResourceState], closes: bool) {
     let list = made.list().clone();
     let states: Vec<_> = states.iter().map(|state| (state.resource.addr(), state.expected, state.current)).collect();
@@ -135,7 +135,7 @@ fn functions_are_refused_where_they_must_not_be_called() {
     // SAFETY: a function that takes nothing.
     unity.act(Place::Game, move || _ = unsafe { all.get_next_frame_fence_value.expect("it")() });
     refused(&unity, "GetNextFrameFenceValue");
-    // A texture that Unity does not know, and none.
+    // A texture that Unity does not know, and null.
     let foreign = canvas(&unity);
     for texture in [foreign.as_raw(), null_mut()].map(|texture: *mut c_void| texture.addr()) {
         unity.act(Place::Recording, move || {
@@ -154,19 +154,19 @@ fn textures_in_other_states_are_refused() {
     let (request, notify) = (functions().request_resource_state, functions().notify_resource_state);
     // SAFETY: a live texture.
     let into = || unsafe { request.expect("it")(target.as_raw(), IS_WRITTEN.0) };
-    // As it is right.
+    // The correct sequence.
     unity.act(Place::Recording, || {
         into();
         copy(&list(), &target, &from);
     });
     unity.end_frame();
     assert_eq!(unity.wrong(), [""; 0]);
-    // Unity reads it again, and nobody asked for it.
+    // Unity uses the texture for reading again, and the plugin does not request it.
     unity.bring(&target, READ);
     unity.act(Place::Recording, || copy(&list(), &target, &from));
     unity.end_frame();
     refused(&unity, "what is copied into");
-    // What is copied is where it rests.
+    // The copy's source is still in the state in which it rests.
     unity.act(Place::Recording, || {
         into();
         // SAFETY: an open list and live textures.
@@ -174,7 +174,7 @@ fn textures_in_other_states_are_refused() {
     });
     unity.end_frame();
     refused(&unity, "what is copied");
-    // It is brought elsewhere, and Unity is not told; and told otherwise.
+    // The texture is moved to another state: first Unity is not notified, then it is notified of a wrong state.
     unity.act(Place::Recording, || {
         into();
         // SAFETY: an open list and a live texture.
@@ -186,14 +186,14 @@ fn textures_in_other_states_are_refused() {
     unity.act(Place::Recording, || unsafe { notify.expect("it")(target.as_raw(), RESTS.0, 0) });
     unity.end_frame();
     refused(&unity, "what Unity was told");
-    // A barrier from a state that it is not in.
+    // A barrier from a state that the texture is not in.
     unity.act(Place::Recording, || {
         // SAFETY: as above.
         unsafe { list().ResourceBarrier(&[transition(&from, IS_WRITTEN, RESTS)]) };
     });
     unity.end_frame();
     refused(&unity, "a barrier");
-    // Textures outlive the queue's work with them.
+    // Textures must outlive the queue's use of them.
     unity.wait_ignoring_loss();
 }
 
@@ -201,7 +201,7 @@ fn textures_in_other_states_are_refused() {
 fn lists_that_are_not_as_they_should_be_are_refused() {
     let unity = Running::start(8);
     let (target, from) = (texture(&unity, SIZE, 1), canvas(&unity));
-    // As it is right.
+    // The correct sequence.
     let (right, allocator) = recorded(&unity, &target, &from);
     hand_over(&unity, &right, &[state(&target, IS_WRITTEN, IS_WRITTEN)], true);
     // SAFETY: a live allocator. Its list has not run, so nothing is done.
@@ -212,19 +212,19 @@ fn lists_that_are_not_as_they_should_be_are_refused() {
     // SAFETY: it has run.
     unsafe { allocator.Reset() }.expect("an allocator");
     assert_eq!(unity.wrong(), [""; 0]);
-    // The texture is not named.
+    // The texture is not passed with the list.
     unity.bring(&target, READ);
     let (silent, _silent) = recorded(&unity, &target, &from);
     hand_over(&unity, &silent, &[], true);
     unity.end_frame();
     refused(&unity, "what is copied into");
-    // It is named with another state behind it.
+    // The texture is passed with a wrong state after the list.
     let (other, _other) = recorded(&unity, &target, &from);
     hand_over(&unity, &other, &[state(&target, IS_WRITTEN, READ)], true);
     unity.end_frame();
     refused(&unity, "what Unity was told");
     unity.wait_ignoring_loss();
-    // The list is open.
+    // The list is still open.
     let again = texture(&unity, SIZE, 1);
     let (open, _open) = recorded(&unity, &again, &from);
     hand_over(&unity, &open, &[state(&again, IS_WRITTEN, IS_WRITTEN)], false);

@@ -1,6 +1,6 @@
-//! A Unity of our own over a real device: the registry, one version of the interface of Direct3D 12, and a frame loop with a render
-//! and a submission thread. It is as strict as the interface allows: what the plugin does against the rules, where it is called or in
-//! what it records, is kept, and a test looks at it.
+//! A stand-in for Unity over a real device: the registry, one version of the Direct3D 12 interface, and a frame loop with a render thread and a
+//! submission thread. It is as strict as the interface allows: it records each rule that the plugin breaks, by where it is called or by what
+//! it records, and tests check that list.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
@@ -21,35 +21,35 @@ use super::textures::Recording;
 const FIRST: c_int = 4711;
 const RESERVED: c_int = 2;
 
-/// There is one Unity in a process, whose functions have no object.
+/// A process has one Unity, whose functions take no object.
 static UNITY: Mutex<Option<Unity>> = Mutex::new(None);
 static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
-/// Where the plugin is called.
+/// The context in which the plugin is called.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Place {
     /// By the game, whose threads may not call Unity's functions.
     Game,
-    /// While Unity loads it, or its device comes or goes.
+    /// While Unity loads the plugin, or its device appears or disappears.
     Starting,
     /// In an event on the render thread, where Unity records.
     Recording,
     /// In an event on the submission thread, where the queue may be used.
     Submitting,
-    /// In an event on the render thread that nobody has configured.
+    /// In an event on the render thread without a configuration.
     Unconfigured,
 }
 
-/// Events, wherever they run.
+/// All contexts of events.
 const EVENTS: [Place; 3] = [Place::Recording, Place::Submitting, Place::Unconfigured];
-/// Whoever Unity calls.
+/// All contexts in which Unity calls the plugin.
 const CALLED: [Place; 4] = [Place::Starting, Place::Recording, Place::Submitting, Place::Unconfigured];
 
 thread_local! {
     static PLACE: Cell<Place> = const { Cell::new(Place::Game) };
 }
 
-/// Does `work` as if Unity called it.
+/// Runs `work` as if Unity called it.
 fn at<T>(place: Place, work: impl FnOnce() -> T) -> T {
     let before = PLACE.replace(place);
     let done = work();
@@ -57,7 +57,7 @@ fn at<T>(place: Place, work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// Does `work` on a thread of Unity's.
+/// Runs `work` on a thread of Unity's.
 fn on_thread(place: Place, work: impl FnOnce() + Send) {
     std::thread::scope(|scope| {
         if let Err(panic) = scope.spawn(|| at(place, work)).join() {
@@ -66,13 +66,13 @@ fn on_thread(place: Place, work: impl FnOnce() + Send) {
     });
 }
 
-/// What the submission thread does, in this order.
+/// Jobs of the submission thread, done in order.
 enum Job {
-    /// Gives a closed list to the queue; the frame that it belongs to.
+    /// Submits a closed list to the queue. The number is that of its frame.
     List(ID3D12CommandList, u64),
     /// Calls the plugin, with an event's number and data.
     Event(c_int, usize),
-    /// Ends a frame: the frame fence gets the value.
+    /// Ends a frame: signals the frame fence with the value.
     Signal(u64),
 }
 
@@ -80,21 +80,21 @@ struct Unity {
     engine: Engine,
     version: u32,
     fence: ID3D12Fence,
-    /// What the fence gets at the end of the frame.
+    /// Value of the fence at the end of the current frame.
     next: u64,
-    /// Frames that have ended, and whose lists the queue has been given.
+    /// Frames that have ended and whose lists were submitted to the queue.
     submitted: u64,
-    /// What is recorded at the moment.
+    /// The list that is being recorded.
     open: Option<Recording>,
     pending: VecDeque<Job>,
-    /// Whether the submission thread calls the plugin at the end of a frame only, behind the frame's lists.
+    /// Whether the submission thread calls the plugin only at the end of a frame, after the frame's lists.
     lags: bool,
-    /// Frames that end before the queue is given a frame's lists. Events that do not flush do not wait for them.
+    /// Number of frames by which the submission of lists lags. Events that do not flush do not wait for it.
     delay: u64,
-    /// What lists that are under way need.
+    /// Lists in flight, with everything that they use.
     alive: Vec<Recording>,
     textures: Vec<ID3D12Resource>,
-    /// What Unity takes its textures' states for.
+    /// States that Unity assumes for its textures.
     states: BTreeMap<usize, D3D12_RESOURCE_STATES>,
     configured: BTreeMap<c_int, [u32; 3]>,
     device_event: Option<unsafe extern "system" fn(c_int)>,
@@ -102,13 +102,13 @@ struct Unity {
     wrong: Vec<String>,
 }
 
-/// Calls `work` with the Unity that runs.
+/// Calls `work` with the running Unity.
 fn with<T>(work: impl FnOnce(&mut Unity) -> T) -> T {
     work(UNITY.lock().unwrap_or_else(|e| e.into_inner()).as_mut().expect("a Unity"))
 }
 
 impl Unity {
-    /// A function was called, which may be called in these places.
+    /// Counts a call of a function. Records a violation if it may not be called in the current context.
     fn called(&mut self, name: &'static str, places: &[Place]) {
         *self.calls.entry(name).or_default() += 1;
         let place = PLACE.get();
@@ -117,7 +117,7 @@ impl Unity {
         }
     }
 
-    /// A texture that the plugin names, where it is Unity's.
+    /// A texture that the plugin passes, if it is one of Unity's.
     fn own(&mut self, resource: *mut c_void, name: &str) -> Option<ID3D12Resource> {
         // SAFETY: null or a live texture.
         let texture = unsafe { ID3D12Resource::from_raw_borrowed(&resource) }.cloned();
@@ -128,7 +128,7 @@ impl Unity {
         texture
     }
 
-    /// The list that Unity records into.
+    /// The list that Unity is recording.
     fn list(&mut self) -> &Recording {
         self.open.get_or_insert_with(|| {
             let made = Recording::on(&self.engine.device, &self.engine.direct);
@@ -141,14 +141,14 @@ impl Unity {
         *self.states.get(&resource.as_raw().addr()).expect("a texture of Unity's")
     }
 
-    /// Brings a texture of ours into a state, in the list that is open.
+    /// Transitions a texture of Unity's into a state, in the open list.
     fn bring(&mut self, resource: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
         let before = self.state_of(resource);
         self.list().barrier(resource, before, state);
         self.states.insert(resource.as_raw().addr(), state);
     }
 
-    /// Puts the open list behind those that wait.
+    /// Closes the open list and queues it for submission.
     fn close(&mut self) {
         let Some(open) = self.open.take() else { return };
         // SAFETY: an open list.
@@ -159,7 +159,7 @@ impl Unity {
     }
 }
 
-/// Has the submission thread do its jobs, but for the last `delay` frames.
+/// Has the submission thread do its jobs, except those of the last `delay` frames.
 fn submit(delay: u64) {
     loop {
         let is_due = |unity: &Unity| unity.next - 1 - unity.submitted > delay;
@@ -180,7 +180,7 @@ fn submit(delay: u64) {
     }
 }
 
-/// Calls the plugin for an event, where this thread is.
+/// Calls the plugin for an event on this thread.
 fn run(number: c_int, data: usize) {
     let event = plugin::cairn_unity_get_event_function();
     // SAFETY: any number and any data are allowed.
@@ -243,7 +243,7 @@ unsafe extern "system" fn execute_command_list(list: *mut c_void, count: c_int, 
             unity.wrong.push("ExecuteCommandList is called with a list that is not direct".to_owned());
         }
         lists::handed_over(list, unity.next);
-        // It runs when the frame ends, and not now.
+        // It executes at the end of the frame, not now.
         unity.pending.push_back(Job::List(list.cast().expect("a command list"), unity.next));
         unity.states.extend(after);
         unity.next
@@ -292,7 +292,7 @@ unsafe extern "system" fn notify_resource_state(resource: *mut c_void, state: i3
     });
 }
 
-/// Stands in all places whose functions the plugin has no use for.
+/// Fills the slots of functions that the plugin does not use.
 unsafe extern "system" fn not_used() -> usize {
     with(|unity| unity.wrong.push("a function is called that has another meaning".to_owned()));
     0
@@ -322,7 +322,7 @@ unsafe extern "system" fn reserve_events(count: c_int) -> c_int {
     FIRST
 }
 
-/// A table: functions in Unity's order, by their places.
+/// A slot of a table of functions, in Unity's order.
 #[derive(Clone, Copy)]
 #[allow(dead_code, reason = "the plugin reads it")]
 struct Slot(*const c_void);
@@ -335,7 +335,7 @@ macro_rules! table {
 }
 
 static GRAPHICS: [Slot; 4] = table![get_renderer, register_device_event, unregister_device_event, reserve_events];
-/// The first functions of a table, in memory of their own, behind which nothing of the table is.
+/// The first functions of a table, in memory of their own, so that nothing follows them.
 const fn first<const FEW: usize, const ALL: usize>(table: &[Slot; ALL]) -> [Slot; FEW] {
     let mut few = [table[0]; FEW];
     let mut place = 0;
@@ -346,7 +346,7 @@ const fn first<const FEW: usize, const ALL: usize>(table: &[Slot; ALL]) -> [Slot
     few
 }
 
-// Two orders: the second put three functions of the swap chain into the first. Of each a later version went on at the end.
+// There are two orders: the second one inserts three swap-chain functions at the front. Within each order a later version only appends.
 static V5: [Slot; 7] = first(&V6);
 static V6: [Slot; 10] = table![
     get_device,
@@ -382,7 +382,7 @@ static REGISTRY: [Slot; 4] = table![not_used, not_used, get_interface, not_used]
 
 unsafe extern "system" fn get_interface(high: u64, low: u64) -> *const c_void {
     let version = with(|unity| unity.version);
-    // A Unity that has a version has those before it.
+    // A Unity that has a version also has the earlier ones.
     let has = |least: u32, table: &'static [Slot]| if version >= least { table.as_ptr().cast() } else { null() };
     match (high, low) {
         (0x7cba0a9ca4ddb544, 0x8c5ad4926eb17b11) => GRAPHICS.as_ptr().cast(),
@@ -394,10 +394,10 @@ unsafe extern "system" fn get_interface(high: u64, low: u64) -> *const c_void {
     }
 }
 
-/// A table of the registry's, as the plugin reads it.
+/// A table of the registry, as the plugin reads it.
 ///
 /// # Safety
-/// `T` is the table of that number.
+/// `T` is the type of the table with that GUID.
 pub(crate) unsafe fn table<T: Copy>(guid: Guid) -> T {
     // SAFETY: numbers are looked up.
     let found = unsafe { get_interface(guid.high, guid.low) };
@@ -406,13 +406,13 @@ pub(crate) unsafe fn table<T: Copy>(guid: Guid) -> T {
     unsafe { found.cast::<T>().read() }
 }
 
-/// The Unity that runs, for whoever holds it.
+/// Handle of the running Unity.
 pub(crate) struct Running {
     _one: std::sync::MutexGuard<'static, ()>,
 }
 
 impl Running {
-    /// Starts one of a version, without the plugin.
+    /// Starts a Unity with one version of the interface, without the plugin.
     pub(crate) fn start(version: u32) -> Self {
         let one = ONE_AT_A_TIME.lock().unwrap_or_else(|e| e.into_inner());
         let engine = engine::engine();
@@ -450,24 +450,24 @@ impl Running {
         at(Place::Starting, || unsafe { UnityPluginUnload() });
     }
 
-    /// Tells the plugin of the device.
+    /// Sends the plugin a device event.
     pub(crate) fn device_event(&self, kind: c_int) {
         let event = with(|unity| unity.device_event).expect("the plugin has registered");
         // SAFETY: as Unity calls it.
         at(Place::Starting, || unsafe { event(kind) });
     }
 
-    /// From now on the submission thread calls the plugin at the end of a frame only, when the render thread is long done with it.
+    /// From now on the submission thread calls the plugin only at the end of a frame, long after the render thread has finished it.
     pub(crate) fn lag(&self) {
         with(|unity| unity.lags = true);
     }
 
-    /// From now on the queue is given a frame's lists when so many later frames have ended, or by [`Self::wait_ignoring_loss`].
+    /// From now on a frame's lists are submitted after `frames` later frames have ended, or by [`Self::wait_ignoring_loss`].
     pub(crate) fn delay(&self, frames: u64) {
         with(|unity| unity.delay = frames);
     }
 
-    /// Has the queue wait, behind what it has been given, until the gate is opened.
+    /// Makes the queue wait, after its current work, until the gate is opened.
     pub(crate) fn hold(&self) -> Gate {
         with(|unity| {
             // SAFETY: a live device.
@@ -487,7 +487,7 @@ impl Running {
         with(|unity| unity.engine.direct.clone())
     }
 
-    /// Has a texture of ours, which is in that state.
+    /// Registers a texture as Unity's, in the given state.
     pub(crate) fn own(&self, texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
         lists::is_in(texture, state);
         with(|unity| {
@@ -500,12 +500,12 @@ impl Running {
         with(|unity| unity.state_of(texture))
     }
 
-    /// Brings a texture into a state, as where a shader reads it.
+    /// Transitions a texture into a state, for example for a shader to read it.
     pub(crate) fn bring(&self, texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
         with(|unity| unity.bring(texture, state));
     }
 
-    /// Calls the plugin for an event that was issued, as it was configured.
+    /// Calls the plugin for an event that was issued, on the thread that its configuration names.
     pub(crate) fn event(&self, number: c_int, data: *mut c_void) {
         let data = data.addr();
         match with(|unity| unity.configured.get(&number).copied()) {
@@ -523,12 +523,12 @@ impl Running {
         }
     }
 
-    /// Does something as the plugin would, where Unity calls it.
+    /// Runs `work` where Unity would call the plugin.
     pub(crate) fn act(&self, place: Place, work: impl FnOnce() + Send) {
         on_thread(place, work);
     }
 
-    /// Ends a frame: the queue gets what is due, and the frame fence its value behind it.
+    /// Ends a frame: submits the lists that are due, then signals the frame fence.
     pub(crate) fn end_frame(&self) {
         let delay = with(|unity| {
             unity.close();
@@ -538,44 +538,44 @@ impl Running {
         });
         submit(delay);
         with(|unity| {
-            // What Unity believes is ahead of the queue where lists wait.
+            // While lists wait for submission, the assumed states are ahead of the queue's, so they are not compared.
             for (texture, state) in unity.states.iter().filter(|_| unity.pending.is_empty()) {
                 lists::compare(*texture, *state);
             }
         });
     }
 
-    /// Gives the queue what waits, waits for it, and lets go of the lists that it had.
+    /// Submits everything, waits for the queue and releases the lists.
     pub(crate) fn wait_ignoring_loss(&self) {
         submit(0);
         super::textures::wait(&self.device(), &self.queue());
         with(|unity| unity.alive.clear());
     }
 
-    /// How often a function was called.
+    /// Number of calls of a function.
     pub(crate) fn calls(&self, name: &str) -> u32 {
         with(|unity| unity.calls.get(name).copied().unwrap_or(0))
     }
 
-    /// How an event was configured: queue access, flags, whether a texture is bound first.
+    /// Configuration of an event: queue access, flags, whether the render texture is bound first.
     pub(crate) fn configured(&self, event: c_int) -> Option<[u32; 3]> {
         with(|unity| unity.configured.get(&event).copied())
     }
 
-    /// What was done against the rules since this was last asked.
+    /// Takes the violations found since the last call.
     pub(crate) fn wrong(&self) -> Vec<String> {
         let mut wrong = with(|unity| std::mem::take(&mut unity.wrong));
         wrong.extend(lists::wrong());
         wrong
     }
 
-    /// How many textures that were copied from are gone.
+    /// Number of textures that lists copied from and that were freed.
     pub(crate) fn freed(&self) -> usize {
         lists::freed()
     }
 }
 
-/// A queue waits at it.
+/// Blocks a queue until it is opened.
 pub(crate) struct Gate(ID3D12Fence);
 
 impl Drop for Gate {

@@ -1,14 +1,14 @@
 using UnrealBuildTool;
 
 /// <summary>
-/// The module is not called Cairn: the build tool would define CAIRN_API for it, which is a name of cairn.h.
+/// The module is not called Cairn because the build tool would then define CAIRN_API for it, which is a name in cairn.h.
 /// </summary>
 public class CairnRuntime : ModuleRules
 {
 	public CairnRuntime(ReadOnlyTargetRules Target) : base(Target)
 	{
 		PCHUsage = PCHUsageMode.UseExplicitOrSharedPCHs;
-		// One file includes the system's header, and the others stay free of it.
+		// Only one file includes the system's header; without unity builds the others stay free of it.
 		bUseUnity = false;
 
 		PublicDependencyModuleNames.AddRange(new string[] { "Core", "CoreUObject", "Engine", "InputCore", "RenderCore" });

@@ -1,4 +1,4 @@
-//! What the paper claims, and whether it holds here.
+//! The paper's claims, and whether the results support them.
 
 use cairn::Result;
 use scenes::{FAMILIES, Family};
@@ -8,18 +8,18 @@ use super::super::score::Scored;
 use super::super::summary::{Estimate, Figures, estimate};
 use super::Found;
 
-/// Shorter walks say nothing about what lasts.
+/// Shorter walks cannot support a claim about duration.
 const LEAST_SECONDS: f64 = 5.0;
 
 /// One claim.
 struct Claim {
     words: &'static str,
-    /// What is compared, and of which two branches; the first should be better.
+    /// The compared value and the two branches; the first should be better.
     value: fn(&Figures) -> Option<f64>,
     of: [Branch; 2],
-    /// Whether more is better.
+    /// Whether larger values are better.
     more: bool,
-    /// Where it is claimed.
+    /// Scenes for which it is claimed.
     scenes: &'static [Family],
 }
 
@@ -92,7 +92,7 @@ const CLAIMS: [Claim; 9] = [
     },
 ];
 
-/// How a claim came out.
+/// Verdict on a claim.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Verdict {
     Holds,
@@ -100,7 +100,7 @@ enum Verdict {
     CannotBeTold,
 }
 
-/// The same over all places of all kinds.
+/// Advantage over all places of all kinds.
 pub(super) fn advantage_of_all(
     scored: &[Scored],
     branches: [Branch; 2],
@@ -110,7 +110,7 @@ pub(super) fn advantage_of_all(
     advantage_of(scored.iter(), branches, value, more)
 }
 
-/// By how much the first branch of a pair is better than the second in a scene: mean over places, paired.
+/// Advantage of the first branch of a pair over the second in a scene: mean over places, paired.
 pub(super) fn advantage(
     scored: &[Scored],
     family: Family,
@@ -137,7 +137,7 @@ fn advantage_of<'a>(
     estimate(&differences)
 }
 
-/// A scene's part in a claim: its interval, or its single place, says yes or no; an interval around nothing does not.
+/// Verdict in one scene: by its interval or, with a single place, by its value. An interval that contains zero decides nothing.
 fn in_scene(advantage: Option<Estimate>) -> Verdict {
     match advantage {
         Some(Estimate { interval: Some([low, _]), .. }) if low > 0.0 => Verdict::Holds,
@@ -148,7 +148,7 @@ fn in_scene(advantage: Option<Estimate>) -> Verdict {
     }
 }
 
-/// A claim about several scenes holds where it holds in each, and does not where it fails in one.
+/// A claim about several scenes holds if it holds in each, and fails if it fails in one.
 fn overall(scenes: &[Verdict]) -> Verdict {
     if scenes.contains(&Verdict::DoesNot) {
         Verdict::DoesNot
@@ -159,17 +159,17 @@ fn overall(scenes: &[Verdict]) -> Verdict {
     }
 }
 
-/// A line for each claim: its words, the scenes, and the verdict.
+/// A line per claim: text, scenes, verdict.
 pub(super) fn verdicts(found: &Found<'_>) -> Result<Vec<Vec<String>>> {
     let mut lines = of_figures(&found.settings.scenes, found.scored, found.seconds()?, found.is_random());
     lines.push(budget(found));
     Ok(lines)
 }
 
-/// Other branches' operations a second over those of `coherence` that still count as the same budget.
+/// Maximum operations per second, relative to `coherence`, that still count as the same budget.
 const SAME: f64 = 1.1;
 
-/// Whether the two main branches cost the same: with the baseline in both of its readings.
+/// Whether the two main branches cost the same, for both readings of the baseline.
 fn budget(found: &Found<'_>) -> Vec<String> {
     let flops = |branch| {
         let cells = found.made.cells.iter().zip(found.budgets);

@@ -1,4 +1,4 @@
-//! Operating points, machine and budgets: Tables 2 to 4 of the paper.
+//! Operating points, machine and budgets: the paper's Tables 2 to 4.
 
 use std::collections::BTreeSet;
 
@@ -38,7 +38,7 @@ pub(super) fn operating_points(settings: &Settings) -> Vec<Block> {
     ]
 }
 
-/// The paper's Table 3, as the manifests recorded it.
+/// The paper's Table 3, from the manifests.
 pub(super) fn machine(found: &Found<'_>) -> Vec<Block> {
     let cells = &found.made.cells;
     let of = |of: &dyn Fn(&Versions) -> Option<String>| {
@@ -49,7 +49,7 @@ pub(super) fn machine(found: &Found<'_>) -> Vec<Block> {
     let half = cells.iter().any(|(_, manifest)| is_half(manifest, found.bundle));
     let generators = of(&|v| Some(v.generator.clone()));
     let bridge = format!("{generators}; upscaling: {}", found.settings.upscaler);
-    // Each once: of the branches, some load more than others.
+    // Each library once; some branches load more of them than others.
     let named = |l: &LibraryVersion| format!("{} {}", l.name, l.version.as_deref().unwrap_or("of no version"));
     let libraries = cells.iter().flat_map(|(_, manifest)| manifest.versions.libraries.iter().map(named));
     let libraries = libraries.collect::<BTreeSet<_>>().into_iter().collect::<Vec<_>>().join(", ");
@@ -77,7 +77,7 @@ pub(super) fn machine(found: &Found<'_>) -> Vec<Block> {
     ]
 }
 
-/// The paper's Table 4 with figures: what a second of world time takes.
+/// The paper's Table 4 with numbers: cost of a second of world time.
 pub(super) fn costs(made: &Made, budgets: &[Budget]) -> Vec<Block> {
     let of = |branch: Branch| -> Vec<&Budget> {
         let pairs = made.cells.iter().zip(budgets);

@@ -12,19 +12,19 @@ const LEFT: f64 = 56.0;
 const RIGHT: f64 = 150.0;
 const TOP: f64 = 12.0;
 const BOTTOM: f64 = 32.0;
-/// Looks that a point of a curve averages: half a second.
+/// Samples averaged for a point of a curve: half a second.
 const SMOOTH: usize = RATE as usize / 2;
-/// Of Okabe and Ito: told apart by nearly everybody.
+/// Okabe and Ito's palette, which colour-blind readers can tell apart.
 const COLOURS: [&str; 6] = ["#888888", "#0072b2", "#d55e00", "#e69f00", "#cc79a7", "#009e73"];
 
-/// The start of a drawing of that height. The page has it inside; alone it must say what it is.
+/// Start of an SVG of that height. Inside the page its type is known; as a file of its own it needs the namespace.
 fn opening(height: f64) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" width=\"{WIDTH}\" role=\"img\">"
     )
 }
 
-/// The curves of one column, a line for each stream that has it; empty where none has.
+/// Curves of one column, a line per stream that has it; empty if none has.
 pub(super) fn curves(series: &[Series], column: Column) -> String {
     let lines: Vec<(usize, Vec<(f64, f64)>)> = series
         .iter()
@@ -84,7 +84,7 @@ pub(super) fn curves(series: &[Series], column: Column) -> String {
     svg + "</svg>"
 }
 
-/// A bar for each name, with its value behind it.
+/// A bar per name, followed by its value.
 pub(super) fn bars(values: &[(&str, f64)], unit: &str) -> String {
     let most = values.iter().map(|(_, value)| *value).filter(|v| v.is_finite()).fold(0.0, f64::max).max(1e-12);
     let height = 24 * values.len();

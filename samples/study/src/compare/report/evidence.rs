@@ -1,5 +1,5 @@
-//! The paper's Table 5: what each branch keeps and loses, scene by scene. The paper tells it in words of people who looked; here
-//! it is told in words of what was measured.
+//! The paper's Table 5: what each branch retains and loses, scene by scene. The paper bases it on visual inspection; here it is based on
+//! measurements.
 
 use scenes::Family;
 
@@ -11,7 +11,7 @@ use super::measured::of_branch;
 use super::paper::evidence;
 use super::{Block, Table};
 
-/// Changes of brightness or warmth that are called a drift, in steps of 0 to 255.
+/// Change of brightness or warmth that counts as a drift, in steps of 0 to 255.
 const DRIFT: f64 = 4.0;
 
 pub(super) fn table(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
@@ -44,7 +44,7 @@ pub(super) fn table(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
     ]
 }
 
-/// What the figures say of a branch.
+/// Describes a branch in a scene by its measurements.
 fn told(scored: &[Scored], family: Family, branch: Branch) -> String {
     let of =
         |value: fn(&Figures) -> Option<f64>| of_branch(scored, family, branch, value).map(|estimate| estimate.mean);

@@ -1,4 +1,4 @@
-//! What was measured: Tables 6 to 8 of the paper, and what they leave open.
+//! Measurements: the paper's Tables 6 to 8, and further tables.
 
 use scenes::Family;
 
@@ -11,10 +11,10 @@ use super::claims::{advantage, advantage_of_all};
 use super::paper::{Published, published};
 use super::{Block, Table};
 
-/// One figure of a rollout.
+/// One value of a rollout.
 type Value = fn(&Figures) -> Option<f64>;
 
-/// All blocks, in their order.
+/// All blocks, in order.
 pub(super) fn all(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
     let mut blocks = Vec::new();
     blocks.extend(beside_the_paper(
@@ -79,7 +79,7 @@ fn number(value: f64, digits: usize) -> String {
     if value.is_infinite() { "inf".into() } else { format!("{value:.digits$}") }
 }
 
-/// An advantage with its interval, or with the word that there is none.
+/// An advantage with its interval, or a note that there is none.
 fn with_interval(estimate: Option<Estimate>, digits: usize) -> String {
     match estimate {
         None => "-".into(),
@@ -90,7 +90,7 @@ fn with_interval(estimate: Option<Estimate>, digits: usize) -> String {
     }
 }
 
-/// A table of the paper: at 15 Hz and at 30, ours, and the published figures behind.
+/// A table of the paper, at 15 and at 30 Hz: our values, then the published ones.
 fn beside_the_paper(
     settings: &Settings,
     scored: &[Scored],
@@ -142,7 +142,7 @@ fn beside_the_paper(
     vec![Block::heading(title), Block::Table(Table::new(1, &head, rows))]
 }
 
-/// What a mean change hides.
+/// Table of the properties of motion that a mean change does not show.
 fn motion(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
     let mut rows = Vec::new();
     for &family in &settings.scenes {
@@ -182,7 +182,7 @@ fn motion(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
     ]
 }
 
-/// Beside the renderer.
+/// Table against the renderer's truth.
 fn truth(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
     let mut rows = Vec::new();
     for &family in &settings.scenes {
@@ -227,7 +227,7 @@ fn truth(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
     ]
 }
 
-/// Generated frames beside the decoder's own.
+/// Table of generated frames against the decoder's own.
 fn decoder(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
     let rows = settings.scenes.iter().map(|&family| {
         let of = |value: Value, digits| show(of_branch(scored, family, Branch::Coherence, value), digits);
@@ -240,7 +240,7 @@ fn decoder(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
     ]
 }
 
-/// The paper's Table 8; nothing where no walk has a turn in it.
+/// The paper's Table 8; empty if no walk has a turn.
 fn turns(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
     let turned = |family| straight_seconds(family, &settings.seconds).is_ok_and(|seconds| seconds.is_some());
     let rows: Vec<Vec<String>> = settings

@@ -1,6 +1,6 @@
 //! The report as a document.
 //!
-//! Tables and figures have the paper's numbers and stand in its order.
+//! Tables and figures have the paper's numbers and order.
 
 mod claims;
 mod costs;
@@ -28,25 +28,25 @@ use crate::document::{Asset, Block, Document};
 use crate::table::Table;
 
 const TITLE: &str = "Fewer and better anchors, or more frames";
-/// Of the walk, the moments that the paper shows of its sword: 2.5, 9 and 11 seconds of 15.
+/// Times of the paper's sword figure, as fractions of the walk: 2.5, 9 and 11 seconds of 15.
 const MOMENTS: [f64; 3] = [1.0 / 6.0, 3.0 / 5.0, 11.0 / 15.0];
 /// Width of a tile of a figure.
 const TILE: u32 = 400;
 
-/// Everything that was found.
+/// All results.
 pub(super) struct Found<'a> {
     pub(super) settings: &'a Settings,
     pub(super) bundle: &'a Bundle,
     pub(super) made: &'a Made,
-    /// Of all cells.
+    /// Of all cells, in order.
     pub(super) budgets: &'a [Budget],
     pub(super) scored: &'a [Scored],
-    /// Of all places: where the side-by-side video lies.
+    /// Path of the side-by-side video of each place.
     pub(super) videos: &'a [PathBuf],
 }
 
 impl Found<'_> {
-    /// The weights mean nothing.
+    /// Whether the weights are random.
     fn is_random(&self) -> bool {
         self.bundle.manifest().provenance.get("weights").is_some_and(|weights| weights.starts_with("random"))
     }
@@ -59,7 +59,7 @@ impl Found<'_> {
 /// Writes the report.
 ///
 /// # Errors
-/// `InvalidArgument` for settings that were never checked; `Io` for a frame that is not there.
+/// `InvalidArgument` for settings that were not checked; `Io` for a missing frame.
 pub(super) fn report(found: &Found<'_>) -> Result<Document> {
     let Found { settings, made, budgets, scored, .. } = *found;
     let mut blocks = head(found);
@@ -140,14 +140,14 @@ fn first(found: &Found<'_>, family: Family) -> Option<Place> {
     found.settings.places().find(|place| place.family == family)
 }
 
-/// A figure of the paper that sets two branches side by side.
+/// A figure of the paper that shows two branches side by side.
 struct Pair {
     number: &'static str,
     of: [Branch; 2],
     words: &'static str,
 }
 
-/// Figures 3 to 6 and S1, as far as their scenes were run.
+/// Figures 3 to 6 and S1, for the scenes that were run.
 fn figures<'a>(found: &'a Found<'_>) -> impl Iterator<Item = (Place, Pair)> + 'a {
     const MAIN: [Branch; 2] = [Branch::Coherence, Branch::Baseline];
     let all = [
@@ -167,7 +167,7 @@ fn figures<'a>(found: &'a Found<'_>) -> impl Iterator<Item = (Place, Pair)> + 'a
 
 fn pair(place: Place, Pair { number, of, words }: Pair, found: &Found<'_>) -> Result<Vec<Block>> {
     let whole = found.seconds()? * f64::from(RATE);
-    // Odd looks would show generated frames beside decoded ones.
+    // Even samples only: at odd ones one branch shows generated frames and the other decoded ones.
     let looks = MOMENTS.map(|share| (whole * share) as u64 & !1);
     let columns = [Shown::Branch(of[0]), Shown::Branch(of[1]), Shown::Truth];
     let picture = panels::grid(place, &columns, &looks, TILE, found.settings)?;

@@ -1,4 +1,4 @@
-//! What the paper published: "Fewer, Better Frames", Tables 2, 3 and 5 to 8. Order of the branches: coherence, baseline.
+//! Published results: "Fewer, Better Frames", Tables 2, 3 and 5 to 8. Order of the branches: coherence, baseline.
 
 use scenes::Family;
 
@@ -18,7 +18,7 @@ pub(super) struct Published {
     pub(super) onset: [f64; 2],
 }
 
-/// The figures of a kind of place.
+/// Published results for a kind of place.
 pub(super) fn published(family: Family) -> Published {
     let [anchor_lpips, adjacent_lpips, anchor_ssim, adjacent_ssim, onset] = match family {
         Family::Forest => [[0.0747, 0.0931], [0.0449, 0.0677], [0.5047, 0.5404], [0.7123, 0.6118], [0.467, 1.767]],
@@ -29,7 +29,7 @@ pub(super) fn published(family: Family) -> Published {
     Published { anchor_lpips, adjacent_lpips, anchor_ssim, adjacent_ssim, onset }
 }
 
-/// Table 2: context, steps and cadence of a branch; none for one that the paper has not.
+/// Table 2: context, steps and cadence of a branch; `None` for one that is not in the paper.
 pub(super) fn point(branch: Branch) -> Option<&'static str> {
     match branch {
         Branch::Coherence => Some("g384, 10 steps, 15 FPS anchors to 30 FPS"),
@@ -39,7 +39,7 @@ pub(super) fn point(branch: Branch) -> Option<&'static str> {
     }
 }
 
-/// Table 3: what the author recorded.
+/// Table 3: the author's software and hardware.
 pub(super) struct Stack {
     pub(super) gpu: &'static str,
     pub(super) driver: &'static str,

@@ -13,7 +13,7 @@ const WIDTH: u32 = 1060;
 const HEIGHT: u32 = 400;
 const BOX: [u32; 2] = [168, 64];
 
-/// A box at its left upper corner, with lines of words.
+/// A box with its upper left corner at `[x, y]` and lines of text.
 fn part(svg: &mut String, [x, y]: [u32; 2], colour: &str, words: &[String]) {
     // Writing to a string cannot fail.
     let _ = write!(
@@ -33,7 +33,7 @@ fn part(svg: &mut String, [x, y]: [u32; 2], colour: &str, words: &[String]) {
     }
 }
 
-/// An arrow along straight lines.
+/// An arrow along a polyline.
 fn arrow(svg: &mut String, points: &[[u32; 2]]) {
     let path: Vec<String> = points.iter().map(|[x, y]| format!("{x} {y}")).collect();
     let _ = write!(
@@ -43,7 +43,7 @@ fn arrow(svg: &mut String, points: &[[u32; 2]]) {
     );
 }
 
-/// The drawing, for the windows of the first scene that is compared.
+/// The drawing, with the context windows of the first scene.
 pub(super) fn drawing(settings: &Settings) -> String {
     let family = settings.scenes.first().copied().unwrap_or(Family::Forest);
     let point = |branch: Branch| -> OperatingPoint { branch.point(family) };

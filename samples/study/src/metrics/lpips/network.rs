@@ -1,4 +1,4 @@
-//! AlexNet and VGG16 up to their last convolution, run in bands of rows so that only what is needed is in memory.
+//! AlexNet and VGG16 up to their last convolution, computed in bands of rows to bound the memory.
 
 use std::ops::Range;
 
@@ -9,11 +9,11 @@ use super::convolution::Convolution;
 use super::map::{Map, pool};
 use super::weights::Weights;
 
-/// Numbers that the band of one layer may have. Full rows of VGG16's first layers are half a gigabyte at 1920x1080.
+/// Maximum number of values in the band of one layer. VGG16's first layers have half a gigabyte at 1920x1080.
 const BAND: usize = 8 << 20;
 
 impl Net {
-    /// Side of each convolution's kernel, and its channels.
+    /// Kernel size and output channels of each convolution.
     pub(super) fn convolutions(self) -> &'static [(usize, usize)] {
         match self {
             Self::Alex => &[(11, 64), (5, 192), (3, 384), (3, 256), (3, 256)],
@@ -35,7 +35,7 @@ impl Net {
         }
     }
 
-    /// The convolutions after which pictures are compared.
+    /// The convolutions whose outputs are compared.
     pub(super) fn taps(self) -> [usize; 5] {
         match self {
             Self::Alex => [0, 1, 2, 3, 4],
@@ -43,7 +43,7 @@ impl Net {
         }
     }
 
-    /// The taps after which the map is made smaller; the last one ends the network.
+    /// The taps that are followed by max pooling; the network ends with the last tap.
     fn pools(self) -> &'static [usize] {
         match self {
             Self::Alex => &[0, 1, 4],
@@ -51,7 +51,7 @@ impl Net {
         }
     }
 
-    /// Side of what the largest number is taken of.
+    /// Window size of the max pooling.
     fn pool_size(self) -> usize {
         match self {
             Self::Alex => 3,
@@ -59,7 +59,7 @@ impl Net {
         }
     }
 
-    /// Step and border of a convolution.
+    /// Stride and padding of a convolution.
     fn geometry(self, number: usize) -> (usize, usize) {
         match (self, number) {
             (Self::Alex, 0) => (4, 2),
@@ -68,7 +68,7 @@ impl Net {
         }
     }
 
-    /// The smallest width and height, in pixels, that reach the last layer.
+    /// The smallest width and height in pixels for which every layer has an output.
     pub fn smallest_side(self) -> u32 {
         match self {
             Self::Alex => 31,
@@ -77,17 +77,17 @@ impl Net {
     }
 }
 
-/// A network that is ready to run.
+/// A network with its weights.
 pub(super) struct Network {
     net: Net,
     convolutions: Vec<Convolution>,
     /// For each tap the weight of each of its channels.
     pub(super) linear: Vec<Vec<f32>>,
-    /// Numbers that the band of one layer may have; [`BAND`] but in tests.
+    /// Maximum number of values in the band of one layer; [`BAND`] except in tests.
     pub(super) band: usize,
 }
 
-/// What came out at a tap: some rows of a map, of one or two pictures.
+/// Output at a tap: some rows of the maps of one or two pictures.
 pub(super) struct Tapped<'a, const N: usize> {
     pub(super) tap: usize,
     pub(super) rows: Range<isize>,
@@ -103,7 +103,7 @@ impl Network {
         Self { net, convolutions: convolutions.collect(), linear: weights.linear, band: BAND }
     }
 
-    /// Width, height and channels of what comes out at each tap.
+    /// Width, height and channels of the output at each tap.
     pub(super) fn shapes(&self, (width, height): (u32, u32)) -> Result<[[usize; 3]; 5]> {
         let least = self.net.smallest_side();
         if width < least || height < least {
@@ -132,11 +132,11 @@ impl Network {
         (side.saturating_sub(self.net.pool_size())) / 2 + 1
     }
 
-    /// Runs over pictures of one size side by side, and hands over what comes out at the taps: the rows of each tap from
-    /// the top down, before it is normalised.
+    /// Runs over pictures of one size in parallel, and passes on the output at the taps: the rows of each tap from the top down, not
+    /// normalised.
     ///
     /// # Errors
-    /// `InvalidArgument` for too small pictures, `OutOfMemory`, and whatever `take` says.
+    /// `InvalidArgument` for too small pictures, `OutOfMemory`, and errors of `take`.
     pub(super) fn run<const N: usize>(
         &self,
         pictures: [&Picture; N],
@@ -169,18 +169,18 @@ impl Network {
     }
 }
 
-/// `N` things, or the first error.
+/// `N` values, or the first error.
 fn each<T, const N: usize>(mut make: impl FnMut(usize) -> Result<T>) -> Result<[T; N]> {
     let made: Vec<T> = (0..N).map(&mut make).collect::<Result<_>>()?;
     Ok(made.try_into().unwrap_or_else(|_| unreachable!("there are N of them")))
 }
 
-/// Convolutions between two changes of size.
+/// Convolutions between two poolings.
 struct Stage<'a> {
     network: &'a Network,
     convolutions: Range<usize>,
     taps: Range<usize>,
-    /// Rows of the input.
+    /// Number of input rows.
     height: usize,
 }
 
@@ -201,17 +201,17 @@ impl Stage<'_> {
         };
         let widths: Vec<usize> = sides(inputs[0].width).collect();
         let heights: Vec<usize> = sides(self.height).collect();
-        // All convolutions of a stage have the same size but for the very first one, so one height counts.
+        // All convolutions of a stage have the same size except the very first one, so one height is enough.
         let height = heights[heights.len() - 1];
         let line = convolutions.iter().zip(&widths).map(|(c, width)| (width + 2 * c.border) * c.kernel.outputs).max();
-        // An even number, because pooling takes rows by twos.
+        // An even number, because pooling has stride 2.
         let band = (2 * (self.network.band / 2 / line.unwrap_or(1))).max(2).min(height.next_multiple_of(2));
-        // Pooling may look at more rows than it moves on by.
+        // A pooling window may be larger than its stride.
         let more = self.network.net.pool_size() - 2;
 
         let mut layers: Vec<[Map; N]> = Vec::new();
         for (number, (convolution, width)) in convolutions.iter().zip(&widths).enumerate() {
-            // Each of the convolutions after it takes its border of rows.
+            // Each later convolution needs its padding of rows.
             let rows = band + more + 2 * (convolutions.len() - 1 - number) * last.border;
             let (outputs, border) = (convolution.kernel.outputs, convolution.border);
             layers.push(each(|_| Map::new(*width, outputs, border, 0..rows as isize))?);
@@ -252,7 +252,7 @@ mod tests {
     use super::super::weights::Kernel;
     use super::*;
 
-    /// A network whose weights are noise: the way through it is the same.
+    /// A network with random weights.
     fn network(net: Net, band: usize) -> Network {
         let mut state = 1u32;
         let mut noise = move |count: usize, scale: f32| -> Vec<f32> {

@@ -1,26 +1,26 @@
 //! Reads arrays of 32-bit floats from a Python pickle of nested dictionaries, without running anything in it.
 //!
-//! A pickle is a program that names functions to call. This interpreter knows the few instructions that numpy's arrays in
-//! dictionaries need, and three names, none of which it calls; everything else is refused. Numbers are borrowed from the
-//! file, and lengths are checked against it before they are believed.
+//! A pickle is a program that names functions to call. This interpreter supports the few instructions needed for numpy arrays in dictionaries,
+//! and three names, none of which it calls; it rejects everything else. Array data is borrowed from the file, and lengths are checked
+//! against the file's size.
 
 use std::collections::BTreeMap;
 
-/// Instructions that a file may have; the known ones have fewer than a thousand.
+/// Maximum number of instructions; the known files have fewer than a thousand.
 const LONGEST: usize = 4096;
 
-/// An array as it lies in the file: little-endian 32-bit floats, the last axis fastest.
+/// An array in the file: little-endian 32-bit floats, the last axis fastest.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Array<'a> {
     pub(super) shape: Vec<usize>,
-    /// Four for each number.
+    /// Four bytes per value.
     pub(super) bytes: &'a [u8],
 }
 
 /// Arrays by their path in the nested dictionaries, such as `VGG16_0/Conv_0/kernel`.
 pub(super) type Arrays<'a> = BTreeMap<String, Array<'a>>;
 
-/// The arrays of a pickle; what is wrong with it where it has anything else.
+/// The arrays of a pickle, or an error if it has anything else.
 pub(super) fn read(bytes: &[u8]) -> Result<Arrays<'_>, String> {
     let mut machine = Machine { rest: bytes, stack: Vec::new(), memory: BTreeMap::new() };
     for _ in 0..LONGEST {
@@ -44,10 +44,10 @@ enum Value<'a> {
     Tuple(Vec<Value<'a>>),
     /// Little-endian 32-bit floats.
     Type,
-    /// An array whose numbers have not come yet.
+    /// An array whose data has not been read yet.
     Empty,
     Array(Array<'a>),
-    /// Inner dictionaries are flat already.
+    /// A dictionary; nested dictionaries are flattened.
     Dictionary(Arrays<'a>),
 }
 
@@ -65,7 +65,7 @@ struct Machine<'a> {
 }
 
 impl<'a> Machine<'a> {
-    /// Executes one instruction; the last one gives the result.
+    /// Executes one instruction; the last one returns the result.
     fn step(&mut self) -> Result<Option<Value<'a>>, String> {
         let code = self.take(1)?[0];
         let value = match code {
@@ -113,7 +113,7 @@ impl<'a> Machine<'a> {
             }
             b'q' | b'r' => {
                 let key = if code == b'q' { self.take(1)?[0].into() } else { self.number::<4>()? as u32 };
-                // Only plain values are kept: a shared dictionary or array would have two owners.
+                // Only plain values are memoised: a shared dictionary or array would have two owners.
                 if let Some(plain @ (Value::Text(_) | Value::Bytes(_) | Value::Name(_) | Value::Type)) =
                     self.stack.last()
                 {
@@ -138,7 +138,7 @@ impl<'a> Machine<'a> {
         Ok(taken)
     }
 
-    /// `N` little-endian bytes, without a sign.
+    /// `N` little-endian bytes, unsigned.
     fn number<const N: usize>(&mut self) -> Result<i64, String> {
         Ok(self.take(N)?.iter().rev().fold(0, |number, byte| number << 8 | i64::from(*byte)))
     }
@@ -147,7 +147,7 @@ impl<'a> Machine<'a> {
         self.stack.pop().ok_or_else(|| "the stack is empty".into())
     }
 
-    /// Everything above the last mark, which is taken off with it.
+    /// Pops everything above the last mark, and the mark.
     fn since_mark(&mut self) -> Result<Vec<Value<'a>>, String> {
         let mark = self.stack.iter().rposition(|value| matches!(value, Value::Mark)).ok_or("a mark is missing")?;
         let above = self.stack.split_off(mark + 1);
@@ -190,7 +190,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Gives an array its numbers, or a type its byte order.
+    /// Sets an array's data, or a type's byte order.
     fn build(&mut self) -> Result<Value<'a>, String> {
         let (state, object) = (self.pop()?, self.pop()?);
         let Value::Tuple(state) = state else { return Err("a state is no tuple".into()) };
@@ -218,7 +218,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Puts keys and values by turns into the dictionary on top of the stack.
+    /// Inserts alternating keys and values into the dictionary on top of the stack.
     fn insert(&mut self, items: Vec<Value<'a>>) -> Result<(), String> {
         let Some(Value::Dictionary(dictionary)) = self.stack.last_mut() else {
             return Err("it fills what is no dictionary".into());

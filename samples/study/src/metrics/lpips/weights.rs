@@ -1,4 +1,4 @@
-//! The published weights: found, held against their checksums, and taken apart.
+//! The published weights: found, checked against their checksums, and unpacked.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use super::Net;
 use super::pickle::{self, Arrays};
 use crate::manifest::sha256;
 
-/// Names the folder of the weight files; nothing else is looked at when it is set.
+/// Environment variable with the folder of the weight files; if set, no other folder is searched.
 const VARIABLE: &str = "CAIRN_LPIPS";
 
 const REMEDY: &str = "Fetch the weights with `cargo xtask setup --all`, or set CAIRN_LPIPS to the folder that holds \
@@ -23,14 +23,14 @@ pub(super) struct Kernel {
     pub(super) bias: Vec<f32>,
 }
 
-/// All that a network learned.
+/// All weights of a network.
 pub(super) struct Weights {
     pub(super) kernels: Vec<Kernel>,
     /// For each tap the weight of each of its channels.
     pub(super) linear: Vec<Vec<f32>>,
 }
 
-/// The weight file of `net`: in the folder that [`VARIABLE`] names, else in the cache.
+/// The weight file of `net`: in the folder of [`VARIABLE`], otherwise in the cache.
 pub(super) fn find(net: Net) -> Result<PathBuf> {
     let folder = match std::env::var_os(VARIABLE).filter(|folder| !folder.is_empty()) {
         Some(folder) => PathBuf::from(folder),
@@ -51,7 +51,7 @@ fn missing(cause: &str) -> Error {
     Error::new(ErrorKind::Io, format!("the weights of LPIPS are not there: {cause}")).field(VARIABLE).remedy(REMEDY)
 }
 
-/// Reads the published file of `net`, and no other bytes.
+/// Reads the published file of `net`; fails for any other content.
 pub(super) fn load(net: Net, path: &Path) -> Result<Weights> {
     let bytes = std::fs::read(path).map_err(|e| missing(&format!("{}: {e}", path.display())))?;
     let refused =

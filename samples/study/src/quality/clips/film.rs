@@ -11,12 +11,12 @@ use super::{Clip, Phase, Scale, Target, evenly};
 use crate::quality::rows::program::{Scratch, not_provided, read_pictures, run};
 use crate::quality::store::{Capture, Store};
 
-/// The shots, each from its first picture to its last. The first begins behind the fade from black.
+/// The shots, each with its first and last picture. The first starts after the fade from black.
 const SHOTS: [(&str, usize, usize); 4] =
     [("bunny-hills", 50, 284), ("bunny-brook", 285, 377), ("bunny-bird", 378, 552), ("bunny-burrow", 553, 719)];
 /// A third of the film's own size.
 const SIZE: (u32, u32) = (640, 360);
-/// What makes it so: colours by the film's own matrix, whole pictures, nothing invented between them.
+/// Filter of the conversion: colours by the film's own matrix, whole pictures, no interpolation.
 const TO_RGB: &str =
     "scale=640:360:flags=lanczos+accurate_rnd+full_chroma_int:in_color_matrix=bt709:in_range=tv,format=rgb24";
 
@@ -35,7 +35,7 @@ impl Film {
     /// All shots.
     ///
     /// # Errors
-    /// The film or ffmpeg cannot be had here.
+    /// The film or ffmpeg is not available.
     pub(in crate::quality) fn shots(scale: Scale, progress: &dyn Progress) -> Result<Vec<Self>> {
         let ffmpeg = provision::baselines::ffmpeg(progress).map_err(|e| not_provided(&e))?;
         let video = provision::baselines::big_buck_bunny(progress).map_err(|e| not_provided(&e))?;
@@ -48,7 +48,7 @@ impl Film {
         Ok(SHOTS.iter().map(shot).collect())
     }
 
-    /// Picture `number` of the shot. The whole shot is decoded and kept where one is missing.
+    /// Picture `number` of the shot. If it is missing, the whole shot is decoded and stored.
     fn picture(&self, number: usize, store: &Store) -> Result<Picture> {
         store.picture(&self.capture, &number.to_string(), || {
             let mut pictures = self.decode()?;

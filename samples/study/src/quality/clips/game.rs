@@ -1,4 +1,4 @@
-//! Walks recorded in ViZDoom: pictures of a game, with its depth and its camera.
+//! Walks recorded in ViZDoom: pictures of a game with depth and camera.
 
 use std::fs;
 use std::path::PathBuf;
@@ -14,17 +14,17 @@ use crate::media::describe_io;
 use crate::quality::rows::program::{Scratch, not_provided, read_pictures, run};
 use crate::quality::store::{Capture, Store};
 
-/// What records a walk: settings of the game, the walk itself, and the exact depth.
+/// Python script that records a walk with exact depth.
 const DRIVER: &str = include_str!("../../../drivers/doom.py");
 /// Maps of Freedoom 2: a hall over water, an open yard, a stone vault.
 const MAPS: [&str; 3] = ["map02", "map04", "map15"];
-/// What the driver gives.
+/// Size of the driver's pictures.
 const SIZE: (u32, u32) = (640, 360);
 const TICS: usize = 112;
-/// Pixels per unit of slope, and the pixel straight ahead, as the driver has them.
+/// Pixels per unit of slope, and the pixel straight ahead, as in the driver.
 const FOCAL: [f64; 2] = [240.0, 288.0];
 const CENTRE: [f64; 2] = [319.5, 179.5];
-/// Nearest and farthest distance of device depth, in map units; a person is 56 high.
+/// Nearest and farthest distance of device depth, in map units; a person is 56 units high.
 const NEAR: f32 = 4.0;
 const FAR: f32 = 65536.0;
 
@@ -37,20 +37,20 @@ pub(in crate::quality) struct Game {
     capture: Capture,
 }
 
-/// Where the camera stands.
+/// Position and direction of the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Camera {
     position: [f64; 3],
-    /// In radians, to the left from the x axis.
+    /// In radians, counter-clockwise from the x axis.
     angle: f64,
 }
 
-/// Everything the driver writes, tic by tic.
+/// Output of the driver, tic by tic.
 struct Recording {
     pictures: Vec<Picture>,
     /// Map units along the view axis, infinite for the sky.
     depth: Vec<f32>,
-    /// 1 where the static world is seen, else 0.
+    /// 1 where the static world is visible, else 0.
     world: Vec<f32>,
     /// Position and angle of every camera, in degrees.
     cameras: Vec<f32>,
@@ -60,7 +60,7 @@ impl Game {
     /// One walk through each map.
     ///
     /// # Errors
-    /// ViZDoom cannot be had here.
+    /// ViZDoom is not available.
     pub(in crate::quality) fn walks(scale: Scale, progress: &dyn Progress) -> Result<Vec<Self>> {
         let python = provision::baselines::vizdoom(progress).map_err(|e| not_provided(&e))?;
         let walk = |map: &&'static str| Self {
@@ -76,7 +76,7 @@ impl Game {
     fn record(&self) -> Result<Recording> {
         let scratch = Scratch::new()?;
         let mut command = Command::new(&self.python);
-        // The game writes its settings where it is started.
+        // The game writes its settings to its working directory.
         let folder = scratch.path("");
         command.current_dir(&folder).arg(scratch.text("doom.py", DRIVER)?).arg(self.map).arg(&folder);
         run("ViZDoom", &mut command)?;
@@ -102,7 +102,7 @@ impl Game {
             .field("ViZDoom"))
     }
 
-    /// The cameras of all tics. Where they are not kept, the walk is recorded and kept with everything a score needs.
+    /// The cameras of all tics. If they are missing, the walk is recorded and stored with everything needed for scores.
     fn cameras(&self, store: &Store) -> Result<Vec<Camera>> {
         let values = store.numbers(&self.capture, "cameras", 4 * TICS, || {
             let Recording { pictures, depth, world, cameras } = self.record()?;
@@ -119,7 +119,7 @@ impl Game {
         Ok(values.chunks_exact(4).map(Camera::new).collect())
     }
 
-    /// Keeps the depths of both anchors of every interval.
+    /// Stores the depths of both anchors of every interval.
     fn keep_depths(&self, depths: &[f32], store: &Store) -> Result<()> {
         for tic in self.targets.iter().flat_map(|target| [2 * target.anchor - 2, 2 * target.anchor]) {
             self.plane("depth", tic, store, || Ok(of_tic(depths, tic)))?;
@@ -127,7 +127,7 @@ impl Game {
         Ok(())
     }
 
-    /// One number to every pixel of a tic.
+    /// One value per pixel of a tic.
     fn plane(
         &self,
         kind: &str,
@@ -144,7 +144,7 @@ impl Game {
     }
 }
 
-/// The values of one tic out of those of all.
+/// The values of one tic out of those of all tics.
 fn of_tic(values: &[f32], tic: usize) -> Vec<f32> {
     values.chunks_exact((SIZE.0 * SIZE.1) as usize).nth(tic).unwrap_or_default().to_vec()
 }
@@ -187,7 +187,7 @@ impl Clip for Game {
         let cameras = self.cameras(store)?;
         let (now, before) = (cameras[2 * number], cameras[2 * number - 2]);
         let distances = self.plane("depth", 2 * number, store, || {
-            // To play once more takes long, and what one interval lacks the others do.
+            // Replaying takes long, and if one interval is missing, so are the others: all are stored.
             let depths = self.record()?.depth;
             self.keep_depths(&depths, store)?;
             Ok(of_tic(&depths, 2 * number))
@@ -225,9 +225,9 @@ impl Camera {
         [[cos, sin], [sin, -cos]]
     }
 
-    /// Motion of what `pixel` shows at `distance` along the view axis, in pixels to where the camera `before` saw it.
+    /// Motion of the point at `pixel` and `distance` along the view axis, in pixels, to its position for the camera `before`.
     ///
-    /// The sky, at an infinite distance, turns with the camera and stays at its row: the game paints it on a cylinder.
+    /// The sky, at infinite distance, rotates with the camera and keeps its row, because the game paints it on a cylinder.
     fn motion(&self, pixel: [f64; 2], distance: f64, before: &Self) -> [f64; 2] {
         let slope = [(pixel[0] - CENTRE[0]) / FOCAL[0], (CENTRE[1] - pixel[1]) / FOCAL[1]];
         let is_sky = distance.is_infinite();
@@ -237,7 +237,7 @@ impl Camera {
         let along = |axis: [f64; 2]| at[0] * axis[0] + at[1] * axis[1];
         let [ahead, right] = before.axes().map(along);
         if ahead <= 0.0 {
-            // Behind the earlier camera: it saw it nowhere.
+            // The point is behind the earlier camera.
             return [f64::INFINITY; 2];
         }
         let x = CENTRE[0] + FOCAL[0] * right / ahead - pixel[0];

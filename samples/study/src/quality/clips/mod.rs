@@ -1,4 +1,4 @@
-//! What is compared on: scenes with a known truth, and captures of real pictures of which every other one is held back.
+//! Clips for the comparison: scenes with a known truth, and real captures of which every other picture is held back.
 
 mod film;
 mod game;
@@ -16,7 +16,7 @@ use film::Film;
 use game::Game;
 pub(super) use scene::SceneClip;
 
-/// A moment between two anchors, as a fraction of the interval in lowest terms.
+/// A time between two anchors, as a fraction of the interval in lowest terms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) struct Phase {
     part: u32,
@@ -41,7 +41,7 @@ impl Phase {
         multiplier.is_multiple_of(self.of)
     }
 
-    /// The least number of equal steps of an interval on which all of `phases` lie.
+    /// The smallest number of equal steps of an interval that contains all of `phases`.
     pub(super) fn common(phases: &[Self]) -> u32 {
         let on_all = |steps: &u32| phases.iter().all(|phase| phase.belongs_to(*steps));
         (1..).find(on_all).unwrap_or(1)
@@ -52,7 +52,7 @@ impl Phase {
         self.part as f32 / self.of as f32
     }
 
-    /// Refuses every phase but the middle: real pictures know no other.
+    /// Fails for every phase except the middle: real captures have no other.
     fn must_be_half(self) -> Result<()> {
         if self == Self::HALF {
             return Ok(());
@@ -60,9 +60,9 @@ impl Phase {
         Err(Error::new(ErrorKind::InvalidArgument, format!("only the middle between its anchors is known, not {self}")))
     }
 
-    /// The number of this phase among `steps` equal steps of an interval.
+    /// Index of this phase among `steps` equal steps of an interval.
     ///
-    /// `None` where it lies between two of them.
+    /// `None` if it lies between two of them.
     pub(super) fn step(self, steps: u32) -> Option<u32> {
         self.belongs_to(steps).then(|| self.part * (steps / self.of))
     }
@@ -77,14 +77,14 @@ impl fmt::Display for Phase {
 /// An interval whose frames are generated and scored.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Target {
-    /// Number of the anchor that ends it.
+    /// Number of the anchor at the interval's end.
     pub(super) anchor: usize,
-    /// Multiples of the anchors' rate that are scored on it, 2 first.
+    /// Multiples of the anchors' rate that are scored on this interval, 2 first.
     pub(super) multipliers: Vec<u32>,
 }
 
 impl Target {
-    /// Its phases, each once, in order of time.
+    /// All phases without duplicates, in order of time.
     pub(super) fn phases(&self) -> Vec<Phase> {
         let mut all: Vec<Phase> = self.multipliers.iter().flat_map(|m| Phase::all(*m)).collect();
         all.sort_by(|a, b| a.value().total_cmp(&b.value()));
@@ -93,21 +93,21 @@ impl Target {
     }
 }
 
-/// Anchors with the pictures between them, some of which are scored.
+/// Anchors and the true pictures between them.
 pub(super) trait Clip {
     /// Short name, such as `forest-5`.
     fn name(&self) -> &str;
 
-    /// What it is averaged with: the kind of place, or its own name.
+    /// Group over which it is averaged: the kind of place, or its own name.
     fn group(&self) -> &str;
 
-    /// What it is, for people.
+    /// Description for the report.
     fn description(&self) -> String;
 
     /// The intervals that are scored.
     fn targets(&self) -> &[Target];
 
-    /// How many anchors there are, numbered from 0.
+    /// Number of anchors, counted from 0.
     fn anchors(&self) -> usize;
 
     /// An anchor.
@@ -116,19 +116,19 @@ pub(super) trait Clip {
     /// The true picture at `phase` between anchor `number - 1` and anchor `number`.
     fn truth(&mut self, number: usize, phase: Phase, store: &Store) -> Result<Picture>;
 
-    /// True motion from anchor `number` to the one before it, and its depth; none where nobody knows them.
+    /// True motion from anchor `number` to the previous one, and its depth; `None` if unknown.
     fn guidance(&mut self, number: usize, store: &Store) -> Result<Option<Guidance>>;
 
-    /// Which pixels of the true picture at `phase` count, row by row; all where none is given.
+    /// Mask of the pixels of the true picture at `phase` that are scored, row by row; `None` for all.
     fn scored(&mut self, _number: usize, _phase: Phase, _store: &Store) -> Result<Option<Vec<bool>>> {
         Ok(None)
     }
 }
 
-/// Anchors before the first and behind the last scored interval of a clip.
+/// Anchors before the first and after the last scored interval of a clip.
 const MARGIN: usize = 4;
 
-/// What `--clips` names.
+/// Values of `--clips`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Scene(scenes::Family),
@@ -143,11 +143,11 @@ pub(super) fn kinds() -> Vec<Kind> {
     FAMILIES.into_iter().map(Kind::Scene).chain(REAL).collect()
 }
 
-/// Those that no program of ours drew.
+/// Captures that were not rendered by this program.
 const REAL: [Kind; 2] = [Kind::Film, Kind::Game];
 
 impl Kind {
-    /// As it is written in `--clips`.
+    /// Name in `--clips`.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Scene(family) => family.name(),
@@ -156,10 +156,10 @@ impl Kind {
         }
     }
 
-    /// Its clips, one to a seed where it has seeds.
+    /// Opens its clips, one per seed if it has seeds.
     ///
     /// # Errors
-    /// What it is made from cannot be had; says why and what to do.
+    /// The source is not available; the error has the reason and a remedy.
     pub(super) fn open(self, seeds: &[u64], scale: Scale, progress: &dyn Progress) -> Result<Vec<Box<dyn Clip>>> {
         match self {
             Self::Scene(family) => {
@@ -175,7 +175,7 @@ fn boxed(clips: Vec<impl Clip + 'static>) -> Vec<Box<dyn Clip>> {
     clips.into_iter().map(|clip| Box::new(clip) as Box<dyn Clip>).collect()
 }
 
-/// Intervals at equal steps over a clip of `anchors`, each with room for rows that look farther than their interval.
+/// Evenly spaced intervals over a clip of `anchors`, with a margin for rows that use further anchors.
 fn evenly(anchors: usize, scale: Scale) -> Vec<Target> {
     let count = if scale == Scale::Full { 6 } else { 2 };
     let (first, last) = (1 + MARGIN, anchors - 1 - MARGIN);
@@ -183,21 +183,21 @@ fn evenly(anchors: usize, scale: Scale) -> Vec<Target> {
     (0..count).map(|i| Target { anchor: anchor(i), multipliers: vec![2] }).collect()
 }
 
-/// How much of a clip is scored.
+/// Amount of scored material.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Scale {
-    /// What the tables are made from.
+    /// For the tables.
     Full,
-    /// Small pictures and two intervals: to see that everything works.
+    /// Small pictures and two intervals, to check that everything works.
     Smoke,
-    /// One interval of a scene at 1920x1080, which is timed and not scored.
+    /// One interval of a scene at 1920x1080, timed and not scored.
     Timed,
 }
 
-/// Reads a list such as `forest,snow`; `all`, `scenes` and `real` are short for several, `none` for no clip.
+/// Parses a list such as `forest,snow`; `all`, `scenes` and `real` stand for several, `none` for no clip.
 ///
 /// # Errors
-/// `InvalidArgument` for a name that is none of them.
+/// `InvalidArgument` for an unknown name.
 pub(super) fn parse(list: &str) -> Result<Vec<Kind>> {
     let mut chosen = Vec::new();
     if list.trim() == "none" {

@@ -1,4 +1,4 @@
-//! Clips drawn from the procedural scenes: their motion, depth and every moment between anchors are known.
+//! Clips rendered from the procedural scenes, with known motion and depth at every time between anchors.
 
 use cairn::guidance::{DepthMap, Guidance, MotionField, Projection};
 use cairn::world::ControlScript;
@@ -12,11 +12,11 @@ use crate::quality::store::{Capture, Store};
 
 /// Anchors per second of world time.
 const RATE: u32 = 15;
-/// Moments in an interval between anchors: all phases of 2, 4 and 6 times the rate are among them.
+/// Steps of an interval between anchors: all phases of 2, 4 and 6 times the rate are among them.
 const STEPS: u32 = 12;
-/// Scored intervals end at these anchors: every 1.85 seconds of the script, whatever happens there.
+/// Anchors that end the scored intervals: every 1.85 seconds of the script, independent of its content.
 const TARGETS: [usize; 8] = [14, 41, 69, 97, 125, 152, 180, 208];
-/// Those of them that are scored at 4 and 6 times the rate as well: numbers into [`TARGETS`].
+/// Indices into [`TARGETS`] of the intervals that are also scored at 4 and 6 times the rate.
 const DENSE: [usize; 2] = [1, 5];
 
 /// A walk through a scene under the scene's own script.
@@ -132,7 +132,7 @@ impl Clip for SceneClip {
     }
 }
 
-/// The script that belongs to a kind of place.
+/// Script of a kind of place.
 fn script(family: Family) -> &'static str {
     match family {
         Family::Forest => include_str!("../../../../scripts/forest.txt"),

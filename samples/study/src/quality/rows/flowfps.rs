@@ -11,7 +11,7 @@ use super::{Interval, Row};
 use crate::quality::clips::Phase;
 use crate::quality::store::digest;
 
-/// What drives it, with all its settings.
+/// Python script that runs it, with all its settings.
 const DRIVER: &str = include_str!("../../../drivers/flowfps.py");
 
 pub(super) struct FlowFps {

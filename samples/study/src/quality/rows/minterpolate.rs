@@ -10,12 +10,12 @@ use super::program::{Scratch, not_provided, read_pictures, run};
 use super::{Interval, Row};
 use crate::quality::clips::Phase;
 
-/// Its slowest and best: both directions of motion, overlapped blocks of variable size.
+/// Its slowest and best settings: bidirectional motion, overlapped blocks of variable size.
 pub(in crate::quality) const SETTINGS: &str = "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1";
-/// Nothing is lost to the filter's own YUV but rounding: full range, full chroma.
+/// Conversion to the filter's YUV, lossless except for rounding: full range, full chroma.
 const TO_YUV: &str = "scale=out_color_matrix=bt709:out_range=full:flags=accurate_rnd+full_chroma_int,format=yuv444p";
 const TO_RGB: &str = "scale=in_color_matrix=bt709:in_range=full:flags=accurate_rnd+full_chroma_int,format=rgb24";
-/// Anchors a second, as the filter is told; its pictures do not depend on it.
+/// Nominal anchors a second; the filter's pictures do not depend on it.
 const RATE: u32 = 15;
 
 pub(in crate::quality) struct Minterpolate {
@@ -43,7 +43,7 @@ impl Row for Minterpolate {
         let input = scratch.pictures("anchors.rgb", interval.anchors)?;
         let output = scratch.path("frames.rgb");
         let multiplier = Phase::common(phases);
-        // The filter holds back the last pictures, and what lies behind the interval is not needed.
+        // The filter delays the last pictures, and those after the interval are not needed.
         let needed = (interval.at as u32 + 1) * multiplier;
         let mut command = Command::new(&self.program);
         command

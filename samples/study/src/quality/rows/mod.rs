@@ -1,4 +1,4 @@
-//! What is compared: ways to make pictures between two anchors.
+//! Rows of the comparison: methods to make pictures between two anchors.
 
 mod flowfps;
 pub(super) mod minterpolate;
@@ -13,7 +13,7 @@ use provision::Progress;
 
 use super::clips::Phase;
 
-/// A way to make pictures, by its place in the tables.
+/// A method, in the order of the tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(super) enum Kind {
     Repeat,
@@ -25,12 +25,12 @@ pub(super) enum Kind {
     Truth,
 }
 
-/// All of them, in the order of the tables.
+/// All methods, in the order of the tables.
 pub(super) const KINDS: [Kind; 7] =
     [Kind::Repeat, Kind::Blend, Kind::Minterpolate, Kind::FlowFps, Kind::Rife, Kind::Flow, Kind::Truth];
 
 impl Kind {
-    /// As it is written in `--rows` and in the CSV files.
+    /// Name in `--rows` and in CSV files.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Repeat => "repeat",
@@ -43,7 +43,7 @@ impl Kind {
         }
     }
 
-    /// As it is written in tables for people.
+    /// Name in the report's tables.
     pub(super) fn label(self) -> &'static str {
         match self {
             Self::Repeat => "repeat",
@@ -56,7 +56,7 @@ impl Kind {
         }
     }
 
-    /// How it makes its pictures, one sentence.
+    /// Description in one sentence.
     pub(super) fn description(self) -> &'static str {
         match self {
             Self::Repeat => "The nearer anchor once more; the earlier one in the middle.",
@@ -71,7 +71,7 @@ impl Kind {
         }
     }
 
-    /// Whether it needs nothing but this program.
+    /// Whether it needs no other program.
     pub(super) fn is_built_in(self) -> bool {
         matches!(self, Self::Repeat | Self::Blend | Self::Flow | Self::Truth)
     }
@@ -86,7 +86,7 @@ impl Kind {
         self == Self::Truth
     }
 
-    /// How many anchors before and behind the interval it looks at.
+    /// Number of anchors before and after the interval that it uses.
     pub(super) fn margin(self) -> usize {
         match self {
             Self::Minterpolate | Self::FlowFps => 2,
@@ -94,10 +94,10 @@ impl Kind {
         }
     }
 
-    /// Makes it ready.
+    /// Prepares it for work.
     ///
     /// # Errors
-    /// What it needs cannot be had here; says why and what to do.
+    /// Something that it needs is not available; the error has the reason and a remedy.
     pub(super) fn open(self, progress: &dyn Progress) -> Result<Box<dyn Row>> {
         match self {
             Self::Repeat => Ok(Box::new(simple::Repeat)),
@@ -111,10 +111,10 @@ impl Kind {
     }
 }
 
-/// Reads a list such as `blend,cairn-flow`; `all` and `built-in` are short for several.
+/// Parses a list such as `blend,cairn-flow`; `all` and `built-in` stand for several.
 ///
 /// # Errors
-/// `InvalidArgument` for a name that is none of them.
+/// `InvalidArgument` for an unknown name.
 pub(super) fn parse(list: &str) -> Result<Vec<Kind>> {
     let mut chosen = Vec::new();
     for name in list.split(',').map(str::trim) {
@@ -136,15 +136,15 @@ pub(super) fn parse(list: &str) -> Result<Vec<Kind>> {
     Ok(chosen)
 }
 
-/// An interval with what lies around it.
+/// An interval and its surrounding anchors.
 pub(super) struct Interval<'a> {
     /// Consecutive anchors.
     pub(super) anchors: &'a [Picture],
     /// The interval lies between `anchors[at]` and `anchors[at + 1]`.
     pub(super) at: usize,
-    /// True motion and depth of the later one.
+    /// True motion and depth of the later anchor.
     pub(super) guidance: Option<&'a Guidance>,
-    /// The same of the earlier one, where there is an anchor before it.
+    /// The same of the earlier one, if it has a predecessor.
     pub(super) before: Option<&'a Guidance>,
 }
 
@@ -154,18 +154,18 @@ impl Interval<'_> {
         &self.anchors[self.at]
     }
 
-    /// The anchor behind it.
+    /// The anchor after the interval.
     pub(super) fn current(&self) -> &Picture {
         &self.anchors[self.at + 1]
     }
 }
 
-/// A way to make pictures, ready for work.
+/// A method that is ready for work.
 pub(super) trait Row {
-    /// Program, version and settings, for people.
+    /// Program, version and settings for the report.
     fn version(&self) -> String;
 
-    /// Changes with everything that decides about its pictures besides the anchors.
+    /// Changes with everything besides the anchors that affects its pictures.
     fn key(&self) -> String {
         self.version()
     }
@@ -173,11 +173,11 @@ pub(super) trait Row {
     /// The pictures at `phases` of an interval, in that order.
     ///
     /// # Errors
-    /// The program behind it failed, or gave something else than pictures of the anchors' size.
+    /// The program failed, or its output is not pictures of the anchors' size.
     fn make(&mut self, interval: &Interval<'_>, phases: &[Phase]) -> Result<Vec<Picture>>;
 }
 
-/// Of the pictures between two anchors, at equal steps, those at `phases`.
+/// Selects those at `phases` from pictures at equal steps between two anchors.
 fn at_phases(name: &str, made: &[Picture], phases: &[Phase]) -> Result<Vec<Picture>> {
     let steps = Phase::common(phases);
     let found = phases.iter().map(|phase| made.get(phase.step(steps)? as usize - 1).cloned());

@@ -12,7 +12,7 @@ use crate::media::describe_io;
 use crate::quality::clips::Phase;
 use crate::quality::store::digest;
 
-/// The generator with motion from the two anchors.
+/// The generator with optical flow between the two anchors.
 pub(super) struct Flow {
     build: String,
     extractor: picture_flow::Extractor,
@@ -95,7 +95,7 @@ fn generate(generator: &mut CpuGenerator, pair: &AnchorPair<'_>, phases: &[Phase
         .collect()
 }
 
-/// Names this build of the program: the generator is compiled into it.
+/// Identifies this build of the program, which contains the generator.
 fn build() -> Result<String> {
     let path =
         std::env::current_exe().map_err(|e| Error::new(ErrorKind::Io, format!("who runs here is unknown: {e}")))?;

@@ -1,4 +1,4 @@
-//! Running other programs: pictures go out and come back as files of raw 8-bit RGB.
+//! Runs other programs, with pictures exchanged as files of raw 8-bit RGB.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ impl Scratch {
         Ok(path)
     }
 
-    /// Writes pictures one behind the other into a file in it.
+    /// Writes pictures consecutively into a file in it.
     pub(in crate::quality) fn pictures<'a>(
         &self,
         name: &str,
@@ -53,12 +53,12 @@ impl Scratch {
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        // What cannot be removed is in a folder for temporary files.
+        // If it cannot be removed, it stays in the folder for temporary files.
         let _ = fs::remove_dir_all(&self.folder);
     }
 }
 
-/// Reads pictures of `size` from a file of raw RGB: as many as it holds.
+/// Reads as many pictures of `size` as a file of raw RGB holds.
 pub(in crate::quality) fn read_pictures(path: &Path, size: (u32, u32)) -> Result<Vec<Picture>> {
     let bytes = fs::read(path).map_err(|e| describe_io("cannot be read", path, &e))?;
     let picture = |rgb: &[u8]| {
@@ -67,10 +67,10 @@ pub(in crate::quality) fn read_pictures(path: &Path, size: (u32, u32)) -> Result
     bytes.chunks_exact(size.0 as usize * size.1 as usize * 3).map(picture).collect()
 }
 
-/// Runs a program without input to its end.
+/// Runs a program without input until it ends.
 ///
 /// # Errors
-/// `Unsupported` when it does not run or fails, with the last of what it said.
+/// `Unsupported` when it does not start or fails, with the end of its messages.
 pub(in crate::quality) fn run(name: &str, command: &mut Command) -> Result<String> {
     let fail = |cause: String| Error::new(ErrorKind::Unsupported, cause).field(name);
     let output = command.stdin(Stdio::null()).output().map_err(|e| fail(format!("it does not run: {e}")))?;
@@ -82,7 +82,7 @@ pub(in crate::quality) fn run(name: &str, command: &mut Command) -> Result<Strin
     Err(fail(format!("it failed: {}", lines[lines.len().saturating_sub(3)..].join("; "))))
 }
 
-/// What could not be provided, in the library's words.
+/// Converts a fetch error.
 pub(in crate::quality) fn not_provided(error: &provision::Error) -> Error {
     inputs::not_provided(error, ErrorKind::Unsupported)
 }

@@ -11,7 +11,7 @@ use super::{Interval, Row};
 use crate::quality::clips::Phase;
 use crate::quality::store::digest;
 
-/// Its network, and what runs it.
+/// Python script that runs the network.
 const DRIVER: &str = include_str!("../../../drivers/rife.py");
 
 pub(super) struct Rife {

@@ -1,4 +1,4 @@
-//! What needs no motion.
+//! Methods without motion.
 
 use cairn::{Picture, Result};
 

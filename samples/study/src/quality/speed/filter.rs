@@ -1,4 +1,4 @@
-//! ffmpeg's `minterpolate` on the clock.
+//! Times ffmpeg's `minterpolate`.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -11,15 +11,15 @@ use super::THREADS;
 use crate::quality::rows::minterpolate;
 use crate::quality::rows::program::{Scratch, run};
 
-/// Pictures that the filter makes of an interval: the anchor once more, and the one in the middle.
+/// Pictures that the filter outputs per interval: the anchor and the one in the middle.
 const TO_AN_INTERVAL: usize = 2;
-/// Anchors that it has been given before its first picture; at the end it gives the last ones without work.
+/// Anchors that the filter reads before its first picture; at the end it outputs the last ones without computing.
 const AHEAD: usize = 3;
 
 /// The filter and the anchors it is given.
 pub(super) struct Filter {
     program: PathBuf,
-    // Holds the anchors as long as they are needed.
+    // Keeps the anchors' files until the filter is dropped.
     _scratch: Scratch,
     anchors: PathBuf,
     size: String,
@@ -48,16 +48,16 @@ impl Filter {
         command
     }
 
-    /// Runs it once over all anchors: how long it took from the first picture of an interval to that of the next, at the
-    /// scored settings. Reading and the checksum of what comes out are threads of their own in ffmpeg.
+    /// Runs the filter once over all anchors. Returns the time from the first picture of each interval to that of the next, at the scored settings.
+    /// Reading and checksums run on other threads of ffmpeg.
     ///
     /// # Errors
-    /// `Unsupported` when it fails, or gives other pictures than one for each moment.
+    /// `Unsupported` when it fails, or outputs another number of pictures.
     pub(super) fn times(&self) -> Result<Vec<Duration>> {
         let fail = |cause: String| Error::new(ErrorKind::Unsupported, cause).field("ffmpeg");
         let mut command = self.reading("yuv420p", &self.anchors);
         let filter = format!("minterpolate=fps=30:{}", minterpolate::SETTINGS);
-        // A line with time and checksum of each picture, as soon as it is there.
+        // The framecrc output: a line with time and checksum of each picture as soon as it is made.
         command.args(["-filter_threads", &THREADS.to_string(), "-vf", &filter]);
         command.args(["-f", "framecrc", "-flush_packets", "1", "-"]);
         let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
@@ -73,7 +73,7 @@ impl Filter {
         }
         let mut said = String::new();
         if let Some(mut errors) = child.0.stderr.take() {
-            // What it said is only for the message.
+            // Its messages are used for the error only.
             let _ = errors.read_to_string(&mut said);
         }
         let status = child.0.wait().map_err(|e| fail(format!("it cannot be waited for: {e}")))?;
@@ -86,24 +86,24 @@ impl Filter {
     }
 }
 
-/// The intervals between `anchors` anchors whose time is taken, by their earlier anchor.
+/// The intervals that are timed out of `anchors` anchors, by their earlier anchor.
 pub(super) fn intervals(anchors: usize) -> std::ops::Range<usize> {
     1..anchors.saturating_sub(AHEAD - 1)
 }
 
-/// A program that has ended when this is dropped.
+/// Kills the process when dropped.
 struct Ended(Child);
 
 impl Drop for Ended {
     fn drop(&mut self) {
-        // Both fail where it has ended already.
+        // Both fail if the process has ended.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-/// The time to each of `intervals` from the one before it, of the moments when `pictures` came; none where these are too
-/// few, or one of them is the same as the one before it: a picture that was copied has cost nothing.
+/// Durations of `intervals` from the arrival times of `pictures`; `None` if there are too few pictures, or if one equals its predecessor, because a
+/// copied picture costs nothing.
 fn between(moments: &[Instant], pictures: &[String], intervals: usize) -> Option<Vec<Duration>> {
     let is_copied = pictures.windows(2).any(|two| two[0] == two[1]);
     let firsts: Vec<&Instant> = moments.iter().step_by(TO_AN_INTERVAL).take(intervals + 1).collect();
@@ -118,7 +118,7 @@ mod tests {
     #[test]
     fn an_interval_lasts_from_its_first_picture_to_that_of_the_next() {
         let start = Instant::now();
-        // Two pictures at a time, as the filter gives them, and what was left at the end.
+        // Pictures arrive in pairs, as the filter outputs them, and the rest at the end.
         let moments = [800, 800, 1300, 1301, 1790, 1790, 1790].map(|ms| start + Duration::from_millis(ms));
         let mut pictures: Vec<String> = (0..7).map(|n| format!("0x{n}")).collect();
         let found = between(&moments, &pictures, 2);

@@ -1,8 +1,8 @@
 #pragma once
 
 /*
- * All that differs from one version of the engine to another, 5.1 to 5.8: how a command list is had and given back (5.5), and how the
- * engine is told to write down its barriers before somebody else records (5.6). 5.7 and 5.8 have the functions of 5.6.
+ * Everything that differs between engine versions 5.1 to 5.8: how to get and return a command list (5.5), and how to make the engine record
+ * its pending barriers before others record (5.6). 5.7 and 5.8 have the functions of 5.6.
  */
 
 #include "CoreMinimal.h"
@@ -20,7 +20,7 @@
 
 #include "ID3D12DynamicRHI.h"
 
-/* From 5.6 on the engine writes its barriers down when it is asked to. Before, it does so when it copies a texture. */
+/* From 5.6 on the engine has a function that records its pending barriers. Before, it records them when it copies a texture. */
 #define CAIRN_FLUSHES_BY_COPY UE_VERSION_OLDER_THAN(5, 6, 0)
 
 BEGIN_SHADER_PARAMETER_STRUCT(FCairnPassParameters, )
@@ -33,10 +33,10 @@ END_SHADER_PARAMETER_STRUCT()
 
 namespace CairnEngine
 {
-	/** The only graphics card that there is: with several Cairn does not start. */
+	/** The only graphics card: with several, Cairn does not start. */
 	constexpr uint32 DeviceIndex = 0;
 
-	/** The parameters of a pass that writes Target, with all that it needs besides. */
+	/** Parameters of a pass that writes Target, with the extra texture that some versions need. */
 	inline FCairnPassParameters* MakeParameters(FRDGBuilder& GraphBuilder, FRDGTextureRef Target)
 	{
 		FCairnPassParameters* Parameters = GraphBuilder.AllocParameters<FCairnPassParameters>();
@@ -47,13 +47,13 @@ namespace CairnEngine
 		const FRDGTextureRef From = GraphBuilder.CreateTexture(Texel, TEXT("Cairn.FlushFrom"));
 		Parameters->FlushFrom = From;
 		Parameters->FlushTo = GraphBuilder.CreateTexture(Texel, TEXT("Cairn.FlushTo"));
-		// What nobody has written may not be read.
+		// The graph only allows reading textures that were written.
 		AddClearRenderTargetPass(GraphBuilder, From);
 #endif
 		return Parameters;
 	}
 
-	/** A fence that gets a value once the device has executed a list. */
+	/** A fence and the value that it gets after the device has executed a list. */
 	struct FFencePoint
 	{
 		ID3D12Fence* Fence = nullptr;
@@ -61,9 +61,8 @@ namespace CairnEngine
 	};
 
 	/**
-	 * Has FFencePoint Record(ID3D12GraphicsCommandList*, ID3D12Resource*) called when the engine's own list is open, on the thread that
-	 * writes it, with the target resident and in COPY_DEST; the fence that it returns, where it does, is signalled behind the list. Within
-	 * the pass.
+	 * Calls FFencePoint Record(ID3D12GraphicsCommandList*, ID3D12Resource*) with the engine's own list open, on the thread that records it, with
+	 * the target resident and in COPY_DEST. If it returns a fence, the fence is signalled after the list. Call this inside the pass.
 	 */
 	template <typename RecordType>
 	void Enqueue(FRHICommandListImmediate& RHICmdList, const FCairnPassParameters* Parameters, RecordType&& Record)
@@ -72,7 +71,7 @@ namespace CairnEngine
 #if CAIRN_FLUSHES_BY_COPY
 		RHICmdList.EnqueueLambda([Target](FRHICommandListImmediate& Executing)
 		{
-			// It is in this state already: what counts is that the engine knows that the texture is used.
+			// It is in this state already; the call tells the engine that the list uses the texture.
 			GetID3D12DynamicRHI()->RHITransitionResource(
 				Executing, Target, D3D12_RESOURCE_STATE_COPY_DEST, D3D12_RESOURCE_BARRIER_ALL_SUBRESOURCES);
 		});
@@ -94,7 +93,7 @@ namespace CairnEngine
 			const FFencePoint Point = Record(List, RHI->RHIGetResource(Target));
 			RHI->RHIFinishExternalComputeWork(Executing, DeviceIndex, List);
 #endif
-			// Last: it closes the list, and RHIFinishExternalComputeWork asserts that its list is still the current one.
+			// This must be last: it closes the list, and RHIFinishExternalComputeWork asserts that its list is still the current one.
 			if (Point.Fence != nullptr)
 			{
 				RHI->RHISignalManualFence(Executing, Point.Fence, Point.Value);

@@ -10,7 +10,7 @@ namespace
 		int32 Code;
 	};
 
-	/** Those whose name is not their letter. */
+	/** Keys whose name is not their letter. */
 	const FNamedKey NamedKeys[] = {
 		{TEXT("LeftMouseButton"), 0x01}, {TEXT("RightMouseButton"), 0x02}, {TEXT("MiddleMouseButton"), 0x04},
 		{TEXT("ThumbMouseButton"), 0x05}, {TEXT("ThumbMouseButton2"), 0x06}, {TEXT("BackSpace"), 0x08}, {TEXT("Tab"), 0x09},
@@ -73,7 +73,7 @@ void FCairnInput::SetKey(int32 VirtualKey, bool bDown)
 void FCairnInput::AddMouse(float Right, float Down)
 {
 	const FScopeLock Locked(&Lock);
-	// As far as controls can say; what is not finite is nothing.
+	// Clamped to the range of controls; values that are not finite count as 0.
 	Sum.mouse_dx = FMath::IsFinite(Right) ? FMath::Clamp(Sum.mouse_dx + Right, -32768.0f, 32768.0f) : Sum.mouse_dx;
 	Sum.mouse_dy = FMath::IsFinite(Down) ? FMath::Clamp(Sum.mouse_dy + Down, -32768.0f, 32768.0f) : Sum.mouse_dy;
 }
@@ -92,7 +92,7 @@ cairn::controls FCairnInput::Take(uint32 Known)
 	for (uint32 Word = 0; Word < 4; Word++)
 	{
 		Sum.keys[Word] = Held[Word];
-		// The world refuses keys that it does not know, and all the rest with them.
+		// The world rejects controls with an unknown key as a whole, so unknown keys are left out.
 		for (uint32 Bit = 0; Bit < 64; Bit++)
 		{
 			if (Word * 64 + Bit >= Known)

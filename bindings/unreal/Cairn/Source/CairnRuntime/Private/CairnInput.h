@@ -9,10 +9,10 @@
 /** The Windows virtual-key code of one of the engine's keys; 0 for one that has none. */
 int32 CairnVirtualKey(const FKey& Key);
 
-/** What a first-person world wants: W A S D, arrows, Space, Shift, Ctrl, E, Q, R, F, and the mouse's buttons. */
+/** Keys of a first-person world: W A S D, arrows, Space, Shift, Ctrl, E, Q, R, F, and the mouse buttons. */
 TArray<FCairnKey> CairnDefaultKeys();
 
-/** What a player does, summed up until the next anchor is made with it. Any thread. */
+/** Sums up the player's input until the next anchor uses it. Any thread. */
 class FCairnInput
 {
 public:
@@ -20,7 +20,7 @@ public:
 	void AddMouse(float Right, float Down);
 	void AddScroll(float Up);
 
-	/** What was done since the last time, of keys below Known: one that was held at any moment counts as held. */
+	/** Takes the input since the last call, for keys below Known. A key that was held at any time since then counts as held. */
 	cairn::controls Take(uint32 Known);
 
 private:

@@ -13,7 +13,7 @@ THIRD_PARTY_INCLUDES_END
 
 namespace
 {
-	/** Whether the imports that the linker left for later will find this library by its name: of several, the one that was loaded first. */
+	/** Whether the delay-loaded imports find this library by its name. If several have that name, Windows takes the one that was loaded first. */
 	bool IsFoundByName(const cairn_ld& Loaded)
 	{
 		const HMODULE Found = LoadLibraryW(L"cairn.dll");
@@ -29,7 +29,7 @@ FString CairnLibraryLoader::Load()
 {
 	const FString File = FPaths::ConvertRelativePathToFull(
 		FPaths::Combine(CairnPluginFolder(), TEXT("Binaries/ThirdParty/Cairn/Win64/cairn.dll")));
-	// It stays loaded, for the imports that find it by its name.
+	// It stays loaded for the delay-loaded imports.
 	static cairn_ld Loaded;
 	char Message[1024];
 	if (cairn_ld_load(&Loaded, TCHAR_TO_UTF8(*File), Message, sizeof Message) != CAIRN_OK)

@@ -10,7 +10,7 @@ void CairnAddPass(
 	FRDGBuilder& GraphBuilder, FRDGTextureRef Target, const TSharedRef<FCairnStream, ESPMode::ThreadSafe>& Stream, uint64 NowNs)
 {
 	FCairnPassParameters* const Parameters = CairnEngine::MakeParameters(GraphBuilder, Target);
-	// Shaders run in it and the last thing it does is a copy; who reads the target may not be in this graph, so it is never left out.
+	// Shaders run in the pass and its last command is a copy. The target's readers may be outside this graph, so the pass is never culled.
 	GraphBuilder.AddPass(
 		RDG_EVENT_NAME("Cairn"), Parameters, ERDGPassFlags::Compute | ERDGPassFlags::Copy | ERDGPassFlags::NeverCull,
 		[Parameters, Stream, NowNs](FRHICommandListImmediate& RHICmdList)

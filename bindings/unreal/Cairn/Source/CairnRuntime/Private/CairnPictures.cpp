@@ -7,10 +7,10 @@
 
 namespace
 {
-	/** The largest side of a picture that Cairn takes. */
+	/** Largest width or height of a picture that Cairn accepts. */
 	constexpr int32 LargestSide = 16384;
 
-	/** The next number of a PPM's header, behind white space and comments; 0 where there is none. Ends behind the byte after it. */
+	/** The next number of a PPM header, after white space and comments; 0 if there is none. At is then after the byte that follows it. */
 	int32 HeaderNumber(const TArray64<uint8>& Bytes, int64& At)
 	{
 		const auto IsSpace = [](uint8 Byte) { return Byte == ' ' || (Byte >= '\t' && Byte <= '\r'); };
@@ -100,7 +100,7 @@ FCairnPicture CairnPictureOf(const TArray<FColor>& Colours, int32 Width, int32 H
 		To[0] = From.B;
 		To[1] = From.G;
 		To[2] = From.R;
-		// A scene capture may leave anything there.
+		// A scene capture may leave any alpha.
 		To[3] = 255;
 	}
 	return Made;

@@ -37,7 +37,7 @@ uint64_t FCairnPipelineCache::Load(void* Bytes, uint64_t Capacity, void* User)
 
 void FCairnPipelineCache::Store(const void* Bytes, uint64_t Size, void*)
 {
-	// Streams may prepare at the same time, and so may another process of the project. Who moves last is kept, whole.
+	// Several streams, or another process of the project, may write at the same time. Each writes a whole file; the last move wins.
 	static FCriticalSection Writing;
 	const FScopeLock Locked(&Writing);
 	const FString File = PipelineFile();

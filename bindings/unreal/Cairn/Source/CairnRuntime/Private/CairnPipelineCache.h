@@ -3,8 +3,8 @@
 #include "CairnEngine.h"
 
 /**
- * Compiled pipelines in the file Saved/Cairn/Pipelines.bin of the project, from one run of the game to the next: for the callbacks of
- * cairn_presenter_prepare_d3d12, whose user is an object of this class.
+ * Keeps compiled pipelines in the project's file Saved/Cairn/Pipelines.bin between runs of the game. An object of this class is the user
+ * pointer of the callbacks of cairn_presenter_prepare_d3d12.
  */
 class FCairnPipelineCache
 {
@@ -15,6 +15,6 @@ public:
 	static void Store(const void* Bytes, uint64_t Size, void* User);
 
 private:
-	/** What the file had when its size was asked for. */
+	/** Content of the file when its size was queried. */
 	TArray64<uint8> Loaded;
 };

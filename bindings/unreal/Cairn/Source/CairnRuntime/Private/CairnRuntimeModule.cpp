@@ -39,7 +39,7 @@ void FCairnRuntimeModule::StartupModule()
 	Why = CairnLibraryLoader::Load();
 	if (!Why.IsEmpty())
 	{
-		// Nobody has asked for a world yet: an error would end a cook, which needs none.
+		// No world was requested yet. An error would fail a cook, which needs none.
 		UE_LOG(LogCairn, Warning, TEXT("%s"), *Why);
 		return;
 	}
@@ -56,7 +56,7 @@ void FCairnRuntimeModule::ShutdownModule()
 		return;
 	}
 	FTSTicker::GetCoreTicker().RemoveTicker(Ticker);
-	// Render commands hold streams, and are code of this module.
+	// Render commands hold streams and run code of this module.
 	FlushRenderingCommands();
 	for (const TSharedPtr<FCairnStream, ESPMode::ThreadSafe>& Stream : Retired)
 	{
@@ -85,7 +85,7 @@ bool FCairnRuntimeModule::Tick(float)
 {
 	for (int32 i = Retired.Num() - 1; i >= 0; i--)
 	{
-		// Render commands hold it too, for as long as there are any.
+		// Render commands also hold a reference until they have run.
 		if (Retired[i].GetSharedReferenceCount() == 1 && Retired[i]->HasEnded())
 		{
 			Retired.RemoveAt(i);

@@ -13,16 +13,16 @@
 
 namespace
 {
-	/** Recorded frames that may wait for the device: the render thread, the thread that writes lists and the device each have some. */
+	/** Recorded frames that may wait for the device: render thread, RHI thread and device have some each. */
 	constexpr uint32 PendingLists = 6;
 
-	/** Longer than the device takes for the frames that it was given. */
+	/** Milliseconds; longer than the device takes for the frames that were submitted. */
 	constexpr uint32 LongestFrameMs = 2000;
 
-	/** The longest sleep of the thread, so that nothing that it should have heard of waits longer. */
+	/** The thread's longest sleep, so that it reacts to changes within this time. */
 	constexpr uint32 LongestSleepMs = 50;
 
-	// What Blueprints see of a frame is the library's own number.
+	// Blueprints see the library's own frame source numbers.
 	static_assert(static_cast<uint32>(ECairnFrameSource::Anchor) == CAIRN_FRAME_ANCHOR, "as in cairn.h");
 	static_assert(static_cast<uint32>(ECairnFrameSource::Decoded) == CAIRN_FRAME_DECODED, "as in cairn.h");
 	static_assert(static_cast<uint32>(ECairnFrameSource::Generated) == CAIRN_FRAME_GENERATED, "as in cairn.h");
@@ -72,7 +72,7 @@ void FCairnStream::EndThread()
 	if (Thread.IsValid())
 	{
 		Thread->WaitForCompletion();
-		// The engine's thread calls Stop once more when it goes, so it goes while all that Stop uses is there.
+		// The engine's thread object calls Stop again in its destructor, so it is destroyed while everything that Stop uses exists.
 		Thread.Reset();
 	}
 }
@@ -96,14 +96,14 @@ bool FCairnStream::HasEnded() const
 void FCairnStream::Abandon()
 {
 	EndThread();
-	// Lists that the device was given are soon done.
+	// The device soon finishes the lists that were submitted.
 	for (uint32 WaitedMs = 0; !HasEnded() && WaitedMs < LongestFrameMs; WaitedMs++)
 	{
 		FPlatformProcess::Sleep(0.001f);
 	}
 	if (!HasEnded())
 	{
-		// The presenter would wait for frames that the engine may never give to the device any more, and the device may yet signal.
+		// The presenter's destructor would wait for frames that the engine may never submit, and the device may still signal the fence: leak it.
 		(void)Presenter.release();
 		Fence->AddRef();
 	}
@@ -168,7 +168,7 @@ uint32 FCairnStream::Run()
 	return 0;
 }
 
-/** Loads the world and makes all that is needed to show it. */
+/** Loads the world and prepares everything needed to show it. */
 cairn::result<void> FCairnStream::Prepare()
 {
 	cairn::result<FCairnDevice> Frames = Worlds->Frames();
@@ -212,7 +212,7 @@ cairn::result<void> FCairnStream::Prepare()
 
 	cairn::presenter_options Shape;
 	Shape.multiplier = static_cast<uint32>(FMath::Max(Settings.Multiplier, 0));
-	// Who wants one frame to an anchor wants none that is generated, also where the next one is late.
+	// With one frame to an anchor nothing is generated, not even when the next anchor is late.
 	Shape.flags = CAIRN_PRESENTER_CATCH_UP | (Settings.Multiplier == 1 ? CAIRN_PRESENTER_HOLD_LATE : 0u) |
 		(Settings.bLetterbox ? CAIRN_PRESENTER_LETTERBOX : 0u);
 	Shape.colour_space = Settings.bLinear ? CAIRN_COLOUR_LINEAR : CAIRN_COLOUR_SRGB;
@@ -252,7 +252,7 @@ cairn::result<void> FCairnStream::Prepare()
 	return {};
 }
 
-/** Makes pipelines, memory and AMD's contexts for frames of a size, so that recording one makes nothing. */
+/** Creates pipelines, memory and AMD's contexts for frames of a size, so that recording a frame creates nothing. */
 cairn::result<void> FCairnStream::PrepareFrames(FIntPoint Size)
 {
 	cairn::d3d12_preparation Wanted;
@@ -274,7 +274,7 @@ cairn::result<void> FCairnStream::PrepareFrames(FIntPoint Size)
 	return {};
 }
 
-/** Prepares frames anew where the target has another size than they were prepared for. */
+/** Prepares frames again if the size of the target has changed. */
 cairn::result<void> FCairnStream::FollowTarget()
 {
 	FIntPoint Size(0, 0);
@@ -285,7 +285,7 @@ cairn::result<void> FCairnStream::FollowTarget()
 	return Size.X > 0 && Size != PreparedSize ? PrepareFrames(Size) : cairn::result<void>();
 }
 
-/** Makes anchors, one for each span of the world's time, until it is told to stop. */
+/** Makes anchors at the world's rate until the thread is stopped. */
 cairn::result<void> FCairnStream::Play()
 {
 	cairn::result<cairn::step_info> Made = Rollout.append(PictureOf(Settings.Picture));
@@ -307,7 +307,7 @@ cairn::result<void> FCairnStream::Play()
 		{
 			return Given.why();
 		}
-		// One that was late does not make those after it hurry.
+		// A late anchor does not make the next ones come faster.
 		const cairn::result<bool> GoesOn = Wait(Turn + Interval);
 		if (!GoesOn.ok() || !*GoesOn)
 		{
@@ -330,7 +330,7 @@ cairn::result<void> FCairnStream::Play()
 	}
 }
 
-/** Hands an anchor to the presenter, as soon as that has room. */
+/** Pushes an anchor to the presenter as soon as it has room. */
 cairn::result<void> FCairnStream::Give(const cairn::anchor& Anchor)
 {
 	for (;;)
@@ -353,7 +353,7 @@ cairn::result<void> FCairnStream::Give(const cairn::anchor& Anchor)
 	}
 }
 
-/** Waits for a time, and for as long as the stream is paused; whether it goes on then. Prepares frames of another size meanwhile. */
+/** Waits until a time, and while the stream is paused. Prepares frames of a new size meanwhile. Returns false if the stream shall stop. */
 cairn::result<bool> FCairnStream::Wait(uint64 UntilNs)
 {
 	while (!bStopping)
@@ -388,7 +388,7 @@ bool FCairnStream::IsDue(uint64 NowNs, FIntPoint Size)
 		Fail(UTF8_TO_TCHAR(Due.why().what()));
 		return false;
 	}
-	// One that is in the target already is not drawn again.
+	// A frame that is in the target already is not drawn again.
 	if (!*Due || (Size == AskedSize && (**Due).position == Asked.position && (**Due).since_ns == Asked.since_ns &&
 		(**Due).source == Asked.source))
 	{
@@ -401,7 +401,7 @@ bool FCairnStream::IsDue(uint64 NowNs, FIntPoint Size)
 
 uint64 FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, uint64 NowNs)
 {
-	// Who adds the pass for itself need not know how far the thread is.
+	// A game that adds the pass itself need not know whether the thread is ready.
 	if (!bReady || bStopping)
 	{
 		return 0;
@@ -417,7 +417,7 @@ uint64 FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Tex
 			return 0;
 		}
 		RecordedSize = Size;
-		// The thread makes what frames of this size need. Until then the nearest anchor is shown.
+		// The thread prepares frames of this size. Until then the nearest anchor is shown.
 		const FScopeLock Locked(&Lock);
 		WantedSize = Size;
 		Changed->Trigger();
@@ -434,7 +434,7 @@ uint64 FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Tex
 		Fail(UTF8_TO_TCHAR(Drawn.why().what()));
 		return 0;
 	}
-	// No anchor has come, or as many lists as were prepared wait for the device: the target keeps what it has.
+	// There is no anchor yet, or all prepared lists wait for the device: the target keeps its content.
 	if (!*Drawn)
 	{
 		return 0;

@@ -13,7 +13,7 @@
 
 #include <atomic>
 
-/** What a stream is made of. */
+/** Settings of a stream. */
 struct FCairnSettings
 {
 	FString World;
@@ -26,7 +26,7 @@ struct FCairnSettings
 	bool bLetterbox = false;
 	/** Frames are linear light, and not sRGB. */
 	bool bLinear = false;
-	/** Pixels of the target, where it is known before; zero for the world's own size. */
+	/** Size of the target in pixels if it is known in advance; zero for the world's own size. */
 	FIntPoint TargetSize = FIntPoint(0, 0);
 	float FrameBudgetMs = 0.0f;
 	FString BudgetSchedules;
@@ -36,7 +36,7 @@ struct FCairnSettings
 
 struct ID3D12Fence;
 
-/** A rollout on a thread of its own, and the presenter that shows its anchors. What is not said otherwise: any thread. */
+/** A rollout on a thread of its own, and the presenter that shows its anchors. Functions may be called on any thread unless stated. */
 class FCairnStream final : public FRunnable
 {
 public:
@@ -44,39 +44,39 @@ public:
 		FCairnSettings Settings, TSharedRef<FCairnWorlds, ESPMode::ThreadSafe> Worlds);
 	virtual ~FCairnStream() override;
 
-	/** Ends all that goes on, soon. Does not wait. */
+	/** Asks the thread to stop. Does not wait. */
 	void RequestStop();
-	/** Whether the thread and all frames on the device have ended, so that nothing waits when the stream goes. */
+	/** Whether the thread and all frames on the device have ended, so that destroying the stream does not block. */
 	bool HasEnded() const;
 	/**
-	 * Stops the thread and waits for it; what frames on the device may still use is left to the end of the process. For the end of the
-	 * engine, where nobody comes back to see that they have ended.
+	 * Stops the thread and waits for it. Resources that frames on the device may still use are leaked. For the end of the engine, when nobody
+	 * can check later that they have ended.
 	 */
 	void Abandon();
 
 	/** How far the world is loaded, 0 to 1. */
 	float GetProgress() const { return Progress; }
-	/** The size of the world's pictures; zero before it is loaded. */
+	/** Size of the world's pictures; zero before the world is loaded. */
 	FIntPoint GetSize() const;
-	/** Why it has ended by itself; empty while it has not. */
+	/** Why the stream has failed; empty if it has not. */
 	FString GetFailure() const;
-	/** Ends it with that message, for whoever asks for it to tell. The first one stays. */
+	/** Ends the stream with a message that GetFailure returns. The first message stays. */
 	void Fail(const FString& Message);
 
 	void SetPaused(bool bHold);
-	/** Makes a picture the world's next one. */
+	/** Makes a picture the world's next picture. */
 	void Append(FCairnPicture Picture);
 	FCairnInput Input;
 
-	/** Whether a frame is due that is not in the target yet. Game thread, which draws it then. */
+	/** Whether a frame is due that the target does not show yet. The caller then draws it. Game thread. */
 	bool IsDue(uint64 NowNs, FIntPoint Size);
 	/** Whether a frame was drawn. */
 	bool HasDrawn() const { return bDrawn; }
 	FCairnStatistics GetStatistics() const;
 
 	/**
-	 * Records the frame that is due into a list, at the size of a target that is in COPY_DEST. Where the engine writes its lists, one call
-	 * at a time. The value that the engine is to give GetFence behind the list; 0 where nothing was recorded, as before the first anchor.
+	 * Records the frame that is due into a list, at the size of the target, which is in COPY_DEST. On the thread that records lists, one call at a
+	 * time. Returns the value to signal on GetFence after the list; 0 if nothing was recorded, for example before the first anchor.
 	 */
 	uint64 Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Texture, uint64 NowNs);
 	ID3D12Fence* GetFence() const { return Fence; }
@@ -107,42 +107,42 @@ private:
 	std::atomic<bool> bDrawn{false};
 	std::atomic<float> Progress{0.0f};
 
-	/** Over what follows. */
+	/** Guards the members below. */
 	mutable FCriticalSection Lock;
 	FString Failure;
 	FIntPoint WorldSize = FIntPoint(0, 0);
-	/** Of the target that was recorded into last; zero before. */
+	/** Size of the last target that a frame was recorded for; zero before. */
 	FIntPoint WantedSize = FIntPoint(0, 0);
 	TArray<FCairnPicture> Edits;
-	/** For RequestStop; null where there is none. */
+	/** The rollout that RequestStop cancels; null if there is none. */
 	const cairn::rollout* Cancellable = nullptr;
 	cairn::frame Shown;
 
-	/** Made by the thread before bReady, and left alone by it after. In this order: what is below is destroyed first. */
+	/** Made by the thread before bReady, and only read afterwards. The order matters: members are destroyed from last to first. */
 	FCairnDevice Device;
 	FCairnWorld World;
 	cairn::rollout Rollout;
 	cairn::presenter Presenter;
 	uint32 KnownKeys = 0;
 	FIntPoint AnchorSize = FIntPoint(0, 0);
-	/** Of the thread: what frames are prepared for. */
+	/** Used by the thread only: the size that frames are prepared for. */
 	FIntPoint PreparedSize = FIntPoint(0, 0);
 
-	/** Of the game thread: what it had drawn last. */
+	/** Used by the game thread only: the frame that it requested last. */
 	cairn::frame Asked;
 	FIntPoint AskedSize = FIntPoint(0, 0);
 
-	/** Of where lists are written: the size that the presenter was told. */
+	/** Used by the recording thread only: the size that the presenter was given. */
 	FIntPoint RecordedSize = FIntPoint(0, 0);
 
-	/** Gets a value behind each list with a frame. Until then the presenter keeps what the list copies from. Made by the thread before bReady. */
+	/** Signalled after each list with a frame; until then the presenter keeps the list's copy source. Made by the thread before bReady. */
 	TRefCountPtr<ID3D12Fence> Fence;
 	std::atomic<uint64> Recorded{0};
 };
 
 #else
 
-/** Where there is no Direct3D 12 none is ever made. */
+/** Without Direct3D 12 no stream is ever made. */
 class FCairnStream
 {
 public:

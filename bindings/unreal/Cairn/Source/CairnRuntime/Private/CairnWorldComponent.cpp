@@ -40,7 +40,7 @@ void UCairnWorldComponent::EndPlay(const EEndPlayReason::Type Reason)
 
 void UCairnWorldComponent::BeginDestroy()
 {
-	// One that was started before its game began is not told of an end.
+	// A component that was started before the game began gets no EndPlay.
 	Stop();
 	Super::BeginDestroy();
 }
@@ -63,7 +63,7 @@ void UCairnWorldComponent::Fail(const FString& Message)
 {
 	Stop();
 	UE_LOG(LogCairn, Error, TEXT("%s"), *Message);
-	// What the event does may start the component anew.
+	// The event's handler may start the component again.
 	OnError.Broadcast(Message);
 }
 
@@ -83,10 +83,10 @@ namespace
 		return true;
 	}
 
-	/** As the project has it, where it begins nowhere else. */
+	/** A relative path starts at the project's folder. */
 	FString FullPath(const FString& Path)
 	{
-		// The project's own path begins at the program's file.
+		// The project's folder itself is relative to the program's file.
 		return Path.IsEmpty() ? Path : FPaths::ConvertRelativePathToFull(FPaths::ConvertRelativePathToFull(FPaths::ProjectDir()), Path);
 	}
 }
@@ -231,7 +231,7 @@ void UCairnWorldComponent::TickComponent(float DeltaTime, ELevelTick TickType, F
 		SaidProgress = Progress;
 		OnProgress.Broadcast(Progress);
 	}
-	// An event may have stopped it.
+	// An event's handler may have stopped the component.
 	if (Stream.IsValid() && bReadPlayerInput)
 	{
 		ReadPlayerInput();
@@ -268,7 +268,7 @@ void UCairnWorldComponent::ReadPlayerInput()
 	Stream->Input.AddScroll(static_cast<float>(Notches));
 }
 
-/** Whether there is a target; one is made where none was given, and gets another size with another world. */
+/** Ensures that there is a target: makes one if none was given, and resizes it for another world. Returns whether there is one. */
 bool UCairnWorldComponent::MakeTarget()
 {
 	const FIntPoint Size = Stream->GetSize();
@@ -287,7 +287,7 @@ bool UCairnWorldComponent::MakeTarget()
 	return Target->SizeX > 0 && Target->SizeY > 0;
 }
 
-/** Has the render thread draw the frame that is due, where it is another one. */
+/** Has the render thread draw the frame that is due, if it differs from the last one. */
 void UCairnWorldComponent::Draw()
 {
 	const uint64 Now = CairnNow();

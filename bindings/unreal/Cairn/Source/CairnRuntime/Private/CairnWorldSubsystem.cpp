@@ -12,7 +12,7 @@ void UCairnWorldSubsystem::Initialize(FSubsystemCollectionBase& Collection)
 
 void UCairnWorldSubsystem::Deinitialize()
 {
-	// Streams that are still there keep it.
+	// Streams that still exist keep a reference.
 	Worlds.Reset();
 	Super::Deinitialize();
 }

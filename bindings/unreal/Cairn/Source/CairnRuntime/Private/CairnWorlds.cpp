@@ -18,7 +18,7 @@ FString FCairnWorlds::WhyImpossible()
 			TEXT("RHI to DirectX 12 and start the editor again, or start the game with -d3d12"),
 			GDynamicRHI != nullptr ? GDynamicRHI->GetName() : TEXT("nothing"));
 	}
-	// The engine signals no fence of others' then.
+	// With several cards the engine does not signal external fences.
 	if (FRHIGPUMask::All().GetNumActive() > 1)
 	{
 		return TEXT("Cairn: the engine renders on several graphics cards, and Cairn on one only. Start the game without -MaxGPUCount");
@@ -62,7 +62,7 @@ cairn::result<FCairnDevice> FCairnWorlds::Maker(ECairnAnchors Anchors, int32 Thr
 cairn::result<FCairnWorld> FCairnWorlds::Load(
 	const FString& File, const FString& OperatingPoint, ECairnAnchors Anchors, int32 Threads, TFunctionRef<bool(float)> Progress)
 {
-	// Threads are the processor's: on the graphics device the world is the same with any.
+	// The thread count matters on the processor only; on the graphics device the world is the same with any.
 	const FString Name = FString::Printf(
 		TEXT("%d|%d|%s|%s"), static_cast<int32>(Anchors), Anchors == ECairnAnchors::Processor ? Threads : 0, *OperatingPoint, *File);
 	TSharedPtr<FLoaded, ESPMode::ThreadSafe> Loaded;
@@ -100,7 +100,7 @@ cairn::result<FCairnWorld> FCairnWorlds::Load(
 	Wanted.operating_point = OperatingPoint.IsEmpty() ? nullptr : Point.Get();
 	cairn::result<cairn::world> Made = cairn::world::load(**Device, Wanted, [&Progress](const cairn::load_progress& Now)
 	{
-		// Reading is the first half and preparing the second, whatever they take.
+		// Reading counts as the first half and preparing as the second, whatever their durations.
 		const float Part = Now.total > 0 ? static_cast<float>(Now.done) / static_cast<float>(Now.total) : 0.0f;
 		return Progress(Now.stage == CAIRN_LOAD_READING ? Part / 2.0f : 0.5f + Part / 2.0f);
 	});

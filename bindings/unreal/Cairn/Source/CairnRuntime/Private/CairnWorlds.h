@@ -12,21 +12,21 @@ using FCairnDevice = TSharedPtr<cairn::device, ESPMode::ThreadSafe>;
 using FCairnWorld = TSharedPtr<cairn::world, ESPMode::ThreadSafe>;
 #endif
 
-/** Cairn's devices on the engine's, and the worlds that were loaded on them: those that are the same are loaded once. Any thread. */
+/** Cairn's devices on the engine's device, and the loaded worlds. Equal worlds are loaded once. Any thread. */
 class FCairnWorlds
 {
 public:
 #if CAIRN_WITH_D3D12
-	/** Why the engine's graphics device is none for Cairn, with the setting to change; empty where it is one. */
+	/** Why Cairn cannot use the engine's graphics device, with the setting to change; empty if it can. */
 	static FString WhyImpossible();
 
 	/** The device that frames are made on. */
 	cairn::result<FCairnDevice> Frames();
 
 	/**
-	 * A world, from anybody who has loaded it or from its file. Progress gets how far it is, 0 to 1, and ends the load by answering false.
+	 * Returns a world that is loaded already, or loads it from its file. Progress gets the progress, 0 to 1; returning false ends the load.
 	 *
-	 * File: nothing for the world inside the library. Threads: for the processor, 0 for one for each core.
+	 * File: empty for the world inside the library. Threads: of the processor, 0 for one per core.
 	 */
 	cairn::result<FCairnWorld> Load(
 		const FString& File, const FString& OperatingPoint, ECairnAnchors Anchors, int32 Threads,
@@ -36,7 +36,7 @@ private:
 	struct FLoaded
 	{
 		FString Name;
-		/** Held while it is loaded, so that others wait for it and do not load it a second time. */
+		/** Held during a load, so that others wait for it and do not load the world a second time. */
 		FCriticalSection Loading;
 		TWeakPtr<cairn::world, ESPMode::ThreadSafe> World;
 	};

@@ -7,13 +7,13 @@ class FCairnStream;
 class FRDGBuilder;
 
 /**
- * Adds a pass that records the frame that is due into the engine's command list. The graph brings the texture into the state that Cairn
- * is told, and knows that it was written. Before the first anchor is made the pass leaves the texture as it is. Render thread; at most
- * once in a frame of the engine for each stream, so the component that the stream is of has bDrawIntoTarget switched off.
+ * Adds a pass that records the frame that is due into the engine's command list. The graph transitions the texture into the state that Cairn
+ * expects, and knows that it was written. Before the first anchor the pass leaves the texture as it is. Render thread; at most once per
+ * stream in a frame of the engine, so switch bDrawIntoTarget off in the stream's component.
  *
- * Target: of two dimensions with one level, slice and sample, of any size; RGBA8 or BGRA8, or RGBA16F where the component has
+ * Target: two-dimensional, with one mip level, slice and sample, of any size; RGBA8 or BGRA8, or RGBA16F if the component has
  * bLinearFrames.
- * NowNs: when the frame will be shown, as CairnNow says it.
+ * NowNs: time at which the frame will be shown, on the clock of CairnNow.
  */
 CAIRNRUNTIME_API void CairnAddPass(
 	FRDGBuilder& GraphBuilder, FRDGTextureRef Target, const TSharedRef<FCairnStream, ESPMode::ThreadSafe>& Stream, uint64 NowNs);

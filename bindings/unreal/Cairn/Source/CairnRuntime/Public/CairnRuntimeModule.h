@@ -6,11 +6,11 @@
 
 class FCairnStream;
 
-/** Loads the library, and lets go of what components leave behind once the device has done with it. */
+/** Loads the library, and releases what components leave behind once the device has finished with it. */
 class CAIRNRUNTIME_API FCairnRuntimeModule : public IModuleInterface
 {
 public:
-	/** The module, which is loaded where it was not. */
+	/** The module; loads it if necessary. */
 	static FCairnRuntimeModule& Get();
 
 	virtual void StartupModule() override;
@@ -20,8 +20,8 @@ public:
 	const FString& WhyNot() const { return Why; }
 
 	/**
-	 * Stops a stream, and keeps it until its thread and its frames have ended. Does not wait, but where the engine ends and the module is
-	 * gone. Game thread.
+	 * Stops a stream and keeps it until its thread and its frames have ended. Does not wait, unless the engine ends and the module no longer
+	 * exists. Game thread.
 	 */
 	static void Retire(TSharedPtr<FCairnStream, ESPMode::ThreadSafe> Stream);
 

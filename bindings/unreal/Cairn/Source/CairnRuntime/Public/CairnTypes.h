@@ -5,17 +5,17 @@
 
 #include "CairnTypes.generated.h"
 
-/** What makes anchors, the strong pictures. */
+/** Processor that makes anchors, the strong pictures. */
 UENUM(BlueprintType)
 enum class ECairnAnchors : uint8
 {
-	/** The graphics device of the engine, by DirectML, on a queue of its own. */
+	/** The engine's graphics device through DirectML, on a queue of its own. */
 	Graphics,
 	/** The processor. For small worlds, and where the graphics card has no time left. */
 	Processor
 };
 
-/** What the frame in the target is. */
+/** Kind of the frame in the target. */
 UENUM(BlueprintType)
 enum class ECairnFrameSource : uint8
 {
@@ -23,23 +23,23 @@ enum class ECairnFrameSource : uint8
 	None,
 	/** An anchor. */
 	Anchor,
-	/** A picture that the later anchor brought with it. */
+	/** A further picture that the decoder made together with the later anchor. */
 	Decoded,
 	/** Generated between two anchors. */
 	Generated,
-	/** Generated beyond the last anchor, as the next one is late. */
+	/** Extrapolated beyond the last anchor, because the next one is late. */
 	Extrapolated,
 	/** A picture that stands. */
 	Held
 };
 
-/** A key of the player's and what the world takes it for. */
+/** A key of the player and the key that the world gets for it. */
 USTRUCT(BlueprintType)
 struct FCairnKey
 {
 	GENERATED_BODY()
 
-	/** Of the keyboard or the mouse. */
+	/** Key of the keyboard or the mouse. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn")
 	FKey Key;
 
@@ -48,7 +48,7 @@ struct FCairnKey
 	int32 VirtualKey = 0;
 };
 
-/** What a component has done since it was started. */
+/** Statistics of a component since it was started. */
 USTRUCT(BlueprintType)
 struct FCairnStatistics
 {
@@ -58,7 +58,7 @@ struct FCairnStatistics
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	int64 Anchors = 0;
 
-	/** Those that came after they were due. */
+	/** Anchors that were made after they were due. */
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	int64 LateAnchors = 0;
 
@@ -70,19 +70,19 @@ struct FCairnStatistics
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	int64 Generated = 0;
 
-	/** Frames drawn as the nearest anchor, as the target's size was not prepared yet. */
+	/** Frames that show the nearest anchor because the target's size was not prepared yet. */
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	int64 Unprepared = 0;
 
-	/** Milliseconds of wall time that an anchor took on average, by passes and decoding. */
+	/** Average milliseconds of wall time per anchor, for passes and decoding. */
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	float AnchorMs = 0.0f;
 
-	/** Milliseconds of the device's time that the last frame took; 0 where nobody knows. */
+	/** Milliseconds of device time of the last frame; 0 if unknown. */
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	float FrameMs = 0.0f;
 
-	/** What generates frames, such as "shader". */
+	/** Generator of frames, such as "shader". */
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	FString Generator;
 
@@ -94,12 +94,12 @@ struct FCairnStatistics
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	ECairnFrameSource Shown = ECairnFrameSource::None;
 
-	/** Number of the anchor that it shows or starts from. */
+	/** Number of the anchor that the frame shows or starts from. */
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	int64 ShownAnchor = -1;
 };
 
-/** A thing that Cairn needs. */
+/** A requirement of Cairn. */
 USTRUCT(BlueprintType)
 struct FCairnRequirement
 {
@@ -113,7 +113,7 @@ struct FCairnRequirement
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	FString Found;
 
-	/** Whether nothing is missing. */
+	/** Whether the requirement is met. */
 	UPROPERTY(BlueprintReadOnly, Category = "Cairn")
 	bool bMet = false;
 

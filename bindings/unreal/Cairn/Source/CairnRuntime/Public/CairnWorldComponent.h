@@ -23,11 +23,11 @@ class CAIRNRUNTIME_API UCairnWorldComponent : public UActorComponent
 public:
 	UCairnWorldComponent();
 
-	/** The world's bundle, a file or a directory; nothing for the one inside the library. Relative paths begin at the project. */
+	/** The world's bundle, a file or a directory; empty for the one inside the library. Relative paths start at the project's folder. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World", meta = (FilePathFilter = "cairn"))
 	FFilePath WorldBundle;
 
-	/** How the world runs: a preset ("coherence", "stock" and so on), with changes after commas: "stock,g64". */
+	/** Operating point of the world: a preset ("coherence", "stock" and so on), with changes after commas: "stock,g64". */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World")
 	FString OperatingPoint = TEXT("stock,pictures:1");
 
@@ -35,31 +35,31 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World")
 	ECairnAnchors Anchors = ECairnAnchors::Graphics;
 
-	/** Threads of the processor that share a pass, where it makes anchors; 0 for one for each core. */
+	/** Processor threads that share a pass, if the processor makes anchors; 0 for one per core. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World", meta = (ClampMin = "0", ClampMax = "1024"))
 	int32 Threads = 0;
 
-	/** Decides all noise. */
+	/** Seed of the noise. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World")
 	int64 Seed = 0;
 
-	/** What the world begins with, where SeedTarget is not set: PNG, JPEG, BMP, EXR or PPM; nothing for the plugin's own picture. */
+	/** The seed picture, used if SeedTarget is not set: PNG, JPEG, BMP, EXR or PPM; empty for the plugin's own picture. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World", meta = (FilePathFilter = "png"))
 	FFilePath SeedPicture;
 
-	/** What the world begins with: what is in it when the component starts, of a scene capture for example. */
+	/** Render target whose content when the component starts is the seed picture, for example that of a scene capture. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World")
 	TObjectPtr<UTextureRenderTarget2D> SeedTarget;
 
-	/** Where frames go: RTF RGBA8 SRGB, RGBA8 or RGBA16f. Nothing for one that the component makes, of the world's size. */
+	/** Render target for frames: RTF RGBA8 SRGB, RGBA8 or RGBA16f. Null: the component makes one of the world's size. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames")
 	TObjectPtr<UTextureRenderTarget2D> Target;
 
-	/** Off for a game that draws by CairnAddPass, into a texture of its own: then there is no Target. */
+	/** Switch off if the game draws with CairnAddPass into its own texture: then there is no Target. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames")
 	bool bDrawIntoTarget = true;
 
-	/** Frames are linear light, for a texture of RGBA16F that CairnAddPass is given. A Target says so by its format. */
+	/** Frames are linear light, for an RGBA16F texture given to CairnAddPass. For a Target its format decides. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames", meta = (EditCondition = "!bDrawIntoTarget"))
 	bool bLinearFrames = false;
 
@@ -67,23 +67,23 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames", meta = (ClampMin = "1", ClampMax = "6"))
 	int32 Multiplier = 4;
 
-	/** Frames of another shape than the anchors' have black beside or above them, where they would be stretched. */
+	/** Frames with another aspect ratio than the anchors get black bars instead of being stretched. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames")
 	bool bLetterbox = false;
 
-	/** Milliseconds of the device's time for a frame, anchors and all; 0 for as long as it takes. */
+	/** Budget of device time for a frame in milliseconds, including the anchors' share; 0 for no limit. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames", meta = (ClampMin = "0"))
 	float FrameBudgetMs = 0.0f;
 
-	/** Schedules to go down to where the budget is too small, a space between them: "stock explicit:1:0.5:0". */
+	/** Schedules to fall back to if the budget is too small, separated by spaces: "stock explicit:1:0.5:0". */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames")
 	FString BudgetSchedules;
 
-	/** Start when the game does. */
+	/** Start together with the game. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn")
 	bool bStartOnBeginPlay = true;
 
-	/** Keys and mouse of the first player are the world's, as Keys says. Without it call SetKey, AddMouse and AddScroll. */
+	/** The world gets the first player's keys and mouse, as Keys maps them. If off, call SetKey, AddMouse and AddScroll. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Input")
 	bool bReadPlayerInput = true;
 
@@ -91,27 +91,27 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Input")
 	TArray<FCairnKey> Keys;
 
-	/** Counts of the world's mouse for one of the engine's. */
+	/** Factor from the engine's mouse counts to the world's. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Input")
 	float MouseScale = 10.0f;
 
-	/** The first frame is in the target. */
+	/** Fired when the first frame is in the target. */
 	UPROPERTY(BlueprintAssignable, Category = "Cairn")
 	FCairnReady OnReady;
 
-	/** It has stopped, and why: the library's message, which says what to do. */
+	/** Fired when the component has stopped with an error. The library's message says what to do. */
 	UPROPERTY(BlueprintAssignable, Category = "Cairn")
 	FCairnFailed OnError;
 
-	/** How far the world is loaded, 0 to 1. */
+	/** Fired with the progress of loading, 0 to 1. */
 	UPROPERTY(BlueprintAssignable, Category = "Cairn")
 	FCairnProgress OnProgress;
 
-	/** Loads the world on a thread of its own and plays it. One that plays already starts anew. */
+	/** Loads the world on a thread of its own and plays it. If it plays already, it starts again. */
 	UFUNCTION(BlueprintCallable, Category = "Cairn")
 	void Start();
 
-	/** Ends it; the target keeps its last frame. Does not wait. */
+	/** Stops playing; the target keeps its last frame. Does not wait. */
 	UFUNCTION(BlueprintCallable, Category = "Cairn")
 	void Stop();
 
@@ -119,11 +119,11 @@ public:
 	UFUNCTION(BlueprintPure, Category = "Cairn")
 	bool IsPlaying() const;
 
-	/** Holds the world after the anchor that is being made, or lets it go on. */
+	/** Pauses the world after the anchor that is being made, or resumes it. */
 	UFUNCTION(BlueprintCallable, Category = "Cairn")
 	void SetPaused(bool bPaused);
 
-	/** Makes what is in a render target the world's next picture: an edit of the scene. Waits for the render thread. */
+	/** Makes the content of a render target the world's next picture: an edit of the scene. Waits for the render thread. */
 	UFUNCTION(BlueprintCallable, Category = "Cairn")
 	void AppendRenderTarget(UTextureRenderTarget2D* Picture);
 
@@ -139,11 +139,11 @@ public:
 	UFUNCTION(BlueprintCallable, Category = "Cairn|Input")
 	void AddScroll(float Up);
 
-	/** What was done so far. */
+	/** Statistics since the start. */
 	UFUNCTION(BlueprintPure, Category = "Cairn")
 	FCairnStatistics GetStatistics() const;
 
-	/** For render code of a game's own, to give to CairnAddPass; null where nothing plays. */
+	/** The stream to pass to CairnAddPass in a game's own render code; null if nothing plays. */
 	TSharedPtr<FCairnStream, ESPMode::ThreadSafe> GetStream() const { return Stream; }
 
 	virtual void BeginPlay() override;
@@ -158,7 +158,7 @@ private:
 	void Draw();
 
 	TSharedPtr<FCairnStream, ESPMode::ThreadSafe> Stream;
-	/** The target that the component has made, which follows the world's size. */
+	/** The target that the component made; its size follows the world's. */
 	UPROPERTY(Transient)
 	TObjectPtr<UTextureRenderTarget2D> MadeTarget;
 

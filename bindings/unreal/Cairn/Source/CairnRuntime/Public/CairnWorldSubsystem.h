@@ -8,7 +8,7 @@
 
 class FCairnWorlds;
 
-/** What the components of a game share: Cairn's devices and the worlds that are loaded, and what is asked before a world is shown. */
+/** Shared by all components of a game: Cairn's devices, the loaded worlds, and checks before a world is shown. */
 UCLASS()
 class CAIRNRUNTIME_API UCairnWorldSubsystem : public UGameInstanceSubsystem
 {
@@ -22,11 +22,11 @@ public:
 	UFUNCTION(BlueprintPure, Category = "Cairn")
 	bool IsAvailable() const;
 
-	/** Why none can be, with what to do, in English; empty where one can. */
+	/** Why no world can be shown, with what to do, in English; empty if one can. */
 	UFUNCTION(BlueprintPure, Category = "Cairn")
 	FString GetUnavailableReason() const;
 
-	/** What a graphics device needs and what was found, to show a player. Takes a fraction of a second the first time. */
+	/** Requirements for the graphics device and what was found, to show to a player. Takes a fraction of a second the first time. */
 	UFUNCTION(BlueprintCallable, Category = "Cairn")
 	TArray<FCairnRequirement> GetRequirements() const;
 
@@ -34,7 +34,7 @@ public:
 	UFUNCTION(BlueprintPure, Category = "Cairn")
 	FString GetLibraryVersion() const;
 
-	/** For components: null before Initialize and after Deinitialize. */
+	/** For components. Null before Initialize and after Deinitialize. */
 	TSharedPtr<FCairnWorlds, ESPMode::ThreadSafe> GetWorlds() const { return Worlds; }
 
 private:

@@ -2,8 +2,8 @@ using System.IO;
 using UnrealBuildTool;
 
 /// <summary>
-/// The library itself: its headers, its import library, and what a game must take along. cairn.dll is loaded late, by the runtime module,
-/// so that a game whose copy is missing or wrong can say so.
+/// The library itself: its headers, its import library, and the files that a game must ship. cairn.dll is delay-loaded by the runtime module,
+/// so that a game whose copy is missing or wrong can report that.
 /// </summary>
 public class CairnLibrary : ModuleRules
 {
@@ -27,7 +27,7 @@ public class CairnLibrary : ModuleRules
 			string Libraries = Path.Combine(PluginDirectory, "Binaries", "ThirdParty", "Cairn", "Win64");
 			foreach (string Name in new string[] { "cairn.dll", "onnxruntime.dll", "DirectML.dll" })
 			{
-				// The slim archive comes without Microsoft's.
+				// The slim archive does not contain Microsoft's libraries.
 				if (File.Exists(Path.Combine(Libraries, Name)))
 				{
 					RuntimeDependencies.Add("$(PluginDir)/Binaries/ThirdParty/Cairn/Win64/" + Name);

@@ -1,4 +1,4 @@
-//! Whether an engine's swap chain can be taken over, and who else holds one.
+//! Checks whether an engine's swap chain can be taken over, and counts references to it.
 
 use windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT;
 use windows::Win32::Graphics::Dxgi::IDXGISwapChain4;
@@ -7,7 +7,7 @@ use windows::core::Interface as _;
 use crate::gpu::{Gpu, failed_on};
 use crate::{Error, ErrorKind, Result};
 
-/// Looks whether a swap chain can be taken over; its size and format.
+/// Checks that a swap chain can be taken over; returns its size, width and height, and format.
 pub(super) fn wrapped(gpu: &Gpu, swapchain: &IDXGISwapChain4) -> Result<(u32, u32, DXGI_FORMAT)> {
     let refuse = |why: String| Error::new(ErrorKind::InvalidArgument, why).field("swapchain");
     let failed = |call| move |e: windows::core::Error| failed_on(gpu.device(), call, &e);
@@ -18,7 +18,7 @@ pub(super) fn wrapped(gpu: &Gpu, swapchain: &IDXGISwapChain4) -> Result<(u32, u3
             swapchain.GetFullscreenDesc().map_err(failed("IDXGISwapChain1::GetFullscreenDesc"))?,
         )
     };
-    // SAFETY: as above; a window is asked for.
+    // SAFETY: as above.
     if unsafe { swapchain.GetHwnd() }.is_err() {
         return Err(refuse("it is of no window".to_owned()));
     }
@@ -33,9 +33,9 @@ pub(super) fn wrapped(gpu: &Gpu, swapchain: &IDXGISwapChain4) -> Result<(u32, u3
     Ok((desc.Width, desc.Height, desc.Format))
 }
 
-/// How many references there are to a swap chain.
+/// The reference count of a swap chain.
 pub(super) fn references(swapchain: &IDXGISwapChain4) -> u32 {
-    // A clone counts one more, and gives it back.
+    // `Release` returns the count left after the clone's reference is gone.
     let (raw, vtable) = (swapchain.clone().into_raw(), IDXGISwapChain4::vtable(swapchain));
     // SAFETY: the reference that the clone took.
     unsafe { (vtable.base__.base__.base__.base__.base__.base__.base__.Release)(raw) }

@@ -1,4 +1,4 @@
-//! Whether generated frames are frames between, or the ones that were given. Windows only.
+//! Checks on the device whether generated frames are real, or copies of the input. Windows only.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R16G16_FLOAT;
@@ -9,42 +9,42 @@ use crate::Result;
 use crate::gpu::compute::{CommandRecorder, FRAMES_IN_FLIGHT, Kernel, ResourceWithState, Shape, View, Words, untyped};
 use crate::gpu::{FencePoint, Gpu, Heap, Shared, buffer};
 
-/// What a generated frame turned out to be.
+/// The result of the check of a generated frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Seen {
-    /// One between.
-    Between,
-    /// The frame that was given: the provider passes frames through.
+pub enum GenerationCheck {
+    /// A generated frame.
+    Generated,
+    /// A copy of the input frame: the provider passes frames through.
     PassedThrough,
-    /// Black where the frame is not.
+    /// Black where the input frame is not.
     Black,
-    /// It cannot be told: nothing moves, or what moves is of one colour.
+    /// Undecided: nothing moves, or the moving parts have one colour.
     Unknown,
 }
 
-/// Samples across and down, at most.
+/// Maximum number of samples across and down.
 const SAMPLES: u32 = 256;
 
-/// Fewer samples where it shows are too few.
+/// With fewer usable samples, the result is `Unknown`.
 const ENOUGH: u32 = 64;
 
-/// Numbers of a frame: all samples where it shows, and of these the frame's own and the black ones.
+/// Counters of a frame: usable samples, samples equal to the input frame, black samples.
 const COUNTS: usize = 3;
 const BYTES: usize = COUNTS * 4;
 
-/// Looks at frames on the device; the counts come when the frame has run.
-pub(super) struct Watch {
+/// Counts samples on the device; the counters are read back when the frame has run.
+pub(super) struct PassThroughDetector {
     kernel: Kernel,
     counts: ID3D12Resource,
     zeroes: Shared,
     back: Shared,
-    /// For each frame under way, when it has run.
+    /// For each slot with a frame in flight, the fence point at which it has run.
     comes: [Option<FencePoint>; FRAMES_IN_FLIGHT],
     next: usize,
-    last: Option<Seen>,
+    last: Option<GenerationCheck>,
 }
 
-impl Watch {
+impl PassThroughDetector {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
         let code = include_bytes!("../gpu/shaders/fsr_watch.dxbc");
         let mut zeroes = Shared::new(gpu, Heap::Upload, BYTES)?;
@@ -60,8 +60,8 @@ impl Watch {
         })
     }
 
-    /// Records a look at `generated`, between `color` and the frame before, by motion in halves. `scale` makes pixels of the frames of
-    /// it. To be followed by [`comes`](Self::comes), unless the frame is given up.
+    /// Records the count of samples of `generated`, which lies between `color` and the previous frame. `motion` is R16G16_FLOAT;
+    /// `scale` converts it to pixels of the frames. Call [`comes`](Self::comes) next, unless the frame is abandoned.
     pub(super) fn record(
         &mut self,
         frame: &mut CommandRecorder<'_>,
@@ -70,7 +70,7 @@ impl Watch {
         motion: &ResourceWithState<'_>,
         (shown, moved, scale): (Dimensions, Dimensions, Coordinates),
     ) -> Result<()> {
-        // As many frames later the ring had waited for this one.
+        // The slot's previous frame has run: the ring has waited for it.
         self.harvest(self.next);
         let counts = ResourceWithState { resource: &self.counts, state: D3D12_RESOURCE_STATE_COMMON };
         frame.bring(&counts, D3D12_RESOURCE_STATE_COPY_DEST)?;
@@ -108,20 +108,20 @@ impl Watch {
         Ok(())
     }
 
-    /// Says when the frame that was recorded last has run.
+    /// Sets the fence point at which the last recorded frame will have run.
     pub(super) fn comes(&mut self, fence_point: &FencePoint) {
         self.comes[self.next] = Some(fence_point.clone());
         self.next = (self.next + 1) % FRAMES_IN_FLIGHT;
     }
 
-    /// What the last frame that has run was.
-    pub(super) fn last(&mut self) -> Option<Seen> {
-        // From the oldest on.
+    /// The result of the last frame that has run.
+    pub(super) fn last(&mut self) -> Option<GenerationCheck> {
+        // Oldest slot first.
         (0..FRAMES_IN_FLIGHT).for_each(|i| self.harvest((self.next + i) % FRAMES_IN_FLIGHT));
         self.last
     }
 
-    /// Takes what a frame that has run has counted.
+    /// Reads the counters of a slot if its frame has run.
     fn harvest(&mut self, slot: usize) {
         if self.comes[slot].take_if(|fence_point| fence_point.reached()).is_none() {
             return;
@@ -133,24 +133,24 @@ impl Watch {
             *count = u32::from_le_bytes(*bytes);
         }
         let seen = judged(counts);
-        if self.last != Some(seen) && [Seen::PassedThrough, Seen::Black].contains(&seen) {
+        if self.last != Some(seen) && [GenerationCheck::PassedThrough, GenerationCheck::Black].contains(&seen) {
             log::warn!(target: "cairn::ffx", "generated frames are none: {seen:?}");
         }
         self.last = Some(seen);
     }
 }
 
-fn judged([all, same, black]: [u32; COUNTS]) -> Seen {
+fn judged([all, same, black]: [u32; COUNTS]) -> GenerationCheck {
     let nearly_all = |count: u32| u64::from(count) * 100 >= u64::from(all) * 95;
     match () {
-        () if all < ENOUGH => Seen::Unknown,
-        () if nearly_all(same) => Seen::PassedThrough,
-        () if nearly_all(black) => Seen::Black,
-        () => Seen::Between,
+        () if all < ENOUGH => GenerationCheck::Unknown,
+        () if nearly_all(same) => GenerationCheck::PassedThrough,
+        () if nearly_all(black) => GenerationCheck::Black,
+        () => GenerationCheck::Generated,
     }
 }
 
-/// Pixels from one sample to the next, and how many there are.
+/// The distance between samples in pixels, and the number of samples.
 fn samples(shown: Dimensions) -> (Dimensions, Dimensions) {
     let step = |side: u32| side.div_ceil(SAMPLES);
     let steps = Dimensions { width: step(shown.width), height: step(shown.height) };
@@ -163,11 +163,11 @@ mod tests {
 
     #[test]
     fn a_frame_is_judged_by_nearly_all_of_the_samples_that_tell() {
-        assert_eq!(judged([ENOUGH - 1, ENOUGH - 1, 0]), Seen::Unknown);
-        assert_eq!(judged([100, 94, 0]), Seen::Between);
-        assert_eq!(judged([100, 95, 0]), Seen::PassedThrough);
-        assert_eq!(judged([100, 0, 95]), Seen::Black);
-        assert_eq!(judged([u32::MAX; COUNTS]), Seen::PassedThrough);
+        assert_eq!(judged([ENOUGH - 1, ENOUGH - 1, 0]), GenerationCheck::Unknown);
+        assert_eq!(judged([100, 94, 0]), GenerationCheck::Generated);
+        assert_eq!(judged([100, 95, 0]), GenerationCheck::PassedThrough);
+        assert_eq!(judged([100, 0, 95]), GenerationCheck::Black);
+        assert_eq!(judged([u32::MAX; COUNTS]), GenerationCheck::PassedThrough);
     }
 
     #[test]

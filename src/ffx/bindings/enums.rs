@@ -1,23 +1,23 @@
-//! Numbers with names: what structs are, what calls answer, flags, formats and states.
+//! Named numbers: struct ids, return codes, flags and enumerations.
 
 use bitflags::bitflags;
 
 use super::open_set;
 
 open_set! {
-    /// What a struct is: its effect above, its number within the effect below.
+    /// Struct ids: the effect in the upper bits, the number within the effect in the lower 16.
     StructId: u64 {
-        /// Level and receiver of messages, of every effect.
+        /// Message callback and level of all effects.
         GLOBAL_DEBUG_1 = 0x1,
         /// The Direct3D 12 device.
         BACKEND_DX12 = 0x2,
-        /// Which providers there are.
+        /// Query of the available providers.
         GET_VERSIONS = 0x4,
-        /// Which provider it is to be.
+        /// Request for a provider.
         OVERRIDE_VERSION = 0x5,
-        /// Which provider it is.
+        /// Query of a context's provider.
         GET_PROVIDER_VERSION = 0x6,
-        /// Level and receiver of messages, of one effect.
+        /// Message callback and level of one effect.
         GLOBAL_DEBUG = 0x7,
         /// An upscaler.
         UPSCALE = 0x1_0000,
@@ -27,19 +27,19 @@ open_set! {
         UPSCALE_RATIO = 0x1_0002,
         /// The render size of a quality mode.
         UPSCALE_RENDER_SIZE = 0x1_0003,
-        /// How many jitters a sequence has.
+        /// The length of the jitter sequence.
         UPSCALE_JITTER_PHASES = 0x1_0004,
-        /// A jitter.
+        /// One jitter of the sequence.
         UPSCALE_JITTER_OFFSET = 0x1_0005,
-        /// A mask of what the upscaler should not trust its history for.
+        /// A reactive mask.
         UPSCALE_REACTIVE_MASK = 0x1_0006,
-        /// A setting by its number.
+        /// A setting as a key and a value.
         UPSCALE_KEY_VALUE = 0x1_0007,
-        /// Memory of a context.
+        /// Device memory of a context.
         UPSCALE_MEMORY = 0x1_0008,
-        /// Memory of a context to come.
+        /// Device memory of a context before it is created.
         UPSCALE_MEMORY_V2 = 0x1_0009,
-        /// What a provider wants to be given.
+        /// The inputs of a provider.
         UPSCALE_RESOURCES = 0x1_000a,
         /// The release that a host was written for.
         UPSCALE_VERSION = 0x1_000b,
@@ -53,43 +53,43 @@ open_set! {
         FRAME_GENERATION_PREPARE = 0x2_0004,
         /// A frame that is about to be presented.
         FRAME_GENERATION_PRESENT = 0x2_0005,
-        /// A setting by its number.
+        /// A setting as a key and a value.
         FRAME_GENERATION_KEY_VALUE = 0x2_0006,
-        /// Memory of a context.
+        /// Device memory of a context.
         FRAME_GENERATION_MEMORY = 0x2_0007,
         /// The distortion of a lens.
         FRAME_GENERATION_DISTORTION = 0x2_0008,
-        /// The format of the picture without interface.
+        /// The format of HUD-less pictures.
         FRAME_GENERATION_HUDLESS = 0x2_0009,
         /// The camera of a frame.
         FRAME_GENERATION_CAMERA = 0x2_000a,
-        /// Memory of a context to come.
+        /// Device memory of a context before it is created.
         FRAME_GENERATION_MEMORY_V2 = 0x2_000b,
         /// Motion, depth and camera of a frame.
         FRAME_GENERATION_PREPARE_V2 = 0x2_000c,
-        /// How the interface's alpha is meant.
+        /// Whether the interface has premultiplied alpha.
         FRAME_GENERATION_PREMULTIPLIED = 0x2_000d,
         /// The release that a host was written for.
         FRAME_GENERATION_VERSION = 0x2_000e,
-        /// A swapchain that takes over another.
+        /// A swap chain created from the host's.
         SWAPCHAIN_WRAP = 0x3_0001,
-        /// The interface's picture.
+        /// The interface's texture.
         SWAPCHAIN_INTERFACE = 0x3_0002,
-        /// The list to record generation into.
+        /// The command list to record generation into.
         SWAPCHAIN_COMMAND_LIST = 0x3_0003,
         /// The texture to generate into.
         SWAPCHAIN_TEXTURE = 0x3_0004,
-        /// A new swapchain.
+        /// A new swap chain.
         SWAPCHAIN_NEW = 0x3_0005,
-        /// A new swapchain of a window.
+        /// A new swap chain for a window.
         SWAPCHAIN_FOR_WINDOW = 0x3_0006,
-        /// Wait for what is to be presented.
+        /// Waiting until all pending frames are presented.
         SWAPCHAIN_WAIT = 0x3_0007,
-        /// A setting by its number.
+        /// A setting as a key and a value.
         SWAPCHAIN_KEY_VALUE = 0x3_0008,
-        /// Memory of a context.
+        /// Device memory of a context.
         SWAPCHAIN_MEMORY = 0x3_0009,
-        /// Memory of a context to come.
+        /// Device memory of a context before it is created.
         SWAPCHAIN_MEMORY_V2 = 0x3_000a,
         /// The release that a host was written for.
         SWAPCHAIN_VERSION = 0x3_000b,
@@ -97,16 +97,16 @@ open_set! {
 }
 
 impl StructId {
-    /// The effect it belongs to. Bits above are a backend's, which releases of 2026 brought: Direct3D 12 is 0 there.
+    /// The effect it belongs to. Higher bits, used by releases of 2026, are the backend; Direct3D 12 is 0.
     pub fn effect(self) -> EffectId {
         EffectId(self.0 & 0x00ff_0000)
     }
 }
 
 open_set! {
-    /// A part of the interface.
+    /// An effect.
     EffectId: u64 {
-        /// What all have in common.
+        /// Shared by all effects.
         GENERAL = 0,
         /// Upscaling.
         UPSCALE = 0x1_0000,
@@ -118,19 +118,19 @@ open_set! {
 }
 
 open_set! {
-    /// What a call answered.
+    /// The return code of a call.
     ReturnCode: u32 {
-        /// It is done.
+        /// Success.
         OK = 0,
-        /// It failed; nothing more is said.
+        /// Failure without further information.
         ERROR = 1,
         /// A struct that this call or context does not know.
         UNKNOWN_STRUCT = 2,
         /// Direct3D, or the effect itself, failed.
         RUNTIME_ERROR = 3,
-        /// Nothing in the libraries that are there does this.
+        /// No provider in the loaded libraries does this.
         NO_PROVIDER = 4,
-        /// Memory could not be had.
+        /// Out of memory.
         MEMORY = 5,
         /// A null pointer, an empty resource, a value outside its set.
         PARAMETER = 6,
@@ -140,87 +140,87 @@ open_set! {
 }
 
 bitflags! {
-    /// How a frame generator is made.
+    /// Flags of a new frame generator.
     #[repr(transparent)]
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
     pub struct CreateFlags: u32 {
         /// Generation may be recorded into a list of a compute queue.
         const ASYNC_WORKLOAD = 1;
-        /// Motion has the size of the picture shown, not the size it was rendered at.
+        /// Motion has display size, not render size.
         const DISPLAY_RESOLUTION_MOTION = 2;
-        /// Motion holds the jitter.
+        /// Motion vectors include the jitter.
         const MOTION_JITTER = 4;
-        /// 1 is near.
+        /// Reversed depth: 1 is near.
         const DEPTH_INVERTED = 8;
-        /// The far plane is nowhere.
+        /// The far plane is at infinity.
         const DEPTH_INFINITE = 16;
         /// Pictures are of high dynamic range.
         const HIGH_DYNAMIC_RANGE = 32;
-        /// The provider looks at what it is given and says what it finds.
+        /// The provider checks its inputs and reports errors as messages.
         const DEBUG_CHECKING = 64;
         const _ = !0;
     }
 
-    /// How a frame is generated.
+    /// Flags of a generated frame.
     #[repr(transparent)]
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
     pub struct FrameFlags: u32 {
         /// Bars at the side that show tearing.
         const TEAR_LINES = 1;
-        /// Marks where history was dropped.
+        /// Markers in frames whose history was dropped.
         const RESET_INDICATORS = 2;
-        /// The generator's own fields in place of a picture.
+        /// The generator's internal textures instead of the picture.
         const DEBUG_VIEW = 4;
-        /// There is no swapchain of AMD's.
+        /// AMD's swap chain is not used.
         const NO_SWAPCHAIN = 8;
         /// Bars at the side that show when frames are presented.
         const PACING_LINES = 16;
         const _ = !0;
     }
 
-    /// How the interface is laid over frames.
+    /// How the interface is drawn over frames.
     #[repr(transparent)]
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
     pub struct InterfaceFlags: u32 {
         /// Its colours are multiplied by its alpha.
         const PREMULTIPLIED = 1;
-        /// The swapchain keeps a copy, so that the host may draw the next.
+        /// The swap chain keeps a copy, so that the host may draw the next one.
         const DOUBLE_BUFFERED = 2;
         const _ = !0;
     }
 
-    /// How an upscaler is made.
+    /// Flags of a new upscaler.
     #[repr(transparent)]
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
     pub struct UpscaleCreateFlags: u32 {
         /// Pictures are of high dynamic range.
         const HIGH_DYNAMIC_RANGE = 1;
-        /// Motion has the size of the picture shown.
+        /// Motion has display size.
         const DISPLAY_RESOLUTION_MOTION = 2;
-        /// Motion holds the jitter.
+        /// Motion vectors include the jitter.
         const MOTION_JITTER = 4;
-        /// 1 is near.
+        /// Reversed depth: 1 is near.
         const DEPTH_INVERTED = 8;
-        /// The far plane is nowhere.
+        /// The far plane is at infinity.
         const DEPTH_INFINITE = 16;
-        /// Exposure is found in the picture.
+        /// The upscaler computes exposure from the picture.
         const AUTO_EXPOSURE = 32;
         /// The render size may change from frame to frame.
         const DYNAMIC_RESOLUTION = 64;
-        /// The provider looks at what it is given and says what it finds.
+        /// The provider checks its inputs and reports errors as messages.
         const DEBUG_CHECKING = 128;
-        /// Pictures are not linear.
+        /// Colours are not linear.
         const NON_LINEAR_COLOR = 256;
-        /// The debug view may be asked for.
+        /// Frames may request the debug view.
         const DEBUG_VISUALIZATION = 512;
         const _ = !0;
     }
 
-    /// How a frame is upscaled.
+    /// Flags of an upscaled frame.
     #[repr(transparent)]
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
     pub struct UpscaleFlags: u32 {
-        /// The upscaler's own fields in place of a picture.
+        /// The upscaler's internal textures instead of the picture.
         const DEBUG_VIEW = 1;
         /// The picture is in sRGB.
         const COLOR_SRGB = 2;
@@ -229,7 +229,7 @@ bitflags! {
         const _ = !0;
     }
 
-    /// How a reactive mask is found.
+    /// Flags of a reactive mask.
     #[repr(transparent)]
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
     pub struct ReactiveFlags: u32 {
@@ -237,14 +237,14 @@ bitflags! {
         const TONEMAP = 1;
         /// Compare colours with their tone mapping undone.
         const INVERSE_TONEMAP = 2;
-        /// The mask is nothing or all.
+        /// The mask is 0 or `value`.
         const THRESHOLD = 4;
-        /// The greatest difference of a channel counts, not the length of all.
+        /// Uses the greatest difference of a channel, not the length of the difference.
         const COMPONENTS_MAX = 8;
         const _ = !0;
     }
 
-    /// Pictures that an upscaler can be given.
+    /// Inputs of an upscaler.
     #[repr(transparent)]
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
     pub struct UpscaleResources: u64 {
@@ -256,37 +256,37 @@ bitflags! {
         const MOTION = 4;
         /// Its exposure.
         const EXPOSURE = 8;
-        /// What not to trust history for.
+        /// The reactive mask.
         const REACTIVE = 16;
-        /// Where things are transparent.
+        /// The transparency mask.
         const TRANSPARENCY = 32;
         const _ = !0;
     }
 
-    /// What a resource may be.
+    /// Flags of a resource's memory.
     #[repr(transparent)]
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
     pub struct ResourceFlags: u32 {
-        /// Its memory may be another's too.
+        /// Its memory may be aliased.
         const ALIASABLE = 1;
-        /// What it holds need not be kept.
+        /// Its contents need not be kept.
         const UNDEFINED = 2;
         const _ = !0;
     }
 
-    /// What a resource can be used as, beside being read.
+    /// Uses of a resource beside being read.
     #[repr(transparent)]
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
     pub struct ResourceUsage: u32 {
         /// A render target.
         const RENDER_TARGET = 1;
-        /// Written by shaders anywhere.
+        /// Unordered access by shaders.
         const UNORDERED_ACCESS = 2;
         /// A depth target.
         const DEPTH_TARGET = 4;
-        /// Arguments of draws.
+        /// Arguments of indirect draws.
         const INDIRECT = 8;
-        /// Seen as an array.
+        /// An array view.
         const ARRAY_VIEW = 16;
         /// A stencil target.
         const STENCIL_TARGET = 32;
@@ -297,7 +297,7 @@ bitflags! {
 }
 
 open_set! {
-    /// How light became numbers.
+    /// Transfer functions.
     TransferFunction: u32 {
         /// sRGB.
         SRGB = 0,
@@ -309,25 +309,25 @@ open_set! {
 }
 
 open_set! {
-    /// The shape of a resource.
+    /// Kinds of resources.
     ResourceType: u32 {
-        /// Bytes.
+        /// A buffer.
         BUFFER = 0,
-        /// A line.
+        /// A 1D texture.
         TEXTURE_1D = 1,
-        /// A picture.
+        /// A 2D texture.
         TEXTURE_2D = 2,
-        /// Six pictures.
+        /// A cube texture.
         TEXTURE_CUBE = 3,
-        /// A volume.
+        /// A 3D texture.
         TEXTURE_3D = 4,
     }
 }
 
 open_set! {
-    /// The size a quality mode renders at.
+    /// Quality modes, by their render size.
     QualityMode: u32 {
-        /// As it is shown.
+        /// The display size.
         NATIVE = 0,
         /// 1/1.5 of each side.
         QUALITY = 1,
