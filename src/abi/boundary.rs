@@ -1,4 +1,4 @@
-//! The one place where a call from C becomes Rust, and where nothing but a result goes back.
+//! Wrapper of every entry point: runs the work, stores errors for the thread, catches panics, returns a result code.
 
 use super::results::{Outcome, cairn_result, remember};
 use crate::error::catch_panic;

@@ -17,7 +17,7 @@ use crate::world::{Budget, World};
 /// The most worlds of a budget.
 pub const CAIRN_MAX_BUDGET_WORLDS: u32 = 8;
 
-/// What a rollout and its frames may take: time, memory or both.
+/// Budget of a rollout and its frames: time, memory or both.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_budget {
@@ -46,13 +46,12 @@ describe!(cairn_budget, [], {
     struct_size, multiplier, frame_ns, memory_mib, schedules, worlds, world_count, reserved, presenter,
 });
 
-/// Holds a rollout, and the frames of a presenter, to a budget. From what the device has taken so far, by its own clock where it has one,
-/// else by wall time, it picks how many passes latents have, how far back they see, and how many of the frames between anchors are made:
-/// passes are given up first, then frames, the window last, and what was given up comes back where there is time. The window is also narrowed
-/// where the device's memory runs short. The same controls may then give other pictures the next time. A move to another window is made
-/// before a step, goes through the host's memory and takes a while. No world is loaded by it, as that takes seconds to minutes and the
-/// weights' memory once more: load those of the windows that may be wanted beforehand, on a thread of your own. What it does is logged, and
-/// cairn_rollout_statistics has it.
+/// Holds a rollout, and the frames of a presenter, to a budget. From measured times, by the device's own clock where it has one, else by wall
+/// time, it chooses the number of passes per latent, the global window and the number of frames generated between anchors. Passes are reduced
+/// first, then frames, the window last; each is raised again when there is time. The window is also narrowed when the device's memory runs
+/// short. The same controls may then give other pictures the next time. A change of window happens before a step, goes through the host's
+/// memory and takes a while. No world is loaded for it, as that takes seconds to minutes and the weights' memory once more: load worlds for the
+/// windows you allow beforehand, on a thread of your own. Changes are logged, and cairn_rollout_statistics has them.
 ///
 /// It takes the place of cairn_rollout_set_budget, which ends it, as a restored state does and the rollout's end, and of
 /// cairn_presenter_set_budget, which takes the presenter out of it.

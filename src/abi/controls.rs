@@ -1,4 +1,4 @@
-//! What the player does in one latent step.
+//! The player's controls in one latent step.
 
 use super::results::Outcome;
 use super::structs::{describe, read};

@@ -1,11 +1,11 @@
-//! Who is inside an object right now, so that its end can wait for them.
+//! Tracks the calls inside an object, so that its destruction can wait for them.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::ThreadId;
 
 use parking_lot::{Condvar, Mutex};
 
-/// Counts the calls that use something, by thread. Never held locked while foreign code runs.
+/// Counts calls that use an object, by thread. Its lock is never held while foreign code runs.
 #[derive(Debug, Default)]
 pub(super) struct Gate {
     inside: Mutex<Inside>,
@@ -16,12 +16,12 @@ pub(super) struct Gate {
 #[derive(Debug, Default)]
 struct Inside {
     threads: Vec<ThreadId>,
-    /// Whether one of them is a call that excludes others of its kind.
+    /// Whether one of them is an exclusive call.
     alone: bool,
 }
 
 impl Gate {
-    /// Lets a call in; `false` when it must be alone and another such call is inside.
+    /// Enters a call; `false` if it is exclusive and another exclusive call is inside.
     pub(super) fn enter(&self, alone: bool) -> bool {
         let mut inside = self.inside.lock();
         if alone && inside.alone {
@@ -32,7 +32,7 @@ impl Gate {
         true
     }
 
-    /// Lets a call out that was let in with the same `alone`.
+    /// Leaves a call that entered with the same `alone`.
     pub(super) fn leave(&self, alone: bool) {
         let me = current();
         let mut inside = self.inside.lock();
@@ -45,12 +45,12 @@ impl Gate {
         }
     }
 
-    /// Whether this very thread is inside: a callback of a call that has not returned.
+    /// Whether this thread is inside already: a callback of a call that has not returned.
     pub(super) fn holds_me(&self) -> bool {
         self.inside.lock().threads.contains(&current())
     }
 
-    /// Waits until nobody is inside.
+    /// Waits until no call is inside.
     pub(super) fn wait_empty(&self) {
         let mut inside = self.inside.lock();
         while !inside.threads.is_empty() {
@@ -58,7 +58,7 @@ impl Gate {
         }
     }
 
-    /// Marks what lies behind as possibly broken.
+    /// Marks the object as possibly broken.
     pub(super) fn poison(&self) {
         self.poisoned.store(true, Ordering::Release);
     }
@@ -68,7 +68,7 @@ impl Gate {
     }
 }
 
-/// The thread whose call this one works for: a thread that shares a loop is inside wherever the loop's call is.
+/// The thread that this call counts for: a thread that runs part of a shared loop counts as the loop's caller.
 fn current() -> ThreadId {
     crate::tasks::calling_thread()
 }

@@ -110,13 +110,13 @@ impl<T> Entered<T> {
         part.try_lock().ok_or_else(in_use)
     }
 
-    /// The object for keeps, also when its handle is gone.
+    /// Shares ownership of the object, which then outlives its handle.
     pub(super) fn share(&self) -> Arc<T> {
         self.object.clone()
     }
 }
 
-/// A callback asks for what the call that it comes from has locked.
+/// Error for a callback that needs a lock held by the call it comes from.
 pub(super) fn in_use() -> Failure {
     Failure::new(CAIRN_ERROR_BUSY, "the object is in use: this is a callback of a call on it")
         .remedy("Call it after that call")

@@ -5,7 +5,7 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `version`, `results`, `logging`, `threads` | the two version numbers; results and the last error; the host's log callback; threads, or the host's job system |
+//! | `version`, `results`, `logging`, `threads` | version numbers; results and the last error; log callback; threads, or the host's job system |
 //! | `requirements`, `device`, `world` | what is created first |
 //! | `images`, `controls` | what crosses the border in every frame |
 //! | `rollout`, `steps`, `anchor`, `state` | a rollout step by step, by its queue, what it makes, and its state kept |
@@ -17,7 +17,7 @@
 //!
 //! Internal modules, not in the header: `boundary` wraps every entry point and catches panics; `handles` is the table behind every
 //! handle, with a `gate` for each object; `preferences` resolves a host's preferences for frames; `structs` and `text` read and write
-//! the host's memory; `record` describes the interface for the header.
+//! the host's memory; `record` lists the interface, to be compared with the header.
 #![allow(non_camel_case_types, reason = "the names are the header's")]
 #![allow(clippy::missing_safety_doc, reason = "the header says once, for all functions, what pointers must be")]
 

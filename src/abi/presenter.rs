@@ -405,12 +405,12 @@ pub unsafe extern "C" fn cairn_presenter_set_overlay(
     })
 }
 
-/// Holds frames for Direct3D 12 to a budget of the device's time. Where it is too little for all of them, only every second, third or sixth
-/// frame of an interval is made, as the multiplier has it, and the others repeat the one before; where it is enough again, more are. It goes
-/// by the times that the device says of frames that have run. What it does is logged, and the statistics say it.
+/// Limits the device time of frames for Direct3D 12. If it is too short for all frames, only every second, third or sixth frame of an
+/// interval is generated, depending on the multiplier, and the others repeat the previous one; more are generated when there is time again.
+/// The choice depends on the device times of completed frames. Changes are logged, and the statistics have them.
 ///
-/// frame_ns: nanoseconds of the device's time for each frame that is shown, on average over an interval, what is done once to an anchor among
-/// it; 0 for no budget.
+/// frame_ns: nanoseconds of device time per frame shown, averaged over an interval, including work done once per anchor; 0 for no
+/// budget.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time.

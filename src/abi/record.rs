@@ -100,7 +100,7 @@ fn one<T: Struct>(text: &mut String) {
     }
     let mut end = 0;
     for field in T::FIELDS {
-        // A gap would cross the border with whatever was in it.
+        // Padding would pass uninitialised bytes across the interface.
         assert_eq!(field.offset, end, "{}.{} follows the field before it", T::NAME, field.name);
         end += field.size;
         _ = writeln!(text, "field {}.{} {} {}", T::NAME, field.name, field.offset, field.size);

@@ -1,4 +1,4 @@
-//! Live input written down as a control script.
+//! Records live input as a control script.
 
 use parking_lot::Mutex;
 
@@ -13,7 +13,7 @@ use crate::world::{Key, ScriptRecorder, WorldTime};
 /// Collects what a player does and makes a script of it: event by event as it happens, or the controls of whole latent steps.
 pub struct cairn_recorder(());
 
-/// What lies behind a handle of a recorder.
+/// The object of a recorder's handle.
 pub(super) struct Recorder(Mutex<ScriptRecorder>);
 
 impl Handle for cairn_recorder {

@@ -322,11 +322,11 @@ pub unsafe extern "C" fn cairn_rollout_reset(rollout: *mut cairn_rollout) -> cai
     })
 }
 
-/// Lets the device's memory of a rollout that makes no latents for a while be used by others: its rings, latents and pictures are evicted,
-/// contents and all, after what is under way, which is waited for. The next call that needs them brings them back: the device's
-/// queue waits for that, no thread does where Windows has ID3D12Device3. Where there is no place for them that call answers
-/// CAIRN_ERROR_OUT_OF_MEMORY with all as it was, and may be made again. The world's weights go with the last of
-/// its rollouts that does not rest; anchors stay. On a CPU device nothing happens. cairn_rollout_pause has a rollout with a queue rest too.
+/// Frees the device memory of a rollout that makes no latents for a while: waits for its work, then evicts its rings, latents and pictures
+/// with their contents. The next call that needs them makes them resident again; the device's queue waits for that, and no thread does where
+/// Windows has ID3D12Device3. If there is not enough memory, that call answers CAIRN_ERROR_OUT_OF_MEMORY with nothing changed, and may be
+/// repeated. The world's weights are evicted once all of its rollouts rest; anchors are not. On a CPU device nothing happens.
+/// cairn_rollout_pause also rests a rollout with a queue.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
@@ -341,10 +341,10 @@ pub unsafe extern "C" fn cairn_rollout_rest(rollout: *mut cairn_rollout) -> cair
     })
 }
 
-/// Holds latents to so much wall time each, decoding and all: they are made by the first of the schedules until that takes too long, then by
-/// one with fewer passes, and by one with more again where there is time. It goes by the times of the latents before, so that the same
-/// controls may give other pictures the next time. What it does is logged; cairn_step_info says with how many passes a latent was made, and
-/// cairn_rollout_info has the schedule of the next one. A restored state ends it.
+/// Limits the wall time per latent, decoding included. Latents use the first of the schedules until that takes too long, then one with
+/// fewer passes, and again one with more when there is time. The choice depends on the times of previous latents, so the same controls may
+/// give other pictures the next time. Changes are logged; cairn_step_info has the number of passes of a latent, and
+/// cairn_rollout_info the schedule of the next one. A restored state ends it.
 ///
 /// latent_ns: nanoseconds for a latent.
 /// schedules: one to eight as in operating points, a space between them, each with fewer passes than the one before:

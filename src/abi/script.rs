@@ -1,4 +1,4 @@
-//! Control scripts: what a player does, written down.
+//! Control scripts: a player's input as text.
 
 use std::ffi::c_char;
 

@@ -1,4 +1,4 @@
-//! Text in both directions: UTF-8, ended by a NUL, never kept.
+//! Reading and writing text: UTF-8 with a final NUL, never kept.
 
 use std::ffi::c_char;
 
@@ -37,8 +37,8 @@ pub(super) unsafe fn required_text<'a>(text: *const c_char, name: &str) -> Outco
     unsafe { optional_text(text, name) }?.ok_or_else(|| Failure::argument(name, "a null pointer where text must be"))
 }
 
-/// Copies `from` into a caller's buffer as far as it goes, whole characters only, with a NUL behind; `length` gets the
-/// whole length. The result says whether all of it went.
+/// Copies as much of `from` as fits into a caller's buffer, whole characters only, with a final NUL; `length` gets the full length. The
+/// result tells whether all of it fitted.
 ///
 /// # Safety
 /// `text` is null or has `capacity` writable bytes; `length` is null or can be written.
@@ -66,7 +66,7 @@ pub(super) unsafe fn copy_text(from: &str, text: *mut c_char, capacity: usize, l
     Ok(if cut.len() == from.len() { CAIRN_OK } else { CAIRN_TRUNCATED })
 }
 
-/// Text as a fixed array of a struct, cut where it is too long, zeroes behind.
+/// Text as a fixed-size array of a struct, truncated if too long, padded with zeroes.
 pub(super) fn fixed_text<const N: usize>(from: &str) -> [c_char; N] {
     let mut text = [0; N];
     for (to, byte) in text.iter_mut().zip(cut(from, N.saturating_sub(1)).bytes()) {
@@ -75,7 +75,7 @@ pub(super) fn fixed_text<const N: usize>(from: &str) -> [c_char; N] {
     text
 }
 
-/// The longest beginning of whole characters that has at most `most` bytes, and ends before the first NUL.
+/// The longest prefix of whole characters that has at most `most` bytes and ends before the first NUL.
 fn cut(text: &str, most: usize) -> &str {
     let text = text.split('\0').next().unwrap_or_default();
     let end = (0..=most.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);

@@ -274,7 +274,7 @@ namespace Cairn.Unity
                 get { return device; }
             }
 
-            /// <summary>Ends the thread after the step that is being made.</summary>
+            /// <summary>Stops the thread and waits for the step that is being made.</summary>
             internal void Stop()
             {
                 stopping.Set();

@@ -58,7 +58,7 @@ namespace Cairn.Unity
 #endif
 
 #if CAIRN_BY_INPUT_SYSTEM
-        /// <summary>Wheel units per notch: 1 if the project's setting (since Input System 1.9) makes platforms uniform, otherwise Windows' 120.</summary>
+        /// <summary>Wheel units per notch: 1 if the project's setting (since version 1.9) makes platforms uniform, otherwise 120.</summary>
         private static float PerNotch
         {
             get

@@ -7,15 +7,15 @@ use crate::camera::Camera;
 use crate::render::Moment;
 use crate::scene::Scene;
 
-/// Radians of turn per mouse count.
+/// Radians of rotation per mouse count.
 pub const TURN_PER_COUNT: f32 = 0.0022;
 /// Walking speed in metres per second; running is [`RUN`] times as fast.
 pub const WALK: f32 = 1.9;
-/// See [`WALK`].
+/// Factor of running on [`WALK`].
 pub const RUN: f32 = 2.1;
 /// Height of the eye above the ground, in metres.
 pub const EYE: f32 = 1.68;
-/// The farthest tilt, up or down, in radians.
+/// Maximum pitch, up or down, in radians.
 pub const MAX_PITCH: f32 = 1.2;
 /// Time constant of starting and stopping, in seconds.
 pub const EASE: f32 = 0.12;
@@ -29,7 +29,7 @@ pub struct Start {
     pub yaw: f32,
 }
 
-/// `at`, moved to the edge of each obstacle that it lies in.
+/// Moves `at` to the edge of each obstacle that contains it.
 fn out_of_obstacles(scene: &Scene, mut at: Vec2) -> Vec2 {
     for &(centre, radius) in &scene.obstacles {
         let away = at - centre;
@@ -41,7 +41,7 @@ fn out_of_obstacles(scene: &Scene, mut at: Vec2) -> Vec2 {
     at
 }
 
-/// Somebody who walks through a scene.
+/// A walker in a scene.
 #[derive(Debug, Clone)]
 pub struct Walker {
     at: Vec2,
@@ -55,13 +55,13 @@ pub struct Walker {
 }
 
 impl Walker {
-    /// Stands on the path at the origin and looks along it.
+    /// Starts on the path at the origin, looking along it.
     pub fn new(scene: &Scene) -> Self {
         let ahead = scene.terrain.path(9.0);
         Self::standing(scene, Start { at: Vec2::ZERO, yaw: (ahead / 9.0).atan() })
     }
 
-    /// Stands at `start`, or beside the obstacle that is there.
+    /// Starts at `start`, or beside an obstacle that is there.
     pub fn standing(scene: &Scene, start: Start) -> Self {
         let at = out_of_obstacles(scene, start.at);
         Self {
@@ -76,7 +76,7 @@ impl Walker {
         }
     }
 
-    /// Lets `seconds` pass under `input`: the mouse motion of that time, and the keys held in it.
+    /// Advances by `seconds` with `input`: the mouse motion and the keys held during that time.
     ///
     /// W, A, S and D walk, shift runs, the mouse turns and tilts. Steps should be 1/60 s or shorter.
     pub fn step(&mut self, scene: &Scene, input: &ControlInput, seconds: f64) {
@@ -94,12 +94,12 @@ impl Walker {
         let to = out_of_obstacles(scene, self.at + self.velocity * dt);
         self.walked += to.distance(self.at);
         self.at = to;
-        // Legs take up small bumps: the eye follows the ground over a quarter of a second.
+        // Low-pass filter over small bumps: the eye follows the ground with a time constant of a quarter of a second.
         self.ground += (scene.terrain.height(to) - self.ground) * (1.0 - (-dt / 0.25).exp());
         self.time += seconds;
     }
 
-    /// What is seen now, in a picture that shows `aspect` times as much in width as in height.
+    /// The current moment, for a picture with the given aspect ratio.
     pub fn moment(&self, aspect: f32) -> Moment {
         let bob = 0.022 * (self.walked * 4.2).sin();
         Moment {

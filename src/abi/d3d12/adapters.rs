@@ -1,14 +1,14 @@
-//! What a machine has for Direct3D 12: adapters, what is missing, and pipelines of an earlier run.
+//! Adapters for Direct3D 12, missing requirements, and pipelines saved by an earlier run.
 
 use super::*;
 use crate::gpu::adapters;
 
-/// Pipelines that the host kept of an earlier run; none where it has none, or what it gives cannot be taken.
+/// Pipelines that the host saved in an earlier run; `None` if it has none or they cannot be loaded.
 pub(super) fn loaded_pipelines(
     load: unsafe extern "C" fn(*mut c_void, u64, *mut c_void) -> u64,
     user: *mut c_void,
 ) -> Option<Vec<u8>> {
-    /// More than all pipelines could take.
+    /// Upper limit, larger than all pipelines together.
     const MOST: u64 = 1 << 30;
     // SAFETY: a function of the host's, asked for the size as its documentation says.
     let size = unsafe { load(std::ptr::null_mut(), 0, user) };
@@ -49,7 +49,7 @@ pub(in crate::abi) fn list() -> Vec<cairn_adapter> {
     (0..).zip(found).map(row).collect()
 }
 
-/// What a device on the first adapter needs, and what of AMD's could run on it.
+/// Requirements of a device on the first adapter, and the AMD providers that could run on it.
 pub(in crate::abi) fn requirements(options: DeviceOptions) -> Vec<cairn_requirement> {
     let needed = "a Direct3D 12 adapter";
     let gpu = match Gpu::on_adapter(None) {
@@ -64,7 +64,7 @@ pub(in crate::abi) fn requirements(options: DeviceOptions) -> Vec<cairn_requirem
     let tried = running(&gpu, options).map(|(_, ort)| ort);
     let mut rows =
         vec![row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_MET, needed, &found), onnxruntime(tried), memory()];
-    // Of a small size: what may be refused does not depend on it.
+    // A small size: support does not depend on it.
     let (status, found) = match ShaderGenerator::new(&gpu, (64, 64)) {
         Ok(_) => (CAIRN_REQUIREMENT_MET, "they run".to_owned()),
         Err(why) => (CAIRN_REQUIREMENT_OPTIONAL, why.to_string()),

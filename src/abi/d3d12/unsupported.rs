@@ -1,4 +1,4 @@
-//! What stands behind the doors of Direct3D 12 where it is not there.
+//! Direct3D 12 entry points on systems without it.
 
 use super::super::device::DeviceOptions;
 use super::super::presenter::cairn_presenter_options;
@@ -16,7 +16,7 @@ use crate::world::{KeptAnchor, WorkerStatistics};
 use crate::{Colours, Picture};
 
 /// # Safety
-/// Nothing is asked for.
+/// None.
 pub(in crate::abi) unsafe fn of_engine(
     _: *mut ID3D12Device,
     _: *mut ID3D12CommandQueue,
@@ -43,7 +43,7 @@ pub(in crate::abi) fn rollout_figures(_: &WorkerStatistics) -> RolloutFigures {
 }
 
 /// # Safety
-/// Nothing is asked for.
+/// None.
 pub(in crate::abi) unsafe fn read(_: &Device, _: *mut ID3D12Resource, _: u32) -> Outcome<Picture> {
     Err(Failure::no_d3d12())
 }
@@ -55,7 +55,7 @@ pub(in crate::abi) fn texture(_: &KeptAnchor, _: u32) -> Outcome<Guarded> {
 /// Whether frames can be made by shaders.
 pub(in crate::abi) const HAS_SHADERS: bool = false;
 
-/// Makes no frames: there is nothing to make them with.
+/// Stands in for the renderer; it cannot be made.
 pub(in crate::abi) struct Renderer;
 
 pub(in crate::abi) fn renderer(_: &cairn_presenter_options, _: Colours) -> Renderer {
@@ -67,7 +67,7 @@ pub(in crate::abi) fn prepare(_: &Renderer, _: &Presenter, _: &Device, _: &cairn
 }
 
 /// # Safety
-/// Nothing is asked for.
+/// None.
 pub(in crate::abi) unsafe fn record(_: &Renderer, _: &Presenter, _: &Device, _: u64, _: &To) -> Outcome<Recorded> {
     Err(Failure::no_d3d12())
 }

@@ -1,4 +1,4 @@
-//! What stands behind the doors of Direct3D 12 where it is there.
+//! Direct3D 12 entry points on Windows.
 
 mod adapters;
 
@@ -31,10 +31,10 @@ use crate::{Colours, Picture};
 use adapters::loaded_pipelines;
 pub(in crate::abi) use adapters::{list, requirements};
 
-/// A device of an engine's objects.
+/// A device made from an engine's objects.
 ///
 /// # Safety
-/// What is not null is an object of COM and lives during the call.
+/// Pointers that are not null are COM objects that live during the call.
 pub(in crate::abi) unsafe fn of_engine(
     d3d12: *mut ID3D12Device,
     queue: *mut ID3D12CommandQueue,
@@ -53,12 +53,12 @@ pub(in crate::abi) unsafe fn of_engine(
     Ok(running(&Gpu::of_engine(&device, &queue, anchors.as_ref())?, options)?.0)
 }
 
-/// A device of our own.
+/// A device of the library's own.
 pub(in crate::abi) fn on_adapter(luid: u64, options: DeviceOptions) -> Outcome<Device> {
     Ok(running(&Gpu::on_adapter(Some(luid))?, options)?.0)
 }
 
-/// What runs worlds on a Direct3D device, and the ONNX Runtime it uses.
+/// The runtime device on a Direct3D device, and the ONNX Runtime it uses.
 fn running(gpu: &Gpu, options: DeviceOptions) -> crate::Result<(Device, Ort)> {
     let ort = Ort::find(&options.libraries)?;
     let directml = DirectMlOptions { deterministic: options.cpu.deterministic, ..DirectMlOptions::default() };
@@ -66,13 +66,13 @@ fn running(gpu: &Gpu, options: DeviceOptions) -> crate::Result<(Device, Ort)> {
     Ok((device.with_library_search(options.libraries), ort))
 }
 
-/// What a device runs on, each with a reference more; none for a CPU device.
+/// The Direct3D device and queue, each with an added reference; `None` for a CPU device.
 pub(in crate::abi) fn parts(device: &Device) -> Option<(*mut ID3D12Device, *mut ID3D12CommandQueue)> {
     let gpu = device.gpu()?;
     Some((gpu.device().clone().into_raw().cast(), gpu.frames().d3d12().clone().into_raw().cast()))
 }
 
-/// Has worlds run otherwise from now on.
+/// Sets the options for worlds loaded from now on.
 pub(in crate::abi) fn set_options(device: &Device, options: &cairn_d3d12_options) -> Outcome<()> {
     let longest = Some(options.longest_submission_us).filter(|microseconds| *microseconds > 0);
     let options = DirectMlOptions {
@@ -84,7 +84,7 @@ pub(in crate::abi) fn set_options(device: &Device, options: &cairn_d3d12_options
     Ok(device.set_directml_options(options)?)
 }
 
-/// What a rollout has taken on the device; nothing on one that is no Direct3D 12 one.
+/// Statistics of a rollout on the device; zeroes on any other than a Direct3D 12 device.
 pub(in crate::abi) fn rollout_figures(statistics: &WorkerStatistics) -> RolloutFigures {
     let Some((took, captured)) = &statistics.device else { return RolloutFigures::default() };
     RolloutFigures {
@@ -99,10 +99,10 @@ pub(in crate::abi) fn rollout_figures(statistics: &WorkerStatistics) -> RolloutF
     }
 }
 
-/// What a texture holds that is in `state`.
+/// Reads the contents of a texture in state `state`.
 ///
 /// # Safety
-/// What is not null is an object of COM and lives during the call.
+/// Pointers that are not null are COM objects that live during the call.
 pub(in crate::abi) unsafe fn read(device: &Device, texture: *mut ID3D12Resource, state: u32) -> Outcome<Picture> {
     let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
     // SAFETY: the caller's promise.
@@ -111,7 +111,7 @@ pub(in crate::abi) unsafe fn read(device: &Device, texture: *mut ID3D12Resource,
     Ok(read_texture(gpu, &texture, state)?)
 }
 
-/// A picture of an anchor where it was made.
+/// A picture of an anchor on the device that made it.
 pub(in crate::abi) fn texture(anchor: &KeptAnchor, index: u32) -> Outcome<Guarded> {
     let (texture, fence_point) = anchor.texture(index as usize).ok_or_else(Failure::no_d3d12)?;
     Ok((texture.clone().into_raw().cast(), fence_point.fence().clone().into_raw().cast(), fence_point.value()))
@@ -120,10 +120,10 @@ pub(in crate::abi) fn texture(anchor: &KeptAnchor, index: u32) -> Outcome<Guarde
 /// Whether frames can be made by shaders.
 pub(in crate::abi) const HAS_SHADERS: bool = true;
 
-/// What makes a presenter's frames.
+/// Renderer of a presenter's frames.
 pub(in crate::abi) type Renderer = d3d12::Renderer;
 
-/// A renderer as a presenter's options want it; they were checked.
+/// A renderer for a presenter's options, which were checked.
 pub(in crate::abi) fn renderer(options: &cairn_presenter_options, colours: Colours) -> Renderer {
     let [fsr, shader, upscaler] = [options.fsr, options.shader, options.upscaler].map(|preference| match preference {
         CAIRN_PREFER_REQUIRE => Preference::Require,
@@ -133,7 +133,7 @@ pub(in crate::abi) fn renderer(options: &cairn_presenter_options, colours: Colou
     Renderer::new(RendererOptions { colours, fsr, shader, upscaler })
 }
 
-/// Makes all that frames need; false where it is not known how large anchors are.
+/// Makes everything that frames need; false if the anchors' size is not known yet.
 pub(in crate::abi) fn prepare(
     renderer: &Renderer,
     presenter: &Presenter,
@@ -166,10 +166,10 @@ pub(in crate::abi) fn prepare(
     Ok(renderer.prepare(presenter, device, &options, callbacks)?)
 }
 
-/// Records the frame that is due at `now`, or submits it where no list is given; then also with what guards the target.
+/// Records the frame due at `now`, or submits it where no list is given and then also returns the fence point that guards the target.
 ///
 /// # Safety
-/// What `to` points to are objects of COM and live during the call.
+/// Pointers in `to` are COM objects that live during the call.
 pub(in crate::abi) unsafe fn record(
     renderer: &Renderer,
     presenter: &Presenter,
@@ -203,7 +203,7 @@ pub(in crate::abi) unsafe fn record(
     })
 }
 
-/// What frames have taken on the device, and who made them; none where the call is nested in one that records.
+/// Statistics of frames on the device; `None` if the call is nested in one that records.
 pub(in crate::abi) fn figures(renderer: &Renderer, presenter: &Presenter, is_nested: bool) -> Option<DeviceFigures> {
     let done = match is_nested {
         true => renderer.try_statistics(presenter)?,
@@ -229,7 +229,7 @@ fn times(spent: Spent) -> DeviceTimes {
     DeviceTimes { count, total, longest, last }
 }
 
-/// A moment as an engine waits for it, with a reference.
+/// A fence point as the engine waits for it, with an added reference.
 fn guard(fence_point: &FencePoint) -> Guard {
     Guard { fence: fence_point.fence().clone().into_raw().cast(), value: fence_point.value() }
 }
@@ -237,7 +237,7 @@ fn guard(fence_point: &FencePoint) -> Guard {
 /// The interface `I` of a COM object that is not null.
 ///
 /// # Safety
-/// The pointer is of an object of COM, which lives during the call.
+/// The pointer is a COM object that lives during the call.
 pub(in crate::abi) unsafe fn object<I: Interface>(pointer: *mut c_void, name: &str) -> Outcome<I> {
     // SAFETY: the caller's promise; every interface of COM starts with IUnknown, and no reference is taken.
     let unknown = unsafe { IUnknown::from_raw_borrowed(&pointer) };

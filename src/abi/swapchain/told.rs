@@ -1,4 +1,4 @@
-//! What a host says of a swap chain and of its frames, in the words of `ffx`.
+//! Converts a host's settings of a swap chain and its frames to types of `ffx`.
 
 use super::*;
 use crate::ffx::bindings::{Coordinates, CreateFlags, Dimensions, Rect, SurfaceFormat};
@@ -14,7 +14,7 @@ pub(super) fn choice(provider: u32) -> Choice {
     }
 }
 
-/// How the generator is made; CAIRN_SWAPCHAIN_UNTRIED is no part of that.
+/// Creation flags of the generator, without CAIRN_SWAPCHAIN_UNTRIED.
 pub(super) fn flags(told: u32) -> CreateFlags {
     [
         (CAIRN_SWAPCHAIN_ASYNC, CreateFlags::ASYNC_WORKLOAD),
@@ -31,7 +31,7 @@ pub(super) fn flags(told: u32) -> CreateFlags {
     .collect()
 }
 
-/// The format of frames without interface; none for 0.
+/// Format of frames without interface; `None` for 0.
 pub(super) fn hudless(dxgi: u32) -> Outcome<Option<SurfaceFormat>> {
     match SurfaceFormat::from_dxgi(dxgi) {
         _ if dxgi == 0 => Ok(None),
@@ -43,7 +43,7 @@ pub(super) fn hudless(dxgi: u32) -> Outcome<Option<SurfaceFormat>> {
     }
 }
 
-/// What is told of a frame beside its textures.
+/// Parameters of a frame, without its textures.
 pub(super) fn shot(frame: &cairn_swapchain_frame) -> FrameParams {
     let or = |given: f32, default: f32| if given == 0.0 { default } else { given };
     let side = |length: u32| i32::try_from(length).unwrap_or(i32::MAX);
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn flags_providers_and_formats_have_their_words() {
-        // The first seven are the library's own, bit by bit; the eighth is ours.
+        // The first seven bits are AMD's flags unchanged; the eighth is Cairn's.
         for bit in 0..7 {
             assert_eq!(flags(1 << bit).bits(), 1 << bit);
         }
@@ -140,7 +140,7 @@ mod tests {
         for (number, name) in all.into_iter().zip(names) {
             assert_eq!(choice(number), name.parse().unwrap());
         }
-        // DXGI_FORMAT_R16G16B16A16_FLOAT, and one that AMD's library has no word for.
+        // DXGI_FORMAT_R16G16B16A16_FLOAT, and one that AMD's library does not support.
         assert_eq!(hudless(10).unwrap(), Some(SurfaceFormat::R16G16B16A16_FLOAT));
         assert!(hudless(35).unwrap_err().to_string().contains("35"));
     }

@@ -1,4 +1,4 @@
-//! What stands behind the doors of AMD's swap chain where there is none.
+//! AMD's swap chain on systems without it.
 
 use std::ffi::c_void;
 
@@ -15,17 +15,17 @@ pub(super) fn is_presenting_thread() -> bool {
     false
 }
 
-/// There is none, so that what follows is never called.
+/// Never made, so its methods are never called.
 pub(in crate::abi) enum Showing {}
 
 /// # Safety
-/// Nothing is asked for.
+/// None.
 pub(super) unsafe fn wrap(_: &Device, _: &cairn_swapchain_options, _: &mut *mut IDXGISwapChain) -> Outcome<Showing> {
     Err(Failure::no_d3d12())
 }
 
 /// # Safety
-/// Nothing is asked for.
+/// None.
 pub(super) unsafe fn create(
     _: &Device,
     _: &cairn_swapchain_options,
@@ -36,7 +36,7 @@ pub(super) unsafe fn create(
 }
 
 /// # Safety
-/// Nothing is asked for.
+/// None.
 pub(super) unsafe fn create_for_window(
     _: &Device,
     _: &cairn_swapchain_options,
@@ -58,7 +58,7 @@ impl Showing {
     }
 
     /// # Safety
-    /// Nothing is asked for.
+    /// None.
     pub(super) unsafe fn prepare(
         &mut self,
         _: *mut ID3D12GraphicsCommandList,
@@ -68,7 +68,7 @@ impl Showing {
     }
 
     /// # Safety
-    /// Nothing is asked for.
+    /// None.
     pub(super) unsafe fn set_interface(&mut self, _: *mut ID3D12Resource, _: u32, _: u32) -> Outcome<()> {
         match *self {}
     }

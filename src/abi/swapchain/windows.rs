@@ -1,4 +1,4 @@
-//! What stands behind the doors of AMD's swap chain where it is there.
+//! AMD's swap chain on Windows.
 
 use std::ffi::c_void;
 use std::mem::ManuallyDrop;
@@ -19,17 +19,17 @@ use crate::ffx::{
 use crate::gpu::compute::ResourceWithState;
 use crate::runtime::Device;
 
-/// A swap chain, and what it was made of.
+/// A swap chain with the objects it was made from.
 pub(in crate::abi) struct Showing {
     swapchain: Swapchain,
     /// AMD's modules, which stay loaded as long as it lives.
     _library: Library,
 }
 
-/// Takes over an engine's swap chain.
+/// Wraps an engine's swap chain.
 ///
 /// # Safety
-/// What `own` points to is null or a swap chain with a reference of the caller's, which becomes null where it is gone.
+/// `own` points to null or to a swap chain with a reference of the caller's; it becomes null when that reference is gone.
 pub(super) unsafe fn wrap(
     device: &Device,
     options: &cairn_swapchain_options,
@@ -52,10 +52,10 @@ pub(super) unsafe fn wrap(
     made
 }
 
-/// Makes one as the factory does.
+/// Makes a swap chain through the factory.
 ///
 /// # Safety
-/// `factory` is an object of COM, and `description` can be read.
+/// `factory` is a COM object, and `description` can be read.
 pub(super) unsafe fn create(
     device: &Device,
     options: &cairn_swapchain_options,
@@ -69,10 +69,10 @@ pub(super) unsafe fn create(
     make(device, options, SwapchainSource::New(&factory, description))
 }
 
-/// Makes one for a window.
+/// Makes a swap chain for a window.
 ///
 /// # Safety
-/// `factory` is an object of COM; the structs can be read, or `fullscreen` is null.
+/// `factory` is a COM object; the structs can be read, or `fullscreen` is null.
 pub(super) unsafe fn create_for_window(
     device: &Device,
     options: &cairn_swapchain_options,
@@ -122,11 +122,11 @@ fn of_host(options: &cairn_swapchain_options) -> Outcome<SwapchainOptions> {
     })
 }
 
-/// A texture of a host's and the state it rests in; none for a null pointer.
+/// A host's texture with its resource state; `None` for a null pointer.
 type Rested = Option<(direct3d::ID3D12Resource, direct3d::D3D12_RESOURCE_STATES)>;
 
 /// # Safety
-/// What is not null is an object of COM and lives during the call.
+/// A pointer that is not null is a COM object that lives during the call.
 unsafe fn rested(texture: *mut ID3D12Resource, state: u32, name: &str) -> Outcome<Rested> {
     if texture.is_null() {
         return Ok(None);
@@ -141,7 +141,7 @@ fn resting(rested: &Rested) -> Option<ResourceWithState<'_>> {
 }
 
 impl Showing {
-    /// With a reference for whoever gets it.
+    /// Adds a reference for the receiver.
     pub(super) fn dxgi(&self) -> *mut IDXGISwapChain4 {
         self.swapchain.dxgi().clone().into_raw().cast()
     }
@@ -151,7 +151,7 @@ impl Showing {
     }
 
     /// # Safety
-    /// What `list` and `frame` point to are null or objects of COM, and live as the header asks for.
+    /// Pointers in `list` and `frame` are null or COM objects, and live as long as the header demands.
     pub(super) unsafe fn prepare(
         &mut self,
         list: *mut ID3D12GraphicsCommandList,
@@ -179,7 +179,7 @@ impl Showing {
     }
 
     /// # Safety
-    /// What is not null is an object of COM and lives during the call.
+    /// A pointer that is not null is a COM object that lives during the call.
     pub(super) unsafe fn set_interface(&mut self, picture: *mut ID3D12Resource, state: u32, flags: u32) -> Outcome<()> {
         // SAFETY: the caller's promise.
         let picture = unsafe { rested(picture, state, "picture") }?;

@@ -46,7 +46,7 @@ mod plugin {
     pub(crate) fn load(file: &std::path::Path) {
         use std::os::windows::ffi::OsStrExt;
         let path: Vec<u16> = file.as_os_str().encode_wide().chain([0]).collect();
-        // SAFETY: a path that ends with a zero, of the plugin.
+        // SAFETY: a NUL-terminated path of the plugin.
         let module = unsafe { LoadLibraryW(PCWSTR(path.as_ptr())) }.expect("the plugin loads");
         MODULE.set(module.0.expose_provenance()).expect("one plugin");
     }
@@ -64,11 +64,11 @@ mod plugin {
     /// Address of a function of the DLL. `like` is the same function of this program and gives its type.
     pub(crate) fn function<F: Copy>(name: &str, _like: F) -> F {
         let name = CString::new(name).expect("no NUL");
-        // SAFETY: a loaded module and a name that ends with a zero.
+        // SAFETY: a loaded module and a NUL-terminated name.
         let found = unsafe { GetProcAddress(module(), PCSTR(name.as_ptr().cast())) };
         let found = found.unwrap_or_else(|| panic!("the plugin does not export {}", name.to_string_lossy()));
         assert_eq!(size_of::<F>(), size_of_val(&found));
-        // SAFETY: both are pointers to functions; the one of that name is declared so.
+        // SAFETY: both are function pointers, and the function of that name has this type.
         unsafe { std::mem::transmute_copy(&found) }
     }
 
@@ -155,7 +155,7 @@ mod show {
         ($name:ident as $type:ty, $($argument:expr),*) => {{
             let like: $type = $name;
             let function = super::plugin::function(stringify!($name), like);
-            // SAFETY: live handles and objects, structs of their size, and places for what is asked for.
+            // SAFETY: live handles and objects, structs with their size, and writable outputs.
             let result = unsafe { function($($argument),*) };
             assert_eq!(result, CAIRN_OK, "{}: {}", stringify!($name), message());
         }};
@@ -166,7 +166,7 @@ mod show {
         let mut length = 0;
         let like: unsafe extern "C" fn(_, _, _) -> _ = cairn_last_error;
         let last = super::plugin::function("cairn_last_error", like);
-        // SAFETY: as much room as is said, and a place for the length.
+        // SAFETY: the buffer has the stated capacity, and `length` can be written.
         unsafe { last(text.as_mut_ptr().cast::<std::ffi::c_char>(), text.len(), &raw mut length) };
         String::from_utf8_lossy(&text[..length.min(text.len())]).into_owned()
     }
@@ -265,7 +265,7 @@ mod show {
         let mut statistics: cairn_presenter_statistics =
             prepared(|s: &mut cairn_presenter_statistics| &mut s.struct_size);
         call!(cairn_presenter_get_statistics as unsafe extern "C" fn(_, _) -> _, presenter, &raw mut statistics);
-        // SAFETY: text that ends with a zero.
+        // SAFETY: NUL-terminated text.
         let generator = unsafe { std::ffi::CStr::from_ptr(statistics.generator.as_ptr()) };
         println!("generator {}", generator.to_string_lossy());
         let pixels = textures::read(&unity.device(), &unity.queue(), &target, unity.state_of(&target));

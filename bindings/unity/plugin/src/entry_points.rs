@@ -78,7 +78,7 @@ pub unsafe extern "C" fn cairn_unity_create_device(device: *mut *mut cairn_devic
     guarded(CAIRN_ERROR_INTERNAL, || {
         let Some(drawing) = plugin::drawing() else { return CAIRN_ERROR_UNSUPPORTED };
         let (d3d12, queue) = drawing.parts();
-        // SAFETY: objects of Unity's, to which `drawing` holds references; the place is checked.
+        // SAFETY: Unity's objects, to which `drawing` holds references; the output pointer was checked.
         unsafe { cairn_device_create_d3d12(d3d12.cast(), queue.cast(), std::ptr::null_mut(), std::ptr::null(), device) }
     })
 }
@@ -125,7 +125,7 @@ pub unsafe extern "C" fn cairn_unity_prepare(
             store: cache.as_ref().map(|_| pipeline_cache::store as _),
             user: cache.as_mut().map_or(std::ptr::null_mut(), |cache| std::ptr::from_mut(cache).cast()),
         };
-        // SAFETY: handles are looked up; the preparation and the cache live during the call, which alone uses it.
+        // SAFETY: handles are looked up; the options and the cache live during the call, which has exclusive use of the cache.
         unsafe { cairn_presenter_prepare_d3d12(presenter, device, &wanted) }
     })
 }

@@ -258,7 +258,7 @@ impl Direct3d12 {
 /// # Safety
 /// As for [`Direct3d12::find`].
 unsafe fn version<T: Version + Copy + Into<Direct3d12>>(registry: &Interfaces) -> Option<Direct3d12> {
-    // SAFETY: the caller's promise; a version's table has its number.
+    // SAFETY: the caller's promise; a version's table has its GUID.
     unsafe { table::<T>(registry, T::GUID) }.map(T::into)
 }
 
@@ -270,6 +270,6 @@ pub(crate) unsafe fn table<T: Copy>(registry: &Interfaces, guid: Guid) -> Option
     let get = registry.get_split?;
     // SAFETY: a function of the registry, which takes two numbers.
     let found = unsafe { get(guid.high, guid.low) }.cast::<T>();
-    // SAFETY: what is not null is a table of that kind, by the caller's promise.
+    // SAFETY: null or a table of that type, by the caller's promise.
     (!found.is_null() && found.is_aligned()).then(|| unsafe { found.read() })
 }

@@ -54,7 +54,7 @@ pub(crate) unsafe extern "C" fn load(bytes: *mut c_void, capacity: u64, user: *m
         }
         let size = cache.loaded.len();
         if !bytes.is_null() && size as u64 <= capacity {
-            // SAFETY: there is room, by the caller's promise, and both lie apart.
+            // SAFETY: the buffer is large enough, by the caller's promise, and the two do not overlap.
             unsafe { std::ptr::copy_nonoverlapping(cache.loaded.as_ptr(), bytes.cast(), size) };
         }
         size as u64

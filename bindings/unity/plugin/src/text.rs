@@ -33,7 +33,7 @@ mod tests {
         for (capacity, expected) in [(0, "xxxx"), (1, ""), (2, "a"), (3, "a"), (4, "aä")] {
             let mut room = [b'x'; 5];
             let mut length = 0;
-            // SAFETY: there is as much room as is said.
+            // SAFETY: the buffer has the stated capacity.
             unsafe { copy("aä", room.as_mut_ptr().cast(), capacity, &mut length) };
             let end = if capacity == 0 { 4 } else { room.iter().position(|byte| *byte == 0).expect("an end") };
             assert_eq!((std::str::from_utf8(&room[..end]), length), (Ok(expected), 3), "{capacity}");

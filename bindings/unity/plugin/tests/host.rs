@@ -57,7 +57,7 @@ const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE;
 fn presenter(colour_space: u32) -> *mut cairn_presenter {
     let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
     (options.multiplier, options.interval_ns, options.colour_space) = (4, INTERVAL, colour_space);
-    // SAFETY: options of their size and a place for the handle.
+    // SAFETY: options with their struct size, and a writable handle.
     let presenter = made(|to| unsafe { cairn_presenter_create(&options, to) });
     for number in 0..2 {
         let colour = |i: u32| {
@@ -106,7 +106,7 @@ fn drawn_in(presenter: *mut cairn_presenter, now: u64, colour_space: u32) -> Vec
 /// State of the plugin and its text.
 fn state() -> (cairn_result, String) {
     let (mut text, mut length) = ([0_u8; 512], 0);
-    // SAFETY: as much room as is said, and a place for the length.
+    // SAFETY: the buffer has the stated capacity, and `length` can be written.
     let result = unsafe { cairn_unity_state(text.as_mut_ptr().cast(), text.len(), &mut length) };
     (result, String::from_utf8_lossy(&text[..length]).into_owned())
 }
@@ -130,12 +130,12 @@ impl Scene {
     /// Prepared with a file that keeps compiled pipelines.
     fn with_pipelines(colour_space: u32, file: *const c_char) -> Self {
         amd::prepare();
-        // SAFETY: a place for the handle.
+        // SAFETY: the handle's variable can be written.
         let device = made(|to| unsafe { cairn_unity_create_device(to) });
         let presenter = presenter(colour_space);
         // SAFETY: live handles, and a text that lives during the call.
         assert_eq!(unsafe { cairn_unity_prepare(device, presenter, SIZE.0, SIZE.1, file) }, CAIRN_OK);
-        // SAFETY: live handles and a place for the view.
+        // SAFETY: live handles and a writable view.
         let view = made(|to| unsafe { cairn_unity_view_create(device, presenter, to) });
         Self { device, presenter, view }
     }
@@ -152,7 +152,7 @@ impl Scene {
         let mut frame: cairn_frame = prepared(|frame: &mut cairn_frame| &mut frame.struct_size);
         let (mut shown, mut text, mut length) = (0, [0_u8; 1024], 0);
         let room = text.as_mut_ptr().cast();
-        // SAFETY: places for everything that is asked for.
+        // SAFETY: all outputs can be written.
         let result = unsafe { cairn_unity_view_get(self.view, &mut shown, &mut frame, room, text.len(), &mut length) };
         (result, shown, frame, String::from_utf8_lossy(&text[..length]).into_owned())
     }
@@ -578,7 +578,7 @@ fn what_the_queue_uses_is_kept_and_then_let_go_of() {
         drop(gate);
         unity.wait_ignoring_loss();
         // Ending another view finds that they have executed.
-        // SAFETY: live handles, and a place for the view.
+        // SAFETY: live handles and a writable view.
         unsafe {
             let other = made(|to| cairn_unity_view_create(scene.device, scene.presenter, to));
             assert_eq!(cairn_unity_view_destroy(other), CAIRN_OK);

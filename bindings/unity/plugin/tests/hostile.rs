@@ -66,7 +66,7 @@ fn registry(get: unsafe extern "system" fn(u64, u64) -> *const c_void) -> Interf
 /// State of the plugin and its text.
 fn state() -> (i32, String) {
     let (mut text, mut length) = ([0_u8; 512], 0);
-    // SAFETY: as much room as is said, and a place for the length.
+    // SAFETY: the buffer has the stated capacity, and `length` can be written.
     let result = unsafe { cairn_unity_state(text.as_mut_ptr().cast(), text.len(), &mut length) };
     (result, String::from_utf8_lossy(&text[..length]).into_owned())
 }
@@ -111,7 +111,7 @@ fn what_unity_lacks_is_said_with_what_to_do() {
             assert!(why.contains(part), "{part}: {why}");
         }
         let mut device = null_mut();
-        // SAFETY: a place for the handle.
+        // SAFETY: the handle's variable can be written.
         assert_eq!(unsafe { cairn_unity_create_device(&mut device) }, CAIRN_ERROR_UNSUPPORTED);
         assert!(device.is_null());
     }
@@ -163,7 +163,7 @@ fn events_and_doors_take_anything() {
     }
     let (device, presenter) = (without_provenance_mut(8), without_provenance_mut(8));
     let mut view = null_mut();
-    // SAFETY: places or null, and handles that are looked up.
+    // SAFETY: pointers are null or writable, and handles are looked up.
     unsafe {
         assert_eq!(cairn_unity_prepare(null(), presenter, 1, 1, null()), CAIRN_ERROR_INVALID_HANDLE);
         assert_eq!(cairn_unity_prepare(device, null(), 1, 1, null()), CAIRN_ERROR_INVALID_HANDLE);

@@ -296,7 +296,7 @@ mod tests {
     use crate::media::encode_png;
     use crate::output::FRAMES;
 
-    /// Frames of a slope whose brightness and place follow `shown`.
+    /// Frames of a gradient whose brightness and position are given by `shown`.
     fn stream(folder: &Path, name: &str, step: u64, shown: impl Fn(u64) -> u32, count: u64) -> Stream {
         let folder = folder.join(name);
         std::fs::create_dir_all(folder.join(FRAMES)).unwrap();
@@ -342,7 +342,7 @@ mod tests {
         assert!(decoded.column(Column::DecoderPsnr).all(|v| v.is_none()));
     }
 
-    /// Frames of a scene's walk as `shown` makes them of its true ones, for all to be measured beside them.
+    /// Frames that `shown` makes from the true frames of a scene's walk.
     fn walked(folder: &Path, name: &str, shown: impl Fn(&[Picture], usize) -> Picture) -> Stream {
         let scene = scenes::Scene::new(scenes::Family::Sword, 3);
         let script =
@@ -391,7 +391,7 @@ mod tests {
         assert!(good.odd_lpips < blended.odd_lpips && blended.odd_lpips < held.odd_lpips, "{blended:?} {held:?}");
     }
 
-    /// Three frames of each stream are held, however long it is. In a process of its own, as the most that was ever used counts.
+    /// Three frames of each stream are held for any length. Runs in a process of its own, because the peak memory is measured.
     #[cfg(target_os = "linux")]
     #[test]
     fn memory_does_not_grow_with_the_length() {
@@ -401,7 +401,7 @@ mod tests {
             let count: u64 = count.parse().unwrap();
             let folder = tempfile::tempdir().unwrap();
             let truth = stream(folder.path(), "truth", 1, |n| n as u32 % 5, 1);
-            // All looks see the same file, as a disk full of them would prove no more.
+            // All samples read the same file, to save disk space.
             let big = Picture::new(480, 270).unwrap();
             for n in 0..count {
                 std::fs::write(frame(&truth.folder, n), encode_png(&big).unwrap()).unwrap();
@@ -425,7 +425,7 @@ mod tests {
             text.lines().find_map(|line| line.split_once("most ")?.1.parse().ok()).unwrap_or_else(|| panic!("{text}"))
         };
         let (few, many) = (most(4), most(44));
-        // A frame is 518 KB; kept, 40 more of two streams would be 41 MB.
+        // A frame has 518 KB; if they were kept, 40 more of two streams would take 41 MB.
         assert!(many < few + 12_000, "{few} kB for 4 frames, {many} kB for 44");
     }
 

@@ -66,7 +66,7 @@ pub(super) struct Move {
 }
 
 impl Move {
-    /// Whether the interval over places is entirely below zero; with one place, whether its value is.
+    /// Whether the interval over places is entirely below zero. Always false for a single place, which has no interval.
     pub(super) fn is_surely_worse(&self) -> bool {
         self.gain.interval.is_some_and(|[_, high]| high < 0.0)
     }

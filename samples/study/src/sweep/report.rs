@@ -413,7 +413,7 @@ mod tests {
         let lasting = |seconds: &str| Settings { seconds: seconds.into(), ..grid() };
         let text = words(&Vec::from_iter(whole_walks(&lasting("15"))));
         assert!(text.contains("226 latents") && text.contains("g384, g512 hold"), "{text}");
-        // A window that is never full has no counterpart to be equal to.
+        // Only one window is never full, so there is no other with the same frames.
         assert!(whole_walks(&lasting("30")).is_none());
     }
 

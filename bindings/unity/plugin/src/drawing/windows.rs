@@ -228,7 +228,7 @@ fn texture_like(wanted: &D3D12_RESOURCE_DESC, device: &ID3D12Device) -> Result<I
     };
     let heap = D3D12_HEAP_PROPERTIES { Type: D3D12_HEAP_TYPE_DEFAULT, ..Default::default() };
     let mut made: Option<ID3D12Resource> = None;
-    // SAFETY: a live device; descriptions and place live during the call.
+    // SAFETY: a live device; the descriptions and the output live during the call.
     let result = unsafe {
         let rest = D3D12_RESOURCE_STATE_COMMON;
         device.CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &desc, rest, None, &mut made)
@@ -254,7 +254,7 @@ fn refused(wanted: &D3D12_RESOURCE_DESC) -> Option<String> {
 impl Drawing {
     pub(crate) fn new(api: Direct3d12) -> Result<Self, String> {
         let missing = |what: &str| format!("Unity's IUnityGraphicsD3D12v{} gives no {what}", api.version);
-        // SAFETY: functions of Unity's, called while the device is initialised. What they give stays Unity's: a reference is added.
+        // SAFETY: Unity's functions, called while the device is initialised. Unity keeps its references; one is added.
         let [device, queue, fence] = [api.get_device, api.get_command_queue, api.get_frame_fence]
             .map(|get| get.and_then(|get| unsafe { Target::object(get()) }));
         Ok(Self {
@@ -292,13 +292,13 @@ impl Drawing {
         let presenter = std::ptr::without_provenance_mut::<cairn_presenter>(view.presenter);
         let device = std::ptr::without_provenance(view.device);
         let raw = texture.as_raw().cast();
-        // SAFETY: handles are looked up; a live texture in its state; places for what is made.
+        // SAFETY: handles are looked up; a live texture in the stated state; writable outputs.
         let result = unsafe {
             cairn_presenter_submit_d3d12(presenter, device, now, raw, rest, rest, &mut frame, &mut fence, &mut value)
         };
         match result {
             CAIRN_OK => {
-                // SAFETY: the reference that the call gave, used once.
+                // SAFETY: the reference returned by the call, used once.
                 let fence = unsafe { ID3D12Fence::from_raw(fence.cast()) };
                 ring.holds(place, FencePoint(fence, value));
                 Ended::Made(frame)
@@ -344,11 +344,11 @@ impl Drawing {
         const NO_LIST: &str =
             "Unity records no list where the frame is to be shown: issue the events outside of another one";
         let mut state = RecordingState { list: std::ptr::null_mut() };
-        // SAFETY: a function of Unity's, called on the thread it says; the place lives during the call.
+        // SAFETY: a function of Unity's, called on the thread it requires; the struct lives during the call.
         if unsafe { recording(&mut state) } == 0 {
             return Err(NO_LIST.to_owned());
         }
-        // SAFETY: what is not null is Unity's list, which is alive and open during the event.
+        // SAFETY: null or Unity's list, which is alive and open during the event.
         let list = unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&state.list) }.ok_or(NO_LIST)?;
         let to = D3D12_RESOURCE_STATE_COPY_DEST.0;
         // SAFETY: a live texture of Unity's.
@@ -371,9 +371,9 @@ impl Drawing {
         };
         let List { allocator, list, until } = &mut lists[place];
         let failed = |call: &str, e: &dyn std::fmt::Display| format!("{call}: {e}");
-        // SAFETY: the list that used it has run.
+        // SAFETY: the list that used it has executed.
         unsafe { allocator.Reset() }.map_err(|e| failed("ID3D12CommandAllocator::Reset", &e))?;
-        // SAFETY: a closed list that has run.
+        // SAFETY: a closed list that has executed.
         unsafe { list.Reset(&*allocator, None) }.map_err(|e| failed("ID3D12GraphicsCommandList::Reset", &e))?;
         copy(list, from, target);
         // SAFETY: an open list.
@@ -381,7 +381,7 @@ impl Drawing {
         let state = D3D12_RESOURCE_STATE_COPY_DEST.0;
         let mut states = ResourceState { resource: target.as_raw(), expected: state, current: state };
         let Some(execute) = self.api.execute_command_list else { return Err("no ExecuteCommandList".to_owned()) };
-        // SAFETY: a function of Unity's; a closed direct list, and as many states as is said, which live during the call.
+        // SAFETY: a function of Unity's; a closed direct list, and the stated number of states, which live during the call.
         until.1 = unsafe { execute(list.as_raw(), 1, &mut states) };
         Ok(until.1)
     }
@@ -389,7 +389,7 @@ impl Drawing {
     /// Value that the frame fence gets at the end of the current frame.
     fn next_value(&self) -> Result<u64, String> {
         let get = self.api.get_next_frame_fence_value.ok_or("no GetNextFrameFenceValue")?;
-        // SAFETY: a function of Unity's, called on the thread it says.
+        // SAFETY: a function of Unity's, called on the thread it requires.
         Ok(unsafe { get() })
     }
 
@@ -426,7 +426,7 @@ impl List {
         // SAFETY: a live device and allocator.
         let list: ID3D12GraphicsCommandList = unsafe { device.CreateCommandList(0, kind, &allocator, None) }
             .map_err(|e| format!("ID3D12Device::CreateCommandList: {e}"))?;
-        // SAFETY: an open list, in which nothing is.
+        // SAFETY: an open, empty list.
         unsafe { list.Close() }.map_err(|e| format!("ID3D12GraphicsCommandList::Close: {e}"))?;
         Ok(Self { allocator, list, until: FencePoint(fence.clone(), 0) })
     }
@@ -435,7 +435,7 @@ impl List {
 /// Records a copy from a texture in COMMON to a texture in COPY_DEST.
 fn copy(list: &ID3D12GraphicsCommandList, from: &ID3D12Resource, to: &ID3D12Resource) {
     let (rest, read) = (D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_STATE_COPY_SOURCE);
-    // SAFETY: an open list, and live textures of one size and format in the states that are named.
+    // SAFETY: an open list, and live textures of equal size and format in the stated states.
     unsafe {
         list.ResourceBarrier(&[transition(from, rest, read)]);
         list.CopyResource(to, from);
@@ -447,7 +447,7 @@ fn copy(list: &ID3D12GraphicsCommandList, from: &ID3D12Resource, to: &ID3D12Reso
 fn last_error() -> String {
     let mut text = [0_u8; 1024];
     let mut length = 0;
-    // SAFETY: a place of as many bytes, and one for the length.
+    // SAFETY: a buffer of the stated capacity, and a writable length.
     _ = unsafe { cairn_last_error(text.as_mut_ptr().cast(), text.len(), &mut length) };
     String::from_utf8_lossy(&text[..length.min(text.len() - 1)]).into_owned()
 }
@@ -457,10 +457,10 @@ pub(crate) fn own_path() -> Option<String> {
     let mut module = HMODULE::default();
     let flags = GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS | GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT;
     let own: fn() -> Option<String> = own_path;
-    // SAFETY: an address of this library, and a place for its module.
+    // SAFETY: an address in this library, and a writable module handle.
     unsafe { GetModuleHandleExW(flags, PCWSTR(own as *const u16), &mut module) }.ok()?;
     let mut path = vec![0_u16; 32768];
-    // SAFETY: a module that stays loaded, and a place for its name.
+    // SAFETY: a module that stays loaded, and a buffer for its name.
     let length = unsafe { GetModuleFileNameW(Some(module), &mut path) } as usize;
     (length > 0 && length < path.len()).then(|| String::from_utf16_lossy(&path[..length]))
 }

@@ -87,7 +87,7 @@ fn record(list: *mut c_void, command: Command) {
 
 unsafe extern "system" fn our_barrier(this: *mut c_void, count: u32, barriers: *const D3D12_RESOURCE_BARRIER) {
     for place in 0..count as usize {
-        // SAFETY: as many as is said.
+        // SAFETY: the array has the stated number of elements.
         let barrier = unsafe { &*barriers.add(place) };
         if barrier.Type == D3D12_RESOURCE_BARRIER_TYPE_TRANSITION {
             // SAFETY: the kind says which it is.
@@ -270,15 +270,15 @@ unsafe extern "system" fn query(this: *mut c_void, id: *const GUID, to: *mut *mu
 }
 
 unsafe extern "system" fn add(this: *mut c_void) -> u32 {
-    // SAFETY: a live witness.
+    // SAFETY: a live destruction observer.
     unsafe { &*this.cast::<Witness>() }.count.fetch_add(1, Ordering::SeqCst) + 1
 }
 
 unsafe extern "system" fn release(this: *mut c_void) -> u32 {
-    // SAFETY: a live witness.
+    // SAFETY: a live destruction observer.
     let left = unsafe { &*this.cast::<Witness>() }.count.fetch_sub(1, Ordering::SeqCst) - 1;
     if left == 0 {
-        // SAFETY: made by a box, and nobody holds it any more.
+        // SAFETY: made by a `Box`, and this was the last reference.
         let witness = unsafe { Box::from_raw(this.cast::<Witness>()) };
         with(|seen| {
             if let Some(until) = seen.used.remove(&witness.of) {

@@ -19,7 +19,7 @@ const IS_WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COPY_DEST;
 
 /// Unity's functions, from the version that has all of them.
 fn functions() -> Direct3d12V8 {
-    // SAFETY: the table of that number.
+    // SAFETY: `T` is the type of the table with that GUID.
     unsafe { table::<Direct3d12V8>(Direct3d12V8::GUID) }
 }
 
@@ -72,7 +72,7 @@ fn recorded(unity: &Running, to: &ID3D12Resource, from: &ID3D12Resource) -> (Rec
 /// Hands a list to Unity, with the state of a texture before and after it.
 fn execute(list: &ID3D12GraphicsCommandList, states: &mut [ResourceState]) -> u64 {
     let execute = functions().execute_command_list.expect("it");
-    // SAFETY: a live list, and as many states as is said.
+    // SAFETY: a live list, and the stated number of states.
     unsafe { execute(list.as_raw(), states.len() as i32, states.as_mut_ptr()) }
 }
 
@@ -121,7 +121,7 @@ fn functions_are_refused_where_they_must_not_be_called() {
     object(all.get_command_queue, Place::Submitting, "");
     let mut place = RecordingState { list: null_mut() };
     let at = (&raw mut place).addr();
-    // SAFETY: a place for the list, which lives during the call.
+    // SAFETY: a struct for the list, which lives during the call.
     let recording = move || unsafe { all.command_recording_state.expect("it")(at as *mut RecordingState) };
     unity.act(Place::Submitting, move || assert_eq!(recording(), 0));
     refused(&unity, "CommandRecordingState");
@@ -204,12 +204,12 @@ fn lists_that_are_not_as_they_should_be_are_refused() {
     // The correct sequence.
     let (right, allocator) = recorded(&unity, &target, &from);
     hand_over(&unity, &right, &[state(&target, IS_WRITTEN, IS_WRITTEN)], true);
-    // SAFETY: a live allocator. Its list has not run, so nothing is done.
+    // SAFETY: a live allocator. Its list has not executed, so the call is refused.
     unsafe { allocator.Reset() }.expect_err("it is refused");
     refused(&unity, "an allocator is reset");
     unity.end_frame();
     unity.wait_ignoring_loss();
-    // SAFETY: it has run.
+    // SAFETY: its list has executed.
     unsafe { allocator.Reset() }.expect("an allocator");
     assert_eq!(unity.wrong(), [""; 0]);
     // The texture is not passed with the list.

@@ -166,7 +166,7 @@ fn submit(delay: u64) {
         match with(|unity| is_due(unity).then(|| unity.pending.pop_front()).flatten()) {
             Some(Job::List(list, frame)) => with(|unity| {
                 lists::given(&list, frame);
-                // SAFETY: a closed list, which is kept until it has run.
+                // SAFETY: a closed list, which is kept until it has executed.
                 unsafe { unity.engine.direct.ExecuteCommandLists(&[Some(list)]) };
             }),
             Some(Job::Event(number, data)) => on_thread(Place::Submitting, || run(number, data)),
@@ -228,7 +228,7 @@ unsafe extern "system" fn execute_command_list(list: *mut c_void, count: c_int, 
         unity.called("ExecuteCommandList", &[Place::Recording, Place::Unconfigured]);
         let mut after = Vec::new();
         for place in 0..count {
-            // SAFETY: as many as is said.
+            // SAFETY: the array has the stated number of elements.
             let told = unsafe { &*states.add(place as usize) };
             let Some(texture) = unity.own(told.resource, "ExecuteCommandList") else { continue };
             unity.bring(&texture, D3D12_RESOURCE_STATES(told.expected));
@@ -256,7 +256,7 @@ unsafe extern "system" fn configure_event(event: c_int, config: *const [u32; 3])
         if !(FIRST..FIRST + RESERVED).contains(&event) {
             unity.wrong.push("ConfigureEvent is called with an event that is not the plugin's".to_owned());
         }
-        // SAFETY: a struct of three words, the last a byte and what fills it up.
+        // SAFETY: a struct of three words; the last is a byte with padding.
         let [access, flags, binds] = unsafe { config.read() };
         unity.configured.insert(event, [access, flags, binds & 0xff]);
     });
@@ -268,7 +268,7 @@ unsafe extern "system" fn command_recording_state(state: *mut *mut c_void) -> u8
         if PLACE.get() != Place::Recording {
             return 0;
         }
-        // SAFETY: a place for a list.
+        // SAFETY: a struct for a list.
         unsafe { state.write(unity.list().list().as_raw()) };
         1
     })
@@ -399,7 +399,7 @@ unsafe extern "system" fn get_interface(high: u64, low: u64) -> *const c_void {
 /// # Safety
 /// `T` is the type of the table with that GUID.
 pub(crate) unsafe fn table<T: Copy>(guid: Guid) -> T {
-    // SAFETY: numbers are looked up.
+    // SAFETY: GUIDs are looked up.
     let found = unsafe { get_interface(guid.high, guid.low) };
     assert!(!found.is_null(), "a version that this Unity has");
     // SAFETY: the caller's promise.

@@ -106,7 +106,7 @@ fn product([m, k, n]: [usize; 3], a: &[f32], step: usize, b: &[f32], adds: bool,
     assert!((m - 1) * step + k <= a.len() && k * n <= b.len() && m * n <= out.len());
     let (step, n_step) = (step as isize, n as isize);
     let beta = if adds { 1.0 } else { 0.0 };
-    // SAFETY: every place that m, k, n and the steps reach lies inside its slice, as asserted; `out` is borrowed alone.
+    // SAFETY: every index reached by m, k, n and the steps lies inside its slice, as asserted; `out` is borrowed exclusively.
     unsafe {
         matrixmultiply::sgemm(
             m,
