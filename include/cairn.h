@@ -399,13 +399,13 @@ typedef struct cairn_device_options {
     const char *ffx;
 } cairn_device_options;
 
-/** What a device is. */
+/** Properties of a device. */
 typedef struct cairn_device_info {
     /** sizeof(cairn_device_info) */
     uint32_t struct_size;
     /** CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12 */
     uint32_t kind;
-    /** What it computes in unless told otherwise: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16 */
+    /** Default precision: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16 */
     uint32_t precision;
     /** Threads that share one pass. */
     uint32_t threads;
@@ -436,7 +436,7 @@ typedef struct cairn_device_info {
 CAIRN_API cairn_result cairn_device_create_cpu(const cairn_device_options *options, cairn_device **device);
 
 /**
- * Says what a device is.
+ * Gives the properties of a device.
  *
  * Ownership: info stays the caller's and is filled on success; on failure it is not written.
  * Threads: any thread, at any time.
@@ -531,7 +531,7 @@ typedef struct cairn_requirement {
 CAIRN_API cairn_result cairn_adapters(cairn_adapter *adapters, size_t stride, uint32_t capacity, uint32_t *count);
 
 /**
- * Says what a device of that kind needs and what was found, so that a player can be shown why something is off.
+ * Gives what a device of that kind needs and what was found, so that a player can be shown why a feature is unavailable.
  *
  * kind: CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12.
  * options: what the device would be made with; may be null.
@@ -565,15 +565,15 @@ CAIRN_API cairn_result cairn_device_requirements(
 /** A loaded world. It may have any number of rollouts, which share its weights. */
 typedef struct cairn_world cairn_world;
 
-/** How far loading is. */
+/** Progress of loading. */
 typedef struct cairn_load_progress {
     /** sizeof(cairn_load_progress), as this library has it. */
     uint32_t struct_size;
     /** CAIRN_LOAD_READING, then CAIRN_LOAD_PREPARING */
     uint32_t stage;
-    /** What of the stage is done. */
+    /** Units of the stage that are done. */
     uint64_t done;
-    /** What there is to do. */
+    /** Units of the stage in total. */
     uint64_t total;
 } cairn_load_progress;
 
@@ -585,11 +585,11 @@ typedef struct cairn_load_progress {
  */
 typedef uint32_t (*cairn_load_callback)(const struct cairn_load_progress *progress, void *user);
 
-/** Which world to load, and how. */
+/** Options of loading a world. */
 typedef struct cairn_world_options {
     /** sizeof(cairn_world_options) */
     uint32_t struct_size;
-    /** CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16; 0 for what the device is best at. */
+    /** CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16; 0 for the device's default. */
     uint32_t precision;
     /**
      * The bundle: a directory or an archive, UTF-8. Null for the world embedded in this library, where there is one.
@@ -613,17 +613,17 @@ typedef struct cairn_world_options {
     uint32_t reserved;
 } cairn_world_options;
 
-/** What a world is. */
+/** Properties of a world. */
 typedef struct cairn_world_info {
     /** sizeof(cairn_world_info) */
     uint32_t struct_size;
-    /** What the graphs compute in: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16 */
+    /** Precision of the graphs: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16 */
     uint32_t precision;
     /** Size of the pictures that anchors have, in square pixels. */
     uint32_t render_width;
     /** See render_width. */
     uint32_t render_height;
-    /** Size of the pictures as the autoencoder makes them, which may be squeezed. */
+    /** Size of the pictures as the autoencoder decodes them, whose pixels may not be square. */
     uint32_t decoded_width;
     /** See decoded_width. */
     uint32_t decoded_height;
@@ -649,7 +649,7 @@ typedef struct cairn_world_info {
     uint32_t global_dilation;
     /** Latents per second of world time that the model was made for. */
     uint32_t latents_per_second;
-    /** Keys that it knows: virtual-key codes from 0 to this, less one. */
+    /** Number of keys it knows: virtual-key codes from 0 to this minus 1. */
     uint32_t keys;
     /** The world's name, for people; UTF-8. */
     char name[128];
@@ -677,7 +677,7 @@ typedef struct cairn_world_memory {
     uint64_t intermediates;
     /** Intermediate values, pictures and memories of encoder and decoder. */
     uint64_t autoencoder;
-    /** What ONNX Runtime's allocator keeps beyond the values. */
+    /** Overhead of ONNX Runtime's allocator. */
     uint64_t arena;
     /** The sum. */
     uint64_t total;
@@ -703,7 +703,7 @@ CAIRN_API cairn_result cairn_world_load(
     const cairn_device *device, const cairn_world_options *options, cairn_world **world);
 
 /**
- * Says what a world is.
+ * Gives the properties of a world.
  *
  * Ownership: info stays the caller's and is filled on success; on failure it is not written.
  * Threads: any thread, at any time.
@@ -713,7 +713,7 @@ CAIRN_API cairn_result cairn_world_load(
 CAIRN_API cairn_result cairn_world_get_info(const cairn_world *world, cairn_world_info *info);
 
 /**
- * Says how much memory a world with one rollout needs, as it was found before loading.
+ * Gives the memory need of a world with one rollout, as computed before loading.
  *
  * Ownership: memory stays the caller's and is filled on success; on failure it is not written.
  * Threads: any thread, at any time.
@@ -815,15 +815,15 @@ typedef struct cairn_controls {
 /* ---- 8. Per frame: anchors --------------------------------------------------------------------------------------- */
 
 /**
- * A flag of cairn_anchor_info: nothing leads from the anchor before to this one, so that nothing may be generated between
- * them. It is the first of a rollout, after a reset or a restored state, or a picture that was appended.
+ * A flag of cairn_anchor_info: the anchor does not continue the previous one, so nothing may be generated between them. It is the first
+ * of a rollout, after a reset or a restored state, or a picture that was appended.
  */
 #define CAIRN_ANCHOR_CUT 1
 
 /** An anchor: a copy that stays as it is, whatever becomes of its rollout. */
 typedef struct cairn_anchor cairn_anchor;
 
-/** What an anchor is. */
+/** Properties of an anchor. */
 typedef struct cairn_anchor_info {
     /** sizeof(cairn_anchor_info) */
     uint32_t struct_size;
@@ -833,7 +833,7 @@ typedef struct cairn_anchor_info {
     uint64_t latent;
     /** Latents per second of world time; 0 for a host's own picture. */
     uint32_t latents_per_second;
-    /** Pictures it has, in order of time; the last is the anchor itself. */
+    /** Number of its pictures, in order of time; the last is the anchor itself. */
     uint32_t pictures;
     /** Size of its pictures, in square pixels. */
     uint32_t width;
@@ -850,10 +850,10 @@ typedef struct cairn_anchor_info {
 } cairn_anchor_info;
 
 /**
- * Makes an anchor of a picture of the host's own, for frame generation without a world.
+ * Makes an anchor from a picture of the host's own, for frame generation without a world.
  *
  * number: counts up by one from anchor to anchor.
- * flags: CAIRN_ANCHOR_CUT where nothing leads to it from the one before, or 0.
+ * flags: CAIRN_ANCHOR_CUT where it does not continue the previous anchor, or 0.
  *
  * Ownership: on success *anchor is the caller's, for cairn_anchor_destroy; on failure it is not written. The picture is copied.
  * Threads: any thread, at any time.
@@ -864,7 +864,7 @@ CAIRN_API cairn_result cairn_anchor_create(
     const cairn_picture *picture, uint64_t number, uint32_t flags, cairn_anchor **anchor);
 
 /**
- * Says what an anchor is.
+ * Gives the properties of an anchor.
  *
  * Ownership: info stays the caller's and is filled on success; on failure it is not written.
  * Threads: any thread, at any time.
@@ -924,15 +924,15 @@ typedef struct cairn_rollout cairn_rollout;
 typedef struct cairn_rollout_options {
     /** sizeof(cairn_rollout_options) */
     uint32_t struct_size;
-    /** Steps that may wait, run, or be done and not asked for, 1 to CAIRN_MAX_QUEUE; 0 for 4. */
+    /** Steps that may be waiting, running, or done with a result not yet fetched, 1 to CAIRN_MAX_QUEUE; 0 for 4. */
     uint32_t queue_capacity;
-    /** Decides all noise: the same seed, world, device and controls give the same pictures, bit for bit. */
+    /** Seed of all noise: the same seed, world, device and controls give the same pictures, bit for bit. */
     uint64_t seed;
     /** As in cairn_world_options, with the global window of the world; null for the world's. */
     const char *operating_point;
 } cairn_rollout_options;
 
-/** What a rollout is, and how far. */
+/** Properties and progress of a rollout. */
 typedef struct cairn_rollout_info {
     /** sizeof(cairn_rollout_info) */
     uint32_t struct_size;
@@ -940,39 +940,39 @@ typedef struct cairn_rollout_info {
     uint32_t pictures_per_latent;
     /** Latents made so far. */
     uint64_t latents;
-    /** What decides its noise. */
+    /** Seed of its noise. */
     uint64_t seed;
-    /** Latents per second of world time: what each step's controls are summed over. */
+    /** Latents per second of world time; each step's controls are summed over one latent. */
     uint32_t latents_per_second;
-    /** Pictures per second that the operating point means to show. */
+    /** Presentation rate of the operating point, in pictures per second. */
     uint32_t presented_rate;
-    /** How it runs, in full; UTF-8. */
+    /** The operating point, in full; UTF-8. */
     char operating_point[192];
 } cairn_rollout_info;
 
-/** What one step did. Times are nanoseconds of wall time. */
+/** Report of one step. Times are nanoseconds of wall time. */
 typedef struct cairn_step_info {
     /** sizeof(cairn_step_info) */
     uint32_t struct_size;
     /** CAIRN_STEP_COMMITTED, or 0 */
     uint32_t flags;
-    /** The number of the latent that was made, from 0. */
+    /** Number of the latent made, from 0. */
     uint64_t latent;
     /** Denoise passes. */
     uint32_t denoise_passes;
-    /** Passes that make keys and values for the ring. */
+    /** Cache passes, which compute keys and values for the ring. */
     uint32_t cache_passes;
-    /** A picture made a latent. */
+    /** Encoding a picture into a latent. */
     uint64_t encode_ns;
     /** All denoise passes. */
     uint64_t denoise_ns;
     /** All cache passes. */
     uint64_t cache_ns;
-    /** Results checked and copied into the ring. */
+    /** Checking results and copying them into the ring. */
     uint64_t commit_ns;
-    /** The latent made pictures. */
+    /** Decoding the latent. */
     uint64_t decode_ns;
-    /** Bytes that went into the ring. */
+    /** Bytes copied into the ring. */
     uint64_t ring_bytes;
 } cairn_step_info;
 
@@ -992,8 +992,7 @@ CAIRN_API cairn_result cairn_rollout_create(
     const cairn_world *world, const cairn_rollout_options *options, cairn_rollout **rollout);
 
 /**
- * Destroys the handle of a rollout; null is allowed. What is queued is not made any more, and the step in progress ends before
- * its next pass.
+ * Destroys the handle of a rollout; null is allowed. Queued steps are dropped, and the step in progress ends before its next pass.
  *
  * Ownership: on success rollout is no handle any more; on failure it is as it was. Anchors that were taken from it stay.
  * Threads: any thread; waits for calls in flight on the rollout, and for its worker.
@@ -1003,7 +1002,7 @@ CAIRN_API cairn_result cairn_rollout_create(
 CAIRN_API cairn_result cairn_rollout_destroy(cairn_rollout *rollout);
 
 /**
- * Says what a rollout is, and how far.
+ * Gives the properties and progress of a rollout.
  *
  * Ownership: info stays the caller's and is filled on success; on failure it is not written.
  * Threads: any thread, at any time.
@@ -1047,9 +1046,9 @@ CAIRN_API cairn_result cairn_rollout_append_pictures(
     cairn_rollout *rollout, const cairn_picture *pictures, uint32_t count, cairn_step_info *info);
 
 /**
- * Says whether the encoder goes on from one appended picture to the next, as the released engine's does, or starts anew with each, as it
- * does unless told so here. The stream starts with this call, and again with cairn_rollout_reset; it is part of a saved state, which is
- * restored only where this says the same.
+ * Sets whether the encoder keeps its state from one appended picture to the next, as in the released engine, or starts anew with each (the
+ * default). The stream starts with this call, and again with cairn_rollout_reset. It is part of a saved state, which can be restored only
+ * into a rollout with the same setting.
  *
  * keep: 1 to keep the stream, 0 to start anew.
  *
@@ -1079,7 +1078,7 @@ CAIRN_API cairn_result cairn_rollout_step(
     cairn_rollout *rollout, const cairn_controls *controls, cairn_step_info *info);
 
 /**
- * Back to the start with the same seed: no latents, empty memory.
+ * Resets to the start with the same seed: no latents, empty memory.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
@@ -1089,11 +1088,11 @@ CAIRN_API cairn_result cairn_rollout_step(
 CAIRN_API cairn_result cairn_rollout_reset(cairn_rollout *rollout);
 
 /**
- * Lets the device's memory of a rollout that makes no latents for a while be used by others: its rings, latents and pictures are evicted,
- * contents and all, after what is under way, which is waited for. The next call that needs them brings them back: the device's
- * queue waits for that, no thread does where Windows has ID3D12Device3. Where there is no place for them that call answers
- * CAIRN_ERROR_OUT_OF_MEMORY with all as it was, and may be made again. The world's weights go with the last of
- * its rollouts that does not rest; anchors stay. On a CPU device nothing happens. cairn_rollout_pause has a rollout with a queue rest too.
+ * Frees the device memory of a rollout that makes no latents for a while: waits for its work, then evicts its rings, latents and pictures
+ * with their contents. The next call that needs them makes them resident again; the device's queue waits for that, and no thread does where
+ * Windows has ID3D12Device3. If there is not enough memory, that call answers CAIRN_ERROR_OUT_OF_MEMORY with nothing changed, and may be
+ * repeated. The world's weights are evicted once all of its rollouts rest; anchors are not. On a CPU device nothing happens.
+ * cairn_rollout_pause also rests a rollout with a queue.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
@@ -1104,10 +1103,10 @@ CAIRN_API cairn_result cairn_rollout_reset(cairn_rollout *rollout);
 CAIRN_API cairn_result cairn_rollout_rest(cairn_rollout *rollout);
 
 /**
- * Holds latents to so much wall time each, decoding and all: they are made by the first of the schedules until that takes too long, then by
- * one with fewer passes, and by one with more again where there is time. It goes by the times of the latents before, so that the same
- * controls may give other pictures the next time. What it does is logged; cairn_step_info says with how many passes a latent was made, and
- * cairn_rollout_info has the schedule of the next one. A restored state ends it.
+ * Limits the wall time per latent, decoding included. Latents use the first of the schedules until that takes too long, then one with
+ * fewer passes, and again one with more when there is time. The choice depends on the times of previous latents, so the same controls may
+ * give other pictures the next time. Changes are logged; cairn_step_info has the number of passes of a latent, and
+ * cairn_rollout_info the schedule of the next one. A restored state ends it.
  *
  * latent_ns: nanoseconds for a latent.
  * schedules: one to eight as in operating points, a space between them, each with fewer passes than the one before:
@@ -1137,10 +1136,10 @@ CAIRN_API cairn_result cairn_rollout_get_anchor(const cairn_rollout *rollout, ca
 #define CAIRN_FOREVER UINT64_MAX
 
 /**
- * Queues a step for the rollout's own thread, which makes one after the other in the order they were queued. A step that
- * fails takes those queued behind it with it, and the rollout is as before it.
+ * Queues a step for the rollout's own thread, which runs steps in the order they were queued. A step that fails cancels those queued
+ * behind it and leaves the rollout as before it.
  *
- * ticket: gets the number to ask for the result with.
+ * ticket: gets the number that identifies the result.
  *
  * Ownership: controls are read during the call; *ticket is written on success only, not on failure.
  * Threads: any thread, at any time. Returns at once.
@@ -1154,7 +1153,7 @@ CAIRN_API cairn_result cairn_rollout_submit(
 /**
  * Queues the append of a picture, as cairn_rollout_append does it.
  *
- * ticket: gets the number to ask for the result with.
+ * ticket: gets the number that identifies the result.
  *
  * Ownership: the picture is copied; *ticket is written on success only, not on failure.
  * Threads: any thread, at any time. Returns at once.
@@ -1168,7 +1167,7 @@ CAIRN_API cairn_result cairn_rollout_submit_picture(
 /**
  * Queues the append of pictures, as cairn_rollout_append_pictures does it.
  *
- * pictures, count: as there. ticket: gets the number to ask for the result with.
+ * pictures, count: as there. ticket: gets the number that identifies the result.
  *
  * Ownership: the pictures are copied; *ticket is written on success only, not on failure.
  * Threads: any thread, at any time. Returns at once.
@@ -1183,7 +1182,7 @@ CAIRN_API cairn_result cairn_rollout_submit_pictures(
  * Asks for the result of a queued step, without waiting. Every ticket has one result, which is given once and makes room in
  * the queue; a failed step's message becomes the last error of the thread that asks.
  *
- * info, anchor: get what the step did and made; each may be null, and an anchor that nobody wants is gone.
+ * info, anchor: get the step's report and its anchor; each may be null, and an anchor that is not fetched is lost.
  *
  * Ownership: on success *anchor is the caller's, for cairn_anchor_destroy, and info is filled; on failure neither is written.
  * Threads: any thread, at any time.
@@ -1222,8 +1221,8 @@ CAIRN_API cairn_result cairn_rollout_wait(
 CAIRN_API cairn_result cairn_rollout_cancel(const cairn_rollout *rollout);
 
 /**
- * Holds the queue: the step in progress ends as it would, and no other begins. Steps may still be queued. A rollout whose queue was used
- * then rests, as cairn_rollout_rest has it, until its memory is needed; while that is done it is in use, as while a step is running.
+ * Pauses the queue: the step in progress completes, and no other begins. Steps may still be queued. A rollout whose queue was used is then
+ * rested, as by cairn_rollout_rest, until its memory is needed; it is in use while that is done, as while a step is running.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: any thread, at any time.
@@ -1233,7 +1232,7 @@ CAIRN_API cairn_result cairn_rollout_cancel(const cairn_rollout *rollout);
 CAIRN_API cairn_result cairn_rollout_pause(const cairn_rollout *rollout);
 
 /**
- * Lets a held queue go on.
+ * Resumes a paused queue.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: any thread, at any time.
@@ -1243,7 +1242,7 @@ CAIRN_API cairn_result cairn_rollout_pause(const cairn_rollout *rollout);
 CAIRN_API cairn_result cairn_rollout_resume(const cairn_rollout *rollout);
 
 /**
- * Lets exactly one step of a held queue run.
+ * Lets exactly one step of a paused queue run.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: any thread, at any time. Does not wait for the step.
@@ -1310,13 +1309,13 @@ CAIRN_API cairn_result cairn_rollout_restore_file(cairn_rollout *rollout, const 
 
 /* ---- 12. Per frame: guidance ------------------------------------------------------------------------------------- */
 
-/** Motion from what scores best (docs/motion.md); today CAIRN_MOTION_PICTURES. */
+/** Motion from the source with the best scores (docs/motion.md); today CAIRN_MOTION_PICTURES. */
 #define CAIRN_MOTION_AUTO 0
 /** Motion from the two pictures: dense optical flow. */
 #define CAIRN_MOTION_PICTURES 1
-/** Motion from the two latents, as the paper has it. Only anchors of a world have latents. */
+/** Motion from the two latents, by the paper's method. Only anchors of a world have latents. */
 #define CAIRN_MOTION_PAPER 2
-/** Motion from what cells of the two latents look alike. Only anchors of a world have latents. */
+/** Motion from block matching of the two latents. Only anchors of a world have latents. */
 #define CAIRN_MOTION_LATENTS 3
 /** A flag of cairn_guidance_data: depth is 1 near and 0 far. */
 #define CAIRN_DEPTH_INVERTED 1
@@ -1331,26 +1330,25 @@ CAIRN_API cairn_result cairn_rollout_restore_file(cairn_rollout *rollout, const 
  */
 typedef struct cairn_guidance cairn_guidance;
 
-/** Motion and depth that the host has, in its memory. */
+/** Motion and depth from the host, in its memory. */
 typedef struct cairn_guidance_data {
     /** sizeof(cairn_guidance_data) */
     uint32_t struct_size;
     /** CAIRN_DEPTH_INVERTED, or CAIRN_DEPTH_LINEAR, or 0 for device depth with 0 near */
     uint32_t flags;
-    /** In pixels, 1 to 16384; the anchors'. */
+    /** Size in pixels, 1 to 16384; must be the anchors'. */
     uint32_t width;
     /** See width. */
     uint32_t height;
     /**
-     * Half floats x, y for each pixel, row by row without padding, as cairn_guidance has them. What is not finite counts as
-     * 0.
+     * Half floats x, y for each pixel, row by row without padding, as cairn_guidance has them. Non-finite values count as 0.
      */
     const uint16_t *motion;
-    /** Half floats there are: width * height * 2. */
+    /** Number of half floats: width * height * 2. */
     uint64_t motion_count;
-    /** A number for each pixel, row by row without padding; null where there is no depth. */
+    /** One value for each pixel, row by row without padding; null where there is no depth. */
     const float *depth;
-    /** Numbers there are: width * height, or 0. */
+    /** Number of values: width * height, or 0. */
     uint64_t depth_count;
     /** Distance of the near plane, above 0; 0 in all three for 0.1, 100 and 60 degrees. */
     float near_plane;
@@ -1362,7 +1360,7 @@ typedef struct cairn_guidance_data {
     uint32_t reserved;
 } cairn_guidance_data;
 
-/** What guidance is. */
+/** Properties of guidance. */
 typedef struct cairn_guidance_info {
     /** sizeof(cairn_guidance_info) */
     uint32_t struct_size;
@@ -1379,8 +1377,8 @@ typedef struct cairn_guidance_info {
 } cairn_guidance_info;
 
 /**
- * Finds motion and depth of a pair of anchors. Takes milliseconds, on the calling thread: a presenter does it by itself when
- * a frame first needs it, so this is for hosts that would rather do it off the render thread, or look at it.
+ * Finds motion and depth of a pair of anchors. Takes milliseconds, on the calling thread. A presenter does this itself when a frame first
+ * needs it; call this to do it off the render thread, or to inspect the result.
  *
  * source: CAIRN_MOTION_AUTO, CAIRN_MOTION_PICTURES, CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS.
  *
@@ -1394,7 +1392,7 @@ CAIRN_API cairn_result cairn_guidance_create(
     const cairn_anchor *previous, const cairn_anchor *current, uint32_t source, cairn_guidance **guidance);
 
 /**
- * Makes guidance of the host's own motion and depth, as an engine has them.
+ * Makes guidance from the host's own motion and depth, such as an engine's.
  *
  * Ownership: on success *guidance is the caller's, for cairn_guidance_destroy; on failure it is not written. What data points
  * to is copied.
@@ -1405,7 +1403,7 @@ CAIRN_API cairn_result cairn_guidance_create(
 CAIRN_API cairn_result cairn_guidance_create_from_host(const cairn_guidance_data *data, cairn_guidance **guidance);
 
 /**
- * Says what guidance is.
+ * Gives the properties of guidance.
  *
  * Ownership: info stays the caller's and is filled on success; on failure it is not written.
  * Threads: any thread, at any time.
@@ -1456,7 +1454,7 @@ CAIRN_API cairn_result cairn_guidance_destroy(cairn_guidance *guidance);
 #define CAIRN_PREFER_REQUIRE 1
 /** The generator is not used. */
 #define CAIRN_PREFER_NEVER 2
-/** A flag of cairn_presenter_options: where an anchor is late the last one stands; its motion does not go on. */
+/** A flag of cairn_presenter_options: where an anchor is late the last one is held; its motion is not extrapolated. */
 #define CAIRN_PRESENTER_HOLD_LATE 1
 
 /**
@@ -1473,34 +1471,31 @@ CAIRN_API cairn_result cairn_guidance_destroy(cairn_guidance *guidance);
 #define CAIRN_PRESENTER_NO_DECODED 4
 
 /**
- * A flag of cairn_presenter_options: in frames of another shape than the anchors' these keep theirs, in the middle, with black beside
- * or above them. Without it they are stretched.
+ * A flag of cairn_presenter_options: frames of another aspect ratio than the anchors' keep the anchors' ratio, centred, with black bars.
+ * Without it they are stretched.
  */
 #define CAIRN_PRESENTER_LETTERBOX 8
 /** Display-referred sRGB, as pictures are. */
 #define CAIRN_COLOUR_SRGB 0
-
-/**
- * Linear light of the same primaries, 1 being white; for CAIRN_FORMAT_RGBA16F, and textures of R11G11B10_FLOAT, only.
- */
+/** Linear, sRGB primaries, 1 is white; for CAIRN_FORMAT_RGBA16F, and textures of R11G11B10_FLOAT, only. */
 #define CAIRN_COLOUR_LINEAR 1
-/** scRGB: linear light of the same primaries, 1 being 80 nits; for CAIRN_FORMAT_RGBA16F only. */
+/** scRGB: linear, sRGB primaries, 1 is 80 nits; for CAIRN_FORMAT_RGBA16F only. */
 #define CAIRN_COLOUR_SCRGB 2
-/** HDR10: the curve of PQ with the primaries of BT.2020; for CAIRN_FORMAT_RGB10A2 only. */
+/** HDR10: PQ transfer function, BT.2020 primaries; for CAIRN_FORMAT_RGB10A2 only. */
 #define CAIRN_COLOUR_HDR10 3
 /** A frame is an anchor. */
 #define CAIRN_FRAME_ANCHOR 1
-/** A frame is a picture that the later anchor brought with it. */
+/** A frame is a decoded picture that came with the later anchor. */
 #define CAIRN_FRAME_DECODED 2
-/** A frame is generated between two anchors. */
+/** A frame is interpolated between two anchors. */
 #define CAIRN_FRAME_GENERATED 3
-/** A frame is generated beyond the last anchor, as the next one is late. */
+/** A frame is extrapolated beyond the last anchor, because the next one is late. */
 #define CAIRN_FRAME_EXTRAPOLATED 4
-/** A frame is a picture that stands, as nothing can be generated: between two anchors the nearer, else the last. */
+/** A frame is a held picture, because nothing can be generated: between two anchors the nearer, else the last. */
 #define CAIRN_FRAME_HELD 5
-/** A flag of cairn_frame: a cut keeps it from being generated. */
+/** A flag of cairn_frame: it was not generated because of a cut. */
 #define CAIRN_FRAME_CUT 1
-/** A flag of cairn_frame: it is the very picture that was drawn before. */
+/** A flag of cairn_frame: it is identical to the one drawn before. */
 #define CAIRN_FRAME_REPEATED 2
 /** A flag of cairn_frame: an anchor is shown in its place, as cairn_presenter_prepare_d3d12 was not called for it. */
 #define CAIRN_FRAME_UNPREPARED 4
@@ -1531,8 +1526,8 @@ typedef struct cairn_presenter_options {
      */
     uint64_t interval_ns;
     /**
-     * Nanoseconds from when an anchor comes until it is due, at most 60 seconds; 0 for an interval. Frames between need the
-     * anchor after, so that less than (multiplier - 1) / multiplier of an interval makes frames late.
+     * Nanoseconds from an anchor's arrival until it is due, at most 60 seconds; 0 for an interval. Frames between two anchors need the
+     * later one, so a delay below (multiplier - 1) / multiplier of an interval makes frames late.
      */
     uint64_t delay_ns;
     /** CAIRN_PRESENTER_HOLD_LATE, CAIRN_PRESENTER_CATCH_UP, CAIRN_PRESENTER_NO_DECODED, CAIRN_PRESENTER_LETTERBOX */
@@ -1555,7 +1550,7 @@ typedef struct cairn_presenter_options {
     /** 0 */
     uint32_t reserved;
     /**
-     * How bright the white of pictures is in CAIRN_COLOUR_SCRGB and CAIRN_COLOUR_HDR10, 1 to 10000 nits; 0 for 203. 0 for the others.
+     * Brightness of the pictures' white in CAIRN_COLOUR_SCRGB and CAIRN_COLOUR_HDR10, 1 to 10000 nits; 0 for 203. 0 for the others.
      */
     uint32_t white_nits;
     /** 0 */
@@ -1576,8 +1571,8 @@ typedef struct cairn_frame {
     /** CAIRN_FRAME_ANCHOR to CAIRN_FRAME_HELD */
     uint32_t source;
     /**
-     * Place in the stream: anchor i, counted from 0 as they came, has place i * multiplier. When a late anchor comes it may
-     * step back.
+     * Position in the stream: anchor i, counted from 0 in order of arrival, is at i * multiplier. It may step back when a late anchor
+     * arrives.
      */
     uint64_t position;
     /** When it is due. For the first anchor this may be yet to come: it is shown from its arrival on. */
@@ -1586,7 +1581,7 @@ typedef struct cairn_frame {
     uint64_t until_ns;
     /** Number of the anchor that it shows or starts from. */
     uint64_t previous;
-    /** Number of the anchor that it leads to; the same where it leads to none. */
+    /** Number of the anchor that it leads to; the same as from where there is none. */
     uint64_t current;
     /** Intervals from the previous anchor, 0 to 1. */
     float t;
@@ -1668,8 +1663,8 @@ CAIRN_API cairn_result cairn_presenter_draw(
 CAIRN_API cairn_result cairn_presenter_resize(const cairn_presenter *presenter, uint32_t width, uint32_t height);
 
 /**
- * Says what lies over the anchors from the next frame on, and stands still while they move, like a HUD. Without it that is told from
- * colours that do not move. Every generator heeds it. cairn_presenter_reset forgets it.
+ * Sets the static overlay, like a HUD, that covers the anchors from the next frame on and does not move with them. Without a mask it is
+ * detected from colours that do not change. All generators use it. cairn_presenter_reset removes it.
  *
  * mask: a byte to a pixel of an anchor, row by row from the top left, 0 where nothing lies over it; null, with 0 for all the rest, for
  * nothing known.
@@ -1686,12 +1681,12 @@ CAIRN_API cairn_result cairn_presenter_set_overlay(
     const cairn_presenter *presenter, const uint8_t *mask, size_t size, uint32_t width, uint32_t height);
 
 /**
- * Holds frames for Direct3D 12 to a budget of the device's time. Where it is too little for all of them, only every second, third or sixth
- * frame of an interval is made, as the multiplier has it, and the others repeat the one before; where it is enough again, more are. It goes
- * by the times that the device says of frames that have run. What it does is logged, and the statistics say it.
+ * Limits the device time of frames for Direct3D 12. If it is too short for all frames, only every second, third or sixth frame of an
+ * interval is generated, depending on the multiplier, and the others repeat the previous one; more are generated when there is time again.
+ * The choice depends on the device times of completed frames. Changes are logged, and the statistics have them.
  *
- * frame_ns: nanoseconds of the device's time for each frame that is shown, on average over an interval, what is done once to an anchor among
- * it; 0 for no budget.
+ * frame_ns: nanoseconds of device time per frame shown, averaged over an interval, including work done once per anchor; 0 for no
+ * budget.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: any thread, at any time.
@@ -1725,7 +1720,7 @@ CAIRN_API cairn_result cairn_presenter_destroy(cairn_presenter *presenter);
 /** The most worlds of a budget. */
 #define CAIRN_MAX_BUDGET_WORLDS 8
 
-/** What a rollout and its frames may take: time, memory or both. */
+/** Budget of a rollout and its frames: time, memory or both. */
 typedef struct cairn_budget {
     /** sizeof(cairn_budget) */
     uint32_t struct_size;
@@ -1760,13 +1755,12 @@ typedef struct cairn_budget {
 } cairn_budget;
 
 /**
- * Holds a rollout, and the frames of a presenter, to a budget. From what the device has taken so far, by its own clock where it has one,
- * else by wall time, it picks how many passes latents have, how far back they see, and how many of the frames between anchors are made:
- * passes are given up first, then frames, the window last, and what was given up comes back where there is time. The window is also narrowed
- * where the device's memory runs short. The same controls may then give other pictures the next time. A move to another window is made
- * before a step, goes through the host's memory and takes a while. No world is loaded by it, as that takes seconds to minutes and the
- * weights' memory once more: load those of the windows that may be wanted beforehand, on a thread of your own. What it does is logged, and
- * cairn_rollout_statistics has it.
+ * Holds a rollout, and the frames of a presenter, to a budget. From measured times, by the device's own clock where it has one, else by wall
+ * time, it chooses the number of passes per latent, the global window and the number of frames generated between anchors. Passes are reduced
+ * first, then frames, the window last; each is raised again when there is time. The window is also narrowed when the device's memory runs
+ * short. The same controls may then give other pictures the next time. A change of window happens before a step, goes through the host's
+ * memory and takes a while. No world is loaded for it, as that takes seconds to minutes and the weights' memory once more: load worlds for the
+ * windows you allow beforehand, on a thread of your own. Changes are logged, and cairn_rollout_statistics has them.
  *
  * It takes the place of cairn_rollout_set_budget, which ends it, as a restored state does and the rollout's end, and of
  * cairn_presenter_set_budget, which takes the presenter out of it.
@@ -1948,183 +1942,179 @@ CAIRN_API cairn_result cairn_recorder_destroy(cairn_recorder *recorder);
 
 /* ---- 16. Queries: statistics ------------------------------------------------------------------------------------- */
 
-/** What a rollout has done since it was made, as of the end of its last step. Times are nanoseconds of wall time. */
+/** Statistics of a rollout since it was made, as of the end of its last step. Times are nanoseconds of wall time. */
 typedef struct cairn_rollout_statistics {
     /** sizeof(cairn_rollout_statistics) */
     uint32_t struct_size;
-    /** Steps that wait or run in its queue, now. */
+    /** Steps in its queue now, waiting or running. */
     uint32_t queue_depth;
-    /** Latents made, appended ones among them. */
+    /** Latents made, including appended ones. */
     uint64_t latents;
     /** Denoise passes. */
     uint64_t denoise_passes;
-    /** Passes that make keys and values for the ring. */
+    /** Cache passes, which compute keys and values for the ring. */
     uint64_t cache_passes;
-    /** Passes of the decoder, also those that only prime it. */
+    /** Passes of the decoder, including those that only prime it. */
     uint64_t decode_passes;
-    /** Pictures made latents. */
+    /** Encodings of pictures into latents. */
     uint64_t encode_ns;
     /** Denoise passes. */
     uint64_t denoise_ns;
     /** Cache passes. */
     uint64_t cache_ns;
-    /** Results checked and copied into the ring. */
+    /** Checking results and copying them into the ring. */
     uint64_t commit_ns;
-    /** Latents made pictures. */
+    /** Decoding latents. */
     uint64_t decode_ns;
-    /** Pictures read and resized. */
+    /** Reading pictures back and resizing them. */
     uint64_t resize_ns;
     /** Bytes from the host to the device. */
     uint64_t uploaded_bytes;
-    /** Bytes from place to place on the device. */
+    /** Bytes copied within the device. */
     uint64_t copied_bytes;
     /** Bytes from the device to the host. */
     uint64_t read_bytes;
     /** The part of copied_bytes that went into the ring. */
     uint64_t ring_bytes;
     /**
-     * Passes of the transformer whose time on a Direct3D 12 device is known by its own clock; 0 on others, as all below. What else
-     * the queue ran meanwhile is in their times.
+     * Passes of the transformer whose time on a Direct3D 12 device is known by its own clock; 0 on other devices, as all fields below. Other
+     * work of the queue meanwhile counts in their times.
      */
     uint64_t device_passes;
-    /** Nanoseconds of them on the device, all together. */
+    /** Total nanoseconds of them on the device. */
     uint64_t device_passes_ns;
     /** Nanoseconds of the longest. */
     uint64_t device_pass_longest_ns;
     /** Passes of the decoder whose time on the device is known. */
     uint64_t device_decodes;
-    /** Nanoseconds of them on the device, all together. */
+    /** Total nanoseconds of them on the device. */
     uint64_t device_decodes_ns;
     /** Nanoseconds of the longest. */
     uint64_t device_decode_longest_ns;
     /** Copies into the ring whose time on the device is known. */
     uint64_t device_commits;
-    /** Nanoseconds of them on the device, all together. */
+    /** Total nanoseconds of them on the device. */
     uint64_t device_commits_ns;
-    /**
-     * Nanoseconds of wall time inside ONNX Runtime, which makes the device's command lists and gives them to the queue.
-     */
+    /** Nanoseconds of wall time inside ONNX Runtime, which records the device's command lists and submits them. */
     uint64_t runtime_ns;
-    /** Nanoseconds of wall time of waiting for the device. */
+    /** Nanoseconds of wall time spent waiting for the device. */
     uint64_t waited_ns;
-    /** How often it waited because of cairn_d3d12_options.longest_submission_us. */
+    /** Number of waits because of cairn_d3d12_options.longest_submission_us. */
     uint64_t yields;
-    /** Passes with buffers of their own that run by capture: see cairn_d3d12_options.captured_passes. */
+    /** Passes with buffers of their own that run from captured commands: see cairn_d3d12_options.captured_passes. */
     uint32_t captured_passes;
-    /** Those that do not, or have not shown yet that their bits are the same. */
+    /** Passes that do not, or whose captured results have not yet been shown to be bit-identical. */
     uint32_t other_passes;
     /**
-     * Nanoseconds of a frame that was shown, as measured last by cairn_rollout_govern; of it, or of the last that ended, is all below.
+     * Nanoseconds per frame shown, as last measured by cairn_rollout_govern; the fields below belong to it, or to the last one that ended.
      */
     uint64_t governed_frame_ns;
-    /** Latents that it measured. */
+    /** Latents measured. */
     uint64_t governed_latents;
-    /** Frames that it measured. */
+    /** Frames measured. */
     uint64_t governed_frames;
-    /** How often it gave something up as frames took too long. */
+    /** How often quality was reduced because frames took too long. */
     uint64_t governed_less;
-    /** How often something came back. */
+    /** How often quality was raised again. */
     uint64_t governed_more;
-    /** How often the window became narrower as the device's memory was short. */
+    /** How often the window was narrowed because the device's memory was short. */
     uint64_t governed_short_of_memory;
-    /** How often frames took too long although nothing was left to give up. */
+    /** How often frames took too long although quality could not be reduced further. */
     uint64_t governed_beyond;
-    /** Passes that latents have from now on; 0 where there never was a budget, as of the two below. */
+    /** Denoise passes of the latents from now on; 0 where there never was a budget, as the next two fields. */
     uint32_t governed_passes;
     /** The global window from now on. */
     uint32_t governed_window;
-    /** Frames to an anchor that are made. */
+    /** Frames generated per anchor. */
     uint32_t governed_made;
     /** 0 */
     uint32_t reserved;
 } cairn_rollout_statistics;
 
-/** What a presenter has done since it was made. */
+/** Statistics of a presenter since it was made. */
 typedef struct cairn_presenter_statistics {
     /** sizeof(cairn_presenter_statistics) */
     uint32_t struct_size;
     /** 0 */
     uint32_t reserved;
-    /** Anchors that came. */
+    /** Anchors that arrived. */
     uint64_t anchors;
-    /** Those that came after they were due. */
+    /** Anchors that arrived after they were due. */
     uint64_t late_anchors;
-    /** Nanoseconds that time stood still for late ones. */
+    /** Nanoseconds that the stream stood still for late anchors. */
     uint64_t slipped_ns;
-    /** Frames drawn that were anchors. A frame drawn again counts again, here and below. */
+    /** Frames drawn that were anchors. Drawing the same frame again counts again, here and below. */
     uint64_t shown_anchors;
-    /** Frames drawn that anchors brought with them. */
+    /** Frames drawn that were decoded pictures of an anchor. */
     uint64_t shown_decoded;
-    /** Frames drawn that were generated between anchors. */
+    /** Frames drawn that were interpolated between anchors. */
     uint64_t shown_generated;
-    /** Frames drawn that were generated beyond the last anchor. */
+    /** Frames drawn that were extrapolated beyond the last anchor. */
     uint64_t shown_extrapolated;
-    /** Frames drawn that stood. */
+    /** Frames drawn that held a picture because nothing could be generated. */
     uint64_t shown_held;
-    /** Those of all of them that were the same as the one drawn before. */
+    /** Frames drawn, of any kind, that repeated the previous one. */
     uint64_t repeated;
-    /** Those that a cut kept from being generated. */
+    /** Frames drawn that were not generated because of a cut. */
     uint64_t cuts;
-    /** Nanoseconds of finding motion and depth. */
+    /** Nanoseconds spent finding motion and depth. */
     uint64_t guidance_ns;
-    /** Nanoseconds of generating. */
+    /** Nanoseconds spent generating. */
     uint64_t generate_ns;
-    /** Nanoseconds of resizing. */
+    /** Nanoseconds spent resizing. */
     uint64_t resize_ns;
     /** The last frame's generator, such as "cpu" or, with its provider's version, "fsr 3.1.5"; empty for none. */
     char generator[32];
     /** Why a generator that might be better is not used, for people; UTF-8. */
     char preference[160];
-    /** Anchors that wait for their time, as of the latest time that was heard of. */
+    /** Anchors waiting for their time, as of the latest time given. */
     uint32_t waiting;
-    /** Frames for Direct3D 12 that the queue was given and has not made. */
+    /** Frames for Direct3D 12 that were submitted and have not completed. */
     uint32_t under_way;
     /**
-     * Frames for Direct3D 12 whose time on the device is known. What else the queue ran meanwhile is in their times.
+     * Frames for Direct3D 12 whose time on the device is known. Other work of the queue meanwhile counts in their times.
      */
     uint64_t device_frames;
-    /** Nanoseconds of them on the device, all together. */
+    /** Total nanoseconds of them on the device. */
     uint64_t device_frames_ns;
     /** Nanoseconds of the longest. */
     uint64_t device_frame_longest_ns;
     /** Nanoseconds of the last. */
     uint64_t device_frame_last_ns;
     /**
-     * Lists of the presenter's own whose time on the device is known: those that bring pictures there, find motion and depth, and
-     * prepare what frames of a pair have in common.
+     * The presenter's own lists whose time on the device is known: those that upload pictures, find motion and depth, and prepare what all
+     * frames of a pair share.
      */
     uint64_t device_lists;
-    /** Nanoseconds of them on the device, all together. */
+    /** Total nanoseconds of them on the device. */
     uint64_t device_lists_ns;
     /** Nanoseconds of the longest. */
     uint64_t device_list_longest_ns;
     /**
-     * Frames to an anchor that are made where cairn_presenter_set_budget holds them to a budget; the others repeat the one before. 0 where
-     * there never was a budget.
+     * Frames generated per anchor under a budget of cairn_presenter_set_budget; the others repeat the previous one. 0 where there never was
+     * a budget.
      */
     uint32_t made_to_anchor;
-    /** How often that has changed. */
+    /** How often that number has changed. */
     uint32_t budget_changes;
     /**
-     * What brings frames to their size: "spatial", AMD's upscaler with its version as in "fsr 4.0.3", or empty where they have the anchors'.
+     * What resizes frames: "spatial", AMD's upscaler with its version as in "fsr 4.0.3", or empty where they have the anchors' size.
      */
     char upscaler[32];
-    /** Why AMD's upscaler does not, for people; UTF-8. */
+    /** Why AMD's upscaler is not used, for people; UTF-8. */
     char upscaling[160];
-    /** Frames for Direct3D 12 in whose place an anchor was shown: CAIRN_FRAME_UNPREPARED. */
+    /** Frames for Direct3D 12 replaced by an anchor: CAIRN_FRAME_UNPREPARED. */
     uint64_t unprepared;
-    /**
-     * Objects of Direct3D and contexts of AMD's that were made while frames were recorded or submitted: none where all were prepared.
-     */
+    /** Direct3D objects and AMD contexts created while frames were recorded or submitted: 0 where all were prepared. */
     uint64_t objects_made;
-    /** Recorded frames whose fences have not come. */
+    /** Recorded frames whose fences have not been signalled. */
     uint32_t lists_pending;
-    /** Anchors that were pushed and whose fences have not come. */
+    /** Pushed anchors whose fences have not been signalled. */
     uint32_t anchors_under_way;
 } cairn_presenter_statistics;
 
 /**
- * Says what a rollout has done so far. Does not wait for a step that is running.
+ * Gives statistics of a rollout. Does not wait for a step that is running.
  *
  * Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
  * Threads: any thread, at any time.
@@ -2134,7 +2124,7 @@ typedef struct cairn_presenter_statistics {
 CAIRN_API cairn_result cairn_rollout_get_statistics(const cairn_rollout *rollout, cairn_rollout_statistics *statistics);
 
 /**
- * Says what a presenter has done, and with what.
+ * Gives statistics of a presenter.
  *
  * Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
  * Threads: any thread, at any time.
@@ -2182,9 +2172,9 @@ typedef struct cairn_d3d12_options {
      */
     uint32_t captured_passes;
     /**
-     * Microseconds of work, by the device's own clock, that a rollout may have on the queue for anchors at a time, so that the engine's
-     * frames get their turn in between: before a pass that would make it more, the rollout waits for what is there. A pass is never
-     * divided: cairn_rollout_statistics has the longest, and how often was waited. 0 for no limit.
+     * Longest work of a rollout that may be queued on the anchors' queue at a time, in microseconds of the device's own clock, so that the
+     * engine's frames run in between. A pass that would exceed it waits for the work already queued. Passes are never split:
+     * cairn_rollout_statistics has the longest pass and the number of waits. 0 for no limit.
      */
     uint32_t longest_submission_us;
 } cairn_d3d12_options;
@@ -2299,7 +2289,7 @@ CAIRN_API cairn_result cairn_device_create_adapter(
     uint64_t luid, const cairn_device_options *options, cairn_device **device);
 
 /**
- * Says how a device runs worlds that are loaded, and rollouts that are made, from now on.
+ * Sets how a device runs worlds loaded, and rollouts made, from now on.
  *
  * Ownership: options are read during the call; nothing is handed over, on success or on failure.
  * Threads: any thread, at any time.
@@ -2310,7 +2300,7 @@ CAIRN_API cairn_result cairn_device_create_adapter(
 CAIRN_API cairn_result cairn_device_set_d3d12(const cairn_device *device, const cairn_d3d12_options *options);
 
 /**
- * Gives what a device runs on.
+ * Gives the Direct3D 12 device and the queue that a device runs on.
  *
  * Ownership: on success *d3d12 and *queue have a reference more each, for the caller to release; on failure neither is written.
  * Threads: any thread, at any time.
@@ -2444,44 +2434,47 @@ CAIRN_API cairn_result cairn_presenter_release_d3d12(cairn_presenter *presenter)
 
 /** The provider that AMD's libraries and the driver prefer. */
 #define CAIRN_FSR_ANY 0
-/** The newest by a network, and where there is none the newest by rules. */
+/** The newest machine-learning provider, or else the newest analytic one. */
 #define CAIRN_FSR_PREFER_ML 1
-/** The newest by rules, and where there is none the newest by a network. */
+/** The newest analytic provider, or else the newest machine-learning one. */
 #define CAIRN_FSR_PREFER_ANALYTIC 2
-/** The newest by a network, or none at all. */
+/** The newest machine-learning provider; fails where there is none. */
 #define CAIRN_FSR_REQUIRE_ML 3
-/** The newest by rules, or none at all. */
+/** The newest analytic provider; fails where there is none. */
 #define CAIRN_FSR_REQUIRE_ANALYTIC 4
 
 /**
  * A flag of cairn_swapchain_options: frames are generated on a compute queue of the swap chain's own, beside what the engine draws.
  */
 #define CAIRN_SWAPCHAIN_ASYNC 1
-/** A flag of cairn_swapchain_options: motion has the size of the buffers, and not the size rendered at. */
+/** A flag of cairn_swapchain_options: the motion texture has the buffers' size instead of the render size. */
 #define CAIRN_SWAPCHAIN_SHOWN_MOTION 2
-/** A flag of cairn_swapchain_options: motion holds the camera's jitter. */
+/** A flag of cairn_swapchain_options: motion vectors include the camera's jitter. */
 #define CAIRN_SWAPCHAIN_JITTERED_MOTION 4
 /** A flag of cairn_swapchain_options: depth is 1 at the near plane. */
 #define CAIRN_SWAPCHAIN_INVERTED_DEPTH 8
 /** A flag of cairn_swapchain_options: the far plane is infinitely far away. */
 #define CAIRN_SWAPCHAIN_INFINITE_DEPTH 16
-/** A flag of cairn_swapchain_options: buffers are of high dynamic range, as SetColorSpace1 and SetHDRMetaData say. */
+/** A flag of cairn_swapchain_options: buffers have high dynamic range, as set by SetColorSpace1 and SetHDRMetaData. */
 #define CAIRN_SWAPCHAIN_HDR 32
-/** A flag of cairn_swapchain_options: AMD's provider looks at what it is given and logs what it finds. */
+/** A flag of cairn_swapchain_options: AMD's provider checks its inputs and logs what it finds. */
 #define CAIRN_SWAPCHAIN_CHECKED 64
 
 /**
- * A flag of cairn_swapchain_options: the provider need not show first that it puts a picture of known motion where it belongs.
+ * A flag of cairn_swapchain_options: skips the test in which a provider must move a picture of known motion to the right position.
  */
 #define CAIRN_SWAPCHAIN_UNTRIED 128
 
 /**
- * A flag of cairn_swapchain_frame: there is none before it, as after a cut. Nothing new is shown between it and the one before.
+ * A flag of cairn_swapchain_frame: the frame has no predecessor, as after a cut. No frame is generated between it and the previous one.
  */
 #define CAIRN_SWAPCHAIN_RESET 1
-/** A flag of cairn_swapchain_set_interface: its colours are multiplied by its alpha. */
+/** A flag of cairn_swapchain_set_interface: colours are premultiplied by alpha. */
 #define CAIRN_INTERFACE_PREMULTIPLIED 1
-/** A flag of cairn_swapchain_set_interface: it is copied within Present, so that the next one may be drawn at once. */
+
+/**
+ * A flag of cairn_swapchain_set_interface: the picture is copied within Present, so that it may be drawn to again at once.
+ */
 #define CAIRN_INTERFACE_COPIED 2
 
 /**
@@ -2492,7 +2485,7 @@ CAIRN_API cairn_result cairn_presenter_release_d3d12(cairn_presenter *presenter)
 #define CAIRN_PACING_WAIT_ON_FENCE 2
 
 /**
- * How a swap chain of AMD's is made. All zero: by any provider that stands the test, with motion and depth of the buffers' size.
+ * Options of AMD's swap chain. All zero: any provider that passes the test, with motion and depth of the buffers' size.
  */
 typedef struct cairn_swapchain_options {
     /** sizeof(cairn_swapchain_options) */
@@ -2501,10 +2494,10 @@ typedef struct cairn_swapchain_options {
     uint32_t flags;
     /** CAIRN_FSR_ANY to CAIRN_FSR_REQUIRE_ANALYTIC */
     uint32_t provider;
-    /** A DXGI_FORMAT, of frames without interface; 0 for that of the buffers. */
+    /** DXGI_FORMAT of frames without interface; 0 for that of the buffers. */
     uint32_t hudless_format;
     /**
-     * The largest size in pixels that motion and depth are rendered at; 0 both ways for that of the buffers, whatever it becomes.
+     * The largest size in pixels of motion and depth; 0 both ways for that of the buffers, even after they are resized.
      */
     uint32_t max_render_width;
     /** See max_render_width. */
@@ -2512,43 +2505,45 @@ typedef struct cairn_swapchain_options {
 } cairn_swapchain_options;
 
 /**
- * Motion and depth of a frame that an engine draws. Textures are of two dimensions with one level, slice and sample, each in its state, a
- * D3D12_RESOURCE_STATES, when the list runs, before and after; a null pointer for one that may be missing.
+ * Motion and depth of a frame that an engine draws. Textures are two-dimensional with one level, slice and sample. Each is in the given
+ * D3D12_RESOURCE_STATES before and after the list runs; optional ones may be null.
  */
 typedef struct cairn_swapchain_frame {
     /** sizeof(cairn_swapchain_frame) */
     uint32_t struct_size;
     /** CAIRN_SWAPCHAIN_RESET */
     uint32_t flags;
-    /** Device depth, of the size rendered at. */
+    /** Device depth, of the render size. */
     ID3D12Resource *depth;
     /**
-     * From this frame to the one before: halves or floats, of the size rendered at, or of the buffers' with CAIRN_SWAPCHAIN_SHOWN_MOTION.
+     * Motion from this frame to the previous one in half or single floats, of the render size, or of the buffers' with CAIRN_SWAPCHAIN_SHOWN_MOTION.
      */
     ID3D12Resource *motion;
     /**
      * The frame without interface, of the buffers' size and options.hudless_format; may be null. It is read within Present and must not be
-     * drawn to before that came back, with CAIRN_SWAPCHAIN_ASYNC not before the next one did.
+     * drawn to until Present returns, with CAIRN_SWAPCHAIN_ASYNC until the next Present returns.
      */
     ID3D12Resource *hudless;
     /**
-     * Where a lens puts each pixel less where it was, in parts of the picture, of the buffers' size; may be null, but not in a frame
-     * after one that had it.
+     * Lens distortion: each pixel's position after the lens minus its position before, as a fraction of the picture, of the buffers' size. May
+     * be null, but not in a frame after one that had it.
      */
     ID3D12Resource *distortion;
-    /** Of depth. */
+    /** State of depth. */
     uint32_t depth_state;
-    /** Of motion. */
+    /** State of motion. */
     uint32_t motion_state;
-    /** Of hudless. */
+    /** State of hudless. */
     uint32_t hudless_state;
-    /** Of distortion. */
+    /** State of distortion. */
     uint32_t distortion_state;
-    /** The size rendered at in pixels, at most that of the options. */
+    /** Render size in pixels, at most that of the options. */
     uint32_t render_width;
     /** See render_width. */
     uint32_t render_height;
-    /** What of the buffers is the world, in pixels: the rest is shown as it is. No size for all of it. */
+    /**
+     * The rectangle of the buffers that shows the world, in pixels; the rest is shown unchanged. Size 0 for all of it.
+     */
     uint32_t world_left;
     /** See world_left. */
     uint32_t world_top;
@@ -2556,34 +2551,34 @@ typedef struct cairn_swapchain_frame {
     uint32_t world_width;
     /** See world_left. */
     uint32_t world_height;
-    /** Of the camera, in pixels rendered. */
+    /** Camera jitter in render pixels. */
     float jitter_x;
     /** See jitter_x. */
     float jitter_y;
-    /** What makes pixels of motion's own size of what it holds; 0 for 1. */
+    /** Factor from motion values to pixels of the motion texture's size; 0 for 1. */
     float motion_scale_x;
     /** See motion_scale_x. */
     float motion_scale_y;
-    /** Milliseconds of the world's time since the frame before, above 0. */
+    /** Milliseconds of world time since the previous frame, above 0. */
     float frame_time_ms;
     /**
-     * Radians from the bottom of the picture to its top, inside (0, pi). 0 for a camera that nobody knows: at the origin, looking along
-     * z with y up, 1 radian, from 0.1 to 100 metres. What follows is not looked at then.
+     * Vertical field of view in radians, inside (0, pi). 0 for an unknown camera: at the origin, looking along z with y up, 1 radian, from
+     * 0.1 to 100 metres. The fields below are then ignored.
      */
     float vertical_fov;
     /** Distance of the near plane, above 0. */
     float near_plane;
-    /** Distance of the far plane, above 0 and another; not looked at with CAIRN_SWAPCHAIN_INFINITE_DEPTH. */
+    /** Distance of the far plane, above 0 and different from near; ignored with CAIRN_SWAPCHAIN_INFINITE_DEPTH. */
     float far_plane;
-    /** Metres in a unit of the camera's, 0 for 1. */
+    /** Metres per world unit; 0 for 1. */
     float metres;
-    /** Where the camera is in the world. */
+    /** Camera position in the world. */
     float position[3];
-    /** Up on the screen, in the world; of length 1, as the next two. */
+    /** Camera's up direction in the world; a unit vector, as the next two. */
     float up[3];
-    /** To the right on the screen. */
+    /** Camera's right direction. */
     float right[3];
-    /** Into the screen. */
+    /** Camera's forward direction. */
     float forward[3];
     /** 0 */
     uint32_t reserved;
@@ -2595,36 +2590,38 @@ typedef struct cairn_swapchain_pacing {
     uint32_t struct_size;
     /** CAIRN_PACING_HYBRID_SPIN, CAIRN_PACING_WAIT_ON_FENCE */
     uint32_t flags;
-    /** Milliseconds that are taken off the time from one present to the next, 0 or more; AMD's own is 0.1. */
+    /** Safety margin in milliseconds, subtracted from the time between presents, 0 or more; AMD's default is 0.1. */
     float safety_margin_ms;
-    /** How much of the variance of frame times is taken off besides, from 0 to 1; AMD's own is 0.1. */
+    /** Fraction of the frame times' variance subtracted as well, from 0 to 1; AMD's default is 0.1. */
     float variance_factor;
-    /** Ticks of the system's timer that CAIRN_PACING_HYBRID_SPIN spins for; AMD's own is 2. */
+    /** Ticks of the system's timer that CAIRN_PACING_HYBRID_SPIN spins for; AMD's default is 2. */
     uint32_t spin_ticks;
 } cairn_swapchain_pacing;
 
-/** What a swap chain of AMD's has done and keeps. */
+/** Statistics of AMD's swap chain. */
 typedef struct cairn_swapchain_statistics {
     /** sizeof(cairn_swapchain_statistics) */
     uint32_t struct_size;
     /**
-     * What AMD's generator answered last within Present where it failed, a code of ffx-api's; 0 where it never has. Where it fails
-     * frames are presented without one between.
+     * Last error code of AMD's generator within Present, a code of ffx-api's; 0 where it never failed. After an error frames are presented
+     * without a generated one between them.
      */
     uint32_t failed;
     /** Frames generated. */
     uint64_t generated;
-    /** Bytes that the generator keeps on the device as it reports them; 0 where it cannot say. */
+    /** Bytes of device memory that the generator reports; 0 where unknown. */
     uint64_t generator_bytes;
-    /** The part of them that may lie over other memory. */
+    /** The part of them that may alias other memory. */
     uint64_t generator_aliasable_bytes;
-    /** Bytes that the swap chain itself keeps; 0 where it cannot say. */
+    /** Bytes of device memory of the swap chain itself; 0 where unknown. */
     uint64_t swapchain_bytes;
-    /** The part of them that may lie over other memory. */
+    /** The part of them that may alias other memory. */
     uint64_t swapchain_aliasable_bytes;
-    /** Who generates frames, such as "3.1.6 (analytic)"; empty after cairn_swapchain_fit has failed. UTF-8. */
+    /**
+     * Provider that generates frames, such as "3.1.6 (analytic)"; empty after cairn_swapchain_fit has failed. UTF-8.
+     */
     char generator[64];
-    /** Who presents them. UTF-8. */
+    /** Provider that presents them. UTF-8. */
     char pacer[64];
 } cairn_swapchain_statistics;
 
@@ -2725,9 +2722,9 @@ CAIRN_API cairn_result cairn_swapchain_create_for_window(
 CAIRN_API cairn_result cairn_swapchain_get_dxgi(cairn_swapchain *swapchain, struct IDXGISwapChain4 **dxgi);
 
 /**
- * Records motion and depth of the frame that is presented next, which then shows one between it and the one before. A frame that
- * nothing was recorded of is presented alone. Descriptor heaps, compute root signature and pipeline of the list are others afterwards, and
- * nothing else.
+ * Records motion and depth of the frame that is presented next; Present then also shows a frame generated between it and the previous
+ * one. A frame without a recording is presented alone. The list's descriptor heaps, compute root signature and pipeline are replaced;
+ * nothing else of its state changes.
  *
  * list: open for recording, of the device's queue; to be given to it before Present.
  *
@@ -2743,7 +2740,7 @@ CAIRN_API cairn_result cairn_swapchain_prepare(
     cairn_swapchain *swapchain, ID3D12GraphicsCommandList *list, const cairn_swapchain_frame *frame);
 
 /**
- * Says what is laid over real and generated frames alike from the next Present on; waits for frames that show the one before.
+ * Sets the picture composited over real and generated frames from the next Present on; waits for frames that show the previous one.
  *
  * picture: of the buffers' size, with alpha; null for nothing. It is read within Present and after it; unless it is copied it must not be
  * drawn to before cairn_swapchain_wait.
@@ -2761,7 +2758,7 @@ CAIRN_API cairn_result cairn_swapchain_set_interface(
     cairn_swapchain *swapchain, ID3D12Resource *picture, uint32_t state, uint32_t flags);
 
 /**
- * Says how presents are spread over time.
+ * Sets how presents are spread over time.
  *
  * pacing: null for AMD's own.
  *
@@ -2774,7 +2771,7 @@ CAIRN_API cairn_result cairn_swapchain_set_interface(
 CAIRN_API cairn_result cairn_swapchain_set_pacing(cairn_swapchain *swapchain, const cairn_swapchain_pacing *pacing);
 
 /**
- * Presents frames as they come from now on, none between them, until one is prepared again. Waits until all are shown.
+ * Disables generated frames: frames are presented as they come until one is prepared again. Waits until all are shown.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
@@ -2794,8 +2791,8 @@ CAIRN_API cairn_result cairn_swapchain_pause(cairn_swapchain *swapchain);
 CAIRN_API cairn_result cairn_swapchain_wait(cairn_swapchain *swapchain);
 
 /**
- * Makes it ready for the size and format that its buffers have now: after ResizeBuffers, before the next frame is prepared. Where it
- * fails frames are presented as they come, until it succeeds.
+ * Adapts to the current size and format of the buffers: call it after ResizeBuffers, before the next frame is prepared. After a
+ * failure frames are presented as they come, until it succeeds.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
@@ -2805,7 +2802,7 @@ CAIRN_API cairn_result cairn_swapchain_wait(cairn_swapchain *swapchain);
 CAIRN_API cairn_result cairn_swapchain_fit(cairn_swapchain *swapchain);
 
 /**
- * Says what a swap chain has done and keeps.
+ * Gives counters and memory use of a swap chain.
  *
  * Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
  * Threads: any thread, at any time; waits for another call on the swap chain.
@@ -2817,8 +2814,8 @@ CAIRN_API cairn_result cairn_swapchain_get_statistics(
     const cairn_swapchain *swapchain, cairn_swapchain_statistics *statistics);
 
 /**
- * Destroys a swap chain in the order that AMD wants: generation off, all presented, the generator, the swap chain, what paces it; null is
- * allowed. Before it the engine lets go of every reference to the DXGI swap chain and its buffers.
+ * Destroys a swap chain in the order that AMD requires: disable generation, finish presenting, destroy the generator, the swap chain and
+ * its pacing; null is allowed. The engine must first release every reference to the DXGI swap chain and its buffers.
  *
  * Ownership: on success swapchain is no handle any more; on failure it is as it was.
  * Threads: any thread; waits for calls in flight on the swap chain.
