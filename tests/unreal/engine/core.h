@@ -381,6 +381,7 @@ public:
     static IFileManager& Get();
     /** Replaces an existing file. */
     bool Move(const TCHAR* to, const TCHAR* from);
+    bool Delete(const TCHAR* file);
 };
 
 struct FColor {

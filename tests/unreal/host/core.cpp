@@ -250,6 +250,8 @@ IFileManager& IFileManager::Get()
     return manager;
 }
 
+bool IFileManager::Delete(const TCHAR* file) { return DeleteFileW(file) != 0; }
+
 bool IFileManager::Move(const TCHAR* to, const TCHAR* from) { return MoveFileExW(from, to, MOVEFILE_REPLACE_EXISTING) != 0; }
 
 void WriteLog(const TCHAR* category, EVerbosity verbosity, const TCHAR* format, ...)

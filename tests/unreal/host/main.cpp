@@ -474,7 +474,7 @@ std::vector<uint8> compiled()
 void compiled_pipelines()
 {
     const std::filesystem::path file = project_folder() + L"/Saved/Cairn/Pipelines.bin";
-    std::filesystem::remove(file);
+    std::filesystem::remove_all(file.parent_path());
     expect(compiled().empty(), "there are none at first");
     for (const std::size_t size : {std::size_t{100000}, std::size_t{10}}) {
         FCairnPipelineCache cache;
@@ -483,14 +483,14 @@ void compiled_pipelines()
         FCairnPipelineCache::Store(bytes.data(), size, &cache);
         expect(compiled() == bytes, "what was stored last is loaded");
     }
-    const std::filesystem::directory_iterator kept(file.parent_path());
-    expect(std::distance(begin(kept), end(kept)) == 1, "nothing else is left beside it");
     /* Another process has the file open: the game continues. */
     const HANDLE held = CreateFileW(file.c_str(), GENERIC_READ, 0, nullptr, OPEN_EXISTING, 0, nullptr);
     FCairnPipelineCache cache;
     FCairnPipelineCache::Store("abc", 3, &cache);
     CloseHandle(held);
     expect(compiled().size() == 10, "what cannot be written changes nothing");
+    const std::filesystem::directory_iterator kept(file.parent_path());
+    expect(std::distance(begin(kept), end(kept)) == 1, "nothing else is left beside the file");
     std::filesystem::remove(file);
 }
 

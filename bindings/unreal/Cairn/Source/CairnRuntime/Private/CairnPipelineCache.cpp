@@ -45,6 +45,7 @@ void FCairnPipelineCache::Store(const void* Bytes, uint64_t Size, void*)
 	const TArrayView<const uint8> Whole(static_cast<const uint8*>(Bytes), static_cast<int32>(Size));
 	if (!FFileHelper::SaveArrayToFile(Whole, *Part) || !IFileManager::Get().Move(*File, *Part))
 	{
+		IFileManager::Get().Delete(*Part);
 		UE_LOG(LogCairn, Warning, TEXT("%s cannot be written: the next run compiles its pipelines again"), *File);
 	}
 }
