@@ -47,13 +47,13 @@ fn a_worker_runs_queued_steps_in_order_and_cancels_what_waits() {
     let twice = worker.ticket(tickets[0], None, false, |_| Ok::<_, cairn::Error>(()));
     assert_eq!(twice.expect_err("it is over").kind(), ErrorKind::InvalidArgument);
     assert!(
-        fingerprint(&mut worker.alone().expect("nothing runs").rollout).expect("bits")
+        fingerprint(&mut worker.lock_idle().expect("nothing runs").rollout).expect("bits")
             == fingerprint(&mut alone).expect("bits")
     );
 
     worker.pause(true);
     let waiting = submit(3).expect("there is room");
-    assert_eq!(worker.alone().expect_err("a step waits").kind(), ErrorKind::Busy);
+    assert_eq!(worker.lock_idle().expect_err("a step waits").kind(), ErrorKind::Busy);
     worker.cancel();
     assert_eq!(ended(waiting).expect_err("it was cancelled").kind(), ErrorKind::Cancelled);
     worker.close();

@@ -11,6 +11,7 @@ use super::presenter::{cairn_frame, cairn_presenter, to_header};
 use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info, step_info};
 use super::structs::{Out, check_out, describe, read};
+use crate::present::Selection;
 use crate::present::presenter::FrameInfo;
 use crate::world::Job;
 
@@ -44,7 +45,7 @@ pub(super) struct Guard {
 
 /// Statistics of frames made on a Direct3D 12 device.
 #[derive(Default)]
-pub(super) struct DeviceFigures {
+pub(super) struct DeviceStatistics {
     /// Frames that have not run yet.
     pub(super) under_way: u32,
     /// Recorded frames whose lists may not have run.
@@ -53,15 +54,15 @@ pub(super) struct DeviceFigures {
     pub(super) frames: DeviceTimes,
     /// Device times of the lists that prepare the frames' inputs.
     pub(super) lists: DeviceTimes,
-    /// Generator of the last frame (`None`: the CPU), and why no other was used; `None` before the first frame.
-    pub(super) generator: Option<(Option<String>, String)>,
-    /// Upscaler of the last frame, and why AMD's was not used; `None` where the CPU made the frame.
-    pub(super) upscaler: Option<(String, String)>,
+    /// Generator of the last frame; `None` before the first frame.
+    pub(super) generator: Option<Selection>,
+    /// Upscaler of the last frame; `None` if the CPU made it.
+    pub(super) upscaler: Option<Selection>,
 }
 
 /// Statistics of a rollout's passes on the device.
 #[derive(Default, Clone, Copy)]
-pub(super) struct RolloutFigures {
+pub(super) struct RolloutStatistics {
     pub(super) passes: DeviceTimes,
     pub(super) decodes: DeviceTimes,
     pub(super) commits: DeviceTimes,
@@ -243,7 +244,7 @@ pub unsafe extern "C" fn cairn_rollout_append_d3d12(
         given(picture, "picture")?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::optional(info, "info") }?;
-        let device = running.look()?.rollout.world().device().clone();
+        let device = running.lock_between_steps()?.rollout.world().device().clone();
         // SAFETY: the host's promise about its objects.
         let picture = unsafe { behind::read(&device, picture, state) }?;
         let made = running.run(&Job::Append(vec![picture]))?;

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::anchor::cairn_anchor;
 use super::boundary::call;
 use super::d3d12::behind::{self, HAS_SHADERS};
-use super::d3d12::{DeviceFigures, Recorded, To, cairn_d3d12_preparation};
+use super::d3d12::{DeviceStatistics, Recorded, To, cairn_d3d12_preparation};
 use super::guidance::{cairn_guidance, motion_source};
 use super::handles::{Handle, Kind, Object, destroy, enter, enter_alone, insert};
 use super::images::{Target, cairn_target};
@@ -16,6 +16,7 @@ use super::results::{
 use super::structs::{Out, check_out, describe, read_or_default, slice};
 use crate::Colours;
 use crate::framegen::Phases;
+use crate::present::Selection;
 use crate::present::pacing::Interval;
 use crate::present::presenter::{FrameInfo, FrameSource, Presenter, PresenterOptions};
 use crate::runtime::Device;
@@ -125,22 +126,23 @@ impl Presenting {
     }
 
     /// What frames for Direct3D 12 have taken and who made them; none where the call is nested in one that records.
-    pub(super) fn device_figures(&self, is_nested: bool) -> Option<DeviceFigures> {
-        behind::figures(&self.renderer, &self.presenter, is_nested)
+    pub(super) fn device_statistics(&self, is_nested: bool) -> Option<DeviceStatistics> {
+        behind::statistics(&self.renderer, &self.presenter, is_nested)
     }
 
-    /// What brought frames to their size last, and why AMD's upscaler did not.
-    pub(super) fn scaled_by(&self, figures: &DeviceFigures) -> (String, String) {
-        figures.upscaler.clone().unwrap_or_else(|| {
+    /// The upscaler of the last frame, and why AMD's was not used.
+    pub(super) fn upscaler(&self, done: &DeviceStatistics) -> Selection {
+        done.upscaler.clone().unwrap_or_else(|| {
             let scales = self.presenter.size().zip(self.presenter.anchor_size()).is_some_and(|(size, of)| size != of);
-            (if scales { "spatial" } else { "" }.to_owned(), String::new())
+            Selection { name: if scales { "spatial" } else { "" }.to_owned(), reason: String::new() }
         })
     }
 
-    /// The generator of the frame that was made last, and why no other is used.
-    pub(super) fn used(&self, figures: &DeviceFigures) -> (String, String) {
-        let (recorded, why) = figures.generator.clone().unwrap_or_else(|| (None, self.preference.clone()));
-        (recorded.unwrap_or_else(|| self.generator.to_owned()), why)
+    /// The generator of the last frame, and why a preferred one was not used.
+    pub(super) fn generator(&self, done: &DeviceStatistics) -> Selection {
+        let used = done.generator.clone();
+        let used = used.unwrap_or_else(|| Selection { name: String::new(), reason: self.preference.clone() });
+        if used.name.is_empty() { Selection { name: self.generator.to_owned(), ..used } } else { used }
     }
 }
 

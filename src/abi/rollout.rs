@@ -177,7 +177,7 @@ pub unsafe extern "C" fn cairn_rollout_get_info(
         let running = enter(rollout)?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::new(info, "info") }?;
-        let core = running.look()?;
+        let core = running.lock_between_steps()?;
         let (point, planner) = (core.rollout.operating_point(), core.rollout.planner());
         info.write(&cairn_rollout_info {
             struct_size: 0,
@@ -270,7 +270,7 @@ pub unsafe extern "C" fn cairn_rollout_keep_encoder_stream(rollout: *mut cairn_r
         if keep > 1 {
             return Err(Failure::argument("keep", format!("{keep} is neither 0 nor 1")));
         }
-        running.alone()?.rollout.keep_encoder_stream(keep == 1)?;
+        running.lock_idle()?.rollout.keep_encoder_stream(keep == 1)?;
         Ok(CAIRN_OK)
     })
 }
@@ -315,7 +315,7 @@ pub unsafe extern "C" fn cairn_rollout_step(
 pub unsafe extern "C" fn cairn_rollout_reset(rollout: *mut cairn_rollout) -> cairn_result {
     call("cairn_rollout_reset", || {
         let running = enter_alone(rollout)?;
-        let mut core = running.alone()?;
+        let mut core = running.lock_idle()?;
         core.rollout.reset()?;
         core.cut_next = true;
         Ok(CAIRN_OK)
@@ -336,7 +336,7 @@ pub unsafe extern "C" fn cairn_rollout_reset(rollout: *mut cairn_rollout) -> cai
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_rest(rollout: *mut cairn_rollout) -> cairn_result {
     call("cairn_rollout_rest", || {
-        enter_alone(rollout)?.alone()?.rollout.rest()?;
+        enter_alone(rollout)?.lock_idle()?.rollout.rest()?;
         Ok(CAIRN_OK)
     })
 }
@@ -365,7 +365,7 @@ pub unsafe extern "C" fn cairn_rollout_set_budget(
         // SAFETY: the host's promise about `schedules`.
         let text = unsafe { required_text(schedules, "schedules") }?;
         let schedules = read_schedules(text)?;
-        running.alone()?.rollout.set_budget(Duration::from_nanos(latent_ns), &schedules)?;
+        running.lock_idle()?.rollout.set_budget(Duration::from_nanos(latent_ns), &schedules)?;
         Ok(CAIRN_OK)
     })
 }
@@ -385,7 +385,7 @@ pub unsafe extern "C" fn cairn_rollout_get_anchor(
     call("cairn_rollout_get_anchor", || {
         let running = enter(rollout)?;
         check_out(anchor, "anchor")?;
-        let made = running.look()?.anchor()?;
+        let made = running.lock_between_steps()?.anchor()?;
         let handle = insert::<cairn_anchor>(made)?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { anchor.write(handle) };

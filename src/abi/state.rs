@@ -37,7 +37,7 @@ pub unsafe extern "C" fn cairn_rollout_save(
     call("cairn_rollout_save", || {
         let running = enter(rollout)?;
         check_out(size, "size")?;
-        let core = running.look()?;
+        let core = running.lock_between_steps()?;
         let len = core.rollout.state_len()?;
         if !bytes.is_null() || capacity > 0 {
             if capacity < len {
@@ -68,7 +68,7 @@ pub unsafe extern "C" fn cairn_rollout_save_file(rollout: *const cairn_rollout, 
         let running = enter(rollout)?;
         // SAFETY: the host's promise about `path`.
         let path = Path::new(unsafe { required_text(path, "path") }?);
-        let state = running.look()?.rollout.save()?;
+        let state = running.lock_between_steps()?.rollout.save()?;
         write_whole(path, &state)?;
         Ok(CAIRN_OK)
     })
@@ -92,7 +92,7 @@ pub unsafe extern "C" fn cairn_rollout_restore(
         let running = enter_alone(rollout)?;
         // SAFETY: the host's promise about `bytes`.
         let bytes = unsafe { slice(bytes.cast::<u8>(), size, "bytes") }?;
-        let mut core = running.alone()?;
+        let mut core = running.lock_idle()?;
         core.rollout.restore(bytes)?;
         core.restored();
         Ok(CAIRN_OK)
@@ -114,7 +114,7 @@ pub unsafe extern "C" fn cairn_rollout_restore_file(rollout: *mut cairn_rollout,
         let running = enter_alone(rollout)?;
         // SAFETY: the host's promise about `path`.
         let path = Path::new(unsafe { required_text(path, "path") }?);
-        let mut core = running.alone()?;
+        let mut core = running.lock_idle()?;
         let most = core.rollout.state_len()? as u64 + SLACK;
         let state = read_whole(path, most)?;
         core.rollout.restore(&state)?;

@@ -11,6 +11,7 @@ use super::results::{CAIRN_OK, cairn_result};
 use super::rollout::{cairn_rollout, nanoseconds};
 use super::structs::{Out, describe};
 use super::text::fixed_text;
+use crate::present::Selection;
 use crate::world::WorkerStatistics;
 
 /// Statistics of a rollout since it was made, as of the end of its last step. Times are nanoseconds of wall time.
@@ -123,9 +124,9 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
         let running = enter(rollout)?;
         // SAFETY: the host's promise about `statistics`.
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
-        let (statistics_now, depth) = running.statistics();
-        let device = behind::rollout_figures(&statistics_now);
-        let WorkerStatistics { done, governor, .. } = statistics_now;
+        let (worker, depth) = running.statistics();
+        let device = behind::rollout_statistics(&worker);
+        let WorkerStatistics { done, governor, .. } = worker;
         let (stages, bytes) = (done.stages, done.bytes);
         statistics.write(&cairn_rollout_statistics {
             struct_size: 0,
@@ -273,9 +274,9 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
         // SAFETY: the host's promise about `statistics`.
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
         // First, as it may find out more.
-        let device = presenting.device_figures(presenting.is_nested()).ok_or_else(in_use)?;
-        let (generator, preference) = presenting.used(&device);
-        let (upscaler, upscaling) = presenting.scaled_by(&device);
+        let device = presenting.device_statistics(presenting.is_nested()).ok_or_else(in_use)?;
+        let Selection { name: generator, reason: preference } = presenting.generator(&device);
+        let Selection { name: upscaler, reason: upscaling } = presenting.upscaler(&device);
         let done = presenting.presenter.statistics();
         statistics.write(&cairn_presenter_statistics {
             struct_size: 0,

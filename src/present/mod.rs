@@ -13,3 +13,12 @@ pub mod presenter;
 mod statistics;
 pub mod timeline;
 pub mod upscale;
+
+/// Which generator or upscaler made the last frame.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Selection {
+    /// Its name and version, such as `fsr 3.1.5`, `shader` or `spatial`; empty for the generator on the CPU, and for no upscaler.
+    pub name: String,
+    /// Why a preferred one was not used; empty if it was.
+    pub reason: String,
+}

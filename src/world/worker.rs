@@ -154,7 +154,7 @@ impl Worker {
     }
 
     /// Locks the rollout for a call on the caller's own thread; `Busy` while steps are queued or another call uses it.
-    pub fn alone(&self) -> Result<MutexGuard<'_, QueuedRollout>> {
+    pub fn lock_idle(&self) -> Result<MutexGuard<'_, QueuedRollout>> {
         self.shared.check()?;
         let queue = self.shared.queue.lock();
         if queue.running.is_some() || !queue.waiting.is_empty() {
@@ -167,14 +167,14 @@ impl Worker {
     }
 
     /// Locks the rollout for a call that only reads it; `Busy` while a step runs.
-    pub fn look(&self) -> Result<MutexGuard<'_, QueuedRollout>> {
+    pub fn lock_between_steps(&self) -> Result<MutexGuard<'_, QueuedRollout>> {
         self.shared.check()?;
         self.shared.core.try_lock().ok_or_else(|| busy("a step is running"))
     }
 
     /// Runs one step on the caller's own thread.
     pub fn run(&self, job: &Job) -> Result<StepInfo> {
-        let mut core = self.alone()?;
+        let mut core = self.lock_idle()?;
         let result = core.run(job);
         core.tell(&self.shared.statistics);
         result
@@ -280,7 +280,7 @@ impl Worker {
 
     /// Sets the rollout's budget; see [`Rollout::govern`].
     pub fn govern(&self, budget: &Budget, worlds: &[Arc<World>]) -> Result<Arc<Governor>> {
-        let mut core = self.alone()?;
+        let mut core = self.lock_idle()?;
         let governor = core.rollout.govern(budget, worlds)?;
         self.shared.statistics.lock().governor = governor.statistics();
         Ok(governor)
@@ -288,7 +288,7 @@ impl Worker {
 
     /// Removes the rollout's budget; see [`Rollout::ungovern`].
     pub fn ungovern(&self) -> Result<()> {
-        self.alone()?.rollout.ungovern();
+        self.lock_idle()?.rollout.ungovern();
         Ok(())
     }
 

@@ -84,7 +84,7 @@ pub(crate) enum Command {
 #[derive(Debug, Args)]
 #[command(
     after_help = "Writes cairn-VERSION-windows-x64.zip, the same without Microsoft's libraries (-slim), cairn-VERSION-linux-x64.tar.gz,\n\
-                        a Python wheel for each of the two, and SHA256SUMS. The same commit and compiler make the same bytes, wherever the workspace lies; SOURCE_DATE_EPOCH sets\n\
+                        a Python wheel for each of the two, and SHA256SUMS. The same commit and compiler make the same bytes, wherever the clone lies; SOURCE_DATE_EPOCH sets\n\
                         the time of the files, which is the commit's otherwise.\n\n\
                         Examples:\n  \
                           cargo xtask dist\n  \

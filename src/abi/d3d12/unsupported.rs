@@ -7,7 +7,7 @@ use super::super::requirements::{
 };
 use super::super::results::{Failure, Outcome};
 use super::{
-    DeviceFigures, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, Recorded, RolloutFigures, To,
+    DeviceStatistics, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, Recorded, RolloutStatistics, To,
     cairn_d3d12_options, cairn_d3d12_preparation,
 };
 use crate::present::presenter::Presenter;
@@ -38,8 +38,8 @@ pub(in crate::abi) fn set_options(_: &Device, _: &cairn_d3d12_options) -> Outcom
     Err(Failure::no_d3d12())
 }
 
-pub(in crate::abi) fn rollout_figures(_: &WorkerStatistics) -> RolloutFigures {
-    RolloutFigures::default()
+pub(in crate::abi) fn rollout_statistics(_: &WorkerStatistics) -> RolloutStatistics {
+    RolloutStatistics::default()
 }
 
 /// # Safety
@@ -72,8 +72,8 @@ pub(in crate::abi) unsafe fn record(_: &Renderer, _: &Presenter, _: &Device, _: 
     Err(Failure::no_d3d12())
 }
 
-pub(in crate::abi) fn figures(_: &Renderer, _: &Presenter, _: bool) -> Option<DeviceFigures> {
-    Some(DeviceFigures::default())
+pub(in crate::abi) fn statistics(_: &Renderer, _: &Presenter, _: bool) -> Option<DeviceStatistics> {
+    Some(DeviceStatistics::default())
 }
 
 pub(in crate::abi) fn release(_: &Renderer) -> Outcome<()> {

@@ -15,8 +15,8 @@ use super::super::requirements::*;
 use super::super::results::{Failure, Outcome};
 use super::super::text::fixed_text;
 use super::{
-    CAIRN_D3D12_DETERMINISTIC, CAIRN_PREPARE_SUBMIT_ONLY, DeviceFigures, DeviceTimes, Guard, Guarded,
-    ID3D12CommandQueue, ID3D12Device, ID3D12Resource, Recorded, RolloutFigures, To, cairn_d3d12_options,
+    CAIRN_D3D12_DETERMINISTIC, CAIRN_PREPARE_SUBMIT_ONLY, DeviceStatistics, DeviceTimes, Guard, Guarded,
+    ID3D12CommandQueue, ID3D12Device, ID3D12Resource, Recorded, RolloutStatistics, To, cairn_d3d12_options,
     cairn_d3d12_preparation,
 };
 use crate::ffx::{self, Needed};
@@ -85,9 +85,9 @@ pub(in crate::abi) fn set_options(device: &Device, options: &cairn_d3d12_options
 }
 
 /// Statistics of a rollout on the device; zeroes on any other than a Direct3D 12 device.
-pub(in crate::abi) fn rollout_figures(statistics: &WorkerStatistics) -> RolloutFigures {
-    let Some((took, captured)) = &statistics.device else { return RolloutFigures::default() };
-    RolloutFigures {
+pub(in crate::abi) fn rollout_statistics(statistics: &WorkerStatistics) -> RolloutStatistics {
+    let Some((took, captured)) = &statistics.device else { return RolloutStatistics::default() };
+    RolloutStatistics {
         passes: times(took.passes),
         decodes: times(took.decode),
         commits: times(took.commit),
@@ -204,12 +204,16 @@ pub(in crate::abi) unsafe fn record(
 }
 
 /// Statistics of frames on the device; `None` if the call is nested in one that records.
-pub(in crate::abi) fn figures(renderer: &Renderer, presenter: &Presenter, is_nested: bool) -> Option<DeviceFigures> {
+pub(in crate::abi) fn statistics(
+    renderer: &Renderer,
+    presenter: &Presenter,
+    is_nested: bool,
+) -> Option<DeviceStatistics> {
     let done = match is_nested {
         true => renderer.try_statistics(presenter)?,
         false => renderer.statistics(presenter),
     };
-    Some(DeviceFigures {
+    Some(DeviceStatistics {
         under_way: done.in_flight as u32,
         lists_pending: done.lists_pending as u32,
         frames: times(done.frames),

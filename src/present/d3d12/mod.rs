@@ -6,6 +6,7 @@ use parking_lot::{Mutex, MutexGuard};
 use windows::Win32::Graphics::Direct3D12::ID3D12GraphicsCommandList;
 use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_UNKNOWN};
 
+use super::Selection;
 use super::device::{DeviceDrawer, FrameResult, LISTS, RetiredFrames, ScaledBy, check_recording};
 use super::presenter::{Draws, FrameInfo, Presenter};
 use crate::gpu::compute::{CommandRing, Spent};
@@ -64,6 +65,9 @@ impl Default for PrepareOptions {
     }
 }
 
+/// Callback that returns the bytes of compiled pipelines, if there are any.
+pub type LoadPipelines<'a> = dyn FnMut() -> Option<Vec<u8>> + 'a;
+
 /// Callback that stores the bytes of compiled pipelines.
 pub type StorePipelines<'a> = dyn FnMut(&[u8]) + 'a;
 
@@ -72,7 +76,7 @@ pub type StorePipelines<'a> = dyn FnMut(&[u8]) + 'a;
 pub struct PipelineCallbacks<'a> {
     /// Returns the bytes that `store` received in an earlier run, or `None`. Called once per device. Damaged bytes, and bytes of another
     /// adapter, driver or version, are ignored.
-    pub load: Option<&'a mut dyn FnMut() -> Option<Vec<u8>>>,
+    pub load: Option<&'a mut LoadPipelines<'a>>,
     /// Receives all of the device's pipelines, if some were compiled that were neither loaded nor stored before.
     pub store: Option<&'a mut StorePipelines<'a>>,
 }
@@ -99,10 +103,10 @@ pub struct RendererStatistics {
     pub frames: Spent,
     /// Device time of the lists that upload anchors and upload or extract guidance.
     pub anchors: Spent,
-    /// The generator of the last frame, `None` for the CPU, and why no preferred one was used; `None` before the first frame.
-    pub generator: Option<(Option<String>, String)>,
-    /// The upscaler of the last frame, and why AMD's was not used; `None` if the CPU made the frame.
-    pub upscaler: Option<(String, String)>,
+    /// The generator of the last frame; `None` before the first frame.
+    pub generator: Option<Selection>,
+    /// The upscaler of the last frame; `None` if the CPU made the frame.
+    pub upscaler: Option<Selection>,
 }
 
 /// Makes a presenter's frames for Direct3D 12.
@@ -125,8 +129,7 @@ const ONLY_HALF: &str = "fsr: it makes frames half way between two anchors, and 
 const ONLY_LARGER: &str = "fsr: it makes anchors larger, and not those that bring all frames with them";
 
 /// The reason that is reported if an anchor replaces a frame.
-const NOT_PREPARED: &str =
-    "not prepared: cairn_presenter_prepare_d3d12 was not called for this device, and these sizes and formats";
+const NOT_PREPARED: &str = "not prepared: frames were prepared for another device, size or format, or not at all";
 
 #[derive(Default)]
 struct State {
@@ -399,10 +402,10 @@ impl State {
         Ok(made)
     }
 
-    fn upscaler(&self) -> Option<(String, String)> {
+    fn upscaler(&self) -> Option<Selection> {
         let prepared = self.prepared.as_ref().filter(|_| self.used.as_ref().is_some_and(String::is_empty))?;
         let MadeBy::Shaders(drawer) = &prepared.made_by else { return None };
-        Some(match (drawer.scaled_by(), drawer.upscaler_failed()) {
+        let (name, reason) = match (drawer.scaled_by(), drawer.upscaler_failed()) {
             (ScaledBy::Nothing, _) => (String::new(), String::new()),
             (ScaledBy::Amd(version), _) => (format!("fsr {}", version.name), String::new()),
             (ScaledBy::Space, Some(failed)) => ("spatial".to_owned(), format!("fsr: {failed}")),
@@ -410,25 +413,27 @@ impl State {
                 ("spatial".to_owned(), ONLY_LARGER.to_owned())
             }
             (ScaledBy::Space, None) => ("spatial".to_owned(), prepared.without.upscaler.clone()),
-        })
+        };
+        Some(Selection { name, reason })
     }
 
-    fn generator(&mut self, presenter: &Presenter) -> Option<(Option<String>, String)> {
+    fn generator(&mut self, presenter: &Presenter) -> Option<Selection> {
         let prepared = self.prepared.as_mut();
         if let Some(MadeBy::Shaders(drawer)) = prepared.map(|prepared| &mut prepared.made_by) {
             presenter.collect_reports(drawer);
         }
         let why = self.used.as_ref()?;
-        let Some(prepared) = self.prepared.as_ref().filter(|_| why.is_empty()) else {
-            return Some((None, why.clone()));
+        let prepared = self.prepared.as_ref().filter(|_| why.is_empty());
+        let Some(Prepared { made_by: MadeBy::Shaders(drawer), without, .. }) = prepared else {
+            return Some(Selection { name: String::new(), reason: why.clone() });
         };
-        let MadeBy::Shaders(drawer) = &prepared.made_by else { return Some((None, why.clone())) };
-        Some(match (drawer.made_by_fsr(), drawer.fsr_failed()) {
-            (Some(version), _) => (Some(format!("fsr {}", version.name)), String::new()),
-            (None, Some(failed)) => (Some("shader".to_owned()), format!("fsr: {failed}")),
-            (None, None) if prepared.without.fsr.is_empty() => (Some("shader".to_owned()), ONLY_HALF.to_owned()),
-            (None, None) => (Some("shader".to_owned()), prepared.without.fsr.clone()),
-        })
+        let (name, reason) = match (drawer.made_by_fsr(), drawer.fsr_failed()) {
+            (Some(version), _) => (format!("fsr {}", version.name), String::new()),
+            (None, Some(failed)) => ("shader".to_owned(), format!("fsr: {failed}")),
+            (None, None) if without.fsr.is_empty() => ("shader".to_owned(), ONLY_HALF.to_owned()),
+            (None, None) => ("shader".to_owned(), without.fsr.clone()),
+        };
+        Some(Selection { name, reason })
     }
 
     /// Frames in flight, pending lists and device times.
