@@ -19,31 +19,41 @@ pub(crate) fn setup(workspace: &Workspace, all: bool) -> Result<(), String> {
         console.done("nasm is not installed: video is encoded without assembly, slower and with the same result");
     }
     if all {
-        provision::python_env(&console).map_err(text)?;
-        provision::training_env(&console).map_err(text)?;
-        provision::cluster_env(&console).map_err(text)?;
-        provision::test_bundles(&console).map_err(text)?;
-        provision::lpips_weights(&console).map_err(text)?;
-        tools::rust_component("rustfmt", "rustfmt", &console).map_err(text)?;
-        tools::rust_component("clippy", "cargo-clippy", &console).map_err(text)?;
-        tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(text)?;
-        tools::mingw(&console).map_err(text)?;
-        // If they cannot be installed, the header's test reports it.
-        _ = (tools::clang("clang++", &console), tools::mingw_compiler(true, &console));
-        // As the runners that need it do.
-        _ = tools::nightly(&["miri", "rust-src"], &console);
-        _ = (provision::mono(&console), provision::dotnet(&console));
-        if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
-            tools::zigbuild(&console).map_err(text)?;
-            provision::wheels::audit_env(&console).map_err(text)?;
-            provision::wheels::windows_python(&console).map_err(text)?;
-        }
-        tools::cargo_program("cargo-deny", DENY_VERSION, &console).map_err(text)?;
-        provision::mdbook(&console).map_err(text)?;
-        pass_through(&mut workspace.cargo(["fetch", "--quiet"]))?;
+        provide_all(workspace, &console)?;
     }
     eprintln!("Everything is there.");
     Ok(())
+}
+
+/// Fetches and builds what the tests need, in the order in which they need it.
+pub(crate) fn provide_all(workspace: &Workspace, progress: &dyn Progress) -> Result<(), String> {
+    tools::rust_component("rustfmt", "rustfmt", progress).map_err(text)?;
+    tools::rust_component("clippy", "cargo-clippy", progress).map_err(text)?;
+    tools::rust_target(tools::WINDOWS_TARGET, progress).map_err(text)?;
+    tools::mingw(progress).map_err(text)?;
+    // If they cannot be installed, the header's test reports it.
+    _ = (tools::clang("clang++", progress), tools::mingw_compiler(true, progress), tools::cmake(progress));
+    provision::python_env(progress).map_err(text)?;
+    provision::test_bundles(progress).map_err(text)?;
+    provision::lpips_weights(progress).map_err(text)?;
+    // As the runners that need it do.
+    _ = tools::nightly(&["miri", "rust-src"], progress);
+    provision::training_env(progress).map_err(text)?;
+    _ = (provision::mono(progress), provision::dotnet(progress));
+    if provision::lab::possible().is_ok() {
+        provision::lab::lab(progress).map_err(text)?;
+        _ = provision::dotnet_for_windows(progress);
+    }
+    if cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        tools::zigbuild(progress).map_err(text)?;
+        provision::wheels::audit_env(progress).map_err(text)?;
+        provision::wheels::windows_python(progress).map_err(text)?;
+    }
+    provision::cluster_env(progress).map_err(text)?;
+    _ = tools::chromium(progress);
+    provision::mdbook(progress).map_err(text)?;
+    tools::cargo_program("cargo-deny", DENY_VERSION, progress).map_err(text)?;
+    pass_through(&mut workspace.cargo(["fetch", "--quiet"]))
 }
 
 /// Sets up, builds the study in release mode and makes the demo with it.

@@ -7,7 +7,7 @@ use std::process::Command;
 use provision::tools;
 
 /// The workspace that this program was compiled in.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Workspace {
     pub(crate) root: PathBuf,
     /// Cargo's target directory, as the environment sets it.

@@ -365,8 +365,8 @@ pub fn cargo_program(name: &str, version: &str, progress: &dyn Progress) -> Resu
     let mut command = Command::new(cargo());
     command
         .args(["install", "--locked", "--no-track", "--version", version, name, "--root", text(&scratch)?])
-        .args(["--config", "profile.release.debug=false", "--config", "profile.release.lto=false"])
-        .args(["--config", "profile.release.codegen-units=16", "--config", "profile.release.opt-level=1"])
+        // Without optimisation it compiles in half of the time, and checks this workspace in two seconds.
+        .args(["--debug", "--config", "profile.dev.debug=false"])
         // A folder outside the repository, whose configuration, flags and target folder do not apply to this crate.
         .current_dir(&scratch)
         .env("CARGO_TARGET_DIR", scratch.join("target"))

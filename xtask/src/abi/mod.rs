@@ -12,7 +12,7 @@ use crate::workspace::Workspace;
 /// Rewrites the header, the loader's lists, the C# declarations and the record.
 pub(crate) fn fix(workspace: &Workspace) -> Result<(), String> {
     let header = header::generate(&workspace.root)?;
-    let layout = crate::shell::output(&mut record::rust_layout(workspace))?;
+    let layout = record::rust_layout(workspace)?;
     let declared = declarations::read(&header)?;
     let record = record::compose(&layout, &declared);
     let loader = loader::with_lists(&workspace.read(loader::LOADER)?, &declared)?;

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::process::Command;
 
 use super::declarations::Declarations;
+use crate::shell::{output, pass_through};
 use crate::workspace::Workspace;
 
 /// Path in the repository.
@@ -16,9 +17,12 @@ const INTRODUCTION: &str = "\
 # but for what is experimental.
 ";
 
-/// The command that prints constants and struct layouts as Rust has them.
-pub(crate) fn rust_layout(workspace: &Workspace) -> Command {
-    workspace.cargo(["run", "--quiet", "--package", "cairn", "--example", "interface"])
+/// Constants and struct layouts as Rust has them.
+pub(crate) fn rust_layout(workspace: &Workspace) -> Result<String, String> {
+    // Chosen from the whole workspace: of the package alone, its dependencies would have other features, and be compiled again.
+    pass_through(&mut workspace.cargo(["build", "--quiet", "--workspace", "--example", "interface"]))?;
+    let name = format!("interface{}", std::env::consts::EXE_SUFFIX);
+    output(&mut Command::new(workspace.target.join("debug").join("examples").join(name)))
 }
 
 /// The whole record: the layout, and the declarations that have no layout.

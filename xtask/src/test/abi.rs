@@ -48,7 +48,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     tally.check(without_row(&declared, &workspace.read(CALLS)?));
 
     let recorded = workspace.read(record::RECORD)?;
-    let layout = output(&mut record::rust_layout(workspace))?;
+    let layout = record::rust_layout(workspace)?;
     tally.check((record::compose(&layout, &declared) != recorded).then(|| differs(record::RECORD)));
     tally.check(broken_promise(workspace, &recorded)?);
     compilers(context, log, &work, &committed, &declared, &recorded, &mut tally)?;

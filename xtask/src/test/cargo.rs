@@ -1,7 +1,5 @@
 //! Runners that are cargo commands.
 
-use std::fs;
-
 use provision::{Console, tools};
 
 use super::Context;
@@ -17,19 +15,16 @@ pub(super) fn fmt(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(Tally::of_command(ended.success, "files are not formatted; cargo xtask fix does it"))
 }
 
+/// For this system and for Windows in one command, so that both processors have something to do.
 pub(super) fn clippy(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    lint(context, log, &[])
-}
-
-pub(super) fn clippy_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    tools::rust_target(tools::WINDOWS_TARGET, &Console::new()).map_err(|e| e.to_string())?;
-    lint(context, log, &["--target", tools::WINDOWS_TARGET])
-}
-
-fn lint(context: &Context<'_>, log: &mut Log, target: &[&str]) -> Result<Tally, String> {
     tools::rust_component("clippy", "cargo-clippy", &Console::new()).map_err(|e| e.to_string())?;
-    let mut command = context.workspace.cargo(["clippy", "--workspace", "--all-targets"]);
-    let ended = log.run(command.args(target).args(["--", "-D", "warnings"]))?;
+    tools::rust_target(tools::WINDOWS_TARGET, &Console::new()).map_err(|e| e.to_string())?;
+    let own = crate::shell::output(std::process::Command::new("rustc").args(["--print", "host-tuple"]))?;
+    let mut command = context.workspace.cargo(["clippy", "--workspace", "--all-targets", "--target", own.trim()]);
+    if !cfg!(windows) {
+        command.args(["--target", tools::WINDOWS_TARGET]);
+    }
+    let ended = log.run(command.args(["--", "-D", "warnings"]))?;
     Ok(Tally::of_command(ended.success, "clippy has something to say"))
 }
 
@@ -37,36 +32,6 @@ pub(super) fn docs(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
     let mut command = context.workspace.cargo(["doc", "--workspace", "--no-deps"]);
     let ended = log.run(command.env("RUSTDOCFLAGS", "-D warnings"))?;
     Ok(Tally::of_command(ended.success, "the documentation has warnings"))
-}
-
-/// Links the DLLs for Windows, and checks the files.
-pub(super) fn link_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let console = Console::new();
-    tools::rust_target(tools::WINDOWS_TARGET, &console).map_err(|e| e.to_string())?;
-    let linker = tools::mingw(&console).map_err(|e| e.to_string())?;
-    let verb = if linker == tools::Mingw::Gcc { "build" } else { "zigbuild" };
-    let packages = ["--package", "cairn", "--package", "cairn-unity"];
-    let mut command = context.workspace.cargo([verb, "--lib", "--target", tools::WINDOWS_TARGET]);
-    command.args(packages);
-    if linker == tools::Mingw::Zig {
-        tools::by_zig(&mut command, &console).map_err(|e| e.to_string())?;
-    }
-    let ended = log.run(&mut command)?;
-    let mut tally = Tally::of_command(ended.success, "the library does not build for Windows");
-    if !ended.success {
-        return Ok(tally);
-    }
-    let warnings = ended.output.lines().find(|line| line.starts_with("warning"));
-    tally.check(warnings.map(|line| format!("the build warns: {line}")));
-    for name in ["cairn.dll", "cairn_unity.dll"] {
-        let dll = context.workspace.target.join(tools::WINDOWS_TARGET).join("debug").join(name);
-        tally.check(match fs::read(&dll) {
-            Ok(bytes) if bytes.starts_with(b"MZ") => None,
-            Ok(_) => Some(format!("{} is no Windows library", dll.display())),
-            Err(e) => Some(format!("{}: {e}", dll.display())),
-        });
-    }
-    Ok(tally)
 }
 
 pub(super) fn tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {

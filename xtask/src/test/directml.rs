@@ -5,11 +5,9 @@ use std::process::Command;
 
 use super::amd::Amd;
 use super::tally::Tally;
-use super::{Context, cargo, lab, python};
+use super::{Context, lab, python, windows_build};
 use crate::shell::Log;
 
-/// Packages to build in one command, so that nothing is compiled again for another choice of features.
-const PACKAGES: [&str; 4] = ["--package", "cairn", "--package", "parity-trace"];
 const STATES: &str = "rollout_state";
 const BUDGETS: &str = "rollout_budget";
 const TRACE: &str = "parity-trace";
@@ -37,12 +35,7 @@ fn all(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally, St
         tally.skips.push(skip);
         return Ok(tally);
     }
-    let mut build = context.workspace.cargo(["build"]);
-    build.args(PACKAGES).args(["--bin", TRACE, "--test", STATES, "--test", BUDGETS]);
-    lab::for_windows(&mut build)?;
-    if !log.run(&mut build)?.success {
-        return Ok(Tally::broken("the programs do not build for Windows"));
-    }
+    context.build_for_windows(log)?;
     context.with_and_without_amd(&mut tally, |amd| {
         let mut tally = tests(context, log, STATES, is_short.then_some(&SHORT_STATES), amd)?;
         tally.add(tests(context, log, BUDGETS, is_short.then_some(&SHORT_BUDGETS), amd)?);
@@ -54,16 +47,14 @@ fn all(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally, St
 
 /// Runs a test program of the library, or some of its tests for the short form. One at a time, as each has worlds of its own.
 fn tests(context: &Context<'_>, log: &mut Log, name: &str, short: Option<&[&str]>, amd: &Amd) -> Result<Tally, String> {
-    let mut command = context.workspace.cargo(["test", "--no-fail-fast"]);
-    command.args(PACKAGES).args(["--test", name]);
-    lab::for_windows(&mut command)?;
+    let mut command = context.windows_tests([name], log)?;
     command.args(["--", "--test-threads=1"]);
     if let Some(short) = short {
         command.arg("--exact").args(short).env("CAIRN_TEST_SHORT", "1");
     }
     context.provide_windows_worlds(command.env("CAIRN_TEST_DEVICE", "d3d12"))?;
     amd.provide(&mut command);
-    Ok(cargo::count_named(&log.run(&mut command)?, short.unwrap_or_default()))
+    windows_build::run(&mut command, short.unwrap_or_default(), log)
 }
 
 /// Compares rollouts with a recomputation of the whole history.

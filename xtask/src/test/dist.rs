@@ -47,7 +47,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         return Ok(tally);
     };
     context.build_programs(log)?;
-    host::windows_library(context, log)?;
+    context.build_for_windows(log)?;
     let work = fresh(context, "dist")?;
     let made = [work.join("first"), work.join("second")]
         .map(|folder| dist::make(context.workspace, &BOTH, Parts::Archives, Source::Tests, &folder));

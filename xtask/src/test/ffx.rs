@@ -1,14 +1,13 @@
 //! AMD's ffx-api: the library's tests against the test double of AMD's libraries, and against AMD's own if this machine has them.
 
 use std::fs;
-use std::path::PathBuf;
 
-use provision::{Console, tools};
+use provision::Console;
 
 use super::Context;
 use super::amd::Amd;
 use super::tally::Tally;
-use super::{cargo, lab};
+use super::{lab, windows_build};
 use crate::shell::Log;
 
 /// The test programs.
@@ -30,21 +29,13 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.skips.push(skip);
         return Ok(tally);
     }
-    // Built together with the library, so that shared crates are compiled once.
-    let mut double = context.workspace.cargo(["build", "--package", "cairn", "--package", "ffx-double", "--lib"]);
-    lab::for_windows(&mut double)?;
-    if !log.run(&mut double)?.success {
-        return Err("the library that plays AMD's does not build".to_owned());
-    }
-    let mut command = context.workspace.cargo(["test", "--package", "cairn", "--no-fail-fast"]);
-    command.args(PROGRAMS.iter().flat_map(|program| ["--test", program]));
-    lab::for_windows(&mut command)?;
+    let mut command = context.windows_tests(PROGRAMS, log)?;
     // A device of the C interface runs worlds too.
     let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
     command.env("CAIRN_ONNXRUNTIME", library);
     let own = Amd::own()?;
     own.as_ref().unwrap_or(&Amd::None).provide(&mut command);
-    tally.add(cargo::count(&log.run(&mut command)?));
+    tally.add(windows_build::run(&mut command, &[], log)?);
     over_the_double(context, log, &mut tally)?;
     Ok(tally)
 }
@@ -74,16 +65,13 @@ fn over_the_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> R
         _ => {}
     }
     fs::create_dir_all(&folder).map_err(failed)?;
-    fs::copy(built(context).join(DOUBLE), folder.join(AMD)).map_err(failed)?;
+    fs::copy(context.windows_programs().join(DOUBLE), folder.join(AMD)).map_err(failed)?;
     fs::write(folder.join(format!("{AMD}.txt")), ROLE).map_err(failed)?;
-    let mut command =
-        context.workspace.cargo(["test", "--package", "cairn", "--package", "cairn-unity", "--no-fail-fast"]);
-    command.args(["--test", "d3d12_presenter", "--test", "host"]);
-    lab::for_windows(&mut command)?;
+    let mut command = context.windows_tests(["d3d12_presenter", "host"], log)?;
     context.provide_windows_worlds(&mut command)?;
     Amd::Double(folder.clone()).provide(&mut command);
     command.args(["--", "--exact"]).args(OVER_THE_DOUBLE);
-    let counted = cargo::count(&log.run(&mut command)?);
+    let counted = windows_build::run(&mut command, &[], log)?;
     let ran = counted.passed + counted.failures.len();
     tally.add(counted);
     let wanted = OVER_THE_DOUBLE.len();
@@ -93,10 +81,4 @@ fn over_the_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> R
     let judged = lines("judgement.txt");
     tally.check((judged > 0).then(|| format!("{judged} calls of the double were not as they must be")));
     Ok(())
-}
-
-/// Folder of programs built for Windows.
-pub(super) fn built(context: &Context<'_>) -> PathBuf {
-    let target = &context.workspace.target;
-    if cfg!(windows) { target.join("debug") } else { target.join(tools::WINDOWS_TARGET).join("debug") }
 }

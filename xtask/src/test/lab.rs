@@ -12,7 +12,7 @@ use provision::{Console, tools};
 use super::Context;
 use super::amd::Amd;
 use super::tally::{Skip, Tally};
-use super::{cargo, ffx};
+use super::windows_build;
 use crate::shell::Log;
 
 /// Time limit for a program to start and, after its end was requested, to exit.
@@ -47,16 +47,13 @@ pub(super) fn lab_run() -> Result<Command, String> {
 
 /// The library's tests of Direct3D 12 and DirectML, and the plugin's in the Unity test host, built for Windows.
 fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, String> {
-    let packages = ["test", "--package", "cairn", "--package", "cairn-unity", "--no-fail-fast"];
-    let mut command = context.workspace.cargo(packages);
-    command.args(["--test", "d3d12*", "--test", "directml", "--test", "host", "--test", "hostile"]);
-    for_windows(&mut command)?;
+    let mut command = context.windows_tests(["d3d12*", "directml", "host", "hostile"], log)?;
     context.provide_windows_worlds(&mut command)?;
     amd.provide(&mut command);
     // Folder of the test programs, where the plugin linked into one of them looks for AMD's libraries.
-    let programs = ffx::built(context).join("deps");
+    let programs = context.windows_programs().join("deps");
     fs::create_dir_all(&programs).map_err(|e| format!("{}: {e}", programs.display()))?;
-    Ok(cargo::count(&amd.beside(&programs, || log.run(&mut command))?))
+    amd.beside(&programs, || windows_build::run(&mut command, &[], log))
 }
 
 /// A command that runs a program as [`lab_run`] does, with only Windows' own variables in its environment.
@@ -114,12 +111,11 @@ pub(super) fn run_cycles(context: &Context<'_>, log: &mut Log) -> Result<Tally, 
     if let Some(skip) = or_skip("lives of devices and worlds on Direct3D 12")? {
         return Ok(Tally { skips: vec![skip], ..Tally::default() });
     }
-    let mut command = context.workspace.cargo(["test", "--package", "cairn", "--test", "d3d12_lifecycle"]);
-    for_windows(&mut command)?;
+    let mut command = context.windows_tests(["d3d12_lifecycle"], log)?;
     command.args(["--", "--exact"]).args(CYCLES);
     context.provide_windows_worlds(&mut command)?;
     command.env("CAIRN_DEVICE_CYCLES", DEVICES).env("CAIRN_WORLD_CYCLES", WORLDS);
-    Ok(cargo::count_named(&log.run(&mut command)?, &CYCLES))
+    windows_build::run(&mut command, &CYCLES, log)
 }
 
 /// Makes a complete cargo command build for Windows and run the programs in the lab.

@@ -30,6 +30,7 @@ mod thorough;
 mod unity;
 mod unreal;
 mod wheels;
+mod windows_build;
 
 use std::cell::{Cell, OnceCell};
 use std::fmt::Write as _;
@@ -59,10 +60,13 @@ struct Runner {
 const RUNNERS: &[Runner] = &[
     Runner { name: "fmt", what: "the code is formatted", run: cargo::fmt },
     Runner { name: "repository", what: "file lengths, forbidden words, links, who may use whom", run: repository::run },
-    Runner { name: "clippy", what: "no warning, all targets", run: cargo::clippy },
+    Runner { name: "clippy", what: "no warning, all targets, for this system and for Windows", run: cargo::clippy },
     Runner { name: "docs", what: "documentation without a warning", run: cargo::docs },
-    Runner { name: "clippy-windows", what: "no warning for Windows, all targets", run: cargo::clippy_windows },
-    Runner { name: "link-windows", what: "the library links for Windows", run: cargo::link_windows },
+    Runner {
+        name: "link-windows",
+        what: "libraries, programs and tests build and link for Windows",
+        run: windows_build::link,
+    },
     Runner {
         name: "abi",
         what: "the C and C++ headers, the record of the interface, and programs that use them",
@@ -156,6 +160,7 @@ struct Context<'a> {
     training: OnceCell<Result<PathBuf, String>>,
     cluster: OnceCell<Result<PathBuf, String>>,
     built: OnceCell<Result<(), String>>,
+    built_for_windows: OnceCell<Result<String, String>>,
     /// Whether the absence of AMD's own libraries was reported already.
     amd_skipped: Cell<bool>,
 }
@@ -164,8 +169,8 @@ impl<'a> Context<'a> {
     fn new(workspace: &'a Workspace) -> Self {
         let (library, bundles, lpips) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
         let (python, training, cluster) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
-        let (built, amd_skipped) = (OnceCell::new(), Cell::new(false));
-        Self { workspace, library, bundles, lpips, python, training, cluster, built, amd_skipped }
+        let (built, built_for_windows, amd_skipped) = (OnceCell::new(), OnceCell::new(), Cell::new(false));
+        Self { workspace, library, bundles, lpips, python, training, cluster, built, built_for_windows, amd_skipped }
     }
 
     /// Provides something once. A failure is cached too, so that an unreachable index is tried only once.
@@ -271,6 +276,9 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
     let allowed = Allowed::read(&workspace.read("xtask/skips.toml")?)?;
     let must_allow = std::env::var_os("CI").is_some_and(|value| value == "true" || value == "1");
 
+    if options.filters.is_empty() {
+        provide_ahead(workspace);
+    }
     let context = Context::new(workspace);
     let mut lines = Vec::new();
     let mut failures = String::new();
@@ -311,6 +319,13 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
     }
     println!("\n{total}");
     Ok(total.failures.is_empty())
+}
+
+/// Begins to fetch what the runners need while the first of them compile. A runner that comes first waits for the item it needs; what
+/// fails here is tried, and reported, by the runner.
+fn provide_ahead(workspace: &Workspace) {
+    let workspace = workspace.clone();
+    std::thread::spawn(move || _ = crate::demo::provide_all(&workspace, &provision::Silent));
 }
 
 /// A failed runner's whole log, and its failures.

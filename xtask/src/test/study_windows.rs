@@ -8,14 +8,12 @@ use std::time::SystemTime;
 use serde_json::Value;
 
 use super::amd::Amd;
-use super::ffx::{self, AMD, DOUBLE};
+use super::ffx::{AMD, DOUBLE};
 use super::study::missing;
 use super::tally::Tally;
-use super::{Context, cargo, lab};
+use super::{Context, lab, windows_build};
 use crate::shell::{Ended, Log};
 
-/// Packages to build in one command, so that nothing is compiled again for another choice of features.
-const PACKAGES: [&str; 4] = ["--package", "study", "--package", "ffx-double"];
 /// The test programs whose results may depend on the system: processes, streams, files and their locks, videos.
 const PROGRAMS: [&str; 5] = ["compare", "media", "program", "score", "sweep"];
 /// Tests among these that are slow and run on the processor: the comparison below does the same on DirectML.
@@ -46,12 +44,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.skips.push(skip);
         return Ok(tally);
     }
-    let mut build = context.workspace.cargo(["build"]);
-    build.args(PACKAGES).args(["--lib", "--bins"]).args(programs());
-    lab::for_windows(&mut build)?;
-    if !log.run(&mut build)?.success {
-        return Ok(Tally::broken("the study does not build for Windows"));
-    }
+    context.build_for_windows(log)?;
     context.with_and_without_amd(&mut tally, |amd| own_tests(context, log, amd))?;
     let folder = context.workspace.target.join("xtask").join("study-windows");
     match fs::remove_dir_all(&folder) {
@@ -67,21 +60,18 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-fn programs() -> impl Iterator<Item = &'static str> {
-    PROGRAMS.iter().flat_map(|program| ["--test", program])
-}
-
 /// The study's tests of itself.
 fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, String> {
-    let mut command = context.workspace.cargo(["test", "--no-fail-fast"]);
-    command.args(PACKAGES).arg("--lib").args(programs());
-    lab::for_windows(&mut command)?;
-    // By full name: another test whose name contains one of them still runs, and so does a renamed one.
-    command.args(["--", "--exact"]).args(LONG.iter().flat_map(|name| ["--skip", name]));
-    context.provide_windows_tools(&mut command)?;
-    context.provide_lpips(&mut command)?;
-    amd.provide(&mut command);
-    Ok(cargo::count(&log.run(&mut command)?))
+    let mut tally = Tally::default();
+    for mut command in [context.windows_unit_tests(log)?, context.windows_tests(PROGRAMS, log)?] {
+        // By full name: another test whose name contains one of them still runs, and so does a renamed one.
+        command.args(["--", "--exact"]).args(LONG.iter().flat_map(|name| ["--skip", name]));
+        context.provide_windows_tools(&mut command)?;
+        context.provide_lpips(&mut command)?;
+        amd.provide(&mut command);
+        tally.add(windows_build::run(&mut command, &[], log)?);
+    }
+    Ok(tally)
 }
 
 /// A comparison that is run twice in one folder.
@@ -96,7 +86,7 @@ struct Comparison<'a> {
 impl<'a> Comparison<'a> {
     /// Copies the double under AMD's file name into a folder of its own.
     fn new(context: &'a Context<'a>, folder: &Path) -> Result<Self, String> {
-        let built = ffx::built(context);
+        let built = context.windows_programs();
         let amd = folder.join("amd");
         let failed = |e: std::io::Error| format!("{}: {e}", amd.display());
         fs::create_dir_all(&amd).map_err(failed)?;

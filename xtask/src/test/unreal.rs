@@ -12,7 +12,6 @@ use super::abi::STRICT;
 use super::amd::Amd;
 use super::blocks;
 use super::csharp;
-use super::host;
 use super::lab;
 use super::tally::{Skip, Tally};
 use crate::abi::declarations;
@@ -274,7 +273,8 @@ impl Place<'_> {
 
     /// Builds the test engine around the plugin, and runs it with the library, with other files in its place, and with none.
     fn play(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
-        let library = host::windows_library(self.context, log)?;
+        self.context.build_for_windows(log)?;
+        let library = self.context.windows_programs();
         let plugin = self.work.join(FOLDER).join("Cairn");
         dist::assemble_unreal(self.context.workspace, &library, &plugin)?;
         // Beside the library, as the page says; the program is elsewhere.

@@ -12,7 +12,6 @@ use super::Context;
 use super::abi;
 use super::csharp;
 use super::dist::fresh;
-use super::host;
 use super::lab;
 use super::python;
 use super::tally::{Skip, Tally};
@@ -42,7 +41,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         return Ok(tally);
     }
     context.build_programs(log)?;
-    host::windows_library(context, log)?;
+    context.build_for_windows(log)?;
     let work = fresh(context, "wheels")?;
     let make = |name| {
         let platforms = [Platform::Windows, Platform::Linux];

@@ -17,7 +17,7 @@ use super::abi::{self, Compiler, STRICT};
 use super::tally::{Skip, Tally};
 use crate::shell::Log;
 
-pub(super) use windows::{by_cmake as windows_sample, library as windows_library, run as run_windows};
+pub(super) use windows::{by_cmake as windows_sample, run as run_windows};
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let work = context.workspace.target.join("xtask").join("host");

@@ -85,32 +85,10 @@ fn shown(host: &Host<'_>, log: &mut Log) -> Result<Tally, String> {
     Ok(tally)
 }
 
-/// Builds the library for Windows with the same features as the library's own tests, and the Unity test host that shows a picture; returns
-/// their folder.
-pub(in crate::test) fn library(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
-    let mut command = context.workspace.cargo([
-        "build",
-        "--package",
-        "cairn",
-        "--package",
-        "cairn-unity",
-        "--lib",
-        "--test",
-        "d3d12",
-        "--example",
-        "show",
-    ]);
-    lab::for_windows(&mut command)?;
-    if !log.run(&mut command)?.success {
-        return Err("the library does not build for Windows".to_owned());
-    }
-    Ok(context.windows_programs())
-}
-
 /// Builds the library, and the sample against it.
 fn build(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Result<PathBuf, String> {
-    let library = library(context, log)?;
-    let place = format!("-DCAIRN_LIBRARY_DIR={}", library.display());
+    context.build_for_windows(log)?;
+    let place = format!("-DCAIRN_LIBRARY_DIR={}", context.windows_programs().display());
     by_cmake(log, cmake, &context.workspace.root.join(SAMPLE), &work.join("build"), &[&place])
 }
 
