@@ -25,7 +25,7 @@ pub(crate) fn setup(workspace: &Workspace, all: bool) -> Result<(), String> {
     Ok(())
 }
 
-/// Fetches and builds what the tests need, in the order in which they need it.
+/// Fetches and builds the tools and packages of all tests, those of the first runners first.
 pub(crate) fn provide_all(workspace: &Workspace, progress: &dyn Progress) -> Result<(), String> {
     tools::rust_component("rustfmt", "rustfmt", progress).map_err(text)?;
     tools::rust_component("clippy", "cargo-clippy", progress).map_err(text)?;

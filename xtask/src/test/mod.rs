@@ -321,8 +321,8 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
     Ok(total.failures.is_empty())
 }
 
-/// Begins to fetch what the runners need while the first of them compile. A runner that comes first waits for the item it needs; what
-/// fails here is tried, and reported, by the runner.
+/// Fetches the runners' tools and packages on another thread, while the first runners compile. A runner that needs an item before it is
+/// complete waits for its lock. Errors are ignored here: the runner that needs the item tries again and reports them.
 fn provide_ahead(workspace: &Workspace) {
     let workspace = workspace.clone();
     std::thread::spawn(move || _ = crate::demo::provide_all(&workspace, &provision::Silent));

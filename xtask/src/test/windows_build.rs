@@ -1,8 +1,8 @@
 //! The workspace's programs for Windows, built once for all runners.
 //!
 //! Cargo unites the features of dependencies over the packages that a command chooses. Commands that choose other packages therefore compile
-//! the same crates again, the library and `windows` among them, which is a third of the time of all tests. So every command for Windows
-//! chooses from here, and what one of them still has to compile is a failure.
+//! the same crates again, the library and `windows` among them. So every command for Windows chooses its packages here, and it is a failure
+//! if one of them still compiles something.
 
 use std::process::Command;
 
@@ -90,7 +90,7 @@ pub(super) fn link(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
     let printed = if cfg!(windows) || tools::mingw(&console).map_err(|e| e.to_string())? == tools::Mingw::Gcc {
         context.build_for_windows(log)?.to_owned()
     } else {
-        // Zig links what is shipped, but not programs for the lab.
+        // Zig can link the shipped DLLs, but not the test programs for the lab.
         let mut command = context.workspace.cargo(["zigbuild", "--lib", "--target", tools::WINDOWS_TARGET]);
         command.args(["--package", "cairn", "--package", "cairn-unity"]);
         tools::by_zig(&mut command, &console).map_err(|e| e.to_string())?;
@@ -104,7 +104,7 @@ pub(super) fn link(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
     let mut tally = Tally::default();
     tally.check(warnings.map(|line| format!("the build warns: {line}")));
     for name in ["cairn.dll", "cairn_unity.dll"] {
-        let dll = context.workspace.target.join(tools::WINDOWS_TARGET).join("debug").join(name);
+        let dll = context.windows_programs().join(name);
         tally.check(match std::fs::read(&dll) {
             Ok(bytes) if bytes.starts_with(b"MZ") => None,
             Ok(_) => Some(format!("{} is no Windows library", dll.display())),
@@ -119,10 +119,10 @@ mod tests {
     use super::compiled_again;
 
     #[test]
-    fn what_is_compiled_twice_is_told() {
+    fn crates_that_are_compiled_twice_are_reported() {
         assert_eq!(compiled_again("    Finished `test` profile in 0.3s\n     Running tests/d3d12.rs\n"), None);
         let twice = "   Compiling windows v0.62.2\n   Compiling cairn v0.1.0 (/somewhere)\n    Finished\n";
-        let told = compiled_again(twice).unwrap();
-        assert!(told.contains("2 packages") && told.contains("cairn v0.1.0"), "{told}");
+        let error = compiled_again(twice).unwrap();
+        assert!(error.contains("2 packages") && error.contains("cairn v0.1.0"), "{error}");
     }
 }
