@@ -128,8 +128,9 @@ const ONLY_HALF: &str = "fsr: it makes frames half way between two anchors, and 
 /// The reason that is reported if AMD's upscaler is available and not used.
 const ONLY_LARGER: &str = "fsr: it makes anchors larger, and not those that bring all frames with them";
 
-/// The reason that is reported if an anchor replaces a frame.
-const NOT_PREPARED: &str = "not prepared: frames were prepared for another device, size or format, or not at all";
+/// The reason that is reported if an anchor replaces a frame. It names the call of the C interface that hosts lack.
+const NOT_PREPARED: &str =
+    "not prepared: cairn_presenter_prepare_d3d12 was not called for this device, and these sizes and formats";
 
 #[derive(Default)]
 struct State {
