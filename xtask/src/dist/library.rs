@@ -188,8 +188,9 @@ fn flags(workspace: &Workspace) -> Result<String, String> {
 const PASSING: [&str; 4] = [
     "--wildcard",
     "--strip-symbol=*.llvm.[0-9]*",
-    "--strip-symbol=*_dll_imports_lib_iname",
-    "--strip-symbol=_head_*_dll_imports_lib",
+    // With the letters that the import names its DLL by: `SHELL32.DLL`, `kernel32.dll`.
+    "--strip-symbol=*_[dD][lL][lL]_imports_lib_iname",
+    "--strip-symbol=_head_*_[dD][lL][lL]_imports_lib",
 ];
 
 /// Writes the stripped library into `work`, and its debug information beside it. `moment` is the time stamp that a Windows file
