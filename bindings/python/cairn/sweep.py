@@ -24,7 +24,7 @@ LIST_VERSION = 1
 
 EXAMPLES = """\
 examples:
-  python -m cairn.sweep samples/study/sweeps/smoke.toml --study target/release/study
+  python -m cairn.sweep tools/study/sweeps/smoke.toml --study target/release/study
       on this machine, with a Ray of its own
 
   python -m cairn.sweep /shared/mine.toml --out /shared/sweep --study /shared/study --address auto

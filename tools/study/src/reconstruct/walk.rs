@@ -76,9 +76,9 @@ pub(crate) fn tell(frame: &Frame, guidance: &mut Guidance) {
 /// Script of a kind of place.
 pub(crate) fn script(family: Family) -> &'static str {
     match family {
-        Family::Forest => include_str!("../../../scripts/forest.txt"),
-        Family::Sword => include_str!("../../../scripts/sword.txt"),
-        Family::Desert => include_str!("../../../scripts/desert.txt"),
-        Family::Snow => include_str!("../../../scripts/snow.txt"),
+        Family::Forest => include_str!("../../../../samples/scripts/forest.txt"),
+        Family::Sword => include_str!("../../../../samples/scripts/sword.txt"),
+        Family::Desert => include_str!("../../../../samples/scripts/desert.txt"),
+        Family::Snow => include_str!("../../../../samples/scripts/snow.txt"),
     }
 }

@@ -3,7 +3,7 @@
 use cairn::{Error, ErrorKind, Result};
 
 /// The trainer's list of excluded seeds.
-const LIST: &str = include_str!("../../../worlds/miniature/held-out.txt");
+const LIST: &str = include_str!("../../../../samples/worlds/miniature/held-out.txt");
 
 /// Ranges of the list, both ends included.
 fn ranges() -> impl Iterator<Item = (u64, u64)> {

@@ -24,9 +24,9 @@ static LARGE_PAIRS: LazyLock<Vec<Pair>> = LazyLock::new(|| {
     pairs
 });
 
-/// The table that samples/study/tests/goldens/metrics.py makes.
+/// The table that tools/study/tests/goldens/metrics.py makes.
 const TABLE: &str = include_str!("goldens/metrics.csv");
-/// The table that samples/study/tests/goldens/ms_ssim.py makes.
+/// The table that tools/study/tests/goldens/ms_ssim.py makes.
 const LARGE_TABLE: &str = include_str!("goldens/ms_ssim.csv");
 
 /// Leaves the pairs as files for the script.

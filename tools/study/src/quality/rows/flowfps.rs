@@ -26,7 +26,7 @@ impl FlowFps {
 
 impl Row for FlowFps {
     fn version(&self) -> String {
-        "VapourSynth 81, MVTools 29, the settings of `samples/study/drivers/flowfps.py`".into()
+        "VapourSynth 81, MVTools 29, the settings of `tools/study/drivers/flowfps.py`".into()
     }
 
     fn key(&self) -> String {

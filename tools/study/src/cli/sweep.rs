@@ -12,10 +12,10 @@ use crate::workers::check_jobs;
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
-  study sweep samples/study/sweeps/smoke.toml
+  study sweep tools/study/sweeps/smoke.toml
       Four operating points for a fifth of a second: whether everything works.
 
-  study sweep samples/study/sweeps/paper.toml --out out/sweeps --jobs 2
+  study sweep tools/study/sweeps/paper.toml --out out/sweeps --jobs 2
       Windows and passes around the paper's own, with the curve of its \"heavier is not better\". It may be interrupted, even
       killed, at any time: the same command goes on, and makes nothing again that is whole.
 

@@ -80,7 +80,7 @@ fn rows(out: &Path) -> Vec<Vec<String>> {
 #[test]
 fn frames_stand_where_they_should_and_the_scores_are_of_them() {
     let folder = tempfile::tempdir().unwrap();
-    let script = include_str!("../../scripts/forest.txt");
+    let script = include_str!("../../../samples/scripts/forest.txt");
     for (multiplier, rate) in [(2, 30), (4, 60), (6, 90)] {
         let out = folder.path().join(rate.to_string());
         let settings = ReconstructSettings { multiplier, ..short() };

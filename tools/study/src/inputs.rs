@@ -17,7 +17,7 @@ use crate::progress::Progress;
 use crate::settings::Settings;
 
 /// The default script.
-const DEMO_SCRIPT: &str = include_str!("../../scripts/demo.txt");
+const DEMO_SCRIPT: &str = include_str!("../../../samples/scripts/demo.txt");
 /// Maximum file size of a seed picture, in bytes.
 const MAX_PICTURE: u64 = 512 << 20;
 /// The library's own limit on scripts plus one byte, so that the library reports the error.

@@ -2,7 +2,7 @@
 
     cargo test -p study --test metrics          # leaves the pairs in target/tmp/large-metric-pairs
     pip install tensorflow-cpu==2.21.0 pillow numpy
-    python samples/study/tests/goldens/ms_ssim.py target/tmp/large-metric-pairs > ms_ssim.csv
+    python tools/study/tests/goldens/ms_ssim.py target/tmp/large-metric-pairs > ms_ssim.csv
 """
 
 import hashlib

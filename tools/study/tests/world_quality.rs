@@ -48,7 +48,7 @@ fn a_quick_look_has_every_scene_and_every_column() {
     let lasting = std::fs::read_to_string(out.path().join("quality/world-quality-lasting.csv")).unwrap();
     assert_eq!(lasting.lines().count(), 1 + 4 * 3, "four scenes; 1, 2 and 5 s: {lasting}");
     let row = rows.iter().find(|row| row[0] == "snow" && row[2] == "1" && row[3] == "repeat").unwrap();
-    let expected = standing_still(Family::Snow, include_str!("../../scripts/snow.txt"), (128, 72), 15);
+    let expected = standing_still(Family::Snow, include_str!("../../../samples/scripts/snow.txt"), (128, 72), 15);
     assert!((row[4].parse::<f64>().unwrap() - expected).abs() < 1e-3, "{row:?}, {expected}");
     // The sheets show two places each: those where the world gains most over standing still, and the others.
     let gain = |scene: &str| {

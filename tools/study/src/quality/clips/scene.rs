@@ -135,9 +135,9 @@ impl Clip for SceneClip {
 /// Script of a kind of place.
 fn script(family: Family) -> &'static str {
     match family {
-        Family::Forest => include_str!("../../../../scripts/forest.txt"),
-        Family::Sword => include_str!("../../../../scripts/sword.txt"),
-        Family::Desert => include_str!("../../../../scripts/desert.txt"),
-        Family::Snow => include_str!("../../../../scripts/snow.txt"),
+        Family::Forest => include_str!("../../../../../samples/scripts/forest.txt"),
+        Family::Sword => include_str!("../../../../../samples/scripts/sword.txt"),
+        Family::Desert => include_str!("../../../../../samples/scripts/desert.txt"),
+        Family::Snow => include_str!("../../../../../samples/scripts/snow.txt"),
     }
 }
