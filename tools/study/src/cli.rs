@@ -1,7 +1,7 @@
 //! The command line: code that all subcommands share. Each subcommand has a file of its own.
 
 use std::ffi::OsString;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -48,6 +48,11 @@ Examples:
 
 Exit status: 0 well, 1 failed or differs, 2 wrong usage or unusable input, 130 interrupted.
 Pictures of a world with random weights mean nothing; the manifest and the contact sheet say so.";
+
+/// Consequence for a command that writes all its files at the end.
+const NOTHING_WRITTEN: &str = "nothing is written";
+/// Consequence for a command that keeps finished cells.
+const CELLS_KEPT: &str = "what is whole is kept, and the same command goes on";
 
 #[derive(Parser)]
 #[command(name = "study", version, about = "Runs a world model from a seed picture and a control script to a video", after_help = EXAMPLES)]
@@ -177,6 +182,21 @@ fn stop_on_interrupt() -> Result<&'static AtomicBool> {
     };
     WATCHING.get_or_init(watch).clone().map_err(|cause| Error::new(ErrorKind::Unsupported, cause))?;
     Ok(&STOP)
+}
+
+/// Prints the written files to standard error, and the summary to standard output.
+fn print_outcome(text: &str, files: &[PathBuf]) {
+    files.iter().for_each(|file| eprintln!("  {}", file.display()));
+    print!("{text}");
+}
+
+/// Exit status of an interrupted command; prints the `consequence` for its work. Passes other errors on.
+fn interrupted(error: Error, consequence: &str) -> Result<ExitCode> {
+    if error.kind() != ErrorKind::Cancelled {
+        return Err(error);
+    }
+    eprintln!("interrupted: {consequence}");
+    Ok(ExitCode::from(130))
 }
 
 /// Exit status of a command that leaves a manifest in `out`. Prints a message if it did not finish. `frames`: complete, planned.

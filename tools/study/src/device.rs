@@ -88,7 +88,7 @@ impl DeviceChoice {
 }
 
 /// A world on its device.
-pub(crate) struct Loaded {
+pub(crate) struct LoadedWorld {
     pub(crate) world: Arc<World>,
     /// The device as a choice that selects it again on this machine.
     pub(crate) choice: DeviceChoice,
@@ -103,17 +103,17 @@ pub(crate) fn load(
     threads: Option<usize>,
     bundle: &Arc<Bundle>,
     options: &WorldOptions,
-) -> Result<Loaded> {
+) -> Result<LoadedWorld> {
     let graphics = |number: Option<u32>| {
         let (device, number) = d3d12(ort, number)?;
         // Older bundles hold one precision only.
         let precision = Some(if bundle.has(device.precision()) { device.precision() } else { Precision::F32 });
         let world = World::load(&device, bundle, WorldOptions { precision, ..options.clone() })?;
-        Ok(Loaded { world, choice: DeviceChoice::D3d12(Some(number)), fallback: None })
+        Ok(LoadedWorld { world, choice: DeviceChoice::D3d12(Some(number)), fallback: None })
     };
     let processor = |fallback: Option<Error>| {
         let device = Device::cpu(ort, CpuOptions { threads, deterministic: true })?;
-        Ok(Loaded { world: World::load(&device, bundle, options.clone())?, choice: DeviceChoice::Cpu, fallback })
+        Ok(LoadedWorld { world: World::load(&device, bundle, options.clone())?, choice: DeviceChoice::Cpu, fallback })
     };
     match choice {
         DeviceChoice::Cpu => processor(None),

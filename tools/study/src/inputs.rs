@@ -12,8 +12,8 @@ use crate::latents::Latents;
 use crate::manifest::{Input, Inputs, absolute, digest_file, read_bounded, sha256};
 use crate::metrics::{Lpips, Net};
 use crate::picture;
-use crate::place;
 use crate::progress::Progress;
+use crate::seed_picture;
 use crate::settings::Settings;
 
 /// The default script.
@@ -37,7 +37,7 @@ pub struct Overrides {
 }
 
 /// All inputs, read and checked, with their descriptions.
-pub(crate) struct Loaded {
+pub(crate) struct LoadedInputs {
     pub(crate) bundle: Arc<Bundle>,
     pub(crate) ort: Ort,
     pub(crate) script: ControlScript,
@@ -49,7 +49,7 @@ pub(crate) struct Loaded {
 }
 
 /// Reads all inputs, the small ones first, so that mistakes in them are reported before anything is fetched.
-pub(crate) fn load(settings: &Settings, progress: &Progress) -> Result<Loaded> {
+pub(crate) fn load(settings: &Settings, progress: &Progress) -> Result<LoadedInputs> {
     let (script_bytes, script_path) = match &settings.script {
         Some(path) => (read_bounded(path, MAX_SCRIPT)?, absolute(path).display().to_string()),
         None => (DEMO_SCRIPT.as_bytes().to_vec(), "<built-in demo script>".into()),
@@ -71,15 +71,15 @@ pub(crate) fn load(settings: &Settings, progress: &Progress) -> Result<Loaded> {
     let (seed, seed_picture) = match picture {
         Some((picture, input)) => (picture::cover(&picture, render.into())?, input),
         None => {
-            let picture = place::draw(place::FAMILY, place::PLACE, render[0], render[1])?;
-            let input = describe(format!("<{} {}>", place::FAMILY, place::PLACE), picture.rgba());
+            let picture = seed_picture::draw(seed_picture::FAMILY, seed_picture::SEED, render[0], render[1])?;
+            let input = describe(format!("<{} {}>", seed_picture::FAMILY, seed_picture::SEED), picture.rgba());
             (picture, input)
         }
     };
     let script_input = describe(script_path, &script_bytes);
     let (latents, latents_input) = latents.unzip();
     let inputs = Inputs { world, seed_picture, script: script_input, latents: latents_input, onnxruntime };
-    Ok(Loaded { bundle, ort, script, seed, latents, inputs })
+    Ok(LoadedInputs { bundle, ort, script, seed, latents, inputs })
 }
 
 /// The latents of an earlier rollout.

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use cairn::{Error, ErrorKind, Result};
 
 use crate::generator::GeneratorChoice;
-use crate::media::{Disk, FrameRate, Recorder, VideoFormat, Written};
+use crate::media::{Disk, FrameRate, Recorder, VideoFormat, WrittenFile};
 use crate::progress::Progress;
 use pipeline::{Counts, Stages, Steps};
 use source::Input;
@@ -129,7 +129,7 @@ pub fn interpolate(job: &Interpolation<'_>) -> Result<Report> {
         generated,
         cuts,
         repeats,
-        has_output: recorded.written.iter().map(|Written { frames, .. }| frames).sum::<u64>() > 0,
+        has_output: recorded.written.iter().map(|WrittenFile { frames, .. }| frames).sum::<u64>() > 0,
         out: target.path().to_owned(),
         notes,
         stages: vec![("reading", reading), ("motion", flow), ("generation", generation), ("encoding", recorded.busy)],

@@ -11,14 +11,14 @@ use cairn::world::{Preset, Rollout, WorldOptions};
 use cairn::{Error, ErrorKind, Result};
 
 use crate::device::{self, DeviceChoice};
-use crate::inputs::{self, Loaded};
+use crate::inputs::{self, LoadedInputs};
 use crate::latents::LatentFile;
 use crate::machine::{self, Versions};
 use crate::manifest::{Counts, MANIFEST_VERSION, Manifest, Output, absolute, to_json};
 use crate::media::{Disk, FrameRate, Recorder, VideoFormat, encode_small_png, write_whole};
 use crate::output::{Folder, LATENTS, MANIFEST, RAW, SHEET, VIDEO, sinks};
 use crate::progress::Progress;
-use crate::settings::{Checked, Settings};
+use crate::settings::{ParsedSettings, Settings};
 use crate::sheet::Sheet;
 use stream::{End, Makers, Stream};
 
@@ -75,7 +75,7 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     }
     let options = WorldOptions { global_window: Some(checked.point.global_window), ..WorldOptions::default() };
     let Settings { device, threads, .. } = *job.settings;
-    let device::Loaded { world, choice, fallback } =
+    let device::LoadedWorld { world, choice, fallback } =
         device::load(device, &loaded.ort, threads, &loaded.bundle, &options)?;
     // With a graphics device, all CPU threads are free for the video encoder.
     let threads = match choice {
@@ -131,7 +131,12 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
 }
 
 /// The manifest before the first frame, so that an interrupted run leaves one.
-fn first_manifest(mut settings: Settings, loaded: &Loaded, device: &Device, checked: &Checked) -> Result<Manifest> {
+fn first_manifest(
+    mut settings: Settings,
+    loaded: &LoadedInputs,
+    device: &Device,
+    checked: &ParsedSettings,
+) -> Result<Manifest> {
     let Settings { world, seed_picture, script, latents, .. } = &mut settings;
     for path in [world, seed_picture, script, latents].into_iter().flatten() {
         *path = absolute(path);
@@ -168,7 +173,7 @@ fn write_manifest(job: &Job<'_>, folder: &Folder, manifest: &Manifest) -> Result
     write_whole(job.disk.as_ref(), &folder.join(MANIFEST), &to_json(manifest)?)
 }
 
-fn title(manifest: &Manifest, loaded: &Loaded) -> String {
+fn title(manifest: &Manifest, loaded: &LoadedInputs) -> String {
     let how = manifest.settings.preset.as_deref().unwrap_or("own operating point");
     format!("{}, {how}, {} s", loaded.bundle.manifest().name, manifest.settings.seconds)
 }
@@ -187,7 +192,7 @@ fn subtitle(manifest: &Manifest) -> String {
 fn describe(
     job: &Job<'_>,
     folder: &Folder,
-    finished: &stream::Finished,
+    finished: &stream::StreamReport,
     manifest: &Manifest,
     title: &str,
 ) -> (Vec<Output>, Option<Error>) {

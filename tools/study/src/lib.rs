@@ -1,18 +1,32 @@
-//! The main job as a program: a seed picture and a control script become anchors, generated frames and a video, with a
-//! manifest from which the same files can be made again.
+//! The study as a library: picture metrics, media, and the experiments on a world, as the program `study` runs them.
+//!
+//! | module | content |
+//! |---|---|
+//! | [`metrics`] | PSNR, SSIM, MS-SSIM and LPIPS of a picture against the true one |
+//! | [`media`] | video (AV1 in MP4, Y4M) and pictures (PNG), written so that a full disk costs one frame |
+//! | [`motion`], [`cadence`] | experiments on frame generation, in scenes whose motion and depth are known |
+//! | [`quality`] | generated frames beside those of other methods |
+//! | [`world_quality`] | a world against the truth of the scenes |
+//! | [`compare`], [`sweep`] | operating points against each other, in rollouts that worker processes make |
+//!
+//! Rollouts are [`Job`]s, which [`replay`](replay()) makes again from their [`Manifest`]; [`reconstruct`](reconstruct()) and
+//! [`interpolate`](interpolate()) make the frames between anchors of a scene and of an existing video. [`run`] is the command line.
 //!
 //! ```text
 //! cli -> settings -> job -> media, latents, sheet -> manifest
-//!                      ^                              |
-//!                      +----------- replay -----------+
+//!                     ^                              |
+//!                     +----------- replay -----------+
+//! cli -> experiment <- motion, cadence, quality, world_quality, compare, sweep
 //! ```
+#![warn(missing_docs)]
 
-mod cadence;
+pub mod cadence;
 mod cli;
-mod compare;
+pub mod compare;
 mod demo;
 mod device;
 mod document;
+pub mod experiment;
 mod generator;
 mod inputs;
 mod interpolate;
@@ -22,22 +36,24 @@ mod machine;
 mod manifest;
 pub mod media;
 pub mod metrics;
-mod motion;
+pub mod motion;
 mod output;
 mod picture;
-mod place;
 mod progress;
-mod quality;
+pub mod quality;
 mod reconstruct;
 mod replay;
+mod scene_id;
+mod seed_picture;
 mod settings;
 mod sheet;
-mod sweep;
+mod statistics;
+pub mod sweep;
 mod table;
 mod text;
 mod upscaler;
 mod workers;
-mod world_quality;
+pub mod world_quality;
 
 pub use cli::run;
 pub use device::DeviceChoice;
@@ -52,5 +68,5 @@ pub use reconstruct::{
     ReconstructCounts, ReconstructManifest, ReconstructOutcome, ReconstructSettings, Reconstruction, Summary,
     TruthOrPicture, reconstruct,
 };
-pub use replay::{Compared, Difference, Replay, replay};
+pub use replay::{Difference, Replay, ReplayReport, replay};
 pub use settings::{Formats, Settings};

@@ -126,7 +126,7 @@ pub(crate) fn adapter(_: &Device, _: GeneratorChoice) -> Option<AdapterVersion> 
 /// The operating system, e.g. `Windows 10.0.22631`.
 #[cfg(windows)]
 fn os() -> String {
-    let cairn::gpu::System { build, wine } = cairn::gpu::System::this();
+    let cairn::gpu::System { build, wine } = cairn::gpu::System::current();
     let build = build.map(|[major, minor, build]| format!(" {major}.{minor}.{build}")).unwrap_or_default();
     let wine = wine.map(|version| format!(", played by Wine {version}")).unwrap_or_default();
     format!("Windows{build}{wine}")

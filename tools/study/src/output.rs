@@ -1,4 +1,4 @@
-//! The output folder of a rollout, and its content.
+//! The output folder of a rollout or a reconstruct: names of its files, and checks of the folder.
 
 use std::fs;
 use std::io;
@@ -8,8 +8,7 @@ use std::sync::Arc;
 use cairn::{Error, ErrorKind, Result};
 
 use crate::manifest::{Output, digest_file};
-use crate::media::{Disk, Mp4Sink, PngSink, Sink, VideoFormat, Written, Y4mSink, describe_io};
-use crate::reconstruct;
+use crate::media::{Disk, Mp4Sink, PngSink, Sink, VideoFormat, WrittenFile, Y4mSink, describe_io};
 use crate::settings::Formats;
 
 pub(crate) const MANIFEST: &str = "manifest.json";
@@ -18,6 +17,15 @@ pub(crate) const LATENTS: &str = "latents.safetensors";
 pub(crate) const VIDEO: &str = "rollout.mp4";
 pub(crate) const RAW: &str = "rollout.y4m";
 pub(crate) const FRAMES: &str = "frames";
+
+/// Files of a reconstruct, besides the manifest, the sheet and the frames.
+pub(crate) mod reconstruct {
+    pub(crate) const VIDEO: &str = "reconstruct.mp4";
+    pub(crate) const RAW: &str = "reconstruct.y4m";
+    pub(crate) const COMPARISON_VIDEO: &str = "comparison.mp4";
+    pub(crate) const COMPARISON: &str = "comparison.png";
+    pub(crate) const TABLE: &str = "scores.csv";
+}
 
 /// The output folder.
 pub(crate) struct Folder {
@@ -76,7 +84,7 @@ impl Folder {
     }
 
     /// Describes what a recorder wrote; a video is complete when it holds all `presented` frames.
-    pub(crate) fn describe_media(&self, file: &Written, presented: u64) -> Result<Output> {
+    pub(crate) fn describe_media(&self, file: &WrittenFile, presented: u64) -> Result<Output> {
         self.describe(&file.path, file.kind, file.frames, file.kind == "png" || file.frames == presented)
     }
 }

@@ -85,7 +85,7 @@ pub(crate) fn cover(picture: &Picture, size: (u32, u32)) -> Result<Picture> {
 }
 
 /// Copies `tile` to `at`.
-pub(crate) fn put(out: &mut Picture, tile: &Picture, at: (u32, u32)) {
+pub(crate) fn paste(out: &mut Picture, tile: &Picture, at: (u32, u32)) {
     let width = out.width() as usize;
     for (y, pixels) in tile.pixels().chunks_exact(tile.width() as usize).enumerate() {
         let start = (at.1 as usize + y) * width + at.0 as usize;

@@ -2,12 +2,14 @@
 
 use std::io::IsTerminal;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use cairn::{Error, ErrorKind, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Interval between two lines without a terminal.
-const LINE_EVERY: Duration = Duration::from_secs(5);
+const LINE_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Prints progress to standard error.
 pub struct Progress {
@@ -24,7 +26,7 @@ enum Style {
 struct Lines {
     total: Option<u64>,
     began: Instant,
-    said: Instant,
+    printed: Instant,
 }
 
 impl Progress {
@@ -41,7 +43,7 @@ impl Progress {
             Style::Bar(bar)
         } else {
             let now = Instant::now();
-            Style::Lines(Mutex::new(Lines { total: None, began: now, said: now }))
+            Style::Lines(Mutex::new(Lines { total: None, began: now, printed: now }))
         };
         Self { style, fetching: provision::Console::new() }
     }
@@ -75,7 +77,7 @@ impl Progress {
             }
             Style::Lines(lines) => {
                 let now = Instant::now();
-                *lock(lines) = Lines { total, began: now, said: now };
+                *lock(lines) = Lines { total, began: now, printed: now };
             }
         }
     }
@@ -87,12 +89,33 @@ impl Progress {
             Style::Bar(bar) => bar.set_position(done),
             Style::Lines(lines) => {
                 let mut lines = lock(lines);
-                if lines.said.elapsed() >= LINE_EVERY {
-                    lines.said = Instant::now();
+                if lines.printed.elapsed() >= LINE_INTERVAL {
+                    lines.printed = Instant::now();
                     eprintln!("{}", line(done, lines.total, lines.began.elapsed()));
                 }
             }
         }
+    }
+
+    /// Runs `step` for each of `total` frames, with their count.
+    ///
+    /// # Errors
+    /// The first error of `step`; `Cancelled` when `stop` was set.
+    pub(crate) fn each_frame(
+        &self,
+        total: u64,
+        stop: &AtomicBool,
+        mut step: impl FnMut(u64) -> Result<()>,
+    ) -> Result<()> {
+        self.begin(total);
+        let done = (0..total).try_for_each(|number| {
+            check_stop(stop)?;
+            step(number)?;
+            self.frames(number + 1);
+            Ok(())
+        });
+        self.end();
+        done
     }
 
     /// Removes the bar.
@@ -121,6 +144,14 @@ impl provision::Progress for Progress {
             self.fetching.done(outcome);
         }
     }
+}
+
+/// Fails with `Cancelled` when `stop` is set.
+pub(crate) fn check_stop(stop: &AtomicBool) -> Result<()> {
+    if stop.load(Ordering::Relaxed) {
+        return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
+    }
+    Ok(())
 }
 
 /// A poisoned lock only means that another thread panicked while printing.
@@ -166,6 +197,23 @@ pub(crate) fn duration(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn frames_end_with_an_error_or_when_stopped() {
+        let stop = AtomicBool::new(false);
+        let mut frames = Vec::new();
+        let done = Progress::quiet().each_frame(9, &stop, |number| {
+            frames.push(number);
+            stop.store(number == 2, Ordering::Relaxed);
+            Ok(())
+        });
+        assert_eq!((done.unwrap_err().kind(), frames), (ErrorKind::Cancelled, vec![0, 1, 2]));
+        let error = || Error::new(ErrorKind::Io, "full");
+        let done =
+            Progress::quiet().each_frame(9, &AtomicBool::new(false), |n| if n == 1 { Err(error()) } else { Ok(()) });
+        assert_eq!(done.unwrap_err().kind(), ErrorKind::Io);
+        Progress::quiet().each_frame(3, &AtomicBool::new(false), |_| Ok(())).unwrap();
+    }
 
     #[test]
     fn lines_tell_rate_and_time_left() {

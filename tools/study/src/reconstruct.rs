@@ -16,8 +16,9 @@ use crate::generator::GeneratorChoice;
 use crate::inputs;
 use crate::machine::Versions;
 use crate::manifest::{Input, MANIFEST_VERSION, Output, read_manifest, sha256, to_json};
-use crate::media::{Disk, FrameRate, Mp4Sink, Recorded, Recorder, VideoFormat, encode_small_png, write_whole};
+use crate::media::{Disk, FrameRate, Mp4Sink, Recorder, RecorderReport, VideoFormat, encode_small_png, write_whole};
 use crate::metrics::Net;
+use crate::output::reconstruct::{COMPARISON, COMPARISON_VIDEO, RAW, TABLE, VIDEO};
 use crate::output::{Folder, MANIFEST, SHEET, sinks};
 use crate::progress::Progress;
 use crate::settings::Formats;
@@ -41,12 +42,8 @@ const MAX_SIDE: u32 = 8192;
 /// The smallest side, limited by the video encoder.
 const MIN_SIDE: u32 = 16;
 
+/// Job name in the manifest.
 pub(crate) const JOB: &str = "reconstruct";
-pub(crate) const VIDEO: &str = "reconstruct.mp4";
-pub(crate) const RAW: &str = "reconstruct.y4m";
-pub(crate) const COMPARISON_VIDEO: &str = "comparison.mp4";
-pub(crate) const COMPARISON: &str = "comparison.png";
-pub(crate) const TABLE: &str = "scores.csv";
 
 /// Source of motion and depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -64,7 +61,7 @@ pub enum TruthOrPicture {
 pub struct ReconstructSettings {
     /// `forest`, `sword`, `desert` or `snow`.
     pub scene: String,
-    /// Seed of the place.
+    /// Seed of the scene.
     pub seed: u64,
     /// `[width, height]` of all frames.
     pub size: [u32; 2],
@@ -101,14 +98,14 @@ impl Default for ReconstructSettings {
 }
 
 /// Parsed settings.
-pub(crate) struct Checked {
+pub(crate) struct ParsedSettings {
     family: Family,
     anchors: u64,
 }
 
 impl ReconstructSettings {
     /// Checks the settings; reads no file.
-    pub(crate) fn check(&self) -> Result<Checked> {
+    pub(crate) fn check(&self) -> Result<ParsedSettings> {
         let refused = |cause: String, field: &str, remedy: String| {
             Err(Error::new(ErrorKind::InvalidArgument, cause).field(field).remedy(remedy))
         };
@@ -157,7 +154,7 @@ impl ReconstructSettings {
                 format!("Use a size of at least {smallest}x{smallest}, or --lpips no"),
             );
         }
-        Ok(Checked { family, anchors })
+        Ok(ParsedSettings { family, anchors })
     }
 
     /// Frames presented per second.
@@ -266,7 +263,7 @@ pub(crate) fn script_input(scene: &str) -> Option<Input> {
 pub fn reconstruct(job: &Reconstruction<'_>) -> Result<ReconstructOutcome> {
     let began = Instant::now();
     let settings = job.settings;
-    let Checked { family, anchors } = settings.check()?;
+    let ParsedSettings { family, anchors } = settings.check()?;
     let folder = Folder::check(job.out, job.overwrite)?;
     let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, job.progress)).transpose()?;
     job.progress.phase("building the scene");
@@ -349,8 +346,8 @@ fn describe(
     job: &Reconstruction<'_>,
     folder: &Folder,
     stream: &mut Stream,
-    recorded: &Recorded,
-    compared: &Recorded,
+    recorded: &RecorderReport,
+    compared: &RecorderReport,
     manifest: &ReconstructManifest,
     failed: bool,
 ) -> (Vec<Output>, Option<Error>) {

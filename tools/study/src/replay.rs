@@ -81,7 +81,7 @@ impl fmt::Display for Difference {
 
 /// Result of a replay.
 #[derive(Debug)]
-pub struct Compared {
+pub struct ReplayReport {
     /// All differences; empty if everything is equal.
     pub differences: Vec<Difference>,
     /// Number of bit-identical files.
@@ -98,7 +98,7 @@ pub struct Compared {
 ///
 /// # Errors
 /// Errors of reading the manifest, and those of [`run`](crate::run_job); also failures during the replay.
-pub fn replay(job: &Replay<'_>) -> Result<Compared> {
+pub fn replay(job: &Replay<'_>) -> Result<ReplayReport> {
     let beside = job.manifest.parent().unwrap_or(Path::new(""));
     let out = job.out.map_or_else(|| beside.join("replay"), Path::to_owned);
     if crate::manifest::absolute(&out) == crate::manifest::absolute(beside) {
@@ -121,7 +121,7 @@ fn nothing_to_compare(job: &Replay<'_>, writer: &str) -> Error {
         .remedy(format!("Make it anew with {writer}"))
 }
 
-fn replay_rollout(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<Compared> {
+fn replay_rollout(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<ReplayReport> {
     let first = Manifest::read(job.manifest)?;
     if first.counts.presented == 0 {
         return Err(nothing_to_compare(job, "study rollout"));
@@ -137,7 +137,7 @@ fn replay_rollout(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<Compa
     let now = crate::inputs::load(&settings, job.progress)?.inputs;
     let mut differences = inputs(&first.inputs, &now);
     if !differences.is_empty() {
-        return Ok(Compared { differences, equal: 0, skipped: Vec::new(), out, interrupted: false });
+        return Ok(ReplayReport { differences, equal: 0, skipped: Vec::new(), out, interrupted: false });
     }
     let Outcome { manifest: second, failure, interrupted, .. } = run(&Job {
         settings: &settings,
@@ -151,7 +151,7 @@ fn replay_rollout(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<Compa
     if let Some(error) = failure {
         return Err(error);
     }
-    let mut compared = Compared { differences: Vec::new(), equal: 0, skipped: Vec::new(), out, interrupted };
+    let mut compared = ReplayReport { differences: Vec::new(), equal: 0, skipped: Vec::new(), out, interrupted };
     if !interrupted {
         outputs(&first.outputs, &second.outputs, beside, &mut compared);
     }
@@ -163,7 +163,7 @@ fn replay_rollout(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<Compa
     Ok(compared)
 }
 
-fn replay_reconstruct(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<Compared> {
+fn replay_reconstruct(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<ReplayReport> {
     let first = ReconstructManifest::read(job.manifest)?;
     if first.counts.presented == 0 {
         return Err(nothing_to_compare(job, "study reconstruct"));
@@ -180,7 +180,13 @@ fn replay_reconstruct(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<C
     let script = reconstruct::script_input(&first.settings.scene);
     if let Some(now) = script.filter(|now| now.sha256 != first.script.sha256) {
         let difference = Difference::Input { name: "script", how: changed_input(&first.script, &now) };
-        return Ok(Compared { differences: vec![difference], equal: 0, skipped: Vec::new(), out, interrupted: false });
+        return Ok(ReplayReport {
+            differences: vec![difference],
+            equal: 0,
+            skipped: Vec::new(),
+            out,
+            interrupted: false,
+        });
     }
     let ReconstructOutcome { manifest: second, failure, interrupted } = reconstruct(&Reconstruction {
         settings: &first.settings,
@@ -195,7 +201,7 @@ fn replay_reconstruct(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<C
         return Err(error);
     }
     let differences = versions(&first.versions, &second.versions).collect();
-    let mut compared = Compared { differences, equal: 0, skipped: Vec::new(), out, interrupted };
+    let mut compared = ReplayReport { differences, equal: 0, skipped: Vec::new(), out, interrupted };
     if !interrupted {
         outputs(&first.outputs, &second.outputs, beside, &mut compared);
     }
@@ -245,7 +251,7 @@ fn changed(name: &'static str, [then, now]: [String; 2]) -> Option<Difference> {
     (then != now).then_some(Difference::Version { name, then, now })
 }
 
-fn outputs(first: &[Output], second: &[Output], beside: &Path, compared: &mut Compared) {
+fn outputs(first: &[Output], second: &[Output], beside: &Path, compared: &mut ReplayReport) {
     for then in first {
         if !then.complete {
             compared.skipped.push(then.path.clone());

@@ -51,7 +51,7 @@ impl Formats {
 pub struct Settings {
     /// The bundle; `None` for the library's own.
     pub world: Option<PathBuf>,
-    /// PNG or JPEG; `None` for a place of the scenes.
+    /// PNG or JPEG; `None` for the built-in seed picture.
     pub seed_picture: Option<PathBuf>,
     /// None for the built-in script.
     pub script: Option<PathBuf>,
@@ -84,7 +84,7 @@ pub struct Settings {
 }
 
 /// Parsed settings.
-pub(crate) struct Checked {
+pub(crate) struct ParsedSettings {
     pub(crate) point: OperatingPoint,
     pub(crate) duration: WorldTime,
     pub(crate) upscaler: UpscalerChoice,
@@ -115,7 +115,7 @@ impl Default for Settings {
 
 impl Settings {
     /// Parses the texts and checks the ranges; reads no file.
-    pub(crate) fn check(&self) -> Result<Checked> {
+    pub(crate) fn check(&self) -> Result<ParsedSettings> {
         let [width, height] = self.size;
         let least = if self.formats.mp4 { 16 } else { 1 };
         if width < least || height < least || width > MAX_SIDE || height > MAX_SIDE {
@@ -144,7 +144,7 @@ impl Settings {
         self.generator.check(&point)?;
         let upscaler: UpscalerChoice = self.upscaler.parse()?;
         upscaler.check(&point)?;
-        Ok(Checked { point, duration, upscaler, generator: self.generator })
+        Ok(ParsedSettings { point, duration, upscaler, generator: self.generator })
     }
 }
 

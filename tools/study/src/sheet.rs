@@ -3,7 +3,7 @@
 use cairn::guidance::{DepthMap, Guidance, MotionField, visual};
 use cairn::{Picture, Result};
 
-use crate::picture::shrink;
+use crate::picture::{paste, shrink};
 use crate::text::{LARGE, SMALL, fit, write};
 
 /// Maximum number of columns; a shorter rollout has as many as it has pairs of anchors.
@@ -33,7 +33,7 @@ struct Column {
 
 /// Collects columns during a rollout and draws them at the end.
 ///
-/// The selection depends on what was made, not on what was planned: an interrupted rollout has a full sheet, and its replay has the same.
+/// The selection depends on the frames that were made, not on the plan: an interrupted rollout has a full sheet, and its replay has the same.
 pub(crate) struct Sheet {
     tile: (u32, u32),
     noun: &'static str,
@@ -70,7 +70,7 @@ impl Sheet {
     }
 
     /// The columns to draw: evenly spaced from the first to the last.
-    fn shown(&self) -> Vec<&Column> {
+    fn displayed_columns(&self) -> Vec<&Column> {
         let (have, show) = (self.columns.len(), self.columns.len().min(COLUMNS));
         (0..show).map(|i| &self.columns[i * (have - 1) / (show - 1).max(1)]).collect()
     }
@@ -89,7 +89,7 @@ impl Sheet {
     /// Draws the sheet with `title` and `subtitle` at the top, and `warning` beside them in another colour.
     pub(crate) fn draw(&self, title: &str, subtitle: &str, warning: Option<&str>) -> Result<Picture> {
         let (tile_width, tile_height) = self.tile;
-        let shown = self.shown();
+        let shown = self.displayed_columns();
         let columns = shown.len().max(1) as u32;
         let width = (LEFT + columns * (tile_width + GAP) + GAP).max(900);
         let height = TOP + 4 * (tile_height + GAP) + BOTTOM;
@@ -185,15 +185,6 @@ fn depth_tile(map: &DepthMap, tile: (u32, u32)) -> Result<Picture> {
     shrink(&picture, tile)
 }
 
-/// Copies a tile into a sheet that has room for it.
-pub(crate) fn paste(sheet: &mut Picture, tile: &Picture, at: (u32, u32)) {
-    let width = sheet.width();
-    for (row, pixels) in (at.1..).zip(tile.pixels().chunks_exact(tile.width() as usize)) {
-        let start = (row * width + at.0) as usize;
-        sheet.pixels_mut()[start..start + pixels.len()].copy_from_slice(pixels);
-    }
-}
-
 fn fill(sheet: &mut Picture, at: (u32, u32), size: (u32, u32), colour: [u8; 3]) {
     let width = sheet.width();
     for row in at.1..at.1 + size.1 {
@@ -223,7 +214,7 @@ mod tests {
                 sheet.add(latent, 0.0, &picture, None).unwrap();
             }
         }
-        sheet.shown().iter().map(|column| column.latent).collect()
+        sheet.displayed_columns().iter().map(|column| column.latent).collect()
     }
 
     #[test]

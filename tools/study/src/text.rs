@@ -4,20 +4,20 @@ use cairn::Picture;
 use spleen_font::{FONT_8X16, FONT_12X24};
 
 /// For labels.
-pub(crate) const SMALL: Size = Size { width: 8, height: 16, header: 4, font: FONT_8X16 };
+pub(crate) const SMALL: Font = Font { width: 8, height: 16, header: 4, font: FONT_8X16 };
 /// For headings.
-pub(crate) const LARGE: Size = Size { width: 12, height: 24, header: 32, font: FONT_12X24 };
+pub(crate) const LARGE: Font = Font { width: 12, height: 24, header: 32, font: FONT_12X24 };
 
 /// A font size in pixels and its file: a PSF 1 or PSF 2 header, then the glyphs, ASCII first and in order.
 #[derive(Clone, Copy)]
-pub(crate) struct Size {
+pub(crate) struct Font {
     pub(crate) width: u32,
     pub(crate) height: u32,
     header: usize,
     font: &'static [u8],
 }
 
-impl Size {
+impl Font {
     /// Rows of whole bytes with the leftmost pixel in the highest bit. Non-ASCII characters give a question mark.
     fn glyph(self, letter: char) -> impl Iterator<Item = &'static [u8]> {
         let row = self.width.div_ceil(8) as usize;
@@ -29,7 +29,7 @@ impl Size {
 }
 
 /// Writes one line with its upper left corner at `at`, clipped to the picture. Returns the column after it.
-pub(crate) fn write(out: &mut Picture, text: &str, at: (u32, u32), size: Size, colour: [u8; 3]) -> u32 {
+pub(crate) fn write(out: &mut Picture, text: &str, at: (u32, u32), size: Font, colour: [u8; 3]) -> u32 {
     let (width, height) = out.size();
     let mut x = at.0;
     for letter in text.chars() {
@@ -46,7 +46,7 @@ pub(crate) fn write(out: &mut Picture, text: &str, at: (u32, u32), size: Size, c
 }
 
 /// The start of `text` that fits `width` pixels, with `...` if it is shortened.
-pub(crate) fn fit(text: &str, width: u32, size: Size) -> String {
+pub(crate) fn fit(text: &str, width: u32, size: Font) -> String {
     let room = (width / size.width) as usize;
     if text.chars().count() <= room {
         return text.to_owned();

@@ -13,11 +13,11 @@ use crate::output::FRAMES;
 use crate::progress::Progress;
 
 /// Polling interval.
-const EVERY: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Time limit for an interrupted process to finish its frame and its manifest.
-const PATIENCE: Duration = Duration::from_secs(10);
+const GRACE_PERIOD: Duration = Duration::from_secs(10);
 /// Maximum number of bytes kept of a process's messages.
-const MAX_WORDS: u64 = 64 << 10;
+const MAX_MESSAGE_BYTES: u64 = 64 << 10;
 /// Maximum number of parallel processes.
 const MAX_JOBS: usize = 256;
 
@@ -88,21 +88,22 @@ impl<'a> Running<'a> {
     }
 
     /// Whether the process has ended; an error if it failed.
-    fn ended(&mut self) -> Result<bool> {
+    fn has_ended(&mut self) -> Result<bool> {
         let name = &self.work.name;
         let status = self.child.try_wait().map_err(|e| Error::new(ErrorKind::Io, format!("{name}: {e}")))?;
         let Some(status) = status else { return Ok(false) };
         if status.success() {
             return Ok(true);
         }
-        let mut words = String::new();
+        let mut output = String::new();
         if let Some(stderr) = self.child.stderr.take() {
             // If its messages cannot be read, the error has no text.
-            let _ = stderr.take(MAX_WORDS).read_to_string(&mut words);
+            let _ = stderr.take(MAX_MESSAGE_BYTES).read_to_string(&mut output);
         }
-        let said = words.lines().find_map(|line| line.strip_prefix("error: ")).unwrap_or_default();
+        let message = output.lines().find_map(|line| line.strip_prefix("error: ")).unwrap_or_default();
         let kind = if status.code() == Some(2) { ErrorKind::InvalidArgument } else { ErrorKind::InvalidState };
-        let cause = if said.is_empty() { format!("its process ended by itself: {status}") } else { said.to_owned() };
+        let cause =
+            if message.is_empty() { format!("its process ended by itself: {status}") } else { message.to_owned() };
         Err(Error::new(kind, format!("{name}: {cause}"))
             .field(self.work.folder.display().to_string())
             .remedy("Run the same command again: what is whole is kept"))
@@ -133,11 +134,11 @@ pub(crate) fn run_all(work: &[Work], jobs: usize, progress: &Progress, stop: &At
             }
         }
         // The processes also get the keyboard's signal; those that ignore it are killed.
-        if running.is_empty() || interrupted.is_some_and(|since| since.elapsed() > PATIENCE) {
+        if running.is_empty() || interrupted.is_some_and(|since| since.elapsed() > GRACE_PERIOD) {
             break;
         }
         let mut now = done;
-        running.retain_mut(|process| match process.ended() {
+        running.retain_mut(|process| match process.has_ended() {
             Ok(false) => {
                 now += process.frames();
                 true
@@ -155,7 +156,7 @@ pub(crate) fn run_all(work: &[Work], jobs: usize, progress: &Progress, stop: &At
             }
         });
         progress.frames(now);
-        std::thread::sleep(EVERY);
+        std::thread::sleep(POLL_INTERVAL);
     }
     progress.end();
     drop(running);

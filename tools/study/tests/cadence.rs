@@ -16,7 +16,7 @@ fn study(arguments: &[&str]) -> (i32, String) {
     (status.code().expect("it ends by itself"), text)
 }
 
-/// PSNR of the anchor at 54/60 s against the frame at `frame` sixtieths, drawn anew: what a repeated anchor scores.
+/// PSNR of the anchor at 54/60 s against the frame at `frame` sixtieths, drawn anew: the score of a repeated anchor.
 fn repeated(size: (u32, u32), frame: usize) -> f64 {
     let script = ControlScript::parse(include_str!("../../../samples/scripts/snow.txt")).unwrap();
     let scene = Scene::new(Family::Snow, 41);
@@ -39,7 +39,7 @@ fn a_quick_look_has_every_phase_of_every_cadence() {
     let count = |anchors: &str, cadence: &str, motion: &str| {
         rows.iter().filter(|row| (row[2], row[3], row[4]) == (anchors, cadence, motion)).count()
     };
-    // Four places. The renderer's: one interval each. The world's: all of a second, and nobody's motion.
+    // Four scenes. Of the renderer one interval each; of the world all intervals of a second, without true motion.
     for (cadence, between, intervals) in [("10-60", 5, 10), ("15-60", 3, 15), ("15-30", 1, 15), ("30-60", 1, 30)] {
         for motion in ["repeat", "picture-flow", "truth"] {
             assert_eq!(count("drawn", cadence, motion), 4 * between, "{cadence} {motion}");

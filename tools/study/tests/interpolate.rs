@@ -1,4 +1,4 @@
-//! More frames a second for videos of others: what comes out, and what happens when the input is bad.
+//! Frame interpolation of existing videos: outputs, and errors for bad input.
 
 mod common;
 
@@ -16,7 +16,7 @@ use study::{GeneratorChoice, Interpolation, Progress, Report, interpolate};
 
 const SIZE: (u32, u32) = (128, 72);
 
-struct Asked<'a> {
+struct Request<'a> {
     multiplier: u32,
     rate: Option<u64>,
     overwrite: bool,
@@ -26,13 +26,13 @@ struct Asked<'a> {
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
-impl Default for Asked<'_> {
+impl Default for Request<'_> {
     fn default() -> Self {
         Self { multiplier: 2, rate: None, overwrite: false, disk: Arc::new(RealDisk), stop: &NEVER }
     }
 }
 
-fn make(input: &Path, out: Option<&Path>, asked: Asked<'_>) -> cairn::Result<Report> {
+fn make(input: &Path, out: Option<&Path>, asked: Request<'_>) -> cairn::Result<Report> {
     interpolate(&Interpolation {
         input,
         multiplier: asked.multiplier,
@@ -51,7 +51,7 @@ fn through(pictures: &[Picture], multiplier: u32) -> (Vec<Picture>, Report) {
     let folder = tempfile::tempdir().unwrap();
     let (input, out) = (folder.path().join("in"), folder.path().join("out"));
     store(&input, pictures);
-    let report = make(&input, Some(&out), Asked { multiplier, ..Asked::default() }).unwrap();
+    let report = make(&input, Some(&out), Request { multiplier, ..Request::default() }).unwrap();
     assert!(report.failure.is_none(), "{:?}", report.failure);
     let made = load(&out);
     assert_eq!(made.len() as u64, report.frames_out);
@@ -68,7 +68,7 @@ fn the_rate_is_multiplied_exactly_and_the_length_stays() {
     let input = folder.path().join("walk.y4m");
     let frames = walk(SIZE, 7);
     std::fs::write(&input, y4m(&frames, "30000:1001")).unwrap();
-    let report = make(&input, None, Asked { multiplier: 3, ..Asked::default() }).unwrap();
+    let report = make(&input, None, Request { multiplier: 3, ..Request::default() }).unwrap();
     assert!(report.failure.is_none() && !report.interrupted);
     assert_eq!((report.frames_in, report.frames_out, report.generated), (7, 21, 12));
     assert_eq!((report.cuts, report.repeats), (0, 0));
@@ -174,12 +174,12 @@ fn odd_and_tiny_sizes_go_through() {
         let folder = tempfile::tempdir().unwrap();
         let (input, out) = (folder.path().join("in.y4m"), folder.path().join("out.y4m"));
         std::fs::write(&input, y4m(&clip, "15:1")).unwrap();
-        let report = make(&input, Some(&out), Asked::default()).unwrap();
+        let report = make(&input, Some(&out), Request::default()).unwrap();
         assert!(report.failure.is_none() && report.frames_out == 6, "{size:?}: {:?}", report.failure);
         // What it wrote it can read.
-        assert_eq!(make(&out, Some(&folder.path().join("again")), Asked::default()).unwrap().frames_in, 6);
+        assert_eq!(make(&out, Some(&folder.path().join("again")), Request::default()).unwrap().frames_in, 6);
         if size.0 < 16 {
-            let error = make(&input, None, Asked::default()).unwrap_err();
+            let error = make(&input, None, Request::default()).unwrap_err();
             assert!(error.to_string().contains("16 x 16"), "{error}");
         }
     }
@@ -199,7 +199,7 @@ fn every_kind_of_y4m_shows_the_same_picture() {
         }
         let (input, out) = (folder.path().join(format!("{kind}.y4m")), folder.path().join(kind));
         std::fs::write(&input, bytes).unwrap();
-        make(&input, Some(&out), Asked::default()).unwrap();
+        make(&input, Some(&out), Request::default()).unwrap();
         let made = load(&out);
         assert_eq!(made.len(), 4, "{kind}");
         assert!(made[0].pixels().iter().all(|px| px[..3] == grey(255)), "{kind}");
@@ -213,7 +213,7 @@ fn a_video_that_ends_in_the_midst_of_a_frame_is_used_until_there() {
     let input = folder.path().join("cut-short.y4m");
     let bytes = y4m(&walk(SIZE, 4), "15:1");
     std::fs::write(&input, &bytes[..bytes.len() - 1000]).unwrap();
-    let report = make(&input, None, Asked::default()).unwrap();
+    let report = make(&input, None, Request::default()).unwrap();
     let error = report.failure.as_ref().expect("the end is missing").to_string();
     assert!(error.contains("cut-short.y4m") && error.contains("frame 3") && error.contains("3 frames"), "{error}");
     assert_eq!((report.frames_in, report.frames_out), (3, 6));
@@ -221,12 +221,12 @@ fn a_video_that_ends_in_the_midst_of_a_frame_is_used_until_there() {
 
     // With less than two frames there is nothing to make.
     std::fs::write(&input, &bytes[..bytes.len() * 3 / 8]).unwrap();
-    let error = make(&input, None, Asked { overwrite: true, ..Asked::default() }).unwrap_err();
+    let error = make(&input, None, Request { overwrite: true, ..Request::default() }).unwrap_err();
     assert!(error.to_string().contains("frame 1"), "{error}");
 }
 
 fn refused(input: &Path, out: Option<&Path>, kind: ErrorKind, words: &[&str]) {
-    let error = make(input, out, Asked::default()).unwrap_err();
+    let error = make(input, out, Request::default()).unwrap_err();
     assert_eq!(error.kind(), kind, "{error}");
     for word in words {
         assert!(error.to_string().contains(word), "{word:?} is not in: {error}");
@@ -275,7 +275,7 @@ fn files_that_are_no_video_are_refused_before_anything_is_made() {
         (b"YUV4MPEG2 W99999999 H99999999 F15:1\nFRAME\n".to_vec(), "99999999"),
     ] {
         std::fs::write(&input, bytes).unwrap();
-        let error = make(&input, None, Asked::default()).unwrap_err().to_string();
+        let error = make(&input, None, Request::default()).unwrap_err().to_string();
         assert!(error.contains("clip.y4m") && error.contains(word), "{error}");
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is made");
@@ -290,7 +290,7 @@ fn a_picture_that_is_damaged_inside_costs_what_follows() {
     let bytes = std::fs::read(&path).unwrap();
     // The head, by which the folder is judged, is whole.
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    let report = make(&input, Some(&out), Asked::default()).unwrap();
+    let report = make(&input, Some(&out), Request::default()).unwrap();
     assert!(report.failure.unwrap().to_string().contains("4.png"));
     assert_eq!((report.frames_in, decode(&out).luma.len()), (3, 6));
 }
@@ -302,12 +302,12 @@ fn other_files_beside_the_pictures_are_left_aside_with_a_note() {
     store(&input, &walk(SIZE, 2));
     std::fs::write(input.join("notes.txt"), "when it rained").unwrap();
     std::fs::create_dir(input.join("2.5.png")).unwrap();
-    let report = make(&input, None, Asked::default()).unwrap();
+    let report = make(&input, None, Request::default()).unwrap();
     assert_eq!(report.frames_in, 2);
     let told = report.notes.join("\n");
     assert!(told.contains("notes.txt") && told.contains("--rate") && told.contains("2 beside"), "{told}");
     assert_eq!(report.new_rate.to_string(), "60");
-    let again = Asked { rate: Some(15), overwrite: true, ..Asked::default() };
+    let again = Request { rate: Some(15), overwrite: true, ..Request::default() };
     assert_eq!(make(&input, None, again).unwrap().new_rate.to_string(), "30");
 }
 
@@ -319,7 +319,7 @@ fn the_input_and_earlier_outputs_are_not_replaced() {
     std::fs::write(&input, &bytes).unwrap();
     let around = folder.path().join("../").join(folder.path().file_name().unwrap()).join("clip.y4m");
     for out in [&input, &around] {
-        let asked = Asked { overwrite: true, ..Asked::default() };
+        let asked = Request { overwrite: true, ..Request::default() };
         let error = make(&input, Some(out), asked).unwrap_err();
         assert!(error.to_string().contains("its own input"), "{error}");
     }
@@ -332,9 +332,9 @@ fn the_input_and_earlier_outputs_are_not_replaced() {
     assert!(std::fs::read(&input).unwrap() == bytes);
 
     // An earlier run's pictures go, and nothing else does.
-    make(&input, Some(&pictures), Asked { overwrite: true, multiplier: 4, ..Asked::default() }).unwrap();
+    make(&input, Some(&pictures), Request { overwrite: true, multiplier: 4, ..Request::default() }).unwrap();
     assert_eq!(load(&pictures).len(), 8);
-    make(&input, Some(&pictures), Asked { overwrite: true, ..Asked::default() }).unwrap();
+    make(&input, Some(&pictures), Request { overwrite: true, ..Request::default() }).unwrap();
     assert_eq!(load(&pictures).len(), 4);
     assert!(pictures.join("1.png").exists());
 }
@@ -346,7 +346,7 @@ fn a_full_disk_leaves_what_can_be_played() {
     std::fs::write(&input, y4m(&walk(SIZE, 60), "15:1")).unwrap();
     for room in [100, 20_000, 60_000] {
         let out = folder.path().join(format!("{room}.mp4"));
-        let asked = Asked { disk: Arc::new(SmallDisk::new(room)), ..Asked::default() };
+        let asked = Request { disk: Arc::new(SmallDisk::new(room)), ..Request::default() };
         let report = make(&input, Some(&out), asked).unwrap();
         let error = report.failure.expect("the disk is too small").to_string();
         assert!(error.contains("Free some space"), "{error}");
@@ -377,7 +377,7 @@ fn what_is_finished_at_an_interruption_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let (input, out) = (folder.path().join("clip.y4m"), folder.path().join("out"));
     std::fs::write(&input, y4m(&walk(SIZE, 200), "15:1")).unwrap();
-    let report = make(&input, Some(&out), Asked { disk: Arc::new(StopAt(&STOP)), stop: &STOP, ..Asked::default() });
+    let report = make(&input, Some(&out), Request { disk: Arc::new(StopAt(&STOP)), stop: &STOP, ..Request::default() });
     let report = report.unwrap();
     assert!(report.interrupted && report.failure.is_none(), "{:?}", report.failure);
     assert!((6..30).contains(&report.frames_out), "{} frames", report.frames_out);
@@ -395,7 +395,7 @@ fn jpeg_pictures_are_read_too() {
         let path = input.join(format!("shot {number}.JPG"));
         image::save_buffer(path, &rgb, SIZE.0, SIZE.1, image::ColorType::Rgb8).unwrap();
     }
-    make(&input, Some(&out), Asked::default()).unwrap();
+    make(&input, Some(&out), Request::default()).unwrap();
     let made = load(&out);
     assert_eq!(made.len(), 4);
     assert!(psnr(&picture(SIZE, 1, 0), &made[0]).unwrap() > 20.0);

@@ -9,7 +9,7 @@ use cairn::{ErrorKind, Picture};
 use common::decoder::{decode, psnr};
 use common::small_disk::SmallDisk;
 use study::media::{
-    Disk, FrameRate, Mp4Sink, PngSink, RealDisk, Recorded, Recorder, Sink, VideoFormat, Y4mSink, Yuv420,
+    Disk, FrameRate, Mp4Sink, PngSink, RealDisk, Recorder, RecorderReport, Sink, VideoFormat, Y4mSink, Yuv420,
 };
 
 const SIZE: (u32, u32) = (161, 91);
@@ -30,7 +30,7 @@ fn picture(number: u64) -> Picture {
     picture
 }
 
-fn record(sinks: Vec<Box<dyn Sink>>, frames: u64) -> Recorded {
+fn record(sinks: Vec<Box<dyn Sink>>, frames: u64) -> RecorderReport {
     let recorder = Recorder::start(sinks, SIZE).unwrap();
     for number in 0..frames {
         if !recorder.push(picture(number)) {
@@ -105,7 +105,7 @@ fn png_holds_the_pixels() {
     assert!(back.as_raw() == picture(1).rgba());
 }
 
-/// However full the disk: what is there can be played, and nothing else is there.
+/// With any amount of free space, the files on disk can be played, and there are no others.
 #[test]
 fn a_full_disk_leaves_a_playable_video() {
     let folder = tempfile::tempdir().unwrap();

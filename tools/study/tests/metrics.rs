@@ -46,7 +46,7 @@ fn sum(pair: &Pair) -> String {
     sha256(&all)[..16].to_owned()
 }
 
-/// Compares what `measure` makes of every pair with a column of the table.
+/// Compares `measure` of every pair with a column of the table.
 fn compare(column: &str, tolerance: f64, measure: impl Fn(&Pair) -> f64) {
     compare_with(&PAIRS, TABLE, column, tolerance, measure);
 }

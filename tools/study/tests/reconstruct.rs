@@ -1,4 +1,4 @@
-//! Generated frames between true anchors, held against the true frames: what is written, and that it says the truth.
+//! Generated frames between true anchors against the true frames: the written files, and that their numbers are right.
 
 mod common;
 
@@ -54,7 +54,7 @@ fn read_checked(out: &Path) -> ReconstructManifest {
     manifest
 }
 
-fn replay_of(manifest: &Path, out: &Path, overrides: Overrides) -> cairn::Result<study::Compared> {
+fn replay_of(manifest: &Path, out: &Path, overrides: Overrides) -> cairn::Result<study::ReplayReport> {
     let stop = AtomicBool::new(false);
     let progress = Progress::quiet();
     replay(&Replay { manifest, out: Some(out), overwrite: false, overrides, stop: &stop, progress: &progress })
@@ -170,7 +170,7 @@ fn a_replay_makes_the_same_files() {
         compared.differences
     );
 
-    // Another walk would be made: nothing is, and the reason is told.
+    // The walk would differ, so nothing is made, and the reason is reported.
     manifest.script.sha256 = "0".repeat(64);
     write(&manifest);
     let elsewhere = folder.path().join("elsewhere");

@@ -15,7 +15,7 @@ use common::worlds::{make, make_on, read_checked, short};
 use study::media::{Disk, RealDisk, Store};
 use study::{DeviceChoice, Difference, Formats, Manifest, Overrides, Progress, Replay, Settings, replay};
 
-fn replay_of(manifest: &Path, out: &Path, overrides: Overrides) -> cairn::Result<study::Compared> {
+fn replay_of(manifest: &Path, out: &Path, overrides: Overrides) -> cairn::Result<study::ReplayReport> {
     replay(&Replay {
         manifest,
         out: Some(out),

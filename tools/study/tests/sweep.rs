@@ -1,4 +1,4 @@
-//! Sweeps through the program: made once, gone on with after a kill, by jobs from elsewhere, and what is refused.
+//! Sweeps through the program: a first run, a run after a kill, single jobs, and refused input.
 
 mod common;
 
@@ -52,7 +52,7 @@ impl Sweep {
         (status.code(), String::from_utf8_lossy(&stdout).into_owned())
     }
 
-    /// Makes what is missing; of how many rollouts how many were kept.
+    /// Makes the missing rollouts. Returns the numbers of all rollouts and of kept ones.
     fn made(&self, more: &[&str]) -> [usize; 2] {
         let (status, text) = self.run(more);
         assert_eq!(status, Some(0), "{text}");
@@ -144,7 +144,7 @@ fn a_sweep_is_made_once_and_nothing_whole_again() {
     assert_eq!(fs::read_to_string(&manifest).unwrap(), newer);
 }
 
-/// A worker that is killed takes nothing with it but what it was making, and the numbers are those of a sweep in peace.
+/// A killed worker loses only its current rollout, and the final numbers equal those of an undisturbed sweep.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_killed_worker_is_named_and_the_sweep_goes_on_to_the_same_numbers() {

@@ -1,4 +1,4 @@
-//! A world against the truth, through the program: what is written, and that the truth is the scenes' own.
+//! A world against the truth, through the program: the written files, and that the truth is that of the scenes.
 
 mod common;
 

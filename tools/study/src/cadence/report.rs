@@ -2,37 +2,21 @@
 
 use std::fmt::Write as _;
 
-use super::Settings;
-use super::measure::{CADENCES, Cadence, Record, Source, WAYS, Way};
-use crate::compare::summary::{Estimate, estimate};
-use crate::motion::Place;
+use super::measure::{CADENCES, Cadence, METHODS, Method, Record, Source};
+use crate::experiment::{Measurements, seed_list};
+use crate::statistics::{Estimate, estimate, scene_means};
 use crate::table::Table;
 
-/// All measurements.
-pub(super) struct Found<'a> {
-    pub(super) settings: &'a Settings,
-    /// The world's name.
-    pub(super) world: &'a str,
-    pub(super) places: &'a [Place],
-    pub(super) records: &'a [Record],
-}
-
 /// A value of a frame, for example its PSNR.
-type Figure = fn(&Record) -> Option<f64>;
+type Value = fn(&Record) -> Option<f64>;
 
-const FIGURES: [(Figure, usize); 3] =
+const VALUES: [(Value, usize); 3] =
     [(|record| Some(record.score.psnr), 2), (|record| Some(record.score.ssim), 4), (|record| record.score.lpips, 4)];
 
-/// Mean over places of each place's mean over the frames selected by `of`.
-fn over_places(records: &[Record], figure: Figure, of: impl Fn(&Record) -> bool) -> Option<Estimate> {
-    let mut places: Vec<Place> = records.iter().map(|record| record.place).collect();
-    places.sort_unstable();
-    places.dedup();
-    let means = places.into_iter().filter_map(|place| {
-        let all: Vec<f64> = records.iter().filter(|r| r.place == place && of(r)).filter_map(figure).collect();
-        (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
-    });
-    estimate(&means.collect::<Vec<_>>())
+/// Mean over scenes of each scene's mean over the frames selected by `of`.
+fn over_scenes(records: &[Record], value: Value, of: impl Fn(&Record) -> bool) -> Option<Estimate> {
+    let values = records.iter().filter(|record| of(record)).filter_map(|record| Some((record.scene, value(record)?)));
+    estimate(&scene_means(values).into_iter().map(|(_, mean)| mean).collect::<Vec<_>>())
 }
 
 fn number(value: Option<Estimate>, digits: usize) -> String {
@@ -49,10 +33,12 @@ fn number(value: Option<Estimate>, digits: usize) -> String {
 fn table(records: &[Record], source: Source) -> Table {
     let mut lines = Vec::new();
     for cadence in CADENCES {
-        for way in WAYS.into_iter().filter(|way| records.iter().any(|r| (r.source, r.way) == (source, *way))) {
-            let of = |r: &Record| (r.source, r.cadence, r.way) == (source, cadence, way);
-            let mut line = vec![cadence.to_string(), way.name().to_owned()];
-            line.extend(FIGURES.map(|(figure, digits)| number(over_places(records, figure, of), digits)));
+        for method in
+            METHODS.into_iter().filter(|method| records.iter().any(|r| (r.source, r.method) == (source, *method)))
+        {
+            let of = |r: &Record| (r.source, r.cadence, r.method) == (source, cadence, method);
+            let mut line = vec![cadence.to_string(), method.name().to_owned()];
+            line.extend(VALUES.map(|(value, digits)| number(over_scenes(records, value, of), digits)));
             lines.push(line);
         }
     }
@@ -64,9 +50,9 @@ fn by_phase(records: &[Record], source: Source) -> Table {
     let cadence: Cadence = CADENCES[0];
     let lines = (1..cadence.multiplier()).map(|part| {
         let mut line = vec![format!("{part}/{}", cadence.multiplier())];
-        line.extend(FIGURES.map(|(figure, digits)| {
-            let of = |r: &Record| (r.source, r.cadence, r.way, r.part) == (source, cadence, Way::Pictures, part);
-            over_places(records, figure, of).map_or("–".into(), |estimate| format!("{:.digits$}", estimate.mean))
+        line.extend(VALUES.map(|(value, digits)| {
+            let of = |r: &Record| (r.source, r.cadence, r.method, r.part) == (source, cadence, Method::Pictures, part);
+            over_scenes(records, value, of).map_or("–".into(), |estimate| format!("{:.digits$}", estimate.mean))
         }));
         line
     });
@@ -74,20 +60,19 @@ fn by_phase(records: &[Record], source: Source) -> Table {
 }
 
 /// Summary for the terminal.
-pub(super) fn summary(found: &Found<'_>) -> String {
+pub(super) fn summary(measured: &Measurements<'_, Record>) -> String {
     format!(
         "{}, {} places\n\nbetween the renderer's anchors:\n\n{}\nbetween the world's own:\n\n{}",
-        found.world,
-        found.places.len(),
-        table(found.records, Source::Drawn).markdown(),
-        table(found.records, Source::World).markdown()
+        measured.world,
+        measured.scenes.len(),
+        table(measured.records, Source::Drawn).markdown(),
+        table(measured.records, Source::World).markdown()
     )
 }
 
 /// The page `docs/cadence.md`. Depends on the measurements only.
-pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> String {
-    let Found { settings, world, places, records } = found;
-    let seeds: Vec<String> = settings.seeds().iter().map(u64::to_string).collect();
+pub(super) fn page(measured: &Measurements<'_, Record>, caption: Option<&str>) -> String {
+    let Measurements { settings, world, seeds, scenes, records } = *measured;
     let mut out = String::from(
         "# From 10 to 60\n\n\
          A world that makes ten anchors a second and shows sixty frames has to invent five of six. Here that is held, frame by frame, \
@@ -96,7 +81,7 @@ pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> St
          renderer's motion and depth.\n",
     );
     if let Some(caption) = caption {
-        _ = write!(out, "\n![one interval from 10 to 60]({figure})\n\n*{caption}*\n");
+        _ = write!(out, "\n![one interval from 10 to 60](cadence.png)\n\n*{caption}*\n");
     }
     out += "\n## Between the renderer's anchors\n\nTruth is what the renderer draws at each moment.\n\n";
     out += &table(records, Source::Drawn).markdown();
@@ -116,9 +101,9 @@ pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> St
          {} places: seeds {} of every kind, all held out from training, under the scripts of `samples/scripts`. The world is *{world}* at \
          the paper's operating point, all four pictures of each latent. Every frame is in the CSV that the command leaves.\n\n\
          ```sh\n{}\n```\n",
-        places.len(),
-        seeds.join(", "),
-        settings.command()
+        scenes.len(),
+        seed_list(seeds, ", "),
+        settings.command("cadence")
     );
     out
 }
@@ -126,17 +111,17 @@ pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> St
 /// CSV with a line for every frame.
 pub(super) fn csv(records: &[Record]) -> String {
     let mut text = String::from("scene,place,anchors,cadence,motion,end,part,psnr,ssim,lpips\n");
-    for Record { place, source, cadence, way, end, part, score } in records {
+    for Record { scene, source, cadence, method, end, part, score } in records {
         let anchors = if *source == Source::Drawn { "drawn" } else { "world" };
         let lpips = score.lpips.map_or(String::new(), |lpips| format!("{lpips:.6}"));
         _ = writeln!(
             text,
             "{},{},{anchors},{}-{},{},{end},{part},{:.4},{:.6},{lpips}",
-            place.family,
-            place.seed,
+            scene.family,
+            scene.seed,
             cadence.anchors,
             cadence.frames,
-            way.name(),
+            method.name(),
             score.psnr,
             score.ssim
         );

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use cairn::{ErrorKind, Result};
+use cairn::Result;
 use clap::Args;
 
-use super::{Subcommand, progress, stop_on_interrupt};
+use super::{NOTHING_WRITTEN, Subcommand, interrupted, print_outcome, progress, stop_on_interrupt};
 use crate::cadence::{self, Settings};
 
 pub(super) const EXAMPLES: &str = "\
@@ -64,15 +64,10 @@ impl Subcommand for CadenceArgs {
     fn run(&self) -> Result<ExitCode> {
         match cadence::run(&self.settings(), &progress(self.quiet), stop_on_interrupt()?) {
             Ok(outcome) => {
-                outcome.files.iter().for_each(|file| eprintln!("  {}", file.display()));
-                print!("{}", outcome.text);
+                print_outcome(&outcome.text, &outcome.files);
                 Ok(ExitCode::SUCCESS)
             }
-            Err(error) if error.kind() == ErrorKind::Cancelled => {
-                eprintln!("interrupted: nothing is written");
-                Ok(ExitCode::from(130))
-            }
-            Err(error) => Err(error),
+            Err(error) => interrupted(error, NOTHING_WRITTEN),
         }
     }
 }

@@ -7,7 +7,7 @@ use cairn::{Error, ErrorKind, Result};
 use clap::Args;
 use scenes::{FAMILIES, Family};
 
-use super::{Subcommand, progress, size, stop_on_interrupt};
+use super::{CELLS_KEPT, Subcommand, interrupted, progress, size, stop_on_interrupt};
 use crate::compare::{self, Settings};
 use crate::device::DeviceChoice;
 
@@ -91,7 +91,7 @@ pub(super) struct CompareArgs {
     /// Folder for everything; what is whole in it is kept
     #[arg(long, value_name = "DIR", default_value = "target/compare")]
     out: PathBuf,
-    /// Writes the report and its figures into this folder too
+    /// Writes the report into this folder too, as report.md with compressed figures and without report.html
     #[arg(long, value_name = "DIR")]
     publish: Option<PathBuf>,
     /// No progress
@@ -101,7 +101,7 @@ pub(super) struct CompareArgs {
 
 impl CompareArgs {
     fn settings(&self) -> Result<Settings> {
-        let scenes = match self.scene.as_str() {
+        let families = match self.scene.as_str() {
             "all" => FAMILIES.to_vec(),
             name => vec![name.parse::<Family>().map_err(|_| {
                 Error::new(ErrorKind::InvalidArgument, format!("there is no scene {name:?}"))
@@ -117,8 +117,8 @@ impl CompareArgs {
             _ => 1,
         };
         Ok(Settings {
-            scenes,
-            places: self.seeds,
+            families,
+            scenes_per_family: self.seeds,
             seconds: self.seconds.clone().unwrap_or_else(|| seconds.into()),
             size: self.size.as_deref().map_or(Ok(small), size)?,
             world: self.world.clone(),
@@ -146,11 +146,7 @@ impl Subcommand for CompareArgs {
                 outcome.files.iter().for_each(|file| eprintln!("  {}", file.display()));
                 Ok(ExitCode::SUCCESS)
             }
-            Err(error) if error.kind() == ErrorKind::Cancelled => {
-                eprintln!("interrupted: what is whole is kept, and the same command goes on");
-                Ok(ExitCode::from(130))
-            }
-            Err(error) => Err(error),
+            Err(error) => interrupted(error, CELLS_KEPT),
         }
     }
 }

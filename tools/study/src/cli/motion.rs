@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use cairn::Result;
 use cairn::world::GuidanceSource;
-use cairn::{ErrorKind, Result};
 use clap::Args;
 
-use super::{Subcommand, progress, stop_on_interrupt};
+use super::{NOTHING_WRITTEN, Subcommand, interrupted, print_outcome, progress, stop_on_interrupt};
 use crate::motion::{self, Settings};
 
 pub(super) const EXAMPLES: &str = "\
@@ -71,15 +71,10 @@ impl Subcommand for MotionArgs {
     fn run(&self) -> Result<ExitCode> {
         match motion::run(&self.settings(), &progress(self.quiet), stop_on_interrupt()?) {
             Ok(outcome) => {
-                outcome.files.iter().for_each(|file| eprintln!("  {}", file.display()));
-                print!("{}", outcome.text);
+                print_outcome(&outcome.text, &outcome.files);
                 Ok(ExitCode::from(u8::from(self.check && outcome.best != Some(GuidanceSource::BEST))))
             }
-            Err(error) if error.kind() == ErrorKind::Cancelled => {
-                eprintln!("interrupted: nothing is written");
-                Ok(ExitCode::from(130))
-            }
-            Err(error) => Err(error),
+            Err(error) => interrupted(error, NOTHING_WRITTEN),
         }
     }
 }

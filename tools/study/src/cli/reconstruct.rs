@@ -11,10 +11,10 @@ use scenes::FAMILIES;
 use super::{Subcommand, encoder_hint, progress, size, status, stop_on_interrupt};
 use crate::media::{ASSEMBLY, RealDisk};
 use crate::metrics::{Lpips, Net};
-use crate::output::{Folder, SHEET};
+use crate::output::{self, Folder, SHEET};
 use crate::progress::duration;
 use crate::reconstruct::{
-    self, ANCHOR_RATE, ReconstructOutcome, ReconstructSettings, Reconstruction, TruthOrPicture, reconstruct,
+    ANCHOR_RATE, ReconstructOutcome, ReconstructSettings, Reconstruction, TruthOrPicture, reconstruct,
 };
 use crate::settings::Formats;
 
@@ -188,11 +188,11 @@ fn summary(outcome: &ReconstructOutcome, out: &Path) -> String {
         );
     }
     for (name, what) in [
-        (reconstruct::VIDEO, "what is presented"),
-        (reconstruct::COMPARISON_VIDEO, "truth, generated, difference"),
-        (reconstruct::COMPARISON, "the same of the median and the worst frame"),
+        (output::reconstruct::VIDEO, "what is presented"),
+        (output::reconstruct::COMPARISON_VIDEO, "truth, generated, difference"),
+        (output::reconstruct::COMPARISON, "the same of the median and the worst frame"),
         (SHEET, "anchors, generated frames, motion, depth"),
-        (reconstruct::TABLE, "every frame"),
+        (output::reconstruct::TABLE, "every frame"),
     ] {
         if manifest.outputs.iter().any(|output| output.path == name) {
             text += &format!("  {}   {what}\n", crate::manifest::absolute(&out.join(name)).display());

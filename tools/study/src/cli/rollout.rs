@@ -208,7 +208,7 @@ fn operating_point(args: &PointArgs) -> Result<OperatingPoint> {
         point.pictures_per_latent = pictures;
     }
     if let Some(present) = &args.present {
-        point.present(present).map_err(named("--present"))?;
+        point.set_presentation(present).map_err(named("--present"))?;
     }
     if let Some(text) = &args.guidance {
         let source = text.parse().map_err(named("--guidance"))?;

@@ -75,7 +75,7 @@ impl Measure {
         }
     }
 
-    fn shown(&self, value: f64) -> String {
+    fn format_value(&self, value: f64) -> String {
         let digits = if matches!(self, Self::Psnr) { 2 } else { 4 };
         format!("{value:>12.digits$}")
     }
@@ -107,7 +107,7 @@ impl Subcommand for ScoreArgs {
             for (measure, sum) in measures.iter().zip(&mut sums) {
                 let value = measure.of(&truth, &picture).map_err(|e| in_pair(&e, pair))?;
                 *sum += value;
-                line += &measure.shown(value);
+                line += &measure.format_value(value);
                 let _ = write!(row, ",{value}");
             }
             if !self.quiet {
@@ -116,7 +116,8 @@ impl Subcommand for ScoreArgs {
             csv += &row;
             csv.push('\n');
         }
-        let means: String = measures.iter().zip(&sums).map(|(m, sum)| m.shown(sum / pairs.len() as f64)).collect();
+        let means: String =
+            measures.iter().zip(&sums).map(|(m, sum)| m.format_value(sum / pairs.len() as f64)).collect();
         println!("{:widest$}{means}", "mean");
         if let Some(path) = &self.csv {
             write_whole(&RealDisk, path, csv.as_bytes())?;

@@ -9,7 +9,7 @@ use scenes::Family;
 
 use super::{Subcommand, size};
 use crate::media::{RealDisk, encode_png, write_whole};
-use crate::place;
+use crate::seed_picture;
 
 #[derive(Args)]
 pub(super) struct SeedPictureArgs {
@@ -17,10 +17,10 @@ pub(super) struct SeedPictureArgs {
     #[arg(long, value_name = "FILE", default_value = "seed.png")]
     out: PathBuf,
     /// What kind of place: forest, sword, desert or snow
-    #[arg(long, value_name = "SCENE", default_value = place::FAMILY.name())]
+    #[arg(long, value_name = "SCENE", default_value = seed_picture::FAMILY.name())]
     scene: String,
     /// Which place of that kind; the embedded world has learnt from those from 1000 on
-    #[arg(long, value_name = "N", default_value_t = place::PLACE)]
+    #[arg(long, value_name = "N", default_value_t = seed_picture::SEED)]
     place: u64,
     /// Its width and height; 16:9 is shown
     #[arg(long, value_name = "WxH", default_value = "1280x720")]
@@ -37,13 +37,13 @@ impl Subcommand for SeedPictureArgs {
     fn check(&self) -> Result<()> {
         self.family()?;
         let [width, height] = size(&self.size)?;
-        place::check(width, height).map_err(|e| e.field("--size"))
+        seed_picture::check(width, height).map_err(|e| e.field("--size"))
     }
 
     fn run(&self) -> Result<ExitCode> {
         self.check()?;
         let [width, height] = size(&self.size)?;
-        let picture = place::draw(self.family()?, self.place, width, height)?;
+        let picture = seed_picture::draw(self.family()?, self.place, width, height)?;
         let ppm = self.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ppm"));
         write_whole(&RealDisk, &self.out, &if ppm { as_ppm(&picture) } else { encode_png(&picture)? })?;
         println!("{}", self.out.display());

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use cairn::{ErrorKind, Result};
+use cairn::Result;
 use clap::Args;
 
-use super::{Subcommand, progress, stop_on_interrupt};
+use super::{CELLS_KEPT, Subcommand, interrupted, progress, stop_on_interrupt};
 use crate::sweep::{self, Settings};
 use crate::workers::check_jobs;
 
@@ -98,11 +98,8 @@ impl Subcommand for SweepArgs {
             })
         };
         match done {
-            Err(error) if error.kind() == ErrorKind::Cancelled => {
-                eprintln!("interrupted: what is whole is kept, and the same command goes on");
-                Ok(ExitCode::from(130))
-            }
-            done => done.map(|()| ExitCode::SUCCESS),
+            Ok(()) => Ok(ExitCode::SUCCESS),
+            Err(error) => interrupted(error, CELLS_KEPT),
         }
     }
 }

@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use cairn::{ErrorKind, Result};
+use cairn::Result;
 use clap::Args;
 
-use super::{Subcommand, progress, stop_on_interrupt};
+use super::{NOTHING_WRITTEN, Subcommand, interrupted, print_outcome, progress, stop_on_interrupt};
+use crate::experiment;
 use crate::world_quality::{self, Settings};
 
 pub(super) const EXAMPLES: &str = "\
@@ -57,7 +58,8 @@ impl WorldQualityArgs {
     fn settings(&self) -> Settings {
         let Self { world, quick, seeds, no_lpips, no_memory, publish, out, .. } = self;
         let (world, seeds, out) = (world.clone(), seeds.clone(), out.clone());
-        Settings { world, seeds, quick: *quick, lpips: !no_lpips, memory: !no_memory, publish: *publish, out }
+        let common = experiment::Settings { world, seeds, quick: *quick, lpips: !no_lpips, publish: *publish, out };
+        Settings { common, memory: !no_memory }
     }
 }
 
@@ -69,15 +71,10 @@ impl Subcommand for WorldQualityArgs {
     fn run(&self) -> Result<ExitCode> {
         match world_quality::run(&self.settings(), &progress(self.quiet), stop_on_interrupt()?) {
             Ok(outcome) => {
-                outcome.files.iter().for_each(|file| eprintln!("  {}", file.display()));
-                print!("{}", outcome.text);
+                print_outcome(&outcome.text, &outcome.files);
                 Ok(ExitCode::SUCCESS)
             }
-            Err(error) if error.kind() == ErrorKind::Cancelled => {
-                eprintln!("interrupted: nothing is written");
-                Ok(ExitCode::from(130))
-            }
-            Err(error) => Err(error),
+            Err(error) => interrupted(error, NOTHING_WRITTEN),
         }
     }
 }

@@ -61,7 +61,7 @@ impl Times {
 /// The budgets of all cells, in their order.
 ///
 /// # Errors
-/// As [`Bundle::work`]; `InvalidState` if the cell with the shown latents is missing.
+/// As [`Bundle::cost`]; `InvalidState` if the cell whose latents are decoded is missing.
 pub(super) fn budgets(cells: &[(Cell, Manifest)], bundle: &Bundle) -> Result<Vec<Budget>> {
     cells
         .iter()
@@ -75,7 +75,7 @@ pub(super) fn budgets(cells: &[(Cell, Manifest)], bundle: &Bundle) -> Result<Vec
         .collect()
 }
 
-/// Manifest of the same place in another branch.
+/// Manifest of the same scene in another branch.
 fn source(cells: &[(Cell, Manifest)], cell: Cell, branch: Branch) -> Result<&Manifest> {
     let wanted = Cell { branch, ..cell };
     let found = cells.iter().find(|(other, _)| *other == wanted).map(|(_, manifest)| manifest);
@@ -90,17 +90,17 @@ pub(crate) fn is_half(manifest: &Manifest, bundle: &Bundle) -> bool {
 /// Budget of the cell of `manifest`, whose latents were made by the cell of `source`.
 ///
 /// # Errors
-/// As [`Bundle::work`].
+/// As [`Bundle::cost`].
 pub(crate) fn budget(manifest: &Manifest, source: &Manifest, bundle: &Bundle) -> Result<Budget> {
     let point: OperatingPoint = source.settings.operating_point.parse()?;
     let shown: OperatingPoint = manifest.settings.operating_point.parse()?;
     let seconds = WorldTime::parse(&manifest.settings.seconds)?.seconds();
     let generates = matches!(shown.presentation, Presentation::Generated { .. });
     let work =
-        bundle.work(if is_half(manifest, bundle) { Precision::F16 } else { Precision::F32 }, point.global_window)?;
+        bundle.cost(if is_half(manifest, bundle) { Precision::F16 } else { Precision::F32 }, point.global_window)?;
     let primes = u64::from(bundle.geometry().autoencoder.temporal - 1);
     let (passes, decodes) = (source.counts.passes as f64, (manifest.counts.latents + primes) as f64);
-    let sum = |of: fn(&cairn::bundle::GraphWork) -> u64| {
+    let sum = |of: fn(&cairn::bundle::GraphCost) -> u64| {
         passes * of(&work.pass) as f64 + of(&work.encode) as f64 + decodes * of(&work.decode) as f64
     };
     let time = |manifest: &Manifest, stages: &[&str]| {

@@ -8,25 +8,27 @@ use cairn::Result;
 use cairn::bundle::Bundle;
 use cairn::world::OperatingPoint;
 
-use super::cells::{Digests, Found, expect, look};
-use super::plan::{Cell, Place, Settings};
-use super::turn;
+use super::plan::{Cell, Settings};
+use super::resume::{CellState, Digests, expect_rollout, find_rollout};
+use super::walk;
+use crate::experiment::cells::{Cells, complete};
 use crate::inputs;
 use crate::manifest::{Manifest, sha256};
 use crate::media::{RealDisk, describe_io, encode_png, write_whole};
 use crate::output::LATENTS;
-use crate::place;
 use crate::progress::Progress;
 use crate::reconstruct::script_of;
+use crate::scene_id::SceneId;
+use crate::seed_picture;
 use crate::settings::Settings as Rollout;
-use crate::workers::{Work, run_all};
+use crate::workers::Work;
 
 /// All cells, complete.
 #[derive(Debug)]
-pub(super) struct Made {
-    /// Every branch of every place, in the plan's order.
+pub(super) struct Rollouts {
+    /// Every branch of every scene, in the plan's order.
     pub(super) cells: Vec<(Cell, Manifest)>,
-    /// The walks without turns.
+    /// The walks without the mouse.
     pub(super) straight: Vec<(Cell, Manifest)>,
     /// Number of cells that were complete already.
     pub(super) kept: usize,
@@ -43,59 +45,71 @@ pub(crate) struct Common {
 /// Makes the missing cells.
 ///
 /// # Errors
-/// As [`look`]; errors of a rollout, with the cell named; `Cancelled` when `stop` was set.
-pub(super) fn make(settings: &Settings, bundle: &Bundle, progress: &Progress, stop: &AtomicBool) -> Result<Made> {
+/// As [`find_rollout`]; errors of a rollout, with the cell named; `Cancelled` when `stop` was set.
+pub(super) fn make(settings: &Settings, bundle: &Bundle, progress: &Progress, stop: &AtomicBool) -> Result<Rollouts> {
     let (_, onnxruntime) = inputs::onnxruntime(progress)?;
     for cell in settings.cells() {
-        cell.branch.point(cell.place.family).check_for(bundle.geometry())?;
+        cell.branch.point(cell.scene.family).check_for(bundle.geometry())?;
     }
     let common = Common { world: bundle.digest().to_owned(), onnxruntime: onnxruntime.sha256 };
     progress.phase("drawing the seed pictures");
-    for place in settings.places() {
-        prepare(place, &settings.out, bundle.manifest().picture.render)?;
-        let straight = turn::straight(place.family);
-        write_if_other(&place.script(&settings.out, true), straight.as_bytes())?;
+    for scene in settings.scenes() {
+        prepare(scene, &settings.out, bundle.manifest().picture.render)?;
+        let straight = walk::straight(scene.family);
+        write_if_other(&scene.script(&settings.out, true), straight.as_bytes())?;
     }
-    let mut kept = 0;
+    let plan = Plan { settings, common: &common };
     // Cells that show the latents of others are made after them.
-    for shared in [false, true] {
-        let (mut work, mut expected) = (Vec::new(), Vec::new());
-        for cell in settings.cells().filter(|cell| cell.branch.shares_latents_of().is_some() == shared) {
-            let (rollout, folder) = (cell.rollout(settings), cell.folder(&settings.out));
-            let digests = digests(cell, settings, &common)?;
-            match look(&folder, &rollout, &digests)? {
-                Found::Whole(_) => kept += 1,
-                Found::Missing(_) => {
-                    let checked = rollout.check()?;
-                    let planned = checked.point.counts(checked.duration).presented;
-                    let arguments = arguments(&rollout, &folder)?;
-                    work.push(Work { name: cell.to_string(), folder: folder.clone(), arguments, planned });
-                    expected.push((cell, folder, rollout, digests));
-                }
-            }
-        }
-        run_all(&work, settings.jobs, progress, stop)?;
-        for (cell, folder, rollout, digests) in expected {
-            expect(&cell.to_string(), &folder, &rollout, &digests)?;
-        }
-    }
-    let cells = settings.cells().map(|cell| {
-        let digests = digests(cell, settings, &common)?;
-        let manifest = expect(&cell.to_string(), &cell.folder(&settings.out), &cell.rollout(settings), &digests)?;
-        Ok((cell, manifest))
-    });
-    let cells = cells.collect::<Result<Vec<_>>>()?;
-    let (straight, cells) = cells.into_iter().partition(|(cell, _)| cell.straight);
-    Ok(Made { cells, straight, kept })
+    let (own, shared): (Vec<Cell>, Vec<Cell>) =
+        settings.cells().partition(|cell| cell.branch.shares_latents_of().is_none());
+    let own = complete(&plan, own, settings.jobs, progress, stop)?;
+    let shared = complete(&plan, shared, settings.jobs, progress, stop)?;
+    let kept = own.kept + shared.kept;
+    let mut made: Vec<(Cell, Manifest)> = own.cells.into_iter().chain(shared.cells).collect();
+    let order: Vec<Cell> = settings.cells().collect();
+    made.sort_by_key(|(cell, _)| order.iter().position(|other| other == cell));
+    let (straight, cells) = made.into_iter().partition(|(cell, _)| cell.straight);
+    Ok(Rollouts { cells, straight, kept })
 }
 
-/// Writes the seed picture and the script of a place below `out`, unless they are there unchanged.
-pub(crate) fn prepare(place: Place, out: &Path, [width, height]: [u32; 2]) -> Result<()> {
-    let folder = place.folder(out);
+/// The plan with the inputs of its rollouts.
+struct Plan<'a> {
+    settings: &'a Settings,
+    common: &'a Common,
+}
+
+impl Cells for Plan<'_> {
+    type Cell = Cell;
+    type Content = Manifest;
+
+    fn find(&self, cell: Cell) -> Result<Option<Manifest>> {
+        let digests = digests(cell, self.settings, self.common)?;
+        match find_rollout(&cell.folder(&self.settings.out), &cell.rollout(self.settings), &digests)? {
+            CellState::Complete(manifest) => Ok(Some(*manifest)),
+            CellState::Missing(_) => Ok(None),
+        }
+    }
+
+    fn work(&self, cell: Cell) -> Result<Work> {
+        let (rollout, folder) = (cell.rollout(self.settings), cell.folder(&self.settings.out));
+        let checked = rollout.check()?;
+        let planned = checked.point.counts(checked.duration).presented;
+        Ok(Work { name: cell.to_string(), arguments: arguments(&rollout, &folder)?, folder, planned })
+    }
+
+    fn expect(&self, cell: Cell) -> Result<Manifest> {
+        let (rollout, folder) = (cell.rollout(self.settings), cell.folder(&self.settings.out));
+        expect_rollout(&cell.to_string(), &folder, &rollout, &digests(cell, self.settings, self.common)?)
+    }
+}
+
+/// Writes the seed picture and the script of a scene below `out`, unless they are there unchanged.
+pub(crate) fn prepare(scene: SceneId, out: &Path, [width, height]: [u32; 2]) -> Result<()> {
+    let folder = scene.folder(out);
     std::fs::create_dir_all(&folder).map_err(|e| describe_io("cannot be made", &folder, &e))?;
-    let picture = encode_png(&place::draw(place.family, place.seed, width, height)?)?;
-    write_if_other(&place.seed_picture(out), &picture)?;
-    write_if_other(&place.script(out, false), script_of(place.family).as_bytes())
+    let picture = encode_png(&seed_picture::draw(scene.family, scene.seed, width, height)?)?;
+    write_if_other(&scene.seed_picture(out), &picture)?;
+    write_if_other(&scene.script(out, false), script_of(scene.family).as_bytes())
 }
 
 fn write_if_other(path: &Path, bytes: &[u8]) -> Result<()> {
@@ -108,7 +122,7 @@ fn write_if_other(path: &Path, bytes: &[u8]) -> Result<()> {
 fn digests(cell: Cell, settings: &Settings, common: &Common) -> Result<Digests> {
     let shared = cell.branch.shares_latents_of().map(|branch| Cell { branch, ..cell });
     let latents = shared.map(|cell| digest_of(&cell.folder(&settings.out).join(LATENTS))).transpose()?;
-    Ok(Digests { latents, ..common.digests(cell.place, cell.straight, &settings.out)? })
+    Ok(Digests { latents, ..common.digests(cell.scene, cell.straight, &settings.out)? })
 }
 
 fn digest_of(path: &Path) -> Result<String> {
@@ -116,15 +130,15 @@ fn digest_of(path: &Path) -> Result<String> {
 }
 
 impl Common {
-    /// Digests of all inputs of a rollout through a prepared place.
+    /// Digests of all inputs of a rollout through a prepared scene.
     ///
     /// # Errors
-    /// `Io` where the place was not prepared.
-    pub(crate) fn digests(&self, place: Place, straight: bool, out: &Path) -> Result<Digests> {
+    /// `Io` where the scene was not prepared.
+    pub(crate) fn digests(&self, scene: SceneId, straight: bool, out: &Path) -> Result<Digests> {
         Ok(Digests {
             world: self.world.clone(),
-            seed_picture: digest_of(&place.seed_picture(out))?,
-            script: digest_of(&place.script(out, straight))?,
+            seed_picture: digest_of(&scene.seed_picture(out))?,
+            script: digest_of(&scene.script(out, straight))?,
             onnxruntime: self.onnxruntime.clone(),
             latents: None,
         })

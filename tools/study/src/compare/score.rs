@@ -1,4 +1,4 @@
-//! Measures every place, or reads the stored measurements.
+//! Measures every scene, or reads the stored measurements.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -7,32 +7,35 @@ use cairn::Result;
 use cairn::world::WorldTime;
 
 use super::branch::Branch;
-use super::make::Made;
-use super::plan::{Cell, Place, Settings};
-use super::series::{Comparison, RATE, Series, Stream, from_csv, to_csv};
-use super::summary::{Figures, figures};
+use super::layout::TRUTH;
+use super::make::Rollouts;
+use super::plan::{Cell, Settings};
+use super::series::{Comparison, Series, Stream, from_csv, to_csv};
+use super::summary::{RolloutMetrics, summarise};
 use super::truth;
-use super::turn;
+use super::turn_onset::onset;
+use super::walk::{RATE, first_turn, straight_seconds};
 use crate::manifest::{Manifest, sha256, to_json};
 use crate::media::{RealDisk, describe_io, write_whole};
 use crate::metrics::Lpips;
 use crate::output::MANIFEST;
 use crate::progress::Progress;
+use crate::scene_id::SceneId;
 
 /// File of the per-frame series.
 pub(crate) const SERIES: &str = "series.csv";
 /// Version of the measurement; raised when a column changes its meaning.
 const VERSION: u32 = 2;
 
-/// Measurements of a place.
-pub(super) struct Scored {
-    pub(super) place: Place,
+/// Measurements of a scene.
+pub(super) struct SceneScores {
+    pub(super) scene: SceneId,
     /// Digest of the files of all streams.
     pub(super) key: String,
     /// The truth compared with itself: its own change over time.
-    pub(super) truth: Figures,
+    pub(super) truth: RolloutMetrics,
     /// In the order of [`Branch::ALL`].
-    pub(super) branches: Vec<(Branch, Figures)>,
+    pub(super) branches: Vec<(Branch, RolloutMetrics)>,
     /// Series of the truth, then of each branch.
     pub(super) series: Vec<Series>,
     /// Whether the straight walks equal the turning ones until the turn, as they must.
@@ -41,29 +44,29 @@ pub(super) struct Scored {
     pub(super) file: PathBuf,
 }
 
-/// Measures every place.
+/// Measures every scene.
 ///
 /// # Errors
 /// Errors of drawing and measuring; `Cancelled` when `stop` was set.
 pub(super) fn score(
     settings: &Settings,
-    made: &Made,
+    made: &Rollouts,
     lpips: Option<&Lpips>,
     progress: &Progress,
     stop: &AtomicBool,
-) -> Result<Vec<Scored>> {
+) -> Result<Vec<SceneScores>> {
     settings
-        .places()
-        .map(|place| {
-            let cells: Vec<&(Cell, Manifest)> = made.cells.iter().filter(|(cell, _)| cell.place == place).collect();
-            let mut scored = score_place(place, settings, &cells, lpips, progress, stop)?;
+        .scenes()
+        .map(|scene| {
+            let cells: Vec<&(Cell, Manifest)> = made.cells.iter().filter(|(cell, _)| cell.scene == scene).collect();
+            let mut scored = score_scene(scene, settings, &cells, lpips, progress, stop)?;
             let mut turned = false;
-            for (straight, _) in made.straight.iter().filter(|(cell, _)| cell.place == place) {
-                turns(*straight, settings, &mut scored, progress, stop)?;
+            for (straight, _) in made.straight.iter().filter(|(cell, _)| cell.scene == scene) {
+                measure_onset(*straight, settings, &mut scored, progress, stop)?;
                 turned = true;
             }
             if turned {
-                scored.truth.onset = true_turn(place, settings, progress, stop)?;
+                scored.truth.onset = true_onset(scene, settings, progress, stop)?;
             }
             Ok(scored)
         })
@@ -71,18 +74,18 @@ pub(super) fn score(
 }
 
 /// Measures the turn onset of each branch that has a straight walk, and stores it.
-fn turns(
+fn measure_onset(
     straight: Cell,
     settings: &Settings,
-    scored: &mut Scored,
+    scored: &mut SceneScores,
     progress: &Progress,
     stop: &AtomicBool,
 ) -> Result<()> {
-    let place = straight.place;
-    let Some(command) = turn::command(place.family)? else { return Ok(()) };
-    progress.phase(&format!("looking for the turn of {place}, {}", straight.branch.name()));
+    let scene = straight.scene;
+    let Some(command) = first_turn(scene.family)? else { return Ok(()) };
+    progress.phase(&format!("looking for the turn of {scene}, {}", straight.branch.name()));
     let turned = stream(Cell { straight: false, ..straight }, settings);
-    let onset = turn::onset(&turned.folder, &straight.folder(&settings.out), turned.step, command, stop)?;
+    let onset = onset(&turned.folder, &straight.folder(&settings.out), turned.step, command, stop)?;
     if let Some((_, figures)) = scored.branches.iter_mut().find(|(branch, _)| *branch == straight.branch) {
         figures.onset = onset.latency;
     }
@@ -91,53 +94,53 @@ fn turns(
 }
 
 /// Turn onset of the truth by the same detector, as the reference for delays.
-fn true_turn(place: Place, settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Option<f64>> {
-    let Some(command) = turn::command(place.family)? else { return Ok(None) };
-    let straight = turn::straight_seconds(place.family, &settings.seconds)?;
+fn true_onset(scene: SceneId, settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Option<f64>> {
+    let Some(command) = first_turn(scene.family)? else { return Ok(None) };
+    let straight = straight_seconds(scene.family, &settings.seconds)?;
     let Some(seconds) = straight else { return Ok(None) };
-    let looks = WorldTime::parse(&seconds)?.whole_steps(RATE) + 1;
+    let samples = WorldTime::parse(&seconds)?.whole_steps(RATE) + 1;
     let all = WorldTime::parse(&settings.seconds)?.whole_steps(RATE) + 1;
     let drawn = truth::Settings { out: &settings.out, size: settings.size };
-    let turned = truth::draw(place, false, all, &drawn, progress, stop)?;
-    let straight = truth::draw(place, true, looks, &drawn, progress, stop)?;
-    Ok(turn::onset(&turned, &straight, 1, command, stop)?.latency)
+    let turned = truth::draw(scene, false, all, &drawn, progress, stop)?;
+    let straight = truth::draw(scene, true, samples, &drawn, progress, stop)?;
+    Ok(onset(&turned, &straight, 1, command, stop)?.latency)
 }
 
-fn score_place(
-    place: Place,
+fn score_scene(
+    scene: SceneId,
     settings: &Settings,
     cells: &[&(Cell, Manifest)],
     lpips: Option<&Lpips>,
     progress: &Progress,
     stop: &AtomicBool,
-) -> Result<Scored> {
+) -> Result<SceneScores> {
     let count = WorldTime::parse(&settings.seconds)?.whole_steps(RATE) + 1;
     let drawn = truth::Settings { out: &settings.out, size: settings.size };
-    let folder = truth::draw(place, false, count, &drawn, progress, stop)?;
-    let key = key(count, lpips.is_some(), cells.iter().map(|(_, manifest)| manifest), &folder)?;
-    let file = place.folder(&settings.out).join(SERIES);
-    let truth = Stream { name: truth::FOLDER.into(), folder, step: 1 };
+    let folder = truth::draw(scene, false, count, &drawn, progress, stop)?;
+    let key = series_key(count, lpips.is_some(), cells.iter().map(|(_, manifest)| manifest), &folder)?;
+    let file = scene.folder(&settings.out).join(SERIES);
+    let truth = Stream { name: TRUTH.into(), folder, step: 1 };
     let streams = cells.iter().map(|(cell, _)| stream(*cell, settings)).collect::<Vec<_>>();
     let decoder = Some([Branch::Coherence.name(), Branch::Decoded60.name()]);
     let comparison = Comparison { truth: &truth, streams: &streams, decoder, count, lpips };
-    let series = match kept(&file, &key, streams.len()) {
+    let series = match stored_series(&file, &key, streams.len()) {
         Some(series) => series,
         None => {
-            progress.phase(&format!("measuring {place}"));
-            measure(&file, &key, &comparison, progress, stop)?
+            progress.phase(&format!("measuring {scene}"));
+            measure_series(&file, &key, &comparison, progress, stop)?
         }
     };
-    let truth = figures(&series[0], &series[0]);
+    let truth = summarise(&series[0], &series[0]);
     let branches = cells.iter().zip(&series[1..]);
-    let branches = branches.map(|((cell, _), stream)| (cell.branch, figures(stream, &series[0]))).collect();
-    Ok(Scored { place, key, truth, branches, series, same_before_turn: true, file })
+    let branches = branches.map(|((cell, _), stream)| (cell.branch, summarise(stream, &series[0]))).collect();
+    Ok(SceneScores { scene, key, truth, branches, series, same_before_turn: true, file })
 }
 
 /// Key of the series' inputs: digests of the streams' files and of those of the truth in `truth`.
 ///
 /// # Errors
 /// `Io` if the truth was not drawn.
-pub(crate) fn key<'a>(
+pub(crate) fn series_key<'a>(
     count: u64,
     lpips: bool,
     manifests: impl Iterator<Item = &'a Manifest>,
@@ -154,7 +157,7 @@ pub(crate) fn key<'a>(
 }
 
 /// The stored series of the truth and `streams` others in `file`, if they were measured under `key`.
-pub(crate) fn kept(file: &Path, key: &str, streams: usize) -> Option<Vec<Series>> {
+pub(crate) fn stored_series(file: &Path, key: &str, streams: usize) -> Option<Vec<Series>> {
     let series = from_csv(key, &std::fs::read_to_string(file).ok()?)?;
     (series.len() == streams + 1).then_some(series)
 }
@@ -163,7 +166,7 @@ pub(crate) fn kept(file: &Path, key: &str, streams: usize) -> Option<Vec<Series>
 ///
 /// # Errors
 /// As [`Comparison::measure`]; `Io` when they cannot be written.
-pub(crate) fn measure(
+pub(crate) fn measure_series(
     file: &Path,
     key: &str,
     comparison: &Comparison<'_>,
@@ -177,6 +180,6 @@ pub(crate) fn measure(
 
 fn stream(cell: Cell, settings: &Settings) -> Stream {
     // All branches present a multiple of the sample rate.
-    let step = u64::from(cell.branch.point(cell.place.family).presented_rate() / RATE).max(1);
+    let step = u64::from(cell.branch.point(cell.scene.family).presented_rate() / RATE).max(1);
     Stream { name: cell.branch.name().into(), folder: cell.folder(&settings.out), step }
 }

@@ -6,20 +6,17 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
-use cairn::{Error, ErrorKind, Picture, Result};
+use cairn::{Picture, Result};
 
-use super::truth::frame;
+use super::layout::frame;
+use super::walk::{RATE, STRIDE};
 use crate::manifest::read_bounded;
 use crate::metrics::{Features, Lpips, MS_SSIM_SIDE, ms_ssim, psnr, ssim};
 use crate::picture::decode;
 use crate::progress::Progress;
 
-/// Samples a second: the rate of the paper's presentation.
-pub(crate) const RATE: u32 = 30;
-/// Samples between two anchors: the paper compares anchors at 15 Hz.
-pub(crate) const STRIDE: u64 = 2;
 /// The largest frame, in bytes of its file.
 const MAX_FRAME: u64 = 512 << 20;
 
@@ -107,7 +104,7 @@ pub(crate) struct Stream {
     pub(crate) step: u64,
 }
 
-/// Streams and settings for measuring one place.
+/// Streams and settings for measuring one scene.
 pub(crate) struct Comparison<'a> {
     pub(crate) truth: &'a Stream,
     pub(crate) streams: &'a [Stream],
@@ -120,12 +117,12 @@ pub(crate) struct Comparison<'a> {
 }
 
 /// A picture and its LPIPS features.
-struct Seen {
+struct LoadedFrame {
     picture: Picture,
     features: Option<Features>,
 }
 
-impl Seen {
+impl LoadedFrame {
     fn read(path: &Path, lpips: Option<&Lpips>) -> Result<Self> {
         let bytes = read_bounded(path, MAX_FRAME)?;
         let picture = decode(&bytes).map_err(|e| e.field(path.display().to_string()))?;
@@ -143,9 +140,9 @@ impl Seen {
 /// Earlier frames of one stream that are still needed.
 #[derive(Default)]
 struct History {
-    first: Option<Seen>,
+    first: Option<LoadedFrame>,
     /// The frames one and two samples ago.
-    before: [Option<Seen>; STRIDE as usize],
+    before: [Option<LoadedFrame>; STRIDE as usize],
 }
 
 impl Comparison<'_> {
@@ -158,16 +155,11 @@ impl Comparison<'_> {
         let mut series: Vec<Series> =
             all.iter().map(|stream| Series { name: stream.name.clone(), rows: Vec::new() }).collect();
         let mut histories: Vec<History> = all.iter().map(|_| History::default()).collect();
-        progress.begin(self.count);
-        for number in 0..self.count {
-            if stop.load(Ordering::Relaxed) {
-                progress.end();
-                return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
-            }
+        progress.each_frame(self.count, stop, |number| {
             let seen = all
                 .iter()
-                .map(|stream| Seen::read(&frame(&stream.folder, number * stream.step), self.lpips))
-                .collect::<Result<Vec<Seen>>>()?;
+                .map(|stream| LoadedFrame::read(&frame(&stream.folder, number * stream.step), self.lpips))
+                .collect::<Result<Vec<LoadedFrame>>>()?;
             for (i, series) in series.iter_mut().enumerate() {
                 let mut row = self.row(number, &seen[i], &histories[i])?;
                 if i > 0 {
@@ -188,20 +180,20 @@ impl Comparison<'_> {
             for (history, seen) in histories.iter_mut().zip(seen) {
                 if history.first.is_none() {
                     // A copy, because the frame moves into the history.
-                    history.first = Some(Seen { picture: seen.picture.clone(), features: seen.features.clone() });
+                    history.first =
+                        Some(LoadedFrame { picture: seen.picture.clone(), features: seen.features.clone() });
                 }
                 let [one, two] = &mut history.before;
                 *two = one.take();
                 *one = Some(seen);
             }
-            progress.frames(number + 1);
-        }
-        progress.end();
+            Ok(())
+        })?;
         Ok(series)
     }
 
     /// Measurements of a stream against its own earlier frames.
-    fn row(&self, number: u64, seen: &Seen, history: &History) -> Result<Row> {
+    fn row(&self, number: u64, seen: &LoadedFrame, history: &History) -> Result<Row> {
         let mut row = Row::default();
         let [one, two] = &history.before;
         let anchor = two.as_ref().filter(|_| number.is_multiple_of(STRIDE));
@@ -222,7 +214,7 @@ impl Comparison<'_> {
         Ok(row)
     }
 
-    fn against_truth(&self, truth: &Seen, seen: &Seen, history: &History, row: &mut Row) -> Result<()> {
+    fn against_truth(&self, truth: &LoadedFrame, seen: &LoadedFrame, history: &History, row: &mut Row) -> Result<()> {
         row[Column::Psnr as usize] = Some(psnr(&truth.picture, &seen.picture)?);
         row[Column::Ssim as usize] = Some(ssim(&truth.picture, &seen.picture)?);
         if truth.picture.width().min(truth.picture.height()) >= MS_SSIM_SIDE {
@@ -379,7 +371,7 @@ mod tests {
         let lpips = crate::inputs::lpips(crate::metrics::Net::Alex, &Progress::quiet()).unwrap();
         let comparison = Comparison { truth: &truth, streams: &streams, decoder: None, count: 9, lpips: Some(&lpips) };
         let series = comparison.measure(&Progress::quiet(), &AtomicBool::new(false)).unwrap();
-        let figures = |n: usize| super::super::summary::figures(&series[n], &series[0]);
+        let figures = |n: usize| super::super::summary::summarise(&series[n], &series[0]);
         let [good, held, blended] = [1, 2, 3].map(figures);
         assert!(held.adjacent_lpips < good.adjacent_lpips, "the trap: {held:?}");
         assert_eq!((good.adjacent_error, good.anchor_error), (Some(0.0), Some(0.0)));

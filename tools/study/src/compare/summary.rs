@@ -1,17 +1,15 @@
-//! Reduces per-frame series to one value per rollout, with intervals over places. Frames depend on each other, so none over frames.
+//! Reduces per-frame series to one value per rollout, with intervals over scenes. Frames depend on each other, so none over frames.
 
-use super::series::{Column, RATE, STRIDE, Series};
+use super::series::{Column, Series};
+use super::walk::{RATE, STRIDE};
+use crate::statistics::mean;
 
 /// Samples in one segment: a second.
 const SEGMENT: usize = RATE as usize;
-/// Bootstrap samples of an interval.
-const RESAMPLINGS: usize = 2_000;
-/// Share of bootstrap means inside an interval.
-const CONFIDENCE: f64 = 0.95;
 
 /// Metrics of one rollout; `None` for a metric that could not be measured.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Figures {
+pub(crate) struct RolloutMetrics {
     /// Mean change between consecutive frames, LPIPS. Lower is not better: a frozen picture has 0.
     pub(crate) adjacent_lpips: Option<f64>,
     /// The same with SSIM.
@@ -53,14 +51,8 @@ pub(crate) struct Figures {
     pub(crate) onset: Option<f64>,
 }
 
-/// Mean of the values that exist.
-pub(crate) fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
-    let (sum, count) = values.flatten().fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
-    (count > 0).then(|| sum / f64::from(count))
-}
-
-/// Metrics of a stream against the truth of its place.
-pub(crate) fn figures(stream: &Series, truth: &Series) -> Figures {
+/// Metrics of a stream against the truth of its scene.
+pub(crate) fn summarise(stream: &Series, truth: &Series) -> RolloutMetrics {
     let of = |column| mean(stream.column(column));
     let error = |column| {
         let pairs = stream.column(column).zip(truth.column(column));
@@ -70,7 +62,7 @@ pub(crate) fn figures(stream: &Series, truth: &Series) -> Figures {
         let levels: Vec<Option<f64>> = brightness(series).collect();
         mean(levels.windows(2).map(|pair| Some((pair[1]? - pair[0]?).abs())))
     };
-    Figures {
+    RolloutMetrics {
         adjacent_lpips: of(Column::AdjacentLpips),
         adjacent_ssim: of(Column::AdjacentSsim),
         anchor_lpips: of(Column::AnchorLpips),
@@ -91,7 +83,7 @@ pub(crate) fn figures(stream: &Series, truth: &Series) -> Figures {
         warmth_drift: drift(warmth(stream), warmth(truth)),
         flicker: change(stream).zip(change(truth)).map(|(ours, theirs)| ours - theirs),
         horizon: horizon(stream),
-        // Needs the straight walk as well; see `turn`.
+        // Needs the straight walk as well; see `turn_onset`.
         onset: None,
     }
 }
@@ -147,35 +139,6 @@ fn horizon(stream: &Series) -> Option<f64> {
     Some(first.map_or(whole, |segment| segment as f64))
 }
 
-/// A mean over places.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Estimate {
-    pub(crate) mean: f64,
-    /// 95 % interval of the bootstrap means; `None` for a single place.
-    pub(crate) interval: Option<[f64; 2]>,
-}
-
-/// Mean over places with a percentile bootstrap over places, bit-identical on every machine. `None` without values.
-pub(crate) fn estimate(values: &[f64]) -> Option<Estimate> {
-    let n = values.len();
-    let mean_of = |sum: f64| sum / n as f64;
-    let interval = (n > 1 && values.iter().all(|value| value.is_finite())).then(|| {
-        let mut state = 0x9e37_79b9_7f4a_7c15_u64;
-        let mut pick = || {
-            // The splitmix64 generator.
-            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            values[((z ^ (z >> 31)) % n as u64) as usize]
-        };
-        let mut means: Vec<f64> = (0..RESAMPLINGS).map(|_| mean_of((0..n).map(|_| pick()).sum())).collect();
-        means.sort_by(f64::total_cmp);
-        let at = |share: f64| means[((RESAMPLINGS - 1) as f64 * share).round() as usize];
-        [at((1.0 - CONFIDENCE) / 2.0), at((1.0 + CONFIDENCE) / 2.0)]
-    });
-    (n > 0).then(|| Estimate { mean: mean_of(values.iter().sum()), interval })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -203,9 +166,9 @@ mod tests {
     #[test]
     fn holding_frames_does_not_win() {
         let truth = stream(61, |_| 0.1, |_| 0.0);
-        let moving = figures(&stream(61, |n| 0.1 + 0.01 * (n % 3) as f64, |_| 0.0), &truth);
-        let held = figures(&stream(61, |n| if n % 2 == 1 { 0.0 } else { 0.16 }, |_| 0.0), &truth);
-        let frozen = figures(&stream(61, |_| 0.0, |_| 0.0), &truth);
+        let moving = summarise(&stream(61, |n| 0.1 + 0.01 * (n % 3) as f64, |_| 0.0), &truth);
+        let held = summarise(&stream(61, |n| if n % 2 == 1 { 0.0 } else { 0.16 }, |_| 0.0), &truth);
+        let frozen = summarise(&stream(61, |_| 0.0, |_| 0.0), &truth);
         assert!(held.adjacent_lpips < moving.adjacent_lpips, "the plain mean falls for it");
         assert!(held.adjacent_error > moving.adjacent_error, "the distance from the truth's change does not");
         assert_eq!((held.asymmetry, frozen.asymmetry), (Some(f64::INFINITY), Some(1.0)));
@@ -217,16 +180,16 @@ mod tests {
     fn drift_is_the_farthest_second_with_its_sign() {
         let truth = stream(91, |_| 0.1, |_| 0.0);
         // Warmer by 10 in the second second only: comparing start and end would miss it.
-        let drifted = figures(&stream(91, |_| 0.1, |n| if n / 30 == 1 { 10.0 } else { 1.0 }), &truth);
+        let drifted = summarise(&stream(91, |_| 0.1, |n| if n / 30 == 1 { 10.0 } else { 1.0 }), &truth);
         assert!((drifted.warmth_drift.unwrap() - 10.0).abs() < 1e-9);
         assert!((drifted.brightness_drift.unwrap() - 2.126).abs() < 1e-9);
-        assert_eq!(figures(&truth, &truth).warmth_drift, Some(0.0));
+        assert_eq!(summarise(&truth, &truth).warmth_drift, Some(0.0));
     }
 
     #[test]
     fn what_grows_and_what_is_generated_are_told_apart() {
         let truth = stream(61, |_| 0.1, |_| 0.0);
-        let found = figures(&stream(61, |_| 0.1, |n| n as f64 / 100.0 + if n % 2 == 1 { 0.5 } else { 0.0 }), &truth);
+        let found = summarise(&stream(61, |_| 0.1, |n| n as f64 / 100.0 + if n % 2 == 1 { 0.5 } else { 0.0 }), &truth);
         assert!((found.divergence.unwrap() - 0.41).abs() < 0.03, "{:?}", found.divergence);
         assert!((found.odd_lpips.unwrap() - 0.8).abs() < 1e-9, "{:?}", found.odd_lpips);
     }
@@ -238,19 +201,5 @@ mod tests {
         assert_eq!(of(&|_| 0.49), 5.0, "never lost: the whole length");
         assert_eq!(of(&|_| 0.5), 0.0);
         assert_eq!(horizon(&stream(20, |_| 0.0, |_| 0.1)), Some(19.0 / 30.0), "shorter than a segment");
-    }
-
-    #[test]
-    fn an_interval_needs_two_places_and_holds_the_mean() {
-        assert_eq!(estimate(&[]), None);
-        assert_eq!(estimate(&[0.25]), Some(Estimate { mean: 0.25, interval: None }));
-        let few = estimate(&[1.0, 2.0, 3.0, 4.0]).unwrap();
-        let [low, high] = few.interval.unwrap();
-        assert!(few.mean == 2.5 && (1.0..2.0).contains(&low) && (3.0..=4.0).contains(&high), "{few:?}");
-        assert_eq!(estimate(&[1.0, 2.0, 3.0, 4.0]), Some(few), "the same every time");
-        let many: Vec<f64> = [1.0, 2.0, 3.0, 4.0].repeat(25);
-        let [tight_low, tight_high] = estimate(&many).unwrap().interval.unwrap();
-        // Standard error of the mean of 100: 1.118 / 10.
-        assert!((tight_high - tight_low - 2.0 * 1.96 * 0.1118).abs() < 0.06, "{tight_low} {tight_high}");
     }
 }

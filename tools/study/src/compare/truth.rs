@@ -1,24 +1,22 @@
-//! The renderer's truth of a place: the same walk, rendered at the times and the size of the comparison.
+//! The renderer's truth of a scene: the same walk, rendered at the times and the size of the comparison.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use cairn::world::ControlScript;
 use cairn::{Error, ErrorKind, Result};
 use scenes::{Clip, ClipOptions, Scene};
 use serde::{Deserialize, Serialize};
 
-use super::plan::Place;
-use super::series::RATE;
-use super::turn;
+use super::layout::{TRUTH, frame};
+use super::walk::{self, RATE};
 use crate::manifest::{MANIFEST_VERSION, read_manifest, sha256, to_json};
 use crate::media::{RealDisk, describe_io, encode_png, write_whole};
 use crate::output::{FRAMES, MANIFEST};
 use crate::progress::Progress;
 use crate::reconstruct::script_of;
+use crate::scene_id::SceneId;
 
-/// Folder of the truth within that of its place.
-pub(crate) const FOLDER: &str = "truth";
 /// Folder of the truth of the walk without the mouse.
 const STRAIGHT: &str = "truth-straight";
 /// Job name in the manifest.
@@ -41,7 +39,7 @@ struct Manifest {
     job: String,
     /// `forest`, `sword`, `desert` or `snow`.
     scene: String,
-    /// Seed of the place.
+    /// Seed of the scene.
     place: u64,
     /// Checksum of the control script.
     script_sha256: String,
@@ -55,31 +53,26 @@ struct Manifest {
     files: Vec<u64>,
 }
 
-/// File of frame `number` in a folder of frames.
-pub(crate) fn frame(folder: &Path, number: u64) -> PathBuf {
-    folder.join(FRAMES).join(format!("{number:06}.png"))
-}
-
-/// Renders `count` frames of a place, unless they are there; with `straight`, of its walk without the mouse.
+/// Renders `count` frames of a scene, unless they are there; with `straight`, of its walk without the mouse.
 ///
 /// # Errors
 /// `Unsupported` for a manifest of a newer version; `Io`; `Cancelled` when `stop` was set.
 pub(crate) fn draw(
-    place: Place,
+    id: SceneId,
     straight: bool,
     count: u64,
     settings: &Settings<'_>,
     progress: &Progress,
     stop: &AtomicBool,
 ) -> Result<PathBuf> {
-    let folder = place.folder(settings.out).join(if straight { STRAIGHT } else { FOLDER });
+    let folder = id.folder(settings.out).join(if straight { STRAIGHT } else { TRUTH });
     let path = folder.join(MANIFEST);
-    let script = if straight { turn::straight(place.family) } else { script_of(place.family).to_owned() };
+    let script = if straight { walk::straight(id.family) } else { script_of(id.family).to_owned() };
     let wanted = |files| Manifest {
         manifest_version: MANIFEST_VERSION,
         job: JOB.into(),
-        scene: place.family.to_string(),
-        place: place.seed,
+        scene: id.family.to_string(),
+        place: id.seed,
         script_sha256: sha256(script.as_bytes()),
         rate: RATE,
         size: settings.size,
@@ -91,25 +84,19 @@ pub(crate) fn draw(
     }
     let frames = folder.join(FRAMES);
     std::fs::create_dir_all(&frames).map_err(|e| describe_io("cannot be made", &frames, &e))?;
-    progress.phase(&format!("drawing {place}"));
-    progress.begin(count);
+    progress.phase(&format!("drawing {id}"));
     let [width, height] = settings.size;
-    let (scene, script) = (Scene::new(place.family, place.seed), ControlScript::parse(&script)?);
+    let (scene, script) = (Scene::new(id.family, id.seed), ControlScript::parse(&script)?);
     let options = ClipOptions { width, height, rate: RATE, ..ClipOptions::default() };
     let mut clip = Clip::new(&scene, &script, options)
         .ok_or_else(|| Error::new(ErrorKind::InvalidArgument, format!("no walk has {RATE} frames a second")))?;
     let mut files = Vec::new();
-    for number in 0..count {
-        if stop.load(Ordering::Relaxed) {
-            progress.end();
-            return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
-        }
+    progress.each_frame(count, stop, |number| {
         let bytes = encode_png(&clip.frame()?.picture)?;
         write_whole(&RealDisk, &frame(&folder, number), &bytes)?;
         files.push(bytes.len() as u64);
-        progress.frames(number + 1);
-    }
-    progress.end();
+        Ok(())
+    })?;
     write_whole(&RealDisk, &path, &to_json(&wanted(files))?)?;
     Ok(folder)
 }

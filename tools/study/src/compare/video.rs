@@ -1,26 +1,27 @@
-//! One video per place with all streams side by side, in step.
+//! One video per scene with all streams side by side, in step.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
-use cairn::{Error, ErrorKind, Picture, Result};
+use cairn::{ErrorKind, Picture, Result};
 use serde::{Deserialize, Serialize};
 
 use super::panels::SideBySide;
-use super::plan::{Place, Settings};
-use super::series::RATE;
+use super::plan::Settings;
+use super::walk::RATE;
 use crate::manifest::{MANIFEST_VERSION, digest_file, read_manifest, to_json};
 use crate::media::{FrameRate, Mp4Sink, RealDisk, Recorder, VideoFormat, write_whole};
 use crate::progress::Progress;
+use crate::scene_id::SceneId;
 
-/// File name of the video in its place's folder.
+/// File name of the video in its scene's folder.
 pub(super) const VIDEO: &str = "side-by-side.mp4";
 const MANIFEST: &str = "side-by-side.json";
 const JOB: &str = "side-by-side";
 /// Version of the layout; raised when it changes.
 const LAYOUT: u32 = 2;
 
-/// Record of what a video was made from.
+/// Record of a video's inputs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Manifest {
     manifest_version: u32,
@@ -35,21 +36,21 @@ struct Manifest {
     sha256: String,
 }
 
-/// Makes the video of a place unless it is there. `streams` is the key of its frames.
+/// Makes the video of a scene unless it is there. `streams` is the key of its frames.
 ///
 /// # Errors
 /// `Unsupported` for a manifest of a newer version; `Io`; `Cancelled` when `stop` was set; errors of the encoder.
 pub(super) fn video(
-    place: Place,
+    scene: SceneId,
     streams: &str,
     frames: u64,
     settings: &Settings,
     progress: &Progress,
     stop: &AtomicBool,
 ) -> Result<PathBuf> {
-    let folder = place.folder(&settings.out);
+    let folder = scene.folder(&settings.out);
     let (path, about) = (folder.join(VIDEO), folder.join(MANIFEST));
-    let panels = SideBySide::new(place, settings);
+    let panels = SideBySide::new(scene, settings);
     let (width, height) = panels.size();
     let wanted = |sha256: String| Manifest {
         manifest_version: MANIFEST_VERSION,
@@ -73,26 +74,20 @@ pub(super) fn video(
             return Ok(path);
         }
     }
-    progress.phase(&format!("encoding {place}"));
-    progress.begin(frames);
+    progress.phase(&format!("encoding {scene}"));
     let format = VideoFormat {
         quantiser: VideoFormat::SMALL,
         ..VideoFormat::new((width, height), FrameRate::new(RATE.into(), 1)?)
     };
     let sink = Mp4Sink::create(&RealDisk, &path, &format, 0)?;
     let recorder = Recorder::start(vec![Box::new(sink)], (width, height))?;
-    let drawn = (0..frames).try_for_each(|number| {
-        if stop.load(Ordering::Relaxed) {
-            return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
-        }
-        let mut picture = recorder.spent().map_or_else(|| Picture::new(width, height), Ok)?;
+    let drawn = progress.each_frame(frames, stop, |number| {
+        let mut picture = recorder.recycled().map_or_else(|| Picture::new(width, height), Ok)?;
         panels.draw(number, &mut picture)?;
-        progress.frames(number + 1);
         // If the recorder has stopped, `finish` returns the reason.
         recorder.push(picture);
         Ok(())
     });
-    progress.end();
     let recorded = recorder.finish()?;
     drawn?;
     if let Some(failure) = recorded.failure {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use cairn::Result;
 
-use crate::media::{RealDisk, describe_io, encode_jpeg, write_whole};
+use crate::media::{JpegQuality, RealDisk, describe_io, encode_jpeg, write_whole};
 use crate::table::Table;
 
 pub(crate) use page::escaped;
@@ -41,17 +41,21 @@ pub(crate) struct Asset {
     /// Path relative to the document.
     pub(crate) path: String,
     pub(crate) bytes: Vec<u8>,
+    /// The same, compressed for a repository; `None` if `bytes` are small.
+    pub(crate) compressed: Option<Vec<u8>>,
 }
 
 impl Asset {
     /// A picture, as JPEG.
     pub(crate) fn jpeg(name: &str, picture: &cairn::Picture) -> Result<Self> {
-        Ok(Self { path: format!("{FIGURES}/{name}.jpg"), bytes: encode_jpeg(picture)? })
+        let [bytes, compressed] =
+            [JpegQuality::Page, JpegQuality::Repository].map(|quality| encode_jpeg(picture, quality));
+        Ok(Self { path: format!("{FIGURES}/{name}.jpg"), bytes: bytes?, compressed: Some(compressed?) })
     }
 
     /// A drawing, as SVG.
     pub(crate) fn svg(name: &str, svg: String) -> Self {
-        Self { path: format!("{FIGURES}/{name}.svg"), bytes: svg.into_bytes() }
+        Self { path: format!("{FIGURES}/{name}.svg"), bytes: svg.into_bytes(), compressed: None }
     }
 
     fn is_svg(&self) -> bool {
@@ -112,17 +116,36 @@ impl Document {
     /// # Errors
     /// `Io`.
     pub(crate) fn write(&self, folder: &Path, name: &str) -> Result<Vec<PathBuf>> {
-        let figures = folder.join(FIGURES);
-        std::fs::create_dir_all(&figures).map_err(|e| describe_io("cannot be made", &figures, &e))?;
         let texts = [(format!("{name}.md"), self.markdown.as_bytes()), (format!("{name}.html"), self.html.as_bytes())];
-        let all = texts.into_iter().chain(self.assets.iter().map(|asset| (asset.path.clone(), &asset.bytes[..])));
-        all.map(|(name, bytes)| {
-            let path = folder.join(name);
-            write_whole(&RealDisk, &path, bytes)?;
-            Ok(path)
-        })
-        .collect()
+        write_files(
+            folder,
+            texts.into_iter().chain(self.assets.iter().map(|asset| (asset.path.clone(), &asset.bytes[..]))),
+        )
     }
+
+    /// Writes `NAME.md` and the compressed assets into `folder`, without the page. Returns the written files.
+    ///
+    /// # Errors
+    /// `Io`.
+    pub(crate) fn write_compressed(&self, folder: &Path, name: &str) -> Result<Vec<PathBuf>> {
+        let assets = self.assets.iter().map(|asset| {
+            let bytes = asset.compressed.as_deref().unwrap_or(&asset.bytes);
+            (asset.path.clone(), bytes)
+        });
+        write_files(folder, std::iter::once((format!("{name}.md"), self.markdown.as_bytes())).chain(assets))
+    }
+}
+
+/// Writes files by their paths below `folder`, and makes the folder of the assets.
+fn write_files<'a>(folder: &Path, files: impl Iterator<Item = (String, &'a [u8])>) -> Result<Vec<PathBuf>> {
+    let figures = folder.join(FIGURES);
+    std::fs::create_dir_all(&figures).map_err(|e| describe_io("cannot be made", &figures, &e))?;
+    let write = |(name, bytes): (String, &[u8])| {
+        let path = folder.join(name);
+        write_whole(&RealDisk, &path, bytes)?;
+        Ok(path)
+    };
+    files.map(write).collect()
 }
 
 /// Wraps a paragraph at [`LINE`] characters.

@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_page_holds_everything_and_asks_nobody() {
-        let asset = |path: &str, bytes: &[u8]| Asset { path: path.into(), bytes: bytes.to_vec() };
+        let asset = |path: &str, bytes: &[u8]| Asset { path: path.into(), bytes: bytes.to_vec(), compressed: None };
         let blocks = [
             Block::heading("a < b & \"c\""),
             Block::Table(Table::new(1, &["<scene>", "x"], vec![vec!["forest".into(), "1".into()]])),

@@ -64,7 +64,7 @@ impl Ffmpeg {
             return None;
         }
         let how = status.map_or("ffmpeg met damage".into(), |status| format!("ffmpeg failed ({status})"));
-        let cause = format!("{how} after {} frames{}", self.frames, said(&words));
+        let cause = format!("{how} after {} frames{}", self.frames, error_text(&words));
         Some(
             Error::new(ErrorKind::Io, cause)
                 .field(&self.name)
@@ -87,7 +87,7 @@ pub(super) fn open(path: &Path) -> Result<Input> {
             .field(&*name)
             .remedy(format!("Install ffmpeg or name one with {VARIABLE}, or give Y4M or a folder of pictures"))
     })?;
-    let about = look(&program, path)?;
+    let about = probe(&program, path)?;
     let mut command = Command::new(&program);
     command.args(["-nostdin", "-hide_banner", "-v", "error", "-i"]).arg(file_url(path));
     // Selects the first video stream that is no cover picture, in the Y4M format that keeps 8-bit video exact and states its rate.
@@ -133,7 +133,7 @@ fn program() -> Option<PathBuf> {
     }
 }
 
-/// Adds the protocol, so that a file name is never taken for a URL.
+/// Adds the protocol, so that a file name is never parsed as a URL.
 fn file_url(path: &Path) -> OsString {
     let mut url = OsString::from("file:");
     url.push(path);
@@ -152,14 +152,14 @@ fn start(command: &mut Command, program: &Path) -> Result<Child> {
 }
 
 /// What ffmpeg reports about a video before decoding.
-struct About {
+struct VideoInfo {
     matrix: &'static str,
     seconds: Option<f64>,
     has_sound: bool,
 }
 
 /// Asks ffmpeg about a video. Without an output ffmpeg describes the input and exits with an error, which is ignored.
-fn look(program: &Path, path: &Path) -> Result<About> {
+fn probe(program: &Path, path: &Path) -> Result<VideoInfo> {
     let mut command = Command::new(program);
     command.args(["-nostdin", "-hide_banner", "-i"]).arg(file_url(path));
     let child = start(&mut command, program)?;
@@ -172,7 +172,7 @@ fn look(program: &Path, path: &Path) -> Result<About> {
     Ok(describe(&text))
 }
 
-fn describe(text: &str) -> About {
+fn describe(text: &str) -> VideoInfo {
     let video =
         text.lines().find(|line| line.contains("Video:") && !line.contains("(attached pic)")).unwrap_or_default();
     // The colour matrix is in brackets, such as yuv420p(tv, bt709, progressive) or yuv420p(tv, smpte170m/bt470bg/bt709).
@@ -192,7 +192,7 @@ fn describe(text: &str) -> About {
     let seconds = duration.and_then(|clock| {
         clock.split(':').try_fold(0.0, |sum, part| Some(sum * 60.0 + part.trim().parse::<f64>().ok()?))
     });
-    About { matrix, seconds, has_sound: text.contains("Audio:") }
+    VideoInfo { matrix, seconds, has_sound: text.contains("Audio:") }
 }
 
 /// Collects a process's messages on a thread of its own, so that the process never blocks. Sends their beginning when the stream ends.
@@ -225,13 +225,16 @@ fn ended(child: &Stopper, words: &Receiver<String>) -> (Option<ExitStatus>, Stri
 fn unread(name: &str, words: &str) -> Error {
     // The last line has the reason; earlier ones describe the file.
     let last = words.lines().rev().find(|line| !line.trim().is_empty() && !line.contains("output file"));
-    Error::new(ErrorKind::InvalidArgument, format!("ffmpeg finds no video in it{}", said(last.unwrap_or_default())))
-        .field(name)
-        .remedy("Name a video, a Y4M file or a folder of pictures")
+    Error::new(
+        ErrorKind::InvalidArgument,
+        format!("ffmpeg finds no video in it{}", error_text(last.unwrap_or_default())),
+    )
+    .field(name)
+    .remedy("Name a video, a Y4M file or a folder of pictures")
 }
 
 /// Formats messages as the end of a sentence.
-fn said(words: &str) -> String {
+fn error_text(words: &str) -> String {
     let lines: Vec<&str> = words.lines().map(str::trim).filter(|line| !line.is_empty()).take(3).collect();
     if lines.is_empty() { String::new() } else { format!(": {}", lines.join("; ").trim_end_matches('.')) }
 }
@@ -242,7 +245,7 @@ mod tests {
 
     const HEAD: &str = "Input #0, mov, from 'v.mp4':\n  Duration: 00:01:10.50, start: 0.000000, bitrate: 500 kb/s\n";
 
-    fn about(stream: &str) -> About {
+    fn about(stream: &str) -> VideoInfo {
         describe(&format!(
             "{HEAD}  Stream #0:0[0x1](und): Video: {stream}\nAt least one output file must be specified\n"
         ))

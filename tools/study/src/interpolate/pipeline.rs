@@ -116,14 +116,14 @@ impl Steps {
     }
 
     /// Generates between all frames and hands everything to the recorder, including the input's frames, until the input ends. The last frame is
-    /// shown for one more interval, so that the video keeps its length. Calls `tell` with the number of frames done.
+    /// shown for one more interval, so that the video keeps its length. Calls `progress` with the number of frames done.
     pub(super) fn run(
         &mut self,
         FirstPair(first, second): FirstPair,
         (generator, multiplier): (Box<dyn FrameGenerator>, u32),
         recorder: &Recorder,
         stop: &AtomicBool,
-        mut tell: impl FnMut(u64),
+        mut progress: impl FnMut(u64),
     ) -> Run {
         let mut writer = Writer { recorder, multiplier, generator, run: Run::new(), written: 0 };
         let mut previous = first.frame;
@@ -140,8 +140,8 @@ impl Steps {
                 }
             };
             writer.run.counts.frames_in += 1;
-            on = writer.between(&previous, &step, &mut tell) && writer.frame(&step.frame);
-            tell(writer.written);
+            on = writer.between(&previous, &step, &mut progress) && writer.frame(&step.frame);
+            progress(writer.written);
             if let Link::Moved(guidance) = step.link {
                 // If the channel is full, the guidance is dropped.
                 let _ = self.spent_guidance.try_send(guidance);
@@ -153,7 +153,7 @@ impl Steps {
         for _ in 1..multiplier {
             on = on && !stop.load(Ordering::Relaxed) && writer.frame(&previous);
         }
-        tell(writer.written);
+        progress(writer.written);
         writer.run
     }
 
@@ -184,7 +184,7 @@ struct Writer<'a> {
 
 impl Writer<'_> {
     /// Makes all frames between two input frames; `false` if the job must stop.
-    fn between(&mut self, previous: &Picture, step: &Step, tell: &mut impl FnMut(u64)) -> bool {
+    fn between(&mut self, previous: &Picture, step: &Step, progress: &mut impl FnMut(u64)) -> bool {
         let mut is_cut = false;
         for part in 1..self.multiplier {
             let done = match &step.link {
@@ -192,7 +192,7 @@ impl Writer<'_> {
                 Link::First | Link::Same => Ok(self.frame(previous)),
             };
             match done {
-                Ok(true) => tell(self.written),
+                Ok(true) => progress(self.written),
                 Ok(false) => return false,
                 Err(error) => {
                     self.run.failure = Some(error);
@@ -239,7 +239,7 @@ impl Writer<'_> {
     }
 
     fn empty(&self, size: (u32, u32)) -> Result<Picture> {
-        self.recorder.spent().map_or_else(|| Picture::new(size.0, size.1), Ok)
+        self.recorder.recycled().map_or_else(|| Picture::new(size.0, size.1), Ok)
     }
 
     fn push(&mut self, frame: Picture) -> bool {

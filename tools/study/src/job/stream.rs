@@ -11,11 +11,11 @@ use cairn::world::{GuidanceSource, OperatingPoint, Presentation, Rollout, World,
 use cairn::{Error, ErrorKind, Picture, Result};
 
 use super::{Job, impossible, stopped};
-use crate::inputs::Loaded;
+use crate::inputs::LoadedInputs;
 use crate::latents::LatentFile;
 use crate::manifest::Counts;
-use crate::media::{Recorder, Written};
-use crate::settings::Checked;
+use crate::media::{Recorder, WrittenFile};
+use crate::settings::ParsedSettings;
 use crate::sheet::Sheet;
 use crate::upscaler::{Scaling, UpscalerChoice};
 
@@ -47,7 +47,7 @@ pub(super) struct Stream {
     scaling: Scaling,
     size: (u32, u32),
     /// If anchors are upscaled before generation: the two anchors of a pair, and the guidance between them.
-    larger: Option<Larger>,
+    larger: Option<UpscaledAnchors>,
     recorder: Recorder,
     latents: LatentFile,
     sheet: Sheet,
@@ -70,7 +70,7 @@ pub(super) struct Makers {
 impl Makers {
     /// # Errors
     /// The generator or the upscaler is not available: missing libraries, or an unsuitable device.
-    pub(super) fn new(checked: &Checked, world: &World, size: (u32, u32)) -> Result<Self> {
+    pub(super) fn new(checked: &ParsedSettings, world: &World, size: (u32, u32)) -> Result<Self> {
         let rate = checked.point.latents_per_second;
         let generator = checked.generator.make(Some(world.device()), 1000.0 / rate as f32)?;
         let scaling = checked.upscaler.make(world.render_size(), size, world.device(), rate)?;
@@ -80,15 +80,15 @@ impl Makers {
 
 /// Upscaled anchors.
 #[derive(Default)]
-struct Larger {
+struct UpscaledAnchors {
     previous: Option<Picture>,
     current: Option<Picture>,
     guidance: Option<Guidance>,
 }
 
 /// Result of the stream.
-pub(super) struct Finished {
-    pub(super) written: Vec<Written>,
+pub(super) struct StreamReport {
+    pub(super) written: Vec<WrittenFile>,
     pub(super) latents: Option<(PathBuf, u64)>,
     pub(super) sheet: Sheet,
     pub(super) counts: Counts,
@@ -98,7 +98,7 @@ pub(super) struct Finished {
 
 impl Stream {
     pub(super) fn new(
-        checked: &Checked,
+        checked: &ParsedSettings,
         rollout: Rollout,
         makers: Makers,
         size: (u32, u32),
@@ -126,7 +126,7 @@ impl Stream {
             latent_flow: latent_flow::Extractor::new(),
             picture_flow: picture_flow::Extractor::new(),
             guidance: Guidance::new(render.0, render.1, paper::PROJECTION)?,
-            larger: matches!(checked.upscaler, UpscalerChoice::Fsr).then(Larger::default),
+            larger: matches!(checked.upscaler, UpscalerChoice::Fsr).then(UpscaledAnchors::default),
             scaling: makers.scaling,
             size,
             recorder,
@@ -145,7 +145,7 @@ impl Stream {
     }
 
     /// Runs to the end, to the limit, or until `stop` is set.
-    pub(super) fn run(&mut self, job: &Job<'_>, loaded: &Loaded) -> Result<End> {
+    pub(super) fn run(&mut self, job: &Job<'_>, loaded: &LoadedInputs) -> Result<End> {
         let (latents, frames) = job.limit.map_or((self.latent_count, self.planned), |l| (l.latents, l.presented));
         for number in 0..latents.min(self.latent_count) {
             if stopped(job) {
@@ -180,7 +180,7 @@ impl Stream {
     }
 
     /// Makes latent `number`, stores it and reads back its pictures.
-    fn make_latent(&mut self, number: u64, loaded: &Loaded) -> Result<()> {
+    fn make_latent(&mut self, number: u64, loaded: &LoadedInputs) -> Result<()> {
         let info = if let Some(stored) = &loaded.latents {
             let latent = stored.get(number).ok_or_else(|| impossible("there are fewer latents than were counted"))?;
             self.rollout.append_latent(latent)?
@@ -249,7 +249,7 @@ impl Stream {
             let lead = has_pair.then_some(&self.guidance);
             larger.previous = larger.current.take();
             larger.current = Some(upscaler.upscale(anchor, lead)?);
-            larger.guidance = lead.map(|guidance| guidance.enlarged(self.size)).transpose()?;
+            larger.guidance = lead.map(|guidance| guidance.resampled(self.size)).transpose()?;
             self.spend("upscaling", start);
         }
         Ok(())
@@ -274,7 +274,7 @@ impl Stream {
     /// Makes one frame and passes it on; `false` if the recorder has stopped.
     fn present(&mut self, number: u64, source: Source) -> Result<bool> {
         let size = self.size;
-        let mut frame = match self.recorder.spent() {
+        let mut frame = match self.recorder.recycled() {
             Some(frame) => frame,
             None => Picture::new(size.0, size.1)?,
         };
@@ -292,9 +292,11 @@ impl Stream {
                 let anchor = self.pictures.last().ok_or_else(|| impossible("a latent has no picture"))?;
                 let pair = match &self.larger {
                     None => AnchorPair::new(&self.previous_anchor, anchor, &self.guidance)?,
-                    Some(Larger { previous: Some(previous), current: Some(current), guidance: Some(guidance) }) => {
-                        AnchorPair::new(previous, current, guidance)?
-                    }
+                    Some(UpscaledAnchors {
+                        previous: Some(previous),
+                        current: Some(current),
+                        guidance: Some(guidance),
+                    }) => AnchorPair::new(previous, current, guidance)?,
                     Some(_) => return Err(impossible("there are no larger anchors")),
                 };
                 generated = Some(self.generator.generate(&pair, t, &mut self.between)?.outcome);
@@ -327,7 +329,7 @@ impl Stream {
     }
 
     /// Closes every file.
-    pub(super) fn finish(mut self) -> Finished {
+    pub(super) fn finish(mut self) -> StreamReport {
         let start = Instant::now();
         let (written, mut failure) = match self.recorder.finish() {
             Ok(recorded) => {
@@ -357,6 +359,6 @@ impl Stream {
         ] {
             self.times.insert(name, stage.time);
         }
-        Finished { written, latents, sheet: self.sheet, counts: self.counts, times: self.times, failure }
+        StreamReport { written, latents, sheet: self.sheet, counts: self.counts, times: self.times, failure }
     }
 }

@@ -19,7 +19,7 @@ const MIN_SIDE: u32 = 16;
 
 /// One coded picture.
 pub(super) struct Packet {
-    /// The OBUs, without temporal delimiter: what an MP4 sample holds.
+    /// The OBUs without temporal delimiter, as an MP4 sample holds them.
     pub(super) data: Vec<u8>,
     /// Whether decoding can start here.
     pub(super) key: bool,

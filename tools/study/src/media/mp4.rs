@@ -12,7 +12,7 @@ use cairn::{Error, ErrorKind, Result};
 use super::av1::{Av1Encoder, Packet};
 use super::mp4_boxes::{Chunk, Sample, Track, fragment_header, ftyp, moov_for_chunks, moov_for_fragments};
 use super::mp4_boxes::{placeholder, wide_mdat};
-use super::recorder::{Frame, Sink, Written};
+use super::recorder::{Frame, Sink, WrittenFile};
 use super::{Disk, GrowingFile, VideoFormat};
 
 /// Encodes and writes one MP4 file.
@@ -130,7 +130,7 @@ impl Sink for Mp4Sink {
         self.take(packets)
     }
 
-    fn finish(mut self: Box<Self>, failed: bool) -> (Vec<Written>, Option<Error>) {
+    fn finish(mut self: Box<Self>, failed: bool) -> (Vec<WrittenFile>, Option<Error>) {
         let mut trouble = None;
         if !failed {
             let rest = self.encoder.flush().and_then(|packets| self.take(packets)).and_then(|()| self.write_fragment());
@@ -143,7 +143,7 @@ impl Sink for Mp4Sink {
         trouble = trouble.or(self.write_index(&track).err());
         let frames = self.frames;
         match self.file.close() {
-            Ok(path) => (vec![Written { path, kind: "mp4", frames }], trouble),
+            Ok(path) => (vec![WrittenFile { path, kind: "mp4", frames }], trouble),
             Err(error) => (Vec::new(), trouble.or(Some(error))),
         }
     }

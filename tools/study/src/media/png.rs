@@ -8,17 +8,33 @@ use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
-use super::recorder::{Frame, Sink, Written};
+use super::recorder::{Frame, Sink, WrittenFile};
 use super::{Disk, write_whole};
 
-/// JPEG quality out of 100, at which blocks are not visible.
-const JPEG_QUALITY: u8 = 88;
+/// How strongly a JPEG is compressed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum JpegQuality {
+    /// Blocks are not visible.
+    Page,
+    /// About half the size: for files that are kept in a repository.
+    Repository,
+}
+
+impl JpegQuality {
+    /// Quality out of 100.
+    fn percent(self) -> u8 {
+        match self {
+            Self::Page => 88,
+            Self::Repository => 60,
+        }
+    }
+}
 
 /// Writes `000000.png`, `000001.png`, ... into a folder. Every file that exists is complete.
 pub struct PngSink {
     disk: Arc<dyn Disk>,
     folder: PathBuf,
-    written: Vec<Written>,
+    written: Vec<WrittenFile>,
 }
 
 impl PngSink {
@@ -40,11 +56,11 @@ impl Sink for PngSink {
     fn write(&mut self, frame: &Frame<'_>) -> Result<()> {
         let path = self.folder.join(format!("{:06}.png", frame.number));
         write_whole(self.disk.as_ref(), &path, &encode_png(frame.picture)?)?;
-        self.written.push(Written { path, kind: "png", frames: 1 });
+        self.written.push(WrittenFile { path, kind: "png", frames: 1 });
         Ok(())
     }
 
-    fn finish(self: Box<Self>, _failed: bool) -> (Vec<Written>, Option<Error>) {
+    fn finish(self: Box<Self>, _failed: bool) -> (Vec<WrittenFile>, Option<Error>) {
         (self.written, None)
     }
 }
@@ -65,13 +81,13 @@ pub fn encode_small_png(picture: &Picture) -> Result<Vec<u8>> {
     encode(picture, CompressionType::Best)
 }
 
-/// `picture` as a JPEG file, visually close and much smaller: for pages with many pictures.
+/// `picture` as a JPEG file: for pages with many pictures.
 ///
 /// # Errors
 /// As [`encode_png`].
-pub(crate) fn encode_jpeg(picture: &Picture) -> Result<Vec<u8>> {
+pub(crate) fn encode_jpeg(picture: &Picture, quality: JpegQuality) -> Result<Vec<u8>> {
     let mut file = Vec::new();
-    JpegEncoder::new_with_quality(&mut file, JPEG_QUALITY)
+    JpegEncoder::new_with_quality(&mut file, quality.percent())
         .write_image(&colours(picture)?, picture.width(), picture.height(), ExtendedColorType::Rgb8)
         .map_err(|e| Error::new(ErrorKind::InvalidArgument, format!("cannot be stored as JPEG: {e}")))?;
     Ok(file)

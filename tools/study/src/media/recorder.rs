@@ -24,7 +24,7 @@ pub struct Frame<'a> {
 
 /// A finished file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Written {
+pub struct WrittenFile {
     /// Its path.
     pub path: PathBuf,
     /// `mp4`, `png` or `y4m`.
@@ -49,14 +49,14 @@ pub trait Sink: Send {
 
     /// Closes the files and returns those that exist. After a failed write (`failed`) it keeps what is complete. The error, if any, says why
     /// something is missing.
-    fn finish(self: Box<Self>, failed: bool) -> (Vec<Written>, Option<Error>);
+    fn finish(self: Box<Self>, failed: bool) -> (Vec<WrittenFile>, Option<Error>);
 }
 
 /// Result of a recorder.
 #[derive(Debug)]
-pub struct Recorded {
+pub struct RecorderReport {
     /// Every finished file.
-    pub written: Vec<Written>,
+    pub written: Vec<WrittenFile>,
     /// Frames that all sinks stored.
     pub frames: u64,
     /// The error that stopped it.
@@ -69,7 +69,7 @@ pub struct Recorded {
 pub struct Recorder {
     queue: Option<SyncSender<Picture>>,
     spent: Receiver<Picture>,
-    thread: JoinHandle<Recorded>,
+    thread: JoinHandle<RecorderReport>,
 }
 
 impl Recorder {
@@ -89,7 +89,7 @@ impl Recorder {
     }
 
     /// A used picture for reuse, if there is one.
-    pub fn spent(&self) -> Option<Picture> {
+    pub fn recycled(&self) -> Option<Picture> {
         self.spent.try_recv().ok()
     }
 
@@ -102,8 +102,8 @@ impl Recorder {
     /// Waits for the queued frames and closes all files.
     ///
     /// # Errors
-    /// `Device` when the thread itself failed. The error of a file is in [`Recorded::failure`].
-    pub fn finish(mut self) -> Result<Recorded> {
+    /// `Device` when the thread itself failed. The error of a file is in [`RecorderReport::failure`].
+    pub fn finish(mut self) -> Result<RecorderReport> {
         drop(self.queue.take());
         self.thread.join().map_err(|_| Error::new(ErrorKind::Device, "the video encoder stopped unexpectedly"))
     }
@@ -114,7 +114,7 @@ fn record(
     mut planes: Yuv420,
     queue: &Receiver<Picture>,
     give_back: &SyncSender<Picture>,
-) -> Recorded {
+) -> RecorderReport {
     let wants_planes = sinks.iter().any(|s| s.wants_planes());
     let mut failed = vec![false; sinks.len()];
     let mut failure = None;
@@ -149,5 +149,5 @@ fn record(
         failure = failure.or(error);
     }
     busy += start.elapsed();
-    Recorded { written, frames, failure, busy }
+    RecorderReport { written, frames, failure, busy }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use cairn::{Error, Result};
 
-use super::recorder::{Frame, Sink, Written};
+use super::recorder::{Frame, Sink, WrittenFile};
 use super::{Disk, GrowingFile, VideoFormat};
 
 /// Writes a Y4M file: 4:2:0, left-sited chroma, limited range, the same planes that the AV1 encoder gets.
@@ -56,10 +56,10 @@ impl Sink for Y4mSink {
         Ok(())
     }
 
-    fn finish(self: Box<Self>, _failed: bool) -> (Vec<Written>, Option<Error>) {
+    fn finish(self: Box<Self>, _failed: bool) -> (Vec<WrittenFile>, Option<Error>) {
         let frames = self.frames;
         match self.file.close() {
-            Ok(path) => (vec![Written { path, kind: "y4m", frames }], None),
+            Ok(path) => (vec![WrittenFile { path, kind: "y4m", frames }], None),
             Err(error) => (Vec::new(), Some(error)),
         }
     }

@@ -178,7 +178,7 @@ fn ratio(text: &str) -> Result<(u32, u32)> {
     let numbers = text.split_once(':').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
     match numbers {
         Some((0, 0)) => Ok((1, 1)),
-        // Wider than any real pixel aspect, and within what a container can store.
+        // Wider than any real pixel aspect, and small enough for a container.
         Some((a @ 1..=65_535, b @ 1..=65_535)) if a / b < 16 && b / a < 16 => Ok((a, b)),
         _ => Err(no_y4m(&format!("pixels cannot have the shape {text}"))),
     }

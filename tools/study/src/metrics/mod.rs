@@ -13,6 +13,7 @@
 mod lpips;
 mod ms_ssim;
 mod psnr;
+mod score;
 mod ssim;
 
 use cairn::{Error, ErrorKind, Picture, Result};
@@ -20,6 +21,7 @@ use cairn::{Error, ErrorKind, Picture, Result};
 pub use lpips::{Features, Lpips, Net};
 pub use ms_ssim::{MS_SSIM_SIDE, ms_ssim};
 pub use psnr::{mean_squared_error, psnr};
+pub use score::{MAX_PSNR, Score};
 pub use ssim::{WINDOW as SSIM_WINDOW, ssim, ssim_rgb};
 
 /// `InvalidArgument` unless both pictures have the same size.

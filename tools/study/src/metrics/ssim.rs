@@ -199,20 +199,20 @@ fn products(a: &[[u8; 4]], b: &[[u8; 4]], channel: usize, out: &mut Maps<i32>) {
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+fma"))]
 fn down_whole(rows: [&Maps<i32>; WINDOW], out: &mut Maps<f64>) {
     for (map, out) in out.iter_mut().enumerate() {
-        weigh(rows.map(|row| &row[map][..]), out, |a, b| f64::from(a + b), f64::from);
+        filter_rows(rows.map(|row| &row[map][..]), out, |a, b| f64::from(a + b), f64::from);
     }
 }
 
 #[multiversion(targets("x86_64+avx512f+avx512vl", "x86_64+avx2+fma"))]
 fn down_fractions(rows: [&Maps<f64>; WINDOW], out: &mut Maps<f64>) {
     for (map, out) in out.iter_mut().enumerate() {
-        weigh(rows.map(|row| &row[map][..]), out, |a, b| a + b, |a| a);
+        filter_rows(rows.map(|row| &row[map][..]), out, |a, b| a + b, |a| a);
     }
 }
 
 /// Weighted sum of eleven rows; rows with the same weight are added first.
 #[inline(always)]
-fn weigh<T: Copy>(rows: [&[T]; WINDOW], out: &mut [f64], pair: impl Fn(T, T) -> f64, one: impl Fn(T) -> f64) {
+fn filter_rows<T: Copy>(rows: [&[T]; WINDOW], out: &mut [f64], pair: impl Fn(T, T) -> f64, one: impl Fn(T) -> f64) {
     let n = out.len();
     let rows = rows.map(|row| &row[..n]);
     for x in 0..n {
@@ -246,7 +246,7 @@ fn places<const CONTRAST: bool>(maps: &Maps<f64>, out: &mut [f64], contrast: &mu
         let length = end - start;
         let mut averages = [[0.0f64; PIECE]; 4];
         for (map, out) in maps.iter().zip(&mut averages) {
-            weigh(std::array::from_fn(|k| &map[start + k..end + k]), &mut out[..length], |a, b| a + b, |a| a);
+            filter_rows(std::array::from_fn(|k| &map[start + k..end + k]), &mut out[..length], |a, b| a + b, |a| a);
         }
         let [a, b, squares, product] = averages.each_ref().map(|average| &average[..length]);
         let out = &mut out[start..end];

@@ -1,21 +1,20 @@
-//! Walks through places, finds motion with every source, and scores it and the generated frames against the truth.
-
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+//! Walks through scenes, finds motion with every source, and scores it and the generated frames against the truth.
 
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{AnchorPair, FrameGenerator, Outcome};
 use cairn::guidance::{Guidance, LatentView, MotionField};
-use cairn::world::{ControlScript, OperatingPoint, Rollout, World};
-use cairn::{Error, ErrorKind, Picture, Result};
+use cairn::world::{ControlScript, Rollout};
+use cairn::{Error, Picture, Result};
+use scenes::Frame;
 use scenes::camera::view_distance;
-use scenes::{Family, Frame};
 
-use super::sources::{Depth, Finder, Follower, MOTIONS, Motion, Pair, ROWS, Row};
-use crate::metrics::{Lpips, psnr, ssim};
-use crate::progress::Progress;
+use super::sources::{ControlTracker, Depth, Extractors, MOTIONS, Motion, Pair, ROWS, Row};
+use crate::experiment::{Bench, missing_frame};
+use crate::metrics::Score;
+use crate::progress::check_stop;
 use crate::reconstruct::script_of;
-use crate::reconstruct::walk::{Walk, tell};
+use crate::reconstruct::walk::{Walk, write_guidance};
+use crate::scene_id::SceneId;
 
 /// Anchors a second, and frames per anchor.
 const RATE: [u32; 2] = [15, 2];
@@ -25,17 +24,8 @@ const TARGETS: [u64; 8] = [14, 41, 69, 97, 125, 152, 180, 208];
 const FEW: usize = 2;
 /// Number of earlier anchors decoded first, because the decoder has memory.
 const BEFORE: u64 = 3;
-/// PSNR that equal pictures count as in means, in dB; no other pair reaches it.
-const EQUAL: f64 = 100.0;
 /// Maximum end-point error in pixels of a motion that counts as near.
 const NEAR: f64 = 1.0;
-
-/// A place that is walked through.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Place {
-    pub(crate) family: Family,
-    pub(crate) seed: u64,
-}
 
 /// Source of the pictures at the ends of an interval.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,18 +45,10 @@ pub(super) struct EndPoint {
     pub(super) near: f64,
 }
 
-/// Distance of a generated frame from the true one.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Score {
-    pub(super) psnr: f64,
-    pub(super) ssim: f64,
-    pub(super) lpips: Option<f64>,
-}
-
 /// Score of one frame of one row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Record {
-    pub(super) place: Place,
+    pub(super) scene: SceneId,
     pub(super) anchors: Anchors,
     pub(super) row: Row,
     /// The anchor that ends the interval.
@@ -78,21 +60,16 @@ pub(super) struct Record {
 }
 
 /// Pictures of one interval, for the figure.
-pub(super) struct Shown {
-    pub(super) place: Place,
+pub(super) struct IntervalPictures {
+    pub(super) scene: SceneId,
     pub(super) anchor: u64,
     pub(super) truth: Picture,
     pub(super) rows: Vec<(Motion, MotionField, Picture)>,
 }
 
-/// World, settings and tools for the measurement.
-pub(super) struct Tools<'a> {
-    pub(super) world: &'a Arc<World>,
-    pub(super) point: &'a OperatingPoint,
-    pub(super) lpips: Option<&'a Lpips>,
-    pub(super) quick: bool,
-    pub(super) progress: &'a Progress,
-    pub(super) stop: &'a AtomicBool,
+/// The walks through the scenes.
+pub(super) struct Walks<'a> {
+    pub(super) bench: &'a Bench<'a>,
 }
 
 /// The two anchors of an interval, the true frame between them, and their guidance.
@@ -109,39 +86,37 @@ struct Interval {
     seen: Vec<bool>,
 }
 
-impl Tools<'_> {
+impl Walks<'_> {
     fn targets(&self) -> &'static [u64] {
-        if self.quick { &TARGETS[..FEW] } else { &TARGETS }
+        if self.bench.quick { &TARGETS[..FEW] } else { &TARGETS }
     }
 
-    /// Walks through a place and passes its intervals on.
-    fn walk(&self, place: Place, each: &mut dyn FnMut(&Interval) -> Result<()>) -> Result<()> {
-        let size = self.world.render_size();
+    /// Walks through a scene and passes its intervals on.
+    fn walk(&self, scene: SceneId, each: &mut dyn FnMut(&Interval) -> Result<()>) -> Result<()> {
+        let size = self.bench.world.render_size();
         let targets = self.targets();
         let frames = targets.iter().max().map_or(0, |last| last * u64::from(RATE[1])) + 1;
-        let walk = Walk::new(place.family, place.seed, size, RATE, frames)?;
-        let script = ControlScript::parse(script_of(place.family))?;
-        let start = walk.start().ok_or_else(behind_the_end)?;
-        let mut follower = Follower::new(script, start, RATE[0], size)?;
-        let mut rollout = Rollout::new(self.world, self.point, place.seed)?;
+        let walk = Walk::new(scene.family, scene.seed, size, RATE, frames)?;
+        let script = ControlScript::parse(script_of(scene.family))?;
+        let start = walk.start().ok_or_else(missing_frame)?;
+        let mut tracker = ControlTracker::new(script, start, RATE[0], size)?;
+        let mut rollout = Rollout::new(self.bench.world, self.bench.point, scene.seed)?;
         let mut controls = walk.guidance()?;
         for &number in targets {
-            if self.stop.load(Ordering::Relaxed) {
-                return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
-            }
-            follower.reach(number, &mut controls)?;
+            check_stop(self.bench.stop)?;
+            tracker.advance_to(number, &mut controls)?;
             each(&self.interval(&walk, number, &mut rollout, controls.clone())?)?;
         }
         Ok(())
     }
 
     fn interval(&self, walk: &Walk, number: u64, rollout: &mut Rollout, controls: Guidance) -> Result<Interval> {
-        let anchor = |number| walk.anchor(number).ok_or_else(behind_the_end);
+        let anchor = |number| walk.anchor(number).ok_or_else(missing_frame);
         let frames = [anchor(number - 1)?, anchor(number)?];
         let middle = (number - 1) * u64::from(RATE[1]) + 1;
-        let between = walk.truth(middle).ok_or_else(behind_the_end)?;
+        let between = walk.truth(middle).ok_or_else(missing_frame)?;
         let mut truth = [walk.guidance()?, walk.guidance()?];
-        truth.iter_mut().zip(&frames).for_each(|(truth, frame)| tell(frame, truth));
+        truth.iter_mut().zip(&frames).for_each(|(truth, frame)| write_guidance(frame, truth));
         let mut latents = [Vec::new(), Vec::new()];
         let mut decoded = frames.each_ref().map(|frame| frame.picture.clone());
         rollout.reset()?;
@@ -151,7 +126,7 @@ impl Tools<'_> {
             let latent = rollout.encode(&drawn.as_ref().unwrap_or(&frames[at]).picture)?;
             rollout.append_latent(&latent)?;
             if drawn.is_none() {
-                rollout.read_picture(self.point.pictures_per_latent - 1, &mut decoded[at])?;
+                rollout.read_picture(self.bench.point.pictures_per_latent - 1, &mut decoded[at])?;
                 latents[at] = latent;
             }
         }
@@ -159,17 +134,17 @@ impl Tools<'_> {
         Ok(Interval { number, frames, between, latents, decoded, truth, controls, seen })
     }
 
-    /// The least-squares scale of the paper's extractor against the true motion, over the places' pixels.
+    /// The least-squares scale of the paper's extractor against the true motion, over the scenes' pixels.
     ///
     /// # Errors
     /// Errors of making latents; `Cancelled` when `stop` was set.
-    pub(super) fn calibrate(&self, places: &[Place]) -> Result<f32> {
+    pub(super) fn calibrate(&self, scenes: &[SceneId]) -> Result<f32> {
         let (mut product, mut square) = (0.0, 0.0);
-        for &place in places {
-            self.progress.phase(&format!("calibrating in {} {}", place.family, place.seed));
-            let mut finder = Finder::new(0.0, self.world.render_size())?;
-            self.walk(place, &mut |interval| {
-                let paper = finder.motion(Motion::Paper, &self.pair(interval, Anchors::Drawn)?)?;
+        for &scene in scenes {
+            self.bench.progress.phase(&format!("calibrating in {scene}"));
+            let mut extractors = Extractors::new(0.0, self.bench.world.render_size())?;
+            self.walk(scene, &mut |interval| {
+                let paper = extractors.motion(Motion::Paper, &self.pair(interval, Anchors::Drawn)?)?;
                 let both = paper.vectors().iter().zip(&interval.frames[1].motion).zip(&interval.seen);
                 for ((found, truth), _) in both.filter(|(_, seen)| **seen) {
                     let [x, y] = found.map(f64::from);
@@ -183,32 +158,27 @@ impl Tools<'_> {
         Ok(if square > 0.0 { (published * product / square) as f32 } else { 0.0 })
     }
 
-    /// Scores every row in a place.
+    /// Scores every row in a scene.
     ///
     /// # Errors
     /// As [`calibrate`](Self::calibrate).
-    pub(super) fn score(&self, place: Place, scale: f32) -> Result<Vec<Record>> {
-        self.progress.phase(&format!("{} {}", place.family, place.seed));
-        let mut finder = Finder::new(scale, self.world.render_size())?;
+    pub(super) fn score(&self, scene: SceneId, scale: f32) -> Result<Vec<Record>> {
+        let mut extractors = Extractors::new(scale, self.bench.world.render_size())?;
         let mut generator = CpuGenerator::new();
         let mut records = Vec::new();
-        self.walk(place, &mut |interval| {
-            let features = self.lpips.map(|lpips| Ok::<_, Error>((lpips, lpips.features(&interval.between)?)));
+        self.walk(scene, &mut |interval| {
+            let features = self.bench.lpips.map(|lpips| Ok::<_, Error>((lpips, lpips.features(&interval.between)?)));
             let features = features.transpose()?;
             for anchors in [Anchors::Drawn, Anchors::Decoded] {
                 let pair = self.pair(interval, anchors)?;
                 for row in ROWS {
-                    let motion = finder.motion(row.motion, &pair)?;
+                    let motion = extractors.motion(row.motion, &pair)?;
                     let end_point = interval.end_point(&motion);
-                    let (made, outcome) = interval.make(&mut generator, &mut finder, row, motion, &pair)?;
+                    let (made, outcome) = interval.make(&mut generator, &mut extractors, row, motion, &pair)?;
                     let lpips = features.as_ref().map(|(lpips, truth)| lpips.distance_to(truth, &made)).transpose()?;
-                    let score = Score {
-                        psnr: psnr(&interval.between, &made)?.min(EQUAL),
-                        ssim: ssim(&interval.between, &made)?,
-                        lpips,
-                    };
+                    let score = Score::new(&interval.between, &made, lpips)?;
                     let cut = outcome == Outcome::CutFallback;
-                    records.push(Record { place, anchors, row, anchor: interval.number, end_point, score, cut });
+                    records.push(Record { scene, anchors, row, anchor: interval.number, end_point, score, cut });
                 }
             }
             Ok(())
@@ -220,29 +190,29 @@ impl Tools<'_> {
     ///
     /// # Errors
     /// As [`calibrate`](Self::calibrate).
-    pub(super) fn show(&self, place: Place, anchor: u64, scale: f32) -> Result<Option<Shown>> {
-        let mut finder = Finder::new(scale, self.world.render_size())?;
+    pub(super) fn pictures(&self, scene: SceneId, anchor: u64, scale: f32) -> Result<Option<IntervalPictures>> {
+        let mut extractors = Extractors::new(scale, self.bench.world.render_size())?;
         let mut generator = CpuGenerator::new();
-        let mut shown = None;
-        self.walk(place, &mut |interval| {
+        let mut pictures = None;
+        self.walk(scene, &mut |interval| {
             if interval.number != anchor {
                 return Ok(());
             }
             let pair = self.pair(interval, Anchors::Drawn)?;
             let rows = ROWS.iter().take(MOTIONS.len()).map(|row| {
-                let motion = finder.motion(row.motion, &pair)?;
-                let (made, _) = interval.make(&mut generator, &mut finder, *row, motion.clone(), &pair)?;
+                let motion = extractors.motion(row.motion, &pair)?;
+                let (made, _) = interval.make(&mut generator, &mut extractors, *row, motion.clone(), &pair)?;
                 Ok((row.motion, motion, made))
             });
             let rows = rows.collect::<Result<_>>()?;
-            shown = Some(Shown { place, anchor, truth: interval.between.clone(), rows });
+            pictures = Some(IntervalPictures { scene, anchor, truth: interval.between.clone(), rows });
             Ok(())
         })?;
-        Ok(shown)
+        Ok(pictures)
     }
 
     fn pair<'a>(&self, interval: &'a Interval, anchors: Anchors) -> Result<Pair<'a>> {
-        let shape = self.world.manifest().geometry.latent;
+        let shape = self.bench.world.manifest().geometry.latent;
         let [c, h, w] = [shape.channels, shape.height, shape.width].map(|n| n as usize);
         let [before, now] = &interval.latents;
         let pictures = match anchors {
@@ -273,12 +243,12 @@ impl Interval {
     fn make(
         &self,
         generator: &mut CpuGenerator,
-        finder: &mut Finder,
+        extractors: &mut Extractors,
         row: Row,
         motion: MotionField,
         pair: &Pair<'_>,
     ) -> Result<(Picture, Outcome)> {
-        let guidance = Guidance::from_parts(motion, finder.depth(row.depth, pair)?)?;
+        let guidance = Guidance::from_parts(motion, extractors.depth(row.depth, pair)?)?;
         let mut anchors = AnchorPair::new(pair.pictures[0], pair.pictures[1], &guidance)?;
         if row.depth == Depth::Truth {
             anchors = anchors.with_previous_depth(self.truth[0].depth())?;
@@ -310,9 +280,4 @@ fn seen_in_both(current: &Frame, previous: &Frame, (width, height): (u32, u32)) 
         })
     };
     (0..width * height).map(is_seen).collect()
-}
-
-/// Error for an internal inconsistency.
-fn behind_the_end() -> Error {
-    Error::new(ErrorKind::InvalidState, "a frame behind the end of the walk")
 }

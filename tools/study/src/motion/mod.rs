@@ -1,7 +1,7 @@
 //! Which motion is best: every source of motion and depth against the scenes' truth, and the frames made with each.
 //!
 //! ```text
-//! sources (what finds motion) -> measure (walks, end points, frames) -> report (tables, CSV, page), figure
+//! sources (motion and depth) -> measure (walks, end points, frames) -> report (tables, CSV, page), figure
 //! ```
 
 mod figure;
@@ -9,145 +9,80 @@ mod measure;
 mod report;
 mod sources;
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use cairn::Result;
 use cairn::bundle::Bundle;
-use cairn::runtime::{CpuOptions, Device};
-use cairn::world::{GuidanceSource, OperatingPoint, Preset, World, WorldOptions};
-use scenes::FAMILIES;
+use cairn::world::{GuidanceSource, OperatingPoint, Preset};
 
-use crate::inputs;
-use crate::media::{RealDisk, describe_io, encode_small_png, write_whole};
-use crate::metrics::Net;
+use crate::experiment::{self, Bench, Experiment, Figure, Measurements, Report};
 use crate::progress::Progress;
-use crate::world_quality::held_out;
-pub(crate) use measure::Place;
-use measure::Tools;
+use crate::scene_id::SceneId;
+use measure::{Record, Walks};
 
-/// Scene seeds that are walked, for each kind of place.
-const SEEDS: [u64; 3] = [41, 42, 43];
-/// Scene seed for tuning, for each kind of place.
+pub use crate::experiment::Settings;
+
+/// Scene seed for tuning, in each family.
 pub(crate) const TUNING: u64 = 4;
 
-/// Settings of the measurement.
-#[derive(Debug, Clone)]
-pub(crate) struct Settings {
-    /// The bundle; `None` for the library's own.
-    pub(crate) world: Option<PathBuf>,
-    /// Scene seeds; empty for the usual ones.
-    pub(crate) seeds: Vec<u64>,
-    /// One place of each kind, and two frames of each.
-    pub(crate) quick: bool,
-    /// Whether LPIPS is measured; its weights are fetched if they are missing.
-    pub(crate) lpips: bool,
-    /// Also writes the page and the picture into the repository's docs.
-    pub(crate) publish: bool,
-    pub(crate) out: PathBuf,
-}
-
 /// Result of the measurement.
-pub(crate) struct Outcome {
+#[derive(Debug)]
+pub struct Outcome {
     /// Summary for the terminal.
-    pub(crate) text: String,
+    pub text: String,
     /// Files that were written.
-    pub(crate) files: Vec<PathBuf>,
+    pub files: Vec<PathBuf>,
     /// The best source by its generated frames, of those that need anchors only.
-    pub(crate) best: Option<GuidanceSource>,
-}
-
-impl Settings {
-    /// Checks the settings; reads no file.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a scene seed that is not held out.
-    pub(crate) fn check(&self) -> Result<()> {
-        held_out::require(&self.seeds)
-    }
-
-    fn seeds(&self) -> &[u64] {
-        match (self.seeds.is_empty(), self.quick) {
-            (false, _) => &self.seeds,
-            (true, true) => &SEEDS[..1],
-            (true, false) => &SEEDS,
-        }
-    }
-
-    /// The command line that measures the same.
-    fn command(&self) -> String {
-        let mut command = String::from("cargo run --release -p study -- motion --publish");
-        if self.quick {
-            command += " --quick";
-        }
-        if !self.seeds.is_empty() {
-            let seeds: Vec<String> = self.seeds.iter().map(u64::to_string).collect();
-            command += &format!(" --seeds {}", seeds.join(","));
-        }
-        if !self.lpips {
-            command += " --no-lpips";
-        }
-        command
-    }
+    pub best: Option<GuidanceSource>,
 }
 
 /// Measures all sources.
 ///
 /// # Errors
 /// An unusable world, missing weights of LPIPS, errors of making latents, and `Cancelled`.
-pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
-    settings.check()?;
-    let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
-    let (ort, _) = inputs::onnxruntime(progress)?;
-    let (bundle, _) = inputs::world(settings.world.as_deref(), progress)?;
-    let device = Device::cpu(&ort, CpuOptions { threads: None, deterministic: true })?;
-    let point = point(&bundle);
-    let options = WorldOptions { global_window: Some(point.global_window), ..WorldOptions::default() };
-    let world = World::load(&device, &bundle, options)?;
-    let (lpips, quick) = (lpips.as_ref(), settings.quick);
-    let tools = Tools { world: &world, point: &point, lpips, quick, progress, stop };
-
-    let of = |seeds: &[u64]| -> Vec<Place> {
-        FAMILIES.into_iter().flat_map(|family| seeds.iter().map(move |&seed| Place { family, seed })).collect()
-    };
-    let scale = tools.calibrate(&of(&[TUNING]))?;
-    let places = of(settings.seeds());
-    let mut records = Vec::new();
-    for &place in &places {
-        records.extend(tools.score(place, scale)?);
-    }
-    let found = report::Found { settings, world: &bundle.manifest().name, places: &places, scale, records: &records };
-    let figure = match figure::hard(&records) {
-        Some((place, anchor)) => tools.show(place, anchor, scale)?,
-        None => None,
-    };
-    let figure =
-        figure.map(|shown| Ok::<_, cairn::Error>((figure::caption(&shown), figure::draw(&shown)?))).transpose()?;
-    let caption = figure.as_ref().map(|(caption, _)| caption.as_str());
-    let png = figure.as_ref().map(|(_, picture)| encode_small_png(picture)).transpose()?;
-
-    let mut files = vec![
-        (settings.out.join("motion.md"), report::page(&found, caption, "motion.png").into_bytes()),
-        (settings.out.join("motion.csv"), report::csv(&records).into_bytes()),
-    ];
-    files.extend(png.clone().map(|png| (settings.out.join("motion.png"), png)));
-    if settings.publish {
-        let docs = provision::repository().join("docs");
-        files.push((docs.join("motion.md"), report::page(&found, caption, "images/motion.png").into_bytes()));
-        files.extend(png.map(|png| (docs.join("images/motion.png"), png)));
-    }
-    for (path, bytes) in &files {
-        let folder = path.parent().unwrap_or(Path::new("."));
-        std::fs::create_dir_all(folder).map_err(|e| describe_io("it cannot be made", folder, &e))?;
-        write_whole(&RealDisk, path, bytes)?;
-    }
-    let files = files.into_iter().map(|(path, _)| path).collect();
-    Ok(Outcome { text: report::summary(&found), files, best: report::best(&records) })
+pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
+    let (experiment::Outcome { text, files }, records) =
+        experiment::run(&mut Motion { scale: 0.0 }, settings, progress, stop)?;
+    Ok(Outcome { text, files, best: report::best(&records) })
 }
 
-/// The operating point: only the autoencoder matters here, so it has the smallest declared window.
-fn point(bundle: &Arc<Bundle>) -> OperatingPoint {
-    let global = &bundle.geometry().global;
-    OperatingPoint { global_window: global.window.min(global.max_window), ..Preset::Coherence.operating_point() }
+/// The experiment.
+struct Motion {
+    /// Scale of the calibrated extractor.
+    scale: f32,
+}
+
+impl Experiment for Motion {
+    const NAME: &'static str = "motion";
+    type Record = Record;
+
+    /// Only the autoencoder matters here, so it has the smallest declared window.
+    fn point(bundle: &Bundle) -> OperatingPoint {
+        let global = &bundle.geometry().global;
+        OperatingPoint { global_window: global.window.min(global.max_window), ..Preset::Coherence.operating_point() }
+    }
+
+    fn prepare(&mut self, bench: &Bench<'_>) -> Result<()> {
+        self.scale = Walks { bench }.calibrate(&SceneId::all(&[TUNING]))?;
+        Ok(())
+    }
+
+    fn measure(&mut self, scene: SceneId, bench: &Bench<'_>) -> Result<Vec<Record>> {
+        Walks { bench }.score(scene, self.scale)
+    }
+
+    fn figure(&self, records: &[Record], bench: &Bench<'_>) -> Result<Option<Figure>> {
+        let Some((scene, anchor)) = figure::hard_frame(records) else { return Ok(None) };
+        let Some(interval) = Walks { bench }.pictures(scene, anchor, self.scale)? else { return Ok(None) };
+        Ok(Some(Figure { caption: figure::caption(&interval), picture: figure::draw(&interval)? }))
+    }
+
+    fn report(&self, measured: &Measurements<'_, Record>, caption: Option<&str>) -> Report {
+        Report {
+            summary: report::summary(measured, self.scale),
+            page: report::page(measured, self.scale, caption),
+            csv: report::csv(measured.records),
+        }
+    }
 }

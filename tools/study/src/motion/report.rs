@@ -5,58 +5,41 @@ use std::fmt::Write as _;
 use cairn::world::GuidanceSource;
 use scenes::FAMILIES;
 
-use super::measure::{Anchors, Place, Record};
+use super::TUNING;
+use super::measure::{Anchors, Record};
 use super::sources::{Depth, MOTIONS, Motion, ROWS, Row};
-use super::{Settings, TUNING};
-use crate::compare::summary::{Estimate, estimate};
+use crate::experiment::{Measurements, seed_list};
+use crate::scene_id::SceneId;
+use crate::statistics::{Estimate, estimate, scene_means};
 use crate::table::Table;
 
 /// Number of rows that compare sources; the rest of [`ROWS`] compares depths.
 const SOURCES: usize = MOTIONS.len();
 
-/// All measurements.
-pub(super) struct Found<'a> {
-    pub(super) settings: &'a Settings,
-    /// The world's name.
-    pub(super) world: &'a str,
-    pub(super) places: &'a [Place],
-    /// Scale of the calibrated extractor.
-    pub(super) scale: f32,
-    pub(super) records: &'a [Record],
-}
-
 /// A value of a frame.
-type Figure = fn(&Record) -> Option<f64>;
+type Value = fn(&Record) -> Option<f64>;
 
-const END_POINT: Figure = |record| Some(record.end_point.mean);
-const NEAR: Figure = |record| Some(100.0 * record.end_point.near);
-const PSNR: Figure = |record| Some(record.score.psnr);
-const SSIM: Figure = |record| Some(record.score.ssim);
-const LPIPS: Figure = |record| record.score.lpips;
+const END_POINT: Value = |record| Some(record.end_point.mean);
+const NEAR: Value = |record| Some(100.0 * record.end_point.near);
+const PSNR: Value = |record| Some(record.score.psnr);
+const SSIM: Value = |record| Some(record.score.ssim);
+const LPIPS: Value = |record| record.score.lpips;
 
-/// Means per place.
-fn by_place(records: &[Record], anchors: Anchors, row: Row, figure: Figure) -> Vec<(Place, f64)> {
-    let mut places: Vec<Place> = records.iter().map(|record| record.place).collect();
-    places.sort_unstable();
-    places.dedup();
-    let of = |place: Place| {
-        let all = records.iter().filter(|r| (r.place, r.anchors, r.row) == (place, anchors, row)).map(figure);
-        let all: Option<Vec<f64>> = all.collect();
-        let all = all.filter(|all| !all.is_empty())?;
-        Some((place, all.iter().sum::<f64>() / all.len() as f64))
-    };
-    places.into_iter().filter_map(of).collect()
+/// Means per scene.
+fn by_scene(records: &[Record], anchors: Anchors, row: Row, value: Value) -> Vec<(SceneId, f64)> {
+    let all = records.iter().filter(|r| (r.anchors, r.row) == (anchors, row));
+    scene_means(all.filter_map(|r| Some((r.scene, value(r)?))))
 }
 
-fn over_places(records: &[Record], anchors: Anchors, row: Row, figure: Figure) -> Option<Estimate> {
-    estimate(&by_place(records, anchors, row, figure).iter().map(|(_, value)| *value).collect::<Vec<_>>())
+fn over_scenes(records: &[Record], anchors: Anchors, row: Row, value: Value) -> Option<Estimate> {
+    estimate(&by_scene(records, anchors, row, value).iter().map(|(_, mean)| *mean).collect::<Vec<_>>())
 }
 
 /// The source, of those that need anchors only, whose frames are closest to the truth between the renderer's anchors: by LPIPS if measured,
 /// otherwise by PSNR.
 pub(super) fn best(records: &[Record]) -> Option<GuidanceSource> {
     let score = |row: Row| {
-        let of = |figure| over_places(records, Anchors::Drawn, row, figure).map(|estimate| estimate.mean);
+        let of = |value| over_scenes(records, Anchors::Drawn, row, value).map(|estimate| estimate.mean);
         of(LPIPS).or_else(|| Some(-of(PSNR)?))
     };
     let sources = ROWS.iter().take(SOURCES).filter_map(|row| Some((score(*row)?, row.motion.guidance_source()?)));
@@ -69,14 +52,14 @@ fn digits(value: f64, digits: usize) -> String {
     if text.trim_start_matches(['-', '0', '.']).is_empty() { text.trim_start_matches('-').into() } else { text }
 }
 
-fn number(value: Option<Estimate>, figures: usize) -> String {
-    value.map_or("–".into(), |estimate| digits(estimate.mean, figures))
+fn number(value: Option<Estimate>, decimals: usize) -> String {
+    value.map_or("–".into(), |estimate| digits(estimate.mean, decimals))
 }
 
 /// Table of the sources, or of the depths.
 fn table(records: &[Record], anchors: Anchors, rows: &[Row], with_depth: bool) -> Table {
     let lines = rows.iter().map(|row| {
-        let of = |figure, figures| number(over_places(records, anchors, *row, figure), figures);
+        let of = |value, decimals| number(over_scenes(records, anchors, *row, value), decimals);
         let cuts = records.iter().filter(|r| (r.anchors, r.row, r.cut) == (anchors, *row, true)).count();
         let mut line = vec![row.motion.name().to_owned()];
         if with_depth {
@@ -99,34 +82,34 @@ fn table(records: &[Record], anchors: Anchors, rows: &[Row], with_depth: bool) -
     }
 }
 
-/// Table of sources by kind of place: end-point error, or frames.
-fn by_family(records: &[Record], figure: Figure, figures: usize) -> Table {
+/// Table of sources by family: end-point error, or frames.
+fn by_family(records: &[Record], value: Value, decimals: usize) -> Table {
     let mut head = vec!["motion"];
     head.extend(FAMILIES.map(|family| family.name()));
     let lines = ROWS.iter().take(SOURCES).map(|row| {
-        let values = by_place(records, Anchors::Drawn, *row, figure);
+        let values = by_scene(records, Anchors::Drawn, *row, value);
         let mut line = vec![row.motion.name().to_owned()];
         line.extend(FAMILIES.map(|family| {
-            let of: Vec<f64> = values.iter().filter(|(place, _)| place.family == family).map(|(_, v)| *v).collect();
-            number(estimate(&of), figures)
+            let of: Vec<f64> = values.iter().filter(|(scene, _)| scene.family == family).map(|(_, v)| *v).collect();
+            number(estimate(&of), decimals)
         }));
         line
     });
     Table::new(1, &head, lines.collect())
 }
 
-/// Advantage of `picture_flow` over every other source, paired by place.
+/// Advantage of `picture_flow` over every other source, paired by scene.
 fn differences(records: &[Record], anchors: Anchors) -> Table {
     let own = Row { motion: Motion::Pictures, depth: Depth::Flat };
     let lines = ROWS.iter().take(SOURCES).filter(|row| **row != own).map(|row| {
-        let of = |figure: Figure, figures: usize| {
-            let [ours, theirs] = [own, *row].map(|row| by_place(records, anchors, row, figure));
-            let pairs = ours.iter().filter_map(|(place, ours)| {
-                theirs.iter().find(|(other, _)| other == place).map(|(_, theirs)| ours - theirs)
+        let of = |value: Value, decimals: usize| {
+            let [ours, theirs] = [own, *row].map(|row| by_scene(records, anchors, row, value));
+            let pairs = ours.iter().filter_map(|(scene, ours)| {
+                theirs.iter().find(|(other, _)| other == scene).map(|(_, theirs)| ours - theirs)
             });
             let pairs: Vec<f64> = pairs.collect();
             let signed = |value: f64| {
-                let text = digits(value, figures);
+                let text = digits(value, decimals);
                 if value > 0.0 && text.contains(|c: char| ('1'..='9').contains(&c)) { format!("+{text}") } else { text }
             };
             estimate(&pairs).map_or("–".into(), |estimate| match estimate.interval {
@@ -142,8 +125,8 @@ fn differences(records: &[Record], anchors: Anchors) -> Table {
 }
 
 /// The result in one sentence.
-fn verdict(found: &Found<'_>) -> String {
-    let Some(best) = best(found.records) else { return String::new() };
+fn verdict(records: &[Record]) -> String {
+    let Some(best) = best(records) else { return String::new() };
     let chosen = GuidanceSource::BEST;
     if best == chosen {
         format!(
@@ -157,20 +140,20 @@ fn verdict(found: &Found<'_>) -> String {
 }
 
 /// Summary for the terminal.
-pub(super) fn summary(found: &Found<'_>) -> String {
+pub(super) fn summary(measured: &Measurements<'_, Record>, scale: f32) -> String {
     format!(
         "{}, {} places, paper's scale calibrated to {}\n\n{}\n{}\n",
-        found.world,
-        found.places.len(),
-        digits(f64::from(found.scale), 2),
-        table(found.records, Anchors::Drawn, &ROWS[..SOURCES], false).markdown(),
-        verdict(found)
+        measured.world,
+        measured.scenes.len(),
+        digits(f64::from(scale), 2),
+        table(measured.records, Anchors::Drawn, &ROWS[..SOURCES], false).markdown(),
+        verdict(measured.records)
     )
 }
 
 /// Share of the true motion that each source explains: the reduction of the end-point error relative to zero motion.
-fn plainly(records: &[Record]) -> String {
-    let off = |row: Row| over_places(records, Anchors::Drawn, row, END_POINT).map(|estimate| estimate.mean);
+fn explained(records: &[Record]) -> String {
+    let off = |row: Row| over_scenes(records, Anchors::Drawn, row, END_POINT).map(|estimate| estimate.mean);
     let Some(none) = off(ROWS[0]).filter(|none| *none > 0.0) else { return String::new() };
     let known = ROWS[1..SOURCES]
         .iter()
@@ -183,16 +166,15 @@ fn plainly(records: &[Record]) -> String {
 }
 
 /// The page `docs/motion.md`. Depends on the measurements only.
-pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> String {
-    let Found { settings, world, places, scale, records } = found;
-    let seeds: Vec<String> = settings.seeds().iter().map(u64::to_string).collect();
+pub(super) fn page(measured: &Measurements<'_, Record>, scale: f32, caption: Option<&str>) -> String {
+    let Measurements { settings, world, seeds, scenes, records } = *measured;
     let frames = records.iter().filter(|r| r.anchors == Anchors::Drawn && r.row == ROWS[0]).count();
     let mut out = format!(
         "# Which motion is best?\n\n\
          Frames between anchors need to know how things move. Here every way that the library has to find that out is held against the scenes' \
          [exact motion](scenes.md), and so is the frame that it leads to: half way between two anchors a fifteenth of a second apart, \
          made by the `cpu` generator, against what the renderer draws of that moment.\n\n{}\n\n",
-        verdict(found)
+        verdict(records)
     );
     for motion in MOTIONS {
         _ = writeln!(out, "- `{}`: {}", motion.name(), motion.description());
@@ -201,7 +183,7 @@ pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> St
             show; *within 1* the share that is off by a pixel at most. *Given up* counts frames whose motion explained so little that the \
             generator took them for a cut and showed the nearer anchor.\n";
     if let Some(caption) = caption {
-        _ = write!(out, "\n![every source's motion and frame]({figure})\n\n*{caption}*\n");
+        _ = write!(out, "\n![every source's motion and frame](motion.png)\n\n*{caption}*\n");
     }
     out += "\n## Between the renderer's anchors\n\n";
     out += &table(records, Anchors::Drawn, &ROWS[..SOURCES], false).markdown();
@@ -209,12 +191,12 @@ pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> St
         out,
         "\nThe calibrated factor is {} where the paper has {}: found by least squares over place {TUNING} of each kind, on which \
          `picture_flow` was tuned as well; the constants of `latent_flow` were not tuned. No place of the tables was seen before.\n\n",
-        digits(f64::from(*scale), 2),
+        digits(f64::from(scale), 2),
         cairn::guidance::paper::COMPRESSION
     );
     out += &differences(records, Anchors::Drawn).markdown();
     out += "\nMeans of places, and in brackets the 95 % bootstrap interval of the places' mean difference.\n";
-    out += &plainly(records);
+    out += &explained(records);
     out += "\n## By kind of place\n\nOff, in pixels:\n\n";
     out += &by_family(records, END_POINT, 2).markdown();
     out += "\nPSNR of the frames, in dB:\n\n";
@@ -234,9 +216,9 @@ pub(super) fn page(found: &Found<'_>, caption: Option<&str>, figure: &str) -> St
          world *{world}*, whose encoder is given each anchor as a still. The controls' eye knows the scenes' own turn of a \
          count, speed, height and field of view, which no world tells. Every frame is in the CSV that the command leaves.\n\n\
          ```sh\n{}\n```\n",
-        places.len(),
-        seeds.join(", "),
-        settings.command()
+        scenes.len(),
+        seed_list(seeds, ", "),
+        settings.command("motion")
     );
     out
 }
@@ -246,13 +228,13 @@ pub(super) fn csv(records: &[Record]) -> String {
     let mut text = String::from("scene,place,anchors,anchor,motion,depth,off,within_1,psnr,ssim,lpips,given_up\n");
     for record in records {
         let anchors = if record.anchors == Anchors::Drawn { "drawn" } else { "decoded" };
-        let Record { place, anchor, row, end_point, score, cut, .. } = record;
+        let Record { scene, anchor, row, end_point, score, cut, .. } = record;
         let lpips = score.lpips.map_or(String::new(), |lpips| format!("{lpips:.6}"));
         _ = writeln!(
             text,
             "{},{},{anchors},{anchor},{},{},{:.4},{:.5},{:.4},{:.6},{lpips},{}",
-            place.family,
-            place.seed,
+            scene.family,
+            scene.seed,
             row.motion.name(),
             row.depth.name(),
             end_point.mean,
@@ -269,13 +251,14 @@ pub(super) fn csv(records: &[Record]) -> String {
 mod tests {
     use scenes::Family;
 
-    use super::super::measure::{EndPoint, Score};
+    use super::super::measure::EndPoint;
     use super::*;
+    use crate::metrics::Score;
 
     fn record(seed: u64, row: Row, psnr: f64, lpips: Option<f64>) -> Record {
         let (end_point, score) = (EndPoint { mean: 1.0, near: 0.5 }, Score { psnr, ssim: 0.9, lpips });
-        let place = Place { family: Family::Snow, seed };
-        Record { place, anchors: Anchors::Drawn, row, anchor: 14, end_point, score, cut: false }
+        let scene = SceneId { family: Family::Snow, seed };
+        Record { scene, anchors: Anchors::Drawn, row, anchor: 14, end_point, score, cut: false }
     }
 
     #[test]
@@ -293,13 +276,13 @@ mod tests {
     }
 
     #[test]
-    fn differences_are_taken_place_by_place() {
+    fn differences_are_taken_scene_by_scene() {
         let records = [
             record(41, ROWS[5], 40.0, None),
             record(41, ROWS[1], 38.0, None),
             record(42, ROWS[5], 30.0, None),
             record(42, ROWS[1], 27.0, None),
-            // A place that one of the two lacks is left out for both.
+            // A scene that one of the two lacks is left out for both.
             record(43, ROWS[1], 90.0, None),
         ];
         let text = differences(&records, Anchors::Drawn).markdown();

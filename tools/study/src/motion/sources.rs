@@ -119,12 +119,12 @@ pub(super) struct Pair<'a> {
     pub(super) pictures: [&'a Picture; 2],
     pub(super) latents: [LatentView<'a>; 2],
     pub(super) truth: &'a Guidance,
-    /// Guidance from the controls, by [`Follower`].
+    /// Guidance from the controls, by [`ControlTracker`].
     pub(super) controls: &'a Guidance,
 }
 
 /// All sources of motion, with their working memory.
-pub(super) struct Finder {
+pub(super) struct Extractors {
     paper: paper::Extractor,
     calibrated: paper::Extractor,
     latents: latent_flow::Extractor,
@@ -132,7 +132,7 @@ pub(super) struct Finder {
     found: Guidance,
 }
 
-impl Finder {
+impl Extractors {
     /// `scale` is the calibrated extractor's.
     pub(super) fn new(scale: f32, (width, height): (u32, u32)) -> Result<Self> {
         Ok(Self {
@@ -179,7 +179,7 @@ impl Finder {
 }
 
 /// Derives motion from the controls of a walk, from anchor to anchor.
-pub(super) struct Follower {
+pub(super) struct ControlTracker {
     extractor: camera::Extractor,
     script: ControlScript,
     rate: u32,
@@ -187,7 +187,7 @@ pub(super) struct Follower {
     size: (u32, u32),
 }
 
-impl Follower {
+impl ControlTracker {
     /// For a walk under `script` with `rate` anchors a second that starts at the camera `start`; pictures have `size`.
     pub(super) fn new(
         script: ControlScript,
@@ -195,10 +195,10 @@ impl Follower {
         rate: u32,
         size: (u32, u32),
     ) -> Result<Self> {
-        let eye = camera::Eye {
+        let eye = camera::WalkingCamera {
             vertical_fov: start.vertical_fov,
             turn_per_count: TURN_PER_COUNT,
-            most_pitch: MAX_PITCH,
+            max_pitch: MAX_PITCH,
             walk: WALK,
             run: RUN,
             ease: EASE,
@@ -208,7 +208,7 @@ impl Follower {
     }
 
     /// Motion and depth of anchor `number`, which must be later than any before.
-    pub(super) fn reach(&mut self, number: u64, out: &mut Guidance) -> Result<()> {
+    pub(super) fn advance_to(&mut self, number: u64, out: &mut Guidance) -> Result<()> {
         while self.at < number {
             let span = [self.at, self.at + 1].map(|n| WorldTime::new(n, self.rate));
             let controls: ControlInput = self.script.span(span[0], span[1])?;

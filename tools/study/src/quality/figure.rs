@@ -5,11 +5,11 @@
 use cairn::{Picture, Result};
 
 use super::clips::Phase;
-use super::measure::{Measured, Record};
+use super::measure::{Measurements, Record};
 use super::rows;
 use super::store::Store;
 use super::table::mean;
-use crate::picture::{put, shrink};
+use crate::picture::{paste, shrink};
 use crate::text::{SMALL, fit, write};
 
 /// Columns of the figure.
@@ -36,7 +36,7 @@ pub(super) struct Figure {
 }
 
 /// Draws the figure; `None` if the clips are too small or no frame was scored.
-pub(super) fn draw(measured: &mut Measured, store: &Store) -> Result<Option<Figure>> {
+pub(super) fn draw(measured: &mut Measurements, store: &Store) -> Result<Option<Figure>> {
     let Some(chosen) = hard(&measured.records).cloned() else { return Ok(None) };
     let shown = measured.show(&chosen.clip, chosen.anchor, Phase::HALF, store)?;
     let [previous, current] = measured.ends(&chosen.clip, chosen.anchor, store)?;
@@ -168,8 +168,8 @@ fn arrange(tiles: &[(String, Picture, Picture)]) -> Result<Picture> {
     for (i, (label, upper, lower)) in tiles.iter().enumerate() {
         let (left, top) = (GAP + i as u32 % COLUMNS * (tile.0 + GAP), GAP + i as u32 / COLUMNS * line);
         write(&mut out, &fit(label, tile.0, SMALL), (left, top + 4), SMALL, BRIGHT);
-        put(&mut out, upper, (left, top + LABEL));
-        put(&mut out, lower, (left, top + LABEL + tile.1 + GAP));
+        paste(&mut out, upper, (left, top + LABEL));
+        paste(&mut out, lower, (left, top + LABEL + tile.1 + GAP));
     }
     Ok(out)
 }

@@ -11,23 +11,11 @@ use cairn::{Error, ErrorKind, Picture, Result};
 use super::clips::{self, Clip, Phase, Scale};
 use super::rows::{self, Interval, Row};
 use super::store::{Store, digest, digest_picture};
-use crate::metrics::{Features, Lpips, psnr, ssim};
+use crate::metrics::{Features, Lpips, Score};
 use crate::progress::Progress;
 
 /// Part of every stored score's key; changed when the same pictures would get another score.
 const SCORES: &str = "psnr, ssim 1";
-/// PSNR that equal pictures count as in means, in dB; no other pair reaches it.
-const EQUAL: f64 = 100.0;
-
-/// Distance of a picture from the true one.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Score {
-    /// In dB, at most [`EQUAL`].
-    pub(super) psnr: f64,
-    pub(super) ssim: f64,
-    /// `None` if its weights are not available.
-    pub(super) lpips: Option<f64>,
-}
 
 /// Score of one picture of one row.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,12 +33,12 @@ pub(super) struct Record {
 
 /// A row or a clip that is not available.
 #[derive(Debug, Clone)]
-pub(super) struct LeftOut {
+pub(super) struct Unavailable {
     pub(super) name: String,
     pub(super) why: String,
 }
 
-impl fmt::Display for LeftOut {
+impl fmt::Display for Unavailable {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.name, self.why)
     }
@@ -65,9 +53,9 @@ pub(super) struct Plan {
 }
 
 /// All measurements.
-pub(super) struct Measured {
+pub(super) struct Measurements {
     pub(super) records: Vec<Record>,
-    pub(super) left_out: Vec<LeftOut>,
+    pub(super) left_out: Vec<Unavailable>,
     pub(super) rows: Vec<(rows::Kind, Box<dyn Row>)>,
     pub(super) clips: Vec<Box<dyn Clip>>,
     /// `None` if LPIPS is not measured.
@@ -87,8 +75,8 @@ pub(super) fn run(
     store: &Store,
     progress: &Progress,
     stop: &AtomicBool,
-) -> Result<Measured> {
-    let mut measured = Measured {
+) -> Result<Measurements> {
+    let mut measured = Measurements {
         records: Vec::new(),
         left_out: Vec::new(),
         rows: Vec::new(),
@@ -101,18 +89,18 @@ pub(super) fn run(
     progress.phase("opening rows and clips");
     match lpips {
         Ok(lpips) => measured.lpips = lpips,
-        Err(error) => measured.left_out.push(LeftOut { name: "LPIPS".into(), why: error.to_string() }),
+        Err(error) => measured.left_out.push(Unavailable { name: "LPIPS".into(), why: error.to_string() }),
     }
     for &kind in plan.rows.iter().filter(|_| !plan.clips.is_empty()) {
         match kind.open(progress) {
             Ok(row) => measured.rows.push((kind, row)),
-            Err(error) => measured.left_out.push(LeftOut { name: kind.name().into(), why: error.to_string() }),
+            Err(error) => measured.left_out.push(Unavailable { name: kind.name().into(), why: error.to_string() }),
         }
     }
     for kind in &plan.clips {
         match kind.open(&plan.seeds, plan.scale, progress) {
             Ok(clips) => measured.clips.extend(clips),
-            Err(error) => measured.left_out.push(LeftOut { name: kind.name().into(), why: error.to_string() }),
+            Err(error) => measured.left_out.push(Unavailable { name: kind.name().into(), why: error.to_string() }),
         }
     }
     if !plan.clips.is_empty() && (measured.rows.is_empty() || measured.clips.is_empty()) {
@@ -140,14 +128,14 @@ pub(super) fn run(
     Ok(measured)
 }
 
-/// The two anchors of an interval, and the cache key of what depends on them.
-struct Ends {
+/// The two anchors of an interval, and the cache key of results that depend on them.
+struct IntervalEnds {
     previous: Picture,
     current: Picture,
     key: String,
 }
 
-impl Measured {
+impl Measurements {
     /// Scores every row on one interval.
     fn interval(&mut self, clip: usize, target: usize, store: &Store, done: &mut dyn FnMut()) -> Result<()> {
         let Self { clips, rows, records, lpips, computed, kept, .. } = self;
@@ -156,7 +144,7 @@ impl Measured {
         let target = clip.targets()[target].clone();
         let (previous, current) = (clip.anchor(target.anchor - 1, store)?, clip.anchor(target.anchor, store)?);
         let key = digest([digest_picture(&previous).as_bytes(), digest_picture(&current).as_bytes()]);
-        let ends = Ends { previous, current, key };
+        let ends = IntervalEnds { previous, current, key };
         let guidance = guidance(clip, target.anchor, store)?;
         let truths = target.phases().into_iter().map(|phase| Truth::new(clip, target.anchor, phase, store));
         let truths = truths.collect::<Result<Vec<_>>>()?;
@@ -168,7 +156,8 @@ impl Measured {
                 let name = |truth: &Truth| {
                     digest([&measures, kind.name(), &version, &ends.key, &truth.key].map(str::as_bytes))
                 };
-                let known = wanted.iter().map(|truth| Ok(store.kept_line(&name(truth))?.and_then(|line| parse(&line))));
+                let known =
+                    wanted.iter().map(|truth| Ok(store.stored_line(&name(truth))?.and_then(|line| parse(&line))));
                 let mut scores = known.collect::<Result<Vec<Option<Score>>>>()?;
                 let missing: Vec<usize> = (0..scores.len()).filter(|i| scores[*i].is_none()).collect();
                 *kept += scores.len() - missing.len();
@@ -178,7 +167,7 @@ impl Measured {
                     let made = pictures(*kind, row.as_mut(), clip, target.anchor, &ends, &guidance, &phases, store)?;
                     for (i, picture) in missing.into_iter().zip(made) {
                         let score = wanted[i].score(picture, lpips.as_ref())?;
-                        store.keep_line(&name(wanted[i]), &line(score))?;
+                        store.store_line(&name(wanted[i]), &line(score))?;
                         scores[i] = Some(score);
                     }
                 }
@@ -221,7 +210,7 @@ impl Measured {
         let clip = clip.as_mut();
         let (previous, current) = (clip.anchor(anchor - 1, store)?, clip.anchor(anchor, store)?);
         let key = digest([digest_picture(&previous).as_bytes(), digest_picture(&current).as_bytes()]);
-        let ends = Ends { previous, current, key };
+        let ends = IntervalEnds { previous, current, key };
         let guidance = guidance(clip, anchor, store)?;
         let mut shown = vec![(None, clip.truth(anchor, phase, store)?)];
         for (kind, row) in rows.iter_mut() {
@@ -248,7 +237,7 @@ fn pictures(
     row: &mut dyn Row,
     clip: &mut dyn Clip,
     anchor: usize,
-    ends: &Ends,
+    ends: &IntervalEnds,
     guidance: &[Option<Guidance>; 2],
     phases: &[Phase],
     store: &Store,
@@ -257,7 +246,7 @@ fn pictures(
     let names: Vec<String> = phases.iter().map(name).collect();
     // This program makes its own pictures faster than it reads them, and they change with every build.
     if !kind.is_built_in() {
-        let kept: Result<Vec<Option<Picture>>> = names.iter().map(|name| store.kept_row(kind.name(), name)).collect();
+        let kept: Result<Vec<Option<Picture>>> = names.iter().map(|name| store.stored_row(kind.name(), name)).collect();
         if let Some(kept) = kept?.into_iter().collect() {
             return Ok(kept);
         }
@@ -282,7 +271,7 @@ fn pictures(
     }
     if !kind.is_built_in() {
         for (name, picture) in names.iter().zip(&made) {
-            store.keep_row(kind.name(), name, picture)?;
+            store.store_row(kind.name(), name, picture)?;
         }
     }
     Ok(made)
@@ -325,7 +314,7 @@ impl Truth {
             }
             None => None,
         };
-        Ok(Score { psnr: psnr(&self.picture, &picture)?.min(EQUAL), ssim: ssim(&self.picture, &picture)?, lpips })
+        Score::new(&self.picture, &picture, lpips)
     }
 }
 
@@ -367,6 +356,7 @@ pub(super) fn csv(records: &[Record]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::metrics::MAX_PSNR;
 
     #[test]
     fn a_score_survives_its_line() {
@@ -390,10 +380,10 @@ mod tests {
             features: OnceCell::new(),
             key: String::new(),
         };
-        assert!(truth.score(other.clone(), None).unwrap().psnr < EQUAL);
+        assert!(truth.score(other.clone(), None).unwrap().psnr < MAX_PSNR);
         counts[3] = false;
         truth.counts = Some(counts);
         let score = truth.score(other, None).unwrap();
-        assert!(score.psnr == EQUAL && (score.ssim - 1.0).abs() < 1e-9);
+        assert!(score.psnr == MAX_PSNR && (score.ssim - 1.0).abs() < 1e-9);
     }
 }

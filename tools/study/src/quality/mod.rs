@@ -7,7 +7,7 @@
 //! ```
 //!
 //! The unit of statistics is the clip: frames of one clip resemble each other, so they are averaged first, and
-//! differences between rows are taken clip by clip.
+//! differences between rows are computed clip by clip.
 
 mod claims;
 mod clips;
@@ -20,17 +20,18 @@ mod store;
 mod table;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use cairn::{Error, ErrorKind, Result};
 
+use crate::experiment::files::Files;
 use crate::inputs;
-use crate::media::{RealDisk, describe_io, encode_png, write_whole};
+use crate::media::{describe_io, encode_png};
 use crate::metrics::{Lpips, Net};
 use crate::progress::Progress;
 use clips::Scale;
-use measure::{Measured, Plan};
+use measure::{Measurements, Plan};
 use rows::program::not_provided;
 use store::Store;
 use table::Table;
@@ -43,29 +44,35 @@ const SUMMARY: &str = "quality.csv";
 const FRAMES: &str = "quality-frames.csv";
 /// The same crop for every row.
 const FIGURE: &str = "quality.png";
+/// The figure without the ending.
+const NAME: &str = "quality";
 
 /// Settings of the measurement, as texts from the command line.
 #[derive(Debug, Clone)]
-pub(crate) struct Settings {
-    pub(crate) rows: String,
-    pub(crate) clips: String,
-    pub(crate) seeds: Vec<u64>,
+pub struct Settings {
+    /// The rows: ways to make frames, as a list of names.
+    pub rows: String,
+    /// The clips, as a list of names.
+    pub clips: String,
+    /// Scene seeds.
+    pub seeds: Vec<u64>,
     /// The network of LPIPS: alex, vgg or none.
-    pub(crate) lpips: String,
+    pub lpips: String,
     /// Small clips, and only rows that need no other program.
-    pub(crate) smoke: bool,
+    pub smoke: bool,
     /// Ignore stored scores and stored pictures of other programs.
-    pub(crate) fresh: bool,
+    pub fresh: bool,
     /// Also measure times.
-    pub(crate) speed: bool,
+    pub speed: bool,
     /// Also write the report into the repository's docs.
-    pub(crate) publish: bool,
-    pub(crate) out: PathBuf,
+    pub publish: bool,
+    /// The output folder.
+    pub out: PathBuf,
 }
 
 impl Settings {
     /// Checks the settings; reads no file.
-    pub(crate) fn check(&self) -> Result<()> {
+    pub fn check(&self) -> Result<()> {
         rows::parse(&self.rows)?;
         let clips = clips::parse(&self.clips)?;
         net(&self.lpips)?;
@@ -102,26 +109,29 @@ fn open_lpips(settings: &Settings, progress: &Progress) -> Result<Option<Lpips>>
 }
 
 /// Result of the measurement.
-pub(crate) struct Outcome {
+#[derive(Debug)]
+pub struct Outcome {
     /// Files that were written, the report first.
-    pub(crate) files: Vec<PathBuf>,
+    pub files: Vec<PathBuf>,
     /// Verdict on each claim, one line each.
-    pub(crate) claims: Vec<String>,
+    pub claims: Vec<String>,
     /// Number of claims that the table does not support.
-    pub(crate) missed: usize,
-    /// Number of scores computed now, and of stored ones.
-    pub(crate) computed: usize,
-    pub(crate) kept: usize,
+    pub missed: usize,
+    /// Number of scores that were computed now.
+    pub computed: usize,
+    /// Number of stored scores.
+    pub kept: usize,
     /// Unavailable rows and clips, with reason and remedy.
-    pub(crate) left_out: Vec<String>,
-    pub(crate) interrupted: bool,
+    pub left_out: Vec<String>,
+    /// Whether `stop` ended the measurement.
+    pub interrupted: bool,
 }
 
 /// Measures, and writes table, report and figure.
 ///
 /// # Errors
 /// Invalid settings, a clip that cannot be made, a full disk. An unavailable row is no error.
-pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
+pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
     settings.check()?;
     let cache = provision::cache_dir().map_err(|e| not_provided(&e))?;
     let store = Store::new(cache.join("quality"), !settings.fresh);
@@ -145,12 +155,13 @@ pub(crate) fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -
 
     fs::create_dir_all(&settings.out).map_err(|e| describe_io("cannot be made", &settings.out, &e))?;
     let page = Page { settings, table: &table, claims: &claims, speed: speed.as_ref() };
-    let mut files = write(&settings.out, &page, &mut measured, &store)?;
+    let files = files(&page, &mut measured, &store)?;
+    let mut written = files.write(&settings.out)?;
     if settings.publish && !measured.interrupted {
-        files.extend(publish(&settings.out)?);
+        written.extend(files.publish(&[SUMMARY, FIGURE, REPORT])?);
     }
     Ok(Outcome {
-        files,
+        files: written,
         missed: claims.iter().filter(|claim| !claim.held).count(),
         claims: claims.iter().map(ToString::to_string).collect(),
         computed: measured.computed,
@@ -168,40 +179,16 @@ struct Page<'a> {
     speed: Option<&'a speed::Speed>,
 }
 
-fn write(out: &Path, page: &Page<'_>, measured: &mut Measured, store: &Store) -> Result<Vec<PathBuf>> {
-    let mut files = vec![out.join(REPORT), out.join(SUMMARY), out.join(FRAMES)];
+/// The report's files: the report first, the figure last.
+fn files(page: &Page<'_>, measured: &mut Measurements, store: &Store) -> Result<Files> {
     let figure = figure::draw(measured, store)?;
-    if let Some(figure) = &figure {
-        let path = out.join(FIGURE);
-        write_whole(&RealDisk, &path, &encode_png(&figure.picture)?)?;
-        files.push(path);
-    }
     let text = report::text(page, measured, figure.as_ref().map(|f| f.caption.as_str()));
-    write_whole(&RealDisk, &files[0], text.as_bytes())?;
-    write_whole(&RealDisk, &files[1], page.table.csv().as_bytes())?;
-    write_whole(&RealDisk, &files[2], measure::csv(&measured.records).as_bytes())?;
-    Ok(files)
-}
-
-/// Copies report, table and figure into the repository's docs, where the figure has a folder of its own.
-fn publish(out: &Path) -> Result<Vec<PathBuf>> {
-    let docs = provision::repository().join("docs");
-    let mut files = Vec::new();
-    for (name, place) in
-        [(SUMMARY, docs.join(SUMMARY)), (FIGURE, docs.join("images").join(FIGURE)), (REPORT, docs.join(REPORT))]
-    {
-        let from = out.join(name);
-        if !from.is_file() {
-            continue;
-        }
-        let mut bytes = fs::read(&from).map_err(|e| describe_io("cannot be read", &from, &e))?;
-        if name == REPORT {
-            bytes = String::from_utf8_lossy(&bytes)
-                .replace(&format!("]({FIGURE})"), &format!("](images/{FIGURE})"))
-                .into_bytes();
-        }
-        write_whole(&RealDisk, &place, &bytes)?;
-        files.push(place);
+    let mut files = Files::default();
+    files.add(REPORT, text);
+    files.add(SUMMARY, page.table.csv());
+    files.add(FRAMES, measure::csv(&measured.records));
+    if let Some(figure) = &figure {
+        files.add_picture(NAME, encode_png(&figure.picture)?, &figure.picture)?;
     }
     Ok(files)
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::claims::MEASURES;
-use super::measure::Measured;
+use super::measure::Measurements;
 use super::rows::Kind;
 use super::table::{Table, is_better, measures};
 use super::{FIGURE, FRAMES, Page, SUMMARY, Settings};
@@ -12,7 +12,7 @@ use super::{FIGURE, FRAMES, Page, SUMMARY, Settings};
 const SEED_FOR_TUNING: u64 = 4;
 
 /// The whole text. It depends on the measurements only, so the page changes only when they do.
-pub(super) fn text(page: &Page<'_>, measured: &Measured, caption: Option<&str>) -> String {
+pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&str>) -> String {
     let Page { settings, table, claims, speed } = page;
     let mut out = "# Picture quality\n\n".to_owned();
     out += "Cairn makes the frames between two pictures, the anchors. How good are they? Here the true frame between two anchors \
@@ -142,7 +142,7 @@ fn differences(out: &mut String, table: &Table) {
     }
 }
 
-fn rows(out: &mut String, measured: &Measured) {
+fn rows(out: &mut String, measured: &Measurements) {
     out.push_str("\n## The rows\n\n| row | how it makes its pictures | program and settings |\n|---|---|---|\n");
     for (kind, row) in &measured.rows {
         let version = row.version();
@@ -150,7 +150,7 @@ fn rows(out: &mut String, measured: &Measured) {
     }
 }
 
-fn clips(out: &mut String, measured: &Measured) {
+fn clips(out: &mut String, measured: &Measurements) {
     out.push_str("\n## The clips\n\n| clip | what it is | frames |\n|---|---|---|\n");
     for clip in &measured.clips {
         let frames: usize = clip.targets().iter().map(|target| target.phases().len()).sum();
@@ -158,7 +158,7 @@ fn clips(out: &mut String, measured: &Measured) {
     }
 }
 
-fn left_out(out: &mut String, measured: &Measured) {
+fn left_out(out: &mut String, measured: &Measurements) {
     if !measured.left_out.is_empty() {
         out.push_str("\n## What is missing\n\n");
         for left_out in &measured.left_out {
@@ -201,7 +201,7 @@ fn capital(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::claims;
-    use super::super::measure::LeftOut;
+    use super::super::measure::Unavailable;
     use super::super::table::tests::record;
     use super::*;
 
@@ -225,9 +225,9 @@ mod tests {
             publish: false,
             out: "out".into(),
         };
-        let measured = Measured {
+        let measured = Measurements {
             records,
-            left_out: vec![LeftOut { name: "rife".into(), why: "no\nnetwork".into() }],
+            left_out: vec![Unavailable { name: "rife".into(), why: "no\nnetwork".into() }],
             rows: Vec::new(),
             clips: Vec::new(),
             lpips: None,

@@ -1,6 +1,6 @@
 //! Cost of a generated frame at 1920x1080, relative to the plain average of two pictures and to ffmpeg's `minterpolate`.
 //!
-//! The timed generator, extractor and filter are those that are scored. Everything is measured in one run with interleaved turns, the filter's too,
+//! The timed generator, extractor and filter are those that are scored. Everything is measured in one run, in rounds that include the filter,
 //! so that ratios are reliable even where times are not.
 
 mod filter;
@@ -26,26 +26,26 @@ use crate::machine::Versions;
 use crate::progress::Progress;
 use filter::{Filter, intervals};
 
-/// Turns of each of our lines, after one for warming up.
-const TURNS: usize = 12;
-/// `minterpolate` has one turn per this many of ours, because one run gives a time for each of its intervals.
-const TURNS_TO_THEIRS: usize = 2;
-/// Number of anchors,
+/// Timed rounds of our operations, after one for warming up.
+const ROUNDS: usize = 12;
+/// Rounds of ours for each run of `minterpolate`, because one run times each of its intervals.
+const ROUNDS_PER_FILTER_RUN: usize = 2;
+/// Number of anchors.
 const ANCHORS: usize = 7;
-/// and index of the current one where motion is given.
+/// Index of the anchor with given motion and depth.
 const CURRENT: usize = 3;
 /// Threads of the measurement.
 const THREADS: usize = 2;
-/// Scene of the measurement: in the middle of a walk with a turn, and the one with the most edges.
-const PLACE: Family = Family::Forest;
-/// Scenes where the same is timed, without `minterpolate`.
-const ELSEWHERE: [Family; 3] = [Family::Sword, Family::Desert, Family::Snow];
+/// Family of the timed scene: the one with the most edges, in the middle of a walk with a turn.
+const FAMILY: Family = Family::Forest;
+/// Families where the same is timed, without `minterpolate`.
+const OTHER_FAMILIES: [Family; 3] = [Family::Sword, Family::Desert, Family::Snow];
 /// Scene seed for tuning the generator.
 const SEED: u64 = 4;
 
 /// Timed operations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Work {
+enum Operation {
     Average,
     Tiles(u32),
     Pixels,
@@ -53,7 +53,7 @@ enum Work {
     Minterpolate,
 }
 
-impl Work {
+impl Operation {
     fn label(self) -> String {
         match self {
             Self::Average => "plain average of both anchors".into(),
@@ -68,7 +68,7 @@ impl Work {
 /// Time of a line.
 #[derive(Debug, Clone, PartialEq)]
 struct Line {
-    work: Work,
+    operation: Operation,
     /// Seconds per frame on two threads, or with the other program's own threads.
     seconds: f64,
     /// Seconds per frame on one thread, if measured.
@@ -80,9 +80,9 @@ struct Line {
 pub(super) struct Speed {
     lines: Vec<Line>,
     /// The smallest and the largest of `minterpolate`'s times in seconds, or why there are none.
-    theirs: std::result::Result<[f64; 2], String>,
+    filter_times: std::result::Result<[f64; 2], String>,
     /// The same lines of other scenes.
-    elsewhere: Vec<(String, Vec<Line>)>,
+    other_scenes: Vec<(String, Vec<Line>)>,
     machine: String,
 }
 
@@ -92,26 +92,26 @@ pub(super) struct Speed {
 /// The scene cannot be rendered, or the generator rejects its anchors.
 pub(super) fn measure(store: &Store, progress: &Progress, stop: &AtomicBool) -> Result<Speed> {
     progress.phase("drawing anchors of 1920x1080");
-    let timed = Timed::draw(PLACE, CURRENT, ANCHORS, store)?;
-    let others = ELSEWHERE.map(|family| Ok((family, Timed::draw(family, 1, 2, store)?)));
+    let timed = TimedInput::draw(FAMILY, CURRENT, ANCHORS, store)?;
+    let others = OTHER_FAMILIES.map(|family| Ok((family, TimedInput::draw(family, 1, 2, store)?)));
     let others = others.into_iter().collect::<Result<Vec<_>>>()?;
 
     progress.phase("timing");
     let filter = Minterpolate::open(progress).and_then(|row| Filter::new(&row.program, &timed.anchors));
-    let (lines, theirs) = take(&timed, filter, stop)?;
-    let mut elsewhere = Vec::new();
+    let (lines, filter_times) = time_all(&timed, filter, stop)?;
+    let mut other_scenes = Vec::new();
     for (family, timed) in &others {
         let none = Err(Error::new(ErrorKind::Unsupported, "minterpolate is timed in one place only"));
-        elsewhere.push((format!("{family}-{SEED}"), take(timed, none, stop)?.0));
+        other_scenes.push((format!("{family}-{SEED}"), time_all(timed, none, stop)?.0));
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let Versions { cpu, optimised_build, .. } = Versions::of_this_program();
     let build = if optimised_build { "" } else { ", by a build with its checks on, which is slower" };
-    Ok(Speed { lines, theirs, elsewhere, machine: format!("{cpu}, {cores} logical cores{build}") })
+    Ok(Speed { lines, filter_times, other_scenes, machine: format!("{cpu}, {cores} logical cores{build}") })
 }
 
 /// Input of the timed operations.
-struct Timed {
+struct TimedInput {
     anchors: Vec<Picture>,
     /// Number of the anchor whose motion and depth are given.
     current: usize,
@@ -120,7 +120,7 @@ struct Timed {
     before: Option<Guidance>,
 }
 
-impl Timed {
+impl TimedInput {
     /// Renders `count` anchors of a scene; index `current` is the anchor of the scene's first target.
     fn draw(family: Family, current: usize, count: usize, store: &Store) -> Result<Self> {
         let mut clip = SceneClip::new(family, SEED, Scale::Timed)?;
@@ -152,58 +152,62 @@ impl Threads {
 }
 
 /// An operation and the threads it runs on.
-struct Turn<'a> {
-    work: Work,
+struct TimedOperation<'a> {
+    operation: Operation,
     threads: &'a Threads,
     run: Box<dyn FnMut() -> Result<()> + Send + 'a>,
     times: Vec<Duration>,
 }
 
-impl<'a> Turn<'a> {
-    fn new(threads: &'a Threads, work: Work, run: Box<dyn FnMut() -> Result<()> + Send + 'a>) -> Self {
-        Self { work, threads, run, times: Vec::new() }
+impl<'a> TimedOperation<'a> {
+    fn new(threads: &'a Threads, operation: Operation, run: Box<dyn FnMut() -> Result<()> + Send + 'a>) -> Self {
+        Self { operation, threads, run, times: Vec::new() }
     }
 }
 
-/// Result of [`take`]: a line per operation, and the value of [`Speed::theirs`].
+/// Result of [`time_all`]: a line per operation, and the value of [`Speed::filter_times`].
 type Times = (Vec<Line>, std::result::Result<[f64; 2], String>);
 
 /// Times this program's operations on two threads and on one, with the previous anchor's depth if known, interleaved with the
-/// filter. Each turn of [`Work::Flow`] uses another of the filter's intervals.
-fn take(timed: &Timed, filter: Result<Filter>, stop: &AtomicBool) -> Result<Times> {
-    let Timed { anchors, current, given, before } = timed;
+/// filter. Each round of [`Operation::Flow`] uses another of the filter's intervals.
+fn time_all(timed: &TimedInput, filter: Result<Filter>, stop: &AtomicBool) -> Result<Times> {
+    let TimedInput { anchors, current, given, before } = timed;
     let (pair, before) = ([&anchors[current - 1], &anchors[*current]], before.as_ref());
     let threads = [Threads::new(THREADS)?, Threads::new(1)?];
-    let tiled = [in_tiles(given, 8)?, in_tiles(given, 16)?];
-    let [of_8, of_16] = [8, 16].map(|tile| before.map(|before| in_tiles(before, tile)).transpose());
+    let tiled = [tiled_guidance(given, 8)?, tiled_guidance(given, 16)?];
+    let [of_8, of_16] = [8, 16].map(|tile| before.map(|before| tiled_guidance(before, tile)).transpose());
     let befores = [of_8?, of_16?, before.cloned()];
-    let mut turns = Vec::new();
+    let mut operations = Vec::new();
     for threads in &threads {
         let mut out = pair[1].clone();
-        turns.push(Turn::new(
+        operations.push(TimedOperation::new(
             threads,
-            Work::Average,
+            Operation::Average,
             Box::new(move || {
                 average(pair, &mut out);
                 Ok(())
             }),
         ));
-        let lines = tiled.iter().map(|g| (Work::Tiles(g.motion().tile()), g)).chain([(Work::Pixels, given)]);
-        for ((work, guidance), before) in lines.zip(&befores) {
+        let lines = tiled.iter().map(|g| (Operation::Tiles(g.motion().tile()), g)).chain([(Operation::Pixels, given)]);
+        for ((operation, guidance), before) in lines.zip(&befores) {
             let (mut generator, mut out) = (CpuGenerator::new(), pair[1].clone());
             let mut pair = AnchorPair::new(pair[0], pair[1], guidance)?;
             if let Some(before) = before {
                 pair = pair.with_previous_depth(before.depth())?;
             }
-            turns.push(Turn::new(threads, work, Box::new(move || generator.generate(&pair, 0.5, &mut out).map(drop))));
+            operations.push(TimedOperation::new(
+                threads,
+                operation,
+                Box::new(move || generator.generate(&pair, 0.5, &mut out).map(drop)),
+            ));
         }
         let (mut extractor, mut generator) = (picture_flow::Extractor::new(), CpuGenerator::new());
         let mut guidance = Guidance::new(pair[0].width(), pair[0].height(), picture_flow::PROJECTION)?;
         let mut out = pair[1].clone();
         let mut intervals = intervals(anchors.len()).cycle();
-        turns.push(Turn::new(
+        operations.push(TimedOperation::new(
             threads,
-            Work::Flow,
+            Operation::Flow,
             Box::new(move || {
                 let at = intervals.next().unwrap_or(0);
                 let [previous, current] = [&anchors[at], &anchors[at + 1]];
@@ -212,9 +216,9 @@ fn take(timed: &Timed, filter: Result<Filter>, stop: &AtomicBool) -> Result<Time
             }),
         ));
     }
-    let mut theirs = filter.map(|filter| (filter, Vec::new()));
-    for turn in 0..=TURNS {
-        for Turn { work, threads, run, times } in &mut turns {
+    let mut filter_times = filter.map(|filter| (filter, Vec::new()));
+    for round in 0..=ROUNDS {
+        for TimedOperation { operation, threads, run, times } in &mut operations {
             if stop.load(Ordering::SeqCst) {
                 return Err(Error::new(ErrorKind::Cancelled, "interrupted while the time was taken"));
             }
@@ -222,36 +226,36 @@ fn take(timed: &Timed, filter: Result<Filter>, stop: &AtomicBool) -> Result<Time
                 let start = Instant::now();
                 run().map(|()| start.elapsed())
             };
-            let time = match work {
-                Work::Average => threads.of_average.install(timed)?,
+            let time = match operation {
+                Operation::Average => threads.of_average.install(timed)?,
                 _ => threads.of_library.install(timed)?,
             };
-            if turn > 0 {
+            if round > 0 {
                 times.push(time);
             }
         }
-        if turn % TURNS_TO_THEIRS == 0 {
-            theirs = theirs.and_then(|(filter, mut times)| {
-                let taken = filter.times()?;
-                times.extend(taken.into_iter().filter(|_| turn > 0));
+        if round % ROUNDS_PER_FILTER_RUN == 0 {
+            filter_times = filter_times.and_then(|(filter, mut times)| {
+                let measured = filter.times()?;
+                times.extend(measured.into_iter().filter(|_| round > 0));
                 Ok((filter, times))
             });
         }
     }
-    let half = turns.len() / 2;
-    let (both, alone) = turns.split_at_mut(half);
+    let half = operations.len() / 2;
+    let (both, alone) = operations.split_at_mut(half);
     let mut lines: Vec<Line> = both
         .iter_mut()
         .zip(alone)
         .map(|(both, alone)| Line {
-            work: both.work,
+            operation: both.operation,
             seconds: median(&mut both.times),
             alone: Some(median(&mut alone.times)),
         })
         .collect();
-    let range = theirs.map_err(|error| error.to_string()).map(|(_, mut times)| {
-        lines.push(Line { work: Work::Minterpolate, seconds: median(&mut times), alone: None });
-        // Sorted, since the median was taken.
+    let range = filter_times.map_err(|error| error.to_string()).map(|(_, mut times)| {
+        lines.push(Line { operation: Operation::Minterpolate, seconds: median(&mut times), alone: None });
+        // `median` has sorted them.
         [times.first(), times.last()].map(|time| time.map_or(f64::NAN, Duration::as_secs_f64))
     });
     Ok((lines, range))
@@ -275,7 +279,7 @@ fn average([previous, current]: [&Picture; 2], out: &mut Picture) {
 }
 
 /// Guidance in tiles; each tile has the value of its middle pixel.
-fn in_tiles(given: &Guidance, tile: u32) -> Result<Guidance> {
+fn tiled_guidance(given: &Guidance, tile: u32) -> Result<Guidance> {
     let (width, height) = given.size();
     let mut motion = MotionField::tiled(width, height, tile)?;
     let mut depth = DepthMap::tiled(width, height, tile, given.depth().projection())?;
@@ -293,23 +297,23 @@ fn in_tiles(given: &Guidance, tile: u32) -> Result<Guidance> {
     Guidance::from_parts(motion, depth)
 }
 
-fn line_of(lines: &[Line], work: Work) -> Option<&Line> {
-    lines.iter().find(|line| line.work == work)
+fn line_of(lines: &[Line], operation: Operation) -> Option<&Line> {
+    lines.iter().find(|line| line.operation == operation)
 }
 
 /// Time of an operation as a multiple of the plain average's.
-fn times_average(lines: &[Line], work: Work) -> Option<f64> {
-    Some(line_of(lines, work)?.seconds / line_of(lines, Work::Average)?.seconds)
+fn times_average(lines: &[Line], operation: Operation) -> Option<f64> {
+    Some(line_of(lines, operation)?.seconds / line_of(lines, Operation::Average)?.seconds)
 }
 
 impl Speed {
-    fn line(&self, work: Work) -> Option<&Line> {
-        line_of(&self.lines, work)
+    fn line(&self, operation: Operation) -> Option<&Line> {
+        line_of(&self.lines, operation)
     }
 
     /// Time of an operation as a multiple of the plain average's.
-    fn times_average(&self, work: Work) -> Option<f64> {
-        times_average(&self.lines, work)
+    fn times_average(&self, operation: Operation) -> Option<f64> {
+        times_average(&self.lines, operation)
     }
 
     /// Verdicts on the claims about times, as far as they were measured.
@@ -322,14 +326,15 @@ impl Speed {
         };
         let plain = "plain average's time at 1920x1080";
         let tiles = format!("motion in tiles: at most 8 times the {plain}");
-        claim(&tiles, self.times_average(Work::Tiles(8)), 8.0, true);
+        claim(&tiles, self.times_average(Operation::Tiles(8)), 8.0, true);
         let pixels = format!("motion to every pixel: at most 24 times the {plain}");
-        claim(&pixels, self.times_average(Work::Pixels), 24.0, true);
-        let both = self.line(Work::Flow).zip(self.line(Work::Minterpolate));
+        claim(&pixels, self.times_average(Operation::Pixels), 24.0, true);
+        let both = self.line(Operation::Flow).zip(self.line(Operation::Minterpolate));
         let ratio = both.map(|(own, other)| other.seconds / own.seconds);
         claim("`picture_flow` and generation: at least 10 times as fast as minterpolate", ratio, 10.0, false);
-        for (work, what) in [(Work::Pixels, "generation"), (Work::Flow, "`picture_flow` and generation")] {
-            let gain = self.line(work).and_then(|line| Some(line.alone? / line.seconds));
+        for (operation, what) in [(Operation::Pixels, "generation"), (Operation::Flow, "`picture_flow` and generation")]
+        {
+            let gain = self.line(operation).and_then(|line| Some(line.alone? / line.seconds));
             claim(&format!("{what}: a second core makes it at least 1.7 times as fast"), gain, 1.7, false);
         }
         claims
@@ -341,14 +346,14 @@ impl Speed {
             "\n## Time\n\nOne frame in the middle of two anchors of 1920x1080 (the scene `{}-{}`), on {THREADS} threads, in one run \
              on {}. Times differ from machine to machine; the ratios are what counts.\n\n\
              | | ms | times the plain average | gain by the second core |\n|---|---|---|---|\n",
-            PLACE, SEED, self.machine
+            FAMILY, SEED, self.machine
         );
         for line in &self.lines {
             let gain = line.alone.map_or_else(|| "–".to_owned(), |alone| format!("{:.2}", alone / line.seconds));
-            let ratio = self.times_average(line.work).unwrap_or(f64::NAN);
-            _ = writeln!(out, "| {} | {:.2} | {ratio:.1} | {gain} |", line.work.label(), line.seconds * 1e3);
+            let ratio = self.times_average(line.operation).unwrap_or(f64::NAN);
+            _ = writeln!(out, "| {} | {:.2} | {ratio:.1} | {gain} |", line.operation.label(), line.seconds * 1e3);
         }
-        match &self.theirs {
+        match &self.filter_times {
             Ok([least, greatest]) => {
                 _ = writeln!(
                     out,
@@ -364,17 +369,18 @@ impl Speed {
             }
             Err(why) => _ = writeln!(out, "\nLeft out: minterpolate: {}", why.replace('\n', " ")),
         }
-        if !self.elsewhere.is_empty() {
-            const SHOWN: [Work; 4] = [Work::Tiles(8), Work::Tiles(16), Work::Pixels, Work::Flow];
+        if !self.other_scenes.is_empty() {
+            const SHOWN: [Operation; 4] =
+                [Operation::Tiles(8), Operation::Tiles(16), Operation::Pixels, Operation::Flow];
             out += "\nThe more edges and the more that leaves the picture, the longer it takes. The same in other scenes, in times \
                     the plain average:\n\n| |";
-            SHOWN.iter().for_each(|work| _ = write!(out, " {} |", work.label()));
+            SHOWN.iter().for_each(|operation| _ = write!(out, " {} |", operation.label()));
             out += "\n|---|---|---|---|---|\n";
-            for (name, lines) in &self.elsewhere {
+            for (name, lines) in &self.other_scenes {
                 _ = write!(out, "| {name} |");
-                for work in SHOWN {
+                for operation in SHOWN {
                     let times =
-                        times_average(lines, work).map_or_else(|| "–".to_owned(), |times| format!("{times:.1}"));
+                        times_average(lines, operation).map_or_else(|| "–".to_owned(), |times| format!("{times:.1}"));
                     _ = write!(out, " {times} |");
                 }
                 out += "\n";
@@ -392,16 +398,16 @@ mod tests {
 
     #[test]
     fn ratios_decide_and_not_times() {
-        let line = |work, seconds, alone| Line { work, seconds, alone };
+        let line = |operation, seconds, alone| Line { operation, seconds, alone };
         let lines = vec![
-            line(Work::Average, 1.0, Some(1.5)),
-            line(Work::Tiles(8), 7.5, Some(14.0)),
-            line(Work::Pixels, 25.0, Some(50.0)),
-            line(Work::Flow, 40.0, Some(60.0)),
-            line(Work::Minterpolate, 900.0, None),
+            line(Operation::Average, 1.0, Some(1.5)),
+            line(Operation::Tiles(8), 7.5, Some(14.0)),
+            line(Operation::Pixels, 25.0, Some(50.0)),
+            line(Operation::Flow, 40.0, Some(60.0)),
+            line(Operation::Minterpolate, 900.0, None),
         ];
-        let elsewhere = vec![("snow-4".into(), lines[..2].to_vec())];
-        let slow = Speed { lines, theirs: Ok([899.0, 901.0]), elsewhere, machine: "a machine".into() };
+        let other_scenes = vec![("snow-4".into(), lines[..2].to_vec())];
+        let slow = Speed { lines, filter_times: Ok([899.0, 901.0]), other_scenes, machine: "a machine".into() };
         let mut fast = slow.clone();
         for line in &mut fast.lines {
             line.seconds /= 1000.0;
@@ -423,7 +429,7 @@ mod tests {
         let vectors = (0..width * height).map(|i| [f16::from_f32(i as f32), f16::ZERO]).collect();
         let motion = MotionField::from_vectors(width, height, vectors).unwrap();
         let depth = DepthMap::new(width, height, picture_flow::PROJECTION).unwrap();
-        let tiled = in_tiles(&Guidance::from_parts(motion, depth).unwrap(), 8).unwrap();
+        let tiled = tiled_guidance(&Guidance::from_parts(motion, depth).unwrap(), 8).unwrap();
         let found: Vec<f32> = tiled.motion().vectors().iter().map(|v| v[0].to_f32()).collect();
         // Only the upper edge of the last row of tiles lies in the picture, and the left half of the last column.
         let middles = [(4, 4), (12, 4), (19, 4), (4, 8), (12, 8), (19, 8)];

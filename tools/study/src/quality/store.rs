@@ -112,7 +112,7 @@ impl Store {
     }
 
     /// A stored picture of another program.
-    pub(super) fn kept_row(&self, row: &str, key: &str) -> Result<Option<Picture>> {
+    pub(super) fn stored_row(&self, row: &str, key: &str) -> Result<Option<Picture>> {
         if !self.reuse {
             return Ok(None);
         }
@@ -120,7 +120,7 @@ impl Store {
     }
 
     /// Stores a picture of another program.
-    pub(super) fn keep_row(&self, row: &str, key: &str, picture: &Picture) -> Result<()> {
+    pub(super) fn store_row(&self, row: &str, key: &str, picture: &Picture) -> Result<()> {
         write(&self.row_path(row, key), &encode_png(picture)?)
     }
 
@@ -129,7 +129,7 @@ impl Store {
     }
 
     /// A stored line of text, such as a score.
-    pub(super) fn kept_line(&self, key: &str) -> Result<Option<String>> {
+    pub(super) fn stored_line(&self, key: &str) -> Result<Option<String>> {
         if !self.reuse {
             return Ok(None);
         }
@@ -137,7 +137,7 @@ impl Store {
     }
 
     /// Stores a line of text.
-    pub(super) fn keep_line(&self, key: &str, line: &str) -> Result<()> {
+    pub(super) fn store_line(&self, key: &str, line: &str) -> Result<()> {
         write(&self.line_path(key), line.as_bytes())
     }
 
@@ -185,12 +185,12 @@ mod tests {
         fs::write(folder.path().join("captures").join(&capture.key).join("0.f32"), [1, 2]).unwrap();
         assert_eq!(store.numbers(&capture, "0", 3, || Ok(numbers.clone())).unwrap(), numbers);
 
-        store.keep_row("blend", "abc", &picture).unwrap();
-        store.keep_line("abcdef", "1 2 3").unwrap();
-        assert_eq!(store.kept_row("blend", "abc").unwrap().unwrap(), picture);
-        assert_eq!(store.kept_line("abcdef").unwrap().unwrap(), "1 2 3");
+        store.store_row("blend", "abc", &picture).unwrap();
+        store.store_line("abcdef", "1 2 3").unwrap();
+        assert_eq!(store.stored_row("blend", "abc").unwrap().unwrap(), picture);
+        assert_eq!(store.stored_line("abcdef").unwrap().unwrap(), "1 2 3");
         let fresh = Store::new(folder.path().to_owned(), false);
-        assert!(fresh.kept_row("blend", "abc").unwrap().is_none() && fresh.kept_line("abcdef").unwrap().is_none());
+        assert!(fresh.stored_row("blend", "abc").unwrap().is_none() && fresh.stored_line("abcdef").unwrap().is_none());
         assert_eq!(fresh.picture(&capture, "0", || panic!("made twice")).unwrap(), picture);
     }
 

@@ -2,8 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::measure::{Record, Score};
+use super::measure::Record;
 use super::rows;
+use crate::metrics::Score;
 
 /// A mean over one row's pictures.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +30,7 @@ pub(super) struct Table {
 
 /// Differences between two rows over clips, `a - b`.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Paired {
+pub(super) struct PairedDifference {
     pub(super) clips: usize,
     /// Clips on which `a` is better, for PSNR, SSIM and LPIPS.
     pub(super) wins: [usize; 3],
@@ -37,7 +38,7 @@ pub(super) struct Paired {
     pub(super) differences: [Option<[f64; 3]>; 3],
 }
 
-/// PSNR, SSIM and LPIPS; `None` for a measure that was not taken.
+/// PSNR, SSIM and LPIPS; `None` for a metric that was not measured.
 pub(super) fn measures(score: &Score) -> [Option<f64>; 3] {
     [Some(score.psnr), Some(score.ssim), score.lpips]
 }
@@ -114,7 +115,13 @@ impl Table {
     }
 
     /// Compares two rows over the clips of `groups` that both have; `None` if there is no such clip.
-    pub(super) fn paired(&self, multiplier: u32, groups: &[String], a: rows::Kind, b: rows::Kind) -> Option<Paired> {
+    pub(super) fn paired(
+        &self,
+        multiplier: u32,
+        groups: &[String],
+        a: rows::Kind,
+        b: rows::Kind,
+    ) -> Option<PairedDifference> {
         let clips = groups.iter().flat_map(|group| self.clips(multiplier, group));
         let pairs: Vec<(Score, Score)> = clips
             .filter_map(|clip| Some((self.clip(multiplier, &clip, a)?.score, self.clip(multiplier, &clip, b)?.score)))
@@ -122,7 +129,7 @@ impl Table {
         if pairs.is_empty() {
             return None;
         }
-        let mut paired = Paired { clips: pairs.len(), wins: [0; 3], differences: [None; 3] };
+        let mut paired = PairedDifference { clips: pairs.len(), wins: [0; 3], differences: [None; 3] };
         for i in 0..3 {
             let of = |(a, b): &(Score, Score)| Some((measures(a)[i]?, measures(b)[i]?));
             let values: Vec<(f64, f64)> = pairs.iter().filter_map(of).collect();

@@ -2,7 +2,7 @@
 
 use cairn::{Picture, Result};
 
-use crate::picture::shrink;
+use crate::picture::{paste, shrink};
 use crate::text::{SMALL, fit, write};
 
 /// Maximum width of a panel in pixels; larger pictures are scaled down.
@@ -67,13 +67,6 @@ impl Panels {
     /// Clears the label line.
     pub(super) fn clear(&self, out: &mut Picture) {
         out.pixels_mut().fill(GROUND);
-    }
-}
-
-fn paste(out: &mut Picture, tile: &Picture, at: (u32, u32)) {
-    let width = out.width() as usize;
-    for (row, pixels) in (at.1 as usize..).zip(tile.pixels().chunks_exact(tile.width() as usize)) {
-        out.pixels_mut()[row * width + at.0 as usize..][..pixels.len()].copy_from_slice(pixels);
     }
 }
 

@@ -6,10 +6,7 @@ use cairn::framegen::Outcome;
 use cairn::{Picture, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::metrics::{Lpips, psnr, ssim};
-
-/// PSNR that equal pictures count as in means, in dB; no other pair reaches it.
-const EQUAL: f64 = 100.0;
+use crate::metrics::{Lpips, MAX_PSNR, psnr, ssim};
 
 /// One generated frame against the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,7 +77,7 @@ impl Scores {
     }
 
     /// The median frame and the worst one.
-    pub(super) fn shown(&self) -> Vec<(&'static str, Entry)> {
+    pub(super) fn median_and_worst(&self) -> Vec<(&'static str, Entry)> {
         let ranked = self.ranked();
         let middle = ranked.get(ranked.len() / 2).map(|entry| ("median", **entry));
         let worst = ranked.first().map(|entry| ("worst", **entry));
@@ -93,19 +90,19 @@ impl Scores {
             sum / f64::from(count)
         };
         let ranked = self.ranked();
-        let psnr_at = |entry: &Entry| entry.part.map_or(EQUAL, |(_, score, _)| score.psnr.min(EQUAL));
+        let psnr_at = |entry: &Entry| entry.part.map_or(MAX_PSNR, |(_, score, _)| score.psnr.min(MAX_PSNR));
         let worst = *ranked.first()?;
         // Six decimals, which survive a round trip through JSON.
         let short = |value: f64| (value * 1e6).round() / 1e6;
         let measured = self.generated().all(|(_, s)| s.lpips.is_some());
         Some(Summary {
-            psnr_db: short(mean(&|s| s.psnr.min(EQUAL))),
+            psnr_db: short(mean(&|s| s.psnr.min(MAX_PSNR))),
             median_psnr_db: short(psnr_at(ranked[ranked.len() / 2])),
             worst_psnr_db: short(psnr_at(worst)),
             worst_frame: worst.frame,
             ssim: short(mean(&|s| s.ssim)),
             lpips: measured.then(|| short(mean(&|s| s.lpips.unwrap_or(0.0)))),
-            psnr_of_anchor_db: short(mean(&|s| s.psnr_of_anchor.min(EQUAL))),
+            psnr_of_anchor_db: short(mean(&|s| s.psnr_of_anchor.min(MAX_PSNR))),
         })
     }
 
@@ -152,7 +149,7 @@ mod tests {
         assert_eq!((summary.psnr_db, summary.median_psnr_db), ((30.0 + 20.0 + 100.0 + 40.0) / 4.0, 40.0));
         assert_eq!((summary.worst_psnr_db, summary.worst_frame), (20.0, 2));
         assert_eq!((summary.lpips, summary.psnr_of_anchor_db), (None, 20.0));
-        let shown: Vec<_> = scores.shown().iter().map(|(name, entry)| (*name, entry.frame)).collect();
+        let shown: Vec<_> = scores.median_and_worst().iter().map(|(name, entry)| (*name, entry.frame)).collect();
         assert_eq!(shown, [("median", 4), ("worst", 2)]);
         assert_eq!(super::Scores::default().summary(), None);
     }

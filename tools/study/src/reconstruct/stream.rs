@@ -10,7 +10,7 @@ use cairn::{Error, ErrorKind, Picture, Result};
 
 use super::panels::Panels;
 use super::scores::{Entry, Score, Scores};
-use super::walk::{Walk, tell};
+use super::walk::{Walk, write_guidance};
 use super::{ANCHOR_RATE, ReconstructCounts, ReconstructSettings, TruthOrPicture};
 use crate::media::Recorder;
 use crate::metrics::Lpips;
@@ -124,13 +124,13 @@ impl Stream {
 
     fn find_motion(&mut self, number: u64, previous: Option<&Picture>) -> Result<Picture> {
         let start = Instant::now();
-        let frame = self.walk.anchor(number).ok_or_else(behind_the_end)?;
+        let frame = self.walk.anchor(number).ok_or_else(missing_frame)?;
         self.spend("rendering", start);
         let start = Instant::now();
         match (self.source, previous) {
             (TruthOrPicture::Truth, _) => {
                 std::mem::swap(&mut self.guidance, &mut self.before);
-                tell(&frame, &mut self.guidance);
+                write_guidance(&frame, &mut self.guidance);
             }
             (TruthOrPicture::Picture, None) => {}
             (TruthOrPicture::Picture, Some(previous)) => {
@@ -151,7 +151,7 @@ impl Stream {
         outlets: &Outlets<'_>,
     ) -> Result<bool> {
         let start = Instant::now();
-        let truth = self.walk.truth(frame).ok_or_else(behind_the_end)?;
+        let truth = self.walk.truth(frame).ok_or_else(missing_frame)?;
         self.spend("rendering", start);
         let (made, outcome) = self.generate(part, previous, anchor)?;
         let start = Instant::now();
@@ -202,10 +202,10 @@ impl Stream {
         let truth_label = self.truth_label(frame);
         let start = Instant::now();
         let (width, height) = self.panels.size();
-        let mut wide = outlets.comparison.spent().map_or_else(|| Picture::new(width, height), Ok)?;
+        let mut wide = outlets.comparison.recycled().map_or_else(|| Picture::new(width, height), Ok)?;
         self.panels.clear(&mut wide);
         self.panels.draw([truth, made], [&truth_label, label], &mut wide, 0)?;
-        let mut alone = outlets.stream.spent().map_or_else(|| Picture::new(made.width(), made.height()), Ok)?;
+        let mut alone = outlets.stream.recycled().map_or_else(|| Picture::new(made.width(), made.height()), Ok)?;
         alone.rgba_mut().copy_from_slice(made.rgba());
         self.spend("comparison", start);
         let start = Instant::now();
@@ -218,7 +218,7 @@ impl Stream {
     /// The median and the worst generated frame beside the truth; `None` if nothing was generated.
     pub(super) fn compare(&mut self, title: &str) -> Result<Option<Picture>> {
         const TITLE: u32 = 28;
-        let shown = self.scores.shown();
+        let shown = self.scores.median_and_worst();
         if shown.is_empty() {
             return Ok(None);
         }
@@ -230,10 +230,10 @@ impl Stream {
             let Some((part, score, outcome)) = entry.part else { continue };
             // The frames are generated again instead of being kept until the end. The bits are the same, except with AMD's generator,
             // which has memory of earlier frames and here starts from nothing.
-            let previous = self.walk.anchor(entry.anchor.saturating_sub(1)).ok_or_else(behind_the_end)?.picture;
+            let previous = self.walk.anchor(entry.anchor.saturating_sub(1)).ok_or_else(missing_frame)?.picture;
             let anchor = self.find_motion(entry.anchor, Some(&previous))?;
             let (made, _) = self.generate(part, &previous, &anchor)?;
-            let truth = self.walk.truth(entry.frame).ok_or_else(behind_the_end)?;
+            let truth = self.walk.truth(entry.frame).ok_or_else(missing_frame)?;
             let truth_label = self.truth_label(entry.frame);
             let label = format!("{name}: {}", self.label(part, &score, outcome));
             self.panels.draw([&truth, &made], [&truth_label, &label], &mut out, TITLE + row * height)?;
@@ -247,6 +247,6 @@ impl Stream {
 }
 
 /// Error for an internal inconsistency.
-fn behind_the_end() -> Error {
+fn missing_frame() -> Error {
     Error::new(ErrorKind::InvalidState, "a frame behind the end of the walk").remedy("Report this with the manifest")
 }

@@ -66,14 +66,14 @@ impl Walk {
 }
 
 /// Copies the truth of an anchor into `guidance`, which has the anchor's size and one vector per pixel.
-pub(crate) fn tell(frame: &Frame, guidance: &mut Guidance) {
+pub(crate) fn write_guidance(frame: &Frame, guidance: &mut Guidance) {
     for (vector, motion) in guidance.motion_mut().vectors_mut().iter_mut().zip(&frame.motion) {
         *vector = [f16::from_f32(motion.x), f16::from_f32(motion.y)];
     }
     guidance.depth_mut().depth_mut().copy_from_slice(&frame.depth);
 }
 
-/// Script of a kind of place.
+/// Script of a family.
 pub(crate) fn script(family: Family) -> &'static str {
     match family {
         Family::Forest => include_str!("../../../../samples/scripts/forest.txt"),

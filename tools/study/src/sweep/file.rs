@@ -6,17 +6,17 @@ use cairn::world::{
 use cairn::{Error, ErrorKind, Result};
 use serde::Deserialize;
 
-use super::plan::{MOST_POINTS, Point, refused};
+use super::point::{MOST_POINTS, Point, refused};
 use crate::generator::GeneratorChoice;
 
 /// Content of the file.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct File {
-    /// Kinds of places; empty for all.
+    /// Families of the scenes; empty for all.
     #[serde(default)]
     pub(super) scenes: Vec<String>,
-    /// Places of each kind.
+    /// Number of scenes of each family.
     #[serde(default = "one")]
     pub(super) places: u64,
     /// World time, in seconds.

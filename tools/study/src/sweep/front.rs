@@ -1,8 +1,8 @@
 //! The Pareto front, the best point per budget, and steps where more compute gave worse results.
 
 use super::measure::Measure;
-use super::plan::Point;
-use crate::compare::summary::{Estimate, estimate};
+use super::point::Point;
+use crate::statistics::{Estimate, estimate};
 
 /// A point with its values and costs.
 pub(super) struct Score<'a> {
@@ -14,19 +14,19 @@ pub(super) struct Score<'a> {
     /// Bytes of memory traffic and seconds of computing, per second of world time.
     pub(super) bytes: f64,
     pub(super) seconds: f64,
-    /// Values of each measure of [`Measure::ALL`], place by place; empty if not measured.
+    /// Values of each measure of [`Measure::ALL`], scene by scene; empty if not measured.
     pub(super) values: [Vec<f64>; Measure::ALL.len()],
 }
 
 impl Score<'_> {
-    /// Values of a measure, place by place.
-    fn places(&self, measure: Measure) -> &[f64] {
+    /// Values of a measure, scene by scene.
+    fn scenes(&self, measure: Measure) -> &[f64] {
         &self.values[measure as usize]
     }
 
-    /// Mean over places.
+    /// Mean over scenes.
     pub(super) fn estimate(&self, measure: Measure) -> Option<Estimate> {
-        estimate(self.places(measure))
+        estimate(self.scenes(measure))
     }
 
     /// The mean with the sign changed where needed, so that larger is better.
@@ -61,12 +61,12 @@ pub(super) struct Move {
     /// Indices into the scores.
     pub(super) from: usize,
     pub(super) to: usize,
-    /// Improvement: mean over places, paired by place.
+    /// Improvement: mean over scenes, paired by scene.
     pub(super) gain: Estimate,
 }
 
 impl Move {
-    /// Whether the interval over places is entirely below zero. Always false for a single place, which has no interval.
+    /// Whether the interval over scenes is entirely below zero. Always false for a single scene, which has no interval.
     pub(super) fn is_surely_worse(&self) -> bool {
         self.gain.interval.is_some_and(|[_, high]| high < 0.0)
     }
@@ -87,19 +87,19 @@ pub(super) fn moves(scores: &[Score<'_>], measure: Measure) -> Vec<Move> {
     let axes: [fn(&Score<'_>) -> u32; 3] =
         [|s| s.point.point.global_window, |s| s.passes, |s| s.point.point.latents_per_second];
     let values = axes.map(sorted);
-    let place = |score: &Score<'_>| -> [usize; 3] {
+    let position = |score: &Score<'_>| -> [usize; 3] {
         std::array::from_fn(|n| values[n].partition_point(|value| *value < axes[n](score)))
     };
     let mut all = Vec::new();
     for (from, a) in scores.iter().enumerate() {
         for (to, b) in scores.iter().enumerate() {
-            let up = place(a).into_iter().zip(place(b));
+            let up = position(a).into_iter().zip(position(b));
             let next =
                 up.clone().all(|(a, b)| b == a || b == a + 1) && b.cost > a.cost && rest(a.point) == rest(b.point);
             if !next || from == to {
                 continue;
             }
-            let pairs = a.places(measure).iter().zip(b.places(measure));
+            let pairs = a.scenes(measure).iter().zip(b.scenes(measure));
             let gains: Vec<f64> = pairs.map(|(a, b)| measure.goodness(*b) - measure.goodness(*a)).collect();
             all.extend(estimate(&gains).map(|gain| Move { from, to, gain }));
         }
@@ -132,12 +132,12 @@ pub(super) mod tests {
         }
     }
 
-    /// Scores of all points in two places, with a cost that grows along both axes.
+    /// Scores of all points in two scenes, with a cost that grows along both axes.
     pub(in crate::sweep) fn scores(settings: &Settings, good: impl Fn(&Point, usize) -> f64) -> Vec<Score<'_>> {
         let score = |point| {
             let values = Measure::ALL.map(|measure| match measure {
-                Measure::Ssim => (0..2).map(|place| good(point, place)).collect(),
-                Measure::Lpips => (0..2).map(|place| 1.0 - good(point, place)).collect(),
+                Measure::Ssim => (0..2).map(|scene| good(point, scene)).collect(),
+                Measure::Lpips => (0..2).map(|scene| 1.0 - good(point, scene)).collect(),
                 _ => Vec::new(),
             });
             let passes = passes(point);
@@ -152,10 +152,10 @@ pub(super) mod tests {
     }
 
     /// The paper's finding: g384 with 10 passes is the best; more of both is worse.
-    fn peak(point: &Point, place: usize) -> f64 {
+    fn peak(point: &Point, scene: usize) -> f64 {
         let (window, passes) = (point.point.global_window, passes(point));
         let far = f64::from(window.abs_diff(384)) / 512.0 + f64::from(passes.abs_diff(10)) / 10.0;
-        0.9 - 0.1 * far + 0.01 * place as f64
+        0.9 - 0.1 * far + 0.01 * scene as f64
     }
 
     #[test]
@@ -216,16 +216,16 @@ pub(super) mod tests {
         assert!((found.gain.mean + 0.1 * (128.0 / 512.0 + 0.2)).abs() < 1e-9);
         let better = all.iter().find(|m| of(m) == ((128, 10), (384, 10))).unwrap();
         assert!(!better.is_worse() && !better.is_surely_worse());
-        // If places disagree, the interval contains zero.
+        // If scenes disagree, the interval contains zero.
         let doubtful = scores_of_two_minds(&settings);
         let all = moves(&doubtful, Measure::Ssim);
         assert!(all.iter().any(Move::is_worse) && !all.iter().any(Move::is_surely_worse));
     }
 
     fn scores_of_two_minds(settings: &Settings) -> Vec<Score<'_>> {
-        scores(settings, |point, place| {
+        scores(settings, |point, scene| {
             let heavy = f64::from(point.point.global_window) / 512.0;
-            if place == 0 { 0.5 + 0.1 * heavy } else { 0.5 - 0.2 * heavy }
+            if scene == 0 { 0.5 + 0.1 * heavy } else { 0.5 - 0.2 * heavy }
         })
     }
 }

@@ -1,8 +1,9 @@
-//! Makes one cell: prepares its place, makes its rollout and measures its frames, skipping each part that is complete.
+//! Makes one cell: prepares its scene, makes its rollout and measures its frames. Parts that are complete are skipped.
 //!
-//! Several processes, also on several machines with a shared folder, may make cells at the same time. So a process locks a place while it prepares
+//! Several processes, also on several machines with a shared folder, may make cells at the same time. So a process locks a scene while it prepares
 //! it, and a cell while it makes it. The operating system releases the locks of a killed process.
 
+use std::ffi::OsStr;
 use std::fs::File;
 use std::path::Path;
 use std::sync::Arc;
@@ -12,12 +13,14 @@ use cairn::bundle::Bundle;
 use cairn::{Error, ErrorKind, Result};
 
 use super::plan::{Cell, Settings};
-use crate::compare::cells::{Digests, Found, expect, look};
+use crate::compare::layout::TRUTH;
 use crate::compare::make::{Common, prepare};
-use crate::compare::plan::Place;
-use crate::compare::score::{SERIES, kept, key, measure};
-use crate::compare::series::{Comparison, RATE, Series, Stream};
+use crate::compare::resume::{CellState, Digests, expect_rollout, find_rollout};
+use crate::compare::score::{SERIES, measure_series, series_key, stored_series};
+use crate::compare::series::{Comparison, Series, Stream};
 use crate::compare::truth;
+use crate::compare::walk::RATE;
+use crate::experiment::cells::Cells;
 use crate::inputs;
 use crate::job::{self, Job};
 use crate::manifest::Manifest;
@@ -25,16 +28,18 @@ use crate::media::{RealDisk, describe_io};
 use crate::metrics::Net;
 use crate::output::MANIFEST;
 use crate::progress::Progress;
+use crate::scene_id::SceneId;
+use crate::workers::Work;
 
 /// A complete cell.
-pub(super) struct Whole {
+pub(super) struct CompleteCell {
     pub(super) manifest: Manifest,
     /// Series of the truth and of the cell.
     pub(super) series: [Series; 2],
 }
 
 /// Inputs shared by all cells.
-pub(super) struct Shared<'a> {
+pub(super) struct SweepInputs<'a> {
     settings: &'a Settings,
     bundle: &'a Bundle,
     common: Common,
@@ -58,7 +63,7 @@ impl Lock {
     }
 }
 
-impl<'a> Shared<'a> {
+impl<'a> SweepInputs<'a> {
     /// Finds ONNX Runtime, whose version affects results, and fails if the world does not support the settings.
     ///
     /// # Errors
@@ -70,52 +75,44 @@ impl<'a> Shared<'a> {
         Ok(Self { settings, bundle, common })
     }
 
-    /// Writes seed picture and script of a place, unless they are there.
+    /// Writes seed picture and script of a scene, unless they are there.
     ///
     /// # Errors
     /// `Io`.
-    pub(super) fn prepare(&self, place: Place, progress: &Progress) -> Result<()> {
-        let _lock = self.lock(place, progress)?;
-        prepare(place, &self.settings.out, self.bundle.manifest().picture.render)
+    pub(super) fn prepare(&self, scene: SceneId, progress: &Progress) -> Result<()> {
+        let _lock = self.lock(scene, progress)?;
+        prepare(scene, &self.settings.out, self.bundle.manifest().picture.render)
     }
 
-    fn lock(&self, place: Place, progress: &Progress) -> Result<Lock> {
-        let folder = place.folder(&self.settings.out);
+    /// Makes the output folder and prepares all scenes.
+    ///
+    /// # Errors
+    /// `Io`.
+    pub(super) fn prepare_all(&self, progress: &Progress) -> Result<()> {
+        let out = &self.settings.out;
+        std::fs::create_dir_all(out).map_err(|e| describe_io("cannot be made", out, &e))?;
+        progress.phase("drawing the seed pictures");
+        self.settings.scenes().try_for_each(|scene| self.prepare(scene, progress))
+    }
+
+    fn lock(&self, scene: SceneId, progress: &Progress) -> Result<Lock> {
+        let folder = scene.folder(&self.settings.out);
         std::fs::create_dir_all(&folder).map_err(|e| describe_io("cannot be made", &folder, &e))?;
         Lock::wait(&folder.join("place.lock"), progress)
     }
 
-    fn digests(&self, place: Place) -> Result<Digests> {
-        self.common.digests(place, false, &self.settings.out)
-    }
-
-    /// A cell of a prepared place; `None` if a part of it must be made.
-    ///
-    /// # Errors
-    /// `Unsupported` for a manifest of a newer version, which is not overwritten; `Io`.
-    pub(super) fn find(&self, cell: &Cell<'_>) -> Result<Option<Whole>> {
-        let (settings, folder) = (self.settings, cell.folder(&self.settings.out));
-        let manifest = match look(&folder, &cell.rollout(settings), &self.digests(cell.place)?)? {
-            Found::Whole(manifest) => *manifest,
-            Found::Missing(_) => return Ok(None),
-        };
-        let truth = cell.place.folder(&settings.out).join(truth::FOLDER);
-        if !truth.join(MANIFEST).exists() {
-            return Ok(None);
-        }
-        let key = key(settings.looks()?, settings.lpips, [&manifest].into_iter(), &truth)?;
-        let series = kept(&folder.join(SERIES), &key, 1).and_then(|series| series.try_into().ok());
-        Ok(series.map(|series| Whole { manifest, series }))
+    fn digests(&self, scene: SceneId) -> Result<Digests> {
+        self.common.digests(scene, false, &self.settings.out)
     }
 
     /// Makes the missing parts of a cell.
     ///
     /// # Errors
     /// As [`find`](Self::find); errors of the rollout or its measurement; `Cancelled` when `stop` was set.
-    pub(super) fn make(&self, cell: &Cell<'_>, progress: &Progress, stop: &AtomicBool) -> Result<()> {
+    pub(super) fn make(&self, cell: Cell<'a>, progress: &Progress, stop: &AtomicBool) -> Result<()> {
         let settings = self.settings;
-        let place = cell.place;
-        self.prepare(place, progress)?;
+        let scene = cell.scene;
+        self.prepare(scene, progress)?;
         let drawn = truth::Settings { out: &settings.out, size: settings.size };
         let folder = cell.folder(&settings.out);
         let _lock = Lock::wait(&folder.with_added_extension("lock"), progress)?;
@@ -123,13 +120,13 @@ impl<'a> Shared<'a> {
             return Ok(());
         }
         let truth = {
-            let _lock = self.lock(place, progress)?;
-            truth::draw(place, false, settings.looks()?, &drawn, progress, stop)?
+            let _lock = self.lock(scene, progress)?;
+            truth::draw(scene, false, settings.sample_count()?, &drawn, progress, stop)?
         };
         // Loaded before the rollout, which is useless if it cannot be measured.
         let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
-        let (rollout, digests) = (cell.rollout(settings), self.digests(place)?);
-        if let Found::Missing(_) = look(&folder, &rollout, &digests)? {
+        let (rollout, digests) = (cell.rollout(settings), self.digests(scene)?);
+        if let CellState::Missing(_) = find_rollout(&folder, &rollout, &digests)? {
             let disk = Arc::new(RealDisk);
             let job = Job { settings: &rollout, out: &folder, overwrite: true, disk, stop, progress, limit: None };
             let outcome = job::run(&job)?;
@@ -140,18 +137,56 @@ impl<'a> Shared<'a> {
                 return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
             }
         }
-        let manifest = expect(&cell.name(), &folder, &rollout, &digests)?;
-        let (count, file) = (settings.looks()?, folder.join(SERIES));
-        let key = key(count, settings.lpips, [&manifest].into_iter(), &truth)?;
-        if kept(&file, &key, 1).is_some() {
+        let manifest = expect_rollout(&cell.name(), &folder, &rollout, &digests)?;
+        let (count, file) = (settings.sample_count()?, folder.join(SERIES));
+        let key = series_key(count, settings.lpips, [&manifest].into_iter(), &truth)?;
+        if stored_series(&file, &key, 1).is_some() {
             return Ok(());
         }
         progress.phase("measuring");
-        let truth = Stream { name: truth::FOLDER.into(), folder: truth, step: 1 };
+        let truth = Stream { name: TRUTH.into(), folder: truth, step: 1 };
         let step = u64::from(cell.point.point.presented_rate() / RATE).max(1);
         let streams = [Stream { name: "rollout".into(), folder, step }];
         let comparison = Comparison { truth: &truth, streams: &streams, decoder: None, count, lpips: lpips.as_ref() };
-        measure(&file, &key, &comparison, progress, stop).map(drop)
+        measure_series(&file, &key, &comparison, progress, stop).map(drop)
+    }
+}
+
+impl<'a> Cells for SweepInputs<'a> {
+    type Cell = Cell<'a>;
+    type Content = CompleteCell;
+
+    /// The scene of the cell must be prepared.
+    fn find(&self, cell: Cell<'a>) -> Result<Option<CompleteCell>> {
+        let (settings, folder) = (self.settings, cell.folder(&self.settings.out));
+        let manifest = match find_rollout(&folder, &cell.rollout(settings), &self.digests(cell.scene)?)? {
+            CellState::Complete(manifest) => *manifest,
+            CellState::Missing(_) => return Ok(None),
+        };
+        let truth = cell.scene.folder(&settings.out).join(TRUTH);
+        if !truth.join(MANIFEST).exists() {
+            return Ok(None);
+        }
+        let key = series_key(settings.sample_count()?, settings.lpips, [&manifest].into_iter(), &truth)?;
+        let series = stored_series(&folder.join(SERIES), &key, 1).and_then(|series| series.try_into().ok());
+        Ok(series.map(|series| CompleteCell { manifest, series }))
+    }
+
+    /// The command line is that of [`only`](super::only).
+    fn work(&self, cell: Cell<'a>) -> Result<Work> {
+        let (settings, name) = (self.settings, cell.name());
+        let words: [&dyn AsRef<OsStr>; 7] =
+            [&"sweep", &settings.file, &"--only", &name, &"--out", &settings.out, &"--quiet"];
+        let arguments = words.iter().map(|word| word.as_ref().to_owned()).collect();
+        Ok(Work { folder: cell.folder(&settings.out), planned: cell.planned(settings)?, arguments, name })
+    }
+
+    fn expect(&self, cell: Cell<'a>) -> Result<CompleteCell> {
+        self.find(cell)?.ok_or_else(|| {
+            Error::new(ErrorKind::InvalidState, format!("{} was made, but is not there", cell.name()))
+                .field(cell.folder(&self.settings.out).display().to_string())
+                .remedy("See that nothing else writes into that folder, and run the command again")
+        })
     }
 }
 

@@ -5,14 +5,14 @@ use std::str::FromStr;
 
 use cairn::{Error, Result};
 
-use super::plan::refused;
+use super::point::refused;
 use crate::compare::budget::Budget;
-use crate::compare::summary::Figures;
+use crate::compare::summary::RolloutMetrics;
 
 /// Measure that ranks points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Measure {
-    /// Seconds until nothing of the first view remains; see `Figures::horizon`.
+    /// Seconds until nothing of the first view remains; see `RolloutMetrics::horizon`.
     Horizon,
     /// LPIPS against the truth; lower is better.
     Lpips,
@@ -57,12 +57,12 @@ impl Measure {
     }
 
     /// Value of one rollout; `None` if it was not measured.
-    pub(super) fn of(self, figures: &Figures) -> Option<f64> {
+    pub(super) fn of(self, metrics: &RolloutMetrics) -> Option<f64> {
         match self {
-            Self::Horizon => figures.horizon,
-            Self::Lpips => figures.lpips,
-            Self::Ssim => figures.ssim,
-            Self::Psnr => figures.psnr,
+            Self::Horizon => metrics.horizon,
+            Self::Lpips => metrics.lpips,
+            Self::Ssim => metrics.ssim,
+            Self::Psnr => metrics.psnr,
         }
     }
 

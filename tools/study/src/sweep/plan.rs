@@ -1,47 +1,42 @@
-//! Plan of a sweep: every combination of its axes in every place, and their folders.
+//! Plan of a sweep: every combination of its axes in every scene, and their folders.
 //!
 //! ```text
-//! OUT/forest-41/seed.png, script.txt, truth/    what all points of a place start from, and are measured beside
-//! OUT/forest-41/g384-refined-10-.../            a rollout with its manifest and, as series.csv, what was measured of it
+//! OUT/forest-41/seed.png, script.txt, truth/    inputs of all points of a scene, and their truth
+//! OUT/forest-41/g384-refined-10-.../            a rollout with its manifest and, as series.csv, its measurements
 //! OUT/NAME.html, NAME.md, NAME.csv              of the sweep NAME.toml
 //! ```
 
 use std::path::{Path, PathBuf};
 
 use cairn::bundle::Bundle;
-use cairn::world::{OperatingPoint, Presentation, WorldTime};
-use cairn::{Error, ErrorKind, Result};
+use cairn::world::WorldTime;
+use cairn::{Error, Result};
 use scenes::{FAMILIES, Family};
 
 use super::file::{self, File};
 use super::measure::{Cost, Measure};
-use crate::compare::plan::{FIRST_PLACE, Place};
-use crate::compare::series::RATE;
+use super::point::{Point, refused};
+use crate::compare::plan::FIRST_SEED;
+use crate::compare::walk::RATE;
 use crate::device::DeviceChoice;
-use crate::generator::GeneratorChoice;
-use crate::manifest::sha256;
+use crate::experiment::held_out;
 use crate::metrics::{Net, SSIM_WINDOW};
-use crate::place::MOST;
+use crate::scene_id::SceneId;
+use crate::seed_picture::MAX_SIDE;
 use crate::settings::{Formats, Settings as Rollout};
 use crate::workers::check_jobs;
-use crate::world_quality::held_out;
 
-/// Maximum number of points of a sweep.
-pub(super) const MOST_POINTS: usize = 1_000;
-/// Maximum number of places of a kind.
-const MOST_PLACES: u64 = 100;
-/// Maximum length of a point's name; longer ones end in a digest.
-const LONGEST: usize = 120;
-
+/// Maximum number of scenes of a family.
+const MAX_SCENES_PER_FAMILY: u64 = 100;
 /// Settings of a sweep: everything that affects a number, and the number of parallel rollouts.
 #[derive(Debug, Clone)]
-pub(crate) struct Settings {
+pub struct Settings {
     /// The file it was read from.
     pub(super) file: PathBuf,
-    /// Kinds of places.
-    pub(super) scenes: Vec<Family>,
-    /// Places of each kind.
-    pub(super) places: u64,
+    /// Families of the scenes.
+    pub(super) families: Vec<Family>,
+    /// Number of scenes of each family.
+    pub(super) scenes_per_family: u64,
     /// Decimal seconds of world time.
     pub(super) seconds: String,
     /// `[width, height]` of the compared frames.
@@ -66,58 +61,31 @@ pub(crate) struct Settings {
     pub(super) jobs: usize,
     /// The output folder.
     pub(super) out: PathBuf,
-    /// Another folder for the report and its figures, without the rollouts.
+    /// Another folder for the report and its drawings, without the rollouts.
     pub(super) publish: Option<PathBuf>,
 }
 
-/// One combination of the axes.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Point {
-    pub(super) point: OperatingPoint,
-    pub(super) generator: GeneratorChoice,
-}
-
-/// One rollout: a point in a place.
+/// One rollout: a point in a scene.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cell<'a> {
-    pub(super) place: Place,
+    pub(super) scene: SceneId,
     pub(super) point: &'a Point,
-}
-
-impl std::fmt::Display for Point {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.point.presentation {
-            Presentation::Native => write!(f, "{}", self.point),
-            Presentation::Generated { .. } => write!(f, "{},{}", self.point, self.generator),
-        }
-    }
-}
-
-impl Point {
-    /// Folder name of the point, made from all its settings.
-    fn folder_name(&self) -> String {
-        let name = self.to_string().replace([':', ','], "-");
-        if name.len() <= LONGEST {
-            return name;
-        }
-        let digest = sha256(name.as_bytes());
-        format!("{}-{}", &name[..LONGEST - 13], &digest[..12])
-    }
-
-    /// Presented frames per anchor.
-    pub(super) fn multiplier(&self) -> u32 {
-        self.point.presented_rate() / self.point.latents_per_second.max(1)
-    }
 }
 
 impl Cell<'_> {
     /// Unique name of the cell; with slashes, its folder.
     pub(super) fn name(&self) -> String {
-        format!("{}-{}/{}", self.place.family, self.place.seed, self.point.folder_name())
+        format!("{}-{}/{}", self.scene.family, self.scene.seed, self.point.folder_name())
     }
 
     pub(super) fn folder(&self, out: &Path) -> PathBuf {
-        self.place.folder(out).join(self.point.folder_name())
+        self.scene.folder(out).join(self.point.folder_name())
+    }
+
+    /// Number of frames to be made.
+    pub(super) fn planned(&self, settings: &Settings) -> Result<u64> {
+        let checked = self.rollout(settings).check()?;
+        Ok(checked.point.counts(checked.duration).presented)
     }
 
     /// The rollout that makes the cell.
@@ -125,13 +93,13 @@ impl Cell<'_> {
         let out = &settings.out;
         Rollout {
             world: settings.world.clone(),
-            seed_picture: Some(self.place.seed_picture(out)),
-            script: Some(self.place.script(out, false)),
+            seed_picture: Some(self.scene.seed_picture(out)),
+            script: Some(self.scene.script(out, false)),
             latents: None,
             preset: None,
             operating_point: self.point.point.to_string(),
             seconds: settings.seconds.clone(),
-            seed: self.place.seed,
+            seed: self.scene.seed,
             size: settings.size,
             upscaler: "lanczos".into(),
             formats: Formats { png: true, ..Formats::default() },
@@ -140,11 +108,6 @@ impl Cell<'_> {
             generator: self.point.generator,
         }
     }
-}
-
-/// An error that names an item of the file.
-pub(super) fn refused<T>(cause: String, field: &str, remedy: &str) -> Result<T> {
-    Err(Error::new(ErrorKind::InvalidArgument, cause).field(field).remedy(remedy))
 }
 
 /// Replaces an option's name in an error by the file's item.
@@ -158,11 +121,11 @@ fn as_item(error: Error) -> Error {
 }
 
 impl Settings {
-    /// Reads a sweep from its file and runs [`check`](Self::check).
+    /// Reads a sweep from its file and checks it.
     ///
     /// # Errors
-    /// `Io`; `InvalidArgument`, with file and item, for an invalid sweep; `Unsupported` for what this machine does not have.
-    pub(crate) fn read(path: &Path, out: PathBuf, jobs: Option<usize>, publish: Option<PathBuf>) -> Result<Self> {
+    /// `Io`; `InvalidArgument`, with file and item, for an invalid sweep; `Unsupported` for a device that this machine does not have.
+    pub fn read(path: &Path, out: PathBuf, jobs: Option<usize>, publish: Option<PathBuf>) -> Result<Self> {
         let text = file::read(path)?;
         let read = Self::parse(&text, path).and_then(|settings| {
             let jobs = jobs.unwrap_or_else(|| settings.usual_jobs());
@@ -175,7 +138,7 @@ impl Settings {
     /// Parses the text of the file at `path`.
     fn parse(text: &str, path: &Path) -> Result<Self> {
         let file = File::parse(text)?;
-        let scenes = match file.scenes.as_slice() {
+        let families = match file.scenes.as_slice() {
             [] => FAMILIES.to_vec(),
             names => {
                 let read = |name: &String| {
@@ -191,8 +154,8 @@ impl Settings {
         Ok(Self {
             points: file.points()?,
             file: path.to_owned(),
-            scenes,
-            places: file.places,
+            families,
+            scenes_per_family: file.places,
             seconds: file.seconds.to_string(),
             size: file.size,
             world: file.world.as_ref().map(|world| beside.join(world)),
@@ -224,37 +187,37 @@ impl Settings {
         self.file.file_stem().map_or("sweep".into(), |stem| stem.to_string_lossy().into_owned())
     }
 
-    pub(super) fn places(&self) -> impl Iterator<Item = Place> + '_ {
-        let seeds = FIRST_PLACE..FIRST_PLACE.saturating_add(self.places);
-        self.scenes.iter().flat_map(move |&family| seeds.clone().map(move |seed| Place { family, seed }))
+    pub(super) fn scenes(&self) -> impl Iterator<Item = SceneId> + '_ {
+        let seeds = FIRST_SEED..FIRST_SEED.saturating_add(self.scenes_per_family);
+        self.families.iter().flat_map(move |&family| seeds.clone().map(move |seed| SceneId { family, seed }))
     }
 
-    /// All cells, place by place.
+    /// All cells, scene by scene.
     pub(super) fn cells(&self) -> impl Iterator<Item = Cell<'_>> + '_ {
-        self.places().flat_map(|place| self.points.iter().map(move |point| Cell { place, point }))
+        self.scenes().flat_map(|scene| self.points.iter().map(move |point| Cell { scene, point }))
     }
 
     /// Number of samples of a stream, from world time zero to the end.
-    pub(super) fn looks(&self) -> Result<u64> {
+    pub(super) fn sample_count(&self) -> Result<u64> {
         Ok(WorldTime::parse(&self.seconds)?.whole_steps(RATE) + 1)
     }
 
     /// Checks the settings; reads no other file.
     fn check(&self) -> Result<()> {
-        if !(1..=MOST_PLACES).contains(&self.places) {
-            let remedy = format!("Use 1 to {MOST_PLACES}");
-            return refused(format!("{} places of a kind cannot be swept", self.places), "places", &remedy);
+        if !(1..=MAX_SCENES_PER_FAMILY).contains(&self.scenes_per_family) {
+            let remedy = format!("Use 1 to {MAX_SCENES_PER_FAMILY}");
+            return refused(format!("{} places of a kind cannot be swept", self.scenes_per_family), "places", &remedy);
         }
-        if (1..self.scenes.len()).any(|n| self.scenes[..n].contains(&self.scenes[n])) {
+        if (1..self.families.len()).any(|n| self.families[..n].contains(&self.families[n])) {
             return refused("a scene is named twice".into(), "scenes", "Name each once");
         }
         check_jobs(self.jobs)?;
         let least = if self.lpips { Net::Alex.smallest_side() } else { SSIM_WINDOW as u32 };
-        if self.size.iter().any(|side| !(least..=MOST).contains(side)) {
+        if self.size.iter().any(|side| !(least..=MAX_SIDE).contains(side)) {
             return refused(
                 format!("streams cannot be compared at {}x{}", self.size[0], self.size[1]),
                 "size",
-                &format!("Use a width and a height from {least} to {MOST}, such as [320, 180]"),
+                &format!("Use a width and a height from {least} to {MAX_SIDE}, such as [320, 180]"),
             );
         }
         if self.measure.needs_lpips() && !self.lpips {
@@ -267,7 +230,7 @@ impl Settings {
         if self.budgets.iter().any(|budget| !(*budget > 0.0 && budget.is_finite())) {
             return refused("a budget is a positive number".into(), "budgets", "Leave others out");
         }
-        held_out::require(&self.places().map(|place| place.seed).collect::<Vec<_>>()).map_err(as_item)?;
+        held_out::require(&self.scenes().map(|scene| scene.seed).collect::<Vec<_>>()).map_err(as_item)?;
         for point in &self.points {
             let named = |e: Error| {
                 let cause = format!("{point}: {}", e.cause());
@@ -304,6 +267,9 @@ impl Settings {
 pub(super) mod tests {
     use std::collections::BTreeSet;
 
+    use cairn::ErrorKind;
+
+    use super::super::point::LONGEST;
     use super::*;
 
     pub(in crate::sweep) fn parse(text: &str) -> Result<Settings> {

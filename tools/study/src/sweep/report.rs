@@ -9,10 +9,12 @@ use cairn::world::{Presentation, WorldTime};
 use super::chart::{Chart, Group, Mark};
 use super::front::{Score, front, moves, within};
 use super::measure::{Cost, Measure};
-use super::plan::{Cell, Point, Settings};
+use super::plan::{Cell, Settings};
+use super::point::Point;
 use crate::compare::budget::Budget;
-use crate::compare::summary::{Estimate, Figures};
+use crate::compare::summary::RolloutMetrics;
 use crate::document::{Asset, Block, Document};
+use crate::statistics::Estimate;
 use crate::table::Table;
 
 /// Maximum number of lines in the table of steps with worse results.
@@ -21,12 +23,12 @@ const MOST_FALLS: usize = 20;
 const MOST_LINES: usize = 7;
 
 /// Measurements of a cell.
-pub(super) struct Found<'a> {
+pub(super) struct CellResult<'a> {
     pub(super) cell: Cell<'a>,
     /// Denoise passes per latent.
     pub(super) passes: u32,
     pub(super) budget: Budget,
-    pub(super) figures: Figures,
+    pub(super) metrics: RolloutMetrics,
 }
 
 /// All results.
@@ -34,16 +36,16 @@ pub(super) struct Sweep<'a> {
     pub(super) settings: &'a Settings,
     pub(super) bundle: &'a Bundle,
     /// In the order of the cells.
-    pub(super) found: &'a [Found<'a>],
+    pub(super) found: &'a [CellResult<'a>],
     /// Number of cells that were complete already.
     pub(super) kept: usize,
 }
 
 impl<'a> Sweep<'a> {
-    /// Scores of every point over its places.
+    /// Scores of every point over its scenes.
     fn scores(&self) -> Vec<Score<'a>> {
         let of = |point: &'a Point| {
-            let all: Vec<&Found<'_>> = self.found.iter().filter(|found| found.cell.point == point).collect();
+            let all: Vec<&CellResult<'_>> = self.found.iter().filter(|found| found.cell.point == point).collect();
             let mean = |of: &dyn Fn(&Budget) -> f64| {
                 all.iter().map(|found| of(&found.budget)).sum::<f64>() / all.len().max(1) as f64
             };
@@ -53,7 +55,7 @@ impl<'a> Sweep<'a> {
                 cost: mean(&|budget| self.settings.cost.of(budget)),
                 bytes: mean(&|budget| budget.bytes),
                 seconds: mean(&|budget| budget.times.sum()),
-                values: Measure::ALL.map(|measure| all.iter().filter_map(|found| measure.of(&found.figures)).collect()),
+                values: Measure::ALL.map(|measure| all.iter().filter_map(|found| measure.of(&found.metrics)).collect()),
             }
         };
         self.settings.points.iter().map(of).collect()
@@ -61,7 +63,7 @@ impl<'a> Sweep<'a> {
 }
 
 /// A mean, with its interval if it has one.
-fn shown(value: Option<Estimate>, digits: usize) -> String {
+fn formatted(value: Option<Estimate>, digits: usize) -> String {
     match value {
         None => "–".into(),
         Some(Estimate { mean, interval: None }) => format!("{mean:.digits$}"),
@@ -97,15 +99,19 @@ pub(super) fn document(sweep: &Sweep<'_>) -> Document {
 
 fn head(sweep: &Sweep<'_>) -> Vec<Block> {
     let Sweep { settings, bundle, found, kept } = sweep;
-    let scenes: Vec<&str> = settings.scenes.iter().map(|family| family.name()).collect();
-    let places = if settings.places == 1 { "one place".to_owned() } else { format!("{} places", settings.places) };
+    let families: Vec<&str> = settings.families.iter().map(|family| family.name()).collect();
+    let scenes = if settings.scenes_per_family == 1 {
+        "one place".to_owned()
+    } else {
+        format!("{} places", settings.scenes_per_family)
+    };
     let [width, height] = settings.size;
     let mut blocks = vec![Block::text(format!(
-        "{}: {} operating points in {places} each of {}, {} s of world time, compared at {width}x{height}. {} rollouts, {kept} of \
+        "{}: {} operating points in {scenes} each of {}, {} s of world time, compared at {width}x{height}. {} rollouts, {kept} of \
          them kept from before.",
         bundle.manifest().name,
         settings.points.len(),
-        scenes.join(", "),
+        families.join(", "),
         settings.seconds,
         found.len()
     ))];
@@ -144,14 +150,14 @@ fn asset(settings: &Settings, name: &str, svg: String) -> Asset {
 /// A point as a mark in a chart.
 fn mark(score: &Score<'_>, measure: Measure, label: String) -> Option<Mark> {
     let estimate = score.estimate(measure).filter(|estimate| estimate.mean.is_finite())?;
-    let words = format!("{}: {}", score.point, shown(Some(estimate), measure.digits()));
+    let words = format!("{}: {}", score.point, formatted(Some(estimate), measure.digits()));
     Some(Mark { x: score.cost, y: estimate.mean, interval: estimate.interval, words, label })
 }
 
 /// Coherence against compute, with the Pareto front.
 fn pareto(scores: &[Score<'_>], measure: Measure, settings: &Settings) -> Vec<Block> {
     let front = front(scores, measure);
-    let number = |n: usize| front.iter().position(|&on| on == n).map(|place| (place + 1).to_string());
+    let number = |n: usize| front.iter().position(|&on| on == n).map(|rank| (rank + 1).to_string());
     let group = |name: &str, wanted: bool| {
         let marks = (0..scores.len()).filter(|&n| number(n).is_some() == wanted);
         let marks = marks.filter_map(|n| mark(&scores[n], measure, number(n).unwrap_or_default()));
@@ -182,13 +188,13 @@ fn pareto(scores: &[Score<'_>], measure: Measure, settings: &Settings) -> Vec<Bl
         ),
     ));
     let unit = settings.cost.unit();
-    let rows = front.iter().enumerate().map(|(place, &n)| {
+    let rows = front.iter().enumerate().map(|(rank, &n)| {
         let cost = format!("{:.2}", scores[n].cost);
         vec![
-            (place + 1).to_string(),
+            (rank + 1).to_string(),
             scores[n].point.to_string(),
             cost,
-            shown(scores[n].estimate(measure), measure.digits()),
+            formatted(scores[n].estimate(measure), measure.digits()),
         ]
     });
     let head = ["", "from this budget on this point is the best", unit, measure.name()];
@@ -208,7 +214,7 @@ fn budgets(scores: &[Score<'_>], settings: &Settings) -> Vec<Block> {
             format!("{budget}"),
             scores[n].point.to_string(),
             format!("{:.2}", scores[n].cost),
-            shown(scores[n].estimate(measure), measure.digits()),
+            formatted(scores[n].estimate(measure), measure.digits()),
         ],
     });
     let unit = settings.cost.unit();
@@ -288,7 +294,7 @@ fn falls(scores: &[Score<'_>], settings: &Settings) -> Vec<Block> {
     let mut worse: Vec<_> = all.iter().filter(|step| step.is_worse()).collect();
     worse.sort_by(|a, b| a.gain.mean.total_cmp(&b.gain.mean));
     let surely = worse.iter().filter(|step| step.is_surely_worse()).count();
-    let sure = match settings.scenes.len() as u64 * settings.places {
+    let sure = match settings.families.len() as u64 * settings.scenes_per_family {
         1 => "With one place nobody can tell how sure that is.".to_owned(),
         _ => format!("For {surely} of these the whole 95 % interval of places lies below zero."),
     };
@@ -306,7 +312,7 @@ fn falls(scores: &[Score<'_>], settings: &Settings) -> Vec<Block> {
             from.point.to_string(),
             to.point.to_string(),
             format!("{:.2} to {:.2}", from.cost, to.cost),
-            shown(Some(step.gain), measure.digits()),
+            formatted(Some(step.gain), measure.digits()),
         ]
     });
     let rows: Vec<Vec<String>> = rows.collect();
@@ -328,7 +334,7 @@ fn all(scores: &[Score<'_>], settings: &Settings) -> Table {
             format!("{:.2}", score.bytes / 1e9),
             format!("{:.2}", score.seconds),
         ];
-        row.extend(Measure::ALL.map(|measure| shown(score.estimate(measure), measure.digits())));
+        row.extend(Measure::ALL.map(|measure| formatted(score.estimate(measure), measure.digits())));
         row
     });
     let cost = if settings.cost == Cost::Gflop { "GFLOP" } else { "cost, s" };
@@ -337,13 +343,13 @@ fn all(scores: &[Score<'_>], settings: &Settings) -> Table {
 }
 
 /// CSV with a line per rollout. Timings are the last columns.
-pub(super) fn csv(found: &[Found<'_>]) -> String {
+pub(super) fn csv(found: &[CellResult<'_>]) -> String {
     let mut text = String::from(
         "scene,place,window,schedule,passes,cache,anchor_rate,multiplier,motion,generator,gflop,gb,horizon_s,lpips,ssim,psnr_db,\
          ms_ssim,adjacent_error,brightness_drift,flicker,seconds\n",
     );
-    for Found { cell, passes, budget, figures } in found {
-        let (point, place) = (&cell.point.point, cell.place);
+    for CellResult { cell, passes, budget, metrics } in found {
+        let (point, scene) = (&cell.point.point, cell.scene);
         let motion = match point.presentation {
             Presentation::Native => String::new(),
             Presentation::Generated { guidance, .. } => guidance.to_string(),
@@ -352,8 +358,8 @@ pub(super) fn csv(found: &[Found<'_>]) -> String {
         let _ = write!(
             text,
             "{},{},{},{},{passes},{},{},{},{motion},{},{:.6},{:.6}",
-            place.family,
-            place.seed,
+            scene.family,
+            scene.seed,
             point.global_window,
             point.schedule,
             point.cache_mode,
@@ -363,7 +369,8 @@ pub(super) fn csv(found: &[Found<'_>]) -> String {
             budget.flops / 1e9,
             budget.bytes / 1e9
         );
-        let Figures { horizon, lpips, ssim, psnr, ms_ssim, adjacent_error, brightness_drift, flicker, .. } = figures;
+        let RolloutMetrics { horizon, lpips, ssim, psnr, ms_ssim, adjacent_error, brightness_drift, flicker, .. } =
+            metrics;
         for value in [horizon, lpips, ssim, psnr, ms_ssim, adjacent_error, brightness_drift, flicker] {
             text.push(',');
             if let Some(value) = value {
@@ -396,7 +403,7 @@ mod tests {
     #[test]
     fn the_front_is_a_drawing_and_a_table() {
         let settings = grid();
-        let scores = scores(&settings, |point, place| f64::from(passes(point)) / 20.0 + place as f64 / 100.0);
+        let scores = scores(&settings, |point, scene| f64::from(passes(point)) / 20.0 + scene as f64 / 100.0);
         let blocks = pareto(&scores, Measure::Ssim, &settings);
         let document = Document::new("test", &blocks);
         assert_eq!(document.assets.len(), 1);

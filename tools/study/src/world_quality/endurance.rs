@@ -3,7 +3,7 @@
 use cairn::{Picture, Result};
 
 use super::response::{Response, following};
-use super::walk::Walked;
+use super::walk::WalkScores;
 use crate::picture::shrink;
 
 /// Ends of the examined seconds of a walk.
@@ -14,7 +14,7 @@ const SIZE: (u32, u32) = (64, 36);
 
 /// Global properties of a picture, independent of its content.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Look {
+pub(super) struct PictureStatistics {
     /// Mean Rec. 709 luma of the gamma-encoded bytes, 0 to 255.
     pub(super) brightness: f64,
     /// Standard deviation of luma, 0 to 128.
@@ -23,7 +23,7 @@ pub(super) struct Look {
     pub(super) detail: f64,
 }
 
-impl Look {
+impl PictureStatistics {
     /// # Errors
     /// As [`shrink`].
     pub(super) fn of(picture: &Picture) -> Result<Self> {
@@ -53,17 +53,17 @@ pub(super) struct Second {
 }
 
 /// The second that ends after `end` seconds of a walk; `None` if the walk is shorter or the truth is black or flat.
-pub(super) fn second(walked: &Walked, end: u32, latents_per_second: u32) -> Option<Second> {
+pub(super) fn second(walked: &WalkScores, end: u32, latents_per_second: u32) -> Option<Second> {
     let steps = steps(end, 1, latents_per_second);
     // The first entry belongs to the picture before the first step.
-    let looks = walked.looks.get(steps.start + 1..=steps.end)?;
-    let ratio = |of: fn(&Look) -> f64| {
-        let [made, true_] = [0, 1].map(|i| looks.iter().map(|pair| of(&pair[i])).sum::<f64>());
+    let statistics = walked.statistics.get(steps.start + 1..=steps.end)?;
+    let ratio = |of: fn(&PictureStatistics) -> f64| {
+        let [made, true_] = [0, 1].map(|i| statistics.iter().map(|pair| of(&pair[i])).sum::<f64>());
         (true_ > 0.0).then(|| made / true_)
     };
     Some(Second {
         brightness: ratio(|look| look.brightness)?,
-        true_brightness: looks.iter().map(|pair| pair[1].brightness).sum::<f64>() / looks.len() as f64,
+        true_brightness: statistics.iter().map(|pair| pair[1].brightness).sum::<f64>() / statistics.len() as f64,
         contrast: ratio(|look| look.contrast)?,
         detail: ratio(|look| look.detail)?,
     })
@@ -71,7 +71,7 @@ pub(super) fn second(walked: &Walked, end: u32, latents_per_second: u32) -> Opti
 
 /// Correlation of turning with the controls in the `seconds` before `end`: Pearson's, over the steps of all walks.
 pub(super) fn turning<'a>(
-    walks: impl Iterator<Item = &'a Walked>,
+    walks: impl Iterator<Item = &'a WalkScores>,
     end: u32,
     seconds: u32,
     latents_per_second: u32,
@@ -102,13 +102,16 @@ mod tests {
 
     #[test]
     fn a_flat_picture_has_neither_contrast_nor_detail() {
-        let look = Look::of(&striped(80, 80, 8)).unwrap();
+        let look = PictureStatistics::of(&striped(80, 80, 8)).unwrap();
         assert!((look.brightness - 80.0).abs() < 1e-9 && look.contrast < 1e-9 && look.detail < 1e-9, "{look:?}");
     }
 
     #[test]
     fn fine_stripes_have_the_contrast_of_broad_ones_and_more_detail() {
-        let (fine, broad) = (Look::of(&striped(40, 120, 16)).unwrap(), Look::of(&striped(40, 120, 64)).unwrap());
+        let (fine, broad) = (
+            PictureStatistics::of(&striped(40, 120, 16)).unwrap(),
+            PictureStatistics::of(&striped(40, 120, 64)).unwrap(),
+        );
         assert!(
             (fine.brightness - 80.0).abs() < 1.0 && (fine.contrast - broad.contrast).abs() < 6.0,
             "{fine:?} {broad:?}"
@@ -116,17 +119,17 @@ mod tests {
         assert!(fine.detail > 3.0 * broad.detail, "{fine:?} {broad:?}");
     }
 
-    fn walk(made: [f64; 3], truth: [f64; 3], steps: usize) -> Walked {
-        let look = |[brightness, contrast, detail]: [f64; 3]| Look { brightness, contrast, detail };
+    fn walk(made: [f64; 3], truth: [f64; 3], steps: usize) -> WalkScores {
+        let look = |[brightness, contrast, detail]: [f64; 3]| PictureStatistics { brightness, contrast, detail };
         let alike = [look([50.0, 20.0, 5.0]); 2];
-        let mut looks = vec![alike; steps - 3];
-        looks.extend([[look(made), look(truth)]; 4]);
+        let mut statistics = vec![alike; steps - 3];
+        statistics.extend([[look(made), look(truth)]; 4]);
         let turn = |n: usize| f64::from(n as u32 % 5) - 2.0;
         let response = |n: usize| Response {
             seen: [if n < steps - 4 { 1.0 } else { -1.0 } * turn(n), 0.0],
             meant: [turn(n), 0.0],
         };
-        Walked { horizons: Vec::new(), responses: (0..steps).map(response).collect(), looks }
+        WalkScores { horizons: Vec::new(), responses: (0..steps).map(response).collect(), statistics }
     }
 
     #[test]

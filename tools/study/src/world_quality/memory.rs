@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use cairn::Result;
 use cairn::world::{ControlScript, OperatingPoint, World};
-use scenes::{Family, TURN_PER_COUNT};
+use scenes::TURN_PER_COUNT;
 
 use super::walk::{Tools, Walk, step_at};
 use crate::metrics::{psnr, ssim};
+use crate::scene_id::SceneId;
 
 /// Angle of the turn in degrees; the field of view is 94 wide.
 const TURN: f32 = 120.0;
@@ -18,7 +19,7 @@ const SETTLING: f64 = 0.2;
 
 /// Result of the test.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Remembered {
+pub(super) struct MemoryScore {
     /// Seconds spent turned away.
     pub(super) away: f64,
     /// Context window in latents.
@@ -48,20 +49,19 @@ fn script(away: f64) -> Result<ControlScript> {
 /// # Errors
 /// As [`Walk::score`].
 pub(super) fn turn_away_and_back(
-    family: Family,
-    scene: u64,
+    scene: SceneId,
     away: f64,
     world: &Arc<World>,
     tools: &Tools<'_>,
-) -> Result<Remembered> {
+) -> Result<MemoryScore> {
     let script = script(away)?;
     let seconds = 2.0 * TURNING + away + SETTLING;
-    let walk = Walk { family, scene, script: &script, seconds };
+    let walk = Walk { scene, script: &script, seconds };
     let point: &OperatingPoint = tools.point;
     let at = [0, step_at(point, TURNING), step_at(point, seconds)];
     let pictures = walk.pictures(world, tools, &at)?;
     let ([first, _], [_, other], [last, truth]) = (&pictures[0], &pictures[1], &pictures[2]);
-    Ok(Remembered {
+    Ok(MemoryScore {
         away,
         window: world.global_window(),
         psnr: psnr(truth, last)?,

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use cairn::Result;
+use cairn::{Picture, Result};
 
-use crate::media::{RealDisk, write_whole};
+use crate::experiment::files::{docs, write_all};
+use crate::media::{JpegQuality, encode_jpeg};
 
 const INTRODUCTION: &str = "\
 # The world inside the library
@@ -18,11 +19,11 @@ go on showing the last true picture, and the autoencoder's reconstruction of tha
 
 Truth above, the world below: the places where it gains most over a picture that stands still.
 
-![truth and the world's pictures, side by side](images/world-good.png)
+![truth and the world's pictures, side by side](images/world-good.jpg)
 
 ## And where it does worst
 
-![truth and the world's pictures, side by side](images/world-bad.png)
+![truth and the world's pictures, side by side](images/world-bad.jpg)
 
 ## Figures
 
@@ -38,21 +39,17 @@ autoencoder could show of the place, *another place* what a wrong one would scor
 ```text
 ";
 
-/// Writes the page and the pictures into the repository's docs.
+/// Writes the page and its pictures, which are compressed, into the repository's docs.
 ///
 /// # Errors
 /// `Io`.
-pub(super) fn publish(command: &str, text: &str, good: &[u8], bad: &[u8]) -> Result<Vec<PathBuf>> {
-    let docs = provision::repository().join("docs");
+pub(super) fn publish(command: &str, text: &str, good: &Picture, bad: &Picture) -> Result<Vec<PathBuf>> {
+    let docs = docs();
     let tables = text.trim_end();
     let page = format!("{INTRODUCTION}{tables}\n```\n\nThis page was written by:\n\n```sh\n{command}\n```\n");
-    let files = [
-        (docs.join("world.md"), page.as_bytes()),
-        (docs.join("images/world-good.png"), good),
-        (docs.join("images/world-bad.png"), bad),
-    ];
-    for (path, bytes) in &files {
-        write_whole(&RealDisk, path, bytes)?;
-    }
-    Ok(files.map(|(path, _)| path).into())
+    write_all(vec![
+        (docs.join("world.md"), page.into_bytes()),
+        (docs.join("images/world-good.jpg"), encode_jpeg(good, JpegQuality::Repository)?),
+        (docs.join("images/world-bad.jpg"), encode_jpeg(bad, JpegQuality::Repository)?),
+    ])
 }

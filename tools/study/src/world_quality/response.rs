@@ -27,7 +27,7 @@ fn mean(motions: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
 
 /// How well the motion along one axis follows the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Following {
+pub(super) struct ControlFit {
     /// Pearson's correlation over steps, -1 to 1; 0 if the world's motion is constant.
     pub(super) correlation: f64,
     /// Slope of the least-squares line through the origin; 1 is right, 0.5 is half as fast.
@@ -40,7 +40,7 @@ pub(super) struct Following {
 const STILL: f64 = 0.5;
 
 /// How the steps follow along `axis` (0 is x: turning; 1 is y: tilting). None where the truth does not move.
-pub(super) fn following<'a>(steps: impl Iterator<Item = &'a Response> + Clone, axis: usize) -> Option<Following> {
+pub(super) fn following<'a>(steps: impl Iterator<Item = &'a Response> + Clone, axis: usize) -> Option<ControlFit> {
     let pairs = || steps.clone().map(|r| (r.seen[axis], r.meant[axis]));
     let n = pairs().count() as f64;
     let (seen_sum, meant_sum) = pairs().fold((0.0, 0.0), |(a, b), (s, m)| (a + s, b + m));
@@ -53,7 +53,7 @@ pub(super) fn following<'a>(steps: impl Iterator<Item = &'a Response> + Clone, a
     }
     let same = moving.iter().filter(|(s, m)| s * m > 0.0).count();
     let energy: f64 = pairs().map(|(_, m)| m * m).sum();
-    Some(Following {
+    Some(ControlFit {
         correlation: if seen_all <= f64::EPSILON { 0.0 } else { both / (seen_all * meant_all).sqrt() },
         slope: pairs().map(|(s, m)| s * m).sum::<f64>() / energy,
         same_sign: same as f64 / moving.len() as f64,

@@ -1,32 +1,23 @@
 //! One walk three times: as it is, as the world makes it from the first picture and the controls, and as if nothing moved.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use cairn::guidance::{Guidance, paper, picture_flow};
 use cairn::world::{ControlScript, OperatingPoint, Rollout, World, WorldTime};
 use cairn::{Error, ErrorKind, Picture, Result};
-use scenes::{Clip, ClipOptions, Family, Frame, Scene};
+use scenes::{Clip, ClipOptions, Frame, Scene};
 
-use super::endurance::Look;
+use super::endurance::PictureStatistics;
 use super::response::Response;
-use crate::metrics::{Lpips, psnr, ssim};
+use crate::metrics::{Lpips, Score, psnr, ssim};
+use crate::progress::check_stop;
+use crate::scene_id::SceneId;
 
-/// Distance of a picture from the true one.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Score {
-    /// In dB.
-    pub(super) psnr: f64,
-    pub(super) ssim: f64,
-    /// `None` if LPIPS is not measured.
-    pub(super) lpips: Option<f64>,
-}
-
-impl Score {
-    fn of(truth: &Picture, picture: &Picture, lpips: Option<&Lpips>) -> Result<Self> {
-        let lpips = lpips.map(|lpips| lpips.compare(truth, picture)).transpose()?;
-        Ok(Self { psnr: psnr(truth, picture)?, ssim: ssim(truth, picture)?, lpips })
-    }
+/// Scores a picture; equal pictures have an infinite PSNR.
+fn score(truth: &Picture, picture: &Picture, lpips: Option<&Lpips>) -> Result<Score> {
+    let lpips = lpips.map(|lpips| lpips.compare(truth, picture)).transpose()?;
+    Ok(Score { psnr: psnr(truth, picture)?, ssim: ssim(truth, picture)?, lpips })
 }
 
 /// Scores at one horizon of a walk.
@@ -45,19 +36,17 @@ pub(super) struct Horizon {
 
 /// Result of one walk.
 #[derive(Debug, Clone)]
-pub(super) struct Walked {
+pub(super) struct WalkScores {
     pub(super) horizons: Vec<Horizon>,
     /// One per latent step.
     pub(super) responses: Vec<Response>,
     /// Global properties of every picture from the first on: the world's and the truth's.
-    pub(super) looks: Vec<[Look; 2]>,
+    pub(super) statistics: Vec<[PictureStatistics; 2]>,
 }
 
-/// A place and the settings of its walk.
+/// A scene and the settings of the walk through it.
 pub(super) struct Walk<'a> {
-    pub(super) family: Family,
-    /// Seed of the place.
-    pub(super) scene: u64,
+    pub(super) scene: SceneId,
     pub(super) script: &'a ControlScript,
     /// Length of the walk in seconds of world time.
     pub(super) seconds: f64,
@@ -69,16 +58,6 @@ pub(super) struct Tools<'a> {
     pub(super) point: &'a OperatingPoint,
     pub(super) lpips: Option<&'a Lpips>,
     pub(super) stop: &'a AtomicBool,
-}
-
-impl Tools<'_> {
-    /// Fails with `Cancelled` if `stop` is set.
-    fn go_on(&self) -> Result<()> {
-        if self.stop.load(Ordering::Relaxed) {
-            return Err(Error::new(ErrorKind::Cancelled, "interrupted"));
-        }
-        Ok(())
-    }
 }
 
 /// The latent step nearest to the given time.
@@ -100,7 +79,7 @@ impl Walk<'_> {
             Error::new(ErrorKind::InvalidArgument, format!("a scene cannot be walked at {rate} frames a second"))
         })?;
         let first = truth.frame()?.picture;
-        let mut rollout = Rollout::new(world, point, self.scene)?;
+        let mut rollout = Rollout::new(world, point, self.scene.seed)?;
         rollout.append(&first)?;
         Ok((truth, rollout, first))
     }
@@ -109,9 +88,9 @@ impl Walk<'_> {
     ///
     /// # Errors
     /// Errors of making latents; `Cancelled` when `tools.stop` was set.
-    pub(super) fn score(&self, world: &Arc<World>, tools: &Tools<'_>, horizons: &[f64]) -> Result<Walked> {
+    pub(super) fn score(&self, world: &Arc<World>, tools: &Tools<'_>, horizons: &[f64]) -> Result<WalkScores> {
         let point = tools.point;
-        let scene = Scene::new(self.family, self.scene);
+        let scene = Scene::new(self.scene.family, self.scene.seed);
         let (mut truth, mut rollout, first) = self.start(&scene, world, point)?;
         let last = point.pictures_per_latent - 1;
         let mut before = first.clone();
@@ -121,11 +100,11 @@ impl Walk<'_> {
         let (width, height) = world.render_size();
         let mut guidance = Guidance::new(width, height, paper::PROJECTION)?;
         let mut flow = picture_flow::Extractor::new();
-        let mut walked = Walked { horizons: Vec::new(), responses: Vec::new(), looks: Vec::new() };
-        walked.looks.push([Look::of(&before)?, Look::of(&first)?]);
+        let mut walked = WalkScores { horizons: Vec::new(), responses: Vec::new(), statistics: Vec::new() };
+        walked.statistics.push([PictureStatistics::of(&before)?, PictureStatistics::of(&first)?]);
         let mut picture = before.clone();
         for q in 1..=step_at(point, self.seconds) {
-            tools.go_on()?;
+            check_stop(tools.stop)?;
             step(&mut rollout, self.script, point, q)?;
             rollout.read_picture(last, &mut picture)?;
             let Frame { picture: true_picture, motion, .. } = truth.frame()?;
@@ -133,13 +112,13 @@ impl Walk<'_> {
             let seen = guidance.motion().vectors().iter().map(|[x, y]| [f64::from(x.to_f32()), f64::from(y.to_f32())]);
             let meant = motion.iter().map(|m| [f64::from(m.x), f64::from(m.y)]);
             walked.responses.push(Response::new(seen, meant));
-            walked.looks.push([Look::of(&picture)?, Look::of(&true_picture)?]);
+            walked.statistics.push([PictureStatistics::of(&picture)?, PictureStatistics::of(&true_picture)?]);
             for &seconds in horizons.iter().filter(|&&seconds| step_at(point, seconds) == q) {
                 walked.horizons.push(Horizon {
                     seconds,
-                    world: Score::of(&true_picture, &picture, tools.lpips)?,
-                    repeat: Score::of(&true_picture, &first, tools.lpips)?,
-                    reconstruction: Score::of(&true_picture, &reconstruction, tools.lpips)?,
+                    world: score(&true_picture, &picture, tools.lpips)?,
+                    repeat: score(&true_picture, &first, tools.lpips)?,
+                    reconstruction: score(&true_picture, &reconstruction, tools.lpips)?,
                     truth_picture: true_picture.clone(),
                     picture: picture.clone(),
                 });
@@ -155,11 +134,11 @@ impl Walk<'_> {
     /// As [`score`](Self::score).
     pub(super) fn pictures(&self, world: &Arc<World>, tools: &Tools<'_>, at: &[u64]) -> Result<Vec<[Picture; 2]>> {
         let point = tools.point;
-        let scene = Scene::new(self.family, self.scene);
+        let scene = Scene::new(self.scene.family, self.scene.seed);
         let (mut truth, mut rollout, first) = self.start(&scene, world, point)?;
         let mut kept = Vec::new();
         for q in 0..=at.last().copied().unwrap_or(0) {
-            tools.go_on()?;
+            check_stop(tools.stop)?;
             if q > 0 {
                 step(&mut rollout, self.script, point, q)?;
             }

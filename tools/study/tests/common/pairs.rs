@@ -1,4 +1,4 @@
-//! Pairs of pictures for the metrics: scenes of our own, and what happens to pictures on their way.
+//! Pairs of pictures for the metrics: rendered scenes, and the same after typical distortions.
 
 use std::io::Cursor;
 

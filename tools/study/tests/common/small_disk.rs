@@ -33,7 +33,7 @@ impl Disk for SmallDisk {
 }
 
 impl Write for SmallFile {
-    /// Writes what fits, as an operating system does; only growing needs room.
+    /// Writes as many bytes as fit, as an operating system does; only growing a file needs room.
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let inside = (self.len.saturating_sub(self.at) as usize).min(bytes.len());
         let room = self.room.load(Ordering::SeqCst).max(0) as usize;

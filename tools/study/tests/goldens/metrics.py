@@ -1,4 +1,4 @@
-"""Makes metrics.csv: what the programs that our metrics are named after say about the pairs of pictures of the tests.
+"""Makes metrics.csv: the reference implementations' values for the pairs of pictures of the tests.
 
     cargo test -p study --test metrics          # leaves the pairs in target/tmp/metric-pairs
     pip install scikit-image==0.26.0 pillow numpy

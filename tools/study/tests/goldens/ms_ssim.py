@@ -1,4 +1,4 @@
-"""Makes ms_ssim.csv: what TensorFlow says about the larger pairs of pictures of the tests.
+"""Makes ms_ssim.csv: TensorFlow's values for the larger pairs of pictures of the tests.
 
     cargo test -p study --test metrics          # leaves the pairs in target/tmp/large-metric-pairs
     pip install tensorflow-cpu==2.21.0 pillow numpy
@@ -24,7 +24,7 @@ def main() -> None:
         pair = [np.asarray(Image.open(folder / f"{name}.{role}.png").convert("RGB")) for role in ("truth", "candidate")]
         sum_ = hashlib.sha256(b"".join(picture.tobytes() for picture in pair)).hexdigest()[:16]
         truth, candidate = (tf.constant(picture[None], tf.float32) for picture in pair)
-        # What the function calls the mean over channels is the mean of their products, as ours.
+        # Like ours, the function's mean over channels is the mean of the channels' products.
         value = float(tf.image.ssim_multiscale(truth, candidate, max_val=255.0).numpy()[0])
         print(f"{name};{sum_};{value:.8f}")
 

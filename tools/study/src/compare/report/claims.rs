@@ -4,9 +4,10 @@ use cairn::Result;
 use scenes::{FAMILIES, Family};
 
 use super::super::branch::Branch;
-use super::super::score::Scored;
-use super::super::summary::{Estimate, Figures, estimate};
-use super::Found;
+use super::super::score::SceneScores;
+use super::super::summary::RolloutMetrics;
+use super::Results;
+use crate::statistics::{Estimate, estimate};
 
 /// Shorter walks cannot support a claim about duration.
 const LEAST_SECONDS: f64 = 5.0;
@@ -15,12 +16,12 @@ const LEAST_SECONDS: f64 = 5.0;
 struct Claim {
     words: &'static str,
     /// The compared value and the two branches; the first should be better.
-    value: fn(&Figures) -> Option<f64>,
+    value: fn(&RolloutMetrics) -> Option<f64>,
     of: [Branch; 2],
     /// Whether larger values are better.
     more: bool,
-    /// Scenes for which it is claimed.
-    scenes: &'static [Family],
+    /// Families for which it is claimed.
+    families: &'static [Family],
 }
 
 const MAIN: [Branch; 2] = [Branch::Coherence, Branch::Baseline];
@@ -31,35 +32,35 @@ const CLAIMS: [Claim; 9] = [
         value: |f| f.adjacent_lpips,
         of: MAIN,
         more: false,
-        scenes: &FAMILIES,
+        families: &FAMILIES,
     },
     Claim {
         words: "Anchors change less, too: lower LPIPS at 15 Hz in every scene (Table 6)",
         value: |f| f.anchor_lpips,
         of: MAIN,
         more: false,
-        scenes: &FAMILIES,
+        families: &FAMILIES,
     },
     Claim {
         words: "Presented frames are more alike: higher adjacent SSIM in every scene (Table 7)",
         value: |f| f.adjacent_ssim,
         of: MAIN,
         more: true,
-        scenes: &FAMILIES,
+        families: &FAMILIES,
     },
     Claim {
         words: "The world stays coherent longer (section 7): a later horizon in every scene",
         value: |f| f.horizon,
         of: MAIN,
         more: true,
-        scenes: &FAMILIES,
+        families: &FAMILIES,
     },
     Claim {
         words: "The gain grows over time (section 7): the distance from the truth grows less in every scene",
         value: |f| f.divergence,
         of: MAIN,
         more: false,
-        scenes: &FAMILIES,
+        families: &FAMILIES,
     },
     Claim {
         words: "Reconstruction is not what fails first (section 2): generated frames are nearer to the truth than the baseline's of \
@@ -67,28 +68,28 @@ const CLAIMS: [Claim; 9] = [
         value: |f| f.odd_lpips,
         of: MAIN,
         more: false,
-        scenes: &FAMILIES,
+        families: &FAMILIES,
     },
     Claim {
         words: "The baseline drifts in brightness (section 7): less drift in every scene",
         value: |f| f.brightness_drift.map(f64::abs),
         of: MAIN,
         more: false,
-        scenes: &FAMILIES,
+        families: &FAMILIES,
     },
     Claim {
         words: "Turns are seen earlier (Table 8) in forest, desert and snow",
         value: |f| f.onset,
         of: MAIN,
         more: false,
-        scenes: &[Family::Forest, Family::Desert, Family::Snow],
+        families: &[Family::Forest, Family::Desert, Family::Snow],
     },
     Claim {
         words: "More is not always better (section 7.4): in the sword scene the heavy point is farther from the truth",
         value: |f| f.lpips,
         of: [Branch::Coherence, Branch::Heavy],
         more: false,
-        scenes: &[Family::Sword],
+        families: &[Family::Sword],
     },
 ];
 
@@ -100,31 +101,31 @@ enum Verdict {
     CannotBeTold,
 }
 
-/// Advantage over all places of all kinds.
+/// Advantage over all scenes of all families.
 pub(super) fn advantage_of_all(
-    scored: &[Scored],
+    scored: &[SceneScores],
     branches: [Branch; 2],
-    value: fn(&Figures) -> Option<f64>,
+    value: fn(&RolloutMetrics) -> Option<f64>,
     more: bool,
 ) -> Option<Estimate> {
     advantage_of(scored.iter(), branches, value, more)
 }
 
-/// Advantage of the first branch of a pair over the second in a scene: mean over places, paired.
+/// Advantage of the first branch of a pair over the second in a family: mean over scenes, paired.
 pub(super) fn advantage(
-    scored: &[Scored],
+    scored: &[SceneScores],
     family: Family,
     branches: [Branch; 2],
-    value: fn(&Figures) -> Option<f64>,
+    value: fn(&RolloutMetrics) -> Option<f64>,
     more: bool,
 ) -> Option<Estimate> {
-    advantage_of(scored.iter().filter(|scored| scored.place.family == family), branches, value, more)
+    advantage_of(scored.iter().filter(|scored| scored.scene.family == family), branches, value, more)
 }
 
 fn advantage_of<'a>(
-    scored: impl Iterator<Item = &'a Scored>,
+    scored: impl Iterator<Item = &'a SceneScores>,
     [first, second]: [Branch; 2],
-    value: fn(&Figures) -> Option<f64>,
+    value: fn(&RolloutMetrics) -> Option<f64>,
     more: bool,
 ) -> Option<Estimate> {
     let differences: Vec<f64> = scored
@@ -137,7 +138,7 @@ fn advantage_of<'a>(
     estimate(&differences)
 }
 
-/// Verdict in one scene: by its interval or, with a single place, by its value. An interval that contains zero decides nothing.
+/// Verdict for one family: by its interval or, with a single scene, by its value. An interval that contains zero decides nothing.
 fn in_scene(advantage: Option<Estimate>) -> Verdict {
     match advantage {
         Some(Estimate { interval: Some([low, _]), .. }) if low > 0.0 => Verdict::Holds,
@@ -149,10 +150,10 @@ fn in_scene(advantage: Option<Estimate>) -> Verdict {
 }
 
 /// A claim about several scenes holds if it holds in each, and fails if it fails in one.
-fn overall(scenes: &[Verdict]) -> Verdict {
-    if scenes.contains(&Verdict::DoesNot) {
+fn overall(families: &[Verdict]) -> Verdict {
+    if families.contains(&Verdict::DoesNot) {
         Verdict::DoesNot
-    } else if scenes.is_empty() || scenes.contains(&Verdict::CannotBeTold) {
+    } else if families.is_empty() || families.contains(&Verdict::CannotBeTold) {
         Verdict::CannotBeTold
     } else {
         Verdict::Holds
@@ -160,8 +161,8 @@ fn overall(scenes: &[Verdict]) -> Verdict {
 }
 
 /// A line per claim: text, scenes, verdict.
-pub(super) fn verdicts(found: &Found<'_>) -> Result<Vec<Vec<String>>> {
-    let mut lines = of_figures(&found.settings.scenes, found.scored, found.seconds()?, found.is_random());
+pub(super) fn verdicts(found: &Results<'_>) -> Result<Vec<Vec<String>>> {
+    let mut lines = of_figures(&found.settings.families, found.scored, found.seconds()?, found.is_random());
     lines.push(budget(found));
     Ok(lines)
 }
@@ -170,7 +171,7 @@ pub(super) fn verdicts(found: &Found<'_>) -> Result<Vec<Vec<String>>> {
 const SAME: f64 = 1.1;
 
 /// Whether the two main branches cost the same, for both readings of the baseline.
-fn budget(found: &Found<'_>) -> Vec<String> {
+fn budget(found: &Results<'_>) -> Vec<String> {
     let flops = |branch| {
         let cells = found.made.cells.iter().zip(found.budgets);
         let of = cells.filter(|((cell, _), _)| cell.branch == branch).map(|(_, budget)| budget.flops);
@@ -196,9 +197,9 @@ fn budget_line([native, doubled]: [f64; 2]) -> Vec<String> {
     ]
 }
 
-fn of_figures(scenes: &[Family], scored: &[Scored], seconds: f64, random: bool) -> Vec<Vec<String>> {
+fn of_figures(families: &[Family], scored: &[SceneScores], seconds: f64, random: bool) -> Vec<Vec<String>> {
     let line = |claim: &Claim| {
-        let asked: Vec<Family> = claim.scenes.iter().copied().filter(|f| scenes.contains(f)).collect();
+        let asked: Vec<Family> = claim.families.iter().copied().filter(|f| families.contains(f)).collect();
         let found: Vec<(Family, Verdict)> = asked
             .iter()
             .map(|&family| (family, in_scene(advantage(scored, family, claim.of, claim.value, claim.more))))
@@ -208,7 +209,7 @@ fn of_figures(scenes: &[Family], scored: &[Scored], seconds: f64, random: bool) 
             Some("random weights".to_owned())
         } else if seconds < LEAST_SECONDS {
             Some(format!("too short a walk, {seconds} s"))
-        } else if asked.len() < claim.scenes.len() {
+        } else if asked.len() < claim.families.len() {
             Some("not all of its scenes were run".to_owned())
         } else {
             None
@@ -219,7 +220,7 @@ fn of_figures(scenes: &[Family], scored: &[Scored], seconds: f64, random: bool) 
             (None, Verdict::DoesNot) => "does not hold".into(),
             (None, Verdict::CannotBeTold) => "cannot be told".into(),
         };
-        let scenes = found.iter().map(|(family, verdict)| {
+        let families = found.iter().map(|(family, verdict)| {
             let sign = match verdict {
                 Verdict::Holds => "yes",
                 Verdict::DoesNot => "no",
@@ -227,7 +228,7 @@ fn of_figures(scenes: &[Family], scored: &[Scored], seconds: f64, random: bool) 
             };
             format!("{family} {sign}")
         });
-        vec![claim.words.to_owned(), scenes.collect::<Vec<_>>().join(", "), verdict]
+        vec![claim.words.to_owned(), families.collect::<Vec<_>>().join(", "), verdict]
     };
     CLAIMS.iter().map(line).collect()
 }
@@ -237,19 +238,19 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::compare::plan::Place;
+    use crate::scene_id::SceneId;
 
-    fn scored(family: Family, seed: u64, coherence: f64, baseline: f64) -> Scored {
-        let figures = |value| Figures {
+    fn scored(family: Family, seed: u64, coherence: f64, baseline: f64) -> SceneScores {
+        let figures = |value| RolloutMetrics {
             adjacent_lpips: Some(value),
             lpips: Some(value),
             horizon: Some(-value),
-            ..Figures::default()
+            ..RolloutMetrics::default()
         };
-        Scored {
-            place: Place { family, seed },
+        SceneScores {
+            scene: SceneId { family, seed },
             key: String::new(),
-            truth: Figures::default(),
+            truth: RolloutMetrics::default(),
             branches: vec![
                 (Branch::Coherence, figures(coherence)),
                 (Branch::Baseline, figures(baseline)),
@@ -261,7 +262,7 @@ mod tests {
         }
     }
 
-    fn first_verdict(scored: &[Scored], seconds: f64, random: bool) -> String {
+    fn first_verdict(scored: &[SceneScores], seconds: f64, random: bool) -> String {
         let lines = of_figures(&FAMILIES, scored, seconds, random);
         assert_eq!(lines.len(), CLAIMS.len());
         lines[0][2].clone()
@@ -269,7 +270,7 @@ mod tests {
 
     #[test]
     fn a_claim_holds_where_it_holds_in_every_scene() {
-        let all = |worst: f64| -> Vec<Scored> {
+        let all = |worst: f64| -> Vec<SceneScores> {
             let value = |family| if family == Family::Snow { worst } else { 0.1 };
             FAMILIES.into_iter().map(|family| scored(family, 41, value(family), 0.2)).collect()
         };
@@ -295,11 +296,11 @@ mod tests {
 
     #[test]
     fn places_that_disagree_leave_a_scene_open() {
-        let places = [scored(Family::Snow, 41, 0.1, 0.2), scored(Family::Snow, 42, 0.2, 0.1)];
-        let found = advantage(&places, Family::Snow, MAIN, |f| f.adjacent_lpips, false);
+        let scenes = [scored(Family::Snow, 41, 0.1, 0.2), scored(Family::Snow, 42, 0.2, 0.1)];
+        let found = advantage(&scenes, Family::Snow, MAIN, |f| f.adjacent_lpips, false);
         assert_eq!(in_scene(found), Verdict::CannotBeTold);
-        let places = [scored(Family::Snow, 41, 0.1, 0.2), scored(Family::Snow, 42, 0.1, 0.3)];
-        let found = advantage(&places, Family::Snow, MAIN, |f| f.horizon, true);
+        let scenes = [scored(Family::Snow, 41, 0.1, 0.2), scored(Family::Snow, 42, 0.1, 0.3)];
+        let found = advantage(&scenes, Family::Snow, MAIN, |f| f.horizon, true);
         assert_eq!(in_scene(found), Verdict::Holds);
     }
 }

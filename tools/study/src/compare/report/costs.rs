@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 
 use super::super::branch::{Branch, cadence};
 use super::super::budget::{Budget, Times, is_half};
-use super::super::make::Made;
+use super::super::make::Rollouts;
 use super::super::plan::{Cell, Settings};
 use super::curves::bars;
 use super::paper::{STACK, point};
-use super::{Asset, Block, Found, Table};
+use super::{Asset, Block, Results, Table};
 use crate::machine::{LibraryVersion, Versions};
 
 /// The paper's Table 2.
@@ -16,7 +16,7 @@ pub(super) fn operating_points(settings: &Settings) -> Vec<Block> {
     let rows: Vec<Vec<String>> = Branch::ALL
         .into_iter()
         .map(|branch| {
-            let points: Vec<_> = settings.scenes.iter().map(|&family| branch.point(family)).collect();
+            let points: Vec<_> = settings.families.iter().map(|&family| branch.point(family)).collect();
             let windows: BTreeSet<u32> = points.iter().map(|point| point.global_window).collect();
             let windows: Vec<String> = windows.iter().map(|g| format!("g{g}")).collect();
             let first =
@@ -39,7 +39,7 @@ pub(super) fn operating_points(settings: &Settings) -> Vec<Block> {
 }
 
 /// The paper's Table 3, from the manifests.
-pub(super) fn machine(found: &Found<'_>) -> Vec<Block> {
+pub(super) fn machine(found: &Results<'_>) -> Vec<Block> {
     let cells = &found.made.cells;
     let of = |of: &dyn Fn(&Versions) -> Option<String>| {
         let found: BTreeSet<String> = cells.iter().filter_map(|(_, manifest)| of(&manifest.versions)).collect();
@@ -78,7 +78,7 @@ pub(super) fn machine(found: &Found<'_>) -> Vec<Block> {
 }
 
 /// The paper's Table 4 with numbers: cost of a second of world time.
-pub(super) fn costs(made: &Made, budgets: &[Budget]) -> Vec<Block> {
+pub(super) fn costs(made: &Rollouts, budgets: &[Budget]) -> Vec<Block> {
     let of = |branch: Branch| -> Vec<&Budget> {
         let pairs = made.cells.iter().zip(budgets);
         pairs.filter(|((cell, _), _): &(&(Cell, _), _)| cell.branch == branch).map(|(_, budget)| budget).collect()

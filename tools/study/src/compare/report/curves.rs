@@ -1,10 +1,11 @@
-//! Curves of a place over world time, and bars of budgets, as SVG.
+//! Curves of a scene over world time, and bars of budgets, as SVG.
 
 use std::fmt::Write as _;
 
-use super::super::series::{Column, RATE, Series};
-use super::super::summary::mean;
+use super::super::series::{Column, Series};
+use super::super::walk::RATE;
 use crate::document::escaped;
+use crate::statistics::mean;
 
 const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 240.0;

@@ -5,8 +5,8 @@ use scenes::Family;
 
 use super::super::branch::Branch;
 use super::super::plan::Settings;
-use super::super::score::Scored;
-use super::super::summary::Figures;
+use super::super::score::SceneScores;
+use super::super::summary::RolloutMetrics;
 use super::measured::of_branch;
 use super::paper::evidence;
 use super::{Block, Table};
@@ -14,15 +14,15 @@ use super::{Block, Table};
 /// Change of brightness or warmth that counts as a drift, in steps of 0 to 255.
 const DRIFT: f64 = 4.0;
 
-pub(super) fn table(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
-    let rows = settings.scenes.iter().map(|&family| {
+pub(super) fn table(settings: &Settings, scored: &[SceneScores]) -> Vec<Block> {
+    let rows = settings.families.iter().map(|&family| {
         let [keeps, fails, figure] = evidence(family);
         vec![
             family.name().to_owned(),
             keeps.to_owned(),
-            told(scored, family, Branch::Coherence),
+            description(scored, family, Branch::Coherence),
             fails.to_owned(),
-            told(scored, family, Branch::Baseline),
+            description(scored, family, Branch::Baseline),
             figure.to_owned(),
         ]
     });
@@ -45,9 +45,10 @@ pub(super) fn table(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
 }
 
 /// Describes a branch in a scene by its measurements.
-fn told(scored: &[Scored], family: Family, branch: Branch) -> String {
-    let of =
-        |value: fn(&Figures) -> Option<f64>| of_branch(scored, family, branch, value).map(|estimate| estimate.mean);
+fn description(scored: &[SceneScores], family: Family, branch: Branch) -> String {
+    let of = |value: fn(&RolloutMetrics) -> Option<f64>| {
+        of_branch(scored, family, branch, value).map(|estimate| estimate.mean)
+    };
     let mut parts = Vec::new();
     if let Some(horizon) = of(|f| f.horizon) {
         parts.push(format!("horizon {horizon:.1} s"));
@@ -70,31 +71,31 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::compare::plan::Place;
+    use crate::scene_id::SceneId;
 
     #[test]
     fn figures_are_told_in_words() {
-        let place = |seed, drift| Scored {
-            place: Place { family: Family::Snow, seed },
+        let scene = |seed, drift| SceneScores {
+            scene: SceneId { family: Family::Snow, seed },
             key: String::new(),
-            truth: Figures::default(),
+            truth: RolloutMetrics::default(),
             branches: vec![(
                 Branch::Baseline,
-                Figures {
+                RolloutMetrics {
                     horizon: Some(3.0),
                     lpips: Some(0.25),
                     brightness_drift: Some(drift),
                     warmth_drift: Some(-20.0),
-                    ..Figures::default()
+                    ..RolloutMetrics::default()
                 },
             )],
             series: Vec::new(),
             same_before_turn: true,
             file: PathBuf::new(),
         };
-        let scored = [place(41, 1.0), place(42, 3.0)];
-        let text = told(&scored, Family::Snow, Branch::Baseline);
+        let scored = [scene(41, 1.0), scene(42, 3.0)];
+        let text = description(&scored, Family::Snow, Branch::Baseline);
         assert_eq!(text, "horizon 3.0 s, LPIPS 0.250 to the truth, colder by 20 at worst");
-        assert_eq!(told(&scored, Family::Snow, Branch::Coherence), "not measured");
+        assert_eq!(description(&scored, Family::Snow, Branch::Coherence), "not measured");
     }
 }

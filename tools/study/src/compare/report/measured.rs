@@ -4,18 +4,19 @@ use scenes::Family;
 
 use super::super::branch::Branch;
 use super::super::plan::Settings;
-use super::super::score::Scored;
-use super::super::summary::{Estimate, Figures, estimate};
-use super::super::turn::straight_seconds;
+use super::super::score::SceneScores;
+use super::super::summary::RolloutMetrics;
+use super::super::walk::straight_seconds;
 use super::claims::{advantage, advantage_of_all};
-use super::paper::{Published, published};
+use super::paper::{PaperScores, published};
 use super::{Block, Table};
+use crate::statistics::{Estimate, estimate};
 
 /// One value of a rollout.
-type Value = fn(&Figures) -> Option<f64>;
+type Value = fn(&RolloutMetrics) -> Option<f64>;
 
 /// All blocks, in order.
-pub(super) fn all(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
+pub(super) fn all(settings: &Settings, scored: &[SceneScores]) -> Vec<Block> {
     let mut blocks = Vec::new();
     blocks.extend(beside_the_paper(
         settings,
@@ -43,32 +44,32 @@ pub(super) fn all(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
         "As in Table 6, and higher is not better by itself. The paper calls its anchor-aligned SSIM mixed: at 15 Hz a lower one can \
          be a place that truly changes.",
     ));
-    blocks.extend(turns(settings, scored));
+    blocks.extend(onsets(settings, scored));
     blocks.extend(motion(settings, scored));
     blocks.extend(truth(settings, scored));
     blocks.extend(decoder(settings, scored));
     blocks
 }
 
-fn places(scored: &[Scored], family: Family) -> impl Iterator<Item = &Scored> {
-    scored.iter().filter(move |scored| scored.place.family == family)
+fn scenes(scored: &[SceneScores], family: Family) -> impl Iterator<Item = &SceneScores> {
+    scored.iter().filter(move |scored| scored.scene.family == family)
 }
 
-/// Mean over the places of a kind.
-pub(super) fn of_branch(scored: &[Scored], family: Family, branch: Branch, value: Value) -> Option<Estimate> {
-    let figures = places(scored, family).flat_map(|scored| &scored.branches);
+/// Mean over the scenes of a family.
+pub(super) fn of_branch(scored: &[SceneScores], family: Family, branch: Branch, value: Value) -> Option<Estimate> {
+    let figures = scenes(scored, family).flat_map(|scored| &scored.branches);
     let values: Vec<f64> = figures.filter(|(b, _)| *b == branch).filter_map(|(_, f)| value(f)).collect();
     estimate(&values)
 }
 
-/// Mean over all places of all kinds.
-fn of_all(scored: &[Scored], branch: Branch, value: Value) -> Option<Estimate> {
+/// Mean over all scenes of all families.
+fn of_all(scored: &[SceneScores], branch: Branch, value: Value) -> Option<Estimate> {
     let figures = scored.iter().flat_map(|scored| &scored.branches);
     estimate(&figures.filter(|(b, _)| *b == branch).filter_map(|(_, f)| value(f)).collect::<Vec<_>>())
 }
 
-fn of_truth(scored: &[Scored], family: Family, value: Value) -> Option<Estimate> {
-    estimate(&places(scored, family).filter_map(|scored| value(&scored.truth)).collect::<Vec<_>>())
+fn of_truth(scored: &[SceneScores], family: Family, value: Value) -> Option<Estimate> {
+    estimate(&scenes(scored, family).filter_map(|scored| value(&scored.truth)).collect::<Vec<_>>())
 }
 
 fn show(estimate: Option<Estimate>, digits: usize) -> String {
@@ -93,15 +94,15 @@ fn with_interval(estimate: Option<Estimate>, digits: usize) -> String {
 /// A table of the paper, at 15 and at 30 Hz: our values, then the published ones.
 fn beside_the_paper(
     settings: &Settings,
-    scored: &[Scored],
+    scored: &[SceneScores],
     title: &str,
     values: [Value; 2],
-    theirs: fn(&Published) -> [[f64; 2]; 2],
+    theirs: fn(&PaperScores) -> [[f64; 2]; 2],
     more: bool,
 ) -> Vec<Block> {
     let main = [Branch::Coherence, Branch::Baseline];
     let mut rows: Vec<Vec<String>> = settings
-        .scenes
+        .families
         .iter()
         .map(|&family| {
             let ours = |branch, i: usize| show(of_branch(scored, family, branch, values[i]), 4);
@@ -114,15 +115,15 @@ fn beside_the_paper(
             row
         })
         .collect();
-    if settings.scenes.len() > 1 {
+    if settings.families.len() > 1 {
         let all = |branch, i: usize| show(of_all(scored, branch, values[i]), 4);
         let mut row = vec!["all".to_owned()];
         row.extend((0..2).flat_map(|i| main.map(|branch| all(branch, i))));
         row.push(with_interval(advantage_of_all(scored, main, values[1], more), 4));
         let means = [0, 1].map(|i| {
             let of = |branch: usize| {
-                let sum: f64 = settings.scenes.iter().map(|&family| theirs(&published(family))[i][branch]).sum();
-                format!("{:.4}", sum / settings.scenes.len() as f64)
+                let sum: f64 = settings.families.iter().map(|&family| theirs(&published(family))[i][branch]).sum();
+                format!("{:.4}", sum / settings.families.len() as f64)
             };
             format!("{} / {}", of(0), of(1))
         });
@@ -143,9 +144,9 @@ fn beside_the_paper(
 }
 
 /// Table of the properties of motion that a mean change does not show.
-fn motion(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
+fn motion(settings: &Settings, scored: &[SceneScores]) -> Vec<Block> {
     let mut rows = Vec::new();
-    for &family in &settings.scenes {
+    for &family in &settings.families {
         let true_change = show(of_truth(scored, family, |f| f.adjacent_lpips), 4);
         let true_anchor = show(of_truth(scored, family, |f| f.anchor_lpips), 4);
         rows.push(vec![
@@ -183,9 +184,9 @@ fn motion(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
 }
 
 /// Table against the renderer's truth.
-fn truth(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
+fn truth(settings: &Settings, scored: &[SceneScores]) -> Vec<Block> {
     let mut rows = Vec::new();
-    for &family in &settings.scenes {
+    for &family in &settings.families {
         for branch in Branch::ALL {
             let of = |value: Value, digits| show(of_branch(scored, family, branch, value), digits);
             let scene = if branch == Branch::ALL[0] { family.name() } else { "" };
@@ -228,8 +229,8 @@ fn truth(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
 }
 
 /// Table of generated frames against the decoder's own.
-fn decoder(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
-    let rows = settings.scenes.iter().map(|&family| {
+fn decoder(settings: &Settings, scored: &[SceneScores]) -> Vec<Block> {
+    let rows = settings.families.iter().map(|&family| {
         let of = |value: Value, digits| show(of_branch(scored, family, Branch::Coherence, value), digits);
         vec![family.name().into(), of(|f| f.decoder_psnr, 2), of(|f| f.decoder_ssim, 3), of(|f| f.decoder_lpips, 3)]
     });
@@ -241,10 +242,10 @@ fn decoder(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
 }
 
 /// The paper's Table 8; empty if no walk has a turn.
-fn turns(settings: &Settings, scored: &[Scored]) -> Vec<Block> {
+fn onsets(settings: &Settings, scored: &[SceneScores]) -> Vec<Block> {
     let turned = |family| straight_seconds(family, &settings.seconds).is_ok_and(|seconds| seconds.is_some());
     let rows: Vec<Vec<String>> = settings
-        .scenes
+        .families
         .iter()
         .filter(|family| turned(**family))
         .map(|&family| {

@@ -19,12 +19,14 @@ use scenes::Family;
 
 use super::branch::Branch;
 use super::budget::Budget;
-use super::make::Made;
-use super::panels::{self, Shown};
-use super::plan::{Place, Settings};
-use super::score::Scored;
-use super::series::{Column, RATE};
+use super::make::Rollouts;
+use super::panels::{self, StreamId};
+use super::plan::Settings;
+use super::score::SceneScores;
+use super::series::Column;
+use super::walk::RATE;
 use crate::document::{Asset, Block, Document};
+use crate::scene_id::SceneId;
 use crate::table::Table;
 
 const TITLE: &str = "Fewer and better anchors, or more frames";
@@ -34,18 +36,18 @@ const MOMENTS: [f64; 3] = [1.0 / 6.0, 3.0 / 5.0, 11.0 / 15.0];
 const TILE: u32 = 400;
 
 /// All results.
-pub(super) struct Found<'a> {
+pub(super) struct Results<'a> {
     pub(super) settings: &'a Settings,
     pub(super) bundle: &'a Bundle,
-    pub(super) made: &'a Made,
+    pub(super) made: &'a Rollouts,
     /// Of all cells, in order.
     pub(super) budgets: &'a [Budget],
-    pub(super) scored: &'a [Scored],
-    /// Path of the side-by-side video of each place.
+    pub(super) scored: &'a [SceneScores],
+    /// Path of the side-by-side video of each scene.
     pub(super) videos: &'a [PathBuf],
 }
 
-impl Found<'_> {
+impl Results<'_> {
     /// Whether the weights are random.
     fn is_random(&self) -> bool {
         self.bundle.manifest().provenance.get("weights").is_some_and(|weights| weights.starts_with("random"))
@@ -60,8 +62,8 @@ impl Found<'_> {
 ///
 /// # Errors
 /// `InvalidArgument` for settings that were not checked; `Io` for a missing frame.
-pub(super) fn report(found: &Found<'_>) -> Result<Document> {
-    let Found { settings, made, budgets, scored, .. } = *found;
+pub(super) fn report(found: &Results<'_>) -> Result<Document> {
+    let Results { settings, made, budgets, scored, .. } = *found;
     let mut blocks = head(found);
     blocks.push(Block::heading("What the paper claims"));
     blocks.push(Block::Table(Table::verdicts(&["claim", "scenes", "here"], claims::verdicts(found)?)));
@@ -82,8 +84,8 @@ pub(super) fn report(found: &Found<'_>) -> Result<Document> {
     blocks.extend(costs::costs(made, budgets));
     blocks.extend(seeds(found)?);
     blocks.extend(evidence::table(settings, scored));
-    for (place, figure) in figures(found) {
-        blocks.extend(pair(place, figure, found)?);
+    for (scene, figure) in figures(found) {
+        blocks.extend(pair(scene, figure, found)?);
     }
     blocks.extend(measured::all(settings, scored));
     blocks.push(Block::heading("Every place"));
@@ -92,20 +94,24 @@ pub(super) fn report(found: &Found<'_>) -> Result<Document> {
          second. The figures of every frame are in series.csv.",
     ));
     for (scored, video) in scored.iter().zip(found.videos) {
-        blocks.extend(of_place(scored, video, settings)?);
+        blocks.extend(of_scene(scored, video, settings)?);
     }
     Ok(Document::new(TITLE, &blocks))
 }
 
-fn head(found: &Found<'_>) -> Vec<Block> {
-    let Found { settings, made, bundle, .. } = found;
-    let scenes: Vec<&str> = settings.scenes.iter().map(|family| family.name()).collect();
+fn head(found: &Results<'_>) -> Vec<Block> {
+    let Results { settings, made, bundle, .. } = found;
+    let families: Vec<&str> = settings.families.iter().map(|family| family.name()).collect();
     let [width, height] = settings.size;
-    let places = if settings.places == 1 { "one place".to_owned() } else { format!("{} places", settings.places) };
+    let scenes = if settings.scenes_per_family == 1 {
+        "one place".to_owned()
+    } else {
+        format!("{} places", settings.scenes_per_family)
+    };
     let mut blocks = vec![Block::text(format!(
-        "{}: {}, {places} of each, {} s in {} branches, compared at {width}x{height}. {} rollouts, {} of them kept from before.",
+        "{}: {}, {scenes} of each, {} s in {} branches, compared at {width}x{height}. {} rollouts, {} of them kept from before.",
         bundle.manifest().name,
-        scenes.join(", "),
+        families.join(", "),
         settings.seconds,
         Branch::ALL.len(),
         made.cells.len() + made.straight.len(),
@@ -123,9 +129,9 @@ fn head(found: &Found<'_>) -> Vec<Block> {
 }
 
 /// The paper's Figure 2.
-fn seeds(found: &Found<'_>) -> Result<Vec<Block>> {
-    let places: Vec<Place> = found.settings.scenes.iter().filter_map(|&family| first(found, family)).collect();
-    let file = Asset::jpeg("figure-2", &panels::seeds(&places, found.settings)?)?;
+fn seeds(found: &Results<'_>) -> Result<Vec<Block>> {
+    let scenes: Vec<SceneId> = found.settings.families.iter().filter_map(|&family| first(found, family)).collect();
+    let file = Asset::jpeg("figure-2", &panels::seeds(&scenes, found.settings)?)?;
     Ok(vec![
         Block::heading("Figure 2: seed pictures"),
         Block::figure(
@@ -136,8 +142,8 @@ fn seeds(found: &Found<'_>) -> Result<Vec<Block>> {
     ])
 }
 
-fn first(found: &Found<'_>, family: Family) -> Option<Place> {
-    found.settings.places().find(|place| place.family == family)
+fn first(found: &Results<'_>, family: Family) -> Option<SceneId> {
+    found.settings.scenes().find(|scene| scene.family == family)
 }
 
 /// A figure of the paper that shows two branches side by side.
@@ -148,7 +154,7 @@ struct Pair {
 }
 
 /// Figures 3 to 6 and S1, for the scenes that were run.
-fn figures<'a>(found: &'a Found<'_>) -> impl Iterator<Item = (Place, Pair)> + 'a {
+fn figures<'a>(found: &'a Results<'_>) -> impl Iterator<Item = (SceneId, Pair)> + 'a {
     const MAIN: [Branch; 2] = [Branch::Coherence, Branch::Baseline];
     let all = [
         (Family::Forest, "3", MAIN, "the paper's clearest result: path, trunks and layers of fog."),
@@ -165,16 +171,16 @@ fn figures<'a>(found: &'a Found<'_>) -> impl Iterator<Item = (Place, Pair)> + 'a
     all.into_iter().filter_map(|(family, number, of, words)| Some((first(found, family)?, Pair { number, of, words })))
 }
 
-fn pair(place: Place, Pair { number, of, words }: Pair, found: &Found<'_>) -> Result<Vec<Block>> {
+fn pair(scene: SceneId, Pair { number, of, words }: Pair, found: &Results<'_>) -> Result<Vec<Block>> {
     let whole = found.seconds()? * f64::from(RATE);
     // Even samples only: at odd ones one branch shows generated frames and the other decoded ones.
-    let looks = MOMENTS.map(|share| (whole * share) as u64 & !1);
-    let columns = [Shown::Branch(of[0]), Shown::Branch(of[1]), Shown::Truth];
-    let picture = panels::grid(place, &columns, &looks, TILE, found.settings)?;
+    let samples = MOMENTS.map(|share| (whole * share) as u64 & !1);
+    let columns = [StreamId::Branch(of[0]), StreamId::Branch(of[1]), StreamId::Truth];
+    let picture = panels::grid(scene, &columns, &samples, TILE, found.settings)?;
     let file = Asset::jpeg(&format!("figure-{}", number.to_lowercase()), &picture)?;
     let [left, right] = of.map(Branch::name);
     Ok(vec![
-        Block::heading(format!("Figure {number}: {place}, {left} and {right}")),
+        Block::heading(format!("Figure {number}: {scene}, {left} and {right}")),
         Block::figure(
             file,
             format!("Left {left}, middle {right}, right what the renderer draws of the same walk: {words}"),
@@ -182,21 +188,21 @@ fn pair(place: Place, Pair { number, of, words }: Pair, found: &Found<'_>) -> Re
     ])
 }
 
-fn of_place(scored: &Scored, video: &std::path::Path, settings: &Settings) -> Result<Vec<Block>> {
-    let place = scored.place;
-    let name = format!("{}-{}", place.family, place.seed);
+fn of_scene(scored: &SceneScores, video: &std::path::Path, settings: &Settings) -> Result<Vec<Block>> {
+    let scene = scored.scene;
+    let name = format!("{}-{}", scene.family, scene.seed);
     let count = scored.series.first().map_or(1, |series| series.rows.len() as u64);
-    let sheet = Asset::jpeg(&format!("sheet-{name}"), &panels::sheet(place, count, settings)?)?;
+    let sheet = Asset::jpeg(&format!("sheet-{name}"), &panels::sheet(scene, count, settings)?)?;
     let mut blocks = vec![
         Block::Player {
             words: format!(
-                "{place}: truth and all branches in step, {RATE} frames a second; {name}/{} by itself.",
+                "{scene}: truth and all branches in step, {RATE} frames a second; {name}/{} by itself.",
                 super::video::VIDEO
             ),
             video: crate::manifest::read_bounded(video, u64::from(u32::MAX))?,
             rate: RATE,
         },
-        Block::figure(sheet, format!("{place}: truth and all branches at six moments.")),
+        Block::figure(sheet, format!("{scene}: truth and all branches at six moments.")),
     ];
     for (column, file, what) in [
         (Column::Lpips, "truth", "LPIPS to the truth; lower is nearer."),
@@ -205,7 +211,7 @@ fn of_place(scored: &Scored, video: &std::path::Path, settings: &Settings) -> Re
     ] {
         let svg = curves::curves(&scored.series, column);
         if !svg.is_empty() {
-            blocks.push(Block::figure(Asset::svg(&format!("{file}-{name}"), svg), format!("{place}: {what}")));
+            blocks.push(Block::figure(Asset::svg(&format!("{file}-{name}"), svg), format!("{scene}: {what}")));
         }
     }
     Ok(blocks)

@@ -45,7 +45,7 @@ fn arrow(svg: &mut String, points: &[[u32; 2]]) {
 
 /// The drawing, with the context windows of the first scene.
 pub(super) fn drawing(settings: &Settings) -> String {
-    let family = settings.scenes.first().copied().unwrap_or(Family::Forest);
+    let family = settings.families.first().copied().unwrap_or(Family::Forest);
     let point = |branch: Branch| -> OperatingPoint { branch.point(family) };
     let (coherence, baseline) = (point(Branch::Coherence), point(Branch::Baseline));
     let world = |point: &OperatingPoint| {

@@ -22,14 +22,14 @@ use cairn::{Error, ErrorKind, Picture, Result};
 use rayon::prelude::*;
 
 use map::{Map, difference, normalise, zeros};
-use network::{Network, Tapped};
+use network::{Network, TapOutput};
 
 use super::same_size;
 
 /// The network whose convolutions are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Net {
-    /// AlexNet: what papers mean by LPIPS by default.
+    /// AlexNet: the usual network of LPIPS in papers.
     Alex,
     /// VGG16: about twenty times as expensive.
     Vgg,
@@ -85,7 +85,7 @@ impl Lpips {
         let shapes = self.network.shapes(picture.size())?;
         let taps: Vec<Vec<f32>> = shapes.iter().map(|shape| zeros(*shape)).collect::<Result<_>>()?;
         let mut features = Features { net: self.net, size: picture.size(), shapes, taps };
-        self.network.run([picture], &mut |Tapped { tap, rows, maps: [map] }| {
+        self.network.run([picture], &mut |TapOutput { tap, rows, maps: [map] }| {
             let line = map.width * map.channels;
             let out = &mut features.taps[tap][rows.start as usize * line..rows.end as usize * line];
             out.par_chunks_mut(line).zip(rows.into_par_iter()).for_each(|(out, y)| {
@@ -127,7 +127,7 @@ impl Lpips {
             return Err(other_size(truth.size, picture.size()));
         }
         let mut sum = Sum::new(self, truth.shapes);
-        self.network.run([picture], &mut |Tapped { tap, rows, maps: [map] }| {
+        self.network.run([picture], &mut |TapOutput { tap, rows, maps: [map] }| {
             let line = truth.line(tap);
             sum.add_rows(tap, rows, |y, weights| {
                 let known = &truth.taps[tap][y as usize * line..(y as usize + 1) * line];
@@ -145,7 +145,7 @@ impl Lpips {
     pub fn compare(&self, truth: &Picture, picture: &Picture) -> Result<f64> {
         same_size(truth, picture)?;
         let mut sum = Sum::new(self, self.network.shapes(truth.size())?);
-        self.network.run([truth, picture], &mut |Tapped { tap, rows, maps: [a, b] }| {
+        self.network.run([truth, picture], &mut |TapOutput { tap, rows, maps: [a, b] }| {
             sum.add_rows(tap, rows, |y, weights| difference(&unit_row(a, y), &unit_row(b, y), weights));
             Ok(())
         })?;

@@ -88,7 +88,7 @@ pub(super) struct Network {
 }
 
 /// Output at a tap: some rows of the maps of one or two pictures.
-pub(super) struct Tapped<'a, const N: usize> {
+pub(super) struct TapOutput<'a, const N: usize> {
     pub(super) tap: usize,
     pub(super) rows: Range<isize>,
     pub(super) maps: [&'a Map; N],
@@ -140,7 +140,7 @@ impl Network {
     pub(super) fn run<const N: usize>(
         &self,
         pictures: [&Picture; N],
-        take: &mut dyn FnMut(Tapped<'_, N>) -> Result<()>,
+        take: &mut dyn FnMut(TapOutput<'_, N>) -> Result<()>,
     ) -> Result<()> {
         let shapes = self.shapes(pictures[0].size())?;
         let border = self.convolutions[0].border;
@@ -189,7 +189,7 @@ impl Stage<'_> {
         &self,
         inputs: &[Map; N],
         mut pooled: Option<&mut [Map; N]>,
-        take: &mut dyn FnMut(Tapped<'_, N>) -> Result<()>,
+        take: &mut dyn FnMut(TapOutput<'_, N>) -> Result<()>,
     ) -> Result<()> {
         let convolutions = &self.network.convolutions[self.convolutions.clone()];
         let Some(last) = convolutions.last() else { return Ok(()) };
@@ -233,7 +233,7 @@ impl Stage<'_> {
                 let after = self.convolutions.start + number;
                 if let Some(tap) = self.taps.clone().find(|tap| self.network.net.taps()[*tap] == after) {
                     let rows = start as isize..end as isize;
-                    take(Tapped { tap, rows, maps: this[0].each_ref() })?;
+                    take(TapOutput { tap, rows, maps: this[0].each_ref() })?;
                 }
             }
             if let (Some(pooled), Some(outputs)) = (pooled.as_deref_mut(), layers.last()) {
@@ -286,7 +286,7 @@ mod tests {
     /// All rows of all taps, one after the other.
     fn taps(network: &Network, picture: &Picture) -> [Vec<f32>; 5] {
         let mut found = [const { Vec::new() }; 5];
-        let mut take = |Tapped { tap, rows, maps: [map] }: Tapped<'_, 1>| {
+        let mut take = |TapOutput { tap, rows, maps: [map] }: TapOutput<'_, 1>| {
             rows.for_each(|y| found[tap].extend_from_slice(map.row(y)));
             Ok(())
         };

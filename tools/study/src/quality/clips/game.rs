@@ -277,7 +277,7 @@ mod tests {
         let now = Camera::new(&[500.0, 0.0, 41.0, 90.0]);
         let before = Camera::new(&[0.0, 0.0, 20.0, 84.0]);
         let motion = now.motion([CENTRE[0], 20.0], f64::INFINITY, &before);
-        // Turned to the left by 6 degrees, what is ahead now was 6 degrees to the left before.
+        // After a turn to the left by 6 degrees, the point ahead was 6 degrees to the left before.
         assert!((motion[0] + FOCAL[0] * 6f64.to_radians().tan()).abs() < 1e-9 && motion[1] == 0.0, "{motion:?}");
         let near = now.motion([CENTRE[0], 20.0], 1.0, &Camera::new(&[500.0, 90.0, 41.0, 90.0]));
         assert!(near[0].is_infinite());

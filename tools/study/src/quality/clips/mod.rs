@@ -98,7 +98,7 @@ pub(super) trait Clip {
     /// Short name, such as `forest-5`.
     fn name(&self) -> &str;
 
-    /// Group over which it is averaged: the kind of place, or its own name.
+    /// Group over which it is averaged: the family, or its own name.
     fn group(&self) -> &str;
 
     /// Description for the report.

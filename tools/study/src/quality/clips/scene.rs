@@ -132,7 +132,7 @@ impl Clip for SceneClip {
     }
 }
 
-/// Script of a kind of place.
+/// Script of a family.
 fn script(family: Family) -> &'static str {
     match family {
         Family::Forest => include_str!("../../../../../samples/scripts/forest.txt"),

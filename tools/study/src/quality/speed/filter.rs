@@ -12,9 +12,9 @@ use crate::quality::rows::minterpolate;
 use crate::quality::rows::program::{Scratch, run};
 
 /// Pictures that the filter outputs per interval: the anchor and the one in the middle.
-const TO_AN_INTERVAL: usize = 2;
+const PICTURES_PER_INTERVAL: usize = 2;
 /// Anchors that the filter reads before its first picture; at the end it outputs the last ones without computing.
-const AHEAD: usize = 3;
+const READ_AHEAD: usize = 3;
 
 /// The filter and the anchors it is given.
 pub(super) struct Filter {
@@ -36,12 +36,12 @@ impl Filter {
         let size = anchors.first().map_or_else(String::new, |p| format!("{}x{}", p.width(), p.height()));
         let (rgb, yuv) = (scratch.pictures("anchors.rgb", anchors)?, scratch.path("anchors.yuv"));
         let filter = Self { program: program.into(), _scratch: scratch, anchors: yuv, size, count: anchors.len() };
-        let mut convert = filter.reading("rgb24", &rgb);
+        let mut convert = filter.input_command("rgb24", &rgb);
         run("ffmpeg", convert.args(["-pix_fmt", "yuv420p", "-f", "rawvideo"]).arg(&filter.anchors))?;
         Ok(filter)
     }
 
-    fn reading(&self, format: &str, path: &Path) -> Command {
+    fn input_command(&self, format: &str, path: &Path) -> Command {
         let mut command = Command::new(&self.program);
         command.args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y", "-threads", &THREADS.to_string()]);
         command.args(["-f", "rawvideo", "-pix_fmt", format, "-s", &self.size, "-r", "15", "-i"]).arg(path);
@@ -55,13 +55,13 @@ impl Filter {
     /// `Unsupported` when it fails, or outputs another number of pictures.
     pub(super) fn times(&self) -> Result<Vec<Duration>> {
         let fail = |cause: String| Error::new(ErrorKind::Unsupported, cause).field("ffmpeg");
-        let mut command = self.reading("yuv420p", &self.anchors);
+        let mut command = self.input_command("yuv420p", &self.anchors);
         let filter = format!("minterpolate=fps=30:{}", minterpolate::SETTINGS);
         // The framecrc output: a line with time and checksum of each picture as soon as it is made.
         command.args(["-filter_threads", &THREADS.to_string(), "-vf", &filter]);
         command.args(["-f", "framecrc", "-flush_packets", "1", "-"]);
         let child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
-        let mut child = Ended(child.map_err(|e| fail(format!("it does not run: {e}")))?);
+        let mut child = KillOnDrop(child.map_err(|e| fail(format!("it does not run: {e}")))?);
         let mut moments = Vec::new();
         let mut pictures: Vec<String> = Vec::new();
         for line in child.0.stdout.take().into_iter().flat_map(|out| BufReader::new(out).lines()) {
@@ -71,14 +71,14 @@ impl Filter {
                 pictures.push(checksum.trim().into());
             }
         }
-        let mut said = String::new();
+        let mut messages = String::new();
         if let Some(mut errors) = child.0.stderr.take() {
             // Its messages are used for the error only.
-            let _ = errors.read_to_string(&mut said);
+            let _ = errors.read_to_string(&mut messages);
         }
         let status = child.0.wait().map_err(|e| fail(format!("it cannot be waited for: {e}")))?;
         if !status.success() {
-            return Err(fail(format!("it failed: {}", said.trim())));
+            return Err(fail(format!("it failed: {}", messages.trim())));
         }
         between(&moments, &pictures, intervals(self.count).len()).ok_or_else(|| {
             fail(format!("of {} anchors it gave {} pictures, or one more than once", self.count, pictures.len()))
@@ -88,13 +88,13 @@ impl Filter {
 
 /// The intervals that are timed out of `anchors` anchors, by their earlier anchor.
 pub(super) fn intervals(anchors: usize) -> std::ops::Range<usize> {
-    1..anchors.saturating_sub(AHEAD - 1)
+    1..anchors.saturating_sub(READ_AHEAD - 1)
 }
 
 /// Kills the process when dropped.
-struct Ended(Child);
+struct KillOnDrop(Child);
 
-impl Drop for Ended {
+impl Drop for KillOnDrop {
     fn drop(&mut self) {
         // Both fail if the process has ended.
         let _ = self.0.kill();
@@ -106,7 +106,7 @@ impl Drop for Ended {
 /// copied picture costs nothing.
 fn between(moments: &[Instant], pictures: &[String], intervals: usize) -> Option<Vec<Duration>> {
     let is_copied = pictures.windows(2).any(|two| two[0] == two[1]);
-    let firsts: Vec<&Instant> = moments.iter().step_by(TO_AN_INTERVAL).take(intervals + 1).collect();
+    let firsts: Vec<&Instant> = moments.iter().step_by(PICTURES_PER_INTERVAL).take(intervals + 1).collect();
     let times: Vec<Duration> = firsts.windows(2).map(|two| *two[1] - *two[0]).collect();
     (times.len() == intervals && intervals > 0 && !is_copied).then_some(times)
 }
