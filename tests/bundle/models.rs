@@ -42,7 +42,12 @@ fn control_flow_functions_and_domains_are_refused() {
         ("If", TRANSFORMER, |m| insert_node(m, "If", vec![subgraph("then_branch")]), "subgraph"),
         ("Scan", TRANSFORMER, |m| insert_node(m, "Scan", vec![subgraph("body")]), "subgraph"),
         ("Loop without a body", TRANSFORMER, |m| insert_node(m, "Loop", vec![]), "not on the list"),
-        ("subgraph on an allowed operator", TRANSFORMER, |m| insert_node(m, "Tanh", vec![subgraph("body")]), "subgraph"),
+        (
+            "subgraph on an allowed operator",
+            TRANSFORMER,
+            |m| insert_node(m, "Tanh", vec![subgraph("body")]),
+            "subgraph",
+        ),
         (
             "subgraphs",
             TRANSFORMER,
