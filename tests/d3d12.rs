@@ -29,7 +29,7 @@ fn adapters_are_listed_and_a_device_is_made_on_each() {
 
 #[test]
 fn a_device_releases_all_references_to_an_engines_objects() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let count = || [reference_count(&engine.device), reference_count(&engine.direct), reference_count(&engine.compute)];
     let before = count();
     for anchors in [None, Some(&engine.compute)] {
@@ -47,7 +47,7 @@ fn a_device_releases_all_references_to_an_engines_objects() {
         wait_for_counts(count, before);
     }
     // Refused calls keep no references either.
-    let other = Engine::new();
+    let other = Engine::create();
     let copy = queue(&engine.device, D3D12_COMMAND_LIST_TYPE_COPY);
     for (queue, anchors, field) in [
         (&copy, None, "queue"),
@@ -65,7 +65,7 @@ fn a_device_releases_all_references_to_an_engines_objects() {
 
 #[test]
 fn one_queue_waits_for_a_fence_point_of_the_other() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, Some(&engine.compute)).expect("an engine's device");
     let buffers = Buffers::new(gpu.device(), 3);
     buffers.upload(b"before: ");
@@ -90,7 +90,7 @@ fn one_queue_waits_for_a_fence_point_of_the_other() {
     }
     assert_eq!(&bytes(&buffers.read), b"at last!");
 
-    let other = Engine::new();
+    let other = Engine::create();
     // SAFETY: values only.
     let foreign: ID3D12Fence = unsafe { other.device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
     let refused = FencePoint::of_engine(&gpu, &foreign, 1).expect_err("another device's");
@@ -147,7 +147,7 @@ fn a_picture_is_uploaded_to_a_texture_and_read_back() {
 
 #[test]
 fn a_removed_device_reports_the_reason_and_a_new_one_works() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let untouched = [reference_count(&engine.device), reference_count(&engine.direct)];
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("an engine's device");
     let buffers = Buffers::new(gpu.device(), 3);

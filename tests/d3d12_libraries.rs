@@ -181,7 +181,7 @@ fn the_program_that_loads_the_library() {
     let mut device = null_mut();
     // SAFETY: null or options of their size, and a variable for the handle.
     print_result("cpu", unsafe { create_cpu(options, &mut device) }, device);
-    let engine = Engine::new();
+    let engine = Engine::create();
     let mut device = null_mut();
     let (d3d12, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
     // SAFETY: live objects, null or options of their size, and a variable for the handle.

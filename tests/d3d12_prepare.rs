@@ -75,7 +75,7 @@ fn device_of(engine: &Engine) -> *mut cairn_device {
 
 impl Host {
     fn new(shader: u32, size: (u32, u32), motion: u32) -> Self {
-        let engine = Engine::new();
+        let engine = Engine::create();
         object_counts::install(&engine.device);
         let device = device_of(&engine);
         let mut options: cairn_presenter_options =

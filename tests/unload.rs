@@ -309,7 +309,7 @@ fn the_library_can_be_unloaded_and_loaded_again() {
     }
     #[cfg(windows)]
     {
-        let engine = Engine::new();
+        let engine = Engine::create();
         for _ in 0..3 {
             load_and_run(|library| device_frame(library, &engine));
         }

@@ -5,7 +5,7 @@ use super::*;
 /// Records frames of three pairs of anchors in lists that an engine holds back until all are recorded, and then submits in the given
 /// `order`. Returns the number of wrong pixels of each frame.
 fn wrong_pixels(order: impl Fn(&mut Vec<usize>)) -> Vec<usize> {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     let size = (96, 64);
     let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
@@ -78,7 +78,7 @@ impl Drop for Gate {
 
 #[test]
 fn an_unfinished_anchor_is_late_and_no_queue_waits_for_it() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     waits::count(&engine.direct);
     let options_of_device = DirectMlOptions { deterministic: true, ..Default::default() };

@@ -194,7 +194,7 @@ fn count_differences(held: &[u8], picture: &Picture, format: DXGI_FORMAT) -> usi
 
 #[test]
 fn frames_of_a_rollout_equal_the_processors() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     let options_of_device = DirectMlOptions { deterministic: true, ..Default::default() };
     let device = Device::directml(&worlds::ort(), &gpu, options_of_device).expect("DirectML");
@@ -255,7 +255,7 @@ fn moving(size: (u32, u32), number: u64, step: u64) -> Picture {
 
 #[test]
 fn optical_flow_runs_on_the_device() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     let size = (96, 64);
     let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
@@ -272,7 +272,7 @@ fn optical_flow_runs_on_the_device() {
 
 #[test]
 fn an_engines_motion_is_used_and_detected_cuts_are_counted() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     let size = (75, 46);
     let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
@@ -336,7 +336,7 @@ fn constant_motion(size: (u32, u32), pixels: f32) -> Arc<Guidance> {
 
 #[test]
 fn frames_of_another_size_and_shape_are_scaled_on_the_device() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     let size = (96, 64);
     for letterbox in [false, true] {
@@ -364,7 +364,7 @@ fn frames_of_another_size_and_shape_are_scaled_on_the_device() {
 
 #[test]
 fn frames_have_the_colours_of_targets_beyond_white() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     let size = (75, 46);
     let anchors = [0, 1].map(|number| Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false)));
@@ -434,7 +434,7 @@ fn frames_have_the_colours_of_targets_beyond_white() {
 #[test]
 fn pixels_in_the_overlay_mask_are_static() {
     const COLOUR: [u8; 4] = [255, 0, 255, 255];
-    let engine = Engine::new();
+    let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     let size = (95, 70);
     let is_overlay = |i: usize| (30..57).contains(&(i % 95)) && (20..31).contains(&(i / 95));
@@ -500,7 +500,7 @@ fn pixels_in_the_overlay_mask_are_static() {
 
 #[test]
 fn a_dropped_list_leaves_no_frame_that_is_copied_later() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     let size = (75, 46);
     // At the generator's own size, and scaled.

@@ -116,7 +116,7 @@ fn create_device(engine: &Engine) {
 #[test]
 fn devices_leak_no_more_than_the_same_system_calls_without_cairn() {
     let _alone = alone();
-    let engine = Engine::new();
+    let engine = Engine::create();
     let make_system_calls = |engine: &Engine| system_calls::ALL.iter().for_each(|part| part.create_and_release(engine));
     let count = cycles("CAIRN_DEVICE_CYCLES", 15).div_ceil(TURNS);
     let before = reference_counts(&engine);
@@ -137,7 +137,7 @@ fn devices_leak_no_more_than_the_same_system_calls_without_cairn() {
 #[test]
 fn loading_worlds_repeatedly_uses_constant_memory() {
     let _alone = alone();
-    let (engine, bundle) = (Engine::new(), bundle("tiny"));
+    let (engine, bundle) = (Engine::create(), bundle("tiny"));
     let cycle = |engine: &Engine| {
         let world = World::load(&device(engine).expect("a device"), &bundle, options()).expect("a world");
         let mut rollout = seeded(&world, &point(&world), 1);
@@ -182,7 +182,7 @@ fn a_device_may_be_removed_while_a_world_is_loaded() {
     let _alone = alone();
     let bundle = bundle("tiny");
     for stage in 0..=3 {
-        let engine = Engine::new();
+        let engine = Engine::create();
         let before = reference_counts(&engine);
         match load_and_remove(&engine, &bundle, stage) {
             Ok(world) => {
@@ -199,7 +199,7 @@ fn a_device_may_be_removed_while_a_world_is_loaded() {
 #[test]
 fn a_device_may_be_removed_between_the_calls_of_a_rollout() {
     let _alone = alone();
-    let engine = Engine::new();
+    let engine = Engine::create();
     let before = reference_counts(&engine);
     {
         let world = World::load(&device(&engine).expect("a device"), &bundle("tiny"), options()).expect("a world");
@@ -216,7 +216,7 @@ fn a_device_may_be_removed_between_the_calls_of_a_rollout() {
     }
     wait_for_counts(|| reference_counts(&engine), before);
     // A new device of the same adapter works.
-    let world = World::load(&device(&Engine::new()).expect("a device"), &bundle("tiny"), options()).expect("a world");
+    let world = World::load(&device(&Engine::create()).expect("a device"), &bundle("tiny"), options()).expect("a world");
     seeded(&world, &point(&world), 1).step(&controls(0)).expect("a step");
 }
 
@@ -242,7 +242,7 @@ fn removed_while_stepping(rollout: &mut Rollout, steps: u64) -> cairn::Error {
 #[test]
 fn a_device_may_be_removed_while_a_rollout_steps() {
     let _alone = alone();
-    let engine = Engine::new();
+    let engine = Engine::create();
     let before = reference_counts(&engine);
     {
         let world = World::load(&device(&engine).expect("a device"), &bundle("tiny"), options()).expect("a world");
@@ -265,7 +265,7 @@ fn a_device_may_be_removed_while_passes_are_captured_and_replayed() {
     };
     // Once while captured passes are being verified, and once when only captured passes run.
     for steps in [0, 4] {
-        let engine = Engine::new();
+        let engine = Engine::create();
         let before = reference_counts(&engine);
         {
             let (world, mut rollout) = load(&engine);
@@ -285,7 +285,7 @@ fn a_device_may_be_removed_while_passes_are_captured_and_replayed() {
         wait_for_counts(|| reference_counts(&engine), before);
     }
     // Capturing works on a new device of the same adapter.
-    let engine = Engine::new();
+    let engine = Engine::create();
     let before = reference_counts(&engine);
     {
         let (_world, mut rollout) = load(&engine);

@@ -46,7 +46,7 @@ fn gpu(engine: &Engine) -> Result<Gpu> {
 
 #[test]
 fn each_allocation_may_fail() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     faults::install(&engine.device);
     let before = references(&engine);
 

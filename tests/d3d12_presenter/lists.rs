@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn invalid_recordings_are_refused_and_leave_list_and_target_unchanged() {
-    let (engine, other) = (Engine::new(), Engine::new());
+    let (engine, other) = (Engine::create(), Engine::create());
     let (direct, compute) = (device(&engine, &engine.direct), device(&engine, &engine.compute));
     let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
     let good = TextureDesc { size: SIZE, ..TextureDesc::default() };
@@ -84,7 +84,7 @@ fn invalid_recordings_are_refused_and_leave_list_and_target_unchanged() {
 #[test]
 fn repeated_frames_are_copied_and_not_generated_again() {
     const HOUR: u64 = 3_600_000_000_000;
-    let engine = Engine::new();
+    let engine = Engine::create();
     let direct = device(&engine, &engine.direct);
     let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
     prepare(presenter, direct, 0);
@@ -137,7 +137,7 @@ const LISTS: u32 = 4;
 
 impl PendingLists {
     fn new(shader: u32) -> Self {
-        let engine = Engine::new();
+        let engine = Engine::create();
         let device = device(&engine, &engine.direct);
         let presenter = presenter(CAIRN_COLOUR_SRGB, shader);
         prepare(presenter, device, LISTS);
@@ -220,7 +220,7 @@ fn earlier_preparations_live_as_long_as_lists_may_read_them() {
 
 #[test]
 fn fences_that_cannot_signal_the_end_of_a_list_are_refused() {
-    let (engine, other) = (Engine::new(), Engine::new());
+    let (engine, other) = (Engine::create(), Engine::create());
     let direct = device(&engine, &engine.direct);
     let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
     prepare(presenter, direct, 0);

@@ -196,7 +196,7 @@ fn expected(picture: &Picture, format: DXGI_FORMAT, linear: bool) -> Vec<u8> {
 
 #[test]
 fn frames_of_the_processor_are_recorded_into_targets_of_every_format_and_state() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let (direct, compute) = (device(&engine, &engine.direct), device(&engine, &engine.compute));
     let (rendered, written) = (D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS);
     let (present, plain) = (D3D12_RESOURCE_STATE_PRESENT, D3D12_RESOURCE_FLAG_NONE);
@@ -252,7 +252,7 @@ fn frames_of_the_processor_are_recorded_into_targets_of_every_format_and_state()
 
 #[test]
 fn a_device_reports_its_memory_budget() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let direct = device(&engine, &engine.direct);
     let mut info: cairn_device_info = with_struct_size(|info: &mut cairn_device_info| &mut info.struct_size);
     // SAFETY: a live handle, and a variable for the result.
@@ -268,7 +268,7 @@ fn a_device_reports_its_memory_budget() {
 
 #[test]
 fn shaders_generate_frames_unless_they_are_disabled() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let direct = device(&engine, &engine.direct);
     let required = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_REQUIRE);
     let rest = [D3D12_RESOURCE_STATE_COMMON; 2];
@@ -357,7 +357,7 @@ fn shaders_generate_frames_unless_they_are_disabled() {
 
 #[test]
 fn frames_continue_after_resizing_minimising_and_late_anchors() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let direct = device(&engine, &engine.direct);
     let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
     let (flags, states) = (D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, [D3D12_RESOURCE_STATE_PRESENT; 2]);
@@ -449,7 +449,7 @@ fn frames_continue_after_resizing_minimising_and_late_anchors() {
 
 #[test]
 fn a_device_time_budget_limits_generated_frames() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let direct = device(&engine, &engine.direct);
     let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO);
     let texture = TextureDesc { size: SIZE, ..TextureDesc::default() }.create(&engine.device);

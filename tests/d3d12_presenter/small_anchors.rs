@@ -22,7 +22,7 @@ fn push(presenter: *mut cairn_presenter, number: u64) {
 
 #[test]
 fn shaders_generate_frames_too_small_for_amds_libraries() {
-    let engine = Engine::new();
+    let engine = Engine::create();
     let direct = device(&engine, &engine.direct);
     let rest = [D3D12_RESOURCE_STATE_COMMON; 2];
     for (fsr, expected) in [(CAIRN_PREFER_AUTO, CAIRN_OK), (CAIRN_PREFER_REQUIRE, CAIRN_ERROR_UNSUPPORTED)] {

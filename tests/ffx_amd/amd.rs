@@ -243,7 +243,7 @@ fn it_passes_the_self_test_and_generates_on_both_kinds_of_queue() {
     const STEP: f32 = 16.0;
     let library = Library::load(&options(false)).expect("loaded");
     let api = library.api(Effect::FrameGeneration).expect("there");
-    let engine = Engine::new();
+    let engine = Engine::create();
     let size = head().display_size;
     for queue in [&engine.direct, &engine.compute] {
         let gpu = Gpu::of_engine(&engine.device, queue, None).expect("a device");

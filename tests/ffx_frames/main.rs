@@ -354,7 +354,7 @@ fn a_target_that_shaders_cannot_write_and_textures_in_any_state_are_left_as_they
 #[test]
 fn frames_run_in_an_engine_s_list_and_on_a_compute_queue() {
     let (double, library) = set_up_double(&[]);
-    let engine = Engine::new();
+    let engine = Engine::create();
     for (queue, is_compute) in [(&engine.direct, false), (&engine.compute, true)] {
         let gpu = Gpu::of_engine(&engine.device, queue, None).expect("a device");
         let mut generator = made(&gpu, &library, &options()).expect("a generator");

@@ -59,7 +59,7 @@ fn time_and_camera_reach_the_provider_of_each_release() {
 #[test]
 fn creation_parameters_reach_the_provider() {
     let (double, library) = set_up_double(&[]);
-    let engine = Engine::new();
+    let engine = Engine::create();
     let on = |queue| Gpu::of_engine(&engine.device, queue, None).expect("a device");
     let [direct, compute] = [on(&engine.direct), on(&engine.compute)];
     let flags = |gpu: &Gpu, flags| {

@@ -95,7 +95,7 @@ impl Stream {
 
     /// With another frame size.
     fn of_size(multiplier: u32, size: Option<(u32, u32)>) -> Self {
-        let engine = Engine::new();
+        let engine = Engine::create();
         let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("the engine's device");
         let options = PresenterOptions {
             interval: Some(Interval::of_ns(INTERVAL).expect("an interval")),
@@ -398,7 +398,7 @@ fn a_host_s_preference_decides_and_statistics_name_the_generator() {
             // SAFETY: this process runs one test, and no other thread reads the environment now.
             unsafe { std::env::set_var("CAIRN_FFX_DIR", folder) };
         };
-        let engine = Engine::new();
+        let engine = Engine::create();
         let (device, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
         let options = c_interface::tool_device_options();
         // SAFETY: live objects, options of their size and memory for the handle.

@@ -108,7 +108,7 @@ impl WindowedEngine {
     }
 
     fn with(options: &SwapchainOptions, how: How, library: &Library) -> cairn::Result<Self> {
-        let (engine, window) = (Engine::new(), Window::new());
+        let (engine, window) = (Engine::create(), Window::open());
         let gpu = Gpu::of_engine(&engine.device, &engine.direct, None)?;
         let swapchain = create_swapchain(options, how, library, &gpu, &engine, &window)?;
         Ok(Self { swapchain, textures: panning(&gpu, SIZE), gpu, _window: window, frames: 0 })
@@ -328,7 +328,7 @@ fn an_unsuitable_swap_chain_is_refused_and_unchanged() {
     let _alone = one_at_a_time();
     let (double, library) = set_up_double(&["sdk 2.1", ML]);
     let api = library.api(Effect::FrameGeneration).expect("there");
-    let (engine, window) = (Engine::new(), Window::new());
+    let (engine, window) = (Engine::create(), Window::open());
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("a device");
     let on_compute = Gpu::of_engine(&engine.device, &engine.compute, None).expect("a device");
     let factory = factory().cast::<IDXGIFactory>().expect("an older one");
@@ -430,7 +430,7 @@ fn amd_s_own_swap_chain_presents_generated_frames() {
     }
     let mut asynchronous = SwapchainOptions::new(SIZE);
     asynchronous.flags = CreateFlags::ASYNC_WORKLOAD;
-    let (engine, window) = (Engine::new(), Window::new());
+    let (engine, window) = (Engine::create(), Window::open());
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("a device");
     let factory = factory().cast::<IDXGIFactory>().expect("an older one");
     let from = SwapchainSource::ForWindow(&factory, window.0, description(), None);

@@ -154,7 +154,7 @@ fn swapchain(
 
 impl Host {
     fn new(how: How, options: Option<&cairn_swapchain_options>) -> Self {
-        let (engine, window) = (Engine::new(), Window::new());
+        let (engine, window) = (Engine::create(), Window::open());
         let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("a device");
         let device = device_of(&engine);
         let swapchain =
@@ -399,7 +399,7 @@ fn interface_pacing_pauses_and_resizes_reach_the_library() {
 
 fn a_refused_swap_chain_is_returned_unchanged() {
     let _alone = one_at_a_time();
-    let (engine, window) = (Engine::new(), Window::new());
+    let (engine, window) = (Engine::create(), Window::open());
     let device = device_of(&engine);
     let double = set_up_double(&["sdk 2.1", ML]);
     let own = of_engine(&engine, &window);

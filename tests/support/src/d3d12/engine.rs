@@ -17,7 +17,7 @@ pub struct Engine {
 impl Engine {
     /// A device on the first adapter, and its queues.
     #[expect(clippy::new_without_default, reason = "it creates a device")]
-    pub fn new() -> Self {
+    pub fn create() -> Self {
         let mut device: Option<ID3D12Device> = None;
         // SAFETY: the variable lives during the call.
         unsafe { D3D12CreateDevice(None, D3D_FEATURE_LEVEL_11_0, &mut device) }.expect("a device");

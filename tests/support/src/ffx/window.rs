@@ -55,7 +55,7 @@ pub struct Window(pub HWND);
 
 impl Window {
     /// Opens a window.
-    pub fn new() -> Self {
+    pub fn open() -> Self {
         let text = |text: &str| text.encode_utf16().chain([0]).collect::<Vec<_>>();
         let (class, name) = (text("STATIC"), text("frames"));
         let nothing = std::ptr::null_mut();

@@ -416,7 +416,7 @@ impl UnityHandle {
     /// Starts a Unity with one version of the interface, without the plugin.
     pub(crate) fn start(version: u32) -> Self {
         let one = ONE_AT_A_TIME.lock().unwrap_or_else(|e| e.into_inner());
-        let engine = Engine::new();
+        let engine = Engine::create();
         // SAFETY: a live device.
         let fence = unsafe { engine.device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
         lists::begin(&engine.device, &fence);
