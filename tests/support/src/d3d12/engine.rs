@@ -16,7 +16,6 @@ pub struct Engine {
 
 impl Engine {
     /// A device on the first adapter, and its queues.
-    #[expect(clippy::new_without_default, reason = "it creates a device")]
     pub fn create() -> Self {
         let mut device: Option<ID3D12Device> = None;
         // SAFETY: the variable lives during the call.
