@@ -216,7 +216,8 @@ fn a_device_may_be_removed_between_the_calls_of_a_rollout() {
     }
     wait_for_counts(|| reference_counts(&engine), before);
     // A new device of the same adapter works.
-    let world = World::load(&device(&Engine::create()).expect("a device"), &bundle("tiny"), options()).expect("a world");
+    let world =
+        World::load(&device(&Engine::create()).expect("a device"), &bundle("tiny"), options()).expect("a world");
     seeded(&world, &point(&world), 1).step(&controls(0)).expect("a step");
 }
 
