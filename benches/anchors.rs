@@ -1,7 +1,8 @@
-//! The cost of a world's latent steps on a Direct3D 12 device, and their effect on an engine's frames beside them, as ratios of one run:
+//! The cost of a world's latent steps on a Direct3D 12 device, and their effect on frames of an engine at the same time, as ratios of one
+//! run:
 //! `cargo xtask bench --lab`, or `cargo bench --bench anchors` on Windows.
 //!
-//! Without `--bench`, as under `cargo test`, nothing is run: a world on DirectML takes gigabytes.
+//! Without `--bench`, as under `cargo test`, it does nothing, because a world on DirectML takes gigabytes.
 
 #[cfg(windows)]
 #[path = "gpu/blend.rs"]
@@ -10,9 +11,6 @@ mod blend;
 #[cfg(windows)]
 #[path = "anchors/lines.rs"]
 mod lines;
-#[cfg(windows)]
-#[path = "../tests/d3d12/pictures.rs"]
-mod pictures;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     #[cfg(windows)]

@@ -1,6 +1,6 @@
 //! The cost of optical flow between two pictures, relative to their plain average: `cargo bench --bench flow`.
 //!
-//! Every line is measured in the same run, its turns interleaved with the others', and the result is the ratio of the least times.
+//! All lines are measured in the same run, in interleaved turns, and the result is the ratio of the shortest times.
 //! Without `--bench`, as under `cargo test`, everything runs once at a tiny size and nothing is measured.
 
 use std::hint::black_box;
@@ -54,14 +54,14 @@ fn main() -> Result<()> {
         println!("{width} x {height}, least of {turns}");
         let half = lines.len() / 2;
         for (i, line) in lines.iter().enumerate() {
-            let average = lines[i / half * half].least().0.as_secs_f64();
-            let (time, stages) = line.least();
+            let average = lines[i / half * half].shortest().0.as_secs_f64();
+            let (time, stages) = line.shortest();
             let time = time.as_secs_f64();
             let name =
                 format!("{}, {} {}", line.name, line.threads, if line.threads == 1 { "thread" } else { "threads" });
             print!("{name:36} {:8.2} ms {:8.2} x the average", time * 1e3, time / average);
             if i >= half {
-                let single = lines[i - half].least().0.as_secs_f64();
+                let single = lines[i - half].shortest().0.as_secs_f64();
                 print!(", {:.2} x as fast as on one thread", single / time);
             }
             println!();
@@ -86,12 +86,12 @@ impl<'a> Line<'a> {
         Self { name, threads, work: Box::new(work), times: Vec::new() }
     }
 
-    fn least(&self) -> (Duration, StageTimes) {
+    fn shortest(&self) -> (Duration, StageTimes) {
         *self.times.iter().min_by_key(|(time, _)| *time).expect("every line has turns")
     }
 }
 
-/// The cheapest picture between two others.
+/// The per-value average of two pictures: the cheapest frame between them.
 fn average(previous: &Picture, current: &Picture, out: &mut Picture) {
     let (previous, current) = (previous.rgba(), current.rgba());
     out.rgba_mut().par_chunks_mut(1 << 16).enumerate().for_each(|(i, out)| {
@@ -103,7 +103,7 @@ fn average(previous: &Picture, current: &Picture, out: &mut Picture) {
     black_box(out);
 }
 
-/// A walk past a row of posts at anchor `t`: textured ground that grows and turns, and near objects in front of it that move twice as
+/// Draws the view at anchor `t` of a walk past a row of posts: textured ground that grows and turns, and near objects in front of it that move twice as
 /// fast, so that there are motion edges and disocclusions.
 fn view(width: u32, height: u32, t: f32) -> Result<Picture> {
     let mut picture = Picture::new(width, height)?;

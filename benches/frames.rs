@@ -1,8 +1,8 @@
 //! The cost of a generated and of a resampled frame, relative to the plain average of two pictures: `cargo bench --bench
 //! frames`.
 //!
-//! Every line is measured in the same run, its turns interleaved with the others', and the result is the ratio of the medians. All run on
-//! two threads, whatever the machine has, except for the lines that say one. The goals are 8 averages for a frame with motion by tiles,
+//! All lines are measured in the same run, in interleaved turns, and the result is the ratio of the medians. All use two threads, whatever
+//! the machine has, except for the lines that say one. The goals are 8 averages for a frame with motion by tiles,
 //! 24 with motion by pixels, and a factor of 1.7 from a second thread. Arguments select the lines whose names contain one of them; the
 //! average always runs. Without `--bench`, as under `cargo test`, everything runs once at a tiny size and nothing is measured.
 
@@ -22,6 +22,7 @@ use rayon::prelude::*;
 const TURNS: usize = 31;
 /// The shape of a latent at 720p.
 const LATENT: [usize; 3] = [32, 32, 64];
+
 fn main() -> cairn::Result<()> {
     let is_measured = std::env::args().any(|arg| arg == "--bench");
     let (render, presented) = if is_measured { ((1280, 720), (1920, 1080)) } else { ((64, 36), (96, 54)) };
@@ -137,7 +138,7 @@ impl<'a> Line<'a> {
     }
 }
 
-/// The cheapest picture between two others.
+/// The per-value average of two pictures: the cheapest frame between them.
 fn average(previous: &Picture, current: &Picture, out: &mut Picture) {
     let (previous, current) = (previous.rgba(), current.rgba());
     out.rgba_mut().par_chunks_mut(1 << 16).enumerate().for_each(|(i, out)| {

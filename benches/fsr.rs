@@ -1,7 +1,7 @@
-//! The cost of recording a frame of FSR, without the library that is called: `cargo bench --bench fsr`.
+//! The processor time of recording a frame with FSR, without AMD's library: `cargo bench --bench fsr`.
 //!
-//! The library here is a stub that does nothing, so only our part is measured: checking and writing every field, in the structs of both
-//! kinds of release. The result is in microseconds per frame, beside the budget of 20, and with the allocations.
+//! A stub that does nothing replaces AMD's library, so that only Cairn's part is measured: checking and writing every field, in the structs
+//! of both kinds of release. The result is in microseconds per frame, with the budget of 20 and the number of allocations.
 //! Without `--bench`, as under `cargo test`, everything runs a few times and nothing is measured.
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -14,7 +14,7 @@ use cairn::ffx::bindings::{
 };
 use cairn::ffx::{Api, Choice, Family, Frame, FrameParams, Generator};
 
-/// Frames in one measurement. The quickest of many counts, since a busy machine only adds time.
+/// Frames in one measurement. The shortest of many measurements counts, because other load only adds time.
 const FRAMES: u32 = 2_000;
 const MEASUREMENTS: u32 = 50;
 
@@ -52,11 +52,11 @@ unsafe extern "C" fn destroy(_: *mut *mut c_void, _: *const c_void) -> u32 {
 }
 
 /// Accepts configurations and dispatches.
-unsafe extern "C" fn take(_: *mut *mut c_void, _: *const c_void) -> u32 {
+unsafe extern "C" fn accept(_: *mut *mut c_void, _: *const c_void) -> u32 {
     0
 }
 
-/// Offers a version of each effect; other queries are unknown to it.
+/// Answers the query for versions with one version of each kind, and refuses other queries.
 unsafe extern "C" fn query(_: *mut *mut c_void, head: *mut u8) -> u32 {
     const GET_VERSIONS: u64 = 4;
     const UNKNOWN_STRUCT: u32 = 2;
@@ -81,7 +81,7 @@ fn api() -> Api {
         b"ffxCreateContext" => create as *const c_void,
         b"ffxDestroyContext" => destroy as *const c_void,
         b"ffxQuery" => query as *const c_void,
-        _ => take as *const c_void,
+        _ => accept as *const c_void,
     };
     // SAFETY: functions of these types, which stay.
     unsafe { Api::from_exports(find) }.expect("all are there")
@@ -119,7 +119,7 @@ fn main() -> cairn::Result<()> {
         motion: resource(0x400, SurfaceFormat::R16G16_FLOAT),
         hudless: resource(0x500, SurfaceFormat::R8G8B8A8_UNORM),
         distortion: resource(0x600, SurfaceFormat::R16G16_FLOAT),
-        shot: FrameParams::of(size),
+        params: FrameParams::of(size),
     };
     for (name, family) in [("motion and depth in one struct", Family::Ml), ("the camera apart", Family::Analytic)] {
         // SAFETY: the stub dereferences no address.

@@ -1,4 +1,4 @@
-//! The cost of the C interface for a host: the boundary of a call, presenter queries, the size of the shared library and its load time.
+//! The cost of the C interface for a host: the overhead of a call, presenter queries, the size of the shared library and its load time.
 //! `cargo xtask bench` runs it, against the library that is built beside it.
 //!
 //! Calls go through symbols looked up in the library, as a host's do, and are compared with a call that does nothing.
@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use libloading::Library;
 
-/// Calls in one measurement. The quickest of many counts, since a busy machine only adds time.
+/// Calls in one measurement. The shortest of many measurements counts, because other load only adds time.
 const CALLS: u32 = 20_000;
 const MEASUREMENTS: u32 = 50;
 

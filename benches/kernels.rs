@@ -1,8 +1,8 @@
 //! The cost of the `cpu` generator's inner loops at each instruction set, relative to the plain average of two pictures:
 //! `cargo bench --bench kernels`, or `cargo bench --bench kernels -- WORD` for the lines whose names contain that word.
 //!
-//! Every line processes a whole picture and is measured in the same run, its turns interleaved with the others',
-//! and the result is the ratio of the least times. Without `--bench`, as under `cargo test`, everything runs once at a
+//! Each line processes a whole picture. All are measured in the same run, in interleaved turns, and the result is the ratio of the
+//! shortest times. Without `--bench`, as under `cargo test`, everything runs once at a
 //! tiny size and nothing is measured.
 
 use std::hint::black_box;
@@ -16,8 +16,8 @@ use rayon::prelude::*;
 
 /// Turns of each line.
 const TURNS: usize = 15;
-/// Displacements of a tile in the anchors, in 1/64 px: one between pixels, and one back.
-const AWAY: [i32; 2] = [345, -83];
+/// Displacement of a tile in the previous anchor, in 1/64 px, between pixel centres; the current anchor's is its negative.
+const DISPLACEMENT: [i32; 2] = [345, -83];
 
 fn main() {
     let is_measured = std::env::args().any(|arg| arg == "--bench");
@@ -60,9 +60,9 @@ fn main() {
     }
     if is_measured {
         println!("{width} x {height}, {} threads, least of {turns}", rayon::current_num_threads());
-        let average = lines[0].least();
+        let average = lines[0].shortest();
         for line in &lines {
-            println!("{:36} {:8.2} ms {:8.2} x", line.name, line.least() * 1e3, line.least() / average);
+            println!("{:36} {:8.2} ms {:8.2} x", line.name, line.shortest() * 1e3, line.shortest() / average);
         }
     }
 }
@@ -80,12 +80,12 @@ impl<'a> Line<'a> {
     }
 
     /// In seconds.
-    fn least(&self) -> f64 {
+    fn shortest(&self) -> f64 {
         self.times.iter().min().map_or(0.0, Duration::as_secs_f64)
     }
 }
 
-/// The cheapest picture between two others.
+/// The per-value average of two pictures: the cheapest frame between them.
 fn average<'a>(previous: &'a [[u8; 4]], current: &'a [[u8; 4]]) -> Line<'a> {
     let (previous, current) = (previous.as_flattened(), current.as_flattened());
     let mut out = vec![0_u8; current.len()];
@@ -100,7 +100,7 @@ fn average<'a>(previous: &'a [[u8; 4]], current: &'a [[u8; 4]]) -> Line<'a> {
     })
 }
 
-/// Whole pictures, made in tiles and in blocks of pixels.
+/// Lines that make whole pictures, in tiles and in blocks of pixels.
 fn pictures<'a, P: Sampled>(
     lines: &mut Vec<Line<'a>>,
     level: Level,
@@ -111,15 +111,15 @@ fn pictures<'a, P: Sampled>(
     let [previous, current] = pictures.map(|pixels| Source { pixels, width, height: pixels.len() / width });
     let rule = Rule { weight: 64, nearer_is_current: true, agree: 4, careful: 40 };
     let name = |what: &str| format!("{what} of {pixels}, {}", level.name());
-    let place = move |tile: usize, band: usize, sign: i32| {
-        [(64 * TILE * tile) as i32 + sign * AWAY[0], (64 * TILE * band) as i32 + sign * AWAY[1]]
+    let position = move |tile: usize, band: usize, sign: i32| {
+        [(64 * TILE * tile) as i32 + sign * DISPLACEMENT[0], (64 * TILE * band) as i32 + sign * DISPLACEMENT[1]]
     };
 
     let mut out = vec![current.pixels[0]; current.pixels.len()];
     lines.push(Line::new(name("tiles"), move || {
         out.par_chunks_exact_mut(TILE * width).enumerate().for_each(|(band, out)| {
             for tile in 0..width / TILE {
-                let (a, b) = (place(tile, band, 1), place(tile, band, -1));
+                let (a, b) = (position(tile, band, 1), position(tile, band, -1));
                 black_box(P::tile(level, previous, a, current, b, &rule, &mut out[tile * TILE..], width));
             }
         });
@@ -128,7 +128,7 @@ fn pictures<'a, P: Sampled>(
     lines.push(Line::new(name("tiles of one"), move || {
         out.par_chunks_exact_mut(TILE * width).enumerate().for_each(|(band, out)| {
             for tile in 0..width / TILE {
-                P::tile_of_one(level, current, place(tile, band, 1), &mut out[tile * TILE..], width);
+                P::tile_of_one(level, current, position(tile, band, 1), &mut out[tile * TILE..], width);
             }
         });
     }));
@@ -136,7 +136,7 @@ fn pictures<'a, P: Sampled>(
     lines.push(Line::new(name("pixels"), move || {
         (0..tiles).into_par_iter().with_min_len(64).for_each(|tile| {
             let [a, b] = [1, -1].map(|sign| {
-                let [x, y] = place(tile % (width / TILE), tile / (width / TILE), sign);
+                let [x, y] = position(tile % (width / TILE), tile / (width / TILE), sign);
                 Positions {
                     x: std::array::from_fn(|i| x + (64 * (i % TILE) + i) as i32),
                     y: std::array::from_fn(|i| y + (64 * (i / TILE) + 3 * i) as i32),
@@ -152,7 +152,7 @@ fn pictures<'a, P: Sampled>(
     }));
 }
 
-/// Ranges of the motion and depth of a picture's tiles.
+/// Lines that compute the ranges of motion and depth of all tiles.
 fn ranges<'a>(lines: &mut Vec<Line<'a>>, level: Level, motion: &'a [[f16; 2]], depth: &'a [f32], width: usize) {
     let mut out = vec![VectorRange::default(); width.div_ceil(TILE) * (motion.len() / width).div_ceil(TILE)];
     lines.push(Line::new(format!("ranges of motion, {}", level.name()), move || {

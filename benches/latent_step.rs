@@ -54,8 +54,8 @@ const AT_LEAST: (Duration, u64) = (Duration::from_secs(10), 5);
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().collect();
-    if let [_, word, job @ ..] = arguments.as_slice()
-        && word == BARE
+    if let [_, flag, job @ ..] = arguments.as_slice()
+        && flag == BARE
     {
         return bare(job);
     }
@@ -88,7 +88,7 @@ fn measure(ort: &Ort, world: &Arc<World>, path: &Path) -> Result<(), Box<dyn Err
     let mut rollout = Rollout::new(world, &point, 1)?;
     rollout.append(&Picture::from_rgba(64, 36, vec![128; 64 * 36 * 4])?)?;
     let passes = rollout.planner().plan_step(&ControlInput::default())?.dsigmas.len() + 1;
-    let mut bare = Bare::start(ort, world, path, passes)?;
+    let mut bare = BareProcess::start(ort, world, path, passes)?;
     let (mut ours, mut theirs) = (Duration::ZERO, Duration::ZERO);
     let (mut steps, mut allocations, mut ring_bytes) = (0, 0, 0);
     let mut last = StepInfo::default();
@@ -98,7 +98,7 @@ fn measure(ort: &Ort, world: &Arc<World>, path: &Path) -> Result<(), Box<dyn Err
         let info = rollout.step(&ControlInput::default())?;
         last = info;
         let (took, made) = (began.elapsed(), ALLOCATIONS.load(Ordering::Relaxed) - before);
-        let bare_runs = bare.runs()?;
+        let bare_runs = bare.run_step()?;
         if step >= WARM_UP {
             ours += took;
             theirs += bare_runs;
@@ -126,13 +126,13 @@ fn measure(ort: &Ort, world: &Arc<World>, path: &Path) -> Result<(), Box<dyn Err
 }
 
 /// The process that runs the graphs without Cairn.
-struct Bare {
+struct BareProcess {
     process: Child,
-    asks: ChildStdin,
-    answers: BufReader<ChildStdout>,
+    requests: ChildStdin,
+    times: BufReader<ChildStdout>,
 }
 
-impl Bare {
+impl BareProcess {
     fn start(ort: &Ort, world: &World, path: &Path, passes: usize) -> Result<Self, Box<dyn Error>> {
         let geometry = &world.manifest().geometry;
         let graphs = &world.manifest().graphs.f32;
@@ -147,21 +147,21 @@ impl Bare {
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()?;
-        let asks = process.stdin.take().ok_or("its input")?;
-        let answers = BufReader::new(process.stdout.take().ok_or("its output")?);
-        Ok(Self { process, asks, answers })
+        let requests = process.stdin.take().ok_or("its input")?;
+        let times = BufReader::new(process.stdout.take().ok_or("its output")?);
+        Ok(Self { process, requests, times })
     }
 
-    /// Runs what a latent step runs; returns the time.
-    fn runs(&mut self) -> Result<Duration, Box<dyn Error>> {
-        self.asks.write_all(b"\n")?;
+    /// Runs the graphs of one latent step; returns their time.
+    fn run_step(&mut self) -> Result<Duration, Box<dyn Error>> {
+        self.requests.write_all(b"\n")?;
         let mut answer = String::new();
-        self.answers.read_line(&mut answer)?;
+        self.times.read_line(&mut answer)?;
         Ok(Duration::from_nanos(answer.trim().parse().map_err(|e| format!("the bare side ended: {e}"))?))
     }
 }
 
-impl Drop for Bare {
+impl Drop for BareProcess {
     fn drop(&mut self) {
         // It exits when its input is closed; it may have exited already.
         _ = self.process.kill();

@@ -1,4 +1,5 @@
-//! The first lines with Cairn: a world, a seed picture, one second of steps. `cargo run --release --example first_light`.
+//! First steps with Cairn: loads a world, appends a seed picture, and makes one second of latents.
+//! `cargo run --release --example first_light`.
 
 use cairn::bundle::{Bundle, OpenOptions};
 use cairn::runtime::{CpuOptions, Device, Ort};

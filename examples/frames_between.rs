@@ -1,4 +1,4 @@
-//! Frames between anchors: a walk ahead, four frames to an anchor, and what each of them was made of.
+//! Frames between anchors: walks ahead, makes four frames for each anchor, and prints the source of each frame.
 //! `cargo run --release --example frames_between`.
 
 use std::sync::Arc;
@@ -27,7 +27,7 @@ fn frames_between() -> Result<()> {
     let mut shown = Picture::new(width, height)?;
     let (mut now, frame_ns) = (0, 1_000_000_000 / u64::from(point.latents_per_second) / 4);
 
-    // The book shows what follows.
+    // The book shows the following lines.
     let presenter = Presenter::new(
         PresenterOptions { multiplier: 4, ..PresenterOptions::default() },
         Some(Box::new(CpuGenerator::new())),

@@ -1,4 +1,4 @@
-//! Compiles the player of calls, which is C as its callers are.
+//! Compiles the C program that turns bytes into calls of the C interface.
 
 use std::path::PathBuf;
 

@@ -1,16 +1,16 @@
-/* Plays bytes as calls of the C interface, for the target of that name. */
+/* Turns bytes into calls of the C interface, for the fuzz target `calls`. */
 #include "../tests/abi/play.h"
 
 void cairn_fuzz_calls(const unsigned char *bytes, size_t size);
 
-/* Without a world all objects that need none are there; their sequences are short, so that more of them are played. */
+/* Without a world, only objects that need none exist. Sequences are then short, so that more of them run. */
 static void make_stage(void)
 {
     if (getenv("CAIRN_TEST_WORLD")) {
-        set_stage(make_device());
+        create_objects(make_device());
     } else {
-        objects[ANCHOR] = made_anchor(7);
-        make_small();
+        objects[ANCHOR] = create_anchor(7);
+        create_objects_without_world();
     }
 }
 

@@ -1,31 +1,28 @@
-//! Writes the starting points of all targets to `corpus/<target>/`.
+//! Writes the seed inputs of all fuzz targets to `corpus/<target>/`.
 
 use std::path::Path;
 
-#[allow(dead_code, reason = "the bodies are for the targets")]
-mod bodies;
-#[path = "../tests/support/mod.rs"]
-mod support;
+use test_support::fuzz_targets::seeds;
 
 fn main() -> std::io::Result<()> {
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
-    for (target, seeds) in [
-        ("manifest", bodies::seeds::manifest()),
-        ("onnx", bodies::seeds::onnx()),
-        ("control_script", bodies::seeds::control_script()),
+    for (target, contents) in [
+        ("manifest", seeds::manifest()),
+        ("onnx", seeds::onnx()),
+        ("control_script", seeds::control_script()),
         ("calls", calls()),
     ] {
         let folder = corpus.join(target);
         std::fs::create_dir_all(&folder)?;
-        for (i, seed) in seeds.iter().enumerate() {
+        for (i, seed) in contents.iter().enumerate() {
             std::fs::write(folder.join(format!("seed-{i}")), seed)?;
         }
-        println!("{} seeds in {}", seeds.len(), folder.display());
+        println!("{} seeds in {}", contents.len(), folder.display());
     }
     Ok(())
 }
 
-/// Sequences of calls: bytes without a meaning of their own, each is some choice.
+/// Random call sequences: each byte selects one of the possible choices.
 fn calls() -> Vec<Vec<u8>> {
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     let mut byte = || {

@@ -1,6 +1,6 @@
 /**
- * Cairn in C++17: cairn.h with objects that end by themselves, results that cannot be overlooked, and structs that know their
- * size. Header only, and nothing but cairn.h's functions behind it: link against the library as with cairn.h.
+ * Cairn in C++17: cairn.h with objects that own their handles, results that must be used, and structs that set their size. Header only; it
+ * calls only the functions of cairn.h. Link against the library as with cairn.h.
  *
  *     void play(const cairn::picture &seed, const cairn::target &target)
  *     {
@@ -16,26 +16,25 @@
  *         }
  *     }
  *
- * Every member function is the function of cairn.h that its comment names, whose own comment has the rest: what is handed over,
- * how long it takes, which results there are. The rules, once:
+ * Every member function calls the function of cairn.h that its comment names; that function's comment has the details: ownership, duration
+ * and results. These rules hold for all:
  *
- * Objects. device, world, anchor, rollout, guidance, presenter, script and recorder own one handle each, or none. They can be moved
- * and not copied; what was moved from is empty, and a call through an empty one answers CAIRN_ERROR_INVALID_HANDLE. They may end in
- * any order. One that ends within a callback of a call on it cannot be destroyed there and is left behind: see handle::destroy.
+ * Objects. device, world, anchor, rollout, guidance, presenter, script and recorder own one handle each, or none. They can be moved but
+ * not copied. A moved-from object is empty, and a call on an empty object fails with CAIRN_ERROR_INVALID_HANDLE. Objects may be destroyed
+ * in any order. An object that is destroyed within a callback of a call on it cannot destroy its handle, which leaks: see handle::destroy.
  *
- * Threads. A const member function may be called by any number of threads at the same time, another one by one thread at a time.
- * Moving, reset() and the end of an object are for one thread alone.
+ * Threads. A const member function may be called by any number of threads at the same time, any other by one thread at a time. Only one
+ * thread may move, reset() or destroy an object.
  *
- * Results. Every call that can fail gives a cairn::result. With exceptions: .value() is the value, or throws a cairn::error, which
- * carries code, message and the message's parts. Without: ask .ok(), then .why() has the same error and *result the value. Nothing
- * else throws, but for std::bad_alloc where memory for a text or an array is short. In a program compiled without exceptions .value()
- * of a failure writes its message to standard error and ends the program.
+ * Results. Every call that can fail returns a cairn::result. With exceptions: .value() returns the value, or throws a cairn::error, which
+ * has the code, the message and the message's parts. Without: test .ok(); then .why() has the same error, and *result the value. Nothing
+ * else throws, except std::bad_alloc if memory for a text or an array is short. In a program compiled without exceptions, .value() of a
+ * failure writes its message to standard error and ends the program.
  *
- * Answers that are no error and no success, "not yet" and "the queue is full", are a part of the value: an empty std::optional, or
- * false.
+ * "Not yet" and "the queue is full" are neither errors nor successes. They are part of the value: an empty std::optional, or false.
  *
- * Structs. cairn::controls is cairn_controls, all zero and with its struct_size; so are all structs. Results are numbers of cairn.h
- * and constants its macros. Texts come as std::string and are never cut; paths go in as UTF-8.
+ * Structs. cairn::controls is cairn_controls, all zero but for its struct_size; likewise all other structs. Result codes are the numbers of
+ * cairn.h, and constants its macros. Texts are returned as std::string and never truncated; paths are UTF-8.
  */
 
 #ifndef CAIRN_HPP
@@ -66,10 +65,10 @@ namespace cairn {
 
 /* ---- 1. Version -------------------------------------------------------------------------------------------------- */
 
-/** The binary interface of the loaded library: cairn_abi_version. */
+/** The version of the loaded library's binary interface: cairn_abi_version. */
 inline std::uint32_t abi_version() noexcept { return cairn_abi_version(); }
 
-/** The version of the loaded library, as CAIRN_VERSION: cairn_version. */
+/** The version of the loaded library, in the form of CAIRN_VERSION: cairn_version. */
 inline std::uint32_t version() noexcept { return cairn_version(); }
 
 /* ---- 2. Results -------------------------------------------------------------------------------------------------- */
@@ -78,20 +77,20 @@ inline std::uint32_t version() noexcept { return cairn_version(); }
 inline const char *result_name(cairn_result code) noexcept { return cairn_result_name(code); }
 
 /**
- * Why a call failed: the one exception of this header, and what result::why gives. Copies share the texts.
+ * Why a call failed. The only exception of this header, and the type of result::why. Copies share the texts.
  */
 class error : public std::exception {
 public:
     /** No failure: code CAIRN_OK, no text. */
     error() noexcept = default;
 
-    /** A failure of a host's own, in the library's words. */
+    /** A failure of the host's own. */
     error(cairn_result code, std::string message) : code_(code), texts_(std::make_shared<texts>())
     {
         texts_->message = std::move(message);
     }
 
-    /** What the calling thread's latest failed call said: cairn_last_error, cairn_last_error_part. */
+    /** The calling thread's last error: cairn_last_error, cairn_last_error_part. */
     static error last(cairn_result code)
     {
         error made(code, read([](char *to, std::size_t room, std::size_t *length) {
@@ -118,7 +117,7 @@ public:
     std::string_view remedy() const noexcept { return texts_ ? std::string_view(texts_->remedy) : std::string_view(); }
 
     /**
-     * A whole text that `copy` copies into a buffer, as cairn_last_error does; empty where it fails.
+     * Reads a whole text with `copy`, which copies it into a buffer as cairn_last_error does; empty if it fails.
      */
     template <class Copy> static std::string read(Copy copy, cairn_result *answer = nullptr)
     {
@@ -129,7 +128,7 @@ public:
             if (r < 0) break;
             text.resize(length + 1);
             r = copy(&text[0], text.size(), &length);
-        } while (r == CAIRN_TRUNCATED); /* it has grown meanwhile */
+        } while (r == CAIRN_TRUNCATED); /* The text has grown between the two calls. */
         text.resize(r < 0 ? 0 : length);
         if (answer) *answer = r;
         return text;
@@ -153,7 +152,7 @@ private:
 
 namespace detail {
 
-/** What becomes of a failure that is asked for its value. */
+/** Throws the error, or without exceptions prints it and ends the program. */
 [[noreturn]] inline void raise(const error &why)
 {
 #if CAIRN_HPP_EXCEPTIONS
@@ -166,7 +165,7 @@ namespace detail {
 
 } /* namespace detail */
 
-/** What a call gave: a T, or why there is none. */
+/** The result of a call: a T, or the error. */
 template <class T> class [[nodiscard]] result {
 public:
     result(T value) : value_(std::move(value)) {}
@@ -174,24 +173,24 @@ public:
 
     /** Whether there is a value. */
     bool ok() const noexcept { return value_.has_value(); }
-    /** CAIRN_OK, or the failure's. */
+    /** CAIRN_OK, or the error's code. */
     cairn_result code() const noexcept { return why_.code(); }
-    /** The failure; empty where there is a value. */
+    /** The error; empty if there is a value. */
     const error &why() const noexcept { return why_; }
 
-    /** The value; where there is none, throws why(). */
-    T &value() & { return must_be_there(), *value_; }
-    const T &value() const & { return must_be_there(), *value_; }
-    T value() && { return must_be_there(), std::move(*value_); }
+    /** The value; if there is none, throws why(). */
+    T &value() & { return require_value(), *value_; }
+    const T &value() const & { return require_value(), *value_; }
+    T value() && { return require_value(), std::move(*value_); }
 
-    /** The value, which must be there. */
+    /** The value, without a check: only if ok(). */
     T &operator*() noexcept { return *value_; }
     const T &operator*() const noexcept { return *value_; }
     T *operator->() noexcept { return &*value_; }
     const T *operator->() const noexcept { return &*value_; }
 
 private:
-    void must_be_there() const
+    void require_value() const
     {
         if (!value_) detail::raise(why_);
     }
@@ -200,19 +199,19 @@ private:
     error why_;
 };
 
-/** Whether a call worked, or why not. */
+/** The result of a call without a value: success, or the error. */
 template <> class [[nodiscard]] result<void> {
 public:
     result() noexcept = default;
     result(error why) : why_(std::move(why)) {}
 
-    /** Whether it worked. */
+    /** Whether the call succeeded. */
     bool ok() const noexcept { return why_.code() == CAIRN_OK; }
-    /** CAIRN_OK, or the failure's. */
+    /** CAIRN_OK, or the error's code. */
     cairn_result code() const noexcept { return why_.code(); }
-    /** The failure; empty where it worked. */
+    /** The error; empty on success. */
     const error &why() const noexcept { return why_; }
-    /** Throws why() where it did not work. */
+    /** Throws why() if the call failed. */
     void value() const
     {
         if (!ok()) detail::raise(why_);
@@ -222,7 +221,7 @@ private:
     error why_;
 };
 
-/** Whether header and library fit: call it before anything else where they may come from different builds. */
+/** Checks that the library fits this header. Call it before anything else if they may come from different builds. */
 inline result<void> check_version()
 {
     if (abi_version() == CAIRN_ABI_VERSION && version() >= CAIRN_VERSION) return {};
@@ -234,10 +233,10 @@ inline result<void> check_version()
 
 /* ---- 3. Structs and views ---------------------------------------------------------------------------------------- */
 
-/** A struct of cairn.h with its struct_size, and zero in all else. */
+/** A struct of cairn.h with struct_size set and all other fields zero. */
 template <class C> struct sized : C {
     sized() noexcept : C() { this->struct_size = sizeof(C); }
-    /** The same, whatever struct_size says. */
+    /** Copies `other`, but sets struct_size. */
     sized(const C &other) noexcept : C(other) { this->struct_size = sizeof(C); }
 };
 
@@ -273,7 +272,7 @@ using presenter_options = sized<cairn_presenter_options>;
 using presenter_statistics = sized<cairn_presenter_statistics>;
 using frame = sized<cairn_frame>;
 
-/** Elements in somebody's memory: an array, a std::vector, a std::array, or a pointer and how many there are. */
+/** Elements in the caller's memory: an array, a std::vector, a std::array, or a pointer and a count. */
 template <class T> class span {
 public:
     constexpr span() noexcept = default;
@@ -292,7 +291,7 @@ private:
     std::size_t size_ = 0;
 };
 
-/** A picture in the host's memory, for the library to read; `pixels` must live as long as it is used. */
+/** A picture in the host's memory that the library reads; `pixels` must outlive it. */
 inline picture picture_of(span<const unsigned char> pixels, std::uint32_t width, std::uint32_t height,
                           std::uint32_t format = CAIRN_FORMAT_RGBA8, std::uint64_t row_pitch = 0) noexcept
 {
@@ -306,7 +305,7 @@ inline picture picture_of(span<const unsigned char> pixels, std::uint32_t width,
     return made;
 }
 
-/** Memory of the host's for the library to write a picture into; `pixels` must live as long as it is used. */
+/** Memory of the host's into which the library writes a picture; `pixels` must outlive it. */
 inline target target_of(span<unsigned char> pixels, std::uint32_t width, std::uint32_t height,
                         std::uint32_t format = CAIRN_FORMAT_RGBA8, std::uint64_t row_pitch = 0) noexcept
 {
@@ -320,7 +319,7 @@ inline target target_of(span<unsigned char> pixels, std::uint32_t width, std::ui
     return made;
 }
 
-/* ---- 4. What all objects are ------------------------------------------------------------------------------------- */
+/* ---- 4. Handles -------------------------------------------------------------------------------------------------- */
 
 namespace detail {
 
@@ -334,22 +333,22 @@ inline cairn_result destroy(cairn_swapchain *raw) noexcept { return cairn_swapch
 inline cairn_result destroy(cairn_script *raw) noexcept { return cairn_script_destroy(raw); }
 inline cairn_result destroy(cairn_recorder *raw) noexcept { return cairn_recorder_destroy(raw); }
 
-/** Whether a call worked. */
-inline result<void> done(cairn_result r)
+/** Converts the result of a call without a value. */
+inline result<void> to_result(cairn_result r)
 {
     if (r < 0) return error::last(r);
     return {};
 }
 
-/** Whether a call did what was asked for, where an answer above 0 says that it did not. */
-inline result<bool> accepted(cairn_result r)
+/** Converts the result of a call whose results above 0 mean that it did nothing: false for these. */
+inline result<bool> to_accepted(cairn_result r)
 {
     if (r < 0) return error::last(r);
     return r == CAIRN_OK;
 }
 
-/** An object whose handle a call makes. */
-template <class Object, class Call> result<Object> made(Call call)
+/** Makes an object of the handle that `call` creates. */
+template <class Object, class Call> result<Object> create(Call call)
 {
     typename Object::raw_type *raw = nullptr;
     const cairn_result r = call(&raw);
@@ -357,8 +356,8 @@ template <class Object, class Call> result<Object> made(Call call)
     return Object(raw);
 }
 
-/** A struct or a number that a call fills. */
-template <class T, class Call> result<T> filled(Call call)
+/** Returns the struct or number that `call` fills. */
+template <class T, class Call> result<T> fill(Call call)
 {
     T value{};
     const cairn_result r = call(&value);
@@ -366,8 +365,8 @@ template <class T, class Call> result<T> filled(Call call)
     return value;
 }
 
-/** The same, where there may be none yet. */
-template <class T, class Call> result<std::optional<T>> filled_or_none(Call call)
+/** As fill; none if the call's result is above 0. */
+template <class T, class Call> result<std::optional<T>> fill_or_none(Call call)
 {
     T value{};
     const cairn_result r = call(&value);
@@ -375,7 +374,7 @@ template <class T, class Call> result<std::optional<T>> filled_or_none(Call call
     return r == CAIRN_OK ? std::optional<T>(std::move(value)) : std::nullopt;
 }
 
-/** A text that a call copies. */
+/** Returns the text that `call` copies. */
 template <class Call> result<std::string> text(Call call)
 {
     cairn_result r = CAIRN_OK;
@@ -384,30 +383,31 @@ template <class Call> result<std::string> text(Call call)
     return text;
 }
 
-/** An array that a call fills: call(rows, stride, capacity, &count). */
-template <class Row, class Call> result<std::vector<Row>> rows(Call call)
+/** Returns the array that call(elements, stride, capacity, &count) fills. */
+template <class T, class Call> result<std::vector<T>> fill_array(Call call)
 {
-    std::vector<Row> rows;
+    std::vector<T> elements;
     std::uint32_t count = 0;
     for (;;) {
-        const cairn_result r = call(rows.empty() ? nullptr : rows.data(), sizeof(Row), static_cast<std::uint32_t>(rows.size()), &count);
+        const auto capacity = static_cast<std::uint32_t>(elements.size());
+        const cairn_result r = call(elements.empty() ? nullptr : elements.data(), sizeof(T), capacity, &count);
         if (r < 0) return error::last(r);
-        const bool all = count <= rows.size();
-        rows.resize(count);
-        if (all) return rows;
+        const bool all = count <= elements.size();
+        elements.resize(count);
+        if (all) return elements;
     }
 }
 
 } /* namespace detail */
 
-/** One handle, or none, that is destroyed with the object. */
+/** Owns one handle, or none, and destroys it. */
 template <class T> class handle {
 public:
     using raw_type = T;
 
-    /** None. */
+    /** No handle. */
     constexpr handle() noexcept = default;
-    /** Takes over a handle that a function of cairn.h made. */
+    /** Takes ownership of a handle that a function of cairn.h created. */
     explicit handle(T *raw) noexcept : raw_(raw) {}
     handle(handle &&other) noexcept : raw_(other.release()) {}
     handle &operator=(handle &&other) noexcept
@@ -417,23 +417,22 @@ public:
     }
     ~handle() { reset(); }
 
-    /** Whether there is one. */
+    /** Whether it owns a handle. */
     explicit operator bool() const noexcept { return raw_ != nullptr; }
-    /** For functions of cairn.h; null for none. It stays the object's. */
+    /** The handle, for functions of cairn.h; null for none. The object keeps its ownership. */
     T *get() const noexcept { return raw_; }
-    /** Gives the handle away: the caller destroys it. */
+    /** Gives up ownership of the handle: the caller destroys it. */
     [[nodiscard]] T *release() noexcept { return std::exchange(raw_, nullptr); }
-    /** Destroys the handle, and takes over another one. */
+    /** Destroys the handle, and takes ownership of another one. */
     void reset(T *raw = nullptr) noexcept { detail::destroy(std::exchange(raw_, raw)); }
     /**
-     * Destroys the handle and says whether that could be done: within a callback of a call on it CAIRN_ERROR_BUSY is the answer, and
-     * it is kept.
+     * Destroys the handle, and reports a failure: within a callback of a call on the handle this fails with CAIRN_ERROR_BUSY and keeps it.
      */
     result<void> destroy()
     {
-        result<void> ended = detail::done(detail::destroy(raw_));
-        if (ended.ok()) raw_ = nullptr;
-        return ended;
+        result<void> destroyed = detail::to_result(detail::destroy(raw_));
+        if (destroyed.ok()) raw_ = nullptr;
+        return destroyed;
     }
 
 private:
@@ -442,63 +441,63 @@ private:
 
 /* ---- 5. Logging, devices, worlds --------------------------------------------------------------------------------- */
 
-/** Sets where messages of at least that importance go; null ends logging: cairn_set_log_callback. */
+/** Sets the callback that gets messages up to `level`; null ends logging: cairn_set_log_callback. */
 inline result<void> set_log_callback(std::uint32_t level, cairn_log_callback callback, void *user = nullptr)
 {
-    return detail::done(cairn_set_log_callback(level, callback, user));
+    return detail::to_result(cairn_set_log_callback(level, callback, user));
 }
 
-/** Sets how many threads of its own the library has, and their priority, while there is no object: cairn_set_threads. */
+/** Sets the number and priority of the library's own threads, while there is no object: cairn_set_threads. */
 inline result<void> set_threads(const thread_options &options = {})
 {
-    return detail::done(cairn_set_threads(&options));
+    return detail::to_result(cairn_set_threads(&options));
 }
 
-/** Has the library share its work on a host's job system, while there is no object: cairn_set_scheduler. */
+/** Makes the library share its work on the host's job system, while there is no object: cairn_set_scheduler. */
 inline result<void> set_scheduler(const scheduler &jobs)
 {
-    return detail::done(cairn_set_scheduler(&jobs));
+    return detail::to_result(cairn_set_scheduler(&jobs));
 }
 
-/** Has the library share its work on threads of its own again, while there is no object: cairn_set_scheduler. */
+/** Makes the library share its work on its own threads again, while there is no object: cairn_set_scheduler. */
 inline result<void> reset_scheduler()
 {
-    return detail::done(cairn_set_scheduler(nullptr));
+    return detail::to_result(cairn_set_scheduler(nullptr));
 }
 
-/** What devices can be made of: cairn_adapters. */
+/** Lists what devices can be created on: cairn_adapters. */
 inline result<std::vector<adapter>> adapters()
 {
-    return detail::rows<adapter>([](adapter *rows, std::size_t stride, std::uint32_t capacity, std::uint32_t *count) {
-        return cairn_adapters(rows, stride, capacity, count);
+    return detail::fill_array<adapter>([](adapter *to, std::size_t stride, std::uint32_t capacity, std::uint32_t *count) {
+        return cairn_adapters(to, stride, capacity, count);
     });
 }
 
-/** What a device of that kind needs and what was found: cairn_device_requirements. */
+/** Lists what a device of that kind needs and what was found: cairn_device_requirements. */
 inline result<std::vector<requirement>> requirements(std::uint32_t kind, const device_options &options = {})
 {
-    return detail::rows<requirement>([&](requirement *rows, std::size_t stride, std::uint32_t capacity, std::uint32_t *count) {
-        return cairn_device_requirements(kind, &options, rows, stride, capacity, count);
+    return detail::fill_array<requirement>([&](requirement *to, std::size_t stride, std::uint32_t capacity, std::uint32_t *count) {
+        return cairn_device_requirements(kind, &options, to, stride, capacity, count);
     });
 }
 
 #if defined(_WIN32)
-/** What a device runs on, with a reference more to each object: the caller's to release, as by ComPtr::Attach. */
+/** The objects that a device runs on. Each is a new reference, which the caller releases, for example with ComPtr::Attach. */
 struct d3d12_objects {
     ID3D12Device *device;
     ID3D12CommandQueue *queue;
 };
 
-/** What to wait for until it has the value. A reference more to the fence, the caller's to release. */
+/** A fence, and the value to wait for. The fence is a new reference, which the caller releases. */
 struct d3d12_guard {
     ID3D12Fence *fence;
     std::uint64_t value;
 };
 
-/** A picture of an anchor: RGBA8 in state COMMON, to be left in it. A reference more to each object, the caller's to release. */
+/** An anchor's picture: RGBA8, in state COMMON, to which it must be returned. Each object is a new reference, which the caller releases. */
 struct d3d12_picture {
     ID3D12Resource *texture;
-    /** To be waited for until it has the value, before the texture is read. */
+    /** Must have the value before the texture is read. */
     ID3D12Fence *fence;
     std::uint64_t value;
 };
@@ -509,46 +508,46 @@ class device : public handle<cairn_device> {
 public:
     using handle::handle;
 
-    /** The host's processor, on every system: cairn_device_create_cpu. */
+    /** Creates a device on the host's processor: cairn_device_create_cpu. */
     static result<device> cpu(const device_options &options = {})
     {
-        return detail::made<device>([&](cairn_device **to) { return cairn_device_create_cpu(&options, to); });
+        return detail::create<device>([&](cairn_device **to) { return cairn_device_create_cpu(&options, to); });
     }
 
 #if defined(_WIN32)
     /**
-     * An engine's own Direct3D 12 device and queue, and a compute queue for the world's passes or null for one of the library's own:
-     * cairn_device_create_d3d12. Experimental, as all with d3d12 or swapchain in its name.
+     * Creates a device on an engine's Direct3D 12 device and queue. `anchors` is a compute queue for the world's passes, or null for one of
+     * the library's own: cairn_device_create_d3d12. Experimental, like everything with d3d12 or swapchain in its name.
      */
     static result<device> d3d12(ID3D12Device *engine, ID3D12CommandQueue *queue, ID3D12CommandQueue *anchors = nullptr,
         const device_options &options = {})
     {
-        return detail::made<device>([&](cairn_device **to) { return cairn_device_create_d3d12(engine, queue, anchors, &options, to); });
+        return detail::create<device>([&](cairn_device **to) { return cairn_device_create_d3d12(engine, queue, anchors, &options, to); });
     }
 
-    /** A Direct3D 12 device of the library's own on an adapter of adapters(): cairn_device_create_adapter. */
+    /** Creates a Direct3D 12 device of the library's own on an adapter of adapters(): cairn_device_create_adapter. */
     static result<device> of_adapter(std::uint64_t luid, const device_options &options = {})
     {
-        return detail::made<device>([&](cairn_device **to) { return cairn_device_create_adapter(luid, &options, to); });
+        return detail::create<device>([&](cairn_device **to) { return cairn_device_create_adapter(luid, &options, to); });
     }
 
-    /** How it runs worlds and rollouts that come from now on: cairn_device_set_d3d12. */
+    /** Sets options for worlds and rollouts created from now on: cairn_device_set_d3d12. */
     result<void> set(const d3d12_options &options) const
     {
-        return detail::done(cairn_device_set_d3d12(get(), &options));
+        return detail::to_result(cairn_device_set_d3d12(get(), &options));
     }
 
-    /** What it runs on: cairn_device_get_d3d12. */
+    /** The Direct3D 12 objects that it runs on: cairn_device_get_d3d12. */
     result<d3d12_objects> d3d12() const
     {
-        return detail::filled<d3d12_objects>([&](d3d12_objects *to) { return cairn_device_get_d3d12(get(), &to->device, &to->queue); });
+        return detail::fill<d3d12_objects>([&](d3d12_objects *to) { return cairn_device_get_d3d12(get(), &to->device, &to->queue); });
     }
 #endif
 
-    /** What it is: cairn_device_get_info. */
+    /** Its properties: cairn_device_get_info. */
     result<device_info> info() const
     {
-        return detail::filled<device_info>([&](device_info *to) { return cairn_device_get_info(get(), to); });
+        return detail::fill<device_info>([&](device_info *to) { return cairn_device_get_info(get(), to); });
     }
 };
 
@@ -557,41 +556,41 @@ class world : public handle<cairn_world> {
 public:
     using handle::handle;
 
-    /** Loads a world, the library's own where the options name no path: cairn_world_load. */
+    /** Loads a world, or if the options have no path the world inside the library: cairn_world_load. */
     static result<world> load(const cairn::device &device, const world_options &options = {})
     {
-        return detail::made<world>([&](cairn_world **to) { return cairn_world_load(device.get(), &options, to); });
+        return detail::create<world>([&](cairn_world **to) { return cairn_world_load(device.get(), &options, to); });
     }
 
     /**
-     * The same; `progress` is called with a const load_progress & as the load goes on, and ends it by answering false. What it throws
-     * ends the load as well, and comes out of here.
+     * The same, with a callback: `progress` is called with a const load_progress & during the load, and cancels it by returning false. An
+     * exception in it also cancels the load, and is rethrown here.
      */
     template <class Progress> static result<world> load(const cairn::device &device, const world_options &options, Progress &&progress)
     {
-        follower<std::remove_reference_t<Progress>> follow{progress};
-        world_options followed = options;
-        followed.progress = [](const cairn_load_progress *now, void *user) -> std::uint32_t {
-            return static_cast<follower<std::remove_reference_t<Progress>> *>(user)->ends(*now);
+        progress_adapter<std::remove_reference_t<Progress>> bridge{progress};
+        world_options with_progress = options;
+        with_progress.progress = [](const cairn_load_progress *now, void *user) -> std::uint32_t {
+            return static_cast<progress_adapter<std::remove_reference_t<Progress>> *>(user)->cancels(*now);
         };
-        followed.user = &follow;
-        result<world> loaded = load(device, followed);
+        with_progress.user = &bridge;
+        result<world> loaded = load(device, with_progress);
 #if CAIRN_HPP_EXCEPTIONS
-        if (follow.thrown) std::rethrow_exception(follow.thrown);
+        if (bridge.thrown) std::rethrow_exception(bridge.thrown);
 #endif
         return loaded;
     }
 
-    /** What it is: cairn_world_get_info. */
+    /** Its properties: cairn_world_get_info. */
     result<world_info> info() const
     {
-        return detail::filled<world_info>([&](world_info *to) { return cairn_world_get_info(get(), to); });
+        return detail::fill<world_info>([&](world_info *to) { return cairn_world_get_info(get(), to); });
     }
 
-    /** How much memory it needs with one rollout: cairn_world_get_memory. */
+    /** The memory that it needs with one rollout: cairn_world_get_memory. */
     result<world_memory> memory() const
     {
-        return detail::filled<world_memory>([&](world_memory *to) { return cairn_world_get_memory(get(), to); });
+        return detail::fill<world_memory>([&](world_memory *to) { return cairn_world_get_memory(get(), to); });
     }
 
     /** The text of its licence: cairn_world_get_licence. */
@@ -603,12 +602,12 @@ public:
     }
 
 private:
-    /** A host's function behind C's; an exception must not pass through the library. */
-    template <class Progress> struct follower {
+    /** Calls the host's function from C's callback. It stores exceptions, which must not pass through the library. */
+    template <class Progress> struct progress_adapter {
         Progress &progress;
 #if CAIRN_HPP_EXCEPTIONS
         std::exception_ptr thrown = nullptr;
-        std::uint32_t ends(const load_progress &now) noexcept
+        std::uint32_t cancels(const load_progress &now) noexcept
         {
             try {
                 return progress(now) ? 0 : 1;
@@ -618,50 +617,50 @@ private:
             }
         }
 #else
-        std::uint32_t ends(const load_progress &now) noexcept { return progress(now) ? 0 : 1; }
+        std::uint32_t cancels(const load_progress &now) noexcept { return progress(now) ? 0 : 1; }
 #endif
     };
 };
 
 /* ---- 6. Anchors and rollouts ------------------------------------------------------------------------------------- */
 
-/** A strong picture with its latent: a copy that stays as it is, whatever becomes of its rollout. */
+/** A picture between which and the next frames are generated, with its latent. An immutable copy, independent of its rollout. */
 class anchor : public handle<cairn_anchor> {
 public:
     using handle::handle;
 
-    /** An anchor of the host's own picture; `number` counts up by one, `flags` are CAIRN_ANCHOR_CUT or 0: cairn_anchor_create. */
+    /** Makes an anchor of the host's own picture; `number` increases by one, `flags` are CAIRN_ANCHOR_CUT or 0: cairn_anchor_create. */
     static result<anchor> create(const picture &given, std::uint64_t number, std::uint32_t flags = 0)
     {
-        return detail::made<anchor>([&](cairn_anchor **to) { return cairn_anchor_create(&given, number, flags, to); });
+        return detail::create<anchor>([&](cairn_anchor **to) { return cairn_anchor_create(&given, number, flags, to); });
     }
 
-    /** What it is: cairn_anchor_get_info. */
+    /** Its properties: cairn_anchor_get_info. */
     result<anchor_info> info() const
     {
-        return detail::filled<anchor_info>([&](anchor_info *to) { return cairn_anchor_get_info(get(), to); });
+        return detail::fill<anchor_info>([&](anchor_info *to) { return cairn_anchor_get_info(get(), to); });
     }
 
-    /** Copies picture `index`, in order of time, into memory of its size: cairn_anchor_read_picture. */
+    /** Copies picture `index`, in order of time, to memory of the same size: cairn_anchor_read_picture. */
     result<void> read_picture(std::uint32_t index, const target &to) const
     {
-        return detail::done(cairn_anchor_read_picture(get(), index, &to));
+        return detail::to_result(cairn_anchor_read_picture(get(), index, &to));
     }
 
     /** Copies the latent, [channels, height, width]: cairn_anchor_read_latent. */
-    result<void> read_latent(span<float> to) const { return detail::done(cairn_anchor_read_latent(get(), to.data(), to.size())); }
+    result<void> read_latent(span<float> to) const { return detail::to_result(cairn_anchor_read_latent(get(), to.data(), to.size())); }
 
 #if defined(_WIN32)
     /** Picture `index` as a texture: cairn_anchor_get_d3d12. */
     result<d3d12_picture> d3d12(std::uint32_t index) const
     {
-        return detail::filled<d3d12_picture>(
+        return detail::fill<d3d12_picture>(
             [&](d3d12_picture *to) { return cairn_anchor_get_d3d12(get(), index, &to->texture, &to->fence, &to->value); });
     }
 #endif
 };
 
-/** What a queued step did and made. */
+/** The result of a queued step. */
 struct completed {
     step_info step;
     cairn::anchor anchor;
@@ -672,117 +671,117 @@ class rollout : public handle<cairn_rollout> {
 public:
     using handle::handle;
 
-    /** Starts empty: the first thing to do is to append a seed picture: cairn_rollout_create. */
+    /** Creates a rollout without latents; append a seed picture first: cairn_rollout_create. */
     static result<rollout> create(const cairn::world &world, const rollout_options &options = {})
     {
-        return detail::made<rollout>([&](cairn_rollout **to) { return cairn_rollout_create(world.get(), &options, to); });
+        return detail::create<rollout>([&](cairn_rollout **to) { return cairn_rollout_create(world.get(), &options, to); });
     }
 
-    /** What it is, and how far: cairn_rollout_get_info. */
+    /** Its properties and progress: cairn_rollout_get_info. */
     result<rollout_info> info() const
     {
-        return detail::filled<rollout_info>([&](rollout_info *to) { return cairn_rollout_get_info(get(), to); });
+        return detail::fill<rollout_info>([&](rollout_info *to) { return cairn_rollout_get_info(get(), to); });
     }
 
-    /** What it has done so far: cairn_rollout_get_statistics. */
+    /** Its statistics: cairn_rollout_get_statistics. */
     result<rollout_statistics> statistics() const
     {
-        return detail::filled<rollout_statistics>([&](rollout_statistics *to) { return cairn_rollout_get_statistics(get(), to); });
+        return detail::fill<rollout_statistics>([&](rollout_statistics *to) { return cairn_rollout_get_statistics(get(), to); });
     }
 
     /** Appends a picture, on the calling thread: cairn_rollout_append. */
     result<step_info> append(const picture &given)
     {
-        return detail::filled<step_info>([&](step_info *to) { return cairn_rollout_append(get(), &given, to); });
+        return detail::fill<step_info>([&](step_info *to) { return cairn_rollout_append(get(), &given, to); });
     }
 
     /** Appends pictures as one latent, on the calling thread: cairn_rollout_append_pictures. */
     result<step_info> append(const picture *given, std::uint32_t count)
     {
-        return detail::filled<step_info>([&](step_info *to) { return cairn_rollout_append_pictures(get(), given, count, to); });
+        return detail::fill<step_info>([&](step_info *to) { return cairn_rollout_append_pictures(get(), given, count, to); });
     }
 
-    /** Keeps the encoder's stream from one appended picture to the next, or not: cairn_rollout_keep_encoder_stream. */
-    result<void> keep_encoder_stream(bool keep) { return detail::done(cairn_rollout_keep_encoder_stream(get(), keep)); }
+    /** Sets whether the encoder keeps its state from one appended picture to the next: cairn_rollout_keep_encoder_stream. */
+    result<void> keep_encoder_stream(bool keep) { return detail::to_result(cairn_rollout_keep_encoder_stream(get(), keep)); }
 
-    /** Lets others use the device's memory of it until the next step: cairn_rollout_rest. */
-    result<void> rest() { return detail::done(cairn_rollout_rest(get())); }
+    /** Frees its device memory until the next step: cairn_rollout_rest. */
+    result<void> rest() { return detail::to_result(cairn_rollout_rest(get())); }
 
 #if defined(_WIN32)
-    /** Appends a texture in a D3D12_RESOURCE_STATES, which it is left in: cairn_rollout_append_d3d12. */
+    /** Appends a texture that is in the D3D12_RESOURCE_STATES `state`, and stays in it: cairn_rollout_append_d3d12. */
     result<step_info> append_d3d12(ID3D12Resource *given, std::uint32_t state)
     {
-        return detail::filled<step_info>([&](step_info *to) { return cairn_rollout_append_d3d12(get(), given, state, to); });
+        return detail::fill<step_info>([&](step_info *to) { return cairn_rollout_append_d3d12(get(), given, state, to); });
     }
 #endif
 
     /** Makes the next latent with these controls, on the calling thread: cairn_rollout_step. */
     result<step_info> step(const controls &given)
     {
-        return detail::filled<step_info>([&](step_info *to) { return cairn_rollout_step(get(), &given, to); });
+        return detail::fill<step_info>([&](step_info *to) { return cairn_rollout_step(get(), &given, to); });
     }
 
-    /** Holds latents to so many nanoseconds each: cairn_rollout_set_budget. */
+    /** Limits the wall time per latent, in nanoseconds: cairn_rollout_set_budget. */
     result<void> set_budget(std::uint64_t latent_ns, const char *schedules)
     {
-        return detail::done(cairn_rollout_set_budget(get(), latent_ns, schedules));
+        return detail::to_result(cairn_rollout_set_budget(get(), latent_ns, schedules));
     }
 
-    /** Holds it, and the frames of a presenter, to a budget: cairn_rollout_govern. */
-    result<void> govern(const budget &given) { return detail::done(cairn_rollout_govern(get(), &given)); }
+    /** Keeps it, and the frames of a presenter, within a budget: cairn_rollout_govern. */
+    result<void> govern(const budget &given) { return detail::to_result(cairn_rollout_govern(get(), &given)); }
 
-    /** Ends that. */
-    result<void> ungovern() { return detail::done(cairn_rollout_govern(get(), nullptr)); }
+    /** Removes that budget: cairn_rollout_govern. */
+    result<void> ungovern() { return detail::to_result(cairn_rollout_govern(get(), nullptr)); }
 
-    /** Back to the start with the same seed: cairn_rollout_reset. Not the reset() of every object, which ends it. */
-    result<void> restart() { return detail::done(cairn_rollout_reset(get())); }
+    /** Resets the rollout to its start with the same seed: cairn_rollout_reset. Not to be confused with reset(), which destroys the handle. */
+    result<void> restart() { return detail::to_result(cairn_rollout_reset(get())); }
 
     /** A copy of the last anchor: cairn_rollout_get_anchor. */
     result<cairn::anchor> anchor() const
     {
-        return detail::made<cairn::anchor>([&](cairn_anchor **to) { return cairn_rollout_get_anchor(get(), to); });
+        return detail::create<cairn::anchor>([&](cairn_anchor **to) { return cairn_rollout_get_anchor(get(), to); });
     }
 
-    /** Queues a step for the rollout's own thread; a ticket, or none where the queue is full: cairn_rollout_submit. */
+    /** Queues a step for the rollout's own thread. Returns a ticket, or none if the queue is full: cairn_rollout_submit. */
     result<std::optional<std::uint64_t>> submit(const controls &given) const
     {
-        return detail::filled_or_none<std::uint64_t>([&](std::uint64_t *to) { return cairn_rollout_submit(get(), &given, to); });
+        return detail::fill_or_none<std::uint64_t>([&](std::uint64_t *to) { return cairn_rollout_submit(get(), &given, to); });
     }
 
     /** Queues the append of a picture: cairn_rollout_submit_picture. */
     result<std::optional<std::uint64_t>> submit(const picture &given) const
     {
-        return detail::filled_or_none<std::uint64_t>(
+        return detail::fill_or_none<std::uint64_t>(
             [&](std::uint64_t *to) { return cairn_rollout_submit_picture(get(), &given, to); });
     }
 
     /** Queues the append of pictures as one latent: cairn_rollout_submit_pictures. */
     result<std::optional<std::uint64_t>> submit(const picture *given, std::uint32_t count) const
     {
-        return detail::filled_or_none<std::uint64_t>(
+        return detail::fill_or_none<std::uint64_t>(
             [&](std::uint64_t *to) { return cairn_rollout_submit_pictures(get(), given, count, to); });
     }
 
     /** The result of a queued step, or none while it waits or runs: cairn_rollout_poll. */
     result<std::optional<completed>> poll(std::uint64_t ticket) const
     {
-        return collected([&](step_info *step, cairn_anchor **to) { return cairn_rollout_poll(get(), ticket, step, to); });
+        return fetch([&](step_info *step, cairn_anchor **to) { return cairn_rollout_poll(get(), ticket, step, to); });
     }
 
-    /** The same, after it has ended, or none when the time is over: cairn_rollout_wait. */
+    /** Waits for a queued step's result; none after the timeout: cairn_rollout_wait. */
     result<std::optional<completed>> wait(std::uint64_t ticket, std::uint64_t timeout_ns = CAIRN_FOREVER) const
     {
-        return collected([&](step_info *step, cairn_anchor **to) { return cairn_rollout_wait(get(), ticket, timeout_ns, step, to); });
+        return fetch([&](step_info *step, cairn_anchor **to) { return cairn_rollout_wait(get(), ticket, timeout_ns, step, to); });
     }
 
-    /** Ends everything that is going on: cairn_rollout_cancel. */
-    result<void> cancel() const { return detail::done(cairn_rollout_cancel(get())); }
-    /** Holds the queue: cairn_rollout_pause. */
-    result<void> pause() const { return detail::done(cairn_rollout_pause(get())); }
-    /** Lets a held queue go on: cairn_rollout_resume. */
-    result<void> resume() const { return detail::done(cairn_rollout_resume(get())); }
-    /** Lets one step of a held queue run; false where none is queued: cairn_rollout_single_step. */
-    result<bool> single_step() const { return detail::accepted(cairn_rollout_single_step(get())); }
+    /** Cancels all steps, queued and in progress: cairn_rollout_cancel. */
+    result<void> cancel() const { return detail::to_result(cairn_rollout_cancel(get())); }
+    /** Pauses the queue: cairn_rollout_pause. */
+    result<void> pause() const { return detail::to_result(cairn_rollout_pause(get())); }
+    /** Resumes a paused queue: cairn_rollout_resume. */
+    result<void> resume() const { return detail::to_result(cairn_rollout_resume(get())); }
+    /** Runs one step of a paused queue; false if none is queued: cairn_rollout_single_step. */
+    result<bool> single_step() const { return detail::to_accepted(cairn_rollout_single_step(get())); }
 
     /** The whole state: cairn_rollout_save. */
     result<std::vector<unsigned char>> save() const
@@ -795,25 +794,25 @@ public:
         return bytes;
     }
 
-    /** The whole state into a file, whole or not at all: cairn_rollout_save_file. */
-    result<void> save_file(const std::string &path) const { return detail::done(cairn_rollout_save_file(get(), path.c_str())); }
-    /** Takes up a saved state: cairn_rollout_restore. */
+    /** Writes the whole state to a file, completely or not at all: cairn_rollout_save_file. */
+    result<void> save_file(const std::string &path) const { return detail::to_result(cairn_rollout_save_file(get(), path.c_str())); }
+    /** Restores a saved state: cairn_rollout_restore. */
     result<void> restore(span<const unsigned char> bytes)
     {
-        return detail::done(cairn_rollout_restore(get(), bytes.data(), bytes.size()));
+        return detail::to_result(cairn_rollout_restore(get(), bytes.data(), bytes.size()));
     }
-    /** Takes up a saved state from a file: cairn_rollout_restore_file. */
-    result<void> restore_file(const std::string &path) { return detail::done(cairn_rollout_restore_file(get(), path.c_str())); }
+    /** Restores a saved state from a file: cairn_rollout_restore_file. */
+    result<void> restore_file(const std::string &path) { return detail::to_result(cairn_rollout_restore_file(get(), path.c_str())); }
 
 private:
-    template <class Call> static result<std::optional<completed>> collected(Call call)
+    template <class Call> static result<std::optional<completed>> fetch(Call call)
     {
-        completed made;
+        completed fetched;
         cairn_anchor *raw = nullptr;
-        const cairn_result r = call(&made.step, &raw);
+        const cairn_result r = call(&fetched.step, &raw);
         if (r < 0) return error::last(r);
-        made.anchor.reset(raw);
-        return r == CAIRN_OK ? std::optional<completed>(std::move(made)) : std::nullopt;
+        fetched.anchor.reset(raw);
+        return r == CAIRN_OK ? std::optional<completed>(std::move(fetched)) : std::nullopt;
     }
 };
 
@@ -824,33 +823,33 @@ class guidance : public handle<cairn_guidance> {
 public:
     using handle::handle;
 
-    /** Finds both, from CAIRN_MOTION_AUTO and so on: cairn_guidance_create. */
+    /** Estimates both; `source` is CAIRN_MOTION_AUTO and so on: cairn_guidance_create. */
     static result<guidance> create(const anchor &previous, const anchor &current, std::uint32_t source = CAIRN_MOTION_AUTO)
     {
-        return detail::made<guidance>(
+        return detail::create<guidance>(
             [&](cairn_guidance **to) { return cairn_guidance_create(previous.get(), current.get(), source, to); });
     }
 
-    /** Takes the host's own: cairn_guidance_create_from_host. */
+    /** Makes guidance of the host's own motion and depth: cairn_guidance_create_from_host. */
     static result<guidance> create(const guidance_data &data)
     {
-        return detail::made<guidance>([&](cairn_guidance **to) { return cairn_guidance_create_from_host(&data, to); });
+        return detail::create<guidance>([&](cairn_guidance **to) { return cairn_guidance_create_from_host(&data, to); });
     }
 
-    /** What it is: cairn_guidance_get_info. */
+    /** Its properties: cairn_guidance_get_info. */
     result<guidance_info> info() const
     {
-        return detail::filled<guidance_info>([&](guidance_info *to) { return cairn_guidance_get_info(get(), to); });
+        return detail::fill<guidance_info>([&](guidance_info *to) { return cairn_guidance_get_info(get(), to); });
     }
 
     /** Copies the motion, half floats x, y for each pixel: cairn_guidance_read_motion. */
     result<void> read_motion(span<std::uint16_t> to) const
     {
-        return detail::done(cairn_guidance_read_motion(get(), to.data(), to.size()));
+        return detail::to_result(cairn_guidance_read_motion(get(), to.data(), to.size()));
     }
 
     /** Copies the depth, 0 near: cairn_guidance_read_depth. */
-    result<void> read_depth(span<float> to) const { return detail::done(cairn_guidance_read_depth(get(), to.data(), to.size())); }
+    result<void> read_depth(span<float> to) const { return detail::to_result(cairn_guidance_read_depth(get(), to.data(), to.size())); }
 };
 
 /** Shows a stream of anchors at a steady rate. */
@@ -858,178 +857,181 @@ class presenter : public handle<cairn_presenter> {
 public:
     using handle::handle;
 
-    /** cairn_presenter_create. */
+    /** Creates a presenter: cairn_presenter_create. */
     static result<presenter> create(const presenter_options &options = {})
     {
-        return detail::made<presenter>([&](cairn_presenter **to) { return cairn_presenter_create(&options, to); });
+        return detail::create<presenter>([&](cairn_presenter **to) { return cairn_presenter_create(&options, to); });
     }
 
-    /** Gives it the next anchor; false where the queue is full: cairn_presenter_push. */
+    /** Passes it the next anchor; false if the queue is full: cairn_presenter_push. */
     result<bool> push(const cairn::anchor &anchor, std::uint64_t now_ns) const
     {
-        return detail::accepted(cairn_presenter_push(get(), anchor.get(), nullptr, now_ns));
+        return detail::to_accepted(cairn_presenter_push(get(), anchor.get(), nullptr, now_ns));
     }
 
-    /** The same, with guidance of the anchor before and this one. */
+    /** The same, with guidance for the previous anchor and this one. */
     result<bool> push(const cairn::anchor &anchor, const cairn::guidance &guidance, std::uint64_t now_ns) const
     {
-        return detail::accepted(cairn_presenter_push(get(), anchor.get(), guidance.get(), now_ns));
+        return detail::to_accepted(cairn_presenter_push(get(), anchor.get(), guidance.get(), now_ns));
     }
 
-    /** Which frame is due, or none before the first anchor came: cairn_presenter_query. */
+    /** The frame that is due, or none before the first anchor: cairn_presenter_query. */
     result<std::optional<frame>> query(std::uint64_t now_ns) const
     {
-        return detail::filled_or_none<frame>([&](frame *to) { return cairn_presenter_query(get(), now_ns, to); });
+        return detail::fill_or_none<frame>([&](frame *to) { return cairn_presenter_query(get(), now_ns, to); });
     }
 
-    /** Makes the frame that is due and writes it, or nothing before the first anchor came: cairn_presenter_draw. */
+    /** Makes the frame that is due and writes it to memory; none before the first anchor: cairn_presenter_draw. */
     result<std::optional<frame>> draw(std::uint64_t now_ns, const target &memory)
     {
-        return detail::filled_or_none<frame>([&](frame *to) { return cairn_presenter_draw(get(), now_ns, &memory, to); });
+        return detail::fill_or_none<frame>([&](frame *to) { return cairn_presenter_draw(get(), now_ns, &memory, to); });
     }
 
 #if defined(_WIN32)
     /**
-     * Makes all that frames need, on a thread that loads; false where no anchor has come and `wanted` does not say how large anchors
-     * are: cairn_presenter_prepare_d3d12.
+     * Creates everything that frames need; call it on a loading thread. False if no anchor was pushed and `wanted` does not have the anchors'
+     * size: cairn_presenter_prepare_d3d12.
      */
     result<bool> prepare_d3d12(const cairn::device &device, const d3d12_preparation &wanted = {}) const
     {
-        return detail::accepted(cairn_presenter_prepare_d3d12(get(), device.get(), &wanted));
+        return detail::to_accepted(cairn_presenter_prepare_d3d12(get(), device.get(), &wanted));
     }
 
     /**
-     * Records the frame that is due into the engine's command list; nothing before the first anchor came, and where as many lists as were
-     * prepared may not have run: cairn_presenter_record_d3d12.
+     * Records the frame that is due into the engine's command list. None before the first anchor, and while all prepared lists may not have
+     * run: cairn_presenter_record_d3d12.
      */
     result<std::optional<frame>> record_d3d12(const cairn::device &device, std::uint64_t now_ns, const d3d12_recording &recording)
     {
-        return detail::filled_or_none<frame>([&](frame *to) {
+        return detail::fill_or_none<frame>([&](frame *to) {
             return cairn_presenter_record_d3d12(get(), device.get(), now_ns, &recording, to);
         });
     }
 
-    /** The same into a texture, in a list of the presenter's own, given to the device's queue; `guard` gets what to wait for: cairn_presenter_submit_d3d12. */
+    /**
+     * Writes the frame that is due to a texture, in a list of the presenter's own that it executes on the device's queue. `guard` gets the fence
+     * and the value to wait for: cairn_presenter_submit_d3d12.
+     */
     result<std::optional<frame>> submit_d3d12(const cairn::device &device, std::uint64_t now_ns, ID3D12Resource *texture,
                                               std::uint32_t before, std::uint32_t after, d3d12_guard &guard)
     {
-        return detail::filled_or_none<frame>([&](frame *to) {
+        return detail::fill_or_none<frame>([&](frame *to) {
             return cairn_presenter_submit_d3d12(get(), device.get(), now_ns, texture, before, after, to, &guard.fence, &guard.value);
         });
     }
 
     /** Waits for its frames and releases their targets, before a swap chain is resized: cairn_presenter_release_d3d12. */
-    result<void> release_d3d12() { return detail::done(cairn_presenter_release_d3d12(get())); }
+    result<void> release_d3d12() { return detail::to_result(cairn_presenter_release_d3d12(get())); }
 #endif
 
-    /** Changes the size of the frames; 0 both ways for the anchors': cairn_presenter_resize. */
+    /** Changes the size of the frames; 0 for both for the anchors' size: cairn_presenter_resize. */
     result<void> resize(std::uint32_t width, std::uint32_t height) const
     {
-        return detail::done(cairn_presenter_resize(get(), width, height));
+        return detail::to_result(cairn_presenter_resize(get(), width, height));
     }
 
-    /** Says what lies over the anchors and stands still; nothing where `mask` is null: cairn_presenter_set_overlay. */
+    /** Sets the mask of a static overlay over the anchors; null for none: cairn_presenter_set_overlay. */
     result<void> set_overlay(const std::uint8_t *mask, std::size_t size, std::uint32_t width, std::uint32_t height) const
     {
-        return detail::done(cairn_presenter_set_overlay(get(), mask, size, width, height));
+        return detail::to_result(cairn_presenter_set_overlay(get(), mask, size, width, height));
     }
 
-    /** Holds frames to so many nanoseconds of the device's time each: cairn_presenter_set_budget. */
+    /** Limits the device time per frame, in nanoseconds: cairn_presenter_set_budget. */
     result<void> set_budget(std::uint64_t frame_ns) const
     {
-        return detail::done(cairn_presenter_set_budget(get(), frame_ns));
+        return detail::to_result(cairn_presenter_set_budget(get(), frame_ns));
     }
 
-    /** Forgets all anchors: cairn_presenter_reset. Not the reset() of every object, which ends it. */
-    result<void> restart() const { return detail::done(cairn_presenter_reset(get())); }
+    /** Forgets all anchors: cairn_presenter_reset. Not to be confused with reset(), which destroys the handle. */
+    result<void> restart() const { return detail::to_result(cairn_presenter_reset(get())); }
 
-    /** What it has done, and with what: cairn_presenter_get_statistics. */
+    /** Its statistics: cairn_presenter_get_statistics. */
     result<presenter_statistics> statistics() const
     {
-        return detail::filled<presenter_statistics>(
+        return detail::fill<presenter_statistics>(
             [&](presenter_statistics *to) { return cairn_presenter_get_statistics(get(), to); });
     }
 };
 
 #if defined(_WIN32)
 /**
- * A swap chain of AMD's, for engines that want AMD to present. Experimental. Let go of every reference to the DXGI swap chain and its
- * buffers before it goes: while somebody holds one, destroy() answers CAIRN_ERROR_BUSY.
+ * AMD's swap chain, for engines that want AMD to present. Experimental. Release every reference to the DXGI swap chain and its buffers
+ * before destroying it: while there is one, destroy() fails with CAIRN_ERROR_BUSY.
  */
 class swapchain : public handle<cairn_swapchain> {
 public:
     using handle::handle;
 
-    /** Has AMD take over an engine's own, the only reference to which `own` is: cairn_swapchain_wrap says when it becomes null. */
+    /** Replaces an engine's swap chain, to which `own` must be the only reference: cairn_swapchain_wrap says when it becomes null. */
     static result<swapchain> wrap(const cairn::device &device, IDXGISwapChain *&own, const swapchain_options &options = {})
     {
-        return detail::made<swapchain>([&](cairn_swapchain **to) { return cairn_swapchain_wrap(device.get(), &options, &own, to); });
+        return detail::create<swapchain>([&](cairn_swapchain **to) { return cairn_swapchain_wrap(device.get(), &options, &own, to); });
     }
 
-    /** Has AMD make one as IDXGIFactory::CreateSwapChain does: cairn_swapchain_create. */
+    /** Creates one as IDXGIFactory::CreateSwapChain does: cairn_swapchain_create. */
     static result<swapchain> create(const cairn::device &device, IDXGIFactory *factory, const DXGI_SWAP_CHAIN_DESC &description,
                                     const swapchain_options &options = {})
     {
-        return detail::made<swapchain>([&](cairn_swapchain **to) {
+        return detail::create<swapchain>([&](cairn_swapchain **to) {
             return cairn_swapchain_create(device.get(), &options, factory, &description, to);
         });
     }
 
-    /** Has AMD make one for a window, a HWND: cairn_swapchain_create_for_window. */
+    /** Creates one for a window, a HWND: cairn_swapchain_create_for_window. */
     static result<swapchain> create_for_window(const cairn::device &device, IDXGIFactory *factory, void *window,
                                                const DXGI_SWAP_CHAIN_DESC1 &description, const swapchain_options &options = {},
                                                const DXGI_SWAP_CHAIN_FULLSCREEN_DESC *fullscreen = nullptr)
     {
-        return detail::made<swapchain>([&](cairn_swapchain **to) {
+        return detail::create<swapchain>([&](cairn_swapchain **to) {
             return cairn_swapchain_create_for_window(device.get(), &options, factory, window, &description, fullscreen, to);
         });
     }
 
-    /** The swap chain itself, with a reference more, the caller's to release: cairn_swapchain_get_dxgi. */
+    /** The DXGI swap chain, as a new reference, which the caller releases: cairn_swapchain_get_dxgi. */
     result<IDXGISwapChain4 *> dxgi()
     {
-        return detail::filled<IDXGISwapChain4 *>([&](IDXGISwapChain4 **to) { return cairn_swapchain_get_dxgi(get(), to); });
+        return detail::fill<IDXGISwapChain4 *>([&](IDXGISwapChain4 **to) { return cairn_swapchain_get_dxgi(get(), to); });
     }
 
     /** Records motion and depth of the frame that is presented next into the engine's command list: cairn_swapchain_prepare. */
-    result<void> prepare(ID3D12GraphicsCommandList *list, const swapchain_frame &told)
+    result<void> prepare(ID3D12GraphicsCommandList *list, const swapchain_frame &given)
     {
-        return detail::done(cairn_swapchain_prepare(get(), list, &told));
+        return detail::to_result(cairn_swapchain_prepare(get(), list, &given));
     }
 
-    /** Says what is laid over all frames, in a D3D12_RESOURCE_STATES; null for nothing: cairn_swapchain_set_interface. */
-    result<void> set_interface(ID3D12Resource *shown, std::uint32_t state, std::uint32_t flags = 0)
+    /** Sets the picture that is composited over all frames, in D3D12_RESOURCE_STATES `state`; null for none: cairn_swapchain_set_interface. */
+    result<void> set_interface(ID3D12Resource *ui, std::uint32_t state, std::uint32_t flags = 0)
     {
-        return detail::done(cairn_swapchain_set_interface(get(), shown, state, flags));
+        return detail::to_result(cairn_swapchain_set_interface(get(), ui, state, flags));
     }
 
-    /** Says how presents are spread over time: cairn_swapchain_set_pacing. */
-    result<void> set_pacing(const swapchain_pacing &pacing) { return detail::done(cairn_swapchain_set_pacing(get(), &pacing)); }
+    /** Sets the pacing of presents: cairn_swapchain_set_pacing. */
+    result<void> set_pacing(const swapchain_pacing &pacing) { return detail::to_result(cairn_swapchain_set_pacing(get(), &pacing)); }
 
-    /** Has them spread as AMD does on its own: cairn_swapchain_set_pacing. */
-    result<void> set_pacing() { return detail::done(cairn_swapchain_set_pacing(get(), nullptr)); }
+    /** Restores AMD's default pacing: cairn_swapchain_set_pacing. */
+    result<void> set_pacing() { return detail::to_result(cairn_swapchain_set_pacing(get(), nullptr)); }
 
-    /** Presents frames as they come until one is prepared again: cairn_swapchain_pause. */
-    result<void> pause() { return detail::done(cairn_swapchain_pause(get())); }
+    /** Disables generated frames until a frame is prepared again: cairn_swapchain_pause. */
+    result<void> pause() { return detail::to_result(cairn_swapchain_pause(get())); }
 
     /** Waits until all frames are shown: cairn_swapchain_wait. */
-    result<void> wait() { return detail::done(cairn_swapchain_wait(get())); }
+    result<void> wait() { return detail::to_result(cairn_swapchain_wait(get())); }
 
-    /** Makes it ready for the size of its buffers after ResizeBuffers: cairn_swapchain_fit. */
-    result<void> fit() { return detail::done(cairn_swapchain_fit(get())); }
+    /** Adapts to the size of its buffers after ResizeBuffers: cairn_swapchain_fit. */
+    result<void> fit() { return detail::to_result(cairn_swapchain_fit(get())); }
 
-    /** What it has done and keeps: cairn_swapchain_get_statistics. */
+    /** Its statistics: cairn_swapchain_get_statistics. */
     result<swapchain_statistics> statistics() const
     {
-        return detail::filled<swapchain_statistics>(
+        return detail::fill<swapchain_statistics>(
             [&](swapchain_statistics *to) { return cairn_swapchain_get_statistics(get(), to); });
     }
 };
 #endif
 
-/* ---- 8. Input written down, and played again --------------------------------------------------------------------- */
+/* ---- 8. Recorded input ------------------------------------------------------------------------------------------- */
 
-/** What a player does, by world time. */
+/** A player's input by world time. */
 class script : public handle<cairn_script> {
 public:
     using handle::handle;
@@ -1037,20 +1039,20 @@ public:
     /** Reads a control script: cairn_script_create. */
     static result<script> create(std::string_view text)
     {
-        return detail::made<script>([&](cairn_script **to) { return cairn_script_create(text.data(), text.size(), to); });
+        return detail::create<script>([&](cairn_script **to) { return cairn_script_create(text.data(), text.size(), to); });
     }
 
     /** The controls of a latent step, from 1: cairn_script_get_controls. */
     result<cairn::controls> controls(std::uint64_t latent, std::uint32_t latents_per_second) const
     {
-        return detail::filled<cairn::controls>(
+        return detail::fill<cairn::controls>(
             [&](cairn::controls *to) { return cairn_script_get_controls(get(), latent, latents_per_second, to); });
     }
 
-    /** How long it lasts, in microseconds of world time: cairn_script_get_duration. */
+    /** Its duration in microseconds of world time: cairn_script_get_duration. */
     result<std::uint64_t> duration() const
     {
-        return detail::filled<std::uint64_t>([&](std::uint64_t *to) { return cairn_script_get_duration(get(), to); });
+        return detail::fill<std::uint64_t>([&](std::uint64_t *to) { return cairn_script_get_duration(get(), to); });
     }
 
     /** Its canonical text: cairn_script_get_text. */
@@ -1062,45 +1064,45 @@ public:
     }
 };
 
-/** Collects what a player does and makes a script of it. */
+/** Records a player's input and makes a script of it. */
 class recorder : public handle<cairn_recorder> {
 public:
     using handle::handle;
 
-    /** An empty recording: cairn_recorder_create. */
+    /** Creates an empty recording: cairn_recorder_create. */
     static result<recorder> create()
     {
-        return detail::made<recorder>([](cairn_recorder **to) { return cairn_recorder_create(to); });
+        return detail::create<recorder>([](cairn_recorder **to) { return cairn_recorder_create(to); });
     }
 
-    /** A key or mouse button, by its virtual-key code, went down or up: cairn_recorder_key. */
+    /** Records that a key or mouse button, by its virtual-key code, went down or up: cairn_recorder_key. */
     result<void> key(std::uint64_t microseconds, std::uint32_t key, bool down)
     {
-        return detail::done(cairn_recorder_key(get(), microseconds, key, down ? 1 : 0));
+        return detail::to_result(cairn_recorder_key(get(), microseconds, key, down ? 1 : 0));
     }
 
-    /** The mouse moved by counts, right and down positive: cairn_recorder_mouse. */
+    /** Records a motion of the mouse in counts, right and down positive: cairn_recorder_mouse. */
     result<void> mouse(std::uint64_t microseconds, float dx, float dy)
     {
-        return detail::done(cairn_recorder_mouse(get(), microseconds, dx, dy));
+        return detail::to_result(cairn_recorder_mouse(get(), microseconds, dx, dy));
     }
 
-    /** The wheel turned by notches, up positive: cairn_recorder_scroll. */
+    /** Records a turn of the wheel in notches, up positive: cairn_recorder_scroll. */
     result<void> scroll(std::uint64_t microseconds, std::int32_t notches)
     {
-        return detail::done(cairn_recorder_scroll(get(), microseconds, notches));
+        return detail::to_result(cairn_recorder_scroll(get(), microseconds, notches));
     }
 
-    /** A latent step got these controls: cairn_recorder_step. */
+    /** Records the controls of a latent step: cairn_recorder_step. */
     result<void> step(std::uint64_t latent, std::uint32_t latents_per_second, const controls &given)
     {
-        return detail::done(cairn_recorder_step(get(), latent, latents_per_second, &given));
+        return detail::to_result(cairn_recorder_step(get(), latent, latents_per_second, &given));
     }
 
-    /** A script of what was recorded, which ends at `microseconds` of world time: cairn_recorder_make_script. */
+    /** Makes a script of the recording so far, which ends at `microseconds` of world time: cairn_recorder_make_script. */
     result<script> make_script(std::uint64_t microseconds)
     {
-        return detail::made<script>([&](cairn_script **to) { return cairn_recorder_make_script(get(), microseconds, to); });
+        return detail::create<script>([&](cairn_script **to) { return cairn_recorder_make_script(get(), microseconds, to); });
     }
 };
 

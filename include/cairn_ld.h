@@ -1,6 +1,6 @@
 /**
- * Cairn, loaded at run time: this header alone, in C11 or C++17, instead of linking against the library. A program so made
- * starts where the library is missing, and can tell its user so.
+ * Loads Cairn at run time instead of linking against it. This header needs only cairn.h, and works in C11 and C++17. A program that uses
+ * it starts even if the library is missing, and can tell its user so.
  *
  *     cairn_ld cairn;
  *     char message[1024];
@@ -13,9 +13,9 @@
  *     ...
  *     cairn_ld_unload(&cairn);
  *
- * A loaded library has every function of cairn.h: nothing is resolved later, and no pointer is null but for those of the
- * experimental chapter, which are null unless the library is of the very version of cairn.h. A library that cannot be loaded,
- * is another binary interface, is older than cairn.h, or lacks a function, is an error with a message, and nothing stays loaded.
+ * cairn_ld_load resolves every function of cairn.h, so no pointer is null afterwards, except those of the experimental chapters if the
+ * library is not of exactly the version of cairn.h. It fails, with a message, if the library cannot be loaded, has another binary
+ * interface, is older than cairn.h or lacks a function; then nothing stays loaded.
  *
  * Where dlopen is not part of the C library, link with -ldl.
  */
@@ -53,7 +53,7 @@
 extern "C" {
 #endif
 
-/* Every function of cairn.h: what it returns, its name, its parameters. `cargo xtask fix` writes the lists. */
+/* Every function of cairn.h: its result, name and parameters. `cargo xtask fix` generates the lists. */
 #define CAIRN_LD_FUNCTIONS(X) \
     X(uint32_t, cairn_abi_version, (void)) \
     X(uint32_t, cairn_version, (void)) \
@@ -300,9 +300,9 @@ static inline void cairn_ld_close(void *library)
  * Loads the library at `path`, checks that it is the one this program was compiled for (cairn_abi_version equal,
  * cairn_version not older), and resolves all its functions.
  *
- * cairn: its former content does not matter, so unload first what it may have loaded.
- * path: of the file, UTF-8 on Windows, else as the system has it. The system is not searched: a name without a directory is
- * a file in the current directory. Libraries that it needs are looked for beside it and where the system keeps its own.
+ * cairn: is overwritten, so unload a library that it has loaded first.
+ * path: of the file; UTF-8 on Windows, elsewhere in the system's encoding. No folders are searched: a name without a directory is a
+ * file in the current directory. Libraries that it needs are searched for beside it and in the system's folders.
  * message: at least capacity bytes, or null with capacity 0. Gets the reason of a failure, with the path and what can be done;
  * always ends in a NUL when capacity > 0. Empty on success.
  *
@@ -310,7 +310,7 @@ static inline void cairn_ld_close(void *library)
  * during the call only.
  * Threads: any thread; one call at a time on the same cairn.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for null and an empty path; CAIRN_ERROR_IO when there is no such file or it
- * does not load; CAIRN_ERROR_UNSUPPORTED when it is no Cairn, of another binary interface, older than cairn.h, or incomplete.
+ * does not load; CAIRN_ERROR_UNSUPPORTED when it is not Cairn, has another binary interface, is older than cairn.h, or is incomplete.
  * Since: 0.1.0
  */
 static inline cairn_result cairn_ld_load(cairn_ld *cairn, const char *path, char *message, size_t capacity)
@@ -383,7 +383,7 @@ static inline cairn_result cairn_ld_load(cairn_ld *cairn, const char *path, char
             CAIRN_ERROR_UNSUPPORTED, message, capacity, path, "the library has no ", missing,
             "Use the whole library of the version that it says it is");
     }
-    /* In another version, what is experimental may be something else under the same name. */
+    /* In another version, an experimental function of the same name may have other parameters. */
     if (cairn->cairn_version() == CAIRN_VERSION) {
 #define CAIRN_LD_TRY(result, name, parameters)       \
     symbol = cairn_ld_symbol(library, #name);        \
@@ -396,11 +396,11 @@ static inline cairn_result cairn_ld_load(cairn_ld *cairn, const char *path, char
 }
 
 /**
- * Unloads a library; one that is not loaded, and null, are allowed. Destroy all objects and end logging first: no function of
- * it may run any more. Once a device was made, the system keeps the library in memory until the process ends, as it does ONNX
+ * Unloads a library. Null, and a cairn without a loaded library, are allowed. Destroy all objects and end logging first: no function
+ * of the library may be running. Once a device was created, the system keeps the library in memory until the process ends, and also ONNX
  * Runtime, which calls it; loading it again is then quick.
  *
- * Ownership: on success and on failure alike cairn is all zero, and what came from the library must not be used any more.
+ * Ownership: on success and on failure alike cairn is all zero, and nothing that came from the library may be used any more.
  * Threads: any thread; one call at a time on the same cairn.
  * Results: none; cannot fail.
  * Since: 0.1.0

@@ -7,25 +7,25 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 /// Result with [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// What a panic said, where it said anything.
+/// The message of a panic, if it has one.
 pub(crate) fn panic_text(payload: &(dyn Any + Send)) -> Option<&str> {
     payload.downcast_ref::<String>().map(String::as_str).or_else(|| payload.downcast_ref().copied())
 }
 
-/// Does `work`; a panic in it is logged and becomes an error of kind [`ErrorKind::Internal`].
+/// Runs `work`. A panic in it is logged and becomes an error of kind [`ErrorKind::Internal`].
 pub(crate) fn catch_panic<T, E: From<Error>>(work: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let what = panic_text(&*payload).unwrap_or("no message");
         let error =
             Error::new(ErrorKind::Internal, format!("a fault of the library: {what}")).remedy("Please report it");
-        discard(payload);
+        drop_payload(payload);
         let _ = catch_unwind(|| log::error!(target: "cairn", "{error}"));
         Err(error.into())
     })
 }
 
-/// Drops what a panic threw. That is foreign code and may panic as well: what it throws is kept from dropping unless it is text.
-fn discard(payload: Box<dyn Any + Send>) {
+/// Drops a panic's payload. Its destructor is foreign code and may panic as well; the second payload is leaked unless it is text.
+fn drop_payload(payload: Box<dyn Any + Send>) {
     if let Err(again) = catch_unwind(AssertUnwindSafe(|| drop(payload)))
         && !again.is::<&str>()
         && !again.is::<String>()
@@ -34,7 +34,7 @@ fn discard(payload: Box<dyn Any + Send>) {
     }
 }
 
-/// The class of a failure. A host decides by this; people read the message.
+/// The class of a failure, for programs; the message is for people.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ErrorKind {
@@ -57,17 +57,17 @@ pub enum ErrorKind {
     DeviceRemoved,
     /// A saved state does not belong to this world, or is damaged.
     InvalidState,
-    /// The object is in use by something that allows no second call beside it; nothing was done.
+    /// The object is in use by a call that excludes this one; nothing was done.
     Busy,
-    /// The caller asked to stop.
+    /// The caller cancelled the operation.
     Cancelled,
-    /// The object was left half done by a fault of the library; it can only be dropped.
+    /// A fault of the library left the object in an unknown state; it can only be dropped.
     Poisoned,
     /// A fault of the library: a panic.
     Internal,
 }
 
-/// A failure with its cause, the offending field where there is one, and a remedy where one is known.
+/// A failure: its class, cause, offending field and remedy.
 #[derive(Debug, Clone)]
 pub struct Error {
     kind: ErrorKind,
@@ -89,7 +89,7 @@ impl Error {
         self
     }
 
-    /// Says what the reader can do about it, as an imperative sentence without a final stop.
+    /// Adds a remedy, an imperative sentence without a final stop.
     #[must_use]
     pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
         self.remedy = Some(remedy.into());
@@ -101,17 +101,17 @@ impl Error {
         self.kind
     }
 
-    /// What is wrong, one sentence without a final stop.
+    /// The cause, one sentence without a final stop.
     pub fn cause(&self) -> &str {
         &self.cause
     }
 
-    /// What the reader can do about it, where a remedy is known.
+    /// The remedy, if one is known.
     pub fn remedy_text(&self) -> Option<&str> {
         self.remedy.as_deref()
     }
 
-    /// The offending field, where one was named.
+    /// The offending field, file or argument, if there is one.
     pub fn offending_field(&self) -> Option<&str> {
         self.field.as_deref()
     }

@@ -1,6 +1,6 @@
 //! Cairn: a generative world inside a game engine.
 //!
-//! Controls go in, pictures come out. The modules follow one data flow:
+//! Its inputs are a player's controls, its outputs are pictures. The modules follow one data flow:
 //!
 //! ```text
 //! controls -> world -> anchor -> guidance -> frame generation -> presentation target

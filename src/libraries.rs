@@ -51,11 +51,11 @@ pub(crate) fn own_module() -> Option<PathBuf> {
     let here = own_module as fn() -> Option<PathBuf> as *const u16;
     let flags = GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS | GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT;
     let mut module = HMODULE::default();
-    // SAFETY: an address in this module, and a place for the handle.
+    // SAFETY: an address in this module, and memory for the handle.
     unsafe { GetModuleHandleExW(flags, PCWSTR(here), &mut module) }.ok()?;
     // The longest path on Windows.
     let mut name = vec![0; 1 << 15];
-    // SAFETY: a loaded module and memory of the length that the slice tells.
+    // SAFETY: a loaded module, and the slice's memory.
     let length = unsafe { GetModuleFileNameW(Some(module), &mut name) } as usize;
     let is_whole = (1..name.len()).contains(&length);
     is_whole.then(|| std::ffi::OsString::from_wide(&name[..length]).into())
@@ -109,14 +109,14 @@ mod tests {
     }
 
     #[test]
-    fn a_variable_counts_only_where_the_environment_may_name_libraries() {
+    fn a_variable_is_read_only_if_the_environment_may_name_libraries() {
         let tools = LibrarySearch::for_tools();
         assert!(tools.variable("PATH").is_some() && tools.variable("CAIRN_NO_SUCH_VARIABLE").is_none());
         assert_eq!(LibrarySearch::default().variable("PATH"), None);
     }
 
     #[test]
-    fn a_canonical_path_is_plain_and_the_same_by_any_way() {
+    fn canonical_paths_of_one_file_are_equal_and_have_no_prefix() {
         let program = std::env::current_exe().expect("our own path");
         let folder = program.parent().expect("a folder");
         let (name, parent) = (program.file_name().expect("a name"), folder.file_name().expect("a name"));

@@ -5,7 +5,7 @@ use half::f16;
 
 use crate::{Error, ErrorKind, Result};
 
-/// The largest width or height a picture may have, in pixels.
+/// Maximum width and height of a picture, in pixels.
 pub const MAX_SIDE: u32 = 16_384;
 
 /// An 8-bit RGBA picture. Colour is display-referred sRGB.
@@ -15,7 +15,7 @@ pub type Picture = Raster<[u8; 4]>;
 /// [0, 1].
 pub type PictureF16 = Raster<[f16; 4]>;
 
-/// What a pixel of a [`Raster`] can be: `[u8; 4]` or `[f16; 4]`, red, green, blue and alpha.
+/// Pixel type of a [`Raster`]: `[u8; 4]` or `[f16; 4]`, red, green, blue and alpha.
 pub trait Pixel: Pod + PartialEq + std::fmt::Debug + Send + Sync + sealed::Sealed {
     /// Type of one channel.
     type Channel: Pod + PartialEq + std::fmt::Debug + Send + Sync;
@@ -71,7 +71,7 @@ impl<P: Pixel> Raster<P> {
         Ok(raster)
     }
 
-    /// Takes `channels`, `width * height * 4` values of tightly packed rows.
+    /// A picture from `channels`: `width * height * 4` values of tightly packed rows.
     ///
     /// # Errors
     /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`] or a buffer of another length.
@@ -123,7 +123,7 @@ impl<P: Pixel> Raster<P> {
 }
 
 impl Picture {
-    /// Takes `rgba`, `width * height * 4` bytes of tightly packed rows.
+    /// A picture from `rgba`: `width * height * 4` bytes of tightly packed rows.
     ///
     /// # Errors
     /// As [`from_channels`](Self::from_channels).

@@ -25,13 +25,13 @@ impl Texel {
     }
 }
 
-/// Colour space of a frame. Pictures are sRGB. In a space with a range beyond their white the host chooses its brightness: ITU-R
-/// BT.2408 has 203 nits for graphics.
+/// Colour space of a frame. Pictures are sRGB. In a colour space that is brighter than their white, the host chooses the brightness of
+/// that white; ITU-R BT.2408 recommends 203 nits for graphics.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Colours {
     /// Display-referred sRGB, as in pictures.
     #[default]
-    Shown,
+    Srgb,
     /// Linear, sRGB primaries, 1 is white. For half floats and 11/10-bit floats.
     Linear,
     /// scRGB (IEC 61966-2-2): linear, 1 is 80 nits. For half floats only.
@@ -48,9 +48,9 @@ pub enum Colours {
 
 impl Colours {
     /// Whether `texel` can store this colour space.
-    pub(crate) fn fit(self, texel: Texel) -> bool {
+    pub(crate) fn fits(self, texel: Texel) -> bool {
         match self {
-            Self::Shown => true,
+            Self::Srgb => true,
             Self::Linear => matches!(texel, Texel::Rgba16F | Texel::Rg11B10F),
             Self::ScRgb { .. } => texel == Texel::Rgba16F,
             Self::Hdr10 { .. } => texel == Texel::Rgb10A2,
@@ -58,22 +58,22 @@ impl Colours {
     }
 
     /// Scale factor of linear values in half floats; `None` for display-referred ones.
-    fn light(self) -> Option<f64> {
+    fn linear_scale(self) -> Option<f64> {
         match self {
             Self::Linear => Some(1.0),
-            Self::ScRgb { white_nits } => Some(f64::from(white_nits) / NITS_OF_SCRGB),
-            Self::Shown | Self::Hdr10 { .. } => None,
+            Self::ScRgb { white_nits } => Some(f64::from(white_nits) / SCRGB_NITS),
+            Self::Srgb | Self::Hdr10 { .. } => None,
         }
     }
 }
 
 /// Nits of the value 1 in scRGB.
-pub(crate) const NITS_OF_SCRGB: f64 = 80.0;
+pub(crate) const SCRGB_NITS: f64 = 80.0;
 
 /// Converts rows of RGBA8 pixels to another format.
 pub(crate) struct Encoder {
     texel: Texel,
-    /// Half-float values of each 8-bit level of a colour and of alpha, for half-float formats.
+    /// Half-float value of each 8-bit level, of colour channels and of alpha; for float formats.
     halves: Option<[[f16; 256]; 2]>,
     pq: Option<Box<Pq>>,
 }
@@ -81,15 +81,16 @@ pub(crate) struct Encoder {
 /// Lookup tables for HDR10.
 struct Pq {
     /// Nits of each 8-bit level.
-    light: [f32; 256],
-    /// Lower threshold in nits of each 10-bit level above 0.
+    nits: [f32; 256],
+    /// Lowest nits of each 10-bit level above 0.
     steps: [f32; 1023],
 }
 
 impl Encoder {
     /// An encoder for `texel`, which must be able to store `colours`.
     pub(crate) fn new(texel: Texel, colours: Colours) -> Self {
-        let halves = matches!(texel, Texel::Rgba16F | Texel::Rg11B10F).then(|| [halves(colours.light()), halves(None)]);
+        let halves =
+            matches!(texel, Texel::Rgba16F | Texel::Rg11B10F).then(|| [halves(colours.linear_scale()), halves(None)]);
         let pq = match colours {
             Colours::Hdr10 { white_nits } => Some(Box::new(Pq::new(white_nits))),
             _ => None,
@@ -133,15 +134,15 @@ impl Encoder {
 
 impl Pq {
     fn new(white_nits: f32) -> Self {
-        let nits = |level: usize| light_of(level as f64 / 255.0) * f64::from(white_nits);
-        let step = |i: usize| nits_of_pq((i as f64 + 0.5) / 1023.0);
-        Self { light: std::array::from_fn(|i| nits(i) as f32), steps: std::array::from_fn(|i| step(i) as f32) }
+        let nits = |level: usize| srgb_to_linear(level as f64 / 255.0) * f64::from(white_nits);
+        let step = |i: usize| pq_to_nits((i as f64 + 0.5) / 1023.0);
+        Self { nits: std::array::from_fn(|i| nits(i) as f32), steps: std::array::from_fn(|i| step(i) as f32) }
     }
 
     /// 10-bit PQ levels of a colour, converted to BT.2020 primaries (ITU-R BT.2087).
     fn levels(&self, colour: [u8; 3]) -> [u32; 3] {
         const WIDE: [[f32; 3]; 3] = [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]];
-        let light = colour.map(|level| self.light[usize::from(level)]);
+        let light = colour.map(|level| self.nits[usize::from(level)]);
         WIDE.map(|row| {
             let nits: f32 = row.iter().zip(light).map(|(part, light)| part * light).sum();
             self.steps.partition_point(|step| *step <= nits) as u32
@@ -169,17 +170,17 @@ fn small_float(half: f16, mantissa: u32) -> u32 {
 fn halves(white: Option<f64>) -> [f16; 256] {
     std::array::from_fn(|level| {
         let value = level as f64 / 255.0;
-        f16::from_f64(white.map_or(value, |white| light_of(value) * white))
+        f16::from_f64(white.map_or(value, |white| srgb_to_linear(value) * white))
     })
 }
 
 /// The sRGB curve (IEC 61966-2-1) from encoded to linear, for values from 0 to 1.
-fn light_of(shown: f64) -> f64 {
+fn srgb_to_linear(shown: f64) -> f64 {
     if shown <= 0.04045 { shown / 12.92 } else { libm::pow((shown + 0.055) / 1.055, 2.4) }
 }
 
 /// The PQ curve (SMPTE ST 2084) from an encoded value in 0 to 1 to nits.
-fn nits_of_pq(number: f64) -> f64 {
+fn pq_to_nits(number: f64) -> f64 {
     let power = libm::pow(number, 1.0 / 78.843_75);
     let light = (power - 0.835_937_5).max(0.0) / (18.851_562_5 - 18.687_5 * power);
     10_000.0 * libm::pow(light, 1.0 / 0.159_301_757_812_5)
@@ -191,7 +192,7 @@ mod tests {
 
     #[test]
     fn ten_bits_are_the_nearest_of_each_level() {
-        let encoder = Encoder::new(Texel::Rgb10A2, Colours::Shown);
+        let encoder = Encoder::new(Texel::Rgb10A2, Colours::Srgb);
         for level in 0..=255_u8 {
             let mut word = [0; 4];
             encoder.row(&[level, 255 - level, 0, level], &mut word);
@@ -213,7 +214,7 @@ mod tests {
                 _ => (1.0 + part / steps) * 2.0_f64.powi(exponent as i32 - 15),
             }
         };
-        for colours in [Colours::Shown, Colours::Linear] {
+        for colours in [Colours::Srgb, Colours::Linear] {
             let encoder = Encoder::new(Texel::Rg11B10F, colours);
             for level in 0..=255_u8 {
                 let mut word = [0; 4];
@@ -221,7 +222,7 @@ mod tests {
                 let word = u32::from_ne_bytes(word);
                 let exact = |level: u8| {
                     let shown = f64::from(level) / 255.0;
-                    if colours == Colours::Linear { light_of(shown) } else { shown }
+                    if colours == Colours::Linear { srgb_to_linear(shown) } else { shown }
                 };
                 let found = [(word & 2047, 6, level), (word >> 11 & 2047, 6, 255 - level), (word >> 22, 5, level)];
                 for (bits, mantissa, level) in found {

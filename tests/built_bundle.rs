@@ -1,4 +1,4 @@
-//! The bundle reader, tested on a bundle that `cairn.build` made.
+//! Tests of the bundle reader with a bundle that `cairn.build` made.
 //!
 //! It is the world `tiny`: from the folder in `CAIRN_TEST_BUNDLE` if that is set, else the one that `cargo xtask setup --all` keeps in
 //! the user's cache, built if it is missing.
@@ -10,7 +10,7 @@ use cairn::ErrorKind;
 use cairn::bundle::{Bundle, GraphKind, MANIFEST_NAME, OpenOptions, Precision};
 use libtest_mimic::{Arguments, Failed, Trial};
 
-/// A test with its name.
+/// Name and function of a test.
 type Case = (&'static str, fn(&Path) -> Result<(), Failed>);
 
 const CASES: &[Case] = &[
@@ -101,22 +101,22 @@ fn work_grows_by_the_attention_of_global_layers(directory: &Path) -> Result<(), 
     let bundle = Bundle::open(directory)?;
     let shape = bundle.geometry();
     let window = shape.global;
-    let most = bundle.work(Precision::F32, window.max_window)?;
+    let most = bundle.cost(Precision::F32, window.max_window)?;
     for g in (window.dilation..window.max_window).step_by(window.dilation as usize) {
-        let work = bundle.work(Precision::F32, g)?;
-        assert_eq!((work.encode, work.decode), (most.encode, most.decode), "the autoencoder has no window");
+        let cost = bundle.cost(Precision::F32, g)?;
+        assert_eq!((cost.encode, cost.decode), (most.encode, most.decode), "the autoencoder has no window");
         // Products of queries with keys, and of weights with values, for every head: tokens x keys x head width each.
         let keys = u64::from((window.max_window - g) / window.dilation * shape.tokens);
         let global = (0..shape.layers).filter(|&i| shape.is_global(i)).count() as u64;
         let attention = 2 * global * u64::from(shape.heads * shape.tokens * shape.head_width) * keys;
-        assert_eq!(most.pass.multiply_adds - work.pass.multiply_adds, attention, "g{g}");
-        assert!(most.pass.bytes > work.pass.bytes && work.pass.bytes > bundle.memory_need(Precision::F32, g)?.ring);
+        assert_eq!(most.pass.multiply_adds - cost.pass.multiply_adds, attention, "g{g}");
+        assert!(most.pass.bytes > cost.pass.bytes && cost.pass.bytes > bundle.memory_need(Precision::F32, g)?.ring);
     }
     // A lower bound: every layer has projections of queries and output, and an MLP.
     let layer = 2 * shape.width * shape.width + 2 * shape.mlp_ratio * shape.width * shape.width;
     assert!(most.pass.multiply_adds > u64::from(shape.layers) * u64::from(shape.tokens) * u64::from(layer));
     assert!(most.encode.multiply_adds > 0 && most.decode.multiply_adds > 0);
-    assert!(bundle.work(Precision::F32, window.dilation + 1).is_err());
+    assert!(bundle.cost(Precision::F32, window.dilation + 1).is_err());
     Ok(())
 }
 

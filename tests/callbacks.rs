@@ -1,4 +1,4 @@
-//! A callback that waits for the end of the very thread that it runs on: the call returns CAIRN_ERROR_BUSY, and everything continues.
+//! Calls in a log callback that would wait for the callback's own thread return CAIRN_ERROR_BUSY, and the step continues.
 #![cfg(feature = "embedded-world")]
 
 use std::ffi::{c_char, c_void};
@@ -21,7 +21,7 @@ use cairn::abi::world::{cairn_world_destroy, cairn_world_load, cairn_world_optio
 
 /// Data for the log callback.
 #[derive(Default)]
-struct Subject {
+struct CallbackData {
     rollout: AtomicPtr<cairn_rollout>,
     /// The ticket to wait for; 0 to submit a step first.
     ticket: AtomicU64,
@@ -33,19 +33,19 @@ fn controls() -> cairn_controls {
     cairn_controls { struct_size: size_of::<cairn_controls>() as u32, ..unsafe { std::mem::zeroed() } }
 }
 
-/// Destroys, and waits for, the rollout whose step logs a message.
-unsafe extern "C" fn end_it(_: u32, _: *const c_char, _: *const c_char, user: *mut c_void) {
-    // SAFETY: the test gave a `Subject` that outlives the callback.
-    let subject = unsafe { &*user.cast::<Subject>() };
-    let rollout = subject.rollout.load(Ordering::SeqCst);
+/// Tries to destroy the rollout whose step logs a message, and to wait for its steps.
+unsafe extern "C" fn call_from_callback(_: u32, _: *const c_char, _: *const c_char, user: *mut c_void) {
+    // SAFETY: the test gave a `CallbackData` that outlives the callback.
+    let data = unsafe { &*user.cast::<CallbackData>() };
+    let rollout = data.rollout.load(Ordering::SeqCst);
     if rollout.is_null() {
         return;
     }
-    subject.calls.fetch_add(1, Ordering::SeqCst);
+    data.calls.fetch_add(1, Ordering::SeqCst);
     // SAFETY: handles are looked up, and results are the test's own.
     unsafe {
         assert_eq!(cairn_rollout_destroy(rollout), CAIRN_ERROR_BUSY);
-        let mut ticket = subject.ticket.load(Ordering::SeqCst);
+        let mut ticket = data.ticket.load(Ordering::SeqCst);
         if ticket == 0 {
             assert_eq!(cairn_rollout_submit(rollout, &controls(), &mut ticket), CAIRN_OK);
         }
@@ -54,11 +54,12 @@ unsafe extern "C" fn end_it(_: u32, _: *const c_char, _: *const c_char, user: *m
         }
         assert_eq!(cairn_rollout_poll(rollout, ticket, null_mut(), null_mut()), CAIRN_NOT_READY);
         assert_eq!(cairn_rollout_step(rollout, &controls(), null_mut()), CAIRN_ERROR_BUSY);
-        subject.ticket.store(ticket, Ordering::SeqCst);
+        data.ticket.store(ticket, Ordering::SeqCst);
     }
 }
 
-fn said() -> String {
+/// The last error's message.
+fn last_error() -> String {
     let mut text = [0_u8; 512];
     // SAFETY: as many bytes as are there.
     unsafe { cairn_last_error(text.as_mut_ptr().cast(), text.len(), null_mut()) };
@@ -69,11 +70,11 @@ macro_rules! ok {
     ($call:expr) => {{
         // SAFETY: handles are looked up, and all else is the test's own.
         let result = unsafe { $call };
-        assert_eq!(result, CAIRN_OK, "{}", said());
+        assert_eq!(result, CAIRN_OK, "{}", last_error());
     }};
 }
 
-/// A seeded rollout with a budget that every latent exceeds, which it logs.
+/// A rollout with a seed picture and a budget that every latent exceeds, so that its steps log messages.
 fn rollout(world: *const cairn::abi::world::cairn_world) -> *mut cairn_rollout {
     let mut rollout = null_mut();
     ok!(cairn_rollout_create(world, null(), &mut rollout));
@@ -106,36 +107,36 @@ fn a_log_callback_does_not_wait_for_its_own_thread() {
     let options =
         cairn_world_options { struct_size: size_of::<cairn_world_options>() as u32, ..unsafe { std::mem::zeroed() } };
     ok!(cairn_world_load(device, &options, &mut world));
-    let subject = Subject::default();
-    ok!(cairn_set_log_callback(CAIRN_LOG_INFO, Some(end_it), std::ptr::from_ref(&subject).cast_mut().cast()));
+    let data = CallbackData::default();
+    ok!(cairn_set_log_callback(CAIRN_LOG_INFO, Some(call_from_callback), std::ptr::from_ref(&data).cast_mut().cast()));
 
     // A step on the rollout's own thread.
     let queued = rollout(world);
-    subject.rollout.store(queued, Ordering::SeqCst);
+    data.rollout.store(queued, Ordering::SeqCst);
     for _ in 0..8 {
         let mut ticket = 0;
         ok!(cairn_rollout_submit(queued, &controls(), &mut ticket));
-        subject.ticket.store(ticket, Ordering::SeqCst);
+        data.ticket.store(ticket, Ordering::SeqCst);
         ok!(cairn_rollout_wait(queued, ticket, CAIRN_FOREVER, null_mut(), null_mut()));
     }
-    assert!(subject.calls.swap(0, Ordering::SeqCst) > 0, "a step said something");
-    subject.rollout.store(null_mut(), Ordering::SeqCst);
+    assert!(data.calls.swap(0, Ordering::SeqCst) > 0, "a step logs a message");
+    data.rollout.store(null_mut(), Ordering::SeqCst);
     ok!(cairn_rollout_destroy(queued));
 
     // A step on the host's thread, in whose callback another step is queued.
     let direct = rollout(world);
-    subject.rollout.store(direct, Ordering::SeqCst);
+    data.rollout.store(direct, Ordering::SeqCst);
     for _ in 0..8 {
-        subject.ticket.store(0, Ordering::SeqCst);
+        data.ticket.store(0, Ordering::SeqCst);
         ok!(cairn_rollout_step(direct, &controls(), null_mut()));
-        let ticket = subject.ticket.load(Ordering::SeqCst);
+        let ticket = data.ticket.load(Ordering::SeqCst);
         if ticket != 0 {
             break;
         }
     }
-    assert!(subject.calls.load(Ordering::SeqCst) > 0, "a step said something");
-    subject.rollout.store(null_mut(), Ordering::SeqCst);
-    let ticket = subject.ticket.load(Ordering::SeqCst);
+    assert!(data.calls.load(Ordering::SeqCst) > 0, "a step logs a message");
+    data.rollout.store(null_mut(), Ordering::SeqCst);
+    let ticket = data.ticket.load(Ordering::SeqCst);
     ok!(cairn_rollout_wait(direct, ticket, CAIRN_FOREVER, null_mut(), null_mut()));
     ok!(cairn_rollout_destroy(direct));
 

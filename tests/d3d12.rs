@@ -4,16 +4,10 @@
 
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
-use cairn::gpu::{FencePoint, Gpu, adapters, read_texture, texture_of};
+use cairn::gpu::{FencePoint, Gpu, adapters, read_texture, texture_from_picture};
 use cairn::{ErrorKind, Picture};
-
-#[path = "d3d12/buffers.rs"]
-mod buffers;
-use buffers::{Buffers, List, bytes};
-#[path = "d3d12/engine.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod engine;
-use engine::{comes_back, engine, queue, references};
+use test_support::d3d12::buffers::{Buffers, List, bytes};
+use test_support::d3d12::engine::{Engine, queue, reference_count, wait_for_counts};
 
 #[test]
 fn adapters_are_listed_and_a_device_is_made_on_each() {
@@ -27,16 +21,16 @@ fn adapters_are_listed_and_a_device_is_made_on_each() {
         assert_eq!(gpu.anchors().kind(), D3D12_COMMAND_LIST_TYPE_COMPUTE);
         assert!(gpu.removed().is_none());
         let budget = gpu.budget().expect("the adapter is there").expect("DXGI says");
-        assert!(budget.room() > 16 << 20 && budget.room() <= budget.granted, "{budget:?}");
+        assert!(budget.available() > 16 << 20 && budget.available() <= budget.granted, "{budget:?}");
     }
     let refused = Gpu::on_adapter(Some(0x1234_5678_9abc_def0)).expect_err("no adapter has it");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("luid")));
 }
 
 #[test]
-fn an_engine_gets_all_its_references_back() {
-    let engine = engine();
-    let count = || [references(&engine.device), references(&engine.direct), references(&engine.compute)];
+fn a_device_releases_all_references_to_an_engines_objects() {
+    let engine = Engine::create();
+    let count = || [reference_count(&engine.device), reference_count(&engine.direct), reference_count(&engine.compute)];
     let before = count();
     for anchors in [None, Some(&engine.compute)] {
         let gpu = Gpu::of_engine(&engine.device, &engine.direct, anchors).expect("an engine's device");
@@ -46,14 +40,14 @@ fn an_engine_gets_all_its_references_back() {
         assert_eq!(own == engine.compute.as_raw(), anchors.is_some());
         let clone = gpu.clone();
         drop(gpu);
-        let fence_point = clone.anchors().now().expect("a moment");
+        let fence_point = clone.anchors().signal().expect("a fence point");
         fence_point.wait().expect("nothing was to be done");
         assert!(count().iter().zip(before).any(|(now, before)| *now > before), "it holds what it uses");
         drop((clone, fence_point));
-        comes_back(count, before);
+        wait_for_counts(count, before);
     }
     // Refused calls keep no references either.
-    let other = engine::engine();
+    let other = Engine::create();
     let copy = queue(&engine.device, D3D12_COMMAND_LIST_TYPE_COPY);
     for (queue, anchors, field) in [
         (&copy, None, "queue"),
@@ -66,12 +60,12 @@ fn an_engine_gets_all_its_references_back() {
         assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)), "{refused}");
     }
     drop(copy);
-    comes_back(count, before);
+    wait_for_counts(count, before);
 }
 
 #[test]
-fn one_queue_waits_for_the_other_at_a_moment() {
-    let engine = engine();
+fn one_queue_waits_for_a_fence_point_of_the_other() {
+    let engine = Engine::create();
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, Some(&engine.compute)).expect("an engine's device");
     let buffers = Buffers::new(gpu.device(), 3);
     buffers.upload(b"before: ");
@@ -85,7 +79,7 @@ fn one_queue_waits_for_the_other_at_a_moment() {
     let second = List::new(gpu.device(), gpu.anchors().kind());
     let read = gpu.anchors().submit(&[second.copy(&buffers, 1, 2)]).expect("a submission");
     std::thread::sleep(std::time::Duration::from_millis(300));
-    assert!(!written.reached() && !read.reached(), "nothing runs before its moment");
+    assert!(!written.reached() && !read.reached(), "nothing runs before the fence is signalled");
     // Without the wait, the second copy would have copied zeroes by now.
     buffers.upload(b"at last!");
     // SAFETY: a live fence.
@@ -96,7 +90,7 @@ fn one_queue_waits_for_the_other_at_a_moment() {
     }
     assert_eq!(&bytes(&buffers.read), b"at last!");
 
-    let other = engine::engine();
+    let other = Engine::create();
     // SAFETY: values only.
     let foreign: ID3D12Fence = unsafe { other.device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
     let refused = FencePoint::of_engine(&gpu, &foreign, 1).expect_err("another device's");
@@ -124,14 +118,14 @@ fn two_devices_work_side_by_side() {
 }
 
 #[test]
-fn a_picture_goes_into_a_texture_and_comes_back() {
+fn a_picture_is_uploaded_to_a_texture_and_read_back() {
     let gpu = Gpu::on_adapter(None).expect("a device");
     // A row is not a multiple of 256 bytes, the row pitch alignment of textures in buffers.
     let mut picture = Picture::new(75, 31).expect("a picture");
     for (i, byte) in (0u32..).zip(picture.rgba_mut()) {
         *byte = (i.wrapping_mul(2_654_435_761) >> 24) as u8;
     }
-    let (texture, fence_point) = texture_of(&gpu, &picture).expect("a texture");
+    let (texture, fence_point) = texture_from_picture(&gpu, &picture).expect("a texture");
     assert!(fence_point.reached());
     for _ in 0..2 {
         // Twice: the first read leaves the texture in its former state.
@@ -152,17 +146,17 @@ fn a_picture_goes_into_a_texture_and_comes_back() {
 }
 
 #[test]
-fn a_removed_device_says_why_lets_go_of_all_and_a_new_one_works() {
-    let engine = engine();
-    let untouched = [references(&engine.device), references(&engine.direct)];
+fn a_removed_device_reports_the_reason_and_a_new_one_works() {
+    let engine = Engine::create();
+    let untouched = [reference_count(&engine.device), reference_count(&engine.direct)];
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("an engine's device");
     let buffers = Buffers::new(gpu.device(), 3);
-    let earlier = gpu.frames().now().expect("a moment");
+    let earlier = gpu.frames().signal().expect("a fence point");
     // Behind a fence that is never signalled: only device removal ends this wait.
     // SAFETY: values only.
     let gate: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
     gpu.anchors().wait(&FencePoint::of_engine(&gpu, &gate, 1).expect("a fence of the device")).expect("a wait");
-    let stuck = gpu.anchors().now().expect("a moment");
+    let stuck = gpu.anchors().signal().expect("a fence point");
     let waiting = std::thread::spawn({
         let stuck = stuck.clone();
         move || stuck.wait()
@@ -175,7 +169,7 @@ fn a_removed_device_says_why_lets_go_of_all_and_a_new_one_works() {
     assert!(gone.to_string().contains("0x887a0001"), "the reason has its number: {gone}");
     assert!(gone.remedy_text().is_some_and(|text| text.contains("new device")), "{gone}");
     assert_eq!(gpu.removed().map(|error| error.kind()), Some(ErrorKind::DeviceRemoved));
-    for result in [waiting.join().expect("no panic"), earlier.wait(), gpu.anchors().now().map(drop)] {
+    for result in [waiting.join().expect("no panic"), earlier.wait(), gpu.anchors().signal().map(drop)] {
         assert_eq!(result.expect_err("nothing works on it").kind(), ErrorKind::DeviceRemoved);
     }
     let refused = Gpu::of_engine(&engine.device, &engine.direct, None).expect_err("a device that is gone");
@@ -184,9 +178,9 @@ fn a_removed_device_says_why_lets_go_of_all_and_a_new_one_works() {
     // A driver that continues regardless can finish, and none of its threads holds a reference.
     // SAFETY: a live fence.
     _ = unsafe { gate.Signal(1) };
-    comes_back(|| [u32::from(stuck.reached())], [1]);
+    wait_for_counts(|| [u32::from(stuck.reached())], [1]);
     drop((buffers, open, gate, earlier, stuck, gpu));
-    comes_back(|| [references(&engine.device), references(&engine.direct)], untouched);
+    wait_for_counts(|| [reference_count(&engine.device), reference_count(&engine.direct)], untouched);
     drop(engine);
 
     let gpu = Gpu::on_adapter(None).expect("a new device");

@@ -9,21 +9,13 @@ use cairn::guidance::picture_flow::{self, DESCRIPTORS, FLAT_DEPTH, GpuExtractor}
 use cairn::guidance::{Guidance, paper};
 use cairn::{ErrorKind, Picture};
 use half::f16;
+use test_support::allocations::{CountingAllocator, allocations};
+use test_support::d3d12::hazards;
+use test_support::d3d12::resources::{TestResource, read_texture, upload_texture, writable_texture};
+use test_support::frame_cases::Random;
 
-#[path = "d3d12/allocations.rs"]
-mod allocations;
-#[path = "support/frame_cases.rs"]
-#[allow(dead_code, reason = "frames need more of it")]
-mod cases;
-#[path = "d3d12/hazards.rs"]
-mod hazards;
-#[path = "d3d12/pictures.rs"]
-mod pictures;
-#[path = "d3d12/tables.rs"]
-mod tables;
-use allocations::ALLOCATIONS;
-use cases::Dice;
-use pictures::{Kept, filled, read, texture};
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 type Vectors = Vec<[f32; 2]>;
 
@@ -31,9 +23,9 @@ fn gpu() -> Gpu {
     Gpu::on_adapter(None).expect("a device")
 }
 
-/// A texture of an anchor that shaders only read.
-fn textured(gpu: &Gpu, picture: &Picture) -> Kept {
-    filled(gpu, picture.size(), DXGI_FORMAT_R8G8B8A8_UNORM, picture.rgba())
+/// The picture in a texture that shaders only read.
+fn upload_picture(gpu: &Gpu, picture: &Picture) -> TestResource {
+    upload_texture(gpu, picture.size(), DXGI_FORMAT_R8G8B8A8_UNORM, picture.rgba())
 }
 
 /// An extractor with its output textures.
@@ -41,8 +33,8 @@ struct Extraction<'g> {
     gpu: &'g Gpu,
     extractor: GpuExtractor,
     frames: CommandRing,
-    motion: Kept,
-    depth: Kept,
+    motion: TestResource,
+    depth: TestResource,
     size: (u32, u32),
     tile: u32,
 }
@@ -55,29 +47,29 @@ impl<'g> Extraction<'g> {
             gpu,
             extractor: GpuExtractor::new(gpu, size).expect("an extractor"),
             frames: CommandRing::new(gpu, gpu.frames(), DESCRIPTORS).expect("a ring"),
-            motion: texture(gpu, size, motion, state),
-            depth: texture(gpu, depth_size, DXGI_FORMAT_R32_FLOAT, state),
+            motion: writable_texture(gpu, size, motion, state),
+            depth: writable_texture(gpu, depth_size, DXGI_FORMAT_R32_FLOAT, state),
             size,
             tile,
         }
     }
 
-    /// The bytes of the texture with the device's motion.
-    fn bytes(&mut self, [previous, current]: [&Kept; 2], texel: usize) -> Vec<u8> {
+    /// The bytes of the texture with the device's motion, of `texel` bytes per pixel.
+    fn bytes(&mut self, [previous, current]: [&TestResource; 2], texel: usize) -> Vec<u8> {
         let mut frame = self.frames.begin().expect("a frame");
-        let (motion, depth) = (self.motion.resting(), self.depth.resting());
+        let (motion, depth) = (self.motion.with_state(), self.depth.with_state());
         self.extractor
-            .record(&mut frame, &previous.resting(), &current.resting(), &motion, &depth)
+            .record(&mut frame, &previous.with_state(), &current.with_state(), &motion, &depth)
             .expect("it is recorded");
         frame.submit(self.gpu.frames()).expect("a submission").wait().expect("it is done");
-        read(self.gpu, &self.motion, self.size.0 as usize * texel)
+        read_texture(self.gpu, &self.motion, self.size.0 as usize * texel)
     }
 
-    /// The same in pixels; also checks the depth against the documented value.
+    /// The device's motion in pixels. Also checks the depth against the documented value.
     fn vectors(&mut self, pair: [&Picture; 2]) -> Vectors {
-        let textures = pair.map(|picture| textured(self.gpu, picture));
+        let textures = pair.map(|picture| upload_picture(self.gpu, picture));
         let halves = self.bytes([&textures[0], &textures[1]], 4);
-        let depth = read(self.gpu, &self.depth, self.size.0.div_ceil(self.tile) as usize * 4);
+        let depth = read_texture(self.gpu, &self.depth, self.size.0.div_ceil(self.tile) as usize * 4);
         assert!(depth.chunks(4).all(|bytes| bytes == FLAT_DEPTH.to_le_bytes()));
         let half = |bytes: &[u8]| f16::from_le_bytes([bytes[0], bytes[1]]).to_f32();
         halves.chunks(4).map(|vector| [half(vector), half(&vector[2..])]).collect()
@@ -132,15 +124,18 @@ fn picture(size: (u32, u32), colour: impl Fn(f32, f32) -> [f32; 3]) -> Picture {
     picture
 }
 
-/// A camera that moves forward and turns through a scene with an independently moving object in front.
-fn walk(dice: &mut Dice, size: (u32, u32)) -> [Picture; 2] {
-    let (grows, turn) = (1.0 + 0.06 * dice.part(), [9.0 * dice.part(), 4.0 * dice.part()]);
-    let (thing, moved) = ([0.3, 0.4].map(|part| part + 0.2 * dice.part()), [12.0 * dice.part(), 7.0 * dice.part()]);
+/// Two pictures of a camera that moves forward and turns, in a scene with an independently moving object in front.
+fn moving_scene(random: &mut Random, size: (u32, u32)) -> [Picture; 2] {
+    let (grows, turn) = (1.0 + 0.06 * random.signed_unit(), [9.0 * random.signed_unit(), 4.0 * random.signed_unit()]);
+    let (object, moved) = (
+        [0.3, 0.4].map(|part| part + 0.2 * random.signed_unit()),
+        [12.0 * random.signed_unit(), 7.0 * random.signed_unit()],
+    );
     let (middle, side) = ([size.0 as f32 / 2.0, size.1 as f32 / 2.0], 0.2 * size.0 as f32);
     [true, false].map(|is_previous| {
         picture(size, |x, y| {
             let corner =
-                [0, 1].map(|axis| thing[axis] * 2.0 * middle[axis] + if is_previous { moved[axis] } else { 0.0 });
+                [0, 1].map(|axis| object[axis] * 2.0 * middle[axis] + if is_previous { moved[axis] } else { 0.0 });
             let [u, v] = [x - corner[0], y - corner[1]];
             if (0.0..side).contains(&u) && (0.0..side).contains(&v) {
                 let [r, g, b] = ground(2.0 * u + 300.0, 2.0 * v - 170.0);
@@ -155,12 +150,12 @@ fn walk(dice: &mut Dice, size: (u32, u32)) -> [Picture; 2] {
 }
 
 #[test]
-fn no_dispatch_uses_what_an_earlier_one_may_still_write() {
+fn no_dispatch_uses_memory_that_an_earlier_one_may_still_write() {
     let gpu = gpu();
     let size = (96, 64);
     let mut extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 8);
     let blank = Picture::new(size.0, size.1).expect("a picture");
-    let textures = [&blank, &blank].map(|picture| textured(&gpu, picture));
+    let textures = [&blank, &blank].map(|picture| upload_picture(&gpu, picture));
     let checker = hazards::checked(gpu.device(), || {
         extraction.bytes([&textures[0], &textures[1]], 4);
     });
@@ -169,24 +164,24 @@ fn no_dispatch_uses_what_an_earlier_one_may_still_write() {
 }
 
 #[test]
-fn motion_is_that_of_the_processor() {
+fn motion_equals_the_processors() {
     let gpu = gpu();
     for (number, size) in [(160, 90), (97, 61), (256, 144)].into_iter().enumerate() {
         let mut extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, [1, 8, 16][number]);
         for case in 0..3 {
-            let [previous, current] = walk(&mut Dice(10 * number as u64 + case), size);
+            let [previous, current] = moving_scene(&mut Random(10 * number as u64 + case), size);
             compare(&mut extraction, &previous, &current, &format!("{size:?}, case {case}"));
         }
     }
 }
 
 #[test]
-fn sizes_of_every_kind_give_the_motion_of_the_processor() {
+fn motion_equals_the_processors_at_unusual_sizes() {
     let gpu = gpu();
     let sizes = [(1, 1), (1, 50), (50, 1), (7, 9), (23, 200), (24, 24), (25, 47), (131, 33)];
     for (seed, size) in (0..).zip(sizes) {
         let mut extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 16);
-        let [previous, current] = walk(&mut Dice(seed), size);
+        let [previous, current] = moving_scene(&mut Random(seed), size);
         compare(&mut extraction, &previous, &current, &format!("{size:?}"));
         // For equal pictures the motion is exactly zero.
         assert!(extraction.vectors([&current, &current]).iter().all(|v| v.map(f32::to_bits) == [0, 0]), "{size:?}");
@@ -198,20 +193,21 @@ fn a_large_picture_is_searched_at_half_its_size() {
     let gpu = gpu();
     let size = (1401, 801);
     let mut extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 16);
-    let [previous, current] = walk(&mut Dice(3), size);
+    let [previous, current] = moving_scene(&mut Random(3), size);
     compare(&mut extraction, &previous, &current, "large");
 }
 
 #[test]
-fn light_gives_the_motion_of_what_is_shown_for_it() {
+fn linear_colours_give_the_motion_of_srgb_colours() {
     let gpu = gpu();
     let size = (160, 90);
-    let pair = walk(&mut Dice(6), size);
+    let pair = moving_scene(&mut Random(6), size);
     let wanted = {
-        let pair = pair.each_ref().map(|picture| textured(&gpu, picture));
+        let pair = pair.each_ref().map(|picture| upload_picture(&gpu, picture));
         Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 16).bytes([&pair[0], &pair[1]], 4)
     };
-    let typed = pair.each_ref().map(|picture| filled(&gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM_SRGB, picture.rgba()));
+    let typed =
+        pair.each_ref().map(|picture| upload_texture(&gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM_SRGB, picture.rgba()));
     let mut extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 16);
     assert!(extraction.bytes([&typed[0], &typed[1]], 4) == wanted);
 
@@ -222,7 +218,7 @@ fn light_gives_the_motion_of_what_is_shown_for_it() {
     };
     let halves = pair.each_ref().map(|picture| {
         let bytes: Vec<u8> = picture.rgba().iter().flat_map(|&level| light(level).to_le_bytes()).collect();
-        filled(&gpu, size, DXGI_FORMAT_R16G16B16A16_FLOAT, &bytes)
+        upload_texture(&gpu, size, DXGI_FORMAT_R16G16B16A16_FLOAT, &bytes)
     });
     extraction.extractor = extraction.extractor.with_transfer(Transfer::Linear);
     let found = extraction.bytes([&halves[0], &halves[1]], 4);
@@ -235,13 +231,13 @@ fn light_gives_the_motion_of_what_is_shown_for_it() {
 }
 
 #[test]
-fn across_a_cut_motion_is_bounded_and_always_the_same() {
+fn motion_across_a_cut_is_bounded_and_deterministic() {
     let gpu = gpu();
     let size = (192, 108);
     let mut extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 8);
-    let [previous, _] = walk(&mut Dice(1), size);
-    let mut noise = Dice(5);
-    let noise: Vec<f32> = (0..size.0 * size.1).map(|_| 128.0 + 127.0 * noise.part()).collect();
+    let [previous, _] = moving_scene(&mut Random(1), size);
+    let mut noise = Random(5);
+    let noise: Vec<f32> = (0..size.0 * size.1).map(|_| 128.0 + 127.0 * noise.signed_unit()).collect();
     let noise = picture(size, |x, y| [noise[(y * size.0 as f32 + x) as usize]; 3]);
     for pair in [[&previous, &noise], [&noise, &previous]] {
         let found = extraction.vectors(pair);
@@ -251,10 +247,11 @@ fn across_a_cut_motion_is_bounded_and_always_the_same() {
 }
 
 #[test]
-fn motion_does_not_depend_on_what_was_found_before() {
+fn motion_does_not_depend_on_earlier_pairs() {
     let gpu = gpu();
     let size = (160, 90);
-    let [first, second] = [1, 2].map(|seed| walk(&mut Dice(seed), size).map(|picture| textured(&gpu, &picture)));
+    let [first, second] =
+        [1, 2].map(|seed| moving_scene(&mut Random(seed), size).map(|picture| upload_picture(&gpu, &picture)));
     let mut one = Extraction::new(&gpu, size, DXGI_FORMAT_R32G32_FLOAT, 8);
     let mut other = Extraction::new(&gpu, size, DXGI_FORMAT_R32G32_FLOAT, 8);
     let wanted = one.bytes([&second[0], &second[1]], 8);
@@ -274,36 +271,36 @@ fn an_extraction_allocates_nothing() {
     let gpu = gpu();
     let size = (64, 48);
     let mut extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 16);
-    let [previous, current] = walk(&mut Dice(4), size).map(|picture| textured(&gpu, &picture));
+    let [previous, current] = moving_scene(&mut Random(4), size).map(|picture| upload_picture(&gpu, &picture));
     let mut one = || {
         let mut frame: CommandRecorder<'_> = extraction.frames.begin().expect("a frame");
-        let (motion, depth) = (extraction.motion.resting(), extraction.depth.resting());
+        let (motion, depth) = (extraction.motion.with_state(), extraction.depth.with_state());
         extraction
             .extractor
-            .record(&mut frame, &previous.resting(), &current.resting(), &motion, &depth)
+            .record(&mut frame, &previous.with_state(), &current.with_state(), &motion, &depth)
             .expect("it is recorded");
         frame.submit(gpu.frames()).expect("a submission")
     };
     one();
-    let before = ALLOCATIONS.get();
+    let before = allocations();
     let last = (0..4).map(|_| one()).last().expect("four frames");
-    assert_eq!(ALLOCATIONS.get(), before);
+    assert_eq!(allocations(), before);
     last.wait().expect("it is done");
 }
 
 #[test]
-fn what_cannot_be_recorded_is_refused_by_name() {
+fn invalid_arguments_are_refused_by_name() {
     let (gpu, other) = (gpu(), self::gpu());
     let common = D3D12_RESOURCE_STATE_COMMON;
     let size = (40, 24);
     let extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 8);
     let mut frames = CommandRing::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
-    let good = texture(&gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, common);
-    let swapped = texture(&gpu, size, DXGI_FORMAT_B8G8R8A8_UNORM, common);
-    let small = texture(&gpu, (40, 23), DXGI_FORMAT_R8G8B8A8_UNORM, common);
-    let foreign = texture(&other, size, DXGI_FORMAT_R8G8B8A8_UNORM, common);
-    let motion = texture(&gpu, (5, 3), DXGI_FORMAT_R16G16_FLOAT, common);
-    let depth = texture(&gpu, (4, 3), DXGI_FORMAT_R32_FLOAT, common);
+    let good = writable_texture(&gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, common);
+    let swapped = writable_texture(&gpu, size, DXGI_FORMAT_B8G8R8A8_UNORM, common);
+    let small = writable_texture(&gpu, (40, 23), DXGI_FORMAT_R8G8B8A8_UNORM, common);
+    let foreign = writable_texture(&other, size, DXGI_FORMAT_R8G8B8A8_UNORM, common);
+    let motion = writable_texture(&gpu, (5, 3), DXGI_FORMAT_R16G16_FLOAT, common);
+    let depth = writable_texture(&gpu, (4, 3), DXGI_FORMAT_R32_FLOAT, common);
     let (to, beside) = (&extraction.motion, &extraction.depth);
     for (previous, current, motion, depth, field) in [
         (&swapped, &good, to, beside, "previous"),
@@ -315,10 +312,10 @@ fn what_cannot_be_recorded_is_refused_by_name() {
         (&good, &good, to, &good, "depth"),
     ] {
         let mut frame = frames.begin().expect("a frame");
-        let [previous, current] = [previous, current].map(Kept::resting);
+        let [previous, current] = [previous, current].map(TestResource::with_state);
         let refused = extraction
             .extractor
-            .record(&mut frame, &previous, &current, &motion.resting(), &depth.resting())
+            .record(&mut frame, &previous, &current, &motion.with_state(), &depth.with_state())
             .expect_err("it is refused");
         assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)));
     }

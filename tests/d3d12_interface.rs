@@ -20,27 +20,20 @@ use cairn::abi::statistics::{cairn_rollout_get_statistics, cairn_rollout_statist
 use cairn::abi::world::{cairn_world_destroy, cairn_world_load, cairn_world_options};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Fence, ID3D12Resource};
 use cairn::gpu::windows::core::Interface;
-use cairn::gpu::{FencePoint, Gpu, read_texture, texture_of};
-
-mod common;
-use common::bundle_path;
-#[path = "d3d12/engine.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod engine;
-#[path = "d3d12/handles.rs"]
-mod handles;
-use engine::{comes_back, references};
-use handles::{made, of_a_tool, prepared};
+use cairn::gpu::{FencePoint, Gpu, read_texture, texture_from_picture};
+use test_support::c_interface::{create_handle, tool_device_options, with_struct_size};
+use test_support::d3d12::engine::{reference_count, wait_for_counts};
+use test_support::worlds::{self, bundle_path};
 
 #[test]
-fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
+fn devices_are_created_from_an_engines_objects() {
     let engine = Gpu::on_adapter(None).expect("a device that stands for an engine's");
     let (d3d12, queue, compute) = (engine.device(), engine.frames().d3d12(), engine.anchors().d3d12());
-    let before = [references(d3d12), references(queue), references(compute)];
+    let before = [reference_count(d3d12), reference_count(queue), reference_count(compute)];
     let mut device = null_mut();
     let create = |d3d12, queue, anchors, device: &mut _| {
         // SAFETY: live objects, or null, options of their size and a variable for the handle.
-        unsafe { cairn_device_create_d3d12(d3d12, queue, anchors, &of_a_tool(), device) }
+        unsafe { cairn_device_create_d3d12(d3d12, queue, anchors, &tool_device_options(), device) }
     };
     let (raw_device, raw_queue) = (d3d12.as_raw().cast(), queue.as_raw().cast());
     // Null for required objects, and objects of the wrong type.
@@ -55,7 +48,7 @@ fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
         assert_eq!(create(d3d12, queue, anchors, &mut device), CAIRN_ERROR_INVALID_ARGUMENT);
         assert!(device.is_null(), "nothing is written on failure");
     }
-    let mut wrong = of_a_tool();
+    let mut wrong = tool_device_options();
     wrong.flags = 4;
     // SAFETY: live objects, options of their size and a variable for the handle.
     let refused = unsafe { cairn_device_create_d3d12(raw_device, raw_queue, null_mut(), &wrong, &mut device) };
@@ -73,29 +66,32 @@ fn devices_are_made_of_an_engine_s_objects_and_of_adapters() {
             cairn::gpu::windows::core::IUnknown::from_raw(frames.cast()),
         )
     });
-    let mut info: cairn_device_info = prepared(|info: &mut cairn_device_info| &mut info.struct_size);
+    let mut info: cairn_device_info = with_struct_size(|info: &mut cairn_device_info| &mut info.struct_size);
     // SAFETY: a live handle and a struct of its size.
     assert_eq!(unsafe { cairn_device_get_info(device, &mut info) }, CAIRN_OK);
     assert_eq!(info.kind, CAIRN_DEVICE_D3D12);
     // SAFETY: a live handle.
     assert_eq!(unsafe { cairn_device_destroy(device) }, CAIRN_OK);
-    comes_back(|| [references(d3d12), references(queue), references(compute)], before);
+    wait_for_counts(|| [reference_count(d3d12), reference_count(queue), reference_count(compute)], before);
 }
 
 #[test]
-fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
+fn textures_are_appended_and_anchors_are_read_as_textures() {
     let gpu = Gpu::on_adapter(None).expect("a device that stands for an engine's");
     let (d3d12, queue) = (gpu.device().as_raw().cast(), gpu.frames().d3d12().as_raw().cast());
     // SAFETY: live objects, options of their size and a variable for the handle.
-    let device = made(|to| unsafe { cairn_device_create_d3d12(d3d12, queue, null_mut(), &of_a_tool(), to) });
+    let device =
+        create_handle(|to| unsafe { cairn_device_create_d3d12(d3d12, queue, null_mut(), &tool_device_options(), to) });
     let path = CString::new(bundle_path("tiny").to_str().expect("text")).expect("no NUL");
-    let mut options: cairn_world_options = prepared(|options: &mut cairn_world_options| &mut options.struct_size);
+    let mut options: cairn_world_options =
+        with_struct_size(|options: &mut cairn_world_options| &mut options.struct_size);
     options.path = path.as_ptr();
     // SAFETY: a live handle, options of their size, and a variable for the handle.
-    let world = made(|to| unsafe { cairn_world_load(device, &options, to) });
-    let seed = common::picture(40, 30, 1);
-    let (texture, _) = texture_of(&gpu, &seed).expect("a texture");
-    let mut options: cairn_d3d12_options = prepared(|options: &mut cairn_d3d12_options| &mut options.struct_size);
+    let world = create_handle(|to| unsafe { cairn_world_load(device, &options, to) });
+    let seed = worlds::picture(40, 30, 1);
+    let (texture, _) = texture_from_picture(&gpu, &seed).expect("a texture");
+    let mut options: cairn_d3d12_options =
+        with_struct_size(|options: &mut cairn_d3d12_options| &mut options.struct_size);
     options.flags = 2;
     // SAFETY: a live handle and options of their size.
     assert_eq!(unsafe { cairn_device_set_d3d12(device, &options) }, CAIRN_ERROR_INVALID_ARGUMENT);
@@ -105,19 +101,20 @@ fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
     let mut shown = Vec::new();
     for from_texture in [true, false] {
         // SAFETY: a live handle and a variable for the handle.
-        let rollout = made(|to| unsafe { cairn_rollout_create(world, null(), to) });
+        let rollout = create_handle(|to| unsafe { cairn_rollout_create(world, null(), to) });
         let appended = if from_texture {
             // SAFETY: a live handle and a live texture in the state COMMON.
             unsafe { cairn_rollout_append_d3d12(rollout, texture.as_raw().cast(), 0, null_mut()) }
         } else {
-            let mut picture: cairn_picture = prepared(|picture: &mut cairn_picture| &mut picture.struct_size);
+            let mut picture: cairn_picture = with_struct_size(|picture: &mut cairn_picture| &mut picture.struct_size);
             (picture.width, picture.height) = seed.size();
             (picture.pixels, picture.size) = (seed.rgba().as_ptr().cast(), seed.rgba().len() as u64);
             // SAFETY: a live handle and a picture that lives during the call.
             unsafe { cairn_rollout_append(rollout, &picture, null_mut()) }
         };
         assert_eq!(appended, CAIRN_OK);
-        let mut did: cairn_rollout_statistics = prepared(|did: &mut cairn_rollout_statistics| &mut did.struct_size);
+        let mut did: cairn_rollout_statistics =
+            with_struct_size(|did: &mut cairn_rollout_statistics| &mut did.struct_size);
         // SAFETY: a live handle and a struct of its size.
         assert_eq!(unsafe { cairn_rollout_get_statistics(rollout, &mut did) }, CAIRN_OK);
         // The world was loaded before capturing was enabled, and its device's timer ran.
@@ -126,7 +123,7 @@ fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
         assert!(did.device_passes_ns > 0 && did.device_decode_longest_ns > 0 && did.runtime_ns > 0, "{did:?}");
         assert!(did.waited_ns > 0 && did.yields > 0 && did.other_passes > 0, "{did:?}");
         // SAFETY: a live handle and a variable for the handle.
-        let anchor = made(|to| unsafe { cairn_rollout_get_anchor(rollout, to) });
+        let anchor = create_handle(|to| unsafe { cairn_rollout_get_anchor(rollout, to) });
         let (mut picture, mut fence, mut value) = (null_mut(), null_mut(), 0);
         // SAFETY: a live handle and variables for the results.
         assert_eq!(unsafe { cairn_anchor_get_d3d12(anchor, 0, &mut picture, &mut fence, &mut value) }, CAIRN_OK);
@@ -138,15 +135,15 @@ fn a_texture_is_appended_and_an_anchor_s_picture_is_given_as_one() {
         // SAFETY: live handles.
         assert_eq!(unsafe { [cairn_anchor_destroy(anchor), cairn_rollout_destroy(rollout)] }, [CAIRN_OK; 2]);
     }
-    assert!(shown[0].rgba().iter().any(|byte| *byte != shown[0].rgba()[0]), "something is in it");
-    assert!(shown[0] == shown[1], "a texture counts as the picture in it");
+    assert!(shown[0].rgba().iter().any(|byte| *byte != shown[0].rgba()[0]), "the picture is not uniform");
+    assert!(shown[0] == shown[1], "appending a texture equals appending its picture");
     // SAFETY: live handles.
     assert_eq!(unsafe { [cairn_world_destroy(world), cairn_device_destroy(device)] }, [CAIRN_OK; 2]);
 }
 
 #[test]
-fn adapters_are_listed_with_the_luid_that_makes_a_device() {
-    let mut rows = [(); 8].map(|()| prepared(|row: &mut cairn_adapter| &mut row.struct_size));
+fn adapters_are_listed_with_the_luid_that_creates_a_device() {
+    let mut rows = [(); 8].map(|()| with_struct_size(|row: &mut cairn_adapter| &mut row.struct_size));
     let mut count = 0;
     // SAFETY: an array of the capacity named, and a variable for the count.
     let listed = unsafe { cairn_adapters(rows.as_mut_ptr(), size_of::<cairn_adapter>(), 8, &mut count) };
@@ -157,7 +154,7 @@ fn adapters_are_listed_with_the_luid_that_makes_a_device() {
         assert_eq!(row.index, index);
         let mut device = null_mut();
         // SAFETY: options of their size and a variable for the handle.
-        assert_eq!(unsafe { cairn_device_create_adapter(row.luid, &of_a_tool(), &mut device) }, CAIRN_OK);
+        assert_eq!(unsafe { cairn_device_create_adapter(row.luid, &tool_device_options(), &mut device) }, CAIRN_OK);
         // SAFETY: a live handle.
         assert_eq!(unsafe { cairn_device_destroy(device) }, CAIRN_OK);
     }

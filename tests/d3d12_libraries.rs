@@ -16,25 +16,23 @@ use cairn::gpu::windows::Win32::System::LibraryLoader::{
     GetModuleFileNameW, GetModuleHandleW, GetProcAddress, LoadLibraryW,
 };
 use cairn::gpu::windows::core::{Interface, PCSTR, PCWSTR};
+use test_support::d3d12::engine::Engine;
+use test_support::worlds;
 
-mod common;
-#[path = "d3d12/engine.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod engine;
-
-/// Names of Microsoft's libraries, and one of the system's that the first of them needs.
+/// Names of Microsoft's libraries.
 const RUNTIME: [&str; 2] = ["onnxruntime.dll", "DirectML.dll"];
+/// A library of the system that ONNX Runtime needs.
 const NEEDED: &str = "MSVCP140.dll";
 
 /// An empty folder for one test, on drive C:. It is not removed: libraries in it are loaded.
-fn fresh(name: &str) -> PathBuf {
+fn create_folder(name: &str) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("cairn-libraries-{}-{name}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
     folder
 }
 
 /// Puts a file into a folder, which is created.
-fn put(from: &Path, folder: &Path, name: &str) -> PathBuf {
+fn link_file(from: &Path, folder: &Path, name: &str) -> PathBuf {
     std::fs::create_dir_all(folder).expect("a folder");
     let to = folder.join(name);
     // On one drive a hard link takes no space.
@@ -45,36 +43,39 @@ fn put(from: &Path, folder: &Path, name: &str) -> PathBuf {
 }
 
 /// Puts Microsoft's libraries into a folder.
-fn put_runtime(folder: &Path) {
+fn link_runtime(folder: &Path) {
     static FIRST: OnceLock<PathBuf> = OnceLock::new();
     let first = FIRST.get_or_init(|| {
-        let (ort, first) = (common::ort(), fresh("runtime"));
+        let (ort, first) = (worlds::ort(), create_folder("runtime"));
         for name in RUNTIME {
-            put(&ort.path().with_file_name(name), &first, name);
+            link_file(&ort.path().with_file_name(name), &first, name);
         }
         first
     });
     for name in RUNTIME {
-        put(&first.join(name), folder, name);
+        link_file(&first.join(name), folder, name);
     }
 }
 
 /// The library under test, which the build puts beside the test programs.
 fn library() -> PathBuf {
-    let own = std::env::current_exe().expect("our own path");
-    let found = own.ancestors().skip(1).take(2).map(|place| place.join("cairn.dll")).find(|path| path.is_file());
+    let program_path = std::env::current_exe().expect("the program's path");
+    let found =
+        program_path.ancestors().skip(1).take(2).map(|place| place.join("cairn.dll")).find(|path| path.is_file());
     found.expect("cairn.dll is not there: cargo build --package cairn --lib, for the same target")
 }
 
-/// Variables for the program: the library, whether it lets the environment name libraries, and the file named in its options.
+/// The variable with the path of the library that the program loads.
 const LIBRARY: &str = "CAIRN_TEST_LIBRARY";
+/// The variable that makes the program allow environment variables to name libraries.
 const ALLOWS: &str = "CAIRN_TEST_ALLOWS_ENVIRONMENT";
+/// The variable with the path of ONNX Runtime for the program's options.
 const NAMES: &str = "CAIRN_TEST_NAMES";
 
-/// A command for the program that uses the library, without our variables.
+/// A command for the program that uses the library, without variables of Cairn's.
 fn program(folder: &Path, library: &Path) -> Command {
-    let own = std::env::current_exe().expect("our own path");
-    let mut command = Command::new(put(&own, folder, "game.exe"));
+    let program_path = std::env::current_exe().expect("the program's path");
+    let mut command = Command::new(link_file(&program_path, folder, "game.exe"));
     command.args(["--exact", "the_program_that_loads_the_library", "--nocapture"]).current_dir("C:\\");
     for (name, _) in std::env::vars_os() {
         if name.to_string_lossy().to_uppercase().starts_with("CAIRN_") {
@@ -85,17 +86,18 @@ fn program(folder: &Path, library: &Path) -> Command {
     command
 }
 
-/// A program's output, line by line.
-fn said(command: &mut Command) -> Vec<String> {
+/// The lines that the program printed about its devices.
+fn printed_lines(command: &mut Command) -> Vec<String> {
     let ended = command.output().expect("a process");
     let (out, err) = (String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
     assert!(ended.status.success() && out.contains("1 passed"), "{}: {out}\n{err}", ended.status);
     out.lines().filter_map(|line| line.strip_prefix("> ")).map(str::to_owned).collect()
 }
 
-/// The program made a device of each kind, with ONNX Runtime and DirectML from that folder, and their dependencies from the system.
-fn finds(command: &mut Command, folder: &Path) {
-    let lines = said(command);
+/// Checks that the program creates a device of each kind with ONNX Runtime and DirectML from `folder`, and with their dependencies from the
+/// system.
+fn assert_finds(command: &mut Command, folder: &Path) {
+    let lines = printed_lines(command);
     let system = PathBuf::from(std::env::var_os("SystemRoot").expect("Windows says where it is")).join("System32");
     let files = RUNTIME.map(|name| folder.join(name)).into_iter().chain([system.join(NEEDED)]);
     let files = files.zip(RUNTIME.into_iter().chain([NEEDED]));
@@ -105,9 +107,9 @@ fn finds(command: &mut Command, folder: &Path) {
     assert_eq!(lower(&lines), lower(&expected));
 }
 
-/// The program made no device, and the message explains why.
-fn misses(command: &mut Command, parts: &[&str]) {
-    let lines = said(command);
+/// Checks that the program creates no device, and that the messages contain `parts`.
+fn assert_misses(command: &mut Command, parts: &[&str]) {
+    let lines = printed_lines(command);
     let missing = format!("{CAIRN_ERROR_RUNTIME_MISSING}");
     for (line, kind) in lines.iter().zip(["cpu", "d3d12"]) {
         assert!(line.starts_with(&format!("{kind} {missing} ")), "{lines:?}");
@@ -118,7 +120,7 @@ fn misses(command: &mut Command, parts: &[&str]) {
     assert_eq!(lines[2..4], RUNTIME.map(|name| format!("{name} is not loaded")), "{lines:?}");
 }
 
-/// Not a test itself, but the other tests' program: makes devices with the given library, and prints the results.
+/// Not a test itself, but the other tests' program: creates devices with the given library, and prints the results.
 #[test]
 fn the_program_that_loads_the_library() {
     let Some(library) = std::env::var_os(LIBRARY) else { return };
@@ -167,7 +169,7 @@ fn the_program_that_loads_the_library() {
         ffx: null(),
     };
     let options = if allows || named.is_some() { &raw const options } else { null() };
-    let tell = |kind: &str, result: cairn_result, device: *mut cairn_device| {
+    let print_result = |kind: &str, result: cairn_result, device: *mut cairn_device| {
         if result == CAIRN_OK {
             println!("> {kind} {result}");
         } else {
@@ -178,12 +180,12 @@ fn the_program_that_loads_the_library() {
     };
     let mut device = null_mut();
     // SAFETY: null or options of their size, and a variable for the handle.
-    tell("cpu", unsafe { create_cpu(options, &mut device) }, device);
-    let engine = engine::engine();
+    print_result("cpu", unsafe { create_cpu(options, &mut device) }, device);
+    let engine = Engine::create();
     let mut device = null_mut();
     let (d3d12, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
     // SAFETY: live objects, null or options of their size, and a variable for the handle.
-    tell("d3d12", unsafe { create_d3d12(d3d12, queue, null_mut(), options, &mut device) }, device);
+    print_result("d3d12", unsafe { create_d3d12(d3d12, queue, null_mut(), options, &mut device) }, device);
     for name in RUNTIME.into_iter().chain([NEEDED]) {
         match loaded(name) {
             Some(path) => println!("> {name} is {}", path.display()),
@@ -204,81 +206,84 @@ fn loaded(name: &str) -> Option<PathBuf> {
 }
 
 #[test]
-fn beside_the_library_in_every_layout() {
-    let own = library();
+fn libraries_are_found_beside_cairn_in_every_layout() {
+    let library_path = library();
     // The library's folder, its name, and the program's folder.
-    for (name, place, file, started) in [
+    for (name, place, file, program_folder) in [
         ("plain", "library", "cairn.dll", "program"),
         ("unity", r"Game_Data\Plugins\x86_64", "cairn_unity.dll", "."),
         ("unreal", r"Game\Plugins\Cairn\Binaries\ThirdParty\Cairn\Win64", "cairn.dll", r"Game\Binaries\Win64"),
         ("letters", "a folder Ж 状態", "cairn.dll", "another folder Ж"),
     ] {
-        let root = fresh(name);
+        let root = create_folder(name);
         let folder = root.join(place);
-        put_runtime(&folder);
-        finds(&mut program(&root.join(started), &put(&own, &folder, file)), &folder);
+        link_runtime(&folder);
+        assert_finds(&mut program(&root.join(program_folder), &link_file(&library_path, &folder, file)), &folder);
     }
 }
 
 #[test]
-fn beside_the_program() {
-    let root = fresh("program");
+fn libraries_are_found_beside_the_program() {
+    let root = create_folder("program");
     let folder = root.join("program");
-    put_runtime(&folder);
-    finds(&mut program(&folder, &put(&library(), &root.join("library"), "cairn.dll")), &folder);
+    link_runtime(&folder);
+    assert_finds(&mut program(&folder, &link_file(&library(), &root.join("library"), "cairn.dll")), &folder);
 }
 
 #[test]
-fn where_the_options_say() {
-    let root = fresh("named");
+fn libraries_are_found_at_the_path_in_the_options() {
+    let root = create_folder("named");
     let folder = root.join("a folder Ж 状態");
-    put_runtime(&folder);
-    let mut command = program(&root.join("program"), &put(&library(), &root.join("library"), "cairn.dll"));
-    finds(command.env(NAMES, folder.join(RUNTIME[0])), &folder);
+    link_runtime(&folder);
+    let mut command = program(&root.join("program"), &link_file(&library(), &root.join("library"), "cairn.dll"));
+    assert_finds(command.env(NAMES, folder.join(RUNTIME[0])), &folder);
 }
 
 #[test]
-fn the_environment_counts_only_where_the_host_allows_it() {
-    let root = fresh("environment");
-    let own = put(&library(), &root.join("library"), "cairn.dll");
+fn environment_variables_count_only_if_the_host_allows_it() {
+    let root = create_folder("environment");
+    let library_path = link_file(&library(), &root.join("library"), "cairn.dll");
     let folder = root.join("named");
-    put_runtime(&folder);
+    link_runtime(&folder);
     let cache = root.join("cache");
     let cached = cache.join("cairn").join("onnxruntime-1.24.4");
-    put_runtime(&cached);
-    let started = root.join("program");
+    link_runtime(&cached);
+    let program_folder = root.join("program");
     for (variable, value, place) in [
         ("CAIRN_ONNXRUNTIME", folder.join(RUNTIME[0]), &folder),
         ("CAIRN_CACHE_DIR", cache.clone(), &cached),
         ("LOCALAPPDATA", cache, &cached),
     ] {
-        let mut command = program(&started, &own);
+        let mut command = program(&program_folder, &library_path);
         command.env(variable, value);
         let named = variable == "CAIRN_ONNXRUNTIME";
-        misses(&mut command, if named { &["CAIRN_ONNXRUNTIME is set, but this host"] } else { &["was not found"] });
-        finds(command.env(ALLOWS, "1"), place);
+        assert_misses(
+            &mut command,
+            if named { &["CAIRN_ONNXRUNTIME is set, but this host"] } else { &["was not found"] },
+        );
+        assert_finds(command.env(ALLOWS, "1"), place);
     }
     // A variable does not override the files beside the library either.
     let beside = root.join("beside");
-    put_runtime(&beside);
-    let mut command = program(&started, &put(&library(), &beside, "cairn.dll"));
-    finds(command.env("CAIRN_ONNXRUNTIME", folder.join(RUNTIME[0])), &beside);
+    link_runtime(&beside);
+    let mut command = program(&program_folder, &link_file(&library(), &beside, "cairn.dll"));
+    assert_finds(command.env("CAIRN_ONNXRUNTIME", folder.join(RUNTIME[0])), &beside);
 }
 
 /// On Windows `/proc/self/maps` is a path on the current drive, where anybody may write a file that names any folder. Wine maps paths with
-/// this prefix to Linux, whatever the current drive is; so this also checks that the library does not contain the name.
+/// this prefix to Linux on every drive, so this test also checks that the library does not contain the name.
 #[test]
 fn a_file_called_proc_self_maps_is_not_read() {
-    let root = fresh("planted");
+    let root = create_folder("planted");
     let planted = root.join("planted");
-    put_runtime(&planted);
+    link_runtime(&planted);
     let folder = Path::new(r"C:\proc\self");
     std::fs::create_dir_all(folder).expect("a folder");
     let path = planted.display().to_string().replace('\\', "/");
     let line = format!("0-7fffffffffffffff r-xp 00000000 00:00 0 {}/cairn.dll\n", path.trim_start_matches("C:"));
     std::fs::write(folder.join("maps"), line).expect("a file");
-    let mut command = program(&root.join("program"), &put(&library(), &root.join("library"), "cairn.dll"));
-    misses(&mut command, &["was not found", r"library\onnxruntime.dll"]);
+    let mut command = program(&root.join("program"), &link_file(&library(), &root.join("library"), "cairn.dll"));
+    assert_misses(&mut command, &["was not found", r"library\onnxruntime.dll"]);
     std::fs::remove_dir_all(r"C:\proc").expect("it was there");
     let bytes = std::fs::read(library()).expect("the library");
     assert!(!bytes.windows(6).any(|part| part == b"/proc/"), "the library names a file of Linux");
@@ -286,14 +291,14 @@ fn a_file_called_proc_self_maps_is_not_read() {
 
 /// ONNX Runtime needs Visual C++'s runtime: from its own folder or the system's, never from the program's or the working folder.
 #[test]
-fn what_onnx_runtime_needs_comes_from_beside_it_or_from_the_system() {
-    let root = fresh("needs");
+fn dependencies_of_onnx_runtime_come_from_its_folder_or_the_system() {
+    let root = create_folder("needs");
     let folder = root.join("library");
-    put_runtime(&folder);
-    let started = root.join("program");
-    let mut command = program(&started, &put(&library(), &folder, "cairn.dll"));
+    link_runtime(&folder);
+    let program_folder = root.join("program");
+    let mut command = program(&program_folder, &link_file(&library(), &folder, "cairn.dll"));
     // Any library will do: the test only checks which one was loaded.
-    put(&library(), &started, NEEDED);
-    put(&library(), &root.join("working"), NEEDED);
-    finds(command.current_dir(root.join("working")).env(NAMES, folder.join(RUNTIME[0])), &folder);
+    link_file(&library(), &program_folder, NEEDED);
+    link_file(&library(), &root.join("working"), NEEDED);
+    assert_finds(command.current_dir(root.join("working")).env(NAMES, folder.join(RUNTIME[0])), &folder);
 }

@@ -21,24 +21,11 @@ use cairn::abi::statistics::{cairn_presenter_get_statistics, cairn_presenter_sta
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::core::Interface;
-
-mod common;
-#[path = "d3d12/counts.rs"]
-mod counts;
-#[path = "d3d12/engine.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod engine;
-#[path = "d3d12/handles.rs"]
-mod handles;
-#[path = "d3d12/tables.rs"]
-mod tables;
-#[path = "d3d12/textures.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod textures;
-use counts::Made;
-use engine::Engine;
-use handles::{made, of_a_tool, prepared};
-use textures::{Recording, Wanted};
+use test_support::c_interface::{create_handle, tool_device_options, with_struct_size};
+use test_support::d3d12::engine::Engine;
+use test_support::d3d12::object_counts::{self, CreatedObjects};
+use test_support::d3d12::textures::{self, Recording, TextureDesc};
+use test_support::worlds;
 
 /// Anchors' size.
 const SIZE: (u32, u32) = (75, 46);
@@ -48,7 +35,7 @@ const LARGE: (u32, u32) = (150, 92);
 const INTERVAL: u64 = 100_000_000;
 const REST: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COMMON;
 
-/// One test at a time: they share the driver's hooks.
+/// Lets one test run at a time: they share the hooks.
 fn alone() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
@@ -64,12 +51,12 @@ struct Host {
 
 /// A presenter for use on a loading thread.
 #[derive(Clone, Copy)]
-struct Shared(*mut cairn_presenter, *mut cairn_device);
+struct Handles(*mut cairn_presenter, *mut cairn_device);
 
 // SAFETY: handles are numbers.
-unsafe impl Send for Shared {}
+unsafe impl Send for Handles {}
 
-impl Shared {
+impl Handles {
     fn prepare(self, wanted: &cairn_d3d12_preparation) -> cairn_result {
         // SAFETY: live handles, and a struct that lives during the call.
         unsafe { cairn_presenter_prepare_d3d12(self.0, self.1, wanted) }
@@ -77,25 +64,26 @@ impl Shared {
 }
 
 fn preparation() -> cairn_d3d12_preparation {
-    prepared(|wanted: &mut cairn_d3d12_preparation| &mut wanted.struct_size)
+    with_struct_size(|wanted: &mut cairn_d3d12_preparation| &mut wanted.struct_size)
 }
 
 fn device_of(engine: &Engine) -> *mut cairn_device {
     let (device, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
     // SAFETY: live objects and a variable for the handle.
-    made(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), &of_a_tool(), to) })
+    create_handle(|to| unsafe { cairn_device_create_d3d12(device, queue, null_mut(), &tool_device_options(), to) })
 }
 
 impl Host {
     fn new(shader: u32, size: (u32, u32), motion: u32) -> Self {
-        let engine = engine::engine();
-        counts::install(&engine.device);
+        let engine = Engine::create();
+        object_counts::install(&engine.device);
         let device = device_of(&engine);
-        let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
+        let mut options: cairn_presenter_options =
+            with_struct_size(|o: &mut cairn_presenter_options| &mut o.struct_size);
         (options.multiplier, options.interval_ns, options.shader, options.motion) = (4, INTERVAL, shader, motion);
         (options.width, options.height) = size;
         // SAFETY: options of their size and a variable for the handle.
-        let presenter = made(|to| unsafe { cairn_presenter_create(&options, to) });
+        let presenter = create_handle(|to| unsafe { cairn_presenter_create(&options, to) });
         let mut host = Self { engine, device, presenter, anchors: 0 };
         (0..2).for_each(|_| host.push());
         host
@@ -103,11 +91,11 @@ impl Host {
 
     fn push(&mut self) {
         let picture = anchor_picture(self.anchors);
-        let mut given: cairn_picture = prepared(|picture: &mut cairn_picture| &mut picture.struct_size);
+        let mut given: cairn_picture = with_struct_size(|picture: &mut cairn_picture| &mut picture.struct_size);
         (given.width, given.height) = SIZE;
         (given.pixels, given.size) = (picture.rgba().as_ptr().cast(), picture.rgba().len() as u64);
         // SAFETY: a picture that lives during the call, and a variable for the handle.
-        let anchor: *mut cairn_anchor = made(|to| unsafe { cairn_anchor_create(&given, self.anchors, 0, to) });
+        let anchor: *mut cairn_anchor = create_handle(|to| unsafe { cairn_anchor_create(&given, self.anchors, 0, to) });
         let now = self.anchors * INTERVAL;
         // SAFETY: live handles.
         let pushed = unsafe { cairn_presenter_push(self.presenter, anchor, std::ptr::null(), now) };
@@ -116,28 +104,35 @@ impl Host {
         self.anchors += 1;
     }
 
-    fn shared(&self) -> Shared {
-        Shared(self.presenter, self.device)
+    fn shared(&self) -> Handles {
+        Handles(self.presenter, self.device)
     }
 
     /// Prepares the presenter as an engine does, on another thread.
     fn prepare(&self, wanted: cairn_d3d12_preparation) {
         let shared = self.shared();
-        let wanted = Given(wanted);
+        let wanted = SendPreparation(wanted);
         let result = std::thread::scope(|scope| scope.spawn(move || wanted.prepare(shared)).join());
         assert_eq!(result.expect("it returns"), CAIRN_OK);
     }
 
-    /// The frame at `now` in a texture of that size and format, recorded or submitted, and the objects that this thread created for it.
-    fn frame(&self, now: u64, size: (u32, u32), format: DXGI_FORMAT, own: bool) -> (cairn_frame, Made, Vec<u8>) {
-        let texture = Wanted { size, format, ..Wanted::default() }.make(&self.engine.device);
+    /// The frame at `now` in a texture of that size and format, recorded or (if `own`) submitted, the objects that this thread created for it, and
+    /// its pixels.
+    fn frame(
+        &self,
+        now: u64,
+        size: (u32, u32),
+        format: DXGI_FORMAT,
+        own: bool,
+    ) -> (cairn_frame, CreatedObjects, Vec<u8>) {
+        let texture = TextureDesc { size, format, ..TextureDesc::default() }.create(&self.engine.device);
         let target = texture.as_raw().cast();
-        let mut frame: cairn_frame = prepared(|frame: &mut cairn_frame| &mut frame.struct_size);
+        let mut frame: cairn_frame = with_struct_size(|frame: &mut cairn_frame| &mut frame.struct_size);
         let (presenter, device) = (self.presenter, self.device);
         let made = if own {
             let (mut fence, mut value) = (null_mut(), 0);
             // SAFETY: live handles and objects, and variables for the results.
-            let (result, made) = counts::of(|| unsafe {
+            let (result, made) = object_counts::count_created(|| unsafe {
                 cairn_presenter_submit_d3d12(presenter, device, now, target, 0, 0, &mut frame, &mut fence, &mut value)
             });
             assert_eq!(result, CAIRN_OK);
@@ -147,12 +142,13 @@ impl Host {
         } else {
             let list = Recording::on(&self.engine.device, &self.engine.direct);
             let mut recording: cairn_d3d12_recording =
-                prepared(|recording: &mut cairn_d3d12_recording| &mut recording.struct_size);
+                with_struct_size(|recording: &mut cairn_d3d12_recording| &mut recording.struct_size);
             (recording.list, recording.target) = (list.list().as_raw().cast(), target);
             (recording.fence, recording.fence_value) = (list.fence().as_raw().cast(), 1);
             // SAFETY: live handles and objects, and a variable for the frame.
-            let (result, made) =
-                counts::of(|| unsafe { cairn_presenter_record_d3d12(presenter, device, now, &recording, &mut frame) });
+            let (result, made) = object_counts::count_created(|| unsafe {
+                cairn_presenter_record_d3d12(presenter, device, now, &recording, &mut frame)
+            });
             assert_eq!(result, CAIRN_OK);
             list.submit(&self.engine.direct);
             textures::wait(&self.engine.device, &self.engine.direct);
@@ -163,7 +159,7 @@ impl Host {
 
     fn statistics(&self) -> cairn_presenter_statistics {
         let mut done: cairn_presenter_statistics =
-            prepared(|done: &mut cairn_presenter_statistics| &mut done.struct_size);
+            with_struct_size(|done: &mut cairn_presenter_statistics| &mut done.struct_size);
         // SAFETY: a live handle, and a variable for the figures.
         assert_eq!(unsafe { cairn_presenter_get_statistics(self.presenter, &mut done) }, CAIRN_OK);
         done
@@ -178,20 +174,20 @@ impl Drop for Host {
     }
 }
 
-/// A struct for another thread.
-struct Given(cairn_d3d12_preparation);
+/// A preparation for another thread.
+struct SendPreparation(cairn_d3d12_preparation);
 
 // SAFETY: the pointers in it are shared between threads as the test describes.
-unsafe impl Send for Given {}
+unsafe impl Send for SendPreparation {}
 
-impl Given {
-    fn prepare(self, shared: Shared) -> cairn_result {
+impl SendPreparation {
+    fn prepare(self, shared: Handles) -> cairn_result {
         shared.prepare(&self.0)
     }
 }
 
 fn anchor_picture(number: u64) -> Picture {
-    let mut picture = common::picture(SIZE.0, SIZE.1, 1);
+    let mut picture = worlds::picture(SIZE.0, SIZE.1, 1);
     let shift = 3 * number as usize % SIZE.0 as usize;
     picture.rgba_mut().chunks_exact_mut(4 * SIZE.0 as usize).for_each(|row| row.rotate_left(4 * shift));
     picture
@@ -203,7 +199,7 @@ fn text(text: &[std::ffi::c_char]) -> String {
 }
 
 #[test]
-fn frames_that_are_prepared_make_nothing_from_the_first_on() {
+fn prepared_frames_create_no_objects() {
     let _alone = alone();
     let (plain, halves) = (DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_FORMAT_R16G16B16A16_FLOAT);
     for (shader, size, format) in [
@@ -228,7 +224,7 @@ fn frames_that_are_prepared_make_nothing_from_the_first_on() {
             }
             let (frame, made, _) = host.frame(quarter * INTERVAL / 4, size, format, quarter % 2 == 1);
             let what = format!("{size:?}, frame {quarter}: {frame:?}");
-            assert_eq!((made, frame.flags & CAIRN_FRAME_UNPREPARED), (Made::default(), 0), "{what}");
+            assert_eq!((made, frame.flags & CAIRN_FRAME_UNPREPARED), (CreatedObjects::default(), 0), "{what}");
         }
         let done = host.statistics();
         assert_eq!((done.objects_made, done.unprepared), (0, 0));
@@ -239,7 +235,7 @@ fn frames_that_are_prepared_make_nothing_from_the_first_on() {
 }
 
 #[test]
-fn anchors_are_shown_until_frames_are_prepared_and_no_pipeline_is_made_for_them() {
+fn unprepared_frames_show_anchors_and_create_no_pipelines() {
     let _alone = alone();
     let host = Host::new(CAIRN_PREFER_AUTO, (0, 0), 0);
     let plain = DXGI_FORMAT_R8G8B8A8_UNORM;
@@ -288,20 +284,20 @@ fn anchors_are_shown_until_frames_are_prepared_and_no_pipeline_is_made_for_them(
     host.prepare(cairn_d3d12_preparation { flags: CAIRN_PREPARE_SUBMIT_ONLY, ..preparation() });
     assert_eq!(generated(5, LARGE), ((CAIRN_FRAME_HELD, CAIRN_FRAME_UNPREPARED), 0));
     let (frame, made, _) = host.frame(INTERVAL * 5 / 4, LARGE, plain, true);
-    assert_eq!((frame.source, frame.flags, made), (CAIRN_FRAME_GENERATED, 0, Made::default()));
+    assert_eq!((frame.source, frame.flags, made), (CAIRN_FRAME_GENERATED, 0, CreatedObjects::default()));
 }
 
 #[test]
-fn nothing_is_prepared_that_cannot_be() {
+fn invalid_preparations_are_refused() {
     let _alone = alone();
     let host = Host::new(CAIRN_PREFER_AUTO, (0, 0), 0);
     let shared = host.shared();
     // SAFETY: a variable for the handle.
-    let empty = made(|to| unsafe { cairn_presenter_create(std::ptr::null(), to) });
-    let no_anchor = Shared(empty, host.device);
+    let empty = create_handle(|to| unsafe { cairn_presenter_create(std::ptr::null(), to) });
+    let no_anchor = Handles(empty, host.device);
     assert_eq!(no_anchor.prepare(&preparation()), CAIRN_NOT_READY);
     let sized = cairn_d3d12_preparation { anchor_width: 64, anchor_height: 32, ..preparation() };
-    assert_eq!(no_anchor.prepare(&sized), CAIRN_OK, "it is said how large they are");
+    assert_eq!(no_anchor.prepare(&sized), CAIRN_OK, "the sizes are given");
     for (what, wanted) in [
         ("a format of depths", cairn_d3d12_preparation { format: 40, ..preparation() }),
         ("no format", cairn_d3d12_preparation { format: u32::MAX, ..preparation() }),
@@ -349,7 +345,7 @@ fn a_thread_prepares_while_another_one_records() {
             let (frame, made, pixels) = host.frame(INTERVAL * 3 / 2, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM, i % 2 == 0);
             assert_eq!((frame.source, frame.flags & CAIRN_FRAME_UNPREPARED), (CAIRN_FRAME_GENERATED, 0), "{i}");
             assert!(pixels == expected, "frame {i}");
-            assert_eq!(made, Made::default(), "frame {i}");
+            assert_eq!(made, CreatedObjects::default(), "frame {i}");
         }
         ended.store(true, Ordering::SeqCst);
         let results: Vec<_> = threads.into_iter().flat_map(|thread| thread.join().expect("it ends")).collect();
@@ -359,90 +355,90 @@ fn a_thread_prepares_while_another_one_records() {
     assert_eq!(host.statistics().unprepared, 0);
 }
 
-/// A host's stored pipelines, and the number of loads and stores.
+/// A host's storage for compiled pipelines, and the numbers of loads and stores.
 #[derive(Default)]
-struct Kept {
+struct PipelineStore {
     bytes: Vec<u8>,
-    /// The size that it reports, if that is wrong.
-    claims: Option<u64>,
+    /// A size to report instead of the true one.
+    reported_size: Option<u64>,
     loads: u32,
     stores: u32,
 }
 
 unsafe extern "C" fn load(bytes: *mut c_void, capacity: u64, user: *mut c_void) -> u64 {
     // SAFETY: the test's own, which nobody else uses meanwhile.
-    let kept = unsafe { &mut *user.cast::<Kept>() };
-    let count = kept.bytes.len() as u64;
+    let storage = unsafe { &mut *user.cast::<PipelineStore>() };
+    let count = storage.bytes.len() as u64;
     if !bytes.is_null() {
-        assert_eq!(capacity, count, "as much as was said");
-        kept.loads += 1;
+        assert_eq!(capacity, count, "the size that was reported");
+        storage.loads += 1;
         // SAFETY: the buffer has room for that many bytes.
-        unsafe { bytes.cast::<u8>().copy_from_nonoverlapping(kept.bytes.as_ptr(), kept.bytes.len()) };
-        return kept.claims.unwrap_or(count);
+        unsafe { bytes.cast::<u8>().copy_from_nonoverlapping(storage.bytes.as_ptr(), storage.bytes.len()) };
+        return storage.reported_size.unwrap_or(count);
     }
     count
 }
 
 unsafe extern "C" fn store(bytes: *const c_void, size: u64, user: *mut c_void) {
     // SAFETY: the test's own, which nobody else uses meanwhile.
-    let kept = unsafe { &mut *user.cast::<Kept>() };
-    kept.stores += 1;
+    let storage = unsafe { &mut *user.cast::<PipelineStore>() };
+    storage.stores += 1;
     // SAFETY: that many bytes may be read during the call.
-    kept.bytes = unsafe { std::slice::from_raw_parts(bytes.cast::<u8>(), size as usize) }.to_vec();
+    storage.bytes = unsafe { std::slice::from_raw_parts(bytes.cast::<u8>(), size as usize) }.to_vec();
 }
 
 /// Prepares a presenter on a device of its own; returns the created objects, and the numbers of loads and stores.
-fn prepared_with(kept: &mut Kept) -> (Made, [u32; 2]) {
+fn prepare_with(storage: &mut PipelineStore) -> (CreatedObjects, [u32; 2]) {
     let host = Host::new(CAIRN_PREFER_AUTO, LARGE, 0);
-    (kept.loads, kept.stores) = (0, 0);
-    let user = std::ptr::from_mut(kept).cast();
+    (storage.loads, storage.stores) = (0, 0);
+    let user = std::ptr::from_mut(storage).cast();
     let wanted = cairn_d3d12_preparation { load: Some(load), store: Some(store), user, ..preparation() };
-    let (result, made) = counts::of(|| host.shared().prepare(&wanted));
+    let (result, made) = object_counts::count_created(|| host.shared().prepare(&wanted));
     assert_eq!(result, CAIRN_OK);
     // The pipelines work, whether compiled or loaded.
     let (frame, recorded, _) = host.frame(INTERVAL * 3 / 2, LARGE, DXGI_FORMAT_R8G8B8A8_UNORM, false);
-    assert_eq!((frame.source, recorded), (CAIRN_FRAME_GENERATED, Made::default()));
+    assert_eq!((frame.source, recorded), (CAIRN_FRAME_GENERATED, CreatedObjects::default()));
     // A second presenter of the device shares them.
-    let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
+    let mut options: cairn_presenter_options = with_struct_size(|o: &mut cairn_presenter_options| &mut o.struct_size);
     (options.interval_ns, options.width, options.height) = (INTERVAL, LARGE.0, LARGE.1);
     // SAFETY: options of their size and a variable for the handle.
-    let second = made_presenter(&options);
+    let second = create_presenter(&options);
     let sized = cairn_d3d12_preparation { anchor_width: SIZE.0, anchor_height: SIZE.1, ..wanted };
-    let told = [kept.loads, kept.stores];
-    let (result, again) = counts::of(|| Shared(second, host.device).prepare(&sized));
+    let calls = [storage.loads, storage.stores];
+    let (result, again) = object_counts::count_created(|| Handles(second, host.device).prepare(&sized));
     assert_eq!((result, again.compiled, again.loaded), (CAIRN_OK, 0, 0), "pipelines are the device's");
-    assert_eq!(kept.stores, told[1], "there is nothing new to be stored");
+    assert_eq!(storage.stores, calls[1], "there is nothing new to store");
     // SAFETY: a live handle.
     assert_eq!(unsafe { cairn_presenter_destroy(second) }, CAIRN_OK);
-    (made, told)
+    (made, calls)
 }
 
-fn made_presenter(options: &cairn_presenter_options) -> *mut cairn_presenter {
+fn create_presenter(options: &cairn_presenter_options) -> *mut cairn_presenter {
     // SAFETY: options of their size and a variable for the handle.
-    made(|to| unsafe { cairn_presenter_create(options, to) })
+    create_handle(|to| unsafe { cairn_presenter_create(options, to) })
 }
 
 #[test]
-fn pipelines_are_kept_from_one_run_to_the_next() {
+fn stored_pipelines_are_loaded_in_the_next_run() {
     let _alone = alone();
-    counts::driver_is_another(false);
-    let mut kept = Kept::default();
-    let (first, told) = prepared_with(&mut kept);
+    object_counts::set_driver_changed(false);
+    let mut storage = PipelineStore::default();
+    let (first, calls) = prepare_with(&mut storage);
     assert!(first.compiled >= 24 && first.loaded == 0, "{first:?}");
-    assert_eq!(told, [0, 1], "nothing is there yet, and all is stored");
+    assert_eq!(calls, [0, 1], "nothing is stored yet, so everything is compiled and stored");
     // The next run compiles nothing, and stores nothing new.
-    let (second, told) = prepared_with(&mut kept);
-    assert_eq!((second.compiled, second.loaded, told), (0, first.compiled, [1, 0]));
-    let good = kept.bytes.clone();
+    let (second, calls) = prepare_with(&mut storage);
+    assert_eq!((second.compiled, second.loaded, calls), (0, first.compiled, [1, 0]));
+    let good = storage.bytes.clone();
 
     // Damaged bytes are not an error: everything is compiled and stored again.
     let damaged = |change: &dyn Fn(&mut Vec<u8>)| {
         let mut bytes = good.clone();
         change(&mut bytes);
-        Kept { bytes, ..Kept::default() }
+        PipelineStore { bytes, ..PipelineStore::default() }
     };
     let last = good.len() - 1;
-    for mut kept in [
+    for mut storage in [
         damaged(&|bytes| bytes[0] ^= 1),
         damaged(&|bytes| bytes[20] ^= 1),
         damaged(&|bytes| bytes[last / 2] ^= 1),
@@ -450,16 +446,16 @@ fn pipelines_are_kept_from_one_run_to_the_next() {
         damaged(&|bytes| bytes.truncate(last)),
         damaged(&|bytes| bytes.truncate(1)),
         damaged(&|bytes| bytes.push(0)),
-        Kept { claims: Some(u64::MAX), ..damaged(&|_| ()) },
-        Kept { claims: Some(1), ..damaged(&|_| ()) },
+        PipelineStore { reported_size: Some(u64::MAX), ..damaged(&|_| ()) },
+        PipelineStore { reported_size: Some(1), ..damaged(&|_| ()) },
     ] {
-        let (made, told) = prepared_with(&mut kept);
-        assert_eq!((made.compiled, made.loaded, told), (first.compiled, 0, [1, 1]));
-        assert!(kept.bytes == good, "what is stored is good again");
+        let (made, calls) = prepare_with(&mut storage);
+        assert_eq!((made.compiled, made.loaded, calls), (first.compiled, 0, [1, 1]));
+        assert!(storage.bytes == good, "the stored bytes are valid again");
     }
     // A new driver version refuses the blobs of the earlier one.
-    counts::driver_is_another(true);
-    let (made, told) = prepared_with(&mut kept);
-    counts::driver_is_another(false);
-    assert_eq!((made.compiled, made.loaded, told), (first.compiled, 0, [1, 1]));
+    object_counts::set_driver_changed(true);
+    let (made, calls) = prepare_with(&mut storage);
+    object_counts::set_driver_changed(false);
+    assert_eq!((made.compiled, made.loaded, calls), (first.compiled, 0, [1, 1]));
 }

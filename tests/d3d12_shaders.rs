@@ -4,20 +4,20 @@
 use cairn::gpu::compute::{CommandRing, FRAMES_IN_FLIGHT, ResourceWithState};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
-use cairn::gpu::windows::core::Interface;
 use cairn::gpu::{FencePoint, Gpu, Planes, Resize};
 use cairn::guidance::paper::{self, GpuExtractor, LatentBuffer};
 use cairn::guidance::{Guidance, LatentView};
 use cairn::world::Bilinear;
 use cairn::{ErrorKind, Picture};
 use half::f16;
+use test_support::allocations::{CountingAllocator, allocations};
+use test_support::d3d12::engine::reference_count;
+use test_support::d3d12::resources::{
+    TestResource, create_resource, read_texture, run_list, texture_desc, upload_buffer, writable_texture,
+};
 
-#[path = "d3d12/allocations.rs"]
-mod allocations;
-#[path = "d3d12/pictures.rs"]
-mod pictures;
-use allocations::ALLOCATIONS;
-use pictures::{Kept, buffer, flat, made, read, run, texture};
+#[global_allocator]
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 fn gpu() -> Gpu {
     Gpu::on_adapter(None).expect("a device")
@@ -33,11 +33,11 @@ fn numbers(len: usize) -> Vec<f32> {
     (0..len).map(|_| next()).collect()
 }
 
-fn planes(buffer: &Kept, size: (u32, u32), half: bool, picture: u32) -> Planes<'_> {
-    Planes { buffer: buffer.resting(), picture, size, half }
+fn planes(buffer: &TestResource, size: (u32, u32), half: bool, picture: u32) -> Planes<'_> {
+    Planes { buffer: buffer.with_state(), picture, size, half }
 }
 
-/// A fence that the queue of frames waits for, and the fence point that it reaches afterwards.
+/// A fence without a signal, and the fence point at which it is signalled.
 fn gate(gpu: &Gpu) -> (ID3D12Fence, FencePoint) {
     // SAFETY: values only.
     let fence: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
@@ -45,16 +45,10 @@ fn gate(gpu: &Gpu) -> (ID3D12Fence, FencePoint) {
     (fence, fence_point)
 }
 
+/// Signals the fence.
 fn open(gate: &ID3D12Fence) {
     // SAFETY: a live fence.
     unsafe { gate.Signal(1) }.expect("the gate opens");
-}
-
-/// The resource's reference count, including ours.
-fn references(object: &ID3D12Resource) -> u32 {
-    let object = std::mem::ManuallyDrop::new(object.clone());
-    // SAFETY: releases the reference that the clone took, and counts the rest.
-    unsafe { (Interface::vtable(&*object).base__.base__.base__.base__.Release)(object.as_raw()) }
 }
 
 #[test]
@@ -86,18 +80,18 @@ fn a_decoded_picture_is_resized_as_the_processor_does() {
         };
         let mut expected = Picture::new(to.0, to.1).expect("a picture");
         Bilinear::new(from, to).to_picture(&values[len..], &mut expected);
-        let buffer = buffer(&gpu, &contents);
+        let buffer = upload_buffer(&gpu, &contents);
         let row = to.0 as usize;
         let mut resized = |format, size: usize| {
-            let target = texture(&gpu, to, format, rests[case % rests.len()]);
+            let target = writable_texture(&gpu, to, format, rests[case % rests.len()]);
             let mut frame = frames.begin().expect("a frame");
-            if let Err(refused) = resize.record(&mut frame, &planes(&buffer, from, half, 1), &target.resting()) {
+            if let Err(refused) = resize.record(&mut frame, &planes(&buffer, from, half, 1), &target.with_state()) {
                 // Not every device supports UAV stores in every format.
                 assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("texture")));
                 return None;
             }
             frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
-            Some(read(&gpu, &target, row * size))
+            Some(read_texture(&gpu, &target, row * size))
         };
         let rgba = resized(DXGI_FORMAT_R8G8B8A8_UNORM, 4).expect("every device writes it");
         if let Some(bgra) = resized(DXGI_FORMAT_B8G8R8A8_UNORM, 4) {
@@ -130,27 +124,29 @@ fn a_decoded_picture_is_resized_as_the_processor_does() {
 }
 
 #[test]
-fn a_frame_in_an_engines_list_waits_for_its_turn_and_lets_go_in_the_end() {
+fn a_full_ring_waits_for_the_engines_fence_and_then_releases_resources() {
     let gpu = gpu();
     let resize = Resize::new(&gpu).expect("the shader");
     let mut frames = CommandRing::new(&gpu, gpu.frames(), 2).expect("a ring");
     let values: Vec<u8> = [1.0_f32, 0.5, 0.0].iter().flat_map(|v| v.to_le_bytes()).collect();
-    let source = buffer(&gpu, &values);
-    let target = texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_RENDER_TARGET);
-    let before = references(&target.resource);
+    let source = upload_buffer(&gpu, &values);
+    let target = writable_texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_RENDER_TARGET);
+    let before = reference_count(&target.resource);
 
     // Records the maximum number of frames in flight; the engine executes the list later.
     let (fence, opened) = gate(&gpu);
-    run(&gpu, |list| {
+    run_list(&gpu, |list| {
         for _ in 0..FRAMES_IN_FLIGHT {
             let mut frame = frames.begin_in(list, &opened).expect("a frame");
-            resize.record(&mut frame, &planes(&source, (1, 1), false, 0), &target.resting()).expect("it is recorded");
+            resize
+                .record(&mut frame, &planes(&source, (1, 1), false, 0), &target.with_state())
+                .expect("it is recorded");
         }
     });
-    assert_eq!(read(&gpu, &target, 16), [255, 128, 0, 255].repeat(16));
+    assert_eq!(read_texture(&gpu, &target, 16), [255, 128, 0, 255].repeat(16));
     // The engine has not signalled its fence yet.
-    frames.let_go();
-    assert!(references(&target.resource) > before, "it holds what it uses");
+    frames.release_completed();
+    assert!(reference_count(&target.resource) > before, "the ring holds what it uses");
     std::thread::scope(|scope| {
         let waiting = scope.spawn(|| drop(frames.begin().expect("a frame")));
         std::thread::sleep(std::time::Duration::from_millis(200));
@@ -158,13 +154,13 @@ fn a_frame_in_an_engines_list_waits_for_its_turn_and_lets_go_in_the_end() {
         open(&fence);
         waiting.join().expect("a frame");
     });
-    frames.let_go();
-    assert_eq!(references(&target.resource), before, "references come back");
+    frames.release_completed();
+    assert_eq!(reference_count(&target.resource), before, "references are released");
 
     // A frame that is dropped unfinished leaves the ring unchanged.
     for _ in 0..2 * FRAMES_IN_FLIGHT {
         let mut frame = frames.begin().expect("a frame");
-        resize.record(&mut frame, &planes(&source, (1, 1), false, 0), &target.resting()).expect("it is recorded");
+        resize.record(&mut frame, &planes(&source, (1, 1), false, 0), &target.with_state()).expect("it is recorded");
     }
     let refused = frames.begin().expect("a frame").submit(gpu.anchors()).expect_err("another kind of queue");
     assert_eq!(refused.offending_field(), Some("queue"));
@@ -176,35 +172,38 @@ fn a_frame_allocates_nothing() {
     let gpu = gpu();
     let resize = Resize::new(&gpu).expect("the shader");
     let mut frames = CommandRing::new(&gpu, gpu.anchors(), 2).expect("a ring");
-    let source = buffer(&gpu, &[0; 12]);
-    let target = texture(&gpu, (64, 64), DXGI_FORMAT_R16G16B16A16_FLOAT, D3D12_RESOURCE_STATE_COMMON);
+    let source = upload_buffer(&gpu, &[0; 12]);
+    let target = writable_texture(&gpu, (64, 64), DXGI_FORMAT_R16G16B16A16_FLOAT, D3D12_RESOURCE_STATE_COMMON);
     let mut one = || {
         let mut frame = frames.begin().expect("a frame");
-        resize.record(&mut frame, &planes(&source, (1, 1), false, 0), &target.resting()).expect("it is recorded");
+        resize.record(&mut frame, &planes(&source, (1, 1), false, 0), &target.with_state()).expect("it is recorded");
         frame.submit(gpu.anchors()).expect("a submission")
     };
     one();
-    let before = ALLOCATIONS.get();
+    let before = allocations();
     let last = (0..10).map(|_| one()).last().expect("ten frames");
-    assert_eq!(ALLOCATIONS.get(), before);
+    assert_eq!(allocations(), before);
     last.wait().expect("it is done");
 }
 
 #[test]
-fn what_cannot_be_recorded_is_refused_by_name() {
+fn invalid_arguments_are_refused_by_name() {
     let (gpu, other) = (gpu(), self::gpu());
     let resize = Resize::new(&gpu).expect("the shader");
     let mut frames = CommandRing::new(&gpu, gpu.frames(), 4).expect("a ring");
-    let source = buffer(&gpu, &[0; 4 * 3 * 6]);
+    let source = upload_buffer(&gpu, &[0; 4 * 3 * 6]);
     let common = D3D12_RESOURCE_STATE_COMMON;
-    let good = texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, common);
-    let foreign = (buffer(&other, &[0; 72]), texture(&other, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, common));
-    let unwritable = flat((4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_FLAG_NONE);
-    let unwritable = Kept { resource: made(&gpu, D3D12_HEAP_TYPE_DEFAULT, &unwritable, common), state: common };
-    let mut levels = flat((4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS);
+    let good = writable_texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, common);
+    let foreign =
+        (upload_buffer(&other, &[0; 72]), writable_texture(&other, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, common));
+    let unwritable = texture_desc((4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_FLAG_NONE);
+    let unwritable =
+        TestResource { resource: create_resource(&gpu, D3D12_HEAP_TYPE_DEFAULT, &unwritable, common), state: common };
+    let mut levels = texture_desc((4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS);
     levels.MipLevels = 2;
-    let levels = Kept { resource: made(&gpu, D3D12_HEAP_TYPE_DEFAULT, &levels, common), state: common };
-    let floats = texture(&gpu, (4, 4), DXGI_FORMAT_R32G32B32A32_FLOAT, common);
+    let levels =
+        TestResource { resource: create_resource(&gpu, D3D12_HEAP_TYPE_DEFAULT, &levels, common), state: common };
+    let floats = writable_texture(&gpu, (4, 4), DXGI_FORMAT_R32G32B32A32_FLOAT, common);
     let fits = planes(&source, (2, 3), false, 0);
     for (planes, target, field) in [
         (Planes { size: (0, 3), ..fits }, &good, "size"),
@@ -212,8 +211,8 @@ fn what_cannot_be_recorded_is_refused_by_name() {
         (Planes { picture: 1, ..fits }, &good, "buffer"),
         (Planes { picture: u32::MAX, ..fits }, &good, "picture"),
         (Planes { size: (3, 3), ..fits }, &good, "buffer"),
-        (Planes { buffer: good.resting(), ..fits }, &good, "buffer"),
-        (Planes { buffer: foreign.0.resting(), ..fits }, &good, "buffer"),
+        (Planes { buffer: good.with_state(), ..fits }, &good, "buffer"),
+        (Planes { buffer: foreign.0.with_state(), ..fits }, &good, "buffer"),
         (fits, &source, "texture"),
         (fits, &foreign.1, "texture"),
         (fits, &unwritable, "texture"),
@@ -221,12 +220,12 @@ fn what_cannot_be_recorded_is_refused_by_name() {
         (fits, &floats, "texture"),
     ] {
         let mut frame = frames.begin().expect("a frame");
-        let refused = resize.record(&mut frame, &planes, &target.resting()).expect_err("it cannot be");
+        let refused = resize.record(&mut frame, &planes, &target.with_state()).expect_err("it cannot be");
         assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)), "{refused}");
         // Had anything been recorded, this would not be the first use of the texture.
         let rendered = ResourceWithState { resource: &good.resource, state: D3D12_RESOURCE_STATE_RENDER_TARGET };
         resize.record(&mut frame, &fits, &rendered).expect("it fits");
-        let refused = resize.record(&mut frame, &fits, &good.resting()).expect_err("two states");
+        let refused = resize.record(&mut frame, &fits, &good.with_state()).expect_err("two states");
         assert_eq!(refused.offending_field(), Some("state"));
         resize.record(&mut frame, &fits, &rendered).expect("it fits twice");
         let refused = resize.record(&mut frame, &fits, &rendered).expect_err("it is full");
@@ -236,7 +235,7 @@ fn what_cannot_be_recorded_is_refused_by_name() {
     let rendered = ResourceWithState { resource: &good.resource, state: D3D12_RESOURCE_STATE_RENDER_TARGET };
     let refused = resize.record(&mut frames.begin().expect("a frame"), &fits, &rendered).expect_err("a compute queue");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("state")));
-    run(&gpu, |list| {
+    run_list(&gpu, |list| {
         let (_, opened) = gate(&gpu);
         assert_eq!(frames.begin_in(list, &opened).expect_err("a direct list").offending_field(), Some("list"));
     });
@@ -251,10 +250,10 @@ fn a_removed_device_is_reported_by_every_call_and_all_is_released() {
     let gpu = gpu();
     let resize = Resize::new(&gpu).expect("the shader");
     let mut frames = CommandRing::new(&gpu, gpu.frames(), 2).expect("a ring");
-    let source = buffer(&gpu, &[0; 12]);
-    let target = texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_COMMON);
+    let source = upload_buffer(&gpu, &[0; 12]);
+    let target = writable_texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_COMMON);
     let mut frame = frames.begin().expect("a frame");
-    resize.record(&mut frame, &planes(&source, (1, 1), false, 0), &target.resting()).expect("it is recorded");
+    resize.record(&mut frame, &planes(&source, (1, 1), false, 0), &target.with_state()).expect("it is recorded");
     // Executing a list that is still open removes the device.
     // SAFETY: a live device.
     let allocator: ID3D12CommandAllocator =
@@ -266,7 +265,7 @@ fn a_removed_device_is_reported_by_every_call_and_all_is_released() {
     assert_eq!(frame.submit(gpu.frames()).expect_err("the device is gone").kind(), ErrorKind::DeviceRemoved);
     assert_eq!(frames.begin().expect_err("the device is gone").kind(), ErrorKind::DeviceRemoved);
     drop((frames, resize));
-    assert_eq!(references(&target.resource), 1, "nothing else holds it");
+    assert_eq!(reference_count(&target.resource), 1, "nothing else holds it");
     for made in [Resize::new(&gpu).map(drop), CommandRing::new(&gpu, gpu.frames(), 2).map(drop)] {
         // A driver may still create objects; if it refuses, the error must be device removal.
         assert!(made.is_ok() || made.is_err_and(|e| e.kind() == ErrorKind::DeviceRemoved));
@@ -280,7 +279,7 @@ fn half_steps(a: f32, b: f32) -> f32 {
 }
 
 #[test]
-fn the_papers_guidance_is_the_processors_within_two_steps_of_a_half() {
+fn the_papers_guidance_equals_the_processors_within_two_half_float_steps() {
     let gpu = gpu();
     let mut frames = CommandRing::new(&gpu, gpu.frames(), 6).expect("a ring");
     let bytes = |values: &[f32], half: bool| -> Vec<u8> {
@@ -317,19 +316,20 @@ fn the_papers_guidance_is_the_processors_within_two_steps_of_a_half() {
             paper::extract(view(&z0), view(&z1), render, &mut expected).expect("an extraction");
 
             // Both in one buffer, the current one first.
-            let both = buffer(&gpu, &[bytes(&z1, half), bytes(&z0, half)].concat());
-            let latent = |first: usize| LatentBuffer { buffer: both.resting(), first: first as u32 };
-            let motion = texture(&gpu, render, DXGI_FORMAT_R16G16_FLOAT, D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE);
-            let depth = texture(&gpu, render, DXGI_FORMAT_R32_FLOAT, D3D12_RESOURCE_STATE_COMMON);
+            let both = upload_buffer(&gpu, &[bytes(&z1, half), bytes(&z0, half)].concat());
+            let latent = |first: usize| LatentBuffer { buffer: both.with_state(), first: first as u32 };
+            let motion =
+                writable_texture(&gpu, render, DXGI_FORMAT_R16G16_FLOAT, D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE);
+            let depth = writable_texture(&gpu, render, DXGI_FORMAT_R32_FLOAT, D3D12_RESOURCE_STATE_COMMON);
             let extractor = GpuExtractor::new(&gpu, shape, half).expect("the shaders");
             let mut frame = frames.begin().expect("a frame");
             extractor
-                .record(&mut frame, &latent(len), &latent(0), &motion.resting(), &depth.resting())
+                .record(&mut frame, &latent(len), &latent(0), &motion.with_state(), &depth.with_state())
                 .expect("recorded");
             frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
 
             let row = render.0 as usize * 4;
-            let found = read(&gpu, &motion, row);
+            let found = read_texture(&gpu, &motion, row);
             let wanted = expected.motion().vectors().iter().flatten();
             for (i, (found, wanted)) in found.chunks_exact(2).zip(wanted).enumerate() {
                 let (found, wanted) = (f16::from_le_bytes([found[0], found[1]]).to_f32(), wanted.to_f32());
@@ -338,7 +338,7 @@ fn the_papers_guidance_is_the_processors_within_two_steps_of_a_half() {
                     "motion {found} for {wanted} at {i} of {shape:?}, kind {kind}"
                 );
             }
-            let found = read(&gpu, &depth, row);
+            let found = read_texture(&gpu, &depth, row);
             for (i, (found, wanted)) in found.chunks_exact(4).zip(expected.depth().depth()).enumerate() {
                 let found = f32::from_le_bytes([found[0], found[1], found[2], found[3]]);
                 assert!(
@@ -352,13 +352,13 @@ fn the_papers_guidance_is_the_processors_within_two_steps_of_a_half() {
         assert_eq!(GpuExtractor::new(&gpu, shape, false).expect_err("no latent").offending_field(), Some("latent"));
     }
     let extractor = GpuExtractor::new(&gpu, [1, 4, 4], false).expect("the shaders");
-    let latents = buffer(&gpu, &[0; 64]);
-    let short = LatentBuffer { buffer: latents.resting(), first: 1 };
+    let latents = upload_buffer(&gpu, &[0; 64]);
+    let short = LatentBuffer { buffer: latents.with_state(), first: 1 };
     let fits = LatentBuffer { first: 0, ..short };
     let common = D3D12_RESOURCE_STATE_COMMON;
-    let motion = texture(&gpu, (8, 8), DXGI_FORMAT_R16G16_FLOAT, common);
-    let depth = texture(&gpu, (8, 8), DXGI_FORMAT_R32_FLOAT, common);
-    let smaller = texture(&gpu, (8, 4), DXGI_FORMAT_R32_FLOAT, common);
+    let motion = writable_texture(&gpu, (8, 8), DXGI_FORMAT_R16G16_FLOAT, common);
+    let depth = writable_texture(&gpu, (8, 8), DXGI_FORMAT_R32_FLOAT, common);
+    let smaller = writable_texture(&gpu, (8, 4), DXGI_FORMAT_R32_FLOAT, common);
     let mut frame = frames.begin().expect("a frame");
     for (z0, z1, motion, depth, field) in [
         (short, fits, &motion, &depth, "z0"),
@@ -367,7 +367,7 @@ fn the_papers_guidance_is_the_processors_within_two_steps_of_a_half() {
         (fits, fits, &motion, &motion, "depth"),
         (fits, fits, &motion, &smaller, "depth"),
     ] {
-        let refused = extractor.record(&mut frame, &z0, &z1, &motion.resting(), &depth.resting());
+        let refused = extractor.record(&mut frame, &z0, &z1, &motion.with_state(), &depth.with_state());
         assert_eq!(refused.expect_err("it cannot be").offending_field(), Some(field));
     }
 }

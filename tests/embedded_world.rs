@@ -1,17 +1,15 @@
 //! The embedded world: it equals the file in the repository, needs no file beside the library, and follows its controls.
 #![cfg(feature = "embedded-world")]
 
-mod common;
-
 use cairn::Picture;
 use cairn::bundle::{Bundle, OpenOptions};
 use cairn::world::{ControlInput, KeySet, Rollout, World, WorldOptions};
-use common::{device, point};
+use test_support::worlds::{device, point};
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/worlds/miniature.cairn");
 
 #[test]
-fn it_is_the_file_of_the_repository() {
+fn the_embedded_world_equals_the_file_in_the_repository() {
     let embedded = Bundle::embedded(&OpenOptions::default()).expect("it is inside");
     assert_eq!(embedded.digest(), Bundle::open(FILE.as_ref()).expect("the file").digest());
     let size = std::fs::metadata(FILE).expect("the file").len();
@@ -22,7 +20,7 @@ fn it_is_the_file_of_the_repository() {
 }
 
 /// A scene that is not in the world's training data: a desert under the sky, as a binary PPM of 320 x 180 pixels.
-fn place() -> Picture {
+fn scene() -> Picture {
     let file = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/samples/worlds/place.ppm")).expect("the picture");
     let pixels = file.strip_prefix(b"P6\n320 180\n255\n").expect("a PPM of that size");
     Picture::from_rgba(320, 180, pixels.chunks_exact(3).flat_map(|px| [px[0], px[1], px[2], 255]).collect())
@@ -35,10 +33,10 @@ fn sky(picture: &Picture) -> f64 {
 }
 
 #[test]
-fn the_place_stays_and_the_controls_matter() {
+fn the_scene_is_stable_and_follows_the_controls() {
     let bundle = Bundle::embedded(&OpenOptions::default()).expect("it is inside");
     let world = World::load(&device(), &bundle, WorldOptions::default()).expect("a world");
-    let seed = place();
+    let seed = scene();
     let look = |counts: f32| {
         let controls = ControlInput::new([0.0, counts], KeySet::default(), 0.0).expect("controls");
         let mut rollout = Rollout::new(&world, &point(&world), 1).expect("a rollout");
@@ -53,7 +51,7 @@ fn the_place_stays_and_the_controls_matter() {
     let [up, still, down] = [-20.0, 0.0, 20.0].map(look);
     let apart = seed.pixels().iter().zip(still.pixels()).flat_map(|(a, b)| (0..3).map(|c| a[c].abs_diff(b[c])));
     let apart = apart.map(f64::from).sum::<f64>() / (3.0 * seed.pixels().len() as f64);
-    assert!(apart < 20.0, "who stands still sees the same place: {apart}");
+    assert!(apart < 20.0, "without controls the scene is the same: {apart}");
     let [up, still, down] = [&up, &still, &down].map(sky);
-    assert!(up > still + 5.0 && still > down + 5.0, "who looks up sees more of the sky: {up} {still} {down}");
+    assert!(up > still + 5.0 && still > down + 5.0, "looking up shows more of the sky: {up} {still} {down}");
 }

@@ -8,14 +8,10 @@ use std::process::Command;
 use cairn::abi::device::{CAIRN_DEVICE_D3D12, CAIRN_DEVICE_ENVIRONMENT, cairn_device_options};
 use cairn::abi::requirements::*;
 use cairn::abi::results::{CAIRN_OK, cairn_result};
-use cairn::ffx::Part;
+use cairn::ffx::LibraryKind;
 use cairn::gpu::windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryW};
 use cairn::gpu::windows::core::{PCWSTR, s};
-
-#[path = "ffx/stage.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod stage;
-use stage::{ANALYTIC, Stage};
+use test_support::ffx::double_folder::{self, ANALYTIC, DoubleFolder};
 
 /// The type of the C function that reports requirements.
 type Report = unsafe extern "C" fn(
@@ -57,14 +53,14 @@ fn text(characters: &[std::ffi::c_char]) -> String {
 }
 
 #[test]
-fn a_host_learns_which_of_amd_s_libraries_are_there_and_what_they_lack() {
-    stage::alone("a_host_learns_which_of_amd_s_libraries_are_there_and_what_they_lack", report);
+fn the_report_lists_amd_s_libraries_and_missing_requirements() {
+    double_folder::in_new_process("the_report_lists_amd_s_libraries_and_missing_requirements", report);
 }
 
 fn report() {
-    let stage = Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", ANALYTIC]);
+    let double = DoubleFolder::empty().with(LibraryKind::FrameGeneration, &["sdk 2.1", ANALYTIC]);
     // SAFETY: this process runs one test, and no other thread reads the environment now.
-    unsafe { std::env::set_var("CAIRN_FFX_DIR", &stage.0) };
+    unsafe { std::env::set_var("CAIRN_FFX_DIR", &double.0) };
     let rows = rows();
     let of = |what| rows.iter().filter(|row| row.what == what).collect::<Vec<_>>();
     assert_eq!((rows[0].what, rows[0].status), (CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_MET));
@@ -73,7 +69,7 @@ fn report() {
     }
     let [library] = of(CAIRN_REQUIREMENT_FSR_LIBRARIES)[..] else { panic!("{} rows", rows.len()) };
     assert_eq!(library.status, CAIRN_REQUIREMENT_MET);
-    assert!(text(&library.found).contains(Part::FrameGeneration.file_name()), "{}", text(&library.found));
+    assert!(text(&library.found).contains(LibraryKind::FrameGeneration.file_name()), "{}", text(&library.found));
     let [provider] = of(CAIRN_REQUIREMENT_FSR_PROVIDER)[..] else { panic!("{} rows", rows.len()) };
     assert_eq!(text(&provider.found), "3.1.6 (analytic)");
     for what in [CAIRN_REQUIREMENT_FSR_SYSTEM, CAIRN_REQUIREMENT_FSR_DIRECT3D, CAIRN_REQUIREMENT_FSR_SHADER_MODEL] {
@@ -115,22 +111,22 @@ fn found_by(report: Report, flags: u32) -> String {
 const PLACES: &str = "CAIRN_FFX_TEST_PLACES";
 
 #[test]
-fn libraries_come_from_the_folder_given_else_from_beside_the_library_else_from_beside_the_program() {
-    let test = "libraries_come_from_the_folder_given_else_from_beside_the_library_else_from_beside_the_program";
+fn libraries_are_loaded_from_the_given_folder_then_the_library_s_then_the_program_s() {
+    let test = "libraries_are_loaded_from_the_given_folder_then_the_library_s_then_the_program_s";
     if let Some(places) = std::env::var_os(PLACES) {
-        return look_in(&std::env::split_paths(&places).collect::<Vec<_>>());
+        return check_load_order(&std::env::split_paths(&places).collect::<Vec<_>>());
     }
     // Folders: a program with AMD's library, a library of ours with one, a library of ours alone, a folder to name with one, and a
     // folder without any.
-    let with = |release| Stage::empty().with(Part::FrameGeneration, &["sdk 2.1", release]);
+    let with = |release| DoubleFolder::empty().with(LibraryKind::FrameGeneration, &["sdk 2.1", release]);
     let (program, beside, given) = (with(ANALYTIC), with(ANALYTIC), with(ANALYTIC));
-    let empty = Stage::empty();
-    let own = stage::double().with_file_name("cairn.dll");
+    let empty = DoubleFolder::empty();
+    let own = double_folder::double_library().with_file_name("cairn.dll");
     std::fs::copy(&own, beside.0.join("cairn.dll")).expect("cairn.dll: cargo build --package cairn --lib");
     let alone = own.parent().expect("a folder").to_owned();
     let copy = program.0.join("program.exe");
     std::fs::copy(std::env::current_exe().expect("our own path"), &copy).expect("a copy");
-    let [program, beside, given, empty] = [program, beside, given, empty].map(|stage| stage.0);
+    let [program, beside, given, empty] = [program, beside, given, empty].map(|double| double.0);
     let places = [program, beside, alone, given, empty];
     let places = std::env::join_paths(places).expect("paths");
     let mut command = Command::new(copy);
@@ -141,11 +137,11 @@ fn libraries_come_from_the_folder_given_else_from_beside_the_library_else_from_b
 }
 
 /// Runs in the program that has one of AMD's libraries beside it.
-fn look_in(places: &[PathBuf]) {
+fn check_load_order(places: &[PathBuf]) {
     let [program, beside, alone, given, empty] = places else { panic!("{places:?}") };
     // The library finds the files and rejects them: AMD has not signed them.
     let is_in = |found: &str, place: &Path| {
-        let file = place.join(Part::FrameGeneration.file_name());
+        let file = place.join(LibraryKind::FrameGeneration.file_name());
         assert!(found.starts_with(&*file.display().to_string()), "{found}, and not {}", file.display());
         assert!(found.contains("only AMD's own files are to be loaded"), "{found}");
     };

@@ -1,13 +1,11 @@
-//! The check before ONNX Runtime is used: a library other than ONNX Runtime 1.24 is refused with cause, field and remedy, and
-//! is never called.
+//! A library other than ONNX Runtime 1.24 is refused before its interface is used, with cause, field and remedy.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use cairn::runtime::Ort;
 use cairn::{ErrorKind, LibrarySearch};
-
-mod common;
+use test_support::worlds;
 
 /// A folder for this test, removed when the test ends.
 struct Folder(PathBuf);
@@ -36,8 +34,8 @@ impl Drop for Folder {
     }
 }
 
-/// The interface of an ONNX Runtime that reports `version` and has no functions.
-fn fake(version: &str) -> String {
+/// C code of a library that reports `version` as ONNX Runtime does, and has no other functions.
+fn fake_source(version: &str) -> String {
     format!(
         "static const void* get_api(unsigned v) {{ (void)v; return 0; }}
          static const char* version(void) {{ return {version}; }}
@@ -46,7 +44,8 @@ fn fake(version: &str) -> String {
     )
 }
 
-fn refused(path: &Path, cause: &str) {
+/// Checks that a library is refused, and that the error contains `cause`.
+fn assert_refused(path: &Path, cause: &str) {
     let error = Ort::load(path).expect_err("not an ONNX Runtime to use");
     let text = error.to_string();
     assert_eq!(error.kind(), ErrorKind::RuntimeMissing, "{text}");
@@ -56,25 +55,25 @@ fn refused(path: &Path, cause: &str) {
 }
 
 #[test]
-fn what_is_not_onnx_runtime_1_24_is_refused_and_then_the_right_one_loads() {
+fn other_libraries_are_refused_and_onnx_runtime_1_24_then_loads() {
     let folder = Folder::new("gate");
-    refused(&folder.0.join("nowhere.so"), "cannot be opened");
-    refused(&folder.0, "is not a file");
+    assert_refused(&folder.0.join("nowhere.so"), "cannot be opened");
+    assert_refused(&folder.0, "is not a file");
     let text = folder.0.join("text.so");
     std::fs::write(&text, "not a library").expect("a file");
-    refused(&text, "cannot be loaded as a library");
-    refused(&folder.library("nothing", "int nothing;"), "does not export OrtGetApiBase");
-    refused(&folder.library("null", "const void* OrtGetApiBase(void) { return 0; }"), "OrtGetApiBase is null");
-    refused(&folder.library("mute", &fake("0")), "does not say its version");
-    refused(&folder.library("old", &fake("\"1.17.3\"")), "1.17.3 is older than the 1.24.x");
-    refused(&folder.library("near", &fake("\"1.9.0\"")), "1.9.0 is older than the 1.24.x");
-    refused(&folder.library("new", &fake("\"1.25.0\"")), "1.25.0 is newer than the 1.24.x");
-    refused(&folder.library("next", &fake("\"2.0.0\"")), "2.0.0 is newer than the 1.24.x");
-    refused(&folder.library("odd", &fake("\"nightly\"")), "nightly is other than the 1.24.x");
-    refused(&folder.library("hollow", &fake("\"1.24.4\"")), "does not offer interface version 24");
+    assert_refused(&text, "cannot be loaded as a library");
+    assert_refused(&folder.library("nothing", "int nothing;"), "does not export OrtGetApiBase");
+    assert_refused(&folder.library("null", "const void* OrtGetApiBase(void) { return 0; }"), "OrtGetApiBase is null");
+    assert_refused(&folder.library("mute", &fake_source("0")), "does not say its version");
+    assert_refused(&folder.library("old", &fake_source("\"1.17.3\"")), "1.17.3 is older than the 1.24.x");
+    assert_refused(&folder.library("near", &fake_source("\"1.9.0\"")), "1.9.0 is older than the 1.24.x");
+    assert_refused(&folder.library("new", &fake_source("\"1.25.0\"")), "1.25.0 is newer than the 1.24.x");
+    assert_refused(&folder.library("next", &fake_source("\"2.0.0\"")), "2.0.0 is newer than the 1.24.x");
+    assert_refused(&folder.library("odd", &fake_source("\"nightly\"")), "nightly is other than the 1.24.x");
+    assert_refused(&folder.library("hollow", &fake_source("\"1.24.4\"")), "does not offer interface version 24");
 
     // Refused libraries do not prevent loading the real one; a process can have only one.
-    let ort = common::ort();
+    let ort = worlds::ort();
     assert!(ort.version().starts_with("1.24."), "{ort:?}");
     assert_eq!(Ort::load(ort.path()).expect("the same file again").path(), ort.path());
     let copy = folder.0.join("copy.so");
@@ -82,5 +81,5 @@ fn what_is_not_onnx_runtime_1_24_is_refused_and_then_the_right_one_loads() {
     let error = Ort::load(&copy).expect_err("a second one");
     assert_eq!(error.kind(), ErrorKind::Unsupported, "{error}");
     let named = LibrarySearch { onnxruntime: Some(text), ..LibrarySearch::for_tools() };
-    assert_eq!(Ort::find(&named).expect_err("the path that is named wins").kind(), ErrorKind::Unsupported);
+    assert_eq!(Ort::find(&named).expect_err("the named path has priority").kind(), ErrorKind::Unsupported);
 }

@@ -1,23 +1,21 @@
-//! Rollouts of a small world: repetition, unchanged state, and refusals.
+//! Rollouts of a small world: determinism, ring, cache modes, encoder and decoder, schedules and budgets.
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use cairn::bundle::Precision;
 use cairn::world::{
-    CacheMode, CachePass, ControlInput, Job, OperatingPoint, Part, Rollout, Schedule, TicketState, Worker, World,
+    CacheMode, CachePass, ControlInput, Job, KvPart, OperatingPoint, Rollout, Schedule, TicketState, Worker, World,
     WorldOptions,
 };
 use cairn::{ErrorKind, Picture};
+use test_support::worlds::{self, controls, fingerprint, picture, point, seeded, world};
 
-mod common;
-use common::{controls, fingerprint, picture, point, seeded, world};
-
-/// K and V of every layer's ring, as bytes, and the planner's clocks and flags.
+/// K and V of every layer's ring, in bytes, and the planner's clocks and flags.
 fn ring(rollout: &Rollout) -> (Vec<Vec<u8>>, Vec<u8>) {
     let layers = rollout.world().manifest().geometry.layers;
     let bytes = (0..layers)
-        .flat_map(|layer| [Part::Keys, Part::Values].map(|part| rollout.ring_bytes(layer, part).expect("a ring")))
+        .flat_map(|layer| [KvPart::Keys, KvPart::Values].map(|part| rollout.ring_bytes(layer, part).expect("a ring")))
         .collect();
     (bytes, rollout.planner().save())
 }
@@ -29,7 +27,7 @@ fn steps(rollout: &mut Rollout, range: std::ops::Range<u64>) {
 }
 
 #[test]
-fn a_worker_runs_queued_steps_in_order_and_cancels_what_waits() {
+fn a_worker_runs_queued_steps_in_order_and_cancels_waiting_ones() {
     let world = world("tiny");
     let mut alone = seeded(&world, &point(&world), 7);
     steps(&mut alone, 0..3);
@@ -38,8 +36,8 @@ fn a_worker_runs_queued_steps_in_order_and_cancels_what_waits() {
     let tickets = [0, 1, 2].map(|i| submit(i).expect("there is room"));
     assert_eq!(submit(3), None, "the queue is full");
     let ended = |ticket| match worker.ticket(ticket, None, false, |_| Ok::<_, cairn::Error>(())).expect("a ticket") {
-        TicketState::Over(result) => result,
-        TicketState::Open => panic!("it was waited for without a limit"),
+        TicketState::Finished(result) => result,
+        TicketState::Pending => panic!("the wait has no timeout"),
     };
     for ticket in tickets {
         assert!(ended(ticket).is_ok());
@@ -75,7 +73,7 @@ fn the_same_seed_and_controls_give_the_same_bits_and_others_do_not() {
 }
 
 #[test]
-fn rollouts_of_one_world_on_threads_of_their_own_do_not_disturb_each_other() {
+fn rollouts_of_one_world_run_independently_on_several_threads() {
     fn send<T: Send>() {}
     fn send_and_sync<T: Send + Sync>() {}
     send::<Rollout>();
@@ -119,7 +117,7 @@ fn a_rollout_may_move_between_threads_midway() {
 }
 
 #[test]
-fn a_frozen_pass_leaves_every_byte_and_flag_of_the_ring() {
+fn a_frozen_pass_changes_no_byte_or_flag_of_the_ring() {
     let world = world("tiny");
     let mut rollout = seeded(&world, &point(&world), 3);
     for i in 0..9 {
@@ -135,9 +133,9 @@ fn a_frozen_pass_leaves_every_byte_and_flag_of_the_ring() {
         rollout.step(&controls(i)).expect("a step");
         assert!(ring(&rollout) != before, "the step itself commits");
     }
-    let mut unlooked = seeded(&world, &point(&world), 3);
-    steps(&mut unlooked, 0..9);
-    assert!(fingerprint(&mut rollout).expect("bits") == fingerprint(&mut unlooked).expect("bits"));
+    let mut unprobed = seeded(&world, &point(&world), 3);
+    steps(&mut unprobed, 0..9);
+    assert!(fingerprint(&mut rollout).expect("bits") == fingerprint(&mut unprobed).expect("bits"));
 }
 
 #[test]
@@ -145,7 +143,7 @@ fn a_commit_writes_its_slot_with_the_slabs_and_nothing_else() {
     let world = world("tiny");
     let geometry = world.manifest().geometry.clone();
     let mut rollout = seeded(&world, &point(&world), 4);
-    // More than one wrap of either ring.
+    // More latents than either ring holds.
     for i in 0..20 {
         let plan = rollout.planner().plan_step(&controls(i)).expect("a plan");
         let (before, _) = ring(&rollout);
@@ -161,28 +159,28 @@ fn a_commit_writes_its_slot_with_the_slabs_and_nothing_else() {
             } else {
                 (plan.local.slot, plan.local.visible.len())
             };
-            let stretch = (geometry.tokens * geometry.head_width * 4) as usize;
+            let slab_len = (geometry.tokens * geometry.head_width * 4) as usize;
             for part in 0..2 {
                 let index = (2 * layer + part) as usize;
-                let pairs = before[index].chunks_exact(stretch).zip(after[index].chunks_exact(stretch));
+                let pairs = before[index].chunks_exact(slab_len).zip(after[index].chunks_exact(slab_len));
                 for (n, (old, new)) in pairs.enumerate() {
                     if Some(n % buckets) == slot {
                         assert!(old != new, "latent {i}, layer {layer}: slot {slot:?} is written");
-                        changed += stretch as u64;
+                        changed += slab_len as u64;
                     } else {
-                        assert!(old == new, "latent {i}, layer {layer}: stretch {n} is left alone");
+                        assert!(old == new, "latent {i}, layer {layer}: slab {n} is unchanged");
                     }
                 }
             }
         }
         assert!(latent.iter().all(|v| v.is_finite()));
-        assert_eq!(info.ring_bytes, changed, "the bytes that are counted are the bytes that changed");
+        assert_eq!(info.ring_bytes, changed, "exactly the changed bytes are counted");
         assert_eq!(info.ring_bytes, world.slab_bytes(plan.global.slot.is_some()));
     }
 }
 
 #[test]
-fn the_cache_modes_commit_what_they_say() {
+fn each_cache_mode_commits_its_latents() {
     let world = world("tiny");
     let run = |cache_mode, count| {
         let mut rollout = seeded(&world, &OperatingPoint { cache_mode, ..point(&world) }, 5);
@@ -196,7 +194,7 @@ fn the_cache_modes_commit_what_they_say() {
     let (all, fused) = run(CacheMode::Fused, 4);
     assert_eq!(all, [true; 4]);
     assert_eq!(fused.statistics().stages.cache.count, 1, "only the seed has a cache pass");
-    assert!(ring(&fused).0 != ring(&separate).0, "K and V of a noisy latent are others");
+    assert!(ring(&fused).0 != ring(&separate).0, "K and V of a noisy latent differ");
     let (some, every_third) = run(CacheMode::Interval(3), 7);
     assert_eq!(some, [false, false, true, false, false, true, false]);
     assert_eq!((every_third.planner().latents(), every_third.planner().ring_clock()), (8, 3));
@@ -233,12 +231,12 @@ fn fused_commits_the_slabs_of_the_last_denoise_pass() {
     let before_last = shorter.latent().expect("a latent").to_vec();
     let probe = seeded(&world, &point(&world), 6).probe(&plan, sigma, &before_last).expect("a pass");
     let x = before_last.iter().zip(&probe.velocity).map(|(x, v)| x + dsigma * v);
-    let furthest = x.zip(fused.latent().expect("a latent")).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    assert!(furthest < 1e-4, "the last pass is the one that was probed: {furthest}");
+    let largest_difference = x.zip(fused.latent().expect("a latent")).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(largest_difference < 1e-4, "the last pass equals the probed one: {largest_difference}");
     let slot = plan.local.slot.expect("local layers take every latent");
-    let stretch = (world.manifest().geometry.tokens * world.manifest().geometry.head_width) as usize;
+    let slab_len = (world.manifest().geometry.tokens * world.manifest().geometry.head_width) as usize;
     let ring: Vec<f32> = fused
-        .ring_bytes(0, Part::Keys)
+        .ring_bytes(0, KvPart::Keys)
         .expect("a ring")
         .as_chunks::<4>()
         .0
@@ -246,8 +244,8 @@ fn fused_commits_the_slabs_of_the_last_denoise_pass() {
         .map(|b| f32::from_le_bytes(*b))
         .collect();
     let buckets = plan.local.visible.len();
-    for (head, keys) in probe.keys[0].chunks_exact(stretch).enumerate() {
-        assert_eq!(keys, &ring[(head * buckets + slot) * stretch..][..stretch], "head {head}");
+    for (head, keys) in probe.keys[0].chunks_exact(slab_len).enumerate() {
+        assert_eq!(keys, &ring[(head * buckets + slot) * slab_len..][..slab_len], "head {head}");
     }
 }
 
@@ -273,7 +271,7 @@ fn a_picture_may_be_appended_at_any_time_and_is_committed_in_every_mode() {
 }
 
 #[test]
-fn four_pictures_are_one_latent_and_one_is_a_still() {
+fn four_pictures_make_one_latent_and_a_single_one_is_repeated() {
     let world = world("tiny");
     let [first, second] = [1, 2].map(|seed| picture(64, 40, seed));
     let latent_of = |pictures: &[&Picture]| {
@@ -283,7 +281,7 @@ fn four_pictures_are_one_latent_and_one_is_a_still() {
         (rollout.latent().expect("a latent").to_vec(), fingerprint(&mut rollout).expect("bits"))
     };
     let still = latent_of(&[&first]);
-    assert!(still == latent_of(&[&first; 4]), "a still is one picture four times");
+    assert!(still == latent_of(&[&first; 4]), "a single picture is repeated four times");
     let moving = latent_of(&[&first, &first, &second, &second]);
     assert!(moving.0 != still.0 && moving.0 != latent_of(&[&second]).0);
     assert!(moving.0 != latent_of(&[&second, &second, &first, &first]).0, "their order counts");
@@ -296,7 +294,7 @@ fn four_pictures_are_one_latent_and_one_is_a_still() {
 }
 
 #[test]
-fn the_encoder_s_stream_goes_on_where_it_is_kept_and_nowhere_else() {
+fn the_encoder_stream_continues_only_if_it_is_kept() {
     let world = world("stream");
     let pictures = [1, 2, 3].map(|seed| picture(64, 40, seed));
     let start = || Rollout::new(&world, &point(&world), 9).expect("a rollout");
@@ -317,7 +315,7 @@ fn the_encoder_s_stream_goes_on_where_it_is_kept_and_nowhere_else() {
     let (fresh, kept) = (latents(start()), latents(streaming()));
     assert_eq!(fresh[0], kept[0], "both start at zero");
     assert!(fresh[1] != kept[1] && fresh[2] != kept[2]);
-    assert_eq!(fresh[2], appended(&mut start(), 2), "a picture of its own depends on none before it");
+    assert_eq!(fresh[2], appended(&mut start(), 2), "without a stream a picture does not depend on earlier ones");
 
     // The encoder stream is part of a saved state, and a failed append leaves it unchanged.
     let mut rollout = streaming();
@@ -344,28 +342,28 @@ fn the_encoder_s_stream_goes_on_where_it_is_kept_and_nowhere_else() {
 
     // Moving to another window keeps the stream.
     let options = WorldOptions { global_window: Some(8), precision: Some(Precision::F32), ..Default::default() };
-    let narrow = World::load(&common::device(), &common::bundle("stream"), options).expect("a world");
+    let narrow = World::load(&worlds::device(), &worlds::bundle("stream"), options).expect("a world");
     let mut moved = streaming();
     appended(&mut moved, 0);
     moved.move_to(&narrow).expect("a narrower world");
     assert_eq!(appended(&mut moved, 1), kept[1]);
 
-    let without = Rollout::new(&common::world("tiny"), &point(&world), 1).expect("a rollout").keep_encoder_stream(true);
+    let without = Rollout::new(&worlds::world("tiny"), &point(&world), 1).expect("a rollout").keep_encoder_stream(true);
     assert_eq!(without.expect_err("its encoder has none").kind(), ErrorKind::Unsupported);
 }
 
 #[test]
 fn every_window_that_divides_by_the_dilation_runs_and_a_wider_one_remembers_more() {
-    let (device, bundle) = (common::device(), common::bundle("tiny"));
+    let (device, bundle) = (worlds::device(), worlds::bundle("tiny"));
     let load = |g| World::load(&device, &bundle, WorldOptions { global_window: Some(g), ..Default::default() });
-    // The latents, by age, that affect the next one through the global layers: each slot of the ring is masked in turn.
+    // Ages of the latents that affect the next one through the global layers: each slot of the ring is masked in turn.
     let remembered = |g: u32| -> Vec<u64> {
         let world = load(g).expect("a world");
         let geometry = &world.manifest().geometry;
         let (dilation, buckets) = (u64::from(geometry.global.dilation), u64::from(g / geometry.global.dilation));
         let one_pass = OperatingPoint { schedule: Schedule::Explicit(vec![1.0, 0.0]), ..point(&world) };
         let mut rollout = seeded(&world, &one_pass, 2);
-        // More than the widest window holds, and not on a write step of the global layers.
+        // More latents than the widest window holds, and not at a write step of the global layers.
         steps(&mut rollout, 0..u64::from(WIDEST) + dilation / 2);
         let plan = rollout.planner().plan_step(&controls(77)).expect("a plan");
         let mut noise = vec![0.0; world.latent_len()];
@@ -377,8 +375,12 @@ fn every_window_that_divides_by_the_dilation_runs_and_a_wider_one_remembers_more
             let slot = &mut less.global.visible[((newest - age) % buckets) as usize];
             let was_visible = std::mem::replace(slot, false);
             let without = rollout.probe(&less, 1.0, &noise).expect("a pass").velocity;
-            let furthest = without.iter().zip(&all).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            assert_eq!(was_visible, furthest > 1e-6, "g{g}, bucket {age} before the newest: {furthest}");
+            let largest_difference = without.iter().zip(&all).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            assert_eq!(
+                was_visible,
+                largest_difference > 1e-6,
+                "g{g}, bucket {age} before the newest: {largest_difference}"
+            );
             was_visible
         };
         (0..buckets).filter(changes).map(|age| age * dilation).collect()
@@ -396,7 +398,7 @@ fn every_window_that_divides_by_the_dilation_runs_and_a_wider_one_remembers_more
 const WIDEST: u32 = 64;
 
 #[test]
-fn one_two_or_four_pictures_of_a_latent_are_the_last_the_second_and_last_or_all() {
+fn one_two_or_four_pictures_of_a_latent_can_be_read() {
     let world = world("tiny");
     let read = |pictures_per_latent| {
         let mut rollout = seeded(&world, &OperatingPoint { pictures_per_latent, ..point(&world) }, 5);
@@ -410,7 +412,7 @@ fn one_two_or_four_pictures_of_a_latent_are_the_last_the_second_and_last_or_all(
             })
             .collect();
         let error =
-            rollout.read_picture(pictures_per_latent, &mut Picture::new(1, 1).unwrap()).expect_err("one too far");
+            rollout.read_picture(pictures_per_latent, &mut Picture::new(1, 1).unwrap()).expect_err("no such picture");
         assert_eq!(error.kind(), ErrorKind::InvalidArgument);
         pictures
     };
@@ -421,7 +423,7 @@ fn one_two_or_four_pictures_of_a_latent_are_the_last_the_second_and_last_or_all(
 }
 
 #[test]
-fn the_first_decode_after_a_reset_is_primed_and_no_other() {
+fn only_the_first_decode_after_a_reset_is_primed() {
     let world = world("tiny");
     let mut rollout = seeded(&world, &point(&world), 5);
     assert_eq!(rollout.statistics().stages.decode.count, 4);
@@ -445,7 +447,7 @@ fn the_first_decode_after_a_reset_is_primed_and_no_other() {
 }
 
 #[test]
-fn schedules_of_any_length_end_in_the_same_buffer() {
+fn schedules_of_any_length_give_the_euler_steps_result() {
     let world = world("tiny");
     for points in [vec![1.0, 0.0], vec![1.0, 0.5, 0.0], vec![1.0, 0.9, 0.5, 0.0]] {
         let passes = points.len() as u64 - 1;
@@ -468,8 +470,8 @@ fn schedules_of_any_length_end_in_the_same_buffer() {
 }
 
 #[test]
-fn the_halves_of_a_bundle_agree() {
-    let (device, bundle) = (common::device(), common::bundle("tiny"));
+fn single_and_half_precision_agree() {
+    let (device, bundle) = (worlds::device(), worlds::bundle("tiny"));
     let load = |precision| {
         World::load(&device, &bundle, WorldOptions { precision: Some(precision), ..Default::default() })
             .expect("a world")
@@ -485,19 +487,19 @@ fn the_halves_of_a_bundle_agree() {
     let plan = a.planner().plan_step(&controls(1)).expect("a plan");
     let (v, w) = (a.probe(&plan, 0.9, &latent).expect("a pass"), b.probe(&plan, 0.9, &latent).expect("a pass"));
     assert!(distance(&v.velocity, &w.velocity) < 1e-2, "{}", distance(&v.velocity, &w.velocity));
-    assert_eq!(b.ring_bytes(0, Part::Keys).unwrap().len() * 2, a.ring_bytes(0, Part::Keys).unwrap().len());
+    assert_eq!(b.ring_bytes(0, KvPart::Keys).unwrap().len() * 2, a.ring_bytes(0, KvPart::Keys).unwrap().len());
     b.step(&controls(1)).expect("a step");
 }
 
 #[test]
-fn noise_levels_change_between_latents_and_go_into_a_state() {
+fn noise_levels_may_change_between_latents_and_are_saved() {
     let world = world("tiny");
     let few = Schedule::Explicit(vec![1.0, 0.5, 0.0]);
     let mut rollout = seeded(&world, &point(&world), 7);
     steps(&mut rollout, 0..2);
     rollout.set_schedule(&few).expect("a schedule");
-    let made = rollout.step(&controls(2)).expect("a step");
-    assert_eq!(made.stages.denoise.count, 2);
+    let info = rollout.step(&controls(2)).expect("a step");
+    assert_eq!(info.stages.denoise.count, 2);
     assert_eq!(rollout.operating_point().schedule, few);
     let state = rollout.save().expect("a state");
     steps(&mut rollout, 3..5);
@@ -513,7 +515,7 @@ fn noise_levels_change_between_latents_and_go_into_a_state() {
 }
 
 #[test]
-fn latents_are_held_to_a_budget() {
+fn a_time_budget_reduces_the_number_of_passes() {
     const HOUR: Duration = Duration::from_secs(3600);
     let world = world("tiny");
     let schedules = [Schedule::Stock, Schedule::Explicit(vec![1.0, 0.5, 0.0]), Schedule::Explicit(vec![1.0, 0.0])];
@@ -523,9 +525,9 @@ fn latents_are_held_to_a_budget() {
         (0..count).map(one).collect()
     };
     rollout.set_budget(HOUR, &schedules).expect("a budget");
-    assert_eq!(passes(&mut rollout, 7), [4; 7], "there is time enough");
+    assert_eq!(passes(&mut rollout, 7), [4; 7], "the budget is large");
     rollout.set_budget(Duration::from_nanos(1), &schedules).expect("a budget");
-    assert_eq!(passes(&mut rollout, 6), [4, 4, 4, 1, 1, 1], "there is none");
+    assert_eq!(passes(&mut rollout, 6), [4, 4, 4, 1, 1, 1], "the budget is too small");
     assert_eq!(rollout.operating_point().schedule, schedules[2]);
     // The budget ends at the current setting, and on restoring another state.
     rollout.set_budget(HOUR, &[]).expect("no budget");

@@ -1,4 +1,4 @@
-//! A rollout whose window changes, under budgets of time and of memory.
+//! Rollouts whose window changes, and budgets of time and memory.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -7,9 +7,7 @@ use cairn::ErrorKind;
 use cairn::bundle::Precision;
 use cairn::runtime::Device;
 use cairn::world::{Budget, GovernorStatistics, Rollout, Schedule, World, WorldOptions};
-
-mod common;
-use common::{bundle, controls, device, fingerprint, point, seeded};
+use test_support::worlds::{bundle, controls, device, fingerprint, point, seeded};
 
 const HOUR: Duration = Duration::from_secs(3600);
 /// The test world's dilation, and the windows that it is loaded with.
@@ -39,7 +37,7 @@ fn steps(rollout: &mut Rollout, count: u64) {
 }
 
 /// The largest difference of two latents.
-fn apart(a: &[f32], b: &[f32]) -> f32 {
+fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
@@ -72,28 +70,28 @@ fn a_narrower_window_sees_the_newest_latents_and_a_wider_one_forgets_none() {
         for (slot, sees) in plan.global.visible.iter_mut().enumerate() {
             *sees &= visible.contains(&slot);
         }
-        assert!(plan.global.visible != all, "the wide one sees more");
+        assert!(plan.global.visible != all, "the wide window sees more");
         whole.execute(&plan).expect("a step");
         moved.step(&controls(77)).expect("a step");
-        let difference = apart(moved.latent().expect("a latent"), whole.latent().expect("a latent"));
+        let difference = largest_difference(moved.latent().expect("a latent"), whole.latent().expect("a latent"));
         assert!(difference < 1e-4, "{difference} after {latents} latents");
         // The result differs from that of the wide world without the mask.
         whole.restore(&state).expect("a state");
         whole.step(&controls(77)).expect("a step");
-        let difference = apart(moved.latent().expect("a latent"), whole.latent().expect("a latent"));
+        let difference = largest_difference(moved.latent().expect("a latent"), whole.latent().expect("a latent"));
         assert!(difference > 1e-3, "{difference} after {latents} latents");
     }
 }
 
 #[test]
-fn there_and_back_is_as_if_it_had_stayed() {
+fn moving_to_another_window_and_back_changes_nothing() {
     let [wide, narrow] = worlds();
     let mut rollout = seeded(&narrow, &point(&narrow), 4);
     steps(&mut rollout, 21);
     let before = (fingerprint(&mut rollout).expect("bits"), rollout.statistics());
     rollout.move_to(&wide).expect("a wider world");
     assert_eq!(rollout.statistics().latents, before.1.latents);
-    assert!(rollout.statistics().bytes.copied >= before.1.bytes.copied, "it goes on counting");
+    assert!(rollout.statistics().bytes.copied >= before.1.bytes.copied, "counting continues");
     rollout.move_to(&narrow).expect("the first world");
     assert!(fingerprint(&mut rollout).expect("bits") == before.0);
     // A stop flag from before the move still works.
@@ -112,8 +110,8 @@ fn schedules() -> Vec<Schedule> {
     vec![Schedule::Stock, Schedule::Explicit(vec![1.0, 0.5, 0.0]), Schedule::Explicit(vec![1.0, 0.0])]
 }
 
-/// Numbers of passes of the next latents, and the window of each.
-fn made(rollout: &mut Rollout, count: u64) -> Vec<(u64, u32)> {
+/// Makes `count` latents; returns the number of passes and the window of each.
+fn passes_and_windows(rollout: &mut Rollout, count: u64) -> Vec<(u64, u32)> {
     let mut one = |i| {
         let passes = rollout.step(&controls(i)).expect("a step").stages.denoise.count;
         (passes, rollout.world().global_window())
@@ -122,25 +120,25 @@ fn made(rollout: &mut Rollout, count: u64) -> Vec<(u64, u32)> {
 }
 
 #[test]
-fn passes_and_the_window_are_given_up_for_time() {
+fn a_time_budget_reduces_passes_and_the_window() {
     let [wide, narrow] = worlds();
     let mut rollout = seeded(&wide, &point(&wide), 7);
     let budget = |frame| Budget { frame: Some(frame), multiplier: 4, schedules: schedules(), ..Budget::default() };
     let governor = rollout.govern(&budget(HOUR), std::slice::from_ref(&narrow)).expect("a budget");
-    assert_eq!(made(&mut rollout, 7), [(4, WIDE); 7], "there is time enough");
+    assert_eq!(passes_and_windows(&mut rollout, 7), [(4, WIDE); 7], "the budget is large");
     let done = governor.statistics();
     assert!(done.frame > Duration::ZERO);
-    let expected = GovernorStatistics { frame: done.frame, latents: 7, passes: 4, window: WIDE, made: 4, ..done };
-    assert_eq!((done, done.less + done.more + done.beyond), (expected, 0));
+    let expected = GovernorStatistics { frame: done.frame, latents: 7, passes: 4, window: WIDE, generated: 4, ..done };
+    assert_eq!((done, done.reductions + done.increases + done.over_budget), (expected, 0));
 
     let governor = rollout.govern(&budget(Duration::from_nanos(1)), std::slice::from_ref(&narrow)).expect("a budget");
-    let latents = made(&mut rollout, 8);
-    assert_eq!(latents, [[(4, WIDE); 3].as_slice(), &[(1, NARROW); 5]].concat(), "there is none");
+    let latents = passes_and_windows(&mut rollout, 8);
+    assert_eq!(latents, [[(4, WIDE); 3].as_slice(), &[(1, NARROW); 5]].concat(), "the budget is too small");
     let done = governor.statistics();
-    assert_eq!((done.less, done.more, done.passes, done.window, done.made), (1, 0, 1, NARROW, 4));
+    assert_eq!((done.reductions, done.increases, done.passes, done.window, done.generated), (1, 0, 1, NARROW, 4));
     assert_eq!(rollout.operating_point().schedule, schedules()[2]);
-    assert!(made(&mut rollout, 6).iter().all(|one| *one == (1, NARROW)));
-    assert!(governor.statistics().beyond > 0, "nothing is left to give up");
+    assert!(passes_and_windows(&mut rollout, 6).iter().all(|one| *one == (1, NARROW)));
+    assert!(governor.statistics().over_budget > 0, "nothing can be reduced further");
 
     // A state belongs to its window: restoring it ends the budget, as do another budget and the governor's end.
     let state = rollout.save().expect("a state");
@@ -156,7 +154,7 @@ fn passes_and_the_window_are_given_up_for_time() {
 }
 
 #[test]
-fn a_device_s_own_clock_says_what_latents_take() {
+fn latent_times_come_from_the_devices_clock() {
     let [wide, narrow] = worlds();
     let mut rollout = seeded(&wide, &point(&wide), 7);
     let budget = |frame| Budget { frame: Some(frame), multiplier: 1, schedules: schedules(), ..Budget::default() };
@@ -170,24 +168,31 @@ fn a_device_s_own_clock_says_what_latents_take() {
     let spent = |_: &mut Rollout| None::<Duration>;
     let governor = rollout.govern(&budget(HOUR), std::slice::from_ref(&narrow)).expect("a budget");
     let (start, before) = (Instant::now(), spent(&mut rollout));
-    assert_eq!(made(&mut rollout, 3), [(4, WIDE); 3]);
+    assert_eq!(passes_and_windows(&mut rollout, 3), [(4, WIDE); 3]);
     let (wall, spent) = (start.elapsed(), spent(&mut rollout).zip(before).map(|(now, before)| now - before));
     // The mean of the three.
-    let told = governor.statistics().frame * 3;
-    println!("{told:?} told, {spent:?} on the device, {wall:?} in all");
+    let reported = governor.statistics().frame * 3;
+    println!("{reported:?} reported, {spent:?} on the device, {wall:?} in all");
     match spent {
         // The end of the last latent's work may be known a little later.
         Some(spent) => {
-            assert!(told <= spent && told >= spent / 2 && spent <= wall, "{told:?} of {spent:?} in {wall:?}")
+            assert!(
+                reported <= spent && reported >= spent / 2 && spent <= wall,
+                "{reported:?} of {spent:?} in {wall:?}"
+            )
         }
-        None => assert!(told > Duration::ZERO && told <= wall, "{told:?} in {wall:?}"),
+        None => assert!(reported > Duration::ZERO && reported <= wall, "{reported:?} in {wall:?}"),
     }
     // It moves to the other window and back.
     let narrower = rollout.govern(&budget(Duration::from_nanos(1)), std::slice::from_ref(&narrow)).expect("a budget");
-    assert_eq!(made(&mut rollout, 4), [(4, WIDE), (4, WIDE), (4, WIDE), (1, NARROW)], "there is no time at all");
-    assert_eq!((narrower.statistics().less, narrower.statistics().window), (1, NARROW));
+    assert_eq!(
+        passes_and_windows(&mut rollout, 4),
+        [(4, WIDE), (4, WIDE), (4, WIDE), (1, NARROW)],
+        "the budget is too small"
+    );
+    assert_eq!((narrower.statistics().reductions, narrower.statistics().window), (1, NARROW));
     rollout.govern(&budget(HOUR), std::slice::from_ref(&wide)).expect("a budget");
-    assert_eq!(made(&mut rollout, 1), [(4, WIDE)], "there is time enough");
+    assert_eq!(passes_and_windows(&mut rollout, 1), [(4, WIDE)], "the budget is large");
 }
 
 #[test]
@@ -198,7 +203,7 @@ fn the_widest_window_that_the_memory_allows_is_used() {
     let budget = |memory| Budget { memory: Some(memory), multiplier: 1, ..Budget::default() };
     for (memory, expected) in [(need(&wide), WIDE), (need(&wide) - 1, NARROW), (need(&narrow), NARROW)] {
         let governor = rollout.govern(&budget(memory), &[wide.clone(), narrow.clone()]).expect("a budget");
-        assert_eq!(made(&mut rollout, 5), [(4, expected); 5], "{memory} bytes");
+        assert_eq!(passes_and_windows(&mut rollout, 5), [(4, expected); 5], "{memory} bytes");
         assert_eq!(governor.statistics().window, expected);
     }
     let refused = rollout.govern(&budget(need(&narrow) - 1), &[]).expect_err("too little for any");
@@ -208,7 +213,7 @@ fn the_widest_window_that_the_memory_allows_is_used() {
 }
 
 #[test]
-fn what_is_no_budget_is_refused() {
+fn invalid_budgets_are_refused() {
     let device = device();
     let wide = world_on(&device, WIDE);
     let mut rollout = seeded(&wide, &point(&wide), 7);

@@ -3,12 +3,10 @@
 use cairn::runtime::{CpuOptions, Device};
 use cairn::world::{ControlInput, KeySet, OperatingPoint, Rollout, World, WorldOptions};
 use cairn::{Error, ErrorKind, Picture};
-
-mod common;
-use common::{controls, fingerprint, picture, point, seeded, world};
+use test_support::worlds::{self, controls, fingerprint, picture, point, seeded, world};
 
 /// Runs a call that must fail, and checks that the rollout is unchanged.
-fn fails(rollout: &mut Rollout, what: impl FnOnce(&mut Rollout) -> Result<(), Error>) -> Error {
+fn expect_failure(rollout: &mut Rollout, what: impl FnOnce(&mut Rollout) -> Result<(), Error>) -> Error {
     let before = fingerprint(rollout).expect("bits");
     let error = what(rollout).expect_err("a failure");
     assert!(fingerprint(rollout).expect("bits") == before, "changed by: {error}");
@@ -16,13 +14,13 @@ fn fails(rollout: &mut Rollout, what: impl FnOnce(&mut Rollout) -> Result<(), Er
 }
 
 #[test]
-fn what_comes_out_infinite_is_a_device_error_that_names_the_latent_and_leaves_no_trace() {
+fn infinite_results_are_a_device_error_that_names_the_latent() {
     let world = world("tiny");
     let mut rollout = seeded(&world, &point(&world), 1);
     for i in 0..3 {
         rollout.step(&controls(i)).expect("a step");
     }
-    let error = fails(&mut rollout, |r| {
+    let error = expect_failure(&mut rollout, |r| {
         let mut plan = r.planner().plan_step(&controls(3))?;
         plan.dsigmas.fill(f32::MAX);
         r.execute(&plan).map(drop)
@@ -41,7 +39,7 @@ fn what_comes_out_infinite_is_a_device_error_that_names_the_latent_and_leaves_no
 }
 
 #[test]
-fn a_first_step_that_fails_leaves_a_new_rollout() {
+fn a_failed_first_step_leaves_a_new_rollout_unchanged() {
     let world = world("tiny");
     let mut rollout = Rollout::new(&world, &point(&world), 1).expect("a rollout");
     let before = rollout.save().expect("a state");
@@ -63,19 +61,19 @@ fn numbers_that_are_not_finite_are_refused_by_name() {
             ControlInput::new([bad, 0.0], KeySet::NONE, 0.0).expect_err("NaN").kind(),
             ErrorKind::InvalidArgument
         );
-        let error = fails(&mut rollout, |r| {
+        let error = expect_failure(&mut rollout, |r| {
             let mut plan = r.planner().plan_step(&controls(0))?;
             plan.controls[3] = bad;
             r.execute(&plan).map(drop)
         });
         assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidArgument, Some("plan.controls")));
-        let error = fails(&mut rollout, |r| {
+        let error = expect_failure(&mut rollout, |r| {
             let mut latent = vec![0.0; r.world().latent_len()];
             latent[5] = bad;
             r.append_latent(&latent).map(drop)
         });
         assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidArgument, Some("latent")));
-        let error = fails(&mut rollout, |r| {
+        let error = expect_failure(&mut rollout, |r| {
             let plan = r.planner().plan_step(&controls(0))?;
             r.probe(&plan, bad, &vec![0.0; r.world().latent_len()]).map(drop)
         });
@@ -89,7 +87,7 @@ fn sizes_that_do_not_fit_are_refused() {
     let mut rollout = seeded(&world, &point(&world), 1);
     for size in [0, 65_536] {
         assert_eq!(Picture::new(size, 8).expect_err("a size").kind(), ErrorKind::InvalidArgument);
-        let error = fails(&mut rollout, |r| r.append_latent(&vec![0.0; size as usize]).map(drop));
+        let error = expect_failure(&mut rollout, |r| r.append_latent(&vec![0.0; size as usize]).map(drop));
         assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidArgument, Some("latent")));
     }
     for (width, height) in [(1, 1), (1, 997), (2048, 3)] {
@@ -108,7 +106,7 @@ fn sizes_that_do_not_fit_are_refused() {
         ("plan.latent", |p| p.latent += 1),
         ("plan.noise", |p| p.noise = None),
     ] {
-        let error = fails(&mut rollout, |r| {
+        let error = expect_failure(&mut rollout, |r| {
             let mut plan = r.planner().plan_step(&controls(0))?;
             change(&mut plan);
             r.execute(&plan).map(drop)
@@ -125,22 +123,22 @@ fn an_operating_point_of_another_window_is_refused() {
 }
 
 #[test]
-fn what_does_not_fit_memory_is_refused_with_figures_before_it_is_made() {
-    let (device, bundle) = (common::device(), common::bundle("tiny"));
+fn worlds_larger_than_memory_are_refused_with_sizes_before_loading() {
+    let (device, bundle) = (worlds::device(), worlds::bundle("tiny"));
     let need = bundle.memory_need(cairn::bundle::Precision::F32, 64).expect("figures");
     let load = |limit| {
         let options = WorldOptions { global_window: Some(64), memory_limit: Some(limit), ..Default::default() };
         World::load(&device, &bundle, options)
     };
-    let error = load(need.total - 1).expect_err("one byte short");
+    let error = load(need.total - 1).expect_err("one byte too few");
     assert_eq!(error.kind(), ErrorKind::OutOfMemory);
     assert!(error.to_string().matches("MiB").count() == 2 && error.to_string().contains("ring"), "{error}");
     assert_eq!(load(need.total).expect("it fits").memory_need(), &need);
 }
 
 #[test]
-fn a_window_is_narrowed_to_the_memory_that_there_is_where_that_is_asked_for() {
-    let (device, bundle) = (common::device(), common::bundle("tiny"));
+fn a_window_is_narrowed_to_the_available_memory_on_request() {
+    let (device, bundle) = (worlds::device(), worlds::bundle("tiny"));
     let precision = cairn::bundle::Precision::F32;
     let need = |g| bundle.memory_need(precision, g).expect("figures").total;
     let load = |limit| {
@@ -150,15 +148,15 @@ fn a_window_is_narrowed_to_the_memory_that_there_is_where_that_is_asked_for() {
     assert_eq!(load(need(64)).expect("all of it").global_window(), 64);
     let narrow = load(need(32)).expect("half of it");
     assert_eq!((narrow.global_window(), narrow.memory_need().total), (32, need(32)));
-    let mut rollout = common::seeded(&narrow, &common::point(&narrow), 7);
-    rollout.step(&common::controls(0)).expect("a step");
+    let mut rollout = worlds::seeded(&narrow, &worlds::point(&narrow), 7);
+    rollout.step(&worlds::controls(0)).expect("a step");
     // Not even the narrowest window fits: the error names the requested one.
     assert_eq!(load(1).expect_err("nothing").kind(), ErrorKind::OutOfMemory);
 }
 
 #[test]
 fn a_thread_count_out_of_range_is_refused() {
-    let ort = common::ort();
+    let ort = worlds::ort();
     for threads in [0, 1025] {
         let error =
             Device::cpu(&ort, CpuOptions { threads: Some(threads), ..Default::default() }).expect_err("threads");

@@ -1,4 +1,4 @@
-//! Saved states: they continue bit for bit, here and in another process, and anything else is refused.
+//! Saved states continue bit for bit, also in another process. Damaged states, and states of other worlds, are refused.
 
 use std::process::Command;
 
@@ -6,9 +6,7 @@ use cairn::ErrorKind;
 use cairn::bundle::Precision;
 use cairn::world::{OperatingPoint, Rollout, World, WorldOptions};
 use sha2::{Digest, Sha256};
-
-mod common;
-use common::{controls, fingerprint, picture, point, seeded, world};
+use test_support::worlds::{self, controls, fingerprint, picture, point, seeded, world};
 
 /// Number of latents: both rings wrap, unless `CAIRN_TEST_SHORT` asks for a few.
 fn latents() -> u64 {
@@ -20,7 +18,7 @@ fn is_short() -> bool {
     std::env::var_os("CAIRN_TEST_SHORT").is_some()
 }
 
-/// The rest of the run from latent `from` on, as bits.
+/// The bits of the rest of the run, from latent `from` on.
 fn rest(rollout: &mut Rollout, from: u64) -> Vec<u8> {
     let mut bits = fingerprint(rollout).expect("bits");
     for i in from..latents() {
@@ -50,7 +48,7 @@ fn a_restored_rollout_continues_bit_for_bit() {
     for (from, state) in states {
         other.append(&picture(9, 9, 2)).expect("an append");
         other.restore(&state).expect("a state");
-        assert!(other.save().expect("a state") == state, "what was restored is what was saved");
+        assert!(other.save().expect("a state") == state, "the restored rollout saves the same state");
         for i in from..latents() {
             other.step(&controls(i)).expect("a step");
         }
@@ -59,7 +57,7 @@ fn a_restored_rollout_continues_bit_for_bit() {
 }
 
 #[test]
-fn a_state_before_the_first_latent_is_a_state() {
+fn a_state_can_be_saved_before_the_first_latent() {
     let world = world("tiny");
     let state = Rollout::new(&world, &point(&world), 11).expect("a rollout").save().expect("a state");
     let mut other = seeded(&world, &point(&world), 12);
@@ -99,7 +97,7 @@ fn a_state_continues_bit_for_bit_in_another_process() {
 }
 
 /// `state` with a correct checksum.
-fn sealed(mut state: Vec<u8>) -> Vec<u8> {
+fn with_checksum(mut state: Vec<u8>) -> Vec<u8> {
     let body = state.len() - 32;
     let checksum = Sha256::digest(&state[..body]);
     state[body..].copy_from_slice(&checksum);
@@ -107,7 +105,7 @@ fn sealed(mut state: Vec<u8>) -> Vec<u8> {
 }
 
 #[test]
-fn damaged_states_are_refused_and_leave_the_rollout_alone() {
+fn damaged_states_are_refused_and_leave_the_rollout_unchanged() {
     let world = world("tiny");
     let mut rollout = seeded(&world, &point(&world), 1);
     rollout.step(&controls(0)).expect("a step");
@@ -133,19 +131,19 @@ fn damaged_states_are_refused_and_leave_the_rollout_alone() {
     // With a correct checksum, the contents are checked.
     let mut newer = state.clone();
     newer[8] = 2;
-    assert_eq!(refused(&sealed(newer), "a newer version").kind(), ErrorKind::Unsupported);
+    assert_eq!(refused(&with_checksum(newer), "a newer version").kind(), ErrorKind::Unsupported);
     for len in [u32::MAX, state.len() as u32, 0, 1] {
         let mut wrong = state.clone();
         wrong[12..16].copy_from_slice(&len.to_le_bytes());
-        refused(&sealed(wrong), "a wrong length");
+        refused(&with_checksum(wrong), "a wrong length");
     }
     let middle = (state.len() / 2) & !3;
     let mut poisoned = state.clone();
     // Eight bytes cover a whole number at any alignment.
     poisoned[middle..middle + 8].fill(0xff);
-    assert!(refused(&sealed(poisoned), "a NaN").to_string().contains("not finite"));
-    refused(&sealed(state[..state.len() - 4].to_vec()), "four bytes less");
-    refused(&sealed([&state[..], &[0; 4]].concat()), "four bytes more");
+    assert!(refused(&with_checksum(poisoned), "a NaN").to_string().contains("not finite"));
+    refused(&with_checksum(state[..state.len() - 4].to_vec()), "four bytes less");
+    refused(&with_checksum([&state[..], &[0; 4]].concat()), "four bytes more");
     // A header that is not JSON, and one with members that this version does not know.
     let head_len = u32::from_le_bytes(state[12..16].try_into().unwrap()) as usize;
     let head = String::from_utf8(state[16..16 + head_len].to_vec()).expect("JSON");
@@ -157,10 +155,10 @@ fn damaged_states_are_refused_and_leave_the_rollout_alone() {
     ] {
         let bytes =
             [&state[..12], &(wrong.len() as u32).to_le_bytes(), wrong.as_bytes(), &state[16 + head_len..]].concat();
-        refused(&sealed(bytes), "a wrong head");
+        refused(&with_checksum(bytes), "a wrong head");
     }
     assert!(fingerprint(&mut rollout).expect("bits") == before);
-    rollout.restore(&state).expect("the state itself is well");
+    rollout.restore(&state).expect("the undamaged state");
 }
 
 #[test]
@@ -169,7 +167,7 @@ fn states_of_another_world_are_refused() {
     let mut rollout = seeded(&tiny, &point(&tiny), 1);
     let before = fingerprint(&mut rollout).expect("bits");
     let window = world("window");
-    let (device, bundle) = (common::device(), common::bundle("tiny"));
+    let (device, bundle) = (worlds::device(), worlds::bundle("tiny"));
     let load = |options| World::load(&device, &bundle, options).expect("a world");
     // In f32 like the first world, which is not every device's default.
     let wider = load(WorldOptions { global_window: Some(32), precision: Some(Precision::F32), ..Default::default() });

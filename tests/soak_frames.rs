@@ -1,11 +1,12 @@
 //! Many generated frames: the process does not grow after the warm-up.
-#![cfg(target_os = "linux")] // The process's size is read where Linux shows it.
+#![cfg(target_os = "linux")] // The process's size is read from Linux's file system `/proc`.
 
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator};
 use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
 use cairn::{Picture, PictureF16};
 use half::f16;
+use test_support::process::resident_memory;
 
 /// Frames of every kind, until all working memory is allocated.
 const WARM_UP: u64 = 60;
@@ -18,13 +19,6 @@ const SIZE: (u32, u32) = (160, 90);
 /// `cargo xtask test --thorough` asks for 10,000.
 fn frames() -> u64 {
     std::env::var("CAIRN_SOAK_FRAMES").map_or(300, |text| text.parse().expect("CAIRN_SOAK_FRAMES is a number"))
-}
-
-/// Resident memory of this process in bytes.
-fn resident() -> u64 {
-    let text = std::fs::read_to_string("/proc/self/status").expect("the process's status");
-    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("its resident size");
-    line.trim().trim_end_matches("kB").trim().parse::<u64>().expect("a number") * 1024
 }
 
 /// A stream of frames: bytes and half floats, interpolated and extrapolated, at changing phases, with changing motion.
@@ -84,11 +78,11 @@ impl Stream {
 }
 
 #[test]
-fn many_frames_are_flat() {
+fn many_frames_use_constant_memory() {
     let mut stream = Stream::new();
     (0..WARM_UP).for_each(|number| stream.frame(number));
-    let memory = resident();
+    let memory = resident_memory();
     (WARM_UP..WARM_UP + frames()).for_each(|number| stream.frame(number));
-    let grown = resident().saturating_sub(memory);
+    let grown = resident_memory().saturating_sub(memory);
     assert!(grown <= DRIFT, "{grown} bytes in {} frames", frames());
 }

@@ -1,7 +1,4 @@
-//! After the first frame, generating frames allocates nothing, as a counting allocator verifies.
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+//! After the first frame, guidance, frame generation and upscaling allocate nothing.
 
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome};
@@ -9,52 +6,21 @@ use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, latent_flow, 
 use cairn::present::upscale::{Filter, Upscaler};
 use cairn::{Picture, Pixel, Raster};
 use half::f16;
-
-struct Counting;
-
-thread_local! {
-    // Counts this thread only: the harness and ending threads allocate at any time. It needs no initialisation and no destructor, so the
-    // allocator may use it at any time.
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-fn count() {
-    ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-}
-
-// SAFETY: every call goes to the system's allocator unchanged; only a counter is kept beside it.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are the system allocator's.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promises are the system allocator's.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises are the system allocator's.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
+use test_support::allocations::{CountingAllocator, allocations};
 
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 /// Runs `work` on one worker thread, once to warm up, and counts the allocations of the next five times.
 fn allocations_when_warm(mut work: impl FnMut() + Send) -> usize {
     let pool = cairn::tasks::Pool::new(1).expect("a thread");
     pool.install(|| {
         work();
-        let before = ALLOCATIONS.get();
+        let before = allocations();
         for _ in 0..5 {
             work();
         }
-        ALLOCATIONS.get() - before
+        allocations() - before
     })
 }
 
@@ -148,18 +114,18 @@ where
         let picture = |seed: usize| {
             let mut picture = Raster::<P>::new(size.0, size.1).expect("a picture");
             let levels = (0..).map(|i: usize| ((i * i * seed) >> 7) as u8);
-            picture.pixels_mut().iter_mut().zip(levels).for_each(|(place, level)| *place = pixel(level));
+            picture.pixels_mut().iter_mut().zip(levels).for_each(|(to, level)| *to = pixel(level));
             picture
         };
         let (previous, other) = (picture(1), picture(7));
-        let (calm, wild) = (guidance(size, tile, false), guidance(size, tile, true));
+        let (no_motion, moving) = (guidance(size, tile, false), guidance(size, tile, true));
         let (mut out, mut is_first) = (previous.clone(), true);
         let mut generator = CpuGenerator::new();
         let count = allocations_when_warm(|| {
-            let guidance = if std::mem::take(&mut is_first) { &calm } else { &wild };
+            let guidance = if std::mem::take(&mut is_first) { &no_motion } else { &moving };
             let pair = AnchorPair::new(&previous, &previous, guidance).expect("a pair");
             generator.generate(&pair, 0.5, &mut out).expect("a frame");
-            if std::ptr::eq(guidance, &wild) {
+            if std::ptr::eq(guidance, &moving) {
                 let cut = AnchorPair::new(&previous, &other, guidance).expect("a pair");
                 generator.generate(&cut, 0.5, &mut out).expect("a frame");
                 let anchor = Anchor::new(&previous, guidance).expect("an anchor");

@@ -1,64 +1,18 @@
-//! The cost of a latent step besides ONNX Runtime's own work: bytes moved and allocations.
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+//! The cost of a latent step besides ONNX Runtime's own work: transferred bytes and allocations.
 
 use cairn::Picture;
 use cairn::bundle::Precision;
 use cairn::world::{CacheMode, OperatingPoint, World, WorldOptions};
+use test_support::allocations::{CountingAllocator, allocations};
+use test_support::worlds::{self, controls, point, seeded, world};
 
-mod common;
-use common::{controls, point, seeded, world};
-
-/// Counts the allocations of the current thread, since the tests of this program run in parallel. ONNX Runtime has an allocator of
-/// its own.
-struct Counting;
-
+// ONNX Runtime has an allocator of its own.
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-thread_local! {
-    static COUNT: Cell<u64> = const { Cell::new(0) };
-}
-
-fn count() {
-    COUNT.with(|count| count.set(count.get() + 1));
-}
-
-/// Allocations and reallocations of this thread so far.
-fn allocations() -> u64 {
-    COUNT.with(Cell::get)
-}
-
-// SAFETY: hands every call on to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promise is the system allocator's condition.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: as above.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, start: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        // SAFETY: as above.
-        unsafe { System.realloc(start, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, start: *mut u8, layout: Layout) {
-        // SAFETY: as above.
-        unsafe { System.dealloc(start, layout) }
-    }
-}
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 #[test]
 fn a_latent_step_allocates_nothing_once_warm() {
-    let (device, bundle) = (common::device(), common::bundle("tiny"));
+    let (device, bundle) = (worlds::device(), worlds::bundle("tiny"));
     for precision in [Precision::F32, Precision::F16] {
         let options = WorldOptions { precision: Some(precision), ..Default::default() };
         let world = World::load(&device, &bundle, options).expect("a world");
@@ -84,9 +38,9 @@ fn a_latent_step_allocates_nothing_once_warm() {
 }
 
 #[test]
-fn a_latent_step_moves_the_new_slabs_and_its_inputs_and_not_a_byte_more() {
+fn a_latent_step_transfers_only_the_new_slabs_and_its_inputs() {
     for name in ["tiny", "window"] {
-        let (world, bundle) = (world(name), common::bundle(name));
+        let (world, bundle) = (world(name), worlds::bundle(name));
         let g = bundle.geometry().clone();
         let mut rollout = seeded(&world, &point(&world), 1);
         let latent = g.latent_len() as u64 * 4;
@@ -97,7 +51,7 @@ fn a_latent_step_moves_the_new_slabs_and_its_inputs_and_not_a_byte_more() {
         for i in 0..20 {
             let plan = rollout.planner().plan_step(&controls(i)).expect("a plan");
             let info = rollout.step(&controls(i)).expect("a step");
-            assert_eq!(info.bytes.read, 0, "nothing comes down unless asked for");
+            assert_eq!(info.bytes.read, 0, "nothing is read back unless requested");
             assert_eq!(info.bytes.uploaded, latent + rope + masks + controls_bytes + passes * 8);
             assert_eq!(info.bytes.copied, info.ring_bytes + latent + passes * 8);
             let slab = u64::from(g.kv_heads * g.tokens * g.head_width) * 4;

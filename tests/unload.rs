@@ -15,15 +15,10 @@ use cairn::abi::results::{CAIRN_NOT_READY, CAIRN_OK, cairn_result};
 use cairn::abi::threads::{cairn_job, cairn_scheduler, cairn_thread_options};
 #[cfg(feature = "embedded-world")]
 use cairn::abi::world::cairn_world_options;
-
 #[cfg(windows)]
-#[path = "d3d12/engine.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod engine;
+use test_support::d3d12::engine::Engine;
 #[cfg(windows)]
-#[path = "d3d12/textures.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod textures;
+use test_support::d3d12::textures;
 
 /// Size of the pictures: large enough for threads to share the work.
 const SIZE: [u32; 2] = [320, 180];
@@ -37,9 +32,9 @@ fn path() -> PathBuf {
 
 /// Calls a function of a loaded library. Its type is that of the same function in the library linked into this program.
 macro_rules! call {
-    ($library:expr, $room:ident::$name:ident($($argument:expr),*)) => {{
+    ($library:expr, $module:ident::$name:ident($($argument:expr),*)) => {{
         #[allow(unused_assignments, reason = "the first value is there for its type")]
-        let mut function: unsafe extern "C" fn($(any!($argument)),*) -> cairn_result = cairn::abi::$room::$name;
+        let mut function: unsafe extern "C" fn($(any!($argument)),*) -> cairn_result = cairn::abi::$module::$name;
         // SAFETY: the library has the interface of the one linked into this program, which is of the same build.
         function = unsafe { *$library.get(concat!(stringify!($name), "\0").as_bytes()).expect(stringify!($name)) };
         // SAFETY: arguments are as the header has them.
@@ -53,13 +48,14 @@ macro_rules! any {
     };
 }
 
-macro_rules! ok {
-    ($library:expr, $room:ident::$name:ident($($argument:expr),*)) => {
-        assert_eq!(call!($library, $room::$name($($argument),*)), CAIRN_OK, "{}: {}", stringify!($name), last($library))
+macro_rules! assert_ok {
+    ($library:expr, $module:ident::$name:ident($($argument:expr),*)) => {
+        assert_eq!(call!($library, $module::$name($($argument),*)), CAIRN_OK, "{}: {}", stringify!($name), last_error($library))
     };
 }
 
-fn last(library: &libloading::Library) -> String {
+/// The last error's message.
+fn last_error(library: &libloading::Library) -> String {
     let mut text = [0_u8; 512];
     call!(library, results::cairn_last_error(text.as_mut_ptr().cast(), text.len(), null_mut()));
     String::from_utf8_lossy(&text).trim_end_matches('\0').to_owned()
@@ -81,7 +77,7 @@ fn picture(pixels: &[u8]) -> cairn_picture {
     }
 }
 
-/// Options for devices in tests: the environment may name libraries, as for a tool.
+/// Device options for tests: environment variables may name libraries, as for a tool.
 fn options() -> cairn_device_options {
     cairn_device_options {
         struct_size: size_of::<cairn_device_options>() as u32,
@@ -95,15 +91,15 @@ fn present(library: &libloading::Library, push: impl Fn(*mut cairn_presenter)) -
     present_and(library, push, || {})
 }
 
-/// The same; `look` is called before the presenter is destroyed.
-fn present_and(library: &libloading::Library, push: impl Fn(*mut cairn_presenter), look: impl FnOnce()) -> Vec<u8> {
+/// As [`present`]; calls `check` before the presenter is destroyed.
+fn present_and(library: &libloading::Library, push: impl Fn(*mut cairn_presenter), check: impl FnOnce()) -> Vec<u8> {
     let options = cairn_presenter_options {
         struct_size: size_of::<cairn_presenter_options>() as u32,
         interval_ns: 1_000,
         ..zeroed()
     };
     let mut presenter = null_mut();
-    ok!(library, presenter::cairn_presenter_create(&options, &mut presenter));
+    assert_ok!(library, presenter::cairn_presenter_create(&options, &mut presenter));
     push(presenter);
     let mut pixels = vec![0_u8; (SIZE[0] * SIZE[1] * 4) as usize];
     let target = cairn_target {
@@ -122,8 +118,8 @@ fn present_and(library: &libloading::Library, push: impl Fn(*mut cairn_presenter
         );
     }
     assert_eq!(frame.source, CAIRN_FRAME_GENERATED, "a frame between two anchors");
-    look();
-    ok!(library, presenter::cairn_presenter_destroy(presenter));
+    check();
+    assert_ok!(library, presenter::cairn_presenter_destroy(presenter));
     pixels
 }
 
@@ -139,9 +135,9 @@ fn push(library: &libloading::Library, presenter: *mut cairn_presenter) {
         let level = |(x, y): (u32, u32), c: u32| ((x * (7 + c) / 3) ^ (y * 5)) as u8;
         let pixels: Vec<u8> = (0..SIZE[0] * SIZE[1]).flat_map(|i| (0..4).map(move |c| level(at(i), c) | 1)).collect();
         let mut anchor = null_mut();
-        ok!(library, anchor::cairn_anchor_create(&picture(&pixels), number.into(), 0, &mut anchor));
-        ok!(library, presenter::cairn_presenter_push(presenter, anchor, null(), u64::from(number) * 1_000));
-        ok!(library, anchor::cairn_anchor_destroy(anchor));
+        assert_ok!(library, anchor::cairn_anchor_create(&picture(&pixels), number.into(), 0, &mut anchor));
+        assert_ok!(library, presenter::cairn_presenter_push(presenter, anchor, null(), u64::from(number) * 1_000));
+        assert_ok!(library, anchor::cairn_anchor_destroy(anchor));
     }
 }
 
@@ -149,63 +145,63 @@ fn push(library: &libloading::Library, presenter: *mut cairn_presenter) {
 #[cfg(feature = "embedded-world")]
 fn world(library: &libloading::Library) -> Vec<u8> {
     let (mut device, mut world, mut rollout) = (null_mut(), null_mut(), null_mut());
-    ok!(library, device::cairn_device_create_cpu(&options(), &mut device));
+    assert_ok!(library, device::cairn_device_create_cpu(&options(), &mut device));
     let options = cairn_world_options { struct_size: size_of::<cairn_world_options>() as u32, ..zeroed() };
-    ok!(library, world::cairn_world_load(device, &options, &mut world));
-    ok!(library, rollout::cairn_rollout_create(world, null(), &mut rollout));
+    assert_ok!(library, world::cairn_world_load(device, &options, &mut world));
+    assert_ok!(library, rollout::cairn_rollout_create(world, null(), &mut rollout));
     let grey = vec![128_u8; (SIZE[0] * SIZE[1] * 4) as usize];
-    ok!(library, rollout::cairn_rollout_append(rollout, &picture(&grey), null_mut()));
+    assert_ok!(library, rollout::cairn_rollout_append(rollout, &picture(&grey), null_mut()));
     let controls = cairn_controls { struct_size: size_of::<cairn_controls>() as u32, ..zeroed() };
     let pixels = present(library, |presenter| {
         for number in 0..2_u64 {
             // One step on this thread, one on the rollout's.
             if number == 0 {
-                ok!(library, rollout::cairn_rollout_step(rollout, &controls, null_mut()));
+                assert_ok!(library, rollout::cairn_rollout_step(rollout, &controls, null_mut()));
             } else {
                 let mut ticket = 0;
-                ok!(library, steps::cairn_rollout_submit(rollout, &controls, &mut ticket));
-                ok!(library, steps::cairn_rollout_wait(rollout, ticket, u64::MAX, null_mut(), null_mut()));
+                assert_ok!(library, steps::cairn_rollout_submit(rollout, &controls, &mut ticket));
+                assert_ok!(library, steps::cairn_rollout_wait(rollout, ticket, u64::MAX, null_mut(), null_mut()));
             }
             let mut anchor = null_mut();
-            ok!(library, rollout::cairn_rollout_get_anchor(rollout, &mut anchor));
-            ok!(library, presenter::cairn_presenter_push(presenter, anchor, null(), number * 1_000));
-            ok!(library, anchor::cairn_anchor_destroy(anchor));
+            assert_ok!(library, rollout::cairn_rollout_get_anchor(rollout, &mut anchor));
+            assert_ok!(library, presenter::cairn_presenter_push(presenter, anchor, null(), number * 1_000));
+            assert_ok!(library, anchor::cairn_anchor_destroy(anchor));
         }
     });
-    ok!(library, rollout::cairn_rollout_destroy(rollout));
-    ok!(library, world::cairn_world_destroy(world));
-    ok!(library, device::cairn_device_destroy(device));
+    assert_ok!(library, rollout::cairn_rollout_destroy(rollout));
+    assert_ok!(library, world::cairn_world_destroy(world));
+    assert_ok!(library, device::cairn_device_destroy(device));
     pixels
 }
 
 /// A generated frame in a texture of an engine's device.
 #[cfg(windows)]
-fn device_frame(library: &libloading::Library, engine: &engine::Engine) {
+fn device_frame(library: &libloading::Library, engine: &Engine) {
     use cairn::gpu::windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, ID3D12Fence};
     use cairn::gpu::windows::core::Interface;
 
     let flags = D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET;
-    let target = textures::Wanted { size: SIZE.into(), flags, ..Default::default() }.make(&engine.device);
+    let target = textures::TextureDesc { size: SIZE.into(), flags, ..Default::default() }.create(&engine.device);
     let (mut device, mut presenter) = (null_mut(), null_mut());
     let (own, queue) = (engine.device.as_raw().cast(), engine.direct.as_raw().cast());
-    ok!(library, d3d12::cairn_device_create_d3d12(own, queue, null_mut(), &options(), &mut device));
+    assert_ok!(library, d3d12::cairn_device_create_d3d12(own, queue, null_mut(), &options(), &mut device));
     let options = cairn_presenter_options {
         struct_size: size_of::<cairn_presenter_options>() as u32,
         interval_ns: 1_000,
         ..zeroed()
     };
-    ok!(library, presenter::cairn_presenter_create(&options, &mut presenter));
+    assert_ok!(library, presenter::cairn_presenter_create(&options, &mut presenter));
     push(library, presenter);
     let preparation = cairn::abi::d3d12::cairn_d3d12_preparation {
         struct_size: size_of::<cairn::abi::d3d12::cairn_d3d12_preparation>() as u32,
         ..zeroed()
     };
-    ok!(library, d3d12::cairn_presenter_prepare_d3d12(presenter, device, &preparation));
+    assert_ok!(library, d3d12::cairn_presenter_prepare_d3d12(presenter, device, &preparation));
     let mut frame = cairn_frame { struct_size: size_of::<cairn_frame>() as u32, ..zeroed() };
     let (mut fence, mut value) = (null_mut(), 0);
     for now in [1_000, 1_500] {
         let target = target.as_raw().cast();
-        ok!(
+        assert_ok!(
             library,
             d3d12::cairn_presenter_submit_d3d12(
                 presenter, device, now, target, 0, 0, &mut frame, &mut fence, &mut value
@@ -221,18 +217,18 @@ fn device_frame(library: &libloading::Library, engine: &engine::Engine) {
         (CAIRN_FRAME_GENERATED, 0),
         "a frame between two anchors, as it was prepared"
     );
-    ok!(library, presenter::cairn_presenter_destroy(presenter));
-    ok!(library, device::cairn_device_destroy(device));
+    assert_ok!(library, presenter::cairn_presenter_destroy(presenter));
+    assert_ok!(library, device::cairn_device_destroy(device));
 }
 
-/// The same frame with `count` threads of the library's own.
+/// As [`frame`], with `count` threads of the library's own.
 fn frame_on(library: &libloading::Library, count: u32) -> Vec<u8> {
     let options =
         cairn_thread_options { struct_size: size_of::<cairn_thread_options>() as u32, threads: count, ..zeroed() };
-    ok!(library, threads::cairn_set_threads(&options));
+    assert_ok!(library, threads::cairn_set_threads(&options));
     let before = threads();
-    let look = || threads_come_to(before + count as usize, "as many as were set");
-    present_and(library, |presenter| push(library, presenter), look)
+    let check = || wait_for_threads(before + count as usize, "the number that was set");
+    present_and(library, |presenter| push(library, presenter), check)
 }
 
 static JOBS: AtomicUsize = AtomicUsize::new(0);
@@ -247,7 +243,7 @@ unsafe extern "C" fn run(user: *mut c_void, jobs: u32, job: cairn_job, data: *mu
     std::thread::scope(|scope| (0..jobs).for_each(|_| _ = scope.spawn(call)));
 }
 
-/// The same frame with the host's job system.
+/// As [`frame`], with the host's job system.
 fn frame_on_jobs(library: &libloading::Library) -> Vec<u8> {
     let scheduler = cairn_scheduler {
         struct_size: size_of::<cairn_scheduler>() as u32,
@@ -255,40 +251,40 @@ fn frame_on_jobs(library: &libloading::Library) -> Vec<u8> {
         run: Some(run),
         user: null_mut(),
     };
-    ok!(library, threads::cairn_set_scheduler(&scheduler));
+    assert_ok!(library, threads::cairn_set_scheduler(&scheduler));
     let before = threads();
-    let look = || threads_come_to(before, "the library starts none of its own");
-    let pixels = present_and(library, |presenter| push(library, presenter), look);
-    assert!(JOBS.swap(0, Ordering::SeqCst) > 0, "its work was given to the host");
-    ok!(library, threads::cairn_set_scheduler(null()));
+    let check = || wait_for_threads(before, "the library starts none of its own");
+    let pixels = present_and(library, |presenter| push(library, presenter), check);
+    assert!(JOBS.swap(0, Ordering::SeqCst) > 0, "the host's job system ran jobs");
+    assert_ok!(library, threads::cairn_set_scheduler(null()));
     pixels
 }
 
 /// Loads the library, uses it on a separate thread, and unloads it after that thread has ended: on Linux the thread's local data keep the
 /// library loaded until then.
-fn life<T: Send>(work: impl FnOnce(&libloading::Library) -> T + Send) -> T {
+fn load_and_run<T: Send>(work: impl FnOnce(&libloading::Library) -> T + Send) -> T {
     let before = threads();
     // SAFETY: the library of this very build, which does nothing when it is loaded.
     let library = unsafe { libloading::Library::new(path()) }.expect("the library of this build");
     let made = std::thread::scope(|scope| scope.spawn(|| work(&library)).join()).expect("no panic");
-    threads_come_to(before, "nothing of the library runs after its last object");
+    wait_for_threads(before, "no thread of the library remains after its last object");
     library.close().expect("unloaded");
     assert_eq!(threads(), before);
     made
 }
 
 #[test]
-fn it_can_be_unloaded_and_loaded_again_after_its_last_object() {
-    let first = life(frame);
-    assert!(!is_loaded(), "no object is left, and nothing keeps it");
+fn the_library_can_be_unloaded_and_loaded_again() {
+    let first = load_and_run(frame);
+    assert!(!is_loaded(), "no object is left, so the library can be unloaded");
     for _ in 0..20 {
-        assert!(life(frame) == first, "the same frame");
+        assert!(load_and_run(frame) == first, "the same frame");
         assert!(!is_loaded());
     }
     for count in [1, 2, 7] {
-        assert!(life(|library| frame_on(library, count)) == first, "the same frame on {count} threads");
+        assert!(load_and_run(|library| frame_on(library, count)) == first, "the same frame on {count} threads");
     }
-    assert!(life(frame_on_jobs) == first, "the same frame on a host's job system");
+    assert!(load_and_run(frame_on_jobs) == first, "the same frame on a host's job system");
     assert!(!is_loaded());
     #[cfg(target_os = "linux")]
     {
@@ -299,29 +295,29 @@ fn it_can_be_unloaded_and_loaded_again_after_its_last_object() {
             CAIRN_OK
         );
         library.close().expect("unloaded");
-        assert!(is_loaded(), "this thread has a message of it");
-        assert!(life(frame) == first);
+        assert!(is_loaded(), "this thread's last error keeps it loaded");
+        assert!(load_and_run(frame) == first);
     }
     #[cfg(feature = "embedded-world")]
     {
-        let first = life(world);
+        let first = load_and_run(world);
         for _ in 0..3 {
-            assert!(life(world) == first, "the same world and the same frame");
-            life(frame);
+            assert!(load_and_run(world) == first, "the same world and the same frame");
+            load_and_run(frame);
         }
-        assert!(is_loaded(), "ONNX Runtime keeps it");
+        assert!(is_loaded(), "ONNX Runtime keeps it loaded");
     }
     #[cfg(windows)]
     {
-        let engine = engine::engine();
+        let engine = Engine::create();
         for _ in 0..3 {
-            life(|library| device_frame(library, &engine));
+            load_and_run(|library| device_frame(library, &engine));
         }
     }
 }
 
-/// Waits until the process has `expected` threads: a joined one, or a driver's, may still be ending.
-fn threads_come_to(expected: usize, why: &str) {
+/// Waits until the process has `expected` threads: a joined thread, or a driver's, may still be ending.
+fn wait_for_threads(expected: usize, why: &str) {
     let deadline = Instant::now() + Duration::from_secs(60);
     while threads() != expected && Instant::now() < deadline {
         std::thread::sleep(Duration::from_millis(5));
@@ -337,7 +333,7 @@ fn threads() -> usize {
 
 #[cfg(target_os = "linux")]
 fn is_loaded() -> bool {
-    let maps = std::fs::read_to_string("/proc/self/maps").expect("what is mapped");
+    let maps = std::fs::read_to_string("/proc/self/maps").expect("the list of mappings");
     maps.contains(&path().canonicalize().expect("a path").display().to_string())
 }
 

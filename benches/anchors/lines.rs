@@ -17,12 +17,12 @@ use cairn::world::{
 use cairn::{LibrarySearch, Picture};
 
 use crate::blend::Blend;
-use crate::pictures::{self, filled, texture};
+use test_support::d3d12::resources::{self, upload_texture, writable_texture};
 
-/// Steps that are not counted: passes are captured and verified in them.
+/// Steps before the measurement, in which passes are captured and verified.
 const WARM_UP: u64 = 4;
 const STEPS: u64 = 12;
-/// Frames of an engine, and the number of two-texture blends that each draws.
+/// Frames of the engine, and the number of two-texture blends in each.
 const FRAMES: usize = 40;
 const BLENDS: usize = 4;
 const SIZE: (u32, u32) = (1280, 720);
@@ -46,7 +46,7 @@ pub(crate) fn run() -> Outcome<()> {
         let world = World::load(&device, &bundle, world_options)?;
         println!("\n{name}: {world:?}");
         step_costs(&world)?;
-        frames_beside(&gpu, &world, &options)?;
+        frame_times_beside_rollout(&gpu, &world, &options)?;
     }
     Ok(())
 }
@@ -65,17 +65,17 @@ fn rollout(world: &Arc<World>) -> Outcome<Rollout> {
     Ok(rollout)
 }
 
-/// A latent step's time outside ONNX Runtime, and the bytes that it moves.
+/// Measures a latent step's time outside ONNX Runtime, and the bytes that it moves.
 fn step_costs(world: &Arc<World>) -> Outcome<()> {
     let mut rollout = rollout(world)?;
     for _ in 0..WARM_UP {
         rollout.step(&ControlInput::default())?;
     }
-    // Waits for all submitted work, whose time is then known.
+    // Waits for all submitted work, so that its device times are complete.
     rollout.latent()?;
     let first = times(&mut rollout)?;
     let (mut took, mut own, mut inside) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut ring, mut uploaded, mut copied, mut read, mut least) = (0, 0, 0, 0, 0);
+    let (mut ring, mut uploaded, mut copied, mut read, mut lower_bound) = (0, 0, 0, 0, 0);
     for _ in 0..STEPS {
         let global_too = rollout.planner().plan_step(&ControlInput::default())?.global.slot.is_some();
         let before = times(&mut rollout)?.external;
@@ -83,16 +83,17 @@ fn step_costs(world: &Arc<World>) -> Outcome<()> {
         let made = rollout.step(&ControlInput::default())?;
         took.push(start.elapsed());
         let after = times(&mut rollout)?.external;
-        let (inside_now, waited) = (after.inside - before.inside, after.waited - before.waited);
+        let (inside_now, waited) =
+            (after.in_onnxruntime - before.in_onnxruntime, after.waiting_for_device - before.waiting_for_device);
         own.push(took[took.len() - 1].saturating_sub(inside_now).saturating_sub(waited));
         inside.push(inside_now);
         ring += made.ring_bytes;
         (uploaded, copied, read) = (uploaded + made.bytes.uploaded, copied + made.bytes.copied, read + made.bytes.read);
-        least += world.slab_bytes(global_too);
+        lower_bound += world.slab_bytes(global_too);
     }
     rollout.latent()?;
     let last = times(&mut rollout)?;
-    // Medians: a device that the processor emulates sometimes takes the processor in the middle of a call.
+    // Medians, because a device that the processor emulates sometimes takes processor time during a call.
     let [took, own, inside] = [took, own, inside].map(median);
     let on_device = last.passes.total - first.passes.total + last.decode.total - first.decode.total;
     let on_device = on_device / STEPS as u32;
@@ -101,18 +102,18 @@ fn step_costs(world: &Arc<World>) -> Outcome<()> {
     println!("  of it inside ONNX Runtime's calls          {:>10.2} ms", ms(inside));
     println!("  its passes on the device, by its clock     {:>10.2} ms", ms(on_device));
     println!("  the library's own time                     {:>10.3} ms", ms(own));
-    // Calls may return as soon as the device has its work, or may wait for it.
+    // Calls may return when the work is submitted, or wait until it is done.
     println!("  of ONNX Runtime's, calls or passes (aim: 3 %) {:>7.2} %", of(inside.max(on_device)));
     println!("  of its calls alone                         {:>10.2} %", of(inside));
     println!(
         "  into the ring, of the new K and V          {:>10} bytes, {:.3}",
         ring / STEPS,
-        ring as f64 / least as f64
+        ring as f64 / lower_bound as f64
     );
     println!("  copied besides: latents, noise levels      {:>10} bytes", (copied - ring) / STEPS);
     println!("  up: noise, angles, masks, controls         {:>10} bytes", uploaded / STEPS);
     println!("  down                                       {:>10} bytes", read / STEPS);
-    println!("  {:?}", rollout.captured().ok_or("no Direct3D 12 device")?);
+    println!("  {:?}", rollout.capture_statistics().ok_or("no Direct3D 12 device")?);
     Ok(())
 }
 
@@ -125,15 +126,15 @@ fn median(mut times: Vec<Duration>) -> Duration {
     times[times.len() / 2]
 }
 
-/// Times an engine's frame with a rollout running beside it and without.
-fn frames_beside(gpu: &Gpu, world: &Arc<World>, options: &DirectMlOptions) -> Outcome<()> {
+/// Measures an engine's frame with a rollout running at the same time and without.
+fn frame_times_beside_rollout(gpu: &Gpu, world: &Arc<World>, options: &DirectMlOptions) -> Outcome<()> {
     let pixels = vec![127; SIZE.0 as usize * SIZE.1 as usize * 4];
-    let [before, after] = [(); 2].map(|()| filled(gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM, &pixels));
-    let out = texture(gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
+    let [before, after] = [(); 2].map(|()| upload_texture(gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM, &pixels));
+    let out = writable_texture(gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
     let blend = Blend::new(gpu, [&before, &after, &out], SIZE);
     let frame = || {
         let start = Instant::now();
-        pictures::run(gpu, |list| (0..BLENDS).for_each(|_| blend.record(list)));
+        resources::run_list(gpu, |list| (0..BLENDS).for_each(|_| blend.record(list)));
         start.elapsed()
     };
     let frames = || {
@@ -151,7 +152,7 @@ fn frames_beside(gpu: &Gpu, world: &Arc<World>, options: &DirectMlOptions) -> Ou
             rollout.step(&ControlInput::default())?;
         }
         let (over, steps) = (AtomicBool::new(false), AtomicU64::new(0));
-        let beside = std::thread::scope(|scope| {
+        let with_rollout = std::thread::scope(|scope| {
             let stepping = scope.spawn(|| {
                 while !over.load(Ordering::Relaxed) {
                     rollout.step(&ControlInput::default()).map_err(|e| e.to_string())?;
@@ -160,15 +161,15 @@ fn frames_beside(gpu: &Gpu, world: &Arc<World>, options: &DirectMlOptions) -> Ou
                 Ok::<(), String>(())
             });
             let start = Instant::now();
-            let beside = frames();
+            let with_rollout = frames();
             let took = start.elapsed();
             over.store(true, Ordering::Relaxed);
             stepping.join().map_err(|_| "the rollout's thread ended".to_owned())??;
-            Ok::<_, String>((beside, took))
+            Ok::<_, String>((with_rollout, took))
         });
-        let (beside, took) = beside?;
+        let (with_rollout, took) = with_rollout?;
         let name = if longest_submission.is_some() { "yielding after 1 ms" } else { "as they come" };
-        let ratio = |i: usize| beside[i].as_secs_f64() / alone[i].as_secs_f64();
+        let ratio = |i: usize| with_rollout[i].as_secs_f64() / alone[i].as_secs_f64();
         let rate = steps.load(Ordering::Relaxed) as f64 / took.as_secs_f64();
         println!("  beside latents {name:<24} {:>9.2} x, {:.2} x; {rate:.1} latents a second", ratio(0), ratio(1));
     }

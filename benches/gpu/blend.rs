@@ -7,7 +7,7 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D::ID3DBlob;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_SAMPLE_DESC};
 
-use crate::pictures::{Kept, made, run};
+use test_support::d3d12::resources::{TestResource, create_resource, run_list};
 
 /// Width and height of its thread groups.
 const GROUP: u32 = 8;
@@ -21,7 +21,7 @@ pub(crate) struct Blend {
 }
 
 impl Blend {
-    pub(crate) fn new(gpu: &Gpu, [before, after, mean]: [&Kept; 3], size: (u32, u32)) -> Self {
+    pub(crate) fn new(gpu: &Gpu, [before, after, mean]: [&TestResource; 3], size: (u32, u32)) -> Self {
         let device = gpu.device();
         let range = |kind, count| D3D12_DESCRIPTOR_RANGE {
             RangeType: kind,
@@ -51,7 +51,7 @@ impl Blend {
         let bytes = unsafe { std::slice::from_raw_parts(address.cast::<u8>(), length) };
         // SAFETY: a live device and bytes that live during the call.
         let root: ID3D12RootSignature = unsafe { device.CreateRootSignature(0, bytes) }.expect("a root signature");
-        let code = include_bytes!("blend.dxbc");
+        let code = include_bytes!("compiled/blend.dxbc");
         let wanted = D3D12_COMPUTE_PIPELINE_STATE_DESC {
             pRootSignature: ManuallyDrop::new(Some(root.clone())),
             CS: D3D12_SHADER_BYTECODE { pShaderBytecode: code.as_ptr().cast(), BytecodeLength: code.len() },
@@ -126,7 +126,7 @@ impl Clock {
             Layout: D3D12_TEXTURE_LAYOUT_ROW_MAJOR,
             ..Default::default()
         };
-        let results = made(gpu, D3D12_HEAP_TYPE_READBACK, &wanted, D3D12_RESOURCE_STATE_COPY_DEST);
+        let results = create_resource(gpu, D3D12_HEAP_TYPE_READBACK, &wanted, D3D12_RESOURCE_STATE_COPY_DEST);
         // SAFETY: a live queue.
         let frequency = unsafe { gpu.frames().d3d12().GetTimestampFrequency() }.expect("a frequency") as f64;
         Self { queries: queries.expect("queries"), results, frequency }
@@ -134,7 +134,7 @@ impl Clock {
 
     /// Runs the recorded commands and returns their time in seconds.
     pub(crate) fn time(&self, gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> f64 {
-        run(gpu, |list| {
+        run_list(gpu, |list| {
             // SAFETY: an open list; the queries live until it has run.
             unsafe { list.EndQuery(&self.queries, D3D12_QUERY_TYPE_TIMESTAMP, 0) };
             record(list);

@@ -9,20 +9,20 @@ use cairn::guidance::picture_flow::{self, GpuExtractor};
 use half::f16;
 
 use crate::blend::{Blend, Clock};
-use crate::pictures::{Kept, filled, texture};
+use test_support::d3d12::resources::{TestResource, upload_texture, writable_texture};
 
 /// Turns of each line.
 const TURNS: usize = 9;
 /// Bytes per pixel that a blend moves: two pictures, and their mean.
 const BLENDED: f64 = 12.0;
 /// Lower bound for a frame, in bytes per pixel: two pictures, motion in half floats, depth in floats, and the frame.
-const LEAST_OF_FRAME: f64 = 20.0;
+const MIN_FRAME_BYTES: f64 = 20.0;
 /// Lower bound for optical flow: two pictures, and motion in half floats.
-const LEAST_OF_MOTION: f64 = 12.0;
+const MIN_MOTION_BYTES: f64 = 12.0;
 /// Phases of the frames between two anchors at four frames per anchor.
-const BETWEEN: [f32; 3] = [0.25, 0.5, 0.75];
+const PHASES: [f32; 3] = [0.25, 0.5, 0.75];
 
-/// A ground that moves by 12 pixels behind a pillar that moves by 4 in the opposite direction: pictures, motion and depth.
+/// Pictures, motion and depth of a ground that moves by 12 pixels, behind pillars that move by 4 pixels in the opposite direction.
 fn scene((width, height): (u32, u32)) -> ([Vec<u8>; 2], Vec<f16>, Vec<f32>) {
     let is_pillar = |x: i32| x / 40 % 8 == 3;
     let ground = |x: i32, y: i32| {
@@ -30,22 +30,22 @@ fn scene((width, height): (u32, u32)) -> ([Vec<u8>; 2], Vec<f16>, Vec<f32>) {
         [128.0 + 60.0 * wave, 120.0 + 40.0 * wave, 90.0 + ((x ^ y) & 15) as f32, 255.0].map(|v| v as u8)
     };
     let pixel = |x: i32, y: i32, is_previous: bool| {
-        let (pillar, place) = if is_previous { (x + 4, x - 12) } else { (x, x) };
-        if is_pillar(pillar) { ground(7 * pillar + 1000, 5 * y) } else { ground(place, y) }
+        let (pillar, ground_x) = if is_previous { (x + 4, x - 12) } else { (x, x) };
+        if is_pillar(pillar) { ground(7 * pillar + 1000, 5 * y) } else { ground(ground_x, y) }
     };
-    let places = || (0..height as i32).flat_map(|y| (0..width as i32).map(move |x| (x, y)));
-    let pictures = [true, false].map(|is_previous| places().flat_map(|(x, y)| pixel(x, y, is_previous)).collect());
-    let motion = places().flat_map(|(x, _)| [if is_pillar(x) { -4.0 } else { 12.0 }, 0.0]).map(f16::from_f32).collect();
-    (pictures, motion, places().map(|(x, _)| if is_pillar(x) { 0.4 } else { 0.99 }).collect())
+    let pixels = || (0..height as i32).flat_map(|y| (0..width as i32).map(move |x| (x, y)));
+    let pictures = [true, false].map(|is_previous| pixels().flat_map(|(x, y)| pixel(x, y, is_previous)).collect());
+    let motion = pixels().flat_map(|(x, _)| [if is_pillar(x) { -4.0 } else { 12.0 }, 0.0]).map(f16::from_f32).collect();
+    (pictures, motion, pixels().map(|(x, _)| if is_pillar(x) { 0.4 } else { 0.99 }).collect())
 }
 
-fn guidance<'a>(motion: &'a Kept, depth: &'a Kept, depth_tile: u32) -> GuidanceTextures<'a> {
+fn guidance<'a>(motion: &'a TestResource, depth: &'a TestResource, depth_tile: u32) -> GuidanceTextures<'a> {
     GuidanceTextures {
-        motion: motion.resting(),
+        motion: motion.with_state(),
         motion_tile: 1,
-        depth: depth.resting(),
+        depth: depth.with_state(),
         depth_tile,
-        depth_is_even: false,
+        depth_is_uniform: false,
         hud: None,
     }
 }
@@ -53,7 +53,7 @@ fn guidance<'a>(motion: &'a Kept, depth: &'a Kept, depth_tile: u32) -> GuidanceT
 struct Line<'a> {
     name: &'static str,
     /// Bytes per pixel that must be moved.
-    least: f64,
+    min_bytes: f64,
     record: Box<dyn FnMut(&ID3D12GraphicsCommandList) + 'a>,
     seconds: Vec<f64>,
 }
@@ -63,90 +63,92 @@ pub(crate) fn run() {
     let (size, turns) = if is_measured { ((1920, 1080), TURNS) } else { ((64, 40), 1) };
     let gpu = &Gpu::on_adapter(None).expect("a device");
     let (pictures, motion, depth) = scene(size);
-    let [before, after] = pictures.each_ref().map(|rows| filled(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, rows));
-    let motion = filled(gpu, size, DXGI_FORMAT_R16G16_FLOAT, bytemuck::cast_slice(&motion));
-    let depth = filled(gpu, size, DXGI_FORMAT_R32_FLOAT, bytemuck::cast_slice(&depth));
-    let out = texture(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
-    let found = texture(gpu, size, DXGI_FORMAT_R16G16_FLOAT, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
+    let [before, after] = pictures.each_ref().map(|rows| upload_texture(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, rows));
+    let motion = upload_texture(gpu, size, DXGI_FORMAT_R16G16_FLOAT, bytemuck::cast_slice(&motion));
+    let depth = upload_texture(gpu, size, DXGI_FORMAT_R32_FLOAT, bytemuck::cast_slice(&depth));
+    let out = writable_texture(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
+    let found = writable_texture(gpu, size, DXGI_FORMAT_R16G16_FLOAT, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
     let tiles = (size.0.div_ceil(16), size.1.div_ceil(16));
-    let flat = texture(gpu, tiles, DXGI_FORMAT_R32_FLOAT, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
+    let flat = writable_texture(gpu, tiles, DXGI_FORMAT_R32_FLOAT, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
     let pair = TexturePair {
-        previous: before.resting(),
-        current: after.resting(),
+        previous: before.with_state(),
+        current: after.with_state(),
         guidance: guidance(&motion, &depth, 1),
         previous_depth: None,
         cut: false,
     };
-    let of_pictures = TexturePair { guidance: guidance(&found, &flat, 16), ..pair };
+    let flow_pair = TexturePair { guidance: guidance(&found, &flat, 16), ..pair };
 
     let generator = || ShaderGenerator::new(gpu, size).expect("a generator");
     let ring = |descriptors| CommandRing::new(gpu, gpu.frames(), descriptors).expect("a ring");
-    let line = |name, least, record| Line { name, least, record, seconds: Vec::new() };
+    let line = |name, min_bytes, record| Line { name, min_bytes, record, seconds: Vec::new() };
     let blend = Blend::new(gpu, [&before, &after, &out], size);
-    let (whole, mut ring_of_whole) = (&mut generator(), ring(shader::DESCRIPTORS));
-    let (four, mut ring_of_four) = (&mut generator(), ring(2 * shader::DESCRIPTORS));
-    let (on, mut ring_of_on) = (&mut generator(), ring(shader::DESCRIPTORS));
-    let (guided, mut ring_of_guided) = (&mut generator(), ring(shader::DESCRIPTORS + picture_flow::DESCRIPTORS));
+    let (one_frame, mut ring_of_one_frame) = (&mut generator(), ring(shader::DESCRIPTORS));
+    let (three_frames, mut ring_of_three_frames) = (&mut generator(), ring(2 * shader::DESCRIPTORS));
+    let (extrapolator, mut ring_of_extrapolator) = (&mut generator(), ring(shader::DESCRIPTORS));
+    let (with_flow, mut ring_of_with_flow) = (&mut generator(), ring(shader::DESCRIPTORS + picture_flow::DESCRIPTORS));
     let (extractor, mut ring_of_flow) =
         (&GpuExtractor::new(gpu, size).expect("an extractor"), ring(picture_flow::DESCRIPTORS));
     let mut lines: Vec<Line<'_>> = vec![
         line("a blend of two textures", BLENDED, Box::new(|list| blend.record(list))),
         line(
             "a frame between two anchors",
-            LEAST_OF_FRAME,
+            MIN_FRAME_BYTES,
             Box::new(|list| {
-                let now = gpu.frames().now().expect("a moment");
-                let mut frame = ring_of_whole.begin_in(list, &now).expect("a frame");
-                whole.generate(&mut frame, &pair, 0.5, &out.resting()).expect("it is recorded");
+                let now = gpu.frames().signal().expect("a fence point");
+                let mut frame = ring_of_one_frame.begin_in(list, &now).expect("a frame");
+                one_frame.generate(&mut frame, &pair, 0.5, &out.with_state()).expect("it is recorded");
             }),
         ),
         line(
             "three frames of one pair",
-            3.0 * LEAST_OF_FRAME,
+            3.0 * MIN_FRAME_BYTES,
             Box::new(|list| {
-                let now = gpu.frames().now().expect("a moment");
-                let mut frame = ring_of_four.begin_in(list, &now).expect("a frame");
-                four.prepare(&mut frame, &pair).expect("it is recorded");
-                for t in BETWEEN {
-                    four.interpolate(&mut frame, &pair, t, &out.resting()).expect("it is recorded");
+                let now = gpu.frames().signal().expect("a fence point");
+                let mut frame = ring_of_three_frames.begin_in(list, &now).expect("a frame");
+                three_frames.prepare(&mut frame, &pair).expect("it is recorded");
+                for t in PHASES {
+                    three_frames.interpolate(&mut frame, &pair, t, &out.with_state()).expect("it is recorded");
                 }
             }),
         ),
         line(
             "a frame beyond the last anchor",
-            LEAST_OF_FRAME - 4.0,
+            MIN_FRAME_BYTES - 4.0,
             Box::new(|list| {
-                let now = gpu.frames().now().expect("a moment");
-                let mut frame = ring_of_on.begin_in(list, &now).expect("a frame");
+                let now = gpu.frames().signal().expect("a fence point");
+                let mut frame = ring_of_extrapolator.begin_in(list, &now).expect("a frame");
                 let (current, guidance) = (&pair.current, &pair.guidance);
-                on.extrapolate(&mut frame, current, guidance, false, 0.5, &out.resting()).expect("it is recorded");
+                extrapolator
+                    .extrapolate(&mut frame, current, guidance, false, 0.5, &out.with_state())
+                    .expect("it is recorded");
             }),
         ),
         line(
             "motion of two pictures",
-            LEAST_OF_MOTION,
+            MIN_MOTION_BYTES,
             Box::new(|list| {
-                let now = gpu.frames().now().expect("a moment");
+                let now = gpu.frames().signal().expect("a fence point");
                 let mut frame = ring_of_flow.begin_in(list, &now).expect("a frame");
-                let (motion, depth) = (found.resting(), flat.resting());
+                let (motion, depth) = (found.with_state(), flat.with_state());
                 extractor.record(&mut frame, &pair.previous, &pair.current, &motion, &depth).expect("it is recorded");
             }),
         ),
         line(
             "that motion, and a frame",
-            LEAST_OF_MOTION + LEAST_OF_FRAME,
+            MIN_MOTION_BYTES + MIN_FRAME_BYTES,
             Box::new(|list| {
-                let now = gpu.frames().now().expect("a moment");
-                let mut frame = ring_of_guided.begin_in(list, &now).expect("a frame");
-                let (motion, depth) = (found.resting(), flat.resting());
+                let now = gpu.frames().signal().expect("a fence point");
+                let mut frame = ring_of_with_flow.begin_in(list, &now).expect("a frame");
+                let (motion, depth) = (found.with_state(), flat.with_state());
                 extractor.record(&mut frame, &pair.previous, &pair.current, &motion, &depth).expect("it is recorded");
-                guided.generate(&mut frame, &of_pictures, 0.5, &out.resting()).expect("it is recorded");
+                with_flow.generate(&mut frame, &flow_pair, 0.5, &out.with_state()).expect("it is recorded");
             }),
         ),
     ];
 
     let clock = Clock::new(gpu);
-    // The first turn does not count: drivers allocate at first use.
+    // The first turn is not counted, because drivers allocate at first use.
     for turn in 0..=turns {
         for line in &mut lines {
             let seconds = clock.time(gpu, &mut line.record);
@@ -169,7 +171,7 @@ pub(crate) fn run() {
         let median = line.seconds[line.seconds.len() / 2];
         blended = if blended == 0.0 { median } else { blended };
         let ratio = median / blended;
-        let bytes = format!("{:.0} ({})", ratio * BLENDED, line.least);
+        let bytes = format!("{:.0} ({})", ratio * BLENDED, line.min_bytes);
         println!("{:32} {:>10.3} {ratio:>9.2} {bytes:>24}", line.name, 1e3 * median);
     }
 }

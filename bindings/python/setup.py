@@ -1,5 +1,5 @@
-"""Puts the shared library that CAIRN_LIBRARY names into what is built, beside the package's modules; a wheel is then for this
-platform. Without the variable the package has no library, and looks for one when it is used."""
+"""Copies the shared library in CAIRN_LIBRARY into the build, beside the package's modules; a wheel is then for this platform. Without
+the variable the package has no library, and searches for one when it is used."""
 
 import os
 import sys

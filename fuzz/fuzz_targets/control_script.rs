@@ -1,9 +1,5 @@
 #![no_main]
 
-#[path = "../bodies.rs"]
-#[allow(dead_code, reason = "each target needs one body")]
-mod bodies;
-#[path = "../../tests/support/mod.rs"]
-mod support;
+use test_support::fuzz_targets;
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| bodies::control_script(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| fuzz_targets::control_script(bytes));

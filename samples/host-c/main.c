@@ -1,5 +1,5 @@
 /*
- * A host of Cairn in C: it loads a world, walks through it as a control script says, and writes what is seen.
+ * A host of Cairn in C: loads a world, walks through it by a control script, and writes the pictures to files.
  *
  * Build, in the root of the repository, after `cargo build --release`:
  *
@@ -9,8 +9,8 @@
  *
  *     ./host-c --seed-picture samples/worlds/place.ppm --script samples/scripts/walk.txt --seconds 2 --out walk.y4m
  *
- * main() reads from the top: device, world, rollout, and then one loop that keeps the queue of the rollout full and takes
- * anchors from it in order, as an engine does it once in every frame.
+ * Start reading at main(): it creates a device, a world and a rollout. Then the loop in walk() keeps the rollout's queue full and
+ * fetches anchors in order, as an engine does once in every frame.
  */
 #include <cairn.h>
 
@@ -31,8 +31,8 @@ static void on_interrupt(int number)
     stop = 1;
 }
 
-/* Whether a call worked; if not, what the library has to say goes to standard error. */
-static int worked(cairn_result result)
+/* Whether a call succeeded; prints the library's message to standard error if not. */
+static int succeeded(cairn_result result)
 {
     if (result < 0) {
         char message[2048];
@@ -49,7 +49,7 @@ static void on_log(uint32_t level, const char *target, const char *message, void
     fprintf(stderr, "%s: %s: %s\n", level <= CAIRN_LOG_TRACE ? names[level] : "", target, message);
 }
 
-/* Progress goes to the same line again and again; one that is not 0 ends the load. */
+/* Prints the progress on one line. A result other than 0 cancels the load. */
 static uint32_t on_load(const cairn_load_progress *progress, void *user)
 {
     (void)user;
@@ -58,7 +58,7 @@ static uint32_t on_load(const cairn_load_progress *progress, void *user)
     return stop != 0;
 }
 
-/* What a device needs and what was found, for a user whose device cannot be made. */
+/* Prints what a device needs and what was found, when a device cannot be created. */
 static void print_requirements(const cairn_device_options *options)
 {
     cairn_requirement requirements[16];
@@ -67,7 +67,7 @@ static void print_requirements(const cairn_device_options *options)
     for (size_t i = 0; i < sizeof requirements / sizeof requirements[0]; i++) {
         requirements[i].struct_size = sizeof requirements[i];
     }
-    if (!worked(cairn_device_requirements(CAIRN_DEVICE_CPU, options, requirements, sizeof requirements[0],
+    if (!succeeded(cairn_device_requirements(CAIRN_DEVICE_CPU, options, requirements, sizeof requirements[0],
                                           sizeof requirements / sizeof requirements[0], &count))) {
         return;
     }
@@ -84,14 +84,14 @@ static int make_device(const options *options, cairn_device **device)
 {
     const cairn_device_options cpu = {
         .struct_size = sizeof cpu, .threads = options->threads, .onnxruntime = options->onnxruntime,
-        /* A program that its user starts; a game leaves it out. */
+        /* This is a tool, so its user's environment may name libraries. A game leaves this flag out. */
         .flags = CAIRN_DEVICE_ENVIRONMENT};
-    if (!worked(cairn_device_create_cpu(&cpu, device))) {
+    if (!succeeded(cairn_device_create_cpu(&cpu, device))) {
         print_requirements(&cpu);
         return 0;
     }
     cairn_device_info info = {.struct_size = sizeof info};
-    if (!worked(cairn_device_get_info(*device, &info))) {
+    if (!succeeded(cairn_device_get_info(*device, &info))) {
         return 0;
     }
     printf("device:  %s\n", info.description);
@@ -100,14 +100,14 @@ static int make_device(const options *options, cairn_device **device)
 
 static int load_world(const options *options, const cairn_device *device, cairn_world **world)
 {
-    const cairn_world_options asked = {.struct_size = sizeof asked,
-                                       .path = options->world,
-                                       .operating_point = options->preset,
-                                       .progress = on_load};
-    const cairn_result r = cairn_world_load(device, &asked, world);
+    const cairn_world_options world_options = {.struct_size = sizeof world_options,
+                                               .path = options->world,
+                                               .operating_point = options->preset,
+                                               .progress = on_load};
+    const cairn_result r = cairn_world_load(device, &world_options, world);
     fprintf(stderr, "\r               \r");
     cairn_world_info info = {.struct_size = sizeof info};
-    if (!worked(r) || !worked(cairn_world_get_info(*world, &info))) {
+    if (!succeeded(r) || !succeeded(cairn_world_get_info(*world, &info))) {
         return 0;
     }
     printf("world:   %s, %ux%u pixels, %u latents a second, licence %s\n", info.name, (unsigned)info.render_width,
@@ -115,7 +115,7 @@ static int load_world(const options *options, const cairn_device *device, cairn_
     return 1;
 }
 
-/* Reads a text file whole; the text is the caller's to free. */
+/* Reads a whole text file; the caller frees the text. */
 static char *read_text(const char *path, size_t *length)
 {
     FILE *file = fopen(path, "rb");
@@ -128,7 +128,7 @@ static char *read_text(const char *path, size_t *length)
     }
     do {
         capacity = capacity == 0 ? 4096 : capacity * 2;
-        /* Longer than a control script may be. */
+        /* The limit is longer than any control script. */
         char *longer = capacity <= 16u << 20 ? realloc(text, capacity) : NULL;
         if (longer == NULL) {
             fprintf(stderr, "host-c: %s: is too long for a control script\n", path);
@@ -149,26 +149,26 @@ static char *read_text(const char *path, size_t *length)
     return text;
 }
 
-/* A null path gives a script in which nothing happens. */
+/* Reads a script; a null path gives one without input. */
 static int read_script(const char *path, cairn_script **script)
 {
-    static const char still[] = "cairn-controls 1\n";
+    static const char empty[] = "cairn-controls 1\n";
     if (path == NULL) {
-        return worked(cairn_script_create(still, sizeof still - 1, script));
+        return succeeded(cairn_script_create(empty, sizeof empty - 1, script));
     }
     size_t length = 0;
     char *text = read_text(path, &length);
-    const int done = text != NULL && worked(cairn_script_create(text, length, script));
+    const int done = text != NULL && succeeded(cairn_script_create(text, length, script));
     free(text);
     return done;
 }
 
-/* The seed picture: the file's, or a pattern of the world's size. */
+/* Appends the seed picture: the file's, or a pattern of the world's size. */
 static int append_seed(const options *options, const cairn_world *world, cairn_rollout *rollout)
 {
     image seed;
     cairn_world_info info = {.struct_size = sizeof info};
-    if (!worked(cairn_world_get_info(world, &info))) {
+    if (!succeeded(cairn_world_get_info(world, &info))) {
         return 0;
     }
     if (options->seed_picture != NULL) {
@@ -187,16 +187,16 @@ static int append_seed(const options *options, const cairn_world *world, cairn_r
                                    .height = seed.height,
                                    .pixels = seed.pixels,
                                    .size = (uint64_t)seed.width * seed.height * 4};
-    const int done = worked(cairn_rollout_append(rollout, &picture, NULL));
+    const int done = succeeded(cairn_rollout_append(rollout, &picture, NULL));
     image_free(&seed);
     return done;
 }
 
-/* Writes the pictures of an anchor from number `first` on. */
-static int show(const cairn_anchor *anchor, uint32_t first, image *image, film *film)
+/* Writes an anchor's pictures from index `first` on. */
+static int write_pictures(const cairn_anchor *anchor, uint32_t first, image *image, film *film)
 {
     cairn_anchor_info info = {.struct_size = sizeof info};
-    if (!worked(cairn_anchor_get_info(anchor, &info))) {
+    if (!succeeded(cairn_anchor_get_info(anchor, &info))) {
         return 0;
     }
     const cairn_target target = {.struct_size = sizeof target,
@@ -206,66 +206,66 @@ static int show(const cairn_anchor *anchor, uint32_t first, image *image, film *
                                  .pixels = image->pixels,
                                  .size = (uint64_t)image->width * image->height * 4};
     for (uint32_t i = first; i < info.pictures; i++) {
-        if (!worked(cairn_anchor_read_picture(anchor, i, &target)) || !film_add(film, image)) {
+        if (!succeeded(cairn_anchor_read_picture(anchor, i, &target)) || !film_add(film, image)) {
             return 0;
         }
     }
     return 1;
 }
 
-/* Makes latents 1 to `last`: keeps the queue full and takes anchors from it in order. */
+/* Makes latents 1 to `last`: keeps the queue full and fetches anchors in order. */
 static int walk(cairn_rollout *rollout, const cairn_script *script, const cairn_rollout_info *info, uint64_t last, image *image,
                 film *film)
 {
     uint64_t tickets[CAIRN_MAX_QUEUE];
-    uint64_t asked = 0, shown = 0;
+    uint64_t submitted = 0, fetched = 0;
     double busy = 0;
-    while (shown < last && !stop) {
-        while (asked < last && asked - shown < CAIRN_MAX_QUEUE) {
+    while (fetched < last && !stop) {
+        while (submitted < last && submitted - fetched < CAIRN_MAX_QUEUE) {
             cairn_controls controls = {.struct_size = sizeof controls};
-            if (!worked(cairn_script_get_controls(script, asked + 1, info->latents_per_second, &controls))) {
+            if (!succeeded(cairn_script_get_controls(script, submitted + 1, info->latents_per_second, &controls))) {
                 return 0;
             }
-            const cairn_result r = cairn_rollout_submit(rollout, &controls, &tickets[asked % CAIRN_MAX_QUEUE]);
-            if (!worked(r)) {
+            const cairn_result r = cairn_rollout_submit(rollout, &controls, &tickets[submitted % CAIRN_MAX_QUEUE]);
+            if (!succeeded(r)) {
                 return 0;
             }
             if (r == CAIRN_QUEUE_FULL) {
                 break;
             }
-            asked++;
+            submitted++;
         }
         cairn_step_info step = {.struct_size = sizeof step};
         cairn_anchor *anchor = NULL;
         const cairn_result r =
-            cairn_rollout_wait(rollout, tickets[shown % CAIRN_MAX_QUEUE], 100 * 1000 * 1000, &step, &anchor);
-        if (!worked(r)) {
+            cairn_rollout_wait(rollout, tickets[fetched % CAIRN_MAX_QUEUE], 100 * 1000 * 1000, &step, &anchor);
+        if (!succeeded(r)) {
             return 0;
         }
         if (r == CAIRN_NOT_READY) {
             continue; /* an engine would draw a frame now */
         }
-        const int done = show(anchor, 0, image, film);
+        const int done = write_pictures(anchor, 0, image, film);
         cairn_anchor_destroy(anchor);
         if (!done) {
             return 0;
         }
-        shown++;
+        fetched++;
         busy += (double)(step.denoise_ns + step.cache_ns + step.commit_ns + step.decode_ns) / 1e9;
-        fprintf(stderr, "\rlatent %llu of %llu, %.3f s each ", (unsigned long long)shown, (unsigned long long)last,
-                busy / (double)shown);
+        fprintf(stderr, "\rlatent %llu of %llu, %.3f s each ", (unsigned long long)fetched, (unsigned long long)last,
+                busy / (double)fetched);
     }
     fprintf(stderr, "\n");
     return !stop;
 }
 
-/* Latents that the walk makes after the seed's. */
-static int how_many(const options *options, const cairn_script *script, uint32_t per_second, uint64_t *count)
+/* The number of latents that the walk makes after the seed's. */
+static int latent_count(const options *options, const cairn_script *script, uint32_t per_second, uint64_t *count)
 {
     double seconds = options->seconds;
     if (seconds == 0 && options->script != NULL) {
         uint64_t microseconds = 0;
-        if (!worked(cairn_script_get_duration(script, &microseconds))) {
+        if (!succeeded(cairn_script_get_duration(script, &microseconds))) {
             return 0;
         }
         seconds = (double)microseconds / 1e6;
@@ -282,8 +282,8 @@ static int run_rollout(const options *options, const cairn_world *world, const c
     cairn_rollout_info info = {.struct_size = sizeof info};
     cairn_world_info about = {.struct_size = sizeof about};
     uint64_t latents = 0;
-    if (!worked(cairn_rollout_get_info(rollout, &info)) || !worked(cairn_world_get_info(world, &about)) ||
-        !how_many(options, script, info.latents_per_second, &latents)) {
+    if (!succeeded(cairn_rollout_get_info(rollout, &info)) || !succeeded(cairn_world_get_info(world, &about)) ||
+        !latent_count(options, script, info.latents_per_second, &latents)) {
         return 0;
     }
     printf("rollout: %s, %llu latents\n", info.operating_point, (unsigned long long)latents);
@@ -293,15 +293,15 @@ static int run_rollout(const options *options, const cairn_world *world, const c
         return 0;
     }
     cairn_anchor *seed = NULL;
-    /* The seed stands at time 0, which is where its last picture is. */
+    /* Time 0 is the seed's last picture; its earlier ones are not written. */
     int done = film_begin(film, options->out, image.width, image.height, rate) && append_seed(options, world, rollout) &&
-               worked(cairn_rollout_get_anchor(rollout, &seed)) && show(seed, info.pictures_per_latent - 1, &image, film) &&
+               succeeded(cairn_rollout_get_anchor(rollout, &seed)) && write_pictures(seed, info.pictures_per_latent - 1, &image, film) &&
                walk(rollout, script, &info, latents, &image, film);
     cairn_anchor_destroy(seed);
     image_free(&image);
 
     cairn_rollout_statistics s = {.struct_size = sizeof s};
-    if (done && worked(cairn_rollout_get_statistics(rollout, &s))) {
+    if (done && succeeded(cairn_rollout_get_statistics(rollout, &s))) {
         printf("made:    %llu latents by %llu denoise and %llu cache passes; %u pictures written\n",
                (unsigned long long)s.latents, (unsigned long long)s.denoise_passes, (unsigned long long)s.cache_passes,
                (unsigned)film->written);
@@ -321,17 +321,17 @@ int main(int count, char **arguments)
     case REQUEST_RUN:
         break;
     }
-    if (!film_takes(options.out)) {
+    if (!film_supports(options.out)) {
         fprintf(stderr, "host-c: %s: the name must end in .y4m or .ppm. See host-c --help\n", options.out);
         return 2;
     }
-    /* A header and a library of different builds must not meet. */
+    /* The library that was loaded may be of another build than the header. */
     if (cairn_abi_version() != CAIRN_ABI_VERSION || cairn_version() < CAIRN_VERSION) {
         fprintf(stderr, "host-c: this program was compiled for another version of the library\n");
         return 1;
     }
     signal(SIGINT, on_interrupt);
-    if (options.verbose && !worked(cairn_set_log_callback(CAIRN_LOG_DEBUG, on_log, NULL))) {
+    if (options.verbose && !succeeded(cairn_set_log_callback(CAIRN_LOG_DEBUG, on_log, NULL))) {
         return 1;
     }
 
@@ -341,15 +341,15 @@ int main(int count, char **arguments)
     cairn_script *script = NULL;
     film film;
     memset(&film, 0, sizeof film);
-    const cairn_rollout_options asked = {
-        .struct_size = sizeof asked, .seed = options.seed, .operating_point = options.preset};
+    const cairn_rollout_options rollout_options = {
+        .struct_size = sizeof rollout_options, .seed = options.seed, .operating_point = options.preset};
 
     int done = read_script(options.script, &script) && make_device(&options, &device) &&
-               load_world(&options, device, &world) && worked(cairn_rollout_create(world, &asked, &rollout)) &&
+               load_world(&options, device, &world) && succeeded(cairn_rollout_create(world, &rollout_options, &rollout)) &&
                run_rollout(&options, world, script, rollout, &film);
     done = film_end(&film) && done;
 
-    /* Any order will do, and null is allowed. A rollout that was stopped half way ends before its next pass. */
+    /* Any order is allowed, and so is null. A step in progress ends before its next pass. */
     cairn_device_destroy(device);
     cairn_world_destroy(world);
     cairn_rollout_destroy(rollout);

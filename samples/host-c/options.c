@@ -33,8 +33,8 @@ static request wrong(const char *what, const char *name)
     return REQUEST_WRONG;
 }
 
-/* A whole number up to `most`; the whole text must be one. */
-static int read_number(const char *text, uint64_t most, uint64_t *number)
+/* Reads a text that is a whole number up to `max`, and nothing else. */
+static int read_number(const char *text, uint64_t max, uint64_t *number)
 {
     char *end = NULL;
     if (text[0] < '0' || text[0] > '9') {
@@ -42,7 +42,7 @@ static int read_number(const char *text, uint64_t most, uint64_t *number)
     }
     errno = 0;
     const unsigned long long value = strtoull(text, &end, 10);
-    if (errno != 0 || *end != '\0' || value > most) {
+    if (errno != 0 || *end != '\0' || value > max) {
         return 0;
     }
     *number = value;

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The largest side of a picture that Cairn takes. */
-#define MOST 16384u
+/* The largest side of a picture that Cairn accepts. */
+#define MAX_SIDE 16384u
 
 static int fail(const char *path, const char *why)
 {
@@ -17,9 +17,9 @@ static int fail(const char *path, const char *why)
 int image_make(image *image, uint32_t width, uint32_t height)
 {
     memset(image, 0, sizeof *image);
-    if (width == 0 || height == 0 || width > MOST || height > MOST) {
+    if (width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE) {
         fprintf(stderr, "host-c: a picture of %ux%u pixels; each side must be 1 to %u\n", (unsigned)width,
-                (unsigned)height, MOST);
+                (unsigned)height, MAX_SIDE);
         return 0;
     }
     image->pixels = calloc((size_t)width * height, 4);
@@ -38,8 +38,8 @@ void image_free(image *image)
     memset(image, 0, sizeof *image);
 }
 
-/* A number of a PPM's header, after white space and comments; -1 when there is none up to `most`. */
-static long header_number(FILE *file, long most)
+/* Reads a number of a PPM's header, after white space and comments; -1 if there is none or it is above `max`. */
+static long header_number(FILE *file, long max)
 {
     int c = getc(file);
     while (isspace(c) || c == '#') {
@@ -54,12 +54,12 @@ static long header_number(FILE *file, long most)
     long number = -1;
     while (c >= '0' && c <= '9') {
         number = (number < 0 ? 0 : number * 10) + (c - '0');
-        if (number > most) {
+        if (number > max) {
             return -1;
         }
         c = getc(file);
     }
-    /* One byte of white space ends it; before the pixels there is no more than this. */
+    /* Exactly one byte of white space follows the last number; the pixels begin after it. */
     return isspace(c) ? number : -1;
 }
 
@@ -68,8 +68,8 @@ static int read_ppm(image *image, const char *path, FILE *file)
     if (getc(file) != 'P' || getc(file) != '6') {
         return fail(path, "is no PPM: it does not begin with P6");
     }
-    const long width = header_number(file, MOST);
-    const long height = header_number(file, MOST);
+    const long width = header_number(file, MAX_SIDE);
+    const long height = header_number(file, MAX_SIDE);
     const long maximum = header_number(file, 65535);
     if (width <= 0 || height <= 0 || maximum != 255) {
         return fail(path, "the header names no width and height up to 16384 and a maximum of 255");
@@ -127,7 +127,7 @@ static int ends_with(const char *text, const char *end)
     return length > of_end && strcmp(text + length - of_end, end) == 0;
 }
 
-int film_takes(const char *path)
+int film_supports(const char *path)
 {
     return path == NULL || ends_with(path, ".ppm") || ends_with(path, ".y4m");
 }
@@ -141,7 +141,7 @@ int film_begin(film *film, const char *path, uint32_t width, uint32_t height, ui
     if (path == NULL || ends_with(path, ".ppm")) {
         return 1;
     }
-    if (!film_takes(path)) {
+    if (!film_supports(path)) {
         return fail(path, "the name must end in .y4m or .ppm");
     }
     film->planes = malloc((size_t)width * height * 3);
@@ -166,9 +166,9 @@ static uint8_t quantise(double value)
     return (uint8_t)(value + 0.5);
 }
 
-/* Y'CbCr of 8 bits and limited range: Y' = 16 + 219 y, C = 128 + 224 c with c in [-0.5, 0.5]. Y4M does not say which luma
-   weights; players take those of BT.709 from 720 rows on and those of BT.601 below. */
-static void planes_of(const image *image, uint8_t *planes)
+/* Converts to Y'CbCr of 8 bits and limited range: Y' = 16 + 219 y, C = 128 + 224 c with c in [-0.5, 0.5]. A Y4M file does not name its
+   luma weights; players use those of BT.709 from 720 rows on and those of BT.601 below. */
+static void convert_to_planes(const image *image, uint8_t *planes)
 {
     const double red = image->height >= 720 ? 0.2126 : 0.299, blue = image->height >= 720 ? 0.0722 : 0.114;
     const double green = 1 - red - blue;
@@ -214,7 +214,7 @@ int film_add(film *film, const image *image)
     }
     if (film->video != NULL) {
         const size_t size = (size_t)image->width * image->height * 3;
-        planes_of(image, film->planes);
+        convert_to_planes(image, film->planes);
         if (fputs("FRAME\n", film->video) < 0 || fwrite(film->planes, 1, size, film->video) != size) {
             return fail(film->path, strerror(errno));
         }

@@ -6,8 +6,8 @@
 #include <stdexcept>
 #include <utility>
 
-/* Anchors that may wait: one that is shown next, and one behind it. */
-static constexpr std::size_t WAITING = 2;
+/* Capacity of the queue: the anchor that is shown next, and the one after it. */
+static constexpr std::size_t CAPACITY = 2;
 
 std::uint64_t now_ns()
 {
@@ -27,9 +27,9 @@ anchors::anchors(maker make, bool paced) : make_(std::move(make)), paced_(paced)
 anchors::~anchors()
 {
     {
-        const locked lock(lock_);
+        const lock_guard lock(lock_);
         stop_ = true;
-        if (when_stopped_) when_stopped_();
+        if (interrupt_) interrupt_();
         WakeAllConditionVariable(&changed_);
     }
     WaitForSingleObject(thread_, INFINITE);
@@ -39,96 +39,96 @@ anchors::~anchors()
 DWORD WINAPI anchors::thread(void *pointer)
 {
     auto &self = *static_cast<anchors *>(pointer);
-    std::exception_ptr failed;
+    std::exception_ptr error;
     try {
         self.make_(self);
     } catch (...) {
-        failed = std::current_exception();
+        error = std::current_exception();
     }
-    const locked lock(self.lock_);
-    self.failed_ = failed;
+    const lock_guard lock(self.lock_);
+    self.error_ = error;
     self.ended_ = true;
-    self.when_stopped_ = nullptr;
+    self.interrupt_ = nullptr;
     WakeAllConditionVariable(&self.changed_);
     return 0;
 }
 
-std::optional<arrival> anchors::take(bool wait)
+std::optional<timed_anchor> anchors::take(bool wait)
 {
-    const locked lock(lock_);
-    while (wait && made_.empty() && !ended_) SleepConditionVariableSRW(&changed_, &lock_, INFINITE, 0);
-    if (made_.empty()) {
-        if (failed_) std::rethrow_exception(std::exchange(failed_, nullptr));
+    const lock_guard lock(lock_);
+    while (wait && queue_.empty() && !ended_) SleepConditionVariableSRW(&changed_, &lock_, INFINITE, 0);
+    if (queue_.empty()) {
+        if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
         return std::nullopt;
     }
-    arrival next = std::move(made_.front());
-    made_.pop_front();
+    timed_anchor next = std::move(queue_.front());
+    queue_.pop_front();
     WakeAllConditionVariable(&changed_);
     return next;
 }
 
 bool anchors::ended()
 {
-    const locked lock(lock_);
-    return ended_ && made_.empty() && !failed_;
+    const lock_guard lock(lock_);
+    return ended_ && queue_.empty() && !error_;
 }
 
-std::string anchors::doing()
+std::string anchors::status()
 {
-    const locked lock(lock_);
-    return doing_;
+    const lock_guard lock(lock_);
+    return status_;
 }
 
-bool anchors::give(cairn::anchor anchor)
+bool anchors::push(cairn::anchor anchor)
 {
-    const locked lock(lock_);
-    while (made_.size() >= WAITING && !stop_) SleepConditionVariableSRW(&changed_, &lock_, INFINITE, 0);
+    const lock_guard lock(lock_);
+    while (queue_.size() >= CAPACITY && !stop_) SleepConditionVariableSRW(&changed_, &lock_, INFINITE, 0);
     if (stop_) return false;
-    made_.push_back({std::move(anchor), now_ns()});
+    queue_.push_back({std::move(anchor), now_ns()});
     WakeAllConditionVariable(&changed_);
     return true;
 }
 
-bool anchors::wait_for_turn(std::uint64_t interval_ns)
+bool anchors::wait_for_interval(std::uint64_t interval_ns)
 {
-    const locked lock(lock_);
-    while (paced_ && !stop_ && now_ns() < turn_) {
-        const std::uint64_t left = turn_ - std::min(turn_, now_ns());
+    const lock_guard lock(lock_);
+    while (paced_ && !stop_ && now_ns() < next_start_ns_) {
+        const std::uint64_t left = next_start_ns_ - std::min(next_start_ns_, now_ns());
         SleepConditionVariableSRW(&changed_, &lock_, static_cast<DWORD>(left / 1000000 + 1), 0);
     }
-    /* One that was late does not make those after it hurry. */
-    turn_ = std::max(turn_ + interval_ns, now_ns());
+    /* After a late anchor the following ones keep the full interval: they do not catch up. */
+    next_start_ns_ = std::max(next_start_ns_ + interval_ns, now_ns());
     return !stop_;
 }
 
 bool anchors::stopping()
 {
-    const locked lock(lock_);
+    const lock_guard lock(lock_);
     return stop_;
 }
 
-void anchors::now_doing(std::string what)
+void anchors::set_status(std::string text)
 {
-    const locked lock(lock_);
-    doing_ = std::move(what);
+    const lock_guard lock(lock_);
+    status_ = std::move(text);
 }
 
-void anchors::when_stopped(std::function<void()> what)
+void anchors::set_interrupt(std::function<void()> interrupt)
 {
-    const locked lock(lock_);
-    when_stopped_ = std::move(what);
-    if (stop_ && when_stopped_) when_stopped_();
+    const lock_guard lock(lock_);
+    interrupt_ = std::move(interrupt);
+    if (stop_ && interrupt_) interrupt_();
 }
 
 namespace {
 
-/* Says how a thread is stopped, for as long as the object lives. */
-class stopped_by {
+/* Sets a thread's interrupt for the lifetime of the object. */
+class interrupt_scope {
 public:
-    stopped_by(anchors &thread, std::function<void()> what) : thread_(thread) { thread_.when_stopped(std::move(what)); }
-    ~stopped_by() { thread_.when_stopped(nullptr); }
-    stopped_by(const stopped_by &) = delete;
-    stopped_by &operator=(const stopped_by &) = delete;
+    interrupt_scope(anchors &thread, std::function<void()> interrupt) : thread_(thread) { thread_.set_interrupt(std::move(interrupt)); }
+    ~interrupt_scope() { thread_.set_interrupt(nullptr); }
+    interrupt_scope(const interrupt_scope &) = delete;
+    interrupt_scope &operator=(const interrupt_scope &) = delete;
 
 private:
     anchors &thread_;
@@ -136,17 +136,17 @@ private:
 
 } /* namespace */
 
-/* What the player does where nobody plays: walks on, and slowly turns. */
-static const char ahead[] = "cairn-controls 1\n0..600 hold W\n0..600 mouse 36000 0\n600 end\n";
+/* The script that is played without player and --script: walks ahead, and turns slowly. */
+static const char default_script[] = "cairn-controls 1\n0..600 hold W\n0..600 mouse 36000 0\n600 end\n";
 
 static cairn::world load(const options &o, const cairn::device &device, anchors &to)
 {
-    cairn::world_options wanted;
-    wanted.path = o.world.empty() ? nullptr : o.world.c_str();
-    wanted.operating_point = o.preset.empty() ? "stock,pictures:1" : o.preset.c_str();
-    return cairn::world::load(device, wanted, [&](const cairn::load_progress &now) {
+    cairn::world_options world_options;
+    world_options.path = o.world.empty() ? nullptr : o.world.c_str();
+    world_options.operating_point = o.preset.empty() ? "stock,pictures:1" : o.preset.c_str();
+    return cairn::world::load(device, world_options, [&](const cairn::load_progress &now) {
                const std::string percent = std::to_string(now.total > 0 ? now.done * 100 / now.total : 0);
-               to.now_doing((now.stage == CAIRN_LOAD_READING ? "reading the world, " : "preparing the world, ") + percent + " %");
+               to.set_status((now.stage == CAIRN_LOAD_READING ? "reading the world, " : "preparing the world, ") + percent + " %");
                return !to.stopping();
            }).value();
 }
@@ -155,24 +155,24 @@ anchors::maker world_anchors(const options &o, const cairn::device &device, inpu
 {
     return [&device, o, player](anchors &to) {
         try {
-            const cairn::script script = cairn::script::create(o.script.empty() ? ahead : read_text(o.script)).value();
+            const cairn::script script = cairn::script::create(o.script.empty() ? default_script : read_text(o.script)).value();
             const image seed = read_ppm(o.seed_picture.empty() ? beside_program("place.ppm") : o.seed_picture);
             const cairn::world world = load(o, device, to);
-            cairn::rollout_options wanted;
-            wanted.seed = o.seed;
-            cairn::rollout rollout = cairn::rollout::create(world, wanted).value();
-            const stopped_by cancel(to, [&] { (void)rollout.cancel(); });
+            cairn::rollout_options rollout_options;
+            rollout_options.seed = o.seed;
+            cairn::rollout rollout = cairn::rollout::create(world, rollout_options).value();
+            const interrupt_scope cancel(to, [&] { (void)rollout.cancel(); });
             const std::uint32_t keys = world.info().value().keys, rate = rollout.info().value().latents_per_second;
             const std::uint64_t interval = 1000000000 / (o.rate > 0 ? o.rate : rate);
-            to.now_doing("making the first picture");
+            to.set_status("making the first picture");
             rollout.append(cairn::picture_of(seed.rgba, seed.width, seed.height)).value();
-            cairn::recorder played = cairn::recorder::create().value();
-            for (std::uint64_t latent = 1; to.give(rollout.anchor().value()) && to.wait_for_turn(interval); latent++) {
-                const cairn::controls given = player != nullptr ? player->take(keys) : script.controls(latent, rate).value();
-                rollout.step(given).value();
+            cairn::recorder recorder = cairn::recorder::create().value();
+            for (std::uint64_t latent = 1; to.push(rollout.anchor().value()) && to.wait_for_interval(interval); latent++) {
+                const cairn::controls controls = player != nullptr ? player->take(keys) : script.controls(latent, rate).value();
+                rollout.step(controls).value();
                 if (o.record.empty()) continue;
-                played.step(latent, rate, given).value();
-                write_text(o.record + "/controls.txt", played.make_script(latent * 1000000 / rate).value().text().value());
+                recorder.step(latent, rate, controls).value();
+                write_text(o.record + "/controls.txt", recorder.make_script(latent * 1000000 / rate).value().text().value());
             }
         } catch (const cairn::error &e) {
             if (e.code() != CAIRN_ERROR_CANCELLED || !to.stopping()) throw;
@@ -182,7 +182,7 @@ anchors::maker world_anchors(const options &o, const cairn::device &device, inpu
 
 namespace {
 
-/* The renderer's program, and the end of a pipe that its pictures come out of. */
+/* The process of the renderer's program, and the read end of the pipe to which it writes its pictures. */
 class renderer {
 public:
     explicit renderer(std::string command)
@@ -213,7 +213,7 @@ public:
     }
     ~renderer()
     {
-        end();
+        terminate();
         WaitForSingleObject(process_, INFINITE);
         CloseHandle(process_);
         CloseHandle(read_);
@@ -221,7 +221,7 @@ public:
     renderer(const renderer &) = delete;
     renderer &operator=(const renderer &) = delete;
 
-    /* Fills all of `bytes`; false at the end of the pictures. */
+    /* Fills all of `bytes`; false at the end of the pipe. */
     bool read(std::vector<unsigned char> &bytes)
     {
         std::size_t done = 0;
@@ -233,15 +233,15 @@ public:
         }
         return true;
     }
-    /* How the program ended by itself; 0 is well. */
-    DWORD ended()
+    /* Waits for the program to end; its exit code. */
+    DWORD exit_code()
     {
         DWORD code = 1;
         WaitForSingleObject(process_, INFINITE);
         GetExitCodeProcess(process_, &code);
         return code;
     }
-    void end() { TerminateProcess(process_, 1); }
+    void terminate() { TerminateProcess(process_, 1); }
 
 private:
     HANDLE process_ = nullptr, read_ = nullptr;
@@ -252,19 +252,19 @@ private:
 anchors::maker scene_anchors(const options &o, std::uint32_t width, std::uint32_t height)
 {
     return [o, width, height](anchors &to) {
-        to.now_doing("starting the renderer");
+        to.set_status("starting the renderer");
         renderer scenes("\"" + o.scenes_program + "\" clip --scene " + o.scene + " --seconds 600 --rate " + std::to_string(SCENE_RATE) +
                         " --size " + std::to_string(width) + "x" + std::to_string(height) + " --raw -");
-        const stopped_by end(to, [&] { scenes.end(); });
+        const interrupt_scope interrupt(to, [&] { scenes.terminate(); });
         std::vector<unsigned char> rgb(std::size_t{width} * height * 3);
         image picture(width, height);
         std::uint64_t number = 0;
-        for (; to.wait_for_turn(1000000000 / (o.rate > 0 ? o.rate : SCENE_RATE)) && scenes.read(rgb); number++) {
+        for (; to.wait_for_interval(1000000000 / (o.rate > 0 ? o.rate : SCENE_RATE)) && scenes.read(rgb); number++) {
             for (std::size_t i = 0; i < rgb.size(); i++) picture.rgba[i / 3 * 4 + i % 3] = rgb[i];
             for (std::size_t i = 3; i < picture.rgba.size(); i += 4) picture.rgba[i] = 255;
-            if (!to.give(cairn::anchor::create(cairn::picture_of(picture.rgba, width, height), number).value())) break;
+            if (!to.push(cairn::anchor::create(cairn::picture_of(picture.rgba, width, height), number).value())) break;
         }
-        if (!to.stopping() && scenes.ended() != 0) {
+        if (!to.stopping() && scenes.exit_code() != 0) {
             throw std::runtime_error(o.scenes_program + ": the renderer failed after " + std::to_string(number) +
                                      " pictures; it says why above. Build it anew: cargo build --release -p scenes");
         }

@@ -1,4 +1,4 @@
-/* Anchors on a thread of their own: from a world, or from a renderer. */
+/* A thread that makes anchors from a world or from a renderer. */
 #ifndef HOST_D3D12_ANCHORS_HPP
 #define HOST_D3D12_ANCHORS_HPP
 
@@ -14,44 +14,47 @@
 #include <optional>
 #include <string>
 
-/* Nanoseconds of a clock that only goes forward. */
+/* Nanoseconds of a monotonic clock. */
 std::uint64_t now_ns();
 
-/* An anchor, and when it was made. */
-struct arrival {
+/* An anchor, and the time at which it was made. */
+struct timed_anchor {
     cairn::anchor anchor;
     std::uint64_t when_ns;
 };
 
-/* A thread that makes anchors, and the few that wait to be taken. */
+/* A thread that makes anchors, and a short queue of them. */
 class anchors {
 public:
-    /* Makes anchors until give() or wait_for_turn() answers false, or there are no more. What it throws comes out of take(). */
+    /* The thread's function: makes anchors until push() or wait_for_interval() returns false, or there are no more. take() rethrows what it
+     * throws. */
     using maker = std::function<void(anchors &)>;
 
-    /* Starts the thread. Where `paced`, it makes as many anchors as time goes by, else as many as are taken. */
+    /* Starts the thread. If `paced`, it makes anchors at a steady rate, otherwise as fast as they are taken. */
     anchors(maker make, bool paced);
     /* Stops the thread, and waits for it. */
     ~anchors();
     anchors(const anchors &) = delete;
     anchors &operator=(const anchors &) = delete;
 
-    /* The next one, or none: not yet, unless `wait` is set, or no more. */
-    std::optional<arrival> take(bool wait);
-    /* Whether no more will come. */
+    /* Takes the next anchor from the queue. If the queue is empty: waits for one if `wait` is set, else returns none. Also returns none when
+     * the thread has ended. */
+    std::optional<timed_anchor> take(bool wait);
+    /* Whether no more anchors will come. */
     bool ended();
-    /* What the thread is doing, for the user. */
-    std::string doing();
+    /* What the thread is doing at present, as a text for the user. */
+    std::string status();
 
-    /* For the thread itself: hands an anchor over once there is room. */
-    bool give(cairn::anchor anchor);
-    /* For the thread itself: waits until the next anchor should be begun, `interval_ns` after the one before. */
-    bool wait_for_turn(std::uint64_t interval_ns);
-    /* For the thread itself: is told to stop. */
+    /* For the thread's function: puts an anchor into the queue once there is room. False when the thread must end. */
+    bool push(cairn::anchor anchor);
+    /* For the thread's function: waits until `interval_ns` after the start of the previous anchor. False when the thread must end. */
+    bool wait_for_interval(std::uint64_t interval_ns);
+    /* For the thread's function: whether it must end. */
     bool stopping();
-    void now_doing(std::string what);
-    /* For the thread itself: what ends a call that it is in; called on another thread. Empty when it is in none. */
-    void when_stopped(std::function<void()> what);
+    /* For the thread's function: sets status(). */
+    void set_status(std::string text);
+    /* For the thread's function: sets what the destructor calls, on its own thread, to interrupt a long call of the function. */
+    void set_interrupt(std::function<void()> interrupt);
 
 private:
     static DWORD WINAPI thread(void *self);
@@ -60,20 +63,20 @@ private:
     bool paced_, stop_ = false, ended_ = false;
     SRWLOCK lock_ = SRWLOCK_INIT;
     CONDITION_VARIABLE changed_ = CONDITION_VARIABLE_INIT;
-    std::deque<arrival> made_;
-    std::exception_ptr failed_;
-    std::function<void()> when_stopped_;
-    std::string doing_;
-    std::uint64_t turn_ = 0;
+    std::deque<timed_anchor> queue_;
+    std::exception_ptr error_;
+    std::function<void()> interrupt_;
+    std::string status_;
+    std::uint64_t next_start_ns_ = 0;
     HANDLE thread_ = nullptr;
 };
 
-/* From a world on `device`, which must outlive the thread. `player` says what is done in the window; null for the script. */
+/* Makes anchors with a world on `device`, which must outlive the thread. `player` is the window's input; null to play the script. */
 anchors::maker world_anchors(const options &options, const cairn::device &device, input *player);
-/* From the renderer's program, pictures of that size. */
+/* Makes anchors of that size from the pictures of the renderer's program. */
 anchors::maker scene_anchors(const options &options, std::uint32_t width, std::uint32_t height);
 
-/* Pictures that the renderer draws for a second. */
+/* Pictures per second of the renderer. */
 constexpr std::uint32_t SCENE_RATE = 15;
 
 #endif

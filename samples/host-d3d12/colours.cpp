@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-/* Nits of the largest number of HDR10, and of 1 in scRGB. */
+/* Luminance in nits of the largest value in HDR10, and of the value 1 in scRGB. */
 static constexpr double PQ_NITS = 10000, SCRGB_NITS = 80;
 
 const frame_format &format_of(colours colours)
@@ -17,39 +17,39 @@ const frame_format &format_of(colours colours)
     return formats[static_cast<int>(colours)];
 }
 
-/* Light of a level of sRGB, 0 to 1. */
-static double light_of(std::uint32_t level)
+/* Linear light, 0 to 1, of an sRGB level. */
+static double linear_of(std::uint32_t level)
 {
     const double v = level / 255.0;
     return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
 }
 
-/* The number that HDR10 has for so many of its 10000 nits: the curve of PQ, SMPTE ST 2084. */
-static double pq(double part)
+/* The transfer function PQ of HDR10, SMPTE ST 2084: the value, 0 to 1, of a luminance as a fraction of 10000 nits. */
+static double pq(double luminance)
 {
     constexpr double m1 = 2610.0 / 16384, m2 = 2523.0 / 4096 * 128, c1 = 3424.0 / 4096, c2 = 2413.0 / 4096 * 32, c3 = 2392.0 / 4096 * 32;
-    const double p = std::pow(part, m1);
+    const double p = std::pow(luminance, m1);
     return std::pow((c1 + c2 * p) / (1 + c3 * p), m2);
 }
 
-/* A half float of a number from 0 on that is neither tiny nor beyond all halves. */
+/* The bits of the half float nearest to a number from 0 to 65504. Numbers that would be denormal become 0. */
 static std::uint64_t half_of(double value)
 {
     const float single = static_cast<float>(value);
     std::uint32_t bits;
     std::memcpy(&bits, &single, sizeof bits);
-    constexpr std::uint32_t least = 113u << 23;
-    return bits < least ? 0 : (bits - (112u << 23) + (1u << 12)) >> 13;
+    constexpr std::uint32_t smallest_normal = 113u << 23;
+    return bits < smallest_normal ? 0 : (bits - (112u << 23) + (1u << 12)) >> 13;
 }
 
 std::uint64_t pixel_of(colours colours, std::uint32_t rgb, std::uint32_t white_nits)
 {
     const std::uint32_t levels[] = {rgb & 255, rgb >> 8 & 255, rgb >> 16 & 255};
-    const double r = light_of(levels[0]), g = light_of(levels[1]), b = light_of(levels[2]);
+    const double r = linear_of(levels[0]), g = linear_of(levels[1]), b = linear_of(levels[2]);
     switch (colours) {
     case colours::srgb: break;
     case colours::hdr10: {
-        /* The same light with the primaries of BT.2020. */
+        /* BT.709 to BT.2020 primaries. */
         const double wide[] = {0.627404 * r + 0.329283 * g + 0.043313 * b, 0.069097 * r + 0.919540 * g + 0.011362 * b,
                                0.016391 * r + 0.088013 * g + 0.895595 * b};
         std::uint64_t pixel = std::uint64_t{3} << 30;

@@ -1,4 +1,4 @@
-/* What numbers in a frame mean, and in which format they stand there. */
+/* Colour spaces of frames, and their pixel formats. */
 #ifndef HOST_D3D12_COLOURS_HPP
 #define HOST_D3D12_COLOURS_HPP
 
@@ -8,7 +8,7 @@
 
 #include <dxgi1_6.h>
 
-/* For the frames of a presenter: `space` is Cairn's word, `display` DXGI's. */
+/* Format of a presenter's frames. `space` is Cairn's constant for the colour space, `display` DXGI's; `bytes` is the size of a pixel. */
 struct frame_format {
     DXGI_FORMAT format;
     std::uint32_t bytes;
@@ -19,7 +19,7 @@ struct frame_format {
 
 const frame_format &format_of(colours colours);
 
-/* A colour of a picture, sRGB with 8 bits each, as a pixel of such a frame where white is `white_nits` bright; low bytes first. */
+/* Converts an sRGB colour, 8 bits each, to a frame's pixel, low bytes first. White has a luminance of `white_nits`. */
 std::uint64_t pixel_of(colours colours, std::uint32_t rgb, std::uint32_t white_nits);
 
 #endif

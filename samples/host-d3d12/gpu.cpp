@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-void worked(HRESULT result, const char *call)
+void check(HRESULT result, const char *call)
 {
     if (SUCCEEDED(result)) return;
     char code[16];
@@ -16,7 +16,7 @@ void worked(HRESULT result, const char *call)
                              (lost ? ": the graphics device is gone. Start again, with a newer driver if it happens again" : ""));
 }
 
-/* The adapter of that number among those that Direct3D 12 works on. */
+/* The adapter with that index among those that support Direct3D 12. */
 static com<IDXGIAdapter1> adapter_of(IDXGIFactory4 *factory, std::uint32_t number)
 {
     com<IDXGIFactory6> by_speed;
@@ -36,41 +36,41 @@ static com<IDXGIAdapter1> adapter_of(IDXGIFactory4 *factory, std::uint32_t numbe
 
 gpu::gpu(std::uint32_t adapter)
 {
-    worked(CreateDXGIFactory2(0, IID_PPV_ARGS(&factory_)), "CreateDXGIFactory2");
+    check(CreateDXGIFactory2(0, IID_PPV_ARGS(&factory_)), "CreateDXGIFactory2");
     const com<IDXGIAdapter1> chosen = adapter_of(factory_.Get(), adapter);
     DXGI_ADAPTER_DESC1 about = {};
     chosen->GetDesc1(&about);
     char utf8[512] = "";
     WideCharToMultiByte(CP_UTF8, 0, about.Description, -1, utf8, sizeof utf8 - 1, nullptr, nullptr);
     name_ = utf8;
-    worked(D3D12CreateDevice(chosen.Get(), D3D_FEATURE_LEVEL_11_0, IID_PPV_ARGS(&device_)), "D3D12CreateDevice");
+    check(D3D12CreateDevice(chosen.Get(), D3D_FEATURE_LEVEL_11_0, IID_PPV_ARGS(&device_)), "D3D12CreateDevice");
     D3D12_COMMAND_QUEUE_DESC queue = {};
     queue.Type = D3D12_COMMAND_LIST_TYPE_DIRECT;
-    worked(device_->CreateCommandQueue(&queue, IID_PPV_ARGS(&queue_)), "ID3D12Device::CreateCommandQueue");
+    check(device_->CreateCommandQueue(&queue, IID_PPV_ARGS(&queue_)), "ID3D12Device::CreateCommandQueue");
     for (com<ID3D12CommandAllocator> &allocator : allocators_) {
-        worked(device_->CreateCommandAllocator(queue.Type, IID_PPV_ARGS(&allocator)), "ID3D12Device::CreateCommandAllocator");
+        check(device_->CreateCommandAllocator(queue.Type, IID_PPV_ARGS(&allocator)), "ID3D12Device::CreateCommandAllocator");
     }
-    worked(device_->CreateCommandList(0, queue.Type, allocators_[0].Get(), nullptr, IID_PPV_ARGS(&list_)),
+    check(device_->CreateCommandList(0, queue.Type, allocators_[0].Get(), nullptr, IID_PPV_ARGS(&list_)),
            "ID3D12Device::CreateCommandList");
-    worked(list_->Close(), "ID3D12GraphicsCommandList::Close");
-    worked(device_->CreateFence(0, D3D12_FENCE_FLAG_NONE, IID_PPV_ARGS(&fence_)), "ID3D12Device::CreateFence");
-    reached_ = CreateEventW(nullptr, FALSE, FALSE, nullptr);
+    check(list_->Close(), "ID3D12GraphicsCommandList::Close");
+    check(device_->CreateFence(0, D3D12_FENCE_FLAG_NONE, IID_PPV_ARGS(&fence_)), "ID3D12Device::CreateFence");
+    event_ = CreateEventW(nullptr, FALSE, FALSE, nullptr);
 }
 
 gpu::~gpu()
 {
     {
-        const settled wait(*this);
+        const idle_at_exit wait(*this);
     }
-    CloseHandle(reached_);
+    CloseHandle(event_);
 }
 
-settled::~settled()
+idle_at_exit::~idle_at_exit()
 {
     try {
         gpu_.wait_idle();
     } catch (const std::exception &) {
-        /* The device is gone, and with it what ran on it. */
+        /* The device was removed, so nothing runs on it any more. */
     }
 }
 
@@ -78,32 +78,32 @@ ID3D12GraphicsCommandList *gpu::begin()
 {
     slot_ = (slot_ + 1) % FRAMES_IN_FLIGHT;
     wait_for(values_[slot_]);
-    worked(allocators_[slot_]->Reset(), "ID3D12CommandAllocator::Reset");
-    worked(list_->Reset(allocators_[slot_].Get(), nullptr), "ID3D12GraphicsCommandList::Reset");
+    check(allocators_[slot_]->Reset(), "ID3D12CommandAllocator::Reset");
+    check(list_->Reset(allocators_[slot_].Get(), nullptr), "ID3D12GraphicsCommandList::Reset");
     return list_.Get();
 }
 
 void gpu::submit()
 {
-    worked(list_->Close(), "ID3D12GraphicsCommandList::Close");
+    check(list_->Close(), "ID3D12GraphicsCommandList::Close");
     ID3D12CommandList *lists[] = {list_.Get()};
     queue_->ExecuteCommandLists(1, lists);
     values_[slot_] = ++submitted_;
-    worked(queue_->Signal(fence_.Get(), submitted_), "ID3D12CommandQueue::Signal");
+    check(queue_->Signal(fence_.Get(), submitted_), "ID3D12CommandQueue::Signal");
 }
 
 void gpu::wait_idle()
 {
-    worked(queue_->Signal(fence_.Get(), ++submitted_), "ID3D12CommandQueue::Signal");
+    check(queue_->Signal(fence_.Get(), ++submitted_), "ID3D12CommandQueue::Signal");
     wait_for(submitted_);
 }
 
 void gpu::wait_for(std::uint64_t value)
 {
     if (fence_->GetCompletedValue() >= value) return;
-    worked(fence_->SetEventOnCompletion(value, reached_), "ID3D12Fence::SetEventOnCompletion");
-    WaitForSingleObject(reached_, INFINITE);
-    worked(device_->GetDeviceRemovedReason(), "ID3D12Device");
+    check(fence_->SetEventOnCompletion(value, event_), "ID3D12Fence::SetEventOnCompletion");
+    WaitForSingleObject(event_, INFINITE);
+    check(device_->GetDeviceRemovedReason(), "ID3D12Device");
 }
 
 swapchain::swapchain(gpu &gpu, HWND window, std::uint32_t width, std::uint32_t height, const frame_format &format)
@@ -115,13 +115,13 @@ swapchain::swapchain(gpu &gpu, HWND window, std::uint32_t width, std::uint32_t h
     wanted.SampleDesc.Count = 1;
     wanted.BufferUsage = DXGI_USAGE_RENDER_TARGET_OUTPUT;
     wanted.BufferCount = FRAMES_IN_FLIGHT;
-    /* A window of another size shows the same frames, larger or smaller. */
+    /* Frames are scaled to the window's size. */
     wanted.Scaling = DXGI_SCALING_STRETCH;
     wanted.SwapEffect = DXGI_SWAP_EFFECT_FLIP_DISCARD;
     com<IDXGISwapChain1> chain;
-    worked(gpu.factory()->CreateSwapChainForHwnd(gpu.queue(), window, &wanted, nullptr, nullptr, &chain),
+    check(gpu.factory()->CreateSwapChainForHwnd(gpu.queue(), window, &wanted, nullptr, nullptr, &chain),
            "IDXGIFactory4::CreateSwapChainForHwnd");
-    worked(chain.As(&chain_), "IDXGISwapChain3");
+    check(chain.As(&chain_), "IDXGISwapChain3");
     if (format.format != DXGI_FORMAT_R8G8B8A8_UNORM) {
         UINT support = 0;
         const HRESULT asked = chain_->CheckColorSpaceSupport(format.display, &support);
@@ -129,14 +129,14 @@ swapchain::swapchain(gpu &gpu, HWND window, std::uint32_t width, std::uint32_t h
             throw std::runtime_error(std::string("this display does not show ") + format.name +
                                      ". Turn HDR on in the system's display settings, or leave --colours out");
         }
-        worked(chain_->SetColorSpace1(format.display), "IDXGISwapChain3::SetColorSpace1");
+        check(chain_->SetColorSpace1(format.display), "IDXGISwapChain3::SetColorSpace1");
     }
     for (unsigned i = 0; i < FRAMES_IN_FLIGHT; i++) {
-        worked(chain_->GetBuffer(i, IID_PPV_ARGS(&buffers_[i])), "IDXGISwapChain::GetBuffer");
+        check(chain_->GetBuffer(i, IID_PPV_ARGS(&buffers_[i])), "IDXGISwapChain::GetBuffer");
     }
 }
 
-void swapchain::present(bool vsync) { worked(chain_->Present(vsync ? 1 : 0, 0), "IDXGISwapChain::Present"); }
+void swapchain::present(bool vsync) { check(chain_->Present(vsync ? 1 : 0, 0), "IDXGISwapChain::Present"); }
 
 offscreen::offscreen(gpu &gpu, std::uint32_t width, std::uint32_t height, const frame_format &format)
     : format_(format), width_(width), height_(height), pitch_(pitch_of(width, format))
@@ -151,9 +151,9 @@ offscreen::offscreen(gpu &gpu, std::uint32_t width, std::uint32_t height, const 
     texture.MipLevels = 1;
     texture.Format = format.format;
     texture.SampleDesc.Count = 1;
-    /* As a swapchain's buffers are. */
+    /* As for a swap chain's buffers. */
     texture.Flags = D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET;
-    worked(gpu.device()->CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &texture, D3D12_RESOURCE_STATE_COMMON, nullptr,
+    check(gpu.device()->CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &texture, D3D12_RESOURCE_STATE_COMMON, nullptr,
                                                  IID_PPV_ARGS(&texture_)),
            "ID3D12Device::CreateCommittedResource");
     memory_ = make_buffer(gpu.device(), std::uint64_t{pitch_} * height, D3D12_HEAP_TYPE_READBACK);
@@ -161,7 +161,7 @@ offscreen::offscreen(gpu &gpu, std::uint32_t width, std::uint32_t height, const 
 
 void offscreen::record_read(ID3D12GraphicsCommandList *list)
 {
-    const D3D12_TEXTURE_COPY_LOCATION to = rows_of(memory_.Get(), format_.format, width_, height_, pitch_), from = picture_of(texture_.Get());
+    const D3D12_TEXTURE_COPY_LOCATION to = buffer_location(memory_.Get(), format_.format, width_, height_, pitch_), from = texture_location(texture_.Get());
     list->CopyTextureRegion(&to, 0, 0, 0, &from, nullptr);
     const D3D12_RESOURCE_BARRIER back = transition(texture_.Get(), D3D12_RESOURCE_STATE_COPY_SOURCE, D3D12_RESOURCE_STATE_COMMON);
     list->ResourceBarrier(1, &back);
@@ -169,11 +169,11 @@ void offscreen::record_read(ID3D12GraphicsCommandList *list)
 
 void offscreen::write(const std::string &name) const
 {
-    /* Without what fills the rows up. */
+    /* Without the padding of the rows. */
     const std::size_t row = std::size_t{width_} * format_.bytes;
     std::vector<unsigned char> pixels(row * height_);
     void *bytes = nullptr;
-    worked(memory_->Map(0, nullptr, &bytes), "ID3D12Resource::Map");
+    check(memory_->Map(0, nullptr, &bytes), "ID3D12Resource::Map");
     for (std::size_t y = 0; y < height_; y++) std::memcpy(&pixels[y * row], static_cast<unsigned char *>(bytes) + y * pitch_, row);
     const D3D12_RANGE nothing = {0, 0};
     memory_->Unmap(0, &nothing);
@@ -203,27 +203,27 @@ com<ID3D12Resource> make_buffer(ID3D12Device *device, std::uint64_t size, D3D12_
     const D3D12_RESOURCE_STATES state =
         kind == D3D12_HEAP_TYPE_UPLOAD ? D3D12_RESOURCE_STATE_GENERIC_READ : D3D12_RESOURCE_STATE_COPY_DEST;
     com<ID3D12Resource> made;
-    worked(device->CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &buffer, state, nullptr, IID_PPV_ARGS(&made)),
+    check(device->CreateCommittedResource(&heap, D3D12_HEAP_FLAG_NONE, &buffer, state, nullptr, IID_PPV_ARGS(&made)),
            "ID3D12Device::CreateCommittedResource");
     return made;
 }
 
-D3D12_TEXTURE_COPY_LOCATION rows_of(ID3D12Resource *buffer, DXGI_FORMAT format, std::uint32_t width, std::uint32_t height,
-                                    std::uint32_t pitch)
+D3D12_TEXTURE_COPY_LOCATION buffer_location(ID3D12Resource *buffer, DXGI_FORMAT format, std::uint32_t width, std::uint32_t height,
+                                            std::uint32_t pitch)
 {
-    D3D12_TEXTURE_COPY_LOCATION place = {};
-    place.pResource = buffer;
-    place.Type = D3D12_TEXTURE_COPY_TYPE_PLACED_FOOTPRINT;
-    place.PlacedFootprint.Footprint = {format, width, height, 1, pitch};
-    return place;
+    D3D12_TEXTURE_COPY_LOCATION location = {};
+    location.pResource = buffer;
+    location.Type = D3D12_TEXTURE_COPY_TYPE_PLACED_FOOTPRINT;
+    location.PlacedFootprint.Footprint = {format, width, height, 1, pitch};
+    return location;
 }
 
-D3D12_TEXTURE_COPY_LOCATION picture_of(ID3D12Resource *texture)
+D3D12_TEXTURE_COPY_LOCATION texture_location(ID3D12Resource *texture)
 {
-    D3D12_TEXTURE_COPY_LOCATION place = {};
-    place.pResource = texture;
-    place.Type = D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX;
-    return place;
+    D3D12_TEXTURE_COPY_LOCATION location = {};
+    location.pResource = texture;
+    location.Type = D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX;
+    return location;
 }
 
 D3D12_RESOURCE_BARRIER transition(ID3D12Resource *resource, D3D12_RESOURCE_STATES before, D3D12_RESOURCE_STATES after)

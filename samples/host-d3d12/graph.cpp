@@ -5,15 +5,15 @@
 #include <cstdio>
 #include <cstring>
 
-/* Pixels for a millisecond: the panel is 51.2 ms high. */
+/* Pixels per millisecond: the graph's height is 51.2 ms. */
 static constexpr float SCALE = 1.25f;
 
-/* Digits and a point, three pixels wide and five high, a row in three bits. */
+/* Bitmaps of the ten digits and the decimal point, three pixels wide and five high: three bits, an octal digit, for each row. */
 static constexpr std::uint16_t GLYPHS[] = {075557, 026227, 071747, 071717, 055711, 074717, 074757, 071111, 075757, 075717, 000002};
 
 graph::graph(gpu &gpu, colours colours, std::uint32_t white_nits) : format_(format_of(colours))
 {
-    /* Red is the lowest byte. */
+    /* sRGB, red in the lowest byte. */
     static constexpr std::uint32_t levels[INKS] = {0x201810, 0x706050, 0xFFFFFF, 0xF0F0F0, 0xF0C040, 0x60C850, 0x30D0F0, 0x4040E0};
     for (int i = 0; i < INKS; i++) inks_[i] = pixel_of(colours, levels[i], white_nits);
     for (com<ID3D12Resource> &memory : memory_) {
@@ -32,18 +32,18 @@ graph::ink graph::ink_of(std::uint32_t source)
     }
 }
 
-void graph::put(unsigned char *rows, std::uint32_t x, std::uint32_t y, ink ink) const
+void graph::set_pixel(unsigned char *rows, std::uint32_t x, std::uint32_t y, ink ink) const
 {
     std::memcpy(rows + (std::size_t{y} * WIDTH + x) * format_.bytes, &inks_[ink], format_.bytes);
 }
 
-void graph::write(unsigned char *rows, std::uint32_t left, std::uint32_t top, const char *text) const
+void graph::draw_text(unsigned char *rows, std::uint32_t left, std::uint32_t top, const char *text) const
 {
     for (; *text != '\0'; text++, left += 8) {
         const std::uint16_t glyph = *text == '.' ? GLYPHS[10] : *text >= '0' && *text <= '9' ? GLYPHS[*text - '0'] : 0;
         for (std::uint32_t y = 0; y < 10; y++) {
             for (std::uint32_t x = 0; x < 6; x++) {
-                if ((glyph >> ((4 - y / 2) * 3 + 2 - x / 2) & 1) != 0) put(rows, left + x, top + y, NUMBER);
+                if ((glyph >> ((4 - y / 2) * 3 + 2 - x / 2) & 1) != 0) set_pixel(rows, left + x, top + y, NUMBER);
             }
         }
     }
@@ -59,8 +59,8 @@ float graph::median() const
 {
     float sorted[BARS];
     std::size_t count = 0;
-    for (const bar &one : bars_) {
-        if (one.source != 0) sorted[count++] = one.milliseconds;
+    for (const bar &entry : bars_) {
+        if (entry.source != 0) sorted[count++] = entry.milliseconds;
     }
     std::sort(sorted, sorted + count);
     return count > 0 ? sorted[count / 2] : 0;
@@ -71,19 +71,19 @@ void graph::draw(unsigned char *rows) const
     for (std::uint32_t y = 0; y < HEIGHT; y++) {
         const float above = static_cast<float>(HEIGHT - 1 - y) / SCALE;
         const bool line = static_cast<int>(above * 60 / 1000) != static_cast<int>((above + 1 / SCALE) * 60 / 1000);
-        for (std::uint32_t x = 0; x < WIDTH; x++) put(rows, x, y, line && x < BARS * 2 ? LINE : BACK);
+        for (std::uint32_t x = 0; x < WIDTH; x++) set_pixel(rows, x, y, line && x < BARS * 2 ? LINE : BACK);
     }
     for (std::uint32_t i = 0; i < BARS; i++) {
         const bar &shown = bars_[(next_ + i) % BARS];
         const std::uint32_t height = std::min(static_cast<std::uint32_t>(shown.milliseconds * SCALE), HEIGHT);
         for (std::uint32_t y = HEIGHT - height; y < HEIGHT; y++) {
-            put(rows, i * 2, y, ink_of(shown.source));
-            put(rows, i * 2 + 1, y, ink_of(shown.source));
+            set_pixel(rows, i * 2, y, ink_of(shown.source));
+            set_pixel(rows, i * 2 + 1, y, ink_of(shown.source));
         }
     }
     char text[8];
     std::snprintf(text, sizeof text, "%5.1f", static_cast<double>(std::min(median(), 999.9f)));
-    write(rows, NUMBER_AT, HEIGHT - 14, text);
+    draw_text(rows, NUMBER_AT, HEIGHT - 14, text);
 }
 
 void graph::record(gpu &gpu, ID3D12GraphicsCommandList *list, ID3D12Resource *target, std::uint32_t width, std::uint32_t height)
@@ -93,9 +93,9 @@ void graph::record(gpu &gpu, ID3D12GraphicsCommandList *list, ID3D12Resource *ta
     ID3D12Resource *memory = memory_[gpu.slot()].Get();
     const D3D12_RANGE nothing = {0, 0};
     void *rows = nullptr;
-    worked(memory->Map(0, &nothing, &rows), "ID3D12Resource::Map");
+    check(memory->Map(0, &nothing, &rows), "ID3D12Resource::Map");
     draw(static_cast<unsigned char *>(rows));
     memory->Unmap(0, nullptr);
-    const D3D12_TEXTURE_COPY_LOCATION to = picture_of(target), from = rows_of(memory, format_.format, WIDTH, HEIGHT, WIDTH * format_.bytes);
+    const D3D12_TEXTURE_COPY_LOCATION to = texture_location(target), from = buffer_location(memory, format_.format, WIDTH, HEIGHT, WIDTH * format_.bytes);
     list->CopyTextureRegion(&to, margin, height - HEIGHT - margin, 0, &from, nullptr);
 }

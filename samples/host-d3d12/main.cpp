@@ -1,9 +1,9 @@
 /*
- * A host of Cairn on Direct3D 12: a window that a world is played in, or frames without one.
+ * A host of Cairn on Direct3D 12: plays a world in a window, or writes frames to files without a window.
  *
- * It is meant to be read from the bottom: main() reads the command line; run() makes the graphics device, Cairn's device on it
- * and a thread that makes anchors; then in_window() or without_window() presents. What an engine needs is all in show(): one
- * call records the frame that is due into its command list, and its own drawing goes on from there.
+ * Read it from the bottom: main() reads the command line, and run() creates the graphics device and Cairn's device on it. Then
+ * in_window() or without_window() starts a thread that makes anchors, and presents frames. show() has all that an engine needs: one call
+ * records the frame that is due into the engine's command list, after which the engine records its own drawing.
  */
 #include "anchors.hpp"
 #include "gpu.hpp"
@@ -27,49 +27,49 @@
 
 static constexpr std::uint64_t SECOND = 1000000000;
 
-/* What everything below is given. */
+/* The options and devices that the functions below use. */
 struct host {
     const options &o;
     gpu &gpu;
-    /* Cairn's, on the graphics device. */
+    /* Cairn's device on the graphics device. */
     const cairn::device &device;
 };
 
-/* A presenter of frames of that size; 0 for the anchors'. */
+/* Creates a presenter of frames of that size; 0 for the anchors' size. */
 static cairn::presenter make_presenter(const options &o, std::uint32_t width, std::uint32_t height, std::uint64_t interval_ns,
                                        std::uint32_t flags)
 {
-    cairn::presenter_options wanted;
-    wanted.multiplier = o.multiplier;
-    wanted.width = width;
-    wanted.height = height;
-    wanted.interval_ns = interval_ns;
-    wanted.flags = CAIRN_PRESENTER_NO_DECODED | flags;
-    wanted.colour_space = format_of(o.shown_in).space;
-    wanted.white_nits = o.shown_in == colours::srgb ? 0 : o.white;
-    return cairn::presenter::create(wanted).value();
+    cairn::presenter_options presenter_options;
+    presenter_options.multiplier = o.multiplier;
+    presenter_options.width = width;
+    presenter_options.height = height;
+    presenter_options.interval_ns = interval_ns;
+    presenter_options.flags = CAIRN_PRESENTER_NO_DECODED | flags;
+    presenter_options.colour_space = format_of(o.shown_in).space;
+    presenter_options.white_nits = o.shown_in == colours::srgb ? 0 : o.white;
+    return cairn::presenter::create(presenter_options).value();
 }
 
 /*
- * Makes all that frames of that size need, once it is known how large anchors are, so that the first one is no later than others. An
- * engine does this on a thread that loads; here there is nothing else to be seen yet.
+ * Creates everything that frames of that size need, so that the first frame takes no longer than others. Call it after the first anchor
+ * was pushed, whose size is needed. An engine does this on a loading thread; this program may wait, as it shows nothing yet.
  */
 static void prepare(const host &host, const cairn::presenter &presenter, std::uint32_t width, std::uint32_t height)
 {
-    cairn::d3d12_preparation wanted;
-    wanted.format = static_cast<std::uint32_t>(format_of(host.o.shown_in).format);
-    wanted.width = width;
-    wanted.height = height;
-    presenter.prepare_d3d12(host.device, wanted).value();
+    cairn::d3d12_preparation preparation;
+    preparation.format = static_cast<std::uint32_t>(format_of(host.o.shown_in).format);
+    preparation.width = width;
+    preparation.height = height;
+    presenter.prepare_d3d12(host.device, preparation).value();
 }
 
 /*
- * Records and submits the frame that is due at `now` into `target`, which goes from state `before` to `after`; `more` records
- * what else is to be seen, with the target in COPY_DEST.
+ * Records the frame that is due at `now` into `target`, and submits it. The target goes from state `before` to `after`. `draw_over` records
+ * further drawing, with the target in state COPY_DEST.
  */
-template <class More>
+template <class DrawOver>
 static std::optional<cairn::frame> show(const host &host, cairn::presenter &presenter, std::uint64_t now, ID3D12Resource *target,
-                                        D3D12_RESOURCE_STATES before, D3D12_RESOURCE_STATES after, More more)
+                                        D3D12_RESOURCE_STATES before, D3D12_RESOURCE_STATES after, DrawOver draw_over)
 {
     ID3D12GraphicsCommandList *list = host.gpu.begin();
     cairn::d3d12_recording recording;
@@ -81,7 +81,7 @@ static std::optional<cairn::frame> show(const host &host, cairn::presenter &pres
     recording.fence_value = host.gpu.value_of_open_list();
     const auto frame = presenter.record_d3d12(host.device, now, recording).value();
     if (frame) {
-        more(list);
+        draw_over(list);
         const D3D12_RESOURCE_BARRIER barrier = transition(target, D3D12_RESOURCE_STATE_COPY_DEST, after);
         list->ResourceBarrier(1, &barrier);
     }
@@ -95,7 +95,7 @@ static const char *source_name(std::uint32_t source)
     return source < sizeof names / sizeof names[0] ? names[source] : "new";
 }
 
-static void say_what_was_done(const cairn::presenter &presenter)
+static void print_statistics(const cairn::presenter &presenter)
 {
     const auto s = presenter.statistics().value();
     std::printf("shown: %llu anchors, %llu generated, %llu beyond a late anchor, %llu that stood; %llu of %llu anchors were late; generator %s\n",
@@ -104,7 +104,7 @@ static void say_what_was_done(const cairn::presenter &presenter)
                 static_cast<unsigned long long>(s.late_anchors), static_cast<unsigned long long>(s.anchors), s.generator);
 }
 
-/* Writes what was made into a folder; without one, nothing. */
+/* Writes anchors and frames to a folder; with an empty name it writes nothing. */
 class record {
 public:
     explicit record(std::string folder) : folder_(std::move(folder))
@@ -147,10 +147,10 @@ private:
 
 /* ---- In a window ------------------------------------------------------------------------------------------------- */
 
-/* Rates for the window's title. */
+/* Measures the rates that the window's title shows. */
 class rates {
 public:
-    /* Counts a frame; a new title twice a second. */
+    /* Counts a frame. Returns a new title twice a second. */
     std::optional<std::string> count(std::uint64_t now, const cairn::presenter &presenter, const options &o)
     {
         frames_++;
@@ -182,19 +182,19 @@ static void in_window(const host &host, const cairn::device &world_device)
     graph graph(host.gpu, o.shown_in, o.white);
     const std::uint32_t rate = o.rate > 0 || o.scene.empty() ? o.rate : SCENE_RATE;
     cairn::presenter presenter = make_presenter(o, width, height, rate > 0 ? SECOND / rate : 0, CAIRN_PRESENTER_CATCH_UP);
-    const settled wait(host.gpu);
+    const idle_at_exit wait(host.gpu);
     anchors anchors(o.scene.empty() ? world_anchors(o, world_device, o.script.empty() ? &player : nullptr)
                                     : scene_anchors(o, std::min(width, 640u), std::min(height, 360u)),
                     true);
     const record record(o.record);
     rates rates;
-    std::optional<arrival> next;
+    std::optional<timed_anchor> next;
     std::uint64_t last = 0;
     std::uint32_t count = 0;
     std::optional<cairn::frame> shown;
     bool prepared = false;
     while (!window.closed()) {
-        /* What comes while the presenter has enough waits here. */
+        /* While the presenter's queue is full, the next anchor waits in `next`. */
         while ((next || (next = anchors.take(false))) && presenter.push(next->anchor, next->when_ns).value()) {
             record.anchor(next->anchor);
             next.reset();
@@ -205,15 +205,15 @@ static void in_window(const host &host, const cairn::device &world_device)
             prepare(host, presenter, width, height);
             prepared = true;
         }
-        if (!due) window.title("Cairn: " + anchors.doing());
+        if (!due) window.title("Cairn: " + anchors.status());
         const bool same = due && shown && due->since_ns == shown->since_ns && due->position == shown->position;
         if (!due || window.minimised() || (same && due->until_ns <= now)) {
-            window.listen(4);
+            window.handle_messages(4);
             continue;
         }
         if (same) {
-            /* It is on the display: until the next is due there is time to listen. */
-            window.listen(static_cast<DWORD>(std::min<std::uint64_t>((due->until_ns - now) / 1000000, 4)));
+            /* The frame that is due is on the display already: handle messages until the next one is due. */
+            window.handle_messages(static_cast<DWORD>(std::min<std::uint64_t>((due->until_ns - now) / 1000000, 4)));
             if (now_ns() < due->until_ns) continue;
         }
         const auto frame = show(host, presenter, now_ns(), chain.target(), D3D12_RESOURCE_STATE_PRESENT, D3D12_RESOURCE_STATE_PRESENT,
@@ -226,11 +226,11 @@ static void in_window(const host &host, const cairn::device &world_device)
         last = done;
         shown = frame;
         if (const auto title = rates.count(done, presenter, o)) window.title(*title);
-        window.listen(0);
+        window.handle_messages(0);
         if (++count == o.frames) break;
         if (anchors.ended() && frame && frame->source == CAIRN_FRAME_HELD) break;
     }
-    say_what_was_done(presenter);
+    print_statistics(presenter);
 }
 
 /* ---- Without a window -------------------------------------------------------------------------------------------- */
@@ -241,24 +241,24 @@ static void without_window(const host &host, const cairn::device &world_device)
     record record(o.record);
     const std::uint32_t scene_width = o.width > 0 ? o.width : 640, scene_height = o.height > 0 ? o.height : 360;
     anchors anchors(o.scene.empty() ? world_anchors(o, world_device, nullptr) : scene_anchors(o, scene_width, scene_height), false);
-    std::optional<arrival> next = anchors.take(true);
+    std::optional<timed_anchor> next = anchors.take(true);
     if (!next) throw std::runtime_error("no anchor came at all");
     const auto info = next->anchor.info().value();
     const std::uint32_t width = o.width > 0 ? o.width : info.width, height = o.height > 0 ? o.height : info.height;
-    /* Time is counted: anchor i comes at i intervals, of which a frame is a whole part for every multiplier. */
+    /* Time is computed, not measured: anchor i comes at i intervals. The interval is a multiple of 12 ns, so that 2, 3, 4 or 6 divide it. */
     const std::uint64_t interval = SECOND / (info.latents_per_second > 0 ? info.latents_per_second : SCENE_RATE) / 12 * 12;
     offscreen target(host.gpu, width, height, format_of(o.shown_in));
     cairn::presenter presenter = make_presenter(o, width, height, interval, 0);
-    const settled wait(host.gpu);
-    std::uint64_t came = 0;
+    const idle_at_exit wait(host.gpu);
+    std::uint64_t pushed = 0;
     for (std::uint32_t i = 0; i < o.headless; i++) {
-        /* An anchor is shown an interval after it came, when the one after it is there. */
+        /* An anchor is shown one interval after it came, when the next one is there. */
         const std::uint64_t now = interval + i * interval / o.multiplier;
-        for (; came * interval <= now; came++) {
-            if (came > 0) next = anchors.take(true);
-            if (!next) throw std::runtime_error("there are " + std::to_string(came) + " anchors and no more. Give a smaller --headless");
+        for (; pushed * interval <= now; pushed++) {
+            if (pushed > 0) next = anchors.take(true);
+            if (!next) throw std::runtime_error("there are " + std::to_string(pushed) + " anchors and no more. Give a smaller --headless");
             record.anchor(next->anchor);
-            presenter.push(next->anchor, came * interval).value();
+            presenter.push(next->anchor, pushed * interval).value();
         }
         if (i == 0) prepare(host, presenter, width, height);
         const auto frame = show(host, presenter, now, target.target(), D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_STATE_COMMON,
@@ -274,7 +274,7 @@ static void without_window(const host &host, const cairn::device &world_device)
     }
     std::fprintf(stderr, "\n");
     record.end();
-    say_what_was_done(presenter);
+    print_statistics(presenter);
 }
 
 /* ---- The program ------------------------------------------------------------------------------------------------- */
@@ -285,18 +285,18 @@ static void on_log(std::uint32_t level, const char *target, const char *message,
     std::fprintf(stderr, "%s: %s: %s\n", level <= CAIRN_LOG_TRACE ? names[level] : "", target, message);
 }
 
-/* How devices are made by a program that its user starts: the environment may name libraries. A game leaves the flag out. */
-static cairn::device_options of_a_tool()
+/* Device options of a tool: its user's environment may name libraries. A game leaves this flag out. */
+static cairn::device_options tool_options()
 {
     cairn::device_options options;
     options.flags = CAIRN_DEVICE_ENVIRONMENT;
     return options;
 }
 
-/* What Direct3D 12 and DirectML need and what was found, for a user whose device cannot be made. */
-static void say_requirements()
+/* Prints what Direct3D 12 and DirectML need and what was found, when a device cannot be created. */
+static void print_requirements()
 {
-    const auto rows = cairn::requirements(CAIRN_DEVICE_D3D12, of_a_tool());
+    const auto rows = cairn::requirements(CAIRN_DEVICE_D3D12, tool_options());
     for (std::size_t i = 0; rows.ok() && i < rows->size(); i++) {
         const cairn::requirement &r = (*rows)[i];
         const char *status = r.status == CAIRN_REQUIREMENT_MET        ? "ok     "
@@ -312,10 +312,10 @@ static void run(const options &o)
     cairn::check_version().value();
     if (o.verbose) cairn::set_log_callback(CAIRN_LOG_INFO, on_log).value();
     gpu gpu(o.adapter);
-    auto device = cairn::device::d3d12(gpu.device(), gpu.queue(), nullptr, of_a_tool());
-    if (!device.ok()) say_requirements();
+    auto device = cairn::device::d3d12(gpu.device(), gpu.queue(), nullptr, tool_options());
+    if (!device.ok()) print_requirements();
     const cairn::device on_gpu = std::move(device).value();
-    const cairn::device processor = o.anchors_on_cpu ? cairn::device::cpu(of_a_tool()).value() : cairn::device();
+    const cairn::device processor = o.anchors_on_cpu ? cairn::device::cpu(tool_options()).value() : cairn::device();
     std::printf("adapter: %s\nanchors: %s\n", gpu.name().c_str(),
                 o.scene.empty() ? (o.anchors_on_cpu ? processor : on_gpu).info().value().description : ("scene " + o.scene).c_str());
     const host host = {o, gpu, on_gpu};
@@ -323,7 +323,7 @@ static void run(const options &o)
     else in_window(host, o.anchors_on_cpu ? processor : on_gpu);
 }
 
-/* The arguments after the program's name, in UTF-8 whatever the system's code page is. */
+/* The arguments after the program's name, in UTF-8 regardless of the system's code page. */
 static std::vector<std::string> arguments()
 {
     int count = 0;

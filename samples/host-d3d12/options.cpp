@@ -51,8 +51,8 @@ const char options_help[] =
     "Beside host-d3d12 lie cairn.dll, onnxruntime.dll and DirectML.dll; or CAIRN_ONNXRUNTIME names onnxruntime.dll.\n"
     "Ends with 0, with 1 when something failed, and with 2 when the command line is wrong.\n";
 
-/* A whole number from `least` to `most`. */
-static std::uint64_t number(const std::string &name, const std::string &text, std::uint64_t least, std::uint64_t most)
+/* Parses a whole number from `min` to `max`. */
+static std::uint64_t number(const std::string &name, const std::string &text, std::uint64_t min, std::uint64_t max)
 {
     std::uint64_t value = 0;
     bool good = !text.empty() && text.size() < 20;
@@ -60,8 +60,8 @@ static std::uint64_t number(const std::string &name, const std::string &text, st
         good = good && digit >= '0' && digit <= '9';
         value = value * 10 + static_cast<std::uint64_t>(digit - '0');
     }
-    if (!good || value < least || value > most) {
-        throw wrong_options(name + ": \"" + text + "\" is no number from " + std::to_string(least) + " to " + std::to_string(most));
+    if (!good || value < min || value > max) {
+        throw wrong_options(name + ": \"" + text + "\" is no number from " + std::to_string(min) + " to " + std::to_string(max));
     }
     return value;
 }
@@ -91,8 +91,8 @@ static colours colours_of(const std::string &text)
     throw wrong_options("--colours: \"" + text + "\" is neither srgb, hdr10 nor scrgb");
 }
 
-/* What fits together. */
-static void check(const options &o)
+/* Throws for options that exclude each other. */
+static void check_combination(const options &o)
 {
     if (o.headless != 0 && o.frames != 0) throw wrong_options("--frames: is for a window; --headless N says how many frames");
     if (o.headless != 0 && o.rate != 0) throw wrong_options("--rate: is for a window; without one time is counted");
@@ -147,7 +147,7 @@ options read_options(const std::vector<std::string> &arguments)
         else if (!o.world.empty()) throw wrong_options(name + ": there is a world already, " + o.world);
         else o.world = name;
     }
-    check(o);
+    check_combination(o);
     if (white && o.shown_in == colours::srgb) throw wrong_options("--white: is for --colours hdr10 or scrgb");
     return o;
 }

@@ -10,15 +10,15 @@
 
 extern const char options_help[];
 
-/* A command line that is wrong: what, and what to write instead. */
+/* An error in the command line; its text says what is wrong and what to write instead. */
 struct wrong_options : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
 
-/* What the numbers of frames mean. */
+/* Colour spaces of frames. */
 enum class colours { srgb, hdr10, scrgb };
 
-/* Texts are UTF-8; empty ones were not given. */
+/* The options; texts are UTF-8, and empty if not given. */
 struct options {
     bool help = false;
     std::string world;
@@ -29,15 +29,15 @@ struct options {
     std::uint64_t seed = 0;
     std::uint32_t adapter = 0;
     std::uint32_t multiplier = 4;
-    /* Anchors a second in a window; 0 for as many as they stand for. */
+    /* Anchors per second in a window; 0 for the rate of the world or of the renderer. */
     std::uint32_t rate = 0;
     std::uint32_t width = 0, height = 0;
     colours shown_in = colours::srgb;
-    /* How bright the pictures' white is, in nits, where frames have a high dynamic range. */
+    /* Luminance of the pictures' white in nits, for HDR10 and scRGB. */
     std::uint32_t white = 203;
-    /* Frames without a window; 0 for a window. */
+    /* Number of frames to make without a window; 0 for a window. */
     std::uint32_t headless = 0;
-    /* Frames until the window closes by itself; 0 for never. */
+    /* Number of frames after which the window closes by itself; 0 for never. */
     std::uint32_t frames = 0;
     bool anchors_on_cpu = false, vsync = true, graph = true, verbose = false;
 };

@@ -37,7 +37,7 @@ image read_ppm(const std::string &path)
     std::uint32_t numbers[3] = {};
     words >> kind;
     for (std::uint32_t &number : numbers) {
-        /* A comment runs to the end of its line. */
+        /* Skips a comment, which ends with its line. */
         while ((words >> std::ws).peek() == '#') words.ignore(static_cast<std::streamsize>(text.size()), '\n');
         words >> number;
     }
@@ -78,7 +78,8 @@ void write_ppm_of_ten(const std::string &path, std::uint32_t width, std::uint32_
     write_text(path, text);
 }
 
-static float number_of(std::uint16_t half)
+/* A half float, given as its bits, as a single float. */
+static float float_of_half(std::uint16_t half)
 {
     const int exponent = half >> 10 & 31, fraction = half & 1023;
     float value = std::ldexp(static_cast<float>(fraction), -24);
@@ -95,7 +96,7 @@ void write_pfm(const std::string &path, std::uint32_t width, std::uint32_t heigh
             if (i % 4 == 3) continue;
             std::uint16_t half;
             std::memcpy(&half, &pixels[(y * width * 4 + i) * 2], sizeof half);
-            const float value = number_of(half);
+            const float value = float_of_half(half);
             char bytes[sizeof value];
             std::memcpy(bytes, &value, sizeof value);
             text.append(bytes, sizeof bytes);

@@ -1,4 +1,4 @@
-/* Pictures as files: PPM (P6), and PFM for numbers beyond white. */
+/* Picture files: PPM (P6), and PFM for values above white. */
 #ifndef HOST_D3D12_PICTURES_HPP
 #define HOST_D3D12_PICTURES_HPP
 
@@ -15,18 +15,18 @@ struct image {
     image(std::uint32_t w, std::uint32_t h) : width(w), height(h), rgba(std::size_t{w} * h * 4) {}
 };
 
-/* Paths are UTF-8. What cannot be done throws std::runtime_error with the path, the cause and what to do. */
+/* Paths are UTF-8. A failure throws std::runtime_error with the path, the cause and what to do. */
 image read_ppm(const std::string &path);
 void write_ppm(const std::string &path, const image &image);
-/* Pixels of R10G10B10A2, as they are: numbers to 1023, two bytes each, the higher first. */
+/* Writes pixels of R10G10B10A2 as a PPM with a maximum of 1023: two bytes for each number, the higher first. */
 void write_ppm_of_ten(const std::string &path, std::uint32_t width, std::uint32_t height, const std::vector<unsigned char> &pixels);
-/* Pixels of four half floats, without the fourth: single floats, lower bytes first, the lowest row first. */
+/* Writes pixels of four half floats as a PFM, without alpha: single floats in little-endian order, the lowest row first. */
 void write_pfm(const std::string &path, std::uint32_t width, std::uint32_t height, const std::vector<unsigned char> &pixels);
 void write_text(const std::string &path, const std::string &text);
 std::string read_text(const std::string &path);
-/* Makes a folder, with those above it. */
+/* Creates a folder and its parents. */
 void make_folder(const std::string &path);
-/* A file beside this program. */
+/* The path of a file beside this program. */
 std::string beside_program(const char *name);
 
 #endif

@@ -5,37 +5,37 @@
 void input::key(std::uint32_t code, bool down)
 {
     if (code >= 256) return;
-    const locked lock(lock_);
+    const lock_guard lock(lock_);
     held_[code] = down;
     touched_[code] = touched_[code] || down;
 }
 
 void input::mouse(float dx, float dy)
 {
-    const locked lock(lock_);
+    const lock_guard lock(lock_);
     dx_ += dx;
     dy_ += dy;
 }
 
 void input::wheel(int notches)
 {
-    const locked lock(lock_);
+    const lock_guard lock(lock_);
     wheel_ += static_cast<float>(notches);
 }
 
-void input::let_go()
+void input::release_keys()
 {
-    const locked lock(lock_);
+    const lock_guard lock(lock_);
     for (bool &held : held_) held = false;
 }
 
 cairn::controls input::take(std::uint32_t keys)
 {
-    const auto within = [](float v) { return v < -32768 ? -32768.0f : v > 32768 ? 32768.0f : v; };
-    const locked lock(lock_);
+    const auto clamp = [](float v) { return v < -32768 ? -32768.0f : v > 32768 ? 32768.0f : v; };
+    const lock_guard lock(lock_);
     cairn::controls c;
-    c.mouse_dx = within(dx_);
-    c.mouse_dy = within(dy_);
+    c.mouse_dx = clamp(dx_);
+    c.mouse_dy = clamp(dy_);
     c.scroll = wheel_;
     for (std::uint32_t code = 0; code < 256; code++) {
         if (code < keys && (held_[code] || touched_[code])) c.keys[code / 64] |= std::uint64_t{1} << code % 64;
@@ -62,7 +62,7 @@ window::window(const wchar_t *title, std::uint32_t width, std::uint32_t height, 
         throw std::runtime_error("the window cannot be made: error " + std::to_string(GetLastError()) +
                                  ". Is there a desktop? Without one use --headless N");
     }
-    /* Motion of the mouse itself, not of a pointer that ends at the edge of the screen. */
+    /* Raw motion of the mouse: the pointer would stop at the edge of the screen. */
     const RAWINPUTDEVICE mouse = {0x01, 0x02, 0, handle_};
     RegisterRawInputDevices(&mouse, 1, sizeof mouse);
     ShowWindow(handle_, SW_SHOW);
@@ -70,7 +70,7 @@ window::window(const wchar_t *title, std::uint32_t width, std::uint32_t height, 
 
 window::~window()
 {
-    hold_pointer(false);
+    capture_pointer(false);
     SetWindowLongPtrW(handle_, GWLP_USERDATA, 0);
     DestroyWindow(handle_);
 }
@@ -83,7 +83,7 @@ void window::title(const std::string &text)
     SetWindowTextW(handle_, wide);
 }
 
-void window::listen(DWORD milliseconds)
+void window::handle_messages(DWORD milliseconds)
 {
     if (milliseconds > 0) MsgWaitForMultipleObjectsEx(0, nullptr, milliseconds, QS_ALLINPUT, MWMO_INPUTAVAILABLE);
     MSG message;
@@ -93,19 +93,19 @@ void window::listen(DWORD milliseconds)
     }
 }
 
-/* While the window hears the keyboard, the pointer is out of sight and stays inside. */
-void window::hold_pointer(bool held)
+/* While the window has the keyboard's focus, the pointer is hidden and stays inside the window. */
+void window::capture_pointer(bool captured)
 {
-    if (pointer_held_ == held) return;
-    pointer_held_ = held;
+    if (pointer_captured_ == captured) return;
+    pointer_captured_ = captured;
     RECT inside = {};
     GetClientRect(handle_, &inside);
     MapWindowPoints(handle_, nullptr, reinterpret_cast<POINT *>(&inside), 2);
-    ClipCursor(held ? &inside : nullptr);
-    ShowCursor(!held);
+    ClipCursor(captured ? &inside : nullptr);
+    ShowCursor(!captured);
 }
 
-void window::hear_mouse(HRAWINPUT from)
+void window::handle_mouse(HRAWINPUT from)
 {
     RAWINPUT raw;
     UINT size = sizeof raw;
@@ -114,7 +114,7 @@ void window::hear_mouse(HRAWINPUT from)
     if (moves) input_.mouse(static_cast<float>(raw.data.mouse.lLastX), static_cast<float>(raw.data.mouse.lLastY));
 }
 
-LRESULT window::hear(UINT message, WPARAM w, LPARAM l)
+LRESULT window::handle_message(UINT message, WPARAM w, LPARAM l)
 {
     switch (message) {
     case WM_CLOSE:
@@ -142,14 +142,14 @@ LRESULT window::hear(UINT message, WPARAM w, LPARAM l)
         input_.wheel(GET_WHEEL_DELTA_WPARAM(w) / WHEEL_DELTA);
         return 0;
     case WM_INPUT:
-        hear_mouse(reinterpret_cast<HRAWINPUT>(l));
+        handle_mouse(reinterpret_cast<HRAWINPUT>(l));
         break;
     case WM_SETFOCUS:
-        hold_pointer(true);
+        capture_pointer(true);
         return 0;
     case WM_KILLFOCUS:
-        input_.let_go();
-        hold_pointer(false);
+        input_.release_keys();
+        capture_pointer(false);
         return 0;
     default:
         break;
@@ -165,5 +165,5 @@ LRESULT CALLBACK window::procedure(HWND handle, UINT message, WPARAM w, LPARAM l
         SetWindowLongPtrW(handle, GWLP_USERDATA, reinterpret_cast<LONG_PTR>(made));
     }
     auto *self = reinterpret_cast<window *>(GetWindowLongPtrW(handle, GWLP_USERDATA));
-    return self != nullptr ? self->hear(message, w, l) : DefWindowProcW(handle, message, w, l);
+    return self != nullptr ? self->handle_message(message, w, l) : DefWindowProcW(handle, message, w, l);
 }

@@ -1,4 +1,4 @@
-/* A window, and what a player does in it. */
+/* A window, and the player's input in it. */
 #ifndef HOST_D3D12_WINDOW_HPP
 #define HOST_D3D12_WINDOW_HPP
 
@@ -9,28 +9,28 @@
 
 #include <windows.h>
 
-/* A lock for as long as the object lives. */
-class locked {
+/* Holds a lock for the lifetime of the object. */
+class lock_guard {
 public:
-    explicit locked(SRWLOCK &lock) : lock_(lock) { AcquireSRWLockExclusive(&lock_); }
-    ~locked() { ReleaseSRWLockExclusive(&lock_); }
-    locked(const locked &) = delete;
-    locked &operator=(const locked &) = delete;
+    explicit lock_guard(SRWLOCK &lock) : lock_(lock) { AcquireSRWLockExclusive(&lock_); }
+    ~lock_guard() { ReleaseSRWLockExclusive(&lock_); }
+    lock_guard(const lock_guard &) = delete;
+    lock_guard &operator=(const lock_guard &) = delete;
 
 private:
     SRWLOCK &lock_;
 };
 
-/* Collects what a player does until the next latent step asks for it. Any thread. */
+/* Collects the player's input until the next latent step takes it. For use by any thread. */
 class input {
 public:
     void key(std::uint32_t code, bool down);
     void mouse(float dx, float dy);
     void wheel(int notches);
-    /* The window is no longer the one that hears the keyboard: all keys are up. */
-    void let_go();
+    /* Releases all keys, because the window has lost the keyboard's focus. */
+    void release_keys();
 
-    /* All since the last call, for a world that knows the keys below `keys`. A key that was up again at once is held as well. */
+    /* The input since the last call, for a world that knows the keys below `keys`. It includes keys that went down and up in that time. */
     cairn::controls take(std::uint32_t keys);
 
 private:
@@ -39,7 +39,7 @@ private:
     float dx_ = 0, dy_ = 0, wheel_ = 0;
 };
 
-/* A window on the thread that makes it; Esc and the cross close it. */
+/* A window, for use by the thread that creates it. Esc and the close button close it. */
 class window {
 public:
     window(const wchar_t *title, std::uint32_t width, std::uint32_t height, input &to);
@@ -51,18 +51,18 @@ public:
     bool closed() const { return closed_; }
     bool minimised() const { return IsIconic(handle_) != 0; }
     void title(const std::string &text);
-    /* Hears what happened, and waits for at most `milliseconds` for something to happen. */
-    void listen(DWORD milliseconds);
+    /* Waits for a message for at most `milliseconds`, and handles all messages. */
+    void handle_messages(DWORD milliseconds);
 
 private:
     static LRESULT CALLBACK procedure(HWND handle, UINT message, WPARAM w, LPARAM l);
-    LRESULT hear(UINT message, WPARAM w, LPARAM l);
-    void hear_mouse(HRAWINPUT from);
-    void hold_pointer(bool held);
+    LRESULT handle_message(UINT message, WPARAM w, LPARAM l);
+    void handle_mouse(HRAWINPUT from);
+    void capture_pointer(bool captured);
 
     input &input_;
     HWND handle_ = nullptr;
-    bool closed_ = false, pointer_held_ = false;
+    bool closed_ = false, pointer_captured_ = false;
 };
 
 #endif

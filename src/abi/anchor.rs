@@ -1,4 +1,4 @@
-//! Anchors: pictures that a stream is built on, each with its latent and its time.
+//! Anchors: the pictures between which frames are generated, each with its latent and its time.
 
 use super::boundary::call;
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
@@ -12,7 +12,7 @@ use crate::{Error, ErrorKind};
 /// of a rollout, after a reset or a restored state, or a picture that was appended.
 pub const CAIRN_ANCHOR_CUT: u32 = 1;
 
-/// An anchor: a copy that stays as it is, whatever becomes of its rollout.
+/// An anchor: an immutable copy, independent of its rollout.
 pub struct cairn_anchor(());
 
 impl Handle for cairn_anchor {
@@ -31,7 +31,7 @@ pub struct cairn_anchor_info {
     pub struct_size: u32,
     /// CAIRN_ANCHOR_CUT, or 0
     pub flags: u32,
-    /// Number of its latent in the rollout, from 0. It stands at latent / latents_per_second seconds of world time.
+    /// Number of its latent in the rollout, from 0. Its world time is latent / latents_per_second seconds.
     pub latent: u64,
     /// Latents per second of world time; 0 for a host's own picture.
     pub latents_per_second: u32,
@@ -41,7 +41,7 @@ pub struct cairn_anchor_info {
     pub width: u32,
     /// See width.
     pub height: u32,
-    /// Shape of its latent, [channels, height, width]; all 0 where it has none.
+    /// Shape of its latent, [channels, height, width]; all 0 if it has none.
     pub latent_channels: u32,
     /// See latent_channels.
     pub latent_height: u32,
@@ -57,8 +57,8 @@ describe!(cairn_anchor_info, [], {
 
 /// Makes an anchor from a picture of the host's own, for frame generation without a world.
 ///
-/// number: counts up by one from anchor to anchor.
-/// flags: CAIRN_ANCHOR_CUT where it does not continue the previous anchor, or 0.
+/// number: increases by one from anchor to anchor.
+/// flags: CAIRN_ANCHOR_CUT if it does not continue the previous anchor, or 0.
 ///
 /// Ownership: on success *anchor is the caller's, for cairn_anchor_destroy; on failure it is not written. The picture is copied.
 /// Threads: any thread, at any time.
@@ -145,9 +145,9 @@ pub unsafe extern "C" fn cairn_anchor_read_picture(
     })
 }
 
-/// Copies an anchor's latent: float32, [channels, height, width], the last index running fastest.
+/// Copies an anchor's latent: float32, [channels, height, width], the last index varying fastest.
 ///
-/// count: numbers there is room for; must be channels * height * width.
+/// count: size of the array in numbers; must be channels * height * width.
 ///
 /// Ownership: the numbers are copied, on success; on failure none is written.
 /// Threads: any thread, at any time.
@@ -176,7 +176,7 @@ pub unsafe extern "C" fn cairn_anchor_read_latent(
     })
 }
 
-/// Refuses a picture index beyond the anchor's pictures.
+/// Fails for an index that is not below the anchor's number of pictures.
 pub(super) fn check_index(anchor: &KeptAnchor, index: u32) -> Outcome<()> {
     if (index as usize) < anchor.count() {
         return Ok(());
@@ -186,7 +186,7 @@ pub(super) fn check_index(anchor: &KeptAnchor, index: u32) -> Outcome<()> {
 
 /// Destroys the handle of an anchor; null is allowed. Guidance and presenters that were given it keep what they need.
 ///
-/// Ownership: on success anchor is no handle any more; on failure it is as it was.
+/// Ownership: on success anchor is no longer a handle; on failure it is unchanged.
 /// Threads: any thread; waits for calls in flight on the anchor.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
 /// Since: 0.1.0

@@ -1,16 +1,16 @@
 //! Wrapper of every entry point: runs the work, stores errors for the thread, catches panics, returns a result code.
 
-use super::results::{Outcome, cairn_result, remember};
+use super::results::{Outcome, cairn_result, set_last_error};
 use crate::error::catch_panic;
 
-/// Does the work of `function`: what it answers is given back, a failure's message is kept for the thread, and a panic
-/// ends here. Objects that the work had entered are poisoned while it unwinds.
+/// Runs the body of the entry point `function` and returns its result code. A failure's message becomes the thread's last error. A
+/// panic is caught here and becomes CAIRN_ERROR_INTERNAL; objects that the body had entered are poisoned.
 pub(super) fn call(function: &str, work: impl FnOnce() -> Outcome) -> cairn_result {
-    // What a panic may leave half done lies behind a gate, which is poisoned, or is made anew.
+    // Unwind safety: state that a panic leaves inconsistent belongs to an object, whose gate is then poisoned, or to this call alone.
     match catch_panic(work) {
         Ok(result) => result,
         Err(failure) => {
-            remember(function, &failure);
+            set_last_error(function, &failure);
             failure.code
         }
     }
@@ -22,17 +22,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn results_pass_and_failures_and_panics_become_codes() {
+    fn failures_and_panics_become_result_codes() {
         assert_eq!(call("f", || Ok(CAIRN_OK)), CAIRN_OK);
         assert_eq!(call("f", || Err(Failure::new(CAIRN_ERROR_IO, "x"))), CAIRN_ERROR_IO);
         assert_eq!(call("f", || panic!("a {}", "text")), CAIRN_ERROR_INTERNAL);
         assert_eq!(call("f", || std::panic::panic_any(7)), CAIRN_ERROR_INTERNAL);
-        struct Spiteful;
-        impl Drop for Spiteful {
+        struct PanicsInDrop;
+        impl Drop for PanicsInDrop {
             fn drop(&mut self) {
                 panic!("again");
             }
         }
-        assert_eq!(call("f", || std::panic::panic_any(Spiteful)), CAIRN_ERROR_INTERNAL);
+        assert_eq!(call("f", || std::panic::panic_any(PanicsInDrop)), CAIRN_ERROR_INTERNAL);
     }
 }

@@ -1,11 +1,11 @@
-//! One budget for a rollout and the frames between its anchors.
+//! One budget for a rollout and for the frames between its anchors.
 
 use std::ffi::c_char;
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::boundary::call;
-use super::handles::{enter, enter_alone};
+use super::handles::{enter, enter_exclusive};
 use super::presenter::cairn_presenter;
 use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::rollout::{cairn_rollout, read_schedules};
@@ -14,7 +14,7 @@ use super::text::optional_text;
 use super::world::cairn_world;
 use crate::world::{Budget, World};
 
-/// The most worlds of a budget.
+/// Largest number of worlds of a budget.
 pub const CAIRN_MAX_BUDGET_WORLDS: u32 = 8;
 
 /// Budget of a rollout and its frames: time, memory or both.
@@ -23,46 +23,46 @@ pub const CAIRN_MAX_BUDGET_WORLDS: u32 = 8;
 pub struct cairn_budget {
     /// sizeof(cairn_budget)
     pub struct_size: u32,
-    /// Frames that are shown for each anchor, at most 64, the presenter's own where there is one; 0 for that, and for 1 without.
+    /// Frames shown per anchor, at most 64; with a presenter its multiplier. 0 for the presenter's multiplier, or 1 without a presenter.
     pub multiplier: u32,
-    /// Nanoseconds of the device's time for each frame that is shown, the passes of anchors and all; 0 for as long as it takes.
+    /// Limit of device time per shown frame, in nanoseconds, including the passes that make anchors; 0 for no limit.
     pub frame_ns: u64,
-    /// MiB that the world in use and its rollout may need, as cairn_world_get_memory says; 0 for as many as there are.
+    /// Limit of the memory that the world in use and its rollout need according to cairn_world_get_memory, in MiB; 0 for no limit.
     pub memory_mib: u64,
-    /// Schedules as in operating points, a space between them, each with fewer passes than the one before, at most 8: "stock
-    /// explicit:1:0.5:0"; null for the rollout's own alone.
+    /// Schedules as in operating points, separated by spaces, at most 8, each with fewer passes than the one before: "stock
+    /// explicit:1:0.5:0"; null for the rollout's own only.
     pub schedules: *const c_char,
-    /// Further worlds of the same bundle that the rollout may go on in, loaded with other global windows; may be null: the window then stays,
-    /// as no world is loaded for it.
+    /// Further worlds of the same bundle, loaded with other global windows, to which the rollout may move. May be null: the window then does
+    /// not change.
     pub worlds: *const *const cairn_world,
-    /// How many, at most CAIRN_MAX_BUDGET_WORLDS.
+    /// Number of worlds, at most CAIRN_MAX_BUDGET_WORLDS.
     pub world_count: u32,
     /// 0
     pub reserved: u32,
-    /// The presenter whose frames are held to it too; may be null.
+    /// A presenter whose frames the budget includes; may be null.
     pub presenter: *const cairn_presenter,
 }
 describe!(cairn_budget, [], {
     struct_size, multiplier, frame_ns, memory_mib, schedules, worlds, world_count, reserved, presenter,
 });
 
-/// Holds a rollout, and the frames of a presenter, to a budget. From measured times, by the device's own clock where it has one, else by wall
-/// time, it chooses the number of passes per latent, the global window and the number of frames generated between anchors. Passes are reduced
-/// first, then frames, the window last; each is raised again when there is time. The window is also narrowed when the device's memory runs
-/// short. The same controls may then give other pictures the next time. A change of window happens before a step, goes through the host's
-/// memory and takes a while. No world is loaded for it, as that takes seconds to minutes and the weights' memory once more: load worlds for the
-/// windows you allow beforehand, on a thread of your own. Changes are logged, and cairn_rollout_statistics has them.
+/// Keeps a rollout, and the frames of a presenter, within a budget. From measured times (by the device's clock if it has one, else wall time)
+/// it chooses the number of passes per latent, the global window and the number of frames generated between anchors. It reduces passes first,
+/// then frames, and the window last; it raises each again when there is time. It also narrows the window when the device's memory runs short.
+/// The same controls may therefore give other pictures the next time. A change of window happens before a step, goes through the host's memory
+/// and takes a while. No world is loaded for it, because that takes seconds to minutes and the memory of the weights once more: load worlds
+/// for the windows that you allow beforehand, on a thread of your own. Changes are logged and counted in cairn_rollout_statistics.
 ///
-/// It takes the place of cairn_rollout_set_budget, which ends it, as a restored state does and the rollout's end, and of
-/// cairn_presenter_set_budget, which takes the presenter out of it.
+/// Replaces cairn_rollout_set_budget and cairn_presenter_set_budget. The budget ends with cairn_rollout_set_budget, with a restored state and
+/// with the rollout; cairn_presenter_set_budget removes the presenter from it.
 ///
-/// budget: null ends it, and leaves things as they are.
+/// budget: null ends the budget and keeps the present settings.
 ///
 /// Ownership: the budget is read during the call; on success its worlds are kept alive until it ends, its presenter is not; on failure
-/// nothing has changed.
-/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// nothing changes.
+/// Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
-/// CAIRN_ERROR_OUT_OF_MEMORY, with figures and the window to go below, where even the narrowest of the worlds needs too much.
+/// CAIRN_ERROR_OUT_OF_MEMORY, with the numbers and the window to stay below, if even the narrowest of the worlds needs too much.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_govern(
@@ -70,7 +70,7 @@ pub unsafe extern "C" fn cairn_rollout_govern(
     budget: *const cairn_budget,
 ) -> cairn_result {
     call("cairn_rollout_govern", || {
-        let running = enter_alone(rollout)?;
+        let running = enter_exclusive(rollout)?;
         if budget.is_null() {
             running.ungovern()?;
             return Ok(CAIRN_OK);
@@ -85,29 +85,29 @@ pub unsafe extern "C" fn cairn_rollout_govern(
         // SAFETY: as above.
         let worlds = unsafe { worlds(&budget) }?;
         let presenter = (!budget.presenter.is_null()).then(|| enter(budget.presenter)).transpose()?;
-        let shown = presenter.as_ref().map_or(1, |presenting| presenting.presenter.multiplier());
-        let asked = Budget {
+        let multiplier = presenter.as_ref().map_or(1, |object| object.presenter.multiplier());
+        let limits = Budget {
             frame: (budget.frame_ns > 0).then(|| Duration::from_nanos(budget.frame_ns)),
             memory: (budget.memory_mib > 0).then(|| budget.memory_mib.saturating_mul(1 << 20)),
-            multiplier: if budget.multiplier == 0 { shown } else { budget.multiplier },
+            multiplier: if budget.multiplier == 0 { multiplier } else { budget.multiplier },
             schedules: read_schedules(text.unwrap_or_default())?,
         };
-        if presenter.is_some() && asked.multiplier != shown {
-            let cause = format!("{} frames to an anchor where the presenter shows {shown}", asked.multiplier);
+        if presenter.is_some() && limits.multiplier != multiplier {
+            let cause = format!("{} frames to an anchor where the presenter shows {multiplier}", limits.multiplier);
             return Err(Failure::argument("budget.multiplier", cause));
         }
-        let governor = running.govern(&asked, &worlds)?;
-        if let Some(presenting) = presenter {
-            presenting.presenter.follow(Some(&governor))?;
+        let governor = running.govern(&limits, &worlds)?;
+        if let Some(object) = presenter {
+            object.presenter.follow(Some(&governor))?;
         }
         Ok(CAIRN_OK)
     })
 }
 
-/// The worlds of a budget.
+/// Reads the worlds of a budget.
 ///
 /// # Safety
-/// Where it has worlds, `worlds` points to so many handles.
+/// If `world_count` is not 0 and `worlds` is not null, it points to that many handles.
 unsafe fn worlds(budget: &cairn_budget) -> Outcome<Vec<Arc<World>>> {
     let refuse = |cause: String| Err(Failure::argument("budget.worlds", cause));
     match budget.world_count {

@@ -10,14 +10,14 @@ use crate::world::{ControlInput, KeySet};
 pub struct cairn_controls {
     /// sizeof(cairn_controls)
     pub struct_size: u32,
-    /// Mouse motion in raw counts, summed over the step, right positive; -32768 to 32768.
+    /// Horizontal mouse motion in raw counts, summed over the step, right positive; -32768 to 32768.
     pub mouse_dx: f32,
-    /// The same, down positive.
+    /// Vertical mouse motion, down positive; otherwise as mouse_dx.
     pub mouse_dy: f32,
-    /// The wheel, up positive; any finite number, of which the sign counts.
+    /// Wheel motion, up positive; any finite number. Only its sign counts.
     pub scroll: f32,
-    /// Keys and mouse buttons that are held at any moment of the step, by Windows virtual-key code: bit code % 64 of word
-    /// code / 64. W is 0x57: bit 23 of the second word.
+    /// Keys and mouse buttons held at any time during the step, by Windows virtual-key code: bit code % 64 of word code / 64.
+    /// W is 0x57: bit 23 of the second word.
     pub keys: [u64; 4],
 }
 describe!(cairn_controls, [], { struct_size, mouse_dx, mouse_dy, scroll, keys });
@@ -32,7 +32,7 @@ pub(super) unsafe fn read_controls(from: *const cairn_controls, name: &str) -> O
     Ok(ControlInput::new([from.mouse_dx, from.mouse_dy], KeySet(from.keys), from.scroll)?)
 }
 
-/// Controls as the header has them; the size is the reader's to set.
+/// Converts controls to the header's struct. Its struct_size is 0: `Out::write` keeps the host's.
 pub(super) fn to_header(input: &ControlInput) -> cairn_controls {
     let [mouse_dx, mouse_dy] = input.mouse();
     cairn_controls { struct_size: 0, mouse_dx, mouse_dy, scroll: input.scroll(), keys: input.keys().0 }

@@ -1,4 +1,4 @@
-//! Devices: where worlds run.
+//! Devices, on which worlds run.
 
 use std::ffi::c_char;
 use std::path::PathBuf;
@@ -22,11 +22,11 @@ pub const CAIRN_PRECISION_F32: u32 = 1;
 /// Float16.
 pub const CAIRN_PRECISION_F16: u32 = 2;
 
-/// A flag of cairn_device_options: ONNX Runtime's deterministic kernels only. Its CPU kernels repeat bit for bit at a fixed
-/// thread count without it, too. On a Direct3D 12 device, what CAIRN_D3D12_DETERMINISTIC is.
+/// A flag of cairn_device_options: uses ONNX Runtime's deterministic kernels only. At a fixed thread count its CPU kernels repeat bit
+/// for bit without the flag, too. On a Direct3D 12 device it means what CAIRN_D3D12_DETERMINISTIC means.
 pub const CAIRN_DEVICE_DETERMINISTIC: u32 = 1;
 /// A flag of cairn_device_options: environment variables and the user's cache directory may name libraries, which are loaded into
-/// the process. For tools; a game that sets it runs the code of whoever sets its variables.
+/// the process. For tools: in a game, anyone who sets its environment variables can run code in it.
 pub const CAIRN_DEVICE_ENVIRONMENT: u32 = 2;
 
 /// A device that runs worlds.
@@ -40,27 +40,26 @@ impl Handle for cairn_device {
 
 impl Object for Device {}
 
-/// How a device is made, and where the libraries it needs are. All zero: one thread for each physical core, and libraries beside
+/// Options of a device, and the paths of the libraries it needs. All zero: one thread for each physical core, and libraries beside
 /// this one or beside the program.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_device_options {
     /// sizeof(cairn_device_options)
     pub struct_size: u32,
-    /// Of a CPU device, threads that share one pass, 1 to 1024, the caller's own among them; 0 for one for each physical core.
-    /// The numbers of a rollout depend on it in their last bits. A Direct3D 12 device has no use for it.
+    /// Threads of a CPU device that share one pass, 1 to 1024, including the caller's; 0 for one for each physical core. The last bits
+    /// of a rollout's numbers depend on it. Direct3D 12 devices ignore it.
     pub threads: u32,
     /// CAIRN_DEVICE_DETERMINISTIC and CAIRN_DEVICE_ENVIRONMENT, or 0.
     pub flags: u32,
     /// 0
     pub reserved: u32,
-    /// The file of ONNX Runtime 1.24.x, UTF-8; on Windows DirectML.dll lies beside it. Null: the first that is beside this library
-    /// or beside the program. With CAIRN_DEVICE_ENVIRONMENT, before these the one that the environment variable CAIRN_ONNXRUNTIME
-    /// names, which then alone counts, and after them one in the user's cache directory. A process uses one file only.
+    /// Path of the library file of ONNX Runtime 1.24.x, UTF-8; on Windows, DirectML.dll must be beside it. Null: searches beside this
+    /// library, then beside the program. With CAIRN_DEVICE_ENVIRONMENT, searches the user's cache directory last; if the environment
+    /// variable CAIRN_ONNXRUNTIME is set, uses the file it names instead of searching. A process uses one file only.
     pub onnxruntime: *const c_char,
-    /// The folder of AMD's libraries for FSR, UTF-8, for presenters and swap chains on a Direct3D 12 device. Null: beside this
-    /// library, else beside the program. With CAIRN_DEVICE_ENVIRONMENT, before these the folder that the environment variable
-    /// CAIRN_FFX_DIR names, which then alone counts.
+    /// Folder of AMD's libraries for FSR, UTF-8, for presenters and swap chains on a Direct3D 12 device. Null: beside this library, else
+    /// beside the program. With CAIRN_DEVICE_ENVIRONMENT, if the environment variable CAIRN_FFX_DIR is set, only the folder it names.
     pub ffx: *const c_char,
 }
 describe!(cairn_device_options, [], { struct_size, threads, flags, reserved, onnxruntime, ffx });
@@ -73,32 +72,32 @@ pub struct cairn_device_info {
     pub struct_size: u32,
     /// CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12
     pub kind: u32,
-    /// Default precision: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16
+    /// Default precision of worlds: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16
     pub precision: u32,
     /// Threads that share one pass.
     pub threads: u32,
-    /// For people, such as "ONNX Runtime 1.24.4 CPU, 8 threads"; UTF-8.
+    /// Description for people, such as "ONNX Runtime 1.24.4 CPU, 8 threads"; UTF-8.
     pub description: [c_char; 128],
-    /// MiB of its adapter's memory that the system grants to the process now, which may change at any time; 0 where none says so.
+    /// MiB of its adapter's memory that the system grants to the process at present; may change at any time; 0 if unknown.
     pub memory_budget_mib: u32,
-    /// MiB of it that the process uses, whoever in it does.
+    /// MiB of its adapter's memory that the whole process uses, the host included.
     pub memory_used_mib: u32,
 }
 describe!(cairn_device_info, [144], {
     struct_size, kind, precision, threads, description, memory_budget_mib, memory_used_mib,
 });
 
-/// Makes a device of the host's processor and loads ONNX Runtime. Works on every system.
+/// Creates a device on the host's processor and loads ONNX Runtime. Works on every system.
 ///
 /// options: may be null for the defaults.
 ///
 /// Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written. What options point
-/// to is read during the call only. ONNX Runtime can be started once: it stays loaded until the process ends, and so does this
+/// to is read during the call only. ONNX Runtime can be started only once: it stays loaded until the process ends, and so does this
 /// library, which it calls.
 /// Threads: any thread, at any time. Takes a fraction of a second the first time.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_RUNTIME_MISSING when ONNX Runtime is
-/// not there or has another version; CAIRN_ERROR_UNSUPPORTED when the process uses another file of it already;
-/// CAIRN_ERROR_DEVICE when it does not start.
+/// missing or has another version; CAIRN_ERROR_UNSUPPORTED when the process already uses another file of it; CAIRN_ERROR_DEVICE
+/// when it does not start.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_device_create_cpu(
@@ -147,7 +146,7 @@ pub unsafe extern "C" fn cairn_device_get_info(
 
 /// Destroys the handle of a device; null is allowed. Worlds that run on the device keep it alive.
 ///
-/// Ownership: on success device is no handle any more; on failure it is as it was.
+/// Ownership: on success device is no longer a handle; on failure it is unchanged.
 /// Threads: any thread; waits for calls in flight on the device. Not from within their callbacks.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
 /// Since: 0.1.0
@@ -165,7 +164,7 @@ fn mib(bytes: u64) -> u32 {
 /// The header's options, checked and copied.
 #[derive(Debug, Clone)]
 pub(super) struct DeviceOptions {
-    /// For a CPU device. Kernels are as deterministic on a Direct3D 12 one.
+    /// Options of a CPU device. Direct3D 12 devices use only the choice of deterministic kernels.
     pub(super) cpu: CpuOptions,
     pub(super) libraries: LibrarySearch,
 }
@@ -174,7 +173,7 @@ impl DeviceOptions {
     /// Reads a host's options; a null pointer means the defaults.
     ///
     /// # Safety
-    /// `options` is null or points to as many readable bytes as its first four say, and so do the texts in it, to their NULs.
+    /// `options` is null or points to as many readable bytes as its first four say, and its texts are null or readable up to their NULs.
     pub(super) unsafe fn read(options: *const cairn_device_options) -> Outcome<Self> {
         // SAFETY: the caller's promise.
         let options = unsafe { read_or_default(options, "options") }?;
@@ -220,7 +219,7 @@ pub(super) fn precision_number(precision: Precision) -> u32 {
     }
 }
 
-/// What the header's number means; 0 leaves the choice to the device.
+/// The precision of the header's number; `None` for 0, which leaves the choice to the device.
 pub(super) fn precision(number: u32, name: &str) -> Outcome<Option<Precision>> {
     match number {
         0 => Ok(None),

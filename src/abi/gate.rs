@@ -1,60 +1,61 @@
-//! Tracks the calls inside an object, so that its destruction can wait for them.
+//! Tracks the calls that are using an object, so that its destruction can wait for them.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::ThreadId;
 
 use parking_lot::{Condvar, Mutex};
 
-/// Counts calls that use an object, by thread. Its lock is never held while foreign code runs.
+/// The calls that are using an object, by thread. Its lock is never held while foreign code runs.
 #[derive(Debug, Default)]
 pub(super) struct Gate {
-    inside: Mutex<Inside>,
-    left: Condvar,
+    calls: Mutex<ActiveCalls>,
+    empty: Condvar,
     poisoned: AtomicBool,
 }
 
 #[derive(Debug, Default)]
-struct Inside {
+struct ActiveCalls {
+    /// The thread of each call; a thread with nested calls is in it several times.
     threads: Vec<ThreadId>,
     /// Whether one of them is an exclusive call.
-    alone: bool,
+    exclusive: bool,
 }
 
 impl Gate {
-    /// Enters a call; `false` if it is exclusive and another exclusive call is inside.
-    pub(super) fn enter(&self, alone: bool) -> bool {
-        let mut inside = self.inside.lock();
-        if alone && inside.alone {
+    /// Enters a call; `false` if it is exclusive and another exclusive call is active.
+    pub(super) fn enter(&self, exclusive: bool) -> bool {
+        let mut calls = self.calls.lock();
+        if exclusive && calls.exclusive {
             return false;
         }
-        inside.alone |= alone;
-        inside.threads.push(current());
+        calls.exclusive |= exclusive;
+        calls.threads.push(counted_thread());
         true
     }
 
-    /// Leaves a call that entered with the same `alone`.
-    pub(super) fn leave(&self, alone: bool) {
-        let me = current();
-        let mut inside = self.inside.lock();
-        if let Some(at) = inside.threads.iter().rposition(|thread| *thread == me) {
-            inside.threads.swap_remove(at);
+    /// Leaves a call that entered with the same `exclusive`.
+    pub(super) fn leave(&self, exclusive: bool) {
+        let thread = counted_thread();
+        let mut calls = self.calls.lock();
+        if let Some(at) = calls.threads.iter().rposition(|active| *active == thread) {
+            calls.threads.swap_remove(at);
         }
-        inside.alone &= !alone;
-        if inside.threads.is_empty() {
-            self.left.notify_all();
+        calls.exclusive &= !exclusive;
+        if calls.threads.is_empty() {
+            self.empty.notify_all();
         }
     }
 
-    /// Whether this thread is inside already: a callback of a call that has not returned.
-    pub(super) fn holds_me(&self) -> bool {
-        self.inside.lock().threads.contains(&current())
+    /// Whether this thread has an active call: then this is a callback of that call.
+    pub(super) fn has_call_of_this_thread(&self) -> bool {
+        self.calls.lock().threads.contains(&counted_thread())
     }
 
-    /// Waits until no call is inside.
+    /// Waits until no call is active.
     pub(super) fn wait_empty(&self) {
-        let mut inside = self.inside.lock();
-        while !inside.threads.is_empty() {
-            self.left.wait(&mut inside);
+        let mut calls = self.calls.lock();
+        while !calls.threads.is_empty() {
+            self.empty.wait(&mut calls);
         }
     }
 
@@ -68,8 +69,8 @@ impl Gate {
     }
 }
 
-/// The thread that this call counts for: a thread that runs part of a shared loop counts as the loop's caller.
-fn current() -> ThreadId {
+/// The thread that a call is counted for: within a share of a parallel loop, the thread that called the loop.
+fn counted_thread() -> ThreadId {
     crate::tasks::calling_thread()
 }
 
@@ -78,21 +79,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_call_alone_and_any_number_beside_it() {
+    fn one_exclusive_call_and_any_number_of_shared_calls() {
         let gate = Gate::default();
         assert!(gate.enter(true) && gate.enter(false) && gate.enter(false));
         assert!(!gate.enter(true));
         gate.leave(false);
         assert!(!gate.enter(true));
         gate.leave(true);
-        assert!(gate.enter(true) && gate.holds_me());
+        assert!(gate.enter(true) && gate.has_call_of_this_thread());
         std::thread::scope(|scope| {
-            scope.spawn(|| assert!(!gate.holds_me()));
+            scope.spawn(|| assert!(!gate.has_call_of_this_thread()));
         });
     }
 
     #[test]
-    fn the_end_waits_for_who_is_inside() {
+    fn wait_empty_waits_for_active_calls() {
         let gate = Gate::default();
         let waited = AtomicBool::new(false);
         assert!(gate.enter(false));

@@ -24,10 +24,10 @@ pub const CAIRN_DEPTH_INVERTED: u32 = 1;
 /// A flag of cairn_guidance_data: depth is the distance along the view axis, in the units of near_plane.
 pub const CAIRN_DEPTH_LINEAR: u32 = 2;
 
-/// Motion and depth of a pair of anchors, both of the anchors' size. It does not change.
+/// Motion and depth of a pair of anchors, both of the anchors' size. Immutable.
 ///
-/// Motion is in pixels, a half float each for x and y, stored where the current anchor's pixels are and pointing from the
-/// current anchor to the previous one, y down. Depth is device depth of the current anchor, 0 near and 1 far.
+/// Motion is in pixels, a half float each for x and y, stored at the current anchor's pixel and pointing from the current anchor to
+/// the previous one, y down. Depth is device depth of the current anchor, 0 near and 1 far.
 pub struct cairn_guidance(());
 
 impl Handle for cairn_guidance {
@@ -44,21 +44,22 @@ impl Object for Guidance {}
 pub struct cairn_guidance_data {
     /// sizeof(cairn_guidance_data)
     pub struct_size: u32,
-    /// CAIRN_DEPTH_INVERTED, or CAIRN_DEPTH_LINEAR, or 0 for device depth with 0 near
+    /// CAIRN_DEPTH_INVERTED, CAIRN_DEPTH_LINEAR, or 0 for device depth with 0 near
     pub flags: u32,
     /// Size in pixels, 1 to 16384; must be the anchors'.
     pub width: u32,
     /// See width.
     pub height: u32,
-    /// Half floats x, y for each pixel, row by row without padding, as cairn_guidance has them. Non-finite values count as 0.
+    /// Half floats x, y for each pixel, row by row without padding, with the meaning they have in cairn_guidance. Non-finite values
+    /// count as 0.
     pub motion: *const u16,
     /// Number of half floats: width * height * 2.
     pub motion_count: u64,
-    /// One value for each pixel, row by row without padding; null where there is no depth.
+    /// One value for each pixel, row by row without padding; null for no depth.
     pub depth: *const f32,
     /// Number of values: width * height, or 0.
     pub depth_count: u64,
-    /// Distance of the near plane, above 0; 0 in all three for 0.1, 100 and 60 degrees.
+    /// Distance of the near plane, above 0; 0 in near_plane, far_plane and vertical_fov for 0.1, 100 and 60 degrees.
     pub near_plane: f32,
     /// Distance of the far plane, above near_plane; may be infinite.
     pub far_plane: f32,
@@ -98,8 +99,8 @@ describe!(cairn_guidance_info, [], { struct_size, width, height, near_plane, far
 ///
 /// Ownership: on success *guidance is the caller's, for cairn_guidance_destroy; on failure it is not written.
 /// Threads: any thread, at any time.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for anchors of different sizes and for
-/// latents that are not there; CAIRN_ERROR_OUT_OF_MEMORY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for anchors of different sizes and for missing
+/// latents; CAIRN_ERROR_OUT_OF_MEMORY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_guidance_create(
@@ -174,7 +175,7 @@ pub unsafe extern "C" fn cairn_guidance_get_info(
 
 /// Copies the motion: half floats x, y for each pixel, row by row.
 ///
-/// count: half floats there is room for; must be width * height * 2.
+/// count: size of the array in half floats; must be width * height * 2.
 ///
 /// Ownership: the numbers are copied, on success; on failure none is written.
 /// Threads: any thread, at any time.
@@ -192,8 +193,8 @@ pub unsafe extern "C" fn cairn_guidance_read_motion(
         check_count(count, width as usize * height as usize * 2, "count")?;
         // SAFETY: the host's promise about `values`.
         let values = unsafe { slice_mut(values, count, "values") }?;
-        let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        for (to, (x, y)) in values.as_chunks_mut::<2>().0.iter_mut().zip(places) {
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        for (to, (x, y)) in values.as_chunks_mut::<2>().0.iter_mut().zip(pixels) {
             *to = guidance.motion().at(x, y).map(f16::to_bits);
         }
         Ok(CAIRN_OK)
@@ -202,7 +203,7 @@ pub unsafe extern "C" fn cairn_guidance_read_motion(
 
 /// Copies the depth: device depth for each pixel, 0 near, row by row.
 ///
-/// count: numbers there is room for; must be width * height.
+/// count: size of the array in numbers; must be width * height.
 ///
 /// Ownership: the numbers are copied, on success; on failure none is written.
 /// Threads: any thread, at any time.
@@ -231,7 +232,7 @@ pub unsafe extern "C" fn cairn_guidance_read_depth(
 
 /// Destroys the handle of guidance; null is allowed. Presenters that were given it keep what they need.
 ///
-/// Ownership: on success guidance is no handle any more; on failure it is as it was.
+/// Ownership: on success guidance is no longer a handle; on failure it is unchanged.
 /// Threads: any thread; waits for calls in flight on the guidance.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
 /// Since: 0.1.0
@@ -240,7 +241,7 @@ pub unsafe extern "C" fn cairn_guidance_destroy(guidance: *mut cairn_guidance) -
     call("cairn_guidance_destroy", || destroy(guidance))
 }
 
-/// Meaning of the header's number.
+/// The source of motion of the header's number.
 pub(super) fn motion_source(number: u32, name: &str) -> Outcome<MotionSource> {
     match number {
         CAIRN_MOTION_AUTO => Ok(MotionSource::BEST),
@@ -258,6 +259,8 @@ fn check_count(count: usize, needed: usize, name: &str) -> Outcome<()> {
     Err(Failure::argument(name, format!("{count} numbers where there are {needed}")))
 }
 
+/// Makes guidance from a host's arrays; without depth, every pixel gets the same.
+///
 /// # Safety
 /// The arrays can be read as `data` says.
 unsafe fn from_host(data: &cairn_guidance_data) -> Outcome<Guidance> {
@@ -281,7 +284,7 @@ unsafe fn from_host(data: &cairn_guidance_data) -> Outcome<Guidance> {
     // SAFETY: the caller's promise.
     let vectors = unsafe { slice(data.motion, data.motion_count as usize, "data.motion") }?;
     for (to, from) in motion.vectors_mut().iter_mut().zip(vectors.as_chunks::<2>().0) {
-        // A non-finite vector would point nowhere.
+        // A non-finite vector points to no pixel.
         *to = from.map(f16::from_bits).map(|v| if v.is_finite() { v } else { f16::ZERO });
     }
     let mut values = Vec::new();

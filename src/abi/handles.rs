@@ -1,8 +1,8 @@
-//! Handles: numbers that look like pointers and are never followed.
+//! Handles: numbers that look like pointers and are never dereferenced.
 //!
 //! ```text
 //! bits 56..64  kind of object, 1 ...      a real pointer has zeroes here
-//! bits 24..56  generation of the slot     starts at random, so that a guess or another library's handle fails
+//! bits 24..56  generation of the slot     starts at a random number, so that a guess or another library's handle fails
 //! bits  0..24  slot
 //! ```
 
@@ -19,7 +19,7 @@ use super::results::{
     CAIRN_ERROR_BUSY, CAIRN_ERROR_INVALID_HANDLE, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_ERROR_POISONED, CAIRN_OK, Failure,
     Outcome,
 };
-use crate::tasks::Use;
+use crate::tasks::PoolLease;
 
 const SLOT_BITS: u32 = 24;
 const GENERATION_BITS: u32 = 32;
@@ -43,17 +43,18 @@ pub(super) enum Kind {
 /// The opaque type that a handle points to in the header.
 pub(super) trait Handle {
     const KIND: Kind;
-    /// The header's name of it.
+    /// Its name in the header.
     const NAME: &'static str;
     type Object: Object;
 }
 
 /// An object behind a handle.
 pub(super) trait Object: Any + Send + Sync {
-    /// The handle is gone: calls that still wait for something must come to an end.
+    /// Called when the handle is destroyed: ends calls on the object that are waiting.
     fn close(&self) {}
 
-    /// Whether the calling thread is one of the object's own, which its end waits for: a callback of work it does there.
+    /// Whether the calling thread belongs to the object: then this is a callback of the object's work there, and destroying the object
+    /// would wait for itself.
     fn is_on_own_thread(&self) -> bool {
         false
     }
@@ -68,7 +69,7 @@ struct Table {
 
 struct Slot {
     generation: u32,
-    /// The generation it began with: when it comes round again the slot is used no more.
+    /// The first generation. When the counter wraps around to it, the slot is not used again.
     first: u32,
     entry: Option<Entry>,
 }
@@ -77,32 +78,32 @@ struct Entry {
     kind: Kind,
     gate: Arc<Gate>,
     object: Arc<dyn Object>,
-    /// The threads that share the library's work end with the last object, after it.
-    _threads: Use,
+    /// Keeps the threads that share the library's work. The last field: they end after the last object.
+    _threads: PoolLease,
 }
 
-/// A call's hold on an object. The object's end waits until it is dropped; a panic while it lives poisons the object.
-pub(super) struct Entered<T> {
-    // Given back before the gate is left, so that whoever waits there has the last hold.
+/// A call's reference to an object. The object's destruction waits until it is dropped; a panic while it lives poisons the object.
+pub(super) struct ObjectGuard<T> {
+    // Dropped before the gate is left, so that the thread that waits there to destroy the object has the last reference.
     object: Arc<T>,
     is_nested: bool,
-    _pass: Pass,
+    _call: ActiveCall,
 }
 
-/// A call inside a gate.
-struct Pass {
+/// A call that has entered a gate, and leaves it when dropped.
+struct ActiveCall {
     gate: Arc<Gate>,
-    alone: bool,
+    exclusive: bool,
     was_panicking: bool,
 }
 
-impl<T> Entered<T> {
-    /// Whether this call comes from a callback of another call on the object: locks of that one must not be waited for.
+impl<T> ObjectGuard<T> {
+    /// Whether this call comes from a callback of another call on the object: waiting for a lock of that call would deadlock.
     pub(super) fn is_nested(&self) -> bool {
         self.is_nested
     }
 
-    /// Locks a part of the object; a callback of the call that has it locked does not wait for that.
+    /// Locks a part of the object. A nested call does not wait, because the outer call may hold the lock, but fails.
     pub(super) fn lock_part<'a, M>(&self, part: &'a Mutex<M>) -> Outcome<MutexGuard<'a, M>> {
         if !self.is_nested {
             return Ok(part.lock());
@@ -116,13 +117,13 @@ impl<T> Entered<T> {
     }
 }
 
-/// Error for a callback that needs a lock held by the call it comes from.
+/// The failure of a callback that needs a lock of the call it comes from.
 pub(super) fn in_use() -> Failure {
     Failure::new(CAIRN_ERROR_BUSY, "the object is in use: this is a callback of a call on it")
         .remedy("Call it after that call")
 }
 
-impl<T> Deref for Entered<T> {
+impl<T> Deref for ObjectGuard<T> {
     type Target = T;
 
     fn deref(&self) -> &T {
@@ -130,27 +131,27 @@ impl<T> Deref for Entered<T> {
     }
 }
 
-impl Drop for Pass {
+impl Drop for ActiveCall {
     fn drop(&mut self) {
         if std::thread::panicking() && !self.was_panicking {
             self.gate.poison();
         }
-        self.gate.leave(self.alone);
+        self.gate.leave(self.exclusive);
     }
 }
 
-/// Puts an object, which others may share, into the table; its handle is the caller's to destroy.
+/// Puts an object, of which others may have references, into the table. The caller destroys the handle.
 pub(super) fn insert<H: Handle>(object: impl Into<Arc<H::Object>>) -> Outcome<*mut H> {
     let full = || {
         Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, "there is no room for another handle").remedy("Destroy some objects")
     };
-    let entry = Entry { kind: H::KIND, gate: Arc::default(), object: object.into(), _threads: Use::new() };
+    let entry = Entry { kind: H::KIND, gate: Arc::default(), object: object.into(), _threads: PoolLease::new() };
     let mut table = TABLE.write();
     let slot = match table.free.pop() {
         Some(slot) => slot,
         None => {
             let slot = u32::try_from(table.slots.len()).ok().filter(|slot| *slot < 1 << SLOT_BITS).ok_or_else(full)?;
-            // A freed slot must find its place in the list without allocating.
+            // Reserved here, so that freeing a slot never allocates.
             let spare = table.slots.len() + 1 - table.free.len();
             table.free.try_reserve(spare).map_err(|_| full())?;
             table.slots.try_reserve(1).map_err(|_| full())?;
@@ -159,22 +160,22 @@ pub(super) fn insert<H: Handle>(object: impl Into<Arc<H::Object>>) -> Outcome<*m
             slot
         }
     };
-    let place = &mut table.slots[slot as usize];
-    place.entry = Some(entry);
-    Ok(encode::<H>(place.generation, slot))
+    let free = &mut table.slots[slot as usize];
+    free.entry = Some(entry);
+    Ok(encode::<H>(free.generation, slot))
 }
 
-/// Holds the object of `handle` for a call that others may run beside.
-pub(super) fn enter<H: Handle>(handle: *const H) -> Outcome<Entered<H::Object>> {
-    hold(handle, false)
+/// Gets the object of `handle` for a call that may run at the same time as others.
+pub(super) fn enter<H: Handle>(handle: *const H) -> Outcome<ObjectGuard<H::Object>> {
+    start_call(handle, false)
 }
 
-/// Holds the object of `handle` for a call that excludes others of its kind.
-pub(super) fn enter_alone<H: Handle>(handle: *mut H) -> Outcome<Entered<H::Object>> {
-    hold(handle.cast_const(), true)
+/// Gets the object of `handle` for a call that excludes other exclusive calls.
+pub(super) fn enter_exclusive<H: Handle>(handle: *mut H) -> Outcome<ObjectGuard<H::Object>> {
+    start_call(handle.cast_const(), true)
 }
 
-fn hold<H: Handle>(handle: *const H, alone: bool) -> Outcome<Entered<H::Object>> {
+fn start_call<H: Handle>(handle: *const H, exclusive: bool) -> Outcome<ObjectGuard<H::Object>> {
     let table = TABLE.read();
     let entry = table.find(handle)?;
     let (gate, object) = (entry.gate.clone(), entry.object.clone());
@@ -187,15 +188,20 @@ fn hold<H: Handle>(handle: *const H, alone: bool) -> Outcome<Entered<H::Object>>
     }
     let is_on_own_thread = object.is_on_own_thread();
     let object = (object as Arc<dyn Any + Send + Sync>).downcast().map_err(|_| no_handle::<H>("is of another kind"))?;
-    // Still under the table's lock, so that a destroy on another thread comes either before or waits.
-    let is_nested = gate.holds_me() || is_on_own_thread;
-    if alone && is_on_own_thread || !gate.enter(alone) {
+    // Still under the table's lock, so that destroying on another thread either comes first or waits for this call.
+    let is_nested = gate.has_call_of_this_thread() || is_on_own_thread;
+    if exclusive && is_on_own_thread || !gate.enter(exclusive) {
         return Err(busy::<H>("another call is using it"));
     }
-    Ok(Entered { object, is_nested, _pass: Pass { gate, alone, was_panicking: std::thread::panicking() } })
+    Ok(ObjectGuard {
+        object,
+        is_nested,
+        _call: ActiveCall { gate, exclusive, was_panicking: std::thread::panicking() },
+    })
 }
 
-/// Ends a handle: no later call finds it, calls in flight are waited for, and the object goes when no child needs it.
+/// Destroys a handle: later calls do not find it, and this waits for calls in flight. The object is dropped when no other object
+/// refers to it.
 pub(super) fn destroy<H: Handle>(handle: *mut H) -> Outcome {
     if handle.is_null() {
         return Ok(CAIRN_OK);
@@ -203,7 +209,7 @@ pub(super) fn destroy<H: Handle>(handle: *mut H) -> Outcome {
     let entry = {
         let mut table = TABLE.write();
         let entry = table.find(handle.cast_const())?;
-        if entry.gate.holds_me() || entry.object.is_on_own_thread() {
+        if entry.gate.has_call_of_this_thread() || entry.object.is_on_own_thread() {
             return Err(busy::<H>("this is a callback of a call on it").remedy("Destroy it after that call"));
         }
         table.remove(handle.cast_const())

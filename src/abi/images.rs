@@ -17,7 +17,7 @@ pub const CAIRN_FORMAT_RGBA16F: u32 = 2;
 /// Four bytes to a pixel: ten bits of red, the lowest, of green and of blue, two of alpha; for targets only.
 pub const CAIRN_FORMAT_RGB10A2: u32 = 3;
 
-/// A picture in the host's memory that the library reads, only during the call it is given to.
+/// A picture in the host's memory, which the library reads during the call only.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_picture {
@@ -38,8 +38,7 @@ pub struct cairn_picture {
 }
 describe!(cairn_picture, [], { struct_size, format, width, height, pixels, size, row_pitch });
 
-/// Memory of the host that the library writes a picture into, only during the call it is given to. Bytes between rows are
-/// left alone.
+/// Memory of the host into which the library writes a picture, during the call only. Bytes between rows are not changed.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_target {
@@ -47,9 +46,9 @@ pub struct cairn_target {
     pub struct_size: u32,
     /// CAIRN_FORMAT_RGBA8, CAIRN_FORMAT_BGRA8, CAIRN_FORMAT_RGBA16F or CAIRN_FORMAT_RGB10A2
     pub format: u32,
-    /// In pixels; must be the picture's.
+    /// In pixels; must be the picture's width.
     pub width: u32,
-    /// In pixels; must be the picture's.
+    /// In pixels; must be the picture's height.
     pub height: u32,
     /// The top left pixel; rows run from top to bottom. Any alignment.
     pub pixels: *mut c_void,
@@ -60,11 +59,13 @@ pub struct cairn_target {
 }
 describe!(cairn_target, [], { struct_size, format, width, height, pixels, size, row_pitch });
 
-/// Rows of pixels in the host's memory.
+/// Layout of a picture in the host's memory.
 #[derive(Debug, Clone, Copy)]
 struct Rows {
+    /// Bytes in a row.
     len: usize,
     count: usize,
+    /// Bytes from one row to the next.
     pitch: usize,
 }
 
@@ -91,12 +92,12 @@ impl Rows {
         if u128::from(size) < needed || size > isize::MAX as u64 {
             return wrong("size", format!("{size} bytes, {needed} are needed"));
         }
-        // In range: the size holds them.
+        // The casts lose nothing: `size` is at least as large.
         Ok(Self { len: row as usize, count: height as usize, pitch: pitch as usize })
     }
 }
 
-/// How pixels of the header's number lie in memory; `field` names the struct, for messages.
+/// The pixel format of the header's number; `field` names the struct, for messages.
 fn texel(number: u32, field: &str) -> Outcome<Texel> {
     match number {
         CAIRN_FORMAT_RGBA8 => Ok(Texel::Rgba8),
@@ -153,12 +154,12 @@ impl Target {
             let why = format!("{width} x {height} pixels where {} x {} come", size.0, size.1);
             return Err(Failure::argument(&format!("{name}.width"), why));
         }
-        Ok(Self { pixels: pixels.cast(), rows, format, colours: Colours::Shown })
+        Ok(Self { pixels: pixels.cast(), rows, format, colours: Colours::Srgb })
     }
 
-    /// The same place, for a picture in `colours`.
+    /// The same memory, for a picture in colour space `colours`. Fails if the format cannot hold it.
     pub(super) fn in_colours(self, colours: Colours) -> Outcome<Self> {
-        if !colours.fit(self.format) {
+        if !colours.fits(self.format) {
             let remedy = match colours {
                 Colours::Hdr10 { .. } => "Use CAIRN_FORMAT_RGB10A2",
                 _ => "Use CAIRN_FORMAT_RGBA16F",
@@ -206,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_come_and_go_in_both_orders_and_any_pitch() {
+    fn pictures_are_copied_in_both_channel_orders_with_any_pitch() {
         let bytes: Vec<u8> = (1..=23).collect();
         let from = cairn_picture { format: CAIRN_FORMAT_BGRA8, row_pitch: 15, ..source(&bytes) };
         // SAFETY: 15 + 8 bytes are there.
@@ -230,9 +231,9 @@ mod tests {
     }
 
     #[test]
-    fn half_floats_are_written_in_either_light() {
+    fn half_floats_are_written_as_srgb_or_as_linear_light() {
         let picture = Picture::from_rgba(1, 1, vec![0, 128, 255, 51]).unwrap();
-        for (colours, middle) in [(Colours::Shown, 128.0 / 255.0), (Colours::Linear, 0.215_86)] {
+        for (colours, middle) in [(Colours::Srgb, 128.0 / 255.0), (Colours::Linear, 0.215_86)] {
             let mut back = [0_u16; 4];
             let to = cairn_target {
                 struct_size: size_of::<cairn_target>() as u32,
@@ -244,22 +245,22 @@ mod tests {
                 row_pitch: 0,
             };
             // SAFETY: the bytes are there.
-            let place = |to: &cairn_target| unsafe { Target::new(to, (1, 1), "target") };
-            place(&to).unwrap().in_colours(colours).unwrap().write(&picture);
+            let target = |to: &cairn_target| unsafe { Target::new(to, (1, 1), "target") };
+            target(&to).unwrap().in_colours(colours).unwrap().write(&picture);
             let [red, green, blue, alpha] = back.map(|bits| f16::from_bits(bits).to_f32());
             assert_eq!((red, blue), (0.0, 1.0));
             assert!((green - middle).abs() < 3e-4 && (alpha - 0.2).abs() < 1e-4, "{green} {alpha}");
             let eight = cairn_target { format: CAIRN_FORMAT_RGBA8, ..to };
-            assert_eq!(place(&eight).unwrap().in_colours(colours).is_err(), colours == Colours::Linear);
-            assert!(place(&cairn_target { size: 7, ..to }).is_err());
+            assert_eq!(target(&eight).unwrap().in_colours(colours).is_err(), colours == Colours::Linear);
+            assert!(target(&cairn_target { size: 7, ..to }).is_err());
         }
     }
 
     #[test]
-    fn layouts_that_cannot_be_are_refused() {
+    fn refuses_invalid_layouts() {
         let bytes = [0_u8; 16];
         let good = source(&bytes);
-        // SAFETY: 16 bytes are there, and what is refused is not read.
+        // SAFETY: 16 bytes are there, and a refused picture is not read.
         let result = |picture: cairn_picture| unsafe { read_picture(&picture, "p") }.map_err(|f| f.code);
         assert!(result(good).is_ok());
         for bad in [

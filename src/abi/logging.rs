@@ -1,4 +1,4 @@
-//! The library's log, handed to the host.
+//! Passes the library's log messages to the host's callback.
 
 use std::ffi::{c_char, c_void};
 use std::sync::{Arc, OnceLock};
@@ -9,38 +9,37 @@ use super::boundary::call;
 use super::gate::Gate;
 use super::results::{CAIRN_ERROR_BUSY, CAIRN_ERROR_UNSUPPORTED, CAIRN_OK, Failure, cairn_result};
 
-/// No message at all.
+/// No messages.
 pub const CAIRN_LOG_OFF: u32 = 0;
 /// Something failed.
 pub const CAIRN_LOG_ERROR: u32 = 1;
-/// Something is odd, and the work goes on.
+/// Something unexpected happened, and the work continues.
 pub const CAIRN_LOG_WARNING: u32 = 2;
-/// What a user may want to know.
+/// Information for users.
 pub const CAIRN_LOG_INFO: u32 = 3;
-/// What a developer may want to know.
+/// Information for developers.
 pub const CAIRN_LOG_DEBUG: u32 = 4;
-/// Everything.
+/// All messages.
 pub const CAIRN_LOG_TRACE: u32 = 5;
 
 /// Gets one message. level is one of CAIRN_LOG_ERROR to CAIRN_LOG_TRACE; target names the part of the library, such as
-/// "cairn::onnxruntime"; both texts are UTF-8 and valid during the call only. user is what was given with the callback.
+/// "cairn::onnxruntime"; both texts are UTF-8 and valid during the call only. user is the pointer that was set with the callback.
 ///
-/// It is called on whatever thread has something to say, also on several at once, without any lock held. It may call
-/// Cairn, but not end the call it is in: it must not destroy an object that a call further up is using, and must not throw.
-/// What is logged while it runs, on its own thread, is dropped.
+/// It is called on the thread that logs the message, also on several at once, without any lock held. It may call Cairn, but must not
+/// destroy an object that a call further up the stack is using, and must not throw. Messages that its own thread logs while it runs
+/// are dropped.
 pub type cairn_log_callback =
     Option<unsafe extern "C" fn(level: u32, target: *const c_char, message: *const c_char, user: *mut c_void)>;
 
-/// Sets where messages of at least that importance go: level is CAIRN_LOG_OFF to CAIRN_LOG_TRACE. A null callback ends
-/// logging. There is one for the whole process; without one nothing is logged.
+/// Sets the callback that gets messages up to level, CAIRN_LOG_OFF to CAIRN_LOG_TRACE. A null callback ends logging. The whole process
+/// has one callback; without one nothing is logged.
 ///
-/// When this returns, the callback set before is not running and will not be called again, so what its user pointer points
-/// to may go.
+/// When this returns, the former callback is not running and will not be called again, so the memory of its user pointer may be freed.
 ///
 /// Ownership: user stays the caller's; on success it must live until another callback is set, on failure nothing changes.
 /// Threads: any thread; waits for calls of the former callback. Not from within that callback.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT for another level; CAIRN_ERROR_BUSY from within the former callback;
-/// CAIRN_ERROR_UNSUPPORTED when the library is linked into a program whose own logger has the log.
+/// CAIRN_ERROR_UNSUPPORTED when the library is linked into a program that has set a logger of its own.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_set_log_callback(
@@ -52,8 +51,8 @@ pub unsafe extern "C" fn cairn_set_log_callback(
         let filter = filter(level).ok_or_else(|| {
             Failure::argument("level", format!("{level} is none. Use CAIRN_LOG_OFF to CAIRN_LOG_TRACE, 0 to 5"))
         })?;
-        static OURS: OnceLock<bool> = OnceLock::new();
-        if !OURS.get_or_init(|| log::set_logger(&Forward).is_ok()) {
+        static IS_INSTALLED: OnceLock<bool> = OnceLock::new();
+        if !IS_INSTALLED.get_or_init(|| log::set_logger(&CallbackLogger).is_ok()) {
             return Err(
                 Failure::new(CAIRN_ERROR_UNSUPPORTED, "this program has a logger of its own").remedy("Use that")
             );
@@ -62,7 +61,7 @@ pub unsafe extern "C" fn cairn_set_log_callback(
         let sink = callback.map(|callback| Arc::new(Sink { callback, user, filter, gate: Gate::default() }));
         let former = {
             let mut current = SINK.lock();
-            if current.as_ref().is_some_and(|sink| sink.gate.holds_me()) {
+            if current.as_ref().is_some_and(|sink| sink.gate.has_call_of_this_thread()) {
                 return Err(
                     Failure::new(CAIRN_ERROR_BUSY, "this is the former callback itself").remedy("Return from it first")
                 );
@@ -79,6 +78,7 @@ pub unsafe extern "C" fn cairn_set_log_callback(
 
 static SINK: Mutex<Option<Arc<Sink>>> = Mutex::new(None);
 
+/// The host's callback, with the calls of it that have not returned.
 struct Sink {
     callback: unsafe extern "C" fn(u32, *const c_char, *const c_char, *mut c_void),
     user: *mut c_void,
@@ -91,9 +91,10 @@ unsafe impl Send for Sink {}
 // SAFETY: as above.
 unsafe impl Sync for Sink {}
 
-struct Forward;
+/// The process's logger: passes messages to the current callback.
+struct CallbackLogger;
 
-impl log::Log for Forward {
+impl log::Log for CallbackLogger {
     fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
         metadata.level() <= log::max_level()
     }
@@ -103,10 +104,9 @@ impl log::Log for Forward {
         let (target, message) = (text(record.target().to_owned()), text(record.args().to_string()));
         let sink = {
             let current = SINK.lock();
-            let Some(sink) = current.as_ref().filter(|s| record.level() <= s.filter && !s.gate.holds_me()) else {
-                return;
-            };
-            // Under the lock, so that whoever replaces the callback waits for this call.
+            let accepts = |sink: &&Arc<Sink>| record.level() <= sink.filter && !sink.gate.has_call_of_this_thread();
+            let Some(sink) = current.as_ref().filter(accepts) else { return };
+            // Under the lock, so that a thread that replaces the callback waits for this call.
             sink.gate.enter(false);
             sink.clone()
         };
@@ -148,16 +148,16 @@ mod tests {
     use super::*;
 
     #[derive(Default)]
-    struct Heard(Mutex<Vec<(u32, String)>>);
+    struct Messages(Mutex<Vec<(u32, String)>>);
 
-    unsafe extern "C" fn hear(level: u32, target: *const c_char, message: *const c_char, user: *mut c_void) {
-        // SAFETY: the test gave a `Heard` that outlives the callback, and texts are valid during the call.
-        let (heard, target, message) =
-            unsafe { (&*user.cast::<Heard>(), CStr::from_ptr(target), CStr::from_ptr(message)) };
+    unsafe extern "C" fn collect(level: u32, target: *const c_char, message: *const c_char, user: *mut c_void) {
+        // SAFETY: the test passes `Messages` that outlive the callback, and texts are valid during the call.
+        let (messages, target, message) =
+            unsafe { (&*user.cast::<Messages>(), CStr::from_ptr(target), CStr::from_ptr(message)) };
         if target.to_bytes() != b"abi-test" {
             return;
         }
-        heard.0.lock().push((level, message.to_string_lossy().into_owned()));
+        messages.0.lock().push((level, message.to_string_lossy().into_owned()));
         log::error!(target: "abi-test", "an echo that is dropped");
         // SAFETY: refused while the callback runs.
         let refused = unsafe { cairn_set_log_callback(CAIRN_LOG_OFF, None, std::ptr::null_mut()) };
@@ -166,18 +166,18 @@ mod tests {
 
     #[test]
     fn messages_go_to_the_callback_until_it_is_replaced() {
-        let heard = Heard::default();
-        let user = std::ptr::from_ref(&heard).cast_mut().cast();
-        // SAFETY: `heard` outlives the callback.
+        let messages = Messages::default();
+        let user = std::ptr::from_ref(&messages).cast_mut().cast();
+        // SAFETY: `messages` outlive the callback.
         let set = |level, callback| unsafe { cairn_set_log_callback(level, callback, user) };
         assert_eq!(set(6, None), CAIRN_ERROR_INVALID_ARGUMENT);
-        assert_eq!(set(CAIRN_LOG_WARNING, Some(hear)), CAIRN_OK);
+        assert_eq!(set(CAIRN_LOG_WARNING, Some(collect)), CAIRN_OK);
         log::warn!(target: "abi-test", "one\0{}", 1);
         log::info!(target: "abi-test", "not important enough");
-        assert_eq!(set(CAIRN_LOG_TRACE, Some(hear)), CAIRN_OK);
+        assert_eq!(set(CAIRN_LOG_TRACE, Some(collect)), CAIRN_OK);
         log::trace!(target: "abi-test", "two");
         assert_eq!(set(CAIRN_LOG_TRACE, None), CAIRN_OK);
         log::error!(target: "abi-test", "too late");
-        assert_eq!(*heard.0.lock(), [(CAIRN_LOG_WARNING, "one 1".to_owned()), (CAIRN_LOG_TRACE, "two".to_owned())]);
+        assert_eq!(*messages.0.lock(), [(CAIRN_LOG_WARNING, "one 1".to_owned()), (CAIRN_LOG_TRACE, "two".to_owned())]);
     }
 }

@@ -1,22 +1,22 @@
 //! The C interface: `include/cairn.h` is made from this module and from nothing else.
 //!
-//! Here is marshalling, and no work: what a call does is done by the rooms below. One file for each object and, in the order
-//! of the header:
+//! This module only marshals: it converts arguments and results, and calls the modules below it. One file for each object, in the
+//! order of the header:
 //!
-//! | file | what |
+//! | file | contents |
 //! |---|---|
 //! | `version`, `results`, `logging`, `threads` | version numbers; results and the last error; log callback; threads, or the host's job system |
-//! | `requirements`, `device`, `world` | what is created first |
-//! | `images`, `controls` | what crosses the border in every frame |
-//! | `rollout`, `steps`, `anchor`, `state` | a rollout step by step, by its queue, what it makes, and its state kept |
-//! | `guidance`, `presenter`, `budget` | motion and depth, frames when they are due, and what it all may take |
-//! | `script`, `recorder` | input written down, and played again |
-//! | `statistics` | what can be asked |
-//! | `d3d12` | experimental: what an engine's own Direct3D 12 objects come through |
+//! | `requirements`, `device`, `world` | devices and their requirements; loaded worlds |
+//! | `images`, `controls` | pictures in the host's memory; the player's controls |
+//! | `rollout`, `steps`, `anchor`, `state` | a rollout, its queue of steps, its anchors, its saved state |
+//! | `guidance`, `presenter`, `budget` | motion and depth; frames and when they are due; limits on time and memory |
+//! | `script`, `recorder` | control scripts and their recording |
+//! | `statistics` | counters and measured times |
+//! | `d3d12` | experimental: functions that take an engine's own Direct3D 12 objects |
 //! | `swapchain` | experimental: AMD's swap chain, for engines that want AMD to present |
 //!
 //! Internal modules, not in the header: `boundary` wraps every entry point and catches panics; `handles` is the table behind every
-//! handle, with a `gate` for each object; `preferences` resolves a host's preferences for frames; `structs` and `text` read and write
+//! handle, with a `gate` for each object; `presenter::preferences` resolves a host's preferences for frames; `structs` and `text` read and write
 //! the host's memory; `record` lists the interface, to be compared with the header.
 #![allow(non_camel_case_types, reason = "the names are the header's")]
 #![allow(clippy::missing_safety_doc, reason = "the header says once, for all functions, what pointers must be")]
@@ -47,6 +47,5 @@ pub mod world;
 mod boundary;
 mod gate;
 mod handles;
-mod preferences;
 mod structs;
 mod text;

@@ -1,11 +1,10 @@
 /**
- * Cairn: a generative world inside a game engine. A world model draws few, strong pictures (anchors) from the player's
- * controls; motion-guided frame generation fills in the rest. This header is the whole library: load the shared library with
- * it, or link against it.
+ * Cairn: a generative world inside a game engine. A world model makes few pictures of high quality (anchors) from the player's
+ * controls, and motion-guided frame generation makes the frames between them. This header declares the whole interface: link
+ * against the shared library, or load it at run time.
  *
- * It is a course, to be read from the top: what it promises (version, results, logging), what is created once (device, world),
- * what is done in every frame (pictures and controls, anchors, rollouts, guidance, presenters), what can be asked, and last
- * what may still change.
+ * Read it from the top: first version, results and logging, then what is created once (device, world), what is called in every
+ * frame (pictures and controls, anchors, rollouts, guidance, presenters), statistics, and last what is experimental and may change.
  *
  * A rollout, from a seed picture to the pictures of one second:
  *
@@ -33,27 +32,28 @@
  *         return r; // if negative, cairn_last_error() has the message
  *     }
  *
- * The rules, once:
+ * These rules hold for all functions:
  *
- * Handles. A pointer to an object, such as cairn_world *, is a number to be handed back, never memory to be read. One that is
- * null, stale, of another object or made up gives CAIRN_ERROR_INVALID_HANDLE. What has a create function has a destroy
- * function, which takes null and waits for calls in flight. Objects keep what they need alive, so the order does not matter.
+ * Handles. A pointer to an object, such as cairn_world *, is a number that only the library understands; never dereference it. A
+ * handle that is null, destroyed, of another kind or made up gives CAIRN_ERROR_INVALID_HANDLE. Every object with a create function
+ * has a destroy function, which accepts null and waits for calls in flight. Objects keep alive what they need, so they may be
+ * destroyed in any order.
  *
- * Threads. Through a pointer to const, any number of threads may call at the same time. Through a pointer that is not const,
- * one call at a time: a second one beside it gets CAIRN_ERROR_BUSY and does nothing. Nothing a thread does wrong here corrupts
- * memory.
+ * Threads. Functions that take a pointer to const may be called by any number of threads at the same time. Those that take a
+ * pointer that is not const allow one call at a time: a concurrent one gets CAIRN_ERROR_BUSY and does nothing. Calls at the wrong
+ * time do not corrupt memory.
  *
- * Structs. Set struct_size to the struct's sizeof, also of structs that the library fills, and zero what you do not set: zero
- * is every field's default. Hosts compiled with an older header, whose structs are shorter, are understood; so are newer ones
- * as long as they ask for nothing this library does not know. The library never writes past struct_size.
+ * Structs. Set struct_size to the struct's sizeof, also in structs that the library fills, and set unused fields to zero: zero is
+ * every field's default. A host compiled with an older header, whose structs are shorter, works with a newer library; a host with
+ * newer structs works if it sets nothing that the library does not know. The library never writes past struct_size.
  *
- * Results. 0 is success, a positive number is not an error, a negative one is; besides those named at a function, any may
- * answer CAIRN_ERROR_INTERNAL, and any that takes a handle CAIRN_ERROR_POISONED. A call that fails has done nothing, and has
- * written none of its results. All text is UTF-8.
+ * Results. 0 is success, a positive number is not an error, a negative one is. In addition to the results named at a function, any
+ * function may return CAIRN_ERROR_INTERNAL, and any that takes a handle CAIRN_ERROR_POISONED. A failed call has changed nothing,
+ * and has written none of its results. All text is UTF-8.
  *
- * Memory. What the caller passes is read or written during the call and not kept, where it is not said otherwise. Null,
- * misaligned and too short buffers are refused; a pointer to something else altogether cannot be caught.
+ * Memory. Unless a function says otherwise, the library reads or writes the caller's memory during the call only. It refuses null
+ * and misaligned pointers and buffers that are too short; it cannot detect other invalid pointers.
  *
- * Callbacks are called without a lock held and may call Cairn, but must not destroy what a call further up is using, and must
- * not throw. The library starts no thread before an object that needs one, and writes no file unless asked.
+ * Callbacks are called without a lock held and may call Cairn, but must not destroy an object that a call further up the stack is
+ * using, and must not throw. The library starts threads only for objects that need them, and writes files only when asked to.
  */

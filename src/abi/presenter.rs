@@ -1,15 +1,14 @@
-//! Presenters: which frame is due when, and its picture.
+//! Presenters: decide which frame is due, and make it.
 
 use std::time::Duration;
 
 use super::anchor::cairn_anchor;
 use super::boundary::call;
-use super::d3d12::behind::{self, HAS_SHADERS};
-use super::d3d12::{DeviceStatistics, Recorded, To, cairn_d3d12_preparation};
+use super::d3d12::backend::{self, HAS_SHADERS};
+use super::d3d12::types::FrameStatistics;
 use super::guidance::{cairn_guidance, motion_source};
-use super::handles::{Handle, Kind, Object, destroy, enter, enter_alone, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, enter_exclusive, insert};
 use super::images::{Target, cairn_target};
-use super::preferences::{choose, colours};
 use super::results::{
     CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result,
 };
@@ -19,173 +18,152 @@ use crate::framegen::Phases;
 use crate::present::Selection;
 use crate::present::pacing::Interval;
 use crate::present::presenter::{FrameInfo, FrameSource, Presenter, PresenterOptions};
-use crate::runtime::Device;
+use preferences::{colours, cpu_generator, renderer_options};
 
-/// The generator is used where it can be.
+mod preferences;
+
+/// Uses the generator if possible.
 pub const CAIRN_PREFER_AUTO: u32 = 0;
-/// The generator is used, or the presenter is not made.
+/// Requires the generator: creating the presenter, or preparing its frames for Direct3D 12, fails if it cannot be used.
 pub const CAIRN_PREFER_REQUIRE: u32 = 1;
-/// The generator is not used.
+/// Never uses the generator.
 pub const CAIRN_PREFER_NEVER: u32 = 2;
 
-/// A flag of cairn_presenter_options: where an anchor is late the last one is held; its motion is not extrapolated.
+/// A flag of cairn_presenter_options: holds the last anchor while the next one is late, instead of extrapolating its motion.
 pub const CAIRN_PRESENTER_HOLD_LATE: u32 = 1;
-/// A flag of cairn_presenter_options: after a late anchor frames are shown sooner, by a quarter of a frame for each anchor,
-/// until anchors are due delay_ns after they come again. For hosts that make anchors at a steady pace, and not as fast as
-/// they can.
+/// A flag of cairn_presenter_options: after a late anchor, frames are shown earlier by a quarter of a frame's duration per anchor, until
+/// anchors are due delay_ns after their arrival again. For hosts that make anchors at a steady pace instead of as fast as possible.
 pub const CAIRN_PRESENTER_CATCH_UP: u32 = 2;
-/// A flag of cairn_presenter_options: frames are generated also where the anchor brings as many decoded pictures as there
-/// are frames to an anchor.
+/// A flag of cairn_presenter_options: generates frames even if an anchor has as many decoded pictures as frames are shown per anchor.
+/// Without it those pictures are shown instead.
 pub const CAIRN_PRESENTER_NO_DECODED: u32 = 4;
-/// A flag of cairn_presenter_options: frames of another aspect ratio than the anchors' keep the anchors' ratio, centred, with black bars.
-/// Without it they are stretched.
+/// A flag of cairn_presenter_options: anchors keep their aspect ratio in frames of another ratio, centred between black bars. Without it
+/// they are stretched.
 pub const CAIRN_PRESENTER_LETTERBOX: u32 = 8;
 
-/// Display-referred sRGB, as pictures are.
+/// Display-referred sRGB, like pictures in memory.
 pub const CAIRN_COLOUR_SRGB: u32 = 0;
-/// Linear, sRGB primaries, 1 is white; for CAIRN_FORMAT_RGBA16F, and textures of R11G11B10_FLOAT, only.
+/// Linear, sRGB primaries, 1 is white; only for CAIRN_FORMAT_RGBA16F and for textures of R11G11B10_FLOAT.
 pub const CAIRN_COLOUR_LINEAR: u32 = 1;
-/// scRGB: linear, sRGB primaries, 1 is 80 nits; for CAIRN_FORMAT_RGBA16F only.
+/// scRGB: linear, sRGB primaries, 1 is 80 nits; only for CAIRN_FORMAT_RGBA16F.
 pub const CAIRN_COLOUR_SCRGB: u32 = 2;
-/// HDR10: PQ transfer function, BT.2020 primaries; for CAIRN_FORMAT_RGB10A2 only.
+/// HDR10: PQ transfer function, BT.2020 primaries; only for CAIRN_FORMAT_RGB10A2.
 pub const CAIRN_COLOUR_HDR10: u32 = 3;
 
-/// A frame is an anchor.
+/// The frame is an anchor.
 pub const CAIRN_FRAME_ANCHOR: u32 = 1;
-/// A frame is a decoded picture that came with the later anchor.
+/// The frame is a decoded picture that came with the later anchor.
 pub const CAIRN_FRAME_DECODED: u32 = 2;
-/// A frame is interpolated between two anchors.
+/// The frame is interpolated between two anchors.
 pub const CAIRN_FRAME_GENERATED: u32 = 3;
-/// A frame is extrapolated beyond the last anchor, because the next one is late.
+/// The frame is extrapolated from the last anchor, because the next one is late.
 pub const CAIRN_FRAME_EXTRAPOLATED: u32 = 4;
-/// A frame is a held picture, because nothing can be generated: between two anchors the nearer, else the last.
+/// The frame holds a picture, because nothing can be generated: between two anchors the nearer one, else the last.
 pub const CAIRN_FRAME_HELD: u32 = 5;
 
-/// A flag of cairn_frame: it was not generated because of a cut.
+/// A flag of cairn_frame: the frame was not generated because of a cut.
 pub const CAIRN_FRAME_CUT: u32 = 1;
-/// A flag of cairn_frame: it is identical to the one drawn before.
+/// A flag of cairn_frame: the frame is identical to the one drawn before.
 pub const CAIRN_FRAME_REPEATED: u32 = 2;
-/// A flag of cairn_frame: an anchor is shown in its place, as cairn_presenter_prepare_d3d12 was not called for it.
+/// A flag of cairn_frame: an anchor replaces the frame, because cairn_presenter_prepare_d3d12 was not called for it.
 pub const CAIRN_FRAME_UNPREPARED: u32 = 4;
 
-/// Shows a stream of anchors at a steady rate: it is given anchors as they come, knows which frame is due when, generates it
-/// and writes it into the host's memory. It reads no clock: every time is the host's, in nanoseconds from wherever it likes.
+/// Shows a stream of anchors at a steady rate: takes anchors as they arrive, decides which frame is due, generates it and writes it into
+/// the host's memory or into a texture. No clock decides what is shown: every time is the host's, in nanoseconds from any origin.
 ///
-/// Anchor i is due at origin + i * interval, where origin is when the first came, plus the delay. Between two anchors that
-/// are there, frames are generated; while the next one is late the motion of the last goes on for at most an interval, and
-/// then the picture stands. An anchor that comes after it was due is due when it comes, and those after it are later by as
-/// much: a world that is too slow is shown slowly, and whole.
+/// Anchor i is due at origin + i * interval; origin is the arrival of the first anchor plus the delay. Between two anchors that have
+/// arrived, frames are generated. While the next anchor is late, the motion of the last one is extrapolated for at most an interval; then
+/// the picture is held. An anchor that arrives after it was due is due on arrival, and all later ones are delayed by as much: a world
+/// that is too slow is shown slowly, and no frame is skipped.
 pub struct cairn_presenter(());
 
 /// The object of a presenter's handle.
-pub(super) struct Presenting {
+pub(super) struct PresenterObject {
     pub(super) presenter: Presenter,
     colours: Colours,
     /// The first of fsr, shader and upscaler that is required.
     required: Option<&'static str>,
-    /// The generator on the processor; empty where it is not used.
+    /// Name of the generator on the CPU; empty if it is not used.
     generator: &'static str,
-    /// Why a preference was not met.
+    /// Why a preferred generator makes no frames in memory; empty if there is none.
     preference: String,
     /// Makes frames for Direct3D 12.
-    renderer: behind::Renderer,
+    pub(super) renderer: backend::Renderer,
 }
 
 impl Handle for cairn_presenter {
     const KIND: Kind = Kind::Presenter;
     const NAME: &'static str = "cairn_presenter";
-    type Object = Presenting;
+    type Object = PresenterObject;
 }
 
-impl Object for Presenting {}
+impl Object for PresenterObject {}
 
-impl Presenting {
-    /// Records the frame that is due at `now`; where no list is given also what guards the target.
-    ///
-    /// # Safety
-    /// What `to` points to are objects of COM and live during the call.
-    pub(super) unsafe fn record(&self, device: &Device, now: u64, to: &To) -> Outcome<Recorded> {
-        if !device.is_gpu() {
-            return Err(Failure::no_d3d12());
-        }
-        // SAFETY: the caller's promise.
-        unsafe { behind::record(&self.renderer, &self.presenter, device, now, to) }
-    }
-
-    /// Makes all that frames need, and uses it from then on; false where it is not known how large anchors are. Frames are recorded meanwhile.
-    pub(super) fn prepare(&self, device: &Device, wanted: &cairn_d3d12_preparation) -> Outcome<bool> {
-        if !device.is_gpu() {
-            return Err(Failure::no_d3d12());
-        }
-        behind::prepare(&self.renderer, &self.presenter, device, wanted)
-    }
-
-    /// Waits until all frames have run, and releases their targets.
-    pub(super) fn release(&self) -> Outcome<()> {
-        behind::release(&self.renderer)
-    }
-
-    /// What frames for Direct3D 12 have taken and who made them; none where the call is nested in one that records.
-    pub(super) fn device_statistics(&self, is_nested: bool) -> Option<DeviceStatistics> {
-        behind::statistics(&self.renderer, &self.presenter, is_nested)
+impl PresenterObject {
+    /// Statistics of frames for Direct3D 12; `None` if the call is nested in one that records.
+    pub(super) fn frame_statistics(&self, is_nested: bool) -> Option<FrameStatistics> {
+        backend::statistics(&self.renderer, &self.presenter, is_nested)
     }
 
     /// The upscaler of the last frame, and why AMD's was not used.
-    pub(super) fn upscaler(&self, done: &DeviceStatistics) -> Selection {
-        done.upscaler.clone().unwrap_or_else(|| {
-            let scales = self.presenter.size().zip(self.presenter.anchor_size()).is_some_and(|(size, of)| size != of);
+    pub(super) fn upscaler(&self, statistics: &FrameStatistics) -> Selection {
+        statistics.upscaler.clone().unwrap_or_else(|| {
+            let sizes = self.presenter.size().zip(self.presenter.anchor_size());
+            let scales = sizes.is_some_and(|(size, anchor_size)| size != anchor_size);
             Selection { name: if scales { "spatial" } else { "" }.to_owned(), reason: String::new() }
         })
     }
 
     /// The generator of the last frame, and why a preferred one was not used.
-    pub(super) fn generator(&self, done: &DeviceStatistics) -> Selection {
-        let used = done.generator.clone();
+    pub(super) fn generator(&self, statistics: &FrameStatistics) -> Selection {
+        let used = statistics.generator.clone();
         let used = used.unwrap_or_else(|| Selection { name: String::new(), reason: self.preference.clone() });
         if used.name.is_empty() { Selection { name: self.generator.to_owned(), ..used } } else { used }
     }
 }
 
-/// How anchors are shown. All zero: two frames to an anchor, one interval after they come.
+/// Options of a presenter. All zero: two frames per anchor, and anchors are due one interval after their arrival.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_presenter_options {
     /// sizeof(cairn_presenter_options)
     pub struct_size: u32,
-    /// Frames to an anchor: 1, 2, 3, 4 or 6; 0 for 2.
+    /// Frames per anchor: 1, 2, 3, 4 or 6; 0 for 2.
     pub multiplier: u32,
-    /// Size of the frames in pixels, 1 to 16384 each way; 0 both ways for the anchors'.
+    /// Width of the frames in pixels, 1 to 16384; 0 in width and height for the anchors' size.
     pub width: u32,
-    /// See width.
+    /// Height of the frames in pixels, 1 to 16384.
     pub height: u32,
-    /// Nanoseconds from one anchor to the next, at most 60 seconds; 0 for what the first anchor's latents_per_second says.
+    /// Nanoseconds from one anchor to the next, at most 60 seconds; 0 for the interval of the first anchor's latents_per_second.
     pub interval_ns: u64,
-    /// Nanoseconds from an anchor's arrival until it is due, at most 60 seconds; 0 for an interval. Frames between two anchors need the
-    /// later one, so a delay below (multiplier - 1) / multiplier of an interval makes frames late.
+    /// Nanoseconds from an anchor's arrival until it is due, at most 60 seconds; 0 for one interval. Frames between two anchors need the
+    /// later one: with a delay below (multiplier - 1) / multiplier of an interval some of them are
+    /// extrapolated or held instead.
     pub delay_ns: u64,
-    /// CAIRN_PRESENTER_HOLD_LATE, CAIRN_PRESENTER_CATCH_UP, CAIRN_PRESENTER_NO_DECODED, CAIRN_PRESENTER_LETTERBOX
+    /// CAIRN_PRESENTER_HOLD_LATE, CAIRN_PRESENTER_CATCH_UP, CAIRN_PRESENTER_NO_DECODED and CAIRN_PRESENTER_LETTERBOX, or 0.
     pub flags: u32,
-    /// Anchors that may wait for their time, 1 to CAIRN_MAX_QUEUE; 0 for 4.
+    /// Largest number of anchors that wait to become due, 1 to CAIRN_MAX_QUEUE; 0 for 4.
     pub capacity: u32,
-    /// Where motion comes from when an anchor comes without guidance: CAIRN_MOTION_AUTO and so on.
+    /// Source of motion for anchors that are pushed without guidance: CAIRN_MOTION_AUTO and so on.
     pub motion: u32,
     /// CAIRN_COLOUR_SRGB to CAIRN_COLOUR_HDR10
     pub colour_space: u32,
-    /// AMD FidelityFX frame generation, for frames half way between two anchors that are recorded for Direct3D 12:
-    /// CAIRN_PREFER_AUTO and so on. Needs the library's own shaders, which make all others.
+    /// AMD FidelityFX frame generation, for frames half way between two anchors that are made for Direct3D 12: CAIRN_PREFER_AUTO and
+    /// so on. Needs the library's own shaders, which make all other frames.
     pub fsr: u32,
-    /// The library's own shaders, for Direct3D 12.
+    /// The library's own shaders, for frames made for Direct3D 12: CAIRN_PREFER_AUTO and so on.
     pub shader: u32,
-    /// The library's own generator on the processor.
+    /// The library's own generator on the processor: CAIRN_PREFER_AUTO and so on.
     pub cpu: u32,
     /// 0
     pub reserved: u32,
-    /// Brightness of the pictures' white in CAIRN_COLOUR_SCRGB and CAIRN_COLOUR_HDR10, 1 to 10000 nits; 0 for 203. 0 for the others.
+    /// Brightness of the pictures' white in CAIRN_COLOUR_SCRGB and CAIRN_COLOUR_HDR10, 1 to 10000 nits; 0 for 203. Must be 0 for the
+    /// other colour spaces.
     pub white_nits: u32,
     /// 0
     pub reserved_too: u32,
-    /// AMD FidelityFX upscaling, for frames for Direct3D 12 that are larger than anchors: CAIRN_PREFER_AUTO and so on. It makes anchors
-    /// larger before frames are generated between them. Without it each frame is resized in space. Needs the library's own shaders.
+    /// AMD FidelityFX upscaling, for frames for Direct3D 12 that are larger than anchors: CAIRN_PREFER_AUTO and so on. It upscales anchors
+    /// before frames are generated between them. Without it each frame is resized by a spatial filter. Needs the library's own shaders.
     pub upscaler: u32,
     /// 0
     pub reserved_also: u32,
@@ -195,40 +173,40 @@ describe!(cairn_presenter_options, [64, 72], {
     reserved, white_nits, reserved_too, upscaler, reserved_also,
 });
 
-/// A frame of a presenter.
+/// Information about a frame of a presenter.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_frame {
     /// sizeof(cairn_frame)
     pub struct_size: u32,
-    /// CAIRN_FRAME_ANCHOR to CAIRN_FRAME_HELD
+    /// How it is made: CAIRN_FRAME_ANCHOR to CAIRN_FRAME_HELD.
     pub source: u32,
     /// Position in the stream: anchor i, counted from 0 in order of arrival, is at i * multiplier. It may step back when a late anchor
     /// arrives.
     pub position: u64,
-    /// When it is due. For the first anchor this may be yet to come: it is shown from its arrival on.
+    /// When it is due. For the first anchor this may be in the future: it is shown from its arrival on.
     pub since_ns: u64,
-    /// When the next one is due, if no anchor is late.
+    /// When the next frame is due, if no anchor is late.
     pub until_ns: u64,
     /// Number of the anchor that it shows or starts from.
     pub previous: u64,
-    /// Number of the anchor that it leads to; the same as from where there is none.
+    /// Number of the anchor that it leads to; the same as previous if it leads to none.
     pub current: u64,
-    /// Intervals from the previous anchor, 0 to 1.
+    /// Time since the previous anchor in intervals, 0 to 1.
     pub t: f32,
-    /// CAIRN_FRAME_CUT, CAIRN_FRAME_REPEATED, CAIRN_FRAME_UNPREPARED
+    /// CAIRN_FRAME_CUT, CAIRN_FRAME_REPEATED and CAIRN_FRAME_UNPREPARED, or 0.
     pub flags: u32,
 }
 describe!(cairn_frame, [], { struct_size, source, position, since_ns, until_ns, previous, current, t, flags });
 
-/// Makes a presenter.
+/// Creates a presenter.
 ///
 /// options: may be null for the defaults.
 ///
 /// Ownership: on success *presenter is the caller's, for cairn_presenter_destroy; on failure it is not written.
 /// Threads: any thread, at any time.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_UNSUPPORTED for a required generator
-/// that is not there; CAIRN_ERROR_OUT_OF_MEMORY.
+/// that this build or system does not have; CAIRN_ERROR_OUT_OF_MEMORY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_presenter_create(
@@ -239,24 +217,24 @@ pub unsafe extern "C" fn cairn_presenter_create(
         check_out(presenter, "presenter")?;
         // SAFETY: the host's promise about `options`.
         let options = unsafe { read_or_default(options, "options") }?;
-        let handle = insert::<cairn_presenter>(make(&options)?)?;
+        let handle = insert::<cairn_presenter>(create(&options)?)?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { presenter.write(handle) };
         Ok(CAIRN_OK)
     })
 }
 
-/// Gives a presenter the next anchor. What comes without a number one above the last, or with CAIRN_ANCHOR_CUT, is a cut:
-/// nothing is generated between it and the one before. An anchor that a Direct3D 12 device still works on has come once its fence
-/// says so, which is looked at whenever a frame is asked for and no queue waits for; until then it is late.
+/// Pushes the next anchor. If its number is not one above the last, or it has CAIRN_ANCHOR_CUT, there is a cut before it: nothing is
+/// generated between it and the anchor before. An anchor that a Direct3D 12 device still works on arrives once its fence is signalled.
+/// The fence is checked whenever a frame is requested, and no queue waits for it; until then the anchor counts as late.
 ///
-/// guidance: of the anchor before and this one; null to have the presenter find it.
-/// now_ns: when it came, on the host's clock.
+/// guidance: motion from this anchor back to the one before; null to have the presenter extract it.
+/// now_ns: time of arrival on the host's clock.
 ///
-/// Ownership: anchor and guidance stay the caller's; on success the presenter keeps what it needs of them, on failure nothing.
-/// Threads: any thread, at any time, also while a frame is drawn. A time before one that was heard of counts as that one.
-/// Results: CAIRN_OK; CAIRN_QUEUE_FULL; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for another size than the first
-/// anchor's, and for a first one without a rate where the options have no interval.
+/// Ownership: anchor and guidance stay the caller's; on success the presenter keeps a reference to their contents, on failure none.
+/// Threads: any thread, at any time, also while a frame is drawn. A time before the latest one that was passed counts as the latest.
+/// Results: CAIRN_OK; CAIRN_QUEUE_FULL if capacity anchors wait already; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for
+/// another size than the first anchor's, and if neither the options nor the first anchor have an interval.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_presenter_push(
@@ -266,21 +244,21 @@ pub unsafe extern "C" fn cairn_presenter_push(
     now_ns: u64,
 ) -> cairn_result {
     call("cairn_presenter_push", || {
-        let presenting = enter(presenter)?;
+        let object = enter(presenter)?;
         let anchor = enter(anchor)?.share();
         let guidance = if guidance.is_null() { None } else { Some(enter(guidance)?.share()) };
-        let taken = presenting.presenter.push(anchor, guidance, now_ns)?;
-        Ok(if taken { CAIRN_OK } else { CAIRN_QUEUE_FULL })
+        let is_accepted = object.presenter.push(anchor, guidance, now_ns)?;
+        Ok(if is_accepted { CAIRN_OK } else { CAIRN_QUEUE_FULL })
     })
 }
 
-/// Says which frame is due. Takes less than a microsecond.
+/// Returns which frame is due, without making it. Takes less than a microsecond.
 ///
 /// now_ns: when it will be shown, on the host's clock.
 ///
-/// Ownership: frame stays the caller's and is filled on success; on failure, and when there is none, it is not written.
+/// Ownership: frame stays the caller's and is filled on success; on failure, and without a frame, it is not written.
 /// Threads: any thread, at any time, also while a frame is drawn.
-/// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT;
+/// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor has arrived; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT;
 /// CAIRN_ERROR_STRUCT_SIZE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -290,26 +268,26 @@ pub unsafe extern "C" fn cairn_presenter_query(
     frame: *mut cairn_frame,
 ) -> cairn_result {
     call("cairn_presenter_query", || {
-        let presenting = enter(presenter)?;
+        let object = enter(presenter)?;
         // SAFETY: the host's promise about `frame`.
         let frame = unsafe { Out::new(frame, "frame") }?;
-        let Some(shown) = presenting.presenter.query(now_ns) else { return Ok(CAIRN_NOT_READY) };
-        frame.write(&to_header(&shown));
+        let Some(info) = object.presenter.query(now_ns) else { return Ok(CAIRN_NOT_READY) };
+        frame.write(&to_c_frame(&info));
         Ok(CAIRN_OK)
     })
 }
 
-/// Makes the frame that is due and writes it. One that is due already when it is drawn again is not made again. A generator
-/// may find a cut that cairn_presenter_query could not know of; frame says what was drawn.
+/// Makes the frame that is due and writes it into memory. A frame that is still due at the next call is written again without being made
+/// again. The generator may detect a cut that cairn_presenter_query does not know; frame tells what was drawn.
 ///
 /// now_ns: when it will be shown, on the host's clock.
 /// target: of the frames' size.
 /// frame: may be null.
 ///
-/// Ownership: the pixels are copied and frame is filled, on success; on failure, and when there is none, neither is written.
-/// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
-/// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor came; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
-/// when CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS meets an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
+/// Ownership: on success the pixels are copied and frame is filled; on failure, and without a frame, neither is written.
+/// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor has arrived; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
+/// if CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS is used with an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
 /// CAIRN_ERROR_OUT_OF_MEMORY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -320,27 +298,27 @@ pub unsafe extern "C" fn cairn_presenter_draw(
     frame: *mut cairn_frame,
 ) -> cairn_result {
     call("cairn_presenter_draw", || {
-        let presenting = enter_alone(presenter)?;
+        let object = enter_exclusive(presenter)?;
         // SAFETY: the host's promise about `frame`.
         let frame = unsafe { Out::optional(frame, "frame") }?;
-        if let Some(name) = presenting.required {
-            let why = format!("what options.{name} requires makes no frames in memory");
-            return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, why)
+        if let Some(name) = object.required {
+            let cause = format!("what options.{name} requires makes no frames in memory");
+            return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, cause)
                 .remedy("Record frames for Direct3D 12, or do not require it"));
         }
-        let Some(size) = presenting.presenter.size() else { return Ok(CAIRN_NOT_READY) };
+        let Some(size) = object.presenter.size() else { return Ok(CAIRN_NOT_READY) };
         // SAFETY: the host's promise about `target`.
-        let target = unsafe { Target::new(target, size, "target") }?.in_colours(presenting.colours)?;
-        let shown = presenting.presenter.draw(now_ns, size, |picture| target.write(picture))?;
-        let Some(shown) = shown else { return Ok(CAIRN_NOT_READY) };
-        frame.into_iter().for_each(|frame| frame.write(&to_header(&shown)));
+        let target = unsafe { Target::new(target, size, "target") }?.in_colours(object.colours)?;
+        let info = object.presenter.draw(now_ns, size, |picture| target.write(picture))?;
+        let Some(info) = info else { return Ok(CAIRN_NOT_READY) };
+        frame.into_iter().for_each(|frame| frame.write(&to_c_frame(&info)));
         Ok(CAIRN_OK)
     })
 }
 
-/// Changes the size of the frames, as a window's changes. The stream goes on, and what is drawn next has the new size.
+/// Changes the size of the frames, for example with a window's. The stream continues; the next frame has the new size.
 ///
-/// width, height: as in cairn_presenter_options; 0 both ways for the anchors'.
+/// width, height: as in cairn_presenter_options; both 0 for the anchors' size.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time, also while a frame is drawn.
@@ -353,24 +331,24 @@ pub unsafe extern "C" fn cairn_presenter_resize(
     height: u32,
 ) -> cairn_result {
     call("cairn_presenter_resize", || {
-        let presenting = enter(presenter)?;
-        presenting.presenter.resize(((width, height) != (0, 0)).then_some((width, height)))?;
+        let object = enter(presenter)?;
+        object.presenter.resize(((width, height) != (0, 0)).then_some((width, height)))?;
         Ok(CAIRN_OK)
     })
 }
 
-/// Sets the static overlay, like a HUD, that covers the anchors from the next frame on and does not move with them. Without a mask it is
-/// detected from colours that do not change. All generators use it. cairn_presenter_reset removes it.
+/// Sets the mask of a static overlay, such as a HUD, that covers the anchors and does not move with them, from the next frame on. Without a
+/// mask, generators detect static pixels from colours that do not change. All generators use it. cairn_presenter_reset removes it.
 ///
-/// mask: a byte to a pixel of an anchor, row by row from the top left, 0 where nothing lies over it; null, with 0 for all the rest, for
-/// nothing known.
+/// mask: one byte per pixel of an anchor, row by row from the top left, 0 where there is no overlay; null, with all other arguments 0, to
+/// remove the mask.
 /// size: bytes of mask: width * height.
-/// width, height: the anchors' size.
+/// width, height: the anchors' size in pixels.
 ///
-/// Ownership: the mask is copied, on success; on failure nothing is.
+/// Ownership: on success the mask is copied; on failure it is not.
 /// Threads: any thread, at any time, also while a frame is drawn.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for another size than that of the anchors that
-/// have come; CAIRN_ERROR_OUT_OF_MEMORY.
+/// have arrived; CAIRN_ERROR_OUT_OF_MEMORY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_presenter_set_overlay(
@@ -381,9 +359,9 @@ pub unsafe extern "C" fn cairn_presenter_set_overlay(
     height: u32,
 ) -> cairn_result {
     call("cairn_presenter_set_overlay", || {
-        let presenting = enter(presenter)?;
+        let object = enter(presenter)?;
         if mask.is_null() && (size, width, height) == (0, 0, 0) {
-            presenting.presenter.set_overlay(None)?;
+            object.presenter.set_overlay(None)?;
             return Ok(CAIRN_OK);
         }
         let sides = 1..=crate::MAX_SIDE;
@@ -398,20 +376,20 @@ pub unsafe extern "C" fn cairn_presenter_set_overlay(
         let mask = unsafe { slice(mask, size, "mask") }?;
         let mut copied = Vec::new();
         copied.try_reserve_exact(size).map_err(|_| {
-            let why = format!("a mask of {size} bytes cannot be kept");
-            crate::Error::new(crate::ErrorKind::OutOfMemory, why)
+            let cause = format!("a mask of {size} bytes cannot be kept");
+            crate::Error::new(crate::ErrorKind::OutOfMemory, cause)
         })?;
         copied.extend_from_slice(mask);
-        presenting.presenter.set_overlay(Some(((width, height), copied)))?;
+        object.presenter.set_overlay(Some(((width, height), copied)))?;
         Ok(CAIRN_OK)
     })
 }
 
-/// Limits the device time of frames for Direct3D 12. If it is too short for all frames, only every second, third or sixth frame of an
-/// interval is generated, depending on the multiplier, and the others repeat the previous one; more are generated when there is time again.
-/// The choice depends on the device times of completed frames. Changes are logged, and the statistics have them.
+/// Limits the device time of frames for Direct3D 12. If the budget is too small for all frames, only every second, third or sixth frame of
+/// an interval is generated, depending on the multiplier, and the others repeat the previous one; if it suffices again, more are generated.
+/// The choice depends on the device times of completed frames. Changes are logged and counted in the statistics.
 ///
-/// frame_ns: nanoseconds of device time per frame shown, averaged over an interval, including work done once per anchor; 0 for no
+/// frame_ns: nanoseconds of device time per shown frame, averaged over an interval and including the work done once per anchor; 0 for no
 /// budget.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
@@ -427,7 +405,7 @@ pub unsafe extern "C" fn cairn_presenter_set_budget(presenter: *const cairn_pres
     })
 }
 
-/// Forgets all anchors and when they came: the next one is a first again, of any size.
+/// Discards all anchors and their times: the next anchor is a first one again and may have any size.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time.
@@ -443,7 +421,7 @@ pub unsafe extern "C" fn cairn_presenter_reset(presenter: *const cairn_presenter
 
 /// Destroys the handle of a presenter; null is allowed.
 ///
-/// Ownership: on success presenter is no handle any more; on failure it is as it was.
+/// Ownership: on success presenter is no longer a handle; on failure it is unchanged.
 /// Threads: any thread; waits for calls in flight on the presenter.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
 /// Since: 0.1.0
@@ -452,15 +430,16 @@ pub unsafe extern "C" fn cairn_presenter_destroy(presenter: *mut cairn_presenter
     call("cairn_presenter_destroy", || destroy(presenter))
 }
 
-fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
-    let wrong = |field: &str, why: String| Failure::argument(&format!("options.{field}"), why);
-    let refuse = |field: &str, why: String| Err(wrong(field, why));
+/// Creates a presenter and its renderer.
+fn create(options: &cairn_presenter_options) -> Outcome<PresenterObject> {
+    let wrong = |field: &str, cause: String| Failure::argument(&format!("options.{field}"), cause);
+    let refuse = |field: &str, cause: String| Err(wrong(field, cause));
     let multiplier = match options.multiplier {
         0 => 2,
         known @ (1 | 2 | 3 | 4 | 6) => known,
         other => {
-            let why = format!("there cannot be {other} frames to an anchor");
-            return Err(wrong("multiplier", why).remedy("Use 1, 2, 3, 4 or 6"));
+            let cause = format!("there cannot be {other} frames to an anchor");
+            return Err(wrong("multiplier", cause).remedy("Use 1, 2, 3, 4 or 6"));
         }
     };
     let known =
@@ -483,12 +462,12 @@ fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
         other => return refuse("capacity", format!("{other} anchors cannot wait")),
     };
     let colours = colours(options.colour_space, options.white_nits)?;
-    let (generator, preference) = choose(options)?;
+    let (generator, preference) = cpu_generator(options)?;
     let interval = match options.interval_ns {
         0 => None,
         ns => Some(Interval::of_ns(ns)?),
     };
-    let made = PresenterOptions {
+    let presenter_options = PresenterOptions {
         interval,
         multiplier,
         delay_ns: (options.delay_ns > 0).then_some(options.delay_ns),
@@ -501,36 +480,38 @@ fn make(options: &cairn_presenter_options) -> Outcome<Presenting> {
         motion: motion_source(options.motion, "options.motion")?,
     };
     let name = if generator.is_some() { "cpu" } else { "" };
-    let mut presenter = Presenter::new(made, generator)?;
+    let mut presenter = Presenter::new(presenter_options, generator)?;
     if HAS_SHADERS && options.shader != CAIRN_PREFER_NEVER {
         presenter = presenter.with_phases(Phases::Any);
     }
     let preferences = [("fsr", options.fsr), ("shader", options.shader), ("upscaler", options.upscaler)];
     let required = preferences.into_iter().find(|(_, preference)| *preference == CAIRN_PREFER_REQUIRE);
-    let (required, renderer) = (required.map(|(name, _)| name), behind::renderer(options, colours));
-    Ok(Presenting { presenter, colours, required, generator: name, preference, renderer })
+    let required = required.map(|(name, _)| name);
+    let renderer = backend::renderer(renderer_options(options, colours));
+    Ok(PresenterObject { presenter, colours, required, generator: name, preference, renderer })
 }
 
-pub(super) fn to_header(shown: &FrameInfo) -> cairn_frame {
-    let source = match shown.source {
+/// A frame's information as the C interface has it.
+pub(super) fn to_c_frame(info: &FrameInfo) -> cairn_frame {
+    let source = match info.source {
         FrameSource::Anchor => CAIRN_FRAME_ANCHOR,
         FrameSource::Decoded => CAIRN_FRAME_DECODED,
         FrameSource::Generated => CAIRN_FRAME_GENERATED,
         FrameSource::Extrapolated => CAIRN_FRAME_EXTRAPOLATED,
         FrameSource::Held => CAIRN_FRAME_HELD,
     };
-    let cut = if shown.cut { CAIRN_FRAME_CUT } else { 0 };
-    let repeated = if shown.repeated { CAIRN_FRAME_REPEATED } else { 0 };
-    let unprepared = if shown.unprepared { CAIRN_FRAME_UNPREPARED } else { 0 };
+    let cut = if info.cut { CAIRN_FRAME_CUT } else { 0 };
+    let repeated = if info.repeated { CAIRN_FRAME_REPEATED } else { 0 };
+    let unprepared = if info.unprepared { CAIRN_FRAME_UNPREPARED } else { 0 };
     cairn_frame {
         struct_size: 0,
         source,
-        position: shown.due.position,
-        since_ns: shown.due.since_ns,
-        until_ns: shown.due.until_ns,
-        previous: shown.previous,
-        current: shown.current,
-        t: shown.t,
+        position: info.due.position,
+        since_ns: info.due.since_ns,
+        until_ns: info.due.until_ns,
+        previous: info.previous,
+        current: info.current,
+        t: info.t,
         flags: cut | repeated | unprepared,
     }
 }

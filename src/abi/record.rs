@@ -1,4 +1,4 @@
-//! The interface as Rust has it, line by line, to be compared with what a C compiler makes of the header.
+//! Lists constants and structs of the interface with Rust's values and layouts, to be compared with those of a C compiler.
 
 use std::fmt::Write as _;
 
@@ -8,7 +8,7 @@ use super::{
     requirements::*, results::*, rollout::*, statistics::*, steps::*, swapchain::*, threads::*, version::*, world::*,
 };
 
-/// Constants and structs, in the words of `abi.txt`.
+/// Constants and structs, in the format of `abi.txt`.
 #[doc(hidden)]
 pub fn layout() -> String {
     let mut text = String::new();
@@ -16,7 +16,7 @@ pub fn layout() -> String {
         _ = writeln!(text, "constant {name} {value}");
     }
     _ = writeln!(text, "cairn_result {}", size_of::<cairn_result>());
-    structs(&mut text);
+    write_structs(&mut text);
     text
 }
 
@@ -59,41 +59,41 @@ fn constants() -> impl IntoIterator<Item = (&'static str, i64)> {
     ]
 }
 
-fn structs(text: &mut String) {
-    one::<cairn_thread_options>(text);
-    one::<cairn_scheduler>(text);
-    one::<cairn_device_options>(text);
-    one::<cairn_device_info>(text);
-    one::<cairn_adapter>(text);
-    one::<cairn_requirement>(text);
-    one::<cairn_load_progress>(text);
-    one::<cairn_world_options>(text);
-    one::<cairn_world_info>(text);
-    one::<cairn_world_memory>(text);
-    one::<cairn_picture>(text);
-    one::<cairn_target>(text);
-    one::<cairn_controls>(text);
-    one::<cairn_rollout_options>(text);
-    one::<cairn_rollout_info>(text);
-    one::<cairn_step_info>(text);
-    one::<cairn_anchor_info>(text);
-    one::<cairn_guidance_data>(text);
-    one::<cairn_guidance_info>(text);
-    one::<cairn_presenter_options>(text);
-    one::<cairn_frame>(text);
-    one::<cairn_presenter_statistics>(text);
-    one::<cairn_rollout_statistics>(text);
-    one::<cairn_budget>(text);
-    one::<cairn_d3d12_options>(text);
-    one::<cairn_d3d12_preparation>(text);
-    one::<cairn_d3d12_recording>(text);
-    one::<cairn_swapchain_options>(text);
-    one::<cairn_swapchain_frame>(text);
-    one::<cairn_swapchain_pacing>(text);
-    one::<cairn_swapchain_statistics>(text);
+fn write_structs(text: &mut String) {
+    write_struct::<cairn_thread_options>(text);
+    write_struct::<cairn_scheduler>(text);
+    write_struct::<cairn_device_options>(text);
+    write_struct::<cairn_device_info>(text);
+    write_struct::<cairn_adapter>(text);
+    write_struct::<cairn_requirement>(text);
+    write_struct::<cairn_load_progress>(text);
+    write_struct::<cairn_world_options>(text);
+    write_struct::<cairn_world_info>(text);
+    write_struct::<cairn_world_memory>(text);
+    write_struct::<cairn_picture>(text);
+    write_struct::<cairn_target>(text);
+    write_struct::<cairn_controls>(text);
+    write_struct::<cairn_rollout_options>(text);
+    write_struct::<cairn_rollout_info>(text);
+    write_struct::<cairn_step_info>(text);
+    write_struct::<cairn_anchor_info>(text);
+    write_struct::<cairn_guidance_data>(text);
+    write_struct::<cairn_guidance_info>(text);
+    write_struct::<cairn_presenter_options>(text);
+    write_struct::<cairn_frame>(text);
+    write_struct::<cairn_presenter_statistics>(text);
+    write_struct::<cairn_rollout_statistics>(text);
+    write_struct::<cairn_budget>(text);
+    write_struct::<cairn_d3d12_options>(text);
+    write_struct::<cairn_d3d12_preparation>(text);
+    write_struct::<cairn_d3d12_recording>(text);
+    write_struct::<cairn_swapchain_options>(text);
+    write_struct::<cairn_swapchain_frame>(text);
+    write_struct::<cairn_swapchain_pacing>(text);
+    write_struct::<cairn_swapchain_statistics>(text);
 }
 
-fn one<T: Struct>(text: &mut String) {
+fn write_struct<T: Struct>(text: &mut String) {
     _ = writeln!(text, "struct {} {}", T::NAME, align_of::<T>());
     for size in T::SIZES {
         _ = writeln!(text, "size {} {size}", T::NAME);

@@ -4,13 +4,13 @@ use parking_lot::Mutex;
 
 use super::boundary::call;
 use super::controls::{cairn_controls, read_controls};
-use super::handles::{Handle, Kind, Object, destroy, enter_alone, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter_exclusive, insert};
 use super::results::{CAIRN_OK, Failure, cairn_result};
 use super::script::{cairn_script, span};
 use super::structs::check_out;
 use crate::world::{Key, ScriptRecorder, WorldTime};
 
-/// Collects what a player does and makes a script of it: event by event as it happens, or the controls of whole latent steps.
+/// Records a player's input and makes a script of it. The input is single events as they happen, or the controls of whole latent steps.
 pub struct cairn_recorder(());
 
 /// The object of a recorder's handle.
@@ -24,7 +24,7 @@ impl Handle for cairn_recorder {
 
 impl Object for Recorder {}
 
-/// Makes an empty recording.
+/// Creates a recorder with an empty recording.
 ///
 /// Ownership: on success *recorder is the caller's, for cairn_recorder_destroy; on failure it is not written.
 /// Threads: any thread, at any time.
@@ -41,14 +41,15 @@ pub unsafe extern "C" fn cairn_recorder_create(recorder: *mut *mut cairn_recorde
     })
 }
 
-/// A key or mouse button went down or up. Repeats of what is known are ignored, as keyboards repeat.
+/// Records that a key or mouse button went down or up. An event that does not change its state, such as a keyboard's auto-repeat, is
+/// ignored.
 ///
-/// microseconds: world time; events come in order.
+/// microseconds: world time; events must come in order of time.
 /// key: a Windows virtual-key code, 0 to 255.
 /// down: 1 or 0.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
-/// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+/// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when the recording is full;
 /// CAIRN_ERROR_BUSY.
 /// Since: 0.1.0
@@ -60,7 +61,7 @@ pub unsafe extern "C" fn cairn_recorder_key(
     down: u32,
 ) -> cairn_result {
     call("cairn_recorder_key", || {
-        let recorder = enter_alone(recorder)?;
+        let recorder = enter_exclusive(recorder)?;
         let key = u8::try_from(key).map_err(|_| Failure::argument("key", format!("{key} is no virtual-key code")))?;
         if down > 1 {
             return Err(Failure::argument("down", format!("{down} is neither up nor down")).remedy("Use 1 or 0"));
@@ -70,14 +71,14 @@ pub unsafe extern "C" fn cairn_recorder_key(
     })
 }
 
-/// The mouse moved by dx (right positive) and dy (down positive) counts.
+/// Records that the mouse moved by dx (right positive) and dy (down positive) counts.
 ///
-/// microseconds: world time; events come in order.
+/// microseconds: world time; events must come in order of time.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
-/// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for what is not finite, and when the recording is
-/// full; CAIRN_ERROR_BUSY.
+/// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for numbers that are not finite, and when the recording
+/// is full; CAIRN_ERROR_BUSY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_recorder_mouse(
@@ -87,17 +88,17 @@ pub unsafe extern "C" fn cairn_recorder_mouse(
     dy: f32,
 ) -> cairn_result {
     call("cairn_recorder_mouse", || {
-        enter_alone(recorder)?.0.lock().mouse(WorldTime::from_micros(microseconds), [dx, dy])?;
+        enter_exclusive(recorder)?.0.lock().mouse(WorldTime::from_micros(microseconds), [dx, dy])?;
         Ok(CAIRN_OK)
     })
 }
 
-/// The wheel turned by this many notches, up positive.
+/// Records that the wheel turned by this many notches, up positive.
 ///
-/// microseconds: world time; events come in order.
+/// microseconds: world time; events must come in order of time.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
-/// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+/// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT when the recording is full; CAIRN_ERROR_BUSY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -107,19 +108,19 @@ pub unsafe extern "C" fn cairn_recorder_scroll(
     notches: i32,
 ) -> cairn_result {
     call("cairn_recorder_scroll", || {
-        enter_alone(recorder)?.0.lock().scroll(WorldTime::from_micros(microseconds), notches)?;
+        enter_exclusive(recorder)?.0.lock().scroll(WorldTime::from_micros(microseconds), notches)?;
         Ok(CAIRN_OK)
     })
 }
 
-/// A latent step got these controls. When every step is recorded, in order and without a gap, cairn_script_get_controls gives
-/// them back bit for bit.
+/// Records the controls of a latent step. If every step is recorded, in order and without a gap, cairn_script_get_controls gives them
+/// back bit for bit.
 ///
-/// latent: the number that the step has, from 1.
-/// latents_per_second: of the rollout, 1 to 240.
+/// latent: number of the step's latent, from 1.
+/// latents_per_second: the rollout's, 1 to 240.
 ///
 /// Ownership: controls are read during the call; nothing is handed over, on success or on failure.
-/// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
+/// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when the recording is full;
 /// CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY.
 /// Since: 0.1.0
@@ -131,7 +132,7 @@ pub unsafe extern "C" fn cairn_recorder_step(
     controls: *const cairn_controls,
 ) -> cairn_result {
     call("cairn_recorder_step", || {
-        let recorder = enter_alone(recorder)?;
+        let recorder = enter_exclusive(recorder)?;
         // SAFETY: the host's promise about `controls`.
         let controls = unsafe { read_controls(controls, "controls") }?;
         let (start, end) = span(latent, latents_per_second)?;
@@ -140,12 +141,12 @@ pub unsafe extern "C" fn cairn_recorder_step(
     })
 }
 
-/// Makes a script of what was recorded, which ends at microseconds of world time; keys that are still held are released there.
-/// The recording goes on.
+/// Makes a script of the recording so far. It ends at microseconds of world time; keys that are still held are released there. The
+/// recording continues.
 ///
 /// Ownership: on success *script is the caller's, for cairn_script_destroy; on failure it is not written.
-/// Threads: one call at a time; a second one beside it gets CAIRN_ERROR_BUSY.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when something happened after that time;
+/// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when the recording has input after that time;
 /// CAIRN_ERROR_BUSY; CAIRN_ERROR_OUT_OF_MEMORY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -155,7 +156,7 @@ pub unsafe extern "C" fn cairn_recorder_make_script(
     script: *mut *mut cairn_script,
 ) -> cairn_result {
     call("cairn_recorder_make_script", || {
-        let recorder = enter_alone(recorder)?;
+        let recorder = enter_exclusive(recorder)?;
         check_out(script, "script")?;
         let recorded = recorder.0.lock().clone();
         let handle = insert::<cairn_script>(recorded.finish(WorldTime::from_micros(microseconds))?)?;
@@ -165,9 +166,9 @@ pub unsafe extern "C" fn cairn_recorder_make_script(
     })
 }
 
-/// Destroys the handle of a recorder; null is allowed. Scripts that were made of it stay.
+/// Destroys the handle of a recorder; null is allowed. Scripts that were made of it remain.
 ///
-/// Ownership: on success recorder is no handle any more; on failure it is as it was.
+/// Ownership: on success recorder is no longer a handle; on failure it is unchanged.
 /// Threads: any thread; waits for calls in flight on the recorder.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
 /// Since: 0.1.0

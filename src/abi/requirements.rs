@@ -1,12 +1,12 @@
-//! Available devices, and what they lack.
+//! Lists adapters, and the requirements of a device.
 
 use std::ffi::c_char;
 
 use super::boundary::call;
-use super::d3d12::behind;
+use super::d3d12::backend;
 use super::device::{CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12, DeviceOptions, cairn_device_options};
 use super::results::{CAIRN_OK, Failure, cairn_result};
-use super::structs::{describe, write_rows};
+use super::structs::{describe, write_array};
 use super::text::fixed_text;
 use crate::bundle::available_memory;
 use crate::runtime::Ort;
@@ -18,29 +18,29 @@ pub const CAIRN_REQUIREMENT_ONNXRUNTIME: u32 = 2;
 /// Memory of the system.
 pub const CAIRN_REQUIREMENT_MEMORY: u32 = 3;
 
-/// AMD's libraries for FSR, a row for each file that was found.
+/// AMD's libraries for FSR: one entry for each file that was found.
 pub const CAIRN_REQUIREMENT_FSR_LIBRARIES: u32 = 4;
 /// A provider of FSR frame generation for the first adapter.
 pub const CAIRN_REQUIREMENT_FSR_PROVIDER: u32 = 5;
-/// The system's build, for FSR.
+/// The system's build number, for FSR.
 pub const CAIRN_REQUIREMENT_FSR_SYSTEM: u32 = 6;
-/// Direct3D 12's own library, for FSR: of the system, or of the Agility SDK that a program brings.
+/// Direct3D 12's library, for FSR: the system's, or that of the Agility SDK that a program brings.
 pub const CAIRN_REQUIREMENT_FSR_DIRECT3D: u32 = 7;
 /// The shader model of the first adapter, for FSR.
 pub const CAIRN_REQUIREMENT_FSR_SHADER_MODEL: u32 = 8;
 /// The library's own shaders on the first adapter, for frames between anchors.
 pub const CAIRN_REQUIREMENT_SHADERS: u32 = 9;
 
-/// It is there.
+/// The requirement is met.
 pub const CAIRN_REQUIREMENT_MET: u32 = 1;
-/// It is missing, and the device cannot be made.
+/// The requirement is not met, and the device cannot be created.
 pub const CAIRN_REQUIREMENT_NOT_MET: u32 = 2;
-/// It depends on the world, or the system does not tell.
+/// Whether the requirement is met depends on the world, or the system does not report it.
 pub const CAIRN_REQUIREMENT_UNKNOWN: u32 = 3;
-/// It is missing, and a device can be made without it; what is needed says for what.
+/// The requirement is not met, and a device can be created without it; cairn_requirement.needed says what needs it.
 pub const CAIRN_REQUIREMENT_OPTIONAL: u32 = 4;
 
-/// Something that a device can be made of.
+/// A processor or an adapter on which a device can be created.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_adapter {
@@ -48,26 +48,26 @@ pub struct cairn_adapter {
     pub struct_size: u32,
     /// CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12
     pub kind: u32,
-    /// Its place among those of its kind.
+    /// Its index among those of its kind, from 0.
     pub index: u32,
     /// 0
     pub reserved: u32,
     /// The LUID of a Direct3D 12 adapter, low part first; else 0.
     pub luid: u64,
-    /// Bytes of its own memory; for the processor, of the system's. 0: unknown.
+    /// Bytes of the adapter's own memory, or for the processor of the system's memory; 0 if unknown.
     pub memory: u64,
-    /// For people; UTF-8.
+    /// Name, for people; UTF-8.
     pub name: [c_char; 128],
 }
 describe!(cairn_adapter, [], { struct_size, kind, index, reserved, luid, memory, name });
 
-/// One thing that a device needs.
+/// One requirement of a device.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_requirement {
     /// The stride of the array.
     pub struct_size: u32,
-    /// One of CAIRN_REQUIREMENT_PLATFORM and its like; a newer library may have more.
+    /// CAIRN_REQUIREMENT_PLATFORM to CAIRN_REQUIREMENT_SHADERS; a newer library may have more.
     pub what: u32,
     /// CAIRN_REQUIREMENT_MET, CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_UNKNOWN or CAIRN_REQUIREMENT_OPTIONAL
     pub status: u32,
@@ -80,11 +80,11 @@ pub struct cairn_requirement {
 }
 describe!(cairn_requirement, [], { struct_size, what, status, reserved, needed, found });
 
-/// Lists what devices can be made of: the processor always, and the Direct3D 12 adapters where this build can use them.
+/// Lists what devices can be created on: always the processor, and the Direct3D 12 adapters if this build can use them.
 ///
 /// adapters: an array of capacity elements, stride bytes apart, usually sizeof(cairn_adapter); null with capacity 0 to learn
 /// the count.
-/// count: gets how many there are in all, which may be more than capacity.
+/// count: gets the total number, which may be more than capacity.
 ///
 /// Ownership: the array stays the caller's and is filled on success; on failure it is not written.
 /// Threads: any thread, at any time.
@@ -107,24 +107,24 @@ pub unsafe extern "C" fn cairn_adapters(
             memory: total_memory().unwrap_or(0),
             name: fixed_text(&processor_name()),
         };
-        let rows: Vec<_> = std::iter::once(processor).chain(behind::list()).collect();
+        let rows: Vec<_> = std::iter::once(processor).chain(backend::list()).collect();
         // SAFETY: the host's promise about the array and the count.
-        unsafe { write_rows(&rows, adapters, stride, capacity, count) }?;
+        unsafe { write_array(&rows, adapters, "adapters", stride, capacity, count) }?;
         Ok(CAIRN_OK)
     })
 }
 
-/// Gives what a device of that kind needs and what was found, so that a player can be shown why a feature is unavailable.
+/// Lists what a device of that kind needs and what was found, so that a player can be shown why a feature is unavailable.
 ///
 /// kind: CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12.
-/// options: what the device would be made with; may be null.
+/// options: the options that the device would be created with; may be null.
 /// requirements: an array of capacity elements, stride bytes apart, usually sizeof(cairn_requirement); null with capacity 0 to
 /// learn the count.
-/// count: gets how many there are in all, which may be more than capacity.
+/// count: gets the total number, which may be more than capacity.
 ///
 /// Ownership: the array stays the caller's and is filled on success; on failure it is not written.
-/// Threads: any thread, at any time. Looks for ONNX Runtime where options say and loads it as cairn_device_create_cpu does; for
-/// CAIRN_DEVICE_D3D12 also for AMD's libraries, which stay loaded: only files that AMD has signed.
+/// Threads: any thread, at any time. Searches for ONNX Runtime where options say and loads it as cairn_device_create_cpu does; for
+/// CAIRN_DEVICE_D3D12 also AMD's libraries, which stay loaded. Of these, only files that AMD has signed are loaded.
 /// Results: CAIRN_OK, also when something is missing; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -145,25 +145,25 @@ pub unsafe extern "C" fn cairn_device_requirements(
                 onnxruntime(options.on_cpu().map(|(_, ort)| ort)),
                 memory(),
             ],
-            CAIRN_DEVICE_D3D12 => behind::requirements(options),
+            CAIRN_DEVICE_D3D12 => backend::requirements(options),
             other => return Err(Failure::argument("kind", format!("{other} is no kind of device"))),
         };
         // SAFETY: the host's promise about the array and the count.
-        unsafe { write_rows(&rows, requirements, stride, capacity, count) }?;
+        unsafe { write_array(&rows, requirements, "requirements", stride, capacity, count) }?;
         Ok(CAIRN_OK)
     })
 }
 
-/// ONNX Runtime, and whether a device can be made with it.
-pub(super) fn onnxruntime(tried: crate::Result<Ort>) -> cairn_requirement {
-    let (status, found) = match tried {
+/// The requirement of ONNX Runtime: its version and path, or why it could not be loaded.
+pub(super) fn onnxruntime(loaded: crate::Result<Ort>) -> cairn_requirement {
+    let (status, found) = match loaded {
         Ok(ort) => (CAIRN_REQUIREMENT_MET, format!("{} at {}", ort.version(), ort.path().display())),
         Err(error) => (CAIRN_REQUIREMENT_NOT_MET, error.to_string()),
     };
     row(CAIRN_REQUIREMENT_ONNXRUNTIME, status, "ONNX Runtime 1.24.x", &found)
 }
 
-/// The system's memory.
+/// The requirement of system memory.
 pub(super) fn memory() -> cairn_requirement {
     let found = available_memory().map_or("unknown".into(), |bytes| format!("{} MiB available", bytes >> 20));
     let needed = "what cairn_world_get_memory says of the world";

@@ -1,4 +1,4 @@
-//! Result codes, and the message of the last error.
+//! Result codes, and the last error of each thread.
 
 use std::cell::RefCell;
 use std::ffi::c_char;
@@ -8,29 +8,29 @@ use super::text::copy_text;
 use crate::error::catch_panic;
 use crate::{Error, ErrorKind};
 
-/// What a call answers: 0 is success, a positive number is not an error, a negative one is. Numbers are never used again
-/// for something else; a newer library may answer with numbers this header does not know, whose sign still tells.
+/// The result of a call: 0 is success, a positive number is not an error, a negative one is. A number never gets another meaning;
+/// a newer library may return numbers that this header does not know, whose sign has the same meaning.
 pub type cairn_result = i32;
 
-/// It worked.
+/// Success.
 pub const CAIRN_OK: cairn_result = 0;
-/// Not an error: what was asked for is not there yet. Ask again later.
+/// Not an error: the result is not available yet. Ask again later.
 pub const CAIRN_NOT_READY: cairn_result = 1;
-/// Not an error: a text was longer than the buffer and was cut; the buffer holds its beginning.
+/// Not an error: a text was longer than the buffer, which holds its beginning.
 pub const CAIRN_TRUNCATED: cairn_result = 2;
-/// Not an error: the queue is full and nothing was taken. Take results from it, then try again.
+/// Not an error: the queue is full and nothing was added to it. Take results from it, then try again.
 pub const CAIRN_QUEUE_FULL: cairn_result = 3;
 /// An argument is outside its range, not finite, null, misaligned or not UTF-8. The message names it.
 pub const CAIRN_ERROR_INVALID_ARGUMENT: cairn_result = -1;
 /// The handle is null, was destroyed, belongs to another kind of object, or never was one.
 pub const CAIRN_ERROR_INVALID_HANDLE: cairn_result = -2;
-/// A struct_size is no size that the struct ever had, or a larger one with bytes set that this library does not know.
+/// A struct_size is not one that the struct has had, or it is larger and sets bytes that this library does not know.
 pub const CAIRN_ERROR_STRUCT_SIZE: cairn_result = -3;
-/// The object is in use by another call that allows no second one beside it. Nothing was done.
+/// The object is in use by a call that allows no other beside it. Nothing was done.
 pub const CAIRN_ERROR_BUSY: cairn_result = -4;
 /// A valid request that this build, platform, device or world cannot serve.
 pub const CAIRN_ERROR_UNSUPPORTED: cairn_result = -5;
-/// More memory is needed than there is, or than was allowed. The message has the figures.
+/// More memory is needed than is available or allowed. The message has the numbers.
 pub const CAIRN_ERROR_OUT_OF_MEMORY: cairn_result = -6;
 /// The operating system refused a file operation.
 pub const CAIRN_ERROR_IO: cairn_result = -7;
@@ -42,17 +42,17 @@ pub const CAIRN_ERROR_RUNTIME_MISSING: cairn_result = -9;
 pub const CAIRN_ERROR_DEVICE: cairn_result = -10;
 /// A saved state is damaged, or belongs to another world.
 pub const CAIRN_ERROR_INVALID_STATE: cairn_result = -11;
-/// The host asked to stop.
+/// The host cancelled the work.
 pub const CAIRN_ERROR_CANCELLED: cairn_result = -12;
 /// An earlier call on this object failed by a fault of the library. The object can only be destroyed.
 pub const CAIRN_ERROR_POISONED: cairn_result = -13;
-/// A fault of the library. What the call had hold of is poisoned; everything else goes on. Please report the message.
+/// A fault of the library. The objects that the call was using are poisoned; all others still work. Please report the message.
 pub const CAIRN_ERROR_INTERNAL: cairn_result = -14;
-/// The graphics device is gone: its driver was replaced, a command hung, the adapter was taken out. The message has the reason.
-/// Destroy what was made on it, and make a new device.
+/// The graphics device was removed: for example, its driver was replaced, a command hung, or the adapter was taken out. The message
+/// has the reason. Destroy everything that was made on the device, and create a new one.
 pub const CAIRN_ERROR_DEVICE_REMOVED: cairn_result = -15;
 
-/// The name of a result, such as "CAIRN_ERROR_IO"; "unknown result" for a number this library never answers with.
+/// The name of a result, such as "CAIRN_ERROR_IO"; "unknown result" for a number that this library never returns.
 ///
 /// Ownership: the text is static and must not be freed, on success or on failure.
 /// Threads: any thread, at any time.
@@ -85,9 +85,8 @@ pub extern "C" fn cairn_result_name(result: cairn_result) -> *const c_char {
     name.as_ptr()
 }
 
-/// The message of the calling thread's latest call that answered with an error: what went wrong, with which argument or
-/// file, and what can be done. It begins with the name of the function. Empty when no call of this thread has failed yet.
-/// Calls that succeed leave it alone.
+/// The message of the calling thread's latest failed call: what went wrong, with which argument or file, and what can be done. It
+/// begins with the name of the function. Empty when no call of this thread has failed yet. Successful calls do not change it.
 ///
 /// text: at least capacity bytes, or null with capacity 0 to learn the length. Always ends in a NUL when capacity > 0.
 /// length: gets the length in bytes of the whole message, without the NUL; may be null.
@@ -99,7 +98,7 @@ pub extern "C" fn cairn_result_name(result: cairn_result) -> *const c_char {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_last_error(text: *mut c_char, capacity: usize, length: *mut usize) -> cairn_result {
     catch_panic(|| {
-        LAST.with_borrow(|last| {
+        LAST_ERROR.with_borrow(|last| {
             // SAFETY: the caller's promise about `text`, `capacity` and `length` is copy_text's.
             unsafe { copy_text(&last.message, text, capacity, length) }
         })
@@ -116,7 +115,7 @@ pub const CAIRN_LAST_ERROR_CAUSE: u32 = 3;
 /// A part of the last error: what can be done, an imperative sentence without a final stop.
 pub const CAIRN_LAST_ERROR_REMEDY: u32 = 4;
 
-/// One part of the message of cairn_last_error, for hosts that show them in places of their own, or raise exceptions.
+/// One part of the message of cairn_last_error, for hosts that show the parts separately or raise exceptions.
 ///
 /// part: CAIRN_LAST_ERROR_FUNCTION to CAIRN_LAST_ERROR_REMEDY. A part that the message does not have is empty.
 /// text: at least capacity bytes, or null with capacity 0 to learn the length. Always ends in a NUL when capacity > 0.
@@ -134,7 +133,7 @@ pub unsafe extern "C" fn cairn_last_error_part(
     length: *mut usize,
 ) -> cairn_result {
     catch_panic(|| {
-        LAST.with_borrow(|last| {
+        LAST_ERROR.with_borrow(|last| {
             let part = match part {
                 CAIRN_LAST_ERROR_FUNCTION => &last.function,
                 CAIRN_LAST_ERROR_FIELD => &last.field,
@@ -151,7 +150,7 @@ pub unsafe extern "C" fn cairn_last_error_part(
 
 /// The last failure of a thread: the whole message, and its parts.
 #[derive(Default)]
-struct Last {
+struct LastError {
     message: String,
     function: String,
     field: String,
@@ -160,16 +159,16 @@ struct Last {
 }
 
 thread_local! {
-    static LAST: RefCell<Last> = RefCell::default();
+    static LAST_ERROR: RefCell<LastError> = RefCell::default();
 }
 
-/// Keeps the message of a failed call for this thread.
-pub(super) fn remember(function: &str, failure: &Failure) {
-    // A thread that is ending has no place for it any more.
-    let _ = LAST.try_with(|last| {
+/// Makes a failure this thread's last error.
+pub(super) fn set_last_error(function: &str, failure: &Failure) {
+    // A thread that is ending may have dropped its thread-local values already.
+    let _ = LAST_ERROR.try_with(|last| {
         if let Ok(mut last) = last.try_borrow_mut() {
             let part = |part: &Option<String>| part.clone().unwrap_or_default();
-            *last = Last {
+            *last = LastError {
                 message: format!("{function}: {failure}"),
                 function: function.to_owned(),
                 field: part(&failure.field),
@@ -203,7 +202,7 @@ impl fmt::Display for Failure {
     }
 }
 
-/// Result of the work behind a call.
+/// Result of an entry point's body.
 pub(super) type Outcome<T = cairn_result> = Result<T, Failure>;
 
 impl Failure {
@@ -231,7 +230,7 @@ impl Failure {
         Self::new(CAIRN_ERROR_INVALID_ARGUMENT, why.to_string()).field(name)
     }
 
-    /// What only Direct3D 12 could do.
+    /// A call that needs Direct3D 12, where the platform or this build does not have it.
     pub(super) fn no_d3d12() -> Self {
         let why = if cfg!(windows) {
             "this build of the library has no Direct3D 12 part"
@@ -284,8 +283,8 @@ mod tests {
     }
 
     #[test]
-    fn a_message_is_the_thread_s_own() {
-        remember("f", &Failure::new(CAIRN_ERROR_IO, "here"));
+    fn each_thread_has_its_own_last_error() {
+        set_last_error("f", &Failure::new(CAIRN_ERROR_IO, "here"));
         let mut length = 0;
         let mut text = [0xff_u8; 8];
         // SAFETY: the buffer has the capacity named.
@@ -296,7 +295,7 @@ mod tests {
         assert_eq!(&text, b"f: here\0");
         assert_eq!((read(&mut text[..4], &mut length), length), (CAIRN_TRUNCATED, 7));
         assert_eq!(&text[..4], b"f: \0");
-        remember("f", &Failure::argument("a", "is wrong").remedy("Mend it"));
+        set_last_error("f", &Failure::argument("a", "is wrong").remedy("Mend it"));
         let mut text = [0xff_u8; 32];
         assert_eq!((read(&mut text, &mut length), length), (CAIRN_OK, 23));
         assert_eq!(&text[..24], b"f: a: is wrong. Mend it\0");

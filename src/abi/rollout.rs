@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::anchor::cairn_anchor;
 use super::boundary::call;
 use super::controls::{cairn_controls, read_controls};
-use super::handles::{Handle, Kind, Object, destroy, enter, enter_alone, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, enter_exclusive, insert};
 use super::images::{cairn_picture, read_picture};
 use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::structs::{Out, check_out, describe, read_or_default};
@@ -15,13 +15,13 @@ use super::world::cairn_world;
 use crate::Picture;
 use crate::world::{Job, OperatingPoint, Rollout, Schedule, Stage, StepInfo, Worker};
 
-/// The longest queue there may be.
+/// The largest capacity of a rollout's queue, in steps.
 pub const CAIRN_MAX_QUEUE: u32 = 64;
 
-/// A flag of cairn_step_info: keys and values of the latent went into the ring.
+/// A flag of cairn_step_info: keys and values of the latent were copied into the ring.
 pub const CAIRN_STEP_COMMITTED: u32 = 1;
 
-/// One running instance of a world: its memory of the past, its clocks and its noise.
+/// One running instance of a world: its memory of the past (a ring of keys and values), its clocks and its noise.
 pub struct cairn_rollout(());
 
 impl Handle for cairn_rollout {
@@ -40,17 +40,17 @@ impl Object for Worker {
     }
 }
 
-/// How a rollout runs. All zero: as its world, with seed 0.
+/// Options of a rollout. All zero: the world's operating point, and seed 0.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_rollout_options {
     /// sizeof(cairn_rollout_options)
     pub struct_size: u32,
-    /// Steps that may be waiting, running, or done with a result not yet fetched, 1 to CAIRN_MAX_QUEUE; 0 for 4.
+    /// Largest number of steps that are waiting, running, or done with a result not yet fetched, 1 to CAIRN_MAX_QUEUE; 0 for 4.
     pub queue_capacity: u32,
     /// Seed of all noise: the same seed, world, device and controls give the same pictures, bit for bit.
     pub seed: u64,
-    /// As in cairn_world_options, with the global window of the world; null for the world's.
+    /// As in cairn_world_options, with the world's global window; null for the world's operating point.
     pub operating_point: *const c_char,
 }
 describe!(cairn_rollout_options, [], { struct_size, queue_capacity, seed, operating_point });
@@ -61,7 +61,7 @@ describe!(cairn_rollout_options, [], { struct_size, queue_capacity, seed, operat
 pub struct cairn_rollout_info {
     /// sizeof(cairn_rollout_info)
     pub struct_size: u32,
-    /// Pictures that each anchor has.
+    /// Pictures of each anchor.
     pub pictures_per_latent: u32,
     /// Latents made so far.
     pub latents: u64,
@@ -78,7 +78,7 @@ describe!(cairn_rollout_info, [], {
     struct_size, pictures_per_latent, latents, seed, latents_per_second, presented_rate, operating_point,
 });
 
-/// Report of one step. Times are nanoseconds of wall time.
+/// Report on one step. Times are nanoseconds of wall time.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_step_info {
@@ -110,7 +110,7 @@ describe!(cairn_step_info, [], {
     ring_bytes,
 });
 
-/// Starts a rollout, empty: the first thing to do is to append a seed picture.
+/// Creates a rollout without latents. Append a seed picture before the first step.
 ///
 /// world: kept alive by the rollout. options: may be null for the defaults.
 ///
@@ -118,7 +118,7 @@ describe!(cairn_step_info, [], {
 /// is read during the call only.
 /// Threads: any thread, at any time.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE;
-/// CAIRN_ERROR_OUT_OF_MEMORY with figures; CAIRN_ERROR_DEVICE.
+/// CAIRN_ERROR_OUT_OF_MEMORY with the numbers; CAIRN_ERROR_DEVICE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_create(
@@ -142,8 +142,8 @@ pub unsafe extern "C" fn cairn_rollout_create(
                 return Err(failure.remedy(format!("Use 1 to {CAIRN_MAX_QUEUE}, or 0")));
             }
         };
-        let made = Rollout::new(&world.world, &point, options.seed)?;
-        let handle = insert::<cairn_rollout>(Worker::new(made, capacity as usize))?;
+        let created = Rollout::new(&world.world, &point, options.seed)?;
+        let handle = insert::<cairn_rollout>(Worker::new(created, capacity as usize))?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { rollout.write(handle) };
         Ok(CAIRN_OK)
@@ -152,7 +152,7 @@ pub unsafe extern "C" fn cairn_rollout_create(
 
 /// Destroys the handle of a rollout; null is allowed. Queued steps are dropped, and the step in progress ends before its next pass.
 ///
-/// Ownership: on success rollout is no handle any more; on failure it is as it was. Anchors that were taken from it stay.
+/// Ownership: on success rollout is no longer a handle; on failure it is unchanged. Anchors that were taken from it remain.
 /// Threads: any thread; waits for calls in flight on the rollout, and for its worker.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
 /// Since: 0.1.0
@@ -174,10 +174,10 @@ pub unsafe extern "C" fn cairn_rollout_get_info(
     info: *mut cairn_rollout_info,
 ) -> cairn_result {
     call("cairn_rollout_get_info", || {
-        let running = enter(rollout)?;
+        let worker = enter(rollout)?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::new(info, "info") }?;
-        let core = running.lock_between_steps()?;
+        let core = worker.lock_between_steps()?;
         let (point, planner) = (core.rollout.operating_point(), core.rollout.planner());
         info.write(&cairn_rollout_info {
             struct_size: 0,
@@ -192,14 +192,14 @@ pub unsafe extern "C" fn cairn_rollout_get_info(
     })
 }
 
-/// Appends a picture of any size: the seed, or later an edit of the scene. It becomes a latent of its own, with a pass that
-/// puts it into the world's memory. On the calling thread.
+/// Appends a picture of any size: the seed, or later an edit of the scene. It becomes a latent of its own, with a cache pass that puts
+/// it into the rollout's memory. Runs on the calling thread.
 ///
 /// info: may be null.
 ///
 /// Ownership: the picture is copied; info stays the caller's and is filled on success; on failure it is not written and the
 /// rollout is as it was.
-/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
 /// CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED; CAIRN_ERROR_UNSUPPORTED when a clock has run out.
 /// Since: 0.1.0
@@ -210,26 +210,26 @@ pub unsafe extern "C" fn cairn_rollout_append(
     info: *mut cairn_step_info,
 ) -> cairn_result {
     call("cairn_rollout_append", || {
-        let running = enter_alone(rollout)?;
+        let worker = enter_exclusive(rollout)?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::optional(info, "info") }?;
         // SAFETY: the host's promise about `picture`.
         let picture = unsafe { read_picture(picture, "picture") }?;
-        let made = running.run(&Job::Append(vec![picture]))?;
-        info.into_iter().for_each(|info| info.write(&step_info(&made)));
+        let report = worker.run(&Job::Append(vec![picture]))?;
+        info.into_iter().for_each(|info| info.write(&step_info(&report)));
         Ok(CAIRN_OK)
     })
 }
 
-/// Appends pictures of any sizes that follow each other as one latent, as cairn_rollout_append does one, which is a still: a scene that moves
-/// goes on moving. On the calling thread.
+/// Appends consecutive pictures of any sizes as one latent, so that a moving scene keeps moving. cairn_rollout_append does so with one
+/// picture, as a still. Runs on the calling thread.
 ///
 /// pictures: an array, the oldest first, with the same struct_size in each. count: 4, the pictures of a latent; or 1, for a still.
 /// info: may be null.
 ///
 /// Ownership: the pictures are copied; info stays the caller's and is filled on success; on failure it is not written and the
 /// rollout is as it was.
-/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
 /// CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED; CAIRN_ERROR_UNSUPPORTED when a clock has run out.
 /// Since: 0.1.0
@@ -241,48 +241,47 @@ pub unsafe extern "C" fn cairn_rollout_append_pictures(
     info: *mut cairn_step_info,
 ) -> cairn_result {
     call("cairn_rollout_append_pictures", || {
-        let running = enter_alone(rollout)?;
+        let worker = enter_exclusive(rollout)?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::optional(info, "info") }?;
         // SAFETY: the host's promise about `pictures`.
         let pictures = unsafe { read_pictures(pictures, count) }?;
-        let made = running.run(&Job::Append(pictures))?;
-        info.into_iter().for_each(|info| info.write(&step_info(&made)));
+        let report = worker.run(&Job::Append(pictures))?;
+        info.into_iter().for_each(|info| info.write(&step_info(&report)));
         Ok(CAIRN_OK)
     })
 }
 
 /// Sets whether the encoder keeps its state from one appended picture to the next, as in the released engine, or starts anew with each (the
-/// default). The stream starts with this call, and again with cairn_rollout_reset. It is part of a saved state, which can be restored only
-/// into a rollout with the same setting.
+/// default). Its state is empty after this call, and after cairn_rollout_reset. It is part of a saved state, which can be restored only into
+/// a rollout with the same setting.
 ///
-/// keep: 1 to keep the stream, 0 to start anew.
+/// keep: 1 to keep the encoder's state, 0 to start anew with each picture.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
-/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED where the
-/// bundle's encoder is not handed its memories; CAIRN_ERROR_DEVICE.
+/// Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED if the
+/// bundle's encoder does not take its state as an input; CAIRN_ERROR_DEVICE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_keep_encoder_stream(rollout: *mut cairn_rollout, keep: u32) -> cairn_result {
     call("cairn_rollout_keep_encoder_stream", || {
-        let running = enter_alone(rollout)?;
+        let worker = enter_exclusive(rollout)?;
         if keep > 1 {
             return Err(Failure::argument("keep", format!("{keep} is neither 0 nor 1")));
         }
-        running.lock_idle()?.rollout.keep_encoder_stream(keep == 1)?;
+        worker.lock_idle()?.rollout.keep_encoder_stream(keep == 1)?;
         Ok(CAIRN_OK)
     })
 }
 
-/// Makes the next latent with these controls, which stand for 1 / latents_per_second seconds of world time. On the calling
-/// thread.
+/// Makes the next latent with these controls, which cover 1 / latents_per_second seconds of world time. Runs on the calling thread.
 ///
 /// info: may be null.
 ///
 /// Ownership: controls are read during the call; info stays the caller's and is filled on success; on failure it is not
 /// written and the rollout is as it was.
-/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
 /// CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED; CAIRN_ERROR_UNSUPPORTED for a key that the world does
 /// not know, and when a clock has run out.
@@ -294,49 +293,49 @@ pub unsafe extern "C" fn cairn_rollout_step(
     info: *mut cairn_step_info,
 ) -> cairn_result {
     call("cairn_rollout_step", || {
-        let running = enter_alone(rollout)?;
+        let worker = enter_exclusive(rollout)?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::optional(info, "info") }?;
         // SAFETY: the host's promise about `controls`.
         let controls = unsafe { read_controls(controls, "controls") }?;
-        let made = running.run(&Job::Step(controls))?;
-        info.into_iter().for_each(|info| info.write(&step_info(&made)));
+        let report = worker.run(&Job::Step(controls))?;
+        info.into_iter().for_each(|info| info.write(&step_info(&report)));
         Ok(CAIRN_OK)
     })
 }
 
-/// Resets to the start with the same seed: no latents, empty memory.
+/// Resets a rollout to its start with the same seed: no latents, empty memory.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
-/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_reset(rollout: *mut cairn_rollout) -> cairn_result {
     call("cairn_rollout_reset", || {
-        let running = enter_alone(rollout)?;
-        let mut core = running.lock_idle()?;
+        let worker = enter_exclusive(rollout)?;
+        let mut core = worker.lock_idle()?;
         core.rollout.reset()?;
-        core.cut_next = true;
+        core.next_is_cut = true;
         Ok(CAIRN_OK)
     })
 }
 
 /// Frees the device memory of a rollout that makes no latents for a while: waits for its work, then evicts its rings, latents and pictures
-/// with their contents. The next call that needs them makes them resident again; the device's queue waits for that, and no thread does where
-/// Windows has ID3D12Device3. If there is not enough memory, that call answers CAIRN_ERROR_OUT_OF_MEMORY with nothing changed, and may be
+/// with their contents. The next call that needs them makes them resident again; the device's queue waits for that, and no thread does if
+/// Windows has ID3D12Device3. If there is not enough memory, that call returns CAIRN_ERROR_OUT_OF_MEMORY, changes nothing and may be
 /// repeated. The world's weights are evicted once all of its rollouts rest; anchors are not. On a CPU device nothing happens.
 /// cairn_rollout_pause also rests a rollout with a queue.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
-/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
-/// Results: CAIRN_OK, also where it rests already; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE;
+/// Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK, also if it rests already; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE;
 /// CAIRN_ERROR_DEVICE_REMOVED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_rest(rollout: *mut cairn_rollout) -> cairn_result {
     call("cairn_rollout_rest", || {
-        enter_alone(rollout)?.lock_idle()?.rollout.rest()?;
+        enter_exclusive(rollout)?.lock_idle()?.rollout.rest()?;
         Ok(CAIRN_OK)
     })
 }
@@ -344,14 +343,14 @@ pub unsafe extern "C" fn cairn_rollout_rest(rollout: *mut cairn_rollout) -> cair
 /// Limits the wall time per latent, decoding included. Latents use the first of the schedules until that takes too long, then one with
 /// fewer passes, and again one with more when there is time. The choice depends on the times of previous latents, so the same controls may
 /// give other pictures the next time. Changes are logged; cairn_step_info has the number of passes of a latent, and
-/// cairn_rollout_info the schedule of the next one. A restored state ends it.
+/// cairn_rollout_info the schedule of the next one. Restoring a state removes the limit.
 ///
-/// latent_ns: nanoseconds for a latent.
-/// schedules: one to eight as in operating points, a space between them, each with fewer passes than the one before:
-/// "stock explicit:1:0.5:0 explicit:1:0"; none, "", for no budget any more, which leaves the schedule as it is.
+/// latent_ns: limit in nanoseconds per latent.
+/// schedules: one to eight as in operating points, separated by spaces, each with fewer passes than the one before:
+/// "stock explicit:1:0.5:0 explicit:1:0". An empty text removes the limit and leaves the schedule as it is.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
-/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -361,16 +360,16 @@ pub unsafe extern "C" fn cairn_rollout_set_budget(
     schedules: *const c_char,
 ) -> cairn_result {
     call("cairn_rollout_set_budget", || {
-        let running = enter_alone(rollout)?;
+        let worker = enter_exclusive(rollout)?;
         // SAFETY: the host's promise about `schedules`.
         let text = unsafe { required_text(schedules, "schedules") }?;
         let schedules = read_schedules(text)?;
-        running.lock_idle()?.rollout.set_budget(Duration::from_nanos(latent_ns), &schedules)?;
+        worker.lock_idle()?.rollout.set_budget(Duration::from_nanos(latent_ns), &schedules)?;
         Ok(CAIRN_OK)
     })
 }
 
-/// Takes a copy of the last anchor: its pictures and its latent.
+/// Copies the last anchor: its pictures and its latent.
 ///
 /// Ownership: on success *anchor is the caller's, for cairn_anchor_destroy; on failure it is not written.
 /// Threads: any thread, at any time.
@@ -383,10 +382,10 @@ pub unsafe extern "C" fn cairn_rollout_get_anchor(
     anchor: *mut *mut cairn_anchor,
 ) -> cairn_result {
     call("cairn_rollout_get_anchor", || {
-        let running = enter(rollout)?;
+        let worker = enter(rollout)?;
         check_out(anchor, "anchor")?;
-        let made = running.lock_between_steps()?.anchor()?;
-        let handle = insert::<cairn_anchor>(made)?;
+        let copy = worker.lock_between_steps()?.anchor()?;
+        let handle = insert::<cairn_anchor>(copy)?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { anchor.write(handle) };
         Ok(CAIRN_OK)
@@ -396,7 +395,7 @@ pub unsafe extern "C" fn cairn_rollout_get_anchor(
 /// The largest number of pictures in a latent.
 const MAX_PICTURES: u32 = 4;
 
-/// Pictures that lie one behind the other, each as large as the first says.
+/// Reads an array of `count` pictures. The first one's struct_size is the stride; all others must have the same.
 ///
 /// # Safety
 /// Where it is neither null nor misaligned, `pictures` points to `count` structs, each of which [`read_picture`] may be given.
@@ -427,7 +426,7 @@ pub(super) unsafe fn read_pictures(pictures: *const cairn_picture, count: u32) -
     Ok(all)
 }
 
-/// Schedules with spaces between them.
+/// Parses schedules that are separated by spaces.
 pub(super) fn read_schedules(text: &str) -> Outcome<Vec<Schedule>> {
     Ok(text.split_whitespace().map(str::parse).collect::<Result<_, _>>()?)
 }

@@ -1,4 +1,4 @@
-//! Control scripts: a player's input as text.
+//! Control scripts: a player's input over world time, as text.
 
 use std::ffi::c_char;
 
@@ -10,7 +10,7 @@ use super::structs::{Out, check_out, slice};
 use super::text::copy_text;
 use crate::world::{ControlScript, WorldTime};
 
-/// What a player does, by world time, in the format of docs/control-script.md. It does not change.
+/// A player's input by world time, in the format of docs/control-script.md. Immutable.
 pub struct cairn_script(());
 
 impl Handle for cairn_script {
@@ -28,8 +28,8 @@ impl Object for ControlScript {}
 /// Ownership: on success *script is the caller's, for cairn_script_destroy; on failure it is not written. The text is read during
 /// the call.
 /// Threads: any thread, at any time.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT, with line and column of what is wrong; CAIRN_ERROR_UNSUPPORTED for a newer
-/// version of the format.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT, with line and column of the error; CAIRN_ERROR_UNSUPPORTED for a newer version
+/// of the format.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_script_create(
@@ -48,16 +48,16 @@ pub unsafe extern "C" fn cairn_script_create(
     })
 }
 
-/// Gives the controls of a latent step: what the script does from (latent - 1) / latents_per_second seconds on until latent /
-/// latents_per_second. The steps of a rollout lose nothing and count nothing twice, and after the script's end nothing moves.
+/// Gives the controls of a latent step: the script's input from (latent - 1) / latents_per_second seconds up to latent /
+/// latents_per_second seconds. Consecutive steps miss no input and count none twice. After the script's end nothing moves.
 ///
-/// latent: the number that the step will have, from 1; 0 is the seed's, which has no controls.
-/// latents_per_second: of the rollout, 1 to 240.
+/// latent: number of the step's latent, from 1; 0 is the seed's, which has no controls.
+/// latents_per_second: the rollout's, 1 to 240.
 ///
-/// Ownership: controls stay the caller's and are filled on success, for the step as they are; on failure they are not written.
+/// Ownership: controls stay the caller's and are filled on success, ready for cairn_rollout_step; on failure they are not written.
 /// Threads: any thread, at any time.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when the mouse moves farther in the step than
-/// controls can say; CAIRN_ERROR_STRUCT_SIZE.
+/// cairn_controls allows; CAIRN_ERROR_STRUCT_SIZE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_script_get_controls(
@@ -76,9 +76,9 @@ pub unsafe extern "C" fn cairn_script_get_controls(
     })
 }
 
-/// Says how long a script lasts: to its end where it has one, else until the last thing happens.
+/// Gives the duration of a script: up to its explicit end, or if it has none, up to the end of its last event or motion.
 ///
-/// microseconds: gets the world time.
+/// microseconds: gets the duration in microseconds of world time.
 ///
 /// Ownership: *microseconds is written on success; on failure it is not.
 /// Threads: any thread, at any time.
@@ -98,7 +98,7 @@ pub unsafe extern "C" fn cairn_script_get_duration(
     })
 }
 
-/// Copies a script as text, in the canonical form of the format, to be written to a file.
+/// Copies the text of a script in the format's canonical form, for a file.
 ///
 /// text: at least capacity bytes, or null with capacity 0 to learn the length. Always ends in a NUL when capacity > 0.
 /// length: gets the length in bytes of the whole text, without the NUL; may be null.
@@ -123,7 +123,7 @@ pub unsafe extern "C" fn cairn_script_get_text(
 
 /// Destroys the handle of a script; null is allowed.
 ///
-/// Ownership: on success script is no handle any more; on failure it is as it was.
+/// Ownership: on success script is no longer a handle; on failure it is unchanged.
 /// Threads: any thread; waits for calls in flight on the script.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
 /// Since: 0.1.0
@@ -132,7 +132,7 @@ pub unsafe extern "C" fn cairn_script_destroy(script: *mut cairn_script) -> cair
     call("cairn_script_destroy", || destroy(script))
 }
 
-/// World time that a latent stands for.
+/// The span of world time, from start to end, that a latent covers.
 pub(super) fn span(latent: u64, latents_per_second: u32) -> Outcome<(WorldTime, WorldTime)> {
     if latents_per_second == 0 || latents_per_second > crate::world::MAX_LATENT_RATE {
         let failure = Failure::argument("latents_per_second", format!("{latents_per_second} is no rate of latents"));

@@ -1,4 +1,4 @@
-//! A rollout's whole state, in memory or in a file.
+//! Saves and restores a rollout's whole state, in memory or in a file.
 
 use std::ffi::{c_char, c_void};
 use std::fs::{self, File};
@@ -6,18 +6,18 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 use super::boundary::call;
-use super::handles::{enter, enter_alone};
+use super::handles::{enter, enter_exclusive};
 use super::results::{CAIRN_ERROR_IO, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, Outcome, cairn_result};
 use super::rollout::cairn_rollout;
 use super::structs::{check_out, slice, slice_mut};
 use super::text::required_text;
 use crate::{Error, ErrorKind};
 
-/// Bytes by which states of one world can differ: their operating points have texts of different lengths.
+/// Upper limit on the difference in bytes between two states of one world: their operating points' texts differ in length.
 const SLACK: u64 = 1 << 16;
 
-/// Copies the whole state of a rollout: its memory, clocks, seed, operating point and last pictures. A rollout that takes it up
-/// goes on bit for bit, in this process or another, on the same kind of device.
+/// Copies the whole state of a rollout: its memory, clocks, seed, operating point and last pictures. A rollout that restores it
+/// continues bit for bit the same, in this process or another, on the same kind of device.
 ///
 /// bytes: capacity bytes, or null with capacity 0 to learn the size.
 /// size: gets the size of the state; it stays the same as long as the rollout is not restored.
@@ -35,15 +35,15 @@ pub unsafe extern "C" fn cairn_rollout_save(
     size: *mut usize,
 ) -> cairn_result {
     call("cairn_rollout_save", || {
-        let running = enter(rollout)?;
+        let worker = enter(rollout)?;
         check_out(size, "size")?;
-        let core = running.lock_between_steps()?;
+        let core = worker.lock_between_steps()?;
         let len = core.rollout.state_len()?;
         if !bytes.is_null() || capacity > 0 {
             if capacity < len {
                 return Err(Failure::argument("capacity", format!("{capacity} bytes, the state has {len}")));
             }
-            // SAFETY: the host's promise about `bytes`; what they hold is not looked at.
+            // SAFETY: the host's promise about `bytes`; their previous contents are not read.
             let bytes = unsafe { slice_mut(bytes.cast::<u8>(), len, "bytes") }?;
             bytes.copy_from_slice(&core.rollout.save()?);
         }
@@ -53,11 +53,11 @@ pub unsafe extern "C" fn cairn_rollout_save(
     })
 }
 
-/// Writes the whole state of a rollout into a file, whole or not at all: it is written beside it and then takes its name.
+/// Writes the whole state of a rollout to a file, completely or not at all: to a temporary file beside it, which is then renamed.
 ///
-/// path: UTF-8; a file that is there is replaced.
+/// path: UTF-8; an existing file is replaced.
 ///
-/// Ownership: path is read during the call; on success the file is the caller's, on failure what was there is as it was.
+/// Ownership: path is read during the call; on success the file is the caller's, on failure an existing file is unchanged.
 /// Threads: any thread, at any time.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY while a step is running;
 /// CAIRN_ERROR_IO; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
@@ -65,20 +65,20 @@ pub unsafe extern "C" fn cairn_rollout_save(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_save_file(rollout: *const cairn_rollout, path: *const c_char) -> cairn_result {
     call("cairn_rollout_save_file", || {
-        let running = enter(rollout)?;
+        let worker = enter(rollout)?;
         // SAFETY: the host's promise about `path`.
         let path = Path::new(unsafe { required_text(path, "path") }?);
-        let state = running.lock_between_steps()?.rollout.save()?;
-        write_whole(path, &state)?;
+        let state = worker.lock_between_steps()?.rollout.save()?;
+        write_atomically(path, &state)?;
         Ok(CAIRN_OK)
     })
 }
 
-/// Takes up a state that was saved of a rollout of the same bundle, precision and global window. Seed and operating point become
-/// the state's.
+/// Restores a state that was saved from a rollout of the same bundle, precision and global window. The rollout gets the state's seed
+/// and operating point.
 ///
-/// Ownership: bytes are read during the call; on failure the rollout is as it was, on success as the saved one.
-/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Ownership: bytes are read during the call; on failure the rollout is unchanged, on success it is as the saved one was.
+/// Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_INVALID_STATE;
 /// CAIRN_ERROR_UNSUPPORTED for a state of another version; CAIRN_ERROR_DEVICE.
 /// Since: 0.1.0
@@ -89,61 +89,62 @@ pub unsafe extern "C" fn cairn_rollout_restore(
     size: usize,
 ) -> cairn_result {
     call("cairn_rollout_restore", || {
-        let running = enter_alone(rollout)?;
+        let worker = enter_exclusive(rollout)?;
         // SAFETY: the host's promise about `bytes`.
         let bytes = unsafe { slice(bytes.cast::<u8>(), size, "bytes") }?;
-        let mut core = running.lock_idle()?;
+        let mut core = worker.lock_idle()?;
         core.rollout.restore(bytes)?;
-        core.restored();
+        core.mark_cut();
         Ok(CAIRN_OK)
     })
 }
 
-/// Takes up a state from a file; as cairn_rollout_restore.
+/// Restores a state from a file, as cairn_rollout_restore does from memory.
 ///
 /// path: UTF-8.
 ///
-/// Ownership: path is read during the call; on failure the rollout is as it was, on success as the saved one.
-/// Threads: one call at a time; a second one beside it, and one while steps are queued, gets CAIRN_ERROR_BUSY.
+/// Ownership: path is read during the call; on failure the rollout is unchanged, on success it is as the saved one was.
+/// Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_IO;
 /// CAIRN_ERROR_INVALID_STATE; CAIRN_ERROR_UNSUPPORTED; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_restore_file(rollout: *mut cairn_rollout, path: *const c_char) -> cairn_result {
     call("cairn_rollout_restore_file", || {
-        let running = enter_alone(rollout)?;
+        let worker = enter_exclusive(rollout)?;
         // SAFETY: the host's promise about `path`.
         let path = Path::new(unsafe { required_text(path, "path") }?);
-        let mut core = running.lock_idle()?;
-        let most = core.rollout.state_len()? as u64 + SLACK;
-        let state = read_whole(path, most)?;
+        let mut core = worker.lock_idle()?;
+        let max_bytes = core.rollout.state_len()? as u64 + SLACK;
+        let state = read_file(path, max_bytes)?;
         core.rollout.restore(&state)?;
-        core.restored();
+        core.mark_cut();
         Ok(CAIRN_OK)
     })
 }
 
-fn write_whole(path: &Path, bytes: &[u8]) -> Outcome<()> {
-    let refused = |e: std::io::Error| io(path, &e);
+/// Writes a temporary file beside `path` and renames it, so that `path` never has an incomplete file.
+fn write_atomically(path: &Path, bytes: &[u8]) -> Outcome<()> {
     let mut name = path.file_name().ok_or_else(|| Failure::argument("path", "it names no file"))?.to_owned();
     name.push(format!(".{}.unfinished", std::process::id()));
-    let beside: PathBuf = path.with_file_name(name);
-    let written = File::create(&beside).and_then(|mut file| {
+    let temporary: PathBuf = path.with_file_name(name);
+    let written = File::create(&temporary).and_then(|mut file| {
         file.write_all(bytes)?;
-        // The file's data must reach the disk before its name: a crash must not leave a name without data.
+        // The data must reach the disk before the rename, so that a crash cannot leave an empty file at `path`.
         file.sync_all()
     });
-    written.and_then(|()| fs::rename(&beside, path)).map_err(|e| {
-        _ = fs::remove_file(&beside);
-        refused(e)
+    written.and_then(|()| fs::rename(&temporary, path)).map_err(|e| {
+        _ = fs::remove_file(&temporary);
+        io_failure(path, &e)
     })
 }
 
-fn read_whole(path: &Path, most: u64) -> Outcome<Vec<u8>> {
-    let refused = |e: std::io::Error| io(path, &e);
-    let file = File::open(path).map_err(refused)?;
-    let found = file.metadata().map_err(refused)?;
-    if !found.is_file() || found.len() > most {
+/// Reads a file of at most `max_bytes`.
+fn read_file(path: &Path, max_bytes: u64) -> Outcome<Vec<u8>> {
+    let failure = |e: std::io::Error| io_failure(path, &e);
+    let file = File::open(path).map_err(failure)?;
+    let found = file.metadata().map_err(failure)?;
+    if !found.is_file() || found.len() > max_bytes {
         return Err(Error::new(ErrorKind::InvalidState, "the file is no state of a rollout of this world")
             .field(path.display().to_string())
             .remedy("Give a file that was saved of one")
@@ -153,10 +154,10 @@ fn read_whole(path: &Path, most: u64) -> Outcome<Vec<u8>> {
     bytes.try_reserve_exact(found.len() as usize).map_err(|_| {
         Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, format!("a state of {} bytes cannot be read", found.len()))
     })?;
-    file.take(found.len()).read_to_end(&mut bytes).map_err(refused)?;
+    file.take(found.len()).read_to_end(&mut bytes).map_err(failure)?;
     Ok(bytes)
 }
 
-fn io(path: &Path, error: &std::io::Error) -> Failure {
+fn io_failure(path: &Path, error: &std::io::Error) -> Failure {
     Failure::new(CAIRN_ERROR_IO, error.to_string()).field(path.display().to_string())
 }

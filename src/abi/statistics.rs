@@ -1,10 +1,10 @@
-//! Statistics of a rollout, and of a presenter.
+//! Statistics of rollouts and presenters.
 
 use std::ffi::c_char;
 use std::time::Duration;
 
 use super::boundary::call;
-use super::d3d12::behind;
+use super::d3d12::backend;
 use super::handles::{enter, in_use};
 use super::presenter::cairn_presenter;
 use super::results::{CAIRN_OK, cairn_result};
@@ -14,7 +14,7 @@ use super::text::fixed_text;
 use crate::present::Selection;
 use crate::world::WorkerStatistics;
 
-/// Statistics of a rollout since it was made, as of the end of its last step. Times are nanoseconds of wall time.
+/// Statistics of a rollout since it was created, as of the end of its last step. Times are nanoseconds of wall time unless a field says otherwise.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_rollout_statistics {
@@ -30,17 +30,17 @@ pub struct cairn_rollout_statistics {
     pub cache_passes: u64,
     /// Passes of the decoder, including those that only prime it.
     pub decode_passes: u64,
-    /// Encodings of pictures into latents.
+    /// Time of encoding pictures into latents.
     pub encode_ns: u64,
-    /// Denoise passes.
+    /// Time of denoise passes.
     pub denoise_ns: u64,
-    /// Cache passes.
+    /// Time of cache passes.
     pub cache_ns: u64,
-    /// Checking results and copying them into the ring.
+    /// Time of checking results and copying them into the ring.
     pub commit_ns: u64,
-    /// Decoding latents.
+    /// Time of decoding latents.
     pub decode_ns: u64,
-    /// Reading pictures back and resizing them.
+    /// Time of reading pictures back and resizing them.
     pub resize_ns: u64,
     /// Bytes from the host to the device.
     pub uploaded_bytes: u64,
@@ -50,22 +50,22 @@ pub struct cairn_rollout_statistics {
     pub read_bytes: u64,
     /// The part of copied_bytes that went into the ring.
     pub ring_bytes: u64,
-    /// Passes of the transformer whose time on a Direct3D 12 device is known by its own clock; 0 on other devices, as all fields below. Other
-    /// work of the queue meanwhile counts in their times.
+    /// Passes of the transformer whose time was measured by the clock of a Direct3D 12 device; 0 on other devices, like all fields up to
+    /// other_passes. Their times include other work that the queue did meanwhile.
     pub device_passes: u64,
-    /// Total nanoseconds of them on the device.
+    /// Total time of these passes, in nanoseconds of the device's clock.
     pub device_passes_ns: u64,
-    /// Nanoseconds of the longest.
+    /// Time of the longest of these passes, in nanoseconds of the device's clock.
     pub device_pass_longest_ns: u64,
-    /// Passes of the decoder whose time on the device is known.
+    /// Passes of the decoder whose time was measured by the device's clock.
     pub device_decodes: u64,
-    /// Total nanoseconds of them on the device.
+    /// Total time of these passes, in nanoseconds of the device's clock.
     pub device_decodes_ns: u64,
-    /// Nanoseconds of the longest.
+    /// Time of the longest of these passes, in nanoseconds of the device's clock.
     pub device_decode_longest_ns: u64,
-    /// Copies into the ring whose time on the device is known.
+    /// Copies into the ring whose time was measured by the device's clock.
     pub device_commits: u64,
-    /// Total nanoseconds of them on the device.
+    /// Total time of these copies, in nanoseconds of the device's clock.
     pub device_commits_ns: u64,
     /// Nanoseconds of wall time inside ONNX Runtime, which records the device's command lists and submits them.
     pub runtime_ns: u64,
@@ -75,9 +75,10 @@ pub struct cairn_rollout_statistics {
     pub yields: u64,
     /// Passes with buffers of their own that run from captured commands: see cairn_d3d12_options.captured_passes.
     pub captured_passes: u32,
-    /// Passes that do not, or whose captured results have not yet been shown to be bit-identical.
+    /// Other passes with buffers of their own: not captured, or their captured results are not known to be identical bit for bit.
     pub other_passes: u32,
-    /// Nanoseconds per frame shown, as last measured by cairn_rollout_govern; the fields below belong to it, or to the last one that ended.
+    /// Nanoseconds per shown frame, as last measured under the budget of cairn_rollout_govern. This and the fields below belong to that budget,
+    /// or to the last one that ended.
     pub governed_frame_ns: u64,
     /// Latents measured.
     pub governed_latents: u64,
@@ -91,7 +92,7 @@ pub struct cairn_rollout_statistics {
     pub governed_short_of_memory: u64,
     /// How often frames took too long although quality could not be reduced further.
     pub governed_beyond: u64,
-    /// Denoise passes of the latents from now on; 0 where there never was a budget, as the next two fields.
+    /// Denoise passes per latent from now on; 0 if there never was a budget, like the next two fields.
     pub governed_passes: u32,
     /// The global window from now on.
     pub governed_window: u32,
@@ -109,7 +110,7 @@ describe!(cairn_rollout_statistics, [120, 216], {
     reserved,
 });
 
-/// Gives statistics of a rollout. Does not wait for a step that is running.
+/// Returns statistics of a rollout. Does not wait for a step that is running.
 ///
 /// Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
 /// Threads: any thread, at any time.
@@ -125,13 +126,13 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
         // SAFETY: the host's promise about `statistics`.
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
         let (worker, depth) = running.statistics();
-        let device = behind::rollout_statistics(&worker);
-        let WorkerStatistics { done, governor, .. } = worker;
-        let (stages, bytes) = (done.stages, done.bytes);
+        let device = backend::rollout_statistics(&worker);
+        let WorkerStatistics { rollout, governor, .. } = worker;
+        let (stages, bytes) = (rollout.stages, rollout.bytes);
         statistics.write(&cairn_rollout_statistics {
             struct_size: 0,
             queue_depth: u32::try_from(depth).unwrap_or(u32::MAX),
-            latents: done.latents,
+            latents: rollout.latents,
             denoise_passes: stages.denoise.count,
             cache_passes: stages.cache.count,
             decode_passes: stages.decode.count,
@@ -144,7 +145,7 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
             uploaded_bytes: bytes.uploaded,
             copied_bytes: bytes.copied,
             read_bytes: bytes.read,
-            ring_bytes: done.ring_bytes,
+            ring_bytes: rollout.ring_bytes,
             device_passes: device.passes.count,
             device_passes_ns: in_ns(device.passes.total),
             device_pass_longest_ns: in_ns(device.passes.longest),
@@ -153,28 +154,28 @@ pub unsafe extern "C" fn cairn_rollout_get_statistics(
             device_decode_longest_ns: in_ns(device.decodes.longest),
             device_commits: device.commits.count,
             device_commits_ns: in_ns(device.commits.total),
-            runtime_ns: in_ns(device.inside),
-            waited_ns: in_ns(device.waited),
+            runtime_ns: in_ns(device.in_onnxruntime),
+            waited_ns: in_ns(device.waiting_for_device),
             yields: device.yields,
             captured_passes: u32::try_from(device.captured).unwrap_or(u32::MAX),
             other_passes: u32::try_from(device.others).unwrap_or(u32::MAX),
             governed_frame_ns: in_ns(governor.frame),
             governed_latents: governor.latents,
             governed_frames: governor.frames,
-            governed_less: governor.less,
-            governed_more: governor.more,
+            governed_less: governor.reductions,
+            governed_more: governor.increases,
             governed_short_of_memory: governor.short_of_memory,
-            governed_beyond: governor.beyond,
+            governed_beyond: governor.over_budget,
             governed_passes: governor.passes,
             governed_window: governor.window,
-            governed_made: governor.made,
+            governed_made: governor.generated,
             reserved: 0,
         });
         Ok(CAIRN_OK)
     })
 }
 
-/// Statistics of a presenter since it was made.
+/// Statistics of a presenter since it was created.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_presenter_statistics {
@@ -186,7 +187,7 @@ pub struct cairn_presenter_statistics {
     pub anchors: u64,
     /// Anchors that arrived after they were due.
     pub late_anchors: u64,
-    /// Nanoseconds that the stream stood still for late anchors.
+    /// Nanoseconds by which late anchors have delayed the stream.
     pub slipped_ns: u64,
     /// Frames drawn that were anchors. Drawing the same frame again counts again, here and below.
     pub shown_anchors: u64,
@@ -194,7 +195,7 @@ pub struct cairn_presenter_statistics {
     pub shown_decoded: u64,
     /// Frames drawn that were interpolated between anchors.
     pub shown_generated: u64,
-    /// Frames drawn that were extrapolated beyond the last anchor.
+    /// Frames drawn that were extrapolated from the last anchor.
     pub shown_extrapolated: u64,
     /// Frames drawn that held a picture because nothing could be generated.
     pub shown_held: u64,
@@ -202,47 +203,47 @@ pub struct cairn_presenter_statistics {
     pub repeated: u64,
     /// Frames drawn that were not generated because of a cut.
     pub cuts: u64,
-    /// Nanoseconds spent finding motion and depth.
+    /// Nanoseconds spent on extracting motion and depth.
     pub guidance_ns: u64,
-    /// Nanoseconds spent generating.
+    /// Nanoseconds spent on generating frames.
     pub generate_ns: u64,
-    /// Nanoseconds spent resizing.
+    /// Nanoseconds spent on resizing frames.
     pub resize_ns: u64,
     /// The last frame's generator, such as "cpu" or, with its provider's version, "fsr 3.1.5"; empty for none.
     pub generator: [c_char; 32],
-    /// Why a generator that might be better is not used, for people; UTF-8.
+    /// Why a preferred generator is not used, for people; UTF-8.
     pub preference: [c_char; 160],
-    /// Anchors waiting for their time, as of the latest time given.
+    /// Anchors that have arrived and are not due, as of the latest time that was passed.
     pub waiting: u32,
     /// Frames for Direct3D 12 that were submitted and have not completed.
     pub under_way: u32,
-    /// Frames for Direct3D 12 whose time on the device is known. Other work of the queue meanwhile counts in their times.
+    /// Frames for Direct3D 12 whose time was measured by the device's clock. Their times include other work that the queue did meanwhile.
     pub device_frames: u64,
-    /// Total nanoseconds of them on the device.
+    /// Total time of these frames, in nanoseconds of the device's clock.
     pub device_frames_ns: u64,
-    /// Nanoseconds of the longest.
+    /// Time of the longest of these frames, in nanoseconds of the device's clock.
     pub device_frame_longest_ns: u64,
-    /// Nanoseconds of the last.
+    /// Time of the last of these frames, in nanoseconds of the device's clock.
     pub device_frame_last_ns: u64,
-    /// The presenter's own lists whose time on the device is known: those that upload pictures, find motion and depth, and prepare what all
-    /// frames of a pair share.
+    /// The presenter's own lists whose time was measured by the device's clock: they upload pictures, extract motion and depth, and prepare
+    /// the work that all frames of a pair share.
     pub device_lists: u64,
-    /// Total nanoseconds of them on the device.
+    /// Total time of these lists, in nanoseconds of the device's clock.
     pub device_lists_ns: u64,
-    /// Nanoseconds of the longest.
+    /// Time of the longest of these lists, in nanoseconds of the device's clock.
     pub device_list_longest_ns: u64,
-    /// Frames generated per anchor under a budget of cairn_presenter_set_budget; the others repeat the previous one. 0 where there never was
-    /// a budget.
+    /// Frames generated per anchor under a budget of cairn_presenter_set_budget; the others repeat the previous one. 0 if there never was a
+    /// budget.
     pub made_to_anchor: u32,
     /// How often that number has changed.
     pub budget_changes: u32,
-    /// What resizes frames: "spatial", AMD's upscaler with its version as in "fsr 4.0.3", or empty where they have the anchors' size.
+    /// Upscaler of the last frame: "spatial", AMD's with its version as in "fsr 4.0.3", or empty if frames have the anchors' size.
     pub upscaler: [c_char; 32],
     /// Why AMD's upscaler is not used, for people; UTF-8.
     pub upscaling: [c_char; 160],
     /// Frames for Direct3D 12 replaced by an anchor: CAIRN_FRAME_UNPREPARED.
     pub unprepared: u64,
-    /// Direct3D objects and AMD contexts created while frames were recorded or submitted: 0 where all were prepared.
+    /// Direct3D objects and AMD contexts created while frames were recorded or submitted: 0 if all frames were prepared.
     pub objects_made: u64,
     /// Recorded frames whose fences have not been signalled.
     pub lists_pending: u32,
@@ -257,7 +258,7 @@ describe!(cairn_presenter_statistics, [304, 376, 568], {
     anchors_under_way,
 });
 
-/// Gives statistics of a presenter.
+/// Returns statistics of a presenter.
 ///
 /// Ownership: statistics stay the caller's and are filled on success; on failure they are not written.
 /// Threads: any thread, at any time.
@@ -270,34 +271,34 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
     statistics: *mut cairn_presenter_statistics,
 ) -> cairn_result {
     call("cairn_presenter_get_statistics", || {
-        let presenting = enter(presenter)?;
+        let object = enter(presenter)?;
         // SAFETY: the host's promise about `statistics`.
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
-        // First, as it may find out more.
-        let device = presenting.device_statistics(presenting.is_nested()).ok_or_else(in_use)?;
-        let Selection { name: generator, reason: preference } = presenting.generator(&device);
-        let Selection { name: upscaler, reason: upscaling } = presenting.upscaler(&device);
-        let done = presenting.presenter.statistics();
+        // First: it reads reports that change the counters below.
+        let device = object.frame_statistics(object.is_nested()).ok_or_else(in_use)?;
+        let Selection { name: generator, reason: preference } = object.generator(&device);
+        let Selection { name: upscaler, reason: upscaling } = object.upscaler(&device);
+        let counters = object.presenter.statistics();
         statistics.write(&cairn_presenter_statistics {
             struct_size: 0,
             reserved: 0,
-            anchors: done.anchors,
-            late_anchors: done.late,
-            slipped_ns: done.slipped_ns,
-            shown_anchors: done.shown_anchors,
-            shown_decoded: done.decoded,
-            shown_generated: done.generated,
-            shown_extrapolated: done.extrapolated,
-            shown_held: done.held,
-            repeated: done.repeated,
-            cuts: done.cuts,
-            guidance_ns: in_ns(done.guidance),
-            generate_ns: in_ns(done.generate),
-            resize_ns: in_ns(done.resize),
+            anchors: counters.anchors,
+            late_anchors: counters.late,
+            slipped_ns: counters.slipped_ns,
+            shown_anchors: counters.shown_anchors,
+            shown_decoded: counters.decoded,
+            shown_generated: counters.generated,
+            shown_extrapolated: counters.extrapolated,
+            shown_held: counters.held,
+            repeated: counters.repeated,
+            cuts: counters.cuts,
+            guidance_ns: in_ns(counters.guidance),
+            generate_ns: in_ns(counters.generate),
+            resize_ns: in_ns(counters.resize),
             generator: fixed_text(&generator),
             preference: fixed_text(&preference),
-            waiting: u32::try_from(presenting.presenter.waiting(0)).unwrap_or(u32::MAX),
-            under_way: device.under_way,
+            waiting: u32::try_from(object.presenter.waiting(0)).unwrap_or(u32::MAX),
+            under_way: device.in_flight,
             device_frames: device.frames.count,
             device_frames_ns: in_ns(device.frames.total),
             device_frame_longest_ns: in_ns(device.frames.longest),
@@ -305,14 +306,14 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
             device_lists: device.lists.count,
             device_lists_ns: in_ns(device.lists.total),
             device_list_longest_ns: in_ns(device.lists.longest),
-            made_to_anchor: done.made_to_anchor,
-            budget_changes: u32::try_from(done.budget_changes).unwrap_or(u32::MAX),
+            made_to_anchor: counters.made_to_anchor,
+            budget_changes: u32::try_from(counters.budget_changes).unwrap_or(u32::MAX),
             upscaler: fixed_text(&upscaler),
             upscaling: fixed_text(&upscaling),
-            unprepared: done.unprepared,
-            objects_made: done.objects_made,
+            unprepared: counters.unprepared,
+            objects_made: counters.objects_made,
             lists_pending: device.lists_pending,
-            anchors_under_way: u32::try_from(presenting.presenter.arriving()).unwrap_or(u32::MAX),
+            anchors_under_way: u32::try_from(object.presenter.arriving()).unwrap_or(u32::MAX),
         });
         Ok(CAIRN_OK)
     })

@@ -1,4 +1,4 @@
-//! The queue of a rollout: steps on a thread of its own, and what became of them.
+//! The queue of a rollout: its own thread runs queued steps, and tickets identify their results.
 
 use std::time::Duration;
 
@@ -12,11 +12,11 @@ use super::rollout::{cairn_rollout, cairn_step_info, read_pictures, step_info};
 use super::structs::{Out, check_out};
 use crate::world::{Job, TicketState};
 
-/// A timeout that never comes.
+/// A timeout without limit.
 pub const CAIRN_FOREVER: u64 = u64::MAX;
 
-/// Queues a step for the rollout's own thread, which runs steps in the order they were queued. A step that fails cancels those queued
-/// behind it and leaves the rollout as before it.
+/// Queues a step for the rollout's own thread, which runs steps in the order in which they were queued. A step that fails leaves the
+/// rollout unchanged and cancels the steps queued after it.
 ///
 /// ticket: gets the number that identifies the result.
 ///
@@ -40,7 +40,7 @@ pub unsafe extern "C" fn cairn_rollout_submit(
     })
 }
 
-/// Queues the append of a picture, as cairn_rollout_append does it.
+/// Queues a picture to be appended as by cairn_rollout_append.
 ///
 /// ticket: gets the number that identifies the result.
 ///
@@ -64,9 +64,9 @@ pub unsafe extern "C" fn cairn_rollout_submit_picture(
     })
 }
 
-/// Queues the append of pictures, as cairn_rollout_append_pictures does it.
+/// Queues pictures to be appended as by cairn_rollout_append_pictures.
 ///
-/// pictures, count: as there. ticket: gets the number that identifies the result.
+/// pictures, count: as for cairn_rollout_append_pictures. ticket: gets the number that identifies the result.
 ///
 /// Ownership: the pictures are copied; *ticket is written on success only, not on failure.
 /// Threads: any thread, at any time. Returns at once.
@@ -89,16 +89,16 @@ pub unsafe extern "C" fn cairn_rollout_submit_pictures(
     })
 }
 
-/// Asks for the result of a queued step, without waiting. Every ticket has one result, which is given once and makes room in
-/// the queue; a failed step's message becomes the last error of the thread that asks.
+/// Fetches the result of a queued step, without waiting. A ticket's result can be fetched once, which frees its place in the queue.
+/// A failed step's message becomes the last error of the calling thread.
 ///
-/// info, anchor: get the step's report and its anchor; each may be null, and an anchor that is not fetched is lost.
+/// info, anchor: get the step's report and its anchor; each may be null. An anchor that is not fetched is lost.
 ///
 /// Ownership: on success *anchor is the caller's, for cairn_anchor_destroy, and info is filled; on failure neither is written.
 /// Threads: any thread, at any time.
 /// Results: CAIRN_OK; CAIRN_NOT_READY while it waits or runs; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for a
-/// ticket that was given its result; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_CANCELLED; and what cairn_rollout_step and
-/// cairn_rollout_append answer.
+/// ticket whose result was fetched; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_CANCELLED; and the results of cairn_rollout_step and
+/// cairn_rollout_append.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_poll(
@@ -108,16 +108,16 @@ pub unsafe extern "C" fn cairn_rollout_poll(
     anchor: *mut *mut cairn_anchor,
 ) -> cairn_result {
     // SAFETY: the host's promise is the same.
-    call("cairn_rollout_poll", || unsafe { result(rollout, ticket, Some(Duration::ZERO), info, anchor) })
+    call("cairn_rollout_poll", || unsafe { fetch(rollout, ticket, Some(Duration::ZERO), info, anchor) })
 }
 
-/// As cairn_rollout_poll, and waits for the step to end.
+/// Waits for a queued step to end, and fetches its result as cairn_rollout_poll does.
 ///
-/// timeout_ns: how long at most; CAIRN_FOREVER for as long as it takes. A paused queue ends nothing.
+/// timeout_ns: longest wait in nanoseconds; CAIRN_FOREVER for no limit. While the queue is paused, waiting steps do not run.
 ///
 /// Ownership: on success *anchor is the caller's, for cairn_anchor_destroy, and info is filled; on failure neither is written.
 /// Threads: any thread, at any time. Destroying the rollout ends the wait with CAIRN_ERROR_CANCELLED.
-/// Results: CAIRN_OK; CAIRN_NOT_READY when the time is over; CAIRN_ERROR_BUSY from within a callback of a call or a step of the rollout,
+/// Results: CAIRN_OK; CAIRN_NOT_READY after the timeout; CAIRN_ERROR_BUSY from within a callback of a call or a step of the rollout,
 /// which would wait for itself; and all others of cairn_rollout_poll.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -130,12 +130,11 @@ pub unsafe extern "C" fn cairn_rollout_wait(
 ) -> cairn_result {
     let timeout = (timeout_ns != CAIRN_FOREVER).then(|| Duration::from_nanos(timeout_ns));
     // SAFETY: the host's promise is the same.
-    call("cairn_rollout_wait", || unsafe { result(rollout, ticket, timeout, info, anchor) })
+    call("cairn_rollout_wait", || unsafe { fetch(rollout, ticket, timeout, info, anchor) })
 }
 
-/// Ends everything that is going on in a rollout: queued steps are not made, and a step in progress, queued or on another
-/// thread, ends before its next pass. Each answers CAIRN_ERROR_CANCELLED, and the rollout is as before it. What is submitted
-/// later is not concerned. Does not wait.
+/// Cancels all work of a rollout: queued steps do not run, and a step in progress, queued or on another thread, ends before its next
+/// pass. Each gets CAIRN_ERROR_CANCELLED and leaves the rollout unchanged. Steps submitted later are not affected. Does not wait.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time.
@@ -150,7 +149,7 @@ pub unsafe extern "C" fn cairn_rollout_cancel(rollout: *const cairn_rollout) -> 
 }
 
 /// Pauses the queue: the step in progress completes, and no other begins. Steps may still be queued. A rollout whose queue was used is then
-/// rested, as by cairn_rollout_rest, until its memory is needed; it is in use while that is done, as while a step is running.
+/// rested, as by cairn_rollout_rest, until its memory is needed; meanwhile it is in use, as while a step is running.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time.
@@ -182,12 +181,12 @@ pub unsafe extern "C" fn cairn_rollout_resume(rollout: *const cairn_rollout) -> 
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time. Does not wait for the step.
-/// Results: CAIRN_OK; CAIRN_NOT_READY when no step is queued that was not let go already; CAIRN_ERROR_INVALID_HANDLE;
+/// Results: CAIRN_OK; CAIRN_NOT_READY when no step is queued, or all were released already; CAIRN_ERROR_INVALID_HANDLE;
 /// CAIRN_ERROR_INVALID_ARGUMENT when the queue is not paused.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_single_step(rollout: *const cairn_rollout) -> cairn_result {
-    call("cairn_rollout_single_step", || Ok(if enter(rollout)?.single()? { CAIRN_OK } else { CAIRN_NOT_READY }))
+    call("cairn_rollout_single_step", || Ok(if enter(rollout)?.single_step()? { CAIRN_OK } else { CAIRN_NOT_READY }))
 }
 
 /// # Safety
@@ -199,31 +198,33 @@ unsafe fn submit(rollout: *const cairn_rollout, job: Job, ticket: *mut u64) -> O
     Ok(CAIRN_OK)
 }
 
+/// Fetches a ticket's result, for which it waits at most `timeout`, or without limit if it is `None`.
+///
 /// # Safety
-/// As cairn_rollout_poll has it.
-unsafe fn result(
+/// `info` is null or a struct as the header demands; `anchor` is null or can be written.
+unsafe fn fetch(
     rollout: *const cairn_rollout,
     ticket: u64,
     timeout: Option<Duration>,
     info: *mut cairn_step_info,
     anchor: *mut *mut cairn_anchor,
 ) -> Outcome {
-    let running = enter(rollout)?;
+    let worker = enter(rollout)?;
     // SAFETY: the host's promise about `info`.
     let info = unsafe { Out::optional(info, "info") }?;
     if !anchor.is_null() {
         check_out(anchor, "anchor")?;
     }
     let mut handle = std::ptr::null_mut();
-    let became = running.ticket(ticket, timeout, running.is_nested(), |done| -> Outcome<()> {
+    let state = worker.ticket(ticket, timeout, worker.is_nested(), |done| -> Outcome<()> {
         if !anchor.is_null() {
             handle = insert::<cairn_anchor>(done.anchor.clone())?;
         }
         Ok(())
     })?;
-    match became {
-        TicketState::Open => Ok(CAIRN_NOT_READY),
-        TicketState::Over(done) => {
+    match state {
+        TicketState::Pending => Ok(CAIRN_NOT_READY),
+        TicketState::Finished(done) => {
             let done = done?;
             info.into_iter().for_each(|info| info.write(&step_info(&done.info)));
             if !anchor.is_null() {

@@ -1,23 +1,23 @@
-//! Reading and writing structs with their size first, so that hosts and libraries of different versions work together.
+//! Reads and writes structs whose first field is their size, so that hosts and libraries of different versions work together.
 
 use super::results::{CAIRN_ERROR_STRUCT_SIZE, Failure, Outcome};
 
-/// No struct is larger, so that a size that was never set cannot lead far into foreign memory.
+/// Upper limit of a struct's size in bytes. It bounds what is read if the host has left struct_size uninitialised.
 const MAX_SIZE: usize = 4_096;
 
 /// A struct of the header.
 ///
 /// # Safety
-/// It is `repr(C)`, its first field is `struct_size: u32`, every pattern of bits is valid in every field, and the sizes end in
-/// its own.
+/// It is `repr(C)`, its first field is `struct_size: u32`, every bit pattern is valid in every field, and `SIZES` ends with its own
+/// size.
 pub(super) unsafe trait Struct: Copy + 'static {
     const NAME: &'static str;
-    /// Every size it ever had, ascending; the last is today's. Fields are only ever added, at the end.
+    /// Every size that it has had, ascending; the last is the current one. Fields are only ever added, at the end.
     const SIZES: &'static [usize];
     const FIELDS: &'static [Field];
 }
 
-/// A field's place, for the record of the interface.
+/// Name, offset and size of a field, for the list that `record` makes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Field {
     pub(super) name: &'static str,
@@ -25,8 +25,7 @@ pub(super) struct Field {
     pub(super) size: usize,
 }
 
-/// Describes a struct of the header: the sizes it had in earlier releases, and all of its fields. One left out does not
-/// compile.
+/// Describes a struct of the header: the sizes it had in earlier releases, and all of its fields. A missing field does not compile.
 macro_rules! describe {
     ($name:ident, [$($earlier:literal),*], { $($field:ident),* $(,)? }) => {
         const _: fn($name) = |$name { $($field: _),* }| {};
@@ -48,7 +47,7 @@ pub(super) const fn size_of_field<S, F>(_: fn(&S) -> &F) -> usize {
     size_of::<F>()
 }
 
-/// Reads a struct that the host filled. What an older host's struct lacks is zero, which is every field's default.
+/// Reads a struct that the host filled. Fields that an older host's struct lacks are zero, which is every field's default.
 ///
 /// # Safety
 /// `from` is null or points to as many readable bytes as its first four say.
@@ -115,7 +114,7 @@ impl<T: Struct> Out<T> {
         unsafe { Self::new(to, name) }.map(Some)
     }
 
-    /// Fills the struct: as much as the host's version has, zeroes where it has more. Its size stays what the host wrote.
+    /// Fills the struct up to the host's size. Bytes that only a newer host's struct has become zero. The size itself is not changed.
     pub(super) fn write(self, value: &T) {
         const FIRST: usize = size_of::<u32>();
         let known = self.size.min(size_of::<T>());
@@ -128,14 +127,15 @@ impl<T: Struct> Out<T> {
     }
 }
 
-/// Fills an array of structs, `stride` bytes from one to the next: as many of `values` as the capacity allows. `count` gets
-/// how many there are in all.
+/// Writes `values` to a host's array of structs, `stride` bytes apart, up to `capacity` of them. `count` gets the number of values.
+/// `name` is the array's argument, for messages.
 ///
 /// # Safety
 /// `to` is null or has `capacity * stride` writable bytes; `count` is null or can be written.
-pub(super) unsafe fn write_rows<T: Struct>(
+pub(super) unsafe fn write_array<T: Struct>(
     values: &[T],
     to: *mut T,
+    name: &str,
     stride: usize,
     capacity: u32,
     count: *mut u32,
@@ -144,18 +144,18 @@ pub(super) unsafe fn write_rows<T: Struct>(
         return Err(Failure::argument("count", "a null or misaligned pointer"));
     }
     if to.is_null() && capacity > 0 {
-        return Err(Failure::argument("rows", "a null pointer with a capacity"));
+        return Err(Failure::argument(name, "a null pointer with a capacity"));
     }
     if !to.is_null() {
-        check_alignment(to, "rows")?;
+        check_alignment(to, name)?;
         check_size::<T>(stride, "stride")?;
     }
     for (i, value) in values.iter().take(capacity as usize).enumerate() {
-        // SAFETY: row `i` lies within the capacity, by the caller's promise.
+        // SAFETY: element `i` lies within the capacity, by the caller's promise.
         unsafe {
-            let row = to.cast::<u8>().add(i * stride);
-            row.cast::<u32>().write(stride as u32);
-            Out { to: row.cast::<T>(), size: stride }.write(value);
+            let element = to.cast::<u8>().add(i * stride);
+            element.cast::<u32>().write(stride as u32);
+            Out { to: element.cast::<T>(), size: stride }.write(value);
         }
     }
     // SAFETY: not null, aligned, and writable by the caller's promise.
@@ -163,7 +163,7 @@ pub(super) unsafe fn write_rows<T: Struct>(
     Ok(())
 }
 
-/// Checks a pointer that gets one value when a call succeeds.
+/// Checks a pointer to which a call writes one value on success.
 pub(super) fn check_out<T>(to: *mut T, name: &str) -> Outcome<()> {
     if to.is_null() {
         return Err(Failure::argument(name, "a null pointer where the result goes"));
@@ -224,7 +224,7 @@ unsafe fn struct_size<T: Struct>(from: *const T, name: &str) -> Outcome<usize> {
 
 fn check_size<T: Struct>(size: usize, name: &str) -> Outcome<()> {
     let own = size_of::<T>();
-    // A newer host's struct has grown by whole words.
+    // A newer struct's size is still a multiple of its alignment.
     let newer = size > own && size <= MAX_SIZE && size.is_multiple_of(align_of::<T>());
     if newer || T::SIZES.contains(&size) {
         return Ok(());
@@ -239,7 +239,7 @@ mod tests {
     use super::super::results::CAIRN_ERROR_INVALID_ARGUMENT;
     use super::*;
 
-    /// A struct that has grown twice.
+    /// A struct that got a field in each of two later versions.
     #[repr(C)]
     #[derive(Debug, Clone, Copy, PartialEq)]
     struct Grown {
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn an_older_host_s_struct_is_read_as_far_as_it_goes() {
+    fn reads_the_fields_that_an_older_host_has() {
         // SAFETY: every struct has the bytes its size names.
         let read = |size| unsafe { read(&grown(size), "g") }.map(|g| (g.first, g.second, g.third));
         assert_eq!(read(8).unwrap(), (1, 0, 0));
@@ -267,11 +267,11 @@ mod tests {
     }
 
     #[test]
-    fn a_newer_host_s_struct_is_taken_when_it_asks_for_nothing_new() {
+    fn accepts_a_newer_struct_only_if_its_unknown_bytes_are_zero() {
         #[repr(C, align(8))]
         struct Newer([u32; 1026]);
         let mut newer = Newer([0; 1026]);
-        // Under Miri not every size, but every remainder by 8.
+        // Miri is slow, so under it only some sizes; 101 steps through every remainder of 8.
         for size in (25..4_104_usize).step_by(if cfg!(miri) { 101 } else { 1 }) {
             newer.0[0] = size as u32;
             // SAFETY: there are more bytes than the size names.
@@ -289,31 +289,34 @@ mod tests {
     }
 
     #[test]
-    fn no_more_is_written_than_the_host_s_struct_has() {
+    fn writes_no_more_than_the_hosts_struct_size() {
         for size in [8_usize, 16, 24, 32] {
-            let mut room = [u64::MAX; 6];
-            room[0] = size as u64;
+            let mut memory = [u64::MAX; 6];
+            memory[0] = size as u64;
             // SAFETY: there are more bytes than the size names.
-            unsafe { Out::new(room.as_mut_ptr().cast::<Grown>(), "g") }.unwrap().write(&grown(99));
+            unsafe { Out::new(memory.as_mut_ptr().cast::<Grown>(), "g") }.unwrap().write(&grown(99));
             let expected = [1 << 32 | size as u64, 2, 3, 0];
             let written = size / 8;
-            assert_eq!(room[..written], expected[..written]);
-            assert!(room[written..].iter().all(|word| *word == u64::MAX), "{size}");
+            assert_eq!(memory[..written], expected[..written]);
+            assert!(memory[written..].iter().all(|word| *word == u64::MAX), "{size}");
         }
     }
 
     #[test]
-    fn rows_keep_their_stride() {
-        let mut room = [u64::MAX; 8];
+    fn arrays_are_written_with_the_hosts_stride() {
+        let mut memory = [u64::MAX; 8];
         let mut count = 0;
-        // SAFETY: two rows of four words.
-        unsafe { write_rows(&[grown(0); 3], room.as_mut_ptr().cast(), 32, 2, &mut count) }.unwrap();
-        assert_eq!((count, room), (3, [1 << 32 | 32, 2, 3, 0, 1 << 32 | 32, 2, 3, 0]));
+        // SAFETY: two elements of four words.
+        unsafe { write_array(&[grown(0); 3], memory.as_mut_ptr().cast(), "g", 32, 2, &mut count) }.unwrap();
+        assert_eq!((count, memory), (3, [1 << 32 | 32, 2, 3, 0, 1 << 32 | 32, 2, 3, 0]));
         // SAFETY: nothing is written without a capacity.
-        unsafe { write_rows(&[grown(0); 3], std::ptr::null_mut(), 0, 0, &mut count) }.unwrap();
+        unsafe { write_array(&[grown(0); 3], std::ptr::null_mut(), "g", 0, 0, &mut count) }.unwrap();
         // SAFETY: refused before anything is written.
-        let refused = unsafe { write_rows(&[grown(0)], room.as_mut_ptr().cast(), 12, 2, &mut count) };
+        let refused = unsafe { write_array(&[grown(0)], memory.as_mut_ptr().cast(), "g", 12, 2, &mut count) };
         assert_eq!(refused.unwrap_err().code, CAIRN_ERROR_STRUCT_SIZE);
+        // SAFETY: refused before anything is written.
+        let refused = unsafe { write_array(&[grown(0)], std::ptr::null_mut(), "g", 32, 2, &mut count) };
+        assert!(refused.unwrap_err().to_string().starts_with("g: "));
     }
 
     #[test]

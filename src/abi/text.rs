@@ -1,13 +1,13 @@
-//! Reading and writing text: UTF-8 with a final NUL, never kept.
+//! Reads and writes text in the host's memory: UTF-8 with a final NUL. No pointer is kept.
 
 use std::ffi::c_char;
 
 use super::results::{CAIRN_OK, CAIRN_TRUNCATED, Failure, Outcome};
 
-/// The longest text that is read, in bytes without its NUL: longer than any path a system takes.
+/// The longest text that is read, in bytes without its NUL: longer than any path that a system accepts.
 const MAX_TEXT: usize = 65_535;
 
-/// Reads a text that may be null. `name` is the argument's, for messages.
+/// Reads a text that may be null. `name` is the argument's name, for messages.
 ///
 /// # Safety
 /// `text` is null or points to bytes that can be read up to the first NUL, or up to 65,536 of them.
@@ -28,7 +28,7 @@ pub(super) unsafe fn optional_text<'a>(text: *const c_char, name: &str) -> Outco
     }
 }
 
-/// Reads a text that must be there.
+/// Reads a text that must not be null.
 ///
 /// # Safety
 /// As [`optional_text`].
@@ -37,8 +37,8 @@ pub(super) unsafe fn required_text<'a>(text: *const c_char, name: &str) -> Outco
     unsafe { optional_text(text, name) }?.ok_or_else(|| Failure::argument(name, "a null pointer where text must be"))
 }
 
-/// Copies as much of `from` as fits into a caller's buffer, whole characters only, with a final NUL; `length` gets the full length. The
-/// result tells whether all of it fitted.
+/// Copies as many whole characters of `from` as fit into a caller's buffer, with a final NUL; `length` gets the full length in bytes.
+/// The result is CAIRN_TRUNCATED if they do not all fit.
 ///
 /// # Safety
 /// `text` is null or has `capacity` writable bytes; `length` is null or can be written.
@@ -56,29 +56,29 @@ pub(super) unsafe fn copy_text(from: &str, text: *mut c_char, capacity: usize, l
     if text.is_null() {
         return Ok(CAIRN_OK);
     }
-    let Some(room) = capacity.checked_sub(1) else { return Ok(CAIRN_TRUNCATED) };
-    let cut = cut(from, room);
-    // SAFETY: `cut` and its NUL are no longer than the caller's capacity, and cannot overlap text of our own.
+    let Some(max_bytes) = capacity.checked_sub(1) else { return Ok(CAIRN_TRUNCATED) };
+    let fitting = truncate(from, max_bytes);
+    // SAFETY: `fitting` and its NUL are no longer than the caller's capacity, and cannot overlap text of our own.
     unsafe {
-        text.cast::<u8>().copy_from_nonoverlapping(cut.as_ptr(), cut.len());
-        text.add(cut.len()).write(0);
+        text.cast::<u8>().copy_from_nonoverlapping(fitting.as_ptr(), fitting.len());
+        text.add(fitting.len()).write(0);
     }
-    Ok(if cut.len() == from.len() { CAIRN_OK } else { CAIRN_TRUNCATED })
+    Ok(if fitting.len() == from.len() { CAIRN_OK } else { CAIRN_TRUNCATED })
 }
 
-/// Text as a fixed-size array of a struct, truncated if too long, padded with zeroes.
+/// A text as a struct's fixed-size array: truncated if too long, padded with zeroes.
 pub(super) fn fixed_text<const N: usize>(from: &str) -> [c_char; N] {
     let mut text = [0; N];
-    for (to, byte) in text.iter_mut().zip(cut(from, N.saturating_sub(1)).bytes()) {
+    for (to, byte) in text.iter_mut().zip(truncate(from, N.saturating_sub(1)).bytes()) {
         *to = byte as c_char;
     }
     text
 }
 
-/// The longest prefix of whole characters that has at most `most` bytes and ends before the first NUL.
-fn cut(text: &str, most: usize) -> &str {
+/// The longest prefix of whole characters that has at most `max_bytes` bytes and ends before the first NUL.
+fn truncate(text: &str, max_bytes: usize) -> &str {
     let text = text.split('\0').next().unwrap_or_default();
-    let end = (0..=most.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);
+    let end = (0..=max_bytes.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);
     &text[..end]
 }
 
@@ -87,16 +87,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn text_is_cut_between_characters() {
-        assert_eq!(cut("aé", 3), "aé");
-        assert_eq!(cut("aé", 2), "a");
-        assert_eq!(cut("a\0b", 9), "a");
+    fn text_is_truncated_between_characters() {
+        assert_eq!(truncate("aé", 3), "aé");
+        assert_eq!(truncate("aé", 2), "a");
+        assert_eq!(truncate("a\0b", 9), "a");
         assert_eq!(fixed_text::<4>("abcdef"), [b'a' as c_char, b'b' as c_char, b'c' as c_char, 0]);
         assert_eq!(fixed_text::<1>("abc"), [0]);
     }
 
     #[test]
-    fn what_is_no_text_is_refused() {
+    fn refuses_null_invalid_utf8_and_unterminated_text() {
         // SAFETY: each is ended by a NUL, or has 65,536 bytes.
         unsafe {
             assert!(required_text(std::ptr::null(), "a").is_err());

@@ -1,4 +1,4 @@
-//! The threads that share the library's work: its own, or a host's job system.
+//! Threads that share the library's work: its own, or the host's job system.
 
 use std::ffi::c_void;
 use std::sync::Arc;
@@ -8,25 +8,25 @@ use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::structs::{describe, read, read_or_default};
 use crate::tasks::{MAX_THREADS, Priority, Scheduler, ThreadOptions, set_scheduler, set_threads};
 
-/// Threads of the library's own have a priority below normal, so that a game's go first: THREAD_PRIORITY_BELOW_NORMAL on Windows, a
-/// nice value raised by 5 on Linux.
+/// The library's own threads run below normal priority, so that a game's threads run first: THREAD_PRIORITY_BELOW_NORMAL on Windows,
+/// a nice value raised by 5 on Linux.
 pub const CAIRN_PRIORITY_BELOW_NORMAL: u32 = 0;
-/// They have the normal priority; on Linux that of the thread whose call starts them.
+/// The library's own threads run at normal priority; on Linux at that of the thread whose call starts them.
 pub const CAIRN_PRIORITY_NORMAL: u32 = 1;
-/// They have the lowest priority: THREAD_PRIORITY_LOWEST on Windows, a nice value raised by 10 on Linux.
+/// The library's own threads run at the lowest priority: THREAD_PRIORITY_LOWEST on Windows, a nice value raised by 10 on Linux.
 pub const CAIRN_PRIORITY_LOWEST: u32 = 2;
-/// The most threads of the library's own, and the most that a host's job system may have.
+/// The largest number of the library's own threads, and the largest concurrency of a host's job system.
 pub const CAIRN_MAX_THREADS: u32 = 1024;
 
-/// The library's own threads, which share work on pictures with the thread that calls: frame generation on the processor, motion,
-/// resampling.
+/// Options of the library's own threads. They share work on pictures with the calling thread: frame generation on the processor,
+/// motion, resampling.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_thread_options {
     /// sizeof(cairn_thread_options)
     pub struct_size: u32,
-    /// How many, 1 to CAIRN_MAX_THREADS, beside those that call; 0 for one less than the physical cores this process may use, at
-    /// least one.
+    /// Number of threads, 1 to CAIRN_MAX_THREADS, in addition to the calling ones; 0 for one less than the physical cores that this
+    /// process may use, but at least one.
     pub threads: u32,
     /// CAIRN_PRIORITY_BELOW_NORMAL, CAIRN_PRIORITY_NORMAL or CAIRN_PRIORITY_LOWEST
     pub priority: u32,
@@ -35,17 +35,16 @@ pub struct cairn_thread_options {
 }
 describe!(cairn_thread_options, [], { struct_size, threads, priority, reserved });
 
-/// Does a part of the library's work; data is what cairn_run_callback got. May be called on any thread. A call with data whose work is
-/// over returns at once, until the library is unloaded.
+/// Does one share of the library's work; data is the pointer that cairn_run_callback got. May be called on any thread. If the work is
+/// already complete, the call returns at once; it must not come after the library is unloaded.
 pub type cairn_job = Option<unsafe extern "C" fn(data: *mut c_void)>;
 
-/// Calls job(data) up to jobs times, at the same time on as many threads as it likes, the calling one among them, and returns when
-/// these calls have returned. Each call takes a share of the work that no other has; what is left undone when it returns, whether it
-/// made too few calls or none, the library does on the calling thread, and it waits for calls that have not returned. user is what
-/// the scheduler has.
+/// Calls job(data) up to jobs times, on any number of threads at the same time, including the calling one, and returns when these
+/// calls have returned. Each call does a different share of the work. When the callback has made fewer calls, or none, the library
+/// does the rest on the calling thread, and it waits for calls that have not returned. user is the pointer in cairn_scheduler.
 ///
 /// It is called on threads that call the library, also on several at once, without any lock held, and never within a job. It may call
-/// Cairn, but must not destroy an object that a call further up is using, and must not throw.
+/// Cairn, but must not destroy an object that a call further up the stack is using, and must not throw.
 pub type cairn_run_callback =
     Option<unsafe extern "C" fn(user: *mut c_void, jobs: u32, job: cairn_job, data: *mut c_void)>;
 
@@ -55,21 +54,21 @@ pub type cairn_run_callback =
 pub struct cairn_scheduler {
     /// sizeof(cairn_scheduler)
     pub struct_size: u32,
-    /// The most jobs that run at the same time, 1 to CAIRN_MAX_THREADS.
+    /// The largest number of jobs that run at the same time, 1 to CAIRN_MAX_THREADS.
     pub concurrency: u32,
     /// Runs jobs; required.
     pub run: cairn_run_callback,
-    /// Handed to the callback.
+    /// Passed to the callback.
     pub user: *mut c_void,
 }
 describe!(cairn_scheduler, [], { struct_size, concurrency, run, user });
 
-/// Sets how many threads of its own the library has, and their priority, for the whole process. They start with the first work to be
-/// shared, and have ended when the call that destroys the last object returns. Results do not depend on how many there are.
+/// Sets the number and the priority of the library's own threads, for the whole process. They start with the first work that is
+/// shared, and have ended when the call that destroys the last object returns. Their number changes no result.
 ///
 /// options: may be null for the defaults.
 ///
-/// Ownership: options stays the caller's, on success or on failure, which changes nothing.
+/// Ownership: options stays the caller's, on success and on failure; a failure changes nothing.
 /// Threads: any thread, while there is no object of this library.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY while there is an object.
 /// Since: 0.1.0
@@ -83,8 +82,8 @@ pub unsafe extern "C" fn cairn_set_threads(options: *const cairn_thread_options)
     })
 }
 
-/// Sets the job system on which the library shares its work in place of threads of its own, which then are not started, for the whole
-/// process. Results do not depend on it.
+/// Makes the library share its work on the host's job system instead of starting threads of its own, for the whole process. This
+/// changes no result.
 ///
 /// scheduler: null for the library's own threads.
 ///
@@ -100,7 +99,7 @@ pub unsafe extern "C" fn cairn_set_scheduler(scheduler: *const cairn_scheduler) 
             None
         } else {
             // SAFETY: the host's promise about `scheduler`.
-            Some(Arc::new(hosted(&unsafe { read(scheduler, "scheduler") }?)?) as Arc<dyn Scheduler>)
+            Some(Arc::new(host_scheduler(&unsafe { read(scheduler, "scheduler") }?)?) as Arc<dyn Scheduler>)
         };
         set_scheduler(scheduler)?;
         Ok(CAIRN_OK)
@@ -126,31 +125,31 @@ fn thread_options(options: &cairn_thread_options) -> Outcome<ThreadOptions> {
     Ok(ThreadOptions { threads, priority })
 }
 
-/// A host's job system, as the host described it.
-struct Hosted {
+/// The host's job system.
+struct HostScheduler {
     run: unsafe extern "C" fn(*mut c_void, u32, cairn_job, *mut c_void),
     user: *mut c_void,
     concurrency: usize,
 }
 
 // SAFETY: the pointer is the host's; the documentation of the callback says that it is used on any thread.
-unsafe impl Send for Hosted {}
+unsafe impl Send for HostScheduler {}
 // SAFETY: as above.
-unsafe impl Sync for Hosted {}
+unsafe impl Sync for HostScheduler {}
 
 const _: () = assert!(CAIRN_MAX_THREADS as usize == MAX_THREADS);
 
-fn hosted(scheduler: &cairn_scheduler) -> Outcome<Hosted> {
+fn host_scheduler(scheduler: &cairn_scheduler) -> Outcome<HostScheduler> {
     let concurrency = scheduler.concurrency;
     if !(1..=CAIRN_MAX_THREADS).contains(&concurrency) {
         return Err(Failure::argument("scheduler.concurrency", format!("{concurrency} jobs at the same time"))
             .remedy(format!("Use 1 to {CAIRN_MAX_THREADS}")));
     }
     let run = scheduler.run.ok_or_else(|| Failure::argument("scheduler.run", "it is null"))?;
-    Ok(Hosted { run, user: scheduler.user, concurrency: concurrency as usize })
+    Ok(HostScheduler { run, user: scheduler.user, concurrency: concurrency as usize })
 }
 
-impl Scheduler for Hosted {
+impl Scheduler for HostScheduler {
     fn concurrency(&self) -> usize {
         self.concurrency
     }

@@ -1,15 +1,15 @@
-//! Two numbers: one that must be equal, one that grows.
+//! Version numbers of the binary interface and of the library.
 
-/// What the library was built as, to be compared with the constant of the same name in the header a host was compiled with.
+/// The version of the binary interface that this header declares. Compare it with cairn_abi_version() of the loaded library.
 ///
-/// History: 1 is the first; in 2 devices have cairn_device_options.
+/// History: 1 was the first; since 2, devices are created with cairn_device_options.
 pub const CAIRN_ABI_VERSION: u32 = 2;
 
-/// The version of the library this header belongs to: major * 1000000 + minor * 1000 + patch.
+/// The version of the library that this header belongs to: major * 1000000 + minor * 1000 + patch.
 pub const CAIRN_VERSION: u32 = 1000;
 
-/// The binary interface of the loaded library. It must be equal to CAIRN_ABI_VERSION of the header, or nothing else may be
-/// called: structs or functions have changed in a way that old hosts cannot know.
+/// The version of the loaded library's binary interface. If it differs from CAIRN_ABI_VERSION of the header, call nothing else:
+/// structs or functions have changed.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time.
@@ -20,8 +20,8 @@ pub extern "C" fn cairn_abi_version() -> u32 {
     CAIRN_ABI_VERSION
 }
 
-/// The version of the loaded library, as CAIRN_VERSION. Where the binary interface is equal, a library that is not older
-/// than the header has all that the header names.
+/// The version of the loaded library, in the form of CAIRN_VERSION. If the binary interface is equal and the library is not older
+/// than the header, the library has everything that the header declares.
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: any thread, at any time.
@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_version_is_the_package_s() {
+    fn the_version_equals_the_packages() {
         let [major, minor, patch] =
             [env!("CARGO_PKG_VERSION_MAJOR"), env!("CARGO_PKG_VERSION_MINOR"), env!("CARGO_PKG_VERSION_PATCH")]
                 .map(|part| part.parse::<u32>().expect("a number"));

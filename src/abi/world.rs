@@ -17,7 +17,7 @@ use crate::runtime::Device;
 use crate::world::{OperatingPoint, Preset, World, WorldOptions};
 use crate::{Error, ErrorKind};
 
-/// A stage of loading: files are read and checked; done and total count bytes.
+/// A stage of loading: reads and checks files; done and total count bytes.
 pub const CAIRN_LOAD_READING: u32 = 1;
 /// A stage of loading: ONNX Runtime prepares the graphs; done and total count graphs.
 pub const CAIRN_LOAD_PREPARING: u32 = 2;
@@ -26,7 +26,7 @@ pub const CAIRN_LOAD_PREPARING: u32 = 2;
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_load_progress {
-    /// sizeof(cairn_load_progress), as this library has it.
+    /// sizeof(cairn_load_progress) in this library.
     pub struct_size: u32,
     /// CAIRN_LOAD_READING, then CAIRN_LOAD_PREPARING
     pub stage: u32,
@@ -37,10 +37,9 @@ pub struct cairn_load_progress {
 }
 describe!(cairn_load_progress, [], { struct_size, stage, done, total });
 
-/// Gets the progress of a load, on the thread that called cairn_world_load, after every mebibyte and every graph, without any
-/// lock held. progress is valid during the call only; user is what the options have. A result that is not 0 ends the load
-/// with CAIRN_ERROR_CANCELLED before anything more is read or run. It may call Cairn, except to destroy the device, and must
-/// not throw.
+/// Gets the progress of a load, on the thread that called cairn_world_load, after every mebibyte and every graph, without any lock
+/// held. progress is valid during the call only; user is the pointer in the options. If the callback does not return 0, the load ends
+/// with CAIRN_ERROR_CANCELLED before anything more is read or run. It may call Cairn, except to destroy the device, and must not throw.
 pub type cairn_load_callback =
     Option<unsafe extern "C" fn(progress: *const cairn_load_progress, user: *mut c_void) -> u32>;
 
@@ -63,8 +62,8 @@ impl Handle for cairn_world {
 
 impl Object for LoadedWorld {}
 
-/// A flag of cairn_world_options: where the global window is too wide for memory_limit, or for what an adapter has left, the widest one
-/// that is not takes its place, and cairn_rollout_info says which; without it such a world is refused.
+/// A flag of cairn_world_options: if the global window needs more memory than memory_limit or than the adapter has free, the widest
+/// window that fits is used instead, and cairn_rollout_info names it. Without the flag the load fails.
 pub const CAIRN_WORLD_FIT_WINDOW: u32 = 1;
 
 /// Options of loading a world.
@@ -75,17 +74,17 @@ pub struct cairn_world_options {
     pub struct_size: u32,
     /// CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16; 0 for the device's default.
     pub precision: u32,
-    /// The bundle: a directory or an archive, UTF-8. Null for the world embedded in this library, where there is one.
+    /// Path of the bundle, a directory or an archive, UTF-8. Null for the world embedded in this library, if there is one.
     pub path: *const c_char,
-    /// How rollouts run, UTF-8: a preset ("coherence", "baseline-128", "baseline-112", "baseline-doubled", "decoded-60", "heavy",
-    /// "stock"), with changes after commas where needed: "stock,g64,native". Null for "stock" at the bundle's own window. Its
-    /// global window is the world's for good; the rest may differ from rollout to rollout.
+    /// Operating point of its rollouts, UTF-8: a preset ("coherence", "baseline-128", "baseline-112", "baseline-doubled", "decoded-60",
+    /// "heavy", "stock"), with changes after commas: "stock,g64,native". Null for "stock" with the bundle's own global window. The global
+    /// window is fixed for the world; the rest may differ from rollout to rollout.
     pub operating_point: *const c_char,
-    /// Bytes that the world with one rollout may take; 0 for what the system has available.
+    /// Limit in bytes on the memory of the world with one rollout; 0 for what the system has available.
     pub memory_limit: u64,
-    /// Gets the progress and can end the load; null for none.
+    /// Gets the progress and can cancel the load; null for none.
     pub progress: cairn_load_callback,
-    /// Handed to the callback.
+    /// Passed to the callback.
     pub user: *mut c_void,
     /// CAIRN_WORLD_FIT_WINDOW
     pub flags: u32,
@@ -104,11 +103,11 @@ pub struct cairn_world_info {
     pub struct_size: u32,
     /// Precision of the graphs: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16
     pub precision: u32,
-    /// Size of the pictures that anchors have, in square pixels.
+    /// Size of an anchor's pictures, in square pixels.
     pub render_width: u32,
     /// See render_width.
     pub render_height: u32,
-    /// Size of the pictures as the autoencoder decodes them, whose pixels may not be square.
+    /// Size of the autoencoder's decoded pictures, whose pixels may not be square.
     pub decoded_width: u32,
     /// See decoded_width.
     pub decoded_height: u32,
@@ -122,23 +121,23 @@ pub struct cairn_world_info {
     pub tokens: u32,
     /// Layers of the transformer.
     pub layers: u32,
-    /// Pictures that a latent decodes to.
+    /// Pictures decoded from one latent.
     pub pictures_per_latent: u32,
-    /// Latents that a local layer remembers.
+    /// Context window of a local layer, in latents.
     pub local_window: u32,
-    /// g: latents that a global layer looks back over, as loaded.
+    /// g: context window of a global layer, in latents, as loaded.
     pub global_window: u32,
     /// The largest g that the bundle allows.
     pub max_global_window: u32,
     /// g is a multiple of this.
     pub global_dilation: u32,
-    /// Latents per second of world time that the model was made for.
+    /// Latents per second of world time for which the model was made.
     pub latents_per_second: u32,
-    /// Number of keys it knows: virtual-key codes from 0 to this minus 1.
+    /// Number of keys that the model knows: virtual-key codes from 0 to this minus 1.
     pub keys: u32,
     /// The world's name, for people; UTF-8.
     pub name: [c_char; 128],
-    /// The licence as an SPDX expression; the text is had from cairn_world_get_licence.
+    /// The licence as an SPDX expression; cairn_world_get_licence has its text.
     pub licence: [c_char; 64],
     /// The bundle's identity: SHA-256 of its manifest, in hexadecimal.
     pub digest: [c_char; 72],
@@ -161,13 +160,13 @@ pub struct cairn_world_memory {
     pub bundle: u64,
     /// Weights as ONNX Runtime holds them.
     pub weights: u64,
-    /// Keys and values of one rollout's ring: what each further rollout takes, with the slabs.
+    /// Keys and values of one rollout's ring. Each further rollout needs this and the slabs.
     pub ring: u64,
     /// Keys and values of the current latent.
     pub slabs: u64,
     /// Intermediate values of a pass.
     pub intermediates: u64,
-    /// Intermediate values, pictures and memories of encoder and decoder.
+    /// Intermediate values, pictures and state of encoder and decoder.
     pub autoencoder: u64,
     /// Overhead of ONNX Runtime's allocator.
     pub arena: u64,
@@ -178,18 +177,17 @@ describe!(cairn_world_memory, [], {
     struct_size, reserved, bundle, weights, ring, slabs, intermediates, autoencoder, arena, total,
 });
 
-/// Loads a world: reads and checks the bundle, compares the memory it needs with what there is, and prepares its graphs.
-/// Takes seconds to minutes with real weights, so call it off the render thread; the callback tells how far it is and can end
-/// it.
+/// Loads a world: reads and checks the bundle, compares the memory it needs with the memory available, and prepares its graphs. Takes
+/// seconds to minutes with real weights, so call it off the render thread; the callback reports progress and can cancel the load.
 ///
 /// device: kept alive by the world.
 ///
 /// Ownership: on success *world is the caller's, for cairn_world_destroy; on failure it is not written and nothing is kept. What
 /// options point to is read during the call only.
-/// Threads: any thread, at any time, several loads beside each other too.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that the world does
-/// not fit; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE; CAIRN_ERROR_UNSUPPORTED for another version of
-/// the format, a precision the bundle does not have, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with figures;
+/// Threads: any thread, at any time, also several loads at once.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that does not fit the
+/// world; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE; CAIRN_ERROR_UNSUPPORTED for another version of
+/// the format, a precision the bundle does not have, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers;
 /// CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -259,7 +257,7 @@ pub unsafe extern "C" fn cairn_world_get_info(world: *const cairn_world, info: *
     })
 }
 
-/// Gives the memory need of a world with one rollout, as computed before loading.
+/// Gives the memory that a world with one rollout needs, as computed before loading.
 ///
 /// Ownership: memory stays the caller's and is filled on success; on failure it is not written.
 /// Threads: any thread, at any time.
@@ -291,7 +289,7 @@ pub unsafe extern "C" fn cairn_world_get_memory(
     })
 }
 
-/// Copies the text of the world's licence; empty where the bundle has none.
+/// Copies the text of the world's licence; empty if the bundle has none.
 ///
 /// text: at least capacity bytes, or null with capacity 0 to learn the length. Always ends in a NUL when capacity > 0.
 /// length: gets the length in bytes of the whole text, without the NUL; may be null.
@@ -316,7 +314,7 @@ pub unsafe extern "C" fn cairn_world_get_licence(
 
 /// Destroys the handle of a world; null is allowed. Its rollouts keep it alive.
 ///
-/// Ownership: on success world is no handle any more; on failure it is as it was.
+/// Ownership: on success world is no longer a handle; on failure it is unchanged.
 /// Threads: any thread; waits for calls in flight on the world.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY from within a callback of a call on it.
 /// Since: 0.1.0
@@ -338,9 +336,11 @@ fn load(
         return Err(Failure::argument("options.reserved", "it must be 0"));
     }
     let point = point.map(str::parse::<OperatingPoint>).transpose()?;
-    let report = Report { callback: options.progress, user: options.user, stopped: AtomicBool::new(false) };
-    let read = |progress: crate::bundle::OpenProgress| report.tell(CAIRN_LOAD_READING, progress.done, progress.total);
-    let open = OpenOptions { progress: Some(&read), cancel: Some(&report.stopped), max_bytes: None };
+    let reporter =
+        ProgressReporter { callback: options.progress, user: options.user, cancelled: AtomicBool::new(false) };
+    let read =
+        |progress: crate::bundle::OpenProgress| reporter.report(CAIRN_LOAD_READING, progress.done, progress.total);
+    let open = OpenOptions { progress: Some(&read), cancel: Some(&reporter.cancelled), max_bytes: None };
     let bundle = match path {
         Some(path) => Bundle::open_with(Path::new(path), &open)?,
         None => Bundle::embedded(&open).map_err(|error| error.field("options.path"))?,
@@ -358,32 +358,32 @@ fn load(
     };
     let prepared = Cell::new(0);
     let world = World::load_with(device, &bundle, world_options, &|total| {
-        report.tell(CAIRN_LOAD_PREPARING, prepared.replace(prepared.get() + 1), total);
-        report.check()
+        reporter.report(CAIRN_LOAD_PREPARING, prepared.replace(prepared.get() + 1), total);
+        reporter.check_cancelled()
     })?;
     let point = OperatingPoint { global_window: world.global_window(), ..point };
     Ok(LoadedWorld { licence: bundle.licence_text().map(str::to_owned), world, point })
 }
 
-/// The host's progress callback, and its decision.
-struct Report {
+/// Calls the host's progress callback, and records whether it cancelled the load.
+struct ProgressReporter {
     callback: cairn_load_callback,
     user: *mut c_void,
-    stopped: AtomicBool,
+    cancelled: AtomicBool,
 }
 
-impl Report {
-    fn tell(&self, stage: u32, done: u64, total: u64) {
+impl ProgressReporter {
+    fn report(&self, stage: u32, done: u64, total: u64) {
         let Some(callback) = self.callback else { return };
         let progress = cairn_load_progress { struct_size: size_of::<cairn_load_progress>() as u32, stage, done, total };
         // SAFETY: the struct lives through the call; the rest is the host's promise.
         if unsafe { callback(&progress, self.user) } != 0 {
-            self.stopped.store(true, Ordering::Relaxed);
+            self.cancelled.store(true, Ordering::Relaxed);
         }
     }
 
-    fn check(&self) -> crate::Result<()> {
-        if self.stopped.load(Ordering::Relaxed) {
+    fn check_cancelled(&self) -> crate::Result<()> {
+        if self.cancelled.load(Ordering::Relaxed) {
             return Err(Error::new(ErrorKind::Cancelled, "loading was cancelled"));
         }
         Ok(())

@@ -1,8 +1,8 @@
 //! Archives: a reader of the ZIP files that `docs/bundle.md` section 1 allows, and of no others.
 //!
-//! Format: PKWARE's APPNOTE 6.3.10. Only stored entries, so nothing can grow while it is read. Everything that two readers
-//! could take in two ways is refused: comments, several disks, entries that repeat or share bytes, local headers that
-//! differ from the central directory, data descriptors.
+//! Format: PKWARE's APPNOTE 6.3.10. Entries are stored, never compressed, so nothing can grow while it is read. Everything that two
+//! readers could interpret differently is refused: comments, several disks, entries with equal names or shared bytes, local headers
+//! that differ from the central directory, data descriptors.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
@@ -22,8 +22,8 @@ const LOCATOR64_LEN: u64 = 20;
 const CENTRAL_LEN: usize = 46;
 const LOCAL_LEN: u64 = 30;
 /// Placeholder in a 32-bit field whose value is in a ZIP64 record.
-const ELSEWHERE32: u64 = u32::MAX as u64;
-const ELSEWHERE16: u64 = u16::MAX as u64;
+const ZIP64_MARKER_32: u64 = u32::MAX as u64;
+const ZIP64_MARKER_16: u64 = u16::MAX as u64;
 /// The flag that a name is UTF-8, which says nothing about ASCII names. No other flag is allowed.
 const UTF8_FLAG: u16 = 1 << 11;
 const MAX_ENTRIES: u64 = 8192;
@@ -43,7 +43,7 @@ impl Entry {
     }
 
     /// Byte range of the data in an archive in memory.
-    pub(super) fn place(&self) -> Option<Range<usize>> {
+    pub(super) fn range(&self) -> Option<Range<usize>> {
         Some(usize::try_from(self.data.start).ok()?..usize::try_from(self.data.end).ok()?)
     }
 }
@@ -61,9 +61,9 @@ struct Record<'a>(&'a [u8]);
 
 impl<'a> Record<'a> {
     fn bytes(&mut self, n: usize) -> Result<&'a [u8]> {
-        let (taken, rest) = self.0.split_at_checked(n).ok_or_else(|| bad("a record of the archive is cut short"))?;
+        let (bytes, rest) = self.0.split_at_checked(n).ok_or_else(|| bad("a record of the archive is cut short"))?;
         self.0 = rest;
-        Ok(taken)
+        Ok(bytes)
     }
 
     fn number(&mut self, bytes: usize) -> Result<u64> {
@@ -95,7 +95,7 @@ fn read_at(file: &mut (impl Read + Seek), at: u64, len: u64) -> Result<Vec<u8>> 
 /// Position of the central directory, and its number of entries.
 struct Central {
     entries: u64,
-    place: Range<u64>,
+    range: Range<u64>,
 }
 
 /// All files of the archive `file` of `len` bytes that have a name a bundle may use.
@@ -104,7 +104,7 @@ struct Central {
 /// `InvalidBundle` for anything but a plain archive of stored entries.
 pub(super) fn directory(file: &mut (impl Read + Seek), len: u64) -> Result<BTreeMap<String, Entry>> {
     let central = central(file, len)?;
-    let bytes = read_at(file, central.place.start, central.place.end - central.place.start)?;
+    let bytes = read_at(file, central.range.start, central.range.end - central.range.start)?;
     let mut record = Record(&bytes);
     let mut entries = BTreeMap::new();
     let mut extents = Vec::new();
@@ -123,10 +123,10 @@ pub(super) fn directory(file: &mut (impl Read + Seek), len: u64) -> Result<BTree
     }
     extents.sort_by_key(|extent| extent.start);
     let overlaps = extents.windows(2).any(|pair| pair[0].end > pair[1].start);
-    if overlaps || extents.last().is_some_and(|last| last.end > central.place.start) {
+    if overlaps || extents.last().is_some_and(|last| last.end > central.range.start) {
         return Err(bad("entries overlap one another or the central directory"));
     }
-    entries.retain(|name, _| names::fault(name).is_none());
+    entries.retain(|name, _| names::violation(name).is_none());
     Ok(entries)
 }
 
@@ -140,21 +140,22 @@ fn central(file: &mut (impl Read + Seek), len: u64) -> Result<Central> {
     if (disk, first_disk, comment) != (0, 0, 0) || here != entries {
         return Err(bad("the archive has a comment or several disks"));
     }
-    let (entries, size, offset, after) = if entries == ELSEWHERE16 || size == ELSEWHERE32 || offset == ELSEWHERE32 {
-        central64(file, end_at)?
-    } else {
-        (entries, size, offset, end_at)
-    };
-    let place = offset..offset.checked_add(size).unwrap_or(0);
-    if place.end != after || entries > MAX_ENTRIES || size > MAX_CENTRAL {
+    let (entries, size, offset, after) =
+        if entries == ZIP64_MARKER_16 || size == ZIP64_MARKER_32 || offset == ZIP64_MARKER_32 {
+            central64(file, end_at)?
+        } else {
+            (entries, size, offset, end_at)
+        };
+    let range = offset..offset.checked_add(size).unwrap_or(0);
+    if range.end != after || entries > MAX_ENTRIES || size > MAX_CENTRAL {
         return Err(bad(format!(
             "the central directory of {entries} entries, {size} bytes at {offset} is misplaced or too large"
         )));
     }
-    Ok(Central { entries, place })
+    Ok(Central { entries, range })
 }
 
-/// The same from the ZIP64 records: entries, size, offset, and where the records start.
+/// The central directory as the ZIP64 records describe it: entries, size, offset, and the position of the records.
 fn central64(file: &mut (impl Read + Seek), end_at: u64) -> Result<(u64, u64, u64, u64)> {
     let missing = || bad("the archive's 64-bit records are missing");
     let at = end_at.checked_sub(LOCATOR64_LEN).ok_or_else(missing)?;
@@ -209,7 +210,7 @@ impl<'a> Header<'a> {
             return Err(fault("has a data descriptor, another unusual flag, or lies on another disk"));
         }
         let mut wide = Record(extra64(extra)?.unwrap_or_default());
-        let mut widened = |short: u64| if short == ELSEWHERE32 { wide.number(8) } else { Ok(short) };
+        let mut widened = |short: u64| if short == ZIP64_MARKER_32 { wide.number(8) } else { Ok(short) };
         let (size, packed, offset) = (widened(size)?, widened(packed)?, widened(offset)?);
         if packed != size {
             return Err(fault("has two sizes"));
@@ -232,7 +233,7 @@ impl<'a> Header<'a> {
         let rest = read_at(file, names_at, u64::from(name_len) + u64::from(extra_len))?;
         let (name, extra) = rest.split_at_checked(name_len.into()).ok_or_else(fault)?;
         let mut wide = Record(extra64(extra)?.unwrap_or_default());
-        let mut widened = |short: u64| if short == ELSEWHERE32 { wide.number(8) } else { Ok(short) };
+        let mut widened = |short: u64| if short == ZIP64_MARKER_32 { wide.number(8) } else { Ok(short) };
         let sizes = (widened(size)?, widened(packed)?);
         if (name, flags, method, crc, sizes) != (self.name, self.flags, 0, self.crc, (self.size, self.size)) {
             return Err(fault());
@@ -257,7 +258,7 @@ fn extra64(extra: &[u8]) -> Result<Option<&[u8]>> {
     Ok(found)
 }
 
-/// Holds the manifest's bytes against its CRC-32: no checksum in the manifest can guard the manifest itself.
+/// Compares the manifest's bytes with its CRC-32, because no checksum in the manifest can protect the manifest itself.
 pub(super) fn check_manifest(bytes: &[u8], entry: &Entry) -> Result<()> {
     let crc = !bytes.iter().fold(u32::MAX, |crc, &byte| {
         (0..8).fold(crc ^ u32::from(byte), |crc, _| if crc & 1 == 0 { crc >> 1 } else { crc >> 1 ^ 0xEDB8_8320 })

@@ -13,7 +13,7 @@ use crate::{Error, ErrorKind, Result};
 /// Read size: small enough for frequent progress reports and prompt cancellation.
 const CHUNK: usize = 1 << 20;
 
-/// Named files of known sizes. Callers pass only names that [`names::fault`] accepts.
+/// Named files of known sizes. Callers pass only names that [`names::violation`] accepts.
 pub(super) enum Container {
     Directory(PathBuf),
     Archive { file: File, entries: BTreeMap<String, Entry> },
@@ -23,17 +23,17 @@ pub(super) enum Container {
 impl Container {
     /// The bundle at `path`.
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let shown = path.display().to_string();
-        let found = fs::metadata(path).map_err(|error| io_error(&shown, &error))?;
+        let path_text = path.display().to_string();
+        let found = fs::metadata(path).map_err(|error| io_error(&path_text, &error))?;
         if found.is_dir() {
             return Ok(Self::Directory(path.to_path_buf()));
         }
         if !found.is_file() {
             return Err(Error::new(ErrorKind::InvalidBundle, "this is neither a directory nor a file")
-                .field(shown)
+                .field(path_text)
                 .remedy(format!("Give the directory that holds {MANIFEST_NAME}, or an archive of it")));
         }
-        let mut file = File::open(path).map_err(|error| io_error(&shown, &error))?;
+        let mut file = File::open(path).map_err(|error| io_error(&path_text, &error))?;
         let entries = archive::directory(&mut file, found.len())?;
         Ok(Self::Archive { file, entries })
     }
@@ -43,10 +43,10 @@ impl Container {
         let entries = archive::directory(&mut Cursor::new(&bytes), bytes.len() as u64)?;
         let mut files = BTreeMap::new();
         for (name, entry) in entries {
-            let slice = |all: &'static [u8]| entry.place().and_then(|place| all.get(place)).map(Cow::Borrowed);
+            let slice = |all: &'static [u8]| entry.range().and_then(|range| all.get(range)).map(Cow::Borrowed);
             let part = match &bytes {
                 Cow::Borrowed(all) => slice(all),
-                Cow::Owned(all) => entry.place().and_then(|place| all.get(place)).map(|part| Cow::Owned(part.to_vec())),
+                Cow::Owned(all) => entry.range().and_then(|range| all.get(range)).map(|part| Cow::Owned(part.to_vec())),
             };
             let part = part.ok_or_else(|| damaged(&name, "the entry lies outside the archive"))?;
             if name == MANIFEST_NAME {
@@ -61,7 +61,7 @@ impl Container {
     pub(super) fn from_memory(files: Vec<(String, Cow<'static, [u8]>)>) -> Result<Self> {
         let mut map = BTreeMap::new();
         for (name, bytes) in files {
-            if let Some(fault) = names::fault(&name) {
+            if let Some(fault) = names::violation(&name) {
                 return Err(Error::new(ErrorKind::InvalidArgument, fault)
                     .field(name.escape_debug().to_string())
                     .remedy("Give names as docs/bundle.md section 1 says"));
@@ -76,7 +76,7 @@ impl Container {
     }
 
     /// Whether reading a file allocates memory.
-    pub(super) fn reads(&self) -> bool {
+    pub(super) fn allocates_on_read(&self) -> bool {
         !matches!(self, Self::Memory(_))
     }
 

@@ -11,7 +11,7 @@ pub const SCHEMA_VERSION: u32 = 1;
 pub struct Manifest {
     /// [`SCHEMA_VERSION`].
     pub schema_version: u32,
-    /// Shown to people.
+    /// Name for people to read.
     pub name: String,
     /// `waypoint-1.5`.
     pub model_type: String,
@@ -81,15 +81,15 @@ pub struct LatentShape {
     pub width: u32,
 }
 
-/// What a local layer remembers.
+/// Context of local layers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LocalWindow {
-    /// Latents, and buckets.
+    /// Number of latents, which is also the number of buckets.
     pub window: u32,
 }
 
-/// What a global layer remembers.
+/// Context of global layers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GlobalWindow {
@@ -97,7 +97,7 @@ pub struct GlobalWindow {
     pub window: u32,
     /// Latents per bucket.
     pub dilation: u32,
-    /// The largest g the bundle is declared for.
+    /// The largest g that the bundle allows.
     pub max_window: u32,
     /// Layer i is global when `(i - offset) mod period == 0`.
     pub period: u32,
@@ -117,7 +117,7 @@ pub struct Rope {
     pub rounding: Rounding,
 }
 
-/// Shape facts of the autoencoder.
+/// Shapes of the autoencoder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Autoencoder {
@@ -127,7 +127,7 @@ pub struct Autoencoder {
     pub spatial: u32,
     /// `[channels, height, width]` of each decoder memory.
     pub memories: Vec<[u32; 3]>,
-    /// The same of each encoder memory, where the encoder's graph is handed them; else empty, and each clip starts at zero.
+    /// `[channels, height, width]` of each encoder memory. Empty if the encoder's graph has no memory inputs; each clip then starts at zero.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub encoder_memories: Vec<[u32; 3]>,
 }
@@ -146,17 +146,17 @@ pub struct Sampler {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Rounding {
-    /// Not beyond f32.
+    /// None: the numbers are used as f32.
     None,
     /// To bfloat16, as the released engine runs.
     Bf16,
 }
 
-/// Clock facts.
+/// Rates of the clocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rates {
-    /// One latent step stands for the reciprocal of this, in seconds.
+    /// Latents per second of world time.
     pub latents_per_second: u32,
     /// RoPE time of latent q is q times this.
     pub time_multiplier: u32,
@@ -178,7 +178,7 @@ pub struct Controls {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PictureSizes {
-    /// What the autoencoder makes.
+    /// Size of the autoencoder's pictures.
     pub decoded: [u32; 2],
     /// The same picture in square pixels.
     pub render: [u32; 2],
@@ -238,7 +238,7 @@ pub struct Licence {
 }
 
 impl Manifest {
-    /// Reads a manifest's bytes and checks everything that the manifest alone can show.
+    /// Parses a manifest and makes all checks that need no other file.
     ///
     /// # Errors
     /// `InvalidBundle` with the offending member, or `Unsupported` for a newer or older schema or another kind of model.
@@ -246,14 +246,14 @@ impl Manifest {
         super::manifest_check::read_manifest(bytes)
     }
 
-    /// The entry of the file `path`, where it is listed.
+    /// The entry of the file `path`, if it is listed.
     pub fn file(&self, path: &str) -> Option<&FileEntry> {
         self.files.iter().find(|entry| entry.path == path)
     }
 }
 
 impl Graphs {
-    /// The models of one precision, where the bundle has them.
+    /// The models of one precision, if the bundle has them.
     pub fn of(&self, precision: Precision) -> Option<&GraphFiles> {
         match precision {
             Precision::F32 => Some(&self.f32),
@@ -344,7 +344,7 @@ impl Geometry {
         (i64::from(layer) - i64::from(self.global.offset)).rem_euclid(i64::from(self.global.period)) == 0
     }
 
-    /// Latents that a layer of one kind remembers at the global window `g`.
+    /// Number of buckets, one latent each, in a global or local layer's ring at a global window of `g` latents.
     pub fn buckets(&self, global: bool, g: u32) -> u64 {
         u64::from(if global { g / self.global.dilation } else { self.local.window })
     }

@@ -1,7 +1,6 @@
 //! Parses the manifest and checks its consistency: `docs/bundle.md` sections 2 and 3.
 //!
-//! The upper limits keep every later product far inside 64 bits; they are a hundred times and more what any released
-//! model needs.
+//! The upper limits keep every later product far below 2^64. They are at least a hundred times what any released model needs.
 
 use std::collections::BTreeSet;
 
@@ -14,7 +13,7 @@ use crate::{Error, ErrorKind, Result};
 
 /// The largest manifest, in bytes.
 pub(super) const MAX_MANIFEST: u64 = 1 << 20;
-/// The most files a bundle lists.
+/// Maximum number of files that a bundle lists.
 pub(super) const MAX_FILES: usize = 4096;
 /// The only model type this library runs.
 const MODEL_TYPE: &str = "waypoint-1.5";
@@ -25,7 +24,7 @@ const MAX_CELLS: u64 = 4096;
 
 const CONVERT: &str = "Build the bundle again, or correct the manifest as docs/bundle.md says";
 
-/// Reads `bytes` as a manifest and checks everything that the manifest alone can show.
+/// Reads `bytes` as a manifest and makes all checks that need no other file.
 ///
 /// # Errors
 /// `InvalidBundle` with the offending member, or `Unsupported` for a newer or older schema or another kind of model.
@@ -248,7 +247,7 @@ fn check_files(m: &Manifest) -> Result<()> {
     let mut seen = BTreeSet::new();
     for (i, entry) in m.files.iter().enumerate() {
         let field = |member: &str| format!("files[{i}].{member}");
-        if let Some(fault) = names::fault(&entry.path) {
+        if let Some(fault) = names::violation(&entry.path) {
             return bad(&field("path"), fault);
         }
         // Two names that differ only in case are one file on some systems.

@@ -1,32 +1,31 @@
 //! A world on disk: reading, checking and describing a bundle. The format is `docs/bundle.md`.
 //!
-//! A bundle is untrusted input. [`Bundle::open`] makes every check of section 7 of that page before anything is
-//! allocated or run on its behalf, reads each file once, and keeps the bytes it checked: those, not the files, are what
-//! ONNX Runtime is given later.
+//! A bundle is untrusted input. [`Bundle::open`] makes every check of section 7 of that page before anything is allocated or run for
+//! it. It reads each file once and keeps the checked bytes in memory; ONNX Runtime later gets these bytes and opens no file.
 
 mod archive;
 mod container;
+mod cost;
 mod embedded;
 mod manifest;
 mod manifest_check;
-mod memory;
+mod memory_need;
 mod names;
 mod onnx;
 mod open;
-mod work;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
+pub use cost::{GraphCost, WorldCost};
 pub use manifest::*;
-pub use memory::{MemoryNeed, available_memory};
+pub use memory_need::{MemoryNeed, available_memory};
 pub use onnx::operators;
 #[cfg(windows)]
 pub(crate) use onnx::{Weight, weights_as_inputs};
 pub use open::{OpenOptions, OpenProgress};
-pub use work::{GraphWork, Work};
 
 use crate::{Error, ErrorKind, Result};
 use container::Container;
@@ -47,15 +46,15 @@ struct Model {
     kind: GraphKind,
     precision: Precision,
     path: String,
-    /// Location as the graph writes it, and the bundle's file it means.
+    /// Each location as written in the graph, with the bundle file that it names.
     external: Vec<(String, String)>,
 }
 
-/// One model's bytes, as ONNX Runtime takes them from memory.
+/// One model's bytes, in the form in which ONNX Runtime loads a model from memory.
 pub struct ModelSource<'a> {
     /// The serialised graph.
     pub onnx: &'a [u8],
-    /// The files its weights lie in: the location as the graph writes it, and all bytes of that file.
+    /// The files that contain its weights: the location as written in the graph, and all bytes of that file.
     pub external: Vec<(&'a str, &'a [u8])>,
 }
 
@@ -63,13 +62,13 @@ impl Bundle {
     /// Opens and checks the bundle at `path`: a directory, or an archive.
     ///
     /// # Errors
-    /// `Io` where `path` cannot be read; `InvalidBundle` for any break of the format, with the offending file or member;
-    /// `Unsupported` for another schema version or kind of model; `OutOfMemory` where it cannot be held.
+    /// `Io` if `path` cannot be read; `InvalidBundle` for any violation of the format, with the offending file or manifest member;
+    /// `Unsupported` for another schema version or kind of model; `OutOfMemory` if its files do not fit into memory.
     pub fn open(path: &Path) -> Result<Arc<Self>> {
         Self::open_with(path, &OpenOptions::default())
     }
 
-    /// [`Bundle::open`] with progress, cancel and a limit.
+    /// [`Bundle::open`] with progress reports, cancellation and a size limit.
     ///
     /// # Errors
     /// As [`Bundle::open`], and `Cancelled`.
@@ -81,7 +80,7 @@ impl Bundle {
     /// are not copied.
     ///
     /// # Errors
-    /// As [`Bundle::open`]; `InvalidArgument` for a file name that is none, or is given twice.
+    /// As [`Bundle::open`]; `InvalidArgument` for an invalid file name, or one that is given twice.
     pub fn from_memory(files: Vec<(String, Cow<'static, [u8]>)>) -> Result<Arc<Self>> {
         open::load(Container::from_memory(files)?, &OpenOptions::default()).map(Arc::new)
     }
@@ -133,7 +132,7 @@ impl Bundle {
         Ok(ModelSource { onnx: self.bytes(&model.path)?, external })
     }
 
-    /// The text of the licence, where the bundle has one in UTF-8.
+    /// The text of the licence, if the bundle has one in UTF-8.
     pub fn licence_text(&self) -> Option<&str> {
         let file = self.manifest.licence.file.as_ref()?;
         std::str::from_utf8(self.files.get(file)?).ok()
@@ -158,7 +157,7 @@ impl std::fmt::Debug for Bundle {
 /// # Errors
 /// `InvalidBundle` with the file name that the manifest has for this model, and the cause.
 pub fn check_model(onnx: &[u8], manifest: &Manifest, kind: GraphKind, precision: Precision) -> Result<()> {
-    onnx::check(onnx, onnx::Subject { manifest, kind, precision }).map(drop)
+    onnx::check(onnx, onnx::ModelContext { manifest, kind, precision }).map(drop)
 }
 
 /// A violation of the format in a manifest member, a model, or a file.

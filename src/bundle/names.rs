@@ -3,21 +3,21 @@
 /// The longest name, in characters (which are all ASCII, so bytes too).
 pub(super) const MAX_NAME: usize = 200;
 
-/// Why `name` is no name of a file inside a bundle; `None` where it is one.
+/// The naming rule that `name` violates; `None` for a valid file name inside a bundle.
 ///
-/// The rules leave no way out of the bundle on any system: no root, drive, backslash, `.` or `..`, no device name of
-/// Windows (`NUL`, `com1.bin`), no component that Windows would shorten (a final dot).
-pub(super) fn fault(name: &str) -> Option<&'static str> {
+/// A valid name cannot lead out of the bundle on any system: it has no root, drive, backslash, `.` or `..`, no device name of Windows
+/// (`NUL`, `com1.bin`), and no component that Windows would shorten (a final dot).
+pub(super) fn violation(name: &str) -> Option<&'static str> {
     if name.is_empty() {
         return Some("the name is empty");
     }
     if name.len() > MAX_NAME {
         return Some("the name is longer than 200 characters");
     }
-    name.split('/').find_map(component_fault)
+    name.split('/').find_map(component_violation)
 }
 
-fn component_fault(part: &str) -> Option<&'static str> {
+fn component_violation(part: &str) -> Option<&'static str> {
     if part.is_empty() {
         return Some("the name has an empty component: it is absolute, ends in `/` or repeats one");
     }
@@ -45,19 +45,19 @@ fn is_device(part: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::fault;
+    use super::violation;
 
     #[test]
-    fn plain_names_pass() {
+    fn plain_names_are_valid() {
         for name in
             ["a", "weights.bin", "a/b/c.onnx", "-", "..a", "a..b", "COM", "COM10", "console.bin", &"a".repeat(200)]
         {
-            assert_eq!(fault(name), None, "{name}");
+            assert_eq!(violation(name), None, "{name}");
         }
     }
 
     #[test]
-    fn every_way_out_is_refused() {
+    fn names_that_lead_out_of_the_bundle_are_refused() {
         for name in [
             "",
             ".",
@@ -94,7 +94,7 @@ mod tests {
             "%2e%2e/a",
             &"a".repeat(201),
         ] {
-            assert!(fault(name).is_some(), "{name:?}");
+            assert!(violation(name).is_some(), "{name:?}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Opening a bundle: reads and checks its parts in order.
+//! Opens a bundle: reads and checks its parts in order.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -15,9 +15,9 @@ use crate::{Error, ErrorKind, Result};
 pub struct OpenOptions<'a> {
     /// Called from the opening thread after every mebibyte or file.
     pub progress: Option<&'a dyn Fn(OpenProgress)>,
-    /// Set it, from any thread or from `progress` itself, to stop the reading.
+    /// Stops the reading when it becomes true; any thread may set it, `progress` too.
     pub cancel: Option<&'a AtomicBool>,
-    /// The most bytes all files may have together; `None`: no limit but memory.
+    /// Maximum total size of all files in bytes; `None`: limited only by memory.
     pub max_bytes: Option<u64>,
 }
 
@@ -30,7 +30,7 @@ pub struct OpenProgress {
     pub total: u64,
 }
 
-/// Reads and checks everything.
+/// Reads and checks the whole bundle.
 pub(super) fn load(mut container: Container, options: &OpenOptions<'_>) -> Result<Bundle> {
     let (manifest, digest) = read_manifest(&mut container)?;
     let total = check_sizes(&container, &manifest, options)?;
@@ -41,7 +41,8 @@ pub(super) fn load(mut container: Container, options: &OpenOptions<'_>) -> Resul
     for (precision, kind, path) in manifest.graphs.paths() {
         let Some(entry) = manifest.file(path) else { continue };
         let bytes = reader.read(entry)?;
-        let onnx::Checked { external } = onnx::check(&bytes, onnx::Subject { manifest: &manifest, kind, precision })?;
+        let onnx::ExternalData { external } =
+            onnx::check(&bytes, onnx::ModelContext { manifest: &manifest, kind, precision })?;
         models.push(Model { kind, precision, path: path.to_owned(), external });
         files.insert(path.to_owned(), bytes);
     }
@@ -73,7 +74,7 @@ fn check_sizes(container: &Container, manifest: &Manifest, options: &OpenOptions
         total = total.checked_add(found).ok_or_else(|| damaged(&entry.path, "the sizes of all files overflow"))?;
     }
     // Without this check, a system that overcommits memory would kill the process instead.
-    let limit = options.max_bytes.into_iter().chain(available_memory().filter(|_| container.reads())).min();
+    let limit = options.max_bytes.into_iter().chain(available_memory().filter(|_| container.allocates_on_read())).min();
     if let Some(limit) = limit.filter(|&limit| total > limit) {
         return Err(Error::new(
             ErrorKind::OutOfMemory,

@@ -9,8 +9,8 @@ use super::Header;
 use super::bindings::{
     Configure, CreateContext, DestroyContext, Dispatch, EffectId, Query, RawContext, ReturnCode, StructId,
 };
-use super::diagnose::Diagnosis;
-use super::{Chain, Described, message};
+use super::diagnosis::Diagnosis;
+use super::{Chain, FfxStruct, message};
 use crate::{Error, ErrorKind, Result};
 
 /// The functions of one library.
@@ -59,21 +59,21 @@ impl Api {
     ///
     /// # Safety
     /// The chain's pointers are valid, as its fields describe, as long as the context lives.
-    pub(super) unsafe fn create<Head: Described>(&self, chain: &mut Chain<Head>) -> Result<RawContext, Failure> {
+    pub(super) unsafe fn create<Head: FfxStruct>(&self, chain: &mut Chain<Head>) -> Result<RawContext, Failure> {
         let mut context = null_mut();
         let head = chain.as_ptr();
         // SAFETY: a linked chain; its pointers are as the caller promises.
-        let code = asked(|| unsafe { (self.create)(&mut context, head, null()) });
-        done("ffxCreateContext", code, chain)?;
+        let code = call_library(|| unsafe { (self.create)(&mut context, head, null()) });
+        check_chain_call("ffxCreateContext", code, chain)?;
         if context.is_null() {
-            let says = "it says that it succeeded, and gave no context".to_owned();
+            let messages = "it says that it succeeded, and gave no context".to_owned();
             let (call, code) = ("ffxCreateContext", ReturnCode::OK);
             return Err(Failure {
                 call,
                 code,
                 passed: format!("{chain:?}"),
-                says,
-                diagnose: Diagnosis::of(chain, code),
+                messages,
+                diagnosis: Diagnosis::of(chain, code),
             });
         }
         Ok(context)
@@ -85,53 +85,53 @@ impl Api {
     /// A context of this library that the device no longer uses, and that is not used again.
     pub(super) unsafe fn destroy(&self, mut context: RawContext) -> Result<(), Failure> {
         // SAFETY: as the caller promises.
-        let code = asked(|| unsafe { (self.destroy)(&mut context, null()) });
-        answered("ffxDestroyContext", code, || (String::new(), Diagnosis::OF_END))
+        let code = call_library(|| unsafe { (self.destroy)(&mut context, null()) });
+        check_call("ffxDestroyContext", code, || (String::new(), Diagnosis::OF_DESTROY))
     }
 
     /// `ffxConfigure`.
     ///
     /// # Safety
     /// A live context of this library, or null; the chain's pointers are valid, as its fields describe.
-    pub(super) unsafe fn configure<Head: Described>(
+    pub(super) unsafe fn configure<Head: FfxStruct>(
         &self,
         mut context: RawContext,
         chain: &mut Chain<Head>,
     ) -> Result<(), Failure> {
         let (context, head) = (or_null(&mut context), chain.as_ptr());
         // SAFETY: as the caller promises.
-        let code = asked(|| unsafe { (self.configure)(context, head) });
-        done("ffxConfigure", code, chain)
+        let code = call_library(|| unsafe { (self.configure)(context, head) });
+        check_chain_call("ffxConfigure", code, chain)
     }
 
     /// `ffxQuery`.
     ///
     /// # Safety
     /// As [`Self::configure`]; the memory for answers may be written.
-    pub(super) unsafe fn query<Head: Described>(
+    pub(super) unsafe fn query<Head: FfxStruct>(
         &self,
         mut context: RawContext,
         chain: &mut Chain<Head>,
     ) -> Result<(), Failure> {
         let (context, head) = (or_null(&mut context), chain.as_ptr());
         // SAFETY: as the caller promises.
-        let code = asked(|| unsafe { (self.query)(context, head) });
-        done("ffxQuery", code, chain)
+        let code = call_library(|| unsafe { (self.query)(context, head) });
+        check_chain_call("ffxQuery", code, chain)
     }
 
     /// `ffxDispatch`.
     ///
     /// # Safety
     /// A live context of this library; command list and resources are as the fields describe, and live until the list has run.
-    pub(super) unsafe fn dispatch<Head: Described>(
+    pub(super) unsafe fn dispatch<Head: FfxStruct>(
         &self,
         mut context: RawContext,
         chain: &mut Chain<Head>,
     ) -> Result<(), Failure> {
         let head = chain.as_ptr();
         // SAFETY: as the caller promises.
-        let code = asked(|| unsafe { (self.dispatch)(&mut context, head) });
-        done("ffxDispatch", code, chain)
+        let code = call_library(|| unsafe { (self.dispatch)(&mut context, head) });
+        check_chain_call("ffxDispatch", code, chain)
     }
 }
 
@@ -143,7 +143,7 @@ impl Api {
     /// A live context of this library; the library has just passed the struct to a callback for dispatch.
     pub(super) unsafe fn forward(&self, mut context: RawContext, head: *const Header) -> ReturnCode {
         // SAFETY: as the caller promises.
-        asked(|| unsafe { (self.dispatch)(&mut context, head) })
+        call_library(|| unsafe { (self.dispatch)(&mut context, head) })
     }
 }
 
@@ -153,21 +153,25 @@ fn or_null(context: &mut RawContext) -> *mut RawContext {
 }
 
 /// Makes a call, after clearing the messages recorded on this thread.
-fn asked(call: impl FnOnce() -> ReturnCode) -> ReturnCode {
-    message::forget();
+fn call_library(call: impl FnOnce() -> ReturnCode) -> ReturnCode {
+    message::clear();
     call()
 }
 
-fn done<Head: Described>(call: &'static str, code: ReturnCode, chain: &Chain<Head>) -> Result<(), Failure> {
-    answered(call, code, || (format!("{chain:?}"), Diagnosis::of(chain, code)))
+fn check_chain_call<Head: FfxStruct>(call: &'static str, code: ReturnCode, chain: &Chain<Head>) -> Result<(), Failure> {
+    check_call(call, code, || (format!("{chain:?}"), Diagnosis::of(chain, code)))
 }
 
-fn answered(call: &'static str, code: ReturnCode, told: impl FnOnce() -> (String, Diagnosis)) -> Result<(), Failure> {
+fn check_call(
+    call: &'static str,
+    code: ReturnCode,
+    describe: impl FnOnce() -> (String, Diagnosis),
+) -> Result<(), Failure> {
     if code == ReturnCode::OK {
         return Ok(());
     }
-    let (passed, diagnose) = told();
-    Err(Failure { call, code, passed, says: message::last(), diagnose })
+    let (passed, diagnosis) = describe();
+    Err(Failure { call, code, passed, messages: message::collected(), diagnosis })
 }
 
 /// A failed call.
@@ -178,9 +182,9 @@ pub(super) struct Failure {
     /// All structs of the chain with their fields, as text.
     pub(super) passed: String,
     /// The library's messages during the call; may be empty.
-    pub(super) says: String,
+    pub(super) messages: String,
     /// The most likely cause.
-    diagnose: Diagnosis,
+    diagnosis: Diagnosis,
 }
 
 impl Failure {
@@ -192,10 +196,10 @@ impl Failure {
     /// The failure as an error, with the field that most likely caused it.
     pub(super) fn error(&self) -> Error {
         let (kind, meaning, remedy) = meaning(self.code);
-        let Diagnosis { field, why } = &self.diagnose;
+        let Diagnosis { field, why } = &self.diagnosis;
         let mut cause = format!("{} answered {} ({:?}): {meaning}; {field}: {why}", self.call, self.code.0, self.code);
-        if !self.says.is_empty() {
-            cause = format!("{cause}; the library says: {}", self.says);
+        if !self.messages.is_empty() {
+            cause = format!("{cause}; the library says: {}", self.messages);
         }
         if !self.passed.is_empty() {
             cause = format!("{cause}; it was given {}", self.passed);

@@ -48,17 +48,17 @@ impl fmt::Debug for Header {
 ///
 /// # Safety
 /// It is `repr(C)`, starts with a [`Header`], and has the layout that ffx-api defines for [`Self::ID`].
-pub unsafe trait Described: fmt::Debug + Sized + 'static {
+pub unsafe trait FfxStruct: fmt::Debug + Sized + 'static {
     /// Its ffx-api id.
     const ID: StructId;
 }
 
 /// A struct that may follow `Head` in its chain.
-pub trait Extends<Head>: Described {}
+pub trait Extends<Head>: FfxStruct {}
 
 /// A struct with the structs that extend it, linked as ffx-api reads them. It owns all links, so none can dangle, and their
 /// addresses stay the same while it lives. A chain that is used every frame is created once and changed.
-pub struct Chain<Head: Described> {
+pub struct Chain<Head: FfxStruct> {
     /// The head first.
     links: Vec<Link>,
     head: PhantomData<Head>,
@@ -67,10 +67,10 @@ pub struct Chain<Head: Described> {
 /// A leaked box. A raw pointer, as ffx-api reads and writes through its own pointers while the chain lives.
 struct Link {
     id: StructId,
-    place: NonNull<dyn fmt::Debug>,
+    pointer: NonNull<dyn fmt::Debug>,
 }
 
-impl<Head: Described> Chain<Head> {
+impl<Head: FfxStruct> Chain<Head> {
     /// A chain of `head` alone.
     pub fn new(head: Head) -> Self {
         let mut chain = Self { links: Vec::with_capacity(4), head: PhantomData };
@@ -88,44 +88,44 @@ impl<Head: Described> Chain<Head> {
     /// Appends a link, or replaces the one of its type.
     pub fn set<T: Extends<Head>>(&mut self, link: T) {
         match self.find::<T>() {
-            Some(mut place) => {
+            Some(mut pointer) => {
                 // SAFETY: a live link of this type, which nobody else refers to while we hold the chain.
-                let there = unsafe { place.as_mut() };
+                let there = unsafe { pointer.as_mut() };
                 *there = link;
             }
             None => self.push(link),
         }
-        self.stamp();
+        self.write_headers();
     }
 
     /// The first struct.
     pub fn head(&self) -> &Head {
         // SAFETY: the first link is a live `Head`, borrowed as the chain is.
-        unsafe { self.links[0].place.cast().as_ref() }
+        unsafe { self.links[0].pointer.cast().as_ref() }
     }
 
     /// The first struct, mutable.
     pub fn head_mut(&mut self) -> &mut Head {
         // SAFETY: as in `head`; the chain is borrowed for writing.
-        unsafe { self.links[0].place.cast().as_mut() }
+        unsafe { self.links[0].pointer.cast().as_mut() }
     }
 
     /// The link of type `T`.
     pub fn link<T: Extends<Head>>(&self) -> Option<&T> {
         // SAFETY: a live link of this type, borrowed as the chain is.
-        self.find::<T>().map(|place| unsafe { place.as_ref() })
+        self.find::<T>().map(|pointer| unsafe { pointer.as_ref() })
     }
 
     /// The link of type `T`, mutable.
     pub fn link_mut<T: Extends<Head>>(&mut self) -> Option<&mut T> {
         // SAFETY: a live link of this type; the chain is borrowed for writing.
-        self.find::<T>().map(|mut place| unsafe { place.as_mut() })
+        self.find::<T>().map(|mut pointer| unsafe { pointer.as_mut() })
     }
 
     /// The pointer for ffx-api: the first link's header. Valid, with all links set, until the next use of the chain.
     pub fn as_ptr(&mut self) -> *mut Header {
-        self.stamp();
-        self.links[0].place.as_ptr().cast()
+        self.write_headers();
+        self.links[0].pointer.as_ptr().cast()
     }
 
     /// The ids of its links, in order.
@@ -133,42 +133,42 @@ impl<Head: Described> Chain<Head> {
         self.links.iter().map(|link| link.id)
     }
 
-    fn push<T: Described>(&mut self, link: T) {
+    fn push<T: FfxStruct>(&mut self, link: T) {
         let link: Box<dyn fmt::Debug> = Box::new(link);
-        self.links.push(Link { id: T::ID, place: NonNull::from(Box::leak(link)) });
-        self.stamp();
+        self.links.push(Link { id: T::ID, pointer: NonNull::from(Box::leak(link)) });
+        self.write_headers();
     }
 
-    fn find<T: Described>(&self) -> Option<NonNull<T>> {
-        self.links.iter().find(|link| link.id == T::ID).map(|link| link.place.cast())
+    fn find<T: FfxStruct>(&self) -> Option<NonNull<T>> {
+        self.links.iter().find(|link| link.id == T::ID).map(|link| link.pointer.cast())
     }
 
     /// Rewrites all headers: assigning a whole struct also overwrites its header.
-    fn stamp(&mut self) {
+    fn write_headers(&mut self) {
         for (index, link) in self.links.iter().enumerate() {
-            let next = self.links.get(index + 1).map_or(null_mut(), |next| next.place.as_ptr().cast());
-            // SAFETY: every link is live and starts with a header, by the contract of `Described`.
-            unsafe { link.place.cast::<Header>().write(Header { id: link.id, next }) };
+            let next = self.links.get(index + 1).map_or(null_mut(), |next| next.pointer.as_ptr().cast());
+            // SAFETY: every link is live and starts with a header, by the contract of `FfxStruct`.
+            unsafe { link.pointer.cast::<Header>().write(Header { id: link.id, next }) };
         }
     }
 }
 
-impl<Head: Described> Drop for Chain<Head> {
+impl<Head: FfxStruct> Drop for Chain<Head> {
     fn drop(&mut self) {
         for link in &self.links {
             // SAFETY: `push` leaked this box, and nothing but this frees it.
-            drop(unsafe { Box::from_raw(link.place.as_ptr()) });
+            drop(unsafe { Box::from_raw(link.pointer.as_ptr()) });
         }
     }
 }
 
 /// Prints all structs with their fields.
-impl<Head: Described> fmt::Debug for Chain<Head> {
+impl<Head: FfxStruct> fmt::Debug for Chain<Head> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (index, link) in self.links.iter().enumerate() {
             let between = if index == 0 { "" } else { " -> " };
             // SAFETY: a live link, borrowed as the chain is.
-            write!(f, "{between}{:?}", unsafe { link.place.as_ref() })?;
+            write!(f, "{between}{:?}", unsafe { link.pointer.as_ref() })?;
         }
         Ok(())
     }
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn links_are_found_from_the_head_on_in_their_order() {
+    fn links_are_in_order_after_the_head() {
         let mut chain = chain();
         assert_eq!(walk(chain.as_ptr()), [0x2_0001, 5, 2]);
         // Moving the chain leaves the links' addresses unchanged.
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn links_can_be_altered_and_one_of_a_kind_stands_in_a_chain() {
+    fn links_can_be_changed_and_a_chain_has_one_link_of_a_type() {
         let mut chain = chain().with(OverrideVersion { version_id: 8, ..Default::default() });
         assert_eq!(walk(chain.as_ptr()), [0x2_0001, 5, 2]);
         assert_eq!(chain.link_mut::<OverrideVersion>().expect("it is there").version_id, 8);
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_that_was_taken_from_another_struct_is_put_right() {
+    fn a_header_copied_from_another_struct_is_corrected() {
         let mut other = Chain::new(QueryProviderVersion::default());
         let mut chain = chain();
         chain.head_mut().header = other.head().header;
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chain_tells_what_is_in_it() {
+    fn a_chain_s_debug_text_has_all_fields() {
         let text = format!("{:?}", chain());
         assert!(text.contains("DEPTH_INFINITE") && text.contains("version_id: 7") && text.contains("0x1234"), "{text}");
     }

@@ -8,8 +8,8 @@ use super::bindings::{
     ConfigureGlobalDebug, ConfigureGlobalDebug1, CreateBackendDx12, Creates, OverrideVersion, QueryProviderVersion,
     RawContext,
 };
-use super::provider::{Choice, Dialect, Version, called, choose, listed, unavailable, versions_of};
-use super::{Api, Chain, Described, Effect, Extends, message};
+use super::provider::{Choice, Dialect, Version, choose, effect_name, names_of, unavailable, versions_of};
+use super::{Api, Chain, Effect, Extends, FfxStruct, message};
 use crate::{Error, ErrorKind, Result};
 
 /// The provider of a context, and how that is known.
@@ -64,8 +64,8 @@ impl<Head: Creates> Context<Head> {
         let offered = unsafe { versions_of(api, Head::ID, device) }?;
         let wanted = choose(&offered, choice)?;
         if let (Choice::Prefer(family), None) = (choice, wanted) {
-            let what = called(Head::ID);
-            log::warn!(target: "cairn::ffx", "no provider of {what} is {family:?}; there is {}", listed(&offered));
+            let what = effect_name(Head::ID);
+            log::warn!(target: "cairn::ffx", "no provider of {what} is {family:?}; there is {}", names_of(&offered));
         }
         let expected = wanted.unwrap_or(&offered[0]).clone();
         let chain = |dialect| {
@@ -78,7 +78,7 @@ impl<Head: Creates> Context<Head> {
             }
             chain.with(CreateBackendDx12 { device, ..Default::default() })
         };
-        listen(api, null_mut(), effect);
+        register_message_callback(api, null_mut(), effect);
         let mut dialect = expected.dialect(effect);
         let mut links = chain(dialect);
         // SAFETY: the chain lives as long as the context; its pointers are as the caller promises.
@@ -93,20 +93,20 @@ impl<Head: Creates> Context<Head> {
         crate::object_count::count_object();
         let provider = Provider { version: expected, verified: false, dialect, offered: Vec::new() };
         let mut context = Self { api: *api, raw, chain: links, provider };
-        listen(api, raw, effect);
-        context.verify(effect, dialect)?;
+        register_message_callback(api, raw, effect);
+        context.query_provider(effect, dialect)?;
         if let Choice::Require(family) = choice
             && context.provider.version.family() != Some(family)
         {
             return Err(unavailable(family, &format!("{} in its place", context.provider.version)));
         }
         context.provider.offered = offered;
-        log::info!(target: "cairn::ffx", "{}: {}", called(Head::ID), context.provider.version);
+        log::info!(target: "cairn::ffx", "{}: {}", effect_name(Head::ID), context.provider.version);
         Ok(context)
     }
 
-    /// Asks the context for its provider.
-    fn verify(&mut self, effect: Effect, made_with: Dialect) -> Result<()> {
+    /// Queries the context's provider.
+    fn query_provider(&mut self, effect: Effect, creation_dialect: Dialect) -> Result<()> {
         let mut query = Chain::new(QueryProviderVersion::default());
         // SAFETY: our own context; the answer is written into the chain.
         match unsafe { self.api.query(self.raw, &mut query) } {
@@ -123,12 +123,12 @@ impl<Head: Creates> Context<Head> {
                 };
                 let version = Version { id: version_id, name };
                 // A provider that rejected the structs of SDK 2.1 does not accept them, whatever its name.
-                let dialect = if made_with == Dialect::Sdk11 && self.provider.version.dialect(effect) == Dialect::Sdk21
-                {
-                    Dialect::Sdk11
-                } else {
-                    version.dialect(effect)
-                };
+                let dialect =
+                    if creation_dialect == Dialect::Sdk11 && self.provider.version.dialect(effect) == Dialect::Sdk21 {
+                        Dialect::Sdk11
+                    } else {
+                        version.dialect(effect)
+                    };
                 self.provider = Provider { version, verified: true, dialect, offered: Vec::new() };
             }
             Err(failure) => log::debug!(target: "cairn::ffx", "a context does not say what it is: {failure}"),
@@ -142,12 +142,12 @@ impl<Head: Creates> Context<Head> {
     }
 
     /// The struct it was created with.
-    pub fn made_with(&self) -> &Head {
+    pub fn creation(&self) -> &Head {
         self.chain.head()
     }
 
-    /// A link of the creation chain, behind [`Self::made_with`].
-    pub fn made_with_link<T: Extends<Head>>(&self) -> Option<&T> {
+    /// A link of the creation chain, behind [`Self::creation`].
+    pub fn creation_link<T: Extends<Head>>(&self) -> Option<&T> {
         self.chain.link()
     }
 
@@ -170,7 +170,7 @@ impl<Head: Creates> Context<Head> {
     ///
     /// # Safety
     /// The chain's pointers are valid, as its fields describe.
-    pub unsafe fn configure<T: Described>(&mut self, chain: &mut Chain<T>) -> Result<()> {
+    pub unsafe fn configure<T: FfxStruct>(&mut self, chain: &mut Chain<T>) -> Result<()> {
         // SAFETY: our own context, and the caller's promise.
         unsafe { self.api.configure(self.raw, chain) }.map_err(|failure| failure.error())
     }
@@ -182,16 +182,16 @@ impl<Head: Creates> Context<Head> {
     ///
     /// # Safety
     /// As [`Self::configure`].
-    pub unsafe fn query<T: Described>(&mut self, chain: &mut Chain<T>) -> Result<()> {
+    pub unsafe fn query<T: FfxStruct>(&mut self, chain: &mut Chain<T>) -> Result<()> {
         // SAFETY: our own context, and the caller's promise.
         unsafe { self.api.query(self.raw, chain) }.map_err(|failure| failure.error())
     }
 
-    /// As [`Self::query`], with the library's failure as it is.
+    /// As [`Self::query`], but returns the library's failure unconverted.
     ///
     /// # Safety
     /// As [`Self::query`].
-    pub(super) unsafe fn ask<T: Described>(&mut self, chain: &mut Chain<T>) -> Result<(), Failure> {
+    pub(super) unsafe fn try_query<T: FfxStruct>(&mut self, chain: &mut Chain<T>) -> Result<(), Failure> {
         // SAFETY: our own context, and the caller's promise.
         unsafe { self.api.query(self.raw, chain) }
     }
@@ -203,7 +203,7 @@ impl<Head: Creates> Context<Head> {
     ///
     /// # Safety
     /// As [`Self::configure`]; the list is open, and it, its resources and this context live until it has run.
-    pub unsafe fn dispatch<T: Described>(&mut self, chain: &mut Chain<T>) -> Result<()> {
+    pub unsafe fn dispatch<T: FfxStruct>(&mut self, chain: &mut Chain<T>) -> Result<()> {
         // SAFETY: our own context, and the caller's promise.
         unsafe { self.api.dispatch(self.raw, chain) }.map_err(|failure| failure.error())
     }
@@ -226,7 +226,7 @@ impl<Head: Creates> std::fmt::Debug for Context<Head> {
 
 /// Registers the message callback, with the struct of SDK 2.1 or else the earlier one. A library that accepts neither sends no
 /// messages, which is not an error: that of SDK 2.0 accepts none before there is a context.
-fn listen(api: &Api, context: RawContext, effect: Effect) {
+fn register_message_callback(api: &Api, context: RawContext, effect: Effect) {
     /// Errors and warnings.
     const LEVEL: u32 = 2;
     let message = Some(message::receive as _);

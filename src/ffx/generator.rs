@@ -1,4 +1,4 @@
-//! Frame generation into textures of the host's, without a swap chain: the three calls that each frame takes.
+//! Frame generation into the host's textures, without a swap chain: three calls for each frame.
 
 use std::ffi::c_void;
 
@@ -69,7 +69,7 @@ impl Camera {
     }
 }
 
-/// Parameters of a frame beside its textures.
+/// Parameters of a frame other than its textures.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameParams {
     /// The render size.
@@ -131,15 +131,15 @@ pub struct Frame {
     /// null resource for none. Once one was given, every later frame needs one: a provider keeps using the last.
     pub distortion: Resource,
     /// The other parameters.
-    pub shot: FrameParams,
+    pub params: FrameParams,
 }
 
 /// The structs that carry motion and depth, by SDK release.
 enum Prepare {
     /// Up to SDK 2.0: the camera is a link of its own.
-    Apart(Chain<DispatchPrepare>),
+    Separate(Chain<DispatchPrepare>),
     /// From SDK 2.1 on: one struct with the camera.
-    InOne(Chain<DispatchPrepareV2>),
+    Combined(Chain<DispatchPrepareV2>),
 }
 
 /// A frame generator without a swap chain. Its structs are created once and changed for each frame.
@@ -154,7 +154,7 @@ pub struct Generator {
     /// Id of the last fully recorded frame. Ids must go up by one, or the history is dropped.
     last: u64,
     /// The library's history is valid for the next frame.
-    follows: bool,
+    has_history: bool,
 }
 
 // SAFETY: its structs point to their own links, to the library's context, which one thread at a time may use, and to objects of
@@ -184,12 +184,12 @@ impl Generator {
         // SAFETY: the caller's promise; the chain holds no pointer.
         let context = unsafe { Context::create(api, device, choice, head, extend) }?;
         let prepare = match context.provider().dialect {
-            Dialect::Sdk11 => Prepare::Apart(Chain::new(DispatchPrepare::default()).with(DispatchCamera::default())),
-            Dialect::Sdk21 => Prepare::InOne(Chain::new(DispatchPrepareV2::default())),
+            Dialect::Sdk11 => Prepare::Separate(Chain::new(DispatchPrepare::default()).with(DispatchCamera::default())),
+            Dialect::Sdk21 => Prepare::Combined(Chain::new(DispatchPrepareV2::default())),
         };
         let settings = Chain::new(ConfigureFrameGeneration::default());
         let dispatch = Chain::new(DispatchFrameGeneration::default());
-        Ok(Self { context, settings, prepare, dispatch, last: 0, follows: false })
+        Ok(Self { context, settings, prepare, dispatch, last: 0, has_history: false })
     }
 
     /// The provider in use.
@@ -216,10 +216,10 @@ impl Generator {
     /// The list is open and of the generator's device, and so are the resources, whose descriptions are right; they and the
     /// generator live until the list has run.
     pub unsafe fn record(&mut self, frame: &Frame) -> Result<()> {
-        if let Some((field, why)) = fault_of_pictures(frame, self.context.made_with()) {
+        if let Some((field, why)) = fault_of_pictures(frame, self.context.creation()) {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         }
-        let FrameParams { rect, transfer, luminance, .. } = frame.shot;
+        let FrameParams { rect, transfer, luminance, .. } = frame.params;
         let without = ConfigureFrameGeneration { flags: FrameFlags::NO_SWAPCHAIN, ..Default::default() };
         // SAFETY: the caller's promise.
         let (id, reset) = unsafe { self.begin(frame, without) }?;
@@ -237,7 +237,7 @@ impl Generator {
         };
         // SAFETY: the caller's promise about the list and the resources; the context is our own.
         unsafe { self.context.dispatch(&mut self.dispatch) }?;
-        (self.last, self.follows) = (id, true);
+        (self.last, self.has_history) = (id, true);
         Ok(())
     }
 
@@ -250,11 +250,11 @@ impl Generator {
     /// # Safety
     /// As [`record`](Self::record); the swap chain and the callback's user data live until the next configure call replaces them.
     #[cfg(windows)]
-    pub(super) unsafe fn prepare(&mut self, frame: &Frame, told: ConfigureFrameGeneration) -> Result<(u64, bool)> {
+    pub(super) unsafe fn prepare(&mut self, frame: &Frame, settings: ConfigureFrameGeneration) -> Result<(u64, bool)> {
         // SAFETY: the caller's promise.
-        let begun = unsafe { self.begin(frame, told) }?;
-        (self.last, self.follows) = (begun.0, true);
-        Ok(begun)
+        let prepared = unsafe { self.begin(frame, settings) }?;
+        (self.last, self.has_history) = (prepared.0, true);
+        Ok(prepared)
     }
 
     /// Turns generation off for AMD's swap chain. Afterwards it has no frame of this generator in flight.
@@ -266,37 +266,37 @@ impl Generator {
     /// `swapchain` is a live swap chain of AMD's.
     #[cfg(windows)]
     pub(super) unsafe fn turn_off(&mut self, swapchain: *mut c_void) -> Result<()> {
-        self.follows = false;
+        self.has_history = false;
         *self.settings.head_mut() =
             ConfigureFrameGeneration { swapchain, frame_id: self.last + 1, ..Default::default() };
         // SAFETY: the caller's promise; the context is our own.
         unsafe { self.context.configure(&mut self.settings) }
     }
 
-    /// Its context.
+    /// Its ffx-api context.
     #[cfg(windows)]
     pub(super) fn context(&self) -> &Context<CreateFrameGeneration> {
         &self.context
     }
 
-    /// Makes the configure call, with the swap chain, callback and flags of `told`, and then the prepare call.
-    unsafe fn begin(&mut self, frame: &Frame, told: ConfigureFrameGeneration) -> Result<(u64, bool)> {
+    /// Makes the configure call, with the swap chain, callback and flags of `settings`, and then the prepare call.
+    unsafe fn begin(&mut self, frame: &Frame, settings: ConfigureFrameGeneration) -> Result<(u64, bool)> {
         let had_distortion = self.settings.link::<ConfigureDistortion>().is_some();
-        let is_presented = !told.flags.contains(FrameFlags::NO_SWAPCHAIN);
-        let (made, hudless) = (self.context.made_with(), self.hudless_format());
+        let is_presented = !settings.flags.contains(FrameFlags::NO_SWAPCHAIN);
+        let (made, hudless) = (self.context.creation(), self.hudless_format());
         if let Some((field, why)) = fault(frame, made, hudless, had_distortion, is_presented) {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         }
-        let reset = frame.shot.reset || !self.follows;
+        let reset = frame.params.reset || !self.has_history;
         let id = self.last + 1;
-        self.follows = false;
+        self.has_history = false;
         *self.settings.head_mut() = ConfigureFrameGeneration {
             enabled: true,
             allow_async: made.flags.contains(CreateFlags::ASYNC_WORKLOAD),
             hudless: frame.hudless,
-            rect: frame.shot.rect,
+            rect: frame.params.rect,
             frame_id: id,
-            ..told
+            ..settings
         };
         if !frame.distortion.resource.is_null() {
             self.settings.set(ConfigureDistortion { field: frame.distortion, ..Default::default() });
@@ -305,16 +305,17 @@ impl Generator {
         unsafe {
             self.context.configure(&mut self.settings)?;
             match &mut self.prepare {
-                Prepare::Apart(chain) => {
-                    *chain.head_mut() = DispatchPrepare { flags: told.flags, ..apart(frame, id) };
+                Prepare::Separate(chain) => {
+                    *chain.head_mut() = DispatchPrepare { flags: settings.flags, ..prepare_struct(frame, id) };
                     if let Some(link) = chain.link_mut::<DispatchCamera>() {
-                        let Camera { position, up, right, forward, .. } = frame.shot.camera;
+                        let Camera { position, up, right, forward, .. } = frame.params.camera;
                         *link = DispatchCamera { position, up, right, forward, ..Default::default() };
                     }
                     self.context.dispatch(chain)?;
                 }
-                Prepare::InOne(chain) => {
-                    *chain.head_mut() = DispatchPrepareV2 { flags: told.flags, ..in_one(frame, id, reset) };
+                Prepare::Combined(chain) => {
+                    *chain.head_mut() =
+                        DispatchPrepareV2 { flags: settings.flags, ..prepare_struct_v2(frame, id, reset) };
                     self.context.dispatch(chain)?;
                 }
             }
@@ -324,66 +325,66 @@ impl Generator {
 
     /// Drops the history at the next frame, as [`FrameParams::reset`] does.
     #[cfg(windows)]
-    pub(super) fn forget(&mut self) {
-        self.follows = false;
+    pub(super) fn drop_history(&mut self) {
+        self.has_history = false;
     }
 
     /// Whether the next frame uses the history.
     #[cfg(windows)]
-    pub(super) fn follows(&self) -> bool {
-        self.follows
+    pub(super) fn has_history(&self) -> bool {
+        self.has_history
     }
 
     /// The struct it was created with.
     #[cfg(windows)]
-    pub(super) fn made_with(&self) -> &CreateFrameGeneration {
-        self.context.made_with()
+    pub(super) fn creation(&self) -> &CreateFrameGeneration {
+        self.context.creation()
     }
 
     /// The format of HUD-less frames.
     fn hudless_format(&self) -> SurfaceFormat {
-        let other = self.context.made_with_link::<CreateFrameGenerationHudless>().map(|link| link.format);
-        other.unwrap_or(self.context.made_with().back_buffer_format)
+        let other = self.context.creation_link::<CreateFrameGenerationHudless>().map(|link| link.format);
+        other.unwrap_or(self.context.creation().back_buffer_format)
     }
 }
 
-fn apart(frame: &Frame, frame_id: u64) -> DispatchPrepare {
+fn prepare_struct(frame: &Frame, frame_id: u64) -> DispatchPrepare {
     DispatchPrepare {
         frame_id,
         command_list: frame.command_list,
-        render_size: frame.shot.render_size,
-        jitter: frame.shot.jitter,
-        motion_scale: frame.shot.motion_scale,
-        frame_time: frame.shot.frame_time,
-        camera_near: frame.shot.camera.near,
-        camera_far: frame.shot.camera.far,
-        camera_fov: frame.shot.camera.fov,
-        metres: frame.shot.camera.metres,
+        render_size: frame.params.render_size,
+        jitter: frame.params.jitter,
+        motion_scale: frame.params.motion_scale,
+        frame_time: frame.params.frame_time,
+        camera_near: frame.params.camera.near,
+        camera_far: frame.params.camera.far,
+        camera_fov: frame.params.camera.fov,
+        metres: frame.params.camera.metres,
         depth: frame.depth,
         motion: frame.motion,
         ..Default::default()
     }
 }
 
-fn in_one(frame: &Frame, frame_id: u64, reset: bool) -> DispatchPrepareV2 {
+fn prepare_struct_v2(frame: &Frame, frame_id: u64, reset: bool) -> DispatchPrepareV2 {
     DispatchPrepareV2 {
         frame_id,
         command_list: frame.command_list,
-        render_size: frame.shot.render_size,
-        jitter: frame.shot.jitter,
-        motion_scale: frame.shot.motion_scale,
-        frame_time: frame.shot.frame_time,
+        render_size: frame.params.render_size,
+        jitter: frame.params.jitter,
+        motion_scale: frame.params.motion_scale,
+        frame_time: frame.params.frame_time,
         reset,
-        camera_near: frame.shot.camera.near,
-        camera_far: frame.shot.camera.far,
-        camera_fov: frame.shot.camera.fov,
-        metres: frame.shot.camera.metres,
+        camera_near: frame.params.camera.near,
+        camera_far: frame.params.camera.far,
+        camera_fov: frame.params.camera.fov,
+        metres: frame.params.camera.metres,
         depth: frame.depth,
         motion: frame.motion,
-        camera_position: frame.shot.camera.position,
-        camera_up: frame.shot.camera.up,
-        camera_right: frame.shot.camera.right,
-        camera_forward: frame.shot.camera.forward,
+        camera_position: frame.params.camera.position,
+        camera_up: frame.params.camera.up,
+        camera_right: frame.params.camera.right,
+        camera_forward: frame.params.camera.forward,
         ..Default::default()
     }
 }
@@ -413,14 +414,14 @@ fn fault(
     if frame.command_list.is_null() {
         return Some(("command_list", "it is null"));
     }
-    if let Some(why) = frame.shot.render_size.fault() {
+    if let Some(why) = frame.params.render_size.fault() {
         return Some(("render_size", why));
     }
-    let (render, largest, shown) = (frame.shot.render_size, made.max_render_size, made.display_size);
+    let (render, largest, display_size) = (frame.params.render_size, made.max_render_size, made.display_size);
     if render.width > largest.width || render.height > largest.height {
         return Some(("render_size", "it is larger than what the generator was made for"));
     }
-    let motion = if made.flags.contains(CreateFlags::DISPLAY_RESOLUTION_MOTION) { shown } else { render };
+    let motion = if made.flags.contains(CreateFlags::DISPLAY_RESOLUTION_MOTION) { display_size } else { render };
     for (field, resource, size) in [("depth", &frame.depth, render), ("motion", &frame.motion, motion)] {
         if let Some(why) = resource.fault(size) {
             return Some((field, why));
@@ -431,7 +432,7 @@ fn fault(
     }
     for (field, resource) in [("hudless", &frame.hudless), ("distortion", &frame.distortion)] {
         if !resource.resource.is_null()
-            && let Some(why) = resource.fault(shown)
+            && let Some(why) = resource.fault(display_size)
         {
             return Some((field, why));
         }
@@ -440,25 +441,25 @@ fn fault(
         return Some(("hudless", "its format is not the one that the generator was made for"));
     }
     let numbers = [
-        ("jitter", frame.shot.jitter),
-        ("motion_scale", frame.shot.motion_scale),
-        ("luminance", Coordinates { x: frame.shot.luminance[0], y: frame.shot.luminance[1] }),
+        ("jitter", frame.params.jitter),
+        ("motion_scale", frame.params.motion_scale),
+        ("luminance", Coordinates { x: frame.params.luminance[0], y: frame.params.luminance[1] }),
     ];
     if let Some((field, _)) = numbers.into_iter().find(|(_, pair)| !pair.x.is_finite() || !pair.y.is_finite()) {
         return Some((field, "it must be finite"));
     }
-    if !(frame.shot.frame_time.is_finite() && frame.shot.frame_time > 0.0) {
+    if !(frame.params.frame_time.is_finite() && frame.params.frame_time > 0.0) {
         return Some(("frame_time", "it must be above 0"));
     }
-    if let Some(why) = frame.shot.rect.fault(shown) {
+    if let Some(why) = frame.params.rect.fault(display_size) {
         return Some(("rect", why));
     }
     let is_hdr = made.flags.contains(CreateFlags::HIGH_DYNAMIC_RANGE);
-    match frame.shot.transfer {
+    match frame.params.transfer {
         _ if is_presented => {}
         TransferFunction::SRGB => {}
         TransferFunction::PQ | TransferFunction::SCRGB if is_hdr => {
-            let [darkest, brightest] = frame.shot.luminance;
+            let [darkest, brightest] = frame.params.luminance;
             if !(darkest >= 0.0 && brightest > darkest) {
                 return Some(("luminance", "it must go up from 0 or more"));
             }
@@ -468,7 +469,7 @@ fn fault(
         }
         _ => return Some(("transfer", "it is none that is known")),
     }
-    frame.shot.camera.fault(made.flags.contains(CreateFlags::DEPTH_INFINITE))
+    frame.params.camera.fault(made.flags.contains(CreateFlags::DEPTH_INFINITE))
 }
 
 #[cfg(test)]

@@ -10,17 +10,17 @@ const LONGEST: usize = 2048;
 
 thread_local! {
     /// Messages received during the current call on this thread.
-    static SAID: RefCell<String> = const { RefCell::new(String::new()) };
+    static MESSAGES: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
 /// Clears this thread's messages.
-pub(super) fn forget() {
-    SAID.with_borrow_mut(String::clear);
+pub(super) fn clear() {
+    MESSAGES.with_borrow_mut(String::clear);
 }
 
-/// This thread's messages since [`forget`].
-pub(super) fn last() -> String {
-    SAID.with_borrow(String::clone)
+/// This thread's messages since [`clear`].
+pub(super) fn collected() -> String {
+    MESSAGES.with_borrow(String::clone)
 }
 
 /// The message callback: kind 0 is an error, all others warnings.
@@ -40,10 +40,10 @@ pub(super) unsafe extern "C" fn receive(kind: u32, text: *const u16) {
     _ = catch_unwind(AssertUnwindSafe(|| {
         let level = if kind == 0 { log::Level::Error } else { log::Level::Warn };
         log::log!(target: "cairn::ffx", level, "{text}");
-        SAID.with_borrow_mut(|said| {
-            if said.len() < LONGEST {
-                said.push_str(if said.is_empty() { "" } else { ", " });
-                said.push_str(text);
+        MESSAGES.with_borrow_mut(|messages| {
+            if messages.len() < LONGEST {
+                messages.push_str(if messages.is_empty() { "" } else { ", " });
+                messages.push_str(text);
             }
         });
     }));
@@ -60,24 +60,26 @@ mod tests {
     }
 
     #[test]
-    fn what_is_said_is_kept_until_the_next_call() {
-        forget();
+    fn messages_are_kept_until_the_next_call() {
+        clear();
         say("the first \n");
         say("größer 😀");
         // SAFETY: null is allowed.
         unsafe { receive(0, std::ptr::null()) };
-        assert_eq!(last(), "the first, größer 😀");
-        std::thread::spawn(|| assert_eq!(last(), "", "another thread's calls are its own")).join().expect("no panic");
-        forget();
-        assert_eq!(last(), "");
+        assert_eq!(collected(), "the first, größer 😀");
+        std::thread::spawn(|| assert_eq!(collected(), "", "another thread's calls are its own"))
+            .join()
+            .expect("no panic");
+        clear();
+        assert_eq!(collected(), "");
     }
 
     #[test]
-    fn a_message_without_an_end_is_read_so_far_and_no_further() {
-        forget();
+    fn a_message_without_a_terminator_is_cut() {
+        clear();
         let endless = vec![u16::from(b'a'); LONGEST];
         // SAFETY: as long as the part that is read.
         unsafe { receive(0, endless.as_ptr()) };
-        assert_eq!(last().len(), LONGEST);
+        assert_eq!(collected().len(), LONGEST);
     }
 }

@@ -6,15 +6,13 @@
 mod api;
 pub mod bindings;
 mod chain;
-#[cfg(windows)]
-mod clean_motion;
 mod context;
-mod diagnose;
+mod diagnosis;
 #[cfg(test)]
-mod double;
+mod fake_library;
 mod generator;
 mod library;
-mod memory;
+mod memory_usage;
 mod message;
 #[cfg(windows)]
 mod pass_through_detector;
@@ -24,28 +22,30 @@ mod requirements;
 #[cfg(windows)]
 mod resource;
 #[cfg(windows)]
+mod sanitised_motion;
+#[cfg(windows)]
 mod self_test;
 #[cfg(windows)]
 mod swapchain;
 #[cfg(windows)]
-mod texture_upscaler;
+mod texture_generator;
 #[cfg(windows)]
-mod textures;
+mod texture_upscaler;
 mod upscaler;
 
 pub use api::{Api, Effect};
-pub use chain::{Chain, Described, Extends, Header};
+pub use chain::{Chain, Extends, FfxStruct, Header};
 pub use context::{Context, Provider};
 pub use generator::{Camera, Frame, FrameParams, Generator};
-pub use library::Part;
+pub use library::LibraryKind;
 #[cfg(windows)]
 pub use library::{File, FileVersion, Library, LoadOptions, allow_unsigned_in_host};
-pub use memory::{Reports, memory_needed};
+pub use memory_usage::{ReportsMemory, memory_needed};
 #[cfg(windows)]
 pub use pass_through_detector::GenerationCheck;
 pub use provider::{Choice, Dialect, Family, Version, choose, versions};
 #[cfg(windows)]
-pub use requirements::{Needed, Requirement, requirements};
+pub use requirements::{Requirement, RequirementKind, requirements};
 #[cfg(windows)]
 pub(crate) use swapchain::is_presenting_thread;
 #[cfg(windows)]
@@ -54,7 +54,7 @@ pub use swapchain::{
     swapchain_memory_needed,
 };
 #[cfg(windows)]
-pub use texture_upscaler::{TextureUpscaler, UpscalePictures};
+pub use texture_generator::{GenerationTextures, TextureGenerator, TextureMemory, TextureOptions};
 #[cfg(windows)]
-pub use textures::{Memory, Pictures, TextureGenerator, TextureOptions};
+pub use texture_upscaler::{TextureUpscaler, UpscaleTextures};
 pub use upscaler::{ReactiveMask, UpscaleFrame, UpscaleParams, Upscaler};

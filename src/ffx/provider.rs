@@ -64,10 +64,10 @@ impl Version {
     pub fn number(&self) -> Option<[u32; 3]> {
         let start = self.name.find(|c: char| c.is_ascii_digit())?;
         let mut number = [0; 3];
-        for (place, word) in number.iter_mut().zip(self.name[start..].split('.')) {
-            let end = word.find(|c: char| !c.is_ascii_digit()).unwrap_or(word.len());
-            *place = word[..end].parse().unwrap_or(0);
-            if end < word.len() {
+        for (part, text) in number.iter_mut().zip(self.name[start..].split('.')) {
+            let end = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
+            *part = text[..end].parse().unwrap_or(0);
+            if end < text.len() {
                 break;
             }
         }
@@ -118,7 +118,7 @@ pub enum Dialect {
 }
 
 /// Maximum number of listed providers.
-const MOST: usize = 256;
+const MAX_PROVIDERS: usize = 256;
 
 /// Lists a library's providers of `effect` on `device`, newest first.
 ///
@@ -139,10 +139,10 @@ pub unsafe fn versions(api: &Api, effect: Effect, device: *mut c_void) -> Result
 /// # Safety
 /// As [`versions`].
 pub(super) unsafe fn versions_of(api: &Api, create: StructId, device: *mut c_void) -> Result<Vec<Version>> {
-    let mut room = 8;
+    let mut capacity = 8;
     let (ids, names) = loop {
-        let (mut ids, mut names) = (vec![0; room], vec![null::<c_char>(); room]);
-        let mut count = room as u64;
+        let (mut ids, mut names) = (vec![0; capacity], vec![null::<c_char>(); capacity]);
+        let mut count = capacity as u64;
         let mut query = Chain::new(QueryVersions {
             create,
             device,
@@ -153,13 +153,13 @@ pub(super) unsafe fn versions_of(api: &Api, create: StructId, device: *mut c_voi
         });
         // SAFETY: no context; both lists have the stated capacity, and the device is as the caller promises.
         unsafe { api.query(null_mut(), &mut query) }.map_err(|failure| failure.error())?;
-        let count = usize::try_from(count).unwrap_or(room);
+        let count = usize::try_from(count).unwrap_or(capacity);
         // A full list may mean that there are more.
-        if count < room || room == MOST {
+        if count < capacity || capacity == MAX_PROVIDERS {
             ids.truncate(count);
             break (ids, names);
         }
-        room *= 2;
+        capacity *= 2;
     };
     let mut found: Vec<_> = ids
         .iter()
@@ -173,7 +173,7 @@ pub(super) unsafe fn versions_of(api: &Api, create: StructId, device: *mut c_voi
     if found.is_empty() {
         return Err(Error::new(
             ErrorKind::Unsupported,
-            format!("AMD's libraries have no provider of {} for this device", called(create)),
+            format!("AMD's libraries have no provider of {} for this device", effect_name(create)),
         )
         .remedy("Put the effect's own library beside the loader, or use another adapter or a newer driver"));
     }
@@ -182,7 +182,7 @@ pub(super) unsafe fn versions_of(api: &Api, create: StructId, device: *mut c_voi
 }
 
 /// A name for the effect of the contexts that a struct creates.
-pub(super) fn called(create: StructId) -> String {
+pub(super) fn effect_name(create: StructId) -> String {
     match Effect::of(create) {
         Some(_) if create.effect() == EffectId::SWAPCHAIN => "paced swap chains".to_owned(),
         Some(effect) => effect.to_string(),
@@ -199,7 +199,7 @@ pub fn choose(offered: &[Version], choice: Choice) -> Result<Option<&Version>> {
     match choice {
         Choice::Any => Ok(None),
         Choice::Prefer(family) => Ok(newest(family)),
-        Choice::Require(family) => newest(family).map(Some).ok_or_else(|| unavailable(family, &listed(offered))),
+        Choice::Require(family) => newest(family).map(Some).ok_or_else(|| unavailable(family, &names_of(offered))),
     }
 }
 
@@ -216,7 +216,7 @@ pub(super) fn unavailable(family: Family, instead: &str) -> Error {
 }
 
 /// The providers' names, separated by commas.
-pub(super) fn listed(versions: &[Version]) -> String {
+pub(super) fn names_of(versions: &[Version]) -> String {
     versions.iter().map(Version::to_string).collect::<Vec<_>>().join(", ")
 }
 
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn names_tell_number_family_and_dialect() {
+    fn names_determine_number_family_and_dialect() {
         use Dialect::{Sdk11, Sdk21};
         use Family::{Analytic, Ml};
         for (name, number, family, dialect) in [

@@ -9,7 +9,7 @@ use windows::Win32::Graphics::Direct3D12::{
 use windows::core::Interface;
 
 use super::library::{FileVersion, Module};
-use super::provider::listed;
+use super::provider::names_of;
 use super::{Effect, Library, LoadOptions, versions};
 use crate::gpu::{Gpu, System};
 use crate::{Error, Result};
@@ -18,7 +18,7 @@ use crate::{Error, Result};
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Requirement {
     /// The kind of requirement.
-    pub what: Needed,
+    pub what: RequirementKind,
     /// All providers that need it can run. If false, `needed` says which cannot.
     pub met: bool,
     /// What is needed, as text for people.
@@ -29,7 +29,7 @@ pub struct Requirement {
 
 /// Kinds of requirements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Needed {
+pub enum RequirementKind {
     /// AMD's libraries: one row for each file found.
     Libraries,
     /// A provider for the device, in the libraries or the driver.
@@ -60,7 +60,7 @@ pub fn requirements(options: &LoadOptions, gpu: &Gpu) -> Vec<Requirement> {
 fn libraries(library: &Result<Library>) -> Vec<Requirement> {
     let row = |met, found| {
         let needed = "AMD's loader and effect libraries of SDK 2.0 or later, or its whole library of 1.1";
-        Requirement { what: Needed::Libraries, met, needed, found }
+        Requirement { what: RequirementKind::Libraries, met, needed, found }
     };
     match library {
         Ok(library) => library
@@ -84,14 +84,19 @@ fn provider(library: &Result<Library>, gpu: &Gpu) -> Requirement {
         unsafe { versions(api, Effect::FrameGeneration, gpu.device().as_raw()) }
     });
     let (met, found) = match offered {
-        Ok(offered) => (true, listed(&offered)),
+        Ok(offered) => (true, names_of(&offered)),
         Err(why) => (false, why.to_string()),
     };
-    Requirement { what: Needed::Provider, met, needed: "a provider of frame generation that takes the device", found }
+    Requirement {
+        what: RequirementKind::Provider,
+        met,
+        needed: "a provider of frame generation that takes the device",
+        found,
+    }
 }
 
 fn system() -> Requirement {
-    let System { build, wine } = System::this();
+    let System { build, wine } = System::current();
     let mut found = build.map_or("unknown".to_owned(), |[major, minor, build]| format!("{major}.{minor}.{build}"));
     if let Some(version) = wine {
         found = format!(
@@ -100,7 +105,7 @@ fn system() -> Requirement {
     }
     let met = build.is_some_and(|[_, _, build]| build >= WINDOWS_11);
     let needed = "Windows 11 (build 22000) for ml; Windows 10 for analytic";
-    Requirement { what: Needed::System, met, needed, found }
+    Requirement { what: RequirementKind::System, met, needed, found }
 }
 
 /// The Direct3D 12 library loaded in this process; there is one, as there is a device.
@@ -117,16 +122,21 @@ fn direct3d() -> Requirement {
         (None, _) => "none".to_owned(),
     };
     let needed = "D3D12Core.dll of Windows 11, or of the Agility SDK 1.4.9 or later, for ml";
-    Requirement { what: Needed::Direct3d, met: version.is_some_and(|version| version >= AGILITY), needed, found }
+    Requirement {
+        what: RequirementKind::Direct3d,
+        met: version.is_some_and(|version| version >= AGILITY),
+        needed,
+        found,
+    }
 }
 
 fn shader_model(gpu: &Gpu) -> Requirement {
     let mut model = D3D12_FEATURE_DATA_SHADER_MODEL { HighestShaderModel: D3D_SHADER_MODEL_6_6 };
-    let (place, size) = ((&raw mut model).cast::<c_void>(), size_of_val(&model) as u32);
+    let (output, size) = ((&raw mut model).cast::<c_void>(), size_of_val(&model) as u32);
     // SAFETY: a live device and the struct of this feature. A runtime that does not know the requested shader model fails.
-    let known = unsafe { gpu.device().CheckFeatureSupport(D3D12_FEATURE_SHADER_MODEL, place, size) }.is_ok();
+    let known = unsafe { gpu.device().CheckFeatureSupport(D3D12_FEATURE_SHADER_MODEL, output, size) }.is_ok();
     let highest = model.HighestShaderModel;
     let found = if known { format!("{}.{}", highest.0 >> 4, highest.0 & 0xf) } else { "below 6.6".to_owned() };
     let met = known && highest.0 >= D3D_SHADER_MODEL_6_6.0;
-    Requirement { what: Needed::ShaderModel, met, needed: "6.6 for ml; 6.2 for analytic", found }
+    Requirement { what: RequirementKind::ShaderModel, met, needed: "6.6 for ml; 6.2 for analytic", found }
 }

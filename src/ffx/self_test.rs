@@ -1,17 +1,19 @@
-//! Self-test of a provider: generates the frame between two synthetic frames and compares it with the right result and with typical
-//! wrong ones. The frames show a background and blocks in front of it, with known motion. Windows only.
+//! Self-test of a provider: has it generate the frame between two synthetic frames, and compares the result with the right frame and
+//! with typical wrong ones. The frames show a background and blocks in front of it, with known motion. Windows only.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32_FLOAT};
 
 use super::FrameParams;
 use super::bindings::{Coordinates, CreateFlags, CreateFrameGeneration, Dimensions};
-use super::textures::{GROUP, Pictures, TextureGenerator, TextureOptions, texture};
-use crate::gpu::compute::{self, CommandRecorder, CommandRing, Kernel, ResourceWithState, Shape, View, Words, untyped};
-use crate::gpu::{Gpu, Heap, Shared, buffer};
+use super::texture_generator::{GROUP, GenerationTextures, TextureGenerator, TextureOptions, texture};
+use crate::gpu::compute::{
+    self, CommandRecorder, CommandRing, Kernel, ResourceWithState, Shape, View, WordRange, untyped,
+};
+use crate::gpu::{Gpu, Heap, MappedBuffer, buffer};
 use crate::{Error, ErrorKind, Result};
 
-/// What the pattern shader draws.
+/// Mode of the pattern shader.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Mode {
     /// The frame at that time: 0 and 1 are the provider's inputs.
@@ -74,9 +76,9 @@ const CONSTANTS: usize = 19;
 /// `Unsupported` with the field `provider` for a provider that fails; errors of its calls; `DeviceRemoved`, `OutOfMemory`.
 pub(super) fn run(generator: &mut TextureGenerator, options: &TextureOptions) -> Result<()> {
     let gpu = generator.gpu().clone();
-    let stage = Stage::new(&gpu, options)?;
-    let tested = stage.frames(generator).and_then(|()| stage.found());
-    generator.forget();
+    let test = SelfTest::new(&gpu, options)?;
+    let tested = test.generate_pair(generator).and_then(|()| test.distances());
+    generator.drop_history();
     let sums = tested?;
     log::debug!(target: "cairn::ffx", "distances of the frame between from what it may be: {sums:?}");
     judge(&sums, options.head.flags.contains(CreateFlags::MOTION_JITTER)).map_err(|why| {
@@ -102,7 +104,7 @@ fn judge(sums: &[u32; CANDIDATES.len()], motion_holds_jitter: bool) -> Result<()
 }
 
 /// The test's textures, kernels and parameters.
-struct Stage<'a> {
+struct SelfTest<'a> {
     gpu: &'a Gpu,
     options: &'a TextureOptions,
     format: DXGI_FORMAT,
@@ -118,18 +120,18 @@ struct Stage<'a> {
     depth: ID3D12Resource,
     motion: ID3D12Resource,
     sums: ID3D12Resource,
-    back: Shared,
+    readback: MappedBuffer,
 }
 
-impl<'a> Stage<'a> {
+impl<'a> SelfTest<'a> {
     fn new(gpu: &'a Gpu, options: &'a TextureOptions) -> Result<Self> {
         let head = &options.head;
-        let (shown, rendered) = (head.display_size, head.max_render_size);
+        let (display_size, rendered) = (head.display_size, head.max_render_size);
         let format = untyped(DXGI_FORMAT(head.back_buffer_format.to_dxgi().cast_signed()));
-        let frame = || texture(gpu, shown, format);
+        let frame = || texture(gpu, display_size, format);
         let bytes = CANDIDATES.len() * 4;
         // A multiple of four, so that half of each component is a whole number of pixels.
-        let step = (4 * (breadth(shown) / 160)).clamp(4, 64) as f32;
+        let step = (4 * (pattern_width(display_size) / 160)).clamp(4, 64) as f32;
         let pattern = Shape { constants: CONSTANTS as u32, inputs: 1, outputs: 1 };
         let compare = Shape { constants: 7, inputs: 2, outputs: 1 };
         let made = Self {
@@ -139,31 +141,31 @@ impl<'a> Stage<'a> {
             // Not opposite to each other, so that each wrong assumption puts the blocks somewhere else.
             moved: [[step, -step / 2.0], [-step, -step]],
             jitter: [step / 8.0, -step / 8.0],
-            pattern: Kernel::new(gpu, include_bytes!("../gpu/shaders/fsr_pattern.dxbc"), pattern)?,
-            compare: Kernel::new(gpu, include_bytes!("../gpu/shaders/fsr_compare.dxbc"), compare)?,
+            pattern: Kernel::new(gpu, include_bytes!("../gpu/shaders/compiled/fsr_pattern.dxbc"), pattern)?,
+            compare: Kernel::new(gpu, include_bytes!("../gpu/shaders/compiled/fsr_compare.dxbc"), compare)?,
             color: frame()?,
             output: frame()?,
             candidate: frame()?,
             depth: texture(gpu, rendered, DXGI_FORMAT_R32_FLOAT)?,
             motion: texture(gpu, motion_size(head), DXGI_FORMAT_R16G16_FLOAT)?,
             sums: buffer(gpu, Heap::Device, bytes)?,
-            back: Shared::new(gpu, Heap::Readback, bytes)?,
+            readback: MappedBuffer::new(gpu, Heap::Readback, bytes)?,
         };
         // Fails if shaders cannot write textures of this format.
-        compute::texture(gpu, &resting(&made.output), &[format], "back_buffer_format")?;
+        compute::texture(gpu, &with_state(&made.output), &[format], "back_buffer_format")?;
         Ok(made)
     }
 
     /// Draws both frames and passes them to the generator.
-    fn frames(&self, generator: &mut TextureGenerator) -> Result<()> {
+    fn generate_pair(&self, generator: &mut TextureGenerator) -> Result<()> {
         const DESCRIPTORS: u32 = 2;
         let mut ring = CommandRing::new(self.gpu, self.gpu.frames(), 3 * DESCRIPTORS)?;
-        let (motion, depth) = (resting(&self.motion), resting(&self.depth));
+        let (motion, depth) = (with_state(&self.motion), with_state(&self.depth));
         let head = &self.options.head;
-        let (shown, rendered, of_motion) = (head.display_size, head.max_render_size, motion_size(head));
+        let (display_size, rendered, of_motion) = (head.display_size, head.max_render_size, motion_size(head));
         let holds_jitter = head.flags.contains(CreateFlags::MOTION_JITTER);
         let scaled = |[x, y]: [f32; 2], to: Dimensions| {
-            [x * to.width as f32 / shown.width as f32, y * to.height as f32 / shown.height as f32]
+            [x * to.width as f32 / display_size.width as f32, y * to.height as f32 / display_size.height as f32]
         };
         for (number, sign) in [(0.0, 1.0), (1.0, -1.0)] {
             let jitter = self.jitter.map(|jitter| jitter * sign);
@@ -177,19 +179,20 @@ impl<'a> Stage<'a> {
             self.draw(&mut frame, &motion, DXGI_FORMAT_R16G16_FLOAT, values(to_before), scaled(jitter, of_motion))?;
             let depths = [BACKGROUND, FOREGROUND].map(|distance| [device_depth(distance, head.flags), 0.0]);
             self.draw(&mut frame, &depth, DXGI_FORMAT_R32_FLOAT, values(depths), scaled(jitter, rendered))?;
-            self.draw(&mut frame, &resting(&self.color), self.format, Mode::Frame(number), [0.0; 2])?;
+            self.draw(&mut frame, &with_state(&self.color), self.format, Mode::Frame(number), [0.0; 2])?;
             frame.submit(self.gpu.frames())?;
-            let pictures = Pictures {
-                color: resting(&self.color),
-                output: resting(&self.output),
+            let pictures = GenerationTextures {
+                color: with_state(&self.color),
+                output: with_state(&self.output),
                 depth,
                 motion,
                 hudless: None,
                 distortion: None,
             };
             let [x, y] = scaled(jitter, rendered);
-            let shot = FrameParams { reset: number == 0.0, jitter: Coordinates { x, y }, ..FrameParams::of(rendered) };
-            generator.generate(&pictures, &shot)?;
+            let params =
+                FrameParams { reset: number == 0.0, jitter: Coordinates { x, y }, ..FrameParams::of(rendered) };
+            generator.generate(&pictures, &params)?;
         }
         Ok(())
     }
@@ -200,39 +203,40 @@ impl<'a> Stage<'a> {
     }
 
     /// The distance of the generated frame from each candidate.
-    fn found(&self) -> Result<[u32; CANDIDATES.len()]> {
+    fn distances(&self) -> Result<[u32; CANDIDATES.len()]> {
         const DESCRIPTORS: u32 = 5;
         let mut ring = CommandRing::new(self.gpu, self.gpu.frames(), DESCRIPTORS * CANDIDATES.len() as u32)?;
         let mut frame = ring.begin()?;
-        let shown = self.options.head.display_size;
-        // The inner part only: what enters the picture at its border is unknown.
-        let first = Dimensions { width: shown.width / 8, height: shown.height / 8 };
-        let inner = Dimensions { width: shown.width - 2 * first.width, height: shown.height - 2 * first.height };
+        let display_size = self.options.head.display_size;
+        // The inner part only: content that enters the picture at its borders is unknown.
+        let first = Dimensions { width: display_size.width / 8, height: display_size.height / 8 };
+        let inner =
+            Dimensions { width: display_size.width - 2 * first.width, height: display_size.height - 2 * first.height };
         let step = Dimensions { width: inner.width.div_ceil(512), height: inner.height.div_ceil(512) };
         let samples = Dimensions { width: inner.width / step.width, height: inner.height / step.height };
         let groups = [samples.width.div_ceil(GROUP), samples.height.div_ceil(GROUP), 1];
         let sums = ResourceWithState { resource: &self.sums, state: D3D12_RESOURCE_STATE_COMMON };
         let bytes = CANDIDATES.len() * 4;
-        let mut zeroes = Shared::new(self.gpu, Heap::Upload, bytes)?;
+        let mut zeroes = MappedBuffer::new(self.gpu, Heap::Upload, bytes)?;
         zeroes.write(0, &[0; CANDIDATES.len() * 4]);
-        frame.bring(&sums, D3D12_RESOURCE_STATE_COPY_DEST)?;
+        frame.transition_to(&sums, D3D12_RESOURCE_STATE_COPY_DEST)?;
         // SAFETY: an open list, and buffers of that many bytes that live until it has run.
         unsafe { frame.list().CopyBufferRegion(&self.sums, 0, zeroes.resource(), 0, bytes as u64) };
         for (index, (mode, _)) in (0..).zip(CANDIDATES) {
-            let candidate = resting(&self.candidate);
+            let candidate = with_state(&self.candidate);
             self.draw(&mut frame, &candidate, self.format, mode, [0.0; 2])?;
-            let inputs = [View::Texture(resting(&self.output), self.format), View::Texture(candidate, self.format)];
-            let output = View::Buffer(sums, Words { first: 0, count: CANDIDATES.len() as u32 });
+            let inputs = [View::Texture(with_state(&self.output), self.format), View::Texture(candidate, self.format)];
+            let output = View::Buffer(sums, WordRange { first: 0, count: CANDIDATES.len() as u32 });
             let constants =
                 [first.width, first.height, step.width, step.height, samples.width, samples.height, index * 4];
             frame.run(&self.compare, &constants, &inputs, &[output], groups)?;
         }
-        frame.bring(&sums, D3D12_RESOURCE_STATE_COPY_SOURCE)?;
+        frame.transition_to(&sums, D3D12_RESOURCE_STATE_COPY_SOURCE)?;
         // SAFETY: as above.
-        unsafe { frame.list().CopyBufferRegion(self.back.resource(), 0, &self.sums, 0, bytes as u64) };
+        unsafe { frame.list().CopyBufferRegion(self.readback.resource(), 0, &self.sums, 0, bytes as u64) };
         frame.submit(self.gpu.frames())?.wait()?;
         let mut found = [0; CANDIDATES.len() * 4];
-        self.back.read(&mut found);
+        self.readback.read(&mut found);
         let mut sums = [0; CANDIDATES.len()];
         sums.iter_mut().zip(found.as_chunks().0).for_each(|(sum, bytes)| *sum = u32::from_le_bytes(*bytes));
         Ok(sums)
@@ -251,9 +255,9 @@ impl<'a> Stage<'a> {
         let size = unsafe { to.resource.GetDesc() };
         let (width, height) = (size.Width as u32, size.Height);
         let head = &self.options.head;
-        let shown = head.display_size;
-        let scale = [shown.width as f32 / width as f32, shown.height as f32 / height as f32];
-        let believed = |AssumedMotion { factor, jitter }: AssumedMotion| {
+        let display_size = head.display_size;
+        let scale = [display_size.width as f32 / width as f32, display_size.height as f32 / height as f32];
+        let motion_of = |AssumedMotion { factor, jitter }: AssumedMotion| {
             let held = self.jitter_in_motion();
             self.moved.map(|moved| [0, 1].map(|axis| moved[axis] * factor[axis] + held[axis] * jitter))
         };
@@ -262,24 +266,26 @@ impl<'a> Stage<'a> {
             Mode::Frame(number) if is_drawn => (0, number, self.moved),
             Mode::Values { number, background, foreground } => (1, number, [background, foreground]),
             Mode::Frame(number) => (2, number, self.moved),
-            Mode::Generated(motion) => (2, BETWEEN, believed(motion)),
+            Mode::Generated(motion) => (2, BETWEEN, motion_of(motion)),
             Mode::Reversed => (3, BETWEEN, self.moved),
             Mode::Black => (4, 0.0, self.moved),
         };
         // Providers use the nearest depth of the neighbouring pixels, and jitter moves edges: pixels near block edges are not
         // compared.
-        let of_render =
-            shown.width.div_ceil(head.max_render_size.width).max(shown.height.div_ceil(head.max_render_size.height));
+        let of_render = display_size
+            .width
+            .div_ceil(head.max_render_size.width)
+            .max(display_size.height.div_ceil(head.max_render_size.height));
         let margin = 1.0 + of_render as f32 + self.jitter[0].abs();
         let numbers = [number].into_iter().chain(self.moved.into_iter().flatten());
         let numbers = numbers.chain(background).chain(foreground);
-        let numbers = numbers.chain([self.side(), 640.0 / breadth(shown) as f32, margin]);
+        let numbers = numbers.chain([self.side(), 640.0 / pattern_width(display_size) as f32, margin]);
         let words = scale.into_iter().chain(jitter).map(f32::to_bits);
         let words = [width, height].into_iter().chain(words).chain([kind]).chain(numbers.map(f32::to_bits));
         let mut constants = [0; CONSTANTS];
         constants.iter_mut().zip(words).for_each(|(constant, word)| *constant = word);
         let groups = [width.div_ceil(GROUP), height.div_ceil(GROUP), 1];
-        let found = View::Texture(resting(&self.output), self.format);
+        let found = View::Texture(with_state(&self.output), self.format);
         frame.run(&self.pattern, &constants, &[found], &[View::Texture(*to, format)], groups)
     }
 
@@ -306,15 +312,15 @@ fn device_depth(distance: f32, flags: CreateFlags) -> f32 {
 }
 
 /// The width that the pattern scales with: the frame's, limited to twice its height.
-fn breadth(shown: Dimensions) -> u32 {
-    shown.width.min(2 * shown.height)
+fn pattern_width(display_size: Dimensions) -> u32 {
+    display_size.width.min(2 * display_size.height)
 }
 
 fn motion_size(head: &CreateFrameGeneration) -> Dimensions {
-    super::textures::motion_size_at(head, head.max_render_size)
+    super::texture_generator::motion_size_at(head, head.max_render_size)
 }
 
-fn resting(resource: &ID3D12Resource) -> ResourceWithState<'_> {
+fn with_state(resource: &ID3D12Resource) -> ResourceWithState<'_> {
     ResourceWithState { resource, state: STATE }
 }
 
@@ -323,7 +329,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_the_right_frame_is_taken_and_one_with_jitter_where_motion_holds_it() {
+    fn only_the_right_frame_passes_or_one_with_jitter_if_motion_contains_it() {
         for near in 0..CANDIDATES.len() {
             let mut sums = [100; CANDIDATES.len()];
             sums[near] = 49;
@@ -336,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn near_is_near_in_every_kind_of_depth() {
+    fn near_depths_are_in_front_in_every_kind_of_depth() {
         let (inverted, infinite) = (CreateFlags::DEPTH_INVERTED, CreateFlags::DEPTH_INFINITE);
         for flags in [CreateFlags::empty(), infinite] {
             let [near, far] = [FOREGROUND, BACKGROUND].map(|distance| device_depth(distance, flags));

@@ -26,8 +26,8 @@ use super::bindings::{
     DispatchWait, FrameFlags, InterfaceFlags, MemoryUsage, PacingTuning, QuerySwapchainMemory, RawContext, Resource,
     ResourceState, ReturnCode, SurfaceFormat, SwapchainKey,
 };
-use super::clean_motion::SanitisedMotion;
-use super::textures::{READ, TextureGenerator, TextureOptions, motion_size_at, picture};
+use super::sanitised_motion::SanitisedMotion;
+use super::texture_generator::{READ, TextureGenerator, TextureOptions, motion_size_at, picture};
 use super::{Api, Chain, Choice, Context, Frame, FrameParams, Generator, Provider};
 use crate::gpu::compute::{CommandRing, ResourceWithState};
 use crate::gpu::{Gpu, check_list, failed_on};
@@ -36,7 +36,7 @@ use present_fence::PresentFence;
 pub use settings::{
     FrameTextures, Interface, Pacing, SwapchainMemory, SwapchainOptions, SwapchainSource, swapchain_memory_needed,
 };
-use takeover::{references, wrapped};
+use takeover::{check_wrappable, references};
 
 /// AMD's swap chain with its frame generator.
 ///
@@ -52,14 +52,14 @@ pub struct Swapchain {
     motion: SanitisedMotion,
     generator: Option<Generator>,
     /// User data of the `generate` callback; boxed, so that its address stays the same.
-    shared: Box<Shared>,
+    callback_data: Box<CallbackData>,
     // Dropped in this order: the swap chain, then the context that paces it.
     swapchain: IDXGISwapChain4,
     /// The swap chain's reference count after creation: our reference and the library's own.
     initial_references: u32,
     pacer: Box<dyn Pacer>,
     /// Structs that the pacer's creation chain points to.
-    _given: Box<Given>,
+    _creation_structs: Box<CreationStructs>,
     interface: Option<ID3D12Resource>,
     /// HUD-less pictures of this frame and the previous one, which `Present` may still read.
     hudless: [Option<ID3D12Resource>; 2],
@@ -68,7 +68,7 @@ pub struct Swapchain {
 
 /// Structs that the creation chain of the pacing context points to.
 #[derive(Default)]
-struct Given {
+struct CreationStructs {
     swapchain: *mut c_void,
     description: DXGI_SWAP_CHAIN_DESC,
     of_window: DXGI_SWAP_CHAIN_DESC1,
@@ -76,26 +76,25 @@ struct Given {
 }
 
 // SAFETY: the library's context and its swap chain may be used by one thread after the other, and objects of Direct3D 12 are
-// free-threaded; the library's own threads get `Shared` only.
+// free-threaded; the library's own threads get `CallbackData` only.
 unsafe impl Send for Swapchain {}
 
 /// State that the `generate` callback reads and writes.
-struct Shared {
+struct CallbackData {
     api: Api,
     /// The generator's context; the lock serialises its calls. Null without a generator.
     context: ReentrantMutex<Cell<RawContext>>,
     /// Id of the frame that resets the history; 0 for none.
     reset: AtomicU64,
-    /// Number of generated frames.
     generated: AtomicU64,
     /// Return code of the last failed generation; 0 if none failed.
     failed: AtomicU32,
 }
 
 // SAFETY: the context is only used under its lock.
-unsafe impl Send for Shared {}
+unsafe impl Send for CallbackData {}
 // SAFETY: as above.
-unsafe impl Sync for Shared {}
+unsafe impl Sync for CallbackData {}
 
 /// A pacing context, whichever struct created it.
 trait Pacer {
@@ -120,40 +119,40 @@ impl<Head: Creates> Pacer for Context<Head> {
 
 thread_local! {
     /// Whether AMD's library is generating a frame on this thread. Destroying the swap chain waits for that.
-    static GENERATES: Cell<bool> = const { Cell::new(false) };
+    static IS_GENERATING: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Whether AMD's library is generating a frame on this thread, which is so in a message that it sends meanwhile.
+/// Whether AMD's library is generating a frame on this thread, for example while it calls the message callback.
 pub(crate) fn is_presenting_thread() -> bool {
-    GENERATES.get()
+    IS_GENERATING.get()
 }
 
-/// AMD's generation callback: forwards the struct to the generator's context.
-unsafe extern "C" fn generate(asked: *mut DispatchFrameGeneration, user: *mut c_void) -> ReturnCode {
-    if asked.is_null() || user.is_null() {
+/// The generation callback that AMD's swap chain calls within `Present`: forwards the struct to the generator's context.
+unsafe extern "C" fn generate(request: *mut DispatchFrameGeneration, user: *mut c_void) -> ReturnCode {
+    if request.is_null() || user.is_null() {
         return ReturnCode::PARAMETER;
     }
     // SAFETY: the user pointer that `prepare` passed; it lives until generation is turned off.
-    let shared = unsafe { &*user.cast::<Shared>() };
-    let lock = shared.context.lock();
+    let callback_data = unsafe { &*user.cast::<CallbackData>() };
+    let lock = callback_data.context.lock();
     let context = lock.get();
     if context.is_null() {
         return ReturnCode::ERROR;
     }
     // SAFETY: the library's own struct, which the callback may change.
     unsafe {
-        if (*asked).frame_id == shared.reset.load(Ordering::Relaxed) {
-            (*asked).reset = true;
+        if (*request).frame_id == callback_data.reset.load(Ordering::Relaxed) {
+            (*request).reset = true;
         }
     }
-    let before = GENERATES.replace(true);
+    let before = IS_GENERATING.replace(true);
     // SAFETY: a live context, and the struct that the library has just passed.
-    let code = unsafe { shared.api.forward(context, asked.cast()) };
-    GENERATES.set(before);
+    let code = unsafe { callback_data.api.forward(context, request.cast()) };
+    IS_GENERATING.set(before);
     if code == ReturnCode::OK {
-        shared.generated.fetch_add(1, Ordering::Relaxed);
+        callback_data.generated.fetch_add(1, Ordering::Relaxed);
     } else {
-        shared.failed.store(code.0, Ordering::Relaxed);
+        callback_data.failed.store(code.0, Ordering::Relaxed);
     }
     code
 }
@@ -173,12 +172,12 @@ impl Swapchain {
         if gpu.frames().kind() != D3D12_COMMAND_LIST_TYPE_DIRECT {
             return refuse("queue", "AMD's swap chain draws on it, and it is not direct");
         }
-        let mut given = Box::<Given>::default();
+        let mut structs = Box::<CreationStructs>::default();
         let shown = match &from {
-            SwapchainSource::Wrap(Some(swapchain)) => wrapped(gpu, swapchain)?,
+            SwapchainSource::Wrap(Some(swapchain)) => check_wrappable(gpu, swapchain)?,
             SwapchainSource::Wrap(None) => return refuse("swapchain", "there is none"),
             SwapchainSource::New(_, desc) => {
-                given.description = *desc;
+                structs.description = *desc;
                 if !desc.Windowed.as_bool() {
                     return refuse("description.Windowed", "AMD's swap chain lives in a window");
                 }
@@ -189,8 +188,8 @@ impl Swapchain {
                 (mode.Width, mode.Height, mode.Format)
             }
             SwapchainSource::ForWindow(_, window, desc, fullscreen) => {
-                given.of_window = *desc;
-                given.fullscreen = fullscreen.unwrap_or_default();
+                structs.of_window = *desc;
+                structs.fullscreen = fullscreen.unwrap_or_default();
                 if fullscreen.is_some_and(|fullscreen| !fullscreen.Windowed.as_bool()) {
                     return refuse("fullscreen.Windowed", "AMD's swap chain lives in a window");
                 }
@@ -203,21 +202,22 @@ impl Swapchain {
         let options = *options;
         let head = head_of(&options, (shown.0, shown.1), SurfaceFormat::from_dxgi(shown.2.0.cast_unsigned()));
         let generator = generator(gpu, api, &options, head)?;
-        let shared = Box::new(Shared {
+        let callback_data = Box::new(CallbackData {
             api: *api,
             context: ReentrantMutex::new(Cell::new(generator.context().raw())),
             reset: AtomicU64::new(0),
             generated: AtomicU64::new(0),
             failed: AtomicU32::new(0),
         });
-        let (presented, ring) = (PresentFence::new(gpu)?, CommandRing::new(gpu, gpu.frames(), SanitisedMotion::ROOM)?);
+        let (presented, ring) =
+            (PresentFence::new(gpu)?, CommandRing::new(gpu, gpu.frames(), SanitisedMotion::DESCRIPTORS)?);
         let motion = SanitisedMotion::new(gpu, motion_size_at(&head, head.max_render_size))?;
-        let pacer = pace(gpu, api, &mut given, from)?;
-        if given.swapchain.is_null() {
+        let pacer = create_pacing_context(gpu, api, &mut structs, from)?;
+        if structs.swapchain.is_null() {
             return Err(Error::new(ErrorKind::Device, "AMD's library says that it succeeded, and gave no swap chain"));
         }
         // SAFETY: the library has written a swap chain there, with a reference for its host.
-        let swapchain = unsafe { IDXGISwapChain4::from_raw(given.swapchain) };
+        let swapchain = unsafe { IDXGISwapChain4::from_raw(structs.swapchain) };
         Ok(Self {
             initial_references: references(&swapchain),
             swapchain,
@@ -229,8 +229,8 @@ impl Swapchain {
             options,
             motion,
             generator: Some(generator),
-            shared,
-            _given: given,
+            callback_data,
+            _creation_structs: structs,
             interface: None,
             hudless: [None, None],
             is_on: false,
@@ -263,13 +263,13 @@ impl Swapchain {
 
     /// Number of frames generated so far.
     pub fn generated(&self) -> u64 {
-        self.shared.generated.load(Ordering::Relaxed)
+        self.callback_data.generated.load(Ordering::Relaxed)
     }
 
     /// The last error that the generator returned within `Present`, if any. A frame whose generation fails is presented without a
     /// generated one.
     pub fn failed(&self) -> Option<ReturnCode> {
-        Some(ReturnCode(self.shared.failed.load(Ordering::Relaxed))).filter(|code| *code != ReturnCode::OK)
+        Some(ReturnCode(self.callback_data.failed.load(Ordering::Relaxed))).filter(|code| *code != ReturnCode::OK)
     }
 
     /// Device memory of the generator and the swap chain.
@@ -277,21 +277,21 @@ impl Swapchain {
     /// # Errors
     /// The library's own errors.
     pub fn memory(&mut self) -> Result<SwapchainMemory> {
-        let lock = self.shared.context.lock();
+        let lock = self.callback_data.context.lock();
         let generator = self.generator.as_mut().map(Generator::memory).transpose()?.flatten();
         drop(lock);
         let mut usage = MemoryUsage::default();
         let mut query = Chain::new(QuerySwapchainMemory { usage: &mut usage, ..Default::default() });
         let pacer = &self.pacer;
         // SAFETY: our own context, and memory for the answer that lives during the call.
-        let known = super::memory::known(unsafe { pacer.api().query(pacer.raw(), &mut query) })?;
+        let known = super::memory_usage::is_known(unsafe { pacer.api().query(pacer.raw(), &mut query) })?;
         Ok(SwapchainMemory { generator, swapchain: known.then_some(usage) })
     }
 
     /// Records motion and depth of the next frame into `list`, an open list of the engine, which must submit it to its queue before
-    /// `Present`. `Present` then also shows a frame between this one and the previous one, unless `shot.reset` is set.
+    /// `Present`. `Present` then also shows a frame between this one and the previous one, unless `params.reset` is set.
     ///
-    /// Ignores `shot.transfer` and `shot.luminance`: AMD's swap chain takes them from `SetColorSpace1` and `SetHDRMetaData`.
+    /// Ignores `params.transfer` and `params.luminance`: AMD's swap chain takes them from `SetColorSpace1` and `SetHDRMetaData`.
     ///
     /// Changes the list's descriptor heaps, compute root signature and pipeline, and no other state.
     ///
@@ -303,43 +303,44 @@ impl Swapchain {
         &mut self,
         list: &ID3D12GraphicsCommandList,
         pictures: &FrameTextures<'_>,
-        shot: &FrameParams,
+        params: &FrameParams,
     ) -> Result<()> {
         check_list(&self.gpu, list)?;
-        let made = *self.generator.as_ref().ok_or_else(no_generator)?.made_with();
+        let made = *self.generator.as_ref().ok_or_else(no_generator)?.creation();
         let size = self.size()?;
-        if !same(size, made.display_size) {
+        if !same_size(size, made.display_size) {
             let (of, now) = (made.display_size, size);
             let why = format!("it was {} x {} pixels and is {} x {}", of.width, of.height, now.width, now.height);
             return Err(Error::new(ErrorKind::InvalidState, why).field("swapchain").remedy("Call fit after a resize"));
         }
         const INPUT: ResourceState = ResourceState::COMPUTE_READ;
-        let told = |resting: &ResourceWithState<'_>, size, field: &str, state| {
-            picture(&self.gpu, resting, size, field).map(|()| Resource::of(resting.resource, state))
+        let check_and_describe = |given: &ResourceWithState<'_>, size, field: &str, state| {
+            picture(&self.gpu, given, size, field).map(|()| Resource::of(given.resource, state))
         };
-        let motion_size = motion_size_at(&made, shot.render_size);
-        let depth = told(&pictures.depth, shot.render_size, "depth", INPUT)?;
-        told(&pictures.motion, motion_size, "motion", INPUT)?;
-        let resting = |given: &ResourceWithState<'_>, field: &str| {
+        let motion_size = motion_size_at(&made, params.render_size);
+        let depth = check_and_describe(&pictures.depth, params.render_size, "depth", INPUT)?;
+        check_and_describe(&pictures.motion, motion_size, "motion", INPUT)?;
+        let describe = |given: &ResourceWithState<'_>, field: &str| {
             let state = ResourceState::from_d3d12(given.state.0.cast_unsigned());
             let state = state.ok_or_else(|| {
                 Error::new(ErrorKind::InvalidArgument, "AMD's swap chain has no word for its state").field(field)
             })?;
-            told(given, size, field, state)
+            check_and_describe(given, size, field, state)
         };
         // `Present` reads these later, in the states that were given with them.
-        let late = |given: &Option<ResourceWithState<'_>>, field: &str| {
-            given.as_ref().map_or(Ok(Resource::default()), |given| resting(given, field))
+        let optional = |given: &Option<ResourceWithState<'_>>, field: &str| {
+            given.as_ref().map_or(Ok(Resource::default()), |given| describe(given, field))
         };
-        let (hudless, distortion) = (late(&pictures.hudless, "hudless")?, late(&pictures.distortion, "distortion")?);
+        let (hudless, distortion) =
+            (optional(&pictures.hudless, "hudless")?, optional(&pictures.distortion, "distortion")?);
         // The engine has submitted the previous frame's list by now.
-        self.presented.presented()?;
+        self.presented.signal_presented()?;
         let until = self.presented.next()?;
         let mut frame = self.ring.begin_in(list, &until)?;
-        let clean = self.motion.record(&self.gpu, &mut frame, &pictures.motion, motion_size, shot.motion_scale)?;
-        frame.bring(&clean, READ)?;
-        frame.bring(&pictures.depth, READ)?;
-        let asked = Frame {
+        let clean = self.motion.record(&self.gpu, &mut frame, &pictures.motion, motion_size, params.motion_scale)?;
+        frame.transition_to(&clean, READ)?;
+        frame.transition_to(&pictures.depth, READ)?;
+        let request = Frame {
             command_list: frame.list().as_raw(),
             color: Resource::default(),
             output: Resource::default(),
@@ -347,21 +348,21 @@ impl Swapchain {
             motion: Resource::of(clean.resource, INPUT),
             hudless,
             distortion,
-            shot: *shot,
+            params: *params,
         };
         let generator = self.generator.as_mut().ok_or_else(no_generator)?;
         let settings = ConfigureFrameGeneration {
             swapchain: self.swapchain.as_raw(),
             generate: Some(generate),
-            generate_user: std::ptr::from_ref(&*self.shared).cast_mut().cast(),
+            generate_user: std::ptr::from_ref(&*self.callback_data).cast_mut().cast(),
             flags: FrameFlags::empty(),
             ..Default::default()
         };
-        let lock = self.shared.context.lock();
+        let lock = self.callback_data.context.lock();
         // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame or
         // by `self`; the swap chain and the callback's data outlive generation, which is turned off first.
-        let (id, reset) = unsafe { generator.prepare(&asked, settings) }?;
-        self.shared.reset.store(if reset { id } else { 0 }, Ordering::Relaxed);
+        let (id, reset) = unsafe { generator.prepare(&request, settings) }?;
+        self.callback_data.reset.store(if reset { id } else { 0 }, Ordering::Relaxed);
         drop(lock);
         frame.resume();
         self.is_on = true;
@@ -402,18 +403,18 @@ impl Swapchain {
     /// `InvalidArgument` for a picture of another size or device, or in a state that ffx-api has no value for. The library's own
     /// errors.
     pub fn set_interface(&mut self, interface: Option<Interface<'_>>) -> Result<()> {
-        let mut told = ConfigureInterface::default();
+        let mut config = ConfigureInterface::default();
         if let Some(Interface { picture: given, premultiplied, copied }) = &interface {
             picture(&self.gpu, given, self.size()?, "interface")?;
             let state = ResourceState::from_d3d12(given.state.0.cast_unsigned()).ok_or_else(|| {
                 Error::new(ErrorKind::InvalidArgument, "AMD's swap chain has no word for its state").field("interface")
             })?;
-            told.interface = Resource::of(given.resource, state);
-            if let Some(why) = told.interface.fault(self.size()?) {
+            config.interface = Resource::of(given.resource, state);
+            if let Some(why) = config.interface.fault(self.size()?) {
                 return Err(Error::new(ErrorKind::InvalidArgument, why).field("interface"));
             }
-            told.flags.set(InterfaceFlags::PREMULTIPLIED, *premultiplied);
-            told.flags.set(InterfaceFlags::DOUBLE_BUFFERED, *copied);
+            config.flags.set(InterfaceFlags::PREMULTIPLIED, *premultiplied);
+            config.flags.set(InterfaceFlags::DOUBLE_BUFFERED, *copied);
         }
         let next = interface.map(|interface| interface.picture.resource.clone());
         if self.interface.is_some() && self.interface != next {
@@ -421,7 +422,7 @@ impl Swapchain {
         }
         let pacer = &self.pacer;
         // SAFETY: our own context; the picture is held until it is replaced.
-        unsafe { pacer.api().configure(pacer.raw(), &mut Chain::new(told)) }.map_err(|failure| failure.error())?;
+        unsafe { pacer.api().configure(pacer.raw(), &mut Chain::new(config)) }.map_err(|failure| failure.error())?;
         self.interface = next;
         Ok(())
     }
@@ -448,10 +449,10 @@ impl Swapchain {
         };
         let key = SwapchainKey::PACING_TUNING;
         let pointer = std::ptr::from_mut(&mut tuning).cast();
-        let mut told = Chain::new(ConfigureSwapchainKeyValue { key, pointer, ..Default::default() });
+        let mut chain = Chain::new(ConfigureSwapchainKeyValue { key, pointer, ..Default::default() });
         let pacer = &self.pacer;
         // SAFETY: our own context, and a struct that is read during the call.
-        unsafe { pacer.api().configure(pacer.raw(), &mut told) }.map_err(|failure| failure.error())
+        unsafe { pacer.api().configure(pacer.raw(), &mut chain) }.map_err(|failure| failure.error())
     }
 
     /// Adapts the generator to the size and format of the buffers. Call it after `ResizeBuffers`, before the next frame. If it
@@ -462,15 +463,16 @@ impl Swapchain {
     pub fn fit(&mut self) -> Result<()> {
         let size = self.size()?;
         let format = SurfaceFormat::from_dxgi(self.description()?.Format.0.cast_unsigned());
-        let fits = |made: &CreateFrameGeneration| same(made.display_size, size) && made.back_buffer_format == format;
-        if self.generator.as_ref().is_some_and(|generator| fits(generator.made_with())) {
+        let fits =
+            |made: &CreateFrameGeneration| same_size(made.display_size, size) && made.back_buffer_format == format;
+        if self.generator.as_ref().is_some_and(|generator| fits(generator.creation())) {
             return Ok(());
         }
         self.end_generator()?;
         let options = SwapchainOptions { self_test: false, ..self.options };
         let head = head_of(&options, (size.width, size.height), format);
         let made = generator(&self.gpu, &self.api, &options, head)?;
-        self.shared.context.lock().set(made.context().raw());
+        self.callback_data.context.lock().set(made.context().raw());
         self.generator = Some(made);
         Ok(())
     }
@@ -478,11 +480,11 @@ impl Swapchain {
     /// Turns generation off, waits until the device no longer uses the generator, and destroys it.
     fn end_generator(&mut self) -> Result<()> {
         let off = self.pause();
-        self.presented.presented()?;
+        self.presented.signal_presented()?;
         // Generated frames run on the engine's queue.
-        self.gpu.frames().now()?.wait()?;
+        self.gpu.frames().signal()?.wait()?;
         self.ring.finish()?;
-        self.shared.context.lock().set(null_mut());
+        self.callback_data.context.lock().set(null_mut());
         self.generator = None;
         self.hudless = [None, None];
         off
@@ -521,31 +523,36 @@ impl std::fmt::Debug for Swapchain {
 }
 
 /// Creates the pacing context.
-fn pace(gpu: &Gpu, api: &Api, given: &mut Given, from: SwapchainSource<'_>) -> Result<Box<dyn Pacer>> {
+fn create_pacing_context(
+    gpu: &Gpu,
+    api: &Api,
+    structs: &mut CreationStructs,
+    from: SwapchainSource<'_>,
+) -> Result<Box<dyn Pacer>> {
     let (device, queue) = (gpu.device().as_raw(), gpu.frames().d3d12().as_raw());
-    let fullscreen = std::ptr::from_mut(&mut given.fullscreen).cast();
+    let fullscreen = std::ptr::from_mut(&mut structs.fullscreen).cast();
     // SAFETY: a live device and queue, which the caller holds; what the chains point to keeps its address as long as the context
     // lives.
     Ok(unsafe {
         match from {
             SwapchainSource::Wrap(wrapped) => {
                 // The library owns it from here on, whatever it returns: it may have released it before it failed.
-                given.swapchain = wrapped.take().map_or(null_mut(), IDXGISwapChain4::into_raw);
-                let swapchain = &raw mut given.swapchain;
+                structs.swapchain = wrapped.take().map_or(null_mut(), IDXGISwapChain4::into_raw);
+                let swapchain = &raw mut structs.swapchain;
                 let head = CreateSwapchainWrap { swapchain, queue, ..Default::default() };
                 Box::new(Context::create(api, device, Choice::Any, head, |chain| chain)?)
             }
             SwapchainSource::New(factory, _) => {
-                let (swapchain, factory) = (&raw mut given.swapchain, factory.as_raw());
-                let description = std::ptr::from_mut(&mut given.description).cast();
+                let (swapchain, factory) = (&raw mut structs.swapchain, factory.as_raw());
+                let description = std::ptr::from_mut(&mut structs.description).cast();
                 let head = CreateSwapchainNew { swapchain, description, factory, queue, ..Default::default() };
                 Box::new(Context::create(api, device, Choice::Any, head, |chain| chain)?)
             }
             SwapchainSource::ForWindow(factory, window, ..) => {
                 let head = CreateSwapchainForWindow {
-                    swapchain: &raw mut given.swapchain,
+                    swapchain: &raw mut structs.swapchain,
                     window: window.0,
-                    description: std::ptr::from_mut(&mut given.of_window).cast(),
+                    description: std::ptr::from_mut(&mut structs.of_window).cast(),
                     fullscreen,
                     factory: factory.as_raw(),
                     queue,
@@ -557,7 +564,7 @@ fn pace(gpu: &Gpu, api: &Api, given: &mut Given, from: SwapchainSource<'_>) -> R
     })
 }
 
-fn same(a: Dimensions, b: Dimensions) -> bool {
+fn same_size(a: Dimensions, b: Dimensions) -> bool {
     (a.width, a.height) == (b.width, b.height)
 }
 
@@ -575,7 +582,8 @@ fn head_of(options: &SwapchainOptions, (width, height): (u32, u32), format: Surf
 fn generator(gpu: &Gpu, api: &Api, options: &SwapchainOptions, head: CreateFrameGeneration) -> Result<Generator> {
     let mut choice = options.choice;
     if options.self_test {
-        let tested = TextureOptions { choice, head, hudless: options.hudless, self_test: true, watch: false };
+        let tested =
+            TextureOptions { choice, head, hudless: options.hudless, self_test: true, detect_pass_through: false };
         let tested = TextureGenerator::new(gpu, api, &tested)?;
         choice = tested.provider().version.family().map_or(choice, Choice::Require);
     }
@@ -583,7 +591,7 @@ fn generator(gpu: &Gpu, api: &Api, options: &SwapchainOptions, head: CreateFrame
     unsafe { Generator::create(api, gpu.device().as_raw(), choice, head, options.hudless) }
 }
 
-/// Happens only after a failed [`Swapchain::fit`].
+/// The error of calls after a failed [`Swapchain::fit`].
 fn no_generator() -> Error {
     Error::new(ErrorKind::InvalidState, "there is no generator for the size of the buffers")
         .field("swapchain")

@@ -1,4 +1,4 @@
-//! Upscales Direct3D 12 textures, with the resource states and clean motion that [`Upscaler`] needs. Windows only.
+//! Upscales Direct3D 12 textures, with the resource states and sanitised motion that [`Upscaler`] needs. Windows only.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
@@ -6,9 +6,9 @@ use windows::core::Interface;
 use super::bindings::{
     CreateUpscale, Dimensions, MemoryUsage, Resource, ResourceState, UpscaleCreateFlags, UpscaleResources,
 };
-use super::clean_motion::SanitisedMotion;
-use super::textures::{READ, WRITTEN, picture, texture};
-use super::{Api, Choice, Memory, Provider, ReactiveMask, UpscaleFrame, UpscaleParams, Upscaler};
+use super::sanitised_motion::SanitisedMotion;
+use super::texture_generator::{READ, WRITTEN, picture, texture};
+use super::{Api, Choice, Provider, ReactiveMask, TextureMemory, UpscaleFrame, UpscaleParams, Upscaler};
 use crate::gpu::compute::{CommandRecorder, CommandRing, ResourceWithState};
 use crate::gpu::{FencePoint, Gpu};
 use crate::{Error, ErrorKind, Result};
@@ -16,7 +16,7 @@ use crate::{Error, ErrorKind, Result};
 /// The inputs and the output of one upscaled frame. Each is a 2D texture with one mip level, array layer and sample, in the given
 /// state before and after the list runs.
 #[derive(Clone, Copy)]
-pub struct UpscalePictures<'a> {
+pub struct UpscaleTextures<'a> {
     /// The frame at render size.
     pub color: ResourceWithState<'a>,
     /// Device depth at render size.
@@ -46,12 +46,12 @@ pub struct TextureUpscaler {
     gpu: Gpu,
     motion: SanitisedMotion,
     /// The upscaled frame, for outputs that shaders may not write.
-    large: Option<ID3D12Resource>,
+    intermediate: Option<ID3D12Resource>,
     /// The inputs that the provider requires; empty if it cannot say.
     required: UpscaleResources,
 }
 
-/// The kinds of inputs that [`UpscalePictures`] has.
+/// The kinds of inputs that [`UpscaleTextures`] has.
 const KNOWN: UpscaleResources = UpscaleResources::COLOR
     .union(UpscaleResources::DEPTH)
     .union(UpscaleResources::MOTION)
@@ -72,14 +72,14 @@ impl TextureUpscaler {
             let why = format!("{} needs pictures of kinds {required:?}", upscaler.provider().version);
             return Err(Error::new(ErrorKind::Unsupported, why).field("provider").remedy("Choose another provider"));
         }
-        let has_shown_motion = head.flags.contains(UpscaleCreateFlags::DISPLAY_RESOLUTION_MOTION);
-        let size = if has_shown_motion { head.max_upscale_size } else { head.max_render_size };
+        let has_display_motion = head.flags.contains(UpscaleCreateFlags::DISPLAY_RESOLUTION_MOTION);
+        let size = if has_display_motion { head.max_upscale_size } else { head.max_render_size };
         Ok(Self {
-            ring: CommandRing::new(gpu, gpu.frames(), SanitisedMotion::ROOM)?,
+            ring: CommandRing::new(gpu, gpu.frames(), SanitisedMotion::DESCRIPTORS)?,
             upscaler,
             gpu: gpu.clone(),
             motion: SanitisedMotion::new(gpu, size)?,
-            large: None,
+            intermediate: None,
             required,
         })
     }
@@ -98,13 +98,13 @@ impl TextureUpscaler {
     ///
     /// # Errors
     /// The library's own errors.
-    pub fn memory(&mut self) -> Result<Memory> {
-        let own = [Some(self.motion.texture()), self.large.as_ref()].into_iter().flatten().map(|texture| {
+    pub fn memory(&mut self) -> Result<TextureMemory> {
+        let own = [Some(self.motion.texture()), self.intermediate.as_ref()].into_iter().flatten().map(|texture| {
             // SAFETY: a live device and resource.
             unsafe { self.gpu.device().GetResourceAllocationInfo(0, &[texture.GetDesc()]) }.SizeInBytes
         });
         let (own, provider): (u64, Option<MemoryUsage>) = (own.sum(), self.upscaler.memory()?);
-        Ok(Memory { own, provider })
+        Ok(TextureMemory { own, provider })
     }
 
     /// Upscales a frame on the device's frame queue; returns the fence point of its completion. Waits while three frames are in
@@ -113,14 +113,14 @@ impl TextureUpscaler {
     /// # Errors
     /// `InvalidArgument` with the field for input on which a provider would fail, hang or crash, and for a required input that is
     /// missing; the library's own errors; `DeviceRemoved`, `OutOfMemory`. On an error nothing is submitted.
-    pub fn upscale(&mut self, pictures: &UpscalePictures<'_>, shot: &UpscaleParams) -> Result<FencePoint> {
-        let Self { ring, upscaler, gpu, motion, large, required } = self;
+    pub fn upscale(&mut self, pictures: &UpscaleTextures<'_>, params: &UpscaleParams) -> Result<FencePoint> {
+        let Self { ring, upscaler, gpu, motion, intermediate, required } = self;
         let mut frame = ring.begin()?;
-        let mut parts = Parts { gpu, upscaler: &mut *upscaler, motion, large, required: *required };
-        let recorded = parts.record(&mut frame, pictures, shot);
+        let mut parts = RecordingParts { gpu, upscaler: &mut *upscaler, motion, intermediate, required: *required };
+        let recorded = parts.record(&mut frame, pictures, params);
         let fence_point = recorded.and_then(|()| frame.submit(gpu.frames()));
         // The library's history would contain a frame that never runs.
-        fence_point.inspect_err(|_| upscaler.forget())
+        fence_point.inspect_err(|_| upscaler.drop_history())
     }
 
     /// As [`upscale`](Self::upscale), but records into an open list of the engine's for its frame queue. `until` is the fence point
@@ -135,16 +135,16 @@ impl TextureUpscaler {
         &mut self,
         list: &ID3D12GraphicsCommandList,
         until: &FencePoint,
-        pictures: &UpscalePictures<'_>,
-        shot: &UpscaleParams,
+        pictures: &UpscaleTextures<'_>,
+        params: &UpscaleParams,
     ) -> Result<()> {
-        let Self { ring, upscaler, gpu, motion, large, required } = self;
+        let Self { ring, upscaler, gpu, motion, intermediate, required } = self;
         let mut frame = ring.begin_in(list, until)?;
-        let mut parts = Parts { gpu, upscaler: &mut *upscaler, motion, large, required: *required };
-        parts.record(&mut frame, pictures, shot).inspect_err(|_| upscaler.forget())
+        let mut parts = RecordingParts { gpu, upscaler: &mut *upscaler, motion, intermediate, required: *required };
+        parts.record(&mut frame, pictures, params).inspect_err(|_| upscaler.drop_history())
     }
 
-    /// Computes a reactive mask for [`UpscalePictures::reactive`] of the same frame, on the device's frame queue, from the frame
+    /// Computes a reactive mask for [`UpscaleTextures::reactive`] of the same frame, on the device's frame queue, from the frame
     /// `color` and the same frame without transparent objects, `opaque`. `output` is written by shaders.
     ///
     /// # Errors
@@ -161,24 +161,30 @@ impl TextureUpscaler {
         for (given, field) in [(opaque, "opaque"), (color, "color"), (output, "output")] {
             picture(&self.gpu, given, size, field)?;
         }
-        frame.bring(opaque, READ)?;
-        frame.bring(color, READ)?;
-        frame.bring(output, WRITTEN)?;
-        let told = |given: &ResourceWithState<'_>, state| Resource::of(given.resource, state);
+        frame.transition_to(opaque, READ)?;
+        frame.transition_to(color, READ)?;
+        frame.transition_to(output, WRITTEN)?;
+        let check_and_describe = |given: &ResourceWithState<'_>, state| Resource::of(given.resource, state);
         let (input, written) = (ResourceState::COMPUTE_READ, ResourceState::UNORDERED_ACCESS);
         let list = frame.list().as_raw();
         // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame;
         // the upscaler itself outlives the ring.
         unsafe {
-            self.upscaler.find_reactive(list, told(opaque, input), told(color, input), told(output, written), mask)
+            self.upscaler.find_reactive(
+                list,
+                check_and_describe(opaque, input),
+                check_and_describe(color, input),
+                check_and_describe(output, written),
+                mask,
+            )
         }?;
         frame.resume();
         frame.submit(self.gpu.frames())
     }
 
     /// Drops the history at the next frame, as after a cut.
-    pub fn forget(&mut self) {
-        self.upscaler.forget();
+    pub fn drop_history(&mut self) {
+        self.upscaler.drop_history();
     }
 }
 
@@ -189,39 +195,39 @@ impl std::fmt::Debug for TextureUpscaler {
 }
 
 /// The parts of the upscaler that recording a frame needs.
-struct Parts<'a> {
+struct RecordingParts<'a> {
     gpu: &'a Gpu,
     upscaler: &'a mut Upscaler,
     motion: &'a mut SanitisedMotion,
-    large: &'a mut Option<ID3D12Resource>,
+    intermediate: &'a mut Option<ID3D12Resource>,
     required: UpscaleResources,
 }
 
-impl Parts<'_> {
+impl RecordingParts<'_> {
     fn record(
         &mut self,
         frame: &mut CommandRecorder<'_>,
-        pictures: &UpscalePictures<'_>,
-        shot: &UpscaleParams,
+        pictures: &UpscaleTextures<'_>,
+        params: &UpscaleParams,
     ) -> Result<()> {
-        let (rendered, shown) = (shot.render_size, shot.shown);
+        let (rendered, shown) = (params.render_size, params.shown);
         for (size, field) in [(rendered, "render_size"), (shown, "shown")] {
             if let Some(why) = size.fault() {
                 return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
             }
         }
-        let flags = self.upscaler.made_with().flags;
+        let flags = self.upscaler.creation().flags;
         let moved = if flags.contains(UpscaleCreateFlags::DISPLAY_RESOLUTION_MOTION) { shown } else { rendered };
         const INPUT: ResourceState = ResourceState::COMPUTE_READ;
-        let told = |resting: &ResourceWithState<'_>, size, field: &str, state| {
-            picture(self.gpu, resting, size, field).map(|()| Resource::of(resting.resource, state))
+        let check_and_describe = |given: &ResourceWithState<'_>, size, field: &str, state| {
+            picture(self.gpu, given, size, field).map(|()| Resource::of(given.resource, state))
         };
-        let color = told(&pictures.color, rendered, "color", INPUT)?;
-        let depth = told(&pictures.depth, rendered, "depth", INPUT)?;
-        told(&pictures.motion, moved, "motion", INPUT)?;
+        let color = check_and_describe(&pictures.color, rendered, "color", INPUT)?;
+        let depth = check_and_describe(&pictures.depth, rendered, "depth", INPUT)?;
+        check_and_describe(&pictures.motion, moved, "motion", INPUT)?;
         let one = Dimensions { width: 1, height: 1 };
         let optional = |given: &Option<ResourceWithState<'_>>, size, field: &str, kind| match given {
-            Some(given) => told(given, size, field, INPUT),
+            Some(given) => check_and_describe(given, size, field, INPUT),
             None if self.required.contains(kind) => {
                 Err(Error::new(ErrorKind::InvalidArgument, "the provider must be given it").field(field))
             }
@@ -230,30 +236,30 @@ impl Parts<'_> {
         let exposure = optional(&pictures.exposure, one, "exposure", UpscaleResources::EXPOSURE)?;
         let reactive = optional(&pictures.reactive, rendered, "reactive", UpscaleResources::REACTIVE)?;
         let transparency = optional(&pictures.transparency, rendered, "transparency", UpscaleResources::TRANSPARENCY)?;
-        told(&pictures.output, shown, "output", ResourceState::UNORDERED_ACCESS)?;
+        check_and_describe(&pictures.output, shown, "output", ResourceState::UNORDERED_ACCESS)?;
         // SAFETY: a live resource.
         let wanted = unsafe { pictures.output.resource.GetDesc() };
         let is_written = wanted.Flags.contains(D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS);
         if !is_written {
             // SAFETY: a live resource.
-            let had = self.large.as_ref().map(|large| unsafe { large.GetDesc() });
+            let had = self.intermediate.as_ref().map(|intermediate| unsafe { intermediate.GetDesc() });
             if had.is_none_or(|had| (had.Width, had.Height, had.Format) != (wanted.Width, wanted.Height, wanted.Format))
             {
                 // Frames in flight hold the previous texture.
-                *self.large = Some(texture(self.gpu, shown, wanted.Format)?);
+                *self.intermediate = Some(texture(self.gpu, shown, wanted.Format)?);
             }
         }
-        let large = self.large.as_ref().filter(|_| !is_written);
-        let large = large.map(|resource| ResourceWithState { resource, state: WRITTEN });
-        let output = large.unwrap_or(pictures.output);
-        let motion = self.motion.record(self.gpu, frame, &pictures.motion, moved, shot.motion_scale)?;
+        let intermediate = self.intermediate.as_ref().filter(|_| !is_written);
+        let intermediate = intermediate.map(|resource| ResourceWithState { resource, state: WRITTEN });
+        let output = intermediate.unwrap_or(pictures.output);
+        let motion = self.motion.record(self.gpu, frame, &pictures.motion, moved, params.motion_scale)?;
         let inputs = [Some(pictures.color), Some(pictures.depth), Some(motion)];
         let optional = [pictures.exposure, pictures.reactive, pictures.transparency];
         for input in inputs.iter().chain(&optional).flatten() {
-            frame.bring(input, READ)?;
+            frame.transition_to(input, READ)?;
         }
-        frame.bring(&output, WRITTEN)?;
-        let asked = UpscaleFrame {
+        frame.transition_to(&output, WRITTEN)?;
+        let input = UpscaleFrame {
             command_list: frame.list().as_raw(),
             color,
             depth,
@@ -262,17 +268,17 @@ impl Parts<'_> {
             reactive,
             transparency,
             output: Resource::of(output.resource, ResourceState::UNORDERED_ACCESS),
-            shot: *shot,
+            params: *params,
         };
         // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame;
         // the upscaler itself outlives the ring.
-        unsafe { self.upscaler.record(&asked) }?;
+        unsafe { self.upscaler.record(&input) }?;
         frame.resume();
-        if let Some(large) = large {
-            frame.bring(&large, D3D12_RESOURCE_STATE_COPY_SOURCE)?;
-            frame.bring(&pictures.output, D3D12_RESOURCE_STATE_COPY_DEST)?;
+        if let Some(intermediate) = intermediate {
+            frame.transition_to(&intermediate, D3D12_RESOURCE_STATE_COPY_SOURCE)?;
+            frame.transition_to(&pictures.output, D3D12_RESOURCE_STATE_COPY_DEST)?;
             // SAFETY: an open list, and textures of one size and format in the states of a copy.
-            unsafe { frame.list().CopyResource(pictures.output.resource, large.resource) };
+            unsafe { frame.list().CopyResource(pictures.output.resource, intermediate.resource) };
         }
         Ok(())
     }

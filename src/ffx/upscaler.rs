@@ -1,4 +1,4 @@
-//! Upscales frames into textures of the host's.
+//! Upscales frames into the host's textures.
 
 use std::ffi::c_void;
 use std::ptr::null_mut;
@@ -34,10 +34,10 @@ pub struct UpscaleFrame {
     /// Receives the upscaled frame; written by shaders.
     pub output: Resource,
     /// The other parameters.
-    pub shot: UpscaleParams,
+    pub params: UpscaleParams,
 }
 
-/// Parameters of a frame beside its textures.
+/// Parameters of a frame other than its textures.
 #[derive(Debug, Clone, Copy)]
 pub struct UpscaleParams {
     /// The render size.
@@ -131,7 +131,7 @@ pub struct Upscaler {
     context: Context<CreateUpscale>,
     dispatch: Chain<DispatchUpscale>,
     /// The library's history is valid for the next frame.
-    follows: bool,
+    has_history: bool,
 }
 
 // SAFETY: its struct points to its own links, to the library's context, which one thread at a time may use, and to objects of
@@ -150,7 +150,7 @@ impl Upscaler {
         let head = CreateUpscale { message: head.message.or(Some(message::receive)), ..head };
         // SAFETY: the caller's promise; the only pointer in the chain is the callback, which is static.
         let context = unsafe { Context::create(api, device, choice, head, |chain| chain) }?;
-        Ok(Self { context, dispatch: Chain::new(DispatchUpscale::default()), follows: false })
+        Ok(Self { context, dispatch: Chain::new(DispatchUpscale::default()), has_history: false })
     }
 
     /// The render size of a quality mode for the display size `shown`.
@@ -236,8 +236,8 @@ impl Upscaler {
     }
 
     /// The struct it was created with.
-    pub fn made_with(&self) -> &CreateUpscale {
-        self.context.made_with()
+    pub fn creation(&self) -> &CreateUpscale {
+        self.context.creation()
     }
 
     /// The provider's device memory, as it reports it; None if it cannot.
@@ -256,7 +256,7 @@ impl Upscaler {
     pub fn resources(&mut self) -> Result<Option<[UpscaleResources; 2]>> {
         let mut query = Chain::new(QueryUpscaleResources::default());
         // SAFETY: our own context; the answer is written into the chain.
-        let known = super::memory::known(unsafe { self.context.ask(&mut query) })?;
+        let known = super::memory_usage::is_known(unsafe { self.context.try_query(&mut query) })?;
         Ok(known.then(|| [query.head().required, query.head().optional]))
     }
 
@@ -271,10 +271,10 @@ impl Upscaler {
     /// The list is open and of the upscaler's device, and so are the resources, whose descriptions are right; they and the upscaler
     /// live until the list has run.
     pub unsafe fn record(&mut self, frame: &UpscaleFrame) -> Result<()> {
-        if let Some((field, why)) = fault(frame, self.context.made_with()) {
+        if let Some((field, why)) = fault(frame, self.context.creation()) {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         }
-        let shot = &frame.shot;
+        let params = &frame.params;
         *self.dispatch.head_mut() = DispatchUpscale {
             command_list: frame.command_list,
             color: frame.color,
@@ -284,26 +284,26 @@ impl Upscaler {
             reactive: frame.reactive,
             transparency: frame.transparency,
             output: frame.output,
-            jitter: shot.jitter,
-            motion_scale: shot.motion_scale,
-            render_size: shot.render_size,
-            upscale_size: shot.shown,
-            sharpen: shot.sharpness.is_some(),
-            sharpness: shot.sharpness.unwrap_or(0.0),
-            frame_time: shot.frame_time,
-            pre_exposure: shot.pre_exposure,
-            reset: shot.reset || !self.follows,
-            camera_near: shot.camera.near,
-            camera_far: shot.camera.far,
-            camera_fov: shot.camera.fov,
-            metres: shot.camera.metres,
-            flags: shot.encoding,
+            jitter: params.jitter,
+            motion_scale: params.motion_scale,
+            render_size: params.render_size,
+            upscale_size: params.shown,
+            sharpen: params.sharpness.is_some(),
+            sharpness: params.sharpness.unwrap_or(0.0),
+            frame_time: params.frame_time,
+            pre_exposure: params.pre_exposure,
+            reset: params.reset || !self.has_history,
+            camera_near: params.camera.near,
+            camera_far: params.camera.far,
+            camera_fov: params.camera.fov,
+            metres: params.camera.metres,
+            flags: params.encoding,
             ..Default::default()
         };
-        self.follows = false;
+        self.has_history = false;
         // SAFETY: the caller's promise about the list and the resources; the context is our own.
         unsafe { self.context.dispatch(&mut self.dispatch) }?;
-        self.follows = true;
+        self.has_history = true;
         Ok(())
     }
 
@@ -331,7 +331,7 @@ impl Upscaler {
         if let Some((field, why)) = mask.fault() {
             return refuse(field, why);
         }
-        let (size, largest) = (mask.render_size, self.context.made_with().max_render_size);
+        let (size, largest) = (mask.render_size, self.context.creation().max_render_size);
         if size.width > largest.width || size.height > largest.height {
             return refuse("render_size", "it is larger than what the upscaler was made for");
         }
@@ -360,8 +360,8 @@ impl Upscaler {
     }
 
     /// Drops the history at the next frame, as [`UpscaleParams::reset`] does.
-    pub fn forget(&mut self) {
-        self.follows = false;
+    pub fn drop_history(&mut self) {
+        self.has_history = false;
     }
 }
 
@@ -373,13 +373,13 @@ impl std::fmt::Debug for Upscaler {
 
 /// Checks a frame against the upscaler's creation struct; returns the wrong field and the reason.
 fn fault(frame: &UpscaleFrame, made: &CreateUpscale) -> Option<(&'static str, &'static str)> {
-    let shot = &frame.shot;
+    let params = &frame.params;
     if frame.command_list.is_null() {
         return Some(("command_list", "it is null"));
     }
     let has = |flag| made.flags.contains(flag);
     for (field, size, largest) in
-        [("render_size", shot.render_size, made.max_render_size), ("shown", shot.shown, made.max_upscale_size)]
+        [("render_size", params.render_size, made.max_render_size), ("shown", params.shown, made.max_upscale_size)]
     {
         if let Some(why) = size.fault() {
             return Some((field, why));
@@ -389,19 +389,19 @@ fn fault(frame: &UpscaleFrame, made: &CreateUpscale) -> Option<(&'static str, &'
         }
     }
     let largest = made.max_render_size;
-    let is_largest = (shot.render_size.width, shot.render_size.height) == (largest.width, largest.height);
+    let is_largest = (params.render_size.width, params.render_size.height) == (largest.width, largest.height);
     if !is_largest && !has(UpscaleCreateFlags::DYNAMIC_RESOLUTION) {
         return Some(("render_size", "the upscaler was not made for sizes that change"));
     }
-    if shot.render_size.width > shot.shown.width || shot.render_size.height > shot.shown.height {
+    if params.render_size.width > params.shown.width || params.render_size.height > params.shown.height {
         return Some(("shown", "it is smaller than what was rendered"));
     }
-    let motion = if has(UpscaleCreateFlags::DISPLAY_RESOLUTION_MOTION) { shot.shown } else { shot.render_size };
+    let motion = if has(UpscaleCreateFlags::DISPLAY_RESOLUTION_MOTION) { params.shown } else { params.render_size };
     for (field, resource, size) in [
-        ("color", &frame.color, shot.render_size),
-        ("depth", &frame.depth, shot.render_size),
+        ("color", &frame.color, params.render_size),
+        ("depth", &frame.depth, params.render_size),
         ("motion", &frame.motion, motion),
-        ("output", &frame.output, shot.shown),
+        ("output", &frame.output, params.shown),
     ] {
         if let Some(why) = resource.fault(size) {
             return Some((field, why));
@@ -410,8 +410,8 @@ fn fault(frame: &UpscaleFrame, made: &CreateUpscale) -> Option<(&'static str, &'
     let one = Dimensions { width: 1, height: 1 };
     for (field, resource, size) in [
         ("exposure", &frame.exposure, one),
-        ("reactive", &frame.reactive, shot.render_size),
-        ("transparency", &frame.transparency, shot.render_size),
+        ("reactive", &frame.reactive, params.render_size),
+        ("transparency", &frame.transparency, params.render_size),
     ] {
         if !resource.resource.is_null()
             && let Some(why) = resource.fault(size)
@@ -425,30 +425,30 @@ fn fault(frame: &UpscaleFrame, made: &CreateUpscale) -> Option<(&'static str, &'
     if frame.color.resource == frame.output.resource {
         return Some(("output", "it is the frame itself"));
     }
-    for (field, pair) in [("jitter", shot.jitter), ("motion_scale", shot.motion_scale)] {
+    for (field, pair) in [("jitter", params.jitter), ("motion_scale", params.motion_scale)] {
         if !pair.x.is_finite() || !pair.y.is_finite() {
             return Some((field, "it must be finite"));
         }
     }
-    if shot.sharpness.is_some_and(|sharpness| !(0.0..=1.0).contains(&sharpness)) {
+    if params.sharpness.is_some_and(|sharpness| !(0.0..=1.0).contains(&sharpness)) {
         return Some(("sharpness", "it must be from 0 to 1"));
     }
-    for (field, number) in [("frame_time", shot.frame_time), ("pre_exposure", shot.pre_exposure)] {
+    for (field, number) in [("frame_time", params.frame_time), ("pre_exposure", params.pre_exposure)] {
         if !(number.is_finite() && number > 0.0) {
             return Some((field, "it must be above 0"));
         }
     }
     let encodings = [UpscaleFlags::empty(), UpscaleFlags::COLOR_SRGB, UpscaleFlags::COLOR_PQ];
-    if !encodings.contains(&shot.encoding) {
+    if !encodings.contains(&params.encoding) {
         return Some(("encoding", "it is none, sRGB or PQ"));
     }
-    if shot.encoding.is_empty() == has(UpscaleCreateFlags::NON_LINEAR_COLOR) {
+    if params.encoding.is_empty() == has(UpscaleCreateFlags::NON_LINEAR_COLOR) {
         return Some(("encoding", "it is not what the upscaler was made for"));
     }
-    if shot.encoding == UpscaleFlags::COLOR_SRGB && has(UpscaleCreateFlags::HIGH_DYNAMIC_RANGE) {
+    if params.encoding == UpscaleFlags::COLOR_SRGB && has(UpscaleCreateFlags::HIGH_DYNAMIC_RANGE) {
         return Some(("encoding", "sRGB has no light of high dynamic range"));
     }
-    shot.camera.fault(has(UpscaleCreateFlags::DEPTH_INFINITE))
+    params.camera.fault(has(UpscaleCreateFlags::DEPTH_INFINITE))
 }
 
 #[cfg(test)]

@@ -6,23 +6,25 @@ use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_R16G16_FLO
 use super::shader::GuidanceTextures;
 use crate::Result;
 use crate::gpu::compute::{CommandRing, Kernel, ResourceWithState, Shape, View};
-use crate::gpu::{Gpu, written_texture};
+use crate::gpu::{Gpu, writable_texture};
 
 /// Descriptors of a list that expands motion and depth.
-const ROOM: u32 = 4;
+const DESCRIPTORS: u32 = 4;
 /// Side of a thread group, in threads.
 const GROUP: u32 = 8;
+/// Format of motion.
 pub(crate) const MOTION: DXGI_FORMAT = DXGI_FORMAT_R16G16_FLOAT;
+/// Format of depth.
 pub(crate) const DEPTH: DXGI_FORMAT = DXGI_FORMAT_R32_FLOAT;
 
-/// Expands tiles of motion and depth to their pixels, in lists of its own on a device's queue for frames.
+/// Expands tiles of motion and depth to pixels, in lists of its own on a device's queue for frames.
 pub(crate) struct Densifier {
     gpu: Gpu,
     size: (u32, u32),
-    spread: Kernel,
+    kernel: Kernel,
     ring: CommandRing,
     /// Expanded motion and depth.
-    each: [ID3D12Resource; 2],
+    dense: [ID3D12Resource; 2],
 }
 
 /// A texture and its state between lists.
@@ -33,7 +35,8 @@ pub(crate) struct OwnedResourceWithState {
 }
 
 impl OwnedResourceWithState {
-    pub(crate) fn resting(&self) -> ResourceWithState<'_> {
+    /// Borrows the texture.
+    pub(crate) fn as_ref(&self) -> ResourceWithState<'_> {
         ResourceWithState { resource: &self.resource, state: self.state }
     }
 }
@@ -42,40 +45,40 @@ impl Densifier {
     /// For pictures of `size`.
     pub(crate) fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
         let shape = Shape { constants: 4, inputs: 2, outputs: 2 };
-        let each = |format| written_texture(gpu, size, format, D3D12_RESOURCE_STATE_COMMON);
+        let texture = |format| writable_texture(gpu, size, format, D3D12_RESOURCE_STATE_COMMON);
         Ok(Self {
             gpu: gpu.clone(),
             size,
-            spread: Kernel::new(gpu, include_bytes!("../gpu/shaders/fsr_spread.dxbc"), shape)?,
-            ring: CommandRing::new(gpu, gpu.frames(), ROOM)?,
-            each: [each(MOTION)?, each(DEPTH)?],
+            kernel: Kernel::new(gpu, include_bytes!("../gpu/shaders/compiled/fsr_spread.dxbc"), shape)?,
+            ring: CommandRing::new(gpu, gpu.frames(), DESCRIPTORS)?,
+            dense: [texture(MOTION)?, texture(DEPTH)?],
         })
     }
 
     /// Motion and depth per pixel: the given textures if they have that resolution, else textures that are valid until the next call.
-    pub(crate) fn of(
+    pub(crate) fn densify(
         &mut self,
         guidance: &GuidanceTextures<'_>,
     ) -> Result<(OwnedResourceWithState, OwnedResourceWithState)> {
-        let hold = |resting: &ResourceWithState<'_>| OwnedResourceWithState {
-            resource: resting.resource.clone(),
-            state: resting.state,
+        let owned = |texture: &ResourceWithState<'_>| OwnedResourceWithState {
+            resource: texture.resource.clone(),
+            state: texture.state,
         };
         if [guidance.motion_tile, guidance.depth_tile] == [1, 1] {
-            return Ok((hold(&guidance.motion), hold(&guidance.depth)));
+            return Ok((owned(&guidance.motion), owned(&guidance.depth)));
         }
         let [motion, depth] =
-            self.each.clone().map(|resource| OwnedResourceWithState { resource, state: D3D12_RESOURCE_STATE_COMMON });
+            self.dense.clone().map(|resource| OwnedResourceWithState { resource, state: D3D12_RESOURCE_STATE_COMMON });
         let constants = [self.size.0, self.size.1, guidance.motion_tile, guidance.depth_tile];
         let groups = [self.size.0.div_ceil(GROUP), self.size.1.div_ceil(GROUP), 1];
         // SAFETY: live resources.
         let formats = unsafe { [guidance.motion, guidance.depth].map(|from| from.resource.GetDesc().Format) };
         let inputs = [View::Texture(guidance.motion, formats[0]), View::Texture(guidance.depth, formats[1])];
-        let outputs = [View::Texture(motion.resting(), MOTION), View::Texture(depth.resting(), DEPTH)];
+        let outputs = [View::Texture(motion.as_ref(), MOTION), View::Texture(depth.as_ref(), DEPTH)];
         let mut frame = self.ring.begin()?;
-        frame.stage(c"Cairn: motion and depth of each pixel");
-        frame.run(&self.spread, &constants, &inputs, &outputs, groups)?;
-        frame.end_stage();
+        frame.begin_event(c"Cairn: motion and depth of each pixel");
+        frame.run(&self.kernel, &constants, &inputs, &outputs, groups)?;
+        frame.end_event();
         frame.submit(self.gpu.frames())?;
         Ok((motion, depth))
     }

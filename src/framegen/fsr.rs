@@ -3,21 +3,22 @@
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT_R8_UNORM, DXGI_FORMAT_R8G8B8A8_UNORM};
 
+use super::AnchorId;
 use super::densify::Densifier;
 use super::shader::TexturePair;
 use crate::ffx::bindings::{CreateFrameGeneration, Dimensions, SurfaceFormat};
-use crate::ffx::{Api, Camera, Choice, FrameParams, Pictures, TextureGenerator, TextureOptions, Version};
+use crate::ffx::{Api, Camera, Choice, FrameParams, GenerationTextures, TextureGenerator, TextureOptions, Version};
 use crate::gpu::compute::{CommandRing, Kernel, ResourceWithState, Shape, View};
-use crate::gpu::{FencePoint, Gpu, written_texture};
+use crate::gpu::{FencePoint, Gpu, writable_texture};
 use crate::guidance::Projection;
 use crate::{Error, ErrorKind, Result};
 
 /// Descriptors of a list that composites the overlay.
-const ROOM: u32 = 3;
+const DESCRIPTORS: u32 = 3;
 /// Side of a thread group, in threads.
 const GROUP: u32 = 8;
 /// Largest far plane that is passed to the provider, in multiples of the near plane: effectively infinite for single-precision depth.
-const FARTHEST: f32 = 1e8;
+const MAX_FAR_RATIO: f32 = 1e8;
 
 /// Generates frames of one size half way between RGBA8 anchors, on a device's queue for frames.
 ///
@@ -28,22 +29,21 @@ const FARTHEST: f32 = 1e8;
 pub struct FsrGenerator {
     generator: TextureGenerator,
     size: (u32, u32),
-    rendered: (u32, u32),
-    each: Densifier,
-    overlay: Overlay,
-    half: ID3D12Resource,
-    /// The later anchor of the last pair, whose frame is in `half`, and the fence point of that frame.
-    last: Option<(Place, FencePoint)>,
+    /// Size of motion and depth.
+    guidance_size: (u32, u32),
+    densifier: Densifier,
+    overlay: OverlayCompositor,
+    /// The generated frame.
+    output: ID3D12Resource,
+    /// The later anchor of the last pair, whose frame is in `output`, and the fence point of that frame.
+    last: Option<(AnchorId, FencePoint)>,
 }
-
-/// Identity of an anchor: stream, and index in it. Consecutive anchors have consecutive indices.
-pub type Place = (u64, u64);
 
 /// Parameters of a pair besides its textures.
 #[derive(Debug, Clone, Copy)]
-pub struct PairFacts {
+pub struct PairParams {
     /// Identity of the later anchor.
-    pub place: Place,
+    pub anchor: AnchorId,
     /// Projection of the depth.
     pub projection: Projection,
     /// Time from the earlier anchor to the later one, in milliseconds of the world's time.
@@ -51,30 +51,30 @@ pub struct PairFacts {
 }
 
 impl FsrGenerator {
-    /// Creates a generator for pictures of `size`, with motion and depth of the size `rendered`, the same or smaller. Only a provider that passes
+    /// Creates a generator for pictures of `size`, with motion and depth of `guidance_size`, the same or smaller. Only a provider that passes
     /// the test with a picture of known motion is accepted.
     ///
     /// # Errors
     /// `Unsupported` for pictures with a side shorter than [`CreateFrameGeneration::SHORTEST_SIDE`]; as of
     /// [`TextureGenerator::new`].
-    pub fn new(gpu: &Gpu, api: &Api, choice: Choice, size: (u32, u32), rendered: (u32, u32)) -> Result<Self> {
+    pub fn new(gpu: &Gpu, api: &Api, choice: Choice, size: (u32, u32), guidance_size: (u32, u32)) -> Result<Self> {
         let shortest = CreateFrameGeneration::SHORTEST_SIDE;
         if size.0.min(size.1) < shortest {
-            let why =
+            let cause =
                 format!("AMD's libraries crash on pictures of {} x {} pixels: a side is too short", size.0, size.1);
-            return Err(Error::new(ErrorKind::Unsupported, why)
+            return Err(Error::new(ErrorKind::Unsupported, cause)
                 .field("size")
                 .remedy(format!("Use pictures of at least {shortest} x {shortest} pixels, or another generator")));
         }
-        let (shown, at) = (dimensions(size), dimensions(rendered));
-        let options = TextureOptions { choice, ..TextureOptions::new(shown, at, SurfaceFormat::R8G8B8A8_UNORM) };
+        let (frames, guidance) = (dimensions(size), dimensions(guidance_size));
+        let options = TextureOptions { choice, ..TextureOptions::new(frames, guidance, SurfaceFormat::R8G8B8A8_UNORM) };
         Ok(Self {
             generator: TextureGenerator::new(gpu, api, &options)?,
             size,
-            rendered,
-            each: Densifier::new(gpu, rendered)?,
-            overlay: Overlay::new(gpu, size)?,
-            half: written_texture(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_COMMON)?,
+            guidance_size,
+            densifier: Densifier::new(gpu, guidance_size)?,
+            overlay: OverlayCompositor::new(gpu, size)?,
+            output: writable_texture(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_COMMON)?,
             last: None,
         })
     }
@@ -84,46 +84,48 @@ impl FsrGenerator {
         &self.generator.provider().version
     }
 
-    /// Generates the frame half way between the anchors of a pair, whose motion and depth have the rendered size. Returns the frame, RGBA8 and in
-    /// the state COMMON, and the fence point of its completion; it is valid until the next call.
+    /// Generates the frame half way between the anchors of a pair, whose motion and depth have the size given to [`new`](Self::new). Returns the
+    /// frame, RGBA8 and in the state COMMON, and the fence point of its completion; the frame is valid until the next call.
     ///
     /// # Errors
     /// As of [`TextureGenerator::generate`]. The next frame then resets the history.
-    pub fn generate(&mut self, pair: &TexturePair<'_>, facts: &PairFacts) -> Result<(ID3D12Resource, FencePoint)> {
-        let (stream, number) = facts.place;
+    pub fn generate(
+        &mut self,
+        pair: &TexturePair<'_>,
+        pair_params: &PairParams,
+    ) -> Result<(ID3D12Resource, FencePoint)> {
         let last = self.last.take();
-        if let Some((place, fence_point)) = last.as_ref().filter(|(place, _)| *place == facts.place) {
-            let made = (self.half.clone(), fence_point.clone());
-            self.last = Some((*place, fence_point.clone()));
+        if let Some((anchor, fence_point)) = last.as_ref().filter(|(anchor, _)| *anchor == pair_params.anchor) {
+            let made = (self.output.clone(), fence_point.clone());
+            self.last = Some((*anchor, fence_point.clone()));
             return Ok(made);
         }
-        let before = number.checked_sub(1).map(|before| (stream, before));
-        let goes_on = last.is_some_and(|(place, _)| Some(place) == before);
-        let (motion, depth) = self.each.of(&pair.guidance)?;
-        let shot = |reset| FrameParams {
+        let follows = last.is_some_and(|(anchor, _)| Some(anchor) == pair_params.anchor.before());
+        let (motion, depth) = self.densifier.densify(&pair.guidance)?;
+        let params = |reset| FrameParams {
             reset,
-            frame_time: facts.interval_ms,
-            camera: camera(&facts.projection),
-            ..FrameParams::of(dimensions(self.rendered))
+            frame_time: pair_params.interval_ms,
+            camera: camera(&pair_params.projection),
+            ..FrameParams::of(dimensions(self.guidance_size))
         };
-        let pictures = |color| Pictures {
+        let pictures = |color| GenerationTextures {
             color,
-            output: ResourceWithState { resource: &self.half, state: D3D12_RESOURCE_STATE_COMMON },
-            depth: depth.resting(),
-            motion: motion.resting(),
+            output: ResourceWithState { resource: &self.output, state: D3D12_RESOURCE_STATE_COMMON },
+            depth: depth.as_ref(),
+            motion: motion.as_ref(),
             hudless: None,
             distortion: None,
         };
-        if !goes_on {
-            self.generator.generate(&pictures(pair.previous), &shot(true))?;
+        if !follows {
+            self.generator.generate(&pictures(pair.previous), &params(true))?;
         }
-        let mut fence_point = self.generator.generate(&pictures(pair.current), &shot(false))?;
+        let mut fence_point = self.generator.generate(&pictures(pair.current), &params(false))?;
         if let Some(hud) = &pair.guidance.hud {
-            let half = ResourceWithState { resource: &self.half, state: D3D12_RESOURCE_STATE_COMMON };
-            fence_point = self.overlay.lay(&pair.current, hud, &half)?;
+            let output = ResourceWithState { resource: &self.output, state: D3D12_RESOURCE_STATE_COMMON };
+            fence_point = self.overlay.composite(&pair.current, hud, &output)?;
         }
-        self.last = Some((facts.place, fence_point.clone()));
-        Ok((self.half.clone(), fence_point))
+        self.last = Some((pair_params.anchor, fence_point.clone()));
+        Ok((self.output.clone(), fence_point))
     }
 }
 
@@ -134,26 +136,26 @@ impl std::fmt::Debug for FsrGenerator {
 }
 
 /// Composites the static overlay onto frames, in lists of its own.
-struct Overlay {
+struct OverlayCompositor {
     gpu: Gpu,
     size: (u32, u32),
     kernel: Kernel,
     ring: CommandRing,
 }
 
-impl Overlay {
+impl OverlayCompositor {
     fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
-        let code = include_bytes!("../gpu/shaders/fsr_overlay.dxbc");
+        let code = include_bytes!("../gpu/shaders/compiled/fsr_overlay.dxbc");
         Ok(Self {
             gpu: gpu.clone(),
             size,
             kernel: Kernel::new(gpu, code, Shape { constants: 2, inputs: 2, outputs: 1 })?,
-            ring: CommandRing::new(gpu, gpu.frames(), ROOM)?,
+            ring: CommandRing::new(gpu, gpu.frames(), DESCRIPTORS)?,
         })
     }
 
     /// Copies the pixels of `anchor` where `mask` is not 0 to `frame`; returns the fence point of its completion.
-    fn lay(
+    fn composite(
         &mut self,
         anchor: &ResourceWithState<'_>,
         mask: &ResourceWithState<'_>,
@@ -163,9 +165,9 @@ impl Overlay {
         let inputs = [View::Texture(*anchor, DXGI_FORMAT_R8G8B8A8_UNORM), View::Texture(*mask, DXGI_FORMAT_R8_UNORM)];
         let output = View::Texture(*frame, DXGI_FORMAT_R8G8B8A8_UNORM);
         let mut list = self.ring.begin()?;
-        list.stage(c"Cairn: what lies over a generated frame");
+        list.begin_event(c"Cairn: what lies over a generated frame");
         list.run(&self.kernel, &[self.size.0, self.size.1], &inputs, &[output], groups)?;
-        list.end_stage();
+        list.end_event();
         list.submit(self.gpu.frames())
     }
 }
@@ -173,7 +175,12 @@ impl Overlay {
 /// A camera at the origin that looks ahead: the true pose is unknown, and the motion texture contains all motion.
 pub(crate) fn camera(projection: &Projection) -> Camera {
     let near = projection.near();
-    Camera { near, far: projection.far().min(near * FARTHEST), fov: projection.vertical_fov(), ..Camera::default() }
+    Camera {
+        near,
+        far: projection.far().min(near * MAX_FAR_RATIO),
+        fov: projection.vertical_fov(),
+        ..Camera::default()
+    }
 }
 
 pub(crate) fn dimensions((width, height): (u32, u32)) -> Dimensions {

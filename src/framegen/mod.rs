@@ -1,4 +1,4 @@
-//! Generated frames: pictures between two anchors.
+//! Generated frames: pictures between two anchors, or extrapolated from the last one.
 
 pub mod cpu;
 #[cfg(windows)]
@@ -11,7 +11,7 @@ mod pair;
 #[cfg(windows)]
 pub mod shader;
 
-pub use pair::{Anchor, AnchorPair};
+pub use pair::{Anchor, AnchorId, AnchorPair};
 
 use crate::{Pixel, Raster, Result};
 
@@ -24,30 +24,30 @@ pub trait FrameGenerator<P: Pixel = [u8; 4]>: Send {
     /// A short lower-case name, e.g. `cpu`.
     fn name(&self) -> &str;
 
-    /// The phases this generator can do.
+    /// The phases that this generator supports.
     fn phases(&self) -> Phases;
 
     /// Makes the picture at phase `t` of `pair`: 0 is the previous anchor, 1 the current one.
-    /// `out` is always overwritten completely; the report says what it holds.
+    /// `out` is always overwritten completely; the report describes its contents.
     ///
     /// # Errors
-    /// `InvalidArgument` when `t` is not inside (0, 1) or not a phase this generator can do, or `out` has not the
-    /// pair's size; `OutOfMemory` when working memory cannot be had. After an error `out` holds nothing of use.
+    /// `InvalidArgument` if `t` is not inside (0, 1) or not a supported phase, or `out` has another size than the pair; `OutOfMemory`. After
+    /// an error the contents of `out` are undefined.
     fn generate(&mut self, pair: &AnchorPair<'_, P>, t: f32, out: &mut Raster<P>) -> Result<GenerateReport>;
 
     /// Extrapolates the picture `t` anchor intervals after `anchor` along its motion, for a late next anchor.
-    /// Limited to one interval: beyond that, and after a cut, a picture is held and the report says so.
+    /// Limited to one interval: after that, and after a cut, a picture is held, as the report tells.
     ///
     /// # Errors
-    /// `InvalidArgument` when `t` is not above 0 and finite, or `out` has not the anchor's size; `OutOfMemory` when
-    /// working memory cannot be had. After an error `out` holds nothing of use.
+    /// `InvalidArgument` if `t` is not above 0 and finite, or `out` has another size than the anchor; `OutOfMemory`. After an error the contents
+    /// of `out` are undefined.
     fn extrapolate(&mut self, anchor: &Anchor<'_, P>, t: f32, out: &mut Raster<P>) -> Result<GenerateReport>;
 
-    /// Discards all state of earlier calls, so that the next picture depends on its arguments alone.
+    /// Discards all state of earlier calls, so that the next picture depends on its arguments only.
     fn reset(&mut self);
 }
 
-/// The phases a generator can do.
+/// The phases that a generator supports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Phases {
     /// Every phase inside (0, 1).
@@ -74,14 +74,14 @@ pub enum Outcome {
     Generated,
     /// The nearer anchor unchanged, because of a cut between the two.
     CutFallback,
-    /// An earlier picture again: beyond the limit of extrapolation, or nothing to extrapolate from.
+    /// A held picture: after the limit of extrapolation, or without motion to extrapolate.
     Held,
 }
 
 /// Result of one call of a generator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GenerateReport {
-    /// What the picture holds.
+    /// Content of the picture.
     pub outcome: Outcome,
     /// Share of the picture, 0 to 1, to which no visible pixel of the current anchor is warped: areas hidden in that anchor or
     /// outside its borders.

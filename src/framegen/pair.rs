@@ -3,6 +3,22 @@
 use crate::guidance::{DepthMap, Guidance};
 use crate::{Error, ErrorKind, Pixel, Raster, Result};
 
+/// Identity of an anchor in a stream. Consecutive anchors have the same epoch and consecutive indices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AnchorId {
+    /// Number of resets of the stream before the anchor.
+    pub epoch: u64,
+    /// Index of the anchor since the last reset, from 0.
+    pub index: u64,
+}
+
+impl AnchorId {
+    /// The anchor before this one; `None` for the first.
+    pub fn before(self) -> Option<Self> {
+        Some(Self { index: self.index.checked_sub(1)?, ..self })
+    }
+}
+
 /// Two consecutive anchors and the guidance from the current one back to the previous one, all of one size.
 #[derive(Debug, Clone, Copy)]
 pub struct AnchorPair<'a, P: Pixel = [u8; 4]> {
@@ -18,18 +34,18 @@ impl<'a, P: Pixel> AnchorPair<'a, P> {
     /// Creates a pair.
     ///
     /// # Errors
-    /// `InvalidArgument` when the pictures and the guidance are not all of one size.
+    /// `InvalidArgument` if the pictures and the guidance do not all have the same size.
     pub fn new(previous: &'a Raster<P>, current: &'a Raster<P>, guidance: &'a Guidance) -> Result<Self> {
         check_size(previous.size(), current.size(), "previous")?;
         check_size(guidance.size(), current.size(), "guidance")?;
         Ok(Self { previous, current, guidance, previous_depth: None, overlay: None, cut: false })
     }
 
-    /// Adds the depth of the previous anchor, which shows what was in front there and has since been hidden or left the
-    /// picture. It is used only if its projection is that of the current anchor's depth.
+    /// Adds the depth of the previous anchor, for its pixels that the current anchor hides or that have left the picture. It is used only if it
+    /// has the projection of the current anchor's depth.
     ///
     /// # Errors
-    /// `InvalidArgument` when it has not the pair's size.
+    /// `InvalidArgument` if it has another size than the pair.
     pub fn with_previous_depth(mut self, depth: &'a DepthMap) -> Result<Self> {
         check_size(depth.size(), self.size(), "previous_depth")?;
         self.previous_depth = Some(depth);
@@ -104,7 +120,7 @@ impl<'a, P: Pixel> Anchor<'a, P> {
     /// Creates an anchor.
     ///
     /// # Errors
-    /// `InvalidArgument` when the picture and the guidance differ in size.
+    /// `InvalidArgument` if the picture and the guidance differ in size.
     pub fn new(picture: &'a Raster<P>, guidance: &'a Guidance) -> Result<Self> {
         check_size(guidance.size(), picture.size(), "guidance")?;
         Ok(Self { picture, guidance, overlay: None, after_cut: false })

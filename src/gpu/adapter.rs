@@ -1,4 +1,4 @@
-//! The adapters of this machine.
+//! Graphics adapters of this machine, from DXGI.
 
 use windows::Win32::Foundation::LUID;
 use windows::Win32::Graphics::Direct3D::D3D_FEATURE_LEVEL_11_0;
@@ -19,9 +19,9 @@ pub struct Adapter {
     pub luid: u64,
     /// Human-readable name.
     pub description: String,
-    /// PCI identifier.
+    /// PCI vendor id.
     pub vendor: u32,
-    /// PCI identifier.
+    /// PCI device id.
     pub device: u32,
     /// Bytes of dedicated video memory.
     pub memory: u64,
@@ -37,8 +37,8 @@ pub struct Adapter {
 /// `Device` when DXGI does not start.
 pub fn adapters() -> Result<Vec<Adapter>> {
     let mut found = Vec::new();
-    each(|adapter, described| {
-        if works(adapter) {
+    for_each_adapter(|adapter, described| {
+        if supports_d3d12(adapter) {
             found.push(described);
         }
         true
@@ -50,7 +50,7 @@ pub fn adapters() -> Result<Vec<Adapter>> {
 pub(super) fn find(luid: Option<u64>) -> Result<(IDXGIAdapter1, Adapter)> {
     let mut fallback = None;
     let mut chosen = None;
-    each(|adapter, described| {
+    for_each_adapter(|adapter, described| {
         let fits = luid.map_or(!described.software, |luid| luid == described.luid);
         let found = Some((adapter.clone(), described));
         if fits {
@@ -69,7 +69,7 @@ pub(super) fn find(luid: Option<u64>) -> Result<(IDXGIAdapter1, Adapter)> {
 }
 
 /// Calls `visit` with each adapter until it returns `false`.
-fn each(mut visit: impl FnMut(&IDXGIAdapter1, Adapter) -> bool) -> Result<()> {
+fn for_each_adapter(mut visit: impl FnMut(&IDXGIAdapter1, Adapter) -> bool) -> Result<()> {
     // SAFETY: the call takes flags only.
     let factory: IDXGIFactory4 =
         unsafe { CreateDXGIFactory2(DXGI_CREATE_FACTORY_FLAGS(0)) }.map_err(|e| failed("CreateDXGIFactory2", &e))?;
@@ -81,8 +81,8 @@ fn each(mut visit: impl FnMut(&IDXGIAdapter1, Adapter) -> bool) -> Result<()> {
             Err(e) => return Err(failed("IDXGIFactory1::EnumAdapters1", &e)),
         };
         // SAFETY: a live adapter; the call fills a struct of its own.
-        let told = unsafe { adapter.GetDesc1() }.map_err(|e| failed("IDXGIAdapter1::GetDesc1", &e))?;
-        if !visit(&adapter, describe(&told, driver(&adapter))) {
+        let desc = unsafe { adapter.GetDesc1() }.map_err(|e| failed("IDXGIAdapter1::GetDesc1", &e))?;
+        if !visit(&adapter, describe(&desc, driver(&adapter))) {
             break;
         }
     }
@@ -93,30 +93,30 @@ fn each(mut visit: impl FnMut(&IDXGIAdapter1, Adapter) -> bool) -> Result<()> {
 fn driver(adapter: &IDXGIAdapter1) -> Option<String> {
     // SAFETY: a live adapter and a static identifier; the call fills a number of its own.
     let version = unsafe { adapter.CheckInterfaceSupport(&IDXGIDevice::IID) }.ok()?;
-    let part = |place: u32| version >> (16 * place) & 0xffff;
+    let part = |index: u32| version >> (16 * index) & 0xffff;
     (version != 0).then(|| format!("{}.{}.{}.{}", part(3), part(2), part(1), part(0)))
 }
 
-fn describe(told: &DXGI_ADAPTER_DESC1, driver: Option<String>) -> Adapter {
-    let length = told.Description.iter().position(|&c| c == 0).unwrap_or(told.Description.len());
+fn describe(desc: &DXGI_ADAPTER_DESC1, driver: Option<String>) -> Adapter {
+    let length = desc.Description.iter().position(|&c| c == 0).unwrap_or(desc.Description.len());
     Adapter {
-        luid: number(told.AdapterLuid),
-        description: String::from_utf16_lossy(&told.Description[..length]),
-        vendor: told.VendorId,
-        device: told.DeviceId,
-        memory: told.DedicatedVideoMemory as u64,
-        software: told.Flags & DXGI_ADAPTER_FLAG_SOFTWARE.0 as u32 != 0,
+        luid: luid_number(desc.AdapterLuid),
+        description: String::from_utf16_lossy(&desc.Description[..length]),
+        vendor: desc.VendorId,
+        device: desc.DeviceId,
+        memory: desc.DedicatedVideoMemory as u64,
+        software: desc.Flags & DXGI_ADAPTER_FLAG_SOFTWARE.0 as u32 != 0,
         driver,
     }
 }
 
 /// A LUID as a 64-bit number.
-pub(super) fn number(luid: LUID) -> u64 {
+pub(super) fn luid_number(luid: LUID) -> u64 {
     u64::from(luid.HighPart.cast_unsigned()) << 32 | u64::from(luid.LowPart)
 }
 
 /// Whether an adapter supports Direct3D 12; creates no device.
-fn works(adapter: &IDXGIAdapter1) -> bool {
+fn supports_d3d12(adapter: &IDXGIAdapter1) -> bool {
     // SAFETY: a live adapter; with a null output pointer the call only checks whether a device can be created.
     unsafe { D3D12CreateDevice::<_, ID3D12Device>(adapter, D3D_FEATURE_LEVEL_11_0, std::ptr::null_mut()) }.is_ok()
 }

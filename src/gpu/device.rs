@@ -11,7 +11,7 @@ use windows::Win32::Graphics::Dxgi::IDXGIAdapter1;
 use windows::core::{IUnknown, Interface};
 
 use super::failure::{failed, failed_on, removed};
-use super::{Adapter, Pipelines, Queue, adapter};
+use super::{Adapter, PipelineCache, Queue, adapter};
 use crate::{Error, ErrorKind, Result};
 
 /// A Direct3D 12 device, an engine's or our own, with a queue for frames and one for anchors. Cheap to clone; every clone is the
@@ -28,7 +28,7 @@ struct Inner {
     luid: u64,
     /// Cached, as each search creates a DXGI factory.
     adapter: OnceLock<(IDXGIAdapter1, Adapter)>,
-    pipelines: Pipelines,
+    pipelines: PipelineCache,
 }
 
 impl Gpu {
@@ -63,8 +63,8 @@ impl Gpu {
             }
         };
         // SAFETY: a live device.
-        let luid = adapter::number(unsafe { device.GetAdapterLuid() });
-        let (device, adapter, pipelines) = (device.clone(), OnceLock::new(), Pipelines::default());
+        let luid = adapter::luid_number(unsafe { device.GetAdapterLuid() });
+        let (device, adapter, pipelines) = (device.clone(), OnceLock::new(), PipelineCache::default());
         Ok(Self(Arc::new(Inner { frames, anchors, device, luid, adapter, pipelines })))
     }
 
@@ -87,7 +87,7 @@ impl Gpu {
         let frames = Queue::new(&device, D3D12_COMMAND_LIST_TYPE_DIRECT)?;
         let anchors = Queue::new(&device, D3D12_COMMAND_LIST_TYPE_COMPUTE)?;
         let (luid, adapter) = (described.luid, OnceLock::from((adapter, described)));
-        Ok(Self(Arc::new(Inner { frames, anchors, device, luid, adapter, pipelines: Pipelines::default() })))
+        Ok(Self(Arc::new(Inner { frames, anchors, device, luid, adapter, pipelines: PipelineCache::default() })))
     }
 
     /// The Direct3D device.
@@ -115,21 +115,21 @@ impl Gpu {
     /// # Errors
     /// `InvalidArgument` when the adapter is gone.
     pub fn adapter(&self) -> Result<Adapter> {
-        self.found().map(|(_, described)| described.clone())
+        self.adapter_entry().map(|(_, described)| described.clone())
     }
 
     /// The description of its adapter. Tries no other adapter, and creates no device.
     pub(crate) fn adapter_name(&self) -> Option<String> {
-        self.found().ok().map(|(_, described)| described.description.clone())
+        self.adapter_entry().ok().map(|(_, described)| described.description.clone())
     }
 
     /// The cache of its compute pipelines.
-    pub(crate) fn pipelines(&self) -> &Pipelines {
+    pub(crate) fn pipelines(&self) -> &PipelineCache {
         &self.0.pipelines
     }
 
-    /// DXGI's object of its adapter, and the adapter's description.
-    pub(super) fn found(&self) -> Result<&(IDXGIAdapter1, Adapter)> {
+    /// The DXGI adapter and its description, cached at the first call.
+    pub(super) fn adapter_entry(&self) -> Result<&(IDXGIAdapter1, Adapter)> {
         let cell = &self.0.adapter;
         match cell.get() {
             Some(found) => Ok(found),

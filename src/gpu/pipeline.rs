@@ -1,4 +1,4 @@
-//! Compute shaders over raw buffers.
+//! A compute shader over raw buffers, without descriptors.
 
 use windows::Win32::Graphics::Direct3D12::*;
 

@@ -72,16 +72,16 @@ impl Queue {
         // SAFETY: both have the layout of a pointer.
         let lists: &[Option<ID3D12CommandList>] =
             unsafe { std::slice::from_raw_parts(lists.as_ptr().cast(), lists.len()) };
-        // SAFETY: live lists of this device; an open one makes Direct3D remove the device, which `now` reports.
+        // SAFETY: live lists of this device; an open one makes Direct3D remove the device, which `signal` reports.
         unsafe { self.queue.ExecuteCommandLists(lists) };
-        self.now().inspect_err(|_| self.wait_ignoring_loss())
+        self.signal().inspect_err(|_| self.wait_ignoring_loss())
     }
 
-    /// A fence point after everything submitted to the queue so far, by anyone.
+    /// Signals the queue's fence after everything submitted to the queue so far, by anyone; returns the fence point.
     ///
     /// # Errors
     /// `DeviceRemoved`.
-    pub fn now(&self) -> Result<FencePoint> {
+    pub fn signal(&self) -> Result<FencePoint> {
         let mut last = self.last.lock();
         // Checked first: the queue of a removed device may never reach a new value.
         if let Some(gone) = removed(&self.device) {
@@ -94,8 +94,8 @@ impl Queue {
         Ok(FencePoint::new(&self.fence, *last, &self.device))
     }
 
-    /// Puts the submissions of `work` into a named event, for GPU profilers such as PIX.
-    pub(crate) fn named<T>(&self, name: &CStr, work: impl FnOnce() -> T) -> T {
+    /// Runs `work` with its submissions inside a named PIX event.
+    pub(crate) fn with_event<T>(&self, name: &CStr, work: impl FnOnce() -> T) -> T {
         let bytes = name.to_bytes_with_nul();
         // SAFETY: a live queue, and a text of that length, which is copied.
         unsafe { self.queue.BeginEvent(EVENT_OF_BYTES, Some(bytes.as_ptr().cast()), bytes.len() as u32) };

@@ -1,4 +1,4 @@
-//! Residency of our memory: its priority below the engine's, and its eviction while it is unused.
+//! Residency of our GPU memory: its priority below the engine's, and its eviction while it is unused.
 
 use windows::Win32::Foundation::E_NOTIMPL;
 use windows::Win32::Graphics::Direct3D12::{
@@ -11,8 +11,8 @@ use super::failure::failed_on;
 use super::{FencePoint, Gpu, Queue};
 use crate::{Error, ErrorKind, Result};
 
-/// A set of resources that are made resident and evicted together. They get a lower priority than an engine's memory, which has
-/// `D3D12_RESIDENCY_PRIORITY_NORMAL` by default: when memory is short, the system moves this set out first.
+/// A set of resources that are made resident and evicted together. Their residency priority is low, below the default of an engine's
+/// memory (`D3D12_RESIDENCY_PRIORITY_NORMAL`): when memory is short, the system evicts this set first.
 pub(crate) struct ResidencySet {
     objects: Vec<Option<ID3D12Pageable>>,
     is_resident: bool,
@@ -38,8 +38,8 @@ impl ResidencySet {
         // Windows before 1709 has no priorities. The memory then ranks like the engine's, which matters only when memory is short.
         if let Ok(device) = gpu.device().cast::<ID3D12Device1>() {
             // SAFETY: a live device, and one object with one priority, which live during the call.
-            let told = unsafe { device.SetResidencyPriority(1, &object, &D3D12_RESIDENCY_PRIORITY_LOW) };
-            if let Err(e) = told {
+            let set = unsafe { device.SetResidencyPriority(1, &object, &D3D12_RESIDENCY_PRIORITY_LOW) };
+            if let Err(e) = set {
                 log::debug!("ID3D12Device1::SetResidencyPriority failed: {e}");
             }
         }
@@ -77,7 +77,7 @@ impl ResidencySet {
             None => {
                 // SAFETY: a live device and live objects.
                 unsafe { gpu.device().MakeResident(&self.objects) }
-                    .map_err(|e| no_place(failed_on(gpu.device(), "ID3D12Device::MakeResident", &e)))?;
+                    .map_err(|e| with_remedy(failed_on(gpu.device(), "ID3D12Device::MakeResident", &e)))?;
                 self.is_resident = true;
                 Ok(())
             }
@@ -100,7 +100,7 @@ impl ResidencySet {
         match unsafe { newer.EnqueueMakeResident(D3D12_RESIDENCY_FLAG_NONE, &self.objects, &fence, value) } {
             Ok(()) => {}
             Err(e) if e.code() == E_NOTIMPL => return Ok(None),
-            Err(e) => return Err(no_place(failed_on(device, "ID3D12Device3::EnqueueMakeResident", &e))),
+            Err(e) => return Err(with_remedy(failed_on(device, "ID3D12Device3::EnqueueMakeResident", &e))),
         }
         self.is_resident = true;
         let fence_point = FencePoint::new(&fence, value, device);
@@ -110,7 +110,7 @@ impl ResidencySet {
 }
 
 /// Adds a remedy to an `OutOfMemory` error.
-fn no_place(error: Error) -> Error {
+fn with_remedy(error: Error) -> Error {
     if error.kind() != ErrorKind::OutOfMemory {
         return error;
     }

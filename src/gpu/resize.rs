@@ -3,7 +3,7 @@
 use windows::Win32::Graphics::Dxgi::Common::*;
 
 use super::Gpu;
-use super::compute::{CommandRecorder, Kernel, ResourceWithState, Shape, Texture, View, Words, texture};
+use super::compute::{CommandRecorder, Kernel, ResourceWithState, Shape, Texture, View, WordRange, texture};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 
 /// Decoded pictures in a buffer: for each the planes red, green and blue, `[height, width]` values in [0, 1], tightly packed.
@@ -15,11 +15,11 @@ pub struct Planes<'a> {
     pub picture: u32,
     /// Width and height, each 1 to [`MAX_SIDE`].
     pub size: (u32, u32),
-    /// Whether values are half floats; otherwise floats.
+    /// Whether values are half floats; otherwise they are floats.
     pub half: bool,
 }
 
-/// Writes a picture of planes into a texture of any size: bilinear, half-pixel centres, edges repeated, values clamped to [0, 1]
+/// Converts planes to a texture of any size: bilinear, half-pixel centres, edges repeated, values clamped to [0, 1]
 /// before interpolation, alpha 1. It computes the same operations as [`world::Bilinear`](crate::world::Bilinear). The results differ
 /// only by the device's rounding of a division and a multiplication: by at most one step of 255 for a value on the border between
 /// two.
@@ -46,7 +46,7 @@ impl Resize {
     /// `DeviceRemoved`, `OutOfMemory`, or `Device` when the driver refuses the shader.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let shape = Shape { constants: 7, inputs: 1, outputs: 1 };
-        Ok(Self { gpu: gpu.clone(), kernel: Kernel::new(gpu, include_bytes!("shaders/resize.dxbc"), shape)? })
+        Ok(Self { gpu: gpu.clone(), kernel: Kernel::new(gpu, include_bytes!("shaders/compiled/resize.dxbc"), shape)? })
     }
 
     /// Records the conversion of `planes` to `texture`, filling it: a 2D texture with one mip level, layer and sample that allows
@@ -68,11 +68,11 @@ impl Resize {
             let why = format!("planes of {width} x {height} numbers cannot be");
             return Err(Error::new(ErrorKind::InvalidArgument, why).field("size"));
         }
-        let numbers = 3 * u64::from(width) * u64::from(height);
-        let first = numbers * u64::from(planes.picture);
+        let values = 3 * u64::from(width) * u64::from(height);
+        let first = values * u64::from(planes.picture);
         let element = if planes.half { 2 } else { 4 };
         // Shaders read 32-bit words, and buffers hold whole words.
-        let bytes = ((first + numbers) * element).next_multiple_of(4);
+        let bytes = ((first + values) * element).next_multiple_of(4);
         // Shaders use 32-bit byte offsets.
         let (Ok(words), Ok(first), Ok(_)) = (u32::try_from(bytes / 4), u32::try_from(first), u32::try_from(bytes))
         else {
@@ -83,7 +83,7 @@ impl Resize {
         let to = texture_to_write(&self.gpu, texture)?;
         let levels = FORMATS.iter().find(|(format, _)| *format == to.format).map_or(0, |(_, levels)| *levels);
         let constants = [width, height, to.width, to.height, first, u32::from(planes.half), levels];
-        let input = View::Buffer(planes.buffer, Words { first: 0, count: words });
+        let input = View::Buffer(planes.buffer, WordRange { first: 0, count: words });
         let output = View::Texture(*texture, to.format);
         let groups = [to.width.div_ceil(GROUP), to.height.div_ceil(GROUP), 1];
         frame.run(&self.kernel, &constants, &[input], &[output], groups)

@@ -9,12 +9,12 @@ use super::{Gpu, failed_on};
 use crate::object_count::count_object;
 use crate::{Error, ErrorKind, Result};
 
-/// Root parameter for `words` 32-bit constants in `b0`, visible to all stages.
-pub(super) fn constants(words: u32) -> D3D12_ROOT_PARAMETER {
+/// Root parameter for `count` 32-bit constants in `b0`, visible to all stages.
+pub(super) fn constants(count: u32) -> D3D12_ROOT_PARAMETER {
     D3D12_ROOT_PARAMETER {
         ParameterType: D3D12_ROOT_PARAMETER_TYPE_32BIT_CONSTANTS,
         Anonymous: D3D12_ROOT_PARAMETER_0 {
-            Constants: D3D12_ROOT_CONSTANTS { Num32BitValues: words, ..Default::default() },
+            Constants: D3D12_ROOT_CONSTANTS { Num32BitValues: count, ..Default::default() },
         },
         ShaderVisibility: D3D12_SHADER_VISIBILITY_ALL,
     }

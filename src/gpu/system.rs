@@ -16,7 +16,7 @@ pub struct System {
 
 impl System {
     /// The system of this process.
-    pub fn this() -> Self {
+    pub fn current() -> Self {
         Self { build: build(), wine: wine() }
     }
 }

@@ -4,8 +4,8 @@ use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
 
 use super::Gpu;
-use super::compute::pictures::Format;
-use super::texture::{barrier, copy, first_level, names_state, placed};
+use super::compute::picture_formats::PictureFormat;
+use super::texture::{barrier, can_name_state, copy, first_level, placed};
 use crate::texels::Texel;
 use crate::{Colours, Error, ErrorKind, Result};
 
@@ -38,7 +38,7 @@ impl Target {
         // SAFETY: a live resource.
         let desc = unsafe { self.texture.GetDesc() };
         let texel = check(&desc, size)?;
-        if !colours.fit(texel) {
+        if !colours.fits(texel) {
             let remedy = match colours {
                 Colours::Hdr10 { .. } => "Use R10G10B10A2_UNORM",
                 Colours::Linear => "Use R16G16B16A16_FLOAT or R11G11B10_FLOAT",
@@ -55,7 +55,7 @@ impl Target {
     /// Bytes per pixel; `None` if frames cannot be written to it.
     pub(crate) fn pixel_bytes(&self) -> Option<u32> {
         // SAFETY: a live resource.
-        Format::of(unsafe { self.texture.GetDesc() }.Format).map(|format| format.bytes)
+        PictureFormat::of(unsafe { self.texture.GetDesc() }.Format).map(|format| format.bytes)
     }
 
     /// Records a copy from a buffer, which is in a state that allows it, to the whole texture: a barrier, the copy, and a barrier. Nothing else
@@ -151,14 +151,14 @@ fn check_state(
         }
         D3D12_RESOURCE_STATE_RESOLVE_DEST => {}
         reads if reads & READS == reads => {
-            let shown = reads & shaders != D3D12_RESOURCE_STATE_COMMON;
-            if shown && has(D3D12_RESOURCE_FLAG_DENY_SHADER_RESOURCE) {
+            let is_shader_read = reads & shaders != D3D12_RESOURCE_STATE_COMMON;
+            if is_shader_read && has(D3D12_RESOURCE_FLAG_DENY_SHADER_RESOURCE) {
                 return cannot("the texture was made not to be read by shaders");
             }
         }
         _ => return cannot("no texture of colours can be in it"),
     }
-    if !names_state(kind, state) {
+    if !can_name_state(kind, state) {
         return cannot("a compute list cannot name it");
     }
     Ok(())

@@ -6,13 +6,13 @@ use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
 use windows::core::Interface;
 
-use super::memory::{Heap, Shared};
+use super::buffers::{Heap, MappedBuffer};
 use super::{FencePoint, Gpu, failed_on};
 use crate::object_count::count_object;
 use crate::{Error, ErrorKind, MAX_SIDE, Picture, Result};
 
 /// The states that a compute list may name in a barrier.
-const OF_COMPUTE: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATES(
+const COMPUTE_STATES: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATES(
     D3D12_RESOURCE_STATE_VERTEX_AND_CONSTANT_BUFFER.0
         | D3D12_RESOURCE_STATE_UNORDERED_ACCESS.0
         | D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE.0
@@ -35,13 +35,13 @@ pub fn read_texture(gpu: &Gpu, texture: &ID3D12Resource, state: D3D12_RESOURCE_S
     // SAFETY: a live resource.
     let desc = unsafe { texture.GetDesc() };
     let blue_first = check(&desc)?;
-    if !names_state(gpu.frames().kind(), state) {
+    if !can_name_state(gpu.frames().kind(), state) {
         return Err(refuse("state", "the queue for frames is a compute queue, which cannot name that state"));
     }
     let mut picture = Picture::new(desc.Width as u32, desc.Height)?;
     let (layout, bytes) = layout(gpu, &desc);
-    let readback = Shared::new(gpu, Heap::Readback, bytes)?;
-    once(gpu, |list| {
+    let readback = MappedBuffer::new(gpu, Heap::Readback, bytes)?;
+    run_and_wait(gpu, |list| {
         let change = state != D3D12_RESOURCE_STATE_COPY_SOURCE;
         if change {
             barrier(list, texture, state, D3D12_RESOURCE_STATE_COPY_SOURCE);
@@ -71,14 +71,14 @@ pub fn read_texture(gpu: &Gpu, texture: &ID3D12Resource, state: D3D12_RESOURCE_S
 ///
 /// # Errors
 /// `OutOfMemory`; `DeviceRemoved`.
-pub fn texture_of(gpu: &Gpu, picture: &Picture) -> Result<(ID3D12Resource, FencePoint)> {
+pub fn texture_from_picture(gpu: &Gpu, picture: &Picture) -> Result<(ID3D12Resource, FencePoint)> {
     let state = D3D12_RESOURCE_STATE_COPY_DEST;
-    let (texture, desc) = make(gpu, picture.size(), PLAIN, D3D12_RESOURCE_FLAG_NONE, state)?;
+    let (texture, desc) = create_texture(gpu, picture.size(), PICTURE_FORMAT, D3D12_RESOURCE_FLAG_NONE, state)?;
     let (layout, bytes) = layout(gpu, &desc);
-    let mut upload = Shared::new(gpu, Heap::Upload, bytes)?;
+    let mut upload = MappedBuffer::new(gpu, Heap::Upload, bytes)?;
     let rows = picture.rgba().chunks_exact(picture.width() as usize * 4);
     rows.enumerate().for_each(|(y, row)| upload.write(y * layout.Footprint.RowPitch as usize, row));
-    let fence_point = once(gpu, |list| {
+    let fence_point = run_and_wait(gpu, |list| {
         copy(list, &first_level(&texture), &placed(upload.resource(), layout));
         barrier(list, &texture, state, D3D12_RESOURCE_STATE_COMMON);
     })?;
@@ -86,25 +86,25 @@ pub fn texture_of(gpu: &Gpu, picture: &Picture) -> Result<(ID3D12Resource, Fence
 }
 
 /// A texture that shaders may write, RGBA8, in the state COMMON. Its contents are undefined.
-pub(crate) fn blank_texture(gpu: &Gpu, size: (u32, u32)) -> Result<ID3D12Resource> {
-    written_texture(gpu, size, PLAIN, D3D12_RESOURCE_STATE_COMMON)
+pub(crate) fn picture_texture(gpu: &Gpu, size: (u32, u32)) -> Result<ID3D12Resource> {
+    writable_texture(gpu, size, PICTURE_FORMAT, D3D12_RESOURCE_STATE_COMMON)
 }
 
 /// A texture that shaders may write, in `state`. Its contents are undefined.
-pub(crate) fn written_texture(
+pub(crate) fn writable_texture(
     gpu: &Gpu,
     size: (u32, u32),
     format: DXGI_FORMAT,
     state: D3D12_RESOURCE_STATES,
 ) -> Result<ID3D12Resource> {
-    Ok(make(gpu, size, format, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS, state)?.0)
+    Ok(create_texture(gpu, size, format, D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS, state)?.0)
 }
 
-/// Format of this library's pictures.
-const PLAIN: DXGI_FORMAT = DXGI_FORMAT_R8G8B8A8_UNORM;
+/// DXGI format of [`Picture`].
+const PICTURE_FORMAT: DXGI_FORMAT = DXGI_FORMAT_R8G8B8A8_UNORM;
 
 /// Creates a texture of one mip level; also returns its description.
-fn make(
+fn create_texture(
     gpu: &Gpu,
     (width, height): (u32, u32),
     format: DXGI_FORMAT,
@@ -135,8 +135,8 @@ fn make(
 
 /// Reads the first bytes of a buffer that is in the state COMMON, on the queue for frames; waits for it.
 pub(crate) fn read_buffer(gpu: &Gpu, buffer: &ID3D12Resource, into: &mut [u8]) -> Result<()> {
-    let readback = Shared::new(gpu, Heap::Readback, into.len())?;
-    once(gpu, |list| {
+    let readback = MappedBuffer::new(gpu, Heap::Readback, into.len())?;
+    run_and_wait(gpu, |list| {
         // SAFETY: an open list; both buffers live until it has run, and the range is inside both.
         unsafe { list.CopyBufferRegion(readback.resource(), 0, buffer, 0, into.len() as u64) };
     })?;
@@ -145,8 +145,8 @@ pub(crate) fn read_buffer(gpu: &Gpu, buffer: &ID3D12Resource, into: &mut [u8]) -
 }
 
 /// Whether a list of the type may name a state in a barrier.
-pub(super) fn names_state(kind: D3D12_COMMAND_LIST_TYPE, state: D3D12_RESOURCE_STATES) -> bool {
-    kind != D3D12_COMMAND_LIST_TYPE_COMPUTE || state & OF_COMPUTE == state
+pub(super) fn can_name_state(kind: D3D12_COMMAND_LIST_TYPE, state: D3D12_RESOURCE_STATES) -> bool {
+    kind != D3D12_COMMAND_LIST_TYPE_COMPUTE || state & COMPUTE_STATES == state
 }
 
 /// Checks that a texture is a plain picture; returns whether its pixels are BGRA.
@@ -179,8 +179,8 @@ pub(super) fn layout(gpu: &Gpu, desc: &D3D12_RESOURCE_DESC) -> (D3D12_PLACED_SUB
     (layout, bytes as usize)
 }
 
-/// Runs the commands of `record` on the queue for frames and waits for them; returns the fence point.
-fn once(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<FencePoint> {
+/// Records commands with `record`, runs them on the queue for frames and waits; returns the fence point.
+fn run_and_wait(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<FencePoint> {
     let (device, kind) = (gpu.device(), gpu.frames().kind());
     // An allocator and a list.
     (0..2).for_each(|_| count_object());
@@ -206,6 +206,7 @@ fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
     unsafe { std::mem::transmute_copy(resource) }
 }
 
+/// A buffer as the location of a texture copy.
 pub(super) fn placed(
     buffer: &ID3D12Resource,
     layout: D3D12_PLACED_SUBRESOURCE_FOOTPRINT,

@@ -2,8 +2,8 @@
 
 use windows::Win32::Graphics::Direct3D12::*;
 
-use super::memory::{Heap, Shared};
-use super::recorded::RecordedMemory;
+use super::buffers::{Heap, MappedBuffer};
+use super::fenced_slots::FencedSlots;
 use super::target::{Target, check_list};
 use super::texture::layout;
 use super::{FencePoint, Gpu};
@@ -16,13 +16,13 @@ use crate::{Colours, Error, ErrorKind, Picture, Result};
 /// Threads: one at a time; may move between them.
 pub struct Uploads {
     gpu: Gpu,
-    slots: RecordedMemory<Option<Shared>>,
+    slots: FencedSlots<Option<MappedBuffer>>,
     /// The slot of the last copy, and its content.
     last: Option<(usize, Content)>,
     row: Vec<u8>,
 }
 
-/// Pixel type, colours and size of the picture in a slot.
+/// Format of the picture in a slot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Content {
     texel: Texel,
@@ -30,8 +30,8 @@ struct Content {
     size: (u32, u32),
 }
 
-/// A checked copy of a picture into a target that is not recorded yet.
-pub struct Place<'a> {
+/// A checked copy of a picture into a target that is yet to be recorded.
+pub struct PendingUpload<'a> {
     uploads: &'a mut Uploads,
     slot: usize,
     list: ID3D12GraphicsCommandList,
@@ -41,10 +41,10 @@ pub struct Place<'a> {
 }
 
 impl Uploads {
-    /// `lists` slots for pictures whose lists may not have run. The memory is allocated for the first pictures, or by
+    /// `lists` slots: the number of pictures that lists may read at a time. The memory is allocated for the first pictures, or by
     /// [`prepare`](Self::prepare).
     pub fn new(gpu: &Gpu, lists: usize) -> Result<Self> {
-        let slots = RecordedMemory::new(lists, || Ok(None))?;
+        let slots = FencedSlots::new(lists, || Ok(None))?;
         Ok(Self { gpu: gpu.clone(), slots, last: None, row: Vec::new() })
     }
 
@@ -55,7 +55,7 @@ impl Uploads {
     pub fn prepare(&mut self, lists: usize, size: (u32, u32), pixel: u32) -> Result<()> {
         let pitch = (size.0 as usize * pixel as usize).next_multiple_of(D3D12_TEXTURE_DATA_PITCH_ALIGNMENT as usize);
         let bytes = pitch * size.1 as usize;
-        self.slots = RecordedMemory::new(lists, || Shared::new(&self.gpu, Heap::Upload, bytes).map(Some))?;
+        self.slots = FencedSlots::new(lists, || MappedBuffer::new(&self.gpu, Heap::Upload, bytes).map(Some))?;
         self.last = None;
         self.grow_row(size.0 as usize * pixel as usize)
     }
@@ -65,20 +65,20 @@ impl Uploads {
         &self.gpu
     }
 
-    /// Checks the copy of a picture of `size` in `colours` by `list`, an open list, into `target`; `None` if each slot has a list that may not have
-    /// run.
+    /// Checks that `list`, an open list, can copy a picture of `size` in `colours` into `target`, and reserves a slot; `None` if lists
+    /// may still read every slot.
     ///
     /// # Errors
     /// `InvalidArgument` for a list of another type than the queue for frames or of another device, for a texture of another kind,
     /// size, format or device, and for states that the texture cannot be in or the list cannot name; `OutOfMemory`;
     /// `DeviceRemoved`.
-    pub fn place(
+    pub fn begin(
         &mut self,
         list: ID3D12GraphicsCommandList,
         target: Target,
         size: (u32, u32),
         colours: Colours,
-    ) -> Result<Option<Place<'_>>> {
+    ) -> Result<Option<PendingUpload<'_>>> {
         if let Some(gone) = self.gpu.removed() {
             return Err(gone);
         }
@@ -89,20 +89,20 @@ impl Uploads {
         let memory = self.slots.memory_mut(slot);
         if memory.as_ref().is_none_or(|memory| memory.len() < bytes) {
             *memory = None;
-            *memory = Some(Shared::new(&self.gpu, Heap::Upload, bytes)?);
+            *memory = Some(MappedBuffer::new(&self.gpu, Heap::Upload, bytes)?);
         }
         let content = Content { texel, colours, size };
-        Ok(Some(Place { uploads: self, slot, list, target, layout, content }))
+        Ok(Some(PendingUpload { uploads: self, slot, list, target, layout, content }))
     }
 
-    /// Records that the list of the last copy reads its slot until `until` is reached.
+    /// Records that the list of the last copy has run when `until` is reached.
     pub fn read_until(&mut self, until: &FencePoint) {
         if let Some((slot, _)) = self.last {
             self.slots.read_until(slot, until);
         }
     }
 
-    /// Pictures whose lists may not have run.
+    /// Number of pictures that lists may still read.
     pub fn pending(&self) -> usize {
         self.slots.pending()
     }
@@ -112,7 +112,7 @@ impl Uploads {
     /// # Errors
     /// `DeviceRemoved`.
     pub fn release(&mut self) -> Result<()> {
-        self.gpu.frames().now()?.wait()?;
+        self.gpu.frames().signal()?.wait()?;
         self.slots.release();
         Ok(())
     }
@@ -127,10 +127,10 @@ impl Uploads {
     }
 }
 
-impl Place<'_> {
-    /// Writes the picture, which has the checked size, and records its copy. `is_repeated`: it is the same picture as that of the copy before.
-    /// Call [`read_until`](Uploads::read_until) afterwards with the fence point until which the list reads it.
-    pub fn fill(self, picture: &Picture, is_repeated: bool) -> Result<()> {
+impl PendingUpload<'_> {
+    /// Writes the picture, which has the checked size, and records its copy. `is_repeated`: it is the picture of the previous copy, and
+    /// is not written again. Call [`read_until`](Uploads::read_until) afterwards with the fence point at which the list has run.
+    pub fn record(self, picture: &Picture, is_repeated: bool) -> Result<()> {
         let Self { uploads, mut slot, list, target, layout, content } = self;
         assert_eq!(picture.size(), content.size, "the size that was checked");
         match uploads.last.filter(|(_, last)| is_repeated && *last == content) {

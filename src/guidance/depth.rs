@@ -1,6 +1,6 @@
 //! The depth map, and conversion of a host's depth.
 
-use super::{checked_tiles, filled};
+use super::{tile_count, vec_of};
 use crate::{Error, ErrorKind, Result};
 
 /// The camera that device depth belongs to.
@@ -51,7 +51,7 @@ impl Projection {
         self.vertical_fov
     }
 
-    /// Device depth of a point at view distance `z`: `far (z - near) / (z (far - near))`, cut to [0, 1].
+    /// Device depth of a point at view distance `z`: `far (z - near) / (z (far - near))`, clamped to [0, 1].
     pub fn device_depth(&self, z: f32) -> f32 {
         // In f64, and in a form that also works for an infinite far plane.
         let (z, near, inverse_far) = (f64::from(z), f64::from(self.near), 1.0 / f64::from(self.far));
@@ -71,9 +71,8 @@ pub struct DepthEncoding {
     pub linear: bool,
 }
 
-/// Device depth in [0, 1], 0 near, of the current picture: one value to a pixel, or one to a square tile of 8 or 16
-/// pixels, which holds for all of the tile; the last column and row of tiles may reach beyond the picture. Rows run top
-/// to bottom without padding.
+/// Device depth in [0, 1], 0 near, of the current picture: one value per pixel, or one per square tile of 8 or 16 pixels. The last
+/// column and row of tiles may extend outside the picture. Rows run top to bottom without padding.
 #[derive(Clone)]
 pub struct DepthMap {
     width: u32,
@@ -81,11 +80,11 @@ pub struct DepthMap {
     tile: u32,
     depth: Vec<f32>,
     /// Whether all values are known to be equal, so that readers can skip the scan.
-    is_even: bool,
+    is_uniform: bool,
     projection: Projection,
 }
 
-/// Maps are equal if their values are; `is_even` does not count.
+/// Maps are equal if their values are; `is_uniform` does not count.
 impl PartialEq for DepthMap {
     fn eq(&self, other: &Self) -> bool {
         (self.width, self.height, self.tile, self.projection)
@@ -95,7 +94,7 @@ impl PartialEq for DepthMap {
 }
 
 impl DepthMap {
-    /// Everything at the near plane, one value to a pixel, each side 1 to [`MAX_SIDE`](crate::MAX_SIDE).
+    /// A map with every pixel at the near plane, one value per pixel, each side 1 to [`MAX_SIDE`](crate::MAX_SIDE).
     ///
     /// # Errors
     /// `InvalidArgument` for a size outside that range, `OutOfMemory` when it cannot be allocated.
@@ -103,17 +102,17 @@ impl DepthMap {
         Self::tiled(width, height, 1, projection)
     }
 
-    /// Everything at the near plane, one value to a square of `tile` pixels: 1, 8 or 16.
+    /// A map with every pixel at the near plane, one value per square of `tile` x `tile` pixels: 1, 8 or 16.
     ///
     /// # Errors
     /// As [`new`](Self::new), and `InvalidArgument` for another tile.
     pub fn tiled(width: u32, height: u32, tile: u32, projection: Projection) -> Result<Self> {
-        let len = checked_tiles(width, height, tile)?;
-        Ok(Self { width, height, tile, depth: filled(len, 0.0)?, is_even: true, projection })
+        let len = tile_count(width, height, tile)?;
+        Ok(Self { width, height, tile, depth: vec_of(len, 0.0)?, is_uniform: true, projection })
     }
 
     /// Takes a host's `values`, `width * height` of them, and converts them to device depth with 0 near. Values outside
-    /// the range of `encoding` are cut to it; a value that is not a number counts as far.
+    /// the range of `encoding` are clamped to it; NaN counts as far.
     ///
     /// # Errors
     /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE), a buffer of another length, or an
@@ -125,7 +124,7 @@ impl DepthMap {
         encoding: DepthEncoding,
         projection: Projection,
     ) -> Result<Self> {
-        let len = checked_tiles(width, height, 1)?;
+        let len = tile_count(width, height, 1)?;
         if values.len() != len {
             return Err(Error::new(
                 ErrorKind::InvalidArgument,
@@ -146,7 +145,7 @@ impl DepthMap {
         for v in &mut values {
             *v = if v.is_nan() { 1.0 } else { convert(*v, &projection) };
         }
-        Ok(Self { width, height, tile: 1, depth: values, is_even: false, projection })
+        Ok(Self { width, height, tile: 1, depth: values, is_uniform: false, projection })
     }
 
     /// Width in render pixels.
@@ -186,22 +185,22 @@ impl DepthMap {
 
     /// All values, writable. Readers clamp them to [0, 1] and treat NaN as far.
     pub fn depth_mut(&mut self) -> &mut [f32] {
-        self.is_even = false;
+        self.is_uniform = false;
         &mut self.depth
     }
 
     /// Sets all values to `depth`. Free if they already have it.
     pub fn fill(&mut self, depth: f32) {
-        if self.even() != Some(depth) {
+        if self.uniform_value() != Some(depth) {
             self.depth.fill(depth);
-            self.is_even = true;
+            self.is_uniform = true;
         }
     }
 
-    /// The depth of all pixels, if known to be constant: after [`fill`](Self::fill), or for a map that was not written since it was made.
-    /// A constant depth shows no edges; generators then assume that motion came from optical flow.
-    pub fn even(&self) -> Option<f32> {
-        self.depth.first().copied().filter(|_| self.is_even)
+    /// The depth of all pixels, if it is known to be uniform: after [`fill`](Self::fill), or for a map that was not written since it was
+    /// created. Uniform depth shows no edges; generators then assume that motion came from optical flow.
+    pub fn uniform_value(&self) -> Option<f32> {
+        self.depth.first().copied().filter(|_| self.is_uniform)
     }
 
     /// The camera the values belong to.
@@ -226,15 +225,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_filled_is_known_until_somebody_writes() {
+    fn depth_is_known_to_be_uniform_from_fill_until_the_next_write() {
         let projection = Projection::new(0.1, 100.0, 1.0).unwrap();
         let mut depth = DepthMap::new(4, 3, projection).unwrap();
-        assert_eq!(depth.even(), Some(0.0));
+        assert_eq!(depth.uniform_value(), Some(0.0));
         depth.fill(0.5);
-        assert_eq!((depth.even(), depth.depth()), (Some(0.5), &[0.5; 12][..]));
+        assert_eq!((depth.uniform_value(), depth.depth()), (Some(0.5), &[0.5; 12][..]));
         let known = depth.clone();
         depth.depth_mut()[7] = 0.5;
-        assert_eq!(depth.even(), None);
+        assert_eq!(depth.uniform_value(), None);
         assert!(depth == known);
         depth.depth_mut()[7] = 0.25;
         assert!(depth != known);
@@ -252,13 +251,13 @@ mod tests {
     }
 
     #[test]
-    fn device_depth_is_cut_and_not_a_number_is_far() {
+    fn device_depth_is_clamped_and_nan_is_far() {
         let host = [-0.5, 0.0, 0.25, 1.0, 7.0, f32::NAN, f32::INFINITY];
         assert_eq!(convert(&host, false, false, camera()), [0.0, 0.0, 0.25, 1.0, 1.0, 1.0, 1.0]);
     }
 
     #[test]
-    fn inverted_depth_is_turned_over() {
+    fn inverted_depth_is_converted() {
         assert_eq!(convert(&[1.0, 0.75, 0.0, 2.0, f32::NAN], true, false, camera()), [0.0, 0.25, 1.0, 0.0, 1.0]);
     }
 

@@ -5,7 +5,7 @@
 //!                                                                z0 bilinear, edges clamped
 //! E(x, u) = mean of e(., u) over 3 x 3 cells, weighted 1 2 1
 //! u(x)    = argmin of E(x, u) + 0.05 * the sum over four neighbours of |u - u(neighbour)|^2
-//! motion  = U(u cells), cut to [-width, width] x [-height, height]    U: bilinear, half-pixel centres, edge clamp
+//! motion  = U(u cells), clamped to [-width, width] x [-height, height]    U: bilinear, half-pixel centres, edge clamp
 //! ```
 //!
 //! u is searched in steps of a quarter cell, up to three cells each way. The first round takes the minimum without the neighbour
@@ -17,21 +17,23 @@
 
 use half::f16;
 
-use super::lift::{Tap, bilinear};
-use super::{Guidance, LatentView, Projection, check_shapes, filled, picture_flow};
+use super::interpolation::{Tap, bilinear};
+use super::{Guidance, LatentView, Projection, check_shapes, picture_flow, vec_of};
 use crate::Result;
-use crate::tasks::{Parallel, ParallelSliceMut, Use};
+use crate::tasks::{Parallel, ParallelSliceMut, PoolLease};
 
 /// The camera stated for the flat depth; the same as that of [`picture_flow`].
 pub const PROJECTION: Projection = picture_flow::PROJECTION;
 /// The longest motion along an axis, in cells.
 pub const REACH: usize = 3;
 /// Search steps per cell.
-const STEPS: usize = 4;
+const STEPS_PER_CELL: usize = 4;
 /// Candidate displacements along an axis.
-const PLACES: usize = 2 * REACH * STEPS + 1;
+const CANDIDATES_PER_AXIS: usize = 2 * REACH * STEPS_PER_CELL + 1;
+/// Candidate displacements of a cell.
+const CANDIDATES: usize = CANDIDATES_PER_AXIS * CANDIDATES_PER_AXIS;
 /// Smoothness cost of a neighbour whose motion differs by one cell.
-const STIFFNESS: f32 = 0.05;
+const SMOOTHNESS_WEIGHT: f32 = 0.05;
 /// Smoothing rounds.
 const ROUNDS: usize = 6;
 
@@ -53,16 +55,18 @@ pub struct Extractor {
     current: Vec<f32>,
     /// The previous latent resampled at each of the 4 x 4 sub-cell offsets: offset by offset, row-major, each cell by cell.
     phases: Vec<f32>,
-    /// e for each cell and displacement; `errors` holds E.
-    raw: Vec<f32>,
+    /// e for each cell and displacement.
+    unfiltered_errors: Vec<f32>,
+    /// E for each cell and displacement.
     errors: Vec<f32>,
-    /// Best displacement of each cell in steps; `before` is that of the previous round.
-    found: Vec<[i32; 2]>,
-    before: Vec<[i32; 2]>,
-    /// In cells.
+    /// Best displacement of each cell in this round, in steps.
+    best: Vec<[i32; 2]>,
+    /// Best displacement of each cell in the round before, in steps.
+    previous_best: Vec<[i32; 2]>,
+    /// Motion of each cell, in cells.
     flow: Vec<[f32; 2]>,
     columns: Vec<Tap>,
-    _threads: Use,
+    _threads: PoolLease,
 }
 
 impl Extractor {
@@ -86,29 +90,29 @@ impl Extractor {
     ) -> Result<()> {
         check_shapes(z0, z1)?;
         out.make_per_pixel(render, PROJECTION)?;
-        self.make_room(z1.shape())?;
+        self.allocate(z1.shape())?;
         self.normalise(z0, z1);
-        self.compare(z1.shape());
-        self.smooth(z1.shape());
-        self.lift(z1.shape(), out);
+        self.matching_costs(z1.shape());
+        self.select_motion(z1.shape());
+        self.upsample(z1.shape(), out);
         Ok(())
     }
 
-    fn make_room(&mut self, [channels, height, width]: [usize; 3]) -> Result<()> {
+    fn allocate(&mut self, [channels, height, width]: [usize; 3]) -> Result<()> {
         let cells = height * width;
         let grow = |values: &mut Vec<f32>, len: usize| {
             if values.len() != len {
-                *values = filled(len, 0.0)?;
+                *values = vec_of(len, 0.0)?;
             }
             Ok(())
         };
         grow(&mut self.current, cells * channels)?;
-        grow(&mut self.phases, STEPS * STEPS * cells * channels)?;
-        grow(&mut self.raw, PLACES * PLACES * cells)?;
-        grow(&mut self.errors, PLACES * PLACES * cells)?;
-        if self.found.len() != cells {
-            (self.found, self.before) = (filled(cells, [0; 2])?, filled(cells, [0; 2])?);
-            self.flow = filled(cells, [0.0; 2])?;
+        grow(&mut self.phases, STEPS_PER_CELL * STEPS_PER_CELL * cells * channels)?;
+        grow(&mut self.unfiltered_errors, CANDIDATES * cells)?;
+        grow(&mut self.errors, CANDIDATES * cells)?;
+        if self.best.len() != cells {
+            (self.best, self.previous_best) = (vec_of(cells, [0; 2])?, vec_of(cells, [0; 2])?);
+            self.flow = vec_of(cells, [0.0; 2])?;
         }
         Ok(())
     }
@@ -132,8 +136,8 @@ impl Extractor {
         }
         let (whole, between) = self.phases.split_at_mut(cells * channels);
         between.par_chunks_mut(cells * channels).enumerate().for_each(|(n, values)| {
-            let phase = [(n + 1) % STEPS, (n + 1) / STEPS];
-            let [across, down] = phase.map(|steps| steps as f32 / STEPS as f32);
+            let phase = [(n + 1) % STEPS_PER_CELL, (n + 1) / STEPS_PER_CELL];
+            let [across, down] = phase.map(|steps| steps as f32 / STEPS_PER_CELL as f32);
             for (cell, values) in values.chunks_exact_mut(channels).enumerate() {
                 let (x, y) = (cell % width, cell / width);
                 let (right, below) = ((x + 1).min(width - 1), (y + 1).min(height - 1));
@@ -145,70 +149,73 @@ impl Extractor {
         });
     }
 
-    /// `errors` = E.
-    fn compare(&mut self, [channels, height, width]: [usize; 3]) {
+    /// Fills `errors` with E.
+    fn matching_costs(&mut self, [channels, height, width]: [usize; 3]) {
         let (current, phases) = (&self.current, &self.phases);
         let per_phase = height * width * channels;
-        self.raw.par_chunks_mut(PLACES * PLACES).enumerate().for_each(|(cell, errors)| {
+        self.unfiltered_errors.par_chunks_mut(CANDIDATES).enumerate().for_each(|(cell, errors)| {
             let (x, y) = (cell % width, cell / width);
             let here = &current[cell * channels..][..channels];
-            for (place, error) in errors.iter_mut().enumerate() {
-                let [u, v] = steps_of(place);
+            for (candidate, error) in errors.iter_mut().enumerate() {
+                let [u, v] = displacement(candidate);
                 // Position in steps, clamped to the latent.
                 let at = |from: usize, steps: i32, len: usize| {
-                    (from as i64 * STEPS as i64 + i64::from(steps)).clamp(0, ((len - 1) * STEPS) as i64) as usize
+                    (from as i64 * STEPS_PER_CELL as i64 + i64::from(steps))
+                        .clamp(0, ((len - 1) * STEPS_PER_CELL) as i64) as usize
                 };
                 let (px, py) = (at(x, u, width), at(y, v, height));
-                let phase = py % STEPS * STEPS + px % STEPS;
-                let there = phase * per_phase + (py / STEPS * width + px / STEPS) * channels;
+                let phase = py % STEPS_PER_CELL * STEPS_PER_CELL + px % STEPS_PER_CELL;
+                let there = phase * per_phase + (py / STEPS_PER_CELL * width + px / STEPS_PER_CELL) * channels;
                 let there = &phases[there..][..channels];
                 let sum: f32 = here.iter().zip(there).map(|(a, b)| (a - b) * (a - b)).sum();
                 *error = sum / channels as f32;
             }
         });
-        let raw = &self.raw;
-        self.errors.par_chunks_mut(PLACES * PLACES).enumerate().for_each(|(cell, errors)| {
+        let unfiltered_errors = &self.unfiltered_errors;
+        self.errors.par_chunks_mut(CANDIDATES).enumerate().for_each(|(cell, errors)| {
             errors.fill(0.0);
             let mut weights = 0.0;
             for (neighbour, weight) in window(cell, height, width) {
                 weights += weight;
-                let theirs = &raw[neighbour * PLACES * PLACES..][..PLACES * PLACES];
+                let theirs = &unfiltered_errors[neighbour * CANDIDATES..][..CANDIDATES];
                 errors.iter_mut().zip(theirs).for_each(|(sum, error)| *sum += weight * error);
             }
             errors.iter_mut().for_each(|sum| *sum /= weights);
         });
     }
 
-    /// `flow` = u.
-    fn smooth(&mut self, [_, height, width]: [usize; 3]) {
-        let Self { errors, found, before, flow, .. } = self;
-        let errors_of = |cell: usize| &errors[cell * PLACES * PLACES..][..PLACES * PLACES];
+    /// Fills `flow` with u.
+    fn select_motion(&mut self, [_, height, width]: [usize; 3]) {
+        let Self { errors, best, previous_best, flow, .. } = self;
+        let errors_of = |cell: usize| &errors[cell * CANDIDATES..][..CANDIDATES];
         for round in 0..=ROUNDS {
-            std::mem::swap(found, before);
-            let before = &*before;
-            found.par_iter_mut().enumerate().for_each(|(cell, found)| {
-                let pull = Pull::new(if round == 0 { None } else { Some(before) }, cell, height, width);
-                *found = least(errors_of(cell), &pull);
+            std::mem::swap(best, previous_best);
+            let previous_best = &*previous_best;
+            best.par_iter_mut().enumerate().for_each(|(cell, best)| {
+                let smoothness =
+                    Smoothness::new(if round == 0 { None } else { Some(previous_best) }, cell, height, width);
+                *best = argmin(errors_of(cell), &smoothness);
             });
         }
-        let found = &*found;
+        let best = &*best;
         flow.par_iter_mut().enumerate().for_each(|(cell, flow)| {
-            let pull = Pull::new(Some(found), cell, height, width);
-            let (errors, at) = (errors_of(cell), found[cell]);
-            let cost = |at: [i32; 2]| place_of(at).map(|place| errors[place] + pull.cost(at));
+            let smoothness = Smoothness::new(Some(best), cell, height, width);
+            let (errors, at) = (errors_of(cell), best[cell]);
+            let cost = |at: [i32; 2]| candidate_index(at).map(|candidate| errors[candidate] + smoothness.cost(at));
             *flow = [0, 1].map(|axis| {
-                let beside = |step: i32| {
+                let cost_at_step = |step: i32| {
                     let mut to = at;
                     to[axis] += step;
                     cost(to)
                 };
-                (at[axis] as f32 + bottom(beside(-1), beside(0), beside(1))) / STEPS as f32
+                (at[axis] as f32 + parabola_minimum(cost_at_step(-1), cost_at_step(0), cost_at_step(1)))
+                    / STEPS_PER_CELL as f32
             });
         });
     }
 
-    /// Brings the flow to render size.
-    fn lift(&mut self, [_, height, width]: [usize; 3], out: &mut Guidance) {
+    /// Upsamples the flow to render size and writes it to `out`.
+    fn upsample(&mut self, [_, height, width]: [usize; 3], out: &mut Guidance) {
         let (render_width, render_height) = (out.size().0 as usize, out.size().1 as usize);
         self.columns.clear();
         self.columns.extend((0..render_width).map(|x| Tap::new(x, render_width, width)));
@@ -235,60 +242,63 @@ fn window(cell: usize, height: usize, width: usize) -> impl Iterator<Item = (usi
     let (x, y) = ((cell % width) as i64, (cell / width) as i64);
     (-1..=1).flat_map(move |dy: i64| (-1..=1).map(move |dx: i64| (dx, dy))).filter_map(move |(dx, dy)| {
         let (x, y) = (x + dx, y + dy);
-        let is_there = (0..width as i64).contains(&x) && (0..height as i64).contains(&y);
+        let is_inside = (0..width as i64).contains(&x) && (0..height as i64).contains(&y);
         let weight = ((2 - dx.abs()) * (2 - dy.abs())) as f32;
-        is_there.then(|| (y as usize * width + x as usize, weight))
+        is_inside.then(|| (y as usize * width + x as usize, weight))
     })
 }
 
 /// Displacement in steps for a candidate index.
-fn steps_of(place: usize) -> [i32; 2] {
-    [place % PLACES, place / PLACES].map(|n| n as i32 - (REACH * STEPS) as i32)
+fn displacement(candidate: usize) -> [i32; 2] {
+    [candidate % CANDIDATES_PER_AXIS, candidate / CANDIDATES_PER_AXIS]
+        .map(|n| n as i32 - (REACH * STEPS_PER_CELL) as i32)
 }
 
 /// Candidate index for a displacement in steps; `None` beyond the search range.
-fn place_of([u, v]: [i32; 2]) -> Option<usize> {
-    let [u, v] = [u, v].map(|steps| usize::try_from(steps + (REACH * STEPS) as i32).ok().filter(|n| *n < PLACES));
-    Some(v? * PLACES + u?)
+fn candidate_index([u, v]: [i32; 2]) -> Option<usize> {
+    let [u, v] = [u, v].map(|steps| {
+        usize::try_from(steps + (REACH * STEPS_PER_CELL) as i32).ok().filter(|n| *n < CANDIDATES_PER_AXIS)
+    });
+    Some(v? * CANDIDATES_PER_AXIS + u?)
 }
 
 /// Smoothness term of a cell. The sum of squared distances to the neighbours equals `count` times the squared distance to their mean,
 /// plus a constant.
-struct Pull {
+struct Smoothness {
     mean: [f32; 2],
     count: f32,
 }
 
-impl Pull {
+impl Smoothness {
     fn new(flow: Option<&Vec<[i32; 2]>>, cell: usize, height: usize, width: usize) -> Self {
         let (x, y) = (cell % width, cell / width);
-        let beside = [
+        let neighbours = [
             (x > 0).then(|| cell - 1),
             (x + 1 < width).then_some(cell + 1),
             (y > 0).then(|| cell - width),
             (y + 1 < height).then_some(cell + width),
         ];
-        let mut pull = Self { mean: [0.0; 2], count: 0.0 };
-        for steps in flow.iter().flat_map(|flow| beside.into_iter().flatten().map(|n| flow[n])) {
-            pull.mean = [pull.mean[0] + steps[0] as f32, pull.mean[1] + steps[1] as f32];
-            pull.count += 1.0;
+        let mut smoothness = Self { mean: [0.0; 2], count: 0.0 };
+        for steps in flow.iter().flat_map(|flow| neighbours.into_iter().flatten().map(|n| flow[n])) {
+            smoothness.mean = [smoothness.mean[0] + steps[0] as f32, smoothness.mean[1] + steps[1] as f32];
+            smoothness.count += 1.0;
         }
-        pull.mean = pull.mean.map(|sum| sum / pull.count.max(1.0));
-        pull
+        smoothness.mean = smoothness.mean.map(|sum| sum / smoothness.count.max(1.0));
+        smoothness
     }
 
     fn cost(&self, at: [i32; 2]) -> f32 {
-        let cells = [0, 1].map(|axis| (at[axis] as f32 - self.mean[axis]) / STEPS as f32);
-        STIFFNESS * self.count * (cells[0] * cells[0] + cells[1] * cells[1])
+        let cells = [0, 1].map(|axis| (at[axis] as f32 - self.mean[axis]) / STEPS_PER_CELL as f32);
+        SMOOTHNESS_WEIGHT * self.count * (cells[0] * cells[0] + cells[1] * cells[1])
     }
 }
 
-/// Displacement of least cost, in steps; the shortest of several.
-fn least(errors: &[f32], pull: &Pull) -> [i32; 2] {
+/// Displacement of least cost, in steps; the shortest where several have it.
+fn argmin(errors: &[f32], smoothness: &Smoothness) -> [i32; 2] {
     let mut best = ([0; 2], f32::INFINITY, i32::MAX);
-    for (place, error) in errors.iter().enumerate() {
-        let at = steps_of(place);
-        let (cost, far) = (error + pull.cost(at), at[0] * at[0] + at[1] * at[1]);
+    for (candidate, error) in errors.iter().enumerate() {
+        let at = displacement(candidate);
+        let (cost, far) = (error + smoothness.cost(at), at[0] * at[0] + at[1] * at[1]);
         if (cost, far) < (best.1, best.2) {
             best = (at, cost, far);
         }
@@ -298,7 +308,7 @@ fn least(errors: &[f32], pull: &Pull) -> [i32; 2] {
 
 /// Minimum, between -1/2 and 1/2, of the parabola through three costs at -1, 0 and 1. 0 if a cost is missing, the cost is already 0
 /// or the parabola does not open upwards.
-fn bottom(before: Option<f32>, here: Option<f32>, after: Option<f32>) -> f32 {
+fn parabola_minimum(before: Option<f32>, here: Option<f32>, after: Option<f32>) -> f32 {
     let (Some(before), Some(here), Some(after)) = (before, here, after) else { return 0.0 };
     let bend = before - 2.0 * here + after;
     if bend > 0.0 && here > 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }

@@ -2,17 +2,17 @@
 //!
 //! One convention holds everywhere: **motion** is in render pixels, stored at the *current* picture's pixel and
 //! pointing from the current picture to the previous one, y down. **Depth** is device depth in [0, 1], 0 near, of a
-//! stated near plane, far plane and vertical field of view. Both live at render size.
+//! stated near plane, far plane and vertical field of view. Both have render size.
 
 pub mod camera;
 mod depth;
+mod interpolation;
 mod latent;
 pub mod latent_flow;
-mod lift;
 mod motion;
 pub mod paper;
 pub mod picture_flow;
-mod upsample;
+mod resample;
 pub mod visual;
 
 pub use depth::{DepthEncoding, DepthMap, Projection};
@@ -21,7 +21,7 @@ pub use motion::MotionField;
 
 use crate::Result;
 
-/// Motion and depth of one pair of anchors, both of one size. Each may be per pixel or in tiles of its own.
+/// Motion and depth of one pair of anchors, of the same size. Each may be per pixel or per tile, with its own tile size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guidance {
     motion: MotionField,
@@ -29,7 +29,7 @@ pub struct Guidance {
 }
 
 impl Guidance {
-    /// No motion, and everything at the near plane of `projection`, both per pixel: a buffer for an extractor to fill.
+    /// A buffer for an extractor: zero motion, and depth at the near plane of `projection`, both per pixel.
     ///
     /// # Errors
     /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE), `OutOfMemory` when it cannot be
@@ -38,7 +38,7 @@ impl Guidance {
         Ok(Self { motion: MotionField::new(width, height)?, depth: DepthMap::new(width, height, projection)? })
     }
 
-    /// Puts together a motion field and a depth map.
+    /// Combines a motion field and a depth map of one size.
     ///
     /// # Errors
     /// `InvalidArgument` when their sizes differ.
@@ -59,8 +59,8 @@ impl Guidance {
         Ok(Self { motion, depth })
     }
 
-    /// Prepares a buffer for an extractor that writes every pixel of `width` x `height`: parts of another size or with tiles are replaced.
-    /// `projection` is set in either case; kept values are for the caller to overwrite.
+    /// Prepares the buffer for an extractor that writes every pixel of `width` x `height`. Allocates anew if the size differs or values are
+    /// per tile; otherwise the old values stay, and the caller overwrites them. Sets `projection` in either case.
     pub(crate) fn make_per_pixel(&mut self, (width, height): (u32, u32), projection: Projection) -> Result<()> {
         if self.size() != (width, height) || self.motion.tile() != 1 || self.depth.tile() != 1 {
             *self = Self::new(width, height, projection)?;
@@ -95,8 +95,8 @@ impl Guidance {
     }
 }
 
-/// The number of values of a picture-sized buffer with one to a square of `tile` pixels.
-fn checked_tiles(width: u32, height: u32, tile: u32) -> Result<usize> {
+/// Number of values in a buffer with one value per square of `tile` x `tile` pixels.
+fn tile_count(width: u32, height: u32, tile: u32) -> Result<usize> {
     let refuse = |cause: String, field: &str, remedy: String| {
         Err(crate::Error::new(crate::ErrorKind::InvalidArgument, cause).field(field).remedy(remedy))
     };
@@ -124,7 +124,7 @@ fn check_shapes(z0: LatentView<'_>, z1: LatentView<'_>) -> Result<()> {
 }
 
 /// `len` copies of `value`; an error instead of an abort if memory is short.
-fn filled<T: Clone>(len: usize, value: T) -> Result<Vec<T>> {
+fn vec_of<T: Clone>(len: usize, value: T) -> Result<Vec<T>> {
     let mut values = Vec::new();
     values.try_reserve_exact(len).map_err(|_| {
         crate::Error::new(
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn guidance_to_write_into_becomes_per_pixel_and_keeps_its_memory_if_it_is() {
+    fn make_per_pixel_reallocates_only_for_tiles_or_another_size() {
         let tiled = MotionField::tiled(20, 10, 8).unwrap();
         let depth = DepthMap::new(20, 10, paper::PROJECTION).unwrap();
         let mut guidance = Guidance::from_parts(tiled, depth).unwrap();

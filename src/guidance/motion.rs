@@ -2,13 +2,12 @@
 
 use half::f16;
 
-use super::{checked_tiles, filled};
+use super::{tile_count, vec_of};
 use crate::{Error, ErrorKind, Result};
 
-/// Motion vectors `[x, y]` in render pixels, stored where the current picture's pixels are and pointing from the current
-/// picture to the previous one, y down. There is one to a pixel, or one to a square tile of 8 or 16 pixels, which holds
-/// for all of the tile; the last column and row of tiles may reach beyond the picture. Rows run top to bottom without
-/// padding.
+/// Motion vectors `[x, y]` in render pixels, stored at the current picture's pixels and pointing from the current picture to
+/// the previous one, y down. There is one vector per pixel, or one per square tile of 8 or 16 pixels. The last column and row
+/// of tiles may extend outside the picture. Rows run top to bottom without padding.
 #[derive(Clone, PartialEq)]
 pub struct MotionField {
     width: u32,
@@ -18,7 +17,7 @@ pub struct MotionField {
 }
 
 impl MotionField {
-    /// A field without motion, one vector to a pixel, each side 1 to [`MAX_SIDE`](crate::MAX_SIDE).
+    /// A field of zero vectors, one per pixel, each side 1 to [`MAX_SIDE`](crate::MAX_SIDE).
     ///
     /// # Errors
     /// `InvalidArgument` for a size outside that range, `OutOfMemory` when it cannot be allocated.
@@ -26,13 +25,13 @@ impl MotionField {
         Self::tiled(width, height, 1)
     }
 
-    /// A field without motion, one vector to a square of `tile` pixels: 1, 8 or 16.
+    /// A field of zero vectors, one per square of `tile` x `tile` pixels: 1, 8 or 16.
     ///
     /// # Errors
     /// As [`new`](Self::new), and `InvalidArgument` for another tile.
     pub fn tiled(width: u32, height: u32, tile: u32) -> Result<Self> {
-        let len = checked_tiles(width, height, tile)?;
-        Ok(Self { width, height, tile, vectors: filled(len, [f16::ZERO; 2])? })
+        let len = tile_count(width, height, tile)?;
+        Ok(Self { width, height, tile, vectors: vec_of(len, [f16::ZERO; 2])? })
     }
 
     /// Takes `vectors`, `width * height` of them.
@@ -40,7 +39,7 @@ impl MotionField {
     /// # Errors
     /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE) or a buffer of another length.
     pub fn from_vectors(width: u32, height: u32, vectors: Vec<[f16; 2]>) -> Result<Self> {
-        let len = checked_tiles(width, height, 1)?;
+        let len = tile_count(width, height, 1)?;
         if vectors.len() != len {
             return Err(Error::new(
                 ErrorKind::InvalidArgument,
@@ -81,7 +80,7 @@ impl MotionField {
         self.height.div_ceil(self.tile)
     }
 
-    /// The vector that holds for pixel (x, y).
+    /// The vector of pixel (x, y).
     ///
     /// # Panics
     /// When the pixel is outside the field.

@@ -1,11 +1,11 @@
 //! The paper's hand-made extractor: motion from the difference of two latents.
 //!
-//! Section 5.1 of "Fewer, Better Frames" (arXiv:2606.02586), with the points it leaves open settled:
+//! Section 5.1 of "Fewer, Better Frames" (arXiv:2606.02586), with a choice for each point it leaves open:
 //!
 //! ```text
 //! dz    = mean over channels of (z1 - z0)                        a scalar on the latent grid
 //! d     = (d dz/dx, d dz/dy)                                     as numpy.gradient, unit spacing, x along columns
-//! m     = -U(8 d), cut to [-width, width] x [-height, height]    U: bilinear, half-pixel centres, edge clamp
+//! m     = -U(8 d), clamped to [-width, width] x [-height, height]    U: bilinear, half-pixel centres, edge clamp
 //! depth = U((c - min c) / (max c - min c)), c = channel 0 of z1
 //! ```
 //!
@@ -19,10 +19,10 @@ mod gpu;
 
 use half::f16;
 
-use super::lift::{Tap, bilinear};
+use super::interpolation::{Tap, bilinear};
 use super::{Guidance, LatentView, Projection, check_shapes};
 use crate::Result;
-use crate::tasks::{Parallel, ParallelSliceMut, Use};
+use crate::tasks::{Parallel, ParallelSliceMut, PoolLease};
 
 #[cfg(windows)]
 pub use gpu::{GpuExtractor, LatentBuffer};
@@ -51,7 +51,7 @@ pub struct Extractor {
     displacement: Vec<[f32; 2]>,
     pseudo_depth: Vec<f32>,
     columns: Vec<Tap>,
-    _threads: Use,
+    _threads: PoolLease,
 }
 
 impl Default for Extractor {
@@ -75,7 +75,7 @@ impl Extractor {
             displacement: Vec::new(),
             pseudo_depth: Vec::new(),
             columns: Vec::new(),
-            _threads: Use::new(),
+            _threads: PoolLease::new(),
         }
     }
 
@@ -99,7 +99,7 @@ impl Extractor {
         self.difference(z0, z1);
         self.gradient(z1.shape());
         self.normalise(z1.channel(0));
-        self.lift(z1.shape(), out);
+        self.upsample(z1.shape(), out);
         Ok(())
     }
 
@@ -149,7 +149,7 @@ impl Extractor {
     }
 
     /// Upsamples both latent-grid fields to render size.
-    fn lift(&mut self, [_, height, width]: [usize; 3], out: &mut Guidance) {
+    fn upsample(&mut self, [_, height, width]: [usize; 3], out: &mut Guidance) {
         let (render_width, render_height) = (out.size().0 as usize, out.size().1 as usize);
         self.columns.clear();
         self.columns.extend((0..render_width).map(|x| Tap::new(x, render_width, width)));

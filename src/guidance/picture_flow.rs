@@ -5,7 +5,6 @@
 //!
 //! ```text
 //! luma     Y = 0.299 R + 0.587 G + 0.114 B in code values, halved by 2 x 2 means until a side is short
-//! luma     Y = 0.299 R + 0.587 G + 0.114 B in code values, halved by 2 x 2 means until a side is short
 //! patches  8 x 8 pixels every 4, or every 8 in large pictures; start: the best of the coarser level's motions here and in
 //!          adjacent cells, the global model, and zero
 //! search   min over u of the sum of ((Y1(x + u) - mean) - (Y0(x) - mean))^2 by inverse-compositional steps
@@ -17,17 +16,18 @@
 //!          global model, where they differ from the motion found; then smooth and fit again
 //! densify  bilinear between patches where motion is smooth; at motion edges the candidate around the block with the smallest
 //!          difference over each pixel's 5 x 5 neighbourhood
+//! ```
 //!
-//! It runs from the current picture to the previous one, which is the motion given out, and back. Of a picture of more
 //! The backward flow, from the current picture to the previous one, is the output; the forward flow only checks it. In a picture of
 //! more than a megapixel the finest level searched is the first below that, and the forward flow stops one level coarser. Motion
-//! that fails the forward-backward check, leads out of the picture or does not match is replaced by hole filling from trusted
-//! pixels nearby, those of similar colour first. Removing each patch's mean makes the search insensitive to brightness changes.
+//! that fails the forward-backward check, leads out of the picture or does not match is replaced by hole filling from
+//! consistent pixels nearby, weighted towards similar colours. Removing each patch's mean makes the search insensitive to brightness changes.
 //!
-//! **Depth is flat**: 0.5 everywhere, no order. Longer motion means nearer only where the camera moves straight through a static
-//! world; while it turns all motion is alike, and a held item is static although it is nearest. A wrong guess there would be worse
-//! than none.
+//! **Depth is flat**: 0.5 everywhere. Motion gives an order of depth only where the camera moves straight through a static world. While
+//! the camera turns, motion does not depend on depth, and an item in its hand does not move although it is nearest. A wrong order would
+//! make worse frames than none.
 
+mod consistency;
 mod dense;
 #[cfg(windows)]
 mod gpu;
@@ -35,7 +35,6 @@ mod grid;
 mod model;
 mod patch;
 mod pyramid;
-mod trust;
 
 use std::time::{Duration, Instant};
 
@@ -45,25 +44,25 @@ use half::slice::HalfFloatSliceExt;
 
 use super::{Guidance, Projection, paper};
 use crate::{Error, ErrorKind, Picture, Result};
+use consistency::Consistency;
 use dense::Dense;
 #[cfg(windows)]
 pub use gpu::{DESCRIPTORS, GpuExtractor};
 use grid::Grid;
 use pyramid::Pyramid;
-use trust::Trust;
 
-use crate::tasks::{self, Parallel, ParallelSliceMut, Use};
+use crate::tasks::{self, Parallel, ParallelSliceMut, PoolLease};
 
 /// The camera stated for the flat depth; the same as [`paper::PROJECTION`].
 pub const PROJECTION: Projection = paper::PROJECTION;
 /// The depth given to every pixel, in device depth.
 pub const FLAT_DEPTH: f32 = 0.5;
-/// Repeated searches on a level of at most [`SMALL`] pixels.
+/// Repeated searches on a level of at most [`SMALL_LEVEL`] pixels.
 const ROUNDS: usize = 4;
 /// Largest level that gets [`ROUNDS`] repetitions: correct motion has far to spread there, and repetitions are cheap.
-const SMALL: usize = 1 << 14;
-/// Pixels of a row written at a time.
-const RUN: usize = 32;
+const SMALL_LEVEL: usize = 1 << 14;
+/// Pixels of a row that are written at a time.
+const SEGMENT: usize = 32;
 
 /// Fills `out` for the step from `previous` to `current`.
 ///
@@ -83,11 +82,11 @@ pub struct Extractor {
     level: Level,
     current: Pyramid,
     previous: Pyramid,
-    backward: Direction,
-    forward: Direction,
-    trust: Trust,
+    backward: DirectedFlow,
+    forward: DirectedFlow,
+    consistency: Consistency,
     times: StageTimes,
-    _threads: Use,
+    _threads: PoolLease,
 }
 
 /// How long the stages of an extraction took.
@@ -105,9 +104,9 @@ pub struct StageTimes {
     pub write: Duration,
 }
 
-/// The flow from one picture to the other.
+/// Working memory and result of the flow in one direction, from one picture to the other.
 #[derive(Debug, Default)]
-struct Direction {
+struct DirectedFlow {
     coarse: Grid,
     fine: Grid,
     dense: Dense,
@@ -131,11 +130,11 @@ impl Extractor {
             level,
             current: Pyramid::default(),
             previous: Pyramid::default(),
-            backward: Direction::default(),
-            forward: Direction::default(),
-            trust: Trust::default(),
+            backward: DirectedFlow::default(),
+            forward: DirectedFlow::default(),
+            consistency: Consistency::default(),
             times: StageTimes::default(),
-            _threads: Use::new(),
+            _threads: PoolLease::new(),
         }
     }
 
@@ -165,23 +164,23 @@ impl Extractor {
         let Self { level, previous: from, current: to, backward, forward, .. } = &mut *self;
         let (level, from, to) = (*level, &*from, &*to);
         let (back, forth) =
-            tasks::join_loops(|| backward.follow(level, to, from, finest), || forward.follow(level, from, to, checked));
+            tasks::join_loops(|| backward.search(level, to, from, finest), || forward.search(level, from, to, checked));
         back.and(forth)?;
         let searched = Instant::now();
 
-        backward.spread(level, to, from, finest)?;
-        forward.spread(level, from, to, checked)?;
-        let spread = Instant::now();
+        backward.densify(level, to, from, finest)?;
+        forward.densify(level, from, to, checked)?;
+        let densified = Instant::now();
 
-        self.trust.check(&self.backward.dense, &self.forward.dense, checked - finest)?;
+        self.consistency.check(&self.backward.dense, &self.forward.dense, checked - finest)?;
         let compared = Instant::now();
 
         self.write(current, finest, out);
         self.times = StageTimes {
             pyramid: built - start,
             search: searched - built,
-            densify: spread - searched,
-            check: compared - spread,
+            densify: densified - searched,
+            check: compared - densified,
             write: compared.elapsed(),
         };
         Ok(())
@@ -211,27 +210,27 @@ impl Extractor {
         });
     }
 
-    /// Writes the motion of row `y` of level `finest` to a row of the picture. A pixel trusted neither here nor in the row above copies
-    /// its vector from `above`, if given.
+    /// Writes the motion of row `y` of level `finest` to a row of the picture. A pixel that is inconsistent here and in the row above
+    /// copies its vector from `above`, if given.
     fn write_row(&self, current: &Picture, finest: usize, y: usize, row: &mut [[f16; 2]], above: Option<&[[f16; 2]]>) {
-        let (flow, trust) = (&self.backward.dense, &self.trust);
+        let (flow, consistency) = (&self.backward.dense, &self.consistency);
         let (scale, limit) = ((1_u32 << finest) as f32, [current.width() as f32, current.height() as f32]);
-        let (mut found, mut vectors) = ([[0.0_f32; 2]; RUN], [[f16::ZERO; 2]; RUN]);
-        for (i, run) in row.chunks_mut(RUN << finest).enumerate() {
-            let first = i * RUN;
+        let (mut found, mut vectors) = ([[0.0_f32; 2]; SEGMENT], [[f16::ZERO; 2]; SEGMENT]);
+        for (i, run) in row.chunks_mut(SEGMENT << finest).enumerate() {
+            let first = i * SEGMENT;
             let len = run.len().div_ceil(1 << finest);
             let (found, vectors) = (&mut found[..len], &mut vectors[..len]);
             found.copy_from_slice(&flow.row(y)[first..][..len]);
-            let trusted = &trust.row(y)[first..][..len];
-            let is_as_above = |k: usize| !trusted[k] && above.is_some() && !trust.row(y - 1)[first + k];
-            let all_trusted = trusted.iter().all(|trusted| *trusted);
-            if !all_trusted {
-                let mut wanted = [false; RUN];
-                (0..len).for_each(|k| wanted[k] = !trusted[k] && !is_as_above(k));
+            let consistent = &consistency.row(y)[first..][..len];
+            let is_as_above = |k: usize| !consistent[k] && above.is_some() && !consistency.row(y - 1)[first + k];
+            let all_consistent = consistent.iter().all(|consistent| *consistent);
+            if !all_consistent {
+                let mut wanted = [false; SEGMENT];
+                (0..len).for_each(|k| wanted[k] = !consistent[k] && !is_as_above(k));
                 // A pixel between two others to be filled takes the mean of them.
                 let is_between = |k: usize| k % 2 == 1 && wanted.get(k - 1..k + 2) == Some(&[true; 3]);
                 for k in (0..len).filter(|&k| wanted[k] && !is_between(k)) {
-                    found[k] = trust.filled(flow, current, finest, first + k, y);
+                    found[k] = consistency.fill_from_rays(flow, current, finest, first + k, y);
                 }
                 for k in (1..len).step_by(2).filter(|&k| is_between(k)) {
                     found[k] = [0, 1].map(|axis| 0.5 * (found[k - 1][axis] + found[k + 1][axis]));
@@ -243,13 +242,13 @@ impl Extractor {
                 vector[1] = 0.0 + (scale * vector[1]).clamp(-limit[1], limit[1]);
             }
             vectors.as_flattened_mut().convert_from_f32_slice(found.as_flattened());
-            if let (Some(above), false) = (above, all_trusted) {
+            if let (Some(above), false) = (above, all_consistent) {
                 let above = &above[first << finest..];
                 (0..len).filter(|&k| is_as_above(k)).for_each(|k| vectors[k] = above[k << finest]);
             }
             match finest {
                 0 => run.copy_from_slice(vectors),
-                1 if run.len() == 2 * RUN => {
+                1 if run.len() == 2 * SEGMENT => {
                     run.as_chunks_mut::<2>().0.iter_mut().zip(vectors).for_each(|(pair, vector)| *pair = [*vector; 2]);
                 }
                 _ => run.chunks_mut(1 << finest).zip(vectors).for_each(|(run, vector)| run.fill(*vector)),
@@ -258,9 +257,9 @@ impl Extractor {
     }
 }
 
-impl Direction {
+impl DirectedFlow {
     /// Patch motion from `from` to `to`, coarse to fine down to level `finest`.
-    fn follow(&mut self, simd: Level, from: &Pyramid, to: &Pyramid, finest: usize) -> Result<()> {
+    fn search(&mut self, simd: Level, from: &Pyramid, to: &Pyramid, finest: usize) -> Result<()> {
         // Swap so that the finest level always ends up in the same grid; the other's memory then stays small.
         if (from.levels().len() - finest) % 2 == 1 {
             std::mem::swap(&mut self.coarse, &mut self.fine);
@@ -270,11 +269,17 @@ impl Direction {
             std::mem::swap(&mut self.coarse, &mut self.fine);
             let coarse = (level + 1 < from.levels().len()).then_some(&self.coarse);
             let is_large = level > 0 && level == from.finest();
-            self.fine.search(simd, from_plane, to_plane, coarse, if is_large { grid::APART } else { grid::CLOSE })?;
+            self.fine.search(
+                simd,
+                from_plane,
+                to_plane,
+                coarse,
+                if is_large { grid::WIDE_STRIDE } else { grid::STRIDE },
+            )?;
             self.fine.smooth(simd)?;
             let rounds = match level {
                 _ if level == finest => 0,
-                _ if from_plane.luma.len() <= SMALL => ROUNDS,
+                _ if from_plane.luma.len() <= SMALL_LEVEL => ROUNDS,
                 _ => 1,
             };
             for _ in 0..rounds {
@@ -290,8 +295,8 @@ impl Direction {
     }
 
     /// Densifies the motion on level `finest`.
-    fn spread(&mut self, level: Level, from: &Pyramid, to: &Pyramid, finest: usize) -> Result<()> {
-        self.dense.spread(level, &from.levels()[finest], &to.levels()[finest], &self.fine)
+    fn densify(&mut self, level: Level, from: &Pyramid, to: &Pyramid, finest: usize) -> Result<()> {
+        self.dense.densify(level, &from.levels()[finest], &to.levels()[finest], &self.fine)
     }
 }
 

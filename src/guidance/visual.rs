@@ -24,7 +24,7 @@ pub fn motion(field: &MotionField, full_scale: f32, out: &mut Picture) -> Result
     check_size(field.size(), out)?;
     let width = field.width() as usize;
     out.pixels_mut().par_chunks_mut(width).enumerate().for_each(|(row, pixels)| {
-        let vectors = spread(field.vectors(), field.columns(), field.tile(), row);
+        let vectors = row_values(field.vectors(), field.columns(), field.tile(), row);
         for (pixel, [x, y]) in pixels.iter_mut().zip(vectors) {
             *pixel = wheel_colour(x.to_f32() / full_scale, y.to_f32() / full_scale);
         }
@@ -32,14 +32,14 @@ pub fn motion(field: &MotionField, full_scale: f32, out: &mut Picture) -> Result
     Ok(())
 }
 
-/// Draws `map` into `out`, which has the same size, as grey.
+/// Draws `map` as grey into `out`, which has the same size.
 ///
 /// # Errors
 /// `InvalidArgument` when the sizes differ.
 pub fn depth(map: &DepthMap, out: &mut Picture) -> Result<()> {
     check_size(map.size(), out)?;
     for (row, pixels) in out.pixels_mut().chunks_mut(map.width() as usize).enumerate() {
-        for (pixel, depth) in pixels.iter_mut().zip(spread(map.depth(), map.columns(), map.tile(), row)) {
+        for (pixel, depth) in pixels.iter_mut().zip(row_values(map.depth(), map.columns(), map.tile(), row)) {
             let depth = if depth.is_nan() { 1.0 } else { depth.clamp(0.0, 1.0) };
             let grey = level(1.0 - depth);
             *pixel = [grey, grey, grey, 255];
@@ -65,7 +65,7 @@ pub fn wheel(side: u32) -> Result<Picture> {
 }
 
 /// The values for pixel row `row`, each repeated for the pixels of its tile.
-fn spread<T: Copy>(values: &[T], columns: u32, tile: u32, row: usize) -> impl Iterator<Item = T> {
+fn row_values<T: Copy>(values: &[T], columns: u32, tile: u32, row: usize) -> impl Iterator<Item = T> {
     let (columns, tile) = (columns as usize, tile as usize);
     values[row / tile * columns..][..columns].iter().flat_map(move |&value| std::iter::repeat_n(value, tile))
 }
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tile_is_drawn_whole() {
+    fn every_pixel_of_a_tile_has_its_colour() {
         let mut field = MotionField::tiled(19, 9, 8).unwrap();
         field.vectors_mut().iter_mut().zip(1..).for_each(|(v, i)| *v = [f16::from_f32(i as f32), f16::ZERO]);
         let mut map = DepthMap::tiled(19, 9, 8, paper::PROJECTION).unwrap();
@@ -141,15 +141,15 @@ mod tests {
         let (mut moved, mut deep) = (Picture::new(19, 9).unwrap(), Picture::new(19, 9).unwrap());
         motion(&field, 8.0, &mut moved).unwrap();
         depth(&map, &mut deep).unwrap();
-        for place in 0..19 * 9 {
-            let tile = (place / 19 / 8 * 3 + place % 19 / 8 + 1) as f32;
-            assert_eq!(moved.pixels()[place], wheel_colour(tile / 8.0, 0.0));
-            assert_eq!(deep.pixels()[place][0], level(1.0 - tile / 8.0));
+        for pixel in 0..19 * 9 {
+            let tile = (pixel / 19 / 8 * 3 + pixel % 19 / 8 + 1) as f32;
+            assert_eq!(moved.pixels()[pixel], wheel_colour(tile / 8.0, 0.0));
+            assert_eq!(deep.pixels()[pixel][0], level(1.0 - tile / 8.0));
         }
     }
 
     #[test]
-    fn the_legend_is_the_map_of_its_own_vectors() {
+    fn the_legend_has_the_colours_of_its_vectors() {
         let legend = wheel(9).unwrap();
         assert_eq!(legend.pixels()[0], [0; 4]);
         assert_eq!(legend.pixels()[4 * 9 + 4], [255, 255, 255, 255]);

@@ -10,13 +10,13 @@ pub(super) struct Area {
 }
 
 impl Area {
-    /// The area of a picture in a frame: the whole frame, or with `keeps_shape` the largest centred area of the picture's shape (letterboxing).
-    pub(super) fn of(picture: (u32, u32), frame: (u32, u32), keeps_shape: bool) -> Self {
+    /// The area of a picture in a frame: the whole frame, or with `letterbox` the largest centred area of the picture's aspect ratio.
+    pub(super) fn of(picture: (u32, u32), frame: (u32, u32), letterbox: bool) -> Self {
         let [[w, h], [fw, fh]] = [picture, frame].map(|(w, h)| [u64::from(w), u64::from(h)]);
         // Rounded to the nearest pixel; never larger than the frame.
         let part = |of: u64, by: u64, to: u64| (((2 * of * by + to) / (2 * to)).max(1)) as u32;
         let size = match (w * fh).cmp(&(fw * h)) {
-            _ if !keeps_shape => frame,
+            _ if !letterbox => frame,
             std::cmp::Ordering::Less => (part(w, fh, h).min(frame.0), frame.1),
             std::cmp::Ordering::Greater => (frame.0, part(h, fw, w).min(frame.1)),
             std::cmp::Ordering::Equal => frame,
@@ -30,7 +30,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_keeps_its_shape_in_the_middle_or_fills_the_frame() {
+    fn a_picture_is_letterboxed_or_fills_the_frame() {
         let of = |picture, frame| {
             let Area { at, size } = Area::of(picture, frame, true);
             [at.0, at.1, size.0, size.1]

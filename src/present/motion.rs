@@ -16,11 +16,11 @@ pub enum MotionSource {
 }
 
 impl MotionSource {
-    /// The source whose generated frames are nearest to the true ones: `docs/motion.md`.
+    /// The source whose generated frames are nearest to the true ones, as measured in `docs/motion.md`.
     pub const BEST: Self = Self::PictureFlow;
 }
 
-/// Extractors of motion and depth, with their working memory.
+/// Extractors of motion and depth on the CPU, with their working memory.
 #[derive(Default)]
 pub(super) struct Extractors {
     flow: picture_flow::Extractor,
@@ -41,6 +41,7 @@ pub fn extract(source: MotionSource, previous: &KeptAnchor, current: &KeptAnchor
 }
 
 impl Extractors {
+    /// Extracts motion and depth of a pair into `out`.
     pub(super) fn fill(
         &mut self,
         source: MotionSource,

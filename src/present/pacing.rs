@@ -1,12 +1,12 @@
 //! Which frame is due at a time, when anchors arrive at irregular times.
 //!
 //! A [`Timeline`](super::timeline::Timeline) knows all times in advance; here anchors are pushed one by one, some of them
-//! late, and the caller's clock asks for the frame that is due. All times are whole nanoseconds on that clock:
+//! late, and the caller requests the frame that is due at a time. All times are whole nanoseconds on the caller's clock:
 //!
 //! ```text
 //! anchor i is due at   origin + i I         I: the interval of anchors, origin: the first one's arrival + the delay
 //! position at a time   floor((time - origin) m / I), not below 0              m: frames per anchor
-//! frame of position p  anchor p / m, and p % m > 0 frames beyond it
+//! frame of position p  p % m frames after anchor p / m
 //! ```
 //!
 //! A frame between two anchors is generated if both have arrived. Otherwise the last anchor is extrapolated for at most one
@@ -96,7 +96,7 @@ pub struct Due {
     pub since_ns: u64,
     /// When the next one is due, unless an anchor arrives late.
     pub until_ns: u64,
-    /// What to show.
+    /// The frame to show.
     pub frame: DueFrame,
 }
 
@@ -206,8 +206,8 @@ impl Pacer {
         let position = self.interval.position(i128::from(now) - origin, multiplier);
         let (anchor, step) = (position / u64::from(multiplier), (position % u64::from(multiplier)) as u32);
         let last = self.anchors - 1;
-        let beyond = position.saturating_sub(last.saturating_mul(multiplier.into()));
-        let frame = match u32::try_from(beyond) {
+        let steps = position.saturating_sub(last.saturating_mul(multiplier.into()));
+        let frame = match u32::try_from(steps) {
             Ok(0) if step == 0 => DueFrame::Anchor(anchor),
             Ok(0) => DueFrame::Interpolate { previous: anchor, step },
             Ok(step) if step <= multiplier => DueFrame::Extrapolate { last, step },

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::presenter::{FrameInfo, FrameSource};
+use super::frame::{FrameInfo, FrameSource, FrameTimes};
 
 /// Counters and times of a presenter.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -44,18 +44,19 @@ pub struct PresenterStatistics {
 }
 
 impl PresenterStatistics {
-    pub(super) fn count(&mut self, shown: &FrameInfo, times: &Self) {
-        let of = match shown.source {
+    /// Counts a frame that was made.
+    pub(super) fn count(&mut self, info: &FrameInfo, times: &FrameTimes) {
+        let frames = match info.source {
             FrameSource::Anchor => &mut self.shown_anchors,
             FrameSource::Decoded => &mut self.decoded,
             FrameSource::Generated => &mut self.generated,
             FrameSource::Extrapolated => &mut self.extrapolated,
             FrameSource::Held => &mut self.held,
         };
-        *of += 1;
-        self.repeated += u64::from(shown.repeated);
-        self.cuts += u64::from(shown.cut);
-        self.unprepared += u64::from(shown.unprepared);
+        *frames += 1;
+        self.repeated += u64::from(info.repeated);
+        self.cuts += u64::from(info.cut);
+        self.unprepared += u64::from(info.unprepared);
         self.guidance += times.guidance;
         self.generate += times.generate;
         self.resize += times.resize;

@@ -4,8 +4,8 @@
 //! the arithmetic between them, exact and without any state:
 //!
 //! - A **native** stream shows decoded pictures one by one, after leaving out the first few.
-//! - A **generated** stream shows the anchors (each latent's last picture) where one is due, and elsewhere the picture at the phase between the
-//!   two anchors around it. Presentation frame k is at k / rate seconds after the first anchor.
+//! - A **generated** stream shows an anchor (a latent's last picture) when one is due, and otherwise the picture at the phase between the two
+//!   anchors around it. Presentation frame k is at k / rate seconds after the first anchor.
 
 use std::ops::Range;
 
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn an_operating_point_that_does_not_hold_together_is_refused() {
+    fn an_inconsistent_operating_point_is_refused() {
         let mut point = Preset::Coherence.operating_point();
         point.pictures_per_latent = 2;
         assert!(Timeline::of(&point).is_err());
@@ -285,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn far_frames_neither_overflow_nor_leave_the_phase() {
+    fn distant_frames_neither_overflow_nor_leave_the_phase_range() {
         let timeline = generated(u32::MAX, u32::MAX - 1);
         assert!(timeline.frame(u64::MAX).time.is_finite());
         assert_eq!(timeline.frame_count(u64::MAX), u64::MAX - 4_294_967_297);
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn senseless_clocks_are_refused() {
+    fn invalid_clocks_are_refused() {
         let field = |r: Result<Timeline>| r.unwrap_err().offending_field().map(str::to_owned);
         assert_eq!(field(Timeline::new(0, 1, Stream::Native { dropped: 0 })), Some("latents_per_second".into()));
         assert_eq!(field(Timeline::new(15, 0, Stream::Native { dropped: 0 })), Some("pictures_per_latent".into()));

@@ -1,13 +1,13 @@
 //! Resizes pictures: separable resampling by Lanczos or Catmull-Rom.
 //!
-//! The filters work on the stored sRGB values, not on linear light, as video scalers commonly do: edges ring less
-//! visibly in the dark, at the price that a fine bright pattern darkens a little when it is made smaller. Beyond the
-//! edges the edge pixels go on. All four channels are treated alike.
+//! The filters work on the stored sRGB values, not on linear light, as video scalers commonly do: edges ring less visibly in the dark, but a
+//! fine bright pattern darkens a little when it is reduced. Outside the picture, edge pixels are repeated. All four channels are treated
+//! alike.
 
-use crate::tasks::{self, Parallel, ParallelSliceMut, Use};
+use crate::tasks::{self, Parallel, ParallelSliceMut, PoolLease};
 use crate::{Error, ErrorKind, MAX_SIDE, Picture, Result};
 
-/// The kernel a picture is resampled with.
+/// Resampling kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Filter {
     /// sinc(x) sinc(x / 3) within 3 source pixels: the sharpest, rings slightly.
@@ -43,25 +43,24 @@ fn sinc(x: f64) -> f64 {
     if angle == 0.0 { 1.0 } else { libm::sin(angle) / angle }
 }
 
-/// Resamples pictures of one size to another. Where it makes them smaller, the kernel is widened by the ratio, so that
-/// detail too fine for the new size is averaged instead of aliased. Its result does not depend on the number of
-/// threads.
+/// Resamples pictures of one size to another. If the new size is smaller, the kernel is widened by the ratio, so that detail too fine for it is
+/// averaged instead of aliased. The result does not depend on the number of threads.
 #[derive(Debug)]
 pub struct Upscaler {
     from: (u32, u32),
     to: (u32, u32),
     columns: Table,
     rows: Table,
-    /// One resampled source row for each band of output rows that is worked on at a time.
+    /// One vertically resampled row, in floats, per band of output rows.
     scratch: Vec<f32>,
-    _threads: Use,
+    _threads: PoolLease,
 }
 
 impl Upscaler {
-    /// A resampler from size `from` to size `to`, both `(width, height)` in pixels, with its tables.
+    /// Creates a resampler from the size `from` to the size `to`, both `(width, height)` in pixels.
     ///
     /// # Errors
-    /// `InvalidArgument` for a side outside 1 to [`MAX_SIDE`], `OutOfMemory` when the tables cannot be allocated.
+    /// `InvalidArgument` for a side outside 1 to [`MAX_SIDE`]; `OutOfMemory`.
     pub fn new(from: (u32, u32), to: (u32, u32), filter: Filter) -> Result<Self> {
         for ((width, height), field) in [(from, "from"), (to, "to")] {
             let sides = 1..=MAX_SIDE;
@@ -74,7 +73,7 @@ impl Upscaler {
                 .remedy(format!("Use a width and a height from 1 to {MAX_SIDE}")));
             }
         }
-        let threads = Use::new();
+        let threads = PoolLease::new();
         let bands = tasks::concurrency().saturating_mul(BANDS_PER_THREAD).min(to.1 as usize);
         Ok(Self {
             from,
@@ -86,12 +85,12 @@ impl Upscaler {
         })
     }
 
-    /// `(width, height)` of the pictures this takes.
+    /// `(width, height)` of the source pictures.
     pub fn from_size(&self) -> (u32, u32) {
         self.from
     }
 
-    /// `(width, height)` of the pictures this makes.
+    /// `(width, height)` of the resampled pictures.
     pub fn to_size(&self) -> (u32, u32) {
         self.to
     }
@@ -99,7 +98,7 @@ impl Upscaler {
     /// Resamples `source` into `out`. Allocates nothing.
     ///
     /// # Errors
-    /// `InvalidArgument` when `source` or `out` has not the size this was made for.
+    /// `InvalidArgument` if `source` or `out` has another size than the resampler.
     pub fn upscale(&mut self, source: &Picture, out: &mut Picture) -> Result<()> {
         for (have, want, field) in [(source.size(), self.from, "source"), (out.size(), self.to, "out")] {
             if have != want {
@@ -128,10 +127,10 @@ impl Upscaler {
     }
 }
 
-/// Bands of output rows for each thread: enough to even out their work, few enough to keep the scratch rows in cache.
+/// Bands of output rows per thread: enough to balance the load, few enough to keep the scratch rows in cache.
 const BANDS_PER_THREAD: usize = 8;
 
-/// `row` = the weighted sum of the source rows from `first` on.
+/// Sets `row` to the weighted sum of the source rows from `first` on.
 fn mix_rows(source: &[u8], (first, weights): (usize, &[f32]), row: &mut [f32]) {
     row.fill(0.0);
     let rows = source[first * row.len()..].chunks_exact(row.len());
@@ -142,7 +141,7 @@ fn mix_rows(source: &[u8], (first, weights): (usize, &[f32]), row: &mut [f32]) {
     }
 }
 
-/// `out` = each of its pixels' weighted sum of pixels of `row`, rounded to 8 bits.
+/// Sets each pixel of `out` to its weighted sum of pixels of `row`, rounded to 8 bits.
 fn mix_columns(row: &[[f32; 4]], columns: &Table, out: &mut [[u8; 4]]) {
     for (x, pixel) in out.iter_mut().enumerate() {
         let (first, weights) = columns.taps(x);
@@ -152,15 +151,15 @@ fn mix_columns(row: &[[f32; 4]], columns: &Table, out: &mut [[u8; 4]]) {
                 *sum += weight * value;
             }
         }
-        // The cast saturates, which cuts the overshoot at edges.
+        // The cast saturates: it clamps the overshoot at edges.
         *pixel = sum.map(|v| v as u8);
     }
 }
 
-/// The taps of every output position along one axis.
+/// Filter weights of every output position along one axis.
 #[derive(Debug)]
 pub(super) struct Table {
-    /// Taps per position.
+    /// Weights per position.
     pub(super) width: usize,
     first: Vec<u32>,
     weights: Vec<f32>,
@@ -179,7 +178,7 @@ impl Table {
         let ratio = f64::from(from) / f64::from(to);
         let stretch = ratio.max(1.0);
         let reach = filter.radius() * stretch;
-        // Never more than the whole axis: taps outside it are added to the edge pixel.
+        // At most the whole axis: weights outside it are added to the edge pixel.
         let width = ((2.0 * reach).ceil() as usize + 1).min(from as usize);
         let mut table = Self { width, first: filled(to as usize)?, weights: filled(to as usize * width)? };
 
@@ -205,7 +204,7 @@ impl Table {
     }
 }
 
-/// `len` zeros, with refusal instead of an abort where memory is short.
+/// `len` default values; an error instead of an abort if memory is short.
 fn filled<T: Clone + Default>(len: usize) -> Result<Vec<T>> {
     let mut values = Vec::new();
     values

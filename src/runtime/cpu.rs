@@ -8,6 +8,7 @@ use ort::session::builder::{AutoDevicePolicy, GraphOptimizationLevel, SessionBui
 use ort::session::{IoBinding, Session};
 use ort::value::{Shape, TensorRefMut};
 
+use super::aligned_buffer::AlignedBuffer;
 use super::device::Backend;
 use super::execution_context::{
     Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, MAX_GROUPS, RecordedCopiesId, RecordedCopy,
@@ -16,7 +17,6 @@ use super::execution_context::{
 use super::failure::{make, ort_failure};
 use super::finite::all_finite;
 use super::graph::TensorSpec;
-use super::memory::Memory;
 use super::{Graph, Ort};
 use crate::bundle::{ModelSource, Precision};
 use crate::tasks::physical_cores;
@@ -37,7 +37,7 @@ pub struct CpuOptions {
     pub deterministic: bool,
 }
 
-/// The backend behind [`Device::cpu`](super::Device::cpu).
+/// The backend of [`Device::cpu`](super::Device::cpu).
 pub(super) struct CpuBackend {
     ort: Ort,
     threads: usize,
@@ -124,11 +124,11 @@ impl Backend for CpuBackend {
     }
 }
 
-/// Executes all work when it is submitted, so nothing ever waits.
+/// Executes all work in the call that submits it, so nothing waits later.
 struct CpuContext {
     // Bindings hold addresses of memories: they are dropped first.
     bindings: Vec<Bound>,
-    memories: Vec<Memory>,
+    memories: Vec<AlignedBuffer>,
     recorded: Vec<Vec<RecordedCopy>>,
     /// Recorded finite checks: groups of buffers, and their element type.
     finite_checks: Vec<(Vec<Vec<BufferId>>, Precision)>,
@@ -144,7 +144,7 @@ struct Bound {
 
 impl ExecutionContext for CpuContext {
     fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
-        self.memories.push(Memory::zeroed(bytes)?);
+        self.memories.push(AlignedBuffer::zeroed(bytes)?);
         Ok(BufferId(self.memories.len() - 1))
     }
 
@@ -194,14 +194,14 @@ impl ExecutionContext for CpuContext {
         Ok(())
     }
 
-    fn keep(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId> {
+    fn record_copies(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId> {
         self.recorded.push(copies);
         Ok(RecordedCopiesId(self.recorded.len() - 1))
     }
 
-    fn repeat(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
+    fn run_copies(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
         copies.iter().try_for_each(|copies| {
-            // Taken out of `self`, because `copy` borrows the whole context.
+            // Moved out of `self`, because `copy` borrows the whole context.
             let recorded = std::mem::take(&mut self.recorded[copies.0]);
             let done = recorded.iter().try_for_each(|copy| self.copy(copy.to, copy.from, &copy.regions));
             self.recorded[copies.0] = recorded;
@@ -253,7 +253,7 @@ impl ExecutionContext for CpuContext {
         Ok(FiniteCheckId(self.finite_checks.len() - 1))
     }
 
-    fn not_finite(&mut self, check: FiniteCheckId) -> Result<Option<usize>> {
+    fn find_not_finite(&mut self, check: FiniteCheckId) -> Result<Option<usize>> {
         let (groups, precision) = &self.finite_checks[check.0];
         let is_finite = |buffer: &BufferId| all_finite(self.memories[buffer.0].bytes(), *precision);
         Ok(groups.iter().position(|group| !group.iter().all(is_finite)))

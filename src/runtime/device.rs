@@ -177,7 +177,7 @@ impl Device {
 
     /// Bytes of a graphics device's memory budget that are still free, as the system reports now; `None` for a processor, which
     /// uses the system's memory, and where the system reports none.
-    pub fn room(&self) -> Option<u64> {
+    pub fn available_memory(&self) -> Option<u64> {
         self.memory().map(|memory| memory.granted.saturating_sub(memory.used))
     }
 

@@ -6,19 +6,19 @@ use super::Graph;
 use crate::Result;
 use crate::bundle::Precision;
 
-/// Names a buffer of one context.
+/// Handle of a buffer of one context.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct BufferId(pub(super) usize);
 
-/// Names a graph of one context with all inputs and outputs bound.
+/// Handle of a graph with all inputs and outputs bound to buffers of one context.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct BindingId(pub(super) usize);
 
-/// Names copies of one context that are recorded once and run often.
+/// Handle of copies that one context recorded once and runs often.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct RecordedCopiesId(pub(super) usize);
 
-/// Names a finite check of one context's buffers that is recorded once and run often.
+/// Handle of a finite check that one context recorded once and runs often.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct FiniteCheckId(pub(super) usize);
 
@@ -41,7 +41,7 @@ pub(crate) struct Region {
     pub(crate) len: usize,
 }
 
-/// Bytes that a context has moved since it was made, outside of graphs.
+/// Bytes that a context has moved since it was created, outside of graphs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Bytes {
     /// From the host to the device.
@@ -80,12 +80,12 @@ impl std::ops::Add for Bytes {
 /// Memory, bound graphs and the work submitted to them, in order. All of it belongs to the context, so a handle never outlives its
 /// object; a context belongs to one user at a time.
 ///
-/// Calls that write submit work and may return before it is done; `read`, `not_finite` and `rest` wait for it.
+/// Calls that write submit work and may return before it is done; `read`, `find_not_finite` and `rest` wait for it.
 ///
-/// Calls that say "all or nothing" are how state changes: if one fails, every buffer keeps its contents, also after later
-/// submissions. Only a removed device is an exception.
+/// Calls marked "all or nothing" are atomic: if one fails, every buffer keeps its contents, also after later submissions, unless
+/// the device was removed.
 pub(crate) trait ExecutionContext: Send {
-    /// Makes a zeroed buffer of `bytes` bytes.
+    /// Creates a zeroed buffer of `bytes` bytes.
     fn buffer(&mut self, bytes: usize) -> Result<BufferId>;
 
     /// A buffer's size in bytes.
@@ -108,12 +108,12 @@ pub(crate) trait ExecutionContext: Send {
     fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()>;
 
     /// Records copies. None may read or write a buffer that another one writes.
-    fn keep(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId>;
+    fn record_copies(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId>;
 
     /// Runs recorded copies, each once: all or nothing.
-    fn repeat(&mut self, copies: &[RecordedCopiesId]) -> Result<()>;
+    fn run_copies(&mut self, copies: &[RecordedCopiesId]) -> Result<()>;
 
-    /// Copies the contents of buffers, for [`restore_backup`](Self::put_back).
+    /// Copies the contents of buffers, for [`restore_backup`](Self::restore_backup).
     fn back_up(&mut self, of: &[BufferId]) -> Result<Backup>;
 
     /// Restores the contents of buffers that this context backed up. Allocates nothing, because it runs after failures.
@@ -129,7 +129,7 @@ pub(crate) trait ExecutionContext: Send {
     fn add_finite_check(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<FiniteCheckId>;
 
     /// Waits, then returns the first group that holds a value that is not finite. The values stay on the device.
-    fn not_finite(&mut self, check: FiniteCheckId) -> Result<Option<usize>>;
+    fn find_not_finite(&mut self, check: FiniteCheckId) -> Result<Option<usize>>;
 
     /// Waits, then evicts the context's device memory until the next call that needs it. That call makes it resident first, and
     /// changes nothing if this fails. Does nothing for host memory.
@@ -147,20 +147,20 @@ pub(crate) trait ExecutionContext: Send {
 
     /// Device time of completed runs or copies; `None` if the device is not a Direct3D 12 device.
     #[cfg(windows)]
-    fn spent(&mut self, on: Work<'_>) -> Option<crate::gpu::Spent> {
+    fn gpu_time(&mut self, on: Work<'_>) -> Option<crate::gpu::GpuTimeStatistics> {
         let _ = on;
         None
     }
 
     /// Wall time spent outside of this library; `None` if the device is not a Direct3D 12 device.
     #[cfg(windows)]
-    fn external(&self) -> Option<ExternalTimes> {
+    fn external_times(&self) -> Option<ExternalTimes> {
         None
     }
 
     /// How many bindings are captured; `None` if the device is not a Direct3D 12 device.
     #[cfg(windows)]
-    fn captured(&self) -> Option<super::Captured> {
+    fn capture_statistics(&self) -> Option<CaptureStatistics> {
         None
     }
 
@@ -190,7 +190,21 @@ pub(crate) trait ExecutionContext: Send {
 pub(crate) enum Backup {
     Host(Vec<(BufferId, Vec<u8>)>),
     #[cfg(windows)]
-    Device(super::directml::Backup),
+    Device(super::directml::DeviceBackup),
+}
+
+/// How many passes are captured, and why others are not. A pass here is a graph with one set of bound buffers.
+#[cfg(windows)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct CaptureStatistics {
+    /// Passes that run by capture.
+    pub used: usize,
+    /// Passes that have not run yet, or whose captured runs are still compared with normal ones.
+    pub unproven: usize,
+    /// Passes that run without capture.
+    pub unused: usize,
+    /// Why one of the `unused` passes is not captured.
+    pub reason: Option<String>,
 }
 
 /// Wall time that a context spent outside of this library's own code.
@@ -198,20 +212,20 @@ pub(crate) enum Backup {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ExternalTimes {
     /// Inside ONNX Runtime, which records the command lists and submits them.
-    pub inside: std::time::Duration,
+    pub in_onnxruntime: std::time::Duration,
     /// Time spent waiting for the device.
-    pub waited: std::time::Duration,
-    /// How often it waited for queued work because of the submission limit, so that other queues' work gets its turn.
+    pub waiting_for_device: std::time::Duration,
+    /// Number of waits for queued work because of the submission limit, which lets other queues' work run.
     pub yields: u64,
 }
 
 #[cfg(windows)]
 impl ExternalTimes {
     /// The sum of both.
-    pub(crate) fn and(self, other: Self) -> Self {
+    pub(crate) fn merge(self, other: Self) -> Self {
         Self {
-            inside: self.inside.saturating_add(other.inside),
-            waited: self.waited.saturating_add(other.waited),
+            in_onnxruntime: self.in_onnxruntime.saturating_add(other.in_onnxruntime),
+            waiting_for_device: self.waiting_for_device.saturating_add(other.waiting_for_device),
             yields: self.yields + other.yields,
         }
     }

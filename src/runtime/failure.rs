@@ -5,26 +5,26 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use crate::error::panic_text;
 use crate::{Error, ErrorKind, Result};
 
-/// Converts a failure of ONNX Runtime while it did `what` to an [`Error`].
+/// Converts a failure of ONNX Runtime to an [`Error`]; `what` is the failed operation, in the infinitive.
 ///
 /// ONNX Runtime has no status code for exhausted memory, so the message is searched.
 pub(super) fn ort_failure<R>(what: &str, error: &ort::Error<R>) -> Error {
-    said(what, error.message())
+    message_error(what, error.message())
 }
 
-fn said(what: &str, message: &str) -> Error {
+fn message_error(what: &str, message: &str) -> Error {
     let exhausted = ["Failed to allocate memory", "bad_alloc", "bad allocation"].iter().any(|s| message.contains(s));
     let kind = if exhausted { ErrorKind::OutOfMemory } else { ErrorKind::Device };
     Error::new(kind, format!("ONNX Runtime could not {what}: {}", message.trim_end_matches(['.', '\n'])))
 }
 
-/// Calls `work`, which only creates objects, and converts its failure to do `what` into an [`Error`]. Panics too: the `ort` crate
-/// panics where it assumes that a call cannot fail.
+/// Calls `work`, which only creates objects, and converts a failure or a panic into an [`Error`] that says what failed, `what`. The
+/// `ort` crate panics where it assumes that a call cannot fail.
 pub(super) fn make<T, R>(what: &str, work: impl FnOnce() -> Result<T, ort::Error<R>>) -> Result<T> {
     // Unwind safe: objects that `work` created are dropped, and it changes nothing else.
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(made) => made.map_err(|e| ort_failure(what, &e)),
-        Err(payload) => Err(said(what, panic_text(&*payload).unwrap_or("a call that should not fail did"))),
+        Err(payload) => Err(message_error(what, panic_text(&*payload).unwrap_or("a call that should not fail did"))),
     }
 }
 
@@ -33,7 +33,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_panic_while_something_is_made_is_an_error() {
+    fn a_panic_in_a_creation_call_is_an_error() {
         assert_eq!(make::<_, ()>("count", || Ok(3)).unwrap(), 3);
         let error = make::<(), ()>("count", || panic!("no {}", "fingers.")).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Device);

@@ -32,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_number_among_many_is_found_wherever_it_is() {
+    fn one_value_that_is_not_finite_is_found_at_any_position() {
         for at in [0, 500, 1022] {
             for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
                 let mut wide = vec![f32::MAX; 1023];

@@ -1,7 +1,5 @@
 //! A session: one graph, loaded from memory and checked against the expected inputs and outputs.
 
-#[cfg(windows)]
-use std::ffi::CStr;
 use std::ffi::CString;
 
 use ort::AsPointer;
@@ -10,7 +8,7 @@ use ort::session::builder::SessionBuilder;
 use ort::value::{Outlet, TensorElementType, ValueType};
 
 #[cfg(windows)]
-use super::directml::{Captures, Weights};
+use super::directml::DirectMlGraph;
 use super::failure::{make, ort_failure};
 use crate::bundle::{ModelSource, Precision};
 use crate::{Error, ErrorKind, Result};
@@ -47,14 +45,9 @@ pub(crate) struct Graph {
     session: Session,
     tensors: Vec<(CString, TensorSpec)>,
     inputs: usize,
-    /// Name of its runs in GPU profilers.
+    /// Data of the DirectML backend; `None` for graphs of other devices.
     #[cfg(windows)]
-    title: CString,
-    #[cfg(windows)]
-    captures: Captures,
-    /// The weights that the session takes as inputs, after the inputs in `tensors`; `None` if all weights are inside the session.
-    #[cfg(windows)]
-    weights: Option<Weights>,
+    directml: Option<DirectMlGraph>,
 }
 
 impl Graph {
@@ -82,49 +75,25 @@ impl Graph {
                 Ok((name, spec))
             })
             .collect::<Result<_>>()?;
-        #[cfg(windows)]
-        let captures = Captures::refused("the session allows none");
         Ok(Self {
             session,
             tensors,
             inputs: count,
             #[cfg(windows)]
-            title: CString::new(format!("Cairn: {what}")).unwrap_or_default(),
-            #[cfg(windows)]
-            captures,
-            #[cfg(windows)]
-            weights: None,
+            directml: None,
         })
     }
 
-    /// The same graph, for a session that allows these captures.
+    /// The same graph with data of the DirectML backend.
     #[cfg(windows)]
-    pub(super) fn with_captures(self, captures: Captures) -> Self {
-        Self { captures, ..self }
+    pub(super) fn with_directml(self, data: DirectMlGraph) -> Self {
+        Self { directml: Some(data), ..self }
     }
 
-    /// The same graph, for a session that takes these weights as inputs.
+    /// Data of the DirectML backend. A context of that backend is only given graphs that have it.
     #[cfg(windows)]
-    pub(super) fn with_weights(self, weights: Weights) -> Self {
-        Self { weights: Some(weights), ..self }
-    }
-
-    /// Name of its runs in GPU profilers.
-    #[cfg(windows)]
-    pub(super) fn title(&self) -> &CStr {
-        &self.title
-    }
-
-    /// The captures that the session allows.
-    #[cfg(windows)]
-    pub(super) fn captures(&self) -> &Captures {
-        &self.captures
-    }
-
-    /// The weights that are bound as inputs; `None` if they are inside the session.
-    #[cfg(windows)]
-    pub(super) fn weights(&self) -> Option<&Weights> {
-        self.weights.as_ref()
+    pub(super) fn directml(&self) -> &DirectMlGraph {
+        self.directml.as_ref().expect("a graph of the DirectML backend")
     }
 
     pub(super) fn session(&self) -> &Session {

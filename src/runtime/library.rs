@@ -7,7 +7,7 @@ use std::sync::Arc;
 use parking_lot::Mutex;
 
 use super::failure::ort_failure;
-use super::find;
+use super::library_search;
 use super::pin::pin_this_library;
 use crate::libraries::canonical;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
@@ -52,7 +52,7 @@ impl Ort {
             };
         }
         report_others(&path);
-        let Checked { version, library } = Checked::open(&path)?;
+        let CheckedLibrary { version, library } = CheckedLibrary::open(&path)?;
         let builder = ort::init_from(&path).map_err(|e| missing(&path, &e.to_string()))?;
         let environment = builder
             .with_name("cairn")
@@ -80,7 +80,7 @@ impl Ort {
     /// # Errors
     /// As [`Ort::load`]; `RuntimeMissing` lists the paths that were tried.
     pub fn find(search: &LibrarySearch) -> Result<Ort> {
-        match find::library(search) {
+        match library_search::library(search) {
             Ok(path) => Self::load(&path),
             Err(tried) => {
                 let tried: Vec<_> = tried.iter().map(|p| p.display().to_string()).collect();
@@ -88,10 +88,13 @@ impl Ort {
                 if let Some(own) = system_copy() {
                     cause.push_str(&format!("; {own} is the system's and never used"));
                 }
-                if !search.environment && std::env::var_os(find::VARIABLE).is_some() {
-                    cause.push_str(&format!("; {} is set, but this host lets it name no library", find::VARIABLE));
+                if !search.environment && std::env::var_os(library_search::VARIABLE).is_some() {
+                    cause.push_str(&format!(
+                        "; {} is set, but this host lets it name no library",
+                        library_search::VARIABLE
+                    ));
                 }
-                Err(Error::new(ErrorKind::RuntimeMissing, cause).field(find::VARIABLE).remedy(REMEDY))
+                Err(Error::new(ErrorKind::RuntimeMissing, cause).field(library_search::VARIABLE).remedy(REMEDY))
             }
         }
     }
@@ -127,13 +130,13 @@ fn missing(path: &Path, why: &str) -> Error {
         .remedy(REMEDY)
 }
 
-/// A library whose version and interface were checked before the `ort` crate uses it; that crate asserts both.
-struct Checked {
+/// A library whose version and interface were checked: the `ort` crate only asserts them.
+struct CheckedLibrary {
     version: String,
     library: libloading::Library,
 }
 
-impl Checked {
+impl CheckedLibrary {
     fn open(path: &Path) -> Result<Self> {
         if !path.is_file() {
             return Err(missing(path, "is not a file"));
@@ -190,7 +193,7 @@ fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
     unsafe { libloading::Library::new(path) }
 }
 
-/// Logs another ONNX Runtime of this process: ours is loaded beside it, by its path.
+/// Logs a warning if the process has loaded another ONNX Runtime file; ours is loaded in addition.
 #[cfg(windows)]
 fn report_others(ours: &Path) {
     use super::module;
@@ -201,7 +204,7 @@ fn report_others(ours: &Path) {
     }
 }
 
-/// Other systems do not identify a loaded library by its file name.
+/// Not available on other systems, which do not identify a loaded library by its file name.
 #[cfg(not(windows))]
 fn report_others(_: &Path) {}
 
@@ -229,7 +232,7 @@ fn age(version: &str) -> &'static str {
     }
 }
 
-fn forward_log(level: ort::logging::LogLevel, category: &str, _id: &str, place: &str, message: &str) {
+fn forward_log(level: ort::logging::LogLevel, category: &str, _id: &str, location: &str, message: &str) {
     use ort::logging::LogLevel;
     let level = match level {
         LogLevel::Verbose => log::Level::Trace,
@@ -237,7 +240,7 @@ fn forward_log(level: ort::logging::LogLevel, category: &str, _id: &str, place: 
         LogLevel::Warning => log::Level::Warn,
         LogLevel::Error | LogLevel::Fatal => log::Level::Error,
     };
-    log::log!(target: "cairn::onnxruntime", level, "{category} {place}: {message}");
+    log::log!(target: "cairn::onnxruntime", level, "{category} {location}: {message}");
 }
 
 #[cfg(test)]
@@ -245,7 +248,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn versions_are_told_apart_by_number_not_by_spelling() {
+    fn versions_are_compared_by_number() {
         assert_eq!(age("1.9.0"), "older");
         assert_eq!(age("0.99.1"), "older");
         assert_eq!(age("1.25.0"), "newer");

@@ -9,20 +9,20 @@ use windows::Win32::Foundation::HMODULE;
 use windows::Win32::System::LibraryLoader::{GetModuleFileNameW, GetModuleHandleW};
 use windows::core::{BOOL, PCWSTR, w};
 
-/// A library that this process has loaded.
-pub(super) struct Module {
+/// A loaded library of this process.
+pub(super) struct LoadedModule {
     pub(super) handle: HMODULE,
     pub(super) path: PathBuf,
 }
 
 /// The first library of this name in the process, whoever loaded it.
-pub(super) fn loaded(name: PCWSTR) -> Option<Module> {
+pub(super) fn loaded(name: PCWSTR) -> Option<LoadedModule> {
     // SAFETY: a NUL-terminated name, by the type's promise; no reference is taken.
     let handle = unsafe { GetModuleHandleW(name) }.ok()?;
     let mut wide = vec![0; 1 << 15];
     // SAFETY: a loaded module and a buffer with its length.
     let length = unsafe { GetModuleFileNameW(Some(handle), &mut wide) } as usize;
-    Some(Module { handle, path: String::from_utf16_lossy(&wide[..length]).into() })
+    Some(LoadedModule { handle, path: String::from_utf16_lossy(&wide[..length]).into() })
 }
 
 // The `windows` crate has these only in a feature that also adds the whole file system API.
@@ -35,16 +35,16 @@ type Fixed = [u32; 4];
 
 /// A file's version, most significant part first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Version(pub(super) [u16; 4]);
+pub(super) struct LibraryVersion(pub(super) [u16; 4]);
 
-impl fmt::Display for Version {
+impl fmt::Display for LibraryVersion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [a, b, c, d] = self.0;
         write!(f, "{a}.{b}.{c}.{d}")
     }
 }
 
-impl Version {
+impl LibraryVersion {
     /// The version in a library file's version resource; `None` without one.
     pub(super) fn of(path: &Path) -> Option<Self> {
         let name: Vec<u16> = path.as_os_str().encode_wide().chain([0]).collect();
@@ -56,8 +56,8 @@ impl Version {
         unsafe { GetFileVersionInfoW(name, 0, size, block.as_mut_ptr().cast()) }.ok().ok()?;
         let (mut found, mut length) = (std::ptr::null(), 0);
         // SAFETY: a block that the call above filled, a static name, and pointers that are valid during the call.
-        let there = unsafe { VerQueryValueW(block.as_ptr().cast(), w!("\\"), &mut found, &mut length) };
-        if !there.as_bool() || found.is_null() || (length as usize) < size_of::<Fixed>() {
+        let has_version = unsafe { VerQueryValueW(block.as_ptr().cast(), w!("\\"), &mut found, &mut length) };
+        if !has_version.as_bool() || found.is_null() || (length as usize) < size_of::<Fixed>() {
             return None;
         }
         // SAFETY: inside the block and long enough, as checked; it may be unaligned.
@@ -68,8 +68,8 @@ impl Version {
     }
 }
 
-/// The libraries that, beside the driver, determine a graphics device's results, by the names under which they are loaded.
-const DECIDING: [PCWSTR; 9] = [
+/// File names of the libraries that determine a graphics device's results, in addition to the driver.
+const RESULT_LIBRARIES: [PCWSTR; 9] = [
     w!("onnxruntime.dll"),
     w!("DirectML.dll"),
     w!("d3d12.dll"),
@@ -93,19 +93,19 @@ pub struct LoadedLibrary {
 /// The loaded libraries that determine a graphics device's results: those of ONNX Runtime, DirectML, Direct3D and AMD's ffx-api.
 /// For manifests. Libraries that are not loaded yet are missing. Windows only.
 pub fn loaded_libraries() -> Vec<LoadedLibrary> {
-    DECIDING
+    RESULT_LIBRARIES
         .into_iter()
         .filter_map(loaded)
         .map(|module| LoadedLibrary {
-            version: Version::of(&module.path).map(|version| version.to_string()),
+            version: LibraryVersion::of(&module.path).map(|version| version.to_string()),
             path: module.path,
         })
         .collect()
 }
 
-/// A library's path and the version of its file, for messages.
+/// A library's path and file version, as text for messages.
 pub(super) fn described(path: &Path) -> String {
-    match Version::of(path) {
+    match LibraryVersion::of(path) {
         Some(version) => format!("{} (version {version})", path.display()),
         None => format!("{} (of no version)", path.display()),
     }

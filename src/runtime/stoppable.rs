@@ -10,7 +10,8 @@ use super::{Device, Graph};
 use crate::bundle::Precision;
 use crate::{Error, ErrorKind, Result};
 
-/// A context that starts no run while its flag is set. All other calls work, so that the state can be restored after a failed run.
+/// A context whose runs fail with `Cancelled` while its flag is set. All other calls work, so that the state can be restored after
+/// a failed run.
 pub(crate) struct StoppableContext {
     inner: Box<dyn ExecutionContext>,
     stop: Arc<AtomicBool>,
@@ -52,12 +53,12 @@ impl ExecutionContext for StoppableContext {
         self.inner.copy(to, from, regions)
     }
 
-    fn keep(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId> {
-        self.inner.keep(copies)
+    fn record_copies(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId> {
+        self.inner.record_copies(copies)
     }
 
-    fn repeat(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
-        self.inner.repeat(copies)
+    fn run_copies(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
+        self.inner.run_copies(copies)
     }
 
     fn back_up(&mut self, of: &[BufferId]) -> Result<Backup> {
@@ -83,8 +84,8 @@ impl ExecutionContext for StoppableContext {
         self.inner.add_finite_check(groups, precision)
     }
 
-    fn not_finite(&mut self, check: FiniteCheckId) -> Result<Option<usize>> {
-        self.inner.not_finite(check)
+    fn find_not_finite(&mut self, check: FiniteCheckId) -> Result<Option<usize>> {
+        self.inner.find_not_finite(check)
     }
 
     fn rest(&mut self) -> Result<()> {
@@ -100,18 +101,18 @@ impl ExecutionContext for StoppableContext {
     }
 
     #[cfg(windows)]
-    fn spent(&mut self, on: super::Work<'_>) -> Option<crate::gpu::Spent> {
-        self.inner.spent(on)
+    fn gpu_time(&mut self, on: super::Work<'_>) -> Option<crate::gpu::GpuTimeStatistics> {
+        self.inner.gpu_time(on)
     }
 
     #[cfg(windows)]
-    fn external(&self) -> Option<super::ExternalTimes> {
-        self.inner.external()
+    fn external_times(&self) -> Option<super::ExternalTimes> {
+        self.inner.external_times()
     }
 
     #[cfg(windows)]
-    fn captured(&self) -> Option<super::Captured> {
-        self.inner.captured()
+    fn capture_statistics(&self) -> Option<super::CaptureStatistics> {
+        self.inner.capture_statistics()
     }
 
     #[cfg(windows)]

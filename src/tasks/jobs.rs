@@ -1,4 +1,4 @@
-//! A shared loop, and the list in which other threads find it.
+//! A loop that several threads share, and the list of such loops.
 
 use std::any::Any;
 use std::ops::Range;
@@ -8,16 +8,16 @@ use std::thread::ThreadId;
 
 use parking_lot::{Condvar, Mutex};
 
-use super::{Body, Executor, Set, calling_thread};
+use super::{Body, Executor, ScopedValue, calling_thread};
 
-/// Maximum number of shared loops at a time. The list never grows, so nothing is allocated while a loop runs; a loop that finds the
-/// list full runs on its own thread.
+/// Maximum number of shared loops at a time. The list never grows, so no loop allocates memory. If the list is full, a loop runs on the
+/// calling thread alone.
 const CAPACITY: usize = 256;
 /// Number of parts per thread into which the remaining indices of a loop are divided.
 const PARTS_PER_THREAD: usize = 4;
 /// Spin iterations of an idle thread, some ten microseconds in all, before it sleeps: the loops of a frame follow each other
 /// closely. It does not yield, because on a busy machine it would resume much later than a thread that is woken.
-const LOOKS: usize = 64;
+const SPIN_ROUNDS: usize = 64;
 /// Processor pauses in one spin iteration.
 const PAUSES: usize = 8;
 
@@ -87,12 +87,12 @@ impl<'a> Loop<'a> {
 /// A loop in the list.
 struct Entry {
     ticket: usize,
-    /// Valid as long as the entry is in the list: before it returns, the loop's thread removes the entry and waits for the threads
-    /// inside.
-    of: *const Loop<'static>,
-    /// Threads that have entered so far, its own included: the slot of the next one.
+    /// Valid as long as the entry is in the list: the calling thread removes the entry, after all other threads have left, before it
+    /// returns.
+    target: *const Loop<'static>,
+    /// Number of threads that have entered so far, the calling one included. It is the slot of the next thread.
     slots: usize,
-    /// Threads inside, its own excluded.
+    /// Number of other threads that are working on it.
     inside: usize,
 }
 
@@ -100,7 +100,7 @@ struct Entry {
 unsafe impl Send for Entry {}
 
 /// The loops that other threads may share.
-pub(super) struct Loops {
+pub(super) struct LoopList {
     list: Mutex<List>,
     /// Signalled when a loop is published, or the pool closes.
     work: Condvar,
@@ -116,7 +116,7 @@ struct List {
     closing: bool,
 }
 
-impl Loops {
+impl LoopList {
     pub(super) const fn new() -> Self {
         let list = List { entries: Vec::new(), tickets: 0, closing: false };
         Self { list: Mutex::new(list), work: Condvar::new(), left: Condvar::new(), published: AtomicUsize::new(0) }
@@ -166,22 +166,22 @@ impl Loops {
         }
         list.tickets = list.tickets.wrapping_add(1);
         let ticket = list.tickets;
-        let of = std::ptr::from_ref(this).cast();
-        list.entries.push(Entry { ticket, of, slots: 1, inside: 0 });
+        let target = std::ptr::from_ref(this).cast();
+        list.entries.push(Entry { ticket, target, slots: 1, inside: 0 });
         self.published.fetch_add(1, Ordering::Release);
         Some(ticket)
     }
 
-    /// Removes a loop, whose indices are all claimed, from the list when no other thread is inside.
+    /// Waits until no other thread works on a loop whose indices are all claimed, and removes it from the list.
     fn withdraw(&self, ticket: usize) {
-        for _ in 0..LOOKS {
-            if self.list.lock().take_out(ticket) {
+        for _ in 0..SPIN_ROUNDS {
+            if self.list.lock().try_remove(ticket) {
                 return;
             }
             pause();
         }
         let mut list = self.list.lock();
-        while !list.take_out(ticket) {
+        while !list.try_remove(ticket) {
             self.left.wait(&mut list);
         }
     }
@@ -203,10 +203,10 @@ impl Loops {
 
     /// The main function of a pool's thread.
     pub(super) fn serve(&self, executor: Executor) {
-        let mut seen = usize::MAX;
+        let mut last_published = usize::MAX;
         loop {
-            for _ in 0..LOOKS {
-                if self.published.load(Ordering::Acquire) != seen {
+            for _ in 0..SPIN_ROUNDS {
+                if self.published.load(Ordering::Acquire) != last_published {
                     break;
                 }
                 pause();
@@ -217,7 +217,7 @@ impl Loops {
                     if list.closing {
                         return;
                     }
-                    seen = self.published.load(Ordering::Acquire);
+                    last_published = self.published.load(Ordering::Acquire);
                     if let Some(entered) = list.enter(|_| true) {
                         break entered;
                     }
@@ -231,9 +231,9 @@ impl Loops {
     fn work_in(&self, entered: &Entered, executor: Executor) {
         {
             // SAFETY: this thread is counted as inside, so the loop stays valid.
-            let this = unsafe { &*entered.of };
-            let _executor = Set::new(&super::EXECUTOR, executor);
-            let _caller = Set::new(&super::WORKS_FOR, Some(this.caller));
+            let this = unsafe { &*entered.target };
+            let _executor = ScopedValue::new(&super::EXECUTOR, executor);
+            let _caller = ScopedValue::new(&super::CALLER, Some(this.caller));
             this.work(entered.slot);
         }
         let mut list = self.list.lock();
@@ -255,7 +255,7 @@ impl Loops {
 /// A thread's entry into a loop.
 struct Entered {
     ticket: usize,
-    of: *const Loop<'static>,
+    target: *const Loop<'static>,
     slot: usize,
 }
 
@@ -265,16 +265,17 @@ impl List {
     fn enter(&mut self, is_wanted: impl Fn(&Entry) -> bool) -> Option<Entered> {
         let entry = self.entries.iter_mut().rev().filter(|entry| is_wanted(entry)).find(|entry| {
             // SAFETY: the loop is valid as long as its entry exists.
-            let this = unsafe { &*entry.of };
+            let this = unsafe { &*entry.target };
             entry.slots < this.threads && !this.is_claimed()
         })?;
-        let entered = Entered { ticket: entry.ticket, of: entry.of, slot: entry.slots };
+        let entered = Entered { ticket: entry.ticket, target: entry.target, slot: entry.slots };
         entry.slots += 1;
         entry.inside += 1;
         Some(entered)
     }
 
-    fn take_out(&mut self, ticket: usize) -> bool {
+    /// Removes the loop of a ticket unless other threads are working on it; returns whether it is gone.
+    fn try_remove(&mut self, ticket: usize) -> bool {
         match self.entries.iter().position(|entry| entry.ticket == ticket) {
             Some(at) if self.entries[at].inside > 0 => false,
             Some(at) => {

@@ -1,7 +1,7 @@
 //! Parallel loops: over the library's own pool, over a host's job system, or on the calling thread alone.
 //!
 //! Threads claim a loop's indices from one counter, so each index runs exactly once, on any thread, and no result depends on which.
-//! The pool's threads start with the first loop while a `Use` exists, and are joined when the last `Use` is dropped: no thread of
+//! The pool's threads start with the first loop while a `PoolLease` exists, and are joined when the last `PoolLease` is dropped: no thread of
 //! the library outlives its last object.
 
 mod jobs;
@@ -16,7 +16,7 @@ use std::thread::ThreadId;
 pub(crate) use parallel::{Parallel, ParallelSlice, ParallelSliceMut};
 pub use pool::Pool;
 pub use settings::{MAX_THREADS, Priority, Scheduler, ThreadOptions, set_scheduler, set_threads};
-pub(crate) use settings::{Use, physical_cores};
+pub(crate) use settings::{PoolLease, physical_cores};
 
 use jobs::Loop;
 
@@ -26,20 +26,20 @@ enum Executor {
     /// The process's setting: pool or host's job system.
     Process,
     /// This pool, which outlives the setting.
-    Pool(*const pool::Shared),
-    /// This thread alone.
-    Alone,
+    Pool(*const pool::PoolState),
+    /// The calling thread alone.
+    ThisThread,
 }
 
 thread_local! {
     // Without destructors, which would keep the library loaded or run after it is unloaded.
     static EXECUTOR: Cell<Executor> = const { Cell::new(Executor::Process) };
-    static WORKS_FOR: Cell<Option<ThreadId>> = const { Cell::new(None) };
+    static CALLER: Cell<Option<ThreadId>> = const { Cell::new(None) };
 }
 
 /// The thread that the current thread works for: itself, or the one that started the loop it shares.
 pub(crate) fn calling_thread() -> ThreadId {
-    WORKS_FOR.get().unwrap_or_else(|| std::thread::current().id())
+    CALLER.get().unwrap_or_else(|| std::thread::current().id())
 }
 
 /// Maximum number of threads that may share a loop of this thread, itself included.
@@ -48,7 +48,7 @@ pub(crate) fn concurrency() -> usize {
         Executor::Process => settings::concurrency(),
         // SAFETY: the pool outlives the setting.
         Executor::Pool(pool) => unsafe { &*pool }.concurrency(),
-        Executor::Alone => 1,
+        Executor::ThisThread => 1,
     }
 }
 
@@ -72,21 +72,21 @@ fn for_each_in_slot(len: usize, min_len: usize, slots: usize, body: impl Fn(usiz
 pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     use parking_lot::Mutex;
     enum Work<F, R> {
-        Waits(F),
-        Runs,
+        Pending(F),
+        Running,
         Done(R),
     }
-    fn advance<F: FnOnce() -> R, R>(work: &Mutex<Work<F, R>>) {
-        let taken = std::mem::replace(&mut *work.lock(), Work::Runs);
-        if let Work::Waits(f) = taken {
+    fn run_pending<F: FnOnce() -> R, R>(work: &Mutex<Work<F, R>>) {
+        let current = std::mem::replace(&mut *work.lock(), Work::Running);
+        if let Work::Pending(f) = current {
             let done = f();
             *work.lock() = Work::Done(done);
         }
     }
-    let (a, b) = (Mutex::new(Work::Waits(a)), Mutex::new(Work::Waits(b)));
+    let (a, b) = (Mutex::new(Work::Pending(a)), Mutex::new(Work::Pending(b)));
     run(2, 1, 2, &|_, range| {
         for index in range {
-            if index == 0 { advance(&a) } else { advance(&b) }
+            if index == 0 { run_pending(&a) } else { run_pending(&b) }
         }
     });
     match (a.into_inner(), b.into_inner()) {
@@ -101,7 +101,7 @@ pub(crate) fn join_loops<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl
     if matches!(EXECUTOR.get(), Executor::Process) && settings::has_scheduler() { (a(), b()) } else { join(a, b) }
 }
 
-/// The function that a loop calls, with the thread's slot and the indices that it has claimed.
+/// The body of a loop: gets the thread's slot and a range of indices.
 type Body<'a> = dyn Fn(usize, Range<usize>) + Sync + 'a;
 
 fn run(len: usize, min_len: usize, slots: usize, body: &Body<'_>) {
@@ -109,32 +109,32 @@ fn run(len: usize, min_len: usize, slots: usize, body: &Body<'_>) {
     let shared_by = |threads: usize| threads.min(slots).min(len.div_ceil(min_len));
     match EXECUTOR.get() {
         _ if len <= min_len || slots <= 1 => body(0, 0..len),
-        Executor::Alone => body(0, 0..len),
+        Executor::ThisThread => body(0, 0..len),
         Executor::Pool(pool) => {
             // SAFETY: the pool outlives the setting.
             let pool = unsafe { &*pool };
             pool.run(&Loop::new(len, min_len, shared_by(pool.concurrency()), body));
         }
         Executor::Process => {
-            let Some(using) = Use::of_another() else { return body(0, 0..len) };
-            using.run(&Loop::new(len, min_len, shared_by(using.concurrency()), body));
+            let Some(executor) = PoolLease::current_executor() else { return body(0, 0..len) };
+            executor.run(&Loop::new(len, min_len, shared_by(executor.concurrency()), body));
         }
     }
 }
 
-/// Sets a thread-local value, and restores the previous one when dropped.
-struct Set<T: Copy + 'static> {
+/// Sets a thread-local value; restores the previous one when dropped.
+struct ScopedValue<T: Copy + 'static> {
     cell: &'static std::thread::LocalKey<Cell<T>>,
     before: T,
 }
 
-impl<T: Copy> Set<T> {
+impl<T: Copy> ScopedValue<T> {
     fn new(cell: &'static std::thread::LocalKey<Cell<T>>, value: T) -> Self {
         Self { cell, before: cell.replace(value) }
     }
 }
 
-impl<T: Copy> Drop for Set<T> {
+impl<T: Copy> Drop for ScopedValue<T> {
     fn drop(&mut self) {
         self.cell.set(self.before);
     }

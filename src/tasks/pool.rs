@@ -3,21 +3,21 @@
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-use super::jobs::{Loop, Loops};
+use super::jobs::{Loop, LoopList};
 use super::settings::{MAX_THREADS, Priority};
-use super::{EXECUTOR, Executor, Set};
+use super::{EXECUTOR, Executor, ScopedValue};
 use crate::{Error, ErrorKind, Result};
 
 /// Threads that share the loops of calling threads. They are joined when the pool is dropped.
 ///
 /// Threads: may be used from any thread, by several at a time.
 pub struct Pool {
-    shared: Arc<Shared>,
+    state: Arc<PoolState>,
     threads: Vec<JoinHandle<()>>,
 }
 
-pub(super) struct Shared {
-    loops: Loops,
+pub(super) struct PoolState {
+    loops: LoopList,
     threads: usize,
 }
 
@@ -41,15 +41,15 @@ impl Pool {
 
     /// Starts up to `threads` threads; also returns the error if the system starts fewer.
     pub(super) fn start(threads: usize, priority: Priority) -> (Self, Option<std::io::Error>) {
-        let shared = Arc::new(Shared { loops: Loops::new(), threads });
-        shared.loops.reserve();
-        let mut pool = Self { shared, threads: Vec::new() };
+        let state = Arc::new(PoolState { loops: LoopList::new(), threads });
+        state.loops.reserve();
+        let mut pool = Self { state, threads: Vec::new() };
         for _ in 0..threads {
-            let shared = pool.shared.clone();
+            let state = pool.state.clone();
             let work = move || {
                 priority.apply();
-                let executor = Executor::Pool(Arc::as_ptr(&shared));
-                shared.loops.serve(executor);
+                let executor = Executor::Pool(Arc::as_ptr(&state));
+                state.loops.serve(executor);
             };
             match std::thread::Builder::new().name("cairn-pool".into()).spawn(work) {
                 Ok(thread) => pool.threads.push(thread),
@@ -61,21 +61,21 @@ impl Pool {
 
     /// Runs `work` on this thread; the library's loops in it are shared with this pool only.
     pub fn install<R>(&self, work: impl FnOnce() -> R) -> R {
-        let _set = Set::new(&EXECUTOR, Executor::Pool(Arc::as_ptr(&self.shared)));
+        let _set = ScopedValue::new(&EXECUTOR, Executor::Pool(Arc::as_ptr(&self.state)));
         work()
     }
 
     pub(super) fn concurrency(&self) -> usize {
-        self.shared.concurrency()
+        self.state.concurrency()
     }
 
     pub(super) fn run(&self, this: &Loop<'_>) {
         // Loops inside of it use the pool as well.
-        self.install(|| self.shared.run(this));
+        self.install(|| self.state.run(this));
     }
 }
 
-impl Shared {
+impl PoolState {
     /// Threads that may share a loop, its own included.
     pub(super) fn concurrency(&self) -> usize {
         self.threads + 1
@@ -88,7 +88,7 @@ impl Shared {
 
 impl Drop for Pool {
     fn drop(&mut self) {
-        self.shared.loops.close();
+        self.state.loops.close();
         for thread in self.threads.drain(..) {
             // Panics in loops do not reach the thread's main function.
             _ = thread.join();

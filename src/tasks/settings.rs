@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use parking_lot::Mutex;
 
-use super::jobs::{Loop, Loops};
+use super::jobs::{Loop, LoopList};
 use super::pool::Pool;
-use super::{EXECUTOR, Executor, Set};
+use super::{EXECUTOR, Executor, ScopedValue};
 use crate::{Error, ErrorKind, Result};
 
 /// Maximum number of threads of a pool, and of a host's job system.
@@ -52,11 +52,11 @@ static STATE: Mutex<State> = Mutex::new(State {
     options: ThreadOptions { threads: None, priority: Priority::BelowNormal },
 });
 
-/// The loops that a host's job system shares. Its jobs refer to them by ticket, so that a late job finds none.
-static HOSTED: Loops = Loops::new();
+/// The loops that run on the host's job system. Jobs find their loop by its ticket, so a job that runs too late finds none.
+static HOST_LOOPS: LoopList = LoopList::new();
 
 struct State {
-    /// Number of existing `Use`s.
+    /// Number of existing `PoolLease`s.
     uses: usize,
     /// Started by the first loop while `uses` is not 0.
     pool: Option<Arc<Pool>>,
@@ -74,11 +74,11 @@ pub fn set_threads(options: ThreadOptions) -> Result<()> {
             .field("threads")
             .remedy(format!("Use 1 to {MAX_THREADS}")));
     }
-    idle()?.options = options;
+    lock_if_unused()?.options = options;
     Ok(())
 }
 
-/// Sets a host's job system, on which loops run instead of on the library's own threads; `None` for the latter.
+/// Makes loops run on a host's job system; `None` for the library's own threads.
 ///
 /// # Errors
 /// `InvalidArgument` when its concurrency is outside 1 to [`MAX_THREADS`]; `Busy` while an object that uses threads exists.
@@ -89,11 +89,11 @@ pub fn set_scheduler(scheduler: Option<Arc<dyn Scheduler>>) -> Result<()> {
             .remedy(format!("Use 1 to {MAX_THREADS}")));
     }
     let former = {
-        let mut state = idle()?;
+        let mut state = lock_if_unused()?;
         if scheduler.is_some() {
-            HOSTED.reserve()
+            HOST_LOOPS.reserve()
         } else {
-            HOSTED.release()
+            HOST_LOOPS.release()
         }
         std::mem::replace(&mut state.scheduler, scheduler)
     };
@@ -102,8 +102,8 @@ pub fn set_scheduler(scheduler: Option<Arc<dyn Scheduler>>) -> Result<()> {
     Ok(())
 }
 
-/// The locked state; `Busy` if any `Use` exists.
-fn idle() -> Result<parking_lot::MutexGuard<'static, State>> {
+/// The locked state; `Busy` if any `PoolLease` exists.
+fn lock_if_unused() -> Result<parking_lot::MutexGuard<'static, State>> {
     let state = STATE.lock();
     if state.uses > 0 {
         return Err(Error::new(ErrorKind::Busy, "objects live that use the threads there are")
@@ -125,75 +125,76 @@ impl ThreadOptions {
 }
 
 pub(super) fn concurrency() -> usize {
-    Use::of_another().map_or(1, |using| using.concurrency())
+    PoolLease::current_executor().map_or(1, |executor| executor.concurrency())
 }
 
 pub(super) fn has_scheduler() -> bool {
     STATE.lock().scheduler.is_some()
 }
 
-/// Held by objects that run loops. While one exists, the process has threads to share loops; dropping the last ends them.
+/// Keeps the process's threads for loops available while it exists; objects that run loops hold one. Dropping the last one joins the
+/// pool's threads.
 #[derive(Debug)]
-pub(crate) struct Use {
+pub(crate) struct PoolLease {
     _private: (),
 }
 
-/// A pool or job system for a loop, kept alive while the loop runs.
-pub(super) struct Using {
-    of: On,
+/// The pool or job system that runs a loop, kept alive while the loop runs.
+pub(super) struct LoopExecutor {
+    target: ExecutorTarget,
     // Dropped last.
-    _held: Use,
+    _held: PoolLease,
 }
 
-enum On {
+enum ExecutorTarget {
     Pool(Arc<Pool>),
     Scheduler(Arc<dyn Scheduler>),
 }
 
-impl Use {
+impl PoolLease {
     pub(crate) fn new() -> Self {
         STATE.lock().uses += 1;
         Self { _private: () }
     }
 
-    /// The pool or job system for a loop; `None` if no `Use` exists.
-    pub(super) fn of_another() -> Option<Using> {
-        let (using, failed) = {
+    /// The pool or job system for a loop; `None` if no `PoolLease` exists.
+    pub(super) fn current_executor() -> Option<LoopExecutor> {
+        let (executor, failed) = {
             let mut state = STATE.lock();
             if state.uses == 0 {
                 return None;
             }
-            let (of, failed) = match &state.scheduler {
-                Some(scheduler) => (On::Scheduler(scheduler.clone()), None),
+            let (target, failed) = match &state.scheduler {
+                Some(scheduler) => (ExecutorTarget::Scheduler(scheduler.clone()), None),
                 None => {
                     let (pool, failed) = state.pool();
-                    (On::Pool(pool), failed)
+                    (ExecutorTarget::Pool(pool), failed)
                 }
             };
             state.uses += 1;
-            (Using { of, _held: Self { _private: () } }, failed)
+            (LoopExecutor { target, _held: Self { _private: () } }, failed)
         };
         // Without the lock, because a host's log callback may call the library.
         if let Some(e) = failed {
             log::warn!("fewer threads than were asked for share the library's work, as the system gives no more: {e}");
         }
-        Some(using)
+        Some(executor)
     }
 }
 
-impl Default for Use {
+impl Default for PoolLease {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Clone for Use {
+impl Clone for PoolLease {
     fn clone(&self) -> Self {
         Self::new()
     }
 }
 
-impl Drop for Use {
+impl Drop for PoolLease {
     fn drop(&mut self) {
         let ended = {
             let mut state = STATE.lock();
@@ -218,21 +219,22 @@ impl State {
     }
 }
 
-impl Using {
+impl LoopExecutor {
     pub(super) fn concurrency(&self) -> usize {
-        match &self.of {
-            On::Pool(pool) => pool.concurrency(),
-            On::Scheduler(scheduler) => scheduler.concurrency(),
+        match &self.target {
+            ExecutorTarget::Pool(pool) => pool.concurrency(),
+            ExecutorTarget::Scheduler(scheduler) => scheduler.concurrency(),
         }
     }
 
     pub(super) fn run(&self, this: &Loop<'_>) {
-        match &self.of {
-            On::Pool(pool) => pool.run(this),
-            On::Scheduler(scheduler) => {
+        match &self.target {
+            ExecutorTarget::Pool(pool) => pool.run(this),
+            ExecutorTarget::Scheduler(scheduler) => {
                 // Not every job system supports loops within jobs.
-                let _alone = Set::new(&EXECUTOR, Executor::Alone);
-                HOSTED.run(this, |ticket| scheduler.run(this.threads, job, std::ptr::without_provenance_mut(ticket)));
+                let _alone = ScopedValue::new(&EXECUTOR, Executor::ThisThread);
+                HOST_LOOPS
+                    .run(this, |ticket| scheduler.run(this.threads, job, std::ptr::without_provenance_mut(ticket)));
             }
         }
     }
@@ -240,7 +242,7 @@ impl Using {
 
 /// The job that a host's job system calls.
 unsafe extern "C" fn job(ticket: *mut c_void) {
-    HOSTED.share(ticket.addr(), Executor::Alone);
+    HOST_LOOPS.share(ticket.addr(), Executor::ThisThread);
 }
 
 impl Priority {

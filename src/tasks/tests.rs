@@ -87,7 +87,7 @@ fn slots_are_never_used_by_two_calls_at_a_time() {
 }
 
 #[test]
-fn loops_within_loops_and_joins_come_to_an_end() {
+fn nested_loops_and_joins_end() {
     let pool = Pool::new(3).unwrap();
     let count = AtomicUsize::new(0);
     let inner = || for_each_index(50, |_| _ = count.fetch_add(1, Ordering::Relaxed));
@@ -160,7 +160,7 @@ fn threads_of_a_pool_have_their_priority() {
 }
 
 #[test]
-fn numbers_of_threads_that_cannot_be_are_refused() {
+fn thread_counts_out_of_range_are_refused() {
     for concurrency in [0, MAX_THREADS + 2, usize::MAX] {
         assert_eq!(Pool::new(concurrency).unwrap_err().kind(), ErrorKind::InvalidArgument);
     }
@@ -171,18 +171,18 @@ fn numbers_of_threads_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn settings_stand_while_an_object_lives() {
+fn settings_cannot_change_while_an_object_lives() {
     let _lock = SETTINGS.lock();
-    let object = Use::new();
+    let object = PoolLease::new();
     assert_eq!(set_threads(ThreadOptions::default()).unwrap_err().kind(), ErrorKind::Busy);
     assert_eq!(set_scheduler(None).unwrap_err().kind(), ErrorKind::Busy);
     drop(object);
     set(None);
 }
 
-/// What a host's job system does with its jobs.
+/// Behaviour of a host's job system.
 #[derive(Clone, Copy, PartialEq)]
-enum Manner {
+enum JobBehaviour {
     /// Runs them as documented.
     Good,
     /// Runs none.
@@ -198,7 +198,7 @@ enum Manner {
 }
 
 struct Host {
-    manner: Manner,
+    manner: JobBehaviour,
     started: Mutex<Vec<std::thread::JoinHandle<()>>>,
     late: Mutex<Vec<(Job, usize)>>,
     within: AtomicUsize,
@@ -216,35 +216,42 @@ impl Scheduler for Host {
         // SAFETY: the library's own job and data.
         let call = move || unsafe { job(std::ptr::without_provenance_mut(data)) };
         match self.manner {
-            Manner::Good => std::thread::scope(|scope| {
+            JobBehaviour::Good => std::thread::scope(|scope| {
                 for _ in 1..jobs {
                     scope.spawn(call);
                 }
                 call();
             }),
-            Manner::None => {}
-            Manner::One => call(),
-            Manner::Many => std::thread::scope(|scope| {
+            JobBehaviour::None => {}
+            JobBehaviour::One => call(),
+            JobBehaviour::Many => std::thread::scope(|scope| {
                 for _ in 0..3 * jobs {
                     scope.spawn(move || (0..5).for_each(|_| call()));
                 }
             }),
-            Manner::Later => self.started.lock().extend((0..jobs).map(|_| std::thread::spawn(call))),
-            Manner::Late => self.late.lock().push((job, data)),
+            JobBehaviour::Later => self.started.lock().extend((0..jobs).map(|_| std::thread::spawn(call))),
+            JobBehaviour::Late => self.late.lock().push((job, data)),
         }
     }
 }
 
 #[test]
-fn a_host_s_job_system_may_do_with_jobs_as_it_likes() {
+fn loops_are_right_whatever_a_host_s_job_system_does_with_jobs() {
     let _lock = SETTINGS.lock();
     let expected = Pool::new(1).unwrap().install(mixed);
-    for manner in [Manner::Good, Manner::None, Manner::One, Manner::Many, Manner::Later, Manner::Late] {
+    for manner in [
+        JobBehaviour::Good,
+        JobBehaviour::None,
+        JobBehaviour::One,
+        JobBehaviour::Many,
+        JobBehaviour::Later,
+        JobBehaviour::Late,
+    ] {
         let (started, late) = (Mutex::default(), Mutex::default());
         let host = Arc::new(Host { manner, started, late, within: AtomicUsize::new(0) });
         set(Some(host.clone()));
         {
-            let _object = Use::new();
+            let _object = PoolLease::new();
             assert_eq!(concurrency(), 4);
             for _ in 0..10 {
                 assert!(mixed() == expected);
@@ -270,13 +277,13 @@ fn a_host_s_job_system_may_do_with_jobs_as_it_likes() {
 }
 
 #[test]
-fn without_an_object_nothing_is_shared() {
+fn loops_are_not_shared_without_an_object() {
     let _lock = SETTINGS.lock();
     let host = |manner| {
         let (started, late) = (Mutex::default(), Mutex::default());
         Arc::new(Host { manner, started, late, within: AtomicUsize::new(0) })
     };
-    let host = host(Manner::Late);
+    let host = host(JobBehaviour::Late);
     set(Some(host.clone()));
     // Objects of other tests may share the loop.
     let me = std::thread::current().id();

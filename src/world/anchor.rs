@@ -1,7 +1,7 @@
 //! Copies of anchors that outlive the next step.
 
 #[cfg(windows)]
-mod on_device;
+mod device_copy;
 
 use std::sync::OnceLock;
 
@@ -25,21 +25,21 @@ pub struct KeptAnchor {
     pictures: Vec<OnceLock<Picture>>,
     shape: [u32; 3],
     latent: OnceLock<Vec<f32>>,
-    /// The device that made it.
+    /// The device that made it; `None` for a picture that no world made.
     device: Option<Device>,
     #[cfg(windows)]
-    on_device: Option<on_device::OnDevice>,
+    device_copy: Option<device_copy::DeviceCopy>,
 }
 
 impl KeptAnchor {
-    /// Copies the last latent and pictures of `rollout`. `cut` says that there is no continuous motion from the anchor before.
+    /// Copies the last latent and pictures of `rollout`. `cut`: there is no continuous motion from the anchor before.
     ///
     /// # Errors
     /// `InvalidArgument` before the first latent; `OutOfMemory` when there is no memory for a copy; `Device` when the result cannot
     /// be read.
     pub fn of(rollout: &mut Rollout, cut: bool) -> Result<Self> {
-        let mut anchor = Self::room(rollout)?;
-        anchor.copy(rollout, cut)?;
+        let mut anchor = Self::allocate(rollout)?;
+        anchor.fill(rollout, cut)?;
         Ok(anchor)
     }
 
@@ -48,25 +48,25 @@ impl KeptAnchor {
     ///
     /// # Errors
     /// `OutOfMemory`.
-    pub(crate) fn room(rollout: &mut Rollout) -> Result<Self> {
+    pub(crate) fn allocate(rollout: &mut Rollout) -> Result<Self> {
         #[cfg(windows)]
-        let on_device = on_device::OnDevice::room(rollout)?;
+        let device_copy = device_copy::DeviceCopy::allocate(rollout)?;
         let point = rollout.operating_point();
         let size = rollout.world().render_size();
         let shape = rollout.world().manifest().geometry.latent;
         #[cfg(windows)]
-        let on_host = on_device.is_none();
+        let on_host = device_copy.is_none();
         #[cfg(not(windows))]
         let on_host = true;
         let picture = || if on_host { Picture::new(size.0, size.1).map(OnceLock::from) } else { Ok(OnceLock::new()) };
         let pictures = (0..point.pictures_per_latent).map(|_| picture()).collect::<Result<Vec<_>>>()?;
         let latent = OnceLock::new();
         if on_host {
-            let (count, mut numbers) = (rollout.world().latent_len(), Vec::new());
-            numbers.try_reserve_exact(count).map_err(|_| {
+            let (count, mut values) = (rollout.world().latent_len(), Vec::new());
+            values.try_reserve_exact(count).map_err(|_| {
                 Error::new(ErrorKind::OutOfMemory, format!("a latent of {count} numbers cannot be copied"))
             })?;
-            _ = latent.set(numbers);
+            _ = latent.set(values);
         }
         let (latents_per_second, device) = (point.latents_per_second, Some(rollout.world().device().clone()));
         let shape = [shape.channels, shape.height, shape.width];
@@ -80,20 +80,20 @@ impl KeptAnchor {
             latent,
             device,
             #[cfg(windows)]
-            on_device,
+            device_copy,
         })
     }
 
-    /// Copies the last latent and pictures of `rollout`, for which this memory was allocated. Allocates nothing that depends on the
-    /// world.
+    /// Copies the last latent and pictures of `rollout` into memory that [`allocate`](Self::allocate) made for it. Allocates nothing
+    /// whose size depends on the world.
     ///
     /// # Errors
     /// As [`of`](Self::of).
-    pub(crate) fn copy(&mut self, rollout: &mut Rollout, cut: bool) -> Result<()> {
+    pub(crate) fn fill(&mut self, rollout: &mut Rollout, cut: bool) -> Result<()> {
         rollout.check_started()?;
         #[cfg(windows)]
-        if let Some(on_device) = &mut self.on_device {
-            on_device.copy(rollout)?;
+        if let Some(device_copy) = &mut self.device_copy {
+            device_copy.fill(rollout)?;
         }
         for (i, picture) in (0..).zip(&mut self.pictures) {
             if let Some(picture) = picture.get_mut() {
@@ -121,7 +121,7 @@ impl KeptAnchor {
             latent: OnceLock::from(Vec::new()),
             device: None,
             #[cfg(windows)]
-            on_device: None,
+            device_copy: None,
         }
     }
 
@@ -207,7 +207,7 @@ impl KeptAnchor {
         &self,
         i: usize,
     ) -> Option<(&windows::Win32::Graphics::Direct3D12::ID3D12Resource, &crate::gpu::FencePoint)> {
-        self.on_device.as_ref()?.texture(i)
+        self.device_copy.as_ref()?.texture(i)
     }
 
     /// Its latent as a buffer, the fence point at which it is complete, and whether its values are f16 instead of f32. `None` as
@@ -216,40 +216,40 @@ impl KeptAnchor {
     pub(crate) fn latent_buffer(
         &self,
     ) -> Option<(&windows::Win32::Graphics::Direct3D12::ID3D12Resource, &crate::gpu::FencePoint, bool)> {
-        self.on_device.as_ref()?.latent()
+        self.device_copy.as_ref()?.latent()
     }
 
-    /// Whether the device has completed its copies, by their fence point; always true in host memory.
-    pub fn has_arrived(&self) -> bool {
+    /// Whether the device has completed its copies. Always true if they are in host memory.
+    pub fn is_complete(&self) -> bool {
         #[cfg(windows)]
-        if let Some(on_device) = &self.on_device {
-            return on_device.has_arrived();
+        if let Some(device_copy) = &self.device_copy {
+            return device_copy.is_complete();
         }
         true
     }
 
     #[cfg(windows)]
     fn read_from_device(&self, i: usize) -> Result<Picture> {
-        self.on_device.as_ref().ok_or_else(nowhere)?.read_picture(i)
+        self.device_copy.as_ref().ok_or_else(no_data)?.read_picture(i)
     }
 
     #[cfg(windows)]
     fn read_latent_from_device(&self) -> Result<Vec<f32>> {
-        self.on_device.as_ref().ok_or_else(nowhere)?.read_latent()
+        self.device_copy.as_ref().ok_or_else(no_data)?.read_latent()
     }
 
     #[cfg(not(windows))]
     fn read_from_device(&self, _: usize) -> Result<Picture> {
-        Err(nowhere())
+        Err(no_data())
     }
 
     #[cfg(not(windows))]
     fn read_latent_from_device(&self) -> Result<Vec<f32>> {
-        Err(nowhere())
+        Err(no_data())
     }
 }
 
-/// Does not occur: data that is not in host memory is on the device.
-fn nowhere() -> Error {
+/// Cannot occur: data that is not in host memory is in device memory.
+fn no_data() -> Error {
     Error::new(ErrorKind::InvalidState, "the anchor is nowhere")
 }

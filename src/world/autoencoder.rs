@@ -4,31 +4,31 @@ use std::borrow::Borrow;
 
 use crate::bundle::Precision;
 use crate::runtime::{Backup, BindingId, BufferId, ExecutionContext, FiniteCheckId};
-use crate::world::contract::Shapes;
 use crate::world::convert::{self, Uploader};
+use crate::world::graph_spec::Shapes;
 use crate::world::resize::Bilinear;
 use crate::world::world::World;
 use crate::{Error, ErrorKind, Picture, Result};
 
-/// One set of the decoder's memories and the pictures decoded with them. There are two, used as a double buffer.
-struct Side {
+/// One half of the decoder's double buffer: its memories after a latent, and the latent's pictures.
+struct DecoderSide {
     /// The memories in the bundle's order, then the pictures.
     buffers: Vec<BufferId>,
 }
 
-impl Side {
+impl DecoderSide {
     fn memories(&self) -> &[BufferId] {
         &self.buffers[..self.buffers.len() - 1]
     }
 
-    fn rgb(&self) -> BufferId {
+    fn pictures(&self) -> BufferId {
         self.buffers[self.buffers.len() - 1]
     }
 }
 
-/// The encoder's memories, if its graph takes them as inputs.
+/// The encoder's memories, a double buffer, if its graph takes them as inputs.
 struct EncoderMemories {
-    /// One side has the state after the last appended picture, if the stream is kept; the encoder writes the other.
+    /// If the stream is kept, the current side has the state after the last appended picture, and the encoder writes the other.
     sides: [Vec<BufferId>; 2],
     /// Index of the side with the committed state.
     current: usize,
@@ -36,21 +36,21 @@ struct EncoderMemories {
     continued: [BindingId; 2],
     /// `fresh[i]` starts from zeroed memories and writes side i.
     fresh: [BindingId; 2],
-    /// Finite checks of both sides, for [`ExecutionContext::not_finite`].
+    /// Finite checks of both sides, for [`ExecutionContext::find_not_finite`].
     finite_checks: [FiniteCheckId; 2],
     /// Whether each picture continues the stream of the one before it.
     is_kept: bool,
 }
 
 /// A decoded latent that is not committed yet.
-pub(super) struct Decoding {
+pub(super) struct PendingDecode {
     /// The side with its memories and pictures.
     side: usize,
     /// Backup of the committed side, if decoding overwrote it.
     backup: Option<Backup>,
 }
 
-impl Decoding {
+impl PendingDecode {
     /// Index of its side in [`Autoencoder::sides`].
     pub(super) fn side(&self) -> usize {
         self.side
@@ -59,7 +59,12 @@ impl Decoding {
 
 impl EncoderMemories {
     /// `None` if the graph takes no memories.
-    fn new(context: &mut dyn ExecutionContext, world: &World, rgb: BufferId, latent: BufferId) -> Result<Option<Self>> {
+    fn new(
+        context: &mut dyn ExecutionContext,
+        world: &World,
+        pictures: BufferId,
+        latent: BufferId,
+    ) -> Result<Option<Self>> {
         let element = crate::runtime::element_size(world.precision());
         let shapes = &world.manifest().geometry.autoencoder.encoder_memories;
         if shapes.is_empty() {
@@ -71,7 +76,7 @@ impl EncoderMemories {
         };
         let (zeroes, sides) = (set()?, [set()?, set()?]);
         let mut bind = |from: &[BufferId], to: &[BufferId]| {
-            let tensors: Vec<_> = [&[rgb][..], from, &[latent], to].into_iter().flatten().copied().collect();
+            let tensors: Vec<_> = [&[pictures][..], from, &[latent], to].into_iter().flatten().copied().collect();
             context.bind(&world.encoder, &tensors)
         };
         let continued = [bind(&sides[0], &sides[1])?, bind(&sides[1], &sides[0])?];
@@ -90,13 +95,13 @@ impl EncoderMemories {
 pub(super) struct Autoencoder {
     shapes: Shapes,
     precision: Precision,
-    /// Binding of an encoder without memories, which starts from zero for each latent; `None` if the encoder has memories.
-    clip: Option<BindingId>,
-    memories: Option<EncoderMemories>,
-    encoder_rgb: BufferId,
+    /// Binding of an encoder without memories, which starts anew with each latent; `None` if the encoder has memories.
+    stateless_encoder: Option<BindingId>,
+    encoder_memories: Option<EncoderMemories>,
+    encoder_pictures: BufferId,
     /// `decode[i]` reads side i and writes the other.
     decode: [BindingId; 2],
-    sides: [Side; 2],
+    sides: [DecoderSide; 2],
     /// Index of the side with the committed state.
     current: usize,
 }
@@ -106,32 +111,44 @@ impl Autoencoder {
     pub(super) fn new(context: &mut dyn ExecutionContext, world: &World, latent: BufferId) -> Result<Self> {
         let element = crate::runtime::element_size(world.precision());
         let pictures_bytes = world.shapes.pictures * world.shapes.picture_len() * element;
-        let encoder_rgb = context.buffer(pictures_bytes)?;
-        let memories = EncoderMemories::new(context, world, encoder_rgb, latent)?;
-        let clip = match memories {
+        let encoder_pictures = context.buffer(pictures_bytes)?;
+        let memories = EncoderMemories::new(context, world, encoder_pictures, latent)?;
+        let stateless_encoder = match memories {
             Some(_) => None,
-            None => Some(context.bind(&world.encoder, &[encoder_rgb, latent])?),
+            None => Some(context.bind(&world.encoder, &[encoder_pictures, latent])?),
         };
         let shapes = &world.manifest().geometry.autoencoder.memories;
-        let mut side = || -> Result<Side> {
+        let mut side = || -> Result<DecoderSide> {
             let bytes = |m: &[u32; 3]| m.iter().map(|&n| n as usize).product::<usize>() * element;
             let sizes = shapes.iter().map(bytes).chain([pictures_bytes]);
-            Ok(Side { buffers: sizes.map(|bytes| context.buffer(bytes)).collect::<Result<_>>()? })
+            Ok(DecoderSide { buffers: sizes.map(|bytes| context.buffer(bytes)).collect::<Result<_>>()? })
         };
         let sides = [side()?, side()?];
-        let mut bind = |from: &Side, to: &Side| {
-            let tensors: Vec<_> =
-                [&[latent][..], from.memories(), &[to.rgb()], to.memories()].into_iter().flatten().copied().collect();
+        let mut bind = |from: &DecoderSide, to: &DecoderSide| {
+            let tensors: Vec<_> = [&[latent][..], from.memories(), &[to.pictures()], to.memories()]
+                .into_iter()
+                .flatten()
+                .copied()
+                .collect();
             context.bind(&world.decoder, &tensors)
         };
         let decode = [bind(&sides[0], &sides[1])?, bind(&sides[1], &sides[0])?];
         let (shapes, precision) = (world.shapes, world.precision());
-        Ok(Self { shapes, precision, clip, memories, encoder_rgb, decode, sides, current: 0 })
+        Ok(Self {
+            shapes,
+            precision,
+            stateless_encoder,
+            encoder_memories: memories,
+            encoder_pictures,
+            decode,
+            sides,
+            current: 0,
+        })
     }
 
-    /// Encodes pictures of any sizes, each resized, to a latent: as many as a latent has, or one, which is repeated. If the
-    /// encoder's stream is kept, [`commit_encoding`](Self::commit_encoding) makes the new memories current, and this call waits and
-    /// returns whether they are finite; otherwise it returns true.
+    /// Encodes pictures of any size to a latent: as many as a latent has, or one, which is repeated. Each is resized first. If the
+    /// encoder's stream is kept, waits and returns whether the new memories are finite;
+    /// [`commit_encoding`](Self::commit_encoding) makes them current. Otherwise returns true.
     pub(super) fn encode(&self, context: &mut dyn ExecutionContext, pictures: &[impl Borrow<Picture>]) -> Result<bool> {
         if pictures.len() != 1 && pictures.len() != self.shapes.pictures {
             let cause = format!("{} pictures make no latent", pictures.len());
@@ -145,32 +162,32 @@ impl Autoencoder {
             let picture: &Picture = pictures[i % pictures.len()].borrow();
             Bilinear::new(picture.size(), (width as u32, height as u32)).to_planes(picture, planes);
         }
-        Uploader::new(self.precision, rgb.len())?.upload(context, self.encoder_rgb, &rgb)?;
-        match &self.memories {
+        Uploader::new(self.precision, rgb.len())?.upload(context, self.encoder_pictures, &rgb)?;
+        match &self.encoder_memories {
             Some(memories) if memories.is_kept => {
                 context.run(memories.continued[memories.current])?;
-                Ok(context.not_finite(memories.finite_checks[1 - memories.current])?.is_none())
+                Ok(context.find_not_finite(memories.finite_checks[1 - memories.current])?.is_none())
             }
             Some(memories) => context.run(memories.fresh[1 - memories.current]).map(|()| true),
-            None => self.clip.map_or(Ok(()), |clip| context.run(clip)).map(|()| true),
+            None => self.stateless_encoder.map_or(Ok(()), |binding| context.run(binding)).map(|()| true),
         }
     }
 
     /// Makes the memories of the last encoding current, if the encoder's stream is kept.
     pub(super) fn commit_encoding(&mut self) {
-        if let Some(memories) = self.memories.as_mut().filter(|memories| memories.is_kept) {
+        if let Some(memories) = self.encoder_memories.as_mut().filter(|memories| memories.is_kept) {
             memories.current = 1 - memories.current;
         }
     }
 
     /// Whether appended pictures continue the encoder's stream.
     pub(super) fn keeps_stream(&self) -> bool {
-        self.memories.as_ref().is_some_and(|memories| memories.is_kept)
+        self.encoder_memories.as_ref().is_some_and(|memories| memories.is_kept)
     }
 
-    /// Sets whether appended pictures continue the encoder's stream, which starts at zero.
+    /// Sets whether appended pictures continue the encoder's stream. A change starts the stream anew, with zeroed memories.
     pub(super) fn keep_stream(&mut self, context: &mut dyn ExecutionContext, is_kept: bool) -> Result<()> {
-        match &mut self.memories {
+        match &mut self.encoder_memories {
             Some(memories) if memories.is_kept != is_kept => {
                 context.clear(&memories.sides[memories.current])?;
                 memories.is_kept = is_kept;
@@ -186,14 +203,14 @@ impl Autoencoder {
         }
     }
 
-    /// Decodes the latent, after decoding it `prime` times only to fill the memories; [`commit`](Self::commit) or
+    /// Decodes the latent. Before that, decodes it `prime` times only to fill the memories; [`commit`](Self::commit) or
     /// [`undo`](Self::undo) must follow. Does not wait, and does not check for finite values. If it fails, the committed side is
     /// unchanged.
-    pub(super) fn decode(&self, context: &mut dyn ExecutionContext, prime: u32) -> Result<Decoding> {
-        // One run writes the side that is not committed; more runs overwrite the committed one.
+    pub(super) fn decode(&self, context: &mut dyn ExecutionContext, prime: u32) -> Result<PendingDecode> {
+        // The first run writes the side that is not committed, the second overwrites the committed one, and so on.
         let backup = if prime > 0 { Some(context.back_up(&self.sides[self.current].buffers)?) } else { None };
         let side = 1 - (self.current + prime as usize) % 2;
-        let decoding = Decoding { side, backup };
+        let decoding = PendingDecode { side, backup };
         let mut runs = 0..=prime;
         match runs.try_for_each(|run| context.run(self.decode[(self.current + run as usize) % 2])) {
             Ok(()) => Ok(decoding),
@@ -205,24 +222,30 @@ impl Autoencoder {
     }
 
     /// Makes the decoded side the committed one.
-    pub(super) fn commit(&mut self, decoding: Decoding) {
+    pub(super) fn commit(&mut self, decoding: PendingDecode) {
         self.current = decoding.side;
     }
 
     /// Restores the committed side if decoding overwrote it.
-    pub(super) fn undo(&self, context: &mut dyn ExecutionContext, decoding: Decoding) -> Result<()> {
+    pub(super) fn undo(&self, context: &mut dyn ExecutionContext, decoding: PendingDecode) -> Result<()> {
         decoding.backup.map_or(Ok(()), |backup| context.restore_backup(backup))
     }
 
     /// Fills `planes`, `[3, H, W]`, with picture `i` of the last decoded latent.
     pub(super) fn read(&self, context: &dyn ExecutionContext, i: usize, planes: &mut [f32]) -> Result<()> {
-        convert::read(context, self.precision, self.sides[self.current].rgb(), i * self.shapes.picture_len(), planes)
+        convert::read(
+            context,
+            self.precision,
+            self.sides[self.current].pictures(),
+            i * self.shapes.picture_len(),
+            planes,
+        )
     }
 
     /// Buffer of the last decoded pictures, `[pictures, 3, H, W]`.
     #[cfg(windows)]
     pub(super) fn pictures(&self) -> BufferId {
-        self.sides[self.current].rgb()
+        self.sides[self.current].pictures()
     }
 
     /// Memories and pictures of both sides.
@@ -230,14 +253,14 @@ impl Autoencoder {
         [&self.sides[0].buffers, &self.sides[1].buffers]
     }
 
-    /// The buffers of the decoder's state and last pictures: memories in the bundle's order, then the pictures.
-    pub(super) fn state(&self) -> impl Iterator<Item = BufferId> + '_ {
+    /// The decoder's memories in the bundle's order, then the last pictures.
+    pub(super) fn decoder_state(&self) -> impl Iterator<Item = BufferId> + '_ {
         self.sides[self.current].buffers.iter().copied()
     }
 
     /// The encoder's current memories; empty if its stream is not kept.
-    pub(super) fn stream(&self) -> impl Iterator<Item = BufferId> + '_ {
-        let kept = self.memories.iter().filter(|memories| memories.is_kept);
+    pub(super) fn encoder_state(&self) -> impl Iterator<Item = BufferId> + '_ {
+        let kept = self.encoder_memories.iter().filter(|memories| memories.is_kept);
         kept.flat_map(|memories| memories.sides[memories.current].iter().copied())
     }
 }

@@ -39,9 +39,9 @@ impl ControlInput {
                 .remedy("Give a finite number; its sign counts"));
         }
         // Normalises -0 to 0, so that the same input has the same bits in the graph and in a saved file.
-        let plain = |x: f32| if x == 0.0 { 0.0 } else { x };
+        let normalised = |x: f32| if x == 0.0 { 0.0 } else { x };
         let sign = if scroll == 0.0 { 0.0 } else { scroll.signum() };
-        Ok(Self { mouse: mouse.map(plain), keys, scroll: sign })
+        Ok(Self { mouse: mouse.map(normalised), keys, scroll: sign })
     }
 
     /// Mouse motion dx and dy, in counts.
@@ -90,8 +90,8 @@ impl ControlInput {
                 .remedy("Release the key"));
         }
         out[..2].copy_from_slice(&self.mouse);
-        for (code, number) in (0..=255).zip(&mut out[2..2 + buttons]) {
-            *number = f32::from(u8::from(self.keys.contains(Key(code))));
+        for (code, value) in (0..=255).zip(&mut out[2..2 + buttons]) {
+            *value = f32::from(u8::from(self.keys.contains(Key(code))));
         }
         out[2 + buttons] = self.scroll;
         Ok(())
@@ -105,7 +105,7 @@ mod tests {
     const WAYPOINT: Controls = Controls { mouse: 2, buttons: 256, scroll: 1 };
 
     #[test]
-    fn numbers_stand_in_the_order_mouse_buttons_scroll() {
+    fn values_are_in_the_order_mouse_buttons_scroll() {
         let keys: KeySet = [Key(0), Key(87), Key(255)].into_iter().collect();
         let input = ControlInput::new([3.5, -2.0], keys, -120.0).unwrap();
         let mut out = [9.0; 259];
@@ -116,11 +116,11 @@ mod tests {
         }
         assert_eq!(out[258], -1.0);
         ControlInput::IDLE.write(&WAYPOINT, &mut out).unwrap();
-        assert!(out.iter().all(|number| number.to_bits() == 0));
+        assert!(out.iter().all(|value| value.to_bits() == 0));
     }
 
     #[test]
-    fn what_is_no_number_is_refused() {
+    fn values_out_of_range_are_refused() {
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 32_769.0, -40_000.0] {
             for mouse in [[bad, 0.0], [0.0, bad]] {
                 let error = ControlInput::new(mouse, KeySet::NONE, 0.0).unwrap_err();
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_world_with_fewer_keys_refuses_the_others() {
+    fn keys_that_the_world_lacks_are_refused() {
         let few = Controls { buttons: 8, ..WAYPOINT };
         let held = |code| ControlInput::new([0.0; 2], [Key(code)].into_iter().collect(), 0.0).unwrap();
         let mut out = [0.0; 11];

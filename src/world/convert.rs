@@ -33,7 +33,7 @@ impl Uploader {
     }
 }
 
-/// Fills `values` from a buffer of `precision`, starting at element `at`.
+/// Fills `values` from a buffer of `precision`, from element `at` on; waits for the device.
 pub(super) fn read(
     context: &dyn ExecutionContext,
     precision: Precision,
@@ -58,12 +58,12 @@ pub(super) fn read(
     }
 }
 
-/// `len` zeroes, with an error instead of an abort if memory is exhausted: `len` comes from a bundle.
+/// `len` zeroes. Returns an error instead of aborting if memory is exhausted, because `len` may come from a bundle.
 pub(super) fn zeroed<T: Clone + Default>(len: usize) -> Result<Vec<T>> {
-    let mut numbers = Vec::new();
-    numbers
+    let mut values = Vec::new();
+    values
         .try_reserve_exact(len)
         .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("{len} numbers cannot be allocated")))?;
-    numbers.resize(len, T::default());
-    Ok(numbers)
+    values.resize(len, T::default());
+    Ok(values)
 }

@@ -1,4 +1,4 @@
-//! Shared test code of this module: the manifest of a small world, and a seeded random number generator.
+//! Shared test code of `world`: the manifest of a small world, and a seeded random number generator.
 
 use crate::bundle::Manifest;
 
@@ -30,11 +30,11 @@ pub(crate) fn manifest() -> Manifest {
     .expect("the manifest is well formed")
 }
 
-/// SplitMix64: a failing property test names a seed and can be repeated.
-pub(crate) struct Chance(pub(crate) u64);
+/// SplitMix64, so that a failing test can be repeated with its seed.
+pub(crate) struct TestRng(pub(crate) u64);
 
-impl Chance {
-    pub(crate) fn word(&mut self) -> u64 {
+impl TestRng {
+    pub(crate) fn next_u64(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -43,6 +43,6 @@ impl Chance {
 
     /// A number from 0 up to but not including `end`.
     pub(crate) fn below(&mut self, end: u64) -> u64 {
-        self.word() % end
+        self.next_u64() % end
     }
 }

@@ -57,7 +57,7 @@ const NAMES: &[(u8, &str)] = &[
 pub struct Key(pub u8);
 
 impl Key {
-    /// Reads a name in upper or lower case; `None` for a name of no key.
+    /// The key of a name, in upper or lower case; `None` for an unknown name.
     pub fn from_name(name: &str) -> Option<Self> {
         if name.len() > 16 || !name.is_ascii() {
             return None;
@@ -73,8 +73,9 @@ impl Key {
         let numbered = |prefix: &str, first: u8, numbers: std::ops::RangeInclusive<u8>| {
             let digits = name.strip_prefix(prefix)?;
             let number: u8 = digits.parse().ok()?;
-            let plain = digits.bytes().all(|b| b.is_ascii_digit()) && (digits.len() == 1 || !digits.starts_with('0'));
-            (plain && numbers.contains(&number)).then(|| Self(first + number - numbers.start()))
+            let is_canonical =
+                digits.bytes().all(|b| b.is_ascii_digit()) && (digits.len() == 1 || !digits.starts_with('0'));
+            (is_canonical && numbers.contains(&number)).then(|| Self(first + number - numbers.start()))
         };
         numbered("F", 0x70, 1..=24)
             .or_else(|| numbered("NUM", 0x60, 0..=9))
@@ -155,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_code_has_a_name_that_reads_back() {
+    fn every_name_reads_back() {
         for code in 0..=255 {
             let name = Key(code).to_string();
             assert_eq!(Key::from_name(&name), Some(Key(code)), "{name}");
@@ -197,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_holds_each_key_apart() {
+    fn each_key_has_a_bit_of_its_own() {
         for code in 0..=255 {
             let mut set = KeySet::NONE;
             set.insert(Key(code));

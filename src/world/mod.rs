@@ -1,27 +1,24 @@
-//! The rollout: controls, noise, schedule, KV ring, sampler, autoencoder, state.
+//! Runs worlds.
+//!
+//! A [`World`] is a bundle loaded on a device; a [`Rollout`] is one running instance of it. A [`Planner`] decides what a latent step
+//! does, from an [`OperatingPoint`], controls, clocks and KV rings, without a device; the rollout executes its plans. A [`Governor`]
+//! keeps a rollout and its frames within a budget, and a [`Worker`] runs queued steps on a thread.
 
 mod anchor;
 mod autoencoder;
-mod budget;
-mod contract;
 mod controls;
 mod convert;
-#[cfg(windows)]
-mod device_times;
-#[cfg(test)]
-mod fault_tests;
 #[cfg(test)]
 mod fixture;
 mod governor;
+mod graph_spec;
 mod keys;
-mod kv_memory;
+mod kv_cache;
+mod latent_budget;
 mod noise;
 mod operating_point;
 mod passes;
 mod plan;
-mod plan_state;
-#[cfg(test)]
-mod plan_tests;
 mod preset;
 mod resize;
 mod ring;
@@ -29,21 +26,17 @@ mod rollout;
 mod rope;
 mod schedule;
 mod script;
-mod state;
 mod statistics;
 mod time;
-mod window;
 mod worker;
-#[expect(clippy::module_inception, reason = "a world is what this room is about")]
+#[expect(clippy::module_inception, reason = "the module's main type is the world")]
 mod world;
 
 pub use anchor::KeptAnchor;
 pub use controls::{ControlInput, MAX_MOUSE};
-#[cfg(windows)]
-pub use device_times::DeviceTimes;
 pub use governor::{Budget, Governor, GovernorStatistics};
 pub use keys::{Key, KeySet};
-pub use kv_memory::Part;
+pub use kv_cache::KvPart;
 pub use noise::{NoiseKey, fill_noise};
 pub use operating_point::{
     CacheMode, Counts, GuidanceSource, MAX_INTERVAL, MAX_LATENT_RATE, MAX_PRESENTED_RATE, OperatingPoint, Presentation,
@@ -53,6 +46,8 @@ pub use plan::{CachePass, Planner, RingPlan, StepPlan};
 pub use preset::Preset;
 pub use resize::Bilinear;
 pub use ring::{MAX_BUCKETS, Ring};
+#[cfg(windows)]
+pub use rollout::DeviceTimes;
 pub use rollout::{Probe, Rollout};
 pub use rope::RopeTable;
 pub use schedule::{MAX_POINTS, Schedule, SigmaTable};

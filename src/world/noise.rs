@@ -7,7 +7,7 @@
 
 use std::f64::consts::TAU;
 
-/// Names the noise of one latent.
+/// Selects the noise of one latent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct NoiseKey {
     /// The rollout's seed.
@@ -17,7 +17,7 @@ pub struct NoiseKey {
 }
 
 impl NoiseKey {
-    /// See [`fill_noise`].
+    /// As [`fill_noise`].
     pub fn fill(self, out: &mut [f32]) {
         fill_noise(self.seed, self.latent, out);
     }
@@ -45,13 +45,13 @@ fn origin(seed: u64, latent: u64) -> u64 {
 pub fn fill_noise(seed: u64, latent: u64, out: &mut [f32]) {
     let origin = origin(seed, latent);
     for (pair, elements) in (0u64..).zip(out.chunks_mut(2)) {
-        let draw = |n: u64| mix(origin.wrapping_add(pair.wrapping_mul(2).wrapping_add(n).wrapping_mul(GAMMA)));
-        let normal = box_muller(draw(1), draw(2));
+        let word = |n: u64| mix(origin.wrapping_add(pair.wrapping_mul(2).wrapping_add(n).wrapping_mul(GAMMA)));
+        let normal = box_muller(word(1), word(2));
         elements.copy_from_slice(&normal[..elements.len()]);
     }
 }
 
-/// Two standard normal numbers from two words: the upper 53 bits of each, as (0, 1] and [0, 1).
+/// Two standard normal numbers from two words, whose upper 53 bits become a number in (0, 1] and one in [0, 1).
 fn box_muller(a: u64, b: u64) -> [f32; 2] {
     const STEP: f64 = 1.0 / (1u64 << 53) as f64;
     let radius = libm::sqrt(-2.0 * libm::log(((a >> 11) + 1) as f64 * STEP));
@@ -71,9 +71,9 @@ mod tests {
         out
     }
 
-    /// Computed by a second implementation (Python integers and the C library's functions).
+    /// The values come from a second implementation (Python integers and the C library's functions).
     #[test]
-    fn golden_values_hold_to_the_bit() {
+    fn noise_has_the_golden_bits() {
         let golden: [(u64, u64, [u32; 6]); 5] = [
             (0, 0, [0x3ffa_3c9a, 0xbeb7_c44f, 0x3fa7_ae11, 0xbf6b_6081, 0xbeba_5d1e, 0x3f56_ff09]),
             (0, 1, [0xbfa6_7bc6, 0xbfa6_adfd, 0x3fa0_41f7, 0xbd98_7e22, 0xbf90_23bb, 0x3f6d_923e]),
@@ -88,13 +88,13 @@ mod tests {
 
     /// The checksum of a whole 720p latent: every bit of 65,536 numbers.
     #[test]
-    fn a_whole_latent_holds_to_the_bit() {
+    fn a_whole_latent_has_the_golden_checksum() {
         let sum = noise(7, 42, 32 * 32 * 64).iter().fold(0u64, |sum, x| mix(sum ^ u64::from(x.to_bits())));
         assert_eq!(sum, 2_238_420_718_459_186_604);
     }
 
     #[test]
-    fn mean_and_moments_are_those_of_a_normal_distribution() {
+    fn moments_are_those_of_a_normal_distribution() {
         for (seed, latent) in [(0, 0), (0, 1), (1, 0), (12_345, 678)] {
             let x = noise(seed, latent, 65_536);
             let moment = |power: i32| x.iter().map(|v| f64::from(*v).powi(power)).sum::<f64>() / x.len() as f64;
@@ -103,8 +103,8 @@ mod tests {
             assert!((moment(2) - 1.0).abs() < 0.028, "{}", moment(2));
             assert!(moment(3).abs() < 0.076, "{}", moment(3));
             assert!((moment(4) - 3.0).abs() < 0.192, "{}", moment(4));
-            let beyond = x.iter().filter(|v| v.abs() > 1.959_964).count() as f64 / x.len() as f64;
-            assert!((beyond - 0.05).abs() < 0.0043, "{beyond}");
+            let outside = x.iter().filter(|v| v.abs() > 1.959_964).count() as f64 / x.len() as f64;
+            assert!((outside - 0.05).abs() < 0.0043, "{outside}");
             assert!(x.iter().all(|v| v.is_finite()));
         }
     }
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbouring_seeds_and_latents_have_nothing_in_common() {
+    fn neighbouring_seeds_and_latents_are_uncorrelated() {
         let keys: Vec<(u64, u64)> = (0..6).flat_map(|seed| (0..6).map(move |latent| (seed, latent))).collect();
         let all: Vec<Vec<f32>> = keys.iter().map(|(seed, latent)| noise(*seed, *latent, 16_384)).collect();
         for i in 0..all.len() {
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn no_two_latents_start_alike() {
+    fn latents_have_different_counter_starts() {
         let mut seen = HashSet::new();
         for seed in (0..300).chain([2026, u64::MAX]) {
             for latent in 0..300 {

@@ -1,8 +1,8 @@
 //! The transformer of one rollout: its input buffers and the passes that read them.
 
-use super::contract::Shapes;
 use super::convert::{self, Uploader};
-use super::kv_memory::KvMemory;
+use super::graph_spec::Shapes;
+use super::kv_cache::KvCache;
 use super::plan::{RingPlan, StepPlan};
 use super::rope::RopeTable;
 use super::schedule::MAX_POINTS;
@@ -14,7 +14,7 @@ use crate::runtime::{BindingId, BufferId, ExecutionContext, Region, element_size
 /// The mask value of a hidden key: representable in f16, and far below any attention score.
 const HIDDEN: f32 = -10_000.0;
 
-/// Bytes of a row of the sigma table: sigma and dsigma, each f32.
+/// Bytes of a row of the sigma table: sigma and dsigma, both f32.
 const ROW: usize = 8;
 
 /// Inputs, outputs and bindings of the transformer.
@@ -52,17 +52,17 @@ struct Staging {
 }
 
 impl Passes {
-    pub(super) fn new(context: &mut dyn ExecutionContext, world: &World, kv: &KvMemory) -> Result<Self> {
+    pub(super) fn new(context: &mut dyn ExecutionContext, world: &World, kv: &KvCache) -> Result<Self> {
         let (shapes, precision) = (world.shapes, world.precision());
-        let (f, single) = (element_size(precision), element_size(Precision::F32));
+        let (element, f32_size) = (element_size(precision), element_size(Precision::F32));
         let rope = RopeTable::new(&world.manifest().geometry)?;
         assert_eq!(rope.len(), shapes.rope_len(), "rope angles are [T, head_width / 2]");
-        let mut buffer = |len: usize, element| context.buffer(len * element);
-        let x = [buffer(shapes.latent_len(), f)?, buffer(shapes.latent_len(), f)?];
-        let (sigma, dsigma) = (buffer(1, single)?, buffer(1, single)?);
-        let (rope_cos, rope_sin) = (buffer(rope.len(), single)?, buffer(rope.len(), single)?);
-        let controls = buffer(shapes.controls, single)?;
-        let (local_mask, global_mask) = (buffer(shapes.keys(false), f)?, buffer(shapes.keys(true), f)?);
+        let mut buffer = |len: usize, size| context.buffer(len * size);
+        let x = [buffer(shapes.latent_len(), element)?, buffer(shapes.latent_len(), element)?];
+        let (sigma, dsigma) = (buffer(1, f32_size)?, buffer(1, f32_size)?);
+        let (rope_cos, rope_sin) = (buffer(rope.len(), f32_size)?, buffer(rope.len(), f32_size)?);
+        let controls = buffer(shapes.controls, f32_size)?;
+        let (local_mask, global_mask) = (buffer(shapes.keys(false), element)?, buffer(shapes.keys(true), element)?);
         let table = buffer(MAX_POINTS, ROW)?;
         let mut bind = |x: BufferId, x_next: BufferId| {
             let inputs = [x, sigma, dsigma, rope_cos, rope_sin, controls, local_mask, global_mask];
@@ -98,22 +98,22 @@ impl Passes {
         })
     }
 
-    /// The buffer of the finished latent, and of an appended one.
+    /// The buffer of the finished latent. An appended latent is written to it.
     pub(super) fn latent(&self) -> BufferId {
         self.x[0]
     }
 
-    /// Maximum number of denoise passes, without the extra pass after them.
+    /// Maximum number of denoise passes; the extra pass after them is not counted.
     pub(super) fn max_passes(&self) -> usize {
         MAX_POINTS - 1
     }
 
-    /// Uploads the inputs that all passes of `plan` share, and its sigma table, with `last` as the extra pass's row.
+    /// Uploads the inputs that all passes of `plan` share, and its sigma table. `extra_row` is sigma and dsigma of the extra pass.
     pub(super) fn prepare(
         &mut self,
         context: &mut dyn ExecutionContext,
         plan: &StepPlan,
-        last: [f32; 2],
+        extra_row: [f32; 2],
     ) -> Result<()> {
         let s = &mut self.staging;
         self.rope.fill(plan.rope_time, &mut s.rope_cos, &mut s.rope_sin)?;
@@ -129,7 +129,7 @@ impl Passes {
         }
         s.table.clear();
         s.table.extend(plan.sigmas.iter().zip(&plan.dsigmas).map(|(&sigma, &dsigma)| [sigma, dsigma]));
-        s.table.push(last);
+        s.table.push(extra_row);
         context.upload(self.table, 0, bytemuck::cast_slice(&s.table))
     }
 
@@ -138,15 +138,15 @@ impl Passes {
         let n = plan.sigmas.len();
         if let Some(key) = plan.noise {
             key.fill(&mut self.staging.x);
-            // Chosen so that n passes end in the first buffer.
+            // Starts in the buffer from which n passes end in the first one.
             self.uploader.upload(context, self.x[n % 2], &self.staging.x)?;
         }
         (0..n).try_for_each(|pass| self.run(context, pass, (n - pass) % 2))
     }
 
-    /// Runs the extra pass on the finished latent, at the noise level given to `prepare` as the last. As the cache pass, its slabs
-    /// are used and its `x_next` is not.
-    pub(super) fn extra(&self, context: &mut dyn ExecutionContext, plan: &StepPlan) -> Result<()> {
+    /// Runs the extra pass on the finished latent, at the noise level of `prepare`'s `extra_row`. A cache pass uses its slabs and
+    /// ignores its `x_next`.
+    pub(super) fn extra_pass(&self, context: &mut dyn ExecutionContext, plan: &StepPlan) -> Result<()> {
         self.run(context, plan.sigmas.len(), 0)
     }
 
@@ -169,7 +169,7 @@ impl Passes {
     }
 }
 
-/// Fills one value for each key: slot by slot, then the current latent, which is always visible.
+/// Fills one value for each key, slot by slot, then the keys of the current latent, which is always visible.
 fn fill_mask(mask: &mut [f32], ring: &RingPlan, tokens: usize) {
     assert_eq!(mask.len(), (ring.visible.len() + 1) * tokens, "a mask is [keys]");
     let current = std::iter::once(&true);

@@ -90,7 +90,7 @@ mod tests {
 
     /// The clock table for 15 s: latents, pictures, dropped, presented, presented rate, passes, window.
     #[test]
-    fn fifteen_seconds_take_the_counts_of_the_clock_table() {
+    fn fifteen_seconds_have_the_counts_of_the_clock_table() {
         let table = [
             ("coherence", 226, 226, 0, 451, 30, 10, 384),
             ("baseline-128", 226, 452, 1, 451, 30, 9, 128),

@@ -3,7 +3,7 @@
 
 use crate::Picture;
 
-/// The source position of one output row or column: between `low` and `high`, at fraction `t`.
+/// The source position of one output row or column: at fraction `t` between rows or columns `low` and `high`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Tap {
     low: usize,
@@ -40,7 +40,7 @@ impl Bilinear {
                 let corners = [top[column.low], top[column.high], bottom[column.low], bottom[column.high]];
                 for channel in 0..3 {
                     let corners = corners.map(|pixel| f32::from(pixel[channel]) / 255.0);
-                    planes[channel * area + y * self.columns.len() + x] = mix(corners, column.t, row.t);
+                    planes[channel * area + y * self.columns.len() + x] = interpolate(corners, column.t, row.t);
                 }
             }
         }
@@ -61,7 +61,7 @@ impl Bilinear {
                 let (top, bottom) = (&plane[row.low * width..][..width], &plane[row.high * width..][..width]);
                 for (pixel, column) in line.iter_mut().zip(&self.columns) {
                     let corners = [top[column.low], top[column.high], bottom[column.low], bottom[column.high]];
-                    let value = mix(corners.map(|c| c.clamp(0.0, 1.0)), column.t, row.t);
+                    let value = interpolate(corners.map(|c| c.clamp(0.0, 1.0)), column.t, row.t);
                     pixel[channel] = (value * 255.0 + 0.5) as u8;
                 }
             }
@@ -70,8 +70,8 @@ impl Bilinear {
     }
 }
 
-/// Interpolates top left, top right, bottom left, bottom right.
-fn mix([a, b, c, d]: [f32; 4], x: f32, y: f32) -> f32 {
+/// Interpolates between the values top left, top right, bottom left and bottom right.
+fn interpolate([a, b, c, d]: [f32; 4], x: f32, y: f32) -> f32 {
     let top = a + (b - a) * x;
     let bottom = c + (d - c) * x;
     top + (bottom - top) * y
@@ -82,9 +82,9 @@ fn taps(from: u32, to: u32) -> Vec<Tap> {
     let last = from as usize - 1;
     (0..to)
         .map(|i| {
-            let at = ((f64::from(i) + 0.5) * scale - 0.5).max(0.0);
-            let low = (at as usize).min(last);
-            Tap { low, high: (low + 1).min(last), t: (at - low as f64) as f32 }
+            let position = ((f64::from(i) + 0.5) * scale - 0.5).max(0.0);
+            let low = (position as usize).min(last);
+            Tap { low, high: (low + 1).min(last), t: (position - low as f64) as f32 }
         })
         .collect()
 }
@@ -93,18 +93,18 @@ fn taps(from: u32, to: u32) -> Vec<Tap> {
 mod tests {
     use super::*;
 
-    fn picture(width: u32, height: u32, of: impl Fn(u32, u32) -> [u8; 4]) -> Picture {
+    fn picture(width: u32, height: u32, pixel: impl Fn(u32, u32) -> [u8; 4]) -> Picture {
         let mut p = Picture::new(width, height).unwrap();
         for y in 0..height {
             for x in 0..width {
-                p.pixels_mut()[(y * width + x) as usize] = of(x, y);
+                p.pixels_mut()[(y * width + x) as usize] = pixel(x, y);
             }
         }
         p
     }
 
     #[test]
-    fn the_same_size_is_the_same_picture() {
+    fn resampling_to_the_same_size_changes_nothing() {
         let p = picture(7, 5, |x, y| [(x * 30) as u8, (y * 50) as u8, (x * y) as u8, 255]);
         let same = Bilinear::new((7, 5), (7, 5));
         let mut planes = vec![0.0; 3 * 35];
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn doubling_samples_a_quarter_from_each_centre_and_repeats_edges() {
+    fn doubling_samples_a_quarter_pixel_from_centres_and_clamps_edges() {
         let p = picture(2, 1, |x, _| [(x * 200) as u8; 4]);
         let mut planes = vec![0.0; 3 * 4];
         Bilinear::new((2, 1), (4, 1)).to_planes(&p, &mut planes);
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn halving_averages_the_middle_of_two() {
+    fn halving_averages_pairs_of_pixels() {
         let p = picture(4, 2, |x, y| [(x * 40 + y * 100) as u8; 4]);
         let mut planes = vec![0.0; 3 * 2];
         Bilinear::new((4, 2), (2, 1)).to_planes(&p, &mut planes);
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_beyond_the_range_are_clamped_before_they_are_mixed() {
+    fn values_are_clamped_before_interpolation() {
         let planes: Vec<f32> = [-4.0, 4.0].repeat(3);
         let mut p = Picture::new(4, 1).unwrap();
         Bilinear::new((2, 1), (4, 1)).to_picture(&planes, &mut p);

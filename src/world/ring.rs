@@ -1,4 +1,4 @@
-//! The KV ring of one kind of layer: which slot a latent goes to, and which slots a pass may see.
+//! The KV ring of one kind of layer: the slot that a latent is written to, and the slots that are visible to a pass.
 //!
 //! The rules are Waypoint-1.5's. With ring clock t, dilation d and B buckets:
 //!
@@ -6,10 +6,10 @@
 //! bucket(t)     = ceil(t / d)
 //! slot(t)       = bucket(t) mod B
 //! write_step(t) = t mod d == 0
-//! visible(t)    = written, less slot(t) on a write step: the slot that will be overwritten is hidden already
+//! visible(t)    = the written slots, without slot(t) on a write step, because that slot is about to be overwritten
 //! ```
 //!
-//! The latent being made is always visible to itself and is not part of the ring.
+//! The latent that a step makes is always visible to itself and is not part of the ring.
 
 use crate::{Error, ErrorKind, Result};
 
@@ -61,24 +61,24 @@ impl Ring {
         (t.div_ceil(u64::from(self.dilation)) % self.written.len() as u64) as usize
     }
 
-    /// Whether a commit at ring clock `t` is kept.
-    pub fn write_step(&self, t: u64) -> bool {
+    /// Whether a commit at ring clock `t` writes a slot.
+    pub fn is_write_step(&self, t: u64) -> bool {
         t.is_multiple_of(u64::from(self.dilation))
     }
 
-    /// Whether every pass at ring clock `t`, frozen or not, sees slot `slot`.
-    pub fn sees(&self, t: u64, slot: usize) -> bool {
-        self.written.get(slot).is_some_and(|written| *written) && !(self.write_step(t) && slot == self.slot(t))
+    /// Whether slot `slot` is visible to all passes at ring clock `t`, frozen or not.
+    pub fn is_visible(&self, t: u64, slot: usize) -> bool {
+        self.written.get(slot).is_some_and(|written| *written) && !(self.is_write_step(t) && slot == self.slot(t))
     }
 
-    /// Which slots every pass at ring clock `t` sees.
+    /// For each slot, whether it is visible to all passes at ring clock `t`.
     pub fn visible(&self, t: u64) -> Vec<bool> {
-        (0..self.buckets()).map(|slot| self.sees(t, slot)).collect()
+        (0..self.buckets()).map(|slot| self.is_visible(t, slot)).collect()
     }
 
     /// Commits at ring clock `t`; returns the written slot if `t` is a write step.
     pub fn commit(&mut self, t: u64) -> Option<usize> {
-        let slot = self.write_step(t).then(|| self.slot(t))?;
+        let slot = self.is_write_step(t).then(|| self.slot(t))?;
         self.written[slot] = true;
         Some(slot)
     }
@@ -88,8 +88,8 @@ impl Ring {
         self.written.fill(false);
     }
 
-    /// Marks `slot` as written. An executed plan sets the flags by its own slots, whoever made it.
-    pub(crate) fn mark(&mut self, slot: usize) -> Result<()> {
+    /// Marks `slot` as written. The slot comes from the plan that was executed, which need not be the planner's own.
+    pub(crate) fn mark_written(&mut self, slot: usize) -> Result<()> {
         let buckets = self.buckets();
         match self.written.get_mut(slot) {
             Some(written) => {
@@ -108,24 +108,41 @@ impl Ring {
     pub(crate) fn set_written(&mut self, flags: &[bool]) {
         self.written.copy_from_slice(flags);
     }
+
+    /// Takes over the flags of `other`, a ring of another size after `commits` commits, for the newest latents that fit. Returns pairs
+    /// of slots, in `other` and in this ring, whose contents must be copied.
+    pub(super) fn take_over(&mut self, other: &Ring, commits: u64) -> Vec<(usize, usize)> {
+        self.clear();
+        let Some(last) = commits.checked_sub(1).map(|last| last / u64::from(self.dilation())) else {
+            return Vec::new();
+        };
+        let (from, to) = (other.buckets() as u64, self.buckets() as u64);
+        let first = (last + 1).saturating_sub(from.min(to));
+        let kept = (first..=last).map(|bucket| ((bucket % from) as usize, (bucket % to) as usize));
+        let moved: Vec<_> = kept.filter(|(slot, _)| other.written()[*slot]).collect();
+        let mut written = vec![false; self.buckets()];
+        moved.iter().for_each(|(_, slot)| written[*slot] = true);
+        self.set_written(&written);
+        moved
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Reference: a list of the kept frames, oldest first, instead of slots.
-    struct Frames {
+    /// A second implementation: a list of the kept latents, oldest first, instead of slots.
+    struct LatentList {
         buckets: usize,
         dilation: u64,
         kept: Vec<u64>,
     }
 
-    impl Frames {
-        /// The frames a pass at `t` may see: the newest, one fewer on a step that will evict.
+    impl LatentList {
+        /// The latents visible at `t`: the newest, one fewer on a write step.
         fn visible(&self, t: u64) -> Vec<u64> {
-            let many = if t.is_multiple_of(self.dilation) { self.buckets - 1 } else { self.buckets };
-            self.kept[self.kept.len().saturating_sub(many)..].to_vec()
+            let count = if t.is_multiple_of(self.dilation) { self.buckets - 1 } else { self.buckets };
+            self.kept[self.kept.len().saturating_sub(count)..].to_vec()
         }
 
         fn commit(&mut self, t: u64) {
@@ -136,38 +153,39 @@ mod tests {
     }
 
     #[test]
-    fn slots_hold_the_frames_of_the_list_over_many_wraps() {
+    fn slots_hold_the_latents_of_the_list_over_many_wraps() {
         for (buckets, dilation) in [(16, 1), (16, 8), (4, 1), (4, 4), (14, 8), (48, 8), (64, 8), (1, 1), (1, 3), (5, 7)]
         {
             let mut ring = Ring::new(buckets, dilation).unwrap();
-            let mut frames = Frames { buckets: buckets as usize, dilation: dilation.into(), kept: Vec::new() };
+            let mut latents = LatentList { buckets: buckets as usize, dilation: dilation.into(), kept: Vec::new() };
             let mut slots = vec![None; buckets as usize];
             for t in 0..u64::from(buckets * dilation) * 6 + 3 {
-                let seen = ring.visible(t);
-                let mut ours: Vec<u64> = (0..seen.len()).filter(|s| seen[*s]).map(|s| slots[s].unwrap()).collect();
-                ours.sort_unstable();
-                assert_eq!(ours, frames.visible(t), "{buckets} buckets, dilation {dilation}, t {t}");
+                let visible = ring.visible(t);
+                let mut found: Vec<u64> =
+                    (0..visible.len()).filter(|s| visible[*s]).map(|s| slots[s].unwrap()).collect();
+                found.sort_unstable();
+                assert_eq!(found, latents.visible(t), "{buckets} buckets, dilation {dilation}, t {t}");
                 let before = ring.clone();
                 let written = ring.commit(t);
-                assert_eq!(written.is_some(), ring.write_step(t));
+                assert_eq!(written.is_some(), ring.is_write_step(t));
                 match written {
                     Some(slot) => {
-                        assert!(!seen[slot], "a slot about to be overwritten was visible");
+                        assert!(!visible[slot], "a slot about to be overwritten was visible");
                         slots[slot] = Some(t);
                     }
                     None => assert_eq!(ring, before),
                 }
-                frames.commit(t);
+                latents.commit(t);
             }
         }
     }
 
     /// Waypoint-1.5's parameters: 16 local slots, 16 global ones with dilation 8.
     #[test]
-    fn warm_rings_see_fifteen_or_sixteen_latents() {
+    fn full_rings_show_fifteen_or_sixteen_latents() {
         let (mut local, mut global) = (Ring::new(16, 1).unwrap(), Ring::new(16, 8).unwrap());
         for t in 0..1000 {
-            let count = |ring: &Ring| ring.visible(t).iter().filter(|seen| **seen).count() as u64;
+            let count = |ring: &Ring| ring.visible(t).iter().filter(|visible| **visible).count() as u64;
             assert_eq!(count(&local), t.min(15));
             let kept = t.div_ceil(8);
             assert_eq!(count(&global), if t % 8 == 0 { kept.min(15) } else { kept.min(16) });
@@ -192,10 +210,48 @@ mod tests {
             assert_eq!(Ring::new(buckets, dilation).unwrap_err().kind(), ErrorKind::InvalidArgument);
         }
         let mut ring = Ring::new(4, 1).unwrap();
-        assert!(ring.mark(4).is_err() && !ring.sees(1, 4));
-        ring.mark(3).unwrap();
+        assert!(ring.mark_written(4).is_err() && !ring.is_visible(1, 4));
+        ring.mark_written(3).unwrap();
         assert_eq!(ring.written(), [false, false, false, true]);
         ring.clear();
         assert_eq!(ring, Ring::new(4, 1).unwrap());
+    }
+
+    /// A ring after `commits` commits, and the ring clock stored in each slot.
+    fn filled(buckets: u32, dilation: u32, commits: u64) -> (Ring, Vec<Option<u64>>) {
+        let mut ring = Ring::new(buckets, dilation).expect("a ring");
+        let mut held = vec![None; buckets as usize];
+        for t in 0..commits {
+            if let Some(slot) = ring.commit(t) {
+                held[slot] = Some(t);
+            }
+        }
+        (ring, held)
+    }
+
+    #[test]
+    fn a_ring_that_takes_over_equals_one_that_had_its_size_from_the_start() {
+        for (from, to, dilation) in [(6, 3, 1), (6, 3, 4), (3, 6, 4), (5, 4, 3), (4, 4, 2), (8, 1, 8), (1, 8, 8)] {
+            for commits in 0..120 {
+                let (ring, held) = filled(from, dilation, commits);
+                let (expected, expected_held) = filled(to, dilation, commits);
+                let mut moved = Ring::new(to, dilation).expect("a ring");
+                let slots = moved.take_over(&ring, commits);
+                let mut found = vec![None; to as usize];
+                slots.iter().for_each(|(source, destination)| found[*destination] = held[*source]);
+                let newest: Vec<_> = expected_held.iter().filter(|t| held.contains(t)).collect();
+                let name = format!("{from} to {to} slots, {commits} commits of {dilation}");
+                // A longer ring lacks only the latents that the shorter one had forgotten.
+                let expected_found = expected_held.iter().map(|t| t.filter(|t| held.contains(&Some(*t))));
+                assert_eq!(found, expected_found.collect::<Vec<_>>(), "{name}: {newest:?}");
+                for (slot, t) in found.iter().enumerate() {
+                    assert_eq!(moved.written()[slot], t.is_some(), "{name}");
+                    assert!(
+                        t.is_none() || expected.is_visible(commits, slot) == moved.is_visible(commits, slot),
+                        "{name}"
+                    );
+                }
+            }
+        }
     }
 }

@@ -14,11 +14,11 @@ use crate::{Error, ErrorKind, Result};
 #[derive(Debug, Clone)]
 pub struct RopeTable {
     tokens: usize,
-    /// P, the rotation pairs of a head.
+    /// P, the number of rotation pairs of a head.
     pairs: usize,
-    /// `[tokens, P / 2]`: the part for the column, then the part for the row.
-    place_cos: Vec<f32>,
-    place_sin: Vec<f32>,
+    /// Of each token's position, `[tokens, P / 2]`: half of a row for the token's column, half for its row.
+    position_cos: Vec<f32>,
+    position_sin: Vec<f32>,
     /// Time frequencies, `[P / 2]`.
     f_t: Vec<f64>,
 }
@@ -50,34 +50,34 @@ impl RopeTable {
         }
 
         let (tokens, pairs) = (geometry.tokens as usize, geometry.head_width as usize / 2);
-        let rounded = |f: f64| match rope.rounding {
+        let round = |f: f64| match rope.rounding {
             Rounding::None => f,
             Rounding::Bf16 => f64::from(bf16::from_f32(f as f32)),
         };
         let mut f_xy = spatial_frequencies(pairs / 4, f64::from(rows.min(columns)) * rope.nyquist_fraction);
-        f_xy.iter_mut().for_each(|f| *f = rounded(*f));
+        f_xy.iter_mut().for_each(|f| *f = round(*f));
         assert_eq!(f_xy.len(), pairs / 4);
         let f_t: Vec<f64> = (0..pairs / 2)
-            .map(|j| rounded(libm::pow(rope.time_base, -((2 * (j / 2)) as f64 / (pairs / 2) as f64))))
+            .map(|j| round(libm::pow(rope.time_base, -((2 * (j / 2)) as f64 / (pairs / 2) as f64))))
             .collect();
 
         let too_large =
             |_| Error::new(ErrorKind::OutOfMemory, "the table of RoPE angles does not fit").field("geometry.tokens");
         let len = tokens.saturating_mul(pairs / 2);
-        let (mut place_cos, mut place_sin) = (Vec::new(), Vec::new());
-        place_cos.try_reserve_exact(len).map_err(too_large)?;
-        place_sin.try_reserve_exact(len).map_err(too_large)?;
+        let (mut position_cos, mut position_sin) = (Vec::new(), Vec::new());
+        position_cos.try_reserve_exact(len).map_err(too_large)?;
+        position_sin.try_reserve_exact(len).map_err(too_large)?;
         let centre = |index: u32, count: u32| (2.0 * f64::from(index) + 1.0) / f64::from(count) - 1.0;
         for row in 0..rows {
             for column in 0..columns {
-                for place in [centre(column, columns), centre(row, rows)] {
-                    place_cos.extend(f_xy.iter().map(|f| libm::cos(place * f) as f32));
-                    place_sin.extend(f_xy.iter().map(|f| libm::sin(place * f) as f32));
+                for position in [centre(column, columns), centre(row, rows)] {
+                    position_cos.extend(f_xy.iter().map(|f| libm::cos(position * f) as f32));
+                    position_sin.extend(f_xy.iter().map(|f| libm::sin(position * f) as f32));
                 }
             }
         }
-        assert_eq!(place_cos.len(), len);
-        Ok(Self { tokens, pairs, place_cos, place_sin, f_t })
+        assert_eq!(position_cos.len(), len);
+        Ok(Self { tokens, pairs, position_cos, position_sin, f_t })
     }
 
     /// Number of values in each of the two outputs of [`RopeTable::fill`]: `tokens * head_width / 2`.
@@ -103,18 +103,19 @@ impl RopeTable {
             .field("rope"));
         }
         let half = self.pairs / 2;
-        for (out, place, function) in
-            [(cos, &self.place_cos, libm::cos as fn(f64) -> f64), (sin, &self.place_sin, libm::sin as fn(f64) -> f64)]
-        {
+        for (out, spatial, function) in [
+            (cos, &self.position_cos, libm::cos as fn(f64) -> f64),
+            (sin, &self.position_sin, libm::sin as fn(f64) -> f64),
+        ] {
             let (first, others) = out.split_at_mut(self.pairs);
             for (o, f) in first[half..].iter_mut().zip(&self.f_t) {
                 *o = function(time as f64 * f) as f32;
             }
             for (token, row) in others.chunks_exact_mut(self.pairs).enumerate() {
-                row[..half].copy_from_slice(&place[(token + 1) * half..][..half]);
+                row[..half].copy_from_slice(&spatial[(token + 1) * half..][..half]);
                 row[half..].copy_from_slice(&first[half..]);
             }
-            first[..half].copy_from_slice(&place[..half]);
+            first[..half].copy_from_slice(&spatial[..half]);
         }
         Ok(())
     }
@@ -150,7 +151,7 @@ mod tests {
 
     /// The formulas of docs/bundle.md, computed token by token without a table.
     #[test]
-    fn the_table_is_the_formula() {
+    fn the_table_follows_the_formula() {
         for (rows, columns, head_width) in [(16, 32, 64), (2, 4, 16), (8, 16, 24), (3, 5, 8), (1, 1, 40)] {
             for time in [0, 1, 17, 4096, 1_000_003] {
                 let (cos, sin) = angles(&geometry(rows, columns, head_width), time);
@@ -181,7 +182,7 @@ mod tests {
 
     /// Rows computed by numpy: for 720p geometry at a large time, and for the smallest head.
     #[test]
-    fn golden_rows_hold() {
+    fn rows_have_numpys_values() {
         let (cos, sin) = angles(&geometry(16, 32, 64), 1_000_003);
         let (row_cos, row_sin) = (&cos[77 * 32..78 * 32], &sin[77 * 32..78 * 32]);
         let golden_cos = [
@@ -236,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn time_is_unbounded_and_turns_only_its_own_pairs() {
+    fn time_is_unbounded_and_rotates_only_its_own_pairs() {
         let geometry = geometry(2, 4, 16);
         let (early, _) = angles(&geometry, 0);
         let (late, late_sin) = angles(&geometry, u64::MAX);
@@ -250,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn bfloat16_frequencies_are_those_that_the_released_engine_serves() {
+    fn bfloat16_frequencies_are_those_of_the_released_engine() {
         let mut geometry = geometry(2, 4, 16);
         geometry.rope.rounding = Rounding::Bf16;
         let table = RopeTable::new(&geometry).unwrap();
@@ -262,9 +263,9 @@ mod tests {
     }
 
     #[test]
-    fn contradictions_and_wrong_lengths_are_refused() {
+    fn invalid_geometries_and_lengths_are_refused() {
         let good = geometry(2, 4, 16);
-        let spoilt: [fn(&mut Geometry); 7] = [
+        let invalid: [fn(&mut Geometry); 7] = [
             |g| g.tokens = 7,
             |g| g.tokens = 0,
             |g| g.head_width = 12,
@@ -273,9 +274,9 @@ mod tests {
             |g| g.rope.time_base = 0.0,
             |g| g.rope.nyquist_fraction = f64::NAN,
         ];
-        for spoil in spoilt {
+        for alter in invalid {
             let mut bad = good.clone();
-            spoil(&mut bad);
+            alter(&mut bad);
             assert_eq!(RopeTable::new(&bad).unwrap_err().kind(), ErrorKind::InvalidBundle);
         }
         let table = RopeTable::new(&good).unwrap();

@@ -83,6 +83,23 @@ impl Schedule {
     }
 }
 
+/// Maximum number of schedules that a budget may choose from.
+const MAX_ALTERNATIVES: usize = 8;
+
+/// The number of passes of each of `schedules`, which must descend. `field` names the schedules in errors.
+pub(super) fn pass_counts(schedules: &[Schedule], sampler: &Sampler, field: &str) -> Result<Vec<u32>> {
+    let refuse = |why: String| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+    if schedules.len() > MAX_ALTERNATIVES {
+        return refuse(format!("{} are more than {MAX_ALTERNATIVES}", schedules.len()));
+    }
+    let passes = |schedule: &Schedule| Ok(schedule.table(sampler)?.passes() as u32);
+    let passes = schedules.iter().map(passes).collect::<Result<Vec<_>>>()?;
+    if !passes.windows(2).all(|pair| pair[0] > pair[1]) {
+        return refuse(format!("{passes:?} passes: each must have fewer than the one before"));
+    }
+    Ok(passes)
+}
+
 fn check_points(points: &[f64], field: &str) -> Result<()> {
     let wrong = |cause: String| {
         Error::new(ErrorKind::InvalidArgument, cause)
@@ -107,23 +124,23 @@ fn check_points(points: &[f64], field: &str) -> Result<()> {
     }
 }
 
-/// Decimals of a point that are kept exactly; more are an error.
+/// Decimals of a stock point that are represented exactly. A point with more is an error.
 const DECIMALS: u32 = 17;
-/// Points are fixed-point numbers with this many units in 1. A stock point is a decimal, and no chain of splits is longer than 63
-/// halvings, so all points are exact.
+/// Refinement computes in fixed-point numbers with this many units in 1. A stock point is a decimal, and no point is the result of
+/// more than 63 halvings, so all points are exact.
 const UNIT: u128 = 10u128.pow(DECIMALS) << 63;
 
 fn refine(stock: &[f64], passes: u32) -> Result<Vec<f64>> {
-    let (least, most) = ((stock.len() - 1).max(4), MAX_POINTS - 1);
+    let (min, max) = ((stock.len() - 1).max(4), MAX_POINTS - 1);
     let wanted = passes as usize;
-    if wanted < least || wanted > most {
+    if wanted < min || wanted > max {
         return Err(Error::new(ErrorKind::InvalidArgument, format!("refined:{passes} is out of range"))
             .field("schedule")
-            .remedy(format!("Use refined:{least} to refined:{most}")));
+            .remedy(format!("Use refined:{min} to refined:{max}")));
     }
     let mut points = Vec::with_capacity(wanted + 1);
     for &point in stock {
-        points.push(exact(point.abs())?);
+        points.push(to_fixed_point(point.abs())?);
     }
     while points.len() <= wanted {
         let mut widest = 0;
@@ -132,15 +149,15 @@ fn refine(stock: &[f64], passes: u32) -> Result<Vec<f64>> {
                 widest = i;
             }
         }
-        // Exact: both ends are even until 63 halvings in a row.
+        // Exact: a sum of two points is odd only after 63 halvings in a row.
         let middle = (points[widest] + points[widest + 1]) / 2;
         points.insert(widest + 1, middle);
     }
-    Ok(points.into_iter().map(nearest).collect())
+    Ok(points.into_iter().map(nearest_f64).collect())
 }
 
 /// A point in units of 1 / [`UNIT`], read from the shortest decimal that parses to `point`.
-fn exact(point: f64) -> Result<u128> {
+fn to_fixed_point(point: f64) -> Result<u128> {
     let text = point.to_string();
     let (whole, decimals) = text.split_once('.').unwrap_or((&text, ""));
     let numerator = (decimals.len() <= DECIMALS as usize)
@@ -154,28 +171,28 @@ fn exact(point: f64) -> Result<u128> {
     })
 }
 
-/// The f64 nearest to `parts / UNIT`, ties to even; `parts` is at most [`UNIT`]. Long division, bit by bit.
-fn nearest(parts: u128) -> f64 {
-    if parts == 0 {
+/// The f64 nearest to `units / UNIT`, ties to even; `units` is at most [`UNIT`]. Long division, bit by bit.
+fn nearest_f64(units: u128) -> f64 {
+    if units == 0 {
         return 0.0;
     }
-    let (mut rest, mut exponent) = (parts, 0);
-    while rest < UNIT {
-        rest *= 2;
+    let (mut remainder, mut exponent) = (units, 0);
+    while remainder < UNIT {
+        remainder *= 2;
         exponent -= 1;
     }
-    rest -= UNIT;
+    remainder -= UNIT;
     let mut mantissa = 1u64;
     for _ in 0..52 {
-        rest *= 2;
+        remainder *= 2;
         mantissa *= 2;
-        if rest >= UNIT {
-            rest -= UNIT;
+        if remainder >= UNIT {
+            remainder -= UNIT;
             mantissa += 1;
         }
     }
-    rest *= 2;
-    if rest > UNIT || (rest == UNIT && mantissa % 2 == 1) {
+    remainder *= 2;
+    if remainder > UNIT || (remainder == UNIT && mantissa % 2 == 1) {
         mantissa += 1;
     }
     mantissa as f64 * 2f64.powi(exponent - 52)
@@ -233,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn refined_lists_are_the_ones_decided() {
+    fn refined_schedules_have_the_documented_points() {
         assert_eq!(refined(4), [1.0, 0.9, 0.75, 0.3, 0.0]);
         assert_eq!(refined(9), [1.0, 0.9, 0.825, 0.75, 0.6375, 0.525, 0.4125, 0.3, 0.15, 0.0]);
         assert_eq!(refined(10), [1.0, 0.9, 0.825, 0.75, 0.6375, 0.525, 0.4125, 0.3, 0.225, 0.15, 0.0]);
@@ -251,7 +268,7 @@ mod tests {
 
     /// Compares with a second implementation that keeps fractions as numerators over 2^20 * 1000.
     #[test]
-    fn every_refinement_keeps_the_stock_points_and_descends() {
+    fn every_refinement_matches_a_second_implementation() {
         let mut fractions: Vec<u64> = [1000u64, 900, 750, 300, 0].map(|p| p << 20).to_vec();
         for passes in 4..=63 {
             let ours = refined(passes);
@@ -284,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn rounding_that_merges_points_is_refused() {
+    fn points_that_are_equal_after_rounding_are_refused() {
         let close = Schedule::Explicit(vec![1.0, 0.9, 0.8999, 0.0]);
         assert!(close.table(&waypoint(Rounding::None)).is_ok());
         let error = close.table(&waypoint(Rounding::Bf16)).unwrap_err();
@@ -301,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_lists_are_refused() {
+    fn invalid_lists_are_refused() {
         let nan = f64::NAN;
         for bad in [
             vec![],
@@ -329,12 +346,12 @@ mod tests {
     }
 
     #[test]
-    fn nearest_rounds_as_the_decimal_parser_does() {
+    fn conversion_to_f64_rounds_as_the_decimal_parser_does() {
         for text in ["0.1", "0.3", "0.6375", "0.86113630000000001", "0.00000000000000001", "1", "0.99999999999999999"] {
             let value: f64 = text.parse().unwrap();
             let (whole, decimals) = text.split_once('.').unwrap_or((text, ""));
-            let parts = format!("{whole}{decimals:0<17}").parse::<u128>().unwrap() << 63;
-            assert_eq!(nearest(parts), value, "{text}");
+            let units = format!("{whole}{decimals:0<17}").parse::<u128>().unwrap() << 63;
+            assert_eq!(nearest_f64(units), value, "{text}");
         }
     }
 

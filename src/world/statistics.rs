@@ -1,10 +1,10 @@
-//! Counts and wall times of a rollout's work.
+//! Counts, bytes and wall times of a rollout's work.
 
 use std::time::{Duration, Instant};
 
 use crate::runtime::Bytes;
 
-/// Number of runs of a stage and their total time.
+/// Number of runs of one stage of the work, and their total time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Stage {
     /// Runs: passes of a graph, commits, or pictures resized.
@@ -58,27 +58,27 @@ impl Stages {
 /// Statistics of a rollout since it was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Statistics {
-    /// Latents made, appended ones included.
+    /// Latents, generated and appended.
     pub latents: u64,
     /// Wall times by stage.
     pub stages: Stages,
     /// Bytes moved outside of graphs.
     pub bytes: Bytes,
-    /// The part of `bytes.copied` that went into the ring: the slabs of committed latents, and nothing else.
+    /// The part of `bytes.copied` that was copied into the rings: the slabs of committed latents.
     pub ring_bytes: u64,
 }
 
 /// Statistics of one latent step.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct StepInfo {
-    /// The number of the latent that was made; the first is 0.
+    /// The number of the new latent; the first is 0.
     pub latent: u64,
-    /// Whether K and V of this latent went into the rings. (A global layer takes every dilation-th commit only.)
+    /// Whether K and V of this latent were committed. A global layer stores only every dilation-th commit.
     pub committed: bool,
     /// Wall times of this step.
     pub stages: Stages,
-    /// Bytes moved outside of graphs by this step.
+    /// Bytes that this step moved outside of graphs.
     pub bytes: Bytes,
-    /// The part of `bytes.copied` that went into the ring.
+    /// The part of `bytes.copied` that was copied into the rings.
     pub ring_bytes: u64,
 }

@@ -51,33 +51,33 @@ impl WorldTime {
         self.ticks as f64 / f64::from(self.per_second)
     }
 
-    /// The first whole microsecond not before this time; `u64::MAX` if out of range.
+    /// This time in microseconds, rounded up; `u64::MAX` if out of range.
     pub fn ceil_micros(self) -> u64 {
         let micros = (u128::from(self.ticks) * u128::from(MICROS)).div_ceil(u128::from(self.per_second));
         u64::try_from(micros).unwrap_or(u64::MAX)
     }
 
-    /// The last whole microsecond not after this time; `u64::MAX` if out of range.
+    /// This time in microseconds, rounded down; `u64::MAX` if out of range.
     pub fn floor_micros(self) -> u64 {
         let micros = u128::from(self.ticks) * u128::from(MICROS) / u128::from(self.per_second);
         u64::try_from(micros).unwrap_or(u64::MAX)
     }
 
-    /// Number of whole steps of `1 / rate` seconds in this duration; saturates.
+    /// Number of steps of `1 / rate` seconds in this duration, rounded down; saturates.
     pub fn whole_steps(self, rate: u32) -> u64 {
         let steps = u128::from(self.ticks) * u128::from(rate) / u128::from(self.per_second);
         u64::try_from(steps).unwrap_or(u64::MAX)
     }
 
-    /// Number of steps of `1 / rate` seconds that cover this duration; saturates.
+    /// Number of steps of `1 / rate` seconds in this duration, rounded up; saturates.
     pub fn covering_steps(self, rate: u32) -> u64 {
         let steps = (u128::from(self.ticks) * u128::from(rate)).div_ceil(u128::from(self.per_second));
         u64::try_from(steps).unwrap_or(u64::MAX)
     }
 
-    /// Converts `start`, `end` and any number of microseconds to integers of one unit, so that they can be compared, subtracted and
-    /// divided exactly. The unit is one second over 10^6 times both denominators.
-    pub(crate) fn on_one_scale(start: Self, end: Self) -> (u128, u128, impl Fn(u64) -> u128) {
+    /// Converts `start`, `end` and, by the returned function, microseconds to integers of one unit, so that they can be compared,
+    /// subtracted and divided exactly. The unit is a second divided by 10^6 and by both denominators.
+    pub(crate) fn to_common_unit(start: Self, end: Self) -> (u128, u128, impl Fn(u64) -> u128) {
         let (a, b) = (u128::from(start.per_second), u128::from(end.per_second));
         let micros = u128::from(MICROS);
         (
@@ -88,7 +88,7 @@ impl WorldTime {
     }
 }
 
-/// Parses decimal seconds to microseconds; the error is a cause without field or remedy.
+/// Parses decimal seconds to microseconds. The error is the cause alone, without field or remedy.
 pub(crate) fn parse_micros(text: &str) -> std::result::Result<u64, String> {
     let bad = || format!("{:?} is no time in seconds", clip(text));
     let (whole, decimals) = text.split_once('.').unwrap_or((text, "0"));
@@ -117,7 +117,7 @@ pub(crate) fn format_micros(micros: u64) -> String {
     format!("{whole}.{part:06}").trim_end_matches('0').to_owned()
 }
 
-/// The beginning of untrusted text, short enough for a message.
+/// The first 40 characters of untrusted text, for a message.
 pub(crate) fn clip(text: &str) -> &str {
     match text.char_indices().nth(40) {
         Some((end, _)) => &text[..end],
@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_moments_compare_equal_however_made() {
+    fn equal_times_compare_equal_however_made() {
         assert_eq!(WorldTime::new(2, 30), WorldTime::new(1, 15));
         assert_eq!(WorldTime::from_micros(1_500_000), WorldTime::new(3, 2));
         assert!(WorldTime::new(1, 15) > WorldTime::from_micros(66_666));
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_microsecond_of_a_step_lies_in_it() {
+    fn the_first_microsecond_of_a_step_is_in_it() {
         for q in 0..1000 {
             let micros = WorldTime::from_micros(WorldTime::new(q, 15).ceil_micros());
             assert!(micros >= WorldTime::new(q, 15) && micros < WorldTime::new(q + 1, 15));

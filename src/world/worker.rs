@@ -8,12 +8,17 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex, MutexGuard};
 
+use super::anchor::KeptAnchor;
+use super::controls::ControlInput;
+use super::governor::{Budget, Governor, GovernorStatistics};
 #[cfg(windows)]
-use super::DeviceTimes;
-use super::{Budget, ControlInput, Governor, GovernorStatistics, KeptAnchor, Rollout, Statistics, StepInfo, World};
+use super::rollout::DeviceTimes;
+use super::rollout::Rollout;
+use super::statistics::{Statistics, StepInfo};
+use super::world::World;
 use crate::error::catch_panic;
 #[cfg(windows)]
-use crate::runtime::Captured;
+use crate::runtime::CaptureStatistics;
 use crate::tasks::calling_thread;
 use crate::{Error, ErrorKind, Picture, Result};
 
@@ -24,25 +29,25 @@ use crate::{Error, ErrorKind, Picture, Result};
 /// waiting.
 pub struct Worker {
     shared: Arc<Shared>,
-    /// Started by the first submit.
-    worker: Mutex<Option<JoinHandle<()>>>,
+    /// The worker thread, which the first submit starts.
+    thread: Mutex<Option<JoinHandle<()>>>,
     capacity: usize,
 }
 
 /// State shared by the callers' threads and the worker thread.
 struct Shared {
-    core: Mutex<QueuedRollout>,
+    rollout: Mutex<QueuedRollout>,
     queue: Mutex<Queue>,
     changed: Condvar,
-    /// The worker's thread.
-    thread: OnceLock<ThreadId>,
+    /// Set by the worker thread when it starts.
+    thread_id: OnceLock<ThreadId>,
     /// Stops the step in progress; set and cleared with the queue locked.
     stop: Arc<AtomicBool>,
     /// Whether the rollout's memory is on a graphics device.
     has_device_memory: bool,
-    /// Whether a step on the worker thread ended by an internal error.
+    /// Whether a step on the worker thread ended with an internal error. Calls that use the rollout fail then.
     broken: AtomicBool,
-    /// Statistics as of the end of the last step, so that reading them does not wait for a step.
+    /// As of the end of the last step, so that reading them does not wait for a step.
     statistics: Mutex<WorkerStatistics>,
 }
 
@@ -50,26 +55,26 @@ struct Shared {
 #[derive(Debug, Clone, Default)]
 pub struct WorkerStatistics {
     /// Statistics of the rollout.
-    pub done: Statistics,
+    pub rollout: Statistics,
     /// Device times on a Direct3D 12 device, and how many passes are captured there.
     #[cfg(windows)]
-    pub device: Option<(DeviceTimes, Captured)>,
+    pub device: Option<(DeviceTimes, CaptureStatistics)>,
     /// Statistics of its governor, or of the last one that it had.
     pub governor: GovernorStatistics,
 }
 
-/// A worker's rollout, and whether its next pictures continue the previous ones.
+/// A worker's rollout, and whether its motion is continuous.
 #[derive(Debug)]
 pub struct QueuedRollout {
     /// The rollout.
     pub rollout: Rollout,
-    /// Whether the last latent does not continue the one before.
-    cut: bool,
-    /// Whether the next latent will not continue the last one.
-    pub cut_next: bool,
+    /// Whether there is no continuous motion from the latent before the last to the last one.
+    last_is_cut: bool,
+    /// Whether there will be no continuous motion from the last latent to the next one.
+    pub next_is_cut: bool,
 }
 
-/// Waiting and running steps, and results that were not taken yet.
+/// Waiting and running steps, and results that nobody has fetched.
 #[derive(Default)]
 struct Queue {
     tickets: u64,
@@ -77,10 +82,10 @@ struct Queue {
     running: Option<u64>,
     done: VecDeque<(u64, Result<StepResult>)>,
     paused: bool,
-    /// Whether the rollout rests once the step in progress has ended.
-    rests: bool,
+    /// Whether to evict the rollout's device memory once the step in progress has ended.
+    rest_requested: bool,
     /// Number of steps that may run although the queue is paused.
-    singles: usize,
+    single_steps: usize,
     closing: bool,
 }
 
@@ -106,40 +111,40 @@ pub struct StepResult {
 #[derive(Debug)]
 pub enum TicketState {
     /// The step waits or runs.
-    Open,
+    Pending,
     /// The step has ended. Its ticket is no longer valid.
-    Over(Result<StepResult>),
+    Finished(Result<StepResult>),
 }
 
 impl Drop for Worker {
     fn drop(&mut self) {
         self.close();
-        if let Some(worker) = self.worker.lock().take() {
+        if let Some(thread) = self.thread.lock().take() {
             // Panics on the thread do not pass `catch_panic`.
-            _ = worker.join();
+            _ = thread.join();
         }
     }
 }
 
 impl Worker {
-    /// A worker for `rollout`. At most `capacity` steps may be waiting, running or finished with a result that was not taken.
+    /// A worker for `rollout`. At most `capacity` steps may be waiting, running, or finished with a result that nobody has fetched.
     pub fn new(rollout: Rollout, capacity: usize) -> Self {
         let (stop, has_device_memory) = (rollout.stop_flag().clone(), rollout.world().device().is_gpu());
-        let core = Mutex::new(QueuedRollout { rollout, cut: true, cut_next: true });
+        let rollout = Mutex::new(QueuedRollout { rollout, last_is_cut: true, next_is_cut: true });
         let shared = Shared {
-            core,
+            rollout,
             queue: Mutex::default(),
             changed: Condvar::new(),
-            thread: OnceLock::new(),
+            thread_id: OnceLock::new(),
             stop,
             has_device_memory,
             broken: AtomicBool::new(false),
             statistics: Mutex::default(),
         };
-        Self { shared: Arc::new(shared), worker: Mutex::new(None), capacity }
+        Self { shared: Arc::new(shared), thread: Mutex::new(None), capacity }
     }
 
-    /// Stops the step in progress before its next pass, and cancels all queued ones, for good: calls that wait for them return.
+    /// Stops the step in progress before its next pass, cancels all queued ones and accepts no more. Calls that wait for steps return.
     pub fn close(&self) {
         let mut queue = self.shared.queue.lock();
         queue.closing = true;
@@ -150,33 +155,33 @@ impl Worker {
 
     /// Whether the calling thread is the worker thread, as in a callback of a step that runs there.
     pub fn is_on_own_thread(&self) -> bool {
-        self.shared.thread.get() == Some(&calling_thread())
+        self.shared.thread_id.get() == Some(&calling_thread())
     }
 
-    /// Locks the rollout for a call on the caller's own thread; `Busy` while steps are queued or another call uses it.
+    /// Locks the rollout for a call on the caller's own thread. Returns `Busy` while steps are queued or another call uses it.
     pub fn lock_idle(&self) -> Result<MutexGuard<'_, QueuedRollout>> {
         self.shared.check()?;
         let queue = self.shared.queue.lock();
         if queue.running.is_some() || !queue.waiting.is_empty() {
             return Err(busy("steps are queued on it").remedy("Wait for them, or cancel them"));
         }
-        let core = self.shared.core.try_lock().ok_or_else(|| busy("another call is using it"))?;
-        // All cancelled steps have ended, so the stop flag can be cleared.
+        let rollout = self.shared.rollout.try_lock().ok_or_else(|| busy("another call is using it"))?;
+        // All cancelled steps have ended, so the stop flag can be cleared, unless the worker is closed.
         self.shared.stop.store(queue.closing, Ordering::SeqCst);
-        Ok(core)
+        Ok(rollout)
     }
 
-    /// Locks the rollout for a call that only reads it; `Busy` while a step runs.
+    /// Locks the rollout for a call that only reads it. Returns `Busy` while a step runs.
     pub fn lock_between_steps(&self) -> Result<MutexGuard<'_, QueuedRollout>> {
         self.shared.check()?;
-        self.shared.core.try_lock().ok_or_else(|| busy("a step is running"))
+        self.shared.rollout.try_lock().ok_or_else(|| busy("a step is running"))
     }
 
     /// Runs one step on the caller's own thread.
     pub fn run(&self, job: &Job) -> Result<StepInfo> {
-        let mut core = self.lock_idle()?;
-        let result = core.run(job);
-        core.tell(&self.shared.statistics);
+        let mut rollout = self.lock_idle()?;
+        let result = rollout.run(job);
+        rollout.publish_statistics(&self.shared.statistics);
         result
     }
 
@@ -198,8 +203,8 @@ impl Worker {
         Ok(Some(ticket))
     }
 
-    /// The state of a ticket, after waiting for it at most `timeout`; `None` waits without limit. `take` gets the result of the
-    /// step; the ticket becomes invalid only if `take` succeeds. The call returns `Busy` instead of waiting on a thread that the
+    /// The state of a ticket, after waiting for it at most `timeout`; `None` waits without limit. `take` is called with the result of a
+    /// step that succeeded; the ticket stays valid if `take` fails. The call returns `Busy` instead of waiting on a thread that the
     /// step needs: the worker thread or, if `is_nested`, a thread inside another call on the rollout.
     pub fn ticket<E: From<Error>>(
         &self,
@@ -217,12 +222,13 @@ impl Worker {
                     take(done)?;
                 }
                 return match queue.done.remove(at) {
-                    Some((_, result)) => Ok(TicketState::Over(result)),
-                    None => Ok(TicketState::Open),
+                    Some((_, result)) => Ok(TicketState::Finished(result)),
+                    None => Ok(TicketState::Pending),
                 };
             }
-            let open = queue.running == Some(ticket) || queue.waiting.iter().any(|(waiting, _)| *waiting == ticket);
-            if !open {
+            let is_pending =
+                queue.running == Some(ticket) || queue.waiting.iter().any(|(waiting, _)| *waiting == ticket);
+            if !is_pending {
                 return Err(argument("ticket", format!("{ticket} is none, or was asked for already")).into());
             }
             if may_not_wait {
@@ -232,7 +238,7 @@ impl Worker {
             match deadline {
                 Some(deadline) => {
                     if self.shared.changed.wait_until(&mut queue, deadline).timed_out() {
-                        return Ok(TicketState::Open);
+                        return Ok(TicketState::Pending);
                     }
                 }
                 // Also if the deadline is beyond the clock's range.
@@ -253,21 +259,21 @@ impl Worker {
     pub fn pause(&self, paused: bool) {
         let mut queue = self.shared.queue.lock();
         queue.paused = paused;
-        queue.rests = paused && self.shared.has_device_memory;
-        queue.singles = 0;
+        queue.rest_requested = paused && self.shared.has_device_memory;
+        queue.single_steps = 0;
         self.shared.changed.notify_all();
     }
 
-    /// Lets one queued step run while the queue is paused; `false` when there is none left to run.
-    pub fn single(&self) -> Result<bool> {
+    /// Lets one queued step run while the queue is paused. Returns `false` if all queued steps may run already.
+    pub fn single_step(&self) -> Result<bool> {
         let mut queue = self.shared.queue.lock();
         if !queue.paused {
             return Err(argument("rollout", "it is not paused").remedy("Pause it first"));
         }
-        if queue.singles >= queue.waiting.len() {
+        if queue.single_steps >= queue.waiting.len() {
             return Ok(false);
         }
-        queue.singles += 1;
+        queue.single_steps += 1;
         self.shared.changed.notify_all();
         Ok(true)
     }
@@ -280,8 +286,8 @@ impl Worker {
 
     /// Sets the rollout's budget; see [`Rollout::govern`].
     pub fn govern(&self, budget: &Budget, worlds: &[Arc<World>]) -> Result<Arc<Governor>> {
-        let mut core = self.lock_idle()?;
-        let governor = core.rollout.govern(budget, worlds)?;
+        let mut rollout = self.lock_idle()?;
+        let governor = rollout.rollout.govern(budget, worlds)?;
         self.shared.statistics.lock().governor = governor.statistics();
         Ok(governor)
     }
@@ -293,23 +299,23 @@ impl Worker {
     }
 
     fn start(&self) -> Result<()> {
-        let mut worker = self.worker.lock();
-        if worker.is_some() {
+        let mut thread = self.thread.lock();
+        if thread.is_some() {
             return Ok(());
         }
-        // Allocates the whole queue, so that later calls cannot fail for want of memory.
-        let full = || Error::new(ErrorKind::OutOfMemory, "the queue cannot be allocated");
+        // Allocates the whole queue, so that it never grows in a later call, which could fail.
+        let out_of_memory = || Error::new(ErrorKind::OutOfMemory, "the queue cannot be allocated");
         {
             let mut queue = self.shared.queue.lock();
-            queue.waiting.try_reserve(self.capacity).map_err(|_| full())?;
-            queue.done.try_reserve(self.capacity).map_err(|_| full())?;
+            queue.waiting.try_reserve(self.capacity).map_err(|_| out_of_memory())?;
+            queue.done.try_reserve(self.capacity).map_err(|_| out_of_memory())?;
         }
         let shared = self.shared.clone();
-        let thread = std::thread::Builder::new().name("cairn-rollout".into()).spawn(move || shared.work());
-        let thread = thread.map_err(|e| {
+        let started = std::thread::Builder::new().name("cairn-rollout".into()).spawn(move || shared.work());
+        let started = started.map_err(|e| {
             Error::new(ErrorKind::OutOfMemory, format!("the system gives no thread for the queue: {e}"))
         })?;
-        *worker = Some(thread);
+        *thread = Some(started);
         Ok(())
     }
 }
@@ -320,36 +326,36 @@ impl QueuedRollout {
             Job::Step(controls) => (self.rollout.step(controls)?, false),
             Job::Append(pictures) => (self.rollout.append_pictures(pictures)?, true),
         };
-        self.cut = appended || self.cut_next;
-        self.cut_next = false;
+        self.last_is_cut = appended || self.next_is_cut;
+        self.next_is_cut = false;
         Ok(info)
     }
 
-    /// Stores the current statistics and device times.
-    fn tell(&mut self, figures: &Mutex<WorkerStatistics>) {
-        let done = self.rollout.statistics();
+    /// Stores the current statistics and device times where [`Worker::statistics`] reads them.
+    fn publish_statistics(&mut self, published: &Mutex<WorkerStatistics>) {
+        let rollout = self.rollout.statistics();
         #[cfg(windows)]
-        let device = self.rollout.device_times().zip(self.rollout.captured());
+        let device = self.rollout.device_times().zip(self.rollout.capture_statistics());
         let governor = self.rollout.governor().map(|governor| governor.statistics());
-        let mut figures = figures.lock();
-        let governor = governor.unwrap_or(figures.governor);
-        *figures = WorkerStatistics {
-            done,
+        let mut published = published.lock();
+        let governor = governor.unwrap_or(published.governor);
+        *published = WorkerStatistics {
+            rollout,
             #[cfg(windows)]
             device,
             governor,
         };
     }
 
-    /// Records that a state was restored: the last latent is a cut.
-    pub fn restored(&mut self) {
-        self.cut = true;
-        self.cut_next = false;
+    /// Makes the last latent a cut, as after a state was restored.
+    pub fn mark_cut(&mut self) {
+        self.last_is_cut = true;
+        self.next_is_cut = false;
     }
 
     /// A copy of the last step's anchor.
     pub fn anchor(&mut self) -> Result<KeptAnchor> {
-        KeptAnchor::of(&mut self.rollout, self.cut)
+        KeptAnchor::of(&mut self.rollout, self.last_is_cut)
     }
 }
 
@@ -364,18 +370,18 @@ impl Shared {
 
     /// Main function of the worker thread: runs one step after the other until the worker is closed.
     fn work(&self) {
-        _ = self.thread.set(std::thread::current().id());
+        _ = self.thread_id.set(std::thread::current().id());
         while let Some((ticket, job)) = self.next() {
             let result: Result<StepResult> = catch_panic(|| {
-                let mut core = self.core.lock();
+                let mut queued = self.rollout.lock();
+                let queued = &mut *queued;
                 // Done first: a move to another world replaces the context that the anchor's memory belongs to.
-                core.rollout.apply_decision();
-                // Allocated before the step: otherwise the step could be made and its anchor still fail for want of memory.
-                let mut anchor = KeptAnchor::room(&mut core.rollout)?;
-                let info = core.run(&job)?;
-                core.tell(&self.statistics);
-                let cut = core.cut;
-                anchor.copy(&mut core.rollout, cut)?;
+                queued.rollout.apply_decision();
+                // Allocated before the step: otherwise the step could succeed and its anchor still fail for want of memory.
+                let mut anchor = KeptAnchor::allocate(&mut queued.rollout)?;
+                let info = queued.run(&job)?;
+                queued.publish_statistics(&self.statistics);
+                anchor.fill(&mut queued.rollout, queued.last_is_cut)?;
                 Ok(StepResult { info, anchor: Arc::new(anchor) })
             });
             let mut queue = self.queue.lock();
@@ -386,7 +392,7 @@ impl Shared {
             }
             queue.done.push_back((ticket, result));
             if failed {
-                // The controls of later steps assume that this step was made.
+                // The controls of later steps assume that this step succeeded.
                 queue.cancel_waiting("a step before it failed");
             }
             self.changed.notify_all();
@@ -399,15 +405,15 @@ impl Shared {
             if queue.closing {
                 return None;
             }
-            let held = queue.paused && queue.singles == 0;
-            if let Some((ticket, job)) = (!held).then(|| queue.waiting.pop_front()).flatten() {
-                queue.singles = queue.singles.saturating_sub(1);
-                queue.rests = false;
+            let may_run = !queue.paused || queue.single_steps > 0;
+            if let Some((ticket, job)) = may_run.then(|| queue.waiting.pop_front()).flatten() {
+                queue.single_steps = queue.single_steps.saturating_sub(1);
+                queue.rest_requested = false;
                 queue.running = Some(ticket);
                 self.stop.store(false, Ordering::SeqCst);
                 return Some((ticket, job));
             }
-            if std::mem::take(&mut queue.rests) {
+            if std::mem::take(&mut queue.rest_requested) {
                 MutexGuard::unlocked(&mut queue, || self.rest());
                 continue;
             }
@@ -417,8 +423,8 @@ impl Shared {
 
     /// Evicts the device memory of a paused rollout. Does nothing while another call uses the rollout.
     fn rest(&self) {
-        let result: Result<()> = catch_panic(|| match self.core.try_lock() {
-            Some(mut core) => Ok(core.rollout.rest()?),
+        let result: Result<()> = catch_panic(|| match self.rollout.try_lock() {
+            Some(mut queued) => Ok(queued.rollout.rest()?),
             None => Ok(()),
         });
         if let Err(failure) = result {
@@ -435,7 +441,7 @@ impl Queue {
 
     /// Cancels all waiting steps.
     fn cancel_waiting(&mut self, why: &str) {
-        self.singles = 0;
+        self.single_steps = 0;
         while let Some((ticket, _)) = self.waiting.pop_front() {
             let failure = Error::new(ErrorKind::Cancelled, format!("the queued step was not made: {why}"));
             self.done.push_back((ticket, Err(failure)));

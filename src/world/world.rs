@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::contract::{self, Shapes};
+use super::graph_spec::{self, GraphSpec, Shapes};
 use super::operating_point::OperatingPoint;
 use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Precision, available_memory};
 use crate::runtime::{Device, Graph};
@@ -18,8 +18,8 @@ pub struct WorldOptions {
     pub precision: Option<Precision>,
     /// Memory limit in bytes for this world, its bundle and one rollout. `None`: the available system memory.
     pub memory_limit: Option<u64>,
-    /// If the global window does not fit in memory, the widest one that fits replaces it; [`World::global_window`] returns it. If
-    /// false, such a world is refused.
+    /// If true and the global window does not fit in memory, the widest window that fits is used; [`World::global_window`] returns it.
+    /// If false, a world that does not fit is refused.
     pub fit_window: bool,
 }
 
@@ -53,8 +53,8 @@ impl World {
         Self::load_with(device, bundle, options, &|_| Ok(()))
     }
 
-    /// As [`World::load`], with progress: `proceed` is called before each session is made and after the last, with the total number
-    /// of sessions. An error from it stops loading.
+    /// As [`World::load`], with progress: `proceed` is called with the total number of sessions, before each session is created and
+    /// after the last. An error from it stops loading.
     ///
     /// # Errors
     /// As [`World::load`], and the errors of `proceed`.
@@ -78,7 +78,7 @@ impl World {
             // Available memory already excludes the loaded bundle.
             let limit = options.memory_limit.or_else(|| Some(available_memory()?.saturating_add(need.bundle)));
             limit.map_or(Ok(()), |limit| need.check_fits(limit))?;
-            device.room().map_or(Ok(()), |room| need.check_fits_on_device(room))?;
+            device.available_memory().map_or(Ok(()), |available| need.check_fits_on_device(available))?;
             Ok(need)
         };
         let (global_window, need) = match options.fit_window {
@@ -88,18 +88,18 @@ impl World {
 
         let shapes = Shapes::new(manifest, global_window);
         let sessions = GraphKind::ALL.len() as u64;
-        let graph = |kind, what, dimensions: &[(&str, usize)], c: contract::Contract| {
+        let graph = |kind, what, dimensions: &[(&str, usize)], spec: GraphSpec| {
             proceed(sessions)?;
-            device.graph(what, &bundle.model(kind, precision)?, dimensions, c.inputs, c.outputs)
+            device.graph(what, &bundle.model(kind, precision)?, dimensions, spec.inputs, spec.outputs)
         };
         let transformer = graph(
             GraphKind::Transformer,
             "transformer",
-            &contract::dimensions(&shapes),
-            contract::transformer(geometry, &shapes, precision),
+            &graph_spec::dimensions(&shapes),
+            graph_spec::transformer(geometry, &shapes, precision),
         )?;
-        let encoder = graph(GraphKind::Encoder, "encoder", &[], contract::encoder(geometry, &shapes, precision))?;
-        let decoder = graph(GraphKind::Decoder, "decoder", &[], contract::decoder(geometry, &shapes, precision))?;
+        let encoder = graph(GraphKind::Encoder, "encoder", &[], graph_spec::encoder(geometry, &shapes, precision))?;
+        let decoder = graph(GraphKind::Decoder, "decoder", &[], graph_spec::decoder(geometry, &shapes, precision))?;
         proceed(sessions)?;
         Ok(Arc::new(World {
             device: device.clone(),
@@ -129,22 +129,23 @@ impl World {
         Ok(())
     }
 
-    /// Bytes that a rollout adds to the world: ring and slabs.
-    pub(super) fn need_of_rollout(&self) -> u64 {
+    /// Bytes of a rollout's rings and slabs.
+    pub(super) fn rollout_need(&self) -> u64 {
         self.need.ring.saturating_add(self.need.slabs)
     }
 
-    /// Checks that one more rollout fits, before any of its memory is allocated. `freed` is the size of the rollout that it
-    /// replaces, so that a move to a smaller window is possible when memory is short.
-    pub(super) fn check_room_for_rollout(&self, freed: u64) -> Result<()> {
-        let wanted = self.need_of_rollout();
-        match self.device.room().or_else(available_memory).map(|room| room.saturating_add(freed)) {
-            Some(room) if room < wanted => Err(Error::new(
+    /// Checks that the memory of one more rollout is available, before it is allocated. `freed` bytes count as available, because the
+    /// new rollout replaces one of that size.
+    pub(super) fn check_rollout_fits(&self, freed: u64) -> Result<()> {
+        let need = self.rollout_need();
+        match self.device.available_memory().or_else(available_memory).map(|available| available.saturating_add(freed))
+        {
+            Some(available) if available < need => Err(Error::new(
                 ErrorKind::OutOfMemory,
                 format!(
                     "a rollout needs {} MiB for its ring and slabs, {} MiB are available",
-                    wanted.div_ceil(1 << 20),
-                    room >> 20
+                    need.div_ceil(1 << 20),
+                    available >> 20
                 ),
             )
             .field("global_window")
@@ -178,7 +179,7 @@ impl World {
         self.global_window
     }
 
-    /// Bytes this world and one rollout need.
+    /// Memory that this world and one rollout need.
     pub fn memory_need(&self) -> &MemoryNeed {
         &self.need
     }
@@ -230,7 +231,8 @@ impl std::fmt::Debug for World {
     }
 }
 
-/// The widest window up to `wanted`, in steps of the dilation, that fits, and the result of `fits` for it; wider windows need more.
+/// The widest window up to `wanted`, in steps of the dilation, that fits, and the result of `fits` for it. A wider window never needs
+/// less memory, so the windows are bisected.
 fn widest<T>(wanted: u32, dilation: u32, fits: impl Fn(u32) -> Result<T>) -> Result<(u32, T)> {
     let too_wide = |e: &Error| e.kind() == ErrorKind::OutOfMemory;
     let refused = match fits(wanted) {
@@ -254,25 +256,25 @@ fn widest<T>(wanted: u32, dilation: u32, fits: impl Fn(u32) -> Result<T>) -> Res
 }
 
 #[cfg(test)]
-mod widest_tests {
+mod tests {
     use super::*;
 
     #[test]
     fn the_widest_window_that_fits_is_found() {
-        let room = |most: u32| {
+        let limited_to = |widest: u32| {
             move |g: u32| match g {
-                g if g > most => Err(Error::new(ErrorKind::OutOfMemory, format!("g{g}"))),
+                g if g > widest => Err(Error::new(ErrorKind::OutOfMemory, format!("g{g}"))),
                 g => Ok(2 * g),
             }
         };
-        for (wanted, most, expected) in
+        for (wanted, limit, expected) in
             [(512, 600, 512), (512, 511, 504), (512, 100, 96), (512, 8, 8), (8, 8, 8), (16, 15, 8)]
         {
-            assert_eq!(widest(wanted, 8, room(most)).unwrap(), (expected, 2 * expected), "{wanted} of {most}");
+            assert_eq!(widest(wanted, 8, limited_to(limit)).unwrap(), (expected, 2 * expected), "{wanted} of {limit}");
         }
         // The error is the one of the requested window.
-        assert_eq!(widest(64, 8, room(7)).unwrap_err().cause(), "g64");
-        let broken = |_: u32| Err::<u32, _>(Error::new(ErrorKind::Device, "lost"));
-        assert_eq!(widest(64, 8, broken).unwrap_err().kind(), ErrorKind::Device);
+        assert_eq!(widest(64, 8, limited_to(7)).unwrap_err().cause(), "g64");
+        let failing = |_: u32| Err::<u32, _>(Error::new(ErrorKind::Device, "lost"));
+        assert_eq!(widest(64, 8, failing).unwrap_err().kind(), ErrorKind::Device);
     }
 }

@@ -4,7 +4,7 @@
 
 #include "check.h"
 
-static void versions_are_those_of_the_header(void)
+static void versions_equal_the_headers(void)
 {
     CHECK(cairn_abi_version() == CAIRN_ABI_VERSION);
     CHECK(cairn_version() == CAIRN_VERSION);
@@ -27,7 +27,7 @@ static void *other_thread(void *unused)
     return NULL;
 }
 
-static void the_last_error_is_the_thread_s_own(void)
+static void each_thread_has_its_own_last_error(void)
 {
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_device_create_cpu(NULL, NULL));
     CHECK(strstr(message(), "cairn_device_create_cpu: device:") == message());
@@ -64,7 +64,7 @@ static void log_line(uint32_t level, const char *target, const char *text, void 
     ANSWERS(CAIRN_ERROR_BUSY, cairn_set_log_callback(CAIRN_LOG_OFF, NULL, NULL));
 }
 
-static void the_log_goes_to_the_callback(void)
+static void log_messages_reach_the_callback(void)
 {
     static char user[] = "user";
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_set_log_callback(6, log_line, user));
@@ -82,7 +82,7 @@ static void the_log_goes_to_the_callback(void)
     CHECK(logged == before);
 }
 
-static void requirements_say_what_is_there(void)
+static void requirements_report_what_is_installed(void)
 {
     uint32_t count = 0;
     cairn_device_options options = {.struct_size = sizeof options, .flags = CAIRN_DEVICE_ENVIRONMENT};
@@ -112,7 +112,7 @@ static void requirements_say_what_is_there(void)
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_device_requirements(99, NULL, NULL, 0, 0, &count));
 }
 
-static void adapters_hold_the_processor(void)
+static void adapters_include_the_processor(void)
 {
     cairn_adapter rows[2];
     uint32_t count = 0;
@@ -132,7 +132,7 @@ static void adapters_hold_the_processor(void)
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_adapters(rows, sizeof rows[0], 1, NULL));
 }
 
-static void a_device_says_what_it_is(void)
+static void a_device_describes_itself(void)
 {
     cairn_device *device = make_device();
     cairn_device_info info = {.struct_size = sizeof info};
@@ -143,7 +143,7 @@ static void a_device_says_what_it_is(void)
 }
 
 /* The environment variable names an existing library, and a host need not use it. */
-static void the_environment_names_libraries_only_where_the_host_lets_it(void)
+static void environment_variables_count_only_if_the_host_allows_it(void)
 {
     cairn_device *device = NULL;
     cairn_device_options options = {.struct_size = sizeof options};
@@ -160,7 +160,7 @@ static void the_environment_names_libraries_only_where_the_host_lets_it(void)
     OK(cairn_device_destroy(device));
 }
 
-static void options_that_make_no_device_are_refused(void)
+static void invalid_device_options_are_refused(void)
 {
     cairn_device *device = (cairn_device *)(uintptr_t)0x1234;
     cairn_device_options good = {.struct_size = sizeof good}, options = good;
@@ -185,7 +185,7 @@ static void options_that_make_no_device_are_refused(void)
     CHECK(device == (cairn_device *)(uintptr_t)0x1234);
 }
 
-static void many_devices_leave_nothing(void)
+static void many_devices_leak_nothing(void)
 {
     const cairn_device_options options = {.struct_size = sizeof options, .flags = CAIRN_DEVICE_ENVIRONMENT};
     for (int i = 0; i < 10000; i++) {
@@ -197,15 +197,15 @@ static void many_devices_leave_nothing(void)
 
 int main(void)
 {
-    RUN(versions_are_those_of_the_header);
+    RUN(versions_equal_the_headers);
     RUN(results_have_names);
-    RUN(the_last_error_is_the_thread_s_own);
-    RUN(the_log_goes_to_the_callback);
-    RUN(requirements_say_what_is_there);
-    RUN(adapters_hold_the_processor);
-    RUN(a_device_says_what_it_is);
-    RUN(the_environment_names_libraries_only_where_the_host_lets_it);
-    RUN(options_that_make_no_device_are_refused);
-    RUN(many_devices_leave_nothing);
+    RUN(each_thread_has_its_own_last_error);
+    RUN(log_messages_reach_the_callback);
+    RUN(requirements_report_what_is_installed);
+    RUN(adapters_include_the_processor);
+    RUN(a_device_describes_itself);
+    RUN(environment_variables_count_only_if_the_host_allows_it);
+    RUN(invalid_device_options_are_refused);
+    RUN(many_devices_leak_nothing);
     return failed_tests != 0;
 }

@@ -2,6 +2,7 @@
 #include <dirent.h>
 #include <malloc.h>
 #include <stdint.h>
+#include <unistd.h>
 
 #include "check.h"
 
@@ -102,7 +103,7 @@ static void same(Held before, Held after, size_t slack)
     }
 }
 
-static void ten_thousand_cycles_without_a_world_leave_nothing(void)
+static void ten_thousand_cycles_without_a_world_leak_nothing(void)
 {
     for (int i = 0; i < 100; i++) once(i);
     Held before = held();
@@ -111,7 +112,7 @@ static void ten_thousand_cycles_without_a_world_leave_nothing(void)
     same(before, held(), 16384);
 }
 
-static void twenty_cycles_with_a_world_leave_nothing(void)
+static void twenty_cycles_with_a_world_leak_nothing(void)
 {
     for (int i = 0; i < 3; i++) once_with_a_world();
     Held before = held();
@@ -124,11 +125,26 @@ static void twenty_cycles_with_a_world_leave_nothing(void)
     same(before, held(), (size_t)(memory.total / 100));
 }
 
-int main(void)
+/*
+ * glibc's per-thread cache keeps freed blocks that `mallinfo2` still counts as used, as many as threads happened to
+ * free them: without the cache only what is held is counted. It is read at the start of a process.
+ */
+static void without_thread_cache(char **argv)
 {
+    static const char tunable[] = "glibc.malloc.tcache_count=0";
+    const char *set = getenv("GLIBC_TUNABLES");
+    if (set && !strcmp(set, tunable)) return;
+    setenv("GLIBC_TUNABLES", tunable, 1);
+    execv("/proc/self/exe", argv);
+}
+
+int main(int argc, char **argv)
+{
+    (void)argc;
+    without_thread_cache(argv);
     device = make_device();
-    RUN(ten_thousand_cycles_without_a_world_leave_nothing);
-    RUN(twenty_cycles_with_a_world_leave_nothing);
+    RUN(ten_thousand_cycles_without_a_world_leak_nothing);
+    RUN(twenty_cycles_with_a_world_leak_nothing);
     OK(cairn_device_destroy(device));
     return failed_tests != 0;
 }

@@ -4,7 +4,7 @@
 /* The value that results must still have after a call that fails. */
 #define UNTOUCHED ((void *)8)
 
-static void every_door_says_that_it_is_not_there(void)
+static void functions_are_unsupported_and_write_no_result(void)
 {
     cairn_device *cpu = make_device(), *device = UNTOUCHED;
     ID3D12Device *d3d12 = UNTOUCHED;
@@ -86,6 +86,6 @@ static void every_door_says_that_it_is_not_there(void)
 
 int main(void)
 {
-    RUN(every_door_says_that_it_is_not_there);
+    RUN(functions_are_unsupported_and_write_no_result);
     return failed_tests != 0;
 }

@@ -15,23 +15,23 @@
 #include "shim/onnxruntime.h"
 
 /* ---- Failures: the library's calls come here, since the program's functions override those of the C library. ---- */
-enum what { NOTHING, ALLOCATIONS, FILES, RUNTIME };
-static enum what failing;
-static int for_ever;
+enum kind { NOTHING, ALLOCATIONS, FILES, RUNTIME };
+static enum kind failing;
+static int permanent;
 /* For the failing kind of call: the number of calls, and the one that fails. */
-static unsigned long counted, nth;
+static unsigned long calls, nth;
 /* Set only while the library is called. It does nothing in parallel here, so n means the same call every time. */
-static int watched;
+static int in_library;
 
-static int fails(enum what what)
+static int fails(enum kind kind)
 {
-    if (failing != what || !watched) return 0;
-    unsigned long number = ++counted;
-    return nth != 0 && (number == nth || (for_ever && number > nth));
+    if (failing != kind || !in_library) return 0;
+    unsigned long number = ++calls;
+    return nth != 0 && (number == nth || (permanent && number > nth));
 }
 
-/* Smaller allocations do not depend on external sizes: text and bookkeeping, for which running out of memory ends the program. */
-enum { FROM_OUTSIDE = 20480 };
+/* Smaller allocations do not depend on external sizes: they are text and bookkeeping, for which running out of memory ends the program. */
+enum { SMALLEST_EXTERNAL = 20480 };
 
 /* Address range of the library: only its own calls fail. ONNX Runtime's failures are simulated by its calls. */
 static struct { uintptr_t from, to; } library;
@@ -50,7 +50,7 @@ static int find_library(struct dl_phdr_info *info, size_t size, void *unused)
 static int allocation_fails(size_t size, void *caller)
 {
     int ours = (uintptr_t)caller >= library.from && (uintptr_t)caller < library.to;
-    return size >= FROM_OUTSIDE && ours && fails(ALLOCATIONS);
+    return size >= SMALLEST_EXTERNAL && ours && fails(ALLOCATIONS);
 }
 
 extern void *__libc_malloc(size_t size);
@@ -185,7 +185,7 @@ static cairn_result queue(struct all *all)
     return r;
 }
 
-static cairn_result begin(struct all *all)
+static cairn_result create(struct all *all)
 {
     return cairn_rollout_create(all->world, NULL, &all->rollout);
 }
@@ -196,7 +196,7 @@ static cairn_result seed(struct all *all)
     return cairn_rollout_append(all->rollout, &picture, NULL);
 }
 
-static cairn_result take(struct all *all)
+static cairn_result get_anchor(struct all *all)
 {
     cairn_anchor *taken = NULL;
     cairn_result r = cairn_rollout_get_anchor(all->rollout, &taken);
@@ -210,7 +210,7 @@ static cairn_result save(struct all *all)
     return cairn_rollout_save_file(all->rollout, STATE);
 }
 
-static cairn_result take_up(struct all *all)
+static cairn_result restore(struct all *all)
 {
     return cairn_rollout_restore_file(all->rollout, STATE);
 }
@@ -221,11 +221,12 @@ static cairn_result reset(struct all *all)
 }
 
 /* A part of a rollout; a failed part leaves everything unchanged. */
-typedef cairn_result (*part)(struct all *all);
-static const part parts[] = {load, begin, seed, take, step, take, save, step, take_up, queue, reset, seed, step};
-enum { PARTS = sizeof parts / sizeof parts[0] };
+typedef cairn_result (*rollout_part)(struct all *all);
+static const rollout_part rollout_parts[] = {load,    create, seed,  get_anchor, step, get_anchor, save,
+                                             step,    restore, queue, reset,     seed, step};
+enum { PARTS = sizeof rollout_parts / sizeof rollout_parts[0] };
 
-static uint64_t print_of(struct all *all)
+static uint64_t fingerprint(struct all *all)
 {
     OK(cairn_rollout_save(all->rollout, NULL, 0, &all->size));
     all->state = realloc(all->state, all->size);
@@ -236,41 +237,41 @@ static uint64_t print_of(struct all *all)
 }
 
 /* Fingerprint of every complete rollout. */
-static uint64_t whole_print;
+static uint64_t complete_fingerprint;
 
-static int is_of(enum what what, cairn_result r)
+static int is_expected_error(enum kind kind, cairn_result r)
 {
-    if (what == ALLOCATIONS) return r == CAIRN_ERROR_OUT_OF_MEMORY || r == CAIRN_ERROR_DEVICE;
-    if (what == FILES) return r == CAIRN_ERROR_IO;
+    if (kind == ALLOCATIONS) return r == CAIRN_ERROR_OUT_OF_MEMORY || r == CAIRN_ERROR_DEVICE;
+    if (kind == FILES) return r == CAIRN_ERROR_IO;
     return r == CAIRN_ERROR_DEVICE || r == CAIRN_ERROR_OUT_OF_MEMORY || r == CAIRN_ERROR_INVALID_BUNDLE;
 }
 
 /* Runs a rollout while the n-th call fails; a failed part is repeated without failures. Returns whether call n was reached. */
-static int play(enum what what, unsigned long n, int always)
+static int play(enum kind kind, unsigned long n, int always)
 {
     struct all all = {0};
-    counted = 0;
+    calls = 0;
     for (int i = 0; i < PARTS; i++) {
         int living = all.rollout != NULL;
-        uint64_t before = living ? print_of(&all) : 0;
-        failing = what, nth = n, for_ever = always, watched = 1;
-        cairn_result r = parts[i](&all);
-        watched = 0, failing = NOTHING;
+        uint64_t before = living ? fingerprint(&all) : 0;
+        failing = kind, nth = n, permanent = always, in_library = 1;
+        cairn_result r = rollout_parts[i](&all);
+        in_library = 0, failing = NOTHING;
         if (r == CAIRN_OK) continue;
-        if (!is_of(what, r) || strncmp(message(), "cairn_", 6)) {
-            fprintf(stderr, "part %d with fault %lu of kind %d: %s (%s)\n", i, n, (int)what, cairn_result_name(r), message());
+        if (!is_expected_error(kind, r) || strncmp(message(), "cairn_", 6)) {
+            fprintf(stderr, "part %d with fault %lu of kind %d: %s (%s)\n", i, n, (int)kind, cairn_result_name(r), message());
             CHECK(!"the answer tells of the fault");
         }
-        if (living && print_of(&all) != before) {
-            fprintf(stderr, "part %d with fault %lu of kind %d has left something behind\n", i, n, (int)what);
+        if (living && fingerprint(&all) != before) {
+            fprintf(stderr, "part %d with fault %lu of kind %d has left something behind\n", i, n, (int)kind);
             CHECK(!"the rollout is as it was");
         }
         CHECK(access(STATE ".unfinished", F_OK) != 0);
-        OK(parts[i](&all));
+        OK(rollout_parts[i](&all));
         if (always) nth = n = 0; /* the fault has been seen */
     }
-    int reached = n == 0 || counted >= n;
-    CHECK(print_of(&all) == whole_print);
+    int reached = n == 0 || calls >= n;
+    CHECK(fingerprint(&all) == complete_fingerprint);
     end(&all);
     return reached;
 }
@@ -278,28 +279,28 @@ static int play(enum what what, unsigned long n, int always)
 static unsigned long faults;
 
 /* Fails one in `stride` of all n; in the long form every one. */
-static void every_one(enum what what, unsigned long stride)
+static void fail_each(enum kind kind, unsigned long stride)
 {
     if (getenv("CAIRN_THOROUGH")) stride = 1;
     struct all all = {0};
-    failing = what, nth = 0, counted = 0, watched = 1;
-    for (int i = 0; i < PARTS; i++) OK(parts[i](&all));
-    watched = 0, failing = NOTHING;
-    unsigned long total = counted;
-    whole_print = print_of(&all);
+    failing = kind, nth = 0, calls = 0, in_library = 1;
+    for (int i = 0; i < PARTS; i++) OK(rollout_parts[i](&all));
+    in_library = 0, failing = NOTHING;
+    unsigned long total = calls;
+    complete_fingerprint = fingerprint(&all);
     end(&all);
     CHECK(total >= 10);
     for (unsigned long n = 1; n <= total && !failed_checks; n += stride) {
-        CHECK(play(what, n, 0));
-        play(what, n, 1);
+        CHECK(play(kind, n, 0));
+        play(kind, n, 1);
         faults += 2;
     }
     fprintf(stderr, "%lu of this kind in a rollout\n", total);
 }
 
-static void every_allocation_may_fail(void) { every_one(ALLOCATIONS, 5); }
-static void every_file_operation_may_fail(void) { every_one(FILES, 3); }
-static void every_call_of_the_runtime_may_fail(void) { every_one(RUNTIME, 17); }
+static void every_allocation_may_fail(void) { fail_each(ALLOCATIONS, 5); }
+static void every_file_operation_may_fail(void) { fail_each(FILES, 3); }
+static void every_call_of_the_runtime_may_fail(void) { fail_each(RUNTIME, 17); }
 
 int main(void)
 {

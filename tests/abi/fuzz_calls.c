@@ -5,7 +5,7 @@ static void random_calls_break_nothing(void)
 {
     enum { SEQUENCES = 60, LENGTH = 1500 };
     unsigned long count = getenv("CAIRN_THOROUGH") ? 100 * SEQUENCES : SEQUENCES;
-    set_stage(make_device());
+    create_objects(make_device());
     uint64_t state = 0x9e3779b97f4a7c15ull;
     for (unsigned long i = 0; i < count; i++) {
         static unsigned char choices[LENGTH];
@@ -23,7 +23,7 @@ static void random_calls_break_nothing(void)
     cairn_controls c = controls(1);
     OK(cairn_rollout_restore(objects[ROLLOUT], saved_state, saved_size));
     OK(cairn_rollout_step(objects[ROLLOUT], &c, NULL));
-    clear_stage();
+    destroy_objects();
 }
 
 int main(void)

@@ -121,7 +121,7 @@ static void refused(int kind, void *h)
     }
 }
 
-static void what_is_no_handle_is_refused_everywhere(void)
+static void invalid_handles_are_refused_everywhere(void)
 {
     make_all();
     static int foreign;
@@ -147,7 +147,7 @@ static void what_is_no_handle_is_refused_everywhere(void)
     destroy_all();
 }
 
-static void a_hundred_thousand_guesses_hit_nothing(void)
+static void a_hundred_thousand_random_handles_are_refused(void)
 {
     make_all();
     uint64_t state = 88172645463325252ull;
@@ -259,7 +259,7 @@ static cairn_result call_sized(const struct sized *one, void *s)
     return cairn_world_load(device, s, &loaded);
 }
 
-static void structs_of_every_size(void)
+static void structs_of_every_size_are_checked(void)
 {
     make_all();
     for (size_t i = 0; i < sizeof sized / sizeof sized[0]; i++) {
@@ -301,7 +301,7 @@ static void structs_of_every_size(void)
     destroy_all();
 }
 
-static void what_a_newer_host_asks_for_is_not_ignored(void)
+static void fields_of_a_newer_host_are_not_ignored(void)
 {
     make_all();
     struct {
@@ -368,7 +368,7 @@ static void null_and_misaligned_results_are_refused(void)
 }
 
 /* Threads that call, create and destroy at random: nothing breaks, and every result is one that the header names. */
-static void *storm(void *argument)
+static void *call_randomly(void *argument)
 {
     uint64_t state = (uintptr_t)argument * 2654435761u + 1;
     for (int i = 0; i < 3000; i++) {
@@ -391,22 +391,22 @@ static void *storm(void *argument)
     return NULL;
 }
 
-static void a_storm_of_threads_breaks_nothing(void)
+static void random_calls_from_many_threads_break_nothing(void)
 {
     make_all();
     pthread_t threads[4];
-    for (uintptr_t i = 0; i < 4; i++) CHECK(pthread_create(&threads[i], NULL, storm, (void *)(i + 1)) == 0);
+    for (uintptr_t i = 0; i < 4; i++) CHECK(pthread_create(&threads[i], NULL, call_randomly, (void *)(i + 1)) == 0);
     for (int i = 0; i < 4; i++) pthread_join(threads[i], NULL);
     destroy_all();
 }
 
 int main(void)
 {
-    RUN(what_is_no_handle_is_refused_everywhere);
-    RUN(a_hundred_thousand_guesses_hit_nothing);
-    RUN(structs_of_every_size);
-    RUN(what_a_newer_host_asks_for_is_not_ignored);
+    RUN(invalid_handles_are_refused_everywhere);
+    RUN(a_hundred_thousand_random_handles_are_refused);
+    RUN(structs_of_every_size_are_checked);
+    RUN(fields_of_a_newer_host_are_not_ignored);
     RUN(null_and_misaligned_results_are_refused);
-    RUN(a_storm_of_threads_breaks_nothing);
+    RUN(random_calls_from_many_threads_break_nothing);
     return failed_tests != 0;
 }

@@ -274,7 +274,7 @@ static uint64_t state_of_all(void)
 static void refuse_row(void)
 {
     for (int i = 0; i < row->count; i++) {
-        good_arguments(row, a, 0x5a);
+        valid_arguments(row, a, 0x5a);
         switch (row->shapes[i].kind) {
         case HANDLE_ARGUMENT: wrong_handles(i); break;
         case READ_ARGUMENT: wrong_structs(i), wrong_fields(i); break;
@@ -288,12 +288,12 @@ static void refuse_row(void)
     }
 }
 
-static void what_no_argument_may_be_is_refused_everywhere(void)
+static void invalid_arguments_are_refused_everywhere(void)
 {
-    set_stage(device);
+    create_objects(device);
     OK(cairn_recorder_key(objects[RECORDER], 500, 'W', 1));
     for (int kind = 0; kind < KINDS; kind++) stale[kind] = NULL;
-    stale[ANCHOR] = made_anchor(3);
+    stale[ANCHOR] = create_anchor(3);
     OK(cairn_anchor_destroy(stale[ANCHOR]));
     OK(cairn_recorder_create((cairn_recorder **)&stale[RECORDER]));
     OK(cairn_recorder_destroy(stale[RECORDER]));
@@ -321,14 +321,14 @@ static void what_no_argument_may_be_is_refused_everywhere(void)
         }
     }
     CHECK(refusals > 2 * 5000);
-    clear_stage();
+    destroy_objects();
 }
 
-static void what_every_row_names_as_good_is_taken(void)
+static void valid_arguments_of_every_row_are_accepted(void)
 {
     for (row = rows; row < rows + ROWS; row++) {
-        set_stage(device);
-        good_arguments(row, a, 0);
+        create_objects(device);
+        valid_arguments(row, a, 0);
         cairn_result r = row->call(a);
         cairn_result elsewhere = row->shapes[0].kind == HANDLE_ARGUMENT && row->shapes[0].object == SWAPCHAIN
             ? CAIRN_ERROR_INVALID_HANDLE : CAIRN_ERROR_UNSUPPORTED;
@@ -337,11 +337,11 @@ static void what_every_row_names_as_good_is_taken(void)
                                                                      : r >= 0;
         if (!taken) fprintf(stderr, "%s: %s (%s)\n", row->name, cairn_result_name(r), message());
         CHECK(taken);
-        enum object kind = made_by(row);
+        enum object kind = created_kind(row);
         if (r == CAIRN_OK && kind != OBJECTS) {
             void *made;
             memcpy(&made, &rooms[row->count - 1], sizeof made);
-            OK(end_object(kind, made));
+            OK(destroy_object(kind, made));
         }
         if (destroys(row)) {
             ANSWERS(a[0].pointer ? CAIRN_ERROR_INVALID_HANDLE : CAIRN_OK, row->call(a));
@@ -351,16 +351,16 @@ static void what_every_row_names_as_good_is_taken(void)
         objects[DEVICE] = NULL;
         void *world = objects[WORLD];
         objects[WORLD] = NULL;
-        clear_stage();
+        destroy_objects();
         objects[WORLD] = world;
     }
-    clear_stage();
+    destroy_objects();
 }
 
 int main(void)
 {
     device = make_device();
-    RUN(what_every_row_names_as_good_is_taken);
-    RUN(what_no_argument_may_be_is_refused_everywhere);
+    RUN(valid_arguments_of_every_row_are_accepted);
+    RUN(invalid_arguments_are_refused_everywhere);
     return failed_tests != 0;
 }

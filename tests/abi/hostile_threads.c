@@ -21,7 +21,7 @@ static void call_all(void *busy)
         int again = 1;
         for (int i = 0; i < 3; i++) again &= !strstr(row->name, once[i]);
         if (!busy && !again) continue;
-        good_arguments(row, a, 0);
+        valid_arguments(row, a, 0);
         cairn_result r = row->call(a);
         int in_use = busy && first->kind == HANDLE_ARGUMENT && a[0].pointer == busy;
         int refused = r == CAIRN_ERROR_BUSY || (r == CAIRN_ERROR_UNSUPPORTED && is_for_windows(row->name));
@@ -30,8 +30,8 @@ static void call_all(void *busy)
             CHECK(!"it answers as it does beside another call");
         }
         void *made = NULL;
-        if (r == CAIRN_OK && made_by(row) != OBJECTS) memcpy(&made, a[row->count - 1].pointer, sizeof made);
-        if (made) OK(end_object(made_by(row), made));
+        if (r == CAIRN_OK && created_kind(row) != OBJECTS) memcpy(&made, a[row->count - 1].pointer, sizeof made);
+        if (made) OK(destroy_object(created_kind(row), made));
     }
 }
 
@@ -76,9 +76,9 @@ static void go_on(void)
     pthread_mutex_unlock(&lock);
 }
 
-static void a_call_beside_one_that_is_alone_is_refused(void)
+static void calls_during_an_exclusive_call_are_refused(void)
 {
-    set_stage(device);
+    create_objects(device);
     cairn_rollout_info was = {.struct_size = sizeof was}, is = was;
     OK(cairn_rollout_get_info(objects[ROLLOUT], &was));
     pthread_t thread;
@@ -89,7 +89,7 @@ static void a_call_beside_one_that_is_alone_is_refused(void)
     OK(cairn_rollout_get_info(objects[ROLLOUT], &is));
     CHECK(is.latents == was.latents + 1);
     objects[DEVICE] = NULL;
-    clear_stage();
+    destroy_objects();
 }
 
 static void *end_rollout(void *rollout)
@@ -98,9 +98,9 @@ static void *end_rollout(void *rollout)
     return NULL;
 }
 
-static void an_end_waits_for_the_call_in_flight_and_none_begins_after(void)
+static void destruction_waits_for_the_call_in_flight_and_refuses_later_ones(void)
 {
-    set_stage(device);
+    create_objects(device);
     cairn_rollout *rollout = objects[ROLLOUT];
     pthread_t ending;
     inside = let_go = 0;
@@ -123,7 +123,7 @@ static void an_end_waits_for_the_call_in_flight_and_none_begins_after(void)
     CHECK(cairn_test_shim.runs == runs);
     objects[ROLLOUT] = NULL;
     objects[DEVICE] = NULL;
-    clear_stage();
+    destroy_objects();
 }
 
 /* ---- Callbacks that call the library. ---- */
@@ -141,9 +141,9 @@ static uint32_t call_from_progress(const cairn_load_progress *progress, void *us
     return 0;
 }
 
-static void a_progress_callback_may_call_all_but_the_end_of_its_device(void)
+static void a_progress_callback_may_call_everything_except_its_devices_destruction(void)
 {
-    set_stage(device);
+    create_objects(device);
     cairn_device_options cpu = {.struct_size = sizeof cpu, .threads = 1, .flags = CAIRN_DEVICE_ENVIRONMENT,
         .onnxruntime = getenv("CAIRN_TEST_SHIM")};
     OK(cairn_device_create_cpu(&cpu, &loading_on));
@@ -155,7 +155,7 @@ static void a_progress_callback_may_call_all_but_the_end_of_its_device(void)
     OK(cairn_world_destroy(world));
     OK(cairn_device_destroy(loading_on));
     objects[DEVICE] = NULL;
-    clear_stage();
+    destroy_objects();
 }
 
 static unsigned long messages;
@@ -167,14 +167,14 @@ static void call_from_log(uint32_t level, const char *target, const char *text, 
     ANSWERS(CAIRN_ERROR_BUSY, cairn_set_log_callback(CAIRN_LOG_OFF, NULL, NULL));
     /* Calls that need no device, which is only being created. */
     cairn_presenter *presenter = NULL;
-    cairn_anchor *anchor = made_anchor(0);
+    cairn_anchor *anchor = create_anchor(0);
     OK(cairn_presenter_create(NULL, &presenter));
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_push(presenter, anchor, NULL, 0));
     OK(cairn_anchor_destroy(anchor));
     OK(cairn_presenter_destroy(presenter));
 }
 
-static void a_log_callback_may_call_all_but_its_own_end(void)
+static void a_log_callback_may_call_everything_except_its_own_destruction(void)
 {
     cairn_device_options options = {.struct_size = sizeof options, .threads = 1, .flags = CAIRN_DEVICE_DETERMINISTIC,
         .onnxruntime = getenv("CAIRN_TEST_SHIM")};
@@ -186,10 +186,10 @@ static void a_log_callback_may_call_all_but_its_own_end(void)
 }
 
 /* ---- Every order of destruction, with work in flight. ---- */
-static void everything_ends_in_every_order(void)
+static void objects_may_be_destroyed_in_any_order(void)
 {
     for (int order = 0; order < 120; order++) {
-        set_stage(device);
+        create_objects(device);
         OK(cairn_rollout_resume(objects[QUEUE])); /* work in flight */
         const enum object ends[] = {ROLLOUT, QUEUE, ANCHOR, GUIDANCE, PRESENTER};
         int left[5] = {0, 1, 2, 3, 4}, n = order;
@@ -198,13 +198,13 @@ static void everything_ends_in_every_order(void)
             enum object which = ends[left[pick]];
             n /= i;
             memmove(&left[pick], &left[pick + 1], sizeof(int) * (size_t)(4 - pick));
-            OK(end_object(which, objects[which]));
+            OK(destroy_object(which, objects[which]));
             objects[which] = NULL;
         }
         void *world = objects[WORLD];
         if (order != 119) objects[WORLD] = NULL;
         objects[DEVICE] = NULL;
-        clear_stage();
+        destroy_objects();
         objects[WORLD] = order == 119 ? NULL : world;
     }
 }
@@ -214,11 +214,11 @@ int main(void)
     /* Rows that name an ONNX Runtime library must name the one in use. */
     const char *shim = getenv("CAIRN_TEST_SHIM");
     if (!shim || setenv("CAIRN_TEST_CALLS_ONNXRUNTIME", shim, 1)) return 2;
-    RUN(a_log_callback_may_call_all_but_its_own_end);
-    RUN(a_call_beside_one_that_is_alone_is_refused);
-    RUN(an_end_waits_for_the_call_in_flight_and_none_begins_after);
-    RUN(a_progress_callback_may_call_all_but_the_end_of_its_device);
-    RUN(everything_ends_in_every_order);
+    RUN(a_log_callback_may_call_everything_except_its_own_destruction);
+    RUN(calls_during_an_exclusive_call_are_refused);
+    RUN(destruction_waits_for_the_call_in_flight_and_refuses_later_ones);
+    RUN(a_progress_callback_may_call_everything_except_its_devices_destruction);
+    RUN(objects_may_be_destroyed_in_any_order);
     OK(cairn_device_destroy(device));
     return failed_tests != 0;
 }

@@ -30,7 +30,7 @@ static void a_script_gives_the_controls_of_each_step(void)
     OK(cairn_script_destroy(script));
 }
 
-static void what_is_no_script_is_refused_with_its_place(void)
+static void invalid_scripts_are_refused_with_their_line(void)
 {
     cairn_script *script = NULL;
     static const char wrong[] = "cairn-controls 1\n0 up W\n", newer[] = "cairn-controls 2\n", binary[] = "cairn-controls 1\n\xff\n";
@@ -78,7 +78,7 @@ static void recorded_steps_play_again_bit_for_bit(void)
     OK(cairn_recorder_destroy(recorder));
 }
 
-static void live_events_become_a_script(void)
+static void live_events_are_recorded_as_a_script(void)
 {
     cairn_recorder *recorder = NULL;
     cairn_script *script = NULL;
@@ -102,8 +102,8 @@ static void live_events_become_a_script(void)
 int main(void)
 {
     RUN(a_script_gives_the_controls_of_each_step);
-    RUN(what_is_no_script_is_refused_with_its_place);
+    RUN(invalid_scripts_are_refused_with_their_line);
     RUN(recorded_steps_play_again_bit_for_bit);
-    RUN(live_events_become_a_script);
+    RUN(live_events_are_recorded_as_a_script);
     return failed_tests != 0;
 }

@@ -101,7 +101,7 @@ static void *step_once(void *rollout)
     return NULL;
 }
 
-static void two_worlds_run_at_the_same_moment(void)
+static void two_worlds_run_in_parallel(void)
 {
     cairn_world *worlds[2] = {make_world(device), make_world(device)};
     cairn_rollout *rollouts[2] = {make_seeded(worlds[0]), make_seeded(worlds[1])};
@@ -139,7 +139,7 @@ static cairn_result load(unsigned long stop, cairn_world **world)
     return cairn_world_load(device, &options, world);
 }
 
-static void after_a_cancel_nothing_is_read_and_no_session_made(void)
+static void a_cancelled_load_reads_no_file_and_creates_no_session(void)
 {
     cairn_world *world = NULL;
     file_calls = 0;
@@ -176,7 +176,7 @@ static void cancel_at_last(unsigned long number)
     }
 }
 
-static void after_a_cancel_no_run_begins(void)
+static void a_cancelled_rollout_starts_no_run(void)
 {
     cairn_world *world = make_world(device);
     unsigned long total = 0;
@@ -212,7 +212,7 @@ static void after_a_cancel_no_run_begins(void)
     OK(cairn_world_destroy(world));
 }
 
-static void a_run_that_fails_leaves_the_rollout_as_it_was(void)
+static void a_failed_run_leaves_the_rollout_unchanged(void)
 {
     cairn_world *world = make_world(device);
     cairn_rollout *rollout = make_seeded(world);
@@ -236,10 +236,10 @@ static void a_run_that_fails_leaves_the_rollout_as_it_was(void)
 int main(void)
 {
     device = make_watched_device();
-    RUN(two_worlds_run_at_the_same_moment);
-    RUN(after_a_cancel_nothing_is_read_and_no_session_made);
-    RUN(after_a_cancel_no_run_begins);
-    RUN(a_run_that_fails_leaves_the_rollout_as_it_was);
+    RUN(two_worlds_run_in_parallel);
+    RUN(a_cancelled_load_reads_no_file_and_creates_no_session);
+    RUN(a_cancelled_rollout_starts_no_run);
+    RUN(a_failed_run_leaves_the_rollout_unchanged);
     OK(cairn_device_destroy(device));
     return failed_tests != 0;
 }

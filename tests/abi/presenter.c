@@ -80,7 +80,7 @@ static uint32_t reference_query(int64_t now, int *from, int *step)
     return *step <= unit && *from > 0 ? CAIRN_FRAME_EXTRAPOLATED : CAIRN_FRAME_HELD;
 }
 
-static void frames_are_those_of_the_reference(void)
+static void frames_equal_the_reference_clocks(void)
 {
     const int multipliers[] = {2, 3, 4, 6};
     int seen[6] = {0};
@@ -194,7 +194,7 @@ static void a_second_of_frames_is_drawn(void)
 }
 
 /* White of pictures has the same code value everywhere in HDR10 and scRGB: that of so many nits. */
-static void colours_beyond_white_have_the_numbers_of_their_standards(void)
+static void hdr_colours_follow_their_standards(void)
 {
     const struct { uint32_t space, format, nits; } cases[] = {
         {CAIRN_COLOUR_HDR10, CAIRN_FORMAT_RGB10A2, 0}, {CAIRN_COLOUR_HDR10, CAIRN_FORMAT_RGB10A2, 100},
@@ -224,7 +224,7 @@ static void colours_beyond_white_have_the_numbers_of_their_standards(void)
     OK(cairn_anchor_destroy(anchor));
 }
 
-static void frames_have_the_size_and_format_asked_for(void)
+static void frames_have_the_requested_size_and_format(void)
 {
     cairn_presenter_options options = {.struct_size = sizeof options, .interval_ns = 60000000, .width = 2 * WIDTH,
         .height = 2 * HEIGHT, .colour_space = CAIRN_COLOUR_LINEAR};
@@ -293,7 +293,7 @@ static void preferences_are_met_or_refused(void)
     OK(cairn_presenter_destroy(presenter));
 }
 
-static void guidance_goes_in_and_out(void)
+static void guidance_is_created_and_read(void)
 {
     cairn_anchor *first = make_anchor(0, 0), *second = make_anchor(1, 0);
     cairn_guidance *found = NULL, *own = NULL;
@@ -358,26 +358,26 @@ static void guidance_goes_in_and_out(void)
 
 /* One thread draws, two push and query. */
 static cairn_presenter *shared;
-static int stop_asking;
+static int stop_querying;
 
-static void *keep_asking(void *unused)
+static void *keep_querying(void *unused)
 {
     (void)unused;
     cairn_frame frame = {.struct_size = sizeof frame};
-    for (uint64_t now = 0; !__atomic_load_n(&stop_asking, __ATOMIC_SEQ_CST); now += 1000000) {
+    for (uint64_t now = 0; !__atomic_load_n(&stop_querying, __ATOMIC_SEQ_CST); now += 1000000) {
         OK(cairn_presenter_query(shared, now, &frame));
         CHECK(frame.until_ns > frame.since_ns);
     }
     return NULL;
 }
 
-static void asking_does_not_wait_for_a_picture(void)
+static void statistics_do_not_wait_for_a_picture(void)
 {
     cairn_presenter_options options = {.struct_size = sizeof options, .interval_ns = 60000000, .capacity = 64};
     shared = make_presenter(&options);
     push(shared, 0, 0);
     pthread_t thread;
-    CHECK(pthread_create(&thread, NULL, keep_asking, NULL) == 0);
+    CHECK(pthread_create(&thread, NULL, keep_querying, NULL) == 0);
     static unsigned char pixels[HEIGHT][WIDTH][4];
     cairn_target target = {
         .struct_size = sizeof target, .width = WIDTH, .height = HEIGHT, .pixels = pixels, .size = sizeof pixels};
@@ -385,12 +385,12 @@ static void asking_does_not_wait_for_a_picture(void)
         push(shared, i, i * 60000000);
         OK(cairn_presenter_draw(shared, i * 60000000 + 30000000, &target, NULL));
     }
-    __atomic_store_n(&stop_asking, 1, __ATOMIC_SEQ_CST);
+    __atomic_store_n(&stop_querying, 1, __ATOMIC_SEQ_CST);
     pthread_join(thread, NULL);
     OK(cairn_presenter_destroy(shared));
 }
 
-static void a_world_s_anchors_bring_rate_latents_and_decoded_pictures(void)
+static void anchors_of_a_world_have_rate_latents_and_decoded_pictures(void)
 {
     cairn_device *device = make_device();
     cairn_world_options world_options = {
@@ -438,7 +438,7 @@ static void a_world_s_anchors_bring_rate_latents_and_decoded_pictures(void)
     OK(cairn_device_destroy(device));
 }
 
-static void what_does_not_fit_is_refused(void)
+static void mismatched_arguments_are_refused(void)
 {
     cairn_presenter *presenter = make_presenter(NULL);
     cairn_anchor *anchor = make_anchor(0, 0);
@@ -470,14 +470,14 @@ static void what_does_not_fit_is_refused(void)
 
 int main(void)
 {
-    RUN(frames_are_those_of_the_reference);
+    RUN(frames_equal_the_reference_clocks);
     RUN(a_second_of_frames_is_drawn);
-    RUN(frames_have_the_size_and_format_asked_for);
-    RUN(colours_beyond_white_have_the_numbers_of_their_standards);
+    RUN(frames_have_the_requested_size_and_format);
+    RUN(hdr_colours_follow_their_standards);
     RUN(preferences_are_met_or_refused);
-    RUN(guidance_goes_in_and_out);
-    RUN(asking_does_not_wait_for_a_picture);
-    RUN(a_world_s_anchors_bring_rate_latents_and_decoded_pictures);
-    RUN(what_does_not_fit_is_refused);
+    RUN(guidance_is_created_and_read);
+    RUN(statistics_do_not_wait_for_a_picture);
+    RUN(anchors_of_a_world_have_rate_latents_and_decoded_pictures);
+    RUN(mismatched_arguments_are_refused);
     return failed_tests != 0;
 }

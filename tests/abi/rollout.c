@@ -69,7 +69,7 @@ static void by_hand(uint64_t seed, uint64_t prints[STEPS])
     OK(cairn_rollout_destroy(rollout));
 }
 
-static void a_rollout_says_how_far_it_is(void)
+static void a_rollout_reports_its_progress(void)
 {
     cairn_rollout *rollout = make_rollout(7, 0);
     cairn_anchor *anchor = NULL;
@@ -93,7 +93,7 @@ static void a_rollout_says_how_far_it_is(void)
     OK(cairn_anchor_destroy(anchor));
 }
 
-static void only_a_stated_cut_is_one(void)
+static void only_declared_cuts_count(void)
 {
     cairn_rollout *rollout = make_seeded(1);
     cairn_picture picture = seed_picture();
@@ -114,7 +114,7 @@ static void only_a_stated_cut_is_one(void)
     OK(cairn_rollout_destroy(rollout));
 }
 
-static void the_queue_makes_what_hands_make(void)
+static void queued_steps_equal_direct_steps(void)
 {
     uint64_t prints[STEPS];
     by_hand(3, prints);
@@ -147,7 +147,7 @@ static void the_queue_makes_what_hands_make(void)
     OK(cairn_rollout_destroy(rollout));
 }
 
-static void a_held_queue_goes_step_by_step(void)
+static void a_paused_queue_runs_single_steps(void)
 {
     cairn_rollout *rollout = make_seeded(1);
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_rollout_single_step(rollout));
@@ -168,7 +168,7 @@ static void a_held_queue_goes_step_by_step(void)
     OK(cairn_rollout_destroy(rollout));
 }
 
-static void cancelling_leaves_the_rollout_whole(void)
+static void cancelling_leaves_the_rollout_consistent(void)
 {
     uint64_t prints[STEPS];
     by_hand(5, prints);
@@ -204,7 +204,7 @@ static void cancelling_leaves_the_rollout_whole(void)
     }
 }
 
-static void a_state_goes_on_bit_for_bit(void)
+static void a_saved_state_continues_bit_for_bit(void)
 {
     uint64_t prints[STEPS];
     by_hand(9, prints);
@@ -252,7 +252,7 @@ static void a_state_goes_on_bit_for_bit(void)
 }
 
 #ifdef CAIRN_WORLD_FIT_WINDOW /* The first header has neither this nor budgets. */
-static void latents_are_held_to_a_budget(void)
+static void a_budget_limits_latents(void)
 {
     cairn_rollout *rollout = make_seeded(1);
     cairn_controls c = controls(0);
@@ -275,7 +275,7 @@ static void latents_are_held_to_a_budget(void)
 #endif
 
 #ifdef CAIRN_MAX_BUDGET_WORLDS
-static void one_budget_holds_latents_and_frames(void)
+static void one_budget_limits_latents_and_frames(void)
 {
     cairn_rollout *rollout = make_seeded(1);
     cairn_presenter_options options = {.struct_size = sizeof options, .interval_ns = 66666667, .multiplier = 4};
@@ -358,7 +358,7 @@ static void *wait_for_ever(void *argument)
     return NULL;
 }
 
-static void destroying_ends_who_waits(void)
+static void destruction_ends_waiting_calls(void)
 {
     for (int paused = 0; paused < 2; paused++) {
         cairn_rollout *rollout = make_seeded(1);
@@ -378,7 +378,7 @@ static void destroying_ends_who_waits(void)
     }
 }
 
-static void everything_may_go_in_every_order(void)
+static void objects_of_a_rollout_may_be_destroyed_in_any_order(void)
 {
     for (int order = 0; order < 24; order++) {
         cairn_device *d = make_device();
@@ -421,7 +421,7 @@ static void *step_hard(void *unused)
     return NULL;
 }
 
-static void a_second_thread_is_refused_and_not_harmful(void)
+static void calls_from_a_second_thread_are_refused_without_harm(void)
 {
     contested = make_seeded(1);
     pthread_t threads[3];
@@ -437,22 +437,22 @@ int main(void)
 {
     device = make_device();
     world = make_world(device);
-    RUN(a_rollout_says_how_far_it_is);
-    RUN(only_a_stated_cut_is_one);
-    RUN(the_queue_makes_what_hands_make);
-    RUN(a_held_queue_goes_step_by_step);
-    RUN(cancelling_leaves_the_rollout_whole);
-    RUN(a_state_goes_on_bit_for_bit);
+    RUN(a_rollout_reports_its_progress);
+    RUN(only_declared_cuts_count);
+    RUN(queued_steps_equal_direct_steps);
+    RUN(a_paused_queue_runs_single_steps);
+    RUN(cancelling_leaves_the_rollout_consistent);
+    RUN(a_saved_state_continues_bit_for_bit);
 #ifdef CAIRN_WORLD_FIT_WINDOW
-    RUN(latents_are_held_to_a_budget);
+    RUN(a_budget_limits_latents);
 #endif
 #ifdef CAIRN_MAX_BUDGET_WORLDS
-    RUN(one_budget_holds_latents_and_frames);
+    RUN(one_budget_limits_latents_and_frames);
 #endif
     RUN(wrong_controls_are_refused);
-    RUN(destroying_ends_who_waits);
-    RUN(everything_may_go_in_every_order);
-    RUN(a_second_thread_is_refused_and_not_harmful);
+    RUN(destruction_ends_waiting_calls);
+    RUN(objects_of_a_rollout_may_be_destroyed_in_any_order);
+    RUN(calls_from_a_second_thread_are_refused_without_harm);
     cairn_world_destroy(world);
     cairn_device_destroy(device);
     return failed_tests != 0;

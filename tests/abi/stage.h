@@ -20,13 +20,13 @@ static union {
 static unsigned char target_pixels[HEIGHT][WIDTH][4];
 
 /* A job system that runs none of its jobs. */
-static void run_nothing(void *user, uint32_t jobs, cairn_job job, void *data)
+static void ignore_jobs(void *user, uint32_t jobs, cairn_job job, void *data)
 {
     (void)user, (void)jobs, (void)job, (void)data;
 }
 
 /* Fills a struct that the library reads with valid values. */
-static void good_struct(int number, void *to)
+static void valid_struct(int number, void *to)
 {
     static const uint16_t still[WIDTH * HEIGHT * 2];
     memset(to, 0, 4096);
@@ -34,7 +34,7 @@ static void good_struct(int number, void *to)
         *(cairn_thread_options *)to = (cairn_thread_options){.struct_size = sizeof(cairn_thread_options), .threads = 2};
     } else if (number == NUMBER_OF_cairn_scheduler) {
         *(cairn_scheduler *)to =
-            (cairn_scheduler){.struct_size = sizeof(cairn_scheduler), .concurrency = 4, .run = run_nothing};
+            (cairn_scheduler){.struct_size = sizeof(cairn_scheduler), .concurrency = 4, .run = ignore_jobs};
     } else if (number == NUMBER_OF_cairn_device_options) {
         *(cairn_device_options *)to = (cairn_device_options){.struct_size = sizeof(cairn_device_options), .threads = 2,
             .flags = CAIRN_DEVICE_ENVIRONMENT};
@@ -81,7 +81,7 @@ static void good_struct(int number, void *to)
 }
 
 /* An anchor without a world. */
-__attribute__((unused)) static cairn_anchor *made_anchor(uint64_t number)
+__attribute__((unused)) static cairn_anchor *create_anchor(uint64_t number)
 {
     static unsigned char pixels[HEIGHT][WIDTH][4];
     cairn_picture picture = {
@@ -91,7 +91,7 @@ __attribute__((unused)) static cairn_anchor *made_anchor(uint64_t number)
     return anchor;
 }
 
-static void make_queue(void)
+static void create_queue(void)
 {
     cairn_controls c = controls(2);
     cairn_picture picture = seed_picture();
@@ -104,22 +104,22 @@ static void make_queue(void)
     objects[QUEUE] = queue;
 }
 
-static void make_small(void)
+static void create_objects_without_world(void)
 {
     cairn_presenter_options options;
     uint64_t room[512];
-    good_struct(NUMBER_OF_cairn_presenter_options, room);
+    valid_struct(NUMBER_OF_cairn_presenter_options, room);
     memcpy(&options, room, sizeof options);
     OK(cairn_script_create(SCRIPT_TEXT, sizeof SCRIPT_TEXT - 1, (cairn_script **)&objects[SCRIPT]));
     OK(cairn_recorder_create((cairn_recorder **)&objects[RECORDER]));
-    good_struct(NUMBER_OF_cairn_guidance_data, room);
+    valid_struct(NUMBER_OF_cairn_guidance_data, room);
     OK(cairn_guidance_create_from_host((void *)room, (cairn_guidance **)&objects[GUIDANCE]));
     OK(cairn_presenter_create(&options, (cairn_presenter **)&objects[PRESENTER]));
     OK(cairn_presenter_push(objects[PRESENTER], objects[ANCHOR], NULL, 1000));
 }
 
 /* Creates all objects that do not exist yet. */
-__attribute__((unused)) static void set_stage(cairn_device *device)
+__attribute__((unused)) static void create_objects(cairn_device *device)
 {
     objects[DEVICE] = device;
     if (!objects[WORLD]) objects[WORLD] = make_world(device);
@@ -133,12 +133,12 @@ __attribute__((unused)) static void set_stage(cairn_device *device)
     OK(cairn_rollout_save(rollout, saved_state, saved_size, &saved_size));
     OK(cairn_rollout_save_file(rollout, STATE_FILE));
     objects[ROLLOUT] = rollout;
-    make_queue();
-    make_small();
+    create_queue();
+    create_objects_without_world();
 }
 
 /* Destroys a handle of a kind. */
-__attribute__((unused)) static cairn_result end_object(enum object kind, void *handle)
+__attribute__((unused)) static cairn_result destroy_object(enum object kind, void *handle)
 {
     switch (kind) {
     case DEVICE: return cairn_device_destroy(handle);
@@ -153,10 +153,10 @@ __attribute__((unused)) static cairn_result end_object(enum object kind, void *h
     }
 }
 
-__attribute__((unused)) static void clear_stage(void)
+__attribute__((unused)) static void destroy_objects(void)
 {
     for (int i = 0; i < OBJECTS; i++) {
-        OK(end_object((enum object)i, objects[i]));
+        OK(destroy_object((enum object)i, objects[i]));
         objects[i] = NULL;
     }
     free(saved_state);
@@ -164,7 +164,7 @@ __attribute__((unused)) static void clear_stage(void)
 }
 
 /* The kind of the handle that a row creates, by its name; OBJECTS for none. */
-__attribute__((unused)) static enum object made_by(const struct row *row)
+__attribute__((unused)) static enum object created_kind(const struct row *row)
 {
     static const struct {
         const char *name;
@@ -185,7 +185,7 @@ __attribute__((unused)) static enum object made_by(const struct row *row)
 }
 
 /* Valid arguments for the row; output memory is filled with `pattern` first. */
-static void good_arguments(const struct row *row, struct argument a[MOST_ARGUMENTS], int pattern)
+static void valid_arguments(const struct row *row, struct argument a[MOST_ARGUMENTS], int pattern)
 {
     memset(a, 0, sizeof(struct argument) * MOST_ARGUMENTS);
     for (int i = 0; i < row->count; i++) {
@@ -196,7 +196,7 @@ static void good_arguments(const struct row *row, struct argument a[MOST_ARGUMEN
         if (shape->kind == HANDLE_ARGUMENT) a[i].pointer = objects[shape->object];
         /* A schedule, or the name of a file. */
         if (shape->kind == TEXT_ARGUMENT) strcpy((char *)&rooms[i], strstr(row->name, "set_budget") ? "stock" : STATE_FILE);
-        if (shape->kind == READ_ARGUMENT) good_struct(shape->number, &rooms[i]);
+        if (shape->kind == READ_ARGUMENT) valid_struct(shape->number, &rooms[i]);
         if (shape->kind == FILLED_ARGUMENT || shape->kind == RESULT_ARGUMENT || shape->kind == ROOM_ARGUMENT) {
             memset(&rooms[i], pattern, 8192);
         }

@@ -4,7 +4,7 @@
 
 #include "check.h"
 
-static void a_world_says_what_it_is(void)
+static void a_world_describes_itself(void)
 {
     cairn_device *device = make_device();
     cairn_world *world = make_world(device);
@@ -29,7 +29,7 @@ static void a_world_says_what_it_is(void)
     OK(cairn_world_destroy(world));
 }
 
-static void without_a_path_it_is_the_embedded_world(void)
+static void without_a_path_the_embedded_world_is_loaded(void)
 {
     cairn_device *device = make_device();
     cairn_world *world = NULL;
@@ -43,7 +43,7 @@ static void without_a_path_it_is_the_embedded_world(void)
     OK(cairn_device_destroy(device));
 }
 
-static void what_cannot_be_loaded_is_refused(void)
+static void invalid_worlds_are_refused(void)
 {
     cairn_device *device = make_device();
     cairn_world *world = (cairn_world *)(uintptr_t)0x1234;
@@ -114,7 +114,7 @@ static cairn_result load_watched(struct watch *watch, cairn_world **world)
     return cairn_world_load(watch->device, &options, world);
 }
 
-static void loading_tells_its_progress_and_can_be_cancelled_at_every_call(void)
+static void loading_reports_progress_and_can_be_cancelled_at_every_call(void)
 {
     struct watch whole = {.device = make_device()};
     cairn_world *world = NULL;
@@ -174,7 +174,7 @@ static void a_tampered_bundle_is_refused(void)
     OK(cairn_device_destroy(device));
 }
 
-static void twenty_worlds_leave_nothing(void)
+static void twenty_worlds_leak_nothing(void)
 {
     for (int i = 0; i < 20; i++) {
         cairn_device *device = make_device();
@@ -186,11 +186,11 @@ static void twenty_worlds_leave_nothing(void)
 
 int main(void)
 {
-    RUN(a_world_says_what_it_is);
-    RUN(without_a_path_it_is_the_embedded_world);
-    RUN(what_cannot_be_loaded_is_refused);
-    RUN(loading_tells_its_progress_and_can_be_cancelled_at_every_call);
+    RUN(a_world_describes_itself);
+    RUN(without_a_path_the_embedded_world_is_loaded);
+    RUN(invalid_worlds_are_refused);
+    RUN(loading_reports_progress_and_can_be_cancelled_at_every_call);
     RUN(a_tampered_bundle_is_refused);
-    RUN(twenty_worlds_leave_nothing);
+    RUN(twenty_worlds_leak_nothing);
     return failed_tests != 0;
 }

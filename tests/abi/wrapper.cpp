@@ -50,7 +50,7 @@ static cairn::device two_threads()
 
 static cairn::script script_of(std::string_view text) { return cairn::script::create(text).value(); }
 
-static void structs_know_their_size_and_are_zero()
+static void structs_have_their_size_and_are_zero()
 {
     const cairn::controls still;
     CHECK(still.struct_size == sizeof(cairn_controls) && still.mouse_dx == 0 && still.keys[3] == 0);
@@ -68,7 +68,7 @@ static void structs_know_their_size_and_are_zero()
     CHECK(cairn::span<const float>(plain).size() == 3 && cairn::span<float>().size() == 0);
 }
 
-static void versions_and_devices_are_those_of_the_library()
+static void versions_and_devices_equal_the_librarys()
 {
     OK(cairn::check_version());
     CHECK(cairn::abi_version() == CAIRN_ABI_VERSION && cairn::version() == CAIRN_VERSION);
@@ -114,7 +114,7 @@ static void a_handle_has_one_owner()
 }
 
 /* A load's callback tries to destroy the load's device. */
-static void what_a_callback_cannot_end_is_kept()
+static void objects_that_a_callback_cannot_destroy_are_kept()
 {
     cairn::device device = two_threads();
     cairn_result answer = CAIRN_OK;
@@ -164,7 +164,7 @@ static void failures_carry_code_message_and_parts()
 #endif
 }
 
-static void what_a_progress_function_throws_comes_out_of_the_load()
+static void exceptions_of_a_progress_function_leave_the_load()
 {
 #if CAIRN_HPP_EXCEPTIONS
     const cairn::device device = two_threads();
@@ -181,7 +181,7 @@ static void what_a_progress_function_throws_comes_out_of_the_load()
 #endif
 }
 
-static void scripts_come_back_as_they_were_recorded()
+static void scripts_equal_what_was_recorded()
 {
     auto recorder = cairn::recorder::create().value();
     OK(recorder.key(10000, 0x57, true));
@@ -201,7 +201,7 @@ static void scripts_come_back_as_they_were_recorded()
     CHECK(steps.make_script(66667).value().controls(1, 15).value().mouse_dx == 3);
 }
 
-static void the_log_comes_to_the_host()
+static void log_messages_reach_the_host()
 {
     const cairn_log_callback count = [](std::uint32_t, const char *, const char *, void *user) { ++*static_cast<int *>(user); };
     static int messages;
@@ -210,7 +210,7 @@ static void the_log_comes_to_the_host()
     OK(cairn::set_log_callback(CAIRN_LOG_OFF, nullptr));
 }
 
-static void threads_are_set_while_there_is_no_object()
+static void threads_can_be_set_before_the_first_object()
 {
     cairn::thread_options options;
     options.threads = 2;
@@ -239,7 +239,7 @@ static cairn::anchor grey(std::uint64_t number, unsigned char level, std::uint32
     return cairn::anchor::create(cairn::picture_of(pixels, 40, 24), number, flags).value();
 }
 
-static void presenters_show_what_is_due_and_say_what_they_did()
+static void presenters_show_due_frames_and_report_statistics()
 {
     cairn::presenter_options options;
     options.multiplier = 4;
@@ -374,16 +374,16 @@ int main()
         failed += failed_checks != 0;
     };
 #define RUN(test) run(#test, test)
-    RUN(structs_know_their_size_and_are_zero);
-    RUN(versions_and_devices_are_those_of_the_library);
+    RUN(structs_have_their_size_and_are_zero);
+    RUN(versions_and_devices_equal_the_librarys);
     RUN(a_handle_has_one_owner);
-    RUN(what_a_callback_cannot_end_is_kept);
+    RUN(objects_that_a_callback_cannot_destroy_are_kept);
     RUN(failures_carry_code_message_and_parts);
-    RUN(what_a_progress_function_throws_comes_out_of_the_load);
-    RUN(scripts_come_back_as_they_were_recorded);
-    RUN(the_log_comes_to_the_host);
-    RUN(threads_are_set_while_there_is_no_object);
-    RUN(presenters_show_what_is_due_and_say_what_they_did);
+    RUN(exceptions_of_a_progress_function_leave_the_load);
+    RUN(scripts_equal_what_was_recorded);
+    RUN(log_messages_reach_the_host);
+    RUN(threads_can_be_set_before_the_first_object);
+    RUN(presenters_show_due_frames_and_report_statistics);
     RUN(a_rollout_through_the_embedded_world);
     return failed != 0;
 }

@@ -1,17 +1,17 @@
-//! Archives: what is read, and what is refused.
+//! Bundles in archives: valid and invalid ones.
 
 use cairn::bundle::Bundle;
+use test_support::bundles::toy_bundle::{Files, ToyBundle};
+use test_support::bundles::zip_writer::{Zip, ZipEntry};
 
 use crate::refusal;
-use crate::support::toy_bundle::{Files, ToyBundle};
-use crate::support::zip_writer::{Zip, ZipEntry};
 
 fn zip(files: &Files) -> Zip {
     Zip::of(files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_ref())))
 }
 
 #[test]
-fn plain_and_wide_archives_open_from_memory_and_from_a_file() {
+fn archives_with_32_and_64_bit_sizes_open_from_memory_and_from_a_file() {
     let files = ToyBundle::new().files();
     let expected = Bundle::from_memory(files.clone()).unwrap();
     let mut wide = zip(&files);
@@ -33,7 +33,7 @@ fn plain_and_wide_archives_open_from_memory_and_from_a_file() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// What is done to an archive, and a part of the refusal's text.
+/// Name of a case, a change of an archive, and a part of the error's text.
 type Case = (&'static str, fn(&mut Zip), &'static str);
 
 #[test]
@@ -103,16 +103,16 @@ fn hostile_archives_are_refused() {
         ),
         ("no entries", |z| z.entries.clear(), "not in the bundle"),
     ];
-    for (case, bend, part) in cases {
+    for (case, change, part) in cases {
         let mut zip = zip(&ToyBundle::new().files());
-        bend(&mut zip);
+        change(&mut zip);
         let error = refusal(case, Bundle::from_archive(zip.encode())).to_string();
         assert!(error.contains(part), "{case}: `{error}` does not say `{part}`");
     }
 }
 
 #[test]
-fn every_cut_of_the_directory_is_refused() {
+fn every_truncated_central_directory_is_refused() {
     let bytes = zip(&ToyBundle::new().files()).encode();
     let directory = bytes.len() - 22 - 1000;
     for len in (0..200).chain(directory..bytes.len()) {

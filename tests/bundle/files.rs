@@ -1,4 +1,4 @@
-//! Files of a bundle: names, sizes, checksums, limits.
+//! Files of a bundle: names, sizes, checksums and limits.
 
 use std::cell::Cell;
 use std::fs;
@@ -7,11 +7,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use cairn::ErrorKind;
 use cairn::bundle::{Bundle, GraphKind, MANIFEST_NAME, OpenOptions, Precision};
+use test_support::bundles::toy_bundle::{ToyBundle, WEIGHTS};
 
 use crate::refusal;
-use crate::support::toy_bundle::{ToyBundle, WEIGHTS};
 
-/// A folder that goes with the test.
+/// A folder with a bundle's files, removed on drop.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -48,7 +48,7 @@ fn a_bundle_opens_and_gives_its_models() {
 }
 
 #[test]
-fn a_bundle_of_one_precision_says_what_it_lacks() {
+fn a_bundle_of_one_precision_names_the_missing_one() {
     let mut toy = ToyBundle::new();
     toy.manifest["graphs"].as_object_mut().unwrap().remove("f16");
     let bundle = Bundle::from_memory(toy.files()).unwrap();
@@ -142,7 +142,7 @@ fn limit_cancel_and_progress_work() {
 }
 
 #[test]
-fn names_given_in_memory_are_held_to_the_rules() {
+fn file_names_in_memory_are_checked() {
     for name in ["../x", "/x", "a\\b", ""] {
         let mut files = ToyBundle::new().files();
         files.push((name.to_owned(), Vec::new().into()));

@@ -1,7 +1,4 @@
-//! Reading bundles as untrusted input. The bundles are of the tests' own making.
-
-#[path = "../support/mod.rs"]
-mod support;
+//! Reading bundles as untrusted input. The tests make the bundles.
 
 mod archives;
 mod files;
@@ -13,7 +10,7 @@ use cairn::bundle::Bundle;
 use cairn::{Error, Result};
 use std::sync::Arc;
 
-/// The refusal, which must name a field and a remedy.
+/// The error of a refused bundle. It must name a field and a remedy.
 #[track_caller]
 fn refusal(case: &str, opened: Result<Arc<Bundle>>) -> Error {
     let error = match opened {

@@ -1,13 +1,13 @@
-//! Every member of the manifest, wrong in turn: the refusal names it and says what to do.
+//! Every member of the manifest, invalid in turn: the error names it and a remedy.
 
 use cairn::ErrorKind;
 use cairn::bundle::{Bundle, MANIFEST_NAME, Manifest};
 use serde_json::{Value as Json, json};
+use test_support::bundles::toy_bundle::ToyBundle;
 
 use crate::refusal;
-use crate::support::toy_bundle::ToyBundle;
 
-/// JSON pointer of a member, a wrong value, the field that the refusal names.
+/// JSON pointer of a member, an invalid value, and the field that the error names.
 type Case = (&'static str, Json, &'static str);
 
 fn cases() -> Vec<Case> {
@@ -127,18 +127,18 @@ fn each_missing_and_each_unknown_member_is_named() {
         if at == "/provenance" {
             return;
         }
-        let bent = |edit: &dyn Fn(&mut serde_json::Map<String, Json>)| {
+        let parse_edited = |edit: &dyn Fn(&mut serde_json::Map<String, Json>)| {
             let mut manifest = full.clone();
             edit(manifest.pointer_mut(at).and_then(Json::as_object_mut).expect("an object"));
             Manifest::parse(&serde_json::to_vec(&manifest).expect("JSON"))
                 .map_err(|error| (error.offending_field().map(str::to_owned), error))
         };
         for name in members.keys().filter(|name| format!("{at}/{name}") != "/graphs/f16") {
-            let (field, error) = bent(&|object| drop(object.remove(name))).expect_err(name);
+            let (field, error) = parse_edited(&|object| drop(object.remove(name))).expect_err(name);
             assert!(field.is_some_and(|field| field.ends_with(name.as_str())), "{at}/{name} missing: {error}");
             missing += 1;
         }
-        let (field, error) = bent(&|object| drop(object.insert("surprise".into(), json!(1)))).expect_err(at);
+        let (field, error) = parse_edited(&|object| drop(object.insert("surprise".into(), json!(1)))).expect_err(at);
         assert!(field.is_some_and(|field| field.ends_with("surprise")), "{at}/surprise: {error}");
         unknown += 1;
     });
@@ -146,7 +146,7 @@ fn each_missing_and_each_unknown_member_is_named() {
 }
 
 #[test]
-fn newer_older_and_other_models_say_so() {
+fn unsupported_versions_and_model_types_are_refused() {
     for (found, age, remedy) in [(2, "newer", "Update"), (0, "older", "Build"), (u64::MAX, "newer", "Update")] {
         // A newer manifest may have members unknown here, and lack known ones.
         let text = format!("{{\"schema_version\": {found}, \"surprise\": [1]}}");

@@ -1,24 +1,25 @@
-//! Hostile models: each is refused by its file's name, before anything runs.
+//! Invalid models: each is refused before anything runs, and the error names its file.
 
 use cairn::ErrorKind;
 use cairn::bundle::{Bundle, operators};
+use test_support::bundles::onnx_writer::*;
+use test_support::bundles::toy_bundle::{ToyBundle, WEIGHT_BYTES, WEIGHTS};
 
 use crate::refusal;
-use crate::support::onnx_writer::*;
-use crate::support::toy_bundle::{ToyBundle, WEIGHT_BYTES, WEIGHTS};
 
 const TRANSFORMER: &str = "transformer.f32.onnx";
 const ENCODER: &str = "encoder.f32.onnx";
 const DECODER: &str = "decoder.f16.onnx";
 
-/// Name, model, what is done to it, a part of the refusal's text.
+/// Name of a case, a model, a change of it, and a part of the error's text.
 type Case = (&'static str, &'static str, fn(&mut Model), &'static str);
 
+/// Checks that each case is refused with its text, and that the error names the model's file.
 #[track_caller]
 fn check(cases: &[Case]) {
-    for (case, name, bend, part) in cases {
+    for (case, name, change, part) in cases {
         let mut toy = ToyBundle::new();
-        bend(toy.model(name));
+        change(toy.model(name));
         let error = refusal(case, Bundle::from_memory(toy.files()));
         assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidBundle, Some(*name)), "{case}: {error}");
         assert!(error.to_string().contains(part), "{case}: `{error}` does not say `{part}`");
@@ -29,30 +30,36 @@ fn message() -> Message {
     Message::default()
 }
 
-fn put(m: &mut Model, operator: &str, attributes: Vec<Message>) {
-    m.nodes.insert(0, node(operator, &["x"], &["bent"], attributes));
+/// Inserts a node before all others.
+fn insert_node(m: &mut Model, operator: &str, attributes: Vec<Message>) {
+    m.nodes.insert(0, node(operator, &["x"], &["added"], attributes));
 }
 
 #[test]
 fn control_flow_functions_and_domains_are_refused() {
     check(&[
-        ("Loop", TRANSFORMER, |m| put(m, "Loop", vec![subgraph("body")]), "subgraph"),
-        ("If", TRANSFORMER, |m| put(m, "If", vec![subgraph("then_branch")]), "subgraph"),
-        ("Scan", TRANSFORMER, |m| put(m, "Scan", vec![subgraph("body")]), "subgraph"),
-        ("Loop without a body", TRANSFORMER, |m| put(m, "Loop", vec![]), "not on the list"),
-        ("subgraph on an allowed operator", TRANSFORMER, |m| put(m, "Tanh", vec![subgraph("body")]), "subgraph"),
+        ("Loop", TRANSFORMER, |m| insert_node(m, "Loop", vec![subgraph("body")]), "subgraph"),
+        ("If", TRANSFORMER, |m| insert_node(m, "If", vec![subgraph("then_branch")]), "subgraph"),
+        ("Scan", TRANSFORMER, |m| insert_node(m, "Scan", vec![subgraph("body")]), "subgraph"),
+        ("Loop without a body", TRANSFORMER, |m| insert_node(m, "Loop", vec![]), "not on the list"),
+        (
+            "subgraph on an allowed operator",
+            TRANSFORMER,
+            |m| insert_node(m, "Tanh", vec![subgraph("body")]),
+            "subgraph",
+        ),
         (
             "subgraphs",
             TRANSFORMER,
-            |m| put(m, "Tanh", vec![message().bytes(1, "g").int(20, 10).bytes(11, "")]),
+            |m| insert_node(m, "Tanh", vec![message().bytes(1, "g").int(20, 10).bytes(11, "")]),
             "subgraph",
         ),
-        ("unknown operator", TRANSFORMER, |m| put(m, "Tanhh", vec![]), "not on the list"),
-        ("operator of another case", TRANSFORMER, |m| put(m, "tanh", vec![]), "not on the list"),
-        ("random numbers", TRANSFORMER, |m| put(m, "RandomNormalLike", vec![]), "not on the list"),
-        ("ConstantOfShape", TRANSFORMER, |m| put(m, "ConstantOfShape", vec![]), "not on the list"),
-        ("Expand", TRANSFORMER, |m| put(m, "Expand", vec![]), "not on the list"),
-        ("Tile", TRANSFORMER, |m| put(m, "Tile", vec![]), "not on the list"),
+        ("unknown operator", TRANSFORMER, |m| insert_node(m, "Tanhh", vec![]), "not on the list"),
+        ("operator of another case", TRANSFORMER, |m| insert_node(m, "tanh", vec![]), "not on the list"),
+        ("random numbers", TRANSFORMER, |m| insert_node(m, "RandomNormalLike", vec![]), "not on the list"),
+        ("ConstantOfShape", TRANSFORMER, |m| insert_node(m, "ConstantOfShape", vec![]), "not on the list"),
+        ("Expand", TRANSFORMER, |m| insert_node(m, "Expand", vec![]), "not on the list"),
+        ("Tile", TRANSFORMER, |m| insert_node(m, "Tile", vec![]), "not on the list"),
         (
             "custom domain on a node",
             TRANSFORMER,
@@ -113,7 +120,7 @@ fn malformed_protobuf_is_refused() {
         ("100,000 nodes", ENCODER, |m| m.nodes = vec![node("Relu", &["a"], &["b"], vec![]); 100_000], "more than"),
         ("100,000 initializers", ENCODER, |m| m.tensors = vec![inside_ints("n", &[1]); 100_000], "more than"),
     ]);
-    // Nesting of any depth is one field too many at its first level.
+    // Nesting is refused at its first level, which is an unknown field.
     let deep = (0..20_000).fold(message(), |inner, _| message().message(7, inner));
     let mut toy = ToyBundle::new();
     toy.model(DECODER).more_graph = deep;
@@ -121,7 +128,7 @@ fn malformed_protobuf_is_refused() {
 }
 
 #[test]
-fn inputs_and_outputs_are_the_contracts() {
+fn inputs_and_outputs_must_match_the_bundle_format() {
     check(&[
         ("wrong name", TRANSFORMER, |m| m.inputs[1].name = "noise".into(), "must be `sigma`"),
         ("wrong order", TRANSFORMER, |m| m.inputs.swap(3, 4), "must be `rope_cos`"),
@@ -175,7 +182,7 @@ fn inputs_and_outputs_are_the_contracts() {
 }
 
 #[test]
-fn values_and_shapes_must_work_out() {
+fn shapes_must_be_consistent() {
     check(&[
         ("a value made twice", TRANSFORMER, |m| m.nodes.push(node("Tanh", &["x"], &["row.0"], vec![])), "made twice"),
         (
@@ -410,7 +417,7 @@ fn external_data_stays_inside_the_bundle() {
 }
 
 #[test]
-fn the_books_list_of_operators_is_the_readers() {
+fn the_documented_operators_are_the_accepted_ones() {
     let book = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/bundle.md")).unwrap();
     let list = book.split("Operators must be on this list:").nth(1).and_then(|rest| rest.split('.').next()).unwrap();
     let named: Vec<&str> = list.split('`').skip(1).step_by(2).collect();

@@ -1,14 +1,11 @@
-//! Bytes changed, cut and shuffled at random but by a fixed seed: a refusal or an equal bundle, never a panic.
+//! Bundles, models and manifests with changed, truncated and pseudo-randomly mutated bytes are refused or equal; nothing panics.
 
 use cairn::bundle::{Bundle, GraphKind, Manifest, Precision, check_model};
+use test_support::bundles::toy_bundle::{ToyBundle, WEIGHTS};
+use test_support::bundles::zip_writer::Zip;
+use test_support::fuzz_targets::{self, seeds};
 
-#[path = "../../fuzz/bodies.rs"]
-mod bodies;
-
-use crate::support::toy_bundle::{ToyBundle, WEIGHTS};
-use crate::support::zip_writer::Zip;
-
-/// A toy of one precision, for speed.
+/// A toy bundle of one precision, for speed.
 fn small() -> ToyBundle {
     let mut toy = ToyBundle::new();
     toy.manifest["graphs"].as_object_mut().unwrap().remove("f16");
@@ -34,7 +31,7 @@ fn every_flipped_byte_of_an_archive_is_refused_or_harmless() {
             Err(_) => refused += 1,
         }
     }
-    // Times, attributes and such in an archive's headers mean nothing here; everything else is noticed.
+    // Times, attributes and the like in an archive's headers are ignored; every other change is detected.
     assert!(tried > 5000 && refused > tried * 9 / 10, "{refused} of {tried}");
 }
 
@@ -46,7 +43,7 @@ fn every_truncated_model_is_refused() {
         let bytes = toy.contents()[&name].clone();
         check_model(&bytes, &manifest, kind, precision).unwrap();
         for len in 0..bytes.len() {
-            // The opset comes last in the file, so no cut leaves a whole model.
+            // The opset comes last in the file, so no truncated model is complete.
             assert!(check_model(&bytes[..len], &manifest, kind, precision).is_err(), "{name} cut to {len}");
         }
     }
@@ -62,7 +59,7 @@ fn models_with_flipped_bytes_never_panic() {
             for mask in [1 << (at % 8), 0x80, 0xFF] {
                 let mut changed = bytes.clone();
                 changed[at] ^= mask;
-                // A flip inside a name or a document is no fault; all others are refused by the checksum anyway.
+                // A flip inside a name is not an error here; the checksums of a bundle detect it.
                 drop(check_model(&changed, &manifest, kind, precision));
             }
         }
@@ -70,7 +67,7 @@ fn models_with_flipped_bytes_never_panic() {
 }
 
 #[test]
-fn truncated_and_flipped_manifests_are_refused_or_say_what_they_say() {
+fn truncated_and_flipped_manifests_are_refused_or_written_back_equal() {
     let bytes = serde_json::to_vec(&ToyBundle::new().full_manifest()).unwrap();
     for len in 0..bytes.len() {
         assert!(Manifest::parse(&bytes[..len]).is_err(), "cut to {len}");
@@ -79,32 +76,33 @@ fn truncated_and_flipped_manifests_are_refused_or_say_what_they_say() {
         for mask in [1 << (at % 8), 0x80] {
             let mut changed = bytes.clone();
             changed[at] ^= mask;
-            bodies::manifest(&changed);
+            fuzz_targets::manifest(&changed);
         }
     }
 }
 
 #[test]
-fn fuzz_bodies_stand_seeded_mutations() {
-    for (body, seeds) in [
-        (bodies::manifest as fn(&[u8]), bodies::seeds::manifest()),
-        (bodies::onnx, bodies::seeds::onnx()),
-        (bodies::control_script, bodies::seeds::control_script()),
+fn fuzz_targets_accept_seeded_mutations_of_their_seeds() {
+    for (target, seeds) in [
+        (fuzz_targets::manifest as fn(&[u8]), seeds::manifest()),
+        (fuzz_targets::onnx, seeds::onnx()),
+        (fuzz_targets::control_script, seeds::control_script()),
     ] {
-        let mut random = Random(1);
+        let mut mutator = Mutator(1);
         for seed in &seeds {
-            body(seed);
+            target(seed);
             for _ in 0..300 {
-                body(&random.mutate(seed, &seeds));
+                target(&mutator.mutate(seed, &seeds));
             }
         }
     }
 }
 
-/// SplitMix64.
-struct Random(u64);
+/// Pseudo-random mutations (SplitMix64).
+struct Mutator(u64);
 
-impl Random {
+impl Mutator {
+    /// A number below `below`.
     fn next(&mut self, below: usize) -> usize {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -112,6 +110,7 @@ impl Random {
         ((mixed ^ (mixed >> 31)) % below.max(1) as u64) as usize
     }
 
+    /// A seed with one to three changes, some of them parts of other seeds.
     fn mutate(&mut self, seed: &[u8], others: &[Vec<u8>]) -> Vec<u8> {
         let mut bytes = seed.to_vec();
         for _ in 0..=self.next(3) {

@@ -1,4 +1,4 @@
-// A walk of one step in the world inside the library, from C#: Picture FILE writes what the player sees (PPM).
+// One step in the embedded world from C#: `Picture FILE` writes the resulting picture (PPM).
 using System;
 using System.IO;
 using System.Text;

@@ -1,8 +1,8 @@
-/* Plays at a program in a window: presses a key and moves the mouse until it has written down that it heard of both, and leaves it by Esc.
+/* Simulates the user of a program in a window: presses W and moves the mouse until the program has recorded both, then presses Esc.
  *
  * usage: hands FILE PROGRAM [ARG...]
- *   FILE: what the program writes down, a control script (docs/control-script.md).
- * Ends with the program's exit status, and with 3 when it did not hear.
+ *   FILE: the control script (docs/control-script.md) that the program records.
+ * Exits with the program's exit status, or with 3 if the program did not record both.
  */
 #define WIN32_LEAN_AND_MEAN
 #include <windows.h>
@@ -11,9 +11,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { PAUSE = 100, PATIENCE = 10 * 60 * 1000 };
+/* Milliseconds between attempts, and in all. */
+enum { PAUSE = 100, TIMEOUT = 10 * 60 * 1000 };
 
-/* A command line of arguments without quotes in them. */
+/* The command line of arguments that contain no quotes. */
 static char *command_line(int count, char **arguments)
 {
     size_t length = 1;
@@ -45,8 +46,8 @@ static void mouse(LONG right, LONG down)
     SendInput(1, &input, sizeof input);
 }
 
-/* Whether the file has lines of both sorts. */
-static int has_heard(const char *path)
+/* Whether the control script has the key and a movement of the mouse. */
+static int is_recorded(const char *path)
 {
     static char text[1 << 16];
     FILE *file = fopen(path, "rb");
@@ -67,19 +68,19 @@ int main(int count, char **arguments)
         fprintf(stderr, "hands: %s does not start: error %lu\n", arguments[2], GetLastError());
         return 2;
     }
-    int heard = 0;
-    DWORD begun = GetTickCount();
-    while (WaitForSingleObject(program.hProcess, PAUSE) == WAIT_TIMEOUT && GetTickCount() - begun < PATIENCE) {
+    int recorded = 0;
+    DWORD start_time = GetTickCount();
+    while (WaitForSingleObject(program.hProcess, PAUSE) == WAIT_TIMEOUT && GetTickCount() - start_time < TIMEOUT) {
         HWND window = FindWindowA("host-d3d12", NULL);
         if (!window || !IsWindowVisible(window)) continue;
         SetForegroundWindow(window);
-        heard = heard || has_heard(arguments[1]);
-        if (heard) {
+        recorded = recorded || is_recorded(arguments[1]);
+        if (recorded) {
             key('W', 1);
             key(VK_ESCAPE, 0);
             key(VK_ESCAPE, 1);
         } else {
-            /* Again and again, as a key that is held does: the window may not have heard it the first time. */
+            /* Repeated, as a held key is: the window may miss the first events. */
             key('W', 0);
             mouse(7, -3);
         }
@@ -87,6 +88,6 @@ int main(int count, char **arguments)
     DWORD status = STILL_ACTIVE;
     GetExitCodeProcess(program.hProcess, &status);
     if (status == STILL_ACTIVE) TerminateProcess(program.hProcess, 3);
-    printf("hands: the program has %sheard of a key and of the mouse\n", heard ? "" : "not ");
-    return heard && status != STILL_ACTIVE ? (int)status : 3;
+    printf("hands: the program has %sheard of a key and of the mouse\n", recorded ? "" : "not ");
+    return recorded && status != STILL_ACTIVE ? (int)status : 3;
 }

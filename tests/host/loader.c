@@ -1,5 +1,5 @@
-/* Loads the library named on the command line by include/cairn_ld.h, makes a step of the world named behind it, unloads the
-   library, and does so again. Prints the result of loading and the message; ends with 1 when a loaded library does not work. */
+/* Loads the library that the first argument names with include/cairn_ld.h, makes a step of the world that the second one names, and
+   unloads the library, three times. Prints the result of the first load and its message; exits with 1 if a loaded library does not work. */
 #include "cairn_ld.h"
 
 static void on_log(uint32_t level, const char *target, const char *message, void *user)
@@ -83,7 +83,7 @@ int main(int count, char **arguments)
         return 1;                               \
     }
             CAIRN_LD_FUNCTIONS(CHECK_POINTER)
-            /* The library is of this very version, and has them, too. */
+            /* The library has the header's version, so it has the experimental functions too. */
             CAIRN_LD_EXPERIMENTAL(CHECK_POINTER)
             if (!use(&cairn, count > 2 ? arguments[2] : NULL)) {
                 return 1;
@@ -99,7 +99,7 @@ int main(int count, char **arguments)
             return 1;
         }
     }
-    /* Small buffers are kept to, and none is needed. */
+    /* Nothing is written beyond a small buffer, and none is needed. */
     memset(little, 'x', sizeof little);
     if (cairn_ld_load(NULL, path, little, 4) != CAIRN_ERROR_INVALID_ARGUMENT || little[3] != '\0' || little[4] != 'x' ||
         cairn_ld_load(NULL, path, NULL, 0) != CAIRN_ERROR_INVALID_ARGUMENT) {

@@ -1,6 +1,6 @@
 /*
- * Stands in for the program `scenes` where that is not built for Windows: writes its arguments into the file that CAIRN_TEST_ARGUMENTS
- * names, a line each, and then to standard output what is in the file that CAIRN_TEST_PICTURES names.
+ * Replaces the program `scenes` where that is not built for Windows: writes its arguments to the file that CAIRN_TEST_ARGUMENTS names,
+ * one per line, and then the contents of the file that CAIRN_TEST_PICTURES names to standard output.
  */
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-/* A library that is not quite Cairn: what it says of itself comes from the command line of the compiler. */
+/* A library with none or some of Cairn's functions: macros on the compiler's command line set the versions that it reports. */
 #include <stdint.h>
 
 #if defined(_WIN32)

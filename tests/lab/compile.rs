@@ -1,5 +1,5 @@
 //! A Windows program that compiles shaders: `compile LIBRARY [SOURCE BLOB]...`, where LIBRARY is d3dcompiler_47.dll. Each source
-//! has an entry `main` of profile cs_5_0 and finds what it includes beside itself. What the compiler says goes to standard error;
+//! has an entry `main` of profile cs_5_0 and finds what it includes beside itself. The compiler's messages go to standard error;
 //! a warning is an error.
 
 use std::ffi::{CStr, CString, OsStr, c_char, c_void};
@@ -13,7 +13,7 @@ unsafe extern "system" {
     fn GetProcAddress(library: *mut c_void, name: *const c_char) -> *mut c_void;
 }
 
-/// `ID3DBlob`, as far as it is called here.
+/// `ID3DBlob` with the functions that are called here.
 #[repr(C)]
 struct Blob {
     calls: *const BlobCalls,
@@ -44,9 +44,9 @@ type Compile = unsafe extern "system" fn(
 
 type Strip = unsafe extern "system" fn(code: *const u8, size: usize, flags: u32, stripped: *mut *mut Blob) -> i32;
 
-/// IEEE strictness, so that NaN is not reasoned away; the highest level of optimisation; warnings are errors.
+/// IEEE strictness, so that checks for NaN are not optimised away; the highest level of optimisation; warnings are errors.
 const FLAGS: u32 = 1 << 13 | 1 << 15 | 1 << 18;
-/// Reflection, debug and test data.
+/// Reflection, debug and test data, which are removed.
 const STRIPPED: u32 = 1 | 2 | 4;
 /// `D3D_COMPILE_STANDARD_FILE_INCLUDE`.
 const INCLUDE_BESIDE: *const c_void = 1 as *const c_void;
@@ -108,7 +108,7 @@ fn compiled(compile: Compile, strip: Strip, source: &OsStr) -> Result<Vec<u8>, S
     if result < 0 { Err(format!("{}: stripping it: {result:#x}", path.display())) } else { Ok(bytes(stripped)) }
 }
 
-/// What a blob holds; lets go of it.
+/// The bytes of a blob, which is released. Empty for null.
 fn bytes(blob: *mut Blob) -> Vec<u8> {
     if blob.is_null() {
         return Vec::new();

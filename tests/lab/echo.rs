@@ -1,4 +1,4 @@
-//! A Windows program that tells what it was given: what the lab passes through is checked with it.
+//! A Windows program that prints its arguments, variables and files, to test what the lab passes through.
 
 use std::io::{Read, Write};
 use std::time::Duration;
@@ -19,7 +19,7 @@ fn main() {
         }
         ["exit", status] => std::process::exit(status.parse().expect("a number")),
         ["crash"] => std::process::abort(),
-        // A child that would outlive it, and itself for ever.
+        // Runs until it is ended, and starts a child that would outlive it.
         ["stay", mark] => {
             if mark != "child" {
                 let own = std::env::current_exe().expect("a path");

@@ -1,10 +1,10 @@
-"""The rollouts that are checked, by what is particular about them; options are the trace program's."""
+"""The rollouts that are checked, by name; each has options of the trace program."""
 
 import os
 
 # Where the rollouts run: `cpu`, or `d3d12` for DirectML.
 DEVICE = os.environ.get("PARITY_DEVICE", "cpu")
-# Two short rollouts in place of all: what there is time for in every run of the tests on a device that a processor plays.
+# Two short rollouts instead of all, for test runs on a device that the processor emulates.
 SHORT = os.environ.get("PARITY_CASES") == "short"
 
 F32 = 1e-4
@@ -13,13 +13,13 @@ BOUND = {"f32": F32, "f16": F16}
 # A mutant must miss its bound by this factor.
 MISSED_BY = 10
 
-# Longer than local layers remember, and over two write steps of a global layer: slots are filled, hidden and taken anew.
+# Longer than the local window, and over two writes of a global layer: slots are filled, hidden and overwritten.
 SHORT_CASES: dict[str, dict] = {
     "short": {"latents": 6, "append": "0,3", "schedule": "explicit:1:0.5:0"},
     "short, half precision": {"latents": 6, "append": "0,3", "schedule": "explicit:1:0.5:0", "precision": "f16"},
 }
 
-# `tiny` remembers 4 latents in local layers and 16 in global ones: both rings wrap twice in 32 commits.
+# `tiny` has a local window of 4 latents and a global window of 16: both rings wrap twice in 32 commits.
 LONG_CASES: dict[str, dict] = {
     "separate cache pass": {"latents": 36},
     "fused cache pass": {"latents": 36, "cache": "fused", "schedule": "refined:6"},
@@ -45,10 +45,10 @@ LONG_CASES: dict[str, dict] = {
 
 CASES = SHORT_CASES if SHORT else LONG_CASES
 
-# The autoencoder knows nothing of caches and windows.
+# The autoencoder does not depend on cache modes and windows.
 PICTURES = tuple(CASES) if SHORT else ("no picture at the start", "pictures appended on the way", "half precision")
 
-# The real windows, 16 / 8 / 128. Two wraps of the global ring are 256 latents; two passes each keep it short.
+# The released windows, 16 / 8 / 128. Two wraps of the global ring take 256 latents; a schedule of two passes keeps the run short.
 WINDOW: dict = {
     "bundle": "window",
     "latents": 261,

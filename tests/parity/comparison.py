@@ -1,4 +1,4 @@
-"""What the trace program wrote down, and how far it is from the oracle."""
+"""Reads the trace program's files and compares them with the oracle."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -15,34 +15,34 @@ from oracle.history import Step, Test
 from oracle.weights import Weights
 
 
-def relative(actual: np.ndarray, expected: np.ndarray, beside: np.ndarray | None = None) -> float:
-    """L2 distance of `actual` from `expected`, relative to that of `expected` or, where it is larger, of `beside`; infinite
-    where a number is not finite.
+def relative(actual: np.ndarray, expected: np.ndarray, scale: np.ndarray | None = None) -> float:
+    """L2 norm of `actual - expected`, divided by the larger of the norms of `expected` and `scale`. Infinite if `actual` has a number
+    that is not finite.
     """
     assert actual.shape == expected.shape, f"{actual.shape} is not {expected.shape}"
     if not np.isfinite(actual).all():
         return float("inf")
-    size = max(np.linalg.norm(of.astype(np.float64)) for of in (expected, beside) if of is not None)
+    size = max(np.linalg.norm(of.astype(np.float64)) for of in (expected, scale) if of is not None)
     return float(np.linalg.norm(actual.astype(np.float64) - expected) / size)
 
 
 @dataclass(frozen=True)
 class Deviation:
-    """One comparison: what, where, how far."""
+    """One comparison."""
 
-    place: str  # "v", "k", "value", "ring k", "ring value", "picture", "memory", "appended latent"
+    quantity: str  # "v", "k", "value", "ring k", "ring value", "picture", "memory", "appended latent"
     latent: int
     index: int | str  # pass, layer or memory
-    distance: float
+    distance: float  # relative L2
 
 
-def worst(deviations: Iterator[Deviation] | list[Deviation], *places: str) -> Deviation:
-    """The largest of the deviations at `places`; there must be some."""
-    return max((d for d in deviations if d.place in places), key=lambda d: d.distance)
+def worst(deviations: Iterator[Deviation] | list[Deviation], *quantities: str) -> Deviation:
+    """The largest deviation of any of `quantities`; there must be one."""
+    return max((d for d in deviations if d.quantity in quantities), key=lambda d: d.distance)
 
 
 class Trace:
-    """A recorded rollout beside the bundle that ran."""
+    """A recorded rollout, with the geometry and the weights of its bundle."""
 
     def __init__(self, bundle: Path, folder: Path) -> None:
         self.geometry = Geometry.read(bundle)
@@ -59,7 +59,7 @@ class Trace:
 
     @property
     def tested(self) -> list[int]:
-        """The latents of which every pass was recorded."""
+        """Latents whose passes were all recorded."""
         return [q for q, step in enumerate(self.record["steps"]) if step["recorded"]]
 
     @cached_property
@@ -95,24 +95,24 @@ class Trace:
         _, kept, tests = self.batch
         for row, test in enumerate(tests, start=len(kept)):
             prefix = f"{test.latent}.{test.index}"
-            # What rounding to 11 bits leaves of a difference is as large as with what was subtracted.
-            beside = self[f"{prefix}.x"] if self.record["precision"] == "f16" else None
-            distance = relative(self[f"{prefix}.v"], self.expected.v[row], beside)
+            # In f16, v is a difference of rounded numbers: its rounding error scales with x.
+            scale = self[f"{prefix}.x"] if self.record["precision"] == "f16" else None
+            distance = relative(self[f"{prefix}.v"], self.expected.v[row], scale)
             yield Deviation("v", test.latent, test.index, distance)
             for layer in range(self.geometry.layers):
-                for place, slabs in (("k", self.expected.keys), ("value", self.expected.values)):
-                    actual = self[f"{prefix}.{place}.{layer}"][0]
-                    yield Deviation(place, test.latent, layer, relative(actual, slabs[layer][row]))
+                for name, slabs in (("k", self.expected.keys), ("value", self.expected.values)):
+                    actual = self[f"{prefix}.{name}.{layer}"][0]
+                    yield Deviation(name, test.latent, layer, relative(actual, slabs[layer][row]))
 
     def ring(self) -> Iterator[Deviation]:
-        """Every filled slot after every recorded latent, against the frame that should be in it."""
+        """Every filled slot after every recorded latent, compared with the frame that it should contain."""
         for q in self.tested:
             for layer in range(self.geometry.layers):
-                owners = self.owners(layer, q)
-                for place, slabs in (("k", self.expected.keys), ("value", self.expected.values)):
-                    slots = self.slots(f"{q}.ring.{place}.{layer}")
-                    for slot, row in owners.items():
-                        yield Deviation(f"ring {place}", q, layer, relative(slots[:, slot], slabs[layer][row]))
+                rows = self.expected_slots(layer, q)
+                for name, slabs in (("k", self.expected.keys), ("value", self.expected.values)):
+                    slots = self.slots(f"{q}.ring.{name}.{layer}")
+                    for slot, row in rows.items():
+                        yield Deviation(f"ring {name}", q, layer, relative(slots[:, slot], slabs[layer][row]))
 
     def slots(self, name: str) -> np.ndarray:
         """A ring as `[kv_heads, slots, T, head_width]`."""
@@ -123,27 +123,27 @@ class Trace:
         """Whether latent `q` enters the ring."""
         return q in self.batch[1]
 
-    def owners(self, layer: int, q: int) -> dict[int, int]:
-        """Slot -> row of the batch whose frame should be in it once latent `q` is done."""
+    def expected_slots(self, layer: int, q: int) -> dict[int, int]:
+        """Maps each filled slot to the row of the batch whose frame it should contain after latent `q`."""
         batch, kept, _ = self.batch
         g = self.geometry
         dilation = g.dilation if g.is_global(layer) else 1
         buckets = self.record["global_window"] // dilation if g.is_global(layer) else g.local_window
-        owners = {}
+        rows = {}
         for row, latent in enumerate(kept):
             clock = int(batch.clock[row])
             if latent <= q and clock % dilation == 0:
-                owners[clock // dilation % buckets] = row
-        return owners
+                rows[clock // dilation % buckets] = row
+        return rows
 
     @cached_property
     def decoded(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """All latents' pictures and decoder memories, decoded in one go."""
+        """Pictures and decoder memories of all latents, decoded as one clip."""
         latents = np.array([step.latent for step in self.steps], dtype=np.float64)
         return autoencoder.decode(self.weights.decoder, latents)
 
     def pictures(self) -> Iterator[Deviation]:
-        """Pictures and decoder memories of every recorded latent, and what the encoder made of appended pictures."""
+        """Pictures and decoder memories of every recorded latent, and latents of appended pictures."""
         pictures, memories = self.decoded
         for q in self.tested:
             yield Deviation("picture", q, 0, relative(self[f"{q}.rgb"], pictures[q]))
@@ -152,8 +152,8 @@ class Trace:
             if self.steps[q].appended:
                 yield Deviation("appended latent", q, 0, relative(self.steps[q].latent, self.encoded(q)))
 
-    def shown(self) -> Iterator[tuple[int, float]]:
-        """Of every picture at render size, in 8 bits: its latent, and by how many levels its worst number is off."""
+    def displayed(self) -> Iterator[tuple[int, float]]:
+        """For every picture at render size, in 8 bits: its latent, and its largest error in levels of 8 bits."""
         width, height = self.geometry.render
         for q in self.tested:
             for i, picture in enumerate(self.decoded[0][q]):
@@ -168,9 +168,9 @@ class Trace:
         picture = autoencoder.resize(rgba[:, :, :3].transpose(2, 0, 1), *self.geometry.decoded)
         return autoencoder.encode(self.weights.encoder, np.repeat(picture[None], self.geometry.temporal, axis=0))
 
-    def share_of_the_past(self) -> dict[float, float]:
-        """By noise level: the share of the variance of v that the velocity without a past, times any factor, leaves
-        unexplained. Over all recorded denoise passes whose local ring is full."""
+    def variance_from_the_past(self) -> dict[float, float]:
+        """For each noise level: the share of the variance of v that a velocity computed without past frames does not explain, at the
+        best factor. Over all recorded denoise passes whose local ring is full."""
         blind = self.oracle(blind=True)
         batch, kept, tests = self.batch
         levels: dict[float, list[int]] = {}
@@ -183,7 +183,7 @@ class Trace:
         }
 
     def frozen(self) -> Iterator[tuple[int, str, str, str]]:
-        """Of every pass that must not write: latent, name, and digests of the ring before and after."""
+        """For every pass that must not write: latent, name, and digests of the ring before and after."""
         for q, step in enumerate(self.record["steps"]):
             for entry in step["frozen"]:
                 yield q, entry["name"], entry["before"], entry["after"]

@@ -1,4 +1,4 @@
-"""Where the bundles are, how the trace program is built and run, and the rollouts that several tests look at."""
+"""Fixtures: the test bundles, the trace program, and rollouts that several tests share."""
 
 import os
 import shlex
@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def set_up_bundles() -> Path:
-    """Where `cargo xtask setup` puts bundles: a folder for each state of the builder, of which the newest counts."""
+    """The newest complete folder of bundles that `cargo xtask setup` made; it makes one for each version of the builder."""
     if own := os.environ.get("CAIRN_CACHE_DIR"):
         cache = Path(own)
     elif sys.platform == "win32":
@@ -28,7 +28,7 @@ def set_up_bundles() -> Path:
 
 
 def lacking(folder: Path) -> list[str]:
-    """Which of the needed bundles are not in `folder`."""
+    """The required bundles that `folder` lacks."""
     return [name for name in ("tiny", "window") if not (folder / name / "cairn-world.json").is_file()]
 
 
@@ -56,10 +56,10 @@ def program() -> Path:
 def run(bundles: Path, program: Path, tmp_path_factory: pytest.TempPathFactory) -> Runner:
     """`run(**options)` gives the trace of one rollout; equal options run once.
 
-    `oracle_bundle` is what the oracle reads where the bundle that runs is a faulty copy.
+    `oracle_bundle` is the bundle that the oracle reads, if the bundle that runs is a faulty copy.
     """
     done: dict[tuple, Trace] = {}
-    # Words before the program's own: what runs a Windows program on a machine that has no Windows.
+    # Command that starts the trace program, such as one that runs Windows programs on Linux.
     runner = shlex.split(os.environ.get("PARITY_RUNNER", ""))
 
     def run(bundle: str | Path = "tiny", oracle_bundle: Path | None = None, **options: str | int) -> Trace:

@@ -1,4 +1,4 @@
-"""Faults put into a bundle's f32 transformer itself, as a wrong exporter would make them; all else stays."""
+"""Puts faults into a bundle's f32 transformer, as a wrong exporter would make them."""
 
 import hashlib
 import json
@@ -10,7 +10,7 @@ import onnx
 
 
 def without_value_residual(graph: onnx.GraphProto) -> int:
-    """Every layer keeps its own values: readers of `v + lamb * (v0 - v)` read v."""
+    """Removes the value residual: nodes that read `v + lamb * (v0 - v)` read v instead."""
     makers = {name: node for node in graph.node for name in node.output}
     mixers = [node for node in graph.node if any(name.endswith("attn.v_lamb") for name in _origins(node, makers))]
     sums = [user for mixer in mixers for user in _users(graph, mixer.output[0])]
@@ -23,14 +23,14 @@ def without_value_residual(graph: onnx.GraphProto) -> int:
 
 
 def keys_before_their_norm(graph: onnx.GraphProto) -> int:
-    """Keys are rotated and kept as they come from their matrix: readers of their norm read what was to be normed."""
+    """Removes the norm of keys: nodes that read the norm's result read its input instead."""
     makers = {name: node for node in graph.node for name in node.output}
     projections = [node for node in graph.node if any(n.endswith("attn.k_proj.weight") for n in _origins(node, makers))]
     done = 0
     for projection in (node for node in projections if node.op_type == "MatMul"):
         node = projection
         while node.op_type != "Div":
-            # The norm begins where the heads are squared and divided by their root: the only Div on the way.
+            # The norm divides the heads by their root mean square: the only Div between projection and use.
             onward = ("Reshape", "Transpose", "Cast", "Div")
             node = next(user for user in _users(graph, node.output[0]) if user.op_type in onward)
         _replace(graph, node.output[0], node.input[0])
@@ -45,7 +45,7 @@ FAULTS: dict[str, Callable[[onnx.GraphProto], int]] = {
 
 
 def faulty_bundle(bundle: Path, fault: str, out: Path) -> Path:
-    """A copy of `bundle` with `fault` in its f32 transformer, its checksums made right again."""
+    """Copies `bundle` with `fault` in its f32 transformer, and corrects the manifest's checksum."""
     shutil.copytree(bundle, out)
     manifest = json.loads((out / "cairn-world.json").read_text(encoding="utf-8"))
     path = manifest["graphs"]["f32"]["transformer"]
@@ -63,7 +63,7 @@ def faulty_bundle(bundle: Path, fault: str, out: Path) -> Path:
 
 
 def _origins(node: onnx.NodeProto, makers: dict[str, onnx.NodeProto]) -> list[str]:
-    """The inputs of a node, casts looked through."""
+    """Names of a node's inputs, or, where an input is a cast, of the value that is cast."""
     names = []
     for name in node.input:
         while name in makers and makers[name].op_type == "Cast":
@@ -82,7 +82,7 @@ def _replace(graph: onnx.GraphProto, old: str, new: str) -> None:
 
 
 def _drop_unused(graph: onnx.GraphProto) -> None:
-    """Nodes and stored numbers that nothing reads any more."""
+    """Removes nodes and initializers that nothing reads any more."""
     wanted = {output.name for output in graph.output}
     while True:
         needed = wanted | {name for node in graph.node for name in node.input}

@@ -1,4 +1,4 @@
-"""Ten faults, each of which must miss the bound of its place by a factor of ten: else the comparisons see nothing."""
+"""Ten faults. Each must exceed the bound of a comparison by a factor of ten, which shows that the comparisons detect faults."""
 
 from pathlib import Path
 
@@ -21,18 +21,18 @@ IN_PLANS = (
 
 
 def passes(trace: Trace) -> float:
-    """How far the worst velocity or slab misses the bound, as a factor."""
+    """The largest deviation of a velocity or slab, divided by the bound."""
     return worst(list(trace.passes()), "v", "k", "value").distance / F32
 
 
 def pictures(trace: Trace) -> float:
-    """How far the worst picture misses the bound."""
+    """The largest deviation of a picture, divided by the bound."""
     return worst(list(trace.pictures()), "picture").distance / F32
 
 
 @pytest.fixture
 def report(record_property, request: pytest.FixtureRequest):
-    """Keeps the factor with the test's result, where `--junit-xml` and `-rP` show it."""
+    """Records the factor in the test's result, for `--junit-xml` and `-rP`."""
 
     def report(factor: float) -> float:
         record_property("missed_by", factor)

@@ -1,4 +1,4 @@
-"""The oracle's own rules, against other ways to say them."""
+"""Tests of the oracle: its rules, compared with other formulations of them."""
 
 import numpy as np
 import pytest
@@ -11,16 +11,16 @@ STOCK = (1.0, 0.9, 0.75, 0.3, 0.0)
 
 
 def ring_of_slots(frames: int, buckets: int, dilation: int) -> np.ndarray:
-    """Who sees whom, told the released engine's way: slots that are written, hidden before they are evicted."""
-    owner: dict[int, int] = {}
+    """Which frames see which, by the released engine's rules: a ring of slots, each hidden before it is overwritten."""
+    frame_of_slot: dict[int, int] = {}
     table = np.zeros((frames, frames), dtype=bool)
     for clock in range(frames):
         slot = (clock + dilation - 1) // dilation % buckets
         writes = clock % dilation == 0
-        for other, frame in owner.items():
+        for other, frame in frame_of_slot.items():
             table[clock, frame] = not (writes and other == slot)
         if writes:
-            owner[slot] = clock
+            frame_of_slot[slot] = clock
     return table
 
 

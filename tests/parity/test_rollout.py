@@ -26,15 +26,15 @@ def bound(trace: Trace) -> float:
 def check_passes(trace: Trace) -> None:
     deviations = list(trace.passes())
     assert len(deviations) > len(trace.tested) * 2 * trace.geometry.layers
-    for place in ("v", "k", "value"):
-        found = worst(deviations, place)
+    for quantity in ("v", "k", "value"):
+        found = worst(deviations, quantity)
         assert found.distance <= bound(trace), found
 
 
 def check_ring(trace: Trace) -> None:
     deviations = list(trace.ring())
-    for place in ("ring k", "ring value"):
-        found = worst(deviations, place)
+    for quantity in ("ring k", "ring value"):
+        found = worst(deviations, quantity)
         assert found.distance <= bound(trace), found
 
 
@@ -43,7 +43,7 @@ def check_flags(trace: Trace) -> None:
     kinds = [next(i for i in layers if trace.geometry.is_global(i) == wide) for wide in (False, True)]
     for q, step in enumerate(trace.record["steps"]):
         for layer, flags in zip(kinds, step["written"]):
-            assert {slot for slot, flag in enumerate(flags) if flag} == set(trace.owners(layer, q)), (q, layer)
+            assert {slot for slot, flag in enumerate(flags) if flag} == set(trace.expected_slots(layer, q)), (q, layer)
 
 
 def check_frozen(trace: Trace) -> None:
@@ -77,22 +77,22 @@ def test_only_a_commit_changes_the_ring(trace: Trace) -> None:
 def test_pictures_and_decoder_memories(run: Runner, case: str) -> None:
     trace = run(**CASES[case])
     deviations = list(trace.pictures())
-    for place in {d.place for d in deviations}:
-        found = worst(deviations, place)
+    for quantity in {d.quantity for d in deviations}:
+        found = worst(deviations, quantity)
         assert found.distance <= bound(trace), found
-    assert {"picture", "memory", "appended latent"} == {d.place for d in deviations}
+    assert {"picture", "memory", "appended latent"} == {d.quantity for d in deviations}
 
 
 @pytest.mark.parametrize("case", PICTURES)
 def test_pictures_as_they_are_shown(run: Runner, case: str) -> None:
     trace = run(**CASES[case])
-    # Half a level is rounding to 8 bits; the rest is what the decoder may be off.
-    latent, levels = max(trace.shown(), key=lambda found: found[1])
+    # Half a level for rounding to 8 bits, and the bound of the decoder.
+    latent, levels = max(trace.displayed(), key=lambda found: found[1])
     assert levels <= 0.5 + 255 * bound(trace), f"latent {latent}"
 
 
 def test_steps_end_where_their_passes_lead(trace: Trace) -> None:
-    """The latent of a step is the Euler sum of the velocities that the frozen passes gave one by one."""
+    """The latent of a step equals the Euler sum of the velocities from the separate frozen passes."""
     for q in trace.tested:
         if not trace.steps[q].appended:
             passes = trace.record["steps"][q]["passes"]
@@ -101,8 +101,8 @@ def test_steps_end_where_their_passes_lead(trace: Trace) -> None:
 
 
 def test_the_past_carries_the_velocity(trace: Trace) -> None:
-    """Were it not so, no comparison here could see a fault in the ring."""
-    for level, share in trace.share_of_the_past().items():
+    """Otherwise no comparison here could detect a fault in the ring."""
+    for level, share in trace.variance_from_the_past().items():
         assert share >= 0.3, f"noise level {level}"
 
 
@@ -115,9 +115,9 @@ def test_real_windows_slots_and_flags(real_windows: Trace) -> None:
     check_flags(real_windows)
     check_frozen(real_windows)
     layer = next(i for i in range(real_windows.geometry.layers) if real_windows.geometry.is_global(i))
-    first, last = real_windows.owners(layer, 127), real_windows.owners(layer, 260)
+    first, last = real_windows.expected_slots(layer, 127), real_windows.expected_slots(layer, 260)
     assert len(first) == len(last) == 16 and not set(first.values()) & set(last.values()), "the global ring wrapped"
 
 
 def test_real_windows_past_carries_the_velocity(real_windows: Trace) -> None:
-    assert min(real_windows.share_of_the_past().values()) >= 0.3
+    assert min(real_windows.variance_from_the_past().values()) >= 0.3

@@ -20,12 +20,12 @@ const SETTINGS: &str = "docs/book.toml";
 
 /// Renders the book and prints where it is.
 pub(crate) fn run(workspace: &Workspace) -> Result<(), String> {
-    let (place, said) = render(workspace, &workspace.target.join("book"))?;
-    let complaints = complaints(&said);
+    let (pages, output) = render(workspace, &workspace.target.join("book"))?;
+    let complaints = complaints(&output);
     if !complaints.is_empty() {
         return Err(format!("mdBook complains:\n{}", complaints.join("\n")));
     }
-    Console::new().done(&format!("the book: {}", place.join("index.html").display()));
+    Console::new().done(&format!("the book: {}", pages.join("index.html").display()));
     Ok(())
 }
 
@@ -37,17 +37,17 @@ pub(crate) fn render(workspace: &Workspace, folder: &Path) -> Result<(PathBuf, S
         _ => {}
     }
     let (stage, pages) = (folder.join("source"), folder.join("html"));
-    bring_together(workspace, &stage)?;
+    stage_pages(workspace, &stage)?;
     let mut command = Command::new(mdbook);
     command.arg("build").arg("--dest-dir").arg(&pages).arg(&stage);
     let ended = command.output().map_err(|e| format!("{} does not run: {e}", show(&command)))?;
-    let said = format!("{}{}", String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
-    if ended.status.success() { Ok((pages, said)) } else { Err(format!("mdBook failed:\n{said}")) }
+    let output = format!("{}{}", String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
+    if ended.status.success() { Ok((pages, output)) } else { Err(format!("mdBook failed:\n{output}")) }
 }
 
 /// The warnings and errors in mdBook's output.
-pub(crate) fn complaints(said: &str) -> Vec<&str> {
-    said.lines().filter(|line| ["WARN", "ERROR"].iter().any(|level| line.contains(level))).collect()
+pub(crate) fn complaints(output: &str) -> Vec<&str> {
+    output.lines().filter(|line| ["WARN", "ERROR"].iter().any(|level| line.contains(level))).collect()
 }
 
 /// Paths of a summary's chapters, relative to the repository's root.
@@ -70,7 +70,7 @@ const FIRST: &str = "index.md";
 
 /// Writes the settings, the chapters and the files that they show or link to below `stage`. A link to a folder, or to a page that is not
 /// a chapter, becomes plain text.
-fn bring_together(workspace: &Workspace, stage: &Path) -> Result<(), String> {
+fn stage_pages(workspace: &Workspace, stage: &Path) -> Result<(), String> {
     let put = |path: &str, bytes: &[u8]| {
         let to = stage.join(path);
         let folder = to.parent().unwrap_or(stage);
@@ -85,7 +85,7 @@ fn bring_together(workspace: &Workspace, stage: &Path) -> Result<(), String> {
         &format!("src/{}", SUMMARY.trim_start_matches("docs/")),
         from_root(folder_of(SUMMARY), &summary).replacen(first.as_str(), FIRST, 1).as_bytes(),
     )?;
-    let mut shown = BTreeSet::new();
+    let mut linked = BTreeSet::new();
     for chapter in &ordered {
         let text = workspace.read(chapter)?;
         let folder = folder_of(chapter);
@@ -96,7 +96,7 @@ fn bring_together(workspace: &Workspace, stage: &Path) -> Result<(), String> {
             None => false,
         };
         let files = links(&text).filter(|target| there(target)).filter_map(|target| joined(folder, target));
-        shown.extend(files.filter(|path| !is_page(path)));
+        linked.extend(files.filter(|path| !is_page(path)));
         let text = without_dead_links(&text, there);
         match chapter == first {
             true => put(&format!("src/{FIRST}"), from_root(folder, &text).as_bytes())?,
@@ -104,8 +104,8 @@ fn bring_together(workspace: &Workspace, stage: &Path) -> Result<(), String> {
         }
     }
     // mdBook writes `NAME.md` as `NAME.html`, which would overwrite a report of that name.
-    shown.retain(|file| !chapters.contains(&file.replace(".html", ".md")));
-    for file in shown {
+    linked.retain(|file| !chapters.contains(&file.replace(".html", ".md")));
+    for file in linked {
         let bytes = fs::read(workspace.root.join(&file)).map_err(|e| format!("{file}: {e}"))?;
         put(&format!("src/{file}"), &bytes)?;
     }

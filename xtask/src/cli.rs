@@ -117,7 +117,7 @@ pub(crate) enum LabCommand {
     )]
     Run {
         /// The program, a path of this machine, and its arguments, handed on as they are
-        // One list: beside a place of its own for the program, the program's first argument could still be an option of this command.
+        // One list: with a separate argument for the program, its own first option would be read as an option of this command.
         #[arg(required = true, num_args = 1.., trailing_var_arg = true, value_name = "PROGRAM [ARG]")]
         command: Vec<OsString>,
     },
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_follows_a_program_is_its_own() {
+    fn arguments_after_a_program_are_passed_on() {
         let given = ["a.exe", "--help", "-V", "--", "--all", "-"];
         let parsed = Cli::try_parse_from(["xtask", "lab", "run"].into_iter().chain(given)).expect("a command");
         let Command::Lab { command: Some(LabCommand::Run { command }) } = parsed.command else {

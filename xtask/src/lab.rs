@@ -12,7 +12,7 @@ use provision::{Console, Progress};
 pub(crate) fn build() -> Result<(), String> {
     let console = Console::new();
     let lab = provision::lab::lab(&console).map_err(|e| e.to_string())?;
-    console.done(&format!("the lab is there: {}", lab.place().display()));
+    console.done(&format!("the lab is there: {}", lab.folder().display()));
     Ok(())
 }
 
@@ -20,7 +20,7 @@ pub(crate) fn build() -> Result<(), String> {
 const INTERRUPTED: u8 = 130;
 
 /// Interval at which the program's exit is polled.
-const LOOK: Duration = Duration::from_millis(10);
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
 /// Runs a Windows program with our own streams, in the lab or natively on Windows; returns its exit status. Ctrl-C ends the program
 /// and all that it started.
@@ -32,7 +32,7 @@ pub(crate) fn run(program: &Path, arguments: &[OsString]) -> Result<ExitCode, St
     let mut child = command.args(arguments).spawn().map_err(failed)?;
     let status = loop {
         let ended = child.try_wait().map_err(failed)?;
-        if interrupted.recv_timeout(LOOK).is_ok() {
+        if interrupted.recv_timeout(POLL_INTERVAL).is_ok() {
             // A terminal sends Ctrl-C to the program as well, so it may already have ended.
             _ = child.kill();
             child.wait().map_err(failed)?;

@@ -1,8 +1,8 @@
 //! `cargo xtask shaders`: compiles the HLSL of the library, its benchmark, and the test double of AMD's libraries to DXBC, with
 //! Microsoft's compiler in the lab or on Windows.
 //!
-//! Each `NAME.hlsl` of a folder has its `NAME.dxbc` beside it. `compiled.txt` records which source each blob was compiled from, so that
-//! a machine without the lab also detects when only one of them has changed.
+//! Each `NAME.hlsl` of a folder has its `NAME.dxbc` in the folder's `compiled/`, where `checksums.txt` records which source each blob was
+//! compiled from, so that a machine without the lab also detects when only one of them has changed.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,18 +15,22 @@ use sha2::{Digest, Sha256};
 use crate::workspace::Workspace;
 use crate::{lab, shell};
 
-/// Folders of the shaders.
+/// Folders of the shaders' sources.
 pub(crate) const FOLDERS: [&str; 3] = ["src/gpu/shaders", "benches/gpu", "tests/ffx-double/src"];
 /// The Windows program that calls the compiler.
 const COMPILER: &str = "tests/lab/compile.rs";
+/// Folder of the blobs and of their record, in the folder of the sources.
+const COMPILED: &str = "compiled";
 /// Checksums of each source and of its blob.
-const RECORD: &str = "compiled.txt";
-/// The first lines of the record.
-const RECORD_HEAD: &str = "# Written by `cargo xtask shaders`: each shader, the SHA-256 of its text and of all that may be included, and of its blob.\n";
+const RECORD: &str = "checksums.txt";
+/// The first line of the record.
+const RECORD_HEAD: &str = "# Written by `cargo xtask shaders`: each shader, the SHA-256 of its source with all .hlsli files of the folder, and the SHA-256 of its blob.\n";
 
 /// The shaders of one folder.
 pub(crate) struct Shaders {
+    /// Folder of the sources, relative to the repository's root.
     name: &'static str,
+    /// The same as an absolute path.
     folder: PathBuf,
     /// Names without extensions.
     pub(crate) names: Vec<String>,
@@ -57,17 +61,22 @@ impl Shaders {
 
     /// The committed blob of a shader.
     pub(crate) fn blob(&self, name: &str) -> PathBuf {
-        self.folder.join(format!("{name}.dxbc"))
+        self.compiled().join(format!("{name}.dxbc"))
+    }
+
+    /// Folder of the committed blobs and of their record.
+    fn compiled(&self) -> PathBuf {
+        self.folder.join(COMPILED)
     }
 
     /// The record's line of a shader, with the checksums of its source and its blob.
     fn line(&self, name: &str) -> Result<String, String> {
-        let mut made_of = Sha256::new();
-        made_of.update(text(&self.source(name))?);
-        made_of.update(&self.included);
+        let mut source = Sha256::new();
+        source.update(text(&self.source(name))?);
+        source.update(&self.included);
         let blob = self.blob(name);
         let blob = fs::read(&blob).map_err(|e| format!("{}: {e}", blob.display()))?;
-        Ok(format!("{name} {} {}", hex(&made_of.finalize()), hex(&Sha256::digest(blob))))
+        Ok(format!("{name} {} {}", hex(&source.finalize()), hex(&Sha256::digest(blob))))
     }
 
     /// How a shader differs from the record, if it does.
@@ -80,7 +89,7 @@ impl Shaders {
         match self.record().map(|record| record.get(name).cloned()) {
             Ok(Some(recorded)) if recorded == line => None,
             Ok(_) => {
-                Some(format!("{}/{name}: the text or the blob is another than {RECORD} says: {remedy}", self.name))
+                Some(format!("{}/{name}: the source or the blob differs from {COMPILED}/{RECORD}: {remedy}", self.name))
             }
             Err(why) => Some(format!("{why}: {remedy}")),
         }
@@ -88,7 +97,8 @@ impl Shaders {
 
     /// Blobs and lines of the record without a shader.
     pub(crate) fn left_over(&self) -> Result<Vec<String>, String> {
-        let entries = fs::read_dir(&self.folder).map_err(|e| format!("{}: {e}", self.folder.display()))?;
+        let folder = self.compiled();
+        let entries = fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
         let blobs =
             entries.flatten().map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "dxbc"));
         let blobs = blobs.map(|path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
@@ -97,7 +107,7 @@ impl Shaders {
     }
 
     fn record(&self) -> Result<BTreeMap<String, String>, String> {
-        let lines = text(&self.folder.join(RECORD))?;
+        let lines = text(&self.compiled().join(RECORD))?;
         let lines = String::from_utf8_lossy(&lines).into_owned();
         let named = |line: &str| Some((line.split_once(' ')?.0.to_owned(), line.to_owned()));
         Ok(lines.lines().filter(|line| !line.starts_with('#')).filter_map(named).collect())
@@ -121,14 +131,14 @@ impl Shaders {
         // Wine's own compiler is another one, and must not be used.
         command.env("WINEDLLOVERRIDES", "mscoree,mshtml=;d3dcompiler_47=n").arg(library);
         for name in &self.names {
-            command.arg(self.source(name)).arg(made(out, name));
+            command.arg(self.source(name)).arg(output(out, name));
         }
         Ok(command)
     }
 }
 
 /// Path of the blob that [`Shaders::compiler`] writes.
-pub(crate) fn made(out: &Path, name: &str) -> PathBuf {
+pub(crate) fn output(out: &Path, name: &str) -> PathBuf {
     out.join(format!("{name}.dxbc"))
 }
 
@@ -137,10 +147,12 @@ pub(crate) fn compile(workspace: &Workspace) -> Result<(), String> {
     for folder in FOLDERS {
         let shaders = Shaders::find(workspace, folder)?;
         let out = workspace.target.join("xtask").join("shaders");
+        let compiled = shaders.compiled();
+        fs::create_dir_all(&compiled).map_err(|e| format!("{}: {e}", compiled.display()))?;
         shell::pass_through(&mut shaders.compiler(workspace, &out)?)?;
         let mut record = RECORD_HEAD.to_owned();
         for name in &shaders.names {
-            let (from, to) = (made(&out, name), shaders.blob(name));
+            let (from, to) = (output(&out, name), shaders.blob(name));
             fs::copy(&from, &to).map_err(|e| format!("{}: {e}", to.display()))?;
             record += &shaders.line(name)?;
             record.push('\n');
@@ -148,9 +160,9 @@ pub(crate) fn compile(workspace: &Workspace) -> Result<(), String> {
         for name in shaders.left_over().unwrap_or_default() {
             _ = fs::remove_file(shaders.blob(&name));
         }
-        let path = shaders.folder.join(RECORD);
+        let path = compiled.join(RECORD);
         fs::write(&path, record).map_err(|e| format!("{}: {e}", path.display()))?;
-        eprintln!("{} shaders compiled into {folder}", shaders.names.len());
+        eprintln!("{} shaders compiled into {folder}/{COMPILED}", shaders.names.len());
     }
     Ok(())
 }

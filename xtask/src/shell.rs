@@ -17,7 +17,7 @@ pub(crate) struct Log {
 }
 
 /// How a command ended, and its output: stdout and stderr in the order they came.
-pub(crate) struct Ended {
+pub(crate) struct CommandOutput {
     pub(crate) success: bool,
     pub(crate) output: String,
 }
@@ -40,10 +40,10 @@ impl Log {
     }
 
     /// Runs `command` with an empty stdin until it ends.
-    pub(crate) fn run(&mut self, command: &mut Command) -> Result<Ended, String> {
-        let shown = show(command);
-        self.line(&format!("$ {shown}"))?;
-        let failed = |e: std::io::Error| format!("{shown} does not run: {e}");
+    pub(crate) fn run(&mut self, command: &mut Command) -> Result<CommandOutput, String> {
+        let command_line = show(command);
+        self.line(&format!("$ {command_line}"))?;
+        let failed = |e: std::io::Error| format!("{command_line} does not run: {e}");
         let (reader, writer) = std::io::pipe().map_err(failed)?;
         command.env("CARGO_TERM_COLOR", "never").env("CARGO_TERM_PROGRESS_WHEN", "never");
         command.stdin(Stdio::null()).stdout(writer.try_clone().map_err(failed)?).stderr(writer);
@@ -78,10 +78,10 @@ impl Log {
         }
         let status = child.wait().map_err(failed)?;
         if reading.join().is_err() {
-            return Err(format!("{shown}: its output could not be read"));
+            return Err(format!("{command_line}: its output could not be read"));
         }
         self.line(&format!("# {status}"))?;
-        Ok(Ended { success: status.success(), output })
+        Ok(CommandOutput { success: status.success(), output })
     }
 
     /// Closes the log; `outcome` stays on the screen.
@@ -102,17 +102,17 @@ pub(crate) fn show(command: &Command) -> String {
 
 /// Runs a command with our own input and output, so that its progress bar is visible.
 pub(crate) fn pass_through(command: &mut Command) -> Result<(), String> {
-    let shown = show(command);
-    let status = command.status().map_err(|e| format!("{shown} does not run: {e}"))?;
-    if status.success() { Ok(()) } else { Err(format!("\"{shown}\" ended with {status}")) }
+    let command_line = show(command);
+    let status = command.status().map_err(|e| format!("{command_line} does not run: {e}"))?;
+    if status.success() { Ok(()) } else { Err(format!("\"{command_line}\" ended with {status}")) }
 }
 
 /// A command's stdout; its stderr goes to the screen.
 pub(crate) fn output(command: &mut Command) -> Result<String, String> {
-    let shown = show(command);
-    let output = command.stderr(Stdio::inherit()).output().map_err(|e| format!("{shown} does not run: {e}"))?;
+    let command_line = show(command);
+    let output = command.stderr(Stdio::inherit()).output().map_err(|e| format!("{command_line} does not run: {e}"))?;
     if !output.status.success() {
-        return Err(format!("\"{shown}\" ended with {}", output.status));
+        return Err(format!("\"{command_line}\" ended with {}", output.status));
     }
-    String::from_utf8(output.stdout).map_err(|_| format!("\"{shown}\" printed what is not UTF-8"))
+    String::from_utf8(output.stdout).map_err(|_| format!("\"{command_line}\" printed what is not UTF-8"))
 }

@@ -52,7 +52,7 @@ namespace Cairn
             get { return (int)from.height; }
         }
 
-        /// <summary>Channels of its latent; 0 where it has none.</summary>
+        /// <summary>Channels of its latent; 0 if it has none.</summary>
         public int LatentChannels
         {
             get { return (int)from.latent_channels; }
@@ -80,7 +80,7 @@ namespace Cairn
 
         /// <summary>Makes an anchor from a picture of your own, for frame generation without a world. The picture is copied.</summary>
         /// <param name="picture">Four bytes per pixel.</param>
-        /// <param name="number">Counts up by one from anchor to anchor.</param>
+        /// <param name="number">Increases by one from anchor to anchor.</param>
         /// <param name="cut">Whether there is no motion from the previous anchor to this one.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
         public static Anchor FromPicture(PictureView picture, long number, bool cut = false)
@@ -91,7 +91,7 @@ namespace Cairn
                 IntPtr anchor = IntPtr.Zero;
                 uint flags = cut ? (uint)Native.ANCHOR_CUT : 0;
                 int result = Library.C.anchor_create(&native, Check.NotNegative(number, nameof(number)), flags, &anchor);
-                return new Anchor(Made(result, ref anchor));
+                return new Anchor(CheckCreated(result, ref anchor));
             }
         }
 
@@ -101,7 +101,7 @@ namespace Cairn
             get
             {
                 var native = new Native.anchor_info { struct_size = (uint)sizeof(Native.anchor_info) };
-                Done(Library.C.anchor_get_info(Value, &native));
+                CheckResult(Library.C.anchor_get_info(Value, &native));
                 return new AnchorInfo(native);
             }
         }
@@ -115,12 +115,12 @@ namespace Cairn
             fixed (byte* pixels = &MemoryMarshal.GetReference(target.Pixels))
             {
                 Native.target native = target.At(pixels);
-                Done(Library.C.anchor_read_picture(Value, Check.NotNegative(index, nameof(index)), &native));
+                CheckResult(Library.C.anchor_read_picture(Value, Check.NotNegative(index, nameof(index)), &native));
             }
         }
 
         /// <summary>One of its pictures in new memory, without gaps between rows.</summary>
-        /// <param name="index">In order of time, counted from the end where negative; the last is the anchor itself.</param>
+        /// <param name="index">In order of time; a negative index counts from the end. The last is the anchor itself.</param>
         /// <param name="format">Pixel format of the copy.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>.</exception>
         public byte[] Picture(int index = -1, PixelFormat format = PixelFormat.Rgba8)
@@ -131,18 +131,20 @@ namespace Cairn
             return pixels;
         }
 
-        /// <summary>Copies its latent: [channels, rows, columns], the last running fastest.</summary>
-        /// <param name="values">Room for exactly as many numbers.</param>
-        /// <exception cref="CairnException"><see cref="Result.Unsupported"/> for a picture of your own; <see cref="Result.InvalidArgument"/>.</exception>
+        /// <summary>Copies its latent: [channels, rows, columns], the last varying fastest.</summary>
+        /// <param name="values">Must have exactly that length.</param>
+        /// <exception cref="CairnException">
+        /// <see cref="Result.Unsupported"/> for a picture of your own; <see cref="Result.InvalidArgument"/>.
+        /// </exception>
         public void ReadLatent(Span<float> values)
         {
             fixed (float* at = &MemoryMarshal.GetReference(values))
             {
-                Done(Library.C.anchor_read_latent(Value, at, (UIntPtr)values.Length));
+                CheckResult(Library.C.anchor_read_latent(Value, at, (UIntPtr)values.Length));
             }
         }
 
-        /// <summary>Its latent in new memory: [channels, rows, columns], the last running fastest.</summary>
+        /// <summary>Its latent in new memory: [channels, rows, columns], the last varying fastest.</summary>
         /// <exception cref="CairnException"><see cref="Result.Unsupported"/> for a picture of your own.</exception>
         public float[] Latent()
         {

@@ -51,7 +51,7 @@ namespace Cairn
         /// Throws if a call on this object failed, otherwise returns its result. Keeps the object alive until then: otherwise it could be
         /// collected and destroyed during the call.
         /// </summary>
-        internal int Done(int result)
+        internal int CheckResult(int result)
         {
             GC.KeepAlive(this);
             CairnException.ThrowIfFailed(result);
@@ -59,7 +59,7 @@ namespace Cairn
         }
 
         /// <summary>Throws if a function that makes an object failed, otherwise returns its handle, which the function has written.</summary>
-        internal static IntPtr Made(int result, ref IntPtr value)
+        internal static IntPtr CheckCreated(int result, ref IntPtr value)
         {
             CairnException.ThrowIfFailed(result);
             return value;

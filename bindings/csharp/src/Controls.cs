@@ -31,10 +31,10 @@ namespace Cairn
             fourth = from.keys[3];
         }
 
-        /// <summary>Mouse motion in raw counts, summed over the step, right positive; -32768 to 32768.</summary>
+        /// <summary>Horizontal mouse motion in raw counts, summed over the step, right positive; -32768 to 32768.</summary>
         public float MouseX { get; set; }
 
-        /// <summary>The same, down positive.</summary>
+        /// <summary>Vertical mouse motion, down positive; otherwise as <see cref="MouseX"/>.</summary>
         public float MouseY { get; set; }
 
         /// <summary>Wheel movement, up positive; only its sign matters.</summary>
@@ -53,36 +53,36 @@ namespace Cairn
         }
 
         /// <summary>Whether a key is held.</summary>
-        /// <param name="key">Which one.</param>
+        /// <param name="key">The key.</param>
         public bool IsHeld(Key key)
         {
             return (Word((int)key / 64) & Bit(key)) != 0;
         }
 
         /// <summary>Adds a key to those that are held.</summary>
-        /// <param name="key">Which one.</param>
+        /// <param name="key">The key.</param>
         public void Hold(Key key)
         {
             Set((int)key / 64, Word((int)key / 64) | Bit(key));
         }
 
         /// <summary>Releases a key.</summary>
-        /// <param name="key">Which one.</param>
+        /// <param name="key">The key.</param>
         public void Release(Key key)
         {
             Set((int)key / 64, Word((int)key / 64) & ~Bit(key));
         }
 
         /// <summary>Whether both are equal.</summary>
-        /// <param name="other">What to compare it with.</param>
+        /// <param name="other">The value to compare with.</param>
         public bool Equals(Controls other)
         {
             return first == other.first && second == other.second && third == other.third && fourth == other.fourth
                 && MouseX.Equals(other.MouseX) && MouseY.Equals(other.MouseY) && Scroll.Equals(other.Scroll);
         }
 
-        /// <summary>Whether the other object is equal controls.</summary>
-        /// <param name="other">What to compare it with.</param>
+        /// <summary>Whether the other object is an equal value of this type.</summary>
+        /// <param name="other">The value to compare with.</param>
         public override bool Equals(object other)
         {
             return other is Controls && Equals((Controls)other);

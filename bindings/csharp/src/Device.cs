@@ -38,9 +38,9 @@ namespace Cairn
         FsrLibraries = Native.REQUIREMENT_FSR_LIBRARIES,
         /// <summary>A provider of FSR frame generation for the first adapter.</summary>
         FsrProvider = Native.REQUIREMENT_FSR_PROVIDER,
-        /// <summary>The system's build, for FSR.</summary>
+        /// <summary>The system's build number, for FSR.</summary>
         FsrSystem = Native.REQUIREMENT_FSR_SYSTEM,
-        /// <summary>Direct3D 12's own library, for FSR.</summary>
+        /// <summary>Direct3D 12's library, for FSR.</summary>
         FsrDirect3d = Native.REQUIREMENT_FSR_DIRECT3D,
         /// <summary>The shader model of the first adapter, for FSR.</summary>
         FsrShaderModel = Native.REQUIREMENT_FSR_SHADER_MODEL,
@@ -53,11 +53,11 @@ namespace Cairn
     {
         /// <summary>It is met.</summary>
         Met = Native.REQUIREMENT_MET,
-        /// <summary>It is missing, and the device cannot be made.</summary>
+        /// <summary>It is not met, and the device cannot be made.</summary>
         NotMet = Native.REQUIREMENT_NOT_MET,
-        /// <summary>It depends on the world, or the system does not report it.</summary>
+        /// <summary>Whether it is met depends on the world, or the system does not report it.</summary>
         Unknown = Native.REQUIREMENT_UNKNOWN,
-        /// <summary>It is missing, and a device can be made without it.</summary>
+        /// <summary>It is not met, and a device can be made without it.</summary>
         Optional = Native.REQUIREMENT_OPTIONAL,
     }
 
@@ -128,20 +128,20 @@ namespace Cairn
         public bool Deterministic { get; set; }
 
         /// <summary>
-        /// Lets environment variables and the user's cache directory name libraries that are loaded into the process. For tools; in a
-        /// game it would run the code of whoever sets the user's variables.
+        /// Lets environment variables and the user's cache directory name libraries that are loaded into the process. For tools: in a game,
+        /// anyone who sets its environment variables could run code in it.
         /// </summary>
         public bool Environment { get; set; }
 
         /// <summary>
-        /// Path of ONNX Runtime 1.24. Null: the first one beside Cairn's library or beside the program; with <see cref="Environment"/>,
-        /// the one named by the variable CAIRN_ONNXRUNTIME is tried before these, and one in the user's cache directory after them.
+        /// Path of ONNX Runtime 1.24. Null: the first one beside Cairn's library or beside the program; with <see cref="Environment"/> also
+        /// in the user's cache directory, or if the variable CAIRN_ONNXRUNTIME is set, only the file that it names.
         /// </summary>
         public string OnnxRuntime { get; set; }
 
         /// <summary>
-        /// Folder of AMD's libraries for FSR. Null: beside Cairn's library, then beside the program; with <see cref="Environment"/>, the one
-        /// named by the variable CAIRN_FFX_DIR is tried before these.
+        /// Folder of AMD's libraries for FSR. Null: beside Cairn's library, then beside the program; with <see cref="Environment"/>, if the
+        /// variable CAIRN_FFX_DIR is set, only the folder that it names.
         /// </summary>
         public string Ffx { get; set; }
     }
@@ -174,16 +174,16 @@ namespace Cairn
         /// <summary>MiB of its adapter's memory that the system grants to the process now; 0 if unknown.</summary>
         public int MemoryBudgetMib { get; }
 
-        /// <summary>MiB of it that the whole process uses.</summary>
+        /// <summary>MiB of its adapter's memory that the whole process uses.</summary>
         public int MemoryUsedMib { get; }
     }
 
     /// <summary>A stage of loading a world.</summary>
     public enum LoadStage
     {
-        /// <summary>Files are read and checked; bytes are counted.</summary>
+        /// <summary>Reads and checks files; progress counts bytes.</summary>
         Reading = Native.LOAD_READING,
-        /// <summary>ONNX Runtime prepares the graphs; graphs are counted.</summary>
+        /// <summary>ONNX Runtime prepares the graphs; progress counts graphs.</summary>
         Preparing = Native.LOAD_PREPARING,
     }
 
@@ -231,8 +231,8 @@ namespace Cairn
         /// <summary>Makes a device from this machine's processor; loads ONNX Runtime.</summary>
         /// <param name="options">Settings; null for the defaults.</param>
         /// <exception cref="CairnException">
-        /// <see cref="Result.RuntimeMissing"/> where ONNX Runtime is not there or has another version; <see cref="Result.Unsupported"/>
-        /// where the process uses another file of it already; <see cref="Result.InvalidArgument"/>; <see cref="Result.Device"/>.
+        /// <see cref="Result.RuntimeMissing"/> if ONNX Runtime is missing or has another version; <see cref="Result.Unsupported"/> if the
+        /// process already uses another file of it; <see cref="Result.InvalidArgument"/>; <see cref="Result.Device"/>.
         /// </exception>
         public static Device Cpu(DeviceOptions options = null)
         {
@@ -242,7 +242,7 @@ namespace Cairn
             {
                 Native.device_options native = Of(options, onnxruntime, ffx);
                 IntPtr device = IntPtr.Zero;
-                return new Device(Made(Library.C.device_create_cpu(&native, &device), ref device));
+                return new Device(CheckCreated(Library.C.device_create_cpu(&native, &device), ref device));
             }
         }
 
@@ -305,7 +305,7 @@ namespace Cairn
             get
             {
                 var native = new Native.device_info { struct_size = (uint)sizeof(Native.device_info) };
-                Done(Library.C.device_get_info(Value, &native));
+                CheckResult(Library.C.device_get_info(Value, &native));
                 return new DeviceInfo(ref native);
             }
         }
@@ -317,8 +317,8 @@ namespace Cairn
         /// <param name="options">Selects the world; null for the embedded one.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.InvalidArgument"/>, <see cref="Result.Io"/>, <see cref="Result.InvalidBundle"/>,
-        /// <see cref="Result.Unsupported"/>, <see cref="Result.OutOfMemory"/> with figures, <see cref="Result.Device"/>;
-        /// <see cref="Result.Cancelled"/> where the progress answered false. What the progress throws is thrown as it is.
+        /// <see cref="Result.Unsupported"/>, <see cref="Result.OutOfMemory"/> with the numbers, <see cref="Result.Device"/>;
+        /// <see cref="Result.Cancelled"/> if the progress callback returned false. An exception in that callback is rethrown unchanged.
         /// </exception>
         public World LoadWorld(WorldOptions options = null)
         {
@@ -346,7 +346,7 @@ namespace Cairn
                     GC.KeepAlive(this);
                     // An exception must not pass through the library; it is thrown again after the call.
                     if (load.Thrown != null) load.Thrown.Throw();
-                    return new World(Made(result, ref world));
+                    return new World(CheckCreated(result, ref world));
                 }
             }
             finally

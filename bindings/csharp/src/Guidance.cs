@@ -120,7 +120,7 @@ namespace Cairn
             int result = Library.C.guidance_create(first, second, (uint)source, &guidance);
             GC.KeepAlive(previous);
             GC.KeepAlive(current);
-            return new Guidance(Made(result, ref guidance));
+            return new Guidance(CheckCreated(result, ref guidance));
         }
 
         /// <summary>Makes guidance from your own motion and depth, for example an engine's; both are copied.</summary>
@@ -153,7 +153,7 @@ namespace Cairn
                     vertical_fov = camera.VerticalFov,
                 };
                 IntPtr guidance = IntPtr.Zero;
-                return new Guidance(Made(Library.C.guidance_create_from_host(&data, &guidance), ref guidance));
+                return new Guidance(CheckCreated(Library.C.guidance_create_from_host(&data, &guidance), ref guidance));
             }
         }
 
@@ -163,7 +163,7 @@ namespace Cairn
             get
             {
                 var native = new Native.guidance_info { struct_size = (uint)sizeof(Native.guidance_info) };
-                Done(Library.C.guidance_get_info(Value, &native));
+                CheckResult(Library.C.guidance_get_info(Value, &native));
                 return new GuidanceInfo(native);
             }
         }
@@ -175,7 +175,7 @@ namespace Cairn
         {
             fixed (ushort* at = &MemoryMarshal.GetReference(values))
             {
-                Done(Library.C.guidance_read_motion(Value, at, (UIntPtr)values.Length));
+                CheckResult(Library.C.guidance_read_motion(Value, at, (UIntPtr)values.Length));
             }
         }
 
@@ -186,7 +186,7 @@ namespace Cairn
         {
             fixed (float* at = &MemoryMarshal.GetReference(values))
             {
-                Done(Library.C.guidance_read_depth(Value, at, (UIntPtr)values.Length));
+                CheckResult(Library.C.guidance_read_depth(Value, at, (UIntPtr)values.Length));
             }
         }
     }

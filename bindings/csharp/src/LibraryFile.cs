@@ -5,8 +5,8 @@ using System.Runtime.InteropServices;
 namespace Cairn
 {
     /// <summary>
-    /// Reads from a shared library's header the system and processor that it was built for. The system's loader reports a mismatch only as
-    /// a failure to load.
+    /// Reads the system and processor for which a shared library was built from the file's header. The system's loader would report a
+    /// mismatch only as a failure to load.
     /// </summary>
     internal sealed class LibraryFile
     {
@@ -104,7 +104,7 @@ namespace Cairn
             int size = (int)Number(head, 54, 2);
             int count = (int)Number(head, 56, 2);
             long end = table + size * count;
-            // A file without a header of this format is no library; the system's loader reports that.
+            // A file without a header of this format is not a library; the system's loader reports that.
             if (table < 0 || size < 56) return 0;
             for (int i = 0; i < count && table + (i + 1) * size <= file.Length; i++)
             {

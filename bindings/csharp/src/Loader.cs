@@ -4,7 +4,7 @@ using System.Runtime.InteropServices;
 
 namespace Cairn
 {
-    /// <summary>The system's loader of shared libraries, with full paths, so that another library of the same name is never taken.</summary>
+    /// <summary>The system's loader of shared libraries. Takes full paths, so that it never loads another library of the same name.</summary>
     internal static class Loader
     {
         /// <summary>Loads a file; returns zero and the reason on failure.</summary>

@@ -16,7 +16,7 @@ namespace Cairn
         Info = Native.LOG_INFO,
         /// <summary>Information for developers.</summary>
         Debug = Native.LOG_DEBUG,
-        /// <summary>Everything.</summary>
+        /// <summary>All messages.</summary>
         Trace = Native.LOG_TRACE,
     }
 
@@ -51,8 +51,8 @@ namespace Cairn
         /// <param name="sink">Receiver of messages; null ends logging.</param>
         /// <param name="level">Lowest severity that is sent.</param>
         /// <exception cref="CairnException">
-        /// <see cref="Result.Busy"/> from within a sink; <see cref="Result.Unsupported"/> where the library is part of a program whose own
-        /// logger has the log; <see cref="Result.InvalidArgument"/>.
+        /// <see cref="Result.Busy"/> from within a sink; <see cref="Result.Unsupported"/> if the library is linked into a program that has set
+        /// a logger of its own; <see cref="Result.InvalidArgument"/>.
         /// </exception>
         public static void To(LogSink sink, LogLevel level = LogLevel.Warning)
         {

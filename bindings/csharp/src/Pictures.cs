@@ -17,7 +17,7 @@ namespace Cairn
     }
 
     /// <summary>
-    /// A picture in your memory, which is only read during a call: rows from top to bottom, in a span, an array or native memory.
+    /// A picture in your memory, which is read during the call only: rows from top to bottom, in a span, an array or native memory.
     /// </summary>
     public ref struct PictureView
     {
@@ -68,14 +68,14 @@ namespace Cairn
     }
 
     /// <summary>
-    /// Your memory into which a picture is written during a call. Bytes between rows are not changed.
+    /// Your memory into which a picture is written during the call only. Bytes between rows are not changed.
     /// </summary>
     public ref struct PictureTarget
     {
         /// <summary>Memory for a picture.</summary>
-        /// <param name="pixels">Room for the pixels, the top left one first.</param>
-        /// <param name="width">In pixels; must be the picture's.</param>
-        /// <param name="height">In pixels; must be the picture's.</param>
+        /// <param name="pixels">Memory for the pixels, the top left one first.</param>
+        /// <param name="width">In pixels; must be the picture's width.</param>
+        /// <param name="height">In pixels; must be the picture's height.</param>
         /// <param name="format">Pixel format to write.</param>
         /// <param name="rowPitch">Bytes from one row to the next; 0 for rows without a gap.</param>
         public PictureTarget(Span<byte> pixels, int width, int height, PixelFormat format = PixelFormat.Rgba8, int rowPitch = 0)
@@ -87,7 +87,7 @@ namespace Cairn
             RowPitch = rowPitch;
         }
 
-        /// <summary>Room for the pixels, the top left one first.</summary>
+        /// <summary>Memory for the pixels, the top left one first.</summary>
         public Span<byte> Pixels { get; }
 
         /// <summary>In pixels.</summary>

@@ -8,7 +8,7 @@ namespace Cairn
     {
         /// <summary>Use it if possible.</summary>
         Auto = Native.PREFER_AUTO,
-        /// <summary>Use it; without it making the presenter fails.</summary>
+        /// <summary>Use it; creating the presenter fails if it is not available.</summary>
         Require = Native.PREFER_REQUIRE,
         /// <summary>Do not use it.</summary>
         Never = Native.PREFER_NEVER,
@@ -94,19 +94,19 @@ namespace Cairn
             get { return (float)from.t; }
         }
 
-        /// <summary>It was not generated because of a cut.</summary>
+        /// <summary>Whether it was not generated because of a cut.</summary>
         public bool IsCut
         {
             get { return (from.flags & Native.FRAME_CUT) != 0; }
         }
 
-        /// <summary>It is the same picture as the one drawn before.</summary>
+        /// <summary>Whether it is the same picture as the one drawn before.</summary>
         public bool IsRepeated
         {
             get { return (from.flags & Native.FRAME_REPEATED) != 0; }
         }
 
-        /// <summary>An anchor shown instead of a frame that is not prepared yet; only for frames made on Direct3D 12.</summary>
+        /// <summary>Whether it is an anchor shown instead of a frame that is not prepared yet; only for frames made on Direct3D 12.</summary>
         public bool IsUnprepared
         {
             get { return (from.flags & Native.FRAME_UNPREPARED) != 0; }
@@ -180,7 +180,7 @@ namespace Cairn
         /// <summary>A presenter.</summary>
         /// <param name="options">Settings; null for the defaults.</param>
         /// <exception cref="CairnException">
-        /// <see cref="Result.InvalidArgument"/>; <see cref="Result.Unsupported"/> for a required generator that is not there;
+        /// <see cref="Result.InvalidArgument"/>; <see cref="Result.Unsupported"/> for a required generator that is not available;
         /// <see cref="Result.OutOfMemory"/>.
         /// </exception>
         public Presenter(PresenterOptions options = null) : base(Create(options ?? new PresenterOptions()), handle => Library.C.presenter_destroy(handle))
@@ -193,7 +193,7 @@ namespace Cairn
             get
             {
                 var native = new Native.presenter_statistics { struct_size = (uint)sizeof(Native.presenter_statistics) };
-                Done(Library.C.presenter_get_statistics(Value, &native));
+                CheckResult(Library.C.presenter_get_statistics(Value, &native));
                 return new PresenterStatistics(native);
             }
         }
@@ -204,11 +204,11 @@ namespace Cairn
         /// </summary>
         /// <param name="anchor">The anchor.</param>
         /// <param name="nowNs">Time of its arrival.</param>
-        /// <param name="guidance">From the previous anchor to this one; null to let the presenter extract it.</param>
-        /// <returns>False if the maximum number of anchors waits; the anchor was not taken.</returns>
+        /// <param name="guidance">Guidance from the previous anchor to this one; null to let the presenter extract it.</param>
+        /// <returns>False if the maximum number of anchors is waiting; the anchor was not added.</returns>
         /// <exception cref="CairnException">
-        /// <see cref="Result.InvalidArgument"/> for another size than the first anchor's, and for a first one without a rate where the
-        /// options have no interval.
+        /// <see cref="Result.InvalidArgument"/> for another size than the first anchor's, and for a first anchor without a rate if the options
+        /// have no interval.
         /// </exception>
         public bool TryPush(Anchor anchor, long nowNs, Guidance guidance = null)
         {
@@ -217,7 +217,7 @@ namespace Cairn
             int result = Library.C.presenter_push(Value, pushed, given, Check.NotNegative(nowNs, nameof(nowNs)));
             GC.KeepAlive(anchor);
             GC.KeepAlive(guidance);
-            return Done(result) == Native.OK;
+            return CheckResult(result) == Native.OK;
         }
 
         /// <summary>Returns the frame that is due. Takes less than a microsecond.</summary>
@@ -227,7 +227,7 @@ namespace Cairn
         public bool TryQuery(long nowNs, out Frame frame)
         {
             Native.frame native = EmptyFrame();
-            int result = Done(Library.C.presenter_query(Value, Check.NotNegative(nowNs, nameof(nowNs)), &native));
+            int result = CheckResult(Library.C.presenter_query(Value, Check.NotNegative(nowNs, nameof(nowNs)), &native));
             frame = new Frame(native);
             return result == Native.OK;
         }
@@ -246,7 +246,7 @@ namespace Cairn
             {
                 Native.target native = target.At(pixels);
                 Native.frame drawn = EmptyFrame();
-                int result = Done(Library.C.presenter_draw(Value, Check.NotNegative(nowNs, nameof(nowNs)), &native, &drawn));
+                int result = CheckResult(Library.C.presenter_draw(Value, Check.NotNegative(nowNs, nameof(nowNs)), &native, &drawn));
                 frame = new Frame(drawn);
                 return result == Native.OK;
             }
@@ -258,23 +258,22 @@ namespace Cairn
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>.</exception>
         public void Resize(int width, int height)
         {
-            Done(Library.C.presenter_resize(Value, Check.NotNegative(width, nameof(width)), Check.NotNegative(height, nameof(height))));
+            CheckResult(Library.C.presenter_resize(Value, Check.NotNegative(width, nameof(width)), Check.NotNegative(height, nameof(height))));
         }
 
         /// <summary>
-        /// Sets the mask of what covers the anchors and stands still while they move, like a HUD, from the next frame on. Only frames made by
-        /// a Direct3D device use it.
+        /// Sets the mask of a static overlay that covers the anchors, such as a HUD, from the next frame on. All generators use it.
         /// </summary>
         /// <param name="mask">A byte per pixel of an anchor, row by row, 0 where nothing covers it; empty, with both sizes 0, if unknown.</param>
-        /// <param name="width">The anchors'.</param>
-        /// <param name="height">The anchors'.</param>
+        /// <param name="width">The anchors' width.</param>
+        /// <param name="height">The anchors' height.</param>
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
         public void SetOverlay(ReadOnlySpan<byte> mask, int width, int height)
         {
             fixed (byte* at = &MemoryMarshal.GetReference(mask))
             {
                 uint columns = Check.NotNegative(width, nameof(width));
-                Done(Library.C.presenter_set_overlay(Value, at, (UIntPtr)mask.Length, columns, Check.NotNegative(height, nameof(height))));
+                CheckResult(Library.C.presenter_set_overlay(Value, at, (UIntPtr)mask.Length, columns, Check.NotNegative(height, nameof(height))));
             }
         }
 
@@ -282,13 +281,13 @@ namespace Cairn
         /// <param name="frameNs">Nanoseconds per presented frame, averaged over an interval.</param>
         public void SetBudget(long frameNs)
         {
-            Done(Library.C.presenter_set_budget(Value, Check.NotNegative(frameNs, nameof(frameNs))));
+            CheckResult(Library.C.presenter_set_budget(Value, Check.NotNegative(frameNs, nameof(frameNs))));
         }
 
         /// <summary>Removes all anchors and their times: the next anchor is a first one again and may have any size.</summary>
         public void Reset()
         {
-            Done(Library.C.presenter_reset(Value));
+            CheckResult(Library.C.presenter_reset(Value));
         }
 
         private static IntPtr Create(PresenterOptions options)
@@ -314,7 +313,7 @@ namespace Cairn
                 upscaler = (uint)options.Upscaler,
             };
             IntPtr presenter = IntPtr.Zero;
-            return Made(Library.C.presenter_create(&native, &presenter), ref presenter);
+            return CheckCreated(Library.C.presenter_create(&native, &presenter), ref presenter);
         }
 
         private static Native.frame EmptyFrame()

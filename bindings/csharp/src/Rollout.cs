@@ -151,7 +151,7 @@ namespace Cairn
             get
             {
                 var native = new Native.rollout_info { struct_size = (uint)sizeof(Native.rollout_info) };
-                Done(Library.C.rollout_get_info(Value, &native));
+                CheckResult(Library.C.rollout_get_info(Value, &native));
                 return new RolloutInfo(ref native);
             }
         }
@@ -162,12 +162,12 @@ namespace Cairn
             get
             {
                 var native = new Native.rollout_statistics { struct_size = (uint)sizeof(Native.rollout_statistics) };
-                Done(Library.C.rollout_get_statistics(Value, &native));
+                CheckResult(Library.C.rollout_get_statistics(Value, &native));
                 return new RolloutStatistics(native);
             }
         }
 
-        /// <summary>Appends a picture of any size: the seed, or later an edit of the scene. On the calling thread.</summary>
+        /// <summary>Appends a picture of any size: the seed, or later an edit of the scene. Runs on the calling thread.</summary>
         /// <param name="picture">The picture; it is copied.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.InvalidArgument"/>, <see cref="Result.Busy"/>, <see cref="Result.OutOfMemory"/>, <see cref="Result.Device"/>,
@@ -179,14 +179,13 @@ namespace Cairn
             {
                 Native.picture native = picture.At(pixels);
                 Native.step_info info = EmptyInfo();
-                Done(Library.C.rollout_append(Value, &native, &info));
+                CheckResult(Library.C.rollout_append(Value, &native, &info));
                 return new StepInfo(info);
             }
         }
 
         /// <summary>
-        /// Appends consecutive pictures, the oldest first, as one latent: the four of a latent keep a moving scene in motion, one picture gives a
-        /// still. On the calling thread.
+        /// Appends four consecutive pictures, the oldest first, as one latent, so that a moving scene keeps moving. Runs on the calling thread.
         /// </summary>
         /// <param name="first">The oldest. All pictures are copied.</param>
         /// <param name="second">The next one.</param>
@@ -206,23 +205,23 @@ namespace Cairn
                 pictures[2] = third.At(c);
                 pictures[3] = fourth.At(d);
                 Native.step_info info = EmptyInfo();
-                Done(Library.C.rollout_append_pictures(Value, pictures, 4, &info));
+                CheckResult(Library.C.rollout_append_pictures(Value, pictures, 4, &info));
                 return new StepInfo(info);
             }
         }
 
         /// <summary>
-        /// Sets whether the encoder keeps its memory from one appended picture to the next, as the released engine does, or starts anew for each,
-        /// which is the default. The stream starts with this call, and again with a reset; it is part of a saved state.
+        /// Sets whether the encoder keeps its state from one appended picture to the next, as the released engine does, or starts anew for each,
+        /// which is the default. The state is empty after this call and after a reset; it is part of a saved state.
         /// </summary>
         /// <param name="keep">True to keep it.</param>
         /// <exception cref="CairnException">
-        /// <see cref="Result.Unsupported"/> if the bundle's encoder does not take its memories as inputs; <see cref="Result.Busy"/> while steps are
+        /// <see cref="Result.Unsupported"/> if the bundle's encoder does not take its state as an input; <see cref="Result.Busy"/> while steps are
         /// queued.
         /// </exception>
         public void KeepEncoderStream(bool keep)
         {
-            Done(Library.C.rollout_keep_encoder_stream(Value, keep ? 1u : 0u));
+            CheckResult(Library.C.rollout_keep_encoder_stream(Value, keep ? 1u : 0u));
         }
 
         /// <summary>
@@ -233,11 +232,11 @@ namespace Cairn
         /// <exception cref="CairnException"><see cref="Result.Busy"/> while steps are queued; <see cref="Result.Device"/>.</exception>
         public void Rest()
         {
-            Done(Library.C.rollout_rest(Value));
+            CheckResult(Library.C.rollout_rest(Value));
         }
 
         /// <summary>
-        /// Makes the next latent; the controls cover one latent's interval of world time. On the calling thread.
+        /// Makes the next latent; the controls cover one latent's interval of world time. Runs on the calling thread.
         /// </summary>
         /// <param name="controls">Controls of the step.</param>
         /// <exception cref="CairnException">
@@ -247,7 +246,7 @@ namespace Cairn
         {
             Native.controls native = controls.Struct();
             Native.step_info info = EmptyInfo();
-            Done(Library.C.rollout_step(Value, &native, &info));
+            CheckResult(Library.C.rollout_step(Value, &native, &info));
             return new StepInfo(info);
         }
 
@@ -258,15 +257,15 @@ namespace Cairn
         public Anchor Anchor()
         {
             IntPtr anchor = IntPtr.Zero;
-            int result = Done(Library.C.rollout_get_anchor(Value, &anchor));
-            return new Anchor(Made(result, ref anchor));
+            int result = CheckResult(Library.C.rollout_get_anchor(Value, &anchor));
+            return new Anchor(CheckCreated(result, ref anchor));
         }
 
         /// <summary>Returns to the start with the same seed: no latents, empty memory.</summary>
         /// <exception cref="CairnException"><see cref="Result.Busy"/>, <see cref="Result.Device"/>.</exception>
         public void Reset()
         {
-            Done(Library.C.rollout_reset(Value));
+            CheckResult(Library.C.rollout_reset(Value));
         }
 
         /// <summary>
@@ -280,7 +279,7 @@ namespace Cairn
         {
             fixed (byte* list = Text.Encode(string.Join(" ", Check.NotNull(schedules, nameof(schedules))), nameof(schedules)))
             {
-                Done(Library.C.rollout_set_budget(Value, Check.NotNegative(latentNs, nameof(latentNs)), list));
+                CheckResult(Library.C.rollout_set_budget(Value, Check.NotNegative(latentNs, nameof(latentNs)), list));
             }
         }
 
@@ -290,14 +289,14 @@ namespace Cairn
         /// </summary>
         /// <param name="budget">The budget; null ends it and keeps the current settings.</param>
         /// <exception cref="CairnException">
-        /// <see cref="Result.InvalidArgument"/>, <see cref="Result.Busy"/>, <see cref="Result.OutOfMemory"/> where even the narrowest
-        /// window needs too much.
+        /// <see cref="Result.InvalidArgument"/>, <see cref="Result.Busy"/>, <see cref="Result.OutOfMemory"/> if even the narrowest window needs
+        /// too much.
         /// </exception>
         public void Govern(Budget budget)
         {
             if (budget == null)
             {
-                Done(Library.C.rollout_govern(Value, null));
+                CheckResult(Library.C.rollout_govern(Value, null));
                 return;
             }
             int count = budget.Worlds == null ? 0 : budget.Worlds.Count;
@@ -320,7 +319,7 @@ namespace Cairn
                 };
                 int result = Library.C.rollout_govern(Value, &native);
                 GC.KeepAlive(budget);
-                Done(result);
+                CheckResult(result);
             }
         }
 
@@ -333,7 +332,7 @@ namespace Cairn
         {
             Native.controls native = controls.Struct();
             ulong number = 0;
-            int result = Done(Library.C.rollout_submit(Value, &native, &number));
+            int result = CheckResult(Library.C.rollout_submit(Value, &native, &number));
             ticket = (long)number;
             return result == Native.OK;
         }
@@ -349,7 +348,7 @@ namespace Cairn
             {
                 Native.picture native = picture.At(pixels);
                 ulong number = 0;
-                int result = Done(Library.C.rollout_submit_picture(Value, &native, &number));
+                int result = CheckResult(Library.C.rollout_submit_picture(Value, &native, &number));
                 ticket = (long)number;
                 return result == Native.OK;
             }
@@ -377,7 +376,7 @@ namespace Cairn
                 pictures[2] = third.At(c);
                 pictures[3] = fourth.At(d);
                 ulong number = 0;
-                int result = Done(Library.C.rollout_submit_pictures(Value, pictures, 4, &number));
+                int result = CheckResult(Library.C.rollout_submit_pictures(Value, pictures, 4, &number));
                 ticket = (long)number;
                 return result == Native.OK;
             }
@@ -395,7 +394,7 @@ namespace Cairn
         {
             Native.step_info native = EmptyInfo();
             IntPtr made = IntPtr.Zero;
-            int result = Done(Library.C.rollout_poll(Value, Check.NotNegative(ticket, nameof(ticket)), &native, &made));
+            int result = CheckResult(Library.C.rollout_poll(Value, Check.NotNegative(ticket, nameof(ticket)), &native, &made));
             return Taken(result, native, made, out info, out anchor);
         }
 
@@ -418,29 +417,29 @@ namespace Cairn
             }
             Native.step_info native = EmptyInfo();
             IntPtr made = IntPtr.Zero;
-            int result = Done(Library.C.rollout_wait(Value, Check.NotNegative(ticket, nameof(ticket)), most, &native, &made));
+            int result = CheckResult(Library.C.rollout_wait(Value, Check.NotNegative(ticket, nameof(ticket)), most, &native, &made));
             return Taken(result, native, made, out info, out anchor);
         }
 
         /// <summary>
         /// Cancels all work: queued steps are not made, and the running one ends before its next pass. Each fails with
-        /// <see cref="Result.Cancelled"/>, and the rollout stays as before it. Does not wait.
+        /// <see cref="Result.Cancelled"/> and leaves the rollout unchanged. Does not wait.
         /// </summary>
         public void Cancel()
         {
-            Done(Library.C.rollout_cancel(Value));
+            CheckResult(Library.C.rollout_cancel(Value));
         }
 
         /// <summary>Pauses the queue: the running step finishes, and no other starts.</summary>
         public void Pause()
         {
-            Done(Library.C.rollout_pause(Value));
+            CheckResult(Library.C.rollout_pause(Value));
         }
 
         /// <summary>Resumes a paused queue.</summary>
         public void Resume()
         {
-            Done(Library.C.rollout_resume(Value));
+            CheckResult(Library.C.rollout_resume(Value));
         }
 
         /// <summary>Runs exactly one step of a paused queue.</summary>
@@ -448,7 +447,7 @@ namespace Cairn
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/> if the queue is not paused.</exception>
         public bool SingleStep()
         {
-            return Done(Library.C.rollout_single_step(Value)) == Native.OK;
+            return CheckResult(Library.C.rollout_single_step(Value)) == Native.OK;
         }
 
         /// <summary>
@@ -460,11 +459,11 @@ namespace Cairn
         public byte[] Save()
         {
             UIntPtr size = UIntPtr.Zero;
-            Done(Library.C.rollout_save(Value, null, UIntPtr.Zero, &size));
+            CheckResult(Library.C.rollout_save(Value, null, UIntPtr.Zero, &size));
             var state = new byte[(long)size];
             fixed (byte* at = state)
             {
-                Done(Library.C.rollout_save(Value, at, size, &size));
+                CheckResult(Library.C.rollout_save(Value, at, size, &size));
             }
             return state;
         }
@@ -476,7 +475,7 @@ namespace Cairn
         {
             fixed (byte* at = Text.Encode(Check.NotNull(path, nameof(path)), nameof(path)))
             {
-                Done(Library.C.rollout_save_file(Value, at));
+                CheckResult(Library.C.rollout_save_file(Value, at));
             }
         }
 
@@ -490,7 +489,7 @@ namespace Cairn
         {
             fixed (byte* at = &MemoryMarshal.GetReference(state))
             {
-                Done(Library.C.rollout_restore(Value, at, (UIntPtr)state.Length));
+                CheckResult(Library.C.rollout_restore(Value, at, (UIntPtr)state.Length));
             }
         }
 
@@ -501,7 +500,7 @@ namespace Cairn
         {
             fixed (byte* at = Text.Encode(Check.NotNull(path, nameof(path)), nameof(path)))
             {
-                Done(Library.C.rollout_restore_file(Value, at));
+                CheckResult(Library.C.rollout_restore_file(Value, at));
             }
         }
 

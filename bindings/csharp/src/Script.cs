@@ -12,8 +12,8 @@ namespace Cairn
         /// <summary>Reads a control script.</summary>
         /// <param name="text">A control script.</param>
         /// <exception cref="CairnException">
-        /// <see cref="Result.InvalidArgument"/> with line and column of what is wrong; <see cref="Result.Unsupported"/> for a newer
-        /// version of the format.
+        /// <see cref="Result.InvalidArgument"/> with line and column of the error; <see cref="Result.Unsupported"/> for a newer version of the
+        /// format.
         /// </exception>
         public Script(string text) : this(Create(text))
         {
@@ -31,13 +31,13 @@ namespace Cairn
             return new Script(File.ReadAllText(path, new UTF8Encoding(false, true)));
         }
 
-        /// <summary>Duration in world time: until its end if it states one, otherwise until the last event.</summary>
+        /// <summary>Duration in world time: up to its explicit end, or if it has none, up to the end of its last event or motion.</summary>
         public TimeSpan Duration
         {
             get
             {
                 ulong microseconds = 0;
-                Done(Library.C.script_get_duration(Value, &microseconds));
+                CheckResult(Library.C.script_get_duration(Value, &microseconds));
                 return TimeSpan.FromTicks((long)microseconds * Microseconds.Ticks);
             }
         }
@@ -62,7 +62,7 @@ namespace Cairn
         {
             var native = new Native.controls { struct_size = (uint)sizeof(Native.controls) };
             ulong number = Check.NotNegative(latent, nameof(latent));
-            Done(Library.C.script_get_controls(Value, number, Check.NotNegative(latentsPerSecond, nameof(latentsPerSecond)), &native));
+            CheckResult(Library.C.script_get_controls(Value, number, Check.NotNegative(latentsPerSecond, nameof(latentsPerSecond)), &native));
             return new Controls(native);
         }
 
@@ -72,14 +72,14 @@ namespace Cairn
             fixed (byte* at = bytes)
             {
                 IntPtr script = IntPtr.Zero;
-                return Made(Library.C.script_create(at, (UIntPtr)(bytes.Length - 1), &script), ref script);
+                return CheckCreated(Library.C.script_create(at, (UIntPtr)(bytes.Length - 1), &script), ref script);
             }
         }
     }
 
     /// <summary>
-    /// Records player input and makes a <see cref="Script"/> from it. Times are world time, and events must be in order. Calls exclude each
-    /// other; a concurrent one throws <see cref="Result.Busy"/>.
+    /// Records player input and makes a <see cref="Script"/> from it. Times are world time, and events must come in order of time. Calls exclude
+    /// each other; a concurrent one throws <see cref="Result.Busy"/>.
     /// </summary>
     public sealed unsafe class Recorder : CairnObject
     {
@@ -89,45 +89,45 @@ namespace Cairn
         {
         }
 
-        /// <summary>A key or mouse button went down or up; repeats are ignored.</summary>
+        /// <summary>Records that a key or mouse button went down or up; repeats are ignored.</summary>
         /// <param name="time">World time of the event.</param>
         /// <param name="key">The key.</param>
         /// <param name="down">Whether it went down.</param>
-        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, also where the recording is full.</exception>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, also if the recording is full.</exception>
         public void Key(TimeSpan time, Key key, bool down)
         {
-            Done(Library.C.recorder_key(Value, Microseconds.Of(time), (uint)key, down ? 1u : 0u));
+            CheckResult(Library.C.recorder_key(Value, Microseconds.Of(time), (uint)key, down ? 1u : 0u));
         }
 
-        /// <summary>The mouse moved by raw counts.</summary>
+        /// <summary>Records a motion of the mouse in raw counts.</summary>
         /// <param name="time">World time of the event.</param>
         /// <param name="x">Right positive.</param>
         /// <param name="y">Down positive.</param>
-        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, also where the recording is full.</exception>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, also if the recording is full.</exception>
         public void Mouse(TimeSpan time, float x, float y)
         {
-            Done(Library.C.recorder_mouse(Value, Microseconds.Of(time), x, y));
+            CheckResult(Library.C.recorder_mouse(Value, Microseconds.Of(time), x, y));
         }
 
-        /// <summary>The wheel turned.</summary>
+        /// <summary>Records a turn of the wheel.</summary>
         /// <param name="time">World time of the event.</param>
         /// <param name="notches">Up positive.</param>
-        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, also where the recording is full.</exception>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, also if the recording is full.</exception>
         public void Scroll(TimeSpan time, int notches)
         {
-            Done(Library.C.recorder_scroll(Value, Microseconds.Of(time), notches));
+            CheckResult(Library.C.recorder_scroll(Value, Microseconds.Of(time), notches));
         }
 
         /// <summary>Records the controls of a latent step; a script of all steps reproduces them bit for bit.</summary>
         /// <param name="latent">Number of the step's latent, from 1.</param>
         /// <param name="latentsPerSecond">The rollout's, 1 to 240.</param>
         /// <param name="controls">Controls of the step.</param>
-        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, also where the recording is full.</exception>
+        /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, also if the recording is full.</exception>
         public void Step(long latent, int latentsPerSecond, Controls controls)
         {
             Native.controls native = controls.Struct();
             ulong number = Check.NotNegative(latent, nameof(latent));
-            Done(Library.C.recorder_step(Value, number, Check.NotNegative(latentsPerSecond, nameof(latentsPerSecond)), &native));
+            CheckResult(Library.C.recorder_step(Value, number, Check.NotNegative(latentsPerSecond, nameof(latentsPerSecond)), &native));
         }
 
         /// <summary>Makes a script of the recording so far; keys that are held are released at its end. Recording can continue.</summary>
@@ -136,14 +136,14 @@ namespace Cairn
         public Script Script(TimeSpan end)
         {
             IntPtr script = IntPtr.Zero;
-            int result = Done(Library.C.recorder_make_script(Value, Microseconds.Of(end), &script));
-            return new Script(Made(result, ref script));
+            int result = CheckResult(Library.C.recorder_make_script(Value, Microseconds.Of(end), &script));
+            return new Script(CheckCreated(result, ref script));
         }
 
         private static IntPtr Create()
         {
             IntPtr recorder = IntPtr.Zero;
-            return Made(Library.C.recorder_create(&recorder), ref recorder);
+            return CheckCreated(Library.C.recorder_create(&recorder), ref recorder);
         }
     }
 

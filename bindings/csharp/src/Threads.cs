@@ -6,32 +6,33 @@ namespace Cairn
     /// <summary>How the system schedules the library's own threads.</summary>
     public enum WorkerPriority
     {
-        /// <summary>Below those of a game.</summary>
+        /// <summary>Below normal, so that a game's threads run first.</summary>
         BelowNormal = Native.PRIORITY_BELOW_NORMAL,
-        /// <summary>As a thread of the program.</summary>
+        /// <summary>Normal; on Linux that of the thread whose call starts them.</summary>
         Normal = Native.PRIORITY_NORMAL,
-        /// <summary>Behind all others.</summary>
+        /// <summary>Lowest.</summary>
         Lowest = Native.PRIORITY_LOWEST,
     }
 
     /// <summary>
-    /// Calls a job so many times, at the same time on as many threads as it likes, the calling one among them, and returns when these
-    /// calls have returned. What is left undone the library does itself. It is called on threads that call the library, also on several at
-    /// once; what it throws is lost.
+    /// Calls a job up to a number of times, on any number of threads at the same time, including the calling one, and returns when these calls
+    /// have returned. The library does the rest itself. It is called on threads that call the library, also on several at once. Its exceptions
+    /// are discarded.
     /// </summary>
-    /// <param name="jobs">How many calls are of use.</param>
-    /// <param name="job">Takes a share of the work that no other call has. Not to be called after this has returned.</param>
+    /// <param name="jobs">The largest useful number of calls.</param>
+    /// <param name="job">Each call does a different share of the work. Do not call it after the runner has returned.</param>
     public delegate void JobRunner(int jobs, Action job);
 
-    /// <summary>The threads on which the library shares its work on pictures with the thread that calls it.</summary>
+    /// <summary>The threads that share the library's work on pictures with the calling thread.</summary>
     public static unsafe class Threads
     {
         /// <summary>
-        /// Sets how many threads of its own the library has, and their priority, for the whole process. They start with the first work to be
-        /// shared and end with the last object. Results do not depend on how many there are.
+        /// Sets the number and the priority of the library's own threads, for the whole process. They start with the first work that is shared
+        /// and end with the last object. Their number changes no result.
         /// </summary>
         /// <param name="count">
-        /// 1 to 1024, beside those that call; 0 for one less than the physical cores this process may use, at least one.
+        /// Number of threads, 1 to 1024, in addition to the calling ones; 0 for one less than the physical cores that this process may use, but at
+        /// least one.
         /// </param>
         /// <param name="priority">Their priority.</param>
         /// <exception cref="CairnException">
@@ -61,11 +62,11 @@ namespace Cairn
         }
 
         /// <summary>
-        /// Has a job system of the program's do the work in place of the library's own threads, for the whole process. Results do not
-        /// depend on it.
+        /// Makes the library share its work on the program's job system instead of its own threads, for the whole process. This changes no
+        /// result.
         /// </summary>
         /// <param name="runner">Runs jobs; null for the library's own threads.</param>
-        /// <param name="concurrency">The most jobs that run at the same time, 1 to 1024. Without a runner it is of no use.</param>
+        /// <param name="concurrency">The largest number of jobs that run at the same time, 1 to 1024. Ignored without a runner.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.Busy"/> while there is an object; <see cref="Result.InvalidArgument"/>.
         /// </exception>

@@ -83,7 +83,7 @@ namespace Cairn
         /// <summary>Global windows are multiples of this.</summary>
         public int GlobalDilation { get; }
 
-        /// <summary>Latents per second of world time for which the model was trained.</summary>
+        /// <summary>Latents per second of world time for which the model was made.</summary>
         public int LatentsPerSecond { get; }
 
         /// <summary>Number of keys that it knows: virtual-key codes from 0 to this minus 1.</summary>
@@ -112,7 +112,7 @@ namespace Cairn
             get { return (long)from.weights; }
         }
 
-        /// <summary>Keys and values of one rollout's ring; each further rollout takes this much, and the slabs.</summary>
+        /// <summary>Keys and values of one rollout's ring. Each further rollout needs this and the slabs.</summary>
         public long Ring
         {
             get { return (long)from.ring; }
@@ -130,7 +130,7 @@ namespace Cairn
             get { return (long)from.intermediates; }
         }
 
-        /// <summary>Intermediate tensors, pictures and memories of encoder and decoder.</summary>
+        /// <summary>Intermediate tensors, pictures and state of encoder and decoder.</summary>
         public long Autoencoder
         {
             get { return (long)from.autoencoder; }
@@ -175,7 +175,7 @@ namespace Cairn
             get
             {
                 var native = new Native.world_info { struct_size = (uint)sizeof(Native.world_info) };
-                Done(Library.C.world_get_info(Value, &native));
+                CheckResult(Library.C.world_get_info(Value, &native));
                 return new WorldInfo(ref native);
             }
         }
@@ -186,7 +186,7 @@ namespace Cairn
             get
             {
                 var native = new Native.world_memory { struct_size = (uint)sizeof(Native.world_memory) };
-                Done(Library.C.world_get_memory(Value, &native));
+                CheckResult(Library.C.world_get_memory(Value, &native));
                 return new WorldMemory(native);
             }
         }
@@ -206,7 +206,7 @@ namespace Cairn
         /// <summary>Starts an empty rollout. Append a seed picture first.</summary>
         /// <param name="options">Settings; null for the defaults.</param>
         /// <exception cref="CairnException">
-        /// <see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/> with figures, <see cref="Result.Device"/>.
+        /// <see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/> with the numbers, <see cref="Result.Device"/>.
         /// </exception>
         public Rollout CreateRollout(RolloutOptions options = null)
         {
@@ -221,8 +221,8 @@ namespace Cairn
                     operating_point = operatingPoint,
                 };
                 IntPtr rollout = IntPtr.Zero;
-                int result = Done(Library.C.rollout_create(Value, &native, &rollout));
-                return new Rollout(Made(result, ref rollout));
+                int result = CheckResult(Library.C.rollout_create(Value, &native, &rollout));
+                return new Rollout(CheckCreated(result, ref rollout));
             }
         }
     }

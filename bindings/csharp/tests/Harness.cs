@@ -7,7 +7,7 @@ using System.Reflection;
 
 namespace Cairn.Tests
 {
-    /// <summary>A test: a method without parameters. Those of a class run in the order they are written.</summary>
+    /// <summary>A test: a method without parameters. Those of a class run in source order.</summary>
     [AttributeUsage(AttributeTargets.Method)]
     internal sealed class TestAttribute : Attribute
     {
@@ -70,7 +70,7 @@ namespace Cairn.Tests
     internal static class Program
     {
         /// <summary>Settings from environment variables.</summary>
-        internal static string Told(string name)
+        internal static string Setting(string name)
         {
             string value = Environment.GetEnvironmentVariable(name);
             Expect.True(!string.IsNullOrEmpty(value), $"{name} is not set: `cargo xtask test csharp` sets it");

@@ -8,14 +8,14 @@ using System.Runtime.InteropServices;
 
 namespace Cairn.Tests
 {
-    /// <summary>Compares the declarations with abi.txt, the record of the C interface.</summary>
+    /// <summary>Compares the declarations with abi.txt, the list of the C interface.</summary>
     internal static class InterfaceTests
     {
         private const BindingFlags All = BindingFlags.NonPublic | BindingFlags.Public | BindingFlags.Instance | BindingFlags.Static;
 
         private static string[][] Lines(string kind)
         {
-            string[] record = File.ReadAllLines(Program.Told("CAIRN_TEST_RECORD"));
+            string[] record = File.ReadAllLines(Program.Setting("CAIRN_TEST_RECORD"));
             string[][] found = record.Where(line => line.StartsWith(kind + " ")).Select(line => line.Split(' ').Skip(1).ToArray()).ToArray();
             Expect.True(found.Length > 0, $"abi.txt has no {kind}");
             return found;
@@ -27,7 +27,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void ConstantsAreThoseOfTheRecord()
+        private static void ConstantsMatchAbiTxt()
         {
             string[][] recorded = Lines("constant");
             foreach (string[] line in recorded)
@@ -42,7 +42,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void StructsHaveTheSizesAndPlacesOfTheRecord()
+        private static void StructLayoutsMatchAbiTxt()
         {
             string[][] fields = Lines("field");
             // If there are several sizes, the last one is current.
@@ -106,7 +106,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void FunctionsTakeAndAnswerWhatTheRecordSays()
+        private static void FunctionSignaturesMatchAbiTxt()
         {
             var recorded = new HashSet<string>();
             foreach (string line in Lines("function").Select(words => string.Join(" ", words)))
@@ -153,52 +153,52 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void EveryConstantOfAKindHasItsName()
+        private static void EnumerationsNameEveryConstant()
         {
-            Named<LogLevel>("LOG_");
+            CheckNames<LogLevel>("LOG_");
             string[] options = { "DEVICE_DETERMINISTIC", "DEVICE_ENVIRONMENT" };
-            Named<DeviceKind>("DEVICE_", without: options);
-            HaveProperties<DeviceOptions>("DEVICE_", "", options);
-            Named<Precision>("PRECISION_", "Best");
-            Named<LoadStage>("LOAD_");
-            Named<PixelFormat>("FORMAT_");
-            Named<MotionSource>("MOTION_");
-            Named<DepthKind>("DEPTH_", "Device");
-            Named<Preference>("PREFER_");
-            Named<ColourSpace>("COLOUR_");
+            CheckNames<DeviceKind>("DEVICE_", without: options);
+            CheckFlagProperties<DeviceOptions>("DEVICE_", "", options);
+            CheckNames<Precision>("PRECISION_", "Best");
+            CheckNames<LoadStage>("LOAD_");
+            CheckNames<PixelFormat>("FORMAT_");
+            CheckNames<MotionSource>("MOTION_");
+            CheckNames<DepthKind>("DEPTH_", "Device");
+            CheckNames<Preference>("PREFER_");
+            CheckNames<ColourSpace>("COLOUR_");
             string[] flags = { "FRAME_CUT", "FRAME_REPEATED", "FRAME_UNPREPARED" };
-            Named<FrameSource>("FRAME_", without: flags);
-            HaveProperties<Frame>("FRAME_", "Is", flags);
+            CheckNames<FrameSource>("FRAME_", without: flags);
+            CheckFlagProperties<Frame>("FRAME_", "Is", flags);
             string[] statuses = { "REQUIREMENT_MET", "REQUIREMENT_NOT_MET", "REQUIREMENT_UNKNOWN", "REQUIREMENT_OPTIONAL" };
-            Named<RequirementKind>("REQUIREMENT_", without: statuses);
+            CheckNames<RequirementKind>("REQUIREMENT_", without: statuses);
             Expect.Equal(statuses.Length, Enum.GetNames(typeof(RequirementStatus)).Length);
-            Named<Result>("ERROR_", "Ok", "NotReady", "Truncated", "QueueFull");
+            CheckNames<Result>("ERROR_", "Ok", "NotReady", "Truncated", "QueueFull");
         }
 
         [Test]
-        private static void EveryFieldOfAStructHasItsProperty()
+        private static void StructsHaveAPropertyForEveryField()
         {
-            Mapped<Native.device_options, DeviceOptions>("flags");
-            Mapped<Native.device_info, DeviceInfo>();
-            Mapped<Native.adapter, Adapter>();
-            Mapped<Native.requirement, Requirement>("what");
-            Mapped<Native.world_options, WorldOptions>("flags", "user");
-            Mapped<Native.world_info, WorldInfo>();
-            Mapped<Native.world_memory, WorldMemory>();
-            Mapped<Native.anchor_info, AnchorInfo>("flags");
-            Mapped<Native.rollout_options, RolloutOptions>();
-            Mapped<Native.rollout_info, RolloutInfo>();
-            Mapped<Native.rollout_statistics, RolloutStatistics>();
-            Mapped<Native.step_info, StepInfo>("flags");
-            Mapped<Native.guidance_info, GuidanceInfo>();
-            Mapped<Native.presenter_options, PresenterOptions>("flags");
-            Mapped<Native.presenter_statistics, PresenterStatistics>();
-            Mapped<Native.frame, Frame>("flags");
-            Mapped<Native.budget, Budget>("world_count");
+            CheckProperties<Native.device_options, DeviceOptions>("flags");
+            CheckProperties<Native.device_info, DeviceInfo>();
+            CheckProperties<Native.adapter, Adapter>();
+            CheckProperties<Native.requirement, Requirement>("what");
+            CheckProperties<Native.world_options, WorldOptions>("flags", "user");
+            CheckProperties<Native.world_info, WorldInfo>();
+            CheckProperties<Native.world_memory, WorldMemory>();
+            CheckProperties<Native.anchor_info, AnchorInfo>("flags");
+            CheckProperties<Native.rollout_options, RolloutOptions>();
+            CheckProperties<Native.rollout_info, RolloutInfo>();
+            CheckProperties<Native.rollout_statistics, RolloutStatistics>();
+            CheckProperties<Native.step_info, StepInfo>("flags");
+            CheckProperties<Native.guidance_info, GuidanceInfo>();
+            CheckProperties<Native.presenter_options, PresenterOptions>("flags");
+            CheckProperties<Native.presenter_statistics, PresenterStatistics>();
+            CheckProperties<Native.frame, Frame>("flags");
+            CheckProperties<Native.budget, Budget>("world_count");
         }
 
         /// <summary>Checks that each field except those in besides has a property of its name. Flags are several properties.</summary>
-        private static void Mapped<TNative, TPublic>(params string[] besides)
+        private static void CheckProperties<TNative, TPublic>(params string[] besides)
         {
             IEnumerable<string> properties = typeof(TPublic).GetProperties().Select(property => property.Name.ToLowerInvariant());
             IEnumerable<string> fields = typeof(TNative).GetFields(All).Select(field => field.Name);
@@ -209,7 +209,7 @@ namespace Cairn.Tests
         }
 
         /// <summary>Checks that each flag has a Boolean property.</summary>
-        private static void HaveProperties<T>(string prefix, string verb, string[] flags)
+        private static void CheckFlagProperties<T>(string prefix, string verb, string[] flags)
         {
             foreach (string flag in flags)
             {
@@ -219,12 +219,12 @@ namespace Cairn.Tests
             }
         }
 
-        private static void Named<T>(string prefix, params string[] besides)
+        private static void CheckNames<T>(string prefix, params string[] besides)
         {
-            Named<T>(prefix, new string[0], besides);
+            CheckNames<T>(prefix, new string[0], besides);
         }
 
-        private static void Named<T>(string prefix, string[] without, params string[] besides)
+        private static void CheckNames<T>(string prefix, string[] without, params string[] besides)
         {
             IEnumerable<FieldInfo> constants = typeof(Native).GetFields(All).Where(field => field.Name.StartsWith(prefix) && !without.Contains(field.Name));
             foreach (FieldInfo constant in constants)

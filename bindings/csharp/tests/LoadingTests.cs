@@ -47,7 +47,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void AMissingLibraryIsNamedWithTheRemedy()
+        private static void AMissingLibraryIsReportedWithARemedy()
         {
             string nowhere = Path.Combine(Folder, "nowhere", Library.FileName);
             Refused(nowhere, Result.Io, "there is no such file", Library.FileName);
@@ -62,7 +62,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void TheLibraryIsLookedForBesideTheAssemblyAndInPackages()
+        private static void TheLibraryIsSearchedForBesideTheAssemblyAndInPackages()
         {
             WithVariable(null, () =>
             {
@@ -73,7 +73,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void AFileOfAnotherKindIsToldFromALibrary()
+        private static void FilesThatAreNoLibraryAreReported()
         {
             string text = Path.Combine(Folder, "text.so");
             File.WriteAllText(text, "no library");
@@ -87,7 +87,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void AnotherProcessorOrSystemIsNamed()
+        private static void LibrariesOfAnotherProcessorOrSystemAreReported()
         {
             // ELF stores the machine type at offset 18.
             bool arm = LibraryFile.Here.Identifier == "linux-arm64";
@@ -105,9 +105,9 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void AnotherInterfaceOrVersionIsNamed()
+        private static void IncompatibleVersionsAreReported()
         {
-            string standIns = Program.Told("CAIRN_TEST_STAND_INS");
+            string standIns = Program.Setting("CAIRN_TEST_STAND_INS");
             Refused(Path.Combine(standIns, "later.so"), Result.Unsupported, $"the binary interface {Native.ABI_VERSION + 1}, later than", "same release");
             Refused(Path.Combine(standIns, "earlier.so"), Result.Unsupported, $"the binary interface {Native.ABI_VERSION - 1}, earlier than");
             Refused(Path.Combine(standIns, "older.so"), Result.Unsupported, "is version 0.0.999, older than 0.1.0");
@@ -116,7 +116,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void NoPathIsRefused()
+        private static void AnEmptyPathIsRefused()
         {
             Expect.Throws<ArgumentNullException>(() => Library.Load(null));
             Expect.Throws<ArgumentException>(() => Library.Load(""));
@@ -147,7 +147,7 @@ namespace Cairn.Tests
         private static void ASecondLibraryInOneProcessIsRefused()
         {
             Library.Load(Library.Path);
-            string second = Path.Combine(Program.Told("CAIRN_TEST_STAND_INS"), "later.so");
+            string second = Path.Combine(Program.Setting("CAIRN_TEST_STAND_INS"), "later.so");
             var thrown = Expect.Throws<InvalidOperationException>(() => Library.Load(second));
             Expect.Contains(second, thrown.Message);
             Expect.Contains(Library.Path, thrown.Message);

@@ -12,7 +12,7 @@ namespace Cairn.Tests
     internal static unsafe class ObjectTests
     {
         [Test]
-        private static void DevicesSayWhatThereIsAndWhatIsMissing()
+        private static void DevicesListAdaptersAndRequirements()
         {
             Expect.Equal(DeviceKind.Cpu, Device.Adapters()[0].Kind);
             Expect.True(Device.Adapters()[0].Name.Length > 0, "the processor has no name");
@@ -62,7 +62,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void ALoadCanBeGivenUpOrThrownOutOf()
+        private static void ALoadEndsIfItsCallbackReturnsFalseOrThrows()
         {
             Expect.Fails(Result.Cancelled, () => Shared.Device.LoadWorld(new WorldOptions { Progress = (stage, done, total) => false }));
             var thrown = Expect.Throws<Failure>(() => Shared.Device.LoadWorld(new WorldOptions { Progress = (stage, done, total) => { throw new Failure("mine"); } }));
@@ -103,7 +103,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void TextsThatCannotGoAcrossAreRefused()
+        private static void TextsWithNulOrInvalidCharactersAreRefused()
         {
             foreach (string path in new[] { "a\0b", "\udcff" })
             {
@@ -113,7 +113,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void TextsOfAnyLengthComeBackWhole()
+        private static void TextsOfAnyLengthAreReadCompletely()
         {
             string same;
             using (var recorder = new Recorder())
@@ -126,7 +126,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void WhatIsClosedStaysClosed()
+        private static void ClosedObjectsStayClosed()
         {
             Rollout rollout = Shared.World.CreateRollout();
             Expect.True(!rollout.IsClosed, "it is closed");
@@ -145,7 +145,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void AHandleThatIsGoneIsAnError()
+        private static void InvalidHandlesAreErrors()
         {
             // Calls that the classes never make: with a destroyed handle, one of another kind, and one that never existed.
             Rollout rollout = Shared.World.CreateRollout();
@@ -179,7 +179,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void TheCollectorGivesBack()
+        private static void TheGarbageCollectorDestroysObjects()
         {
             // The garbage collector scans stacks conservatively, so one of many objects may stay alive.
             var forgotten = new IntPtr[32];
@@ -206,7 +206,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void ControlsAreWhatScriptsAndRecordersSay()
+        private static void ControlsMatchScriptsAndRecorders()
         {
             var controls = new Controls(Key.W, Key.Quote, (Key)255) { MouseX = 3, MouseY = -4, Scroll = 1 };
             Expect.True(controls.Keys.SequenceEqual(new[] { Key.W, Key.Quote, (Key)255 }), string.Join(", ", controls.Keys));
@@ -236,7 +236,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void ThreadsAreSetWhileThereIsNoObject()
+        private static void ThreadsCanBeSetOnlyWithoutObjects()
         {
             using (Recorder recorder = new Recorder())
             {

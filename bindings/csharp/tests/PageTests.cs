@@ -2,11 +2,11 @@ using System.IO;
 
 namespace Cairn.Tests
 {
-    /// <summary>The examples of README.md, which are compiled into <c>Page</c> as they stand there.</summary>
+    /// <summary>The examples of README.md, which are compiled into <c>Page</c> unchanged.</summary>
     internal static class PageTests
     {
         [Test]
-        private static void ExamplesDoWhatTheySay()
+        private static void ExamplesRun()
         {
             Page.Run();
         }

@@ -53,7 +53,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void FramesComeBetweenAnchors()
+        private static void FramesAreGeneratedBetweenAnchors()
         {
             var shown = new List<byte[]>();
             var sources = new List<FrameSource>();
@@ -174,7 +174,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void WhatAPresenterCannotDoIsSaid()
+        private static void InvalidPresenterCallsFail()
         {
             Expect.Fails(Result.InvalidArgument, () => new Presenter(new PresenterOptions { Multiplier = 5 }));
             Expect.Throws<ArgumentOutOfRangeException>(() => new Presenter(new PresenterOptions { DelayNs = -1 }));

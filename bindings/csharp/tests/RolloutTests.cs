@@ -80,7 +80,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void PicturesGoIntoPartsOfLargerMemory()
+        private static void PicturesAreWrittenIntoPartsOfLargerMemory()
         {
             using (Anchor anchor = Anchor.FromPicture(Shared.Seed(), 3, cut: true))
             {
@@ -118,7 +118,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void ControlsThatCannotBeLeaveTheRolloutAsItWas()
+        private static void InvalidControlsLeaveTheRolloutUnchanged()
         {
             using (Rollout rollout = Shared.Rollout())
             {
@@ -131,7 +131,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void TheQueueGivesWhatStepsGive()
+        private static void QueuedStepsGiveTheSameResults()
         {
             byte[][] expected = Shared.Shown(Shared.Walk);
             using (Rollout rollout = Shared.World.CreateRollout(new RolloutOptions { Seed = 7, QueueCapacity = 3 }))
@@ -155,7 +155,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void AHeldQueueMakesOneStepAtATime()
+        private static void APausedQueueRunsSingleSteps()
         {
             using (Rollout rollout = Shared.Rollout())
             {
@@ -248,7 +248,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void RolloutsRunBesideEachOther()
+        private static void RolloutsRunAtTheSameTime()
         {
             byte[] expected = Shared.Shown(Shared.Walk).Last();
             var found = new byte[3][];
@@ -264,7 +264,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void ASavedStateGoesOnBitForBit()
+        private static void ARestoredStateContinuesBitForBit()
         {
             byte[] expected = Shared.Shown(Shared.Walk).Last();
             string file = Path.Combine(Path.GetDirectoryName(typeof(Program).Assembly.Location), "ein Zustand – 状態.state");
@@ -298,7 +298,7 @@ namespace Cairn.Tests
         }
 
         [Test]
-        private static void OneBudgetHoldsLatentsAndFrames()
+        private static void OneBudgetLimitsLatentsAndFrames()
         {
             using (Rollout rollout = Shared.Rollout())
             using (var presenter = new Presenter(new PresenterOptions { Multiplier = 4, IntervalNs = 66666667 }))

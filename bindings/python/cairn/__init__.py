@@ -1,4 +1,4 @@
-"""Cairn from Python: a generative world, its anchors as numpy arrays.
+"""Cairn from Python: a generative world, with its anchors as numpy arrays.
 
     import cairn
 
@@ -8,8 +8,8 @@
             rollout.step(cairn.Controls(keys=["W"], mouse=(4, 0)))
             print(rollout.anchor().picture().shape)
 
-The shared library is loaded at first use; `python -m cairn doctor` says whether it works here. `cairn.build` makes world
-bundles, and needs no library.
+The shared library is loaded at first use; `python -m cairn doctor` checks whether it works here. `cairn.build` makes world bundles, and does
+not need the library.
 """
 
 from .controls import KEYS, Controls, Recorder, Script, key_code

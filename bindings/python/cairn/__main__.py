@@ -1,4 +1,4 @@
-"""`python -m cairn`: what this package can do from the command line."""
+"""The command line of the package: `python -m cairn`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Cairn from the command line.
 
 
 def parser() -> argparse.ArgumentParser:
-    """All commands and their options."""
+    """The parser of all commands and their options."""
     top = argparse.ArgumentParser(
         prog="python -m cairn", description=HELP, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -35,7 +35,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Runs a command; its exit status."""
+    """Runs a command and returns its exit status."""
     given = parser().parse_args(arguments)
     return 0 if doctor.run(given.world, given.onnxruntime, verbose=given.verbose) else 1
 

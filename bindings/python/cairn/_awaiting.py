@@ -1,4 +1,4 @@
-"""Queued steps for programs on asyncio: awaited without a thread of their own, and without holding the loop."""
+"""Awaits queued steps in programs on asyncio, by polling: without an extra thread, and without blocking the event loop."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from .errors import Error, refuse
 if TYPE_CHECKING:
     from .rollout import Anchor, Rollout, StepInfo
 
-# Polling starts at once. Each next poll comes after a sixteenth of the time that has passed so far. In total this costs a few dozen calls that
-# return at once, and a result is noticed late by at most that fraction.
+# The first poll comes at once. Each next poll comes after a sixteenth of the time that has passed so far. In total this costs a few dozen calls
+# that return at once, and delays a result by at most that fraction.
 _SHORTEST = 0.0005
 _LONGEST = 0.02
 _SHARE = 1 / 16
 
 
-class _Looks:
-    """Pauses between looks at something that takes a time nobody knows."""
+class _Poller:
+    """Pauses between polls for a result of unknown duration."""
 
     def __init__(self) -> None:
         self._began = asyncio.get_running_loop().time()
@@ -32,44 +32,44 @@ class _Looks:
 
 
 async def result(rollout: Rollout, ticket: int) -> tuple[StepInfo, Anchor]:
-    """What `Rollout.result_async` does."""
-    looks = _Looks()
+    """Implements `Rollout.result_async`."""
+    poller = _Poller()
     try:
         while (found := rollout.poll(ticket)) is None:
-            await looks.pause()
+            await poller.pause()
         return found
     except asyncio.CancelledError:
-        await give_up(rollout, [ticket])
+        await cancel_steps(rollout, [ticket])
         raise
 
 
-async def submitted(submit: Callable[[], int | None]) -> int:
-    """The ticket of a step that is queued as soon as there is room."""
-    looks = _Looks()
-    # Nothing is queued until there is room, so nothing has to be taken back either.
+async def submit_when_ready(submit: Callable[[], int | None]) -> int:
+    """Queues a step as soon as there is room, and returns its ticket."""
+    poller = _Poller()
+    # Nothing is queued until there is room, so a cancellation meanwhile has nothing to undo.
     while (ticket := submit()) is None:
-        await looks.pause()
+        await poller.pause()
     return ticket
 
 
-async def give_up(rollout: Rollout, tickets: Iterable[int]) -> None:
-    """Ends queued steps, and returns when the rollout is at rest; a cancellation meanwhile is told afterwards."""
+async def cancel_steps(rollout: Rollout, tickets: Iterable[int]) -> None:
+    """Cancels queued steps, and returns when the rollout is idle. A cancellation meanwhile is raised afterwards."""
     if rollout.closed:
         return
     rollout.cancel()
-    looks = _Looks()
+    poller = _Poller()
     again: asyncio.CancelledError | None = None
     for ticket in tickets:
-        while not _over(rollout, ticket):
+        while not _has_ended(rollout, ticket):
             try:
-                await looks.pause()
+                await poller.pause()
             except asyncio.CancelledError as error:
                 again = error
     if again is not None:
         raise again
 
 
-def _over(rollout: Rollout, ticket: int) -> bool:
+def _has_ended(rollout: Rollout, ticket: int) -> bool:
     try:
         found = rollout.poll(ticket)
     except Error:
@@ -82,7 +82,7 @@ def _over(rollout: Rollout, ticket: int) -> bool:
 
 
 async def play(rollout: Rollout, controls: Iterable[Controls]) -> AsyncIterator[Anchor]:
-    """What `Rollout.play_async` does."""
+    """Implements `Rollout.play_async`."""
     tickets: deque[int] = deque()
     steps = iter(controls)
     following = next(steps, None)
@@ -93,11 +93,11 @@ async def play(rollout: Rollout, controls: Iterable[Controls]) -> AsyncIterator[
                 following = next(steps, None)
             if not tickets:
                 raise refuse("queue", "is full of steps that others submitted", "Take their results first")
-            looks = _Looks()
+            poller = _Poller()
             while (found := rollout.poll(tickets[0])) is None:
-                await looks.pause()
+                await poller.pause()
             tickets.popleft()
             yield found[1]
     finally:
         if tickets:
-            await give_up(rollout, tickets)
+            await cancel_steps(rollout, tickets)

@@ -1,4 +1,4 @@
-"""What notebooks show of anchors and rollouts. PNG is written here: nothing is needed for it but zlib."""
+"""What notebooks show of anchors and rollouts. Writes PNG files with zlib alone."""
 
 from __future__ import annotations
 
@@ -16,16 +16,18 @@ if TYPE_CHECKING:
     from .rollout import Anchor, Rollout
 
 _GAP = 4
-"""Pixels between pictures of a strip; they can be seen through."""
+"""Transparent pixels between the pictures of a strip."""
 
 
 def png(picture: Bytes) -> bytes:
-    """A picture, `uint8` `[height, width, 4]`, as a file."""
+    """A picture, `uint8` `[height, width, 4]`, as a PNG file."""
     return _file(picture.shape, [_chunk(b"IDAT", _compressed(picture))])
 
 
 def animation(pictures: Sequence[Bytes], rate: int) -> bytes:
-    """Pictures of one size as an animated PNG, which browsers play and all else shows the first of: `rate` a second, over and over."""
+    """Pictures of one size as an animated PNG of `rate` pictures per second, in an endless loop. Viewers without support for it show the first
+    picture.
+    """
     chunks = [_chunk(b"acTL", struct.pack(">II", len(pictures), 0))]
     number = 0
     for i, picture in enumerate(pictures):
@@ -66,7 +68,9 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def _compressed(picture: Bytes) -> bytes:
-    """Its rows, each as what it differs by from the row above or from the pixel before, whichever is smaller in all."""
+    """The picture's rows as compressed PNG data. Each row uses the filter "Sub" or "Up", whichever gives the smaller sum of absolute
+    differences.
+    """
     height, width, _ = picture.shape
     before = np.zeros_like(picture)
     before[:, 1:] = picture[:, :-1]
@@ -81,7 +85,7 @@ def _compressed(picture: Bytes) -> bytes:
 
 
 def anchor(shown: Anchor) -> dict[str, object]:
-    """What a notebook is given of an anchor."""
+    """A notebook's representation of an anchor."""
     if shown.closed:
         return {"text/plain": "an anchor that is closed"}
     info = shown.info
@@ -90,7 +94,7 @@ def anchor(shown: Anchor) -> dict[str, object]:
 
 
 def rollout(shown: Rollout) -> dict[str, object]:
-    """What a notebook is given of a rollout; without pictures while there is no anchor, or a step is made."""
+    """A notebook's representation of a rollout; without pictures before the first anchor, and while a step is running."""
     if shown.closed:
         return {"text/plain": "a rollout that is closed"}
     try:

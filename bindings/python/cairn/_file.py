@@ -1,4 +1,6 @@
-"""What a shared library is made for, read from its file: systems say of a wrong one little more than that it cannot be loaded."""
+"""Reads from a shared library's file the system and processor for which it was built. If they are wrong, systems report little more than that
+the file cannot be loaded.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ _MACH = {0x01000007: "x86-64", 0x0100000C: "arm64"}
 
 @dataclass(frozen=True)
 class Kind:
-    """A system and a processor; None is any that the system has."""
+    """A system and a processor; `None` for the processor means any."""
 
     system: str
     processor: str | None
@@ -31,8 +33,8 @@ class Kind:
         return self.system == process.system and (self.processor is None or self.processor == process.processor)
 
 
-def here() -> Kind:
-    """What this process is, which may be another kind than its machine."""
+def this_process() -> Kind:
+    """The system and processor of this process, which may differ from the machine's."""
     system = {"win32": "Windows", "darwin": "macOS"}.get(sys.platform, "Linux")
     platform = sysconfig.get_platform().lower().replace("_", "-")
     narrow = struct.calcsize("P") == 4
@@ -53,8 +55,8 @@ def here() -> Kind:
     return Kind(system, _OTHER)
 
 
-def unfit(path: Path) -> tuple[str, str] | None:
-    """Why a file cannot be a library of this process, and what to do; None where nothing speaks against it."""
+def mismatch(path: Path) -> tuple[str, str] | None:
+    """Why a file cannot be a library for this process, and the remedy; `None` if it seems to be one."""
     try:
         with path.open("rb") as file:
             head = file.read(1 << 12)
@@ -64,18 +66,18 @@ def unfit(path: Path) -> tuple[str, str] | None:
     kind = _kind(head)
     if kind is None:
         return "is no shared library", "Name the file that is Cairn's library, and whole"
-    process = here()
+    process = this_process()
     if not kind.fits(process):
         return f"is made for {kind}, and this Python is {process}", f"Install the wheel for {process}, or use a Python for {kind}"
-    whole = _whole(head)
-    if length < whole:
+    size = _minimum_size(head)
+    if length < size:
         # The system's loader may crash on such a file.
-        return f"is cut off: it has {length} bytes of {whole} at least", "Install the wheel again, or copy the whole file again"
+        return f"is cut off: it has {length} bytes of {size} at least", "Install the wheel again, or copy the whole file again"
     return None
 
 
 def _kind(head: bytes) -> Kind | None:
-    """None for what is no library."""
+    """The kind of a library file; `None` if the file is not a library."""
     if head[:4] == b"\x7fELF" and len(head) >= 64:
         # Little-endian, as all supported processors.
         processor = _ELF.get(int.from_bytes(head[18:20], "little"), _OTHER) if head[5] == 1 else _OTHER
@@ -92,8 +94,8 @@ def _kind(head: bytes) -> Kind | None:
     return Kind("macOS", None) if head[:4] == b"\xca\xfe\xba\xbe" else None
 
 
-def _whole(head: bytes) -> int:
-    """Where the last part that its headers name ends, for 64-bit ELF and for PE; 0 where they do not tell."""
+def _minimum_size(head: bytes) -> int:
+    """The smallest size in bytes that the file must have by its headers, for 64-bit ELF and for PE; 0 if unknown."""
     end = 0
     if head[:5] == b"\x7fELF\x02":
         (table,) = struct.unpack_from("<Q", head, 32)
@@ -114,8 +116,8 @@ def _whole(head: bytes) -> int:
     return end
 
 
-def not_loaded(said: str) -> tuple[str, str] | None:
-    """What a system's refusal to load a library of the right kind means, and what to do, where it is known."""
+def explain_failure(said: str) -> tuple[str, str] | None:
+    """An explanation and a remedy for a known message with which a system refuses to load a library of the right kind."""
     if found := re.search(r"GLIBC_(\d+(?:\.\d+)+)[^\d.].*not found", said):
         cause = f"needs glibc {found[1]} or newer, and this system has {_c_library()}"
         remedy = "Use a newer Linux, such as Debian 10, Ubuntu 20.04, RHEL 8 or later for the wheel, or build the library on this one"
@@ -130,7 +132,7 @@ def not_loaded(said: str) -> tuple[str, str] | None:
 
 
 def _glibc() -> str | None:
-    """Such as "glibc 2.36", where the process runs on it."""
+    """The C library's name and version, such as "glibc 2.36", if this process uses glibc."""
     try:
         return os.confstr("CS_GNU_LIBC_VERSION") if sys.platform.startswith("linux") else None
     except (ValueError, OSError):
@@ -141,8 +143,8 @@ def _c_library() -> str:
     return _glibc() or "another C library"
 
 
-def others(name: str, ours: Path) -> list[Path]:
-    """Files of that name but other than ours that are loaded in this process, where the system tells."""
+def other_copies(name: str, ours: Path) -> list[Path]:
+    """The other files of that name that are loaded in this process, if the system lists them."""
     found: set[Path] = set()
     if sys.platform.startswith("linux"):
         try:

@@ -1,4 +1,4 @@
-"""What all objects of the library have in common: a handle that is closed once."""
+"""The base class of all objects of the library: a handle that is destroyed once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _Struct = TypeVar("_Struct", bound=c.Sized)
 
 
 class Object:
-    """An object of the library. `close()`, the end of a `with` block, or the garbage collector gives it back.
+    """An object of the library. `close()`, the end of a `with` block, or the garbage collector destroys it.
 
     Objects keep what they need alive, so they may be closed in any order. Closing waits for calls in flight.
     """
@@ -25,15 +25,15 @@ class Object:
     def __init__(self, handle: int) -> None:
         self._value = handle
         # Finalise at garbage collection or interpreter exit too, so that no worker thread is left running.
-        self._finalizer = weakref.finalize(self, _give_back, f"{self._kind}_destroy", handle)
+        self._finalizer = weakref.finalize(self, _destroy, f"{self._kind}_destroy", handle)
 
     @property
     def closed(self) -> bool:
-        """Whether the object was given back."""
+        """Whether the object was closed."""
         return not self._finalizer.alive
 
     def close(self) -> None:
-        """Gives the object back; a second time does nothing.
+        """Destroys the object; a second call does nothing.
 
         Raises `Busy` from within a callback of a call on the object, which then stays open.
         """
@@ -42,7 +42,7 @@ class Object:
         try:
             call(f"{self._kind}_destroy", self._value)
         except BaseException:
-            self._finalizer = weakref.finalize(self, _give_back, f"{self._kind}_destroy", self._value)
+            self._finalizer = weakref.finalize(self, _destroy, f"{self._kind}_destroy", self._value)
             raise
 
     def __enter__(self) -> Self:
@@ -60,20 +60,20 @@ class Object:
             raise InvalidHandle(f"{self._kind}: {cause}", field=self._kind, cause=cause)
         return self._value
 
-    def _filled(self, function: str, kind: type[_Struct]) -> _Struct:
+    def _fill(self, function: str, kind: type[_Struct]) -> _Struct:
         """A struct that a query of this object fills."""
         struct = kind()
         call(function, self._handle, byref(struct))
         return struct
 
 
-def _give_back(function: str, handle: int) -> None:
+def _destroy(function: str, handle: int) -> None:
     # A failure cannot be reported here, and an exception in the garbage collector would only be printed.
     library().functions[function](handle)
 
 
-def plain(struct: c.Sized, leave_out: tuple[str, ...] = ()) -> dict[str, Any]:
-    """A struct's fields by name: texts decoded, without its size and what is reserved."""
+def field_values(struct: c.Sized, leave_out: tuple[str, ...] = ()) -> dict[str, Any]:
+    """A struct's fields by name, with decoded texts, without its size and reserved fields."""
     fields = {}
     for field in struct._fields_:
         name = field[0]

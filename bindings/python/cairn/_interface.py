@@ -1,6 +1,6 @@
-"""`include/cairn.h` in the words of ctypes: constants, structs, callbacks and functions, by their names there without `cairn_`.
+"""`include/cairn.h` in ctypes: constants, structs, callbacks and functions, with the header's names without the prefix `cairn_`.
 
-The experimental chapter is left out: it may change within a version of the interface. A test compares the rest with `abi.txt`, its record.
+The experimental chapters are left out, because they may change within a version of the interface. A test compares the rest with `abi.txt`.
 """
 
 from __future__ import annotations
@@ -150,12 +150,12 @@ PACING_WAIT_ON_FENCE = 2
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
-    """Fields of one kind, one after the other."""
+    """Consecutive fields of one type."""
     return [(name, kind) for name in names.split()]
 
 
 class Sized(Structure):
-    """A struct that begins with its size, which is set when it is made; what is not given is zero."""
+    """A struct that begins with its size. The constructor sets the size; fields that are not given are zero."""
 
     def __init__(self, **fields: Any) -> None:
         super().__init__(struct_size=sizeof(type(self)), **fields)

@@ -1,4 +1,4 @@
-"""The shared library: where it is looked for, whether it fits, and how its functions are called."""
+"""The shared library: its search paths, version checks, and calls of its functions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from . import _interface as c
 from .errors import Error, LibraryMissing, kind_of, refuse
 
 VARIABLE = "CAIRN_LIBRARY"
-"""Names the library file; nothing else is looked at when it is set."""
+"""The environment variable with the path of the library; if it is set, no other path is searched."""
 
 FILE = {"win32": "cairn.dll", "darwin": "libcairn.dylib"}.get(sys.platform, "libcairn.so")
 
@@ -26,9 +26,10 @@ REMEDY = (
 )
 
 
-def places() -> list[Path]:
-    """The files that are looked for, in this order: the one `CAIRN_LIBRARY` names and no other; else beside this package; else,
-    where the package lies in a clone of the repository, what cargo built there."""
+def search_paths() -> list[Path]:
+    """The paths that are searched, in this order: only the one in `CAIRN_LIBRARY` if it is set; otherwise beside this package, then, if the
+    package lies in a clone of the repository, cargo's output folder there.
+    """
     if named := os.environ.get(VARIABLE):
         return [Path(named).absolute()]
     package = Path(__file__).resolve().parent
@@ -42,37 +43,37 @@ def places() -> list[Path]:
 
 
 def find() -> Path:
-    """The first of `places` that is there."""
-    looked = places()
-    for path in looked:
+    """The first of `search_paths` that exists."""
+    searched = search_paths()
+    for path in searched:
         if path.is_file():
             return path
     field = VARIABLE if os.environ.get(VARIABLE) else FILE
-    cause = f"Cairn's library was not found; looked at {', '.join(map(str, looked))}"
+    cause = f"Cairn's library was not found; looked at {', '.join(map(str, searched))}"
     raise LibraryMissing(f"{field}: {cause}. {REMEDY}", field=field, cause=cause, remedy=REMEDY)
 
 
 class Library:
-    """A loaded library: every function resolved, both versions checked."""
+    """A loaded library: both versions are checked, and every function was found."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        if wrong := _file.unfit(path):
-            raise _unfit(path, *wrong)
-        others = _file.others(FILE, path)
+        if wrong := _file.mismatch(path):
+            raise _unusable(path, *wrong)
+        others = _file.other_copies(FILE, path)
         try:
             # CDLL, not PyDLL: the GIL is released during every call.
             loaded = ctypes.CDLL(str(path))
         except OSError as why:
-            raise _unfit(path, *(_file.not_loaded(str(why)) or (f"cannot be loaded: {why}", REMEDY))) from None
+            raise _unusable(path, *(_file.explain_failure(str(why)) or (f"cannot be loaded: {why}", REMEDY))) from None
         self.abi_version = self._resolve(loaded, "abi_version")()
         if self.abi_version != c.ABI_VERSION:
             cause = f"has the binary interface {self.abi_version}, and this package was made for {c.ABI_VERSION}"
-            raise _unfit(path, cause, "Use library and package of the same release")
+            raise _unusable(path, cause, "Use library and package of the same release")
         self.version = self._resolve(loaded, "version")()
         if self.version < c.VERSION:
-            cause = f"is version {dotted(self.version)}, older than the {dotted(c.VERSION)} this package was made for"
-            raise _unfit(path, cause, "Use library and package of the same release")
+            cause = f"is version {version_text(self.version)}, older than the {version_text(c.VERSION)} this package was made for"
+            raise _unusable(path, cause, "Use library and package of the same release")
         self.functions = {name: self._resolve(loaded, name) for name in c.FUNCTIONS}
         for other in others:
             warnings.warn(
@@ -86,18 +87,18 @@ class Library:
         try:
             function = getattr(loaded, f"cairn_{name}")
         except AttributeError:
-            raise _unfit(self.path, f"has no cairn_{name}", "Name the file that is Cairn's library, and whole") from None
+            raise _unusable(self.path, f"has no cairn_{name}", "Name the file that is Cairn's library, and whole") from None
         function.argtypes = c.FUNCTIONS[name]
         function.restype = c.RETURNS.get(name, ctypes.c_int32)
         return function
 
 
-def dotted(version: int) -> str:
-    """A version number as 1.2.3."""
+def version_text(version: int) -> str:
+    """A version number in the form 1.2.3."""
     return f"{version // 1_000_000}.{version // 1000 % 1000}.{version % 1000}"
 
 
-def _unfit(path: Path, cause: str, remedy: str) -> LibraryMissing:
+def _unusable(path: Path, cause: str, remedy: str) -> LibraryMissing:
     return LibraryMissing(f"{path}: {cause}. {remedy}", field=str(path), cause=cause, remedy=remedy)
 
 
@@ -106,7 +107,7 @@ _loading = threading.Lock()
 
 
 def library() -> Library:
-    """The library, loaded at first use."""
+    """The library; loads it at first use."""
     global _loaded
     with _loading:
         if _loaded is None:
@@ -115,7 +116,7 @@ def library() -> Library:
 
 
 def call(name: str, *arguments: Any) -> int:
-    """Calls a function; what is not an error is given back, what is one is raised."""
+    """Calls a function. Returns its result if that is not an error, otherwise raises the error."""
     functions = library().functions
     result: int = functions[name](*arguments)
     if result < 0:
@@ -134,7 +135,7 @@ def last_error(result: int) -> Error:
 
 
 def read_text(name: str, *arguments: Any) -> str:
-    """The text of a function that copies one into a buffer."""
+    """The whole text that a function copies into a buffer."""
     function = library().functions[name]
     length = c_size_t()
     capacity = 1024
@@ -152,7 +153,7 @@ def read_text(name: str, *arguments: Any) -> str:
 
 
 def make(name: str, *arguments: Any) -> int:
-    """The handle of what a function creates; it is its last parameter."""
+    """Calls a function that creates an object and returns the handle, which the function writes to its last parameter."""
     handle = c_void_p()
     call(name, *arguments, byref(handle))
     assert handle.value is not None, f"cairn_{name} gave no handle"
@@ -160,7 +161,7 @@ def make(name: str, *arguments: Any) -> int:
 
 
 def encoded(text: str | os.PathLike[str] | None, field: str) -> bytes | None:
-    """Text for the library. A NUL cannot go across, and is refused."""
+    """A text as bytes for the library. A text with a NUL is refused, because it ends at the NUL there."""
     if text is None:
         return None
     path = os.fspath(text)

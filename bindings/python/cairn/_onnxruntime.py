@@ -1,4 +1,4 @@
-"""ONNX Runtime as Python has it: the library inside the package that a wheel of Cairn brings along."""
+"""Finds ONNX Runtime's library in the installed Python package on which a wheel of Cairn depends."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from ._library import encoded
 from .errors import RuntimeMissing
 
 VARIABLE = "CAIRN_ONNXRUNTIME"
-"""Names the library file; nothing else is looked at when it is set."""
+"""The environment variable with the path of the library; if it is set, no other path is searched."""
 
 PACKAGE = "onnxruntime-directml" if sys.platform == "win32" else "onnxruntime"
-"""What is installed; what is imported is called `onnxruntime` everywhere."""
+"""The name of the installed distribution. The imported package is called `onnxruntime` on every system."""
 
 REQUIREMENT = f"{PACKAGE}==1.24.4"
 
@@ -28,7 +28,7 @@ _FILES = {"win32": "onnxruntime.dll", "darwin": "libonnxruntime.1.24.*.dylib"}.g
 
 
 def in_package() -> Path | None:
-    """The library file of the installed package, which is not imported; None where there is none, or of another release only."""
+    """The library file in the installed package, which is not imported. `None` if the package is missing or of another release."""
     try:
         spec = importlib.util.find_spec("onnxruntime")
     except (ImportError, ValueError):
@@ -38,17 +38,18 @@ def in_package() -> Path | None:
     return max(found, key=lambda path: (len(path.name), path.name), default=None)
 
 
-def chosen(named: str | os.PathLike[str] | None) -> bytes | None:
-    """What the library is told to load: what the caller named; else nothing where the environment names a file, which the library reads
-    itself; else the package's file; else nothing, and the library looks where it looks without Python."""
+def library_path(named: str | os.PathLike[str] | None) -> bytes | None:
+    """The path that is passed to the library: the caller's if there is one. Otherwise none if the environment names a file, because the library
+    reads the variable itself; otherwise the file in the package; otherwise none, and the library searches its own paths.
+    """
     if named is None and not os.environ.get(VARIABLE):
         named = in_package()
     return encoded(named, "onnxruntime")
 
 
 @contextmanager
-def explained() -> Iterator[None]:
-    """Adds what helps in Python to a missing runtime's error."""
+def with_hints() -> Iterator[None]:
+    """Adds hints for Python to the error of a missing runtime."""
     try:
         yield
     except RuntimeMissing as error:
@@ -60,7 +61,7 @@ def explained() -> Iterator[None]:
 
 
 def hints(cause: str) -> Iterator[str]:
-    """What the installed packages and the system have to do with a cause for which ONNX Runtime was not found, or not loaded."""
+    """Hints from the installed packages and the system on why ONNX Runtime was not found or not loaded."""
     for name in ("onnxruntime", "onnxruntime-directml", "onnxruntime-gpu"):
         try:
             version = importlib.metadata.version(name)

@@ -1,4 +1,4 @@
-"""What a player does: keys by name, controls of a step, scripts, and recordings of them."""
+"""A player's input: keys by name, controls of a step, scripts and their recording."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ KEYS: dict[str, int] = {
 
 
 def key_code(key: int | str) -> int:
-    """The virtual-key code of a key, given by its code, 0 to 255, or by its name in any case, `VK_0x57` among them.
+    """The virtual-key code of a key. The key is a code, 0 to 255, or a name in upper or lower case, such as `W` or `VK_0x57`.
 
     Raises `InvalidArgument`.
     """
@@ -86,8 +86,8 @@ def key_code(key: int | str) -> int:
 class Controls:
     """Controls of one latent step.
 
-    `keys` are held at any moment of the step: names or virtual-key codes. `mouse` is its motion in raw counts, right and down
-    positive, each from -32768 to 32768. `scroll` is the wheel, up positive; its sign counts.
+    `keys` are the keys held at any time during the step: names or virtual-key codes. `mouse` is the motion in raw counts, right and down
+    positive, each from -32768 to 32768. `scroll` is the wheel, up positive; only its sign counts.
     """
 
     keys: Iterable[int | str] = ()
@@ -115,7 +115,7 @@ class Controls:
 
 
 class Script(Object):
-    """What a player does by world time, in the format of docs/control-script.md. It does not change.
+    """A player's input by world time, in the format of docs/control-script.md. Immutable.
 
     May be used from any thread.
     """
@@ -123,13 +123,13 @@ class Script(Object):
     _kind = "script"
 
     def __init__(self, text: str) -> None:
-        """Raises `InvalidArgument` with line and column of what is wrong; `Unsupported` for a newer version of the format."""
+        """Raises `InvalidArgument` with line and column of the error; `Unsupported` for a newer version of the format."""
         data = text.encode(errors="surrogatepass")
         super().__init__(make("script_create", data, len(data)))
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Self:
-        """The script of a file; also raises what reading a file raises."""
+        """Reads the script in a file; also raises the errors of reading a file."""
         with open(path, encoding="utf-8", newline="") as file:
             return cls(file.read())
 
@@ -140,28 +140,28 @@ class Script(Object):
         return script
 
     def controls(self, latent: int, latents_per_second: int) -> Controls:
-        """What the latent step with that number gets, from 1; `latents_per_second` is the rollout's, 1 to 240."""
+        """The controls of the latent step with that number, from 1; `latents_per_second` is the rollout's, 1 to 240."""
         struct = c.Controls()
         call("script_get_controls", self._handle, latent, latents_per_second, byref(struct))
         return Controls._of(struct)
 
     @property
     def duration(self) -> float:
-        """Seconds of world time until its end, or until the last thing happens."""
+        """Duration in seconds of world time: up to the explicit end, or if there is none, up to the end of the last event or motion."""
         microseconds = c_uint64()
         call("script_get_duration", self._handle, byref(microseconds))
         return microseconds.value / 1e6
 
     @property
     def text(self) -> str:
-        """The script in the canonical form of the format."""
+        """The script in the format's canonical form."""
         return read_text("script_get_text", self._handle)
 
 
 class Recorder(Object):
-    """Collects what a player does and makes a `Script` of it. Times are seconds of world time; events come in order.
+    """Records a player's input and makes a `Script` of it. Times are seconds of world time; events must come in order of time.
 
-    One call at a time; a second one beside it raises `Busy`.
+    One call at a time; a concurrent call raises `Busy`.
     """
 
     _kind = "recorder"
@@ -170,23 +170,23 @@ class Recorder(Object):
         super().__init__(make("recorder_create"))
 
     def key(self, seconds: float, key: int | str, down: bool) -> None:
-        """A key or mouse button went down or up; repeats are ignored."""
+        """Records that a key or mouse button went down or up; repeats are ignored."""
         call("recorder_key", self._handle, _microseconds(seconds), key_code(key), int(bool(down)))
 
     def mouse(self, seconds: float, dx: float, dy: float) -> None:
-        """The mouse moved by raw counts, right and down positive."""
+        """Records a motion of the mouse in raw counts, right and down positive."""
         call("recorder_mouse", self._handle, _microseconds(seconds), dx, dy)
 
     def scroll(self, seconds: float, notches: int) -> None:
-        """The wheel turned, up positive."""
+        """Records a turn of the wheel, up positive."""
         call("recorder_scroll", self._handle, _microseconds(seconds), notches)
 
     def step(self, latent: int, latents_per_second: int, controls: Controls) -> None:
-        """A latent step got these controls; `latent` counts from 1. A script of all steps gives them back bit for bit."""
+        """Records the controls of a latent step; `latent` counts from 1. A script of all steps reproduces them bit for bit."""
         call("recorder_step", self._handle, latent, latents_per_second, byref(controls._struct()))
 
     def script(self, seconds: float) -> Script:
-        """A script of what was recorded, which ends at that time; keys that are held are released there."""
+        """Makes a script of the recording so far. It ends at that time; keys that are held are released there."""
         return Script._own(make("recorder_make_script", self._handle, _microseconds(seconds)))
 
 

@@ -1,4 +1,4 @@
-"""`python -m cairn doctor`: whether Cairn works here, and what to do where it does not."""
+"""`python -m cairn doctor`: checks whether Cairn works here, and explains what to do if it does not."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _REMEDIES = {
 
 @dataclass
 class Report:
-    """What was found so far; lines are printed as they come."""
+    """The findings so far; prints each line at once."""
 
     good: bool = True
 
@@ -71,8 +71,8 @@ class Report:
 
 
 def run(world: str | None = None, onnxruntime: str | None = None, *, verbose: bool = False) -> bool:
-    """Looks at everything from Python up to a step of a world, the embedded one without a path; prints what it finds, and says
-    whether all is well.
+    """Checks everything from Python up to a step of a world: the world at `path`, or the embedded one. Prints the findings, and returns whether
+    all is well.
     """
     report = Report()
 
@@ -121,14 +121,14 @@ def _library_is_there(report: Report, good: Callable[[str, str], None], verbose:
     try:
         library = _library.library()
     except Error as error:
-        places = _library.places()
+        places = _library.search_paths()
         cause, _, _ = (error.cause or str(error)).partition("; looked at ")
         report.fail("library", cause, error.remedy)
         report.explain("Looked for, in this order:", *(f"- {p}{'' if p.is_file() else ' (not there)'}" for p in places))
         if not os.environ.get(_library.VARIABLE):
             report.explain(f"{_library.VARIABLE} is not set.")
         return False
-    version = _library.dotted(library.version)
+    version = _library.version_text(library.version)
     good("library", f"{library.path}, version {version}, binary interface {library.abi_version}")
     if verbose and os.environ.get(_library.VARIABLE):
         report.explain(f"{_library.VARIABLE} names it.")
@@ -176,7 +176,7 @@ def _world(report: Report, world: World, good: Callable[[str, str], None]) -> No
 
 
 def _try(report: Report, what: str, work: Callable[[], _T], but: type[Error] | tuple[()] = ()) -> _T | None:
-    """What `work` gives; None, and a line of the report, where it fails. An error that is a `but` is raised."""
+    """The result of `work`. If it fails, prints a line and returns `None`; but an error of type `but` is raised."""
     try:
         return work()
     except Error as error:

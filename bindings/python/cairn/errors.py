@@ -1,4 +1,4 @@
-"""What a call that fails raises: the library's own message, and its parts."""
+"""The exceptions that failed calls raise, with the library's message and its parts."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from . import _interface as c
 class Error(Exception):
     """A call failed. The text is the library's message: function, offending argument or file, cause, remedy.
 
-    `result` is the number the library answered with, and `name` its name in `cairn.h`, such as `CAIRN_ERROR_IO`. `function`,
-    `field` (the argument, file or field that is wrong), `cause` and `remedy` are the message's parts, empty where there is none.
+    `result` is the library's result, and `name` its name in `cairn.h`, such as `CAIRN_ERROR_IO`. `function`, `field` (the argument, file or
+    field that is wrong), `cause` and `remedy` are the message's parts, which may be empty.
     """
 
     result: int = c.ERROR_INTERNAL
@@ -48,25 +48,25 @@ class InvalidHandle(Error):
 
 
 class StructSize(Error):
-    """Library and package do not fit: a struct has a size that the library does not know."""
+    """Library and package do not match: the library does not know the size of a struct."""
 
     result = c.ERROR_STRUCT_SIZE
 
 
 class Busy(Error):
-    """The object is in use by another call that allows no second one beside it. Nothing was done."""
+    """The object is in use by a call that allows no other beside it. Nothing was done."""
 
     result = c.ERROR_BUSY
 
 
 class Unsupported(Error):
-    """A valid request that this build, platform, device or world cannot serve."""
+    """A valid request that this build, platform, device or world does not support."""
 
     result = c.ERROR_UNSUPPORTED
 
 
 class OutOfMemory(Error, MemoryError):
-    """More memory is needed than there is, or than was allowed."""
+    """More memory is needed than is available or allowed."""
 
     result = c.ERROR_OUT_OF_MEMORY
 
@@ -84,7 +84,7 @@ class InvalidBundle(Error):
 
 
 class RuntimeMissing(Error):
-    """ONNX Runtime is missing or has the wrong version. `python -m cairn doctor` says what was looked for, and where."""
+    """ONNX Runtime is missing or has the wrong version. `python -m cairn doctor` lists what was searched for, and where."""
 
     result = c.ERROR_RUNTIME_MISSING
 
@@ -102,7 +102,7 @@ class InvalidState(Error):
 
 
 class Cancelled(Error):
-    """The work was asked to stop."""
+    """The work was cancelled."""
 
     result = c.ERROR_CANCELLED
 
@@ -120,13 +120,13 @@ class InternalError(Error):
 
 
 class DeviceRemoved(Error):
-    """The graphics device is gone. Close what was made on it, and make a new device."""
+    """The graphics device was lost. Close the objects made on it, and make a new device."""
 
     result = c.ERROR_DEVICE_REMOVED
 
 
 class LibraryMissing(Error):
-    """Cairn's shared library is missing, or is not one this package can use. `python -m cairn doctor` says more."""
+    """Cairn's shared library is missing, or is not one that this package can use. `python -m cairn doctor` explains more."""
 
     result = c.ERROR_IO
 
@@ -158,11 +158,11 @@ _KINDS: dict[int, type[Error]] = {
 
 
 def kind_of(result: int) -> type[Error]:
-    """The exception for a negative result; `Error` itself for one this package does not know."""
+    """The exception class for a negative result; `Error` itself for one that this package does not know."""
     return _KINDS.get(result, Error)
 
 
 def refuse(field: str, cause: str, remedy: str = "") -> InvalidArgument:
-    """An argument that this package itself refuses, in the words the library uses."""
+    """An `InvalidArgument` of this package itself, in the form of the library's errors."""
     end = f". {remedy}" if remedy else ""
     return InvalidArgument(f"{field}: {cause}{end}", field=field, cause=cause, remedy=remedy)

@@ -1,4 +1,4 @@
-"""A piece of a rollout to look at: in a notebook it plays."""
+"""A piece of a rollout as a film, which a notebook plays."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ _MOST_COLUMNS = 8
 
 
 class Film:
-    """Pictures of one size, `uint8` `[height, width, 4]`, and how many there are to a second. In a notebook it is an animation, over and over; `strip()`
-    shows its pictures beside each other.
+    """Pictures of one size, `uint8` `[height, width, 4]`, and their rate per second. A notebook plays it in an endless loop; `strip()` shows
+    its pictures side by side.
 
         cairn.Film.of_anchors(rollout.play([cairn.Controls(keys=["W"])] * 15))
 
@@ -25,15 +25,16 @@ class Film:
     """
 
     def __init__(self, pictures: Iterable[Bytes], rate: int) -> None:
-        """Raises `InvalidArgument` for no pictures, pictures of other types or of different sizes, and a rate that is none."""
+        """Raises `InvalidArgument` for no pictures, pictures of another type or of different sizes, and an invalid rate."""
         self.pictures: Sequence[Bytes] = list(pictures)
         self.rate = rate
         self._require()
 
     @classmethod
     def of_anchors(cls, anchors: Iterable[Anchor], rate: int | None = None) -> Self:
-        """All pictures of anchors, which are closed as they come. `rate` None is that of their world, or 15 a second for pictures of
-        your own."""
+        """Makes a film of all pictures of the anchors, and closes each anchor. If `rate` is `None`, it is the rate of the anchors' world, or 15
+        per second for pictures of your own.
+        """
         pictures: list[Bytes] = []
         own: int | None = None
         for anchor in anchors:
@@ -60,16 +61,16 @@ class Film:
         return len(self.pictures)
 
     def png(self) -> bytes:
-        """An animated PNG file; what does not play those shows the first picture."""
+        """An animated PNG file; viewers without support for animation show the first picture."""
         self._require()
         return _display.animation(self.pictures, self.rate)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes `png()` into a file."""
+        """Writes `png()` to a file."""
         Path(path).write_bytes(self.png())
 
     def strip(self, columns: int = _MOST_COLUMNS, *, every: int = 1) -> Strip:
-        """Its pictures beside each other, `columns` to a row; with `every` only each so-manieth, beginning with the first."""
+        """Its pictures side by side, `columns` to a row. With `every` above 1, only each `every`-th picture, beginning with the first."""
         if columns < 1 or every < 1:
             raise refuse("columns" if columns < 1 else "every", f"{min(columns, every)} is too small", "Give at least 1")
         self._require()
@@ -82,13 +83,13 @@ class Film:
 
 
 class Strip:
-    """A contact strip: pictures of a film as one, `uint8` `[height, width, 4]`, which a notebook shows."""
+    """Pictures of a film combined into one picture, `uint8` `[height, width, 4]`, which a notebook shows."""
 
     def __init__(self, picture: Bytes) -> None:
         self.picture = picture
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes it as a PNG file."""
+        """Writes it to a PNG file."""
         Path(path).write_bytes(self._repr_png_())
 
     def _repr_png_(self) -> bytes:

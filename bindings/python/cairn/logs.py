@@ -1,4 +1,4 @@
-"""The library's log, given to Python's `logging`."""
+"""Sends the library's log messages to Python's `logging`."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _changing = threading.Lock()
 
 
 def log_to(logger: logging.Logger | None, level: int = logging.WARNING) -> None:
-    """Sends the library's messages of at least that level to `logger`, on whatever thread has something to say; None ends it.
+    """Sends the library's messages of at least that level to `logger`, on the thread that logs them; `None` ends this.
 
-    There is one for the whole process. Raises `Busy` from within a handler of a message, `Unsupported` when the library is part
-    of a program whose own logger has the log.
+    The whole process has one logger. Raises `Busy` from within a handler of a message, `Unsupported` if the library is linked into a program
+    that has set a logger of its own.
     """
     global _current
     if logger is None:

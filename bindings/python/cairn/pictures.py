@@ -32,7 +32,7 @@ def _format(order: str) -> int:
 
 
 def _pitch(array: Bytes | Halves) -> int | None:
-    """Bytes from row to row, where the library can use the array's own memory."""
+    """Bytes from one row to the next if the library can use the array's own memory."""
     height, width, _ = array.shape
     if array.strides[2] != array.itemsize or array.strides[1] != 4 * array.itemsize:
         return None
@@ -43,10 +43,10 @@ def _pitch(array: Bytes | Halves) -> int | None:
 
 
 def source(picture: npt.ArrayLike, order: Order) -> tuple[c.Picture, Bytes]:
-    """A picture for the library to read, and the array that owns its memory: hold it until the call is over.
+    """A picture for the library to read, and the array that owns its memory: keep the array until the call has returned.
 
-    The caller's memory is used as it is where it has four channels and its pixels lie side by side, also with space between
-    rows, as in a part of a larger picture. Else it is copied; three channels get an alpha of 255.
+    The caller's memory is used directly if the picture has four channels and its pixels are contiguous; there may be space between rows, as in
+    a part of a larger picture. Otherwise it is copied; three channels get an alpha of 255.
     """
     array: Any = np.asarray(picture)
     if array.dtype != np.uint8:
@@ -75,7 +75,7 @@ def source(picture: npt.ArrayLike, order: Order) -> tuple[c.Picture, Bytes]:
 def target(
     out: Bytes | Halves | None, height: int, width: int, order: Order, dtype: Any = np.uint8
 ) -> tuple[c.Target, Any]:
-    """Memory for the library to write a picture into: `out`, or a new array of that type."""
+    """Memory into which the library writes a picture: `out`, or a new array of that type."""
     form = _format(order)
     if dtype == np.float16:
         if order != "rgba":

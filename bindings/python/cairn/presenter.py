@@ -1,4 +1,4 @@
-"""Frames between anchors: guidance, which is motion and depth of a pair of anchors, and presenters."""
+"""Frames between anchors: guidance (motion and depth of a pair of anchors) and presenters."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _interface as c
-from ._handles import Object, plain
+from ._handles import Object, field_values
 from ._library import call, make
 from .errors import refuse
 from .pictures import Bytes, Floats, Halves, Order, target
 from .rollout import Anchor
 
 Motion = Literal["auto", "pictures", "paper", "latents"]
-"""Where motion comes from: what scores best, the two pictures, the difference of the two latents, or what looks alike in them."""
+"""Source of motion: the one with the best scores, optical flow of the two pictures, the paper's method on the two latents, or block matching of
+the two latents."""
 
 Prefer = Literal["auto", "require", "never"]
-"""Whether a generator is used where it can be, must be there, or is not used."""
+"""Whether a generator is used if possible, is required, or is not used."""
 
 _MOTIONS = {"auto": c.MOTION_AUTO, "pictures": c.MOTION_PICTURES, "paper": c.MOTION_PAPER, "latents": c.MOTION_LATENTS}
 _PREFERENCES = {"auto": c.PREFER_AUTO, "require": c.PREFER_REQUIRE, "never": c.PREFER_NEVER}
@@ -42,7 +43,7 @@ def _choose(field: str, choice: str, choices: dict[str, int]) -> int:
 
 @dataclass(frozen=True)
 class GuidanceInfo:
-    """What guidance is: its size in pixels, the distances of the planes, and the vertical field of view in radians."""
+    """Properties of guidance: its size in pixels, the distances of the planes, and the vertical field of view in radians."""
 
     width: int
     height: int
@@ -52,15 +53,15 @@ class GuidanceInfo:
 
 
 class Guidance(Object):
-    """Motion and depth of a pair of anchors, of their size. It does not change, and may be used from any thread."""
+    """Motion and depth of a pair of anchors, at the anchors' size. Immutable; may be used from any thread."""
 
     _kind = "guidance"
 
     @classmethod
     def of_anchors(cls, previous: Anchor, current: Anchor, motion: Motion = "auto") -> Self:
-        """Finds motion and depth of two anchors. A presenter does this by itself; it is for doing it sooner, or looking at it.
+        """Finds motion and depth of two anchors. A presenter does this itself; use this to do it earlier, or to inspect the result.
 
-        Raises `InvalidArgument` for anchors of different sizes, and where "paper" has no latents; `OutOfMemory`.
+        Raises `InvalidArgument` for anchors of different sizes, and for anchors without latents if `motion` needs them; `OutOfMemory`.
         """
         source = _choose("motion", motion, _MOTIONS)
         return cls(make("guidance_create", previous._handle, current._handle, source))
@@ -76,12 +77,11 @@ class Guidance(Object):
         far_plane: float = 0.0,
         vertical_fov: float = 0.0,
     ) -> Self:
-        """Guidance of motion and depth of your own, as an engine has them; both are copied.
+        """Makes guidance from your own motion and depth, for example an engine's; both are copied.
 
-        `motion` is `[height, width, 2]` in pixels, x and y from the current anchor to the previous one, y down; it becomes
-        float16. `depth` is `[height, width]` and becomes float32: "device" is 0 near and 1 far, "inverted" 1 near and 0 far,
-        "linear" the distance along the view axis in the units of `near_plane`. The planes and `vertical_fov` in radians are 0 all
-        three for 0.1, 100 and 60 degrees.
+        `motion` is `[height, width, 2]` in pixels, x and y from the current anchor to the previous one, y down; it becomes float16. `depth` is
+        `[height, width]` and becomes float32: "device" is 0 near and 1 far, "inverted" 1 near and 0 far, "linear" the distance along the view
+        axis in the units of `near_plane`. Both planes and `vertical_fov`, which is in radians, are 0 for 0.1, 100 and 60 degrees.
 
         Raises `InvalidArgument`, `OutOfMemory`.
         """
@@ -116,8 +116,8 @@ class Guidance(Object):
 
     @property
     def info(self) -> GuidanceInfo:
-        """What it is."""
-        return GuidanceInfo(**plain(self._filled("guidance_get_info", c.GuidanceInfo)))
+        """Its properties."""
+        return GuidanceInfo(**field_values(self._fill("guidance_get_info", c.GuidanceInfo)))
 
     def motion(self) -> Halves:
         """The motion: a copy, `float16` `[height, width, 2]`, x and y in pixels from the current anchor to the previous one."""
@@ -136,10 +136,11 @@ class Guidance(Object):
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame of a presenter. `source` is "anchor", "decoded", "generated", "extrapolated" or "held"; `position` its place in the
-    stream, anchor i having i times the multiplier. It is due from `since_ns` to `until_ns`. `previous` and `current` are the
-    numbers of the anchors around it, and `t`, 0 to 1, is how far it is from one to the other. `cut` says that a cut keeps it
-    from being generated, `repeated` that it is the very picture that was drawn before."""
+    """A frame of a presenter. `source` is "anchor", "decoded", "generated", "extrapolated" or "held". `position` is its position in the stream:
+    anchor i has position i times the multiplier. It is due from `since_ns` to `until_ns`. `previous` and `current` are the numbers of the
+    anchors around it, and `t`, 0 to 1, is its phase between them. `cut` is true if it was not generated because of a cut, `repeated` if it
+    is the same picture as the one drawn before.
+    """
 
     source: str
     position: int
@@ -153,7 +154,7 @@ class Frame:
 
     @classmethod
     def _of(cls, struct: c.Frame) -> Self:
-        fields = plain(struct, ("flags", "source"))
+        fields = field_values(struct, ("flags", "source"))
         return cls(
             source=_SOURCES.get(struct.source, str(struct.source)),
             cut=bool(struct.flags & c.FRAME_CUT),
@@ -164,13 +165,15 @@ class Frame:
 
 @dataclass(frozen=True)
 class PresenterStatistics:
-    """What a presenter has done since it was made. `generator` is the one that is used, such as "cpu"; `preference` says why one
-    that might be better is not. `waiting` anchors wait for their time, and `under_way` frames for Direct3D 12 have not run;
-    `device_frames` have, in `device_frames_ns` on the device, and so have `device_lists` that bring what frames are made of. Of the
-    frames of an anchor `made_to_anchor` are made where `set_budget` was called; `budget_changes` is how often that changed. `upscaler`
-    brings frames to their size, such as "spatial", and is empty where they have the anchors'; `upscaling` says why AMD's does not.
-    `anchors_under_way` were pushed and their device still works on them. Of frames for Direct3D 12 `unprepared` are anchors as they were not
-    prepared, `objects_made` is what was made while they were recorded, and `lists_pending` may still be read by a host's lists."""
+    """Statistics of a presenter since it was made. `generator` made the last frame, such as "cpu"; `preference` says why one that might be
+    better is not used. `waiting` anchors are not due yet. `under_way` frames for Direct3D 12 have not completed; `device_frames` have, and
+    took `device_frames_ns` on the device; `device_lists` are the presenter's own command lists, which prepare what frames need. With
+    `set_budget`, `made_to_anchor` frames per anchor are made, and `budget_changes` counts the changes of that number. `upscaler` resizes
+    frames, such as "spatial", and is empty if they have the anchors' size; `upscaling` says why AMD's upscaler is not used.
+    `anchors_under_way` were pushed, and their device has not finished them yet. Of the frames for Direct3D 12, `unprepared` were replaced by
+    an anchor because they were not prepared; `objects_made` is the number of objects created while frames were recorded, and `lists_pending`
+    is the number of recorded frames that the host's lists may still read.
+    """
 
     anchors: int
     late_anchors: int
@@ -207,10 +210,10 @@ class PresenterStatistics:
 
 
 class Presenter(Object):
-    """Shows a stream of anchors at a steady rate: it is given anchors as they come, knows which frame is due when, and makes it.
+    """Shows a stream of anchors at a steady rate: receives anchors as they come, decides which frame is due when, and makes it.
 
-    It reads no clock: every time is yours, in nanoseconds from wherever you like, such as `time.monotonic_ns()`. `draw` is one at
-    a time, and a second one beside it raises `Busy`; all else may be called from any thread, also while a frame is drawn.
+    It reads no clock: all times are yours, in nanoseconds from any origin, such as `time.monotonic_ns()`. `draw` is for one call at a time; a
+    concurrent call raises `Busy`. Everything else may be called from any thread, also while a frame is drawn.
     """
 
     _kind = "presenter"
@@ -234,16 +237,17 @@ class Presenter(Object):
         cpu: Prefer = "auto",
         upscaler: Prefer = "auto",
     ) -> None:
-        """`multiplier` is frames to an anchor: 1, 2, 3, 4 or 6. `size` is width and height of the frames; (0, 0) is the anchors'.
+        """`multiplier` is the number of frames per anchor: 1, 2, 3, 4 or 6. `size` is width and height of the frames; (0, 0) is the anchors'
+        size.
 
-        `interval_ns` is from one anchor to the next; 0 is what the first anchor's rate says. `delay_ns` is from when an anchor
-        comes until it is due; 0 is an interval. `hold_late` lets the last anchor stand where one is late; `catch_up` shows
-        frames sooner after a late one; `decoded=False` generates frames also where the anchor brings them. `capacity` is how
-        many anchors may wait, 1 to 64; 0 is 4. `linear` writes linear light, into half floats only. `letterbox` keeps the
-        anchors' shape in frames of another, with black around them; otherwise they are stretched. `fsr`, `shader` and `cpu`
-        say which generators are wanted, and `upscaler` whether AMD's is, for frames for Direct3D 12 that are larger than anchors.
+        `interval_ns` is the time between anchors; 0 uses the first anchor's rate. `delay_ns` is the time from the arrival of an anchor until it
+        is due; 0 is one interval. `hold_late` holds the last anchor if the next one is late, instead of extrapolating; `catch_up` shows frames
+        sooner after a late one; `decoded=False` generates frames even if the anchor has decoded pictures for them. `capacity` is the largest
+        number of waiting anchors, 1 to 64; 0 is 4. `linear` writes linear light, into half floats only. `letterbox` adds black bars if frames
+        have another aspect ratio than the anchors; otherwise the picture is stretched. `fsr`, `shader` and `cpu` select the generators, and
+        `upscaler` selects AMD's upscaler for frames for Direct3D 12 that are larger than anchors.
 
-        Raises `InvalidArgument`; `Unsupported` for a required generator that is not there; `OutOfMemory`.
+        Raises `InvalidArgument`; `Unsupported` for a required generator that is not available; `OutOfMemory`.
         """
         width, height = size
         for field, number, bits in (
@@ -277,13 +281,13 @@ class Presenter(Object):
         super().__init__(make("presenter_create", byref(options)))
 
     def push(self, anchor: Anchor, now_ns: int, guidance: Guidance | None = None) -> bool:
-        """Gives it the next anchor, which came at `now_ns`; False when as many wait as may, and it was not taken.
+        """Pushes the next anchor, which arrived at `now_ns`. Returns False if the largest number of anchors is waiting; the anchor was not
+        added then.
 
-        `guidance` is of the anchor before and this one; without it the presenter finds its own. It keeps what it needs, so both
-        may be closed. An anchor whose number is not one above the last, or that is a cut, has nothing generated before it.
+        `guidance` is from the previous anchor to this one; without it the presenter finds its own. It keeps its own references, so both may be
+        closed. For an anchor whose number is not one above the last, or that is a cut, nothing is generated before it.
 
-        Raises `InvalidArgument` for another size than the first anchor's, and for a first one without a rate where there is no
-        `interval_ns`.
+        Raises `InvalidArgument` for another size than the first anchor's, and for a first anchor without a rate if there is no `interval_ns`.
         """
         given = None if guidance is None else guidance._handle
         result = call("presenter_push", self._handle, anchor._handle, given, _time(now_ns))
@@ -293,7 +297,7 @@ class Presenter(Object):
         return result == c.OK
 
     def query(self, now_ns: int) -> Frame | None:
-        """The frame that is due when it is shown at `now_ns`; None before the first anchor came."""
+        """The frame that is due if it is shown at `now_ns`; None before the first anchor."""
         frame = c.Frame()
         result = call("presenter_query", self._handle, _time(now_ns), byref(frame))
         return None if result == c.NOT_READY else Frame._of(frame)
@@ -301,10 +305,10 @@ class Presenter(Object):
     def draw(
         self, now_ns: int, *, out: Bytes | Halves | None = None, order: Order = "rgba"
     ) -> tuple[Frame, Any] | None:
-        """Makes the frame that is due at `now_ns`: what it is, and its pixels. None before the first anchor came.
+        """Makes the frame that is due at `now_ns`, and returns its properties and its pixels. None before the first anchor.
 
-        The pixels are `uint8` `[height, width, 4]` in a new array, or `out`, which may also be `float16`: display-referred, or linear
-        light where the presenter was made so. Raises `InvalidArgument`, `Busy`, `OutOfMemory`.
+        The pixels are `uint8` `[height, width, 4]` in a new array, or `out`, which may also be `float16`: display-referred, or linear light if
+        the presenter was made with `linear`. Raises `InvalidArgument`, `Busy`, `OutOfMemory`.
         """
         width, height = self._anchors if self._wanted == (0, 0) else self._wanted
         if width == 0 or height == 0:
@@ -316,7 +320,7 @@ class Presenter(Object):
         return None if result == c.NOT_READY else (Frame._of(frame), pixels)
 
     def resize(self, size: tuple[int, int] = (0, 0)) -> None:
-        """Changes width and height of the frames, as a window's change; (0, 0) is the anchors'. The stream goes on.
+        """Changes width and height of the frames, for example with a window; (0, 0) is the anchors' size. The stream continues.
 
         Raises `InvalidArgument`.
         """
@@ -327,8 +331,8 @@ class Presenter(Object):
         self._wanted = size
 
     def set_overlay(self, mask: Any | None) -> None:
-        """Says what lies over the anchors from the next frame on and stands still, like a HUD: `mask` is `[height, width]`
-        of the anchors' size, and anything but 0 is such a pixel; None for nothing known. Every generator heeds it.
+        """Sets the mask of a static overlay that covers the anchors, such as a HUD, from the next frame on. `mask` is `[height, width]` of the
+        anchors' size, with any number but 0 for a covered pixel; None if unknown. All generators use it.
 
         Raises `InvalidArgument`.
         """
@@ -343,20 +347,20 @@ class Presenter(Object):
         call("presenter_set_overlay", self._handle, pixels, given.size, width, height)
 
     def set_budget(self, frame_ns: int) -> None:
-        """Holds frames that a Direct3D device makes to so many nanoseconds of its time each, on average over an interval; 0 is
-        no budget. Where that is too little, fewer frames of an interval are made, and the others repeat the one before.
+        """Limits the device time per frame that a Direct3D device makes, in nanoseconds, averaged over an interval; 0 removes the limit. If it
+        is too short, fewer frames of an interval are made, and the others repeat the previous one.
         """
         call("presenter_set_budget", self._handle, _time(frame_ns))
 
     def reset(self) -> None:
-        """Forgets all anchors and when they came: the next one is a first again."""
+        """Removes all anchors and their times: the next anchor is a first one again."""
         call("presenter_reset", self._handle)
         self._anchors = (0, 0)
 
     @property
     def statistics(self) -> PresenterStatistics:
-        """What it has done, and with what."""
-        return PresenterStatistics(**plain(self._filled("presenter_get_statistics", c.PresenterStatistics)))
+        """Its statistics."""
+        return PresenterStatistics(**field_values(self._fill("presenter_get_statistics", c.PresenterStatistics)))
 
 
 def _time(now_ns: int) -> int:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from . import _awaiting, _display
 from . import _interface as c
-from ._handles import Object, plain
+from ._handles import Object, field_values
 from ._library import call, encoded, make
 from .controls import Controls
 from .errors import Error, refuse
@@ -31,8 +31,9 @@ _GLANCE_NS = 100_000_000
 
 @dataclass(frozen=True)
 class AnchorInfo:
-    """What an anchor is. `cut` says that nothing leads to it from the anchor before. `latent` is the number of its latent in the
-    rollout, from 0; `latents_per_second` is 0 for a picture of your own, and so are the sizes of its latent."""
+    """Properties of an anchor. `cut` is true if it does not continue the previous anchor. `latent` is the number of its latent in the rollout,
+    from 0; `latents_per_second` is 0 for a picture of your own, and so are the sizes of its latent.
+    """
 
     cut: bool
     latent: int
@@ -46,16 +47,16 @@ class AnchorInfo:
 
 
 class Anchor(Object):
-    """An anchor: a copy that stays as it is, whatever becomes of its rollout. May be used from any thread."""
+    """An anchor: an immutable copy, independent of its rollout. May be used from any thread."""
 
     _kind = "anchor"
 
     @classmethod
     def of_picture(cls, picture: npt.ArrayLike, number: int, *, cut: bool = False, order: Order = "rgba") -> Self:
-        """An anchor of a picture of your own, `uint8` `[height, width, 4]` or `[height, width, 3]`, which is copied.
+        """Makes an anchor of a picture of your own, `uint8` `[height, width, 4]` or `[height, width, 3]`, which is copied.
 
-        `number` counts up by one from anchor to anchor; `cut` says that nothing leads to it from the one before.
-        Raises `InvalidArgument`, `OutOfMemory`.
+        `number` increases by one from anchor to anchor; `cut` is true if it does not continue the previous one. Raises `InvalidArgument`,
+        `OutOfMemory`.
         """
         struct, owner = source(picture, order)
         anchor = cls(make("anchor_create", byref(struct), number, c.ANCHOR_CUT if cut else 0))
@@ -64,15 +65,15 @@ class Anchor(Object):
 
     @property
     def info(self) -> AnchorInfo:
-        """What it is."""
-        struct = self._filled("anchor_get_info", c.AnchorInfo)
-        return AnchorInfo(cut=bool(struct.flags & c.ANCHOR_CUT), **plain(struct, ("flags",)))
+        """Its properties."""
+        struct = self._fill("anchor_get_info", c.AnchorInfo)
+        return AnchorInfo(cut=bool(struct.flags & c.ANCHOR_CUT), **field_values(struct, ("flags",)))
 
     def picture(self, index: int = -1, *, out: Bytes | None = None, order: Order = "rgba") -> Bytes:
-        """One of its pictures, `uint8` `[height, width, 4]`: a copy, yours for good.
+        """A copy of one of its pictures, `uint8` `[height, width, 4]`.
 
-        `index` is in order of time and counts from the end where negative; the last is the anchor itself. `out` takes the pixels
-        where given, also a part of a larger array, and is given back. Raises `InvalidArgument`.
+        `index` is in order of time, and counts from the end if negative; the last is the anchor itself. With `out`, which may be a part of a
+        larger array, the pixels are written there, and `out` is returned. Raises `InvalidArgument`.
         """
         info = self.info
         number = index + info.pictures if index < 0 else index
@@ -87,11 +88,11 @@ class Anchor(Object):
         return [self.picture(i, order=order) for i in range(self.info.pictures)]
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, object]:
-        """What a notebook shows: all its pictures beside each other, in order of time."""
+        """A notebook's representation: all its pictures side by side, in order of time."""
         return _display.anchor(self)
 
     def _repr_png_(self) -> bytes | None:
-        """The anchor itself, its last picture, as a PNG; None where it is closed."""
+        """The anchor itself, its last picture, as a PNG; None if it is closed."""
         return None if self.closed else _display.png(self.picture())
 
     def latent(self) -> Floats:
@@ -104,7 +105,7 @@ class Anchor(Object):
 
 @dataclass(frozen=True)
 class StepInfo:
-    """What a step did. `committed` says that keys and values went into the ring; times are nanoseconds of wall time."""
+    """Report on a step. `committed` is true if keys and values were copied into the ring; times are nanoseconds of wall time."""
 
     committed: bool
     latent: int
@@ -119,12 +120,12 @@ class StepInfo:
 
     @classmethod
     def _of(cls, struct: c.StepInfo) -> Self:
-        return cls(committed=bool(struct.flags & c.STEP_COMMITTED), **plain(struct, ("flags",)))
+        return cls(committed=bool(struct.flags & c.STEP_COMMITTED), **field_values(struct, ("flags",)))
 
 
 @dataclass(frozen=True)
 class RolloutInfo:
-    """What a rollout is, and how far: `latents` made so far, its `seed`, its rates, and how it runs in full."""
+    """Properties and progress of a rollout: the number of `latents` made so far, its `seed`, its rates, and its full operating point."""
 
     latents: int
     seed: int
@@ -136,7 +137,7 @@ class RolloutInfo:
 
 @dataclass(frozen=True)
 class RolloutStatistics:
-    """What a rollout has done since it was made, as of the end of its last step; `queue_depth` is of now. Times are nanoseconds."""
+    """Statistics of a rollout since it was made, up to the end of its last step; `queue_depth` is current. Times are nanoseconds."""
 
     queue_depth: int
     latents: int
@@ -179,7 +180,7 @@ class RolloutStatistics:
 
 
 def _array(pictures: Sequence[npt.ArrayLike], order: Order) -> tuple[Array[c.Picture], list[object]]:
-    """Pictures as the library reads them, and what owns their memory."""
+    """Pictures as an array of the library's structs, and the objects that own their memory."""
     made = [source(picture, order) for picture in pictures]
     # At least one element: for an empty list the library gets a valid pointer and reports the count of 0.
     structs = (c.Picture * max(1, len(made)))(*(struct for struct, _ in made))
@@ -189,25 +190,25 @@ def _array(pictures: Sequence[npt.ArrayLike], order: Order) -> tuple[Array[c.Pic
 class Rollout(Object):
     """One running instance of a world: its memory of the past, its clocks and its noise.
 
-    `append`, `step`, `reset` and `restore` are one at a time: beside another of them, or while steps are queued, they raise
-    `Busy`. All else may be called from any thread at any time; queries raise `Busy` while a step is running.
+    `append`, `step`, `reset` and `restore` exclude each other: during another of them, and while steps are queued, they raise `Busy`.
+    Everything else may be called from any thread at any time; queries raise `Busy` while a step is running.
     """
 
     _kind = "rollout"
 
     @property
     def info(self) -> RolloutInfo:
-        """What it is, and how far."""
-        return RolloutInfo(**plain(self._filled("rollout_get_info", c.RolloutInfo)))
+        """Its properties and progress."""
+        return RolloutInfo(**field_values(self._fill("rollout_get_info", c.RolloutInfo)))
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, object]:
-        """What a notebook shows: how far it is, and the pictures of its last anchor."""
+        """A notebook's representation: its progress, and the pictures of its last anchor."""
         return _display.rollout(self)
 
     @property
     def statistics(self) -> RolloutStatistics:
-        """What it has done so far; does not wait for a step that is running."""
-        return RolloutStatistics(**plain(self._filled("rollout_get_statistics", c.RolloutStatistics)))
+        """Its statistics so far; does not wait for a running step."""
+        return RolloutStatistics(**field_values(self._fill("rollout_get_statistics", c.RolloutStatistics)))
 
     def append(self, picture: npt.ArrayLike, *, order: Order = "rgba") -> StepInfo:
         """Appends a picture of any size: the seed, or later an edit of the scene. It is `uint8` `[height, width, 4]` or
@@ -219,8 +220,9 @@ class Rollout(Object):
         return StepInfo._of(info)
 
     def append_pictures(self, pictures: Sequence[npt.ArrayLike], *, order: Order = "rgba") -> StepInfo:
-        """Appends pictures that follow each other, the oldest first, as one latent: the 4 of a latent, so that a scene that moves goes on
-        moving, or 1, a still. See `append`."""
+        """Appends consecutive pictures, the oldest first, as one latent: the 4 of a latent, so that a moving scene keeps moving, or 1, a still.
+        See `append`.
+        """
         structs, owners = _array(pictures, order)
         info = c.StepInfo()
         call("rollout_append_pictures", self._handle, structs, len(pictures), byref(info))
@@ -228,22 +230,24 @@ class Rollout(Object):
         return StepInfo._of(info)
 
     def keep_encoder_stream(self, keep: bool) -> None:
-        """Whether the encoder goes on from one appended picture to the next, as the released engine's does, or starts anew with each, as it
-        does unless told so. The stream starts here, and again with `reset`; it is part of a saved state.
+        """Sets whether the encoder keeps its state from one appended picture to the next, as the released engine does, or starts anew with
+        each, which is the default. The state is empty after this call and after `reset`; it is part of a saved state.
 
-        Raises `Unsupported` where the bundle was built without `--streaming-encoder`, and `Busy` while steps are queued.
+        Raises `Unsupported` if the bundle was built without `--streaming-encoder`, and `Busy` while steps are queued.
         """
         call("rollout_keep_encoder_stream", self._handle, int(keep))
 
     def rest(self) -> None:
-        """Lets others use the device's memory of a rollout that makes no latents for a while: rings, latents and pictures are evicted after
-        what is under way, and the next call that needs them brings them back, or raises `OutOfMemory` with all as it was. `pause` has a
-        rollout whose queue was used rest too. Nothing happens on a processor. Raises `Busy` while steps are queued."""
+        """Frees the device memory of a rollout that makes no latents for a while: evicts its rings, latents and pictures after the work in
+        flight. The next call that needs them makes them resident again, or raises `OutOfMemory` and changes nothing. `pause` also rests a
+        rollout whose queue was used. Has no effect on a processor. Raises `Busy` while steps are queued.
+        """
         call("rollout_rest", self._handle)
 
     def step(self, controls: Controls = Controls()) -> StepInfo:  # noqa: B008 (it does not change)
-        """Makes the next latent; the controls stand for one latent's span of world time. Raises `InvalidArgument`, `Busy`,
-        `Unsupported` for a key that the world does not know, `OutOfMemory`, `DeviceError`, `Cancelled`."""
+        """Makes the next latent; the controls cover one latent's interval of world time. Raises `InvalidArgument`, `Busy`, `Unsupported` for a
+        key that the world does not know, `OutOfMemory`, `DeviceError`, `Cancelled`.
+        """
         info = c.StepInfo()
         call("rollout_step", self._handle, byref(controls._struct()), byref(info))
         return StepInfo._of(info)
@@ -253,9 +257,9 @@ class Rollout(Object):
         return Anchor(make("rollout_get_anchor", self._handle))
 
     def set_budget(self, latent_ns: int, schedules: Sequence[str]) -> None:
-        """Holds latents to `latent_ns` nanoseconds of wall time each: they are made by the first of `schedules`, such as
-        `["stock", "explicit:1:0.5:0"]`, until that takes too long, and then by one with fewer passes. It goes by the times of the
-        latents before, so that the same controls may give other pictures the next time. No schedules end it.
+        """Limits the wall time per latent to `latent_ns` nanoseconds: latents are made with the first of `schedules`, such as `["stock",
+        "explicit:1:0.5:0"]`, until that takes too long, and then with one of fewer passes. The choice depends on the times of previous
+        latents, so the same controls may give other pictures the next time. An empty list removes the limit.
 
         Raises `InvalidArgument`, and `Busy` while steps are queued.
         """
@@ -273,14 +277,14 @@ class Rollout(Object):
         worlds: Sequence[World] = (),
         presenter: Presenter | None = None,
     ) -> None:
-        """Holds the rollout, and a presenter's frames, to a budget: `frame_ns` nanoseconds of the device's time for each frame that is
-        shown, and `memory_mib`; 0 for no limit. From the times so far it picks the passes of latents, the window, one of `worlds`, which are
-        of the same bundle, or the rollout's own, and how many frames to an anchor are made; it loads no world itself. Passes are given up
-        first, then frames, the window last, and all come back where there is time. `multiplier` are the frames that are shown for each
-        anchor: 0 for the presenter's own, and for 1 without. `statistics` says what it did. It takes the place of `set_budget`, which
+        """Keeps the rollout, and a presenter's frames, within a budget: `frame_ns` nanoseconds of device time per shown frame, and
+        `memory_mib`; 0 for no limit. From measured times it chooses the passes per latent, the window, and the number of frames made per
+        anchor. The window is one of `worlds`, which are of the same bundle, or the rollout's own; it loads no world itself. Passes are
+        reduced first, then frames, the window last; each is raised again when there is time. `multiplier` is the number of frames shown per
+        anchor: 0 for the presenter's own, and for 1 without a presenter. `statistics` reports its actions. It replaces `set_budget`, which
         ends it.
 
-        Raises `InvalidArgument`; `OutOfMemory` where even the narrowest window needs too much; `Busy` while steps are queued.
+        Raises `InvalidArgument`; `OutOfMemory` if even the narrowest window needs too much; `Busy` while steps are queued.
         """
         for name, number, most in (("frame_ns", frame_ns, 1 << 64), ("memory_mib", memory_mib, 1 << 64), ("multiplier", multiplier, 65)):
             if not 0 <= number < most:
@@ -298,49 +302,50 @@ class Rollout(Object):
         call("rollout_govern", self._handle, byref(budget))
 
     def ungovern(self) -> None:
-        """Ends what `govern` began, and leaves things as they are. Raises `Busy` while steps are queued."""
+        """Removes the budget of `govern`, and keeps the current settings. Raises `Busy` while steps are queued."""
         call("rollout_govern", self._handle, None)
 
     def reset(self) -> None:
-        """Back to the start with the same seed: no latents, empty memory."""
+        """Resets the rollout to its start with the same seed: no latents, empty memory."""
         call("rollout_reset", self._handle)
 
     def submit(self, controls: Controls = Controls()) -> int | None:  # noqa: B008 (it does not change)
-        """Queues a step for the rollout's own thread, and returns at once: the ticket to ask for the result with, or None when
-        the queue is full. A step that fails takes those queued behind it with it."""
-        return self._submitted("rollout_submit", controls._struct())
+        """Queues a step for the rollout's own thread, and returns at once: the ticket that identifies its result, or None if the queue is full.
+        A step that fails cancels the steps queued after it.
+        """
+        return self._submit("rollout_submit", controls._struct())
 
     def submit_picture(self, picture: npt.ArrayLike, *, order: Order = "rgba") -> int | None:
-        """Queues the append of a picture, which is copied; see `append` and `submit`."""
+        """Queues a picture, which is copied, to be appended; see `append` and `submit`."""
         struct, owner = source(picture, order)
-        ticket = self._submitted("rollout_submit_picture", struct)
+        ticket = self._submit("rollout_submit_picture", struct)
         del owner
         return ticket
 
     def submit_pictures(self, pictures: Sequence[npt.ArrayLike], *, order: Order = "rgba") -> int | None:
-        """Queues the append of pictures, which are copied, as one latent; see `append_pictures` and `submit`."""
+        """Queues pictures, which are copied, to be appended as one latent; see `append_pictures` and `submit`."""
         structs, owners = _array(pictures, order)
         ticket = c_uint64()
         result = call("rollout_submit_pictures", self._handle, structs, len(pictures), byref(ticket))
         del owners
         return None if result == c.QUEUE_FULL else ticket.value
 
-    def _submitted(self, function: str, struct: c.Sized) -> int | None:
+    def _submit(self, function: str, struct: c.Sized) -> int | None:
         ticket = c_uint64()
         result = call(function, self._handle, byref(struct), byref(ticket))
         return None if result == c.QUEUE_FULL else ticket.value
 
     def poll(self, ticket: int) -> tuple[StepInfo, Anchor] | None:
-        """The result of a queued step, without waiting; None while it waits or runs. A result is given once.
+        """Fetches the result of a queued step, without waiting; None while the step waits or runs. Each result can be fetched once.
 
-        Raises what the step raised; `InvalidArgument` for a ticket that was given its result.
+        Raises the step's error; `InvalidArgument` for a ticket whose result was fetched.
         """
         return self._result("rollout_poll", ticket)
 
     def wait(self, ticket: int, timeout: float | None = None) -> tuple[StepInfo, Anchor] | None:
-        """As `poll`, and waits for the step to end: `timeout` seconds at most, None for as long as it takes.
+        """Waits for a queued step to end, for at most `timeout` seconds, None for no limit, and fetches its result as `poll` does.
 
-        None when the time is over. Closing the rollout ends the wait with `Cancelled`.
+        Returns None after the timeout. Closing the rollout ends the wait with `Cancelled`.
         """
         if timeout is not None and not timeout >= 0:
             raise refuse("timeout", f"{timeout} is no time to wait", "Give seconds, or None for as long as it takes")
@@ -359,10 +364,10 @@ class Rollout(Object):
         return StepInfo._of(info), Anchor(anchor.value)
 
     def play(self, controls: Iterable[Controls]) -> Iterator[Anchor]:
-        """Makes a step of each of the controls and gives the anchors in order, keeping the queue full meanwhile: the world
-        works on the next steps while the caller looks at an anchor.
+        """Makes a step for each of the controls and yields the anchors in order, keeping the queue full: the world works on the next steps
+        while the caller uses an anchor.
 
-        When the iteration is given up, what is queued is cancelled.
+        If the iteration is abandoned, queued steps are cancelled.
         """
         tickets: deque[int] = deque()
         steps = iter(controls)
@@ -380,10 +385,10 @@ class Rollout(Object):
                 yield result[1]
         finally:
             if tickets and not self.closed:
-                self._give_up(tickets)
+                self._cancel_steps(tickets)
 
-    def _give_up(self, tickets: Iterable[int]) -> None:
-        """Ends queued steps, and takes their results so that the queue is empty."""
+    def _cancel_steps(self, tickets: Iterable[int]) -> None:
+        """Cancels queued steps, and fetches their results so that the queue is empty."""
         self.cancel()
         for ticket in tickets:
             try:
@@ -393,51 +398,54 @@ class Rollout(Object):
                 continue
 
     async def result_async(self, ticket: int) -> tuple[StepInfo, Anchor]:
-        """Awaits a queued step, as `wait` waits for it; the event loop goes on meanwhile, and no thread is used.
+        """Awaits a queued step, as `wait` waits for it; the event loop continues meanwhile, and no thread is used.
 
-        Where the awaiting task is cancelled, also by a timeout, the rollout is, as by `cancel`: this step and all others that are
-        queued are not made, and the one in progress ends before its next pass. The task ends when the rollout is at rest, so that it
-        can go on at once, from the last step that was made; `info.latents` says how far it is. Other tasks that await steps of
-        the rollout get `Cancelled`. `asyncio.shield` keeps a step out of all this.
+        If the awaiting task is cancelled, also by a timeout, this does what `cancel` does: this step and all others that are queued are not
+        made, and the one in progress ends before its next pass. The task ends when the rollout is idle, so that it can continue at once from
+        the last step that was made; `info.latents` is the number of latents so far. Other tasks that await steps of the rollout get
+        `Cancelled`. `asyncio.shield` protects a step from this.
         """
         return await _awaiting.result(self, ticket)
 
     async def step_async(self, controls: Controls = Controls()) -> tuple[StepInfo, Anchor]:  # noqa: B008 (it does not change)
-        """Makes the next latent on the rollout's own thread, and awaits it; see `step` and `result_async`. Where the queue is full
-        it awaits room first."""
-        return await _awaiting.result(self, await _awaiting.submitted(lambda: self.submit(controls)))
+        """Makes the next latent on the rollout's own thread, and awaits it; see `step` and `result_async`. If the queue is full, it first
+        awaits room.
+        """
+        return await _awaiting.result(self, await _awaiting.submit_when_ready(lambda: self.submit(controls)))
 
     async def append_async(self, picture: npt.ArrayLike, *, order: Order = "rgba") -> tuple[StepInfo, Anchor]:
-        """Appends a picture, as `step_async` makes a step; see `append`."""
-        return await _awaiting.result(self, await _awaiting.submitted(lambda: self.submit_picture(picture, order=order)))
+        """Appends a picture on the rollout's own thread, and awaits it; see `append` and `result_async`."""
+        return await _awaiting.result(self, await _awaiting.submit_when_ready(lambda: self.submit_picture(picture, order=order)))
 
     def play_async(self, controls: Iterable[Controls]) -> AsyncIterator[Anchor]:
-        """What `play` does, for `async for`: the event loop goes on while a step is made.
+        """Does what `play` does, for `async for`: the event loop continues while a step is made.
 
-        When the iteration is given up, what is queued is cancelled: at once where it is closed, as by `contextlib.aclosing`, else when
-        the loop comes to it.
+        If the iteration is abandoned, queued steps are cancelled: at once if it is closed, as by `contextlib.aclosing`, otherwise when the
+        event loop finalises it.
         """
         return _awaiting.play(self, controls)
 
     def cancel(self) -> None:
-        """Ends all that is going on: queued steps are not made, and the one in progress ends before its next pass. Each raises
-        `Cancelled`, and the rollout is as before it. Does not wait."""
+        """Cancels all work: queued steps are not made, and the one in progress ends before its next pass. Each raises `Cancelled` and leaves
+        the rollout unchanged. Does not wait.
+        """
         call("rollout_cancel", self._handle)
 
     def pause(self) -> None:
-        """Holds the queue: the step in progress ends as it would, and no other begins."""
+        """Pauses the queue: the step in progress completes, and no other begins."""
         call("rollout_pause", self._handle)
 
     def resume(self) -> None:
-        """Lets a held queue go on."""
+        """Resumes a paused queue."""
         call("rollout_resume", self._handle)
 
     def single_step(self) -> bool:
-        """Lets exactly one step of a held queue run; False when none is queued. Raises `InvalidArgument` when not paused."""
+        """Runs exactly one step of a paused queue; False if none is queued. Raises `InvalidArgument` if the queue is not paused."""
         return call("rollout_single_step", self._handle) == c.OK
 
     def save(self) -> bytes:
-        """The whole state: memory, clocks, seed, operating point, last pictures. A rollout that takes it up goes on bit for bit.
+        """Saves the whole state: memory, clocks, seed, operating point, last pictures. A rollout that restores it continues bit for bit the
+        same.
 
         Raises `Busy` while a step is running; `OutOfMemory`, `DeviceError`.
         """
@@ -450,13 +458,13 @@ class Rollout(Object):
         return bytes(state[: size.value])
 
     def save_file(self, path: str | os.PathLike[str]) -> None:
-        """Writes the whole state into a file, whole or not at all. Raises `FileError` and what `save` raises."""
+        """Writes the whole state to a file, completely or not at all. Raises `FileError` and the errors of `save`."""
         call("rollout_save_file", self._handle, encoded(path, "path"))
 
     def restore(self, state: bytes | bytearray | memoryview) -> None:
-        """Takes up a state of the same bundle, precision and global window; seed and operating point become the state's.
+        """Restores a state of the same bundle, precision and global window; the rollout gets its seed and operating point.
 
-        Raises `InvalidState`, `Unsupported` for a state of another version, `Busy`, `DeviceError`; the rollout is then as it was.
+        Raises `InvalidState`, `Unsupported` for a state of another version, `Busy`, `DeviceError`; the rollout is then unchanged.
         """
         size = memoryview(state).nbytes
         if size == 0:
@@ -465,5 +473,5 @@ class Rollout(Object):
         call("rollout_restore", self._handle, memory.ctypes.data, size)
 
     def restore_file(self, path: str | os.PathLike[str]) -> None:
-        """Takes up a state from a file. Raises `FileError` and what `restore` raises."""
+        """Restores a state from a file. Raises `FileError` and the errors of `restore`."""
         call("rollout_restore_file", self._handle, encoded(path, "path"))

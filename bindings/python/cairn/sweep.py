@@ -1,10 +1,10 @@
-"""A sweep of the study on a cluster, through Ray: `python -m cairn.sweep FILE.toml`.
+"""Runs a sweep of the study on a cluster, with Ray: `python -m cairn.sweep FILE.toml`.
 
-The study decides what there is to make and what is whole; this hands one job after the other to Ray, whose workers run
-`study sweep FILE --only JOB`, and in the end has the study write the report. Manifests, and so what is kept and what is made again, are
-the study's: a sweep that was begun on one machine goes on here, and the other way round.
+The study lists the jobs and decides which are complete. This module passes the jobs to Ray, whose workers run `study sweep FILE --only JOB`,
+and at the end the study writes the report. The manifests, and so the decision what is kept and what is made again, are the study's: a sweep
+that was begun on one machine can be continued on a cluster, and the other way round.
 
-Ray is needed by `run` alone, and imported there: `pip install "cairn[cluster]"`.
+Only `run` needs Ray, and imports it: `pip install "cairn[cluster]"`.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 LIST_VERSION = 1
-"""The version of the list of jobs that this reads."""
+"""The version of the list of jobs that this module reads."""
 
 EXAMPLES = """\
 examples:
-  python -m cairn.sweep samples/study/sweeps/smoke.toml --study target/release/study
+  python -m cairn.sweep tools/study/sweeps/smoke.toml --study target/release/study
       on this machine, with a Ray of its own
 
   python -m cairn.sweep /shared/mine.toml --out /shared/sweep --study /shared/study --address auto
@@ -39,30 +39,30 @@ The same command goes on after whatever ended it, and makes nothing again that i
 
 
 class SweepError(RuntimeError):
-    """The study refused or failed; the text is its own."""
+    """The study refused or failed; the text is the study's."""
 
 
 class Killed(SweepError):
-    """The study was killed before its job was whole; it is made again."""
+    """The study was killed before its job was complete; the job is run again."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """One rollout and its measuring."""
+    """One rollout and its measurements."""
 
     name: str
-    """What names it among all."""
+    """Identifies it among all jobs."""
     scene: str
     place: int
     operating_point: str
     frames: int
     whole: bool
-    """Whether it was there when it was listed."""
+    """Whether it was complete when the jobs were listed."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """The program, a sweep's file and the folder of everything."""
+    """The study's program, a sweep's file and the output folder."""
 
     program: Path
     plan: Path
@@ -73,9 +73,9 @@ class Study:
         return [str(self.program), "sweep", str(self.plan), "--out", str(self.out), "--quiet", *more]
 
     def call(self, *more: str) -> str:
-        """Runs it; what it printed.
+        """Runs the program and returns its output.
 
-        Raises `Killed` when a signal ended it, `SweepError` with its own words when it failed.
+        Raises `Killed` if a signal ended it, `SweepError` with its own message if it failed.
         """
         ended = subprocess.run(self.command(*more), stdin=subprocess.DEVNULL, capture_output=True, check=False)
         if ended.returncode == 0:
@@ -87,7 +87,7 @@ class Study:
         raise SweepError(said or f"the study ended with status {ended.returncode}")
 
     def jobs(self) -> tuple[list[Job], int]:
-        """All jobs, and how many threads each has."""
+        """All jobs, and the number of threads of each."""
         listed = json.loads(self.call("--list-jobs"))
         version = listed.get("list_version")
         if version != LIST_VERSION:
@@ -95,16 +95,16 @@ class Study:
         return [Job(**job) for job in listed["jobs"]], int(listed["threads"])
 
     def make(self, name: str) -> None:
-        """Makes one job, where it is not whole."""
+        """Runs one job, if it is not complete."""
         self.call("--only", name)
 
     def report(self) -> str:
-        """Writes the report on everything, and makes what is missing; the report as Markdown."""
+        """Writes the report on all jobs, and makes what is missing; returns the report as Markdown."""
         return self.call("--jobs", "1")
 
 
 def find_study(program: str | os.PathLike[str] | None = None) -> Path:
-    """The program: as named, else by `CAIRN_STUDY`, else on the path."""
+    """The path of the program: the given one, else the one in `CAIRN_STUDY`, else the one on the path."""
     named = program or os.environ.get("CAIRN_STUDY")
     found = shutil.which(named or "study")
     if found is None:
@@ -121,12 +121,12 @@ def run(
     retries: int = 3,
     told: Callable[[int, int, str], None] | None = None,
 ) -> str:
-    """Makes what is missing of a sweep on a Ray cluster, and writes its report, which is returned as Markdown.
+    """Runs the incomplete jobs of a sweep on a Ray cluster, and writes its report, which is returned as Markdown.
 
-    `address` is Ray's: `"auto"` for the cluster that this machine belongs to, none for one of our own on this machine; where Ray is
-    initialised already, that one is used. Every job takes as many of Ray's processors as it has threads. One whose worker or whose
-    study is killed is made again, `retries` times. After any other failure the rest is called off, and what is whole is kept.
-    `told` hears of every job that is whole: how many there are, of how many, and its name.
+    `address` is Ray's: `"auto"` for the cluster that this machine belongs to, none for a new one on this machine; if Ray is initialised
+    already, that one is used. Every job takes as many of Ray's processors as it has threads. A job whose worker or study is killed is run
+    again, up to `retries` times. After any other failure the remaining jobs are cancelled, and complete ones are kept. `told` is called for
+    every complete job with the number of complete jobs, their total, and the job's name.
 
     Raises `SweepError`.
     """
@@ -155,13 +155,13 @@ def run(
 
 
 def _make(study: Study, name: str) -> str:
-    """What a worker of Ray does."""
+    """The function that a worker of Ray runs."""
     study.make(name)
     return name
 
 
 def _through_ray(ray, study: Study, jobs: Sequence[Job], threads: int, retries: int):
-    """Has Ray make all of them; their names as they become whole."""
+    """Runs all jobs with Ray; yields their names as they complete."""
     task = ray.remote(num_cpus=threads, max_retries=retries, retry_exceptions=[Killed])(_make)
     pending = {task.remote(study, job.name): job for job in jobs}
     try:
@@ -180,7 +180,7 @@ def _through_ray(ray, study: Study, jobs: Sequence[Job], threads: int, retries: 
 
 
 def parser() -> argparse.ArgumentParser:
-    """All options."""
+    """The parser of all options."""
     made = argparse.ArgumentParser(
         prog="python -m cairn.sweep",
         description="Makes a sweep of the study on a cluster, through Ray. docs/sweep.md tells what a sweep is.",
@@ -197,7 +197,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command line; its exit status."""
+    """Runs the command line and returns its exit status."""
     given = parser().parse_args(arguments)
 
     def told(done: int, of: int, name: str) -> None:

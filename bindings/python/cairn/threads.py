@@ -1,4 +1,4 @@
-"""The threads on which the library shares its work on pictures."""
+"""The threads that share the library's work on pictures."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _PRIORITIES = {
 
 
 def set_threads(threads: int | None = None, priority: str = "below_normal") -> None:
-    """Sets how many threads of its own the library has beside those that call it, and their priority, for the whole process.
+    """Sets the number and the priority of the library's own threads, for the whole process.
 
-    `threads` is 1 to 1024; None for one less than the physical cores this process may use, at least one. `priority` is
-    "below_normal", "normal" or "lowest". The threads start with the first work to be shared and end with the last object.
-    Results do not depend on how many there are. Raises `Busy` while there is an object, and `InvalidArgument`.
+    `threads` is 1 to 1024, in addition to the calling ones; `None` for one less than the physical cores that this process may use, but at least
+    one. `priority` is "below_normal", "normal" or "lowest". The threads start with the first work that is shared and end with the last object.
+    Their number changes no result. Raises `Busy` while there is an object, and `InvalidArgument`.
     """
     if priority not in _PRIORITIES:
         raise refuse("priority", f"{priority!r} is no priority", f"Use {', '.join(_PRIORITIES)}")

@@ -1,4 +1,4 @@
-"""Devices that run worlds, and worlds."""
+"""Devices, and worlds that run on them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from . import _interface as c
 from . import _onnxruntime
-from ._handles import Object, plain
+from ._handles import Object, field_values
 from ._library import call, encoded, make, read_text
 from .errors import Cancelled, refuse
 
@@ -24,12 +24,12 @@ _KINDS = {"cpu": c.DEVICE_CPU, "d3d12": c.DEVICE_D3D12}
 _KIND_NAMES = {number: name for name, number in _KINDS.items()}
 
 Progress = Callable[[str, int, int], object]
-"""`progress(stage, done, total)`: stage is "reading" in bytes, then "preparing" in graphs. `False` ends the load."""
+"""`progress(stage, done, total)`: stage is "reading" in bytes, then "preparing" in graphs. Returning `False` cancels the load."""
 
 
 @dataclass(frozen=True)
 class Adapter:
-    """Something that a device can be made of. `kind` is "cpu" or "d3d12"; `memory` is in bytes, 0 where unknown."""
+    """A processor or an adapter on which a device can be created. `kind` is "cpu" or "d3d12"; `memory` is in bytes, 0 if unknown."""
 
     kind: str
     index: int
@@ -40,9 +40,10 @@ class Adapter:
 
 @dataclass(frozen=True)
 class Requirement:
-    """One thing that a device needs. `what` is "platform", "onnxruntime" or "memory", of AMD's FSR "fsr", "fsr-provider",
-    "fsr-system", "fsr-direct3d" or "fsr-shaders", or the number of one that is newer than this package; `met` is None where it
-    depends on the world, where the system does not tell, and where a device can be made without it."""
+    """One requirement of a device. `what` is "platform", "onnxruntime" or "memory", for AMD's FSR "fsr", "fsr-provider", "fsr-system",
+    "fsr-direct3d" or "fsr-shaders", or the number of one that is newer than this package. `met` is None if it depends on the world, if the
+    system does not report it, and if a device can be created without it.
+    """
 
     what: str
     met: bool | None
@@ -51,7 +52,7 @@ class Requirement:
 
 
 def adapters() -> list[Adapter]:
-    """What devices can be made of: the processor always, and Direct3D 12 adapters where the library can use them."""
+    """Lists what devices can be created on: always the processor, and Direct3D 12 adapters if the library can use them."""
     found = _list(c.Adapter, lambda *array: call("adapters", *array))
     return [
         Adapter(_KIND_NAMES.get(a.kind, str(a.kind)), a.index, a.name.decode(errors="replace"), a.memory, a.luid)
@@ -60,10 +61,10 @@ def adapters() -> list[Adapter]:
 
 
 def requirements(kind: str = "cpu", *, onnxruntime: str | os.PathLike[str] | None = None) -> list[Requirement]:
-    """What a device of that kind, "cpu" or "d3d12", needs and what was found; missing things are no error."""
+    """Lists what a device of that kind, "cpu" or "d3d12", needs and what was found; a missing requirement is not an error."""
     if kind not in _KINDS:
         raise refuse("kind", f"{kind!r} is no kind of device", 'Use "cpu" or "d3d12"')
-    options = c.DeviceOptions(flags=c.DEVICE_ENVIRONMENT, onnxruntime=_onnxruntime.chosen(onnxruntime))
+    options = c.DeviceOptions(flags=c.DEVICE_ENVIRONMENT, onnxruntime=_onnxruntime.library_path(onnxruntime))
     found = _list(c.Requirement, lambda *array: call("device_requirements", _KINDS[kind], byref(options), *array))
     names = {
         c.REQUIREMENT_PLATFORM: "platform",
@@ -89,7 +90,7 @@ def requirements(kind: str = "cpu", *, onnxruntime: str | os.PathLike[str] | Non
 
 
 def _list(kind: type[c.Sized], fill: Callable[..., int]) -> list[Any]:
-    """An array of structs that the library fills; there may be more at the second look than at the first."""
+    """An array of structs that the library fills; a second call may return more elements than the first."""
     count = c_uint32()
     fill(POINTER(kind)(), sizeof(kind), 0, byref(count))
     while True:
@@ -115,29 +116,29 @@ class Device(Object):
         deterministic: bool = False,
         onnxruntime: str | os.PathLike[str] | None = None,
     ) -> Self:
-        """A device of this machine's processor; loads ONNX Runtime.
+        """Creates a device on this machine's processor; loads ONNX Runtime.
 
-        `threads` share one pass, 1 to 1024; 0 is one for each physical core, and the last bits of a rollout depend on it.
-        `deterministic` asks for ONNX Runtime's deterministic kernels only. `onnxruntime` names its library file; None is the one
-        the environment variable CAIRN_ONNXRUNTIME names, else the one in the installed package `onnxruntime` where that is 1.24, else the first
-        beside this library or in the user's cache directory.
+        `threads` share one pass, 1 to 1024; 0 is one for each physical core. The last bits of a rollout depend on it. `deterministic` uses ONNX
+        Runtime's deterministic kernels only. `onnxruntime` is the path of its library file; None is the one in the environment variable
+        CAIRN_ONNXRUNTIME, else the one in the installed package `onnxruntime` if that is 1.24, else the first beside this library or in the
+        user's cache directory.
 
-        Raises `RuntimeMissing` when ONNX Runtime 1.24 is not there; `Unsupported` when this process uses another file of it
-        already; `InvalidArgument`; `DeviceError` when it does not start.
+        Raises `RuntimeMissing` if ONNX Runtime 1.24 is missing; `Unsupported` if this process already uses another file of it;
+        `InvalidArgument`; `DeviceError` if it does not start.
         """
         if not 0 <= threads <= 1024:
             raise refuse("threads", f"{threads} is no number of threads", "Give 1 to 1024, or 0 for each physical core")
         flags = c.DEVICE_ENVIRONMENT | (c.DEVICE_DETERMINISTIC if deterministic else 0)
-        options = c.DeviceOptions(threads=threads, flags=flags, onnxruntime=_onnxruntime.chosen(onnxruntime))
-        with _onnxruntime.explained():
+        options = c.DeviceOptions(threads=threads, flags=flags, onnxruntime=_onnxruntime.library_path(onnxruntime))
+        with _onnxruntime.with_hints():
             return cls(make("device_create_cpu", byref(options)))
 
     def _info(self) -> c.DeviceInfo:
-        return self._filled("device_get_info", c.DeviceInfo)
+        return self._fill("device_get_info", c.DeviceInfo)
 
     @property
     def description(self) -> str:
-        """For people, such as "ONNX Runtime 1.24.4 CPU, 8 threads"."""
+        """Description for people, such as "ONNX Runtime 1.24.4 CPU, 8 threads"."""
         return str(self._info().description.decode(errors="replace"))
 
     @property
@@ -147,7 +148,7 @@ class Device(Object):
 
     @property
     def precision(self) -> str:
-        """What it computes in unless told otherwise: "f32" or "f16"."""
+        """Default precision of worlds: "f32" or "f16"."""
         return _PRECISION_NAMES[self._info().precision]
 
     @property
@@ -157,7 +158,7 @@ class Device(Object):
 
     @property
     def memory(self) -> tuple[int, int]:
-        """MiB of its adapter's memory that the system grants to this process now, and that it uses; (0, 0) where none says so."""
+        """MiB of its adapter's memory that the system grants to this process at present, and that the process uses; (0, 0) if unknown."""
         info = self._info()
         return int(info.memory_budget_mib), int(info.memory_used_mib)
 
@@ -171,17 +172,17 @@ class Device(Object):
         fit_window: bool = False,
         progress: Progress | None = None,
     ) -> World:
-        """Loads a world: reads and checks the bundle, compares the memory it needs with what there is, and prepares its graphs.
-        Takes seconds to minutes with real weights; other threads go on meanwhile.
+        """Loads a world: reads and checks the bundle, compares the memory it needs with the memory available, and prepares its graphs. Takes
+        seconds to minutes with real weights; other threads continue meanwhile.
 
-        `path` is a bundle, a folder or a file; None is the world embedded in the library, where there is one. `precision` None
-        is what the device is best at. `operating_point` is a preset, with changes after commas where needed, such as
-        "coherence" or "stock,g64,native"; None is "stock" at the bundle's own window. `memory_limit` is in bytes for the world
-        and one rollout; 0 is what the system has available. `fit_window` narrows the global window where it is too wide for that,
-        instead of refusing; the rollout's operating point says which it is. `progress` is called on this thread.
+        `path` is a bundle, a folder or a file; None is the world embedded in the library, if there is one. `precision` None is the device's
+        default. `operating_point` is a preset with changes after commas, such as "coherence" or "stock,g64,native"; None is "stock" with the
+        bundle's own window. `memory_limit` is in bytes for the world and one rollout; 0 is what the system has available. `fit_window` narrows
+        the global window if it does not fit that memory, instead of failing; the rollout's operating point names it. `progress` is called on
+        this thread.
 
-        Raises `InvalidArgument`, `FileError`, `InvalidBundle`, `Unsupported`, `OutOfMemory` with figures, `DeviceError`;
-        `Cancelled` when `progress` gave False; and what `progress` raises.
+        Raises `InvalidArgument`, `FileError`, `InvalidBundle`, `Unsupported`, `OutOfMemory` with the numbers, `DeviceError`; `Cancelled` if
+        `progress` returned False; and what `progress` raises.
         """
         if precision is not None and precision not in _PRECISIONS:
             raise refuse("precision", f"{precision!r} is no precision", 'Use "f32" or "f16", or None')
@@ -189,7 +190,7 @@ class Device(Object):
             raise refuse("memory_limit", f"{memory_limit} is no number of bytes", "Give bytes, or 0 for no limit of your own")
         raised: list[BaseException] = []
 
-        def told(state: Any, _user: object) -> int:
+        def on_progress(state: Any, _user: object) -> int:
             # An exception must not pass through the library: it is stored, the load ends, and it is raised afterwards.
             try:
                 at = state.contents
@@ -206,7 +207,7 @@ class Device(Object):
             memory_limit=memory_limit,
             flags=c.WORLD_FIT_WINDOW * fit_window,
             # Set even without a caller's callback, because Ctrl+C is noticed there.
-            progress=c.load_callback(told),
+            progress=c.load_callback(on_progress),
         )
         try:
             return World(make("world_load", self._handle, byref(options)))
@@ -218,11 +219,11 @@ class Device(Object):
 
 @dataclass(frozen=True)
 class WorldInfo:
-    """What a world is. Sizes are in pixels; rates are per second of world time; windows are in latents.
+    """Properties of a world. Sizes are in pixels; rates are per second of world time; windows are in latents.
 
-    `render_*` is the size of an anchor's pictures, in square pixels, and `decoded_*` as the autoencoder makes them, which may be
-    squeezed. `latent_*` is the shape of a latent. `global_window` is how far a global layer looks back, as loaded;
-    `keys` is one more than the highest virtual-key code it knows; `digest` is the bundle's identity.
+    `render_*` is the size of an anchor's pictures, in square pixels, and `decoded_*` that of the autoencoder's pictures, whose pixels may not
+    be square. `latent_*` is the shape of a latent. `global_window` is the context window of a global layer, as loaded; `keys` is one more than
+    the highest virtual-key code that the model knows; `digest` is the bundle's identity.
     """
 
     name: str
@@ -249,7 +250,7 @@ class WorldInfo:
 
 @dataclass(frozen=True)
 class WorldMemory:
-    """Bytes that a world and one rollout need. `ring` and `slabs` are what each further rollout takes."""
+    """Bytes that a world and one rollout need. Each further rollout needs `ring` and `slabs`."""
 
     bundle: int
     weights: int
@@ -268,28 +269,28 @@ class World(Object):
 
     @property
     def info(self) -> WorldInfo:
-        """What it is."""
-        fields = plain(self._filled("world_get_info", c.WorldInfo))
+        """Its properties."""
+        fields = field_values(self._fill("world_get_info", c.WorldInfo))
         return WorldInfo(**{**fields, "precision": _PRECISION_NAMES[fields["precision"]]})
 
     @property
     def memory(self) -> WorldMemory:
-        """How much memory it needs with one rollout, as was found before loading."""
-        return WorldMemory(**plain(self._filled("world_get_memory", c.WorldMemory)))
+        """The memory that it needs with one rollout, as computed before loading."""
+        return WorldMemory(**field_values(self._fill("world_get_memory", c.WorldMemory)))
 
     @property
     def licence_text(self) -> str:
-        """The text of its licence; empty where the bundle has none."""
+        """The text of its licence; empty if the bundle has none."""
         return read_text("world_get_licence", self._handle)
 
     def rollout(self, seed: int = 0, *, operating_point: str | None = None, queue_capacity: int = 0) -> Rollout:
-        """Starts a rollout, empty: append a seed picture first.
+        """Creates a rollout without latents: append a seed picture first.
 
-        `seed` of 64 bits decides all noise: the same seed, world, device and controls give the same pictures, bit for bit.
-        `operating_point` must have the world's global window; None is the world's. `queue_capacity` is how many steps may wait,
-        run, or be done and not asked for, 1 to 64; 0 is 4.
+        `seed` of 64 bits decides all noise: the same seed, world, device and controls give the same pictures, bit for bit. `operating_point`
+        must have the world's global window; None is the world's. `queue_capacity` is the largest number of steps that wait, run, or have a
+        result not yet fetched, 1 to 64; 0 is 4.
 
-        Raises `InvalidArgument`, `OutOfMemory` with figures, `DeviceError`.
+        Raises `InvalidArgument`, `OutOfMemory` with the numbers, `DeviceError`.
         """
         from .rollout import Rollout
 

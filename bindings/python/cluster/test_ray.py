@@ -1,4 +1,4 @@
-"""A sweep through Ray, on an instance of this machine, beside the same sweep by processes."""
+"""A sweep with Ray, on an instance on this machine, compared with the same sweep by processes."""
 
 import csv
 import json
@@ -31,7 +31,7 @@ steps = [4]
 
 @pytest.fixture(scope="module")
 def cluster():
-    """Ray on two processors; its sockets want a short path."""
+    """Ray with two processors, in a folder with a short path, as its sockets need."""
     folder = tempfile.mkdtemp(prefix="ray-", dir="/tmp" if os.path.isdir("/tmp") else None)
     ray.init(num_cpus=2, include_dashboard=False, object_store_memory=80 << 20, log_to_driver=False, _temp_dir=folder)
     yield
@@ -53,12 +53,12 @@ def numbers(out: Path) -> list[list[str]]:
 
 
 def written(out: Path) -> dict[str, int]:
-    """When each file of the rollouts was written."""
+    """The modification time of each file of the rollouts."""
     return {str(path): path.stat().st_mtime_ns for path in out.glob("sword-41/g*/**/*") if path.is_file()}
 
 
 def kill_the_first_worker(plan: Path, out: Path) -> list[int]:
-    """Kills, once, the study that makes frames in `out`, from another thread; the list gets its process."""
+    """Kills, once and from another thread, the study that makes frames in `out`; appends its process to the list."""
     killed: list[int] = []
 
     def watch():

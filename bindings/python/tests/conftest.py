@@ -1,4 +1,4 @@
-"""What several tests share: one tiny bundle, and ONNX Runtime sessions of its graphs."""
+"""Fixtures that several tests share: one tiny bundle, and ONNX Runtime sessions of its graphs."""
 
 from pathlib import Path
 

@@ -21,7 +21,7 @@ def names(file: str) -> dict[str, tuple[int, ...]]:
 
 
 def transformer_names(g) -> dict[str, tuple[int, ...]]:
-    """The released transformer's list, shrunk to the shapes of `g`: every layer of ours has the names one of theirs has."""
+    """The released transformer's list, shrunk to the shapes of `g`: each layer gets the names of a released one."""
     sizes = {2048: g.width, 1024: g.kv_width, 8192: g.width * g.mlp_ratio, 4096: 2 * g.width, 32: g.latent_channels}
     out = {}
     for name, shape in names("waypoint-1.5-1b.json").items():
@@ -54,7 +54,7 @@ def autoencoder_names(g) -> dict[str, tuple[int, ...]]:
 
 
 def numbers(shapes: dict[str, tuple[int, ...]], seed: int = 0) -> dict[str, np.ndarray]:
-    """Small float32 numbers that bfloat16 holds exactly; the matrices all layers share are equal in all layers."""
+    """Small float32 numbers that bfloat16 represents exactly; the matrices that all layers share are equal in all layers."""
     rng = np.random.default_rng(seed)
     shared, out = {}, {}
     for name, shape in sorted(shapes.items()):
@@ -75,7 +75,7 @@ def stored(values: np.ndarray, kind: str) -> bytes:
 
 
 def write_safetensors(path: Path, tensors: dict[str, np.ndarray], kind: str) -> None:
-    """Through the safetensors library, whose idea of the format is the witness; its numpy side cannot write BF16."""
+    """Writes a file with the safetensors library as an independent implementation of the format. Its numpy part cannot write BF16."""
     if kind != "BF16":
         save_file({n: np.array(v, np.float32 if kind == "F32" else np.float16) for n, v in tensors.items()}, str(path))
         return

@@ -1,4 +1,4 @@
-"""A rollout in a few lines, for tests of graphs: one ring per kind of layer, written in order."""
+"""A minimal rollout for tests of graphs: one ring per kind of layer, written in order."""
 
 import numpy as np
 from conftest import session

@@ -1,4 +1,4 @@
-"""Where the runtime's tests find the library and the worlds."""
+"""Finds the library and the worlds for tests of the runtime."""
 
 import os
 import subprocess
@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 def need_library() -> Path:
-    """Cairn's library: the one CAIRN_LIBRARY names, else as cargo's tests have it, built here where it is missing."""
+    """Cairn's library: the one in CAIRN_LIBRARY, else the one that cargo builds for tests, which is built here if it is missing."""
     if not os.environ.get(_library.VARIABLE):
         target = Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target")
         path = target / "debug" / _library.FILE
@@ -39,7 +39,7 @@ def pattern(height: int, width: int, channels: int = 4) -> np.ndarray:
 
 
 def python(*arguments: str, **environment: str | None) -> subprocess.CompletedProcess[str]:
-    """Runs this Python; variables that are None are taken away."""
+    """Runs this Python with changed environment variables; None removes a variable."""
     variables = {**os.environ, "PYTHONPATH": str(ROOT / "bindings" / "python"), "PYTHONUTF8": "1"}
     for name, value in environment.items():
         variables.pop(name, None)

@@ -1,4 +1,4 @@
-"""Steps that are awaited: the loop goes on, results are those of steps, and what is cancelled leaves the rollout whole."""
+"""Awaited steps: the event loop continues, results equal those of direct steps, and a cancellation leaves the rollout consistent."""
 
 import asyncio
 import contextlib
@@ -39,15 +39,15 @@ def expected(world) -> list[np.ndarray]:
         return pictures
 
 
-def goes_on(rollout, expected) -> None:
-    """Whether a rollout is whole: at rest, and its next steps are those of a walk that nothing disturbed."""
+def is_consistent(rollout, expected) -> None:
+    """Whether a rollout is idle and its next steps equal those of an undisturbed walk."""
     assert rollout.statistics.queue_depth == 0
     for number in range(rollout.info.latents - 1, len(WALK)):
         rollout.step(WALK[number])
         assert np.array_equal(rollout.anchor().picture(), expected[number]), number
 
 
-def test_awaited_steps_are_steps(world, expected):
+def test_awaited_steps_equal_direct_steps(world, expected):
     async def walk():
         with world.rollout(seed=7) as rollout:
             info, anchor = await rollout.append_async(runtime.pattern(72, 128))
@@ -62,7 +62,7 @@ def test_awaited_steps_are_steps(world, expected):
     assert all(map(np.array_equal, asyncio.run(walk()), expected))
 
 
-def test_the_loop_goes_on_while_a_step_is_held(rollout):
+def test_the_loop_continues_while_a_step_is_paused(rollout):
     async def walk():
         rollout.pause()
         step = asyncio.create_task(rollout.step_async())
@@ -123,12 +123,12 @@ def test_room_in_the_queue_is_awaited(world, expected):
                 await waiting
             _, anchor = await rollout.result_async(third)
             assert np.array_equal(anchor.picture(), expected[2])
-            goes_on(rollout, expected)
+            is_consistent(rollout, expected)
 
     asyncio.run(walk())
 
 
-def test_a_step_that_is_given_up_was_not_begun(rollout, expected):
+def test_a_cancelled_step_was_not_started(rollout, expected):
     async def walk():
         rollout.pause()
         step = asyncio.create_task(rollout.step_async(WALK[3]))
@@ -138,12 +138,12 @@ def test_a_step_that_is_given_up_was_not_begun(rollout, expected):
             await step
         rollout.resume()
         assert rollout.info.latents == 1
-        goes_on(rollout, expected)
+        is_consistent(rollout, expected)
 
     asyncio.run(walk())
 
 
-def test_wherever_a_step_is_given_up_the_rollout_is_whole(world, expected):
+def test_the_rollout_is_consistent_after_a_cancellation_at_any_time(world, expected):
     async def walk(after: int) -> int:
         with world.rollout(seed=7) as rollout:
             rollout.append(runtime.pattern(72, 128))
@@ -155,13 +155,13 @@ def test_wherever_a_step_is_given_up_the_rollout_is_whole(world, expected):
                 await step
             made = rollout.info.latents
             assert made in (1, 2)
-            goes_on(rollout, expected)
+            is_consistent(rollout, expected)
             return made
 
     assert {asyncio.run(walk(after)) for after in (0, 1, 3, 10, 1000)} == {1, 2}
 
 
-def test_a_timeout_leaves_the_rollout_at_rest(rollout, expected):
+def test_a_timeout_leaves_the_rollout_idle(rollout, expected):
     async def walk():
         rollout.pause()
         with pytest.raises(TimeoutError):
@@ -169,12 +169,12 @@ def test_a_timeout_leaves_the_rollout_at_rest(rollout, expected):
                 await rollout.step_async(WALK[0])
         rollout.resume()
         # Immediately, without a wait in between.
-        goes_on(rollout, expected)
+        is_consistent(rollout, expected)
 
     asyncio.run(walk())
 
 
-def test_those_behind_a_step_that_is_given_up_are_told(rollout, expected):
+def test_steps_queued_after_a_cancelled_one_are_cancelled(rollout, expected):
     async def walk():
         rollout.pause()
         steps = [asyncio.create_task(rollout.step_async(controls)) for controls in WALK[:3]]
@@ -183,7 +183,7 @@ def test_those_behind_a_step_that_is_given_up_are_told(rollout, expected):
         ends = await asyncio.gather(*steps, return_exceptions=True)
         assert [type(end) for end in ends] == [cairn.Cancelled, asyncio.CancelledError, cairn.Cancelled]
         rollout.resume()
-        goes_on(rollout, expected)
+        is_consistent(rollout, expected)
 
     asyncio.run(walk())
 
@@ -197,13 +197,13 @@ def test_a_second_cancellation_does_not_leave_a_step_behind(rollout, expected):
         step.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await step
-        goes_on(rollout, expected)
+        is_consistent(rollout, expected)
 
     asyncio.run(walk())
 
 
 @pytest.mark.parametrize("closing", [True, False])
-def test_a_play_that_is_given_up_leaves_the_queue_empty(rollout, expected, closing):
+def test_an_abandoned_play_leaves_the_queue_empty(rollout, expected, closing):
     async def walk():
         play = rollout.play_async(WALK)
         if closing:
@@ -218,12 +218,12 @@ def test_a_play_that_is_given_up_leaves_the_queue_empty(rollout, expected, closi
             gc.collect()
             while rollout.statistics.queue_depth:
                 await asyncio.sleep(0.001)
-        goes_on(rollout, expected)
+        is_consistent(rollout, expected)
 
     asyncio.run(walk())
 
 
-def test_what_a_step_raises_is_raised_where_it_is_awaited(rollout):
+def test_a_steps_error_is_raised_where_it_is_awaited(rollout):
     async def walk():
         with pytest.raises(cairn.InvalidArgument):
             await rollout.step_async(cairn.Controls(mouse=(float("nan"), 0)))

@@ -1,4 +1,4 @@
-"""The encoder and the streaming decoder against a second writing of TAEHV-1.5, in numpy, parallel over time."""
+"""The encoder and the streaming decoder against a second implementation of TAEHV-1.5, in numpy, parallel over time."""
 
 import numpy as np
 import pytest
@@ -77,7 +77,7 @@ def test_encoder_equals_the_numpy_one(tiny, weights):
 
 @pytest.fixture(scope="module")
 def streaming(tmp_path_factory):
-    """A bundle like `tiny` whose encoder is handed its memories."""
+    """A bundle like `tiny` whose encoder takes its memories as inputs."""
     g = PRESETS["stream"][1]
     out = tmp_path_factory.mktemp("bundles") / "stream"
     licence = Licence("CC0-1.0", "No rights reserved.\n")

@@ -1,4 +1,4 @@
-"""Checkpoints in the released layout: completely read, and refused with the tensor's name where something is off."""
+"""Checkpoints in the released layout: they are read completely, and faults are refused with the tensor's name."""
 
 import json
 import math

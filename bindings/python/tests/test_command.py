@@ -1,4 +1,4 @@
-"""The command line, archives, and what happens when writing fails."""
+"""The command line, archives, and failures while writing."""
 
 import json
 import subprocess
@@ -93,7 +93,7 @@ def test_a_tampered_archive_is_refused(tiny, tmp_path):
 
 
 class Failing(RandomWeights):
-    """Gives out in the middle."""
+    """A source of weights that fails half way."""
 
     left = 40
 

@@ -16,7 +16,7 @@ def library():
 
 
 @pytest.mark.parametrize("name", sorted(cairn.KEYS))
-def test_a_key_s_name_is_that_of_scripts(name):
+def test_keys_have_the_names_of_scripts(name):
     with cairn.Script(f"cairn-controls 1\n0..1 hold {name}\n") as script:
         assert script.controls(1, 15).keys == (cairn.KEYS[name],) == (cairn.key_code(name.lower()),)
 
@@ -27,7 +27,7 @@ def test_every_code_has_a_name():
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
-def test_a_script_and_its_text_say_the_same(path: Path):
+def test_a_script_equals_its_text(path: Path):
     with cairn.Script.read(path) as script, cairn.Script(script.text) as again:
         assert script.duration == again.duration > 0
         for latent in range(1, 31):
@@ -36,14 +36,14 @@ def test_a_script_and_its_text_say_the_same(path: Path):
             script.controls(1, 0)
 
 
-def test_what_is_wrong_in_a_script_is_named():
+def test_errors_in_a_script_are_reported():
     with pytest.raises(cairn.InvalidArgument, match="line 2"):
         cairn.Script("cairn-controls 1\n0..1 hold NO_SUCH_KEY\n")
     with pytest.raises(cairn.Unsupported):
         cairn.Script("cairn-controls 999\n")
 
 
-def test_steps_that_are_recorded_come_back_bit_for_bit():
+def test_recorded_steps_are_reproduced_bit_for_bit():
     steps = [
         cairn.Controls(),
         cairn.Controls(["W", "MOUSE_LEFT"], (12.5, -3), 1),

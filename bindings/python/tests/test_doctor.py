@@ -1,4 +1,4 @@
-"""`python -m cairn`, as a user runs it: in a process of its own, and where things are missing."""
+"""`python -m cairn` in a process of its own, as a user runs it, also with missing parts."""
 
 import ctypes
 import os
@@ -47,7 +47,7 @@ def test_without_a_path_it_is_the_embedded_world():
         (["--world", os.path.dirname(__file__)], {}, ["FAIL world", "cairn-world.json"]),
     ],
 )
-def test_what_is_wrong_is_named_with_what_to_do(arguments, environment, says):
+def test_problems_are_reported_with_a_remedy(arguments, environment, says):
     result = doctor(*arguments, **environment)
     shown = " ".join(result.stdout.split())
     assert result.returncode == 1 and not result.stderr
@@ -81,7 +81,7 @@ def test_the_end_of_a_program_is_quiet_with_everything_open():
     assert (result.returncode, result.stdout.strip(), result.stderr) == (0, "(72, 128, 4)", "")
 
 
-def test_what_amd_s_libraries_need_is_said_where_direct3d_is_there(monkeypatch, capsys):
+def test_amds_requirements_are_listed_if_direct3d_is_available(monkeypatch, capsys):
     from cairn import doctor as program
     from cairn.world import Adapter, Requirement, requirements
 

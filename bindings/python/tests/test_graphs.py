@@ -1,4 +1,4 @@
-"""Names, types and shapes of the graphs, the size of what they compute on the way, and the operators they use."""
+"""Names, types and shapes of the graphs, the size of their intermediate values, and the operators that they use."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""`cairn._interface` against `abi.txt`, the record of the C interface."""
+"""`cairn._interface` against `abi.txt`."""
 
 import ctypes
 from pathlib import Path
@@ -39,7 +39,7 @@ TYPES = {
 
 
 def lines(kind: str) -> list[list[str]]:
-    """Words of the record's lines of a kind."""
+    """The words of `abi.txt`'s lines of one kind."""
     found = [line.split(" ")[1:] for line in RECORD if line.startswith(f"{kind} ")]
     assert found, f"abi.txt has no {kind}"
     return found
@@ -57,14 +57,14 @@ def parsed(declaration: str) -> tuple[str, object]:
     return name, ctypes.c_void_p if stars == 1 else ctypes.POINTER(ctypes.c_void_p)
 
 
-def test_constants_are_those_of_the_record():
+def test_constants_match_abi_txt():
     recorded = {name.removeprefix("CAIRN_"): int(value) for name, value in lines("constant")}
     assert recorded["FOREVER"] == -1
     recorded["FOREVER"] = 2**64 - 1
     assert {name: value for name, value in vars(c).items() if name.isupper() and isinstance(value, int)} == recorded
 
 
-def test_structs_have_the_sizes_and_places_of_the_record():
+def test_struct_layouts_match_abi_txt():
     recorded = {name for name, _ in lines("struct")}
     assert STRUCTS.keys() == recorded
     newest = dict(lines("size"))
@@ -76,7 +76,7 @@ def test_structs_have_the_sizes_and_places_of_the_record():
         assert own == fields
 
 
-def test_functions_take_and_answer_what_the_record_says():
+def test_function_signatures_match_abi_txt():
     recorded = {}
     for line in RECORD:
         if line.startswith("function "):
@@ -99,7 +99,7 @@ def test_every_error_has_an_exception_of_its_own():
         assert str(kind("what it says", result)) == "what it says"
 
 
-def test_all_that_is_exported_is_there():
+def test_all_exported_names_exist():
     for name in cairn.__all__:
         assert getattr(cairn, name) is not None, name
 

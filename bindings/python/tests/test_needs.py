@@ -1,4 +1,4 @@
-"""The builder where the packages that only it needs are missing."""
+"""The builder without the packages that only it needs."""
 
 import os
 import subprocess
@@ -20,20 +20,20 @@ def without(tmp_path, missing, *arguments):
     return subprocess.run([sys.executable, *arguments], env=os.environ | {"PYTHONPATH": paths}, capture_output=True, text=True, check=False)
 
 
-def test_the_packages_are_those_of_the_extra():
+def test_the_packages_match_the_extra():
     project = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["project"]
     assert list(_needs.PACKAGES.values()) == project["optional-dependencies"]["build"]
     assert not any(package in project["dependencies"] for package in _needs.PACKAGES.values())
 
 
-def test_a_program_is_told_what_to_install(tmp_path):
+def test_the_error_names_what_to_install(tmp_path):
     done = without(tmp_path, ["yaml"], "-c", "from cairn.build import build_bundle")
     last = done.stderr.strip().splitlines()[-1]
     assert done.returncode == 1 and last.startswith("ImportError: cairn.build needs yaml, which is not installed")
     assert last.endswith(f'Run: {sys.executable} -m pip install "PyYAML>=6.0"')
 
 
-def test_a_command_says_so_and_no_more(tmp_path):
+def test_a_command_prints_only_the_error(tmp_path):
     done = without(tmp_path, ["onnx", "safetensors"], "-m", "cairn.build", "--help")
     assert done.returncode == 1 and done.stdout == "" and "Traceback" not in done.stderr
     assert done.stderr.strip().endswith('-m pip install "onnx>=1.16" "safetensors>=0.4.3"')

@@ -1,4 +1,4 @@
-"""What notebooks show: PNG files, read back here by another way than they are written."""
+"""What notebooks show: PNG files, decoded here by an independent implementation."""
 
 import struct
 import zlib
@@ -26,7 +26,7 @@ def chunks(file: bytes) -> list[tuple[bytes, bytes]]:
 
 
 def pixels(data: bytes, width: int, height: int) -> np.ndarray:
-    """Rows as the PNG specification undoes them, byte by byte."""
+    """Undoes the rows' filters as the PNG specification defines, byte by byte."""
     raw = zlib.decompress(data)
     assert len(raw) == height * (1 + 4 * width)
     out = np.zeros((height, 4 * width), np.uint8)
@@ -137,7 +137,7 @@ def test_a_film_is_made_of_a_play(world, tmp_path):
         ([np.zeros((4, 4, 4), np.uint8)], 1 << 16, "pictures a second"),
     ],
 )
-def test_what_is_no_film_is_refused(pictures, rate, says):
+def test_invalid_films_are_refused(pictures, rate, says):
     with pytest.raises(cairn.InvalidArgument, match=says):
         cairn.Film(pictures, rate)
     good = cairn.Film([np.zeros((4, 4, 4), np.uint8)], 15)

@@ -37,7 +37,7 @@ def test_motion_is_found_between_two_pictures():
     assert abs(np.median(middle[..., 0]) + 4) < 0.5 and abs(np.median(middle[..., 1])) < 0.5
 
 
-def test_motion_and_depth_of_ones_own_come_back():
+def test_guidance_returns_the_hosts_motion_and_depth():
     motion = np.random.default_rng(2).normal(0, 3, (24, 32, 2)).astype(np.float32)
     motion[0, 0] = np.nan, 1e9
     depth = np.linspace(0, 1, 24 * 32, dtype=np.float64).reshape(24, 32)
@@ -98,7 +98,7 @@ def test_a_frame_goes_into_memory_of_the_caller_as_bytes_or_halves():
                 presenter.draw(SECOND, out=wrong)
 
 
-def test_frames_change_their_size_and_keep_their_shape_where_they_shall():
+def test_frames_can_be_resized_with_letterbox():
     with cairn.Presenter(interval_ns=SECOND, letterbox=True) as presenter:
         first, second = anchors(2)
         presenter.push(first, 0)
@@ -119,7 +119,7 @@ def test_frames_change_their_size_and_keep_their_shape_where_they_shall():
             presenter.resize((0, 5))
 
 
-def test_overlays_and_budgets_are_said():
+def test_overlays_and_budgets_can_be_set():
     with cairn.Presenter(4, interval_ns=SECOND) as presenter:
         presenter.push(anchors(1)[0], 0)
         presenter.set_overlay(np.ones((96, 160), bool))
@@ -133,7 +133,7 @@ def test_overlays_and_budgets_are_said():
         assert (done.made_to_anchor, done.budget_changes, done.waiting, done.device_frames) == (4, 0, 0, 0)
 
 
-def test_a_cut_and_a_full_queue_are_said():
+def test_a_cut_and_a_full_queue_are_reported():
     with cairn.Presenter(2, interval_ns=SECOND, capacity=2) as presenter:
         first, second, third = anchors(3)
         assert presenter.push(first, 0)
@@ -174,11 +174,11 @@ def test_a_reset_takes_anchors_of_another_size():
         lambda: cairn.Guidance.of_arrays(np.zeros((4, 4, 2)), depth_kind="deep"),
     ],
 )
-def test_what_is_out_of_range_is_refused(make):
+def test_invalid_arguments_are_refused(make):
     with pytest.raises(cairn.InvalidArgument):
         make()
 
 
-def test_a_generator_that_is_not_there_cannot_be_required():
+def test_requiring_a_missing_generator_fails():
     with pytest.raises(cairn.Unsupported):
         cairn.Presenter(shader="require")

@@ -1,4 +1,4 @@
-"""What runs at what rate: that it is counted right, and that the pages show what is counted."""
+"""Estimated rates: their arithmetic, and that the pages show them."""
 
 import re
 
@@ -51,7 +51,7 @@ def test_products_of_the_decoder_are_those_of_the_architecture(worlds):
         assert world.decode.flops == 2 * wanted, world.name
 
 
-def test_presets_are_the_library_s():
+def test_presets_match_the_library():
     text = (ROOT / "src" / "world" / "preset.rs").read_text(encoding="utf-8")
     of_stock = len(TINY.schedule) - 1
     for preset in rates.PRESETS_OF_THE_LIBRARY:
@@ -71,7 +71,7 @@ def test_faster_memory_and_faster_arithmetic_each_help_where_they_are_short(worl
     assert not world.fits(rates.Gpu("small", 1000, 1000, 3), stock)
 
 
-def test_the_pages_show_what_is_counted(worlds):
+def test_the_pages_show_the_estimates(worlds):
     page, readme = ((ROOT / name).read_text(encoding="utf-8") for name in ("docs/rates.md", "README.md"))
     why = f"make it again: python -m cairn.build rates {SHOWN}"
     assert rates.table(worlds).strip() in page, why

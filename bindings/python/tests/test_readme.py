@@ -17,7 +17,7 @@ def blocks(page: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("page", OWN, ids=lambda page: page.parent.name)
-def test_what_the_page_shows_runs(page, capsys):
+def test_the_pages_examples_run(page, capsys):
     runtime.need_library()
     picture = runtime.pattern(90, 160)
     with cairn.Device.cpu(threads=2) as device:
@@ -48,7 +48,7 @@ def test_the_book_shows_python():
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_what_the_book_shows_runs_by_itself(page, capsys):
+def test_the_books_examples_run_alone(page, capsys):
     runtime.need_library()
     names = {}
     for block in blocks(page):

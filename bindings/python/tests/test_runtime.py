@@ -157,14 +157,14 @@ def test_pictures_go_into_memory_of_the_caller(rollout):
         ("a text", "uint8"),
     ],
 )
-def test_what_is_no_picture_is_refused_with_a_remedy(rollout, picture, message):
+def test_invalid_pictures_are_refused_with_a_remedy(rollout, picture, message):
     with pytest.raises(cairn.InvalidArgument, match=message) as raised:
         rollout.append(picture)
     assert "picture" in raised.value.field
     assert rollout.info.latents == 1
 
 
-def test_an_error_has_the_library_s_message_and_its_parts(device, tmp_path):
+def test_an_error_has_the_librarys_message_and_its_parts(device, tmp_path):
     with pytest.raises(cairn.Error) as raised:
         device.load_world(tmp_path / "nowhere")
     error = raised.value
@@ -178,7 +178,7 @@ def test_an_error_has_the_library_s_message_and_its_parts(device, tmp_path):
     assert isinstance(raised.value, cairn.InvalidArgument)
 
 
-def test_texts_that_cannot_go_across_are_refused(device):
+def test_invalid_texts_are_refused(device):
     for path in ("a\0b", "\udcff", b"bytes"):
         with pytest.raises(cairn.InvalidArgument, match="path: "):
             device.load_world(path)
@@ -201,20 +201,20 @@ def test_texts_that_cannot_go_across_are_refused(device):
         lambda device, world: cairn.requirements("gpu"),
     ],
 )
-def test_what_is_out_of_range_is_refused(device, world, make):
+def test_invalid_arguments_are_refused(device, world, make):
     with pytest.raises(cairn.InvalidArgument) as raised:
         make(device, world)
     assert raised.value.cause
 
 
-def test_controls_that_cannot_be_leave_the_rollout_as_it_was(rollout):
+def test_invalid_controls_leave_the_rollout_unchanged(rollout):
     for controls in (cairn.Controls(mouse=(float("nan"), 0)), cairn.Controls(mouse=(1e6, 0))):
         with pytest.raises(cairn.InvalidArgument):
             rollout.step(controls)
     assert rollout.info.latents == 1
 
 
-def test_what_is_closed_stays_closed(world):
+def test_closed_objects_stay_closed(world):
     rollout = world.rollout()
     assert not rollout.closed
     rollout.close()
@@ -224,7 +224,7 @@ def test_what_is_closed_stays_closed(world):
         rollout.step()
 
 
-def test_the_collector_gives_back(world):
+def test_the_garbage_collector_destroys_objects(world):
     rollout = world.rollout()
     rollout.append(runtime.pattern(8, 8))
     assert rollout.submit() is not None
@@ -236,7 +236,7 @@ def test_the_collector_gives_back(world):
     assert gone() is None
 
 
-def test_a_load_can_be_given_up(device, world_path):
+def test_a_load_can_be_cancelled(device, world_path):
     with pytest.raises(cairn.Cancelled):
         device.load_world(world_path, progress=lambda *_: False)
 
@@ -252,7 +252,7 @@ def test_a_load_can_be_given_up(device, world_path):
     device.load_world(world_path).close()
 
 
-def test_the_queue_gives_what_steps_give(world):
+def test_queued_steps_give_the_same_results(world):
     expected = shown(world, WALK)
     with world.rollout(seed=7, queue_capacity=3) as rollout:
         assert rollout.submit_picture(runtime.pattern(72, 128)) is not None
@@ -270,7 +270,7 @@ def test_the_queue_gives_what_steps_give(world):
         assert rollout.info.latents == len(WALK) + 1
 
 
-def test_a_play_that_is_given_up_leaves_the_queue_empty(rollout):
+def test_an_abandoned_play_leaves_the_queue_empty(rollout):
     for anchor in rollout.play([cairn.Controls()] * 50):
         assert anchor.info.latent == 1
         break
@@ -298,7 +298,7 @@ def test_pause_and_single_step(rollout):
     rollout.step()
 
 
-def test_latents_are_held_to_a_budget(rollout):
+def test_a_budget_limits_latents(rollout):
     # No step finishes within a nanosecond.
     rollout.set_budget(1, ["stock", "explicit:1:0.5:0"])
     passes = [rollout.step(controls).denoise_passes for controls in WALK]
@@ -310,7 +310,7 @@ def test_latents_are_held_to_a_budget(rollout):
     rollout.set_budget(0, [])
 
 
-def test_one_budget_holds_latents_and_frames(world, rollout):
+def test_one_budget_limits_latents_and_frames(world, rollout):
     with cairn.Presenter(4, interval_ns=66_666_667) as presenter:
         # No step finishes within a nanosecond.
         rollout.govern(1, schedules=["stock", "explicit:1:0.5:0"], worlds=[world], presenter=presenter)
@@ -338,7 +338,7 @@ def test_a_second_step_beside_a_queued_one_is_busy(rollout):
     assert rollout.wait(ticket) is not None
 
 
-def test_a_saved_state_goes_on_bit_for_bit(world, tmp_path):
+def test_a_restored_state_continues_bit_for_bit(world, tmp_path):
     expected = shown(world, WALK)
     file = tmp_path / "ein Zustand – 状態.state"
     with world.rollout(seed=7) as rollout, world.rollout(seed=1) as other, world.rollout(seed=2) as third:
@@ -382,7 +382,7 @@ def test_four_pictures_are_one_latent(world):
         assert rollout.info.latents == 0
 
 
-def test_the_encoder_s_stream_is_kept_where_it_is_asked_for(device, world):
+def test_the_encoders_state_is_kept_on_request(device, world):
     picture, other = runtime.pattern(72, 128), runtime.pattern(72, 128)[::-1]
 
     def second_latent(world, keep):
@@ -410,7 +410,7 @@ def test_a_scene_edit_is_a_cut(rollout):
         rollout.anchor()
 
 
-def test_threads_run_beside_each_other(world):
+def test_threads_run_at_the_same_time(world):
     expected = shown(world, WALK)
     found: list[np.ndarray] = []
     threads = [threading.Thread(target=lambda: found.append(shown(world, WALK))) for _ in range(3)]
@@ -474,7 +474,7 @@ def test_threads_are_set_while_there_is_no_object(device):
             cairn.set_threads(**wrong)
 
 
-def test_what_there_is(device):
+def test_adapters_and_requirements_are_listed(device):
     assert [adapter.kind for adapter in cairn.adapters()][0] == "cpu"
     needed = {requirement.what: requirement for requirement in cairn.requirements()}
     assert needed["onnxruntime"].met and "1.24" in needed["onnxruntime"].found

@@ -1,4 +1,4 @@
-"""The cluster's side of a sweep, without a cluster: what it says to the study and what it makes of the answer."""
+"""The module that runs sweeps on a cluster, without a cluster: its calls of the study, and how it uses the results."""
 
 import json
 import stat
@@ -20,7 +20,7 @@ with open({log!r}, "a") as log:
 
 @pytest.fixture
 def study(tmp_path):
-    """Makes a study of which only `act` is there."""
+    """A study of which only `act` exists."""
 
     def make(act: str) -> sweep.Study:
         program = tmp_path / "study"
@@ -60,7 +60,7 @@ def test_a_list_of_another_version_is_refused(study):
         study(f"print({json.dumps(listed(2))!r})").jobs()
 
 
-def test_the_studys_own_words_are_told(study, capsys, tmp_path, monkeypatch):
+def test_the_studys_message_is_raised(study, capsys, tmp_path, monkeypatch):
     own = study("sys.exit('error: mine.toml: scenes: there is no scene')")
     with pytest.raises(sweep.SweepError, match="there is no scene") as failed:
         own.make("sword-41/g128")
@@ -71,7 +71,7 @@ def test_the_studys_own_words_are_told(study, capsys, tmp_path, monkeypatch):
     assert capsys.readouterr().err == "error: mine.toml: scenes: there is no scene\n"
 
 
-def test_a_killed_study_is_told_from_one_that_failed(study):
+def test_a_killed_study_differs_from_a_failed_one(study):
     with pytest.raises(sweep.Killed, match="signal 9"):
         study("os.kill(os.getpid(), 9)").make("sword-41/g128")
 
@@ -84,7 +84,7 @@ def test_nothing_else_needs_ray(monkeypatch, capsys, study, tmp_path):
     assert not (tmp_path / "log").exists(), "the study was not called"
 
 
-def test_a_study_that_is_not_there_is_named(monkeypatch, tmp_path):
+def test_a_missing_study_is_named(monkeypatch, tmp_path):
     monkeypatch.setenv("CAIRN_STUDY", str(tmp_path / "nowhere"))
     with pytest.raises(sweep.SweepError, match="nowhere.*cargo build"):
         sweep.find_study()

@@ -1,4 +1,4 @@
-"""The reader of torch's zip files: tensors come out, nothing else does, and nothing in the file is run."""
+"""The reader of torch's zip files: it returns tensors and nothing else, and runs nothing in the file."""
 
 import pickle
 import zipfile
@@ -38,7 +38,7 @@ def test_strided_tensors_come_out_in_order(tmp_path):
 
 
 class Hostile:
-    """Pickles as a call of whatever is given."""
+    """Pickles as a call of any function."""
 
     def __init__(self, function, *arguments):
         self.call = function, arguments

@@ -1,5 +1,4 @@
-"""What is in the wheels, file by file, and what they say of themselves. CAIRN_WHEELS names their folder, CAIRN_BUILT the wheel that
-setuptools makes of the package."""
+"""The files and the metadata of the wheels. CAIRN_WHEELS is their folder, CAIRN_BUILT the wheel that setuptools makes of the package."""
 
 import base64
 import csv
@@ -30,7 +29,7 @@ def wheel(request):
 
 
 def one(files: dict[str, bytes], end: str) -> bytes:
-    """The only file of an ending."""
+    """The only file with that ending."""
     (found,) = [content for name, content in files.items() if name.endswith(end)]
     return found
 
@@ -41,7 +40,7 @@ def test_there_is_one_for_each_system():
         assert re.fullmatch(r"cairn-[0-9.]+-py3-none-\w+\.whl", wheel.name)
 
 
-def test_the_package_is_whole_and_has_its_library(wheel):
+def test_the_package_is_complete_and_has_the_library(wheel):
     path, files = wheel
     own = {f"cairn/{file.relative_to(PACKAGE).as_posix()}": file for file in PACKAGE.rglob("*") if file.suffix in (".py", ".typed")}
     library, magic = LIBRARIES[platform(path)]
@@ -73,13 +72,13 @@ def test_the_record_is_right(wheel):
             assert rows[name] == (f"sha256={sum}", str(len(content))), name
 
 
-def test_it_says_for_what_it_is(wheel):
+def test_it_names_its_platform(wheel):
     path, files = wheel
     said = message_from_string(one(files, "/WHEEL").decode())
     assert said["Tag"] == f"py3-none-{platform(path)}" and said["Root-Is-Purelib"] == "false" and said["Wheel-Version"] == "1.0"
 
 
-def test_it_says_of_itself_what_setuptools_says(wheel):
+def test_its_metadata_equals_setuptools(wheel):
     _, files = wheel
     with zipfile.ZipFile(os.environ["CAIRN_BUILT"]) as archive:
         built = {name: archive.read(name) for name in archive.namelist()}

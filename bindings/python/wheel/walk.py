@@ -1,4 +1,4 @@
-"""What a user does with an installed wheel, from a folder of nothing else: the library and ONNX Runtime are found by themselves.
+"""A user's first walk with an installed wheel, from an otherwise empty folder: the package finds the library and ONNX Runtime without settings.
 
     python walk.py FOLDER     writes a strip of pictures there
 """
@@ -17,12 +17,12 @@ WALK = [cairn.Controls(keys=["W"], mouse=(4, 0))] * 3
 
 
 def test(name: str, right: bool) -> None:
-    """One line for who counts."""
+    """Prints one line for the test runner."""
     print(f"test {name} ... {'ok' if right else 'FAILED'}", flush=True)
 
 
 async def awaited(world: cairn.World, seed: np.ndarray) -> tuple[list[np.ndarray], int]:
-    """Pictures of a walk, and how often the loop came round meanwhile."""
+    """Pictures of a walk, and how often the event loop ran meanwhile."""
     rounds = 0
 
     async def count() -> None:

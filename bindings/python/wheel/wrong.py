@@ -1,6 +1,6 @@
-"""What an installed wheel says where something is wrong: each in a process of its own, which this program starts.
+"""The errors of an installed wheel with missing or wrong libraries, each in a process of its own, which this program starts.
 
-    python wrong.py FOLDER STAND_INS     uses FOLDER, and libraries that are not quite Cairn
+    python wrong.py FOLDER STAND_INS     uses FOLDER, and libraries that are almost Cairn
 """
 
 import os
@@ -18,7 +18,7 @@ VERSION = "try:\n    print('loaded', _library.library().version)\nexcept cairn.E
 
 
 def said(program: str, **environment: str) -> str:
-    """What a new Python says that runs a program."""
+    """The output of a new Python that runs a program."""
     variables = {name: value for name, value in os.environ.items() if not name.startswith("CAIRN_")}
     variables |= {"PYTHONUTF8": "1", "PYTHONIOENCODING": "utf-8"} | environment
     command = [sys.executable, "-X", "utf8", "-W", "always", "-c", LOAD + program]
@@ -27,7 +27,7 @@ def said(program: str, **environment: str) -> str:
 
 
 def test(name: str, text: str, *parts: str) -> None:
-    """One line for who counts; where it failed, what was said."""
+    """Prints one line for the test runner; on failure also the output."""
     right = all(part.lower() in text.lower() for part in parts)
     if not right:
         print(f"{name}: {parts} should be in {text!r}")
@@ -35,14 +35,14 @@ def test(name: str, text: str, *parts: str) -> None:
 
 
 def other_processor(library: bytes) -> bytes:
-    """The same for arm64, as far as its head says."""
+    """The library with a header that names arm64."""
     at = int.from_bytes(library[60:64], "little") + 4 if WINDOWS else 18
     machine = 0xAA64 if WINDOWS else 183
     return library[:at] + machine.to_bytes(2, "little") + library[at + 2 :]
 
 
 def later_glibc(library: bytes) -> bytes:
-    """The same, needing a glibc that nobody has."""
+    """The library with a requirement of a future glibc."""
     needed = max((part.split(b"\0")[0] for part in library.split(b"\0GLIBC_")[1:]), key=lambda text: [int(n) for n in text.split(b".")])
     return library.replace(b"\0GLIBC_" + needed + b"\0", b"\0GLIBC_" + b"9.9999"[: len(needed)] + b"\0")
 
@@ -51,7 +51,7 @@ def main(folder: Path, stand_ins: Path) -> None:
     package = Path(_file.__file__).parent
     own = package / _library.FILE
     whole = own.read_bytes()
-    here = str(_file.here())
+    here = str(_file.this_process())
 
     def library(name: str, content: bytes) -> str:
         place = folder / name / _library.FILE

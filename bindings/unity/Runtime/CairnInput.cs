@@ -5,13 +5,13 @@ namespace Cairn.Unity
 {
     /// <summary>
     /// The player's input for a world: keys that are held, and movement of mouse and wheel since the world's last step.
-    /// Reads the Input System where the project has it, else the Input Manager.
+    /// Reads the Input System if the project has it, otherwise the Input Manager.
     /// </summary>
     [AddComponentMenu("Cairn/Cairn Input")]
     [DisallowMultipleComponent]
     public sealed class CairnInput : MonoBehaviour
     {
-        [SerializeField, Tooltip("What movements of the mouse are multiplied by.")]
+        [SerializeField, Tooltip("Factor on movements of the mouse.")]
         private float mouseSpeed = 1;
 
         [SerializeField, Tooltip("Keeps the cursor in the middle while the component is on.")]
@@ -41,10 +41,10 @@ namespace Cairn.Unity
         {
             lock (sampling)
             {
-                var taken = new Controls(held) { MouseX = moved.x, MouseY = moved.y, Scroll = scrolled };
+                var controls = new Controls(held) { MouseX = moved.x, MouseY = moved.y, Scroll = scrolled };
                 moved = Vector2.zero;
                 scrolled = 0;
-                return taken;
+                return controls;
             }
         }
 

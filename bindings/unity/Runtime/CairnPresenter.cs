@@ -44,19 +44,19 @@ namespace Cairn.Unity
         [SerializeField, Tooltip("Height of the frames in pixels.")]
         private int height = 720;
 
-        [SerializeField, Tooltip("How the texture holds colours. Floats are for what is drawn in HDR.")]
+        [SerializeField, Tooltip("Colour format of the texture. Use floats with HDR rendering.")]
         private PresenterFormat format = PresenterFormat.ARGB32;
 
-        [SerializeField, Tooltip("Frames to an anchor: 1, 2, 3, 4 or 6.")]
+        [SerializeField, Tooltip("Frames per anchor: 1, 2, 3, 4 or 6.")]
         private int multiplier = 2;
 
-        [SerializeField, Tooltip("Anchors keep their shape, with black beside or above them.")]
+        [SerializeField, Tooltip("Keeps the anchors' aspect ratio with black bars, instead of stretching.")]
         private bool letterbox = true;
 
-        [SerializeField, Tooltip("AMD FidelityFX frame generation, where its libraries are there.")]
+        [SerializeField, Tooltip("AMD FidelityFX frame generation, if its libraries are installed.")]
         private Preference fsr = Preference.Auto;
 
-        [SerializeField, Tooltip("Where frames go.")]
+        [SerializeField, Tooltip("Destination of frames.")]
         private PresenterOutput output = PresenterOutput.Screen;
 
         private readonly object pushing = new object();
@@ -75,7 +75,7 @@ namespace Cairn.Unity
         private int preparedHeight;
         private long shownBefore;
         private Material surface;
-        private Texture surfaceHad;
+        private Texture surfaceTexture;
         private Vector2 surfaceScale;
         private Vector2 surfaceOffset;
 
@@ -138,7 +138,7 @@ namespace Cairn.Unity
             {
                 long shown = 0;
                 string why;
-                if (view != null) view.IsWell(out shown, out why);
+                if (view != null) view.TryGetShown(out shown, out why);
                 return shownBefore + shown;
             }
         }
@@ -255,8 +255,8 @@ namespace Cairn.Unity
             Close();
             if (commands != null) commands.Release();
             commands = null;
-            LeaveSurface();
-            DropTexture();
+            DetachFromRenderer();
+            DestroyTexture();
         }
 
         private void LateUpdate()
@@ -274,7 +274,7 @@ namespace Cairn.Unity
                 Graphics.ExecuteCommandBuffer(commands);
                 long shown;
                 string why;
-                if (view.IsWell(out shown, out why)) failed = "";
+                if (view.TryGetShown(out shown, out why)) failed = "";
                 else if (why != failed) Fail(why);
             }
             catch (CairnException why)
@@ -370,7 +370,7 @@ namespace Cairn.Unity
             }
             if (texture == null || texture.width != width || texture.height != height)
             {
-                DropTexture();
+                DestroyTexture();
                 // Float textures have no sRGB conversion in the sampler.
                 RenderTextureReadWrite curve = format == PresenterFormat.ARGB32 ? RenderTextureReadWrite.sRGB : RenderTextureReadWrite.Linear;
                 texture = new RenderTexture(width, height, 0, wanted, curve)
@@ -381,10 +381,10 @@ namespace Cairn.Unity
             texture.Create();
             // Queried once, because Unity waits for its render thread to answer.
             pointer = texture.GetNativeTexturePtr();
-            if (output == PresenterOutput.Renderer) TakeSurface();
+            if (output == PresenterOutput.Renderer) AttachToRenderer();
         }
 
-        private void DropTexture()
+        private void DestroyTexture()
         {
             if (texture != null)
             {
@@ -396,7 +396,7 @@ namespace Cairn.Unity
         }
 
         /// <summary>Sets the texture on the renderer of the same object.</summary>
-        private void TakeSurface()
+        private void AttachToRenderer()
         {
             if (surface == null)
             {
@@ -407,7 +407,7 @@ namespace Cairn.Unity
                     return;
                 }
                 surface = shown.material;
-                surfaceHad = surface.mainTexture;
+                surfaceTexture = surface.mainTexture;
                 surfaceScale = surface.mainTextureScale;
                 surfaceOffset = surface.mainTextureOffset;
             }
@@ -417,14 +417,14 @@ namespace Cairn.Unity
         }
 
         /// <summary>Restores the renderer's own texture.</summary>
-        private void LeaveSurface()
+        private void DetachFromRenderer()
         {
             if (surface == null) return;
-            surface.mainTexture = surfaceHad;
+            surface.mainTexture = surfaceTexture;
             surface.mainTextureScale = surfaceScale;
             surface.mainTextureOffset = surfaceOffset;
             surface = null;
-            surfaceHad = null;
+            surfaceTexture = null;
         }
 
         private void Fail(string why)

@@ -45,13 +45,13 @@ namespace Cairn.Unity
         [SerializeField, Tooltip("The picture that the world starts from. Read/Write must be ticked in its import settings.")]
         private Texture2D seed = null;
 
-        [SerializeField, Tooltip("The number that the world's noise is made of.")]
+        [SerializeField, Tooltip("Seed of the world's noise.")]
         private int noise = 1;
 
-        [SerializeField, Tooltip("What the world computes on.")]
+        [SerializeField, Tooltip("Processor on which the world runs.")]
         private WorldProcessor processor = WorldProcessor.Graphics;
 
-        [SerializeField, Tooltip("Where controls come from. Empty for none.")]
+        [SerializeField, Tooltip("Source of controls. Empty for none.")]
         private CairnInput input = null;
 
         private readonly object changing = new object();
@@ -62,7 +62,7 @@ namespace Cairn.Unity
         private byte[] seedPixels;
         private int seedWidth;
         private int seedHeight;
-        private Work work;
+        private WorldThread work;
 
         /// <summary>The bundle: a path, or one below StreamingAssets; empty for the embedded world. Read when the component is enabled.</summary>
         public string Bundle
@@ -167,20 +167,20 @@ namespace Cairn.Unity
                 Fail(wrong.Message);
                 return;
             }
-            Tell(WorldState.Loading, "Loading");
-            work = new Work(this);
+            SetState(WorldState.Loading, "Loading");
+            work = new WorldThread(this);
         }
 
         private void OnDisable()
         {
-            Work left;
+            WorldThread left;
             lock (changing)
             {
                 left = work;
                 work = null;
             }
             if (left != null) left.Stop();
-            Tell(WorldState.Off, "");
+            SetState(WorldState.Off, "");
         }
 
         /// <summary>Copies the texture's pixels, rows from top to bottom.</summary>
@@ -217,7 +217,7 @@ namespace Cairn.Unity
             return true;
         }
 
-        private void Tell(WorldState now, string what)
+        private void SetState(WorldState now, string what)
         {
             lock (changing)
             {
@@ -228,12 +228,12 @@ namespace Cairn.Unity
 
         private void Fail(string why)
         {
-            Tell(WorldState.Failed, why);
+            SetState(WorldState.Failed, why);
             Debug.LogError("Cairn: " + why, this);
         }
 
         /// <summary>The world's thread, from loading to its end.</summary>
-        private sealed class Work
+        private sealed class WorldThread
         {
             private readonly CairnWorld owner;
             private readonly WorldOptions options;
@@ -247,7 +247,7 @@ namespace Cairn.Unity
             private readonly ManualResetEvent stopping = new ManualResetEvent(false);
             private volatile Device device;
 
-            internal Work(CairnWorld owner)
+            internal WorldThread(CairnWorld owner)
             {
                 this.owner = owner;
                 string path = owner.bundle;
@@ -257,7 +257,7 @@ namespace Cairn.Unity
                     Path = path.Length == 0 ? null : path,
                     OperatingPoint = owner.operatingPoint.Length == 0 ? null : owner.operatingPoint,
                     FitWindow = true,
-                    Progress = Told,
+                    Progress = OnProgress,
                 };
                 rolloutOptions = new RolloutOptions { Seed = (ulong)(uint)owner.noise };
                 processor = owner.processor;
@@ -287,10 +287,10 @@ namespace Cairn.Unity
                 get { return stopping.WaitOne(0); }
             }
 
-            private bool Told(LoadStage stage, long done, long total)
+            private bool OnProgress(LoadStage stage, long done, long total)
             {
                 string what = stage == LoadStage.Reading ? "Reading the bundle" : "Preparing the graphs";
-                owner.Tell(WorldState.Loading, $"{what}: {(total > 0 ? 100 * done / total : 0)} %");
+                owner.SetState(WorldState.Loading, $"{what}: {(total > 0 ? 100 * done / total : 0)} %");
                 return !IsStopping;
             }
 
@@ -316,7 +316,7 @@ namespace Cairn.Unity
                 catch (Exception why)
                 {
                     device = null;
-                    owner.Tell(WorldState.Failed, why.Message);
+                    owner.SetState(WorldState.Failed, why.Message);
                     // Without the component as context, because it belongs to the main thread.
                     Debug.LogError("Cairn: " + why.Message);
                 }
@@ -327,7 +327,7 @@ namespace Cairn.Unity
             {
                 RolloutInfo info = rollout.Info;
                 long interval = 1000000000 / Math.Max(1, info.LatentsPerSecond);
-                owner.Tell(WorldState.Running, $"{info.OperatingPoint}: {info.LatentsPerSecond} anchors a second");
+                owner.SetState(WorldState.Running, $"{info.OperatingPoint}: {info.LatentsPerSecond} anchors a second");
                 long next = Clock.NowNs;
                 while (!IsStopping)
                 {

@@ -44,8 +44,8 @@ namespace Cairn.Unity
 
         /// <summary>Makes a Cairn device on Unity's own. Takes a while, so call it off the main thread.</summary>
         /// <exception cref="CairnException">
-        /// <see cref="Result.Unsupported"/> where <see cref="IsReady"/> is false; <see cref="Result.RuntimeMissing"/> where ONNX Runtime is
-        /// not beside the library.
+        /// <see cref="Result.Unsupported"/> if <see cref="IsReady"/> is false; <see cref="Result.RuntimeMissing"/> if ONNX Runtime is not beside
+        /// the library.
         /// </exception>
         public static Device CreateDevice()
         {
@@ -75,7 +75,7 @@ namespace Cairn.Unity
         /// presenter got its first anchor. Until then, and in another size, the nearest anchor is shown. Compiled pipelines are kept in the file
         /// <paramref name="pipelines"/> for the next run.
         /// </summary>
-        /// <exception cref="CairnException">As a required generator that cannot be used, or too little memory.</exception>
+        /// <exception cref="CairnException">For example for a required generator that is not available, or too little memory.</exception>
         internal static void Prepare(Device device, Presenter presenter, int width, int height, string pipelines)
         {
             int result;
@@ -133,7 +133,7 @@ namespace Cairn.Unity
             }
 
             /// <summary>Number of frames shown; false if the last event failed, with the reason.</summary>
-            internal bool IsWell(out long shown, out string why)
+            internal bool TryGetShown(out long shown, out string why)
             {
                 var room = new byte[1024];
                 ulong frames = 0;

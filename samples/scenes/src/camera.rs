@@ -58,12 +58,12 @@ impl View {
     /// Transforms a world point to view space: right, up, forward of the eye.
     #[inline]
     pub fn to_view(&self, p: Vec3) -> Vec3 {
-        self.turn(p - self.eye)
+        self.rotate(p - self.eye)
     }
 
     /// Transforms a world direction to view space.
     #[inline]
-    pub fn turn(&self, d: Vec3) -> Vec3 {
+    pub fn rotate(&self, d: Vec3) -> Vec3 {
         Vec3::new(d.dot(self.axes[0]), d.dot(self.axes[1]), d.dot(self.axes[2]))
     }
 

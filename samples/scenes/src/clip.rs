@@ -54,7 +54,7 @@ impl<'a> Clip<'a> {
     /// A walk from its start. `None` if the rate is out of range.
     pub fn new(scene: &'a Scene, script: &'a ControlScript, options: ClipOptions) -> Option<Self> {
         let pace = (1..=MAX_RATE).contains(&options.rate).then(|| common_multiple(STEPS, options.rate))?;
-        let walker = options.start.map_or_else(|| Walker::new(scene), |start| Walker::standing(scene, start));
+        let walker = options.start.map_or_else(|| Walker::new(scene), |start| Walker::starting_at(scene, start));
         Some(Self { scene, script, options, walker, pace, steps: 0, before: None })
     }
 

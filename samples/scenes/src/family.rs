@@ -1,11 +1,11 @@
-//! The four kinds of places, with their light and atmosphere.
+//! The four families of scenes, with their light and atmosphere.
 
 use std::fmt;
 use std::str::FromStr;
 
 use glam::Vec3;
 
-/// A kind of place.
+/// A family of scenes: one kind of landscape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Family {
     /// A path between trunks under shallow fog.
@@ -21,7 +21,7 @@ pub enum Family {
 /// All four, in the order they are shown.
 pub const FAMILIES: [Family; 4] = [Family::Forest, Family::Sword, Family::Desert, Family::Snow];
 
-/// Light and atmosphere of a place. Colours are linear RGB.
+/// Light and atmosphere of a scene. Colours are linear RGB.
 #[derive(Debug, Clone, Copy)]
 pub struct Weather {
     /// Unit vector towards the sun.
@@ -45,11 +45,11 @@ pub struct Weather {
 }
 
 impl Family {
-    /// Light and atmosphere of this kind of place; `turn` rotates the sun's azimuth, in radians.
-    pub fn weather(self, turn: f32) -> Weather {
+    /// Light and atmosphere of this family; `rotation` is added to the sun's azimuth, in radians.
+    pub fn weather(self, rotation: f32) -> Weather {
         let sun = |azimuth: f32, height: f32| {
             let (sh, ch) = height.to_radians().sin_cos();
-            let (sa, ca) = (azimuth.to_radians() + turn).sin_cos();
+            let (sa, ca) = (azimuth.to_radians() + rotation).sin_cos();
             Vec3::new(sa * ch, sh, ca * ch)
         };
         match self {

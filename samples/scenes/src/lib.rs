@@ -1,4 +1,4 @@
-//! Procedural places with ground truth: colour, device depth and exact motion, drawn on the CPU.
+//! Procedural scenes with ground truth: colour, device depth and exact motion, drawn on the CPU.
 //!
 //! A [`Scene`] is made from a [`Family`] and a seed. A [`Walker`] turns controls into a camera. [`render`] draws a [`Frame`]: colour, depth, and
 //! motion to the previous frame. Everything is deterministic and independent of the thread count.

@@ -5,13 +5,13 @@ use std::sync::LazyLock;
 use glam::{Vec2, Vec3};
 
 use crate::family::Weather;
-use crate::material::{Look, smooth};
+use crate::material::{MaterialSample, smooth};
 use crate::noise::fractal2;
 
 /// A surface point to be shaded.
-pub struct Lit {
+pub struct SurfacePoint {
     /// Material properties.
-    pub look: Look,
+    pub material: MaterialSample,
     /// Unit normal on the eye's side.
     pub normal: Vec3,
     /// Unit direction from the eye to the point.
@@ -24,18 +24,18 @@ pub struct Lit {
 
 impl Weather {
     /// Light from a surface point through the atmosphere to the eye, linear RGB.
-    pub fn shade(&self, p: &Lit) -> Vec3 {
+    pub fn shade(&self, p: &SurfacePoint) -> Vec3 {
         let facing = p.normal.dot(self.sun);
         let direct = self.sun_light * facing.max(0.0) * p.sun;
-        let through = self.sun_light * (-facing).max(0.0) * p.sun * p.look.translucency;
+        let through = self.sun_light * (-facing).max(0.0) * p.sun * p.material.translucency;
         let up = p.normal.y * 0.5 + 0.5;
         let ambient = self.sky_light * up + self.ground_light * (1.0 - up);
-        let mut light = p.look.albedo * (direct + through + ambient);
-        if p.look.gloss > 0.0 {
+        let mut light = p.material.albedo * (direct + through + ambient);
+        if p.material.gloss > 0.0 {
             let mirror = p.towards - p.normal * (2.0 * p.towards.dot(p.normal));
             let spark = mirror.dot(self.sun).max(0.0).powi(48) * p.sun;
             let rim = 0.2 + 0.8 * (1.0 + p.towards.dot(p.normal)).clamp(0.0, 1.0).powi(4);
-            light += (self.gradient(mirror) * 0.8 * rim + self.sun_light * spark * 2.0) * p.look.gloss * 0.6;
+            light += (self.gradient(mirror) * 0.8 * rim + self.sun_light * spark * 2.0) * p.material.gloss * 0.6;
         }
         let left = (-self.fog * p.distance).exp();
         light * left + self.air(p.towards) * (1.0 - left)
@@ -77,7 +77,7 @@ impl Weather {
 
 /// Filmic curve: linear scene light to linear display light, 0 to 1 (Narkowicz's fit of the ACES reference transform).
 #[inline]
-pub(crate) fn film(x: Vec3) -> Vec3 {
+pub(crate) fn tone_map(x: Vec3) -> Vec3 {
     let x = x.max(Vec3::ZERO) * 0.6;
     ((x * (x * 2.51 + 0.03)) / (x * (x * 2.43 + 0.59) + 0.14)).clamp(Vec3::ZERO, Vec3::ONE)
 }

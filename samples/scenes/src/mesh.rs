@@ -5,7 +5,7 @@ use std::f32::consts::TAU;
 use glam::{Mat3, Vec2, Vec3};
 
 use crate::material::Material;
-use crate::noise::{Dice, fractal3};
+use crate::noise::{Rng, fractal3};
 
 /// Vertices with normals, and triangles with a material each.
 #[derive(Debug, Clone, Default)]
@@ -49,12 +49,12 @@ impl Mesh {
         self.triangle([q[0], q[2], q[3]], surface);
     }
 
-    /// Adds a copy of `other`, rotated by `turn`, scaled by `scale` and moved to `at`.
-    pub fn place(&mut self, other: &Mesh, at: Vec3, turn: Mat3, scale: Vec3) {
+    /// Adds a copy of `other`, rotated by `rotation`, scaled by `scale` and moved to `at`.
+    pub fn add_instance(&mut self, other: &Mesh, at: Vec3, rotation: Mat3, scale: Vec3) {
         let base = self.positions.len() as u32;
         let inverse = Vec3::ONE / scale;
-        self.positions.extend(other.positions.iter().map(|&p| at + turn * (p * scale)));
-        self.normals.extend(other.normals.iter().map(|&n| (turn * (n * inverse)).normalize_or(Vec3::Y)));
+        self.positions.extend(other.positions.iter().map(|&p| at + rotation * (p * scale)));
+        self.normals.extend(other.normals.iter().map(|&n| (rotation * (n * inverse)).normalize_or(Vec3::Y)));
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|i| i + base)));
         self.materials.extend_from_slice(&other.materials);
     }
@@ -125,14 +125,14 @@ impl Mesh {
     }
 
     /// `count` leaves scattered through an ellipsoid around `centre`. Their normals follow the ellipsoid, so that the crown is shaded as one body.
-    pub fn crown(&mut self, centre: Vec3, radii: Vec3, count: u32, leaf: f32, dice: &mut Dice, surface: Surface) {
+    pub fn crown(&mut self, centre: Vec3, radii: Vec3, count: u32, leaf: f32, rng: &mut Rng, surface: Surface) {
         for _ in 0..count {
-            let d = dice.direction();
-            let p = centre + d * radii * dice.range(0.55, 1.0);
-            let (u, v) = (d + dice.direction() * 0.9).normalize_or(d).any_orthonormal_pair();
-            let (sin, cos) = dice.range(0.0, TAU).sin_cos();
+            let d = rng.direction();
+            let p = centre + d * radii * rng.range(0.55, 1.0);
+            let (u, v) = (d + rng.direction() * 0.9).normalize_or(d).any_orthonormal_pair();
+            let (sin, cos) = rng.range(0.0, TAU).sin_cos();
             let (a, b) = (u * cos + v * sin, v * cos - u * sin);
-            let size = leaf * dice.range(0.7, 1.3);
+            let size = leaf * rng.range(0.7, 1.3);
             let normal = d + Vec3::Y * 0.25;
             let corner = |m: &mut Self, x: f32, y: f32| m.vertex(p + (a * x + b * y) * size, normal);
             let q =
@@ -142,15 +142,15 @@ impl Mesh {
     }
 
     /// One storey of a fir: a cone from `top` down to a ragged hem of `radius`.
-    pub fn skirt(&mut self, top: Vec3, radius: f32, drop: f32, points: u32, dice: &mut Dice, surface: Surface) {
+    pub fn skirt(&mut self, top: Vec3, radius: f32, drop: f32, points: u32, rng: &mut Rng, surface: Surface) {
         let apex = self.vertex(top, Vec3::Y);
-        let start = dice.range(0.0, TAU);
+        let start = rng.range(0.0, TAU);
         let hem: Vec<u32> = (0..points * 2)
             .map(|k| {
-                let out = if k % 2 == 0 { dice.range(0.85, 1.1) } else { dice.range(0.5, 0.68) };
+                let out = if k % 2 == 0 { rng.range(0.85, 1.1) } else { rng.range(0.5, 0.68) };
                 let (sin, cos) = (start + k as f32 / (points * 2) as f32 * TAU).sin_cos();
                 let d = Vec3::new(cos, 0.0, sin);
-                let fall = drop * if k % 2 == 0 { dice.range(0.9, 1.15) } else { dice.range(0.65, 0.8) };
+                let fall = drop * if k % 2 == 0 { rng.range(0.9, 1.15) } else { rng.range(0.65, 0.8) };
                 self.vertex(top + d * radius * out - Vec3::Y * fall, d + Vec3::Y * 0.7)
             })
             .collect();
@@ -160,14 +160,14 @@ impl Mesh {
     }
 
     /// A tuft of `blades` thin leaves from the ground, `height` tall.
-    pub fn tuft(&mut self, at: Vec3, blades: u32, height: f32, spread: f32, dice: &mut Dice, surface: Surface) {
+    pub fn tuft(&mut self, at: Vec3, blades: u32, height: f32, spread: f32, rng: &mut Rng, surface: Surface) {
         for _ in 0..blades {
-            let (sin, cos) = dice.range(0.0, TAU).sin_cos();
+            let (sin, cos) = rng.range(0.0, TAU).sin_cos();
             let out = Vec3::new(cos, 0.0, sin);
-            let side = Vec3::new(-sin, 0.0, cos) * height * dice.range(0.05, 0.09);
-            let root = at + out * spread * dice.range(0.0, 0.5);
-            let bend = out * height * dice.range(0.15, 0.6);
-            let tall = Vec3::Y * height * dice.range(0.7, 1.2);
+            let side = Vec3::new(-sin, 0.0, cos) * height * rng.range(0.05, 0.09);
+            let root = at + out * spread * rng.range(0.0, 0.5);
+            let bend = out * height * rng.range(0.15, 0.6);
+            let tall = Vec3::Y * height * rng.range(0.7, 1.2);
             let normal = Vec3::Y + out * 0.4;
             let q = [
                 self.vertex(root - side, normal),

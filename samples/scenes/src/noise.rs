@@ -95,9 +95,9 @@ fn resolved(cycles_per_pixel: f32) -> f32 {
 
 /// A sequence of seeded numbers for placement and shapes.
 #[derive(Debug, Clone)]
-pub struct Dice(u64);
+pub struct Rng(u64);
 
-impl Dice {
+impl Rng {
     /// Starts a sequence; equal seeds give equal sequences.
     pub fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x243f_6a88_85a3_08d3)

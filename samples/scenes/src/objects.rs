@@ -6,10 +6,10 @@ use glam::{Mat3, Vec3};
 
 use crate::material::Material;
 use crate::mesh::{Mesh, Surface};
-use crate::noise::Dice;
+use crate::noise::Rng;
 
-fn surface(material: Material, dice: &mut Dice) -> Surface {
-    Surface { material, variant: (dice.bits() & 255) as u8 }
+fn surface(material: Material, rng: &mut Rng) -> Surface {
+    Surface { material, variant: (rng.bits() & 255) as u8 }
 }
 
 /// Mesh detail of an object. It depends on the object's position, never on the camera, so that no object changes its shape during a walk.
@@ -22,138 +22,138 @@ pub(crate) enum Detail {
 }
 
 /// A tall tree with a bare lower trunk and a crown of leaf clumps; about `height` metres.
-pub(crate) fn broadleaf(height: f32, detail: Detail, dice: &mut Dice) -> Mesh {
+pub(crate) fn broadleaf(height: f32, detail: Detail, rng: &mut Rng) -> Mesh {
     let (sides, leaves, leaf_size) = match detail {
         Detail::Fine => (9, 1.0, 1.0),
         Detail::Coarse => (5, 0.3, 1.8),
     };
     let leaves = |count: u32| (count as f32 * leaves) as u32;
     let mut mesh = Mesh::default();
-    let bark = surface(Material::Bark, dice);
-    let leaf = surface(Material::Leaf, dice);
-    let seed = dice.bits();
-    let radius = height * dice.range(0.017, 0.026);
-    let lean = Vec3::new(dice.range(-0.06, 0.06), 1.0, dice.range(-0.06, 0.06)) * height;
-    let bow = dice.direction() * Vec3::new(1.0, 0.0, 1.0) * height * 0.03;
+    let bark = surface(Material::Bark, rng);
+    let leaf = surface(Material::Leaf, rng);
+    let seed = rng.bits();
+    let radius = height * rng.range(0.017, 0.026);
+    let lean = Vec3::new(rng.range(-0.06, 0.06), 1.0, rng.range(-0.06, 0.06)) * height;
+    let bow = rng.direction() * Vec3::new(1.0, 0.0, 1.0) * height * 0.03;
     let at = |t: f32| lean * t * 0.82 + bow * (t * 5.0).sin();
     let spine: Vec<_> =
         [(-0.03, 1.9), (0.015, 1.35), (0.06, 1.1), (0.25, 0.92), (0.5, 0.72), (0.75, 0.45), (1.0, 0.16)]
             .map(|(t, r)| (at(t), radius * r))
             .to_vec();
     mesh.tube(&spine, sides, 0.22, seed, bark);
-    let boughs = 5 + dice.bits() % 4;
+    let boughs = 5 + rng.bits() % 4;
     for k in 0..boughs {
-        let t = 0.42 + 0.5 * (k as f32 + dice.unit()) / boughs as f32;
-        let mut out = dice.direction();
-        out.y = dice.range(0.15, 0.6);
-        let out = out.normalize() * height * dice.range(0.13, 0.22) * (1.25 - t * 0.6);
+        let t = 0.42 + 0.5 * (k as f32 + rng.unit()) / boughs as f32;
+        let mut out = rng.direction();
+        out.y = rng.range(0.15, 0.6);
+        let out = out.normalize() * height * rng.range(0.13, 0.22) * (1.25 - t * 0.6);
         let from = at(t);
         let tip = from + out;
         let elbow = from + out * 0.5 + Vec3::Y * height * 0.02;
         let bough = [(from, radius * 0.36), (elbow, radius * 0.24), (tip, radius * 0.08)];
         mesh.tube(&bough, sides.min(5) - 1, 0.2, seed.wrapping_add(k), bark);
-        let crown = Vec3::new(1.0, 0.62, 1.0) * height * dice.range(0.085, 0.13);
-        mesh.crown(tip, crown, leaves(46), height * 0.027 * leaf_size, dice, leaf);
+        let crown = Vec3::new(1.0, 0.62, 1.0) * height * rng.range(0.085, 0.13);
+        mesh.crown(tip, crown, leaves(46), height * 0.027 * leaf_size, rng, leaf);
     }
-    mesh.crown(at(1.0), Vec3::new(1.0, 0.8, 1.0) * height * 0.13, leaves(70), height * 0.03 * leaf_size, dice, leaf);
+    mesh.crown(at(1.0), Vec3::new(1.0, 0.8, 1.0) * height * 0.13, leaves(70), height * 0.03 * leaf_size, rng, leaf);
     mesh
 }
 
 /// A fir with several storeys of boughs, snow-covered if `snowy`.
-pub(crate) fn fir(height: f32, snowy: bool, dice: &mut Dice) -> Mesh {
+pub(crate) fn fir(height: f32, snowy: bool, rng: &mut Rng) -> Mesh {
     let mut mesh = Mesh::default();
-    let bark = surface(Material::Bark, dice);
-    let needle = surface(if snowy { Material::SnowyNeedle } else { Material::Needle }, dice);
+    let bark = surface(Material::Bark, rng);
+    let needle = surface(if snowy { Material::SnowyNeedle } else { Material::Needle }, rng);
     let radius = height * 0.02;
-    mesh.tube(&[(Vec3::Y * -0.4, radius * 1.3), (Vec3::Y * height * 0.5, radius * 0.8)], 7, 0.2, dice.bits(), bark);
-    let storeys = 7 + dice.bits() % 4;
+    mesh.tube(&[(Vec3::Y * -0.4, radius * 1.3), (Vec3::Y * height * 0.5, radius * 0.8)], 7, 0.2, rng.bits(), bark);
+    let storeys = 7 + rng.bits() % 4;
     for k in 0..storeys {
         let t = k as f32 / (storeys - 1) as f32;
-        let top = Vec3::new(dice.range(-0.02, 0.02) * height, height * (0.30 + 0.70 * t), 0.0);
-        let wide = height * (0.215 * (1.0 - t).powf(0.8) + 0.03) * dice.range(0.9, 1.1);
-        mesh.skirt(top, wide, height * 0.17 * (1.15 - 0.5 * t), 9, dice, needle);
+        let top = Vec3::new(rng.range(-0.02, 0.02) * height, height * (0.30 + 0.70 * t), 0.0);
+        let wide = height * (0.215 * (1.0 - t).powf(0.8) + 0.03) * rng.range(0.9, 1.1);
+        mesh.skirt(top, wide, height * 0.17 * (1.15 - 0.5 * t), 9, rng, needle);
     }
     mesh
 }
 
 /// A low bush of leaves.
-pub(crate) fn bush(size: f32, material: Material, dice: &mut Dice) -> Mesh {
+pub(crate) fn bush(size: f32, material: Material, rng: &mut Rng) -> Mesh {
     let mut mesh = Mesh::default();
-    let leaf = surface(material, dice);
+    let leaf = surface(material, rng);
     for _ in 0..3 {
-        let centre = Vec3::new(dice.range(-0.4, 0.4), dice.range(0.25, 0.5), dice.range(-0.4, 0.4)) * size;
-        mesh.crown(centre, Vec3::new(0.55, 0.45, 0.55) * size, 34, size * 0.13, dice, leaf);
+        let centre = Vec3::new(rng.range(-0.4, 0.4), rng.range(0.25, 0.5), rng.range(-0.4, 0.4)) * size;
+        mesh.crown(centre, Vec3::new(0.55, 0.45, 0.55) * size, 34, size * 0.13, rng, leaf);
     }
     mesh
 }
 
 /// A fern or a bunch of long leaves.
-pub(crate) fn fern(size: f32, dice: &mut Dice) -> Mesh {
+pub(crate) fn fern(size: f32, rng: &mut Rng) -> Mesh {
     let mut mesh = Mesh::default();
-    let leaf = surface(Material::Leaf, dice);
-    mesh.tuft(Vec3::ZERO, 12, size, size * 0.3, dice, leaf);
+    let leaf = surface(Material::Leaf, rng);
+    mesh.tuft(Vec3::ZERO, 12, size, size * 0.3, rng, leaf);
     mesh
 }
 
 /// A bunch of grass.
-pub(crate) fn grass(height: f32, material: Material, dice: &mut Dice) -> Mesh {
+pub(crate) fn grass(height: f32, material: Material, rng: &mut Rng) -> Mesh {
     let mut mesh = Mesh::default();
-    let blade = surface(material, dice);
-    mesh.tuft(Vec3::ZERO, 9, height, height * 0.7, dice, blade);
+    let blade = surface(material, rng);
+    mesh.tuft(Vec3::ZERO, 9, height, height * 0.7, rng, blade);
     mesh
 }
 
 /// A boulder about `size` metres wide.
-pub(crate) fn rock(size: f32, material: Material, dice: &mut Dice) -> Mesh {
+pub(crate) fn rock(size: f32, material: Material, rng: &mut Rng) -> Mesh {
     let mut ball = Mesh::default();
     let rings = if size > 1.0 { 10 } else { 6 };
-    ball.ball(rings, 0.28, 1.6, dice.bits(), surface(material, dice));
+    ball.ball(rings, 0.28, 1.6, rng.bits(), surface(material, rng));
     let mut mesh = Mesh::default();
-    let shape = Vec3::new(dice.range(0.8, 1.2), dice.range(0.5, 0.85), dice.range(0.8, 1.2)) * size * 0.5;
-    let turn = Mat3::from_rotation_y(dice.range(0.0, TAU)) * Mat3::from_rotation_x(dice.range(-0.3, 0.3));
-    mesh.place(&ball, Vec3::Y * shape.y * 0.45, turn, shape);
+    let shape = Vec3::new(rng.range(0.8, 1.2), rng.range(0.5, 0.85), rng.range(0.8, 1.2)) * size * 0.5;
+    let rotation = Mat3::from_rotation_y(rng.range(0.0, TAU)) * Mat3::from_rotation_x(rng.range(-0.3, 0.3));
+    mesh.add_instance(&ball, Vec3::Y * shape.y * 0.45, rotation, shape);
     mesh
 }
 
 /// A fallen trunk along the x axis.
-pub(crate) fn log(length: f32, dice: &mut Dice) -> Mesh {
+pub(crate) fn log(length: f32, rng: &mut Rng) -> Mesh {
     let mut mesh = Mesh::default();
-    let bark = surface(Material::Bark, dice);
-    let r = dice.range(0.16, 0.3);
+    let bark = surface(Material::Bark, rng);
+    let r = rng.range(0.16, 0.3);
     let spine = [-0.5, -0.2, 0.15, 0.5].map(|t| (Vec3::new(t * length, r * 0.8, t * 0.2), r * (1.0 - 0.3 * t)));
-    mesh.tube(&spine, 9, 0.25, dice.bits(), bark);
-    let moss = surface(Material::Leaf, dice);
-    mesh.crown(Vec3::new(0.0, r * 1.4, 0.0), Vec3::new(length * 0.3, 0.1, r), 14, 0.1, dice, moss);
+    mesh.tube(&spine, 9, 0.25, rng.bits(), bark);
+    let moss = surface(Material::Leaf, rng);
+    mesh.crown(Vec3::new(0.0, r * 1.4, 0.0), Vec3::new(length * 0.3, 0.1, r), 14, 0.1, rng, moss);
     mesh
 }
 
 /// A mushroom.
-pub(crate) fn mushroom(height: f32, dice: &mut Dice) -> Mesh {
+pub(crate) fn mushroom(height: f32, rng: &mut Rng) -> Mesh {
     let mut mesh = Mesh::default();
     let stem = Surface { material: Material::Wood, variant: 200 };
     mesh.tube(&[(Vec3::ZERO, height * 0.12), (Vec3::Y * height * 0.8, height * 0.09)], 6, 0.1, 3, stem);
     let mut cap = Mesh::default();
-    cap.ball(6, 0.05, 1.0, dice.bits(), surface(Material::Accent, dice));
-    mesh.place(&cap, Vec3::Y * height * 0.8, Mat3::IDENTITY, Vec3::new(0.42, 0.26, 0.42) * height);
+    cap.ball(6, 0.05, 1.0, rng.bits(), surface(Material::Accent, rng));
+    mesh.add_instance(&cap, Vec3::Y * height * 0.8, Mat3::IDENTITY, Vec3::new(0.42, 0.26, 0.42) * height);
     mesh
 }
 
 /// A saguaro with up to four arms.
-pub(crate) fn saguaro(height: f32, dice: &mut Dice) -> Mesh {
+pub(crate) fn saguaro(height: f32, rng: &mut Rng) -> Mesh {
     let mut mesh = Mesh::default();
-    let skin = surface(Material::Cactus, dice);
-    let r = height * dice.range(0.055, 0.07);
+    let skin = surface(Material::Cactus, rng);
+    let r = height * rng.range(0.055, 0.07);
     let column = |from: Vec3, tall: f32, r: f32| {
         [(0.0, 0.85), (0.15, 1.0), (0.5, 1.05), (0.85, 0.95), (0.96, 0.6), (1.0, 0.12)]
             .map(|(t, k)| (from + Vec3::Y * tall * t, r * k))
             .to_vec()
     };
     mesh.tube(&column(Vec3::Y * -0.2, height, r), 12, 0.06, 4, skin);
-    for _ in 0..dice.bits() % 5 {
-        let (sin, cos) = dice.range(0.0, TAU).sin_cos();
+    for _ in 0..rng.bits() % 5 {
+        let (sin, cos) = rng.range(0.0, TAU).sin_cos();
         let out = Vec3::new(cos, 0.0, sin);
-        let low = Vec3::Y * height * dice.range(0.3, 0.55);
-        let reach = r * dice.range(2.4, 3.2);
+        let low = Vec3::Y * height * rng.range(0.3, 0.55);
+        let reach = r * rng.range(2.4, 3.2);
         let elbow = low + out * reach;
         mesh.tube(
             &[
@@ -166,40 +166,40 @@ pub(crate) fn saguaro(height: f32, dice: &mut Dice) -> Mesh {
             5,
             skin,
         );
-        mesh.tube(&column(elbow, height * dice.range(0.2, 0.38), r * 0.66), 9, 0.05, 6, skin);
+        mesh.tube(&column(elbow, height * rng.range(0.2, 0.38), r * 0.66), 9, 0.05, 6, skin);
     }
     mesh
 }
 
 /// A barrel cactus or prickly pear.
-pub(crate) fn barrel(size: f32, dice: &mut Dice) -> Mesh {
+pub(crate) fn barrel(size: f32, rng: &mut Rng) -> Mesh {
     let mut mesh = Mesh::default();
-    let skin = surface(Material::Cactus, dice);
+    let skin = surface(Material::Cactus, rng);
     let mut ball = Mesh::default();
-    ball.ball(8, 0.06, 3.0, dice.bits(), skin);
-    if dice.unit() < 0.5 {
-        mesh.place(&ball, Vec3::Y * size * 0.45, Mat3::IDENTITY, Vec3::new(0.42, 0.55, 0.42) * size);
+    ball.ball(8, 0.06, 3.0, rng.bits(), skin);
+    if rng.unit() < 0.5 {
+        mesh.add_instance(&ball, Vec3::Y * size * 0.45, Mat3::IDENTITY, Vec3::new(0.42, 0.55, 0.42) * size);
     } else {
         for k in 0..7 {
-            let turn = Mat3::from_rotation_y(dice.range(0.0, TAU)) * Mat3::from_rotation_z(dice.range(-0.6, 0.6));
-            let at = turn * Vec3::Y * size * (0.35 + 0.12 * k as f32);
-            mesh.place(&ball, at, turn, Vec3::new(0.3, 0.36, 0.1) * size);
+            let rotation = Mat3::from_rotation_y(rng.range(0.0, TAU)) * Mat3::from_rotation_z(rng.range(-0.6, 0.6));
+            let at = rotation * Vec3::Y * size * (0.35 + 0.12 * k as f32);
+            mesh.add_instance(&ball, at, rotation, Vec3::new(0.3, 0.36, 0.1) * size);
         }
     }
     mesh
 }
 
 /// A fence of posts and two rails along the x axis, `spans` spans of 2.4 metres.
-pub(crate) fn fence(spans: u32, dice: &mut Dice) -> Mesh {
+pub(crate) fn fence(spans: u32, rng: &mut Rng) -> Mesh {
     let mut mesh = Mesh::default();
-    let wood = surface(Material::Wood, dice);
+    let wood = surface(Material::Wood, rng);
     for k in 0..=spans {
-        let x = k as f32 * 2.4 + dice.range(-0.08, 0.08);
-        let tall = dice.range(1.05, 1.25);
+        let x = k as f32 * 2.4 + rng.range(-0.08, 0.08);
+        let tall = rng.range(1.05, 1.25);
         mesh.block(Vec3::new(x - 0.06, -0.4, -0.06), Vec3::new(x + 0.06, tall, 0.06), wood);
         if k < spans {
             for y in [0.45, 0.85] {
-                let y = y + dice.range(-0.05, 0.05);
+                let y = y + rng.range(-0.05, 0.05);
                 mesh.block(Vec3::new(x, y, 0.05), Vec3::new(x + 2.45, y + 0.09, 0.1), wood);
             }
         }
@@ -208,9 +208,9 @@ pub(crate) fn fence(spans: u32, dice: &mut Dice) -> Mesh {
 }
 
 /// A sign post at a road.
-pub(crate) fn sign(dice: &mut Dice) -> Mesh {
+pub(crate) fn sign(rng: &mut Rng) -> Mesh {
     let mut mesh = Mesh::default();
-    let wood = surface(Material::Wood, dice);
+    let wood = surface(Material::Wood, rng);
     mesh.block(Vec3::new(-0.05, -0.4, -0.05), Vec3::new(0.05, 2.3, 0.05), wood);
     mesh.block(
         Vec3::new(-0.55, 1.55, -0.09),
@@ -243,12 +243,12 @@ pub(crate) fn sword() -> Mesh {
     mesh.tube(&[(at(-0.14), 0.017), (at(-0.05), 0.02), (at(0.08), 0.016)], 10, 0.04, 2, plain(Material::Leather));
     let mut pommel = Mesh::default();
     pommel.ball(8, 0.0, 1.0, 1, plain(Material::Gold));
-    mesh.place(&pommel, at(-0.165), Mat3::IDENTITY, Vec3::splat(0.03));
+    mesh.add_instance(&pommel, at(-0.165), Mat3::IDENTITY, Vec3::splat(0.03));
     let mut knuckle = Mesh::default();
     knuckle.ball(7, 0.08, 2.0, 7, plain(Material::Leather));
     for k in 0..4 {
         let p = at(-0.07 + 0.037 * k as f32) - across * 0.012 - Vec3::Z * 0.022;
-        mesh.place(&knuckle, p, Mat3::IDENTITY, Vec3::new(0.036, 0.021, 0.03));
+        mesh.add_instance(&knuckle, p, Mat3::IDENTITY, Vec3::new(0.036, 0.021, 0.03));
     }
     mesh.tube(
         &[

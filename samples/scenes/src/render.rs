@@ -5,8 +5,8 @@ use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::camera::{Camera, NEAR, View, device_depth};
-use crate::light::{Lit, film, srgb};
-use crate::material::{Material, look};
+use crate::light::{SurfacePoint, srgb, tone_map};
+use crate::material::{Material, material_at};
 use crate::raster::{SKY, ScreenTriangle, Visibility, clip_near};
 use crate::scene::{Chunk, Scene};
 
@@ -49,28 +49,28 @@ impl Default for Quality {
 /// Pose of a held item: a rotation and a translation in view space.
 #[derive(Clone, Copy)]
 struct Pose {
-    turn: Mat3,
-    shift: Vec3,
+    rotation: Mat3,
+    translation: Vec3,
 }
 
 impl Pose {
     fn at(moment: &Moment) -> Self {
         let step = moment.walked * 4.2;
         let breath = moment.time * 1.7;
-        let shift = Vec3::new(0.006 * (step * 0.5).sin(), 0.004 * step.sin() + 0.002 * breath.sin(), 0.0);
+        let translation = Vec3::new(0.006 * (step * 0.5).sin(), 0.004 * step.sin() + 0.002 * breath.sin(), 0.0);
         Self {
-            turn: Mat3::from_rotation_z(0.008 * (step * 0.5).sin()) * Mat3::from_rotation_x(0.004 * breath.sin()),
-            shift,
+            rotation: Mat3::from_rotation_z(0.008 * (step * 0.5).sin()) * Mat3::from_rotation_x(0.004 * breath.sin()),
+            translation,
         }
     }
 
     fn apply(&self, p: Vec3) -> Vec3 {
-        self.turn * p + self.shift
+        self.rotation * p + self.translation
     }
 
     /// Applies the inverse pose.
-    fn undo(&self, p: Vec3) -> Vec3 {
-        self.turn.transpose() * (p - self.shift)
+    fn apply_inverse(&self, p: Vec3) -> Vec3 {
+        self.rotation.transpose() * (p - self.translation)
     }
 }
 
@@ -90,7 +90,7 @@ pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: 
         Visibility::draw(w * s as usize, h * s as usize, 0.0, &scaled)
     });
     let painter =
-        Painter { scene, view, pose, previous: before.camera.view(width, height), old_pose: Pose::at(before) };
+        FrameRenderer { scene, view, pose, previous: before.camera.view(width, height), old_pose: Pose::at(before) };
 
     let mut picture = vec![[0_u8; 4]; w * h];
     let mut depth = vec![1.0_f32; w * h];
@@ -104,7 +104,7 @@ pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: 
                 depths[x] = hit.as_ref().map_or(1.0, |h| device_depth(h.view.z));
                 motions[x] = painter.motion(hit.as_ref(), at);
                 let light = match &fine {
-                    None => film(painter.light(hit.as_ref(), at)),
+                    None => tone_map(painter.light(hit.as_ref(), at)),
                     Some(fine) => painter.mean(fine, x, y, s as usize),
                 };
                 colours[x] = srgb(light);
@@ -163,10 +163,10 @@ struct Hit<'a> {
     /// Position in view space.
     view: Vec3,
     /// Position in the world or, for a held item, in its own frame.
-    place: Vec3,
+    position: Vec3,
 }
 
-struct Painter<'a> {
+struct FrameRenderer<'a> {
     scene: &'a Scene,
     view: View,
     pose: Pose,
@@ -174,7 +174,7 @@ struct Painter<'a> {
     old_pose: Pose,
 }
 
-impl Painter<'_> {
+impl FrameRenderer<'_> {
     /// Intersection of the ray through `at` with the plane of triangle `id`.
     fn hit(&self, id: u32, at: Vec2) -> Option<Hit<'_>> {
         if id == SKY {
@@ -190,21 +190,21 @@ impl Painter<'_> {
             let normal = (b - a).cross(c - a);
             let z = a.dot(normal) / ray.dot(normal);
             let view = ray * if z.is_finite() { z.max(NEAR) } else { a.z };
-            return Some(Hit { chunk, triangle, view, place: self.pose.undo(view) });
+            return Some(Hit { chunk, triangle, view, position: self.pose.apply_inverse(view) });
         }
         let normal = (b - a).cross(c - a);
         let along = self.view.to_world(ray);
         let z = (a - self.view.eye).dot(normal) / along.dot(normal);
         let z = if z.is_finite() { z.max(NEAR) } else { self.view.to_view(a).z };
-        Some(Hit { chunk, triangle, view: ray * z, place: self.view.eye + along * z })
+        Some(Hit { chunk, triangle, view: ray * z, position: self.view.eye + along * z })
     }
 
     /// Motion of the point seen at `at`: previous minus current pixel position.
     fn motion(&self, hit: Option<&Hit<'_>>, at: Vec2) -> Vec2 {
         let was = match hit {
-            None => self.previous.turn(self.view.to_world(self.view.ray(at))),
-            Some(h) if h.chunk.held => self.old_pose.apply(h.place),
-            Some(h) => self.previous.to_view(h.place),
+            None => self.previous.rotate(self.view.to_world(self.view.ray(at))),
+            Some(h) if h.chunk.held => self.old_pose.apply(h.position),
+            Some(h) => self.previous.to_view(h.position),
         };
         if was.z <= 1e-4 { Vec2::NAN } else { self.previous.project(was) - at }
     }
@@ -216,7 +216,7 @@ impl Painter<'_> {
             for i in 0..s {
                 let id = fine.ids[(y * s + j) * fine.width() + x * s + i];
                 let at = (Vec2::new((x * s + i) as f32, (y * s + j) as f32) + 0.5) / s as f32;
-                sum += film(self.light(self.hit(id, at).as_ref(), at));
+                sum += tone_map(self.light(self.hit(id, at).as_ref(), at));
             }
         }
         sum / (s * s) as f32
@@ -234,31 +234,31 @@ impl Painter<'_> {
         };
         let mesh = &hit.chunk.mesh;
         let corners = mesh.triangles[hit.triangle];
-        let weights = barycentric(corners.map(|i| mesh.positions[i as usize]), hit.place);
+        let weights = barycentric(corners.map(|i| mesh.positions[i as usize]), hit.position);
         let normal = (0..3).map(|k| mesh.normals[corners[k] as usize] * weights[k]).sum::<Vec3>().normalize_or(Vec3::Y);
         let surface = mesh.materials[hit.triangle];
         // Size of a pixel on the surface, larger at grazing angles.
         let slant = normal.dot(towards).abs().clamp(0.25, 1.0);
         let distance = hit.view.length();
         let footprint = distance * angle / slant;
-        let (mut look_here, mut normal) = match surface.material {
+        let (mut sample, mut normal) = match surface.material {
             Material::Ground => {
-                let (ground, bumps) = self.scene.terrain.look(hit.place, normal, footprint);
+                let (ground, bumps) = self.scene.terrain.surface_at(hit.position, normal, footprint);
                 (ground, (normal - Vec3::new(bumps.x, 0.0, bumps.y)).normalize())
             }
-            material => (look(material, surface.variant, hit.place, normal, footprint), normal),
+            material => (material_at(material, surface.variant, hit.position, normal, footprint), normal),
         };
-        look_here.albedo = look_here.albedo.max(Vec3::ZERO);
+        sample.albedo = sample.albedo.max(Vec3::ZERO);
         let sun = if hit.chunk.held {
-            normal = self.view.to_world(self.pose.turn * normal);
+            normal = self.view.to_world(self.pose.rotation * normal);
             1.0
         } else {
-            self.scene.shadow.sun_at(hit.place, if normal.dot(towards) > 0.0 { -normal } else { normal })
+            self.scene.shadow.sun_at(hit.position, if normal.dot(towards) > 0.0 { -normal } else { normal })
         };
-        if normal.dot(towards) > 0.0 && look_here.translucency == 0.0 {
+        if normal.dot(towards) > 0.0 && sample.translucency == 0.0 {
             normal = (normal - towards * (1.02 * normal.dot(towards))).normalize();
         }
-        weather.shade(&Lit { look: look_here, normal, towards, distance, sun }) * weather.exposure
+        weather.shade(&SurfacePoint { material: sample, normal, towards, distance, sun }) * weather.exposure
     }
 }
 

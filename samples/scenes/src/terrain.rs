@@ -5,9 +5,9 @@ use std::f32::consts::TAU;
 use glam::{Vec2, Vec3};
 
 use crate::family::Family;
-use crate::material::{Look, sandstone, smooth};
+use crate::material::{MaterialSample, sandstone, smooth};
 use crate::mesh::{Mesh, Surface};
-use crate::noise::{Dice, fractal2, value2};
+use crate::noise::{Rng, fractal2, value2};
 
 /// Half the side of the finely meshed square, in metres.
 pub(crate) const FINE: f32 = 96.0;
@@ -28,22 +28,22 @@ pub struct Terrain {
 impl Terrain {
     /// The ground of `family` for a seed.
     pub fn new(family: Family, seed: u64) -> Self {
-        let mut dice = Dice::new(seed ^ 0x7e44a1);
+        let mut rng = Rng::new(seed ^ 0x7e44a1);
         // Bends of the path: amplitude in metres, angular frequency per metre, phase.
         let bends = [(3.5, 0.045), (6.0, 0.021), (1.2, 0.11)].map(|(amplitude, frequency)| {
-            Vec3::new(amplitude * dice.range(0.5, 1.2), frequency * dice.range(0.8, 1.25), dice.range(0.0, TAU))
+            Vec3::new(amplitude * rng.range(0.5, 1.2), frequency * rng.range(0.8, 1.25), rng.range(0.0, TAU))
         });
         let mesas = match family {
             Family::Desert => (0..9)
                 .map(|k| {
-                    let angle = (k as f32 + dice.range(-0.4, 0.4)) / 9.0 * TAU;
-                    let at = Vec2::from_angle(angle) * dice.range(210.0, 430.0);
-                    (at, dice.range(35.0, 80.0), dice.range(28.0, 62.0))
+                    let angle = (k as f32 + rng.range(-0.4, 0.4)) / 9.0 * TAU;
+                    let at = Vec2::from_angle(angle) * rng.range(210.0, 430.0);
+                    (at, rng.range(35.0, 80.0), rng.range(28.0, 62.0))
                 })
                 .collect(),
             _ => Vec::new(),
         };
-        Self { family, seed: dice.bits(), bends, mesas }
+        Self { family, seed: rng.bits(), bends, mesas }
     }
 
     /// East coordinate of the path's centre line at `north`.
@@ -53,7 +53,7 @@ impl Terrain {
     }
 
     /// Signed distance from the path's centre line in metres, positive to the east.
-    pub fn off_path(&self, at: Vec2) -> f32 {
+    pub fn path_offset(&self, at: Vec2) -> f32 {
         let slope: f32 = self.bends.iter().map(|b| b.x * b.y * (at.y * b.y + b.z).cos()).sum();
         (at.x - self.path(at.y)) / (1.0 + slope * slope).sqrt()
     }
@@ -76,7 +76,7 @@ impl Terrain {
             Family::Desert => (4.0, 0.9),
             Family::Snow => (9.0, 0.8),
         };
-        let off = self.off_path(at).abs();
+        let off = self.path_offset(at).abs();
         let wide = self.path_half_width();
         let hills = swell * (fractal2(at, 1.0 / 95.0, 2, 0.0, self.seed));
         let away = smooth(wide, wide * 4.0 + 5.0, off);
@@ -164,9 +164,9 @@ impl Terrain {
     }
 
     /// Material properties of the ground at `p`, and the slope (metres per metre) of its small bumps.
-    pub fn look(&self, p: Vec3, normal: Vec3, footprint: f32) -> (Look, Vec2) {
+    pub fn surface_at(&self, p: Vec3, normal: Vec3, footprint: f32) -> (MaterialSample, Vec2) {
         let at = Vec2::new(p.x, p.z);
-        let off = self.off_path(at);
+        let off = self.path_offset(at);
         let wide = self.path_half_width();
         let noise = |frequency: f32, octaves: u32, k: u32| fractal2(at, frequency, octaves, footprint, self.seed ^ k);
         let edge = noise(0.9, 3, 1) * 0.8;
@@ -209,7 +209,10 @@ impl Terrain {
                 (snow.lerp(packed, track * 0.8).lerp(stone, bare), drift)
             }
         };
-        (Look { albedo: albedo.max(Vec3::splat(0.01)), gloss: 0.0, translucency: 0.0 }, bumps.clamp_length_max(1.2))
+        (
+            MaterialSample { albedo: albedo.max(Vec3::splat(0.01)), gloss: 0.0, translucency: 0.0 },
+            bumps.clamp_length_max(1.2),
+        )
     }
 
     #[expect(clippy::too_many_arguments, reason = "the local facts of one point, each used once")]

@@ -58,11 +58,11 @@ impl Walker {
     /// Starts on the path at the origin, looking along it.
     pub fn new(scene: &Scene) -> Self {
         let ahead = scene.terrain.path(9.0);
-        Self::standing(scene, Start { at: Vec2::ZERO, yaw: (ahead / 9.0).atan() })
+        Self::starting_at(scene, Start { at: Vec2::ZERO, yaw: (ahead / 9.0).atan() })
     }
 
     /// Starts at `start`, or beside an obstacle that is there.
-    pub fn standing(scene: &Scene, start: Start) -> Self {
+    pub fn starting_at(scene: &Scene, start: Start) -> Self {
         let at = out_of_obstacles(scene, start.at);
         Self {
             at,

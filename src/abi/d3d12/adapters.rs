@@ -67,17 +67,17 @@ pub(in crate::abi) fn requirements(options: DeviceOptions) -> Vec<cairn_requirem
     // A small size: support does not depend on it.
     let (status, found) = match ShaderGenerator::new(&gpu, (64, 64)) {
         Ok(_) => (CAIRN_REQUIREMENT_MET, "they run".to_owned()),
-        Err(why) => (CAIRN_REQUIREMENT_OPTIONAL, why.to_string()),
+        Err(error) => (CAIRN_REQUIREMENT_OPTIONAL, error.to_string()),
     };
     let needed = "compute shaders, for frames that the device makes; else the processor makes them";
     rows.push(row(CAIRN_REQUIREMENT_SHADERS, status, needed, &found));
     rows.extend(ffx::requirements(&amd, &gpu).iter().map(|of_amd| {
         let what = match of_amd.what {
-            Needed::Libraries => CAIRN_REQUIREMENT_FSR_LIBRARIES,
-            Needed::Provider => CAIRN_REQUIREMENT_FSR_PROVIDER,
-            Needed::System => CAIRN_REQUIREMENT_FSR_SYSTEM,
-            Needed::Direct3d => CAIRN_REQUIREMENT_FSR_DIRECT3D,
-            Needed::ShaderModel => CAIRN_REQUIREMENT_FSR_SHADER_MODEL,
+            RequirementKind::Libraries => CAIRN_REQUIREMENT_FSR_LIBRARIES,
+            RequirementKind::Provider => CAIRN_REQUIREMENT_FSR_PROVIDER,
+            RequirementKind::System => CAIRN_REQUIREMENT_FSR_SYSTEM,
+            RequirementKind::Direct3d => CAIRN_REQUIREMENT_FSR_DIRECT3D,
+            RequirementKind::ShaderModel => CAIRN_REQUIREMENT_FSR_SHADER_MODEL,
         };
         let status = if of_amd.met { CAIRN_REQUIREMENT_MET } else { CAIRN_REQUIREMENT_OPTIONAL };
         row(what, status, of_amd.needed, &of_amd.found)

@@ -1,26 +1,27 @@
-//! Direct3D 12 entry points on systems without it.
+//! Direct3D 12 backend of systems without it: every function fails or returns nothing.
+
+use std::ffi::c_void;
 
 use super::super::device::DeviceOptions;
-use super::super::presenter::cairn_presenter_options;
 use super::super::requirements::{
     CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_PLATFORM, cairn_adapter, cairn_requirement, platform, row,
 };
 use super::super::results::{Failure, Outcome};
-use super::{
-    DeviceStatistics, Guarded, ID3D12CommandQueue, ID3D12Device, ID3D12Resource, Recorded, RolloutStatistics, To,
-    cairn_d3d12_options, cairn_d3d12_preparation,
+use super::types::{
+    AnchorTexture, FramePreparation, FrameResult, FrameStatistics, FrameTarget, RolloutStatistics, WorldOptions,
 };
+use crate::Picture;
+use crate::present::RendererOptions;
 use crate::present::presenter::Presenter;
 use crate::runtime::Device;
 use crate::world::{KeptAnchor, WorkerStatistics};
-use crate::{Colours, Picture};
 
 /// # Safety
 /// None.
 pub(in crate::abi) unsafe fn of_engine(
-    _: *mut ID3D12Device,
-    _: *mut ID3D12CommandQueue,
-    _: *mut ID3D12CommandQueue,
+    _: *mut c_void,
+    _: *mut c_void,
+    _: *mut c_void,
     _: DeviceOptions,
 ) -> Outcome<Device> {
     Err(Failure::no_d3d12())
@@ -30,11 +31,11 @@ pub(in crate::abi) fn on_adapter(_: u64, _: DeviceOptions) -> Outcome<Device> {
     Err(Failure::no_d3d12())
 }
 
-pub(in crate::abi) fn parts(_: &Device) -> Option<(*mut ID3D12Device, *mut ID3D12CommandQueue)> {
+pub(in crate::abi) fn device_and_queue(_: &Device) -> Option<(*mut c_void, *mut c_void)> {
     None
 }
 
-pub(in crate::abi) fn set_options(_: &Device, _: &cairn_d3d12_options) -> Outcome<()> {
+pub(in crate::abi) fn set_options(_: &Device, _: &WorldOptions) -> Outcome<()> {
     Err(Failure::no_d3d12())
 }
 
@@ -44,36 +45,42 @@ pub(in crate::abi) fn rollout_statistics(_: &WorkerStatistics) -> RolloutStatist
 
 /// # Safety
 /// None.
-pub(in crate::abi) unsafe fn read(_: &Device, _: *mut ID3D12Resource, _: u32) -> Outcome<Picture> {
+pub(in crate::abi) unsafe fn read(_: &Device, _: *mut c_void, _: u32) -> Outcome<Picture> {
     Err(Failure::no_d3d12())
 }
 
-pub(in crate::abi) fn texture(_: &KeptAnchor, _: u32) -> Outcome<Guarded> {
+pub(in crate::abi) fn anchor_texture(_: &KeptAnchor, _: u32) -> Outcome<AnchorTexture> {
     Err(Failure::no_d3d12())
 }
 
 /// Whether frames can be made by shaders.
 pub(in crate::abi) const HAS_SHADERS: bool = false;
 
-/// Stands in for the renderer; it cannot be made.
+/// Placeholder for the renderer: it makes no frames.
 pub(in crate::abi) struct Renderer;
 
-pub(in crate::abi) fn renderer(_: &cairn_presenter_options, _: Colours) -> Renderer {
+pub(in crate::abi) fn renderer(_: RendererOptions) -> Renderer {
     Renderer
 }
 
-pub(in crate::abi) fn prepare(_: &Renderer, _: &Presenter, _: &Device, _: &cairn_d3d12_preparation) -> Outcome<bool> {
+pub(in crate::abi) fn prepare(_: &Renderer, _: &Presenter, _: &Device, _: &FramePreparation) -> Outcome<bool> {
     Err(Failure::no_d3d12())
 }
 
 /// # Safety
 /// None.
-pub(in crate::abi) unsafe fn record(_: &Renderer, _: &Presenter, _: &Device, _: u64, _: &To) -> Outcome<Recorded> {
+pub(in crate::abi) unsafe fn record(
+    _: &Renderer,
+    _: &Presenter,
+    _: &Device,
+    _: u64,
+    _: &FrameTarget,
+) -> Outcome<FrameResult> {
     Err(Failure::no_d3d12())
 }
 
-pub(in crate::abi) fn statistics(_: &Renderer, _: &Presenter, _: bool) -> Option<DeviceStatistics> {
-    Some(DeviceStatistics::default())
+pub(in crate::abi) fn statistics(_: &Renderer, _: &Presenter, _: bool) -> Option<FrameStatistics> {
+    Some(FrameStatistics::default())
 }
 
 pub(in crate::abi) fn release(_: &Renderer) -> Outcome<()> {

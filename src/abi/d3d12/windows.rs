@@ -1,59 +1,56 @@
-//! Direct3D 12 entry points on Windows.
+//! Direct3D 12 backend on Windows.
 
 mod adapters;
 
 use std::ffi::c_void;
-use std::time::Duration;
 
 use windows::Win32::Graphics::Direct3D12 as direct3d;
 use windows::Win32::Graphics::Dxgi::Common as Dxgi;
 use windows::core::{IUnknown, Interface};
 
 use super::super::device::{CAIRN_DEVICE_D3D12, DeviceOptions};
-use super::super::presenter::{CAIRN_PREFER_NEVER, CAIRN_PREFER_REQUIRE, cairn_presenter_options};
 use super::super::requirements::*;
 use super::super::results::{Failure, Outcome};
 use super::super::text::fixed_text;
-use super::{
-    CAIRN_D3D12_DETERMINISTIC, CAIRN_PREPARE_SUBMIT_ONLY, DeviceStatistics, DeviceTimes, Guard, Guarded,
-    ID3D12CommandQueue, ID3D12Device, ID3D12Resource, Recorded, RolloutStatistics, To, cairn_d3d12_options,
-    cairn_d3d12_preparation,
+use super::types::{
+    AnchorTexture, DeviceTimes, FenceValue, FramePreparation, FrameResult, FrameStatistics, FrameTarget,
+    RolloutStatistics, WorldOptions,
 };
-use crate::ffx::{self, Needed};
+use crate::Picture;
+use crate::ffx::{self, RequirementKind};
 use crate::framegen::shader::ShaderGenerator;
-use crate::gpu::compute::Spent;
+use crate::gpu::compute::GpuTimeStatistics;
 use crate::gpu::{FencePoint, Gpu, Target, read_texture};
-use crate::present::d3d12::{self, PipelineCallbacks, Preference, PrepareOptions, Rendered, RendererOptions};
+use crate::present::d3d12::{self, PipelineCallbacks, PrepareOptions, RenderResult, RendererOptions};
 use crate::present::presenter::Presenter;
 use crate::runtime::{Device, DirectMlOptions, Ort};
 use crate::world::{KeptAnchor, WorkerStatistics};
-use crate::{Colours, Picture};
 use adapters::loaded_pipelines;
 pub(in crate::abi) use adapters::{list, requirements};
 
-/// A device made from an engine's objects.
+/// A device made from an engine's objects: an ID3D12Device, its queue for frames, and its queue for anchors, which may be null.
 ///
 /// # Safety
 /// Pointers that are not null are COM objects that live during the call.
 pub(in crate::abi) unsafe fn of_engine(
-    d3d12: *mut ID3D12Device,
-    queue: *mut ID3D12CommandQueue,
-    anchors: *mut ID3D12CommandQueue,
+    d3d12: *mut c_void,
+    queue: *mut c_void,
+    anchors: *mut c_void,
     options: DeviceOptions,
 ) -> Outcome<Device> {
     // SAFETY: the caller's promise.
-    let device: direct3d::ID3D12Device = unsafe { object(d3d12.cast(), "d3d12") }?;
+    let device: direct3d::ID3D12Device = unsafe { object(d3d12, "d3d12") }?;
     // SAFETY: the caller's promise.
-    let queue: direct3d::ID3D12CommandQueue = unsafe { object(queue.cast(), "queue") }?;
+    let queue: direct3d::ID3D12CommandQueue = unsafe { object(queue, "queue") }?;
     let anchors: Option<direct3d::ID3D12CommandQueue> = match anchors.is_null() {
         true => None,
         // SAFETY: the caller's promise.
-        false => Some(unsafe { object(anchors.cast(), "anchors") }?),
+        false => Some(unsafe { object(anchors, "anchors") }?),
     };
     Ok(running(&Gpu::of_engine(&device, &queue, anchors.as_ref())?, options)?.0)
 }
 
-/// A device of the library's own.
+/// A device on an adapter, without an engine.
 pub(in crate::abi) fn on_adapter(luid: u64, options: DeviceOptions) -> Outcome<Device> {
     Ok(running(&Gpu::on_adapter(Some(luid))?, options)?.0)
 }
@@ -66,21 +63,16 @@ fn running(gpu: &Gpu, options: DeviceOptions) -> crate::Result<(Device, Ort)> {
     Ok((device.with_library_search(options.libraries), ort))
 }
 
-/// The Direct3D device and queue, each with an added reference; `None` for a CPU device.
-pub(in crate::abi) fn parts(device: &Device) -> Option<(*mut ID3D12Device, *mut ID3D12CommandQueue)> {
+/// The ID3D12Device and its ID3D12CommandQueue for frames, each with an added reference; `None` for a CPU device.
+pub(in crate::abi) fn device_and_queue(device: &Device) -> Option<(*mut c_void, *mut c_void)> {
     let gpu = device.gpu()?;
-    Some((gpu.device().clone().into_raw().cast(), gpu.frames().d3d12().clone().into_raw().cast()))
+    Some((gpu.device().clone().into_raw(), gpu.frames().d3d12().clone().into_raw()))
 }
 
 /// Sets the options for worlds loaded from now on.
-pub(in crate::abi) fn set_options(device: &Device, options: &cairn_d3d12_options) -> Outcome<()> {
-    let longest = Some(options.longest_submission_us).filter(|microseconds| *microseconds > 0);
-    let options = DirectMlOptions {
-        deterministic: options.flags & CAIRN_D3D12_DETERMINISTIC != 0,
-        captured_passes: options.captured_passes as usize,
-        longest_submission: longest.map(|microseconds| Duration::from_micros(microseconds.into())),
-        ..DirectMlOptions::default()
-    };
+pub(in crate::abi) fn set_options(device: &Device, options: &WorldOptions) -> Outcome<()> {
+    let WorldOptions { deterministic, captured_passes, longest_submission } = *options;
+    let options = DirectMlOptions { deterministic, captured_passes, longest_submission, ..DirectMlOptions::default() };
     Ok(device.set_directml_options(options)?)
 }
 
@@ -91,8 +83,8 @@ pub(in crate::abi) fn rollout_statistics(statistics: &WorkerStatistics) -> Rollo
         passes: times(took.passes),
         decodes: times(took.decode),
         commits: times(took.commit),
-        inside: took.external.inside,
-        waited: took.external.waited,
+        in_onnxruntime: took.external.in_onnxruntime,
+        waiting_for_device: took.external.waiting_for_device,
         yields: took.external.yields,
         captured: captured.used,
         others: captured.unproven + captured.unused,
@@ -103,18 +95,18 @@ pub(in crate::abi) fn rollout_statistics(statistics: &WorkerStatistics) -> Rollo
 ///
 /// # Safety
 /// Pointers that are not null are COM objects that live during the call.
-pub(in crate::abi) unsafe fn read(device: &Device, texture: *mut ID3D12Resource, state: u32) -> Outcome<Picture> {
+pub(in crate::abi) unsafe fn read(device: &Device, texture: *mut c_void, state: u32) -> Outcome<Picture> {
     let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
     // SAFETY: the caller's promise.
-    let texture: direct3d::ID3D12Resource = unsafe { object(texture.cast(), "picture") }?;
+    let texture: direct3d::ID3D12Resource = unsafe { object(texture, "picture") }?;
     let state = direct3d::D3D12_RESOURCE_STATES(state.cast_signed());
     Ok(read_texture(gpu, &texture, state)?)
 }
 
 /// A picture of an anchor on the device that made it.
-pub(in crate::abi) fn texture(anchor: &KeptAnchor, index: u32) -> Outcome<Guarded> {
+pub(in crate::abi) fn anchor_texture(anchor: &KeptAnchor, index: u32) -> Outcome<AnchorTexture> {
     let (texture, fence_point) = anchor.texture(index as usize).ok_or_else(Failure::no_d3d12)?;
-    Ok((texture.clone().into_raw().cast(), fence_point.fence().clone().into_raw().cast(), fence_point.value()))
+    Ok(AnchorTexture { texture: texture.clone().into_raw(), guard: fence_value(fence_point) })
 }
 
 /// Whether frames can be made by shaders.
@@ -123,14 +115,9 @@ pub(in crate::abi) const HAS_SHADERS: bool = true;
 /// Renderer of a presenter's frames.
 pub(in crate::abi) type Renderer = d3d12::Renderer;
 
-/// A renderer for a presenter's options, which were checked.
-pub(in crate::abi) fn renderer(options: &cairn_presenter_options, colours: Colours) -> Renderer {
-    let [fsr, shader, upscaler] = [options.fsr, options.shader, options.upscaler].map(|preference| match preference {
-        CAIRN_PREFER_REQUIRE => Preference::Require,
-        CAIRN_PREFER_NEVER => Preference::Never,
-        _ => Preference::Auto,
-    });
-    Renderer::new(RendererOptions { colours, fsr, shader, upscaler })
+/// A renderer without a preparation.
+pub(in crate::abi) fn renderer(options: RendererOptions) -> Renderer {
+    Renderer::new(options)
 }
 
 /// Makes everything that frames need; false if the anchors' size is not known yet.
@@ -138,24 +125,19 @@ pub(in crate::abi) fn prepare(
     renderer: &Renderer,
     presenter: &Presenter,
     device: &Device,
-    wanted: &cairn_d3d12_preparation,
+    preparation: &FramePreparation,
 ) -> Outcome<bool> {
-    let given = |size: (u32, u32)| (size != (0, 0)).then_some(size);
+    let FramePreparation { size, anchor_size, format, lists, pictures, latent, load, store, user } = *preparation;
     let options = PrepareOptions {
-        size: given((wanted.width, wanted.height)),
-        anchor_size: given((wanted.anchor_width, wanted.anchor_height)),
-        format: Dxgi::DXGI_FORMAT(wanted.format.cast_signed()),
-        lists: match wanted.lists {
-            _ if wanted.flags & CAIRN_PREPARE_SUBMIT_ONLY != 0 => 0,
-            0 => PrepareOptions::default().lists,
-            lists => lists as usize,
-        },
-        pictures: wanted.anchor_pictures as usize,
-        latent: [wanted.latent_channels, wanted.latent_height, wanted.latent_width],
+        size,
+        anchor_size,
+        format: Dxgi::DXGI_FORMAT(format.cast_signed()),
+        lists: lists.unwrap_or(PrepareOptions::default().lists),
+        pictures,
+        latent,
     };
-    let user = wanted.user;
-    let mut load = wanted.load.map(|load| move || loaded_pipelines(load, user));
-    let mut store = wanted.store.map(|store| {
+    let mut load = load.map(|load| move || loaded_pipelines(load, user));
+    let mut store = store.map(|store| {
         // SAFETY: a function of the host's; the bytes live during the call.
         move |bytes: &[u8]| unsafe { store(bytes.as_ptr().cast(), bytes.len() as u64, user) }
     });
@@ -166,7 +148,7 @@ pub(in crate::abi) fn prepare(
     Ok(renderer.prepare(presenter, device, &options, callbacks)?)
 }
 
-/// Records the frame due at `now`, or submits it where no list is given and then also returns the fence point that guards the target.
+/// Records the frame due at `now` into the list of `to`, or submits it if there is none.
 ///
 /// # Safety
 /// Pointers in `to` are COM objects that live during the call.
@@ -175,21 +157,21 @@ pub(in crate::abi) unsafe fn record(
     presenter: &Presenter,
     device: &Device,
     now: u64,
-    to: &To,
-) -> Outcome<Recorded> {
+    to: &FrameTarget,
+) -> Outcome<FrameResult> {
     let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
     let list = match &to.list {
         None => None,
-        Some((list, Guard { fence, value })) => {
+        Some((list, FenceValue { fence, value })) => {
             // SAFETY: the caller's promise.
-            let list: direct3d::ID3D12GraphicsCommandList = unsafe { object(list.cast(), "recording.list") }?;
+            let list: direct3d::ID3D12GraphicsCommandList = unsafe { object(*list, "recording.list") }?;
             // SAFETY: the caller's promise.
-            let fence: direct3d::ID3D12Fence = unsafe { object(fence.cast(), "recording.fence") }?;
+            let fence: direct3d::ID3D12Fence = unsafe { object(*fence, "recording.fence") }?;
             Some((list, FencePoint::of_engine(gpu, &fence, *value)?))
         }
     };
     // SAFETY: the caller's promise.
-    let texture: direct3d::ID3D12Resource = unsafe { object(to.target.cast(), "target") }?;
+    let texture: direct3d::ID3D12Resource = unsafe { object(to.texture, "target") }?;
     let [before, after] = [to.before, to.after].map(|state| direct3d::D3D12_RESOURCE_STATES(state.cast_signed()));
     let target = Target { texture, before, after };
     let rendered = match &list {
@@ -197,9 +179,9 @@ pub(in crate::abi) unsafe fn record(
         None => renderer.submit(presenter, gpu, now, target)?,
     };
     Ok(match rendered {
-        Rendered::NotReady => Recorded::NotReady,
-        Rendered::QueueFull => Recorded::QueueFull,
-        Rendered::Frame(shown, at) => Recorded::Frame(shown, at.as_ref().map(guard)),
+        RenderResult::NotReady => FrameResult::NotReady,
+        RenderResult::QueueFull => FrameResult::QueueFull,
+        RenderResult::Frame(info, fence_point) => FrameResult::Frame(info, fence_point.as_ref().map(fence_value)),
     })
 }
 
@@ -208,18 +190,18 @@ pub(in crate::abi) fn statistics(
     renderer: &Renderer,
     presenter: &Presenter,
     is_nested: bool,
-) -> Option<DeviceStatistics> {
-    let done = match is_nested {
+) -> Option<FrameStatistics> {
+    let statistics = match is_nested {
         true => renderer.try_statistics(presenter)?,
         false => renderer.statistics(presenter),
     };
-    Some(DeviceStatistics {
-        under_way: done.in_flight as u32,
-        lists_pending: done.lists_pending as u32,
-        frames: times(done.frames),
-        lists: times(done.anchors),
-        generator: done.generator,
-        upscaler: done.upscaler,
+    Some(FrameStatistics {
+        in_flight: statistics.in_flight as u32,
+        lists_pending: statistics.lists_pending as u32,
+        frames: times(statistics.frames),
+        lists: times(statistics.anchors),
+        generator: statistics.generator,
+        upscaler: statistics.upscaler,
     })
 }
 
@@ -228,20 +210,20 @@ pub(in crate::abi) fn release(renderer: &Renderer) -> Outcome<()> {
     Ok(renderer.release()?)
 }
 
-fn times(spent: Spent) -> DeviceTimes {
-    let Spent { frames: count, total, longest, last } = spent;
+fn times(times: GpuTimeStatistics) -> DeviceTimes {
+    let GpuTimeStatistics { frames: count, total, longest, last } = times;
     DeviceTimes { count, total, longest, last }
 }
 
 /// A fence point as the engine waits for it, with an added reference.
-fn guard(fence_point: &FencePoint) -> Guard {
-    Guard { fence: fence_point.fence().clone().into_raw().cast(), value: fence_point.value() }
+fn fence_value(fence_point: &FencePoint) -> FenceValue {
+    FenceValue { fence: fence_point.fence().clone().into_raw(), value: fence_point.value() }
 }
 
-/// The interface `I` of a COM object that is not null.
+/// Casts a COM object to the interface `I`; a null pointer is an error.
 ///
 /// # Safety
-/// The pointer is a COM object that lives during the call.
+/// The pointer is null or a COM object that lives during the call.
 pub(in crate::abi) unsafe fn object<I: Interface>(pointer: *mut c_void, name: &str) -> Outcome<I> {
     // SAFETY: the caller's promise; every interface of COM starts with IUnknown, and no reference is taken.
     let unknown = unsafe { IUnknown::from_raw_borrowed(&pointer) };

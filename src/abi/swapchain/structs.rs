@@ -1,6 +1,6 @@
 //! Constants and structs of the swap chain interface, and checks of their ranges.
 
-use super::super::d3d12::{ID3D12Resource, given};
+use super::super::d3d12::{ID3D12Resource, check_not_null};
 use super::super::results::{Failure, Outcome};
 use super::super::structs::{describe, read, read_or_default};
 
@@ -10,12 +10,12 @@ pub const CAIRN_FSR_ANY: u32 = 0;
 pub const CAIRN_FSR_PREFER_ML: u32 = 1;
 /// The newest analytic provider, or else the newest machine-learning one.
 pub const CAIRN_FSR_PREFER_ANALYTIC: u32 = 2;
-/// The newest machine-learning provider; fails where there is none.
+/// The newest machine-learning provider; fails if there is none.
 pub const CAIRN_FSR_REQUIRE_ML: u32 = 3;
-/// The newest analytic provider; fails where there is none.
+/// The newest analytic provider; fails if there is none.
 pub const CAIRN_FSR_REQUIRE_ANALYTIC: u32 = 4;
 
-/// A flag of cairn_swapchain_options: frames are generated on a compute queue of the swap chain's own, beside what the engine draws.
+/// A flag of cairn_swapchain_options: frames are generated on a compute queue of the swap chain's own, in parallel with the engine's work.
 pub const CAIRN_SWAPCHAIN_ASYNC: u32 = 1;
 /// A flag of cairn_swapchain_options: the motion texture has the buffers' size instead of the render size.
 pub const CAIRN_SWAPCHAIN_SHOWN_MOTION: u32 = 2;
@@ -27,9 +27,9 @@ pub const CAIRN_SWAPCHAIN_INVERTED_DEPTH: u32 = 8;
 pub const CAIRN_SWAPCHAIN_INFINITE_DEPTH: u32 = 16;
 /// A flag of cairn_swapchain_options: buffers have high dynamic range, as set by SetColorSpace1 and SetHDRMetaData.
 pub const CAIRN_SWAPCHAIN_HDR: u32 = 32;
-/// A flag of cairn_swapchain_options: AMD's provider checks its inputs and logs what it finds.
+/// A flag of cairn_swapchain_options: AMD's provider checks its inputs and logs errors in them.
 pub const CAIRN_SWAPCHAIN_CHECKED: u32 = 64;
-/// A flag of cairn_swapchain_options: skips the test in which a provider must move a picture of known motion to the right position.
+/// A flag of cairn_swapchain_options: skips the self-test, in which a provider must move a picture of known motion to the right position.
 pub const CAIRN_SWAPCHAIN_UNTRIED: u32 = 128;
 
 /// A flag of cairn_swapchain_frame: the frame has no predecessor, as after a cut. No frame is generated between it and the previous one.
@@ -37,15 +37,15 @@ pub const CAIRN_SWAPCHAIN_RESET: u32 = 1;
 
 /// A flag of cairn_swapchain_set_interface: colours are premultiplied by alpha.
 pub const CAIRN_INTERFACE_PREMULTIPLIED: u32 = 1;
-/// A flag of cairn_swapchain_set_interface: the picture is copied within Present, so that it may be drawn to again at once.
+/// A flag of cairn_swapchain_set_interface: the picture is copied within Present, and may be drawn to again when Present returns.
 pub const CAIRN_INTERFACE_COPIED: u32 = 2;
 
-/// A flag of cairn_swapchain_pacing: waits by sleeping, and by spinning for the last spin_ticks; else by spinning alone.
+/// A flag of cairn_swapchain_pacing: waits by sleeping, and by spinning for the last spin_ticks; without it, by spinning alone.
 pub const CAIRN_PACING_HYBRID_SPIN: u32 = 1;
-/// A flag of cairn_swapchain_pacing: the system wakes a thread at a fence; else it spins.
+/// A flag of cairn_swapchain_pacing: a thread sleeps until the fence is signalled; without it, the thread spins.
 pub const CAIRN_PACING_WAIT_ON_FENCE: u32 = 2;
 
-/// Options of AMD's swap chain. All zero: any provider that passes the test, with motion and depth of the buffers' size.
+/// Options of AMD's swap chain. All zero: any provider that passes the self-test, with motion and depth of the buffers' size.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_swapchain_options {
@@ -55,17 +55,17 @@ pub struct cairn_swapchain_options {
     pub flags: u32,
     /// CAIRN_FSR_ANY to CAIRN_FSR_REQUIRE_ANALYTIC
     pub provider: u32,
-    /// DXGI_FORMAT of frames without interface; 0 for that of the buffers.
+    /// DXGI_FORMAT of frames without user interface; 0 for that of the buffers.
     pub hudless_format: u32,
-    /// The largest size in pixels of motion and depth; 0 both ways for that of the buffers, even after they are resized.
+    /// Largest width in pixels of motion and depth; 0 in both fields for the buffers' size, also after they are resized.
     pub max_render_width: u32,
     /// See max_render_width.
     pub max_render_height: u32,
 }
 describe!(cairn_swapchain_options, [], { struct_size, flags, provider, hudless_format, max_render_width, max_render_height });
 
-/// Motion and depth of a frame that an engine draws. Textures are two-dimensional with one level, slice and sample. Each is in the given
-/// D3D12_RESOURCE_STATES before and after the list runs; optional ones may be null.
+/// Motion and depth of a frame that the engine draws. Textures are two-dimensional with one level, slice and sample. Each must be in the
+/// given D3D12_RESOURCE_STATES before the list runs, and is in it afterwards.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_swapchain_frame {
@@ -77,8 +77,8 @@ pub struct cairn_swapchain_frame {
     pub depth: *mut ID3D12Resource,
     /// Motion from this frame to the previous one in half or single floats, of the render size, or of the buffers' with CAIRN_SWAPCHAIN_SHOWN_MOTION.
     pub motion: *mut ID3D12Resource,
-    /// The frame without interface, of the buffers' size and options.hudless_format; may be null. It is read within Present and must not be
-    /// drawn to until Present returns, with CAIRN_SWAPCHAIN_ASYNC until the next Present returns.
+    /// The frame without user interface, of the buffers' size and options.hudless_format; may be null. It is read within Present and must not
+    /// be drawn to until Present returns, with CAIRN_SWAPCHAIN_ASYNC until the next Present returns.
     pub hudless: *mut ID3D12Resource,
     /// Lens distortion: each pixel's position after the lens minus its position before, as a fraction of the picture, of the buffers' size. May
     /// be null, but not in a frame after one that had it.
@@ -139,7 +139,7 @@ describe!(cairn_swapchain_frame, [], {
     motion_scale_y, frame_time_ms, vertical_fov, near_plane, far_plane, metres, position, up, right, forward, reserved,
 });
 
-/// How presents are spread over time.
+/// Pacing of presents.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct cairn_swapchain_pacing {
@@ -162,22 +162,22 @@ describe!(cairn_swapchain_pacing, [], { struct_size, flags, safety_margin_ms, va
 pub struct cairn_swapchain_statistics {
     /// sizeof(cairn_swapchain_statistics)
     pub struct_size: u32,
-    /// Last error code of AMD's generator within Present, a code of ffx-api's; 0 where it never failed. After an error frames are presented
-    /// without a generated one between them.
+    /// Last error code of AMD's generator within Present, one of ffx-api's; 0 if it never failed. After an error, frames are presented
+    /// without generated ones between them.
     pub failed: u32,
     /// Frames generated.
     pub generated: u64,
-    /// Bytes of device memory that the generator reports; 0 where unknown.
+    /// Bytes of device memory that the generator reports; 0 if unknown.
     pub generator_bytes: u64,
     /// The part of them that may alias other memory.
     pub generator_aliasable_bytes: u64,
-    /// Bytes of device memory of the swap chain itself; 0 where unknown.
+    /// Bytes of device memory of the swap chain itself; 0 if unknown.
     pub swapchain_bytes: u64,
     /// The part of them that may alias other memory.
     pub swapchain_aliasable_bytes: u64,
     /// Provider that generates frames, such as "3.1.6 (analytic)"; empty after cairn_swapchain_fit has failed. UTF-8.
     pub generator: [std::ffi::c_char; 64],
-    /// Provider that presents them. UTF-8.
+    /// Provider of the swap chain, which presents frames. UTF-8.
     pub pacer: [std::ffi::c_char; 64],
 }
 describe!(cairn_swapchain_statistics, [], {
@@ -192,7 +192,7 @@ pub(super) fn check_flags(flags: u32, known: u32, name: &str) -> Outcome<()> {
     Err(Failure::argument(name, format!("{flags:#x} has an unknown bit")))
 }
 
-/// A host's options, checked against their ranges.
+/// Reads a host's options and checks their ranges.
 ///
 /// # Safety
 /// `options` is null or points to as many readable bytes as its first four say.
@@ -212,27 +212,27 @@ pub(super) unsafe fn checked_options(options: *const cairn_swapchain_options) ->
         return Err(Failure::argument("options.provider", format!("{} names no provider", options.provider)));
     }
     let (width, height) = (options.max_render_width, options.max_render_height);
-    if (width == 0) != (height == 0) || width > LARGEST || height > LARGEST {
+    if (width == 0) != (height == 0) || width > MAX_SIDE || height > MAX_SIDE {
         let field =
-            if width > LARGEST || width == 0 { "options.max_render_width" } else { "options.max_render_height" };
+            if width > MAX_SIDE || width == 0 { "options.max_render_width" } else { "options.max_render_height" };
         return Err(Failure::argument(field, format!("{width} x {height} is no size")));
     }
     Ok(options)
 }
 
-/// The largest side of a texture.
-const LARGEST: u32 = 16_384;
+/// The largest side of a texture, in pixels.
+const MAX_SIDE: u32 = 16_384;
 
-/// Refuses what is no frame, whatever it is a frame of.
+/// Checks what does not depend on the swap chain: flags, required textures, the render size, and that all numbers are finite.
 pub(super) fn check_frame(frame: &cairn_swapchain_frame) -> Outcome<()> {
     check_flags(frame.flags, CAIRN_SWAPCHAIN_RESET, "frame.flags")?;
     if frame.reserved != 0 {
         return Err(Failure::argument("frame.reserved", "it must be 0"));
     }
-    given(frame.depth, "frame.depth")?;
-    given(frame.motion, "frame.motion")?;
+    check_not_null(frame.depth, "frame.depth")?;
+    check_not_null(frame.motion, "frame.motion")?;
     for (side, field) in [(frame.render_width, "render_width"), (frame.render_height, "render_height")] {
-        if !(1..=LARGEST).contains(&side) {
+        if !(1..=MAX_SIDE).contains(&side) {
             return Err(Failure::argument(&format!("frame.{field}"), format!("{side} pixels are no size")));
         }
     }
@@ -258,7 +258,7 @@ pub(super) fn check_frame(frame: &cairn_swapchain_frame) -> Outcome<()> {
     }
 }
 
-/// Pacing of a host's that is within its ranges; none for AMD's own.
+/// Reads a host's pacing and checks its ranges; `None` for AMD's defaults.
 ///
 /// # Safety
 /// `pacing` is null or points to as many readable bytes as its first four say.

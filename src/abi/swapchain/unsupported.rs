@@ -1,4 +1,4 @@
-//! AMD's swap chain on systems without it.
+//! AMD's swap chain on systems other than Windows: every constructor fails.
 
 use std::ffi::c_void;
 
@@ -10,17 +10,21 @@ use super::{
 use crate::abi::results::{Failure, Outcome};
 use crate::runtime::Device;
 
-/// There is no such thread.
+/// AMD's swap chain does not exist here, so neither do its threads.
 pub(super) fn is_presenting_thread() -> bool {
     false
 }
 
-/// Never made, so its methods are never called.
-pub(in crate::abi) enum Showing {}
+/// Has no values, so its methods are never called.
+pub(in crate::abi) enum SwapchainObject {}
 
 /// # Safety
 /// None.
-pub(super) unsafe fn wrap(_: &Device, _: &cairn_swapchain_options, _: &mut *mut IDXGISwapChain) -> Outcome<Showing> {
+pub(super) unsafe fn wrap(
+    _: &Device,
+    _: &cairn_swapchain_options,
+    _: &mut *mut IDXGISwapChain,
+) -> Outcome<SwapchainObject> {
     Err(Failure::no_d3d12())
 }
 
@@ -31,7 +35,7 @@ pub(super) unsafe fn create(
     _: &cairn_swapchain_options,
     _: *mut IDXGIFactory,
     _: *const DXGI_SWAP_CHAIN_DESC,
-) -> Outcome<Showing> {
+) -> Outcome<SwapchainObject> {
     Err(Failure::no_d3d12())
 }
 
@@ -44,11 +48,11 @@ pub(super) unsafe fn create_for_window(
     _: *mut c_void,
     _: *const DXGI_SWAP_CHAIN_DESC1,
     _: *const DXGI_SWAP_CHAIN_FULLSCREEN_DESC,
-) -> Outcome<Showing> {
+) -> Outcome<SwapchainObject> {
     Err(Failure::no_d3d12())
 }
 
-impl Showing {
+impl SwapchainObject {
     pub(super) fn dxgi(&self) -> *mut IDXGISwapChain4 {
         match *self {}
     }

@@ -9,7 +9,7 @@ use windows::Win32::Graphics::Dxgi as dxgi;
 use windows::core::{IUnknown, Interface as _};
 
 use super::*;
-use crate::abi::d3d12::behind::object;
+use crate::abi::d3d12::backend::object;
 use crate::abi::text::fixed_text;
 use crate::ffx::bindings::{Dimensions, MemoryUsage};
 pub(super) use crate::ffx::is_presenting_thread;
@@ -19,10 +19,10 @@ use crate::ffx::{
 use crate::gpu::compute::ResourceWithState;
 use crate::runtime::Device;
 
-/// A swap chain with the objects it was made from.
-pub(in crate::abi) struct Showing {
+/// The object of a swap chain's handle.
+pub(in crate::abi) struct SwapchainObject {
     swapchain: Swapchain,
-    /// AMD's modules, which stay loaded as long as it lives.
+    /// Keeps AMD's modules loaded; dropped after the swap chain.
     _library: Library,
 }
 
@@ -34,19 +34,19 @@ pub(super) unsafe fn wrap(
     device: &Device,
     options: &cairn_swapchain_options,
     own: &mut *mut IDXGISwapChain,
-) -> Outcome<Showing> {
-    let given = *own;
+) -> Outcome<SwapchainObject> {
+    let raw = *own;
     // SAFETY: the caller's promise.
-    let mut theirs: Option<dxgi::IDXGISwapChain4> = Some(unsafe { object(given.cast(), "own") }?);
-    // SAFETY: the caller's reference, which is counted twice now. AMD's library wants the only one.
-    drop(unsafe { IUnknown::from_raw(given.cast()) });
-    let made = make(device, options, SwapchainSource::Wrap(&mut theirs));
-    match theirs {
+    let mut engine_swapchain: Option<dxgi::IDXGISwapChain4> = Some(unsafe { object(raw.cast(), "own") }?);
+    // SAFETY: the caller's reference. `engine_swapchain` has a second one now, which AMD's library requires to be the only one.
+    drop(unsafe { IUnknown::from_raw(raw.cast()) });
+    let made = make(device, options, SwapchainSource::Wrap(&mut engine_swapchain));
+    match engine_swapchain {
         None => *own = std::ptr::null_mut(),
         Some(_) => {
-            // SAFETY: alive by the reference that is held here; its owner gets another in place of it.
-            let again = ManuallyDrop::new(unsafe { IUnknown::from_raw(given.cast()) });
-            std::mem::forget(IUnknown::clone(&again));
+            // SAFETY: kept alive by `engine_swapchain`. The caller gets back the reference that was dropped above.
+            let alive = ManuallyDrop::new(unsafe { IUnknown::from_raw(raw.cast()) });
+            std::mem::forget(IUnknown::clone(&alive));
         }
     }
     made
@@ -61,11 +61,11 @@ pub(super) unsafe fn create(
     options: &cairn_swapchain_options,
     factory: *mut IDXGIFactory,
     description: *const DXGI_SWAP_CHAIN_DESC,
-) -> Outcome<Showing> {
+) -> Outcome<SwapchainObject> {
     // SAFETY: the caller's promise.
     let factory: dxgi::IDXGIFactory = unsafe { object(factory.cast(), "factory") }?;
     // SAFETY: the caller's promise.
-    let description = unsafe { copied(description.cast::<dxgi::DXGI_SWAP_CHAIN_DESC>(), "description") }?;
+    let description = unsafe { read_struct(description.cast::<dxgi::DXGI_SWAP_CHAIN_DESC>(), "description") }?;
     make(device, options, SwapchainSource::New(&factory, description))
 }
 
@@ -80,54 +80,55 @@ pub(super) unsafe fn create_for_window(
     window: *mut c_void,
     description: *const DXGI_SWAP_CHAIN_DESC1,
     fullscreen: *const DXGI_SWAP_CHAIN_FULLSCREEN_DESC,
-) -> Outcome<Showing> {
+) -> Outcome<SwapchainObject> {
     // SAFETY: the caller's promise.
     let factory: dxgi::IDXGIFactory = unsafe { object(factory.cast(), "factory") }?;
     // SAFETY: the caller's promise.
-    let description = unsafe { copied(description.cast::<dxgi::DXGI_SWAP_CHAIN_DESC1>(), "description") }?;
+    let description = unsafe { read_struct(description.cast::<dxgi::DXGI_SWAP_CHAIN_DESC1>(), "description") }?;
+    let fullscreen = fullscreen.cast::<dxgi::DXGI_SWAP_CHAIN_FULLSCREEN_DESC>();
     let fullscreen = match fullscreen.is_null() {
         true => None,
         // SAFETY: the caller's promise.
-        false => Some(unsafe { copied(fullscreen.cast::<dxgi::DXGI_SWAP_CHAIN_FULLSCREEN_DESC>(), "fullscreen") }?),
+        false => Some(unsafe { read_struct(fullscreen, "fullscreen") }?),
     };
     make(device, options, SwapchainSource::ForWindow(&factory, HWND(window), description, fullscreen))
 }
 
-/// A struct of DXGI's.
+/// Reads one of DXGI's structs; a misaligned pointer is an error.
 ///
 /// # Safety
-/// `from` is not null, and can be read where it is aligned.
-unsafe fn copied<T: Copy>(from: *const T, name: &str) -> Outcome<T> {
+/// `from` is not null, and can be read if it is aligned.
+unsafe fn read_struct<T: Copy>(from: *const T, name: &str) -> Outcome<T> {
     check_out(from.cast_mut(), name)?;
     // SAFETY: aligned, and the caller's promise.
     Ok(unsafe { from.read() })
 }
 
-fn make(device: &Device, options: &cairn_swapchain_options, from: SwapchainSource<'_>) -> Outcome<Showing> {
+fn make(device: &Device, options: &cairn_swapchain_options, from: SwapchainSource<'_>) -> Outcome<SwapchainObject> {
     let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
-    let options = of_host(options)?;
+    let options = swapchain_options(options)?;
     let library = Library::load(&LoadOptions::of_host(device.library_search()))?;
     let api: Api = *library.api(Effect::FrameGeneration)?;
-    Ok(Showing { swapchain: Swapchain::new(gpu, &api, &options, from)?, _library: library })
+    Ok(SwapchainObject { swapchain: Swapchain::new(gpu, &api, &options, from)?, _library: library })
 }
 
-fn of_host(options: &cairn_swapchain_options) -> Outcome<SwapchainOptions> {
+fn swapchain_options(options: &cairn_swapchain_options) -> Outcome<SwapchainOptions> {
     let (width, height) = (options.max_render_width, options.max_render_height);
     Ok(SwapchainOptions {
-        choice: told::choice(options.provider),
+        choice: convert::choice(options.provider),
         max_render_size: (width > 0).then_some(Dimensions { width, height }),
-        flags: told::flags(options.flags),
-        hudless: told::hudless(options.hudless_format)?,
+        flags: convert::flags(options.flags),
+        hudless: convert::hudless(options.hudless_format)?,
         self_test: options.flags & CAIRN_SWAPCHAIN_UNTRIED == 0,
     })
 }
 
 /// A host's texture with its resource state; `None` for a null pointer.
-type Rested = Option<(direct3d::ID3D12Resource, direct3d::D3D12_RESOURCE_STATES)>;
+type TextureWithState = Option<(direct3d::ID3D12Resource, direct3d::D3D12_RESOURCE_STATES)>;
 
 /// # Safety
 /// A pointer that is not null is a COM object that lives during the call.
-unsafe fn rested(texture: *mut ID3D12Resource, state: u32, name: &str) -> Outcome<Rested> {
+unsafe fn texture_with_state(texture: *mut ID3D12Resource, state: u32, name: &str) -> Outcome<TextureWithState> {
     if texture.is_null() {
         return Ok(None);
     }
@@ -136,12 +137,12 @@ unsafe fn rested(texture: *mut ID3D12Resource, state: u32, name: &str) -> Outcom
     Ok(Some((texture, direct3d::D3D12_RESOURCE_STATES(state.cast_signed()))))
 }
 
-fn resting(rested: &Rested) -> Option<ResourceWithState<'_>> {
-    rested.as_ref().map(|(resource, state)| ResourceWithState { resource, state: *state })
+fn resource_with_state(texture: &TextureWithState) -> Option<ResourceWithState<'_>> {
+    texture.as_ref().map(|(resource, state)| ResourceWithState { resource, state: *state })
 }
 
-impl Showing {
-    /// Adds a reference for the receiver.
+impl SwapchainObject {
+    /// The DXGI swap chain, with a new reference that the caller releases.
     pub(super) fn dxgi(&self) -> *mut IDXGISwapChain4 {
         self.swapchain.dxgi().clone().into_raw().cast()
     }
@@ -162,41 +163,41 @@ impl Showing {
         // SAFETY: the caller's promise.
         let [depth, motion, hudless, distortion] = unsafe {
             [
-                rested(frame.depth, frame.depth_state, "frame.depth")?,
-                rested(frame.motion, frame.motion_state, "frame.motion")?,
-                rested(frame.hudless, frame.hudless_state, "frame.hudless")?,
-                rested(frame.distortion, frame.distortion_state, "frame.distortion")?,
+                texture_with_state(frame.depth, frame.depth_state, "frame.depth")?,
+                texture_with_state(frame.motion, frame.motion_state, "frame.motion")?,
+                texture_with_state(frame.hudless, frame.hudless_state, "frame.hudless")?,
+                texture_with_state(frame.distortion, frame.distortion_state, "frame.distortion")?,
             ]
         };
         let missing = |name| move || Failure::argument(name, "a null pointer");
-        let pictures = FrameTextures {
-            depth: resting(&depth).ok_or_else(missing("frame.depth"))?,
-            motion: resting(&motion).ok_or_else(missing("frame.motion"))?,
-            hudless: resting(&hudless),
-            distortion: resting(&distortion),
+        let textures = FrameTextures {
+            depth: resource_with_state(&depth).ok_or_else(missing("frame.depth"))?,
+            motion: resource_with_state(&motion).ok_or_else(missing("frame.motion"))?,
+            hudless: resource_with_state(&hudless),
+            distortion: resource_with_state(&distortion),
         };
-        Ok(self.swapchain.prepare(&list, &pictures, &told::shot(frame))?)
+        Ok(self.swapchain.prepare(&list, &textures, &convert::frame_params(frame))?)
     }
 
     /// # Safety
     /// A pointer that is not null is a COM object that lives during the call.
     pub(super) unsafe fn set_interface(&mut self, picture: *mut ID3D12Resource, state: u32, flags: u32) -> Outcome<()> {
         // SAFETY: the caller's promise.
-        let picture = unsafe { rested(picture, state, "picture") }?;
-        let told = resting(&picture).map(|picture| Interface {
+        let picture = unsafe { texture_with_state(picture, state, "picture") }?;
+        let interface = resource_with_state(&picture).map(|picture| Interface {
             picture,
             premultiplied: flags & CAIRN_INTERFACE_PREMULTIPLIED != 0,
             copied: flags & CAIRN_INTERFACE_COPIED != 0,
         });
-        Ok(self.swapchain.set_interface(told)?)
+        Ok(self.swapchain.set_interface(interface)?)
     }
 
     pub(super) fn set_pacing(&mut self, pacing: Option<&cairn_swapchain_pacing>) -> Outcome<()> {
-        let pacing = pacing.map_or_else(Pacing::default, |told| Pacing {
-            safety_margin_ms: told.safety_margin_ms,
-            variance_factor: told.variance_factor,
-            hybrid_spin: (told.flags & CAIRN_PACING_HYBRID_SPIN != 0).then_some(told.spin_ticks),
-            wait_on_fence: told.flags & CAIRN_PACING_WAIT_ON_FENCE != 0,
+        let pacing = pacing.map_or_else(Pacing::default, |pacing| Pacing {
+            safety_margin_ms: pacing.safety_margin_ms,
+            variance_factor: pacing.variance_factor,
+            hybrid_spin: (pacing.flags & CAIRN_PACING_HYBRID_SPIN != 0).then_some(pacing.spin_ticks),
+            wait_on_fence: pacing.flags & CAIRN_PACING_WAIT_ON_FENCE != 0,
         });
         Ok(self.swapchain.set_pacing(&pacing)?)
     }
@@ -218,7 +219,7 @@ impl Showing {
         let bytes = |usage: Option<MemoryUsage>| usage.map_or((0, 0), |usage| (usage.total, usage.aliasable));
         let ((generator_bytes, generator_aliasable_bytes), (swapchain_bytes, swapchain_aliasable_bytes)) =
             (bytes(memory.generator), bytes(memory.swapchain));
-        let generator = self.swapchain.provider().map_or_else(|_| String::new(), |who| who.version.to_string());
+        let generator = self.swapchain.provider().map_or_else(|_| String::new(), |found| found.version.to_string());
         Ok(cairn_swapchain_statistics {
             struct_size: 0,
             failed: self.swapchain.failed().map_or(0, |code| code.0),

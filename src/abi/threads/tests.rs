@@ -3,7 +3,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::super::results::{CAIRN_ERROR_BUSY, CAIRN_ERROR_INVALID_ARGUMENT, CAIRN_ERROR_STRUCT_SIZE};
 use super::*;
-use crate::tasks::Use;
+use crate::tasks::PoolLease;
 
 const OPTIONS: cairn_thread_options = cairn_thread_options {
     struct_size: size_of::<cairn_thread_options>() as u32,
@@ -39,8 +39,8 @@ fn scheduler(scheduler: cairn_scheduler) -> cairn_result {
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
-    // Objects of other tests may keep the settings from being changed, not from being checked.
+fn refuses_invalid_options_and_schedulers() {
+    // Objects of tests that run at the same time prevent a change of the settings, but not their check.
     for options in [
         cairn_thread_options { threads: CAIRN_MAX_THREADS + 1, ..OPTIONS },
         cairn_thread_options { priority: CAIRN_PRIORITY_LOWEST + 1, ..OPTIONS },
@@ -49,19 +49,19 @@ fn what_cannot_be_is_refused() {
         assert_eq!(threads(options), CAIRN_ERROR_INVALID_ARGUMENT);
     }
     assert_eq!(threads(cairn_thread_options { struct_size: 3, ..OPTIONS }), CAIRN_ERROR_STRUCT_SIZE);
-    for hosted in [
+    for invalid in [
         cairn_scheduler { concurrency: 0, ..SCHEDULER },
         cairn_scheduler { concurrency: CAIRN_MAX_THREADS + 1, ..SCHEDULER },
         cairn_scheduler { run: None, ..SCHEDULER },
     ] {
-        assert_eq!(scheduler(hosted), CAIRN_ERROR_INVALID_ARGUMENT);
+        assert_eq!(scheduler(invalid), CAIRN_ERROR_INVALID_ARGUMENT);
     }
     assert_eq!(scheduler(cairn_scheduler { struct_size: 0, ..SCHEDULER }), CAIRN_ERROR_STRUCT_SIZE);
 }
 
 #[test]
-fn nothing_is_set_while_an_object_lives() {
-    let object = Use::new();
+fn refuses_changes_while_an_object_exists() {
+    let object = PoolLease::new();
     assert_eq!(threads(OPTIONS), CAIRN_ERROR_BUSY);
     assert_eq!(scheduler(SCHEDULER), CAIRN_ERROR_BUSY);
     // SAFETY: null stands for the defaults.

@@ -1,9 +1,9 @@
-//! Checks a whole model against the contract.
+//! Checks a whole model against `docs/bundle.md` section 4.
 
 use super::interface::Interface;
 use super::operators::check_node;
 use super::proto::{self, Data, Model, Tensor};
-use super::sizes::{Footprint, tensor_shape, walk};
+use super::shape_inference::{Footprint, infer_sizes, tensor_shape};
 use super::{Check, Element, Fault, quoted};
 use crate::bundle::{GraphKind, Manifest, Precision, invalid, names};
 use crate::{Error, ErrorKind, Result};
@@ -11,25 +11,25 @@ use crate::{Error, ErrorKind, Result};
 /// The largest model without its weights, in bytes.
 const MAX_MODEL: usize = 8 << 20;
 /// The largest initializer stored in the model file, in bytes.
-const MAX_INSIDE: usize = 64 << 10;
+const MAX_INLINE: usize = 64 << 10;
 const IR_VERSIONS: std::ops::RangeInclusive<i64> = 8..=10;
 const OPSETS: std::ops::RangeInclusive<i64> = 17..=20;
 
 /// External data that a checked model refers to.
-pub(in crate::bundle) struct Checked {
+pub(in crate::bundle) struct ExternalData {
     /// Each external location as written in the graph, with the bundle file it names; no duplicates.
     pub(in crate::bundle) external: Vec<(String, String)>,
 }
 
-/// Which model of which bundle.
+/// Identifies a model: the bundle's manifest, and the graph's kind and precision.
 #[derive(Clone, Copy)]
-pub(in crate::bundle) struct Subject<'a> {
+pub(in crate::bundle) struct ModelContext<'a> {
     pub(in crate::bundle) manifest: &'a Manifest,
     pub(in crate::bundle) kind: GraphKind,
     pub(in crate::bundle) precision: Precision,
 }
 
-impl Subject<'_> {
+impl ModelContext<'_> {
     fn path(&self) -> &str {
         self.manifest.graphs.of(self.precision).map_or("", |files| files.of(self.kind))
     }
@@ -46,16 +46,16 @@ impl Subject<'_> {
 ///
 /// # Errors
 /// `InvalidBundle` with the model's file name.
-pub(in crate::bundle) fn check(onnx: &[u8], subject: Subject<'_>) -> Result<Checked> {
-    inspect(onnx, subject).map_err(|fault| subject.refuse(fault))
+pub(in crate::bundle) fn check(onnx: &[u8], context: ModelContext<'_>) -> Result<ExternalData> {
+    inspect(onnx, context).map_err(|fault| context.refuse(fault))
 }
 
-/// The memory of a checked model at the global window `g`.
+/// Memory and cost of a checked model at a global window of `g` latents.
 ///
 /// # Errors
 /// `InvalidBundle` if shape inference fails at this window.
-pub(in crate::bundle) fn footprint(onnx: &[u8], subject: Subject<'_>, g: u32) -> Result<Footprint> {
-    parse(onnx).and_then(|model| sized(&model, subject, g)).map_err(|fault| subject.refuse(fault))
+pub(in crate::bundle) fn footprint(onnx: &[u8], context: ModelContext<'_>, g: u32) -> Result<Footprint> {
+    parse(onnx).and_then(|model| footprint_at(&model, context, g)).map_err(|fault| context.refuse(fault))
 }
 
 fn parse(onnx: &[u8]) -> Check<Model<'_>> {
@@ -78,7 +78,7 @@ fn opset(model: &Model<'_>) -> Check<i64> {
     }
 }
 
-fn inspect(onnx: &[u8], subject: Subject<'_>) -> Check<Checked> {
+fn inspect(onnx: &[u8], context: ModelContext<'_>) -> Check<ExternalData> {
     let model = parse(onnx)?;
     if !IR_VERSIONS.contains(&model.ir_version) {
         return Err(Fault::new(format!("the IR version is {}, 8 to 10 are allowed", model.ir_version)));
@@ -87,35 +87,35 @@ fn inspect(onnx: &[u8], subject: Subject<'_>) -> Check<Checked> {
     for node in &model.graph.nodes {
         check_node(node).map_err(|fault| fault.within(&format!("node {}", quoted(node.name))))?;
     }
-    Interface::of(subject.kind, subject.precision, subject.manifest)
+    Interface::of(context.kind, context.precision, context.manifest)
         .check(&model.graph.inputs, &model.graph.outputs)?;
-    let external = check_tensors(&model.graph.tensors, subject)?;
+    let external = check_tensors(&model.graph.tensors, context)?;
     // Shape inference must succeed at the smallest, the stock and the largest window. Other windows are checked when used.
-    let window = subject.manifest.geometry.global;
+    let window = context.manifest.geometry.global;
     for g in [window.dilation, window.window, window.max_window] {
-        sized(&model, subject, g)?;
+        footprint_at(&model, context, g)?;
     }
-    Ok(Checked { external })
+    Ok(ExternalData { external })
 }
 
-fn sized(model: &Model<'_>, subject: Subject<'_>, g: u32) -> Check<Footprint> {
-    let Interface { inputs, outputs } = Interface::of(subject.kind, subject.precision, subject.manifest);
-    let inputs: Vec<_> = inputs.iter().map(|port| (port.name.as_str(), port.shape(subject.manifest, g))).collect();
-    let outputs: Vec<_> = outputs.iter().map(|port| (port.name.as_str(), port.shape(subject.manifest, g))).collect();
-    walk(&model.graph, opset(model)?, &inputs, &outputs)
+fn footprint_at(model: &Model<'_>, context: ModelContext<'_>, g: u32) -> Check<Footprint> {
+    let Interface { inputs, outputs } = Interface::of(context.kind, context.precision, context.manifest);
+    let inputs: Vec<_> = inputs.iter().map(|port| (port.name.as_str(), port.shape(context.manifest, g))).collect();
+    let outputs: Vec<_> = outputs.iter().map(|port| (port.name.as_str(), port.shape(context.manifest, g))).collect();
+    infer_sizes(&model.graph, opset(model)?, &inputs, &outputs)
 }
 
-fn check_tensors(tensors: &[Tensor<'_>], subject: Subject<'_>) -> Check<Vec<(String, String)>> {
+fn check_tensors(tensors: &[Tensor<'_>], context: ModelContext<'_>) -> Check<Vec<(String, String)>> {
     let mut external: Vec<(String, String)> = Vec::new();
     for tensor in tensors {
         let fault = |cause: String| Fault::new(format!("initializer {}: {cause}", quoted(tensor.name)));
         let shape = tensor_shape(tensor).map_err(|inner| fault(inner.cause))?;
         let bytes = shape.count().and_then(|n| n.checked_mul(shape.element.bytes()));
         match tensor.data {
-            Data::Inside(data) => {
-                if data.len() > MAX_INSIDE {
+            Data::Inline(data) => {
+                if data.len() > MAX_INLINE {
                     return Err(fault(format!(
-                        "{} bytes inside the model, at most {MAX_INSIDE} are allowed",
+                        "{} bytes inside the model, at most {MAX_INLINE} are allowed",
                         data.len()
                     )));
                 }
@@ -130,8 +130,8 @@ fn check_tensors(tensors: &[Tensor<'_>], subject: Subject<'_>) -> Check<Vec<(Str
                 if bytes != Some(length) {
                     return Err(fault(format!("{length} bytes of data for {} {:?}", shape.element, shape.dims)));
                 }
-                let file = resolve(location, subject).map_err(|inner| fault(inner.cause))?;
-                let size = subject.manifest.file(&file).map_or(0, |entry| entry.size);
+                let file = resolve(location, context).map_err(|inner| fault(inner.cause))?;
+                let size = context.manifest.file(&file).map_or(0, |entry| entry.size);
                 if !offset.is_multiple_of(2) || offset.checked_add(length).is_none_or(|end| end > size) {
                     return Err(fault(format!("bytes {offset} + {length} of `{file}`, which has {size}")));
                 }
@@ -144,17 +144,17 @@ fn check_tensors(tensors: &[Tensor<'_>], subject: Subject<'_>) -> Check<Vec<(Str
     Ok(external)
 }
 
-/// The listed file that an external location names, relative to the model's own folder.
-fn resolve(location: &str, subject: Subject<'_>) -> Check<String> {
-    if let Some(cause) = names::fault(location) {
+/// The listed file that an external location names; locations are relative to the model's folder.
+fn resolve(location: &str, context: ModelContext<'_>) -> Check<String> {
+    if let Some(cause) = names::violation(location) {
         return Err(Fault::new(format!("the location {} is refused: {cause}", quoted(location))));
     }
-    let file = match subject.path().rsplit_once('/') {
+    let file = match context.path().rsplit_once('/') {
         Some((folder, _)) => format!("{folder}/{location}"),
         None => location.to_owned(),
     };
-    let graph = subject.manifest.graphs.paths().any(|(_, _, path)| path == file);
-    if graph || subject.manifest.file(&file).is_none() {
+    let graph = context.manifest.graphs.paths().any(|(_, _, path)| path == file);
+    if graph || context.manifest.file(&file).is_none() {
         return Err(Fault::new(format!("the location {} is no listed file of weights", quoted(location))));
     }
     Ok(file)

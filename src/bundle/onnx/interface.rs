@@ -7,23 +7,23 @@ use crate::bundle::{GraphKind, Manifest, Precision};
 /// Pictures per run of the autoencoder.
 const PICTURES: u32 = 4;
 
-/// An input or output of the contract.
+/// An input or output that the format prescribes.
 #[derive(Debug, Clone)]
 pub(super) struct Port {
     pub(super) name: String,
     element: Element,
-    dims: Vec<Side>,
+    dims: Vec<PortDim>,
 }
 
-/// One dimension: a number, or one of the transformer's four symbols.
+/// One dimension: a fixed number, or one of the transformer's four symbols.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Side {
+enum PortDim {
     Fixed(u32),
     Past { global: bool },
     Keys { global: bool },
 }
 
-impl Side {
+impl PortDim {
     fn symbol(self) -> Option<&'static str> {
         match self {
             Self::Fixed(_) => None,
@@ -54,7 +54,7 @@ impl Interface {
         }
     }
 
-    /// Checks the model's inputs and outputs against the contract: names, order, types, ranks, dimensions.
+    /// Compares the model's inputs and outputs with the format's: names, order, types, ranks, dimensions.
     pub(super) fn check(&self, inputs: &[ValueInfo<'_>], outputs: &[ValueInfo<'_>]) -> Check<()> {
         compare("input", &self.inputs, inputs)?;
         compare("output", &self.outputs, outputs)
@@ -62,23 +62,23 @@ impl Interface {
 }
 
 impl Port {
-    fn new(name: impl Into<String>, element: Element, dims: Vec<Side>) -> Self {
+    fn new(name: impl Into<String>, element: Element, dims: Vec<PortDim>) -> Self {
         Self { name: name.into(), element, dims }
     }
 
     fn fixed(name: impl Into<String>, element: Element, dims: &[u32]) -> Self {
-        Self::new(name, element, dims.iter().map(|&n| Side::Fixed(n)).collect())
+        Self::new(name, element, dims.iter().map(|&n| PortDim::Fixed(n)).collect())
     }
 
-    /// The size at the global window `g`, in latents.
+    /// The shape at a global window of `g` latents.
     pub(super) fn shape(&self, manifest: &Manifest, g: u32) -> Shape {
         let geometry = &manifest.geometry;
-        let side = |side: &Side| match *side {
-            Side::Fixed(n) => u64::from(n),
-            Side::Past { global } => geometry.buckets(global, g) * u64::from(geometry.tokens),
-            Side::Keys { global } => (geometry.buckets(global, g) + 1) * u64::from(geometry.tokens),
+        let length = |dim: &PortDim| match *dim {
+            PortDim::Fixed(n) => u64::from(n),
+            PortDim::Past { global } => geometry.buckets(global, g) * u64::from(geometry.tokens),
+            PortDim::Keys { global } => (geometry.buckets(global, g) + 1) * u64::from(geometry.tokens),
         };
-        Shape { element: self.element, dims: self.dims.iter().map(side).collect() }
+        Shape { element: self.element, dims: self.dims.iter().map(length).collect() }
     }
 }
 
@@ -95,8 +95,9 @@ fn rgb(f: Element, m: &Manifest) -> Port {
 fn transformer(f: Element, m: &Manifest) -> Interface {
     let g = &m.geometry;
     let angles = [1, 1, g.tokens, g.head_width / 2];
-    let mask =
-        |name, global| Port::new(name, f, vec![Side::Fixed(1), Side::Fixed(1), Side::Fixed(1), Side::Keys { global }]);
+    let mask = |name, global| {
+        Port::new(name, f, vec![PortDim::Fixed(1), PortDim::Fixed(1), PortDim::Fixed(1), PortDim::Keys { global }])
+    };
     let mut inputs = vec![
         latent("x", f, m),
         Port::fixed("sigma", Element::F32, &[1]),
@@ -109,9 +110,9 @@ fn transformer(f: Element, m: &Manifest) -> Interface {
     ];
     let mut outputs = vec![latent("x_next", f, m)];
     for i in 0..g.layers {
-        let past = Side::Past { global: g.is_global(i) };
+        let past = PortDim::Past { global: g.is_global(i) };
         for half in ["k", "v"] {
-            let dims = vec![Side::Fixed(1), Side::Fixed(g.kv_heads), past, Side::Fixed(g.head_width)];
+            let dims = vec![PortDim::Fixed(1), PortDim::Fixed(g.kv_heads), past, PortDim::Fixed(g.head_width)];
             inputs.push(Port::new(format!("past.{i}.{half}"), f, dims));
             outputs.push(Port::fixed(format!("present.{i}.{half}"), f, &[1, g.kv_heads, g.tokens, g.head_width]));
         }
@@ -127,7 +128,7 @@ fn decoder(f: Element, m: &Manifest) -> Interface {
     with_memories(f, &m.geometry.autoencoder.memories, latent("latent", f, m), rgb(f, m))
 }
 
-/// A graph from `input` to `output` that also takes and returns memories of these shapes, `[channels, height, width]`.
+/// Interface of a graph from `input` to `output` that also takes and returns memories of `shapes`, each `[channels, height, width]`.
 fn with_memories(f: Element, shapes: &[[u32; 3]], input: Port, output: Port) -> Interface {
     let ports = |first, prefix: &str| {
         let memory = |(j, &[c, h, w]): (usize, &[u32; 3])| Port::fixed(format!("{prefix}.{j}"), f, &[1, c, h, w]);
@@ -150,7 +151,7 @@ fn compare(role: &str, expected: &[Port], found: &[ValueInfo<'_>]) -> Check<()> 
         }
         for (axis, (side, dim)) in port.dims.iter().zip(&value.dims).enumerate() {
             let fits = match (side, dim) {
-                (Side::Fixed(n), Dim::Number(found)) => i64::from(*n) == *found,
+                (PortDim::Fixed(n), Dim::Number(found)) => i64::from(*n) == *found,
                 (side, Dim::Symbol(found)) => side.symbol() == Some(*found),
                 _ => false,
             };
@@ -170,7 +171,7 @@ fn describe(port: &Port) -> String {
         .dims
         .iter()
         .map(|side| match side {
-            Side::Fixed(n) => n.to_string(),
+            PortDim::Fixed(n) => n.to_string(),
             other => other.symbol().unwrap_or_default().to_owned(),
         })
         .collect();

@@ -1,31 +1,33 @@
-//! What an ONNX model must be before the runtime sees it: `docs/bundle.md` section 4.
+//! Checks that an ONNX model passes before the runtime gets it: `docs/bundle.md` section 4.
 //!
-//! The bytes are parsed here, field by field ([`wire`], [`proto`]); every operator must be on the list and every shape
-//! must follow from the inputs' shapes ([`operators`], [`sizes`]); inputs and outputs must be the contract's
-//! ([`interface`]); weights must lie inside the bundle's own listed files ([`check`]). Nothing here recurses, and nothing
-//! allocates more than a small multiple of the model's own size.
+//! - [`wire`] and [`proto`] parse the bytes, field by field.
+//! - [`operators`] and [`shape_inference`] check that every operator is on the list and that every shape follows from the inputs' shapes.
+//! - [`interface`] compares inputs and outputs with the format's tables.
+//! - [`check`] combines these checks, and checks that weights lie inside files that the bundle lists.
+//!
+//! Nothing here recurses, and nothing allocates more than a small multiple of the model's own size.
 
 mod check;
 mod interface;
 mod operators;
 mod proto;
-mod sizes;
+mod shape_inference;
 #[cfg(any(windows, test))]
 mod weights;
 mod wire;
 #[cfg(any(windows, test))]
 mod writer;
 
-pub(super) use check::{Checked, Subject, check, footprint};
+pub(super) use check::{ExternalData, ModelContext, check, footprint};
 pub use operators::operators;
-pub(super) use sizes::Footprint;
+pub(super) use shape_inference::Footprint;
 #[cfg(windows)]
 pub(crate) use weights::{Weight, weights_as_inputs};
 
 /// Result of a check inside one model.
 type Check<T> = Result<T, Fault>;
 
-/// Why a model is refused, in one sentence without a final stop.
+/// Why a model is refused: one sentence without a final stop.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Fault {
     cause: String,
@@ -42,9 +44,9 @@ impl Fault {
         Self { cause: "the lists that are needed to check it cannot be allocated".into(), memory: true }
     }
 
-    /// The same fault with `place` prepended.
-    fn within(self, place: &str) -> Self {
-        Self { cause: format!("{place}: {}", self.cause), ..self }
+    /// The same fault with `location` prepended.
+    fn within(self, location: &str) -> Self {
+        Self { cause: format!("{location}: {}", self.cause), ..self }
     }
 }
 
@@ -104,7 +106,7 @@ struct Shape {
 }
 
 impl Shape {
-    /// Elements, or `None` where they are too many to count.
+    /// Number of elements; `None` if it overflows.
     fn count(&self) -> Option<u64> {
         self.dims.iter().try_fold(1_u64, |product, &n| product.checked_mul(n))
     }

@@ -1,4 +1,4 @@
-//! The operators a bundle may use, and how each output's shape follows from the inputs.
+//! The operators that a bundle may use, and the rule by which each output's shape follows from the inputs.
 //!
 //! Meaning of every operator: <https://onnx.ai/onnx/operators/>, opsets 17 to 20. A rule accepts only forms whose shape can be inferred
 //! without running the graph, so bounds, axes and scales must be constants inside the model.
@@ -38,7 +38,7 @@ struct Operator {
     rule: fn(&Call<'_>) -> Check<Vec<Shape>>,
 }
 
-const MANY: usize = usize::MAX;
+const UNLIMITED: usize = usize::MAX;
 
 /// The allow-list. `docs/bundle.md` section 4 names the same operators; a test compares the two.
 #[rustfmt::skip]
@@ -46,7 +46,7 @@ const TABLE: &[Operator] = &[
     Operator { name: "Add", inputs: (2, 2), outputs: 1, attributes: &[], rule: broadcast },
     Operator { name: "Cast", inputs: (1, 1), outputs: 1, attributes: &[("to", Kind::Int), ("saturate", Kind::Int)], rule: cast },
     Operator { name: "Clip", inputs: (1, 3), outputs: 1, attributes: &[], rule: clip },
-    Operator { name: "Concat", inputs: (1, MANY), outputs: 1, attributes: &[("axis", Kind::Int)], rule: concat },
+    Operator { name: "Concat", inputs: (1, UNLIMITED), outputs: 1, attributes: &[("axis", Kind::Int)], rule: concat },
     Operator { name: "Conv", inputs: (2, 3), outputs: 1, attributes: &[
         ("dilations", Kind::Ints), ("group", Kind::Int), ("kernel_shape", Kind::Ints), ("pads", Kind::Ints), ("strides", Kind::Ints),
     ], rule: conv },
@@ -67,7 +67,7 @@ const TABLE: &[Operator] = &[
     Operator { name: "Sin", inputs: (1, 1), outputs: 1, attributes: &[], rule: same },
     Operator { name: "Slice", inputs: (3, 5), outputs: 1, attributes: &[], rule: slice },
     Operator { name: "Softmax", inputs: (1, 1), outputs: 1, attributes: &[("axis", Kind::Int)], rule: softmax },
-    Operator { name: "Split", inputs: (1, 2), outputs: MANY, attributes: &[("axis", Kind::Int), ("num_outputs", Kind::Int)], rule: split },
+    Operator { name: "Split", inputs: (1, 2), outputs: UNLIMITED, attributes: &[("axis", Kind::Int), ("num_outputs", Kind::Int)], rule: split },
     Operator { name: "Sqrt", inputs: (1, 1), outputs: 1, attributes: &[], rule: same },
     Operator { name: "Sub", inputs: (2, 2), outputs: 1, attributes: &[], rule: broadcast },
     Operator { name: "Tanh", inputs: (1, 1), outputs: 1, attributes: &[], rule: same },
@@ -89,11 +89,11 @@ fn operator(name: &str) -> Check<&'static Operator> {
 /// Checks everything about a node that needs no shapes: operator, counts, attributes.
 pub(super) fn check_node(node: &Node<'_>) -> Check<()> {
     let operator = operator(node.operator)?;
-    let (least, most) = operator.inputs;
-    let given = node.inputs.iter().take(least).filter(|name| !name.is_empty()).count();
+    let (min, max) = operator.inputs;
+    let given = node.inputs.iter().take(min).filter(|name| !name.is_empty()).count();
     // Only `Resize` may omit one of its first inputs: the region of interest, which must be omitted.
     let holes = usize::from(operator.name == "Resize");
-    if given + holes < least || node.inputs.len() < least || node.inputs.len() > most {
+    if given + holes < min || node.inputs.len() < min || node.inputs.len() > max {
         return Err(Fault::new(format!("{} has {} inputs", node.operator, node.inputs.len())));
     }
     if node.outputs.is_empty()
@@ -244,7 +244,7 @@ fn clip(call: &Call<'_>) -> Check<Vec<Shape>> {
 }
 
 /// Broadcasts the dimensions of two operands, aligned at the last.
-fn stretched(call: &Call<'_>, a: &[u64], b: &[u64]) -> Check<Vec<u64>> {
+fn broadcast_dims(call: &Call<'_>, a: &[u64], b: &[u64]) -> Check<Vec<u64>> {
     let rank = a.len().max(b.len());
     let at = |dims: &[u64], i: usize| (i + dims.len()).checked_sub(rank).map_or(1, |k| dims[k]);
     let mut dims = Vec::with_capacity(rank);
@@ -259,25 +259,25 @@ fn stretched(call: &Call<'_>, a: &[u64], b: &[u64]) -> Check<Vec<u64>> {
     Ok(dims)
 }
 
-fn matched<'a>(call: &Call<'a>) -> Check<(&'a Shape, &'a Shape)> {
+fn float_inputs<'a>(call: &Call<'a>) -> Check<(&'a Shape, &'a Shape)> {
     let (a, b) = (call.tensor(0)?, call.tensor(1)?);
     if a.element == b.element { Ok((a, b)) } else { Err(call.fault(format!("joins {} and {}", a.element, b.element))) }
 }
 
 fn broadcast(call: &Call<'_>) -> Check<Vec<Shape>> {
-    let (a, b) = matched(call)?;
-    Call::one(a, stretched(call, &a.dims, &b.dims)?)
+    let (a, b) = float_inputs(call)?;
+    Call::one(a, broadcast_dims(call, &a.dims, &b.dims)?)
 }
 
 fn matmul(call: &Call<'_>) -> Check<Vec<Shape>> {
-    let (a, b) = matched(call)?;
+    let (a, b) = float_inputs(call)?;
     let ([batch_a @ .., m, k], [batch_b @ .., k2, n]) = (a.dims.as_slice(), b.dims.as_slice()) else {
         return Err(call.fault("has an operand of fewer than two dimensions"));
     };
     if k != k2 {
         return Err(call.fault(format!("multiplies {:?} by {:?}", a.dims, b.dims)));
     }
-    let mut dims = stretched(call, batch_a, batch_b)?;
+    let mut dims = broadcast_dims(call, batch_a, batch_b)?;
     dims.extend([*m, *n]);
     Call::one(a, dims)
 }
@@ -299,7 +299,7 @@ fn concat(call: &Call<'_>) -> Check<Vec<Shape>> {
 }
 
 fn conv(call: &Call<'_>) -> Check<Vec<Shape>> {
-    let (x, w) = matched(call)?;
+    let (x, w) = float_inputs(call)?;
     let (&[n, c, h, width], &[m, per_group, kh, kw]) = (x.dims.as_slice(), w.dims.as_slice()) else {
         return Err(call.fault("is not two-dimensional"));
     };

@@ -1,4 +1,4 @@
-//! ONNX messages, as far as a bundle may use them. Field numbers: `onnx/onnx.proto3` of ONNX 1.17.
+//! Parser of the ONNX messages that a bundle may contain. Field numbers: `onnx/onnx.proto3` of ONNX 1.17.
 //!
 //! Unknown fields are refused, so the runtime gets nothing that was not checked here.
 
@@ -61,7 +61,7 @@ pub(super) struct Tensor<'a> {
 
 /// Location of a tensor's elements.
 pub(super) enum Data<'a> {
-    Inside(&'a [u8]),
+    Inline(&'a [u8]),
     External { location: &'a str, offset: u64, length: u64 },
 }
 
@@ -200,7 +200,7 @@ fn attribute<'a>(mut fields: Fields<'a>) -> Check<(&'a str, Attribute<'a>)> {
 }
 
 fn tensor<'a>(mut fields: Fields<'a>) -> Check<Tensor<'a>> {
-    let (mut name, mut data_type, mut raw, mut place, mut doc) = (None, None, None, None, None);
+    let (mut name, mut data_type, mut raw, mut storage, mut doc) = (None, None, None, None, None);
     let (mut dims, mut external) = (Vec::new(), Vec::new());
     while let Some(f) = fields.next()? {
         match f.number {
@@ -210,14 +210,14 @@ fn tensor<'a>(mut fields: Fields<'a>) -> Check<Tensor<'a>> {
             9 => f.once(&mut raw, f.bytes()?)?,
             12 => f.once(&mut doc, f.text(MAX_DOC)?)?,
             13 => push(&f, &mut external, 8, entry(f.message("an entry of external data")?)?)?,
-            14 => f.once(&mut place, f.int()?)?,
+            14 => f.once(&mut storage, f.int()?)?,
             4..=7 | 10 | 11 => f.refuse("numbers outside `raw_data`")?,
             _ => f.refuse("an unknown part of a tensor")?,
         }
     }
     let name = name.unwrap_or("");
-    let data = match (place.unwrap_or(0), raw, external.is_empty()) {
-        (0, Some(bytes), true) => Data::Inside(bytes),
+    let data = match (storage.unwrap_or(0), raw, external.is_empty()) {
+        (0, Some(bytes), true) => Data::Inline(bytes),
         (1, None, false) => external_data(name, &external)?,
         _ => return Err(Fault::new(format!("initializer {} is neither inside the model nor external", quoted(name)))),
     };

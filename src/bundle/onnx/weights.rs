@@ -168,10 +168,10 @@ mod tests {
         let file: Vec<u8> = (0..70_000_u32).map(|i| (i % 251) as u8).collect();
         let source = ModelSource { onnx: &onnx, external: vec![("other.bin", &[]), ("weights.bin", &file)] };
         let (written, weights) = weights_as_inputs(&source).unwrap();
-        let told: Vec<_> = weights.iter().map(|weight| (weight.name, &weight.shape[..], weight.bytes)).collect();
+        let inputs: Vec<_> = weights.iter().map(|weight| (weight.name, &weight.shape[..], weight.bytes)).collect();
         let expected: [(&str, &[usize], &[u8]); 2] =
             [("large", &[256, 128], &file[4..65540]), ("filter", &[1, 4, 64, 64], &file[2..32770])];
-        assert_eq!(told, expected);
+        assert_eq!(inputs, expected);
 
         // The rest is unchanged, with the weights after the inputs.
         let graph = proto::model(&written).unwrap().graph;

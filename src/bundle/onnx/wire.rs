@@ -56,10 +56,10 @@ impl<'a> Fields<'a> {
 
     fn take(&mut self, length: u64) -> Check<&'a [u8]> {
         let split = usize::try_from(length).ok().and_then(|n| self.rest.split_at_checked(n));
-        let (taken, rest) =
+        let (bytes, rest) =
             split.ok_or_else(|| Fault::new(format!("{} ends inside a field of {length} bytes", self.message)))?;
         self.rest = rest;
-        Ok(taken)
+        Ok(bytes)
     }
 
     fn varint(&mut self) -> Check<u64> {
@@ -119,7 +119,7 @@ impl<'a> Field<'a> {
         std::str::from_utf8(bytes).map_err(|_| self.fault("is no UTF-8"))
     }
 
-    /// Appends one integer, or a packed run of them, to a list of at most `most` entries.
+    /// Appends one integer, or all integers of a packed field, to a list of at most `most` entries.
     pub(super) fn ints(&self, list: &mut Vec<i64>, most: usize) -> Check<()> {
         match self.value {
             Value::Varint(value) => list.push(value.cast_signed()),

@@ -3,7 +3,7 @@
 use super::wire::{Field, Value};
 
 impl Field<'_> {
-    /// Appends the field to a message as it was read.
+    /// Appends the field to `message`, unchanged.
     pub(super) fn write(&self, message: &mut Vec<u8>) {
         match self.value {
             Value::Varint(value) => write_int(message, self.number, value),
@@ -42,7 +42,7 @@ mod tests {
     use super::super::wire::Fields;
 
     #[test]
-    fn what_was_read_is_written_as_it_was() {
+    fn fields_are_written_as_they_were_read() {
         let minus_one = [&[0x08_u8][..], &[0xFF; 9], &[0x01]].concat();
         let message =
             [&minus_one[..], b"\x92\x01\x02hi", &[0x15, 0, 0, 0x80, 0x3F], &[0x98, 0x02, 0x80, 0x01]].concat();

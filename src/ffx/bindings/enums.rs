@@ -274,7 +274,7 @@ bitflags! {
         const _ = !0;
     }
 
-    /// Uses of a resource beside being read.
+    /// Uses of a resource other than reading.
     #[repr(transparent)]
     #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
     pub struct ResourceUsage: u32 {

@@ -74,18 +74,18 @@ impl SurfaceFormat {
 
     /// The group of formats that may be combined for pictures with and without HUD: bits and encoding. None for a format that a
     /// frame generator does not accept.
-    pub fn precision(self) -> Option<Precision> {
+    pub fn precision(self) -> Option<FormatPrecision> {
         Some(match self {
-            Self::R32G32B32A32_TYPELESS | Self::R32G32B32A32_FLOAT | Self::R32G32B32_FLOAT => Precision::Float32,
-            Self::R16G16B16A16_TYPELESS | Self::R16G16B16A16_FLOAT => Precision::Float16,
-            Self::R11G11B10_FLOAT => Precision::Float11,
-            Self::R9G9B9E5 => Precision::SharedExponent,
-            Self::R10G10B10A2_TYPELESS | Self::R10G10B10A2_UNORM => Precision::Unorm10,
+            Self::R32G32B32A32_TYPELESS | Self::R32G32B32A32_FLOAT | Self::R32G32B32_FLOAT => FormatPrecision::Float32,
+            Self::R16G16B16A16_TYPELESS | Self::R16G16B16A16_FLOAT => FormatPrecision::Float16,
+            Self::R11G11B10_FLOAT => FormatPrecision::Float11,
+            Self::R9G9B9E5 => FormatPrecision::SharedExponent,
+            Self::R10G10B10A2_TYPELESS | Self::R10G10B10A2_UNORM => FormatPrecision::Unorm10,
             Self::R8G8B8A8_TYPELESS | Self::R8G8B8A8_UNORM | Self::B8G8R8A8_TYPELESS | Self::B8G8R8A8_UNORM => {
-                Precision::Unorm8
+                FormatPrecision::Unorm8
             }
-            Self::R8G8B8A8_SRGB | Self::B8G8R8A8_SRGB => Precision::Srgb8,
-            Self::R8G8B8A8_SNORM => Precision::Snorm8,
+            Self::R8G8B8A8_SRGB | Self::B8G8R8A8_SRGB => FormatPrecision::Srgb8,
+            Self::R8G8B8A8_SNORM => FormatPrecision::Snorm8,
             _ => return None,
         })
     }
@@ -93,7 +93,7 @@ impl SurfaceFormat {
 
 /// Groups of formats that a frame generator can copy between.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Precision {
+pub enum FormatPrecision {
     /// Floats of 32 bits.
     Float32,
     /// Floats of 16 bits.
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_of_one_precision_go_together() {
+    fn formats_of_one_precision_can_be_combined() {
         use SurfaceFormat as F;
         assert_eq!(F::R8G8B8A8_UNORM.precision(), F::B8G8R8A8_UNORM.precision());
         assert_ne!(F::R8G8B8A8_UNORM.precision(), F::R8G8B8A8_SRGB.precision());

@@ -2,7 +2,7 @@
 
 use std::ffi::c_void;
 
-use super::{Coordinates, Dimensions, MemoryUsage, Rect, Resource, described};
+use super::{Coordinates, Dimensions, MemoryUsage, Rect, Resource, ffx_struct};
 use super::{CreateFlags, Creates, FrameFlags, ReturnCode, SurfaceFormat, TransferFunction};
 use crate::ffx::Chain;
 
@@ -11,7 +11,7 @@ pub type PresentCallback = unsafe extern "C" fn(*mut CallbackPresent, *mut c_voi
 /// Records generation; usually forwards the struct to `ffxDispatch`.
 pub type GenerateCallback = unsafe extern "C" fn(*mut DispatchFrameGeneration, *mut c_void) -> ReturnCode;
 
-described! {
+ffx_struct! {
     /// Creates a frame generator.
     CreateFrameGeneration = FRAME_GENERATION, 40: {
         /// Creation flags.
@@ -60,7 +60,7 @@ impl Creates for CreateFrameGeneration {
     }
 }
 
-described! {
+ffx_struct! {
     /// The release that the host was written for: major << 22 | minor << 12 | patch. SDK 2.1 and later.
     CreateFrameGenerationVersion = FRAME_GENERATION_VERSION extends [CreateFrameGeneration], 24: {
         /// That number.
@@ -74,7 +74,7 @@ impl From<u32> for CreateFrameGenerationVersion {
     }
 }
 
-described! {
+ffx_struct! {
     /// The format of HUD-less pictures, if it differs. SDK 1.1.3 and later.
     CreateFrameGenerationHudless = FRAME_GENERATION_HUDLESS extends [CreateFrameGeneration], 24: {
         /// That format.
@@ -82,7 +82,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Settings for a frame.
     ConfigureFrameGeneration = FRAME_GENERATION_CONFIGURE, 144: {
         /// AMD's swap chain; null with [`FrameFlags::NO_SWAPCHAIN`].
@@ -112,7 +112,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// The lens distortion field: distorted minus undistorted position of a pixel, as a fraction of the picture's size. SDK 1.1.2
     /// and later.
     ConfigureDistortion = FRAME_GENERATION_DISTORTION extends [ConfigureFrameGeneration], 64: {
@@ -121,7 +121,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// A setting as a key and a value.
     ConfigureFrameGenerationKeyValue = FRAME_GENERATION_KEY_VALUE, 40: {
         /// The key.
@@ -133,7 +133,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Motion and depth of a frame. Replaced by [`DispatchPrepareV2`] in SDK 2.1.
     DispatchPrepare = FRAME_GENERATION_PREPARE, 184: {
         /// The frame's id.
@@ -167,7 +167,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// The camera of a frame. SDK 1.1.4 to 2.0.
     DispatchCamera = FRAME_GENERATION_CAMERA extends [DispatchPrepare], 64: {
         /// Position in world space.
@@ -181,7 +181,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Motion, depth and camera of a frame. SDK 2.1 and later.
     DispatchPrepareV2 = FRAME_GENERATION_PREPARE_V2, 232: {
         /// The frame's id.
@@ -223,7 +223,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// A generated frame.
     DispatchFrameGeneration = FRAME_GENERATION_DISPATCH, 312: {
         /// `ID3D12GraphicsCommandList`, open.
@@ -247,7 +247,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// A frame that is about to be presented: the struct passed to the host's callback. Any value but 0 is true.
     CallbackPresent = FRAME_GENERATION_PRESENT, 192: {
         /// `ID3D12Device`.
@@ -267,7 +267,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Whether the interface has premultiplied alpha. SDK 2.1 and later. Any value but 0 is true.
     CallbackPremultiplied = FRAME_GENERATION_PREMULTIPLIED extends [CallbackPresent], 24: {
         /// The interface's colours are multiplied by its alpha.
@@ -275,7 +275,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries the device memory of a context. SDK 1.1.2 and later.
     QueryFrameGenerationMemory = FRAME_GENERATION_MEMORY, 24: {
         /// Receives the answer.
@@ -283,7 +283,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries the device memory of a context before it is created. SDK 2.0 and later.
     QueryFrameGenerationMemoryV2 = FRAME_GENERATION_MEMORY_V2, 64: {
         /// `ID3D12Device`.

@@ -3,7 +3,7 @@
 use std::ffi::{c_char, c_void};
 
 use super::{ResourceFlags, ResourceState, ResourceType, ResourceUsage, SurfaceFormat};
-use super::{ReturnCode, StructId, described, plain};
+use super::{ReturnCode, StructId, ffx_struct, plain};
 use crate::ffx::Header;
 
 /// A context's handle; calls get its address.
@@ -161,7 +161,7 @@ plain! {
     }
 }
 
-described! {
+ffx_struct! {
     /// The device of a new context.
     CreateBackendDx12 = BACKEND_DX12, 24: {
         /// `ID3D12Device`.
@@ -169,7 +169,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries the available providers, without a context.
     QueryVersions = GET_VERSIONS, 56: {
         /// The struct that would create the context.
@@ -185,7 +185,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Requests a provider.
     OverrideVersion = OVERRIDE_VERSION, 24: {
         /// An id from [`QueryVersions`] in this process.
@@ -193,7 +193,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries a context's provider. SDK 1.1.4 and later.
     QueryProviderVersion = GET_PROVIDER_VERSION, 32: {
         /// Out: 0 for none.
@@ -203,7 +203,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Sets the message callback of all effects.
     ConfigureGlobalDebug1 = GLOBAL_DEBUG_1, 32: {
         /// The callback.
@@ -213,7 +213,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Sets the message callback of one effect. SDK 2.1 and later.
     ConfigureGlobalDebug = GLOBAL_DEBUG, 40: {
         /// The effect, of [`EffectId`](super::EffectId).

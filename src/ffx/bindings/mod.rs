@@ -11,7 +11,7 @@ mod general;
 mod swapchain;
 mod upscale;
 
-use super::{Chain, Described, Extends};
+use super::{Chain, Extends, FfxStruct};
 
 pub use enums::*;
 pub use formats::*;
@@ -40,7 +40,7 @@ macro_rules! plain {
 }
 
 /// Defines a struct that starts with a header: its id, and the structs that it may follow in a chain.
-macro_rules! described {
+macro_rules! ffx_struct {
     ($(#[$doc:meta])* $name:ident = $id:ident $(extends [$($head:ty),*])?, $size:literal: {
         $( $(#[$about:meta])* $offset:literal $length:literal $field:ident: $type:ty, )*
     }) => {
@@ -54,17 +54,17 @@ macro_rules! described {
         }
 
         // SAFETY: the layout, header first, is checked above.
-        unsafe impl $crate::ffx::Described for $name {
+        unsafe impl $crate::ffx::FfxStruct for $name {
             const ID: $crate::ffx::bindings::StructId = $crate::ffx::bindings::StructId::$id;
         }
         $($( impl $crate::ffx::Extends<$head> for $name {} )*)?
     };
 }
 
-pub(crate) use {described, plain};
+pub(crate) use {ffx_struct, plain};
 
 /// A struct that heads the creation chain of `ffxCreateContext`.
-pub trait Creates: Described + Copy {
+pub trait Creates: FfxStruct + Copy {
     /// The struct that states the host's release to providers of SDK 2.1 or later.
     type Version: Extends<Self> + From<u32>;
     /// The oldest release with everything used here, in the numbering of its headers.

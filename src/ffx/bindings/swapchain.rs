@@ -2,7 +2,7 @@
 
 use std::ffi::c_void;
 
-use super::{Creates, Dimensions, InterfaceFlags, MemoryUsage, Resource, SurfaceFormat, described, open_set, plain};
+use super::{Creates, Dimensions, InterfaceFlags, MemoryUsage, Resource, SurfaceFormat, ffx_struct, open_set, plain};
 
 open_set! {
     /// Keys of [`ConfigureSwapchainKeyValue`].
@@ -30,7 +30,7 @@ plain! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Creates AMD's swap chain from the host's.
     CreateSwapchainWrap = SWAPCHAIN_WRAP, 32: {
         /// In: the host's, which is released; out: AMD's. `IDXGISwapChain4`.
@@ -40,7 +40,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Creates a swap chain.
     CreateSwapchainNew = SWAPCHAIN_NEW, 48: {
         /// Receives it. `IDXGISwapChain4`.
@@ -54,7 +54,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Creates a swap chain for a window.
     CreateSwapchainForWindow = SWAPCHAIN_FOR_WINDOW, 64: {
         /// Receives it. `IDXGISwapChain4`.
@@ -72,7 +72,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// As [`CreateFrameGenerationVersion`](super::CreateFrameGenerationVersion).
     CreateSwapchainVersion = SWAPCHAIN_VERSION
         extends [CreateSwapchainWrap, CreateSwapchainNew, CreateSwapchainForWindow], 24: {
@@ -105,7 +105,7 @@ impl Creates for CreateSwapchainForWindow {
     const WRITTEN_FOR: u32 = WRITTEN_FOR;
 }
 
-described! {
+ffx_struct! {
     /// Sets the interface's texture.
     ConfigureInterface = SWAPCHAIN_INTERFACE, 72: {
         /// The texture; may be null.
@@ -115,7 +115,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// A setting as a key and a value.
     ConfigureSwapchainKeyValue = SWAPCHAIN_KEY_VALUE, 40: {
         /// The key.
@@ -127,7 +127,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries the command list to record generation into, if there is no callback.
     QueryCommandList = SWAPCHAIN_COMMAND_LIST, 24: {
         /// Receives the answer.
@@ -135,7 +135,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries the texture to generate into.
     QueryTexture = SWAPCHAIN_TEXTURE, 24: {
         /// Receives the answer.
@@ -143,12 +143,12 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Waits until all pending frames are presented.
     DispatchWait = SWAPCHAIN_WAIT, 16: {}
 }
 
-described! {
+ffx_struct! {
     /// Queries the device memory of a context. SDK 1.1.2 and later.
     QuerySwapchainMemory = SWAPCHAIN_MEMORY, 24: {
         /// Receives the answer.
@@ -156,7 +156,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries the device memory of a context before it is created. SDK 2.0 and later.
     QuerySwapchainMemoryV2 = SWAPCHAIN_MEMORY_V2, 64: {
         /// `ID3D12Device`.

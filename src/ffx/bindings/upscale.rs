@@ -2,7 +2,7 @@
 
 use std::ffi::c_void;
 
-use super::{Coordinates, Creates, Dimensions, MemoryUsage, MessageCallback, Resource, described, open_set};
+use super::{Coordinates, Creates, Dimensions, MemoryUsage, MessageCallback, Resource, ffx_struct, open_set};
 use super::{QualityMode, ReactiveFlags, UpscaleCreateFlags, UpscaleFlags, UpscaleResources};
 use crate::ffx::Chain;
 
@@ -22,7 +22,7 @@ open_set! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Creates an upscaler.
     CreateUpscale = UPSCALE, 48: {
         /// Creation flags.
@@ -51,7 +51,7 @@ impl Creates for CreateUpscale {
     }
 }
 
-described! {
+ffx_struct! {
     /// As [`CreateFrameGenerationVersion`](super::CreateFrameGenerationVersion).
     CreateUpscaleVersion = UPSCALE_VERSION extends [CreateUpscale], 24: {
         /// That number.
@@ -65,7 +65,7 @@ impl From<u32> for CreateUpscaleVersion {
     }
 }
 
-described! {
+ffx_struct! {
     /// One frame through an upscaler.
     DispatchUpscale = UPSCALE_DISPATCH, 432: {
         /// `ID3D12GraphicsCommandList`, open.
@@ -115,7 +115,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Computes a reactive mask.
     DispatchReactiveMask = UPSCALE_REACTIVE_MASK, 192: {
         /// `ID3D12GraphicsCommandList`, open.
@@ -139,7 +139,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// A setting as a key and a value.
     ConfigureUpscaleKeyValue = UPSCALE_KEY_VALUE, 40: {
         /// The key.
@@ -151,7 +151,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries the ratio of a quality mode.
     QueryUpscaleRatio = UPSCALE_RATIO, 32: {
         /// The mode.
@@ -161,7 +161,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries the render size of a quality mode.
     QueryRenderSize = UPSCALE_RENDER_SIZE, 48: {
         /// The display width.
@@ -177,7 +177,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries the length of the jitter sequence.
     QueryJitterPhases = UPSCALE_JITTER_PHASES, 32: {
         /// The render width.
@@ -189,7 +189,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries one jitter of a sequence.
     QueryJitter = UPSCALE_JITTER_OFFSET, 40: {
         /// Index in the sequence.
@@ -203,7 +203,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries the device memory of a context. SDK 1.1.2 and later.
     QueryUpscaleMemory = UPSCALE_MEMORY, 24: {
         /// Receives the answer.
@@ -211,7 +211,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries the device memory of a context before it is created. SDK 2.0 and later.
     QueryUpscaleMemoryV2 = UPSCALE_MEMORY_V2, 56: {
         /// `ID3D12Device`.
@@ -227,7 +227,7 @@ described! {
     }
 }
 
-described! {
+ffx_struct! {
     /// Queries the inputs of a provider. SDK 2.0 and later.
     QueryUpscaleResources = UPSCALE_RESOURCES, 32: {
         /// Out: required inputs.

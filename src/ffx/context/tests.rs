@@ -3,19 +3,19 @@
 use std::ffi::c_void;
 
 use super::super::bindings::*;
-use super::super::double::{ANALYTIC, ANALYTIC_20, Double, ML, PLAY, api, count, creations, head};
+use super::super::fake_library::{ANALYTIC, ANALYTIC_20, FAKE, FakeLibrary, ML, api, count, creations, head};
 use super::super::{Dialect, Family, versions};
 use super::*;
 
 /// Creates a context of a fake library with this behaviour.
-fn made(choice: Choice, play: Double) -> Result<Context<CreateFrameGeneration>> {
-    PLAY.set(play);
+fn made(choice: Choice, fake: FakeLibrary) -> Result<Context<CreateFrameGeneration>> {
+    FAKE.set(fake);
     // SAFETY: the fake library uses no device.
     unsafe { Context::create(&api(), 0x1000 as *mut c_void, choice, head(), |chain| chain) }
 }
 
 #[test]
-fn exports_that_are_missing_are_named() {
+fn missing_exports_are_named() {
     // SAFETY: nothing is given.
     let missing =
         unsafe { Api::from_exports(|name| if name == c"ffxQuery" { std::ptr::null() } else { std::ptr::dangling() }) };
@@ -24,8 +24,9 @@ fn exports_that_are_missing_are_named() {
 
 #[test]
 fn a_provider_of_2_0_gets_the_structs_it_knows() {
-    let play = Double { offers: vec![ANALYTIC_20], runs: Some(ANALYTIC_20), ..Double::default() };
-    let context = made(Choice::Any, play).expect("a context");
+    let fake =
+        FakeLibrary { providers: vec![ANALYTIC_20], running_provider: Some(ANALYTIC_20), ..FakeLibrary::default() };
+    let context = made(Choice::Any, fake).expect("a context");
     assert_eq!(creations(), [[0x2_0001, 2]]);
     let provider = context.provider();
     assert_eq!((provider.version.name.as_str(), provider.verified, provider.dialect), ("3.1.5", true, Dialect::Sdk11));
@@ -34,12 +35,16 @@ fn a_provider_of_2_0_gets_the_structs_it_knows() {
 }
 
 #[test]
-fn a_family_is_asked_for_by_its_newest_id_and_gets_the_structs_of_2_1() {
+fn a_family_is_requested_by_its_newest_id_with_the_structs_of_2_1() {
     for (choice, wanted) in [(Choice::Prefer(Family::Analytic), ANALYTIC), (Choice::Require(Family::Ml), ML)] {
-        let play = Double { offers: vec![ANALYTIC_20, ANALYTIC, ML], runs: Some(wanted), ..Double::default() };
-        let context = made(choice, play).expect("a context");
+        let fake = FakeLibrary {
+            providers: vec![ANALYTIC_20, ANALYTIC, ML],
+            running_provider: Some(wanted),
+            ..FakeLibrary::default()
+        };
+        let context = made(choice, fake).expect("a context");
         assert_eq!(creations(), [[0x2_0001, 0x2_000e, 5, 2]]);
-        assert_eq!(PLAY.with_borrow(|play| play.overridden), Some(wanted.0));
+        assert_eq!(FAKE.with_borrow(|fake| fake.requested_version), Some(wanted.0));
         assert_eq!(context.provider().dialect, Dialect::Sdk21);
         let offered: Vec<_> = context.provider().offered.iter().map(|version| version.name.as_str()).collect();
         assert_eq!(offered, ["4.0.1", "3.1.6", "3.1.5"], "the newest first");
@@ -47,52 +52,57 @@ fn a_family_is_asked_for_by_its_newest_id_and_gets_the_structs_of_2_1() {
 }
 
 #[test]
-fn the_driver_s_provider_is_reported_and_refused_where_another_is_required() {
-    let play = || Double { offers: vec![ANALYTIC_20], runs: Some(ML), ..Double::default() };
-    let context = made(Choice::Prefer(Family::Analytic), play()).expect("only preferred");
+fn the_driver_s_provider_is_reported_and_refused_if_another_is_required() {
+    let fake = || FakeLibrary { providers: vec![ANALYTIC_20], running_provider: Some(ML), ..FakeLibrary::default() };
+    let context = made(Choice::Prefer(Family::Analytic), fake()).expect("only preferred");
     assert_eq!(context.provider().version.name, "4.0.1");
     assert_eq!(context.provider().dialect, Dialect::Sdk21, "what runs decides what it understands");
     drop(context);
-    let refused = made(Choice::Require(Family::Analytic), play()).expect_err("required");
+    let refused = made(Choice::Require(Family::Analytic), fake()).expect_err("required");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("provider")), "{refused}");
     assert!(refused.cause().contains("4.0.1 (ml)"), "{refused}");
     assert_eq!((count("create"), count("destroy")), (1, 1), "what was made is destroyed");
 }
 
 #[test]
-fn a_provider_that_does_not_know_the_structs_of_2_1_is_asked_without_them() {
+fn a_provider_that_rejects_the_structs_of_2_1_gets_the_earlier_ones() {
     for code in [ReturnCode::UNKNOWN_STRUCT, ReturnCode::STRUCT_TOO_NEW] {
-        let refuses = vec![(StructId::FRAME_GENERATION_VERSION, code)];
-        let play = Double { offers: vec![ANALYTIC], runs: Some(ANALYTIC), refuses, ..Double::default() };
-        let context = made(Choice::Any, play).expect("a context");
+        let rejects = vec![(StructId::FRAME_GENERATION_VERSION, code)];
+        let fake = FakeLibrary {
+            providers: vec![ANALYTIC],
+            running_provider: Some(ANALYTIC),
+            rejects,
+            ..FakeLibrary::default()
+        };
+        let context = made(Choice::Any, fake).expect("a context");
         assert_eq!(creations(), [vec![0x2_0001, 0x2_000e, 2], vec![0x2_0001, 2]]);
         assert_eq!(context.provider().dialect, Dialect::Sdk11);
     }
 }
 
 #[test]
-fn a_context_that_cannot_say_what_it_is_is_what_was_asked_for() {
-    let play = Double { offers: vec![ANALYTIC_20], runs: None, ..Double::default() };
-    let context = made(Choice::Any, play).expect("a context");
+fn a_context_without_a_version_query_reports_the_requested_provider() {
+    let fake = FakeLibrary { providers: vec![ANALYTIC_20], running_provider: None, ..FakeLibrary::default() };
+    let context = made(Choice::Any, fake).expect("a context");
     assert_eq!((context.provider().version.name.as_str(), context.provider().verified), ("3.1.5", false));
 }
 
 #[test]
-fn more_providers_than_the_first_question_has_room_for_are_all_listed() {
+fn more_providers_than_the_first_query_can_hold_are_all_listed() {
     for number in [7, 8, 9, 31, 32, 255, 256, 400] {
-        PLAY.set(Double { offers: vec![ANALYTIC; number], ..Double::default() });
+        FAKE.set(FakeLibrary { providers: vec![ANALYTIC; number], ..FakeLibrary::default() });
         // SAFETY: no device is used.
         let found = unsafe { versions(&api(), Effect::FrameGeneration, null_mut()) }.expect("a list");
         assert_eq!(found.len(), number.min(256));
     }
-    PLAY.set(Double::default());
+    FAKE.set(FakeLibrary::default());
     // SAFETY: no device is used.
     let none = unsafe { versions(&api(), Effect::FrameGeneration, null_mut()) }.expect_err("there is none");
     assert_eq!(none.kind(), ErrorKind::Unsupported);
 }
 
 #[test]
-fn every_code_at_every_call_is_an_error_that_names_the_call_and_what_was_passed() {
+fn every_error_names_the_call_and_its_arguments() {
     let kinds = [
         (1, ErrorKind::Device),
         (3, ErrorKind::Device),
@@ -105,12 +115,12 @@ fn every_code_at_every_call_is_an_error_that_names_the_call_and_what_was_passed(
     ];
     for (code, kind) in kinds {
         let refuse = |id| vec![(id, ReturnCode(code))];
-        let play = |refuses| Double {
-            offers: vec![ANALYTIC_20],
-            runs: Some(ANALYTIC_20),
-            refuses,
-            says: "so there",
-            ..Double::default()
+        let fake = |rejects| FakeLibrary {
+            providers: vec![ANALYTIC_20],
+            running_provider: Some(ANALYTIC_20),
+            rejects,
+            message: "so there",
+            ..FakeLibrary::default()
         };
         let says = |error: Error, call: &str, word: &str, suspects: [&str; 6]| {
             assert_eq!(error.kind(), kind, "{error}");
@@ -128,11 +138,11 @@ fn every_code_at_every_call_is_an_error_that_names_the_call_and_what_was_passed(
             }
             assert!(error.remedy_text().is_some(), "{error}");
         };
-        let error = made(Choice::Any, play(refuse(StructId::FRAME_GENERATION))).expect_err("refused");
+        let error = made(Choice::Any, fake(refuse(StructId::FRAME_GENERATION))).expect_err("refused");
         // Suspected fields for: unknown struct, no provider, no memory, invalid parameter, failure, unknown code.
         let of_device = ["provider", "device", "display_size", "flags", "device", "device"];
         says(error, "ffxCreateContext", "R8G8B8A8_UNORM", of_device);
-        let mut context = made(Choice::Any, play(refuse(StructId::FRAME_GENERATION_PREPARE))).expect("a context");
+        let mut context = made(Choice::Any, fake(refuse(StructId::FRAME_GENERATION_PREPARE))).expect("a context");
         let list = "command_list";
         let mut prepare = Chain::new(DispatchPrepare { frame_id: 4711, ..Default::default() });
         // SAFETY: the fake library reads ids only.
@@ -142,7 +152,7 @@ fn every_code_at_every_call_is_an_error_that_names_the_call_and_what_was_passed(
             "frame_id: 4711",
             ["provider", "provider", "device", "depth", list, list],
         );
-        PLAY.with_borrow_mut(|play| play.refuses = refuse(StructId::FRAME_GENERATION_CONFIGURE));
+        FAKE.with_borrow_mut(|fake| fake.rejects = refuse(StructId::FRAME_GENERATION_CONFIGURE));
         let mut settings = Chain::new(ConfigureFrameGeneration { frame_id: 4711, ..Default::default() });
         // SAFETY: as above.
         says(
@@ -151,7 +161,7 @@ fn every_code_at_every_call_is_an_error_that_names_the_call_and_what_was_passed(
             "frame_id: 4711",
             ["provider", "provider", "device", "flags", "device", "device"],
         );
-        PLAY.with_borrow_mut(|play| play.refuses = refuse(StructId::FRAME_GENERATION_MEMORY));
+        FAKE.with_borrow_mut(|fake| fake.rejects = refuse(StructId::FRAME_GENERATION_MEMORY));
         let mut memory = Chain::new(QueryFrameGenerationMemory::default());
         // SAFETY: as above.
         says(
@@ -161,33 +171,38 @@ fn every_code_at_every_call_is_an_error_that_names_the_call_and_what_was_passed(
             ["provider", "provider", "device", "provider", "device", "device"],
         );
         // A failure to destroy a context is only logged.
-        PLAY.with_borrow_mut(|play| play.refuses.clear());
+        FAKE.with_borrow_mut(|fake| fake.rejects.clear());
     }
 }
 
 #[test]
-fn a_library_that_knows_only_the_earlier_struct_for_messages_is_heard_too() {
-    let refuses = vec![
+fn a_library_with_only_the_earlier_message_struct_sends_messages_too() {
+    let rejects = vec![
         (StructId::GLOBAL_DEBUG, ReturnCode::UNKNOWN_STRUCT),
         (StructId::FRAME_GENERATION_CONFIGURE, ReturnCode::ERROR),
     ];
-    let play =
-        Double { offers: vec![ANALYTIC_20], runs: Some(ANALYTIC_20), refuses, says: "a word", ..Double::default() };
-    let mut context = made(Choice::Any, play).expect("a context");
+    let fake = FakeLibrary {
+        providers: vec![ANALYTIC_20],
+        running_provider: Some(ANALYTIC_20),
+        rejects,
+        message: "a word",
+        ..FakeLibrary::default()
+    };
+    let mut context = made(Choice::Any, fake).expect("a context");
     // SAFETY: the fake library reads ids only.
     let failed = unsafe { context.configure(&mut Chain::new(ConfigureFrameGeneration::default())) };
     assert!(failed.expect_err("refused").cause().contains("the library says: a word"));
 }
 
 #[test]
-fn a_success_without_a_context_is_none() {
-    let play = Double { offers: vec![ANALYTIC_20], gives_nothing: true, ..Double::default() };
-    assert_eq!(made(Choice::Any, play).expect_err("no context").kind(), ErrorKind::Device);
+fn success_with_a_null_context_is_an_error() {
+    let fake = FakeLibrary { providers: vec![ANALYTIC_20], returns_null_context: true, ..FakeLibrary::default() };
+    assert_eq!(made(Choice::Any, fake).expect_err("no context").kind(), ErrorKind::Device);
     assert_eq!(count("destroy"), 0);
 }
 
 #[test]
-fn what_no_provider_takes_is_refused_before_any_call() {
+fn invalid_creation_parameters_are_refused_before_any_call() {
     type Spoil = fn(&mut CreateFrameGeneration);
     let spoils: [(Spoil, &str); 7] = [
         (|head| head.display_size.width = 0, "display_size"),
@@ -199,17 +214,17 @@ fn what_no_provider_takes_is_refused_before_any_call() {
         (|head| head.back_buffer_format = SurfaceFormat::R32_FLOAT, "back_buffer_format"),
     ];
     for (spoil, field) in spoils {
-        PLAY.set(Double::default());
+        FAKE.set(FakeLibrary::default());
         let mut head = head();
         spoil(&mut head);
         // SAFETY: no device is used.
         let refused = unsafe { Context::create(&api(), null_mut(), Choice::Any, head, |chain| chain) };
         let refused = refused.expect_err("refused");
         assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some(field)));
-        assert!(PLAY.with_borrow(|play| play.calls.is_empty()), "the library was not asked");
+        assert!(FAKE.with_borrow(|fake| fake.calls.is_empty()), "the library was not asked");
     }
     for (format, fits) in [(SurfaceFormat::B8G8R8A8_UNORM, true), (SurfaceFormat::R16G16B16A16_FLOAT, false)] {
-        PLAY.set(Double { offers: vec![ANALYTIC], runs: Some(ANALYTIC), ..Double::default() });
+        FAKE.set(FakeLibrary { providers: vec![ANALYTIC], running_provider: Some(ANALYTIC), ..FakeLibrary::default() });
         let hudless = |chain: Chain<_>| chain.with(CreateFrameGenerationHudless { format, ..Default::default() });
         // SAFETY: no device is used.
         let made = unsafe { Context::create(&api(), null_mut(), Choice::Any, head(), hudless) };

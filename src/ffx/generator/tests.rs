@@ -1,12 +1,12 @@
 //! Frame generation with a fake library: which inputs are rejected, and what each call receives.
 
 use super::super::bindings::*;
-use super::super::double::{ANALYTIC_20, Double, ML, PLAY, api, head};
+use super::super::fake_library::{ANALYTIC_20, FAKE, FakeLibrary, ML, api, head};
 use super::*;
 
 const SIZE: Dimensions = Dimensions { width: 640, height: 360 };
 
-fn picture(place: usize, format: SurfaceFormat) -> Resource {
+fn picture(address: usize, format: SurfaceFormat) -> Resource {
     let description = ResourceDescription {
         kind: ResourceType::TEXTURE_2D,
         format,
@@ -16,7 +16,7 @@ fn picture(place: usize, format: SurfaceFormat) -> Resource {
         mips: 1,
         ..Default::default()
     };
-    Resource { resource: place as *mut c_void, description, state: ResourceState::UNORDERED_ACCESS }
+    Resource { resource: address as *mut c_void, description, state: ResourceState::UNORDERED_ACCESS }
 }
 
 fn frame() -> Frame {
@@ -28,14 +28,14 @@ fn frame() -> Frame {
         motion: picture(0x400, SurfaceFormat::R16G16_FLOAT),
         hudless: Resource::default(),
         distortion: Resource::default(),
-        shot: FrameParams::of(SIZE),
+        params: FrameParams::of(SIZE),
     }
 }
 
 /// A frame with changed parameters.
-fn shot(told: impl FnOnce(&mut FrameParams)) -> Frame {
+fn frame_with(change: impl FnOnce(&mut FrameParams)) -> Frame {
     let mut frame = frame();
-    told(&mut frame.shot);
+    change(&mut frame.params);
     frame
 }
 
@@ -48,10 +48,10 @@ fn made(
     head: CreateFrameGeneration,
     hudless: Option<SurfaceFormat>,
 ) -> Generator {
-    PLAY.set(Double { offers: vec![runs], runs: Some(runs), ..Double::default() });
+    FAKE.set(FakeLibrary { providers: vec![runs], running_provider: Some(runs), ..FakeLibrary::default() });
     // SAFETY: the fake library uses no device.
     let made = unsafe { Generator::create(&api(), 0x1000 as *mut c_void, Choice::Any, head, hudless) };
-    PLAY.with_borrow_mut(|play| play.calls.clear());
+    FAKE.with_borrow_mut(|fake| fake.calls.clear());
     made.expect("a generator")
 }
 
@@ -61,23 +61,23 @@ fn record(generator: &mut Generator, frame: &Frame) -> Result<()> {
 }
 
 /// Frame id and reset flag of the last generation call.
-fn asked(generator: &Generator) -> (u64, bool) {
+fn last_generation(generator: &Generator) -> (u64, bool) {
     let head = generator.dispatch.head();
     assert_eq!(generator.settings.head().frame_id, head.frame_id, "one id in all calls");
     let (prepared, reset) = match &generator.prepare {
-        Prepare::Apart(chain) => (chain.head().frame_id, head.reset),
-        Prepare::InOne(chain) => (chain.head().frame_id, chain.head().reset),
+        Prepare::Separate(chain) => (chain.head().frame_id, head.reset),
+        Prepare::Combined(chain) => (chain.head().frame_id, chain.head().reset),
     };
     assert_eq!((prepared, reset), (head.frame_id, head.reset));
     (head.frame_id, head.reset)
 }
 
 #[test]
-fn each_release_gets_its_structs_in_the_order_it_wants() {
+fn each_release_gets_its_structs_in_its_order() {
     for (runs, prepare) in [(ANALYTIC_20, vec![0x2_0004, 0x2_000a]), (ML, vec![0x2_000c])] {
         let mut generator = generator(runs);
         record(&mut generator, &frame()).expect("recorded");
-        let calls = PLAY.with_borrow(|play| play.calls.clone());
+        let calls = FAKE.with_borrow(|fake| fake.calls.clone());
         let expected = [("configure", vec![0x2_0002], 0), ("dispatch", prepare, 0), ("dispatch", vec![0x2_0003], 0)];
         assert_eq!(calls, expected);
         let settings = generator.settings.head();
@@ -91,25 +91,25 @@ fn ids_go_up_by_one_and_history_is_dropped_at_the_start_at_cuts_and_after_a_fail
     for runs in [ANALYTIC_20, ML] {
         let mut generator = generator(runs);
         let ask = |generator: &mut Generator, reset| {
-            record(generator, &shot(|shot| shot.reset = reset)).map(|()| asked(generator))
+            record(generator, &frame_with(|params| params.reset = reset)).map(|()| last_generation(generator))
         };
         assert_eq!(ask(&mut generator, false).expect("recorded"), (1, true));
         assert_eq!(ask(&mut generator, false).expect("recorded"), (2, false));
         assert_eq!(ask(&mut generator, true).expect("recorded"), (3, true));
         assert_eq!(ask(&mut generator, false).expect("recorded"), (4, false));
         // An input rejected before any call does not change the history.
-        assert!(record(&mut generator, &shot(|shot| shot.frame_time = 0.0)).is_err());
+        assert!(record(&mut generator, &frame_with(|params| params.frame_time = 0.0)).is_err());
         assert_eq!(ask(&mut generator, false).expect("recorded"), (5, false));
-        PLAY.with_borrow_mut(|play| play.refuses = vec![(StructId::FRAME_GENERATION_DISPATCH, ReturnCode(3))]);
+        FAKE.with_borrow_mut(|fake| fake.rejects = vec![(StructId::FRAME_GENERATION_DISPATCH, ReturnCode(3))]);
         assert_eq!(ask(&mut generator, false).expect_err("it fails").kind(), ErrorKind::Device);
-        PLAY.with_borrow_mut(|play| play.refuses.clear());
+        FAKE.with_borrow_mut(|fake| fake.rejects.clear());
         assert!(ask(&mut generator, false).expect("recorded").1, "what the library has of it nobody knows");
         assert!(!ask(&mut generator, false).expect("recorded").1);
     }
 }
 
 #[test]
-fn every_code_at_every_call_of_a_frame_is_an_error_that_names_the_call_and_the_next_frame_starts_anew() {
+fn every_error_of_a_frame_names_the_call_and_drops_the_history() {
     for (runs, prepare) in
         [(ANALYTIC_20, StructId::FRAME_GENERATION_PREPARE), (ML, StructId::FRAME_GENERATION_PREPARE_V2)]
     {
@@ -122,13 +122,13 @@ fn every_code_at_every_call_of_a_frame_is_an_error_that_names_the_call_and_the_n
         ] {
             for code in (1..=8).chain([u32::MAX]) {
                 record(&mut generator, &frame()).expect("recorded");
-                PLAY.with_borrow_mut(|play| play.refuses = vec![(id, ReturnCode(code))]);
+                FAKE.with_borrow_mut(|fake| fake.rejects = vec![(id, ReturnCode(code))]);
                 let failed = record(&mut generator, &frame()).expect_err("it fails");
                 assert!(failed.cause().starts_with(&format!("{call} answered {code} ")), "{failed}");
                 assert!(failed.cause().contains("frame_id") && failed.offending_field().is_some(), "{failed}");
-                PLAY.with_borrow_mut(|play| play.refuses.clear());
+                FAKE.with_borrow_mut(|fake| fake.rejects.clear());
                 record(&mut generator, &frame()).expect("recorded");
-                assert!(asked(&generator).1, "{call} {code}");
+                assert!(last_generation(&generator).1, "{call} {code}");
             }
         }
     }
@@ -136,18 +136,18 @@ fn every_code_at_every_call_of_a_frame_is_an_error_that_names_the_call_and_the_n
 
 /// The parameters of a frame decide which field is suspected.
 #[test]
-fn what_settings_name_is_suspected_first() {
-    for (told, diagnose) in [
+fn textures_in_the_settings_are_suspected_first() {
+    for (frame, suspect) in [
         (frame(), "flags"),
         (Frame { distortion: picture(0x600, SurfaceFormat::R16G16_FLOAT), ..frame() }, "distortion"),
         (Frame { hudless: picture(0x500, SurfaceFormat::R8G8B8A8_UNORM), ..frame() }, "hudless"),
     ] {
         let mut generator = generator(ML);
-        PLAY.with_borrow_mut(|play| {
-            play.refuses = vec![(StructId::FRAME_GENERATION_CONFIGURE, ReturnCode::PARAMETER)];
+        FAKE.with_borrow_mut(|fake| {
+            fake.rejects = vec![(StructId::FRAME_GENERATION_CONFIGURE, ReturnCode::PARAMETER)];
         });
-        let failed = record(&mut generator, &told).expect_err("it fails");
-        assert_eq!(failed.offending_field(), Some(diagnose), "{failed}");
+        let failed = record(&mut generator, &frame).expect_err("it fails");
+        assert_eq!(failed.offending_field(), Some(suspect), "{failed}");
     }
 }
 
@@ -166,7 +166,7 @@ fn everything_of_a_frame_reaches_the_library() {
     let frame = Frame {
         hudless: picture(0x500, SurfaceFormat::B8G8R8A8_UNORM),
         distortion: picture(0x600, SurfaceFormat::R16G16_FLOAT),
-        shot: FrameParams {
+        params: FrameParams {
             camera,
             jitter: Coordinates { x: 0.25, y: -0.25 },
             motion_scale: Coordinates { x: 640.0, y: -360.0 },
@@ -177,10 +177,10 @@ fn everything_of_a_frame_reaches_the_library() {
         },
         ..frame()
     };
-    let told_of = frame.shot;
+    let params = frame.params;
     let shared = format!(
         "{:?} {:?} {:?} {:?} {:?}",
-        told_of.jitter, told_of.motion_scale, told_of.frame_time, frame.depth.resource, frame.motion.resource
+        params.jitter, params.motion_scale, params.frame_time, frame.depth.resource, frame.motion.resource
     );
     for runs in [ANALYTIC_20, ML] {
         let flags = CreateFlags::HIGH_DYNAMIC_RANGE | CreateFlags::ASYNC_WORKLOAD;
@@ -193,44 +193,44 @@ fn everything_of_a_frame_reaches_the_library() {
         let link = generator.settings.link::<ConfigureDistortion>().expect("a distortion");
         assert_eq!(link.field.resource, frame.distortion.resource);
         assert_eq!((settings.rect.left, picture.rect.height), (10, 320));
-        assert_eq!((picture.transfer, picture.luminance, picture.frames), (told_of.transfer, told_of.luminance, 1));
+        assert_eq!((picture.transfer, picture.luminance, picture.frames), (params.transfer, params.luminance, 1));
         assert_eq!(
             [picture.present_color.resource, picture.outputs[0].resource],
             [frame.color.resource, frame.output.resource]
         );
-        let (told, seen) = match &generator.prepare {
-            Prepare::Apart(chain) => {
+        let (sent, camera_sent) = match &generator.prepare {
+            Prepare::Separate(chain) => {
                 let (a, b) = (chain.head(), chain.link::<DispatchCamera>().expect("a camera"));
-                let told = format!(
+                let sent = format!(
                     "{:?} {:?} {:?} {:?} {:?}",
                     a.jitter, a.motion_scale, a.frame_time, a.depth.resource, a.motion.resource
                 );
                 let &DispatchCamera { position, up, right, forward, .. } = b;
                 let (near, far, fov, metres) = (a.camera_near, a.camera_far, a.camera_fov, a.metres);
-                (told, Camera { position, up, right, forward, near, far, fov, metres })
+                (sent, Camera { position, up, right, forward, near, far, fov, metres })
             }
-            Prepare::InOne(chain) => {
+            Prepare::Combined(chain) => {
                 let a = chain.head();
-                let told = format!(
+                let sent = format!(
                     "{:?} {:?} {:?} {:?} {:?}",
                     a.jitter, a.motion_scale, a.frame_time, a.depth.resource, a.motion.resource
                 );
                 let (position, up, right, forward) = (a.camera_position, a.camera_up, a.camera_right, a.camera_forward);
                 let (near, far, fov, metres) = (a.camera_near, a.camera_far, a.camera_fov, a.metres);
-                (told, Camera { position, up, right, forward, near, far, fov, metres })
+                (sent, Camera { position, up, right, forward, near, far, fov, metres })
             }
         };
-        assert_eq!((told, seen), (shared.clone(), camera));
+        assert_eq!((sent, camera_sent), (shared.clone(), camera));
     }
 }
 
 #[test]
-fn what_a_provider_would_fail_or_hang_on_is_refused_before_any_call() {
+fn invalid_inputs_are_refused_before_any_call() {
     type Spoil = fn(&mut Frame);
     let spoils: &[(Spoil, &str)] = &[
         (|f| f.command_list = std::ptr::null_mut(), "command_list"),
-        (|f| f.shot.render_size.width = 0, "render_size"),
-        (|f| f.shot.render_size.width = 641, "render_size"),
+        (|f| f.params.render_size.width = 0, "render_size"),
+        (|f| f.params.render_size.width = 641, "render_size"),
         (|f| f.color.resource = std::ptr::null_mut(), "color"),
         (|f| f.color.description.format = SurfaceFormat::B8G8R8A8_UNORM, "color"),
         (|f| f.color.description.height = 359, "color"),
@@ -249,28 +249,28 @@ fn what_a_provider_would_fail_or_hang_on_is_refused_before_any_call() {
         (|f| f.hudless = Resource { state: ResourceState(3), ..f.color }, "hudless"),
         (|f| f.hudless = picture(0x500, SurfaceFormat::B8G8R8A8_UNORM), "hudless"),
         (|f| f.distortion = Resource { state: ResourceState(3), ..f.motion }, "distortion"),
-        (|f| f.shot.jitter.x = f32::NAN, "jitter"),
-        (|f| f.shot.motion_scale.y = f32::INFINITY, "motion_scale"),
-        (|f| f.shot.luminance[1] = f32::NAN, "luminance"),
-        (|f| f.shot.transfer = TransferFunction::PQ, "transfer"),
-        (|f| f.shot.transfer = TransferFunction(3), "transfer"),
-        (|f| f.shot.frame_time = 0.0, "frame_time"),
-        (|f| f.shot.frame_time = f32::NAN, "frame_time"),
-        (|f| f.shot.frame_time = f32::INFINITY, "frame_time"),
-        (|f| f.shot.rect.left = -1, "rect"),
-        (|f| f.shot.rect.width = 10, "rect"),
-        (|f| f.shot.rect = Rect { left: i32::MAX, top: 0, width: i32::MAX, height: 1 }, "rect"),
-        (|f| f.shot.rect = Rect { left: 1, top: 0, width: 640, height: 360 }, "rect"),
-        (|f| f.shot.camera.position[2] = f32::NAN, "camera.position"),
-        (|f| f.shot.camera.up = [0.0; 3], "camera.up"),
-        (|f| f.shot.camera.right = [2.0, 0.0, 0.0], "camera.right"),
-        (|f| f.shot.camera.forward[0] = f32::NAN, "camera.forward"),
-        (|f| f.shot.camera.near = 0.0, "camera.near"),
-        (|f| f.shot.camera.far = f.shot.camera.near, "camera.far"),
-        (|f| f.shot.camera.far = f32::NAN, "camera.far"),
-        (|f| f.shot.camera.fov = std::f32::consts::PI, "camera.fov"),
-        (|f| f.shot.camera.fov = 0.0, "camera.fov"),
-        (|f| f.shot.camera.metres = 0.0, "camera.metres"),
+        (|f| f.params.jitter.x = f32::NAN, "jitter"),
+        (|f| f.params.motion_scale.y = f32::INFINITY, "motion_scale"),
+        (|f| f.params.luminance[1] = f32::NAN, "luminance"),
+        (|f| f.params.transfer = TransferFunction::PQ, "transfer"),
+        (|f| f.params.transfer = TransferFunction(3), "transfer"),
+        (|f| f.params.frame_time = 0.0, "frame_time"),
+        (|f| f.params.frame_time = f32::NAN, "frame_time"),
+        (|f| f.params.frame_time = f32::INFINITY, "frame_time"),
+        (|f| f.params.rect.left = -1, "rect"),
+        (|f| f.params.rect.width = 10, "rect"),
+        (|f| f.params.rect = Rect { left: i32::MAX, top: 0, width: i32::MAX, height: 1 }, "rect"),
+        (|f| f.params.rect = Rect { left: 1, top: 0, width: 640, height: 360 }, "rect"),
+        (|f| f.params.camera.position[2] = f32::NAN, "camera.position"),
+        (|f| f.params.camera.up = [0.0; 3], "camera.up"),
+        (|f| f.params.camera.right = [2.0, 0.0, 0.0], "camera.right"),
+        (|f| f.params.camera.forward[0] = f32::NAN, "camera.forward"),
+        (|f| f.params.camera.near = 0.0, "camera.near"),
+        (|f| f.params.camera.far = f.params.camera.near, "camera.far"),
+        (|f| f.params.camera.far = f32::NAN, "camera.far"),
+        (|f| f.params.camera.fov = std::f32::consts::PI, "camera.fov"),
+        (|f| f.params.camera.fov = 0.0, "camera.fov"),
+        (|f| f.params.camera.metres = 0.0, "camera.metres"),
     ];
     let mut generator = generator(ML);
     for (spoil, field) in spoils {
@@ -283,25 +283,26 @@ fn what_a_provider_would_fail_or_hang_on_is_refused_before_any_call() {
             "{refused}"
         );
     }
-    assert!(PLAY.with_borrow(|play| play.calls.is_empty()), "the library was not asked");
+    assert!(FAKE.with_borrow(|fake| fake.calls.is_empty()), "the library was not asked");
     record(&mut generator, &frame()).expect("a frame that was not spoilt");
 }
 
 #[test]
-fn how_it_was_made_decides_what_is_right() {
+fn creation_flags_decide_which_inputs_are_valid() {
     let format = head().back_buffer_format;
     let wrong = |frame: &Frame, flags| {
         fault(frame, &CreateFrameGeneration { flags, ..head() }, format, false, false).map(|(field, _)| field)
     };
-    let endless = shot(|shot| shot.camera.far = f32::INFINITY);
+    let endless = frame_with(|params| params.camera.far = f32::INFINITY);
     assert_eq!(wrong(&endless, CreateFlags::empty()), Some("camera.far"));
     assert_eq!(wrong(&endless, CreateFlags::DEPTH_INFINITE), None);
     let half = Dimensions { width: 320, height: 180 };
-    let mut small = shot(|shot| shot.render_size = half);
+    let mut small = frame_with(|params| params.render_size = half);
     (small.depth.description.width, small.depth.description.height) = (half.width, half.height);
     assert_eq!(wrong(&small, CreateFlags::empty()), Some("motion"));
     assert_eq!(wrong(&small, CreateFlags::DISPLAY_RESOLUTION_MOTION), None);
-    let bright = |luminance| shot(|shot| (shot.transfer, shot.luminance) = (TransferFunction::SCRGB, luminance));
+    let bright =
+        |luminance| frame_with(|params| (params.transfer, params.luminance) = (TransferFunction::SCRGB, luminance));
     assert_eq!(wrong(&bright([0.0, 400.0]), CreateFlags::empty()), Some("transfer"));
     assert_eq!(wrong(&bright([0.0, 400.0]), CreateFlags::HIGH_DYNAMIC_RANGE), None);
     for luminance in [[400.0, 400.0], [-1.0, 400.0]] {

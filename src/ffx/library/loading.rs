@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::module::{FileVersion, Module};
-use super::{Part, search, signature};
+use super::{LibraryKind, search, signature};
 use crate::ffx::{Api, Effect};
 use crate::libraries::own_folders;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
@@ -33,13 +33,13 @@ impl LoadOptions {
     /// only if `CAIRN_FFX_UNSIGNED` is 1.
     pub fn from_environment() -> Self {
         let is_unsigned = std::env::var_os("CAIRN_FFX_UNSIGNED").is_some_and(|value| value == "1");
-        Self { directory: search::named(&LibrarySearch::for_tools()), signed: !is_unsigned }
+        Self { directory: search::configured_folder(&LibrarySearch::for_tools()), signed: !is_unsigned }
     }
 
     /// The options of the C interface: the folder that the host names, else the one in `CAIRN_FFX_DIR`, if the host lets the
     /// environment name libraries. Signed libraries only, whatever the environment says.
     pub fn of_host(search: &LibrarySearch) -> Self {
-        Self { directory: search::named(search), signed: HOST_WANTS_SIGNED.load(Ordering::Relaxed) }
+        Self { directory: search::configured_folder(search), signed: HOST_WANTS_SIGNED.load(Ordering::Relaxed) }
     }
 }
 
@@ -53,7 +53,7 @@ pub fn allow_unsigned_in_host() {
 #[derive(Debug, Clone)]
 pub struct File {
     /// Its purpose.
-    pub part: Part,
+    pub kind: LibraryKind,
     /// Its path.
     pub path: PathBuf,
     /// The version in its version resource.
@@ -70,8 +70,8 @@ pub struct File {
 #[derive(Debug, Clone)]
 pub struct Library {
     files: Vec<File>,
-    /// For each effect, the library that its calls go to.
-    doors: [Option<(Part, Api)>; Effect::ALL.len()],
+    /// For each effect, the library that its calls go to, and that library's functions.
+    entry_points: [Option<(LibraryKind, Api)>; Effect::ALL.len()],
 }
 
 impl Library {
@@ -85,43 +85,43 @@ impl Library {
     pub fn load(options: &LoadOptions) -> Result<Self> {
         let folder = search::folder(options.directory.as_deref(), &own_folders())?;
         let mut loading = Loading { folder, signed: options.signed, files: Vec::new() };
-        let mut doors = [None; Effect::ALL.len()];
+        let mut entry_points = [None; Effect::ALL.len()];
         let mut effects = Vec::new();
-        for (door, effect) in doors.iter_mut().zip(Effect::ALL) {
-            let part = Part::of(effect);
-            if let Some((module, api)) = loading.open(part) {
-                *door = Some((part, api));
-                effects.push((part, module));
+        for (entry_point, effect) in entry_points.iter_mut().zip(Effect::ALL) {
+            let kind = LibraryKind::of(effect);
+            if let Some((module, api)) = loading.open(kind) {
+                *entry_point = Some((kind, api));
+                effects.push((kind, module));
             }
         }
         if !effects.is_empty()
             && loading.may_use_loader(&effects)
-            && let Some((_, api)) = loading.open(Part::Loader)
+            && let Some((_, api)) = loading.open(LibraryKind::Loader)
         {
-            for door in doors.iter_mut().flatten() {
-                *door = (Part::Loader, api);
+            for entry_point in entry_points.iter_mut().flatten() {
+                *entry_point = (LibraryKind::Loader, api);
             }
         }
-        if doors.iter().any(Option::is_none)
-            && let Some((_, api)) = loading.open(Part::Whole)
+        if entry_points.iter().any(Option::is_none)
+            && let Some((_, api)) = loading.open(LibraryKind::Whole)
         {
-            for door in doors.iter_mut().filter(|door| door.is_none()) {
-                *door = Some((Part::Whole, api));
+            for entry_point in entry_points.iter_mut().filter(|entry_point| entry_point.is_none()) {
+                *entry_point = Some((LibraryKind::Whole, api));
             }
         }
         let files = loading.files;
         for file in files.iter().filter(|file| file.fault.is_some()) {
             log::warn!(target: "cairn::ffx", "{} is not used: {:?}", file.path.display(), file.fault);
         }
-        if doors.iter().all(Option::is_none) {
+        if entry_points.iter().all(Option::is_none) {
             let fault = files.into_iter().find_map(|file| file.fault);
             return Err(fault.unwrap_or_else(|| {
                 Error::new(ErrorKind::RuntimeMissing, "AMD's loader is there without the library of an effect")
-                    .field(Part::Loader.file_name())
+                    .field(LibraryKind::Loader.file_name())
                     .remedy("Put amd_fidelityfx_framegeneration_dx12.dll beside it")
             }));
         }
-        Ok(Self { files, doors })
+        Ok(Self { files, entry_points })
     }
 
     /// The functions that serve `effect`.
@@ -129,21 +129,25 @@ impl Library {
     /// # Errors
     /// `RuntimeMissing` when its library is missing or cannot be used.
     pub fn api(&self, effect: Effect) -> Result<&Api> {
-        let door = self.doors.iter().zip(Effect::ALL).find(|(_, of)| *of == effect);
-        door.and_then(|(door, _)| door.as_ref()).map(|(_, api)| api).ok_or_else(|| {
-            let part = Part::of(effect);
-            let fault = self.files.iter().find(|file| file.part == part).and_then(|file| file.fault.clone());
+        let entry_point = self.entry_points.iter().zip(Effect::ALL).find(|(_, of)| *of == effect);
+        entry_point.and_then(|(entry_point, _)| entry_point.as_ref()).map(|(_, api)| api).ok_or_else(|| {
+            let kind = LibraryKind::of(effect);
+            let fault = self.files.iter().find(|file| file.kind == kind).and_then(|file| file.fault.clone());
             fault.unwrap_or_else(|| {
                 Error::new(ErrorKind::RuntimeMissing, format!("AMD's library of {effect} is not there"))
-                    .field(part.file_name())
+                    .field(kind.file_name())
                     .remedy("Put it beside the others")
             })
         })
     }
 
     /// The library that calls for `effect` go to.
-    pub fn serves(&self, effect: Effect) -> Option<Part> {
-        self.doors.iter().zip(Effect::ALL).find(|(_, of)| *of == effect).and_then(|(door, _)| Some(door.as_ref()?.0))
+    pub fn serves(&self, effect: Effect) -> Option<LibraryKind> {
+        self.entry_points
+            .iter()
+            .zip(Effect::ALL)
+            .find(|(_, of)| *of == effect)
+            .and_then(|(entry_point, _)| Some(entry_point.as_ref()?.0))
     }
 
     /// The files that were found.
@@ -161,12 +165,12 @@ struct Loading {
 
 impl Loading {
     /// Loads one library, if its file exists and can be used.
-    fn open(&mut self, part: Part) -> Option<(Module, Api)> {
-        let path = self.folder.join(part.file_name());
+    fn open(&mut self, kind: LibraryKind) -> Option<(Module, Api)> {
+        let path = self.folder.join(kind.file_name());
         if !path.is_file() {
             return None;
         }
-        let mut file = File { part, version: FileVersion::read(&path), signer: None, fault: None, path };
+        let mut file = File { kind, version: FileVersion::read(&path), signer: None, fault: None, path };
         let opened = open(&mut file, self.signed);
         let opened = opened.map_err(|fault| file.fault = Some(fault)).ok();
         self.files.push(file);
@@ -174,12 +178,12 @@ impl Loading {
     }
 
     /// Whether AMD's loader would find exactly the effect libraries that were loaded, and no others of their names.
-    fn may_use_loader(&mut self, effects: &[(Part, Module)]) -> bool {
-        let other = effects.iter().find_map(|&(part, module)| {
-            let namesake = Module::namesakes(part.file_name()).into_iter().find(|other| *other != module);
+    fn may_use_loader(&mut self, effects: &[(LibraryKind, Module)]) -> bool {
+        let other = effects.iter().find_map(|&(kind, module)| {
+            let namesake = Module::namesakes(kind.file_name()).into_iter().find(|other| *other != module);
             namesake.map(Module::path)
         });
-        let path = self.folder.join(Part::Loader.file_name());
+        let path = self.folder.join(LibraryKind::Loader.file_name());
         if let (Some(other), true) = (&other, path.is_file()) {
             let cause = format!(
                 "it would perhaps use another library of the same name, which is loaded already: {}",
@@ -189,7 +193,7 @@ impl Loading {
                 .field(path.display().to_string())
                 .remedy("Give Cairn and the engine the same folder");
             let version = FileVersion::read(&path);
-            self.files.push(File { part: Part::Loader, version, signer: None, fault: Some(fault), path });
+            self.files.push(File { kind: LibraryKind::Loader, version, signer: None, fault: Some(fault), path });
         }
         other.is_none()
     }

@@ -8,7 +8,7 @@ mod search;
 #[cfg(windows)]
 mod signature;
 
-pub use search::Part;
+pub use search::LibraryKind;
 #[cfg(windows)]
 pub use {
     loading::{File, Library, LoadOptions, allow_unsigned_in_host},

@@ -24,7 +24,7 @@ use crate::{Error, ErrorKind, Result};
 
 #[link(name = "kernel32")]
 unsafe extern "system" {
-    fn K32EnumProcessModules(process: HANDLE, modules: *mut HMODULE, room: u32, needed: *mut u32) -> i32;
+    fn K32EnumProcessModules(process: HANDLE, modules: *mut HMODULE, capacity: u32, needed: *mut u32) -> i32;
 }
 
 /// A NUL-terminated UTF-16 path or name.
@@ -54,11 +54,11 @@ impl Module {
         let process = unsafe { GetCurrentProcess() };
         let mut modules = vec![HMODULE::default(); 256];
         loop {
-            let room = size_of_val(modules.as_slice());
+            let capacity = size_of_val(modules.as_slice());
             let mut needed = 0;
             // SAFETY: memory of the stated size, and memory for the needed size.
-            let told = unsafe { K32EnumProcessModules(process, modules.as_mut_ptr(), room as u32, &mut needed) };
-            let count = if told == 0 { 0 } else { needed as usize / size_of::<HMODULE>() };
+            let success = unsafe { K32EnumProcessModules(process, modules.as_mut_ptr(), capacity as u32, &mut needed) };
+            let count = if success == 0 { 0 } else { needed as usize / size_of::<HMODULE>() };
             if count <= modules.len() {
                 modules.truncate(count);
                 break;

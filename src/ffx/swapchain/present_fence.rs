@@ -11,7 +11,7 @@ pub(super) struct PresentFence {
     gpu: Gpu,
     fence: ID3D12Fence,
     last: u64,
-    is_owed: bool,
+    is_unsignalled: bool,
 }
 
 impl PresentFence {
@@ -19,27 +19,27 @@ impl PresentFence {
         // SAFETY: a live device; the call takes values only.
         let fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }
             .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateFence", &e))?;
-        Ok(Self { gpu: gpu.clone(), fence, last: 0, is_owed: false })
+        Ok(Self { gpu: gpu.clone(), fence, last: 0, is_unsignalled: false })
     }
 
     /// The fence point at which the next recorded list will have run.
     pub(super) fn next(&mut self) -> Result<FencePoint> {
         let fence_point = FencePoint::of_engine(&self.gpu, &self.fence, self.last + 1)?;
         self.last += 1;
-        self.is_owed = true;
+        self.is_unsignalled = true;
         Ok(fence_point)
     }
 
-    /// To be called when the frame was presented, or never will be: signals the fence behind all work submitted to the queue.
+    /// Signals the fence after all work submitted to the queue. Call it when the frame was presented, or when it never will be.
     ///
     /// # Errors
     /// `DeviceRemoved`.
-    pub(super) fn presented(&mut self) -> Result<()> {
-        if self.is_owed {
+    pub(super) fn signal_presented(&mut self) -> Result<()> {
+        if self.is_unsignalled {
             // SAFETY: a live queue and a fence of its device.
             unsafe { self.gpu.frames().d3d12().Signal(&self.fence, self.last) }
                 .map_err(|e| failed_on(self.gpu.device(), "ID3D12CommandQueue::Signal", &e))?;
-            self.is_owed = false;
+            self.is_unsignalled = false;
         }
         Ok(())
     }
@@ -49,6 +49,6 @@ impl Drop for PresentFence {
     fn drop(&mut self) {
         // Waiters wait for the work already on the queue. A failure means that the device was removed; there is nobody to report it
         // to.
-        _ = self.presented();
+        _ = self.signal_presented();
     }
 }

@@ -12,7 +12,7 @@ use crate::Result;
 use crate::ffx::bindings::{
     CreateFlags, Dimensions, InterfaceFlags, MemoryUsage, QuerySwapchainMemoryV2, SurfaceFormat,
 };
-use crate::ffx::memory::known;
+use crate::ffx::memory_usage::is_known;
 use crate::ffx::{Api, Chain, Choice};
 use crate::gpu::Gpu;
 use crate::gpu::compute::ResourceWithState;
@@ -63,12 +63,12 @@ pub enum SwapchainSource<'a> {
 pub struct FrameTextures<'a> {
     /// Device depth at render size.
     pub depth: ResourceWithState<'a>,
-    /// Motion vectors from this frame to the previous one; see [`Pictures::motion`](crate::ffx::Pictures::motion).
+    /// Motion vectors from this frame to the previous one; see [`GenerationTextures::motion`](crate::ffx::GenerationTextures::motion).
     pub motion: ResourceWithState<'a>,
     /// The HUD-less frame at display size. `Present` reads it: do not draw to it before `Present` returns, or, with
     /// [`CreateFlags::ASYNC_WORKLOAD`], before the next `Present` returns.
     pub hudless: Option<ResourceWithState<'a>>,
-    /// See [`Pictures::distortion`](crate::ffx::Pictures::distortion).
+    /// See [`GenerationTextures::distortion`](crate::ffx::GenerationTextures::distortion).
     pub distortion: Option<ResourceWithState<'a>>,
 }
 
@@ -145,6 +145,6 @@ pub fn swapchain_memory_needed(
         ..Default::default()
     });
     // SAFETY: no context; a live device, and memory for the answer that lives during the call.
-    let known = known(unsafe { api.query(null_mut(), &mut query) })?;
-    Ok(known.then_some(usage))
+    let is_known = is_known(unsafe { api.query(null_mut(), &mut query) })?;
+    Ok(is_known.then_some(usage))
 }

@@ -8,7 +8,7 @@ use crate::gpu::{Gpu, failed_on};
 use crate::{Error, ErrorKind, Result};
 
 /// Checks that a swap chain can be taken over; returns its size, width and height, and format.
-pub(super) fn wrapped(gpu: &Gpu, swapchain: &IDXGISwapChain4) -> Result<(u32, u32, DXGI_FORMAT)> {
+pub(super) fn check_wrappable(gpu: &Gpu, swapchain: &IDXGISwapChain4) -> Result<(u32, u32, DXGI_FORMAT)> {
     let refuse = |why: String| Error::new(ErrorKind::InvalidArgument, why).field("swapchain");
     let failed = |call| move |e: windows::core::Error| failed_on(gpu.device(), call, &e);
     // SAFETY: a live swap chain.

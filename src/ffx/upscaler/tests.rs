@@ -1,13 +1,13 @@
 //! Upscaling with a fake library: the handling of each call's return code, and the suspected fields.
 
 use super::super::bindings::*;
-use super::super::double::{Double, PLAY, api};
+use super::super::fake_library::{FAKE, FakeLibrary, api};
 use super::*;
 
 const RENDERED: Dimensions = Dimensions { width: 640, height: 360 };
 const SHOWN: Dimensions = Dimensions { width: 1280, height: 720 };
 
-fn picture(place: usize, Dimensions { width, height }: Dimensions) -> Resource {
+fn picture(address: usize, Dimensions { width, height }: Dimensions) -> Resource {
     let description = ResourceDescription {
         kind: ResourceType::TEXTURE_2D,
         format: SurfaceFormat::R16G16B16A16_FLOAT,
@@ -17,12 +17,12 @@ fn picture(place: usize, Dimensions { width, height }: Dimensions) -> Resource {
         mips: 1,
         ..Default::default()
     };
-    Resource { resource: place as *mut c_void, description, state: ResourceState::COMPUTE_READ }
+    Resource { resource: address as *mut c_void, description, state: ResourceState::COMPUTE_READ }
 }
 
 fn upscaler() -> Upscaler {
     let newest = (0xf600_0000_0100_0003, c"4.0.3");
-    PLAY.set(Double { offers: vec![newest], runs: Some(newest), ..Double::default() });
+    FAKE.set(FakeLibrary { providers: vec![newest], running_provider: Some(newest), ..FakeLibrary::default() });
     let head = CreateUpscale { max_render_size: RENDERED, max_upscale_size: SHOWN, ..Default::default() };
     // SAFETY: the fake library uses no device.
     unsafe { Upscaler::create(&api(), 0x1000 as *mut c_void, Choice::Any, head) }.expect("an upscaler")
@@ -39,12 +39,12 @@ fn frame() -> UpscaleFrame {
         reactive: none,
         transparency: none,
         output: picture(0x400, SHOWN),
-        shot: UpscaleParams::of(RENDERED, SHOWN),
+        params: UpscaleParams::of(RENDERED, SHOWN),
     }
 }
 
 #[test]
-fn every_code_at_every_call_names_the_call_the_suspect_and_what_was_passed() {
+fn every_error_names_the_call_the_suspected_field_and_the_arguments() {
     let mut upscaler = upscaler();
     type Call = fn(&mut Upscaler) -> Result<()>;
     let calls: [(Call, StructId, &str, &str, [&str; 2]); 6] = [
@@ -58,7 +58,7 @@ fn every_code_at_every_call_names_the_call_the_suspect_and_what_was_passed() {
         ),
         (
             |upscaler| {
-                let [opaque, color, output] = [0x500, 0x600, 0x700].map(|place| picture(place, RENDERED));
+                let [opaque, color, output] = [0x500, 0x600, 0x700].map(|address| picture(address, RENDERED));
                 let mask = ReactiveMask::of(RENDERED);
                 // SAFETY: as above.
                 unsafe { upscaler.find_reactive(0x10 as *mut c_void, opaque, color, output, &mask) }
@@ -93,7 +93,7 @@ fn every_code_at_every_call_names_the_call_the_suspect_and_what_was_passed() {
     ];
     for (act, id, call, passed, [of_value, of_work]) in calls {
         for code in (1..=8).chain([u32::MAX]) {
-            PLAY.with_borrow_mut(|play| play.refuses = vec![(id, ReturnCode(code))]);
+            FAKE.with_borrow_mut(|fake| fake.rejects = vec![(id, ReturnCode(code))]);
             let answer = act(&mut upscaler);
             // An unknown memory query is not an error.
             if id == StructId::UPSCALE_MEMORY && [2, 6, 7].contains(&code) {
@@ -101,13 +101,13 @@ fn every_code_at_every_call_names_the_call_the_suspect_and_what_was_passed() {
                 continue;
             }
             let failed = answer.expect_err("it fails");
-            let diagnose = match code {
+            let suspect = match code {
                 2 | 4 | 7 => "provider",
                 5 => "device",
                 6 => of_value,
                 _ => of_work,
             };
-            assert_eq!(failed.offending_field(), Some(diagnose), "{failed}");
+            assert_eq!(failed.offending_field(), Some(suspect), "{failed}");
             assert!(failed.cause().starts_with(&format!("{call} answered {code} ")), "{failed}");
             assert!(failed.cause().contains(passed) && failed.remedy_text().is_some(), "{passed}: {failed}");
         }
@@ -115,12 +115,12 @@ fn every_code_at_every_call_names_the_call_the_suspect_and_what_was_passed() {
 }
 
 #[test]
-fn a_view_that_nobody_can_ask_for_is_not_made() {
-    PLAY.set(Double::default());
+fn the_debug_view_is_refused() {
+    FAKE.set(FakeLibrary::default());
     let flags = UpscaleCreateFlags::DEBUG_VISUALIZATION;
     let head = CreateUpscale { flags, max_render_size: RENDERED, max_upscale_size: SHOWN, ..Default::default() };
     // SAFETY: the fake library uses no device.
     let refused = unsafe { Upscaler::create(&api(), 0x1000 as *mut c_void, Choice::Any, head) }.expect_err("refused");
     assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("flags")));
-    assert!(PLAY.with_borrow(|play| play.calls.is_empty()), "the library was not asked");
+    assert!(FAKE.with_borrow(|fake| fake.calls.is_empty()), "the library was not asked");
 }

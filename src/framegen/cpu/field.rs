@@ -110,7 +110,7 @@ impl Preparation {
 
 /// Whether depth says nothing: all ranks are the same.
 fn is_flat(level: Level, depth: &DepthMap) -> bool {
-    if depth.even().is_some() {
+    if depth.uniform_value().is_some() {
         return true;
     }
     let mut landing = Landing::default();
@@ -212,7 +212,7 @@ impl Given<'_> {
         }
 
         let depth = self.guidance.depth();
-        if let Some(even) = depth.even() {
+        if let Some(even) = depth.uniform_value() {
             let mut landing = Landing::default();
             land(level, &[[f16::ZERO; 2]], &[even], [0; 2], 0, limit, &mut landing);
             let rank = layer::rank(landing.keys[0]);
@@ -260,7 +260,7 @@ impl Given<'_> {
         }
         let (vectors, depths) = (self.guidance.motion(), self.guidance.depth());
         let first = corner[1] * self.grid.width + corner[0];
-        let even = depths.even().map(|even| [even; TILE]);
+        let even = depths.uniform_value().map(|even| [even; TILE]);
         if [across, down] == [TILE, TILE] && vectors.tile() == 1 && (depths.tile() == 1 || even.is_some()) {
             let (depth, stride) = match &even {
                 Some(even) => (even.as_slice(), 0),

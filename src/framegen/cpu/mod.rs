@@ -63,7 +63,7 @@ use render::Between;
 use standing::Standing;
 
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
-use crate::tasks::Use;
+use crate::tasks::PoolLease;
 use crate::{Error, ErrorKind, Raster, Result};
 
 /// Generates frames on the CPU, its rows in parallel, with the best instructions that the
@@ -83,7 +83,7 @@ pub struct CpuGenerator {
     stills: Stills,
     inpainter: Inpainter,
     hidden: Vec<u64>,
-    _threads: Use,
+    _threads: PoolLease,
 }
 
 impl Default for CpuGenerator {
@@ -112,7 +112,7 @@ impl CpuGenerator {
             stills: Stills::default(),
             inpainter: Inpainter::default(),
             hidden: Vec::new(),
-            _threads: Use::new(),
+            _threads: PoolLease::new(),
         }
     }
 
@@ -132,7 +132,7 @@ impl CpuGenerator {
     fn between<P: Colour>(&mut self, pair: &AnchorPair<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
         let (previous, current) = (source(pair.previous()), source(pair.current()));
         // Depth that says nothing stands beside motion that was found in pictures.
-        let is_found = pair.guidance().depth().even().is_some();
+        let is_found = pair.guidance().depth().uniform_value().is_some();
         let inside = Inside::find(self.level, previous, current);
         let standing = Standing::new(Some(&inside), pair.overlay(), current.width);
         self.preparation.prepare(self.level, pair.guidance(), Some((previous, current)), standing, &mut self.field)?;

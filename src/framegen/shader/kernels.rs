@@ -20,7 +20,7 @@ macro_rules! kernels {
                 Ok(Self {
                     $($name: Kernel::new(
                         gpu,
-                        include_bytes!(concat!("../../gpu/shaders/frame_", stringify!($name), ".dxbc")),
+                        include_bytes!(concat!("../../gpu/shaders/compiled/frame_", stringify!($name), ".dxbc")),
                         SHAPE,
                     )?,)*
                 })

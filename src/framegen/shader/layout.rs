@@ -13,47 +13,86 @@ const STATE: u32 = 1024;
 /// Step between the rows whose brightness is summed.
 const SPARSE: u32 = 8;
 
-/// Root constants of all shaders of a frame, in the order of `frame.hlsli`, which documents them.
+/// Root constants of all shaders of a frame, in the order of `frame.hlsli`. `at_` marks a byte offset into the buffer `small`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Constants {
+    /// Width and height of the pictures, in pixels.
     pub(super) size: [u32; 2],
+    /// Columns and rows of tiles.
     pub(super) tiles: [u32; 2],
+    /// Width and height of the reduced pictures for cut detection, in pixels.
     pub(super) reduced: [u32; 2],
+    /// Reduction factor of these.
     pub(super) factor: u32,
+    /// 1 for a pair of anchors, 0 for one that is extrapolated.
     pub(super) is_pair: u32,
+    /// Tile sizes of motion and depth, in pixels.
     pub(super) guidance_tiles: [u32; 2],
-    pub(super) past_tile: u32,
+    /// Tile size of the previous anchor's depth in pixels; 0 if there is none.
+    pub(super) previous_depth_tile: u32,
+    /// 1 if pixels of anchors are floats, 0 if they are bytes.
     pub(super) is_float: u32,
-    pub(super) is_light: u32,
-    pub(super) writes_light: u32,
-    pub(super) is_stated: u32,
+    /// 1 if anchors are linear.
+    pub(super) is_linear: u32,
+    /// 1 if the target is linear.
+    pub(super) writes_linear: u32,
+    /// 1 if the caller states a cut between the anchors.
+    pub(super) is_cut_stated: u32,
+    /// 1 if there is an overlay mask.
     pub(super) has_hud: u32,
+    /// Phase of the frame, a numerator over `WHOLE`.
     pub(super) phase: i32,
-    pub(super) landing_phase: i32,
-    pub(super) borrows: u32,
-    pub(super) mark: u32,
-    pub(super) turn: u32,
-    pub(super) written: u32,
+    /// Phase to which pixels are splatted, a numerator over `WHOLE`.
+    pub(super) splat_phase: i32,
+    /// 1 if pixels with inherited motion are splatted as well.
+    pub(super) splats_inherited: u32,
+    /// Tag of keys with inherited motion.
+    pub(super) inherited_tag: u32,
+    /// Number of the run of a shader that runs several times, from 0.
+    pub(super) run: u32,
+    /// Pixel layout of the finished picture, as [`PictureFormat`](crate::gpu::compute::picture_formats::PictureFormat) has it.
+    pub(super) target_format: u32,
+    /// Bytes per row of the finished picture.
     pub(super) pitch: u32,
+    /// 1 if the current anchor is the nearer one in time.
     pub(super) nearer_is_current: u32,
+    /// 1 if the current anchor is shown across a cut.
     pub(super) cut_shows_current: u32,
-    pub(super) is_even: u32,
-    pub(super) at_given_tiles: u32,
+    /// 1 if depth is the same everywhere.
+    pub(super) depth_is_uniform: u32,
+    /// Tiles of the guidance.
+    pub(super) at_guidance_tiles: u32,
+    /// Tiles of the current anchor's motion.
     pub(super) at_field_tiles: u32,
-    pub(super) at_owner_tiles: u32,
-    pub(super) at_tiles: u32,
-    pub(super) at_covers: u32,
+    /// Tiles of the previous anchor's coverage.
+    pub(super) at_previous_tiles: u32,
+    /// Tiles of the splat destination.
+    pub(super) at_splat_tiles: u32,
+    /// Coverage of each tile during splatting.
+    pub(super) at_coverage: u32,
+    /// Pyramid of the farthest keys.
     pub(super) at_levels: u32,
+    /// Pixels that neither anchor shows, 64 bits per tile.
     pub(super) at_hidden: u32,
-    pub(super) at_known: u32,
-    pub(super) at_cells: u32,
-    pub(super) at_runs: u32,
+    /// Sums of the colours of each tile.
+    pub(super) at_colour_sums: u32,
+    /// Colours of tiles with which hidden pixels are filled.
+    pub(super) at_tile_colours: u32,
+    /// Foreground cut off by the border, at the ends of rows and columns.
+    pub(super) at_border_runs: u32,
+    /// The same, joined with neighbouring ends.
     pub(super) at_joined: u32,
-    pub(super) at_rows: u32,
+    /// Brightness sums of every eighth row.
+    pub(super) at_row_sums: u32,
+    /// Reduced pictures.
     pub(super) at_lumas: u32,
+    /// Reduced pictures without the local mean.
     pub(super) at_details: u32,
+    /// Results of cut detection per block of the reduced pictures.
     pub(super) at_blocks: u32,
+    /// Tiny pictures.
     pub(super) at_tiny: u32,
+    /// Correlation of the tiny pictures per shift.
     pub(super) at_shifts: u32,
 }
 
@@ -74,34 +113,34 @@ impl Constants {
             self.is_pair,
             self.guidance_tiles[0],
             self.guidance_tiles[1],
-            self.past_tile,
+            self.previous_depth_tile,
             self.is_float,
-            self.is_light,
-            self.writes_light,
-            self.is_stated,
+            self.is_linear,
+            self.writes_linear,
+            self.is_cut_stated,
             self.has_hud,
             self.phase as u32,
-            self.landing_phase as u32,
-            self.borrows,
-            self.mark,
-            self.turn,
-            self.written,
+            self.splat_phase as u32,
+            self.splats_inherited,
+            self.inherited_tag,
+            self.run,
+            self.target_format,
             self.pitch,
             self.nearer_is_current,
             self.cut_shows_current,
-            self.is_even,
-            self.at_given_tiles,
+            self.depth_is_uniform,
+            self.at_guidance_tiles,
             self.at_field_tiles,
-            self.at_owner_tiles,
-            self.at_tiles,
-            self.at_covers,
+            self.at_previous_tiles,
+            self.at_splat_tiles,
+            self.at_coverage,
             self.at_levels,
             self.at_hidden,
-            self.at_known,
-            self.at_cells,
-            self.at_runs,
+            self.at_colour_sums,
+            self.at_tile_colours,
+            self.at_border_runs,
             self.at_joined,
-            self.at_rows,
+            self.at_row_sums,
             self.at_lumas,
             self.at_details,
             self.at_blocks,
@@ -117,11 +156,11 @@ pub(super) struct Layout {
     /// Constants with all values that depend on the size only.
     pub(super) constants: Constants,
     /// Byte offset of the tiles of the splat destination between the anchors.
-    pub(super) at_place_tiles: u32,
-    /// Bytes of the buffer for everything except the per-pixel keys.
+    pub(super) at_frame_tiles: u32,
+    /// Bytes of the buffer `small`: everything except the per-pixel keys.
     pub(super) small: u64,
     /// Pixels of the splat scratch buffer: the tiles plus a border of one pixel.
-    pub(super) places: u64,
+    pub(super) splat_pixels: u64,
     /// Columns and rows of blocks of the reduced pictures.
     pub(super) blocks: [u32; 2],
     /// Size of the tiny pictures, in pixels.
@@ -141,7 +180,7 @@ impl Layout {
         let shifts = [2 * (tiny[0] / 2) + 1, 2 * (tiny[1] / 4) + 1];
 
         let mut end = u64::from(STATE);
-        let mut take = |bytes: u64| {
+        let mut reserve = |bytes: u64| {
             let start = end;
             end += bytes.next_multiple_of(16);
             // A layout of more than 4 GiB is rejected in `Memory::new`.
@@ -159,26 +198,34 @@ impl Layout {
             tiles,
             reduced,
             factor,
-            at_given_tiles: take(16 * count),
-            at_field_tiles: take(16 * count),
-            at_owner_tiles: take(16 * count),
-            at_covers: take(40 * count),
-            at_levels: take(levels),
-            at_hidden: take(8 * count),
-            at_known: take(20 * count),
-            at_cells: take(20 * count),
-            at_runs: take(16 * ends),
-            at_joined: take(16 * ends),
-            at_rows: take(32 * u64::from(height.div_ceil(SPARSE))),
-            at_lumas: take(8 * area(reduced)),
-            at_details: take(8 * area(reduced)),
-            at_blocks: take(4 * area(blocks)),
-            at_tiny: take(8 * area(tiny)),
-            at_shifts: take(4 * area(shifts)),
+            at_guidance_tiles: reserve(16 * count),
+            at_field_tiles: reserve(16 * count),
+            at_previous_tiles: reserve(16 * count),
+            at_coverage: reserve(40 * count),
+            at_levels: reserve(levels),
+            at_hidden: reserve(8 * count),
+            at_colour_sums: reserve(20 * count),
+            at_tile_colours: reserve(20 * count),
+            at_border_runs: reserve(16 * ends),
+            at_joined: reserve(16 * ends),
+            at_row_sums: reserve(32 * u64::from(height.div_ceil(SPARSE))),
+            at_lumas: reserve(8 * area(reduced)),
+            at_details: reserve(8 * area(reduced)),
+            at_blocks: reserve(4 * area(blocks)),
+            at_tiny: reserve(8 * area(tiny)),
+            at_shifts: reserve(4 * area(shifts)),
             ..Constants::default()
         };
-        let at_place_tiles = take(16 * count);
-        let places = tiles.map(|tiles| u64::from(TILE * tiles + 2));
-        Self { constants, at_place_tiles, small: end, places: places[0] * places[1], blocks, tiny, shifts }
+        let at_frame_tiles = reserve(16 * count);
+        let splat_pixels = tiles.map(|tiles| u64::from(TILE * tiles + 2));
+        Self {
+            constants,
+            at_frame_tiles,
+            small: end,
+            splat_pixels: splat_pixels[0] * splat_pixels[1],
+            blocks,
+            tiny,
+            shifts,
+        }
     }
 }

@@ -3,26 +3,34 @@
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 
 use super::layout::Layout;
-use crate::gpu::compute::pictures::pitch;
-use crate::gpu::compute::{ResourceWithState, View, Words};
+use crate::gpu::compute::picture_formats::pitch;
+use crate::gpu::compute::{ResourceWithState, View, WordRange};
 use crate::gpu::{Gpu, Heap, buffer};
 use crate::{Error, ErrorKind, Result};
 
 /// Largest number of splat pixels: 65535 thread groups of 1024.
-const MOST_PLACES: u64 = 65_535 * 1024;
+const MAX_SPLAT_PIXELS: u64 = 65_535 * 1024;
 
-/// The buffers: about 50 bytes per pixel, allocated once.
+/// Buffers of a generator: about 50 bytes per pixel, allocated once.
 pub(super) struct Memory {
+    /// Results of one word and per tile, at the offsets of the layout.
     small: ID3D12Resource,
+    /// Keys during splatting.
     scratch: ID3D12Resource,
+    /// Keys of the current anchor's pixels.
     field: ID3D12Resource,
-    owners: ID3D12Resource,
-    places: ID3D12Resource,
+    /// Keys of the previous anchor's pixels.
+    previous_keys: ID3D12Resource,
+    /// Keys of the frame's pixels.
+    frame_keys: ID3D12Resource,
     picture: ID3D12Resource,
+    /// Bytes of `small`, `scratch`, each buffer of keys, and `picture`.
     sizes: [u64; 4],
 }
 
 impl Memory {
+    /// Allocates the buffers.
+    ///
     /// # Errors
     /// `Unsupported` for pictures of more than about 64 million pixels; `OutOfMemory`, `DeviceRemoved`.
     pub(super) fn new(gpu: &Gpu, layout: &Layout) -> Result<Self> {
@@ -30,8 +38,8 @@ impl Memory {
         // Half floats are the widest format.
         let picture = u64::from(pitch(width, 8)) * u64::from(height);
         let keys = 8 * u64::from(width) * u64::from(height);
-        let sizes = [layout.small, 8 * layout.places, keys, picture];
-        if layout.places > MOST_PLACES || sizes.iter().any(|&bytes| bytes / 4 > 1 << 27) {
+        let sizes = [layout.small, 8 * layout.splat_pixels, keys, picture];
+        if layout.splat_pixels > MAX_SPLAT_PIXELS || sizes.iter().any(|&bytes| bytes / 4 > 1 << 27) {
             return Err(Error::new(ErrorKind::Unsupported, format!("frames of {width} x {height} pixels"))
                 .field("size")
                 .remedy("Generate at a smaller size and scale up"));
@@ -41,8 +49,8 @@ impl Memory {
             small: make(sizes[0])?,
             scratch: make(sizes[1])?,
             field: make(sizes[2])?,
-            owners: make(sizes[2])?,
-            places: make(sizes[2])?,
+            previous_keys: make(sizes[2])?,
+            frame_keys: make(sizes[2])?,
             picture: make(sizes[3])?,
             sizes,
         })
@@ -51,32 +59,35 @@ impl Memory {
     /// The views that shaders write. The splat destination is the previous anchor if `swapped`, otherwise the frame.
     pub(super) fn views(&self, swapped: bool) -> [View<'_>; 6] {
         let [small, scratch, keys, picture] = self.sizes;
-        let (owners, places) = if swapped { (&self.places, &self.owners) } else { (&self.owners, &self.places) };
+        let (source, destination) = match swapped {
+            true => (&self.frame_keys, &self.previous_keys),
+            false => (&self.previous_keys, &self.frame_keys),
+        };
         [
             view(&self.small, small),
             view(&self.scratch, scratch),
             view(&self.field, keys),
-            view(owners, keys),
-            view(places, keys),
+            view(source, keys),
+            view(destination, keys),
             view(&self.picture, picture),
         ]
     }
 
     /// The finished picture.
     pub(super) fn picture(&self) -> ResourceWithState<'_> {
-        resting(&self.picture)
+        in_common_state(&self.picture)
     }
 
-    /// The buffer with the single-word results.
+    /// The buffer with the results of one word.
     pub(super) fn small(&self) -> ResourceWithState<'_> {
-        resting(&self.small)
+        in_common_state(&self.small)
     }
 }
 
-fn resting(resource: &ID3D12Resource) -> ResourceWithState<'_> {
+fn in_common_state(resource: &ID3D12Resource) -> ResourceWithState<'_> {
     ResourceWithState { resource, state: D3D12_RESOURCE_STATE_COMMON }
 }
 
 fn view(resource: &ID3D12Resource, bytes: u64) -> View<'_> {
-    View::Buffer(resting(resource), Words { first: 0, count: bytes.div_ceil(4) as u32 })
+    View::Buffer(in_common_state(resource), WordRange { first: 0, count: bytes.div_ceil(4) as u32 })
 }

@@ -1,10 +1,10 @@
 //! The generator in compute shaders, on a Direct3D 12 device.
 //!
 //! It computes the same as the [`cpu`](super::cpu) generator, whose modules document the purpose of each step. Its shaders are
-//! `frame_*.hlsl`; `frame.hlsli` holds shared code. Where the CPU works tile by tile with bands and short cuts, the shaders work per
-//! pixel: a splat is an atomic minimum of its key, the upper word in one dispatch and the lower word in a second, so both generators keep
-//! the same winner. Cuts, letterbox bars and the camera motion are found on the device, and later dispatches read them there: nothing is
-//! read back by the CPU. The finished picture is copied into its target, so the target need not allow unordered access.
+//! `frame_*.hlsl`; `frame.hlsli` holds shared code. The CPU works tile by tile, in bands and with fast paths; the shaders work per pixel. A
+//! splat is an atomic minimum of its key, the upper word in one dispatch and the lower word in a second, so that both generators keep the
+//! same pixel. Cuts, letterbox bars and the camera motion are found on the device, and later dispatches read them there: the CPU reads
+//! nothing back. The finished picture is copied into its target, so the target need not allow unordered access.
 
 mod kernels;
 mod layout;
@@ -14,7 +14,7 @@ mod steps;
 use windows::Win32::Graphics::Dxgi::Common::*;
 
 use crate::gpu::Gpu;
-use crate::gpu::compute::pictures::{self, Format};
+use crate::gpu::compute::picture_formats::{self, PictureFormat};
 use crate::gpu::compute::{CommandRecorder, Output, ResourceWithState, Table, Transfer, View};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 use kernels::Kernels;
@@ -24,9 +24,9 @@ use steps::Steps;
 
 /// Fixed-point phase 1: the time between two anchors.
 const WHOLE: i32 = 1 << 12;
-/// Tag of a pixel of the previous anchor that no pixel of the current one comes from.
-const ORPHAN: u32 = 254;
-/// Tag of a destination pixel between the anchors to which nothing is warped.
+/// Tag of a pixel of the previous anchor to which no pixel of the current one is warped.
+const PREVIOUS_ONLY: u32 = 254;
+/// Tag of a pixel of the frame to which nothing is warped.
 const HOLE: u32 = 255;
 /// Formats of motion and of depth.
 const MOTION: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32G32_FLOAT];
@@ -43,9 +43,9 @@ pub struct GuidanceTextures<'a> {
     pub depth: ResourceWithState<'a>,
     /// Tile size of depth in pixels: 1, 8 or 16.
     pub depth_tile: u32,
-    /// Whether depth is known to be the same everywhere ([`DepthMap::even`](crate::guidance::DepthMap::even)), as with optical flow. Edges
-    /// are then accurate to a pixel or two only, and frames are a little soft there.
-    pub depth_is_even: bool,
+    /// Whether depth is known to be the same everywhere ([`DepthMap::uniform_value`](crate::guidance::DepthMap::uniform_value)), as with
+    /// optical flow. Edges are then accurate to a pixel or two only, and frames are a little soft there.
+    pub depth_is_uniform: bool,
     /// R8 (UNORM): mask of a static overlay over the current anchor, such as a HUD, not 0 where there is one. Without it, an overlay is detected
     /// from colours that do not move, as letterbox bars always are.
     pub hud: Option<ResourceWithState<'a>>,
@@ -83,13 +83,18 @@ pub struct ShaderGenerator {
     /// Transfer function of targets in half floats, if it differs from that of the anchors.
     target_transfer: Option<Transfer>,
     /// The pair whose phase-independent results are in memory.
-    prepared: Option<Prepared>,
+    prepared: Option<PairIdentity>,
     /// Format of the last finished picture.
-    last: Option<Format>,
+    last: Option<PictureFormat>,
 }
 
-/// Identity of a pair: its textures and constants.
-type Prepared = ([usize; INPUTS], Constants);
+/// Identity of a pair.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct PairIdentity {
+    /// Addresses of the textures.
+    textures: [usize; INPUTS],
+    constants: Constants,
+}
 
 /// Word of a generator's [report](ShaderGenerator::report) that is 1 if there is a cut between the anchors, else 0.
 pub const WORD_OF_CUT: u32 = 0;
@@ -162,15 +167,15 @@ impl ShaderGenerator {
     ) -> Result<()> {
         let target = target.into();
         let at = self.phase(t)?;
-        let seen = self.look_at_pair(pair)?;
+        let checked = self.check_pair(pair)?;
         let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
-        frame.fits(DESCRIPTORS)?;
-        let table = frame.bind(&seen.inputs, &self.memory.views(true))?;
-        let shown = frame.bind(&seen.inputs, &self.memory.views(false))?;
+        frame.check_descriptors(DESCRIPTORS)?;
+        let table = frame.bind(&checked.inputs, &self.memory.views(true))?;
+        let frame_table = frame.bind(&checked.inputs, &self.memory.views(false))?;
         // The target may be one of the inputs and must then be in one state.
-        target.takes(frame)?;
-        self.record_pair(frame, &table, &seen);
-        self.show(frame, &shown, &seen, at, written, target)
+        target.check_state(frame)?;
+        self.record_pair(frame, &table, &checked);
+        self.record_frame(frame, &frame_table, &checked, at, written, target)
     }
 
     /// Records the work that all frames between the anchors of `pair` share. [`interpolate`](Self::interpolate) then makes any number of them,
@@ -180,9 +185,9 @@ impl ShaderGenerator {
     /// # Errors
     /// As for [`generate`](Self::generate).
     pub fn prepare(&mut self, frame: &mut CommandRecorder<'_>, pair: &TexturePair<'_>) -> Result<()> {
-        let seen = self.look_at_pair(pair)?;
-        let table = frame.bind(&seen.inputs, &self.memory.views(true))?;
-        self.record_pair(frame, &table, &seen);
+        let checked = self.check_pair(pair)?;
+        let table = frame.bind(&checked.inputs, &self.memory.views(true))?;
+        self.record_pair(frame, &table, &checked);
         Ok(())
     }
 
@@ -200,20 +205,20 @@ impl ShaderGenerator {
     ) -> Result<()> {
         let target = target.into();
         let at = self.phase(t)?;
-        let seen = self.look_at_pair(pair)?;
-        if self.prepared != Some(seen.prepared()) {
+        let checked = self.check_pair(pair)?;
+        if self.prepared != Some(checked.identity()) {
             return Err(Error::new(ErrorKind::InvalidArgument, "the pair is not the one that was prepared last")
                 .field("pair")
                 .remedy("Record prepare for it first"));
         }
         let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
-        let table = frame.bind(&seen.inputs, &self.memory.views(false))?;
-        target.takes(frame)?;
-        self.show(frame, &table, &seen, at, written, target)
+        let table = frame.bind(&checked.inputs, &self.memory.views(false))?;
+        target.check_state(frame)?;
+        self.record_frame(frame, &table, &checked, at, written, target)
     }
 
     /// Records the picture extrapolated `t` anchor intervals after an anchor along its motion, into `target`. Limited to one interval:
-    /// beyond that, and after a cut (`is_after_cut`), a picture is held.
+    /// after that, and after a cut (`is_after_cut`), a picture is held.
     ///
     /// # Errors
     /// `InvalidArgument` when `t` is not above 0 and finite, and as for [`generate`](Self::generate).
@@ -233,29 +238,29 @@ impl ShaderGenerator {
                 .remedy("Pass a positive number of anchor intervals"));
         }
         let phase = ((t.min(1.0) * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE);
-        let seen = self.check_inputs(current, guidance)?;
+        let checked = self.check_inputs(current, guidance)?;
         let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
-        let beyond = Constants {
-            is_stated: is_after_cut.into(),
-            landing_phase: WHOLE + phase,
-            mark: HOLE,
-            at_tiles: self.layout.at_place_tiles,
-            ..self.constants(&seen, &written)
+        let extrapolated = Constants {
+            is_cut_stated: is_after_cut.into(),
+            splat_phase: WHOLE + phase,
+            inherited_tag: HOLE,
+            at_splat_tiles: self.layout.at_frame_tiles,
+            ..self.constants(&checked, &written)
         };
-        let table = frame.bind(&seen.inputs, &self.memory.views(false))?;
+        let table = frame.bind(&checked.inputs, &self.memory.views(false))?;
         // The target may be one of the inputs and must then be in one state.
-        target.takes(frame)?;
+        target.check_state(frame)?;
         self.prepared = None;
         let kernels = &self.kernels;
         let mut steps = self.steps(frame, &table);
-        steps.begin(beyond);
-        steps.by_one(&kernels.seen, beyond);
-        steps.by_tiles(&kernels.given, beyond);
-        steps.by_tiles(&kernels.field, beyond);
-        steps.land(beyond);
-        steps.fill(beyond);
-        steps.by_tiles(&kernels.beyond, beyond);
-        steps.paint(beyond);
+        steps.begin(extrapolated);
+        steps.once(&kernels.seen, extrapolated);
+        steps.per_tile(&kernels.given, extrapolated);
+        steps.per_tile(&kernels.field, extrapolated);
+        steps.splat(extrapolated);
+        steps.fill_holes(extrapolated);
+        steps.per_tile(&kernels.beyond, extrapolated);
+        steps.inpaint(extrapolated);
         self.copy(frame, &written, target)
     }
 
@@ -271,28 +276,28 @@ impl ShaderGenerator {
         target: impl Into<Output<'t>>,
     ) -> Result<()> {
         let target = target.into();
-        let anchor = pictures::anchor(&self.gpu, picture, self.layout.constants.size, self.transfer, "picture")?;
+        let anchor = picture_formats::anchor(&self.gpu, picture, self.layout.constants.size, self.transfer, "picture")?;
         let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
-        let inputs = [View::Texture(*picture, anchor.viewed); INPUTS];
+        let inputs = [View::Texture(*picture, anchor.view_format); INPUTS];
         let table = frame.bind(&inputs, &self.memory.views(false))?;
         // The target may be the anchor and must then be in one state.
-        target.takes(frame)?;
+        target.check_state(frame)?;
         self.prepared = None;
         // Uses the path for a cut between two anchors, which reads only the later anchor.
-        let seen = CheckedInputs { constants: self.layout.constants, inputs, anchor };
-        let shown = Constants {
+        let checked = CheckedInputs { constants: self.layout.constants, inputs, anchor };
+        let constants = Constants {
             is_pair: 1,
-            is_stated: 1,
+            is_cut_stated: 1,
             cut_shows_current: 1,
             is_float: anchor.is_float.into(),
-            is_light: anchor.is_light.into(),
-            mark: HOLE,
-            at_tiles: self.layout.at_place_tiles,
-            ..self.constants(&seen, &written)
+            is_linear: anchor.is_linear.into(),
+            inherited_tag: HOLE,
+            at_splat_tiles: self.layout.at_frame_tiles,
+            ..self.constants(&checked, &written)
         };
         let mut steps = self.steps(frame, &table);
-        steps.begin(shown);
-        steps.by_tiles(&self.kernels.render, shown);
+        steps.begin(constants);
+        steps.per_tile(&self.kernels.render, constants);
         self.copy(frame, &written, target)
     }
 
@@ -301,7 +306,7 @@ impl ShaderGenerator {
     /// # Errors
     /// As for [`generate`](Self::generate).
     pub fn is_prepared(&self, pair: &TexturePair<'_>) -> Result<bool> {
-        Ok(self.prepared == Some(self.look_at_pair(pair)?.prepared()))
+        Ok(self.prepared == Some(self.check_pair(pair)?.identity()))
     }
 
     /// Records another copy of the last picture into `target`; `false` if the target's format differs from the one in which the finished picture
@@ -309,7 +314,7 @@ impl ShaderGenerator {
     ///
     /// # Errors
     /// As for [`show_anchor`](Self::show_anchor).
-    pub fn again<'t>(&mut self, frame: &mut CommandRecorder<'_>, target: impl Into<Output<'t>>) -> Result<bool> {
+    pub fn record_again<'t>(&mut self, frame: &mut CommandRecorder<'_>, target: impl Into<Output<'t>>) -> Result<bool> {
         let target = target.into();
         let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
         if self.last != Some(written) {
@@ -336,20 +341,22 @@ impl ShaderGenerator {
     }
 
     /// Checks the inputs of a pair before anything is recorded.
-    fn look_at_pair<'t>(&self, pair: &TexturePair<'t>) -> Result<CheckedInputs<'t>> {
-        let mut seen = self.check_inputs(&pair.current, &pair.guidance)?;
-        let size = seen.constants.size;
-        if pictures::anchor(&self.gpu, &pair.previous, size, self.transfer, "previous")?.viewed != seen.anchor.viewed {
+    fn check_pair<'t>(&self, pair: &TexturePair<'t>) -> Result<CheckedInputs<'t>> {
+        let mut checked = self.check_inputs(&pair.current, &pair.guidance)?;
+        let size = checked.constants.size;
+        if picture_formats::anchor(&self.gpu, &pair.previous, size, self.transfer, "previous")?.view_format
+            != checked.anchor.view_format
+        {
             return Err(Error::new(ErrorKind::InvalidArgument, "the anchors are of two formats").field("previous"));
         }
-        seen.inputs[0] = View::Texture(pair.previous, seen.anchor.viewed);
+        checked.inputs[0] = View::Texture(pair.previous, checked.anchor.view_format);
         if let Some((depth, tile)) = &pair.previous_depth {
-            seen.inputs[4] = pictures::guidance(&self.gpu, depth, size, *tile, &DEPTH, "previous_depth")?;
-            seen.constants.past_tile = *tile;
+            checked.inputs[4] = picture_formats::guidance(&self.gpu, depth, size, *tile, &DEPTH, "previous_depth")?;
+            checked.constants.previous_depth_tile = *tile;
         }
-        seen.constants.is_pair = 1;
-        seen.constants.is_stated = pair.cut.into();
-        Ok(seen)
+        checked.constants.is_pair = 1;
+        checked.constants.is_cut_stated = pair.cut.into();
+        Ok(checked)
     }
 
     /// Checks an anchor and its guidance.
@@ -359,92 +366,97 @@ impl ShaderGenerator {
         guidance: &GuidanceTextures<'t>,
     ) -> Result<CheckedInputs<'t>> {
         let size = self.layout.constants.size;
-        let anchor = pictures::anchor(&self.gpu, current, size, self.transfer, "current")?;
+        let anchor = picture_formats::anchor(&self.gpu, current, size, self.transfer, "current")?;
         let (tile, formats) = (guidance.motion_tile, &MOTION);
-        let motion = pictures::guidance(&self.gpu, &guidance.motion, size, tile, formats, "motion")?;
+        let motion = picture_formats::guidance(&self.gpu, &guidance.motion, size, tile, formats, "motion")?;
         let (tile, formats) = (guidance.depth_tile, &DEPTH);
-        let depth = pictures::guidance(&self.gpu, &guidance.depth, size, tile, formats, "depth")?;
+        let depth = picture_formats::guidance(&self.gpu, &guidance.depth, size, tile, formats, "depth")?;
         let mut hud = depth;
         if let Some(given) = &guidance.hud {
-            hud = pictures::guidance(&self.gpu, given, size, 1, &[DXGI_FORMAT_R8_UNORM], "hud")?;
+            hud = picture_formats::guidance(&self.gpu, given, size, 1, &[DXGI_FORMAT_R8_UNORM], "hud")?;
         }
-        let picture = View::Texture(*current, anchor.viewed);
+        let picture = View::Texture(*current, anchor.view_format);
         let constants = Constants {
             guidance_tiles: [guidance.motion_tile, guidance.depth_tile],
             has_hud: guidance.hud.is_some().into(),
-            is_even: guidance.depth_is_even.into(),
+            depth_is_uniform: guidance.depth_is_uniform.into(),
             is_float: anchor.is_float.into(),
-            is_light: anchor.is_light.into(),
+            is_linear: anchor.is_linear.into(),
             ..self.layout.constants
         };
         // A missing input is replaced by another texture of its kind that no shader reads.
         Ok(CheckedInputs { constants, inputs: [picture, picture, motion, depth, depth, hud], anchor })
     }
 
-    /// Records the phase-independent work: cuts, bars, camera motion, motion field, and splats into the previous anchor.
-    fn record_pair(&mut self, frame: &mut CommandRecorder<'_>, table: &Table, seen: &CheckedInputs<'_>) {
-        self.prepared = Some(seen.prepared());
+    /// Records the phase-independent work: cuts, letterbox bars, camera motion, the motion field, and splatting into the previous anchor.
+    fn record_pair(&mut self, frame: &mut CommandRecorder<'_>, table: &Table, checked: &CheckedInputs<'_>) {
+        self.prepared = Some(checked.identity());
         let kernels = &self.kernels;
-        let in_previous = Constants { mark: ORPHAN, at_tiles: seen.constants.at_owner_tiles, ..seen.constants };
+        let in_previous = Constants {
+            inherited_tag: PREVIOUS_ONLY,
+            at_splat_tiles: checked.constants.at_previous_tiles,
+            ..checked.constants
+        };
         let mut steps = self.steps(frame, table);
         steps.begin(in_previous);
-        steps.by_lines(&kernels.lines, in_previous);
+        steps.per_line(&kernels.lines, in_previous);
         steps.find_cut(in_previous);
-        steps.by_one(&kernels.seen, in_previous);
-        steps.by_tiles(&kernels.given, in_previous);
-        steps.by_tiles(&kernels.field, in_previous);
-        steps.land(in_previous);
-        steps.by_ends(&kernels.leave, in_previous);
-        steps.by_ends(&kernels.join, in_previous);
-        steps.by_tiles(&kernels.free, in_previous);
-        steps.fill(in_previous);
+        steps.once(&kernels.seen, in_previous);
+        steps.per_tile(&kernels.given, in_previous);
+        steps.per_tile(&kernels.field, in_previous);
+        steps.splat(in_previous);
+        steps.per_end(&kernels.leave, in_previous);
+        steps.per_end(&kernels.join, in_previous);
+        steps.per_tile(&kernels.free, in_previous);
+        steps.fill_holes(in_previous);
     }
 
     /// Records the phase-dependent work of a prepared pair.
-    fn show(
+    fn record_frame(
         &mut self,
         frame: &mut CommandRecorder<'_>,
         table: &Table,
-        seen: &CheckedInputs<'_>,
+        checked: &CheckedInputs<'_>,
         Phase { phase, cut_shows_current }: Phase,
-        written: Format,
+        written: PictureFormat,
         target: Output<'_>,
     ) -> Result<()> {
-        let between = Constants {
+        let constants = Constants {
             phase,
-            landing_phase: phase,
+            splat_phase: phase,
             nearer_is_current: (phase >= WHOLE / 2).into(),
             cut_shows_current: cut_shows_current.into(),
-            borrows: 1,
-            mark: HOLE,
-            at_tiles: self.layout.at_place_tiles,
-            ..self.constants(seen, &written)
+            splats_inherited: 1,
+            inherited_tag: HOLE,
+            at_splat_tiles: self.layout.at_frame_tiles,
+            ..self.constants(checked, &written)
         };
         let mut steps = self.steps(frame, table);
-        steps.land(between);
-        steps.fill(between);
-        steps.by_tiles(&self.kernels.render, between);
-        steps.paint(between);
+        steps.splat(constants);
+        steps.fill_holes(constants);
+        steps.per_tile(&self.kernels.render, constants);
+        steps.inpaint(constants);
         self.copy(frame, &written, target)
     }
 
     /// The constants for a frame in a target format.
-    fn constants(&self, seen: &CheckedInputs<'_>, written: &Format) -> Constants {
+    fn constants(&self, checked: &CheckedInputs<'_>, written: &PictureFormat) -> Constants {
         let transfer = self.target_transfer.unwrap_or(self.transfer);
         Constants {
-            written: written.written,
-            pitch: pictures::pitch(seen.constants.size[0], written.bytes),
-            writes_light: (transfer == Transfer::Linear && written.holds_light()).into(),
-            ..seen.constants
+            target_format: written.written,
+            pitch: picture_formats::pitch(checked.constants.size[0], written.bytes),
+            writes_linear: (transfer == Transfer::Linear && written.can_hold_linear()).into(),
+            ..checked.constants
         }
     }
 
+    /// The steps of a frame with these bindings.
     fn steps<'f, 'g>(&'f self, frame: &'f mut CommandRecorder<'g>, table: &'f Table) -> Steps<'f, 'g> {
         Steps { frame, table, kernels: &self.kernels, layout: &self.layout }
     }
 
     /// Copies the finished picture into its target.
-    fn copy(&mut self, frame: &mut CommandRecorder<'_>, written: &Format, target: Output<'_>) -> Result<()> {
+    fn copy(&mut self, frame: &mut CommandRecorder<'_>, written: &PictureFormat, target: Output<'_>) -> Result<()> {
         self.last = None;
         target.copy(frame, &self.memory.picture(), written.rows(self.layout.constants.size))?;
         self.last = Some(*written);
@@ -472,11 +484,11 @@ struct Phase {
 struct CheckedInputs<'t> {
     constants: Constants,
     inputs: [View<'t>; INPUTS],
-    anchor: Format,
+    anchor: PictureFormat,
 }
 
 impl CheckedInputs<'_> {
-    fn prepared(&self) -> Prepared {
-        (self.inputs.each_ref().map(View::address), self.constants)
+    fn identity(&self) -> PairIdentity {
+        PairIdentity { textures: self.inputs.each_ref().map(View::address), constants: self.constants }
     }
 }

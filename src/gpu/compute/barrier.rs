@@ -1,4 +1,4 @@
-//! Barriers.
+//! Resource barriers.
 
 use std::mem::ManuallyDrop;
 
@@ -24,7 +24,7 @@ pub fn transition(
 }
 
 /// A UAV barrier: later dispatches see the writes to `resource`.
-pub(super) fn written(resource: &ID3D12Resource) -> D3D12_RESOURCE_BARRIER {
+pub(super) fn uav_barrier(resource: &ID3D12Resource) -> D3D12_RESOURCE_BARRIER {
     let uav = D3D12_RESOURCE_UAV_BARRIER { pResource: borrowed(resource) };
     D3D12_RESOURCE_BARRIER {
         Type: D3D12_RESOURCE_BARRIER_TYPE_UAV,
@@ -34,7 +34,7 @@ pub(super) fn written(resource: &ID3D12Resource) -> D3D12_RESOURCE_BARRIER {
 }
 
 /// A UAV barrier for all resources.
-pub(super) fn all_written() -> D3D12_RESOURCE_BARRIER {
+pub(super) fn uav_barrier_of_all() -> D3D12_RESOURCE_BARRIER {
     let uav = D3D12_RESOURCE_UAV_BARRIER { pResource: ManuallyDrop::new(None) };
     D3D12_RESOURCE_BARRIER {
         Type: D3D12_RESOURCE_BARRIER_TYPE_UAV,

@@ -1,56 +1,56 @@
-//! Records the commands of one frame.
+//! Records the commands of one frame and tracks the states of its resources.
 
 use std::ffi::CStr;
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
-use super::barrier::{all_written, borrowed, transition, written};
-use super::command_ring::Slot;
-use super::timing::Timing;
+use super::barrier::{borrowed, transition, uav_barrier, uav_barrier_of_all};
+use super::command_ring::FrameSlot;
+use super::frame_timing::FrameTiming;
 use super::{Kernel, ResourceWithState, View};
 use crate::gpu::queue::EVENT_OF_BYTES;
 use crate::gpu::{FencePoint, Gpu, Queue, failed_on};
 use crate::{Error, ErrorKind, Result};
 
 /// The state in which a shader reads a resource.
-const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
+const SHADER_READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
 /// The state in which a shader writes a resource.
-const WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
+const SHADER_WRITE: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
 
-/// A frame that is being recorded. If it is dropped before it is submitted, a frame in the ring's list is discarded; a frame in an engine's list
-/// keeps its recorded commands, with every resource returned to its initial state.
+/// Records one frame. If it is dropped before it is submitted, a frame in the ring's own list is discarded; a frame in an engine's
+/// list keeps its recorded commands, and every resource is returned to its initial state.
 pub struct CommandRecorder<'a> {
     gpu: &'a Gpu,
     heap: &'a ID3D12DescriptorHeap,
-    /// Bytes from one descriptor to the next.
-    step: u32,
-    /// Number of free descriptors.
-    room: u32,
+    /// Size of a descriptor in bytes.
+    descriptor_size: u32,
+    free_descriptors: u32,
     /// Index of the next free descriptor.
     next: u32,
     kind: D3D12_COMMAND_LIST_TYPE,
     /// The ring's timestamps, and the frame's slot.
-    timing: Option<(&'a Timing, usize)>,
-    slot: &'a mut Slot,
+    timing: Option<(&'a FrameTiming, usize)>,
+    slot: &'a mut FrameSlot,
     list: ID3D12GraphicsCommandList,
-    own: bool,
-    open: bool,
+    is_own_list: bool,
+    is_open: bool,
     /// Whether writes of the last dispatch may be incomplete, so that the next dispatch needs a UAV barrier.
-    is_written: bool,
+    has_pending_writes: bool,
 }
 
 /// A descriptor table: inputs, then outputs.
 pub(crate) struct Table {
-    place: D3D12_GPU_DESCRIPTOR_HANDLE,
+    handle: D3D12_GPU_DESCRIPTOR_HANDLE,
     inputs: u32,
     outputs: u32,
 }
 
-/// A resource of a frame, with its state outside of the frame and its current state.
-pub(super) struct Tracked {
+/// A resource of a frame with its current state, and the state to leave it in at the end: its initial one, unless
+/// [`set_final_state`](CommandRecorder::set_final_state) was called.
+pub(super) struct TrackedResource {
     resource: ID3D12Resource,
-    resting: D3D12_RESOURCE_STATES,
+    final_state: D3D12_RESOURCE_STATES,
     current: D3D12_RESOURCE_STATES,
 }
 
@@ -59,16 +59,29 @@ impl<'a> CommandRecorder<'a> {
     pub(super) fn new(
         gpu: &'a Gpu,
         heap: &'a ID3D12DescriptorHeap,
-        (step, room): (u32, u32),
+        (descriptor_size, free_descriptors): (u32, u32),
         kind: D3D12_COMMAND_LIST_TYPE,
-        timing: Option<(&'a Timing, usize)>,
-        slot: &'a mut Slot,
+        timing: Option<(&'a FrameTiming, usize)>,
+        slot: &'a mut FrameSlot,
         list: ID3D12GraphicsCommandList,
-        own: bool,
+        is_own_list: bool,
     ) -> Self {
         let next = slot.first;
-        let (open, is_written) = (true, false);
-        let frame = Self { gpu, heap, step, room, next, kind, timing, slot, list, own, open, is_written };
+        let (is_open, has_pending_writes) = (true, false);
+        let frame = Self {
+            gpu,
+            heap,
+            descriptor_size,
+            free_descriptors,
+            next,
+            kind,
+            timing,
+            slot,
+            list,
+            is_own_list,
+            is_open,
+            has_pending_writes,
+        };
         if let Some((timing, slot)) = frame.timing {
             timing.start(&frame.list, slot);
         }
@@ -83,7 +96,7 @@ impl<'a> CommandRecorder<'a> {
     /// `DeviceRemoved`.
     pub fn submit(mut self, queue: &Queue) -> Result<FencePoint> {
         let refuse = |why: &str, field: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
-        if !self.own {
+        if !self.is_own_list {
             return refuse("the frame is in an engine's list, which the engine submits", "frame");
         }
         if queue.kind() != self.kind {
@@ -94,13 +107,13 @@ impl<'a> CommandRecorder<'a> {
         let device = self.gpu.device();
         // SAFETY: an open list.
         unsafe { self.list.Close() }.map_err(|e| failed_on(device, "ID3D12GraphicsCommandList::Close", &e))?;
-        self.open = false;
+        self.is_open = false;
         let fence_point = queue.submit(&[self.slot.closed(self.gpu)?])?;
-        self.slot.busy = Some(fence_point.clone());
+        self.slot.in_use_until = Some(fence_point.clone());
         Ok(fence_point)
     }
 
-    /// Binds resources and dispatches a shader with `groups` thread groups. Earlier writes of the frame are waited for.
+    /// Binds resources and dispatches a shader with `groups` thread groups, after a barrier for earlier writes of the frame.
     ///
     /// # Errors
     /// As for [`bind`](Self::bind). Nothing is recorded then.
@@ -124,38 +137,38 @@ impl<'a> CommandRecorder<'a> {
     /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states; `Unsupported` when the
     /// frame has no descriptor left. Nothing is recorded then.
     pub(crate) fn bind(&mut self, inputs: &[View<'_>], outputs: &[View<'_>]) -> Result<Table> {
-        let read = |view: &View<'_>| inputs.iter().any(|input| input.resting().resource == view.resting().resource);
+        let read = |view: &View<'_>| inputs.iter().any(|input| input.resource().resource == view.resource().resource);
         assert!(!outputs.iter().any(read), "a dispatch does not write what it reads");
-        self.fits((inputs.len() + outputs.len()) as u32)?;
-        inputs.iter().chain(outputs).try_for_each(|view| self.takes(&view.resting()))?;
+        self.check_descriptors((inputs.len() + outputs.len()) as u32)?;
+        inputs.iter().chain(outputs).try_for_each(|view| self.check_state(&view.resource()))?;
 
-        inputs.iter().for_each(|view| self.becomes(&view.resting(), READ));
-        outputs.iter().for_each(|view| self.becomes(&view.resting(), WRITTEN));
+        inputs.iter().for_each(|view| self.require_state(&view.resource(), SHADER_READ));
+        outputs.iter().for_each(|view| self.require_state(&view.resource(), SHADER_WRITE));
         self.flush();
-        self.is_written = false;
-        let place = self.describe(inputs, outputs);
-        Ok(Table { place, inputs: inputs.len() as u32, outputs: outputs.len() as u32 })
+        self.has_pending_writes = false;
+        let handle = self.describe(inputs, outputs);
+        Ok(Table { handle, inputs: inputs.len() as u32, outputs: outputs.len() as u32 })
     }
 
     /// Checks that `descriptors` descriptors are free.
-    pub(crate) fn fits(&self, descriptors: u32) -> Result<()> {
-        if descriptors > self.room {
+    pub(crate) fn check_descriptors(&self, descriptors: u32) -> Result<()> {
+        if descriptors > self.free_descriptors {
             return Err(Error::new(ErrorKind::Unsupported, "the frame has no descriptor left")
                 .remedy("Make the ring with more descriptors"));
         }
         Ok(())
     }
 
-    /// Dispatches a shader with `groups` thread groups and the last bound table. Writes of the dispatch before are waited for.
+    /// Dispatches a shader with `groups` thread groups and the last bound table, after a barrier for the previous dispatch's writes.
     pub(crate) fn dispatch(&mut self, table: &Table, kernel: &Kernel, constants: &[u32], groups: [u32; 3]) {
         let found = [constants.len() as u32, table.inputs, table.outputs];
         let expected = [kernel.shape.constants, kernel.shape.inputs, kernel.shape.outputs];
         assert_eq!(found, expected, "constants, inputs and outputs are the kernel's");
-        if self.is_written {
+        if self.has_pending_writes {
             // SAFETY: an open list.
-            unsafe { self.list.ResourceBarrier(&[all_written()]) };
+            unsafe { self.list.ResourceBarrier(&[uav_barrier_of_all()]) };
         }
-        self.is_written = true;
+        self.has_pending_writes = true;
         if !self.slot.kernels.iter().any(|(_, pipeline)| *pipeline == kernel.pipeline) {
             self.slot.kernels.push((kernel.root.clone(), kernel.pipeline.clone()));
         }
@@ -164,7 +177,7 @@ impl<'a> CommandRecorder<'a> {
             self.list.SetComputeRootSignature(&kernel.root);
             self.list.SetPipelineState(&kernel.pipeline);
             self.list.SetComputeRoot32BitConstants(0, constants.len() as u32, constants.as_ptr().cast(), 0);
-            self.list.SetComputeRootDescriptorTable(1, table.place);
+            self.list.SetComputeRootDescriptorTable(1, table.handle);
             self.list.Dispatch(groups[0], groups[1], groups[2]);
         }
     }
@@ -179,10 +192,10 @@ impl<'a> CommandRecorder<'a> {
         rows: D3D12_PLACED_SUBRESOURCE_FOOTPRINT,
         to: &ResourceWithState<'_>,
     ) -> Result<()> {
-        self.takes(from)?;
-        self.takes(to)?;
-        self.becomes(from, D3D12_RESOURCE_STATE_COPY_SOURCE);
-        self.becomes(to, D3D12_RESOURCE_STATE_COPY_DEST);
+        self.check_state(from)?;
+        self.check_state(to)?;
+        self.require_state(from, D3D12_RESOURCE_STATE_COPY_SOURCE);
+        self.require_state(to, D3D12_RESOURCE_STATE_COPY_DEST);
         self.flush();
         let from = D3D12_TEXTURE_COPY_LOCATION {
             pResource: borrowed(from.resource),
@@ -210,33 +223,33 @@ impl<'a> CommandRecorder<'a> {
         to: &ResourceWithState<'_>,
         at: u64,
     ) -> Result<()> {
-        self.takes(from)?;
-        self.takes(to)?;
-        self.becomes(from, D3D12_RESOURCE_STATE_COPY_SOURCE);
-        self.becomes(to, D3D12_RESOURCE_STATE_COPY_DEST);
+        self.check_state(from)?;
+        self.check_state(to)?;
+        self.require_state(from, D3D12_RESOURCE_STATE_COPY_SOURCE);
+        self.require_state(to, D3D12_RESOURCE_STATE_COPY_DEST);
         self.flush();
         // SAFETY: an open list, and live buffers of its device in the states for it, which the ring holds.
         unsafe { self.list.CopyBufferRegion(to.resource, at, from.resource, 0, bytes) };
         Ok(())
     }
 
-    /// Sets the state in which a resource of the frame is left at its end, instead of its initial state.
-    pub(crate) fn leave(&mut self, resource: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
-        if let Some(at) = self.tracked(resource) {
-            self.slot.tracked[at].resting = state;
+    /// Sets the state in which a resource is left at the end of the frame, instead of its initial state.
+    pub(crate) fn set_final_state(&mut self, resource: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
+        if let Some(at) = self.index_of_tracked(resource) {
+            self.slot.tracked[at].final_state = state;
         }
     }
 
-    /// Begins a named event that lasts until [`end_stage`](Self::end_stage), for GPU profilers.
-    pub(crate) fn stage(&self, name: &CStr) {
+    /// Begins a named event that lasts until [`end_event`](Self::end_event), for GPU profilers.
+    pub(crate) fn begin_event(&self, name: &CStr) {
         let bytes = name.to_bytes_with_nul();
         // SAFETY: an open list, and a text of that length, which is copied.
         unsafe { self.list.BeginEvent(EVENT_OF_BYTES, Some(bytes.as_ptr().cast()), bytes.len() as u32) };
     }
 
-    /// Ends the last named event.
-    pub(crate) fn end_stage(&self) {
-        // SAFETY: an open list, in which a stage was begun.
+    /// Ends the last PIX event.
+    pub(crate) fn end_event(&self) {
+        // SAFETY: an open list, in which an event was begun.
         unsafe { self.list.EndEvent() };
     }
 
@@ -244,9 +257,9 @@ impl<'a> CommandRecorder<'a> {
     ///
     /// # Errors
     /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states.
-    pub(crate) fn bring(&mut self, given: &ResourceWithState<'_>, state: D3D12_RESOURCE_STATES) -> Result<()> {
-        self.takes(given)?;
-        self.becomes(given, state);
+    pub(crate) fn transition_to(&mut self, given: &ResourceWithState<'_>, state: D3D12_RESOURCE_STATES) -> Result<()> {
+        self.check_state(given)?;
+        self.require_state(given, state);
         self.flush();
         Ok(())
     }
@@ -262,10 +275,10 @@ impl<'a> CommandRecorder<'a> {
         unsafe { self.list.SetDescriptorHeaps(&[Some(self.heap.clone())]) };
     }
 
-    /// Checks a resource's state: the queue's type must support it, and it must be the same state as before in this frame.
-    pub(crate) fn takes(&self, given: &ResourceWithState<'_>) -> Result<()> {
-        let known = WRITTEN
-            | READ
+    /// Checks a resource's state: the queue's type must support it, and earlier uses in this frame must have given the same state.
+    pub(crate) fn check_state(&self, given: &ResourceWithState<'_>) -> Result<()> {
+        let known = SHADER_WRITE
+            | SHADER_READ
             | D3D12_RESOURCE_STATE_COPY_DEST
             | D3D12_RESOURCE_STATE_COPY_SOURCE
             | D3D12_RESOURCE_STATE_VERTEX_AND_CONSTANT_BUFFER
@@ -277,29 +290,29 @@ impl<'a> CommandRecorder<'a> {
         {
             return refuse("a compute queue does not know this state of a resource");
         }
-        match self.tracked(given.resource) {
-            Some(at) if self.slot.tracked[at].resting != given.state => refuse("a resource is given in two states"),
+        match self.index_of_tracked(given.resource) {
+            Some(at) if self.slot.tracked[at].final_state != given.state => refuse("a resource is given in two states"),
             _ => Ok(()),
         }
     }
 
-    fn tracked(&self, resource: &ID3D12Resource) -> Option<usize> {
+    fn index_of_tracked(&self, resource: &ID3D12Resource) -> Option<usize> {
         self.slot.tracked.iter().position(|known| known.resource.as_raw() == resource.as_raw())
     }
 
-    /// Collects the barrier that brings a resource to the state that the next command needs.
-    fn becomes(&mut self, given: &ResourceWithState<'_>, needed: D3D12_RESOURCE_STATES) {
-        let at = self.tracked(given.resource).unwrap_or_else(|| {
-            let (resource, resting) = (given.resource.clone(), given.state);
-            self.slot.tracked.push(Tracked { resource, resting, current: resting });
+    /// Collects a barrier for the state that the next command needs.
+    fn require_state(&mut self, given: &ResourceWithState<'_>, needed: D3D12_RESOURCE_STATES) {
+        let at = self.index_of_tracked(given.resource).unwrap_or_else(|| {
+            let (resource, final_state) = (given.resource.clone(), given.state);
+            self.slot.tracked.push(TrackedResource { resource, final_state, current: final_state });
             self.slot.tracked.len() - 1
         });
-        let Slot { tracked, barriers, .. } = &mut *self.slot;
+        let FrameSlot { tracked, barriers, .. } = &mut *self.slot;
         let known = &mut tracked[at];
         // A combined read state that contains the needed one needs no transition: above all GENERIC_READ of upload heaps.
-        let is_read = needed == READ || needed == D3D12_RESOURCE_STATE_COPY_SOURCE;
-        if known.current == WRITTEN && needed == WRITTEN {
-            barriers.push(written(&known.resource));
+        let is_read = needed == SHADER_READ || needed == D3D12_RESOURCE_STATE_COPY_SOURCE;
+        if known.current == SHADER_WRITE && needed == SHADER_WRITE {
+            barriers.push(uav_barrier(&known.resource));
         } else if !(is_read && known.current.contains(needed)) && known.current != needed {
             barriers.push(transition(&known.resource, known.current, needed));
             known.current = needed;
@@ -315,32 +328,32 @@ impl<'a> CommandRecorder<'a> {
         }
     }
 
-    /// Writes the descriptors of a table.
+    /// Writes the descriptors of a table; returns its handle.
     fn describe(&mut self, inputs: &[View<'_>], outputs: &[View<'_>]) -> D3D12_GPU_DESCRIPTOR_HANDLE {
         // SAFETY: a live heap that shaders see.
-        let (processors, shaders) =
+        let (cpu, gpu) =
             unsafe { (self.heap.GetCPUDescriptorHandleForHeapStart(), self.heap.GetGPUDescriptorHandleForHeapStart()) };
-        let table = shaders.ptr + u64::from(self.next * self.step);
+        let table = gpu.ptr + u64::from(self.next * self.descriptor_size);
         for (i, view) in inputs.iter().chain(outputs).enumerate() {
-            let at = D3D12_CPU_DESCRIPTOR_HANDLE { ptr: processors.ptr + (self.next * self.step) as usize };
+            let at = D3D12_CPU_DESCRIPTOR_HANDLE { ptr: cpu.ptr + (self.next * self.descriptor_size) as usize };
             if i < inputs.len() {
                 view.describe_input(self.gpu.device(), at);
             } else {
                 view.describe_output(self.gpu.device(), at);
             }
             self.next += 1;
-            self.room -= 1;
+            self.free_descriptors -= 1;
         }
         D3D12_GPU_DESCRIPTOR_HANDLE { ptr: table }
     }
 
-    /// Transitions every resource back to its state outside of the frame.
+    /// Transitions every resource to its final state, and records the end timestamp.
     fn end(&mut self) {
-        let Slot { tracked, barriers, .. } = &mut *self.slot;
+        let FrameSlot { tracked, barriers, .. } = &mut *self.slot;
         for known in tracked {
-            if known.current != known.resting {
-                barriers.push(transition(&known.resource, known.current, known.resting));
-                known.current = known.resting;
+            if known.current != known.final_state {
+                barriers.push(transition(&known.resource, known.current, known.final_state));
+                known.current = known.final_state;
             }
         }
         self.flush();
@@ -353,11 +366,11 @@ impl<'a> CommandRecorder<'a> {
 
 impl Drop for CommandRecorder<'_> {
     fn drop(&mut self) {
-        if !self.open {
+        if !self.is_open {
             return;
         }
-        if self.own {
-            // The list is reset before it is submitted again; a failed `Close` shows then.
+        if self.is_own_list {
+            // The list is reset before it is submitted again; a failed `Close` is reported then.
             // SAFETY: an open list.
             _ = unsafe { self.list.Close() };
         } else {

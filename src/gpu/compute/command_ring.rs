@@ -1,12 +1,12 @@
-//! A ring of command lists with descriptors, one slot per frame in flight.
+//! A ring of command lists with descriptors: one slot per frame in flight.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
 use super::CommandRecorder;
-use super::command_recorder::Tracked;
-use super::timing::Timing;
-use crate::gpu::{FencePoint, Gpu, Queue, Spent, failed_on};
+use super::command_recorder::TrackedResource;
+use super::frame_timing::FrameTiming;
+use crate::gpu::{FencePoint, Gpu, GpuTimeStatistics, Queue, failed_on};
 use crate::object_count::count_object;
 use crate::{Error, ErrorKind, Result};
 
@@ -24,17 +24,17 @@ pub struct CommandRing {
     gpu: Gpu,
     kind: D3D12_COMMAND_LIST_TYPE,
     pub(super) heap: ID3D12DescriptorHeap,
-    /// Bytes from one descriptor to the next.
-    pub(super) step: u32,
+    /// Size of a descriptor in bytes.
+    pub(super) descriptor_size: u32,
     /// Descriptors per frame.
-    pub(super) room: u32,
-    slots: Vec<Slot>,
+    pub(super) descriptors: u32,
+    slots: Vec<FrameSlot>,
     next: usize,
-    timing: Option<Timing>,
+    timing: Option<FrameTiming>,
 }
 
 /// The slot of one frame.
-pub(super) struct Slot {
+pub(super) struct FrameSlot {
     /// Index of its first descriptor.
     pub(super) first: u32,
     allocator: ID3D12CommandAllocator,
@@ -42,9 +42,9 @@ pub(super) struct Slot {
     /// Whether its timestamps have not been read yet.
     pub(super) is_timed: bool,
     /// The fence point until which the device may use it.
-    pub(super) busy: Option<FencePoint>,
+    pub(super) in_use_until: Option<FencePoint>,
     /// The resources it uses, held until then.
-    pub(super) tracked: Vec<Tracked>,
+    pub(super) tracked: Vec<TrackedResource>,
     /// The pipelines it uses, held until then.
     pub(super) kernels: Vec<(ID3D12RootSignature, ID3D12PipelineState)>,
     /// Barriers collected for the next `ResourceBarrier`.
@@ -53,7 +53,7 @@ pub(super) struct Slot {
 
 // SAFETY: barriers hold addresses that are read within one call; the objects are free-threaded, and lists are used by one thread
 // at a time because that needs the ring exclusively.
-unsafe impl Send for Slot {}
+unsafe impl Send for FrameSlot {}
 
 impl CommandRing {
     /// A ring for frames on a queue of the type of `queue`, direct or compute, with `descriptors` descriptors per frame.
@@ -79,11 +79,12 @@ impl CommandRing {
         let heap = unsafe { device.CreateDescriptorHeap(&wanted) }
             .map_err(|e| failed_on(device, "ID3D12Device::CreateDescriptorHeap", &e))?;
         // SAFETY: a live device.
-        let step = unsafe { device.GetDescriptorHandleIncrementSize(D3D12_DESCRIPTOR_HEAP_TYPE_CBV_SRV_UAV) };
+        let descriptor_size =
+            unsafe { device.GetDescriptorHandleIncrementSize(D3D12_DESCRIPTOR_HEAP_TYPE_CBV_SRV_UAV) };
         let slots =
-            (0..FRAMES_IN_FLIGHT as u32).map(|i| Slot::new(gpu, kind, i * descriptors)).collect::<Result<_>>()?;
-        let timing = Timing::new(gpu, queue)?;
-        Ok(Self { gpu: gpu.clone(), kind, heap, step, room: descriptors, slots, next: 0, timing })
+            (0..FRAMES_IN_FLIGHT as u32).map(|i| FrameSlot::new(gpu, kind, i * descriptors)).collect::<Result<_>>()?;
+        let timing = FrameTiming::new(gpu, queue)?;
+        Ok(Self { gpu: gpu.clone(), kind, heap, descriptor_size, descriptors, slots, next: 0, timing })
     }
 
     /// Starts a frame in a command list of the ring, for [`CommandRecorder::submit`]. Waits if [`FRAMES_IN_FLIGHT`] frames are in flight.
@@ -118,14 +119,14 @@ impl CommandRing {
                 .field("list"));
         }
         self.free_next()?;
-        self.slots[self.next].busy = Some(until.clone());
+        self.slots[self.next].in_use_until = Some(until.clone());
         Ok(self.start(list.clone(), false))
     }
 
     /// Releases the resources of frames that have run, for example before a swap chain is resized.
-    pub fn let_go(&mut self) {
+    pub fn release_completed(&mut self) {
         for slot in &mut self.slots {
-            if slot.busy.as_ref().is_none_or(FencePoint::reached) {
+            if slot.in_use_until.as_ref().is_none_or(FencePoint::reached) {
                 slot.tracked.clear();
                 slot.kernels.clear();
             }
@@ -137,8 +138,8 @@ impl CommandRing {
     /// # Errors
     /// `DeviceRemoved`.
     pub fn finish(&mut self) -> Result<()> {
-        self.slots.iter().filter_map(|slot| slot.busy.as_ref()).try_for_each(FencePoint::wait)?;
-        self.let_go();
+        self.slots.iter().filter_map(|slot| slot.in_use_until.as_ref()).try_for_each(FencePoint::wait)?;
+        self.release_completed();
         Ok(())
     }
 
@@ -148,10 +149,10 @@ impl CommandRing {
             return Err(gone);
         }
         let slot = &mut self.slots[self.next];
-        if let Some(fence_point) = &slot.busy {
+        if let Some(fence_point) = &slot.in_use_until {
             fence_point.wait()?;
         }
-        slot.busy = None;
+        slot.in_use_until = None;
         slot.tracked.clear();
         slot.kernels.clear();
         slot.barriers.clear();
@@ -160,13 +161,13 @@ impl CommandRing {
     }
 
     /// Device time of the frames that have run.
-    pub fn spent(&mut self) -> Spent {
+    pub fn gpu_time(&mut self) -> GpuTimeStatistics {
         for slot in 0..self.slots.len() {
-            if self.slots[slot].busy.as_ref().is_none_or(FencePoint::reached) {
+            if self.slots[slot].in_use_until.as_ref().is_none_or(FencePoint::reached) {
                 self.read_timing(slot);
             }
         }
-        self.timing.as_ref().map(|timing| timing.spent).unwrap_or_default()
+        self.timing.as_ref().map(|timing| timing.measured).unwrap_or_default()
     }
 
     /// Reads the timestamps of a frame that has run.
@@ -178,15 +179,18 @@ impl CommandRing {
         }
     }
 
-    /// The slot that the next frame takes, below [`FRAMES_IN_FLIGHT`]. After [`begin`](Self::begin), resources of the earlier frame in that slot can
-    /// be reused.
-    pub(crate) fn place(&self) -> usize {
+    /// Index of the next frame's slot, below [`FRAMES_IN_FLIGHT`]. After [`begin`](Self::begin), resources of the earlier frame in that
+    /// slot can be reused.
+    pub(crate) fn next_slot(&self) -> usize {
         self.next
     }
 
     /// Number of frames in flight.
-    pub fn under_way(&self) -> usize {
-        self.slots.iter().filter(|slot| slot.busy.as_ref().is_some_and(|fence_point| !fence_point.reached())).count()
+    pub fn in_flight(&self) -> usize {
+        self.slots
+            .iter()
+            .filter(|slot| slot.in_use_until.as_ref().is_some_and(|fence_point| !fence_point.reached()))
+            .count()
     }
 
     fn start(&mut self, list: ID3D12GraphicsCommandList, own: bool) -> CommandRecorder<'_> {
@@ -196,7 +200,7 @@ impl CommandRing {
         CommandRecorder::new(
             &self.gpu,
             &self.heap,
-            (self.step, self.room),
+            (self.descriptor_size, self.descriptors),
             self.kind,
             timing,
             &mut self.slots[slot],
@@ -209,18 +213,18 @@ impl CommandRing {
 impl Drop for CommandRing {
     fn drop(&mut self) {
         // The device may still use the slots that are freed next.
-        self.slots.iter().filter_map(|slot| slot.busy.as_ref()).for_each(FencePoint::wait_ignoring_loss);
+        self.slots.iter().filter_map(|slot| slot.in_use_until.as_ref()).for_each(FencePoint::wait_ignoring_loss);
     }
 }
 
 impl std::fmt::Debug for CommandRing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let busy = self.under_way();
-        write!(f, "CommandRing({busy} of {FRAMES_IN_FLIGHT} under way)")
+        let in_use = self.in_flight();
+        write!(f, "CommandRing({in_use} of {FRAMES_IN_FLIGHT} under way)")
     }
 }
 
-impl Slot {
+impl FrameSlot {
     fn new(gpu: &Gpu, kind: D3D12_COMMAND_LIST_TYPE, first: u32) -> Result<Self> {
         let device = gpu.device();
         // An allocator and a list.
@@ -231,11 +235,11 @@ impl Slot {
         // SAFETY: a live device and allocator.
         let list: ID3D12GraphicsCommandList = unsafe { device.CreateCommandList(0, kind, &allocator, None) }
             .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandList", &e))?;
-        // SAFETY: an open list, in which nothing is.
+        // SAFETY: an open list without commands.
         unsafe { list.Close() }.map_err(|e| failed_on(device, "ID3D12GraphicsCommandList::Close", &e))?;
         let (tracked, barriers) = (Vec::with_capacity(RESOURCES), Vec::with_capacity(RESOURCES));
         let kernels = Vec::with_capacity(RESOURCES);
-        Ok(Self { first, allocator, list, is_timed: false, busy: None, tracked, kernels, barriers })
+        Ok(Self { first, allocator, list, is_timed: false, in_use_until: None, tracked, kernels, barriers })
     }
 
     /// The closed list for [`Queue::submit`].

@@ -1,4 +1,4 @@
-//! A compute shader, ready to run.
+//! A compute shader with a descriptor table.
 
 use windows::Win32::Graphics::Direct3D12::*;
 

@@ -1,4 +1,4 @@
-//! Resources of shaders and their views.
+//! Shader resources and their views.
 
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
@@ -7,8 +7,8 @@ use windows::core::Interface;
 use crate::gpu::{Gpu, failed_on};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 
-/// A resource and its state outside of a frame: all its subresources are in that state when a frame's commands start, and again when
-/// they have run. The frame holds a reference until then.
+/// A resource and its state outside of a frame: all subresources are in that state before and after the frame's commands. The frame
+/// holds a reference until they have run.
 #[derive(Clone, Copy)]
 pub struct ResourceWithState<'a> {
     /// A resource of the device.
@@ -17,18 +17,18 @@ pub struct ResourceWithState<'a> {
     pub state: D3D12_RESOURCE_STATES,
 }
 
-/// A resource as a shader sees it.
+/// A resource with the view through which a shader accesses it.
 #[derive(Clone, Copy)]
 pub(crate) enum View<'a> {
     /// A range of a buffer as `ByteAddressBuffer` or `RWByteAddressBuffer`.
-    Buffer(ResourceWithState<'a>, Words),
+    Buffer(ResourceWithState<'a>, WordRange),
     /// The first mip level of a 2D texture.
     Texture(ResourceWithState<'a>, DXGI_FORMAT),
 }
 
 /// A range of 32-bit words.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Words {
+pub(crate) struct WordRange {
     pub(crate) first: u32,
     pub(crate) count: u32,
 }
@@ -43,15 +43,16 @@ pub(crate) struct Texture {
 }
 
 impl<'a> View<'a> {
-    pub(super) fn resting(&self) -> ResourceWithState<'a> {
+    /// The resource with its state.
+    pub(super) fn resource(&self) -> ResourceWithState<'a> {
         match *self {
-            Self::Buffer(resting, _) | Self::Texture(resting, _) => resting,
+            Self::Buffer(given, _) | Self::Texture(given, _) => given,
         }
     }
 
-    /// Identity of its resource among live ones.
+    /// Address of its resource, which identifies the resource as long as it lives.
     pub(crate) fn address(&self) -> usize {
-        self.resting().resource.as_raw() as usize
+        self.resource().resource.as_raw() as usize
     }
 
     /// Writes its shader resource view.
@@ -61,7 +62,7 @@ impl<'a> View<'a> {
             ..Default::default()
         };
         match *self {
-            Self::Buffer(_, Words { first, count }) => {
+            Self::Buffer(_, WordRange { first, count }) => {
                 wanted.Format = DXGI_FORMAT_R32_TYPELESS;
                 wanted.ViewDimension = D3D12_SRV_DIMENSION_BUFFER;
                 wanted.Anonymous.Buffer = D3D12_BUFFER_SRV {
@@ -78,14 +79,14 @@ impl<'a> View<'a> {
             }
         }
         // SAFETY: a live device and resource, a view description that fits the resource, and a descriptor in a heap of ours.
-        unsafe { device.CreateShaderResourceView(self.resting().resource, Some(&wanted), at) };
+        unsafe { device.CreateShaderResourceView(self.resource().resource, Some(&wanted), at) };
     }
 
     /// Writes its unordered access view.
     pub(super) fn describe_output(&self, device: &ID3D12Device, at: D3D12_CPU_DESCRIPTOR_HANDLE) {
         let mut wanted = D3D12_UNORDERED_ACCESS_VIEW_DESC::default();
         match *self {
-            Self::Buffer(_, Words { first, count }) => {
+            Self::Buffer(_, WordRange { first, count }) => {
                 wanted.Format = DXGI_FORMAT_R32_TYPELESS;
                 wanted.ViewDimension = D3D12_UAV_DIMENSION_BUFFER;
                 wanted.Anonymous.Buffer = D3D12_BUFFER_UAV {
@@ -101,7 +102,7 @@ impl<'a> View<'a> {
             }
         }
         // SAFETY: as above.
-        unsafe { device.CreateUnorderedAccessView(self.resting().resource, None, Some(&wanted), at) };
+        unsafe { device.CreateUnorderedAccessView(self.resource().resource, None, Some(&wanted), at) };
     }
 }
 
@@ -181,9 +182,9 @@ pub(crate) fn untyped(format: DXGI_FORMAT) -> DXGI_FORMAT {
 /// Whether shaders can write a format on this device.
 fn stores(gpu: &Gpu, format: DXGI_FORMAT) -> Result<bool> {
     let mut support = D3D12_FEATURE_DATA_FORMAT_SUPPORT { Format: format, ..Default::default() };
-    let (place, size) = ((&raw mut support).cast(), size_of_val(&support) as u32);
+    let (output, size) = ((&raw mut support).cast(), size_of_val(&support) as u32);
     // SAFETY: a live device, and an output struct of that size that lives during the call.
-    unsafe { gpu.device().CheckFeatureSupport(D3D12_FEATURE_FORMAT_SUPPORT, place, size) }
+    unsafe { gpu.device().CheckFeatureSupport(D3D12_FEATURE_FORMAT_SUPPORT, output, size) }
         .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CheckFeatureSupport", &e))?;
     Ok(support.Support2.contains(D3D12_FORMAT_SUPPORT2_UAV_TYPED_STORE))
 }

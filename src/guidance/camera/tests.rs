@@ -6,11 +6,11 @@ use crate::world::KeySet;
 
 const SIZE: (u32, u32) = (320, 180);
 
-fn eye() -> Eye {
-    Eye {
+fn camera() -> WalkingCamera {
+    WalkingCamera {
         vertical_fov: std::f32::consts::FRAC_PI_2,
         turn_per_count: 0.002,
-        most_pitch: 1.2,
+        max_pitch: 1.2,
         walk: 1.5,
         run: 2.0,
         ease: 0.1,
@@ -25,7 +25,7 @@ fn controls(mouse: [f32; 2], keys: &[u8]) -> ControlInput {
 }
 
 fn extractor() -> Extractor {
-    Extractor::new(eye(), 0.0).unwrap()
+    Extractor::new(camera(), 0.0).unwrap()
 }
 
 fn step(extractor: &mut Extractor, controls: &ControlInput, seconds: u64) -> Guidance {
@@ -39,7 +39,7 @@ fn vector(guidance: &Guidance, x: u32, y: u32) -> [f32; 2] {
 }
 
 #[test]
-fn an_eye_at_rest_sees_the_ground_rest() {
+fn a_camera_at_rest_gives_no_motion_and_the_depth_of_the_ground() {
     let out = step(&mut extractor(), &ControlInput::IDLE, 1);
     assert!(out.motion().vectors().iter().flatten().all(|v| v.to_f32().abs() < 1e-3));
     // A focal length of 90 pixels: 45 rows below the middle the ground is 1.7 * 90 / 45 away.
@@ -51,7 +51,7 @@ fn an_eye_at_rest_sees_the_ground_rest() {
 }
 
 #[test]
-fn a_turn_to_the_right_brings_things_from_the_right() {
+fn a_turn_to_the_right_gives_motion_from_the_right() {
     // Two tenths of a radian.
     let out = step(&mut extractor(), &controls([100.0, 0.0], &[]), 1);
     let [u, v] = vector(&out, 160, 20);
@@ -63,7 +63,7 @@ fn a_turn_to_the_right_brings_things_from_the_right() {
 }
 
 #[test]
-fn walking_on_brings_the_ground_nearer() {
+fn walking_forwards_brings_the_ground_nearer() {
     let mut walker = extractor();
     // After ten time constants the speed is constant.
     step(&mut walker, &controls([0.0; 2], b"W"), 1);
@@ -82,7 +82,7 @@ fn walking_on_brings_the_ground_nearer() {
 }
 
 #[test]
-fn it_walks_where_it_looks() {
+fn it_walks_in_the_direction_of_view() {
     // A half turn, then walking backwards: the scene ahead recedes as if the camera had not turned.
     let mut walker = extractor();
     step(&mut walker, &controls([std::f32::consts::PI / 0.002, 0.0], &[]), 1);
@@ -103,30 +103,30 @@ fn it_walks_where_it_looks() {
 }
 
 #[test]
-fn it_starts_and_stops_softly_and_tilts_no_farther_than_it_can() {
+fn speed_changes_gradually_and_pitch_is_limited() {
     let mut walker = extractor();
-    let way = |walker: &mut Extractor, keys: &[u8]| walker.follow(&controls([0.0; 2], keys), 0.05)[1];
-    let (first, second) = (way(&mut walker, b"W"), way(&mut walker, b"W"));
+    let travelled = |walker: &mut Extractor, keys: &[u8]| walker.advance(&controls([0.0; 2], keys), 0.05)[1];
+    let (first, second) = (travelled(&mut walker, b"W"), travelled(&mut walker, b"W"));
     assert!(0.0 < first && first < second && second < 1.5 * 0.05, "{first} {second}");
-    let after = way(&mut walker, b"");
+    let after = travelled(&mut walker, b"");
     assert!(0.0 < after && after < second);
-    walker.follow(&controls([0.0, -30_000.0], &[]), 0.05);
+    walker.advance(&controls([0.0, -30_000.0], &[]), 0.05);
     assert!((walker.pitch - 1.2).abs() < 1e-6);
     let out = step(&mut walker, &controls([0.0, 30_000.0], b"WA"), 1);
     assert!(out.motion().vectors().iter().flatten().all(|v| v.is_finite()));
 }
 
 #[test]
-fn an_eye_that_cannot_be_is_refused() {
-    for (eye, field) in [
-        (Eye { vertical_fov: 3.2, ..eye() }, "vertical_fov"),
-        (Eye { vertical_fov: 0.0, ..eye() }, "vertical_fov"),
-        (Eye { turn_per_count: f32::NAN, ..eye() }, "turn_per_count"),
-        (Eye { most_pitch: 1.6, ..eye() }, "most_pitch"),
-        (Eye { walk: f32::INFINITY, ..eye() }, "walk"),
-        (Eye { height: -1.0, ..eye() }, "height"),
+fn impossible_cameras_are_refused() {
+    for (camera, field) in [
+        (WalkingCamera { vertical_fov: 3.2, ..camera() }, "vertical_fov"),
+        (WalkingCamera { vertical_fov: 0.0, ..camera() }, "vertical_fov"),
+        (WalkingCamera { turn_per_count: f32::NAN, ..camera() }, "turn_per_count"),
+        (WalkingCamera { max_pitch: 1.6, ..camera() }, "max_pitch"),
+        (WalkingCamera { walk: f32::INFINITY, ..camera() }, "walk"),
+        (WalkingCamera { height: -1.0, ..camera() }, "height"),
     ] {
-        assert_eq!(Extractor::new(eye, 0.0).unwrap_err().offending_field(), Some(field));
+        assert_eq!(Extractor::new(camera, 0.0).unwrap_err().offending_field(), Some(field));
     }
-    assert_eq!(Extractor::new(eye(), 1.3).unwrap_err().offending_field(), Some("pitch"));
+    assert_eq!(Extractor::new(camera(), 1.3).unwrap_err().offending_field(), Some("pitch"));
 }

@@ -1,4 +1,4 @@
-//! What must hold on made-up latents.
+//! Properties on synthetic latents.
 
 use super::*;
 use crate::tasks::Pool;
@@ -17,8 +17,8 @@ fn texture(channel: usize, x: f32, y: f32) -> f32 {
 
 fn latent(value: impl Fn(usize, f32, f32) -> f32) -> Vec<f32> {
     let [channels, height, width] = SHAPE;
-    let places = (0..channels).flat_map(|c| (0..height).flat_map(move |y| (0..width).map(move |x| (c, x, y))));
-    places.map(|(c, x, y)| value(c, x as f32, y as f32)).collect()
+    let indices = (0..channels).flat_map(|c| (0..height).flat_map(move |y| (0..width).map(move |x| (c, x, y))));
+    indices.map(|(c, x, y)| value(c, x as f32, y as f32)).collect()
 }
 
 fn view(values: &[f32]) -> LatentView<'_> {
@@ -65,7 +65,7 @@ fn two_halves_move_apart() {
 }
 
 #[test]
-fn what_does_not_change_or_has_no_texture_rests() {
+fn equal_latents_and_latents_without_texture_have_no_motion() {
     let z0 = latent(texture);
     let even = latent(|c, _, _| c as f32);
     for (before, now) in [(&z0, &z0), (&even, &even)] {
@@ -74,7 +74,7 @@ fn what_does_not_change_or_has_no_texture_rests() {
 }
 
 #[test]
-fn a_loud_channel_does_not_drown_the_others() {
+fn a_channel_of_large_amplitude_does_not_outweigh_the_others() {
     // One channel does not move and has a thousand times the amplitude.
     let loud = |shift: f32| {
         move |c: usize, x: f32, y: f32| {
@@ -88,7 +88,7 @@ fn a_loud_channel_does_not_drown_the_others() {
 }
 
 #[test]
-fn numbers_that_are_none_and_odd_shapes_are_survived() {
+fn non_finite_values_and_odd_shapes_are_accepted() {
     let mut broken = latent(texture);
     broken[7] = f32::NAN;
     broken[300] = f32::INFINITY;

@@ -3,7 +3,7 @@
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::*;
 
-use crate::gpu::compute::{CommandRecorder, Kernel, ResourceWithState, Shape, View, Words, texture};
+use crate::gpu::compute::{CommandRecorder, Kernel, ResourceWithState, Shape, View, WordRange, texture};
 use crate::gpu::{Gpu, Heap, buffer};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 
@@ -21,14 +21,14 @@ pub struct LatentBuffer<'a> {
 pub struct GpuExtractor {
     gpu: Gpu,
     grid: Kernel,
-    lift: Kernel,
+    upsample: Kernel,
     /// Intermediate values: five 32-bit words per cell, in the shaders' layout.
     cells: ID3D12Resource,
     shape: [u32; 3],
     half: bool,
 }
 
-/// The most channels for which the shader's division is as exact as documented.
+/// Maximum number of channels for which the shader's division is as exact as documented.
 const CHANNELS: usize = 2047;
 /// Words per cell passed from the first shader to the second.
 const WORDS: u32 = 5;
@@ -58,24 +58,25 @@ impl GpuExtractor {
         let shape = shape.map(|n| n as u32);
         let cells = buffer(gpu, Heap::Device, shape[1] as usize * shape[2] as usize * WORDS as usize * 4)?;
         let grid = Shape { constants: 6, inputs: 2, outputs: 1 };
-        let lift = Shape { constants: 4, inputs: 1, outputs: 2 };
-        let grid = Kernel::new(gpu, include_bytes!("../../gpu/shaders/paper_grid.dxbc"), grid)?;
-        let lift = Kernel::new(gpu, include_bytes!("../../gpu/shaders/paper_lift.dxbc"), lift)?;
-        Ok(Self { gpu: gpu.clone(), grid, lift, cells, shape, half })
+        let upsample = Shape { constants: 4, inputs: 1, outputs: 2 };
+        let grid = Kernel::new(gpu, include_bytes!("../../gpu/shaders/compiled/paper_grid.dxbc"), grid)?;
+        let upsample = Kernel::new(gpu, include_bytes!("../../gpu/shaders/compiled/paper_lift.dxbc"), upsample)?;
+        Ok(Self { gpu: gpu.clone(), grid, upsample, cells, shape, half })
     }
 
     /// Sets whether latents are half or single precision from now on.
-    pub fn reads_halves(&mut self, half: bool) {
+    pub fn set_half_precision(&mut self, half: bool) {
         self.half = half;
     }
 
     /// Records the step from `z0` (previous) to `z1` (current) into `motion`, R16G16 or R32G32 (FLOAT), and `depth`, R32 or R16
     /// (FLOAT): textures of the render size, of two dimensions with one level, layer and sample, which shaders may write.
     ///
-    /// Frames of one extractor are recorded for one queue: they share its working memory.
+    /// All recordings of one extractor must run on the same queue, because they share its working memory.
     ///
     /// # Errors
-    /// `InvalidArgument` for a buffer that is too short, for other textures or of two sizes, and for what is another device's;
+    /// `InvalidArgument` for a buffer that is too short, for textures of other formats or of different sizes, and for resources of another
+    /// device;
     /// `Unsupported` when the device cannot write a format from a shader; as for any frame.
     pub fn record(
         &self,
@@ -87,20 +88,26 @@ impl GpuExtractor {
     ) -> Result<()> {
         let [channels, height, width] = self.shape;
         let inputs = [self.latent(z0, "z0")?, self.latent(z1, "z1")?];
-        let to = texture(&self.gpu, motion, &MOTION, "motion")?;
-        let beside = texture(&self.gpu, depth, &DEPTH, "depth")?;
-        if (to.width, to.height) != (beside.width, beside.height) {
-            let sizes = [to.width, to.height, beside.width, beside.height];
+        let motion_target = texture(&self.gpu, motion, &MOTION, "motion")?;
+        let depth_target = texture(&self.gpu, depth, &DEPTH, "depth")?;
+        if (motion_target.width, motion_target.height) != (depth_target.width, depth_target.height) {
+            let sizes = [motion_target.width, motion_target.height, depth_target.width, depth_target.height];
             let why = format!("motion has {} x {} pixels, depth {} x {}", sizes[0], sizes[1], sizes[2], sizes[3]);
             return Err(Error::new(ErrorKind::InvalidArgument, why).field("depth"));
         }
         let cells = ResourceWithState { resource: &self.cells, state: D3D12_RESOURCE_STATE_COMMON };
-        let cells = View::Buffer(cells, Words { first: 0, count: height * width * WORDS });
+        let cells = View::Buffer(cells, WordRange { first: 0, count: height * width * WORDS });
         let constants = [width, height, z0.first, z1.first, channels, u32::from(self.half)];
         frame.run(&self.grid, &constants, &inputs, &[cells], [1, 1, 1])?;
-        let outputs = [View::Texture(*motion, to.format), View::Texture(*depth, beside.format)];
-        let groups = [to.width.div_ceil(GROUP), to.height.div_ceil(GROUP), 1];
-        frame.run(&self.lift, &[width, height, to.width, to.height], &[cells], &outputs, groups)
+        let outputs = [View::Texture(*motion, motion_target.format), View::Texture(*depth, depth_target.format)];
+        let groups = [motion_target.width.div_ceil(GROUP), motion_target.height.div_ceil(GROUP), 1];
+        frame.run(
+            &self.upsample,
+            &[width, height, motion_target.width, motion_target.height],
+            &[cells],
+            &outputs,
+            groups,
+        )
     }
 
     /// A view of the buffer's words up to the end of a latent.
@@ -114,7 +121,7 @@ impl GpuExtractor {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         }
         given.buffer.buffer(&self.gpu, bytes, field)?;
-        Ok(View::Buffer(given.buffer, Words { first: 0, count: (bytes / 4) as u32 }))
+        Ok(View::Buffer(given.buffer, WordRange { first: 0, count: (bytes / 4) as u32 }))
     }
 }
 

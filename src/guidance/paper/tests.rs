@@ -1,4 +1,4 @@
-//! Against numpy, and against properties that follow from the formulas.
+//! The extractor against numpy's results, and properties that follow from the formulas.
 
 use serde::Deserialize;
 
@@ -6,7 +6,7 @@ use super::*;
 use crate::ErrorKind;
 use crate::guidance::MotionField;
 
-/// What `golden/make_paper.py` writes.
+/// A file written by `golden/make_paper.py`.
 #[derive(Deserialize)]
 struct Golden {
     shape: [usize; 3],
@@ -40,12 +40,12 @@ fn values(len: usize, seed: u64) -> Vec<f32> {
     .collect()
 }
 
-fn numbers(motion: &MotionField) -> Vec<[f32; 2]> {
+fn vectors(motion: &MotionField) -> Vec<[f32; 2]> {
     motion.vectors().iter().map(|v| v.map(f16::to_f32)).collect()
 }
 
 #[test]
-fn it_does_what_numpy_does() {
+fn results_match_numpy() {
     for text in [
         include_str!("../golden/paper_grid.json"),
         include_str!("../golden/paper_clamped.json"),
@@ -56,7 +56,7 @@ fn it_does_what_numpy_does() {
         let out = extracted(golden.shape, &golden.z0, &golden.z1, golden.render);
         let expected = golden.x.iter().zip(&golden.y);
         assert_eq!(out.motion().vectors().len(), golden.x.len());
-        for (i, ([x, y], (&gx, &gy))) in numbers(out.motion()).into_iter().zip(expected).enumerate() {
+        for (i, ([x, y], (&gx, &gy))) in vectors(out.motion()).into_iter().zip(expected).enumerate() {
             for (have, want) in [(x, gx), (y, gy)] {
                 // Half a step of f16 at that size, and the rounding of f32 before it.
                 assert!((have - want).abs() <= want.abs() * 0.0005 + 2e-6, "{have} for {want} at {i}");
@@ -69,7 +69,7 @@ fn it_does_what_numpy_does() {
 }
 
 #[test]
-fn another_scale_changes_motion_alone() {
+fn another_scale_changes_only_motion() {
     let (shape, render) = ([3, 4, 6], (32, 24));
     let (z0, z1) = (values(72, 1), values(72, 2));
     let published = extracted(shape, &z0, &z1, render);
@@ -81,15 +81,15 @@ fn another_scale_changes_motion_alone() {
     assert_eq!(with(COMPRESSION), published);
     let halved = with(COMPRESSION / 2.0);
     assert_eq!(halved.depth(), published.depth());
-    for (a, b) in numbers(halved.motion()).into_iter().flatten().zip(numbers(published.motion()).into_iter().flatten())
+    for (a, b) in vectors(halved.motion()).into_iter().flatten().zip(vectors(published.motion()).into_iter().flatten())
     {
         assert!((a - b / 2.0).abs() <= b.abs() * 0.001 + 1e-6, "{a} {b}");
     }
-    assert!(numbers(with(f32::NAN).motion()).into_iter().flatten().all(|v| v == 0.0));
+    assert!(vectors(with(f32::NAN).motion()).into_iter().flatten().all(|v| v == 0.0));
 }
 
 #[test]
-fn a_slope_of_the_difference_is_motion_against_it() {
+fn motion_is_opposite_to_the_gradient_of_the_difference() {
     // The difference grows by 0.25 a column and falls by 0.5 a row, so d = (0.25, -0.5) and m = -8 d, everywhere.
     let (height, width) = (4, 6);
     let z0 = vec![0.0; 3 * height * width];
@@ -97,25 +97,25 @@ fn a_slope_of_the_difference_is_motion_against_it() {
         .map(|i| (i % width) as f32 * 0.25 - (i / width % height) as f32 * 0.5 + (i / (width * height)) as f32)
         .collect();
     let out = extracted([3, height, width], &z0, &z1, (32, 24));
-    assert!(numbers(out.motion()).iter().all(|&v| v == [-2.0, 4.0]));
+    assert!(vectors(out.motion()).iter().all(|&v| v == [-2.0, 4.0]));
 }
 
 #[test]
-fn equal_latents_move_nothing_and_swapped_ones_move_back() {
+fn equal_latents_give_no_motion_and_swapped_latents_the_opposite() {
     let (a, b) = (values(4 * 5 * 6, 1), values(4 * 5 * 6, 2));
     let still = extracted([4, 5, 6], &a, &a, (18, 17));
     assert!(still.motion().vectors().iter().flatten().all(|v| v.to_bits() == 0));
-    let there = numbers(extracted([4, 5, 6], &a, &b, (18, 17)).motion());
-    let back = numbers(extracted([4, 5, 6], &b, &a, (18, 17)).motion());
+    let there = vectors(extracted([4, 5, 6], &a, &b, (18, 17)).motion());
+    let back = vectors(extracted([4, 5, 6], &b, &a, (18, 17)).motion());
     assert!(there.iter().zip(&back).all(|(t, b)| *t == b.map(|v| 0.0 - v)));
 }
 
 #[test]
-fn motion_is_cut_to_the_render_size() {
+fn motion_is_clamped_to_the_render_size() {
     let z1 = [0.0, 1e30, -1e30, 3e38, -3e38, 0.0];
     let out = extracted([1, 2, 3], &[0.0; 6], &z1, (48, 20));
     let (mut x_peak, mut y_peak) = (0.0_f32, 0.0_f32);
-    for [x, y] in numbers(out.motion()) {
+    for [x, y] in vectors(out.motion()) {
         (x_peak, y_peak) = (x_peak.max(x.abs()), y_peak.max(y.abs()));
     }
     assert_eq!((x_peak, y_peak), (48.0, 20.0));
@@ -132,12 +132,12 @@ fn depth_spans_zero_to_one_and_a_constant_is_zero() {
 }
 
 #[test]
-fn what_is_not_finite_is_zero_where_it_stands() {
+fn non_finite_values_give_zero_in_their_cells() {
     let mut z1 = values(3 * 5 * 5, 3);
     let clean = extracted([3, 5, 5], &[0.0; 75], &z1, (5, 5));
     z1[12] = f32::NAN;
     let out = extracted([3, 5, 5], &[0.0; 75], &z1, (5, 5));
-    for (i, (have, was)) in numbers(out.motion()).into_iter().zip(numbers(clean.motion())).enumerate() {
+    for (i, (have, was)) in vectors(out.motion()).into_iter().zip(vectors(clean.motion())).enumerate() {
         // The centre is cell (2, 2): the x gradient beside it, the y gradient above and below it.
         let expected = match i {
             11 | 13 => [0.0, was[1]],
@@ -156,7 +156,7 @@ fn what_is_not_finite_is_zero_where_it_stands() {
 }
 
 #[test]
-fn the_output_takes_the_size_asked_for_and_the_extractor_any_latent() {
+fn output_and_working_memory_are_resized_as_needed() {
     let mut extractor = Extractor::new();
     let mut out = Guidance::new(1, 1, Projection::new(1.0, 2.0, 0.5).unwrap()).unwrap();
     for (shape, render) in [([3, 4, 5], (16, 9)), ([1, 1, 1], (4, 4)), ([2, 8, 8], (1, 1)), ([3, 4, 5], (16, 9))] {

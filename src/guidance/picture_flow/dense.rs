@@ -1,8 +1,8 @@
 //! Densification: from patch motion to pixel motion.
 //!
-//! Pixels are processed in blocks of 8 x 8. Where no cell in or around the block is rough, motion is interpolated bilinearly.
-//! Elsewhere a motion edge is near: every distinct motion around the block is tried on all of it, and each pixel takes the one with
-//! the smallest difference over its 5 x 5 neighbourhood.
+//! Pixels are processed in blocks of 8 x 8. Where motion is continuous in and around the block, it is interpolated
+//! bilinearly. Elsewhere there is a motion edge: every distinct motion around the block is tried for every pixel, and each pixel gets
+//! the one with the smallest difference over its 5 x 5 neighbourhood.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd, dispatch, f32x8};
@@ -16,21 +16,21 @@ use crate::tasks::{Parallel, ParallelSliceMut};
 /// Pixels along a block's side.
 const BLOCK: usize = 8;
 /// Radius of the neighbourhood over which differences are summed, in pixels.
-const REACH: usize = 2;
-const WIDE: usize = BLOCK + 2 * REACH;
-const DIAMETER: usize = 2 * REACH + 1;
-/// Row length of a block with its margin, rounded up to whole vectors.
+const RADIUS: usize = 2;
+const BLOCK_WITH_MARGIN: usize = BLOCK + 2 * RADIUS;
+const DIAMETER: usize = 2 * RADIUS + 1;
+/// Row length of a block with its margin, rounded up to a multiple of the vector length.
 const LANES: usize = 16;
 /// Largest number of candidate motions per block.
-const MOST: usize = 8;
+const MAX_CANDIDATES: usize = 8;
 /// Candidates closer than this, in pixels, are merged.
-const SAME: f32 = 0.25;
+const MERGE_DISTANCE: f32 = 0.25;
 /// Motions closer than this, in pixels, belong to the same surface.
-const SURFACE: f32 = 1.0;
+const SAME_SURFACE: f32 = 1.0;
 /// A pixel's difference is clamped to this, in code values.
-const MOST_UNLIKE: f32 = 20.0;
+const MAX_DIFFERENCE: f32 = 20.0;
 /// Difference assigned to a pixel whose motion leads out of the picture, in code values.
-const OUTSIDE: f32 = 8.0;
+const OUTSIDE_DIFFERENCE: f32 = 8.0;
 /// A mean difference above this is a mismatch, in code values.
 const MISMATCH: f32 = 16.0;
 
@@ -40,7 +40,7 @@ pub(super) struct Dense {
     pub(super) width: usize,
     pub(super) flow: Vec<[f32; 2]>,
     /// Whether the other picture matches at the end of the motion.
-    pub(super) matched: Vec<bool>,
+    pub(super) has_match: Vec<bool>,
 }
 
 /// Motion and brightening of the cells in and around a block.
@@ -58,8 +58,8 @@ struct Taps {
     weight: [f32; BLOCK],
 }
 
-const APART: Taps = taps(8);
-const CLOSE: Taps = taps(4);
+const WIDE_TAPS: Taps = taps(8);
+const TAPS: Taps = taps(4);
 
 const fn taps(stride: usize) -> Taps {
     let mut taps = Taps { near: [0; BLOCK], far: [0; BLOCK], weight: [0.0; BLOCK] };
@@ -85,13 +85,13 @@ impl Dense {
     }
 
     /// Computes the motion of every pixel of `from` from the patches of `grid`.
-    pub(super) fn spread(&mut self, level: Level, from: &Plane, to: &Plane, grid: &Grid) -> Result<()> {
+    pub(super) fn densify(&mut self, level: Level, from: &Plane, to: &Plane, grid: &Grid) -> Result<()> {
         self.width = from.width;
         reserve(&mut self.flow, from.luma.len(), [0.0; 2])?;
-        reserve(&mut self.matched, from.luma.len(), false)?;
-        let rows = self.flow.par_chunks_mut(BLOCK * from.width).zip(self.matched.par_chunks_mut(BLOCK * from.width));
-        rows.enumerate().for_each(|(j, (flow, matched))| {
-            dispatch!(level, simd => spread_row(simd, from, to, grid, j, flow, matched));
+        reserve(&mut self.has_match, from.luma.len(), false)?;
+        let rows = self.flow.par_chunks_mut(BLOCK * from.width).zip(self.has_match.par_chunks_mut(BLOCK * from.width));
+        rows.enumerate().for_each(|(j, (flow, has_match))| {
+            dispatch!(level, simd => densify_row(simd, from, to, grid, j, flow, has_match));
         });
         Ok(())
     }
@@ -99,30 +99,33 @@ impl Dense {
 
 /// Densifies row `j` of blocks.
 #[inline(always)]
-fn spread_row<S: Simd>(
+fn densify_row<S: Simd>(
     simd: S,
     from: &Plane,
     to: &Plane,
     grid: &Grid,
     j: usize,
     flow: &mut [[f32; 2]],
-    matched: &mut [bool],
+    has_match: &mut [bool],
 ) {
     let width = from.width;
     for i in 0..width.div_ceil(BLOCK) {
-        let (window, is_rough) = Window::new(grid, i, j);
+        let (window, is_discontinuous) = Window::new(grid, i, j);
         let origin = [(i * BLOCK) as i32, (j * BLOCK) as i32];
-        let (motion, good) =
-            if is_rough { window.choose(simd, from, to, origin) } else { (window.bilinear(simd), [[true; 8]; 8]) };
+        let (motion, is_match) = if is_discontinuous {
+            window.choose_per_pixel(simd, from, to, origin)
+        } else {
+            (window.bilinear(simd), [[true; 8]; 8])
+        };
         let len = BLOCK.min(width - i * BLOCK);
-        let rows = flow.chunks_exact_mut(width).zip(matched.chunks_exact_mut(width));
-        for (y, (flow, matched)) in rows.enumerate() {
+        let rows = flow.chunks_exact_mut(width).zip(has_match.chunks_exact_mut(width));
+        for (y, (flow, has_match)) in rows.enumerate() {
             let [u, v] = [&motion[0][y], &motion[1][y]];
             let flow = &mut flow[i * BLOCK..i * BLOCK + len];
             for (x, flow) in flow.iter_mut().enumerate() {
                 *flow = [u[x], v[x]];
             }
-            matched[i * BLOCK..i * BLOCK + len].copy_from_slice(&good[y][..len]);
+            has_match[i * BLOCK..i * BLOCK + len].copy_from_slice(&is_match[y][..len]);
         }
     }
 }
@@ -130,29 +133,29 @@ fn spread_row<S: Simd>(
 type Block = [[f32; BLOCK]; BLOCK];
 
 impl Window {
-    /// The window of block (i, j), and whether any of its cells is rough.
+    /// The window of block (i, j), and whether motion is discontinuous at any of its cells.
     #[inline(always)]
     fn new(grid: &Grid, i: usize, j: usize) -> (Self, bool) {
         let (side, cells) = if grid.stride == BLOCK { (3, 1) } else { (4, 2) };
         let mut window = Self { flow: [[0.0; 2]; 16], brightening: [0.0; 16], side };
-        let mut is_rough = false;
+        let mut is_discontinuous = false;
         for y in 0..side {
             let row = (j * cells + y).saturating_sub(1).min(grid.down - 1);
             for x in 0..side {
                 let column = (i * cells + x).saturating_sub(1).min(grid.across - 1);
                 let k = row * grid.across + column;
                 window.flow[y * side + x] = grid.flow.at(column, row);
-                window.brightening[y * side + x] = grid.found[k].brightening;
-                is_rough |= grid.rough[k];
+                window.brightening[y * side + x] = grid.matches[k].brightening;
+                is_discontinuous |= grid.discontinuous[k];
             }
         }
-        (window, is_rough)
+        (window, is_discontinuous)
     }
 
     /// Bilinear interpolation between the cells.
     #[inline(always)]
     fn bilinear<S: Simd>(&self, simd: S) -> [Block; 2] {
-        let taps = if self.side == 3 { &APART } else { &CLOSE };
+        let taps = if self.side == 3 { &WIDE_TAPS } else { &TAPS };
         let mut motion = [[[0.0; BLOCK]; BLOCK]; 2];
         for (axis, motion) in motion.iter_mut().enumerate() {
             let mut rows = [[0.0_f32; BLOCK]; 4];
@@ -175,16 +178,16 @@ impl Window {
 
     /// Indices of cells with distinct motions, nearest to the window's centre first, and how many there are.
     #[inline(always)]
-    fn motions(&self) -> ([usize; MOST], usize) {
+    fn distinct_motions(&self) -> ([usize; MAX_CANDIDATES], usize) {
         let order = if self.side == 3 { &ORDER_OF_9[..] } else { &ORDER_OF_16[..] };
-        let (mut picked, mut count) = ([0; MOST], 0);
+        let (mut picked, mut count) = ([0; MAX_CANDIDATES], 0);
         for &cell in order {
             let [u, v] = self.flow[cell];
             let near = |&other: &usize| {
                 let [a, b] = self.flow[other];
-                (a - u).abs().max((b - v).abs()) < SAME
+                (a - u).abs().max((b - v).abs()) < MERGE_DISTANCE
             };
-            if count < MOST && !picked[..count].iter().any(near) {
+            if count < MAX_CANDIDATES && !picked[..count].iter().any(near) {
                 picked[count] = cell;
                 count += 1;
             }
@@ -194,28 +197,28 @@ impl Window {
 
     /// Chooses the best candidate for each pixel of the block at `origin`. Also returns whether the pixel matches at that motion.
     #[inline(always)]
-    fn choose<S: Simd>(
+    fn choose_per_pixel<S: Simd>(
         &self,
         simd: S,
         from: &Plane,
         to: &Plane,
         origin: [i32; 2],
     ) -> ([Block; 2], [[bool; BLOCK]; BLOCK]) {
-        let (motions, count) = self.motions();
-        let reach = REACH as i32;
-        let corner = [origin[0] - reach, origin[1] - reach];
+        let (motions, count) = self.distinct_motions();
+        let radius = RADIUS as i32;
+        let corner = [origin[0] - radius, origin[1] - radius];
         let own = from.block::<{ LANES + 1 }>(corner[0], corner[1]);
         let none = f32x8::splat(simd, 0.0);
         let mut best = [f32x8::splat(simd, f32::INFINITY); BLOCK];
         let mut label = [none; BLOCK];
         for (number, &cell) in motions[..count].iter().enumerate() {
-            let unlike = self.differences(simd, cell, &own, to, corner);
+            let differences = self.differences(simd, cell, &own, to, corner);
             let number = f32x8::splat(simd, number as f32);
             for y in 0..BLOCK {
                 let mut sums = [0.0; LANES];
                 for half in [0, BLOCK] {
                     let mut sum = none;
-                    for row in &unlike[y..y + DIAMETER] {
+                    for row in &differences[y..y + DIAMETER] {
                         sum += f32x8::from_slice(simd, &row[half..half + BLOCK]);
                     }
                     sum.store_slice(&mut sums[half..half + BLOCK]);
@@ -231,24 +234,24 @@ impl Window {
         }
         let mut motion = [[none; BLOCK]; 2];
         for (number, &cell) in motions[..count].iter().enumerate() {
-            let sheet = self.sheet(simd, cell);
+            let surface_motion = self.surface_motion(simd, cell);
             let number = f32x8::splat(simd, number as f32);
             for y in 0..BLOCK {
                 let is_own = label[y].simd_eq(number);
-                motion[0][y] = is_own.select(sheet[0][y], motion[0][y]);
-                motion[1][y] = is_own.select(sheet[1][y], motion[1][y]);
+                motion[0][y] = is_own.select(surface_motion[0][y], motion[0][y]);
+                motion[1][y] = is_own.select(surface_motion[1][y], motion[1][y]);
             }
         }
-        let (mut chosen, mut good) = ([[[0.0; BLOCK]; BLOCK]; 2], [[false; BLOCK]; BLOCK]);
+        let (mut chosen, mut is_match) = ([[[0.0; BLOCK]; BLOCK]; 2], [[false; BLOCK]; BLOCK]);
         for y in 0..BLOCK {
             motion[0][y].store_slice(&mut chosen[0][y]);
             motion[1][y].store_slice(&mut chosen[1][y]);
             let best = <[f32; BLOCK]>::from(best[y]);
             for x in 0..BLOCK {
-                good[y][x] = best[x] <= MISMATCH * (DIAMETER * DIAMETER) as f32;
+                is_match[y][x] = best[x] <= MISMATCH * (DIAMETER * DIAMETER) as f32;
             }
         }
-        (chosen, good)
+        (chosen, is_match)
     }
 
     /// Absolute differences between `own`, the block with its margin at `corner`, and `to` displaced by the motion of `cell`.
@@ -260,41 +263,41 @@ impl Window {
         own: &[[f32; LANES + 1]; LANES + 1],
         to: &Plane,
         corner: [i32; 2],
-    ) -> [[f32; LANES]; WIDE] {
+    ) -> [[f32; LANES]; BLOCK_WITH_MARGIN] {
         let flow = self.flow[cell];
         let brightening = self.brightening[cell];
         let whole = [floor(flow[0]), floor(flow[1])];
         let [fx, fy] = [flow[0] - whole[0] as f32, flow[1] - whole[1] as f32];
         let (left, top) = (corner[0] + whole[0], corner[1] + whole[1]);
         let block = to.block::<{ LANES + 1 }>(left, top);
-        let mut unlike = [[0.0; LANES]; WIDE];
-        let most = f32x8::splat(simd, MOST_UNLIKE);
+        let mut differences = [[0.0; LANES]; BLOCK_WITH_MARGIN];
+        let most = f32x8::splat(simd, MAX_DIFFERENCE);
         for half in [0, BLOCK] {
             let mut above = across(simd, &block[0], half, fx);
-            for y in 0..WIDE {
+            for y in 0..BLOCK_WITH_MARGIN {
                 let below = across(simd, &block[y + 1], half, fx);
                 let here = f32x8::from_slice(simd, &own[y][half..half + BLOCK]);
                 let difference = (above + (below - above) * fy - here - brightening).abs();
-                difference.min(most).store_slice(&mut unlike[y][half..half + BLOCK]);
+                difference.min(most).store_slice(&mut differences[y][half..half + BLOCK]);
                 above = below;
             }
         }
         if !to.holds(left, top, LANES + 1) {
-            for (row, y) in unlike.iter_mut().zip(top..) {
+            for (row, y) in differences.iter_mut().zip(top..) {
                 for (value, x) in row.iter_mut().zip(left..) {
                     if !to.holds(x, y, 1) {
-                        *value = OUTSIDE;
+                        *value = OUTSIDE_DIFFERENCE;
                     }
                 }
             }
         }
-        unlike
+        differences
     }
 
-    /// Smooth motion over the block of the surface that `cell` belongs to: the weighted mean of all cells within [`SURFACE`] of it.
+    /// Smooth motion over the block of the surface that `cell` belongs to: the weighted mean of all cells within [`SAME_SURFACE`] of it.
     #[inline(always)]
-    fn sheet<S: Simd>(&self, simd: S, cell: usize) -> [[f32x8<S>; BLOCK]; 2] {
-        let taps = if self.side == 3 { &APART } else { &CLOSE };
+    fn surface_motion<S: Simd>(&self, simd: S, cell: usize) -> [[f32x8<S>; BLOCK]; 2] {
+        let taps = if self.side == 3 { &WIDE_TAPS } else { &TAPS };
         let own = self.flow[cell];
         let none = f32x8::splat(simd, 0.0);
         let (mut weights, mut sums) = ([f32x8::splat(simd, 1e-6); BLOCK], [[none; BLOCK]; 2]);
@@ -303,7 +306,7 @@ impl Window {
             for column in 0..self.side {
                 let there = self.flow[row * self.side + column];
                 let apart = [there[0] - own[0], there[1] - own[1]];
-                if apart[0].abs().max(apart[1].abs()) >= SURFACE {
+                if apart[0].abs().max(apart[1].abs()) >= SAME_SURFACE {
                     continue;
                 }
                 let across = f32x8::from_slice(simd, &tent(taps, column));

@@ -12,7 +12,7 @@ mod steps;
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::*;
 
-use crate::gpu::compute::{CommandRecorder, ResourceWithState, Transfer, View, Words, pictures, texture};
+use crate::gpu::compute::{CommandRecorder, ResourceWithState, Transfer, View, WordRange, picture_formats, texture};
 use crate::gpu::{Gpu, Heap, buffer};
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 use kernels::Kernels;
@@ -44,7 +44,7 @@ pub struct GpuExtractor {
 }
 
 impl GpuExtractor {
-    /// Makes it ready for pictures of `size`, 1 to [`MAX_SIDE`](crate::MAX_SIDE) to a side.
+    /// An extractor for pictures of `size`, each side 1 to [`MAX_SIDE`](crate::MAX_SIDE).
     ///
     /// # Errors
     /// `InvalidArgument` for another size, `Unsupported` for one that does not fit into a buffer of Direct3D; `OutOfMemory`,
@@ -72,15 +72,16 @@ impl GpuExtractor {
         Self { transfer, ..self }
     }
 
-    /// Records the step from `previous` to `current`, two anchors of the extractor's size in one format, R8G8B8A8 or B8G8R8A8 (UNORM, UNORM_SRGB or
-    /// typeless), R10G10B10A2 (UNORM or typeless) or R16G16B16A16 (FLOAT or typeless), into `motion`, R16G16 or R32G32 (FLOAT) of that size, and `depth`, R32 or R16
-    /// (FLOAT): a texel to each square of 1, 8 or 16 pixels to a side, all of them [`FLAT_DEPTH`](super::FLAT_DEPTH). Shaders must be able to
-    /// write both.
+    /// Records the step from `previous` to `current` into `motion` and `depth`. Shaders must be able to write both.
+    ///
+    /// The anchors have the extractor's size and one format: R8G8B8A8 or B8G8R8A8 (UNORM, UNORM_SRGB or typeless), R10G10B10A2 (UNORM or
+    /// typeless) or R16G16B16A16 (FLOAT or typeless). `motion` has their size and is R16G16 or R32G32 (FLOAT). `depth` is R32 or R16
+    /// (FLOAT), has one texel per square of 1, 8 or 16 pixels a side, and is filled with [`FLAT_DEPTH`](super::FLAT_DEPTH).
     ///
     /// All recordings of one extractor must run on the same queue, because they share its working memory. Nothing is read back.
     ///
     /// # Errors
-    /// `InvalidArgument` for textures of other sizes or formats, anchors of two formats, and what is another device's; `Unsupported` when the
+    /// `InvalidArgument` for textures of other sizes or formats, anchors of two formats, and textures of another device; `Unsupported` when the
     /// device cannot write a format from a shader; as for any frame. Nothing is recorded then.
     pub fn record(
         &self,
@@ -90,8 +91,10 @@ impl GpuExtractor {
         motion: &ResourceWithState<'_>,
         depth: &ResourceWithState<'_>,
     ) -> Result<()> {
-        let format = pictures::anchor(&self.gpu, current, self.size, self.transfer, "current")?;
-        if pictures::anchor(&self.gpu, previous, self.size, self.transfer, "previous")?.viewed != format.viewed {
+        let format = picture_formats::anchor(&self.gpu, current, self.size, self.transfer, "current")?;
+        if picture_formats::anchor(&self.gpu, previous, self.size, self.transfer, "previous")?.view_format
+            != format.view_format
+        {
             return Err(Error::new(ErrorKind::InvalidArgument, "the anchors are of two formats").field("previous"));
         }
         let refuse = |found: [u32; 2], field: &str| {
@@ -99,19 +102,19 @@ impl GpuExtractor {
             let why = format!("{} x {} texels for pictures of {width} x {height} pixels", found[0], found[1]);
             Error::new(ErrorKind::InvalidArgument, why).field(field)
         };
-        let to = texture(&self.gpu, motion, &MOTION, "motion")?;
-        let beside = texture(&self.gpu, depth, &DEPTH, "depth")?;
-        if [to.width, to.height] != self.size {
-            return Err(refuse([to.width, to.height], "motion"));
+        let motion_target = texture(&self.gpu, motion, &MOTION, "motion")?;
+        let depth_target = texture(&self.gpu, depth, &DEPTH, "depth")?;
+        if [motion_target.width, motion_target.height] != self.size {
+            return Err(refuse([motion_target.width, motion_target.height], "motion"));
         }
-        let depth_size = [beside.width, beside.height];
+        let depth_size = [depth_target.width, depth_target.height];
         if !TILES.iter().any(|&tile| depth_size == self.size.map(|len| len.div_ceil(tile))) {
             return Err(refuse(depth_size, "depth").remedy("Use a texel to each square of 1, 8 or 16 pixels to a side"));
         }
-        let inputs = [View::Texture(*previous, format.viewed), View::Texture(*current, format.viewed)];
+        let inputs = [View::Texture(*previous, format.view_format), View::Texture(*current, format.view_format)];
         let work = ResourceWithState { resource: &self.work, state: D3D12_RESOURCE_STATE_COMMON };
-        let work = View::Buffer(work, Words { first: 0, count: (self.layout.bytes / 4) as u32 });
-        let outputs = [work, View::Texture(*motion, to.format), View::Texture(*depth, beside.format)];
+        let work = View::Buffer(work, WordRange { first: 0, count: (self.layout.bytes / 4) as u32 });
+        let outputs = [work, View::Texture(*motion, motion_target.format), View::Texture(*depth, depth_target.format)];
         let table = frame.bind(&inputs, &outputs)?;
         let common = Constants {
             size: self.size,
@@ -120,7 +123,7 @@ impl GpuExtractor {
             at_dense: self.layout.at_dense,
             at_trusted: self.layout.at_trusted,
             is_float: format.is_float.into(),
-            is_light: format.is_light.into(),
+            is_linear: format.is_linear.into(),
             ..Constants::default()
         };
         Steps { frame, table: &table, kernels: &self.kernels, layout: &self.layout, common }.run();

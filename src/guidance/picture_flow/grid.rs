@@ -3,17 +3,17 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd, dispatch, f32x8};
 
-use super::model::{Model, Sample};
-use super::patch::{Found, NEAR, SIDE, Template};
+use super::model::{MotionModel, Sample};
+use super::patch::{PatchMatch, SAME_START, SIDE, Template};
 use super::pyramid::Plane;
 use super::reserve;
 use crate::tasks::{Parallel, ParallelSliceMut};
 use crate::{Error, ErrorKind, Result};
 
 /// Patch stride in pixels.
-pub(super) const CLOSE: usize = 4;
+pub(super) const STRIDE: usize = 4;
 /// Patch stride on the finest level of a large picture, where denser patches bring nothing.
-pub(super) const APART: usize = 8;
+pub(super) const WIDE_STRIDE: usize = 8;
 /// Jacobi iterations of the smoothing.
 pub(super) const ROUNDS: usize = 12;
 /// Weight of a neighbour's motion against a patch's own data term, per squared pixel.
@@ -24,19 +24,19 @@ const NOISE: f32 = 1.0;
 const LUMA_SCALE: f32 = 25.0;
 /// Motion difference at which the weight between neighbours halves, in pixels.
 const FLOW_SCALE: f32 = 1.0;
-/// A cell is marked rough if its motion differs by more than this from the mean of two opposite neighbours, in pixels per pixel
+/// Motion is discontinuous at a cell if it differs by more than this from the mean of two opposite neighbours, in pixels per pixel
 /// of stride.
-const ROUGH: f32 = 0.5;
-/// Information at which a patch has half of the full weight in the global model.
-const KNOWN: f32 = 4.0;
+const DISCONTINUITY: f32 = 0.5;
+/// Sum of H's diagonal over the residual at which a patch has half of the full weight in the global model.
+const HALF_WEIGHT_INFORMATION: f32 = 4.0;
 /// Motion is extrapolated from two neighbours only if they differ by less than this, in pixels.
-const STRAIGHT: f32 = 2.0;
+const MAX_EXTRAPOLATED_STEP: f32 = 2.0;
 /// Largest number of cells sampled for the global model.
 pub(super) const SAMPLES: usize = 400;
 /// Cells processed at once by vector instructions.
 const LANES: usize = 8;
 /// Smallest number of cells per parallel task of the smoothing.
-const CELLS: usize = 4096;
+const MIN_CELLS_PER_TASK: usize = 4096;
 
 /// The patches of one level: one per square cell, centred on it.
 #[derive(Debug, Default)]
@@ -46,15 +46,15 @@ pub(super) struct Grid {
     /// Pixels along a cell's side.
     pub(super) stride: usize,
     /// Search result of each patch.
-    pub(super) found: Vec<Found>,
+    pub(super) matches: Vec<PatchMatch>,
     /// Motion of each patch after smoothing.
     pub(super) flow: Padded<2>,
     next: Padded<2>,
-    facts: Padded<7>,
-    /// Whether a cell's motion differs from the mean of its left and right, or upper and lower, neighbours by more than [`ROUGH`].
-    pub(super) rough: Vec<bool>,
+    smoothing_inputs: Padded<7>,
+    /// Whether a cell's motion differs from the mean of its left and right, or upper and lower, neighbours by more than [`DISCONTINUITY`].
+    pub(super) discontinuous: Vec<bool>,
     /// Global motion model of the picture.
-    model: Option<Model>,
+    model: Option<MotionModel>,
     samples: Vec<Sample>,
 }
 
@@ -66,13 +66,13 @@ pub(super) struct Padded<const N: usize> {
     planes: [Vec<f32>; N],
 }
 
-/// Inputs of the smoothing for one row of cells: motion found, its H over the residual, and the luma penalties to the neighbours.
+/// Inputs of the smoothing for one row of cells: matched motion, its H over the residual, and the luma penalties to the neighbours.
 #[derive(Debug, Clone, Copy)]
-struct Facts<'a> {
+struct SmoothingRow<'a> {
     flow: [&'a [f32]; 2],
     hessian: [&'a [f32]; 3],
     /// Penalty to the left neighbour; the next entry is that to the right neighbour.
-    beside: &'a [f32],
+    horizontal: &'a [f32],
     above: &'a [f32],
     below: &'a [f32],
 }
@@ -117,52 +117,52 @@ impl Grid {
         self.stride = stride;
         (self.across, self.down) = (from.width.div_ceil(self.stride), from.height.div_ceil(self.stride));
         let across = self.across;
-        reserve(&mut self.found, across * self.down, Found::default())?;
-        self.found.par_chunks_mut(across).enumerate().for_each(|(j, row)| {
+        reserve(&mut self.matches, across * self.down, PatchMatch::default())?;
+        self.matches.par_chunks_mut(across).enumerate().for_each(|(j, row)| {
             dispatch!(level, simd => search_row(simd, from, to, coarse, stride, j, row));
         });
         Ok(())
     }
 
-    /// Searches again from the smoothed motion of each patch and of its neighbours, where that differs from the motion found. Correct
-    /// motion so spreads from patch to patch, also where it changes linearly.
+    /// Searches again from the smoothed motion of each patch and of its neighbours, where that differs from the matched motion. This
+    /// propagates correct motion from patch to patch, also where it changes linearly.
     pub(super) fn search_again(&mut self, level: Level, from: &Plane, to: &Plane) {
         // Moved out so that the rows can be written while the rest of the grid is read.
-        let mut found = std::mem::take(&mut self.found);
+        let mut found = std::mem::take(&mut self.matches);
         let this = &*self;
         found.par_chunks_mut(this.across).enumerate().for_each(|(j, row)| {
             dispatch!(level, simd => search_row_again(simd, from, to, this, j, row));
         });
-        self.found = found;
+        self.matches = found;
     }
 
     /// Start motions for the repeated search of cell (i, j): its own, the global model's, and one linearly extrapolated from each side.
     #[inline(always)]
     fn starts_again(&self, i: usize, j: usize) -> [[f32; 2]; 6] {
         let own = self.flow.at(i, j);
-        let drawn_on = |next: Option<(usize, usize)>, behind: Option<(usize, usize)>| {
+        let extrapolated = |next: Option<(usize, usize)>, farther: Option<(usize, usize)>| {
             let Some((i, j)) = next.filter(|(i, j)| *i < self.across && *j < self.down) else { return own };
             let next = self.flow.at(i, j);
-            let Some((i, j)) = behind.filter(|(i, j)| *i < self.across && *j < self.down) else { return next };
+            let Some((i, j)) = farther.filter(|(i, j)| *i < self.across && *j < self.down) else { return next };
             let slope = [0, 1].map(|axis| next[axis] - self.flow.at(i, j)[axis]);
-            let is_straight = slope[0].abs().max(slope[1].abs()) < STRAIGHT;
+            let is_straight = slope[0].abs().max(slope[1].abs()) < MAX_EXTRAPOLATED_STEP;
             if is_straight { [next[0] + slope[0], next[1] + slope[1]] } else { next }
         };
         let left = |by: usize| i.checked_sub(by).map(|i| (i, j));
         let above = |by: usize| j.checked_sub(by).map(|j| (i, j));
         [
             own,
-            self.model.map_or(own, |model| model.at(self.middle(i, j))),
-            drawn_on(left(1), left(2)),
-            drawn_on(Some((i + 1, j)), Some((i + 2, j))),
-            drawn_on(above(1), above(2)),
-            drawn_on(Some((i, j + 1)), Some((i, j + 2))),
+            self.model.map_or(own, |model| model.at(self.centre(i, j))),
+            extrapolated(left(1), left(2)),
+            extrapolated(Some((i + 1, j)), Some((i + 2, j))),
+            extrapolated(above(1), above(2)),
+            extrapolated(Some((i, j + 1)), Some((i, j + 2))),
         ]
     }
 
     /// Centre of cell (i, j), in pixels.
     #[inline(always)]
-    fn middle(&self, i: usize, j: usize) -> [f32; 2] {
+    fn centre(&self, i: usize, j: usize) -> [f32; 2] {
         [(i as f32 + 0.5) * self.stride as f32, (j as f32 + 0.5) * self.stride as f32]
     }
 
@@ -174,13 +174,14 @@ impl Grid {
         self.samples.try_reserve(SAMPLES).map_err(|_| Error::new(ErrorKind::OutOfMemory, "no room for samples"))?;
         for j in (0..self.down).step_by(step) {
             for i in (0..self.across).step_by(step) {
-                let found = &self.found[j * self.across + i];
+                let found = &self.matches[j * self.across + i];
                 let information = (found.hessian[0] + found.hessian[2]) / (found.residual + NOISE);
-                let weight = information / (information + KNOWN);
-                self.samples.push(Sample { place: self.middle(i, j), flow: self.flow.at(i, j), weight });
+                let weight = information / (information + HALF_WEIGHT_INFORMATION);
+                self.samples.push(Sample { position: self.centre(i, j), flow: self.flow.at(i, j), weight });
             }
         }
-        self.model = Model::fit(&self.samples, [self.across, self.down].map(|cells| (cells * self.stride) as f64));
+        self.model =
+            MotionModel::fit(&self.samples, [self.across, self.down].map(|cells| (cells * self.stride) as f64));
         Ok(())
     }
 
@@ -193,67 +194,70 @@ impl Grid {
             let [u, v] = self.flow.at(x.min(last_x), y.min(last_y));
             [2.0 * u, 2.0 * v]
         };
-        let middle = [i, j].map(|k| (k as f32 + 0.5) * stride as f32);
-        let whole = self.model.map_or([0.0; 2], |model| model.doubled().at(middle));
+        let centre = [i, j].map(|k| (k as f32 + 0.5) * stride as f32);
+        let whole = self.model.map_or([0.0; 2], |model| model.doubled().at(centre));
         if stride == 2 * self.stride {
             // Each fine cell covers exactly one coarse cell.
             let (left, above) = (at(i.saturating_sub(1), j), at(i, j.saturating_sub(1)));
             return [at(i, j), whole, left, at(i + 1, j), above, at(i, j + 1), [0.0; 2]];
         }
         // The four coarse cells around the fine cell's centre.
-        let pair = |i: usize| [i / 2, if i.is_multiple_of(2) { (i / 2).saturating_sub(1) } else { i / 2 + 1 }];
-        let ([x, beside], [y, above]) = (pair(i), pair(j));
-        [at(x, y), whole, at(beside, y), at(x, above), at(beside, above), [0.0; 2], [0.0; 2]]
+        let nearest_two = |i: usize| [i / 2, if i.is_multiple_of(2) { (i / 2).saturating_sub(1) } else { i / 2 + 1 }];
+        let ([x, next_x], [y, next_y]) = (nearest_two(i), nearest_two(j));
+        [at(x, y), whole, at(next_x, y), at(x, next_y), at(next_x, next_y), [0.0; 2], [0.0; 2]]
     }
 
-    /// Smooths the motion: patches with strong data terms keep theirs, the others follow their neighbours. Jacobi iterations of the
-    /// normal equations; the weights are recomputed in each.
+    /// Smooths the motion by Jacobi iterations of the normal equations; the weights are recomputed in each. Patches with strong data
+    /// terms keep their motion, the others approach their neighbours'.
     pub(super) fn smooth(&mut self, level: Level) -> Result<()> {
         let (across, down) = (self.across, self.down);
         self.flow.resize(across, down)?;
         self.next.resize(across, down)?;
-        self.facts.resize(across, down)?;
-        self.gather();
+        self.smoothing_inputs.resize(across, down)?;
+        self.fill_smoothing_inputs();
         let pitch = across + 2;
         for _ in 0..ROUNDS {
-            let (flow, facts) = (&self.flow, &self.facts);
+            let (flow, smoothing_inputs) = (&self.flow, &self.smoothing_inputs);
             let [next_x, next_y] = &mut self.next.planes;
             let rows = next_x[pitch..].par_chunks_mut(pitch).zip(next_y[pitch..].par_chunks_mut(pitch)).take(down);
-            rows.with_min_len(CELLS.div_ceil(across)).enumerate().for_each(|(j, (x, y))| {
+            rows.with_min_len(MIN_CELLS_PER_TASK.div_ceil(across)).enumerate().for_each(|(j, (x, y))| {
                 let j = j as isize;
-                let row = |n| facts.row(n, j);
-                let known = Facts {
+                let row = |n| smoothing_inputs.row(n, j);
+                let known = SmoothingRow {
                     flow: [row(0), row(1)],
                     hessian: [row(2), row(3), row(4)],
-                    beside: row(5),
+                    horizontal: row(5),
                     above: row(6),
-                    below: facts.row(6, j + 1),
+                    below: smoothing_inputs.row(6, j + 1),
                 };
                 let around = [j - 1, j, j + 1].map(|j| [flow.row(0, j), flow.row(1, j)]);
                 dispatch!(level, simd => relax_row(simd, known, around, [&mut x[1..=across], &mut y[1..=across]]));
             });
             std::mem::swap(&mut self.flow, &mut self.next);
         }
-        reserve(&mut self.rough, across * down, false)?;
-        let (flow, rough, most) = (&self.flow, &mut self.rough, ROUGH * self.stride as f32);
-        rough.par_chunks_mut(across).with_min_len(CELLS.div_ceil(across)).enumerate().for_each(|(j, row)| {
-            for (i, rough) in row.iter_mut().enumerate() {
-                let own = flow.at(i, j);
-                let far = |one: [f32; 2], other: [f32; 2]| {
-                    [0, 1].into_iter().any(|axis| (0.5 * (one[axis] + other[axis]) - own[axis]).abs() > most)
-                };
-                let (left, right) = (i.saturating_sub(1), (i + 1).min(across - 1));
-                let (above, below) = (j.saturating_sub(1), (j + 1).min(down - 1));
-                *rough = far(flow.at(left, j), flow.at(right, j)) || far(flow.at(i, above), flow.at(i, below));
-            }
-        });
+        reserve(&mut self.discontinuous, across * down, false)?;
+        let (flow, discontinuous, most) = (&self.flow, &mut self.discontinuous, DISCONTINUITY * self.stride as f32);
+        discontinuous.par_chunks_mut(across).with_min_len(MIN_CELLS_PER_TASK.div_ceil(across)).enumerate().for_each(
+            |(j, row)| {
+                for (i, discontinuous) in row.iter_mut().enumerate() {
+                    let own = flow.at(i, j);
+                    let far = |one: [f32; 2], other: [f32; 2]| {
+                        [0, 1].into_iter().any(|axis| (0.5 * (one[axis] + other[axis]) - own[axis]).abs() > most)
+                    };
+                    let (left, right) = (i.saturating_sub(1), (i + 1).min(across - 1));
+                    let (above, below) = (j.saturating_sub(1), (j + 1).min(down - 1));
+                    *discontinuous =
+                        far(flow.at(left, j), flow.at(right, j)) || far(flow.at(i, above), flow.at(i, below));
+                }
+            },
+        );
         Ok(())
     }
 
     /// Fills the planes that the smoothing reads.
-    fn gather(&mut self) {
+    fn fill_smoothing_inputs(&mut self) {
         let (across, down, pitch) = (self.across, self.down, self.across + 2);
-        for planes in [&mut self.flow.planes[..], &mut self.next.planes[..], &mut self.facts.planes[..]] {
+        for planes in [&mut self.flow.planes[..], &mut self.next.planes[..], &mut self.smoothing_inputs.planes[..]] {
             for plane in planes {
                 // The border may hold values from a grid of another size.
                 plane[..pitch].fill(0.0);
@@ -263,27 +267,27 @@ impl Grid {
                 }
             }
         }
-        for (j, row) in self.found.chunks_exact(across).enumerate() {
+        for (j, row) in self.matches.chunks_exact(across).enumerate() {
             for (i, found) in row.iter().enumerate() {
                 let k = (j + 1) * pitch + i + 1;
                 let certain = 1.0 / (found.residual + NOISE);
-                let alike = |other: f32| {
-                    let unlike = (other - found.mean) * (1.0 / LUMA_SCALE);
-                    1.0 + unlike * unlike
+                let penalty = |other: f32| {
+                    let difference = (other - found.mean) * (1.0 / LUMA_SCALE);
+                    1.0 + difference * difference
                 };
                 let [u, v] = found.flow;
                 let [xx, xy, yy] = found.hessian.map(|h| h * certain);
                 // Penalties: the neighbour's weight is LAMBDA divided by them. A missing neighbour has an infinite penalty, so weight 0.
-                let beside = if i > 0 { alike(row[i - 1].mean) } else { f32::INFINITY };
-                let above = if j > 0 { alike(self.found[(j - 1) * across + i].mean) } else { f32::INFINITY };
-                for (plane, value) in self.facts.planes.iter_mut().zip([u, v, xx, xy, yy, beside, above]) {
+                let left = if i > 0 { penalty(row[i - 1].mean) } else { f32::INFINITY };
+                let above = if j > 0 { penalty(self.matches[(j - 1) * across + i].mean) } else { f32::INFINITY };
+                for (plane, value) in self.smoothing_inputs.planes.iter_mut().zip([u, v, xx, xy, yy, left, above]) {
                     plane[k] = value;
                 }
                 (self.flow.planes[0][k], self.flow.planes[1][k]) = (u, v);
             }
-            self.facts.planes[5][(j + 2) * pitch - 1] = f32::INFINITY;
+            self.smoothing_inputs.planes[5][(j + 2) * pitch - 1] = f32::INFINITY;
         }
-        self.facts.planes[6][(down + 1) * pitch..].fill(f32::INFINITY);
+        self.smoothing_inputs.planes[6][(down + 1) * pitch..].fill(f32::INFINITY);
     }
 }
 
@@ -295,7 +299,7 @@ fn search_row<S: Simd>(
     coarse: Option<&Grid>,
     stride: usize,
     j: usize,
-    row: &mut [Found],
+    row: &mut [PatchMatch],
 ) {
     let margin = (SIDE - stride) as i32 / 2;
     for (i, found) in row.iter_mut().enumerate() {
@@ -308,12 +312,12 @@ fn search_row<S: Simd>(
 }
 
 #[inline(always)]
-fn search_row_again<S: Simd>(simd: S, from: &Plane, to: &Plane, grid: &Grid, j: usize, row: &mut [Found]) {
+fn search_row_again<S: Simd>(simd: S, from: &Plane, to: &Plane, grid: &Grid, j: usize, row: &mut [PatchMatch]) {
     let margin = (SIDE - grid.stride) as i32 / 2;
     for (i, found) in row.iter_mut().enumerate() {
         let starts = grid.starts_again(i, j);
         let [u, v] = found.flow;
-        if starts.iter().all(|start| (start[0] - u).abs().max((start[1] - v).abs()) < NEAR) {
+        if starts.iter().all(|start| (start[0] - u).abs().max((start[1] - v).abs()) < SAME_START) {
             continue;
         }
         let origin = [i, j].map(|k| (k * grid.stride) as i32 - margin);
@@ -324,7 +328,7 @@ fn search_row_again<S: Simd>(simd: S, from: &Plane, to: &Plane, grid: &Grid, j: 
 /// One Jacobi iteration for a row of cells: the motion that minimises the data term plus the weighted distance to the neighbours'
 /// current motion. `around` holds the current motion of the row above, this row and the row below.
 #[inline(always)]
-fn relax_row<S: Simd>(simd: S, known: Facts<'_>, around: [[&[f32]; 2]; 3], next: [&mut [f32]; 2]) {
+fn relax_row<S: Simd>(simd: S, known: SmoothingRow<'_>, around: [[&[f32]; 2]; 3], next: [&mut [f32]; 2]) {
     let [next_x, next_y] = next;
     let len = next_x.len();
     let mut from = 0;
@@ -334,20 +338,20 @@ fn relax_row<S: Simd>(simd: S, known: Facts<'_>, around: [[&[f32]; 2]; 3], next:
             from = len - LANES;
         }
         let [above, own, below] = around;
-        let here = pair(simd, own, from + 1);
+        let here = lanes_of_pair(simd, own, from + 1);
         let none = f32x8::splat(simd, 0.0);
         let (mut weights, mut pull) = (f32x8::splat(simd, 1e-6), [none; 2]);
         let neighbours = [
-            (pair(simd, own, from), lanes(simd, known.beside, from + 1)),
-            (pair(simd, own, from + 2), lanes(simd, known.beside, from + 2)),
-            (pair(simd, above, from + 1), lanes(simd, known.above, from + 1)),
-            (pair(simd, below, from + 1), lanes(simd, known.below, from + 1)),
+            (lanes_of_pair(simd, own, from), lanes(simd, known.horizontal, from + 1)),
+            (lanes_of_pair(simd, own, from + 2), lanes(simd, known.horizontal, from + 2)),
+            (lanes_of_pair(simd, above, from + 1), lanes(simd, known.above, from + 1)),
+            (lanes_of_pair(simd, below, from + 1), lanes(simd, known.below, from + 1)),
         ];
-        for (there, alike) in neighbours {
+        for (there, penalty) in neighbours {
             // Computed from differences, so that equal motions stay equal to the last bit.
             let apart = [there[0] - here[0], there[1] - here[1]];
             let change = apart[0] * apart[0] + apart[1] * apart[1];
-            let weight = f32x8::splat(simd, LAMBDA) / (alike * (change * (1.0 / (FLOW_SCALE * FLOW_SCALE)) + 1.0));
+            let weight = f32x8::splat(simd, LAMBDA) / (penalty * (change * (1.0 / (FLOW_SCALE * FLOW_SCALE)) + 1.0));
             weights += weight;
             pull[0] += weight * apart[0];
             pull[1] += weight * apart[1];
@@ -357,7 +361,7 @@ fn relax_row<S: Simd>(simd: S, known: Facts<'_>, around: [[&[f32]; 2]; 3], next:
             lanes(simd, known.hessian[1], from + 1),
             lanes(simd, known.hessian[2], from + 1),
         ];
-        let found = pair(simd, known.flow, from + 1);
+        let found = lanes_of_pair(simd, known.flow, from + 1);
         let back = [found[0] - here[0], found[1] - here[1]];
         let right = [xx * back[0] + xy * back[1] + pull[0], xy * back[0] + yy * back[1] + pull[1]];
         let (a, c) = (xx + weights, yy + weights);
@@ -390,6 +394,6 @@ fn lanes<S: Simd>(simd: S, row: &[f32], k: usize) -> f32x8<S> {
 }
 
 #[inline(always)]
-fn pair<S: Simd>(simd: S, planes: [&[f32]; 2], k: usize) -> [f32x8<S>; 2] {
+fn lanes_of_pair<S: Simd>(simd: S, planes: [&[f32]; 2], k: usize) -> [f32x8<S>; 2] {
     [lanes(simd, planes[0], k), lanes(simd, planes[1], k)]
 }

@@ -12,17 +12,17 @@
 
 /// Parameters of the model.
 const N: usize = 8;
-/// Residual scale of each reweighting round, in pixels: samples farther off than this lose weight.
+/// Residual scale of each reweighting round, in pixels: samples with larger residuals lose weight.
 const SCALES: [f64; 5] = [f64::INFINITY, 2.0, 1.0, 0.5, 0.5];
 /// Regularisation: this fraction of the mean diagonal is added to the diagonal, so that little data still gives a model.
 const RIDGE: f64 = 1e-5;
 
 /// A motion for every position in a picture.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Model {
-    numbers: [f64; N],
+pub(super) struct MotionModel {
+    coefficients: [f64; N],
     /// Origin of x and y: the picture's centre, in pixels.
-    middle: [f64; 2],
+    centre: [f64; 2],
     /// Scale from pixels to x and y.
     unit: f64,
 }
@@ -31,26 +31,26 @@ pub(super) struct Model {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sample {
     /// In pixels.
-    pub(super) place: [f32; 2],
+    pub(super) position: [f32; 2],
     /// In pixels.
     pub(super) flow: [f32; 2],
     pub(super) weight: f32,
 }
 
-impl Model {
+impl MotionModel {
     /// The model that most `samples` agree on, in a picture of `size` pixels. Iteratively reweighted least squares. `None` if the
     /// samples carry no weight or are not finite.
     pub(super) fn fit(samples: &[Sample], size: [f64; 2]) -> Option<Self> {
-        let middle = size.map(|s| 0.5 * s);
-        let mut model = Self { numbers: [0.0; N], middle, unit: 2.0 / size[0].max(size[1]) };
+        let centre = size.map(|s| 0.5 * s);
+        let mut model = Self { coefficients: [0.0; N], centre, unit: 2.0 / size[0].max(size[1]) };
         for scale in SCALES {
             let (mut matrix, mut right) = ([[0.0; N]; N], [0.0; N]);
             for sample in samples {
                 let [u, v] = sample.flow.map(f64::from);
-                let [model_u, model_v] = model.exact(sample.place);
+                let [model_u, model_v] = model.exact(sample.position);
                 let off = ((u - model_u).powi(2) + (v - model_v).powi(2)) / (scale * scale);
                 let weight = f64::from(sample.weight) / ((1.0 + off) * (1.0 + off));
-                let [x, y] = model.relative(sample.place);
+                let [x, y] = model.relative(sample.position);
                 let across = [(0, 1.0), (1, x), (2, y), (6, x * x), (7, x * y)];
                 let down = [(3, 1.0), (4, x), (5, y), (6, x * y), (7, y * y)];
                 for (row, value) in [(across, u), (down, v)] {
@@ -62,27 +62,31 @@ impl Model {
                     }
                 }
             }
-            model.numbers = solve(matrix, right)?;
+            model.coefficients = solve(matrix, right)?;
         }
         Some(model)
     }
 
     /// Motion at a position in pixels.
-    pub(super) fn at(&self, place: [f32; 2]) -> [f32; 2] {
-        self.exact(place).map(|v| v as f32)
+    pub(super) fn at(&self, position: [f32; 2]) -> [f32; 2] {
+        self.exact(position).map(|v| v as f32)
     }
 
     /// The same motion in a picture of twice the size.
     pub(super) fn doubled(&self) -> Self {
-        Self { numbers: self.numbers.map(|a| 2.0 * a), middle: self.middle.map(|m| 2.0 * m), unit: 0.5 * self.unit }
+        Self {
+            coefficients: self.coefficients.map(|a| 2.0 * a),
+            centre: self.centre.map(|m| 2.0 * m),
+            unit: 0.5 * self.unit,
+        }
     }
 
-    fn relative(&self, place: [f32; 2]) -> [f64; 2] {
-        [0, 1].map(|axis| (f64::from(place[axis]) - self.middle[axis]) * self.unit)
+    fn relative(&self, position: [f32; 2]) -> [f64; 2] {
+        [0, 1].map(|axis| (f64::from(position[axis]) - self.centre[axis]) * self.unit)
     }
 
-    fn exact(&self, place: [f32; 2]) -> [f64; 2] {
-        let ([x, y], a) = (self.relative(place), &self.numbers);
+    fn exact(&self, position: [f32; 2]) -> [f64; 2] {
+        let ([x, y], a) = (self.relative(position), &self.coefficients);
         let bend = a[6] * x + a[7] * y;
         [a[0] + a[1] * x + a[2] * y + bend * x, a[3] + a[4] * x + a[5] * y + bend * y]
     }
@@ -125,44 +129,44 @@ mod tests {
     }
 
     fn samples(flow: impl Fn(usize, [f32; 2]) -> [f32; 2]) -> Vec<Sample> {
-        let places = (0..200).map(|k| [(k % 20) as f32 * 8.0 + 4.0, (k / 20) as f32 * 9.0 + 4.5]);
-        places.enumerate().map(|(k, place)| Sample { place, flow: flow(k, place), weight: 1.0 }).collect()
+        let positions = (0..200).map(|k| [(k % 20) as f32 * 8.0 + 4.0, (k / 20) as f32 * 9.0 + 4.5]);
+        positions.enumerate().map(|(k, position)| Sample { position, flow: flow(k, position), weight: 1.0 }).collect()
     }
 
-    fn worst(model: &Model, truth: impl Fn([f32; 2]) -> [f32; 2]) -> f32 {
+    fn worst(model: &MotionModel, truth: impl Fn([f32; 2]) -> [f32; 2]) -> f32 {
         let off = |sample: &Sample| {
-            let ([u, v], [tu, tv]) = (model.at(sample.place), truth(sample.place));
+            let ([u, v], [tu, tv]) = (model.at(sample.position), truth(sample.position));
             (u - tu).hypot(v - tv)
         };
-        samples(|_, place| place).iter().map(off).fold(0.0, f32::max)
+        samples(|_, position| position).iter().map(off).fold(0.0, f32::max)
     }
 
     #[test]
-    fn a_turning_camera_is_found_though_a_quarter_moves_otherwise() {
-        let model = Model::fit(&samples(|_, place| turning(place)), [160.0, 90.0]).unwrap();
+    fn the_camera_motion_is_fitted_although_a_part_moves_differently() {
+        let model = MotionModel::fit(&samples(|_, position| turning(position)), [160.0, 90.0]).unwrap();
         assert!(worst(&model, turning) < 0.01);
         let held = |k: usize| (7..17).contains(&(k % 20)) && k / 20 >= 5;
-        let other = samples(|k, place| if held(k) { [-9.0, 7.0] } else { turning(place) });
-        let model = Model::fit(&other, [160.0, 90.0]).unwrap();
+        let other = samples(|k, position| if held(k) { [-9.0, 7.0] } else { turning(position) });
+        let model = MotionModel::fit(&other, [160.0, 90.0]).unwrap();
         assert!(worst(&model, turning) < 0.1, "off by {} px", worst(&model, turning));
         // Twice the size: the same motion.
         let doubled = model.doubled();
-        for place in [[3.0, 5.0], [120.0, 80.0]] {
-            let (one, two) = (model.at(place), doubled.at(place.map(|p| 2.0 * p)));
+        for position in [[3.0, 5.0], [120.0, 80.0]] {
+            let (one, two) = (model.at(position), doubled.at(position.map(|p| 2.0 * p)));
             assert!((2.0 * one[0] - two[0]).abs() < 1e-4 && (2.0 * one[1] - two[1]).abs() < 1e-4);
         }
     }
 
     #[test]
-    fn rest_is_exactly_rest_and_nothing_known_is_no_model() {
-        let model = Model::fit(&samples(|_, _| [0.0; 2]), [160.0, 90.0]).unwrap();
+    fn zero_motion_is_fitted_exactly_and_no_data_gives_no_model() {
+        let model = MotionModel::fit(&samples(|_, _| [0.0; 2]), [160.0, 90.0]).unwrap();
         assert_eq!(model.at([17.0, 80.0]), [0.0; 2]);
-        assert!(Model::fit(&[], [160.0, 90.0]).is_none());
-        assert!(Model::fit(&[Sample { weight: 0.0, ..Sample::default() }], [160.0, 90.0]).is_none());
-        assert!(Model::fit(&samples(|_, _| [f32::NAN; 2]), [160.0, 90.0]).is_none());
+        assert!(MotionModel::fit(&[], [160.0, 90.0]).is_none());
+        assert!(MotionModel::fit(&[Sample { weight: 0.0, ..Sample::default() }], [160.0, 90.0]).is_none());
+        assert!(MotionModel::fit(&samples(|_, _| [f32::NAN; 2]), [160.0, 90.0]).is_none());
         // One sample is enough for a model.
-        let one = [Sample { place: [80.0, 45.0], flow: [3.0, 1.0], weight: 1.0 }];
-        let [u, v] = Model::fit(&one, [160.0, 90.0]).unwrap().at([80.0, 45.0]);
+        let one = [Sample { position: [80.0, 45.0], flow: [3.0, 1.0], weight: 1.0 }];
+        let [u, v] = MotionModel::fit(&one, [160.0, 90.0]).unwrap().at([80.0, 45.0]);
         assert!((u - 3.0).abs() < 0.01 && (v - 1.0).abs() < 0.01, "{u} {v}");
     }
 }

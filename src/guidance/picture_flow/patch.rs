@@ -9,25 +9,25 @@ use super::pyramid::{Plane, floor};
 pub(super) const SIDE: usize = 8;
 
 const AREA: usize = SIDE * SIDE;
-/// A comparison of fewer overlapping pixels than this is rejected.
-const FEWEST: f32 = (AREA / 4) as f32;
-const MOST_STEPS: usize = 8;
+/// A comparison of fewer overlapping pixels is rejected.
+const MIN_OVERLAP: f32 = (AREA / 4) as f32;
+const MAX_STEPS: usize = 8;
 /// A step shorter than this, in pixels, is taken without another comparison and ends the descent.
-const SETTLED: f32 = 0.02;
+const CONVERGED_STEP: f32 = 0.02;
 /// A start within this distance of an earlier one, in pixels, is skipped: the descent covers it.
-pub(super) const NEAR: f32 = 0.3;
+pub(super) const SAME_START: f32 = 0.3;
 /// A start must beat the best one so far by this much, in squared code values. Otherwise 8-bit rounding alone would decide,
-/// and a plain sky would stand still while everything else turns.
-const MARGIN: f32 = 1.0;
+/// and a uniform sky would have no motion while the camera turns.
+const MIN_IMPROVEMENT: f32 = 1.0;
 /// Added per pixel to the diagonal of H, in squared code values. Keeps H invertible on a flat patch.
 const DAMPING: f32 = 0.02;
 
 /// One value for each pixel of a patch.
-type Area = [[f32; SIDE]; SIDE];
+type PatchPixels = [[f32; SIDE]; SIDE];
 
-/// What the search found for a patch.
+/// Search result of one patch.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Found {
+pub(super) struct PatchMatch {
     /// Motion in pixels of this level.
     pub(super) flow: [f32; 2],
     /// Mean of target minus template, in code values.
@@ -43,9 +43,9 @@ pub(super) struct Found {
 /// An 8 x 8 patch of the source picture, with its centred gradients and H.
 pub(super) struct Template {
     origin: [i32; 2],
-    value: Area,
-    gradient: [Area; 2],
-    whole: bool,
+    value: PatchPixels,
+    gradient: [PatchPixels; 2],
+    is_inside: bool,
     mean: f32,
     hessian: [f32; 3],
 }
@@ -66,11 +66,11 @@ impl Template {
             origin,
             value: [[0.0; SIDE]; SIDE],
             gradient: [[[0.0; SIDE]; SIDE]; 2],
-            whole: plane.holds(origin[0] - 1, origin[1] - 1, SIDE + 2),
+            is_inside: plane.holds(origin[0] - 1, origin[1] - 1, SIDE + 2),
             mean: 0.0,
             hessian: [0.0; 3],
         };
-        if template.whole {
+        if template.is_inside {
             template.centre(simd, plane);
         } else {
             template.centre_at_edge(simd, plane);
@@ -146,23 +146,28 @@ impl Template {
 
     /// The best motion into `target` reachable from `starts`; `starts[0]` if no start can be compared.
     #[inline(always)]
-    pub(super) fn search<S: Simd, const N: usize>(&self, simd: S, target: &Plane, starts: &[[f32; 2]; N]) -> Found {
+    pub(super) fn search<S: Simd, const N: usize>(
+        &self,
+        simd: S,
+        target: &Plane,
+        starts: &[[f32; 2]; N],
+    ) -> PatchMatch {
         let nowhere = Comparison { slope: [0.0; 2], residual: f32::INFINITY, brightening: 0.0 };
         let (mut flow, mut best) = (starts[0], nowhere);
         for (i, &start) in starts.iter().enumerate() {
-            let near = |other: &[f32; 2]| (start[0] - other[0]).abs().max((start[1] - other[1]).abs()) < NEAR;
+            let near = |other: &[f32; 2]| (start[0] - other[0]).abs().max((start[1] - other[1]).abs()) < SAME_START;
             if starts[..i].iter().any(near) {
                 continue;
             }
             let comparison = self.compare(simd, target, start);
-            if comparison.residual + if best.residual.is_finite() { MARGIN } else { 0.0 } < best.residual {
+            if comparison.residual + if best.residual.is_finite() { MIN_IMPROVEMENT } else { 0.0 } < best.residual {
                 (flow, best) = (start, comparison);
             }
         }
         if best.residual.is_finite() {
             self.descend(simd, target, &mut flow, &mut best);
         }
-        Found {
+        PatchMatch {
             flow,
             brightening: best.brightening,
             // No start could be compared: a large residual gives this patch almost no weight.
@@ -179,12 +184,12 @@ impl Template {
         let (xx, yy) = (xx + DAMPING, yy + DAMPING);
         let reciprocal = 1.0 / (xx * yy - xy * xy);
         let start = *flow;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let [bx, by] = best.slope;
             let step = [(yy * bx - xy * by) * reciprocal, (xx * by - xy * bx) * reciprocal];
             let length = step[0].abs().max(step[1].abs());
             let next = [flow[0] - step[0], flow[1] - step[1]];
-            if length < SETTLED {
+            if length < CONVERGED_STEP {
                 *flow = next;
                 break;
             }
@@ -207,7 +212,7 @@ impl Template {
         let whole = [floor(flow[0]), floor(flow[1])];
         let [fx, fy] = [flow[0] - whole[0] as f32, flow[1] - whole[1] as f32];
         let (x, y) = (self.origin[0].saturating_add(whole[0]), self.origin[1].saturating_add(whole[1]));
-        if !(self.whole && target.holds(x, y, SIDE + 1)) {
+        if !(self.is_inside && target.holds(x, y, SIDE + 1)) {
             return self.compare_at_edge(simd, target, [x, y], [fx, fy]);
         }
         let none = f32x8::splat(simd, 0.0);
@@ -233,19 +238,19 @@ impl Template {
 
     /// As [`compare`](Self::compare), with weight 0 for pixels outside either picture.
     #[inline(always)]
-    fn compare_at_edge<S: Simd>(&self, simd: S, target: &Plane, place: [i32; 2], [fx, fy]: [f32; 2]) -> Comparison {
+    fn compare_at_edge<S: Simd>(&self, simd: S, target: &Plane, position: [i32; 2], [fx, fy]: [f32; 2]) -> Comparison {
         // Both pictures have the same size.
         let size = [target.width, target.height];
         let own = [0, 1].map(|axis| inside(self.origin[axis], size[axis]));
-        let there = [0, 1].map(|axis| inside(place[axis], size[axis]));
+        let there = [0, 1].map(|axis| inside(position[axis], size[axis]));
         let both: [[f32; SIDE]; 2] = [0, 1].map(|axis| std::array::from_fn(|i| own[axis][i] * there[axis][i]));
         let count = |[across, down]: &[[f32; SIDE]; 2]| across.iter().sum::<f32>() * down.iter().sum::<f32>();
         let shared = count(&both);
         // The first condition also covers a patch that lies entirely outside.
-        if shared == 0.0 || shared < FEWEST.min(count(&own)) {
+        if shared == 0.0 || shared < MIN_OVERLAP.min(count(&own)) {
             return Comparison { slope: [0.0; 2], residual: f32::INFINITY, brightening: 0.0 };
         }
-        let block = target.block::<{ SIDE + 1 }>(place[0], place[1]);
+        let block = target.block::<{ SIDE + 1 }>(position[0], position[1]);
         let [columns, rows] = &both;
         let (columns, none) = (f32x8::from_slice(simd, columns), f32x8::splat(simd, 0.0));
         let (mut differences, mut sum) = ([none; SIDE], none);

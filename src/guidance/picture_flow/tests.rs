@@ -1,4 +1,4 @@
-//! What must hold on made-up pictures.
+//! Properties on synthetic pictures.
 
 use half::f16;
 
@@ -12,7 +12,7 @@ fn texture(x: f32, y: f32) -> f32 {
     128.0 + waves.iter().map(|(a, b, phase)| 18.0 * (a * x + b * y + phase).sin()).sum::<f32>()
 }
 
-/// A grey picture of what `value` says at each pixel.
+/// A grey picture with level `value` at each pixel.
 fn picture(width: u32, height: u32, value: impl Fn(f32, f32) -> f32) -> Picture {
     let mut picture = Picture::new(width, height).unwrap();
     for (k, pixel) in (0..).zip(picture.pixels_mut()) {
@@ -33,7 +33,7 @@ fn vector(guidance: &Guidance, x: u32, y: u32) -> [f32; 2] {
     guidance.motion().vectors()[(y * guidance.size().0 + x) as usize].map(f32::from)
 }
 
-/// The largest error over the pixels at least `margin` inside, against `truth` at each pixel.
+/// The largest error against `truth`, over all pixels at least `margin` pixels from the border.
 fn worst(guidance: &Guidance, margin: u32, truth: impl Fn(f32, f32) -> [f32; 2]) -> f32 {
     let (width, height) = guidance.size();
     let mut worst = 0.0_f32;
@@ -47,9 +47,9 @@ fn worst(guidance: &Guidance, margin: u32, truth: impl Fn(f32, f32) -> [f32; 2])
 }
 
 #[test]
-fn pans_are_found() {
+fn translations_are_found() {
     let pans = [
-        // Whole pixels; between them the 8 bits and the bilinear picture leave more.
+        // Whole pixels first. Sub-pixel motion has larger errors, from 8-bit values and bilinear sampling.
         ([1.0, 0.0], 0.05),
         ([0.0, -3.0], 0.05),
         ([7.0, 4.0], 0.05),
@@ -107,7 +107,7 @@ fn long_motion_is_found_where_texture_repeats() {
 }
 
 #[test]
-fn a_change_of_brightness_is_no_motion() {
+fn a_change_of_brightness_gives_no_motion() {
     let previous = picture(128, 96, |x, y| 0.8 * texture(x, y));
     let current = picture(128, 96, |x, y| 25.0 + 0.76 * texture(x + 3.0, y - 2.0));
     let error = worst(&flow(&previous, &current), 16, |_, _| [3.0, -2.0]);
@@ -115,8 +115,8 @@ fn a_change_of_brightness_is_no_motion() {
 }
 
 #[test]
-fn a_thing_moves_over_a_resting_ground() {
-    // A dark ground and a light thing: the edge between them is seen.
+fn a_square_moves_over_a_static_ground() {
+    // The ground is dark and the square light, so that the edge between them is visible.
     let ground = |x: f32, y: f32| 0.4 * texture(x, y) + 10.0;
     let held = |x: f32, y: f32| (60.0..100.0).contains(&x) && (40.0..80.0).contains(&y);
     let other = |x: f32, y: f32| 0.4 * texture(1.3 * y, x) + 140.0;
@@ -133,7 +133,7 @@ fn a_thing_moves_over_a_resting_ground() {
 }
 
 #[test]
-fn motion_that_is_not_undone_is_taken_from_likely_neighbours() {
+fn inconsistent_motion_is_replaced_from_neighbours_of_similar_colour() {
     // Dark left of column 16, light from there on; each half has its own motion, and columns 12 to 19 are given a wrong one.
     let half = |x: usize| if x < 16 { [0.0, 1.0] } else { [-3.0, 0.0] };
     let wrong = |x: usize| (12..20).contains(&x);
@@ -141,9 +141,9 @@ fn motion_that_is_not_undone_is_taken_from_likely_neighbours() {
         let mut dense = Dense::default();
         let plane = pyramid::Plane { width: 32, height: 16, luma: vec![0.0; 32 * 16] };
         let mut grid = Grid::default();
-        grid.search(Level::new(), &plane, &plane, None, grid::CLOSE).unwrap();
+        grid.search(Level::new(), &plane, &plane, None, grid::STRIDE).unwrap();
         grid.smooth(Level::new()).unwrap();
-        dense.spread(Level::new(), &plane, &plane, &grid).unwrap();
+        dense.densify(Level::new(), &plane, &plane, &grid).unwrap();
         for (k, flow) in dense.flow.iter_mut().enumerate() {
             *flow = value(k % 32);
         }
@@ -152,17 +152,17 @@ fn motion_that_is_not_undone_is_taken_from_likely_neighbours() {
     let flow = field(&|x| if wrong(x) { [4.0, -4.0] } else { half(x) });
     let back = field(&|x| half(x).map(|v| -v));
     let seen = picture(32, 16, |x, _| if x < 16.0 { 40.0 } else { 200.0 });
-    let mut trust = Trust::default();
-    trust.check(&flow, &back, 0).unwrap();
+    let mut consistency = Consistency::default();
+    consistency.check(&flow, &back, 0).unwrap();
     let y = 8;
     for x in 0..32 {
-        assert_eq!(trust.row(y)[x], !wrong(x), "{x}");
-        let [u, v] = if wrong(x) { trust.filled(&flow, &seen, 0, x, y) } else { flow.flow[y * 32 + x] };
+        assert_eq!(consistency.row(y)[x], !wrong(x), "{x}");
+        let [u, v] = if wrong(x) { consistency.fill_from_rays(&flow, &seen, 0, x, y) } else { flow.flow[y * 32 + x] };
         let [tu, tv] = half(x);
         assert!((u - tu).hypot(v - tv) < 0.05, "column {x}: {u} {v}");
     }
     // At the lower edge the left half's motion leads out of the picture and cannot be checked.
-    assert!(!trust.row(15)[3] && trust.row(14)[3]);
+    assert!(!consistency.row(15)[3] && consistency.row(14)[3]);
 }
 
 #[test]
@@ -198,7 +198,7 @@ fn unrelated_pictures_give_finite_motion_inside_the_picture() {
 }
 
 #[test]
-fn thread_count_and_earlier_pictures_change_nothing() {
+fn results_do_not_depend_on_threads_or_earlier_pictures() {
     let previous = picture(131, 77, texture);
     let current = picture(131, 77, |x, y| texture(x * 1.02 + 2.0, y * 0.99 - 1.0));
     let with = |threads: usize| {
@@ -207,7 +207,7 @@ fn thread_count_and_earlier_pictures_change_nothing() {
             let mut extractor = Extractor::new();
             let mut out = Guidance::new(131, 77, PROJECTION).unwrap();
             if threads == 3 {
-                // An extractor that has seen a larger picture, and the pair the other way round.
+                // The extractor first gets a larger picture, and the pair in reverse order.
                 let large = picture(200, 150, texture);
                 extractor.extract(&large, &large, &mut out).unwrap();
                 extractor.extract(&current, &previous, &mut out).unwrap();
@@ -222,7 +222,7 @@ fn thread_count_and_earlier_pictures_change_nothing() {
 }
 
 #[test]
-fn vector_instructions_change_nothing() {
+fn results_do_not_depend_on_vector_instructions() {
     let best = Level::new();
     let mut levels = vec![Level::baseline(), best];
     #[cfg(target_arch = "x86_64")]
@@ -230,7 +230,7 @@ fn vector_instructions_change_nothing() {
         levels.extend(best.as_sse4_2().map(Level::Sse4_2));
         levels.extend(best.as_avx2().map(Level::Avx2));
     }
-    // The larger one has more than a megapixel, and both have blocks that hang over the edge.
+    // The larger picture has more than a megapixel. In both, blocks extend outside the picture.
     for (width, height) in [(131, 77), (1253, 841)] {
         let previous = picture(width, height, texture);
         // A patch with its own motion covers part of the picture, so that there are motion edges.
@@ -251,7 +251,7 @@ fn vector_instructions_change_nothing() {
 }
 
 #[test]
-fn tiled_guidance_becomes_guidance_for_each_pixel() {
+fn tiled_guidance_becomes_per_pixel() {
     let one = picture(40, 30, texture);
     let mut out =
         Guidance::from_parts(MotionField::tiled(40, 30, 8).unwrap(), DepthMap::tiled(40, 30, 8, PROJECTION).unwrap())

@@ -8,38 +8,14 @@ use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_UNKNOWN};
 
 use super::Selection;
 use super::device::{DeviceDrawer, FrameResult, LISTS, RetiredFrames, ScaledBy, check_recording};
-use super::presenter::{Draws, FrameInfo, Presenter};
-use crate::gpu::compute::{CommandRing, Spent};
+use super::presenter::{DrawMode, FrameInfo, Presenter};
+pub use super::{Preference, RendererOptions};
+use crate::gpu::compute::{CommandRing, GpuTimeStatistics};
 use crate::gpu::{FencePoint, Gpu, Target, Uploads};
-use crate::object_count::counted;
+use crate::object_count::count_created;
 use crate::runtime::Device;
 use crate::{Colours, Error, ErrorKind, Result};
-use prepare::{Amd, Request, Without};
-
-/// Whether a generator or an upscaler is used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Preference {
-    /// If possible.
-    #[default]
-    Auto,
-    /// Always: preparation fails if it cannot be used.
-    Require,
-    /// Never.
-    Never,
-}
-
-/// Which generators and upscalers a [`Renderer`] may use.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RendererOptions {
-    /// Encoding of the targets' colours.
-    pub colours: Colours,
-    /// AMD's frame generation, for frames half way between two anchors. Needs the shaders, which make all others.
-    pub fsr: Preference,
-    /// The library's own shaders.
-    pub shader: Preference,
-    /// AMD's upscaling, for frames larger than the anchors. Needs the shaders.
-    pub upscaler: Preference,
-}
+use prepare::{Amd, PrepareRequest, UnusedReasons};
 
 /// Sizes and formats to prepare for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,7 +59,7 @@ pub struct PipelineCallbacks<'a> {
 
 /// Result of a request for a frame.
 #[derive(Debug)]
-pub enum Rendered {
+pub enum RenderResult {
     /// No anchor has arrived.
     NotReady,
     /// Every slot holds a recorded frame whose list may not have run; nothing was recorded.
@@ -100,9 +76,9 @@ pub struct RendererStatistics {
     /// Recorded frames whose lists may not have run.
     pub lists_pending: usize,
     /// Device time of frames.
-    pub frames: Spent,
+    pub frames: GpuTimeStatistics,
     /// Device time of the lists that upload anchors and upload or extract guidance.
-    pub anchors: Spent,
+    pub anchors: GpuTimeStatistics,
     /// The generator of the last frame; `None` before the first frame.
     pub generator: Option<Selection>,
     /// The upscaler of the last frame; `None` if the CPU made the frame.
@@ -123,59 +99,66 @@ pub struct Renderer {
 }
 
 /// The reason that is reported if AMD's generator is in use and did not make a frame.
-const ONLY_HALF: &str = "fsr: it makes frames half way between two anchors, and no others";
+const ONLY_HALF_WAY: &str = "fsr: it makes frames half way between two anchors, and no others";
 
 /// The reason that is reported if AMD's upscaler is available and not used.
-const ONLY_LARGER: &str = "fsr: it makes anchors larger, and not those that bring all frames with them";
+const ONLY_UPSCALES: &str = "fsr: it makes anchors larger, and not those that bring all frames with them";
 
 /// The reason that is reported if an anchor replaces a frame. It names the call of the C interface that hosts lack.
 const NOT_PREPARED: &str =
     "not prepared: cairn_presenter_prepare_d3d12 was not called for this device, and these sizes and formats";
 
+/// Resources and results, locked while a frame is recorded.
 #[derive(Default)]
 struct State {
     prepared: Option<Prepared>,
-    /// Copies anchors that replace unprepared frames.
-    anchors: Option<Upload>,
-    /// Earlier preparations that the engine's lists may still read.
+    /// Makes the anchors that replace unprepared frames.
+    anchors: Option<CpuRenderer>,
+    /// Frames of earlier preparations that the engine's lists may still read.
     retired: RetiredFrames,
+    /// Upload memory of earlier preparations that the engine's lists may still read.
     retired_uploads: Vec<Uploads>,
     /// Device time of earlier preparations: for frames and for anchors.
-    spent: [Spent; 2],
-    /// Why the CPU made the last frame; empty if shaders made it.
-    used: Option<String>,
+    earlier_times: [GpuTimeStatistics; 2],
+    /// Why the CPU made the last frame; empty if shaders made it, `None` before the first frame.
+    cpu_reason: Option<String>,
 }
 
 /// Resources for frames of one size.
 struct Prepared {
     gpu: Gpu,
-    made_by: MadeBy,
-    without: Without,
+    path: RenderPath,
+    /// Why AMD's generator and upscaler are not used.
+    unused: UnusedReasons,
 }
 
-enum MadeBy {
+/// How the frames of a preparation are made.
+enum RenderPath {
     Shaders(Box<DeviceDrawer>),
-    Processor(Box<OnProcessor>),
+    Cpu(Box<CpuPath>),
 }
 
 /// Frame generation on the CPU.
-struct OnProcessor {
-    upload: Upload,
+struct CpuPath {
+    renderer: CpuRenderer,
+    /// Size of the targets.
     size: (u32, u32),
+    /// Largest number of bytes per pixel of the targets.
     pixel_bytes: u32,
     /// Why shaders are not used.
-    why: String,
+    reason: String,
 }
 
-/// Copies pictures from CPU memory into targets.
-struct Upload {
+/// Makes frames on the CPU and copies them into targets.
+struct CpuRenderer {
+    /// Upload memory that lists copy from.
     uploads: Uploads,
     /// Command lists for submitted frames.
     lists: CommandRing,
 }
 
 impl Renderer {
-    /// A renderer without a preparation.
+    /// Creates a renderer without a preparation.
     pub fn new(options: RendererOptions) -> Self {
         Self { options, state: Mutex::default(), amd: Mutex::default() }
     }
@@ -199,9 +182,10 @@ impl Renderer {
                 .remedy("Wait for that call to return"));
         };
         amd.set_search(device.library_search());
-        let mut request = Request { renderer: &self.options, presenter, gpu, options, amd: &mut amd, pipelines };
+        let mut request =
+            PrepareRequest { preferences: &self.options, presenter, gpu, options, amd: &mut amd, pipelines };
         let made = match request.prepare() {
-            Err(why) if why.kind() == ErrorKind::OutOfMemory && self.replace(None) => {
+            Err(error) if error.kind() == ErrorKind::OutOfMemory && self.replace(None) => {
                 log::info!("what was prepared before is released, as there is no memory for both");
                 request.prepare()
             }
@@ -218,16 +202,16 @@ impl Renderer {
     fn replace(&self, prepared: Option<Prepared>) -> bool {
         let mut state = self.state.lock();
         let Some(before) = std::mem::replace(&mut state.prepared, prepared) else { return false };
-        match before.made_by {
-            MadeBy::Shaders(mut drawer) => {
-                let [frames, anchors] = [drawer.spent(), drawer.spent_on_anchors()];
-                state.spent = [state.spent[0].and(frames), state.spent[1].and(anchors)];
+        match before.path {
+            RenderPath::Shaders(mut drawer) => {
+                let [frames, anchors] = [drawer.gpu_time(), drawer.gpu_time_of_anchors()];
+                state.earlier_times = [state.earlier_times[0].merge(frames), state.earlier_times[1].merge(anchors)];
                 drop(state);
                 // Waits for the drawer's frames, except those that the engine's lists may still read.
                 let retired = drawer.retire();
                 self.state.lock().retired.append(retired);
             }
-            MadeBy::Processor(made_by) => state.retired_uploads.push(made_by.upload.uploads),
+            RenderPath::Cpu(path) => state.retired_uploads.push(path.renderer.uploads),
         }
         true
     }
@@ -245,7 +229,7 @@ impl Renderer {
         list: &ID3D12GraphicsCommandList,
         until: &FencePoint,
         target: Target,
-    ) -> Result<Rendered> {
+    ) -> Result<RenderResult> {
         self.render(presenter, gpu, now, Some((list, until)), target)
     }
 
@@ -253,7 +237,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`record`](Self::record).
-    pub fn submit(&self, presenter: &Presenter, gpu: &Gpu, now: u64, target: Target) -> Result<Rendered> {
+    pub fn submit(&self, presenter: &Presenter, gpu: &Gpu, now: u64, target: Target) -> Result<RenderResult> {
         self.render(presenter, gpu, now, None, target)
     }
 
@@ -264,11 +248,11 @@ impl Renderer {
         now: u64,
         list: Option<(&ID3D12GraphicsCommandList, &FencePoint)>,
         target: Target,
-    ) -> Result<Rendered> {
+    ) -> Result<RenderResult> {
         let mut state = self.state.lock();
         state.retired.pending();
         state.retired_uploads.retain(|uploads| uploads.pending() > 0);
-        let (made, objects) = counted(|| state.render(presenter, gpu, now, list, target, self.options.colours));
+        let (made, objects) = count_created(|| state.render(presenter, gpu, now, list, target, self.options.colours));
         presenter.count_objects(objects);
         made
     }
@@ -281,10 +265,10 @@ impl Renderer {
         let mut state = self.state.lock();
         let State { prepared, anchors, retired_uploads, retired, .. } = &mut *state;
         let mut uploads: Vec<&mut Uploads> = retired_uploads.iter_mut().collect();
-        uploads.extend(anchors.as_mut().map(|upload| &mut upload.uploads));
-        match prepared.as_mut().map(|prepared| &mut prepared.made_by) {
-            Some(MadeBy::Shaders(drawer)) => drawer.finish()?,
-            Some(MadeBy::Processor(made_by)) => uploads.push(&mut made_by.upload.uploads),
+        uploads.extend(anchors.as_mut().map(|renderer| &mut renderer.uploads));
+        match prepared.as_mut().map(|prepared| &mut prepared.path) {
+            Some(RenderPath::Shaders(drawer)) => drawer.finish()?,
+            Some(RenderPath::Cpu(path)) => uploads.push(&mut path.renderer.uploads),
             None => {}
         }
         uploads.into_iter().try_for_each(Uploads::release)?;
@@ -304,14 +288,14 @@ impl Renderer {
     }
 
     fn statistics_of(mut state: MutexGuard<'_, State>, presenter: &Presenter) -> RendererStatistics {
-        // First, as it reads reports of finished frames.
+        // First, because it reads reports of finished frames.
         let generator = state.generator(presenter);
         let upscaler = state.upscaler();
         RendererStatistics { generator, upscaler, ..state.times() }
     }
 }
 
-impl Upload {
+impl CpuRenderer {
     fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self { uploads: Uploads::new(gpu, LISTS)?, lists: CommandRing::new(gpu, gpu.frames(), 1)? })
     }
@@ -320,14 +304,14 @@ impl Upload {
     fn render(
         &mut self,
         presenter: &Presenter,
-        draws: Draws,
+        mode: DrawMode,
         now: u64,
         list: Option<(&ID3D12GraphicsCommandList, &FencePoint)>,
         target: Target,
         colours: Colours,
-    ) -> Result<Rendered> {
+    ) -> Result<RenderResult> {
         let Self { uploads, lists } = self;
-        let Some(size) = presenter.size() else { return Ok(Rendered::NotReady) };
+        let Some(size) = presenter.size() else { return Ok(RenderResult::NotReady) };
         let own = match list {
             Some((list, until)) => {
                 check_recording(uploads.gpu(), list, until)?;
@@ -336,18 +320,21 @@ impl Upload {
             None => Some(lists.begin()?),
         };
         let recorded_in = list.map(|(list, _)| list).or_else(|| own.as_ref().map(|frame| frame.list()));
-        let Some(recorded_in) = recorded_in.cloned() else { return Ok(Rendered::NotReady) };
-        let Some(place) = uploads.place(recorded_in, target, size, colours)? else { return Ok(Rendered::QueueFull) };
-        let (mut place, mut recorded) = (Some(place), Ok(()));
-        let shown = presenter.draw_of(draws, now, size, |picture, is_repeated| {
-            recorded = place.take().map_or(Ok(()), |place| place.fill(picture, is_repeated));
+        let Some(recorded_in) = recorded_in.cloned() else { return Ok(RenderResult::NotReady) };
+        let Some(upload) = uploads.begin(recorded_in, target, size, colours)? else {
+            return Ok(RenderResult::QueueFull);
+        };
+        let (mut upload, mut recorded) = (Some(upload), Ok(()));
+        let info = presenter.draw_in_mode(mode, now, size, |picture, is_repeated| {
+            recorded = upload.take().map_or(Ok(()), |upload| upload.record(picture, is_repeated));
         })?;
-        drop(place);
+        drop(upload);
         recorded?;
-        let Some(shown) = shown else { return Ok(Rendered::NotReady) };
-        let at = own.map(|frame| frame.submit(uploads.gpu().frames())).transpose()?;
-        list.map(|(_, until)| until).or(at.as_ref()).into_iter().for_each(|until| uploads.read_until(until));
-        Ok(Rendered::Frame(shown, at))
+        let Some(info) = info else { return Ok(RenderResult::NotReady) };
+        let fence_point = own.map(|frame| frame.submit(uploads.gpu().frames())).transpose()?;
+        let until = list.map(|(_, until)| until).or(fence_point.as_ref());
+        until.into_iter().for_each(|until| uploads.read_until(until));
+        Ok(RenderResult::Frame(info, fence_point))
     }
 }
 
@@ -360,29 +347,31 @@ impl State {
         list: Option<(&ID3D12GraphicsCommandList, &FencePoint)>,
         target: Target,
         colours: Colours,
-    ) -> Result<Rendered> {
-        let is_prepared = |prepared: &&mut Prepared| prepared.gpu.frames().d3d12() == gpu.frames().d3d12();
-        match self.prepared.as_mut().filter(is_prepared).map(|prepared| &mut prepared.made_by) {
-            Some(MadeBy::Shaders(drawer)) => {
+    ) -> Result<RenderResult> {
+        let is_for_queue = |prepared: &&mut Prepared| prepared.gpu.frames().d3d12() == gpu.frames().d3d12();
+        match self.prepared.as_mut().filter(is_for_queue).map(|prepared| &mut prepared.path) {
+            Some(RenderPath::Shaders(drawer)) => {
                 let made = match list {
-                    Some((list, until)) => rendered(presenter.record(now, drawer, list, &target, until)?, |shown| {
-                        Rendered::Frame(shown, None)
-                    }),
-                    None => rendered(presenter.submit(now, drawer, &target)?, |(shown, at)| {
-                        Rendered::Frame(shown, Some(at))
+                    Some((list, until)) => {
+                        render_result(presenter.record(now, drawer, list, &target, until)?, |info| {
+                            RenderResult::Frame(info, None)
+                        })
+                    }
+                    None => render_result(presenter.submit(now, drawer, &target)?, |(info, fence_point)| {
+                        RenderResult::Frame(info, Some(fence_point))
                     }),
                 };
                 if let Some(made) = made {
-                    self.used = Some(String::new());
+                    self.cpu_reason = Some(String::new());
                     return Ok(made);
                 }
             }
-            Some(MadeBy::Processor(made_by)) => {
-                let OnProcessor { upload, size, pixel_bytes, why } = &mut **made_by;
+            Some(RenderPath::Cpu(path)) => {
+                let CpuPath { renderer, size, pixel_bytes, reason } = &mut **path;
                 let fits = target.pixel_bytes().is_some_and(|bytes| bytes <= *pixel_bytes);
                 if fits && presenter.size() == Some(*size) {
-                    let made = upload.render(presenter, Draws::Frames, now, list, target, colours)?;
-                    self.used = Some(why.clone());
+                    let made = renderer.render(presenter, DrawMode::AllFrames, now, list, target, colours)?;
+                    self.cpu_reason = Some(reason.clone());
                     return Ok(made);
                 }
             }
@@ -390,84 +379,87 @@ impl State {
         }
         // Another queue needs upload memory of its own.
         if let Some(other) =
-            self.anchors.take_if(|upload| upload.uploads.gpu().frames().d3d12() != gpu.frames().d3d12())
+            self.anchors.take_if(|renderer| renderer.uploads.gpu().frames().d3d12() != gpu.frames().d3d12())
         {
             self.retired_uploads.push(other.uploads);
         }
-        let upload = match &mut self.anchors {
-            Some(upload) => upload,
-            none => none.insert(Upload::new(gpu)?),
+        let renderer = match &mut self.anchors {
+            Some(renderer) => renderer,
+            none => none.insert(CpuRenderer::new(gpu)?),
         };
-        let made = upload.render(presenter, Draws::Anchors, now, list, target, colours)?;
-        self.used = Some(NOT_PREPARED.to_owned());
+        let made = renderer.render(presenter, DrawMode::AnchorsOnly, now, list, target, colours)?;
+        self.cpu_reason = Some(NOT_PREPARED.to_owned());
         Ok(made)
     }
 
+    /// The upscaler of the last frame; `None` if the CPU made the frame.
     fn upscaler(&self) -> Option<Selection> {
-        let prepared = self.prepared.as_ref().filter(|_| self.used.as_ref().is_some_and(String::is_empty))?;
-        let MadeBy::Shaders(drawer) = &prepared.made_by else { return None };
+        let prepared = self.prepared.as_ref().filter(|_| self.cpu_reason.as_ref().is_some_and(String::is_empty))?;
+        let RenderPath::Shaders(drawer) = &prepared.path else { return None };
         let (name, reason) = match (drawer.scaled_by(), drawer.upscaler_failed()) {
             (ScaledBy::Nothing, _) => (String::new(), String::new()),
             (ScaledBy::Amd(version), _) => (format!("fsr {}", version.name), String::new()),
             (ScaledBy::Space, Some(failed)) => ("spatial".to_owned(), format!("fsr: {failed}")),
-            (ScaledBy::Space, None) if prepared.without.upscaler.is_empty() => {
-                ("spatial".to_owned(), ONLY_LARGER.to_owned())
+            (ScaledBy::Space, None) if prepared.unused.upscaler.is_empty() => {
+                ("spatial".to_owned(), ONLY_UPSCALES.to_owned())
             }
-            (ScaledBy::Space, None) => ("spatial".to_owned(), prepared.without.upscaler.clone()),
+            (ScaledBy::Space, None) => ("spatial".to_owned(), prepared.unused.upscaler.clone()),
         };
         Some(Selection { name, reason })
     }
 
+    /// The generator of the last frame, after the reports of finished frames were read; `None` before the first frame.
     fn generator(&mut self, presenter: &Presenter) -> Option<Selection> {
         let prepared = self.prepared.as_mut();
-        if let Some(MadeBy::Shaders(drawer)) = prepared.map(|prepared| &mut prepared.made_by) {
+        if let Some(RenderPath::Shaders(drawer)) = prepared.map(|prepared| &mut prepared.path) {
             presenter.collect_reports(drawer);
         }
-        let why = self.used.as_ref()?;
-        let prepared = self.prepared.as_ref().filter(|_| why.is_empty());
-        let Some(Prepared { made_by: MadeBy::Shaders(drawer), without, .. }) = prepared else {
-            return Some(Selection { name: String::new(), reason: why.clone() });
+        let reason = self.cpu_reason.as_ref()?;
+        let prepared = self.prepared.as_ref().filter(|_| reason.is_empty());
+        let Some(Prepared { path: RenderPath::Shaders(drawer), unused, .. }) = prepared else {
+            return Some(Selection { name: String::new(), reason: reason.clone() });
         };
         let (name, reason) = match (drawer.made_by_fsr(), drawer.fsr_failed()) {
             (Some(version), _) => (format!("fsr {}", version.name), String::new()),
             (None, Some(failed)) => ("shader".to_owned(), format!("fsr: {failed}")),
-            (None, None) if without.fsr.is_empty() => ("shader".to_owned(), ONLY_HALF.to_owned()),
-            (None, None) => ("shader".to_owned(), without.fsr.clone()),
+            (None, None) if unused.fsr.is_empty() => ("shader".to_owned(), ONLY_HALF_WAY.to_owned()),
+            (None, None) => ("shader".to_owned(), unused.fsr.clone()),
         };
         Some(Selection { name, reason })
     }
 
     /// Frames in flight, pending lists and device times.
     fn times(&mut self) -> RendererStatistics {
-        let Self { prepared, anchors, retired, retired_uploads, spent, .. } = self;
+        let Self { prepared, anchors, retired, retired_uploads, earlier_times, .. } = self;
         let mut in_flight = 0;
-        let mut uploads: Vec<&Upload> = anchors.iter().collect();
+        let mut renderers: Vec<&CpuRenderer> = anchors.iter().collect();
         let mut pending = retired.pending() + retired_uploads.iter().map(Uploads::pending).sum::<usize>();
-        let [mut frames, mut converted] = *spent;
-        match prepared.as_mut().map(|prepared| &mut prepared.made_by) {
-            Some(MadeBy::Shaders(drawer)) => {
-                in_flight = drawer.under_way();
+        let [mut frames, mut anchor_work] = *earlier_times;
+        match prepared.as_mut().map(|prepared| &mut prepared.path) {
+            Some(RenderPath::Shaders(drawer)) => {
+                in_flight = drawer.in_flight();
                 pending += drawer.pending();
-                (frames, converted) = (frames.and(drawer.spent()), converted.and(drawer.spent_on_anchors()));
+                (frames, anchor_work) =
+                    (frames.merge(drawer.gpu_time()), anchor_work.merge(drawer.gpu_time_of_anchors()));
             }
-            Some(MadeBy::Processor(made_by)) => uploads.push(&made_by.upload),
+            Some(RenderPath::Cpu(path)) => renderers.push(&path.renderer),
             None => {}
         }
-        for Upload { uploads, lists } in uploads {
-            in_flight += lists.under_way();
+        for CpuRenderer { uploads, lists } in renderers {
+            in_flight += lists.in_flight();
             // Copies in our own lists count as in flight.
-            pending += uploads.pending().saturating_sub(lists.under_way());
+            pending += uploads.pending().saturating_sub(lists.in_flight());
         }
-        RendererStatistics { in_flight, lists_pending: pending, frames, anchors: converted, ..Default::default() }
+        RendererStatistics { in_flight, lists_pending: pending, frames, anchors: anchor_work, ..Default::default() }
     }
 }
 
 /// Converts the result of a prepared frame; `None` if it was not prepared.
-fn rendered<T>(result: FrameResult<T>, made: impl FnOnce(T) -> Rendered) -> Option<Rendered> {
+fn render_result<T>(result: FrameResult<T>, made: impl FnOnce(T) -> RenderResult) -> Option<RenderResult> {
     match result {
         FrameResult::Made(frame) => Some(made(frame)),
-        FrameResult::NoAnchor => Some(Rendered::NotReady),
-        FrameResult::QueueFull => Some(Rendered::QueueFull),
+        FrameResult::NoAnchor => Some(RenderResult::NotReady),
+        FrameResult::QueueFull => Some(RenderResult::QueueFull),
         FrameResult::NotPrepared => None,
     }
 }

@@ -2,17 +2,19 @@
 
 use windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_UNKNOWN;
 
-use super::{MadeBy, OnProcessor, PipelineCallbacks, Preference, PrepareOptions, Prepared, RendererOptions, Upload};
+use super::{
+    CpuPath, CpuRenderer, PipelineCallbacks, Preference, PrepareOptions, Prepared, RenderPath, RendererOptions,
+};
 use crate::ffx;
 use crate::gpu::Gpu;
-use crate::gpu::compute::pictures::Format;
+use crate::gpu::compute::picture_formats::PictureFormat;
 use crate::present::device::{DeviceDrawer, LISTS, Preparation};
 use crate::present::presenter::Presenter;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 
 /// Arguments of a preparation.
-pub(super) struct Request<'a, 'b> {
-    pub(super) renderer: &'a RendererOptions,
+pub(super) struct PrepareRequest<'a, 'b> {
+    pub(super) preferences: &'a RendererOptions,
     pub(super) presenter: &'a Presenter,
     pub(super) gpu: &'a Gpu,
     pub(super) options: &'a PrepareOptions,
@@ -20,16 +22,17 @@ pub(super) struct Request<'a, 'b> {
     pub(super) pipelines: PipelineCallbacks<'b>,
 }
 
-impl Request<'_, '_> {
+impl PrepareRequest<'_, '_> {
+    /// Creates the resources; `None` if the size of the anchors is unknown.
     pub(super) fn prepare(&mut self) -> Result<Option<Prepared>> {
-        let Self { renderer, presenter, gpu, options, .. } = *self;
+        let Self { preferences, presenter, gpu, options, .. } = *self;
         let Some(anchors) = options.anchor_size.or_else(|| presenter.anchor_size()) else { return Ok(None) };
-        let size = options.size.or_else(|| presenter.wanted_size()).unwrap_or(anchors);
+        let size = options.size.or_else(|| presenter.custom_size()).unwrap_or(anchors);
         let pixel_bytes = match options.format {
             DXGI_FORMAT_UNKNOWN => 8,
-            format => Format::of(format).map(|format| format.bytes).ok_or_else(|| {
-                let why = format!("frames are not written in DXGI_FORMAT {}", format.0);
-                Error::new(ErrorKind::InvalidArgument, why)
+            format => PictureFormat::of(format).map(|format| format.bytes).ok_or_else(|| {
+                let cause = format!("frames are not written in DXGI_FORMAT {}", format.0);
+                Error::new(ErrorKind::InvalidArgument, cause)
                     .field("preparation.format")
                     .remedy("Use RGBA8, BGRA8, RGB10A2 or RGBA16F")
             })?,
@@ -43,25 +46,27 @@ impl Request<'_, '_> {
         {
             log::info!("pipelines are made anew: those that were loaded are damaged, or of another driver or version");
         }
-        let mut without = Without::default();
-        let is_required = [renderer.fsr, renderer.shader, renderer.upscaler].contains(&Preference::Require);
-        let drawer = match renderer.shader {
+        let mut unused = UnusedReasons::default();
+        let is_required = [preferences.fsr, preferences.shader, preferences.upscaler].contains(&Preference::Require);
+        let drawer = match preferences.shader {
             Preference::Never => Err("shader: it is not to be used, and fsr cannot be without it".to_owned()),
-            _ => match self.drawer(&mut without, anchors, &preparation) {
+            _ => match self.drawer(&mut unused, anchors, &preparation) {
                 Ok(drawer) => Ok(drawer),
-                Err(why) if is_required || [ErrorKind::DeviceRemoved, ErrorKind::OutOfMemory].contains(&why.kind()) => {
-                    return Err(why);
+                Err(error)
+                    if is_required || [ErrorKind::DeviceRemoved, ErrorKind::OutOfMemory].contains(&error.kind()) =>
+                {
+                    return Err(error);
                 }
-                Err(why) => Err(format!("shader: {why}")),
+                Err(error) => Err(format!("shader: {error}")),
             },
         };
-        let made_by = match drawer {
-            Ok(drawer) => MadeBy::Shaders(Box::new(drawer)),
-            Err(why) => {
-                let mut upload = Upload::new(gpu)?;
+        let path = match drawer {
+            Ok(drawer) => RenderPath::Shaders(Box::new(drawer)),
+            Err(reason) => {
+                let mut renderer = CpuRenderer::new(gpu)?;
                 // Submitted frames need slots as well.
-                upload.uploads.prepare(lists.max(LISTS), size, pixel_bytes)?;
-                MadeBy::Processor(Box::new(OnProcessor { upload, size, pixel_bytes, why }))
+                renderer.uploads.prepare(lists.max(LISTS), size, pixel_bytes)?;
+                RenderPath::Cpu(Box::new(CpuPath { renderer, size, pixel_bytes, reason }))
             }
         };
         if let Some(store) = &mut self.pipelines.store
@@ -69,35 +74,40 @@ impl Request<'_, '_> {
         {
             store(&bytes);
         }
-        Ok(Some(Prepared { gpu: gpu.clone(), made_by, without }))
+        Ok(Some(Prepared { gpu: gpu.clone(), path, unused }))
     }
 
     /// Creates a drawer with shaders, and with AMD's generator and upscaler if they can be used.
-    fn drawer(&mut self, without: &mut Without, anchors: (u32, u32), wanted: &Preparation) -> Result<DeviceDrawer> {
-        let mut drawer = DeviceDrawer::new(self.gpu, anchors, self.renderer.colours)?;
-        without.fsr = self.use_fsr(&mut drawer)?;
-        without.upscaler = self.use_upscaler(&mut drawer)?;
-        drawer.prepare(self.presenter, wanted)?;
+    fn drawer(
+        &mut self,
+        unused: &mut UnusedReasons,
+        anchors: (u32, u32),
+        preparation: &Preparation,
+    ) -> Result<DeviceDrawer> {
+        let mut drawer = DeviceDrawer::new(self.gpu, anchors, self.preferences.colours)?;
+        unused.fsr = self.use_fsr(&mut drawer)?;
+        unused.upscaler = self.use_upscaler(&mut drawer)?;
+        self.presenter.prepare(&mut drawer, preparation)?;
         Ok(drawer)
     }
 
     /// Sets AMD's generator; returns why it cannot be used, or an empty text.
     fn use_fsr(&mut self, drawer: &mut DeviceDrawer) -> Result<String> {
-        let is_required = match self.renderer.fsr {
+        let is_required = match self.preferences.fsr {
             Preference::Never => return Ok("fsr: it is not to be used".to_owned()),
             preference => preference == Preference::Require,
         };
         let api = self.amd.api(ffx::Effect::FrameGeneration);
         match api.and_then(|api| drawer.use_fsr(&api, ffx::Choice::Any, is_required)) {
             Ok(()) => Ok(String::new()),
-            Err(why) if is_required || why.kind() == ErrorKind::DeviceRemoved => Err(why),
-            Err(why) => Ok(format!("fsr: {why}")),
+            Err(error) if is_required || error.kind() == ErrorKind::DeviceRemoved => Err(error),
+            Err(error) => Ok(format!("fsr: {error}")),
         }
     }
 
     /// Sets AMD's upscaler; returns why it cannot be used, or an empty text.
     fn use_upscaler(&mut self, drawer: &mut DeviceDrawer) -> Result<String> {
-        let is_required = match self.renderer.upscaler {
+        let is_required = match self.preferences.upscaler {
             Preference::Never => return Ok("fsr: it is not to be used".to_owned()),
             preference => preference == Preference::Require,
         };
@@ -106,8 +116,8 @@ impl Request<'_, '_> {
                 drawer.use_fsr_upscaler(&api, ffx::Choice::Any, is_required);
                 Ok(String::new())
             }
-            Err(why) if is_required => Err(why),
-            Err(why) => Ok(format!("fsr: {why}")),
+            Err(error) if is_required => Err(error),
+            Err(error) => Ok(format!("fsr: {error}")),
         }
     }
 }
@@ -139,7 +149,7 @@ impl Amd {
 
 /// Why AMD's generator and upscaler are not used; empty if they are.
 #[derive(Default)]
-pub(super) struct Without {
+pub(super) struct UnusedReasons {
     pub(super) fsr: String,
     pub(super) upscaler: String,
 }

@@ -4,75 +4,75 @@
 //! into its own list is first made in memory of the presenter; the engine's list only copies it from there. So the engine may submit that list
 //! late, in another order, or never. The device returns only a small report per frame, which is read when a later frame is made.
 
+mod cut_reports;
+mod engine_copies;
+mod half_way;
+mod inputs;
 mod output_pass;
 mod pictures;
-mod record;
 mod recorded;
 mod reports;
 mod resource_cache;
 mod scaling;
+mod shader_path;
 mod upsampler;
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12GraphicsCommandList, ID3D12Resource};
+use windows::Win32::Graphics::Direct3D12::{ID3D12GraphicsCommandList, ID3D12Resource};
 
 use super::area::Area;
-use super::presenter::{FrameInfo, FrameKey, FrameSource, PendingFrame, Plan, Presenter, PresenterOptions, Slot};
-use super::statistics::PresenterStatistics;
+use super::frame::{FrameKey, FramePlan, FrameRequest, FrameSource, FrameTimes};
+use super::motion::MotionSource;
 use crate::ffx::{Api, Choice, Version};
-use crate::framegen::Phases;
-use crate::framegen::fsr::{FsrGenerator, PairFacts, Place};
-use crate::framegen::shader::{self, GuidanceTextures, ShaderGenerator, TexturePair};
-use crate::gpu::compute::pictures::{Format, target as format_of};
-use crate::gpu::compute::{CommandRecorder, CommandRing, Output, ResourceWithState, Spent, Transfer};
+use crate::framegen::shader;
+use crate::gpu::compute::picture_formats::{PictureFormat, target as format_of};
+use crate::gpu::compute::{CommandRing, GpuTimeStatistics, Output, ResourceWithState};
 use crate::gpu::{FencePoint, Gpu, Target, check_list};
-use crate::guidance::{Projection, paper};
-use crate::{Colours, Error, ErrorKind, Result};
-use output_pass::OutputPass;
+use crate::{Colours, Error, Result};
+use engine_copies::EngineCopies;
+use half_way::HalfWayGenerator;
+use inputs::{FrameInputs, in_common_state};
 pub use pictures::PictureUpscaler;
-use recorded::RecordedFrames;
 pub use recorded::RetiredFrames;
-use reports::Reports;
-use resource_cache::{FrameInputs, ResourceCache};
+pub(in crate::present) use reports::DeviceReport;
+use reports::ReportCollector;
+use resource_cache::ResourceCache;
 pub use scaling::ScaledBy;
-use scaling::Upscaling;
+use scaling::{UpscaleResult, Upscaling};
+use shader_path::{PairKey, ShaderPath};
 
 /// Makes a presenter's frames on a Direct3D 12 device from anchors of one size: with the `shader` generator, or with `fsr` for the frame half
-/// way between two anchors. [`new`](Self::new) and [`prepare`](Self::prepare) create all resources; making a frame creates none.
+/// way between two anchors. [`new`](Self::new) and [`Presenter::prepare`](super::presenter::Presenter::prepare) create all resources; making a
+/// frame creates none.
 ///
 /// Belongs to one presenter.
 ///
 /// Threads: one at a time; may move between them.
 pub struct DeviceDrawer {
     gpu: Gpu,
+    /// Size of the anchors.
     size: (u32, u32),
+    /// Colours of the targets.
     colours: Colours,
-    generator: ShaderGenerator,
-    /// Scales and converts pictures for targets that the generator does not write itself.
-    output_pass: Option<OutputPass>,
     /// The size at which frames are generated: that of the anchors, or of the upscaled anchors.
-    work: (u32, u32),
-    /// AMD's upscaler, if the caller asked for it.
+    generation_size: (u32, u32),
+    shaders: ShaderPath,
+    /// AMD's upscaler, if the caller chose it.
     upscaling: Option<Upscaling>,
-    /// AMD's frame generator, if the caller asked for it.
-    fsr: Option<Fsr>,
-    frames: CommandRing,
+    /// AMD's frame generator, if the caller chose it.
+    half_way: Option<HalfWayGenerator>,
+    /// Command lists of frames.
+    ring: CommandRing,
+    /// Inputs of frames.
     cache: ResourceCache,
-    reports: Reports,
+    reports: ReportCollector,
     /// Finished frames that an engine's lists copy from.
-    recorded: RecordedFrames,
-    /// Frames of earlier preparations that an engine's lists may still copy from.
-    retired: RetiredFrames,
-    /// Sizes and format of the last [`prepare`](Self::prepare).
+    copies: EngineCopies,
+    /// The last preparation; `None` if it failed.
     prepared: Option<Prepared>,
-    /// The pair that the generator is prepared for.
-    pair: Option<PairKey>,
-    drawn: Option<FrameKey>,
-    /// Repeated frames that a list of the engine's copied from memory, without other work of the device.
-    copied: u64,
-    /// Frames whose device time was reported to the presenter, and the sum of that time.
-    noted: (u64, Duration),
+    /// Key of the last frame that was made.
+    last: Option<FrameKey>,
 }
 
 /// Sizes and formats to prepare for.
@@ -101,33 +101,14 @@ impl Preparation {
 }
 
 /// The preparation of a drawer.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 struct Prepared {
+    /// Size of the frames.
     size: (u32, u32),
+    /// Largest number of bytes per pixel of the targets.
     pixel_bytes: u32,
-    keeps_shape: bool,
-}
-
-/// Cache key of a prepared pair: the stream's epoch, the later anchor and the version of the overlay.
-#[derive(Clone, Copy, PartialEq, Eq)]
-struct PairKey {
-    epoch: u64,
-    /// The later anchor.
-    anchor: u64,
-    overlay: u64,
-}
-
-/// AMD's frame generator and its state.
-struct Fsr {
-    api: Api,
-    choice: Choice,
-    /// If set, a failure is an error; otherwise the shaders take over.
-    is_required: bool,
-    generator: Option<FsrGenerator>,
-    /// The failure after which it is not used any more.
-    failed: Option<Error>,
-    /// Whether it made the last generated frame; true before the first one.
-    made_last: bool,
+    /// Whether anchors keep their aspect ratio in frames of another.
+    letterbox: bool,
 }
 
 /// Result of a request for a frame.
@@ -137,7 +118,7 @@ pub enum FrameResult<T> {
     Made(T),
     /// No anchor has arrived yet.
     NoAnchor,
-    /// [`DeviceDrawer::prepare`] was not called for frames of this size and format. Nothing was made.
+    /// [`Presenter::prepare`](super::presenter::Presenter::prepare) was not called for frames of this size and format. Nothing was made.
     NotPrepared,
     /// Every slot holds a recorded frame whose list may not have run. Nothing was recorded.
     QueueFull,
@@ -148,34 +129,38 @@ impl<T> FrameResult<T> {
     pub fn made(self) -> Option<T> {
         if let Self::Made(made) = self { Some(made) } else { None }
     }
+
+    /// Converts the frame, if it was made.
+    pub(super) fn map<U>(self, convert: impl FnOnce(T) -> U) -> FrameResult<U> {
+        match self {
+            Self::Made(made) => FrameResult::Made(convert(made)),
+            Self::NoAnchor => FrameResult::NoAnchor,
+            Self::NotPrepared => FrameResult::NotPrepared,
+            Self::QueueFull => FrameResult::QueueFull,
+        }
+    }
 }
 
 impl DeviceDrawer {
     /// Creates a drawer for anchors of `size` and frames in `colours`.
     ///
     /// # Errors
-    /// As for [`ShaderGenerator::new`].
+    /// As for [`ShaderGenerator::new`](shader::ShaderGenerator::new).
     pub fn new(gpu: &Gpu, size: (u32, u32), colours: Colours) -> Result<Self> {
-        let transfer = if colours == Colours::Linear { Transfer::Linear } else { Transfer::Encoded };
         Ok(Self {
             gpu: gpu.clone(),
             size,
             colours,
-            generator: ShaderGenerator::new(gpu, size)?.with_target_transfer(transfer),
-            output_pass: None,
-            work: size,
+            generation_size: size,
+            shaders: ShaderPath::new(gpu, size, colours)?,
             upscaling: None,
-            fsr: None,
-            frames: CommandRing::new(gpu, gpu.frames(), shader::DESCRIPTORS + output_pass::DESCRIPTORS)?,
+            half_way: None,
+            ring: CommandRing::new(gpu, gpu.frames(), shader::DESCRIPTORS + output_pass::DESCRIPTORS)?,
             cache: ResourceCache::new(gpu, size)?,
-            reports: Reports::new(gpu)?,
-            recorded: RecordedFrames::none(),
-            retired: RetiredFrames::default(),
+            reports: ReportCollector::new(gpu)?,
+            copies: EngineCopies::none(),
             prepared: None,
-            pair: None,
-            drawn: None,
-            copied: 0,
-            noted: (0, Duration::ZERO),
+            last: None,
         })
     }
 
@@ -188,20 +173,40 @@ impl DeviceDrawer {
     /// # Errors
     /// As for [`TextureGenerator::new`](crate::ffx::TextureGenerator::new).
     pub fn use_fsr(&mut self, api: &Api, choice: Choice, is_required: bool) -> Result<()> {
-        let generator = Some(FsrGenerator::new(&self.gpu, api, choice, self.work, self.size)?);
-        self.fsr = Some(Fsr { api: *api, choice, is_required, generator, failed: None, made_last: true });
+        let (size, guidance) = (self.generation_size, self.size);
+        self.half_way = Some(HalfWayGenerator::new(&self.gpu, api, choice, is_required, size, guidance)?);
         Ok(())
+    }
+
+    /// From now on a provider of AMD's upscaler in `api` upscales anchors to the size of frames before frames are generated between them. It is used
+    /// only if frames are larger than anchors and anchors do not bring all frames of their interval with them, because its history goes from anchor
+    /// to anchor. If the provider fails, frames are resized spatially; with `is_required`, drawing fails instead.
+    pub fn use_fsr_upscaler(&mut self, api: &Api, choice: Choice, is_required: bool) {
+        self.upscaling = Some(Upscaling::new(api, choice, is_required));
     }
 
     /// The provider that made the last generated frame, or will make the first one half way; `None` if shaders did or will.
     pub fn made_by_fsr(&self) -> Option<&Version> {
-        let fsr = self.fsr.as_ref().filter(|fsr| fsr.made_last)?;
-        fsr.generator.as_ref().map(FsrGenerator::version)
+        self.half_way.as_ref().and_then(HalfWayGenerator::version_in_use)
     }
 
     /// The failure after which the provider is not used any more, if it failed.
     pub fn fsr_failed(&self) -> Option<&Error> {
-        self.fsr.as_ref().and_then(|fsr| fsr.failed.as_ref())
+        self.half_way.as_ref().and_then(HalfWayGenerator::failure)
+    }
+
+    /// How frames are scaled, as of the last preparation.
+    pub fn scaled_by(&self) -> ScaledBy<'_> {
+        match self.upscaling.as_ref().and_then(Upscaling::version_in_use) {
+            Some(version) => ScaledBy::Amd(version),
+            None if self.shaders.resizes() => ScaledBy::Space,
+            None => ScaledBy::Nothing,
+        }
+    }
+
+    /// The failure after which the upscaler is not used any more, if it failed.
+    pub fn upscaler_failed(&self) -> Option<&Error> {
+        self.upscaling.as_ref().and_then(Upscaling::failure)
     }
 
     /// The device.
@@ -214,71 +219,229 @@ impl DeviceDrawer {
         self.size == size && self.gpu.frames().d3d12() == gpu.frames().d3d12()
     }
 
-    /// Creates everything that `presenter`'s frames of this preparation need. Another size or a wider format needs another call.
+    /// Creates everything that frames of this preparation need. `motion`: source of motion for anchors without guidance. `brings_all`: anchors
+    /// bring all frames of their interval.
     ///
     /// # Errors
-    /// `Unsupported` for more pixels than fit into the buffers of Direct3D, and where an upscaler is required that cannot be used;
-    /// `OutOfMemory`, `DeviceRemoved`, `Device`. Nothing is prepared then.
-    pub fn prepare(&mut self, presenter: &Presenter, wanted: &Preparation) -> Result<()> {
-        let keeps_shape = presenter.keeps_shape();
+    /// As of [`Presenter::prepare`](super::presenter::Presenter::prepare). Nothing is prepared then.
+    pub(super) fn prepare(
+        &mut self,
+        preparation: &Preparation,
+        motion: MotionSource,
+        letterbox: bool,
+        brings_all: bool,
+    ) -> Result<()> {
         self.prepared = None;
-        let area = Area::of(self.size, wanted.size, keeps_shape);
-        let work = self.set_upsampled_size(area.size, presenter.brings_all(wanted.pictures))?;
-        self.work_at(work)?;
-        self.cache.prepare(presenter.options().motion, wanted.latent)?;
-        self.scale_to(wanted.size, keeps_shape)?;
-        let recorded = RecordedFrames::new(&self.gpu, wanted.lists, wanted.size, wanted.pixel_bytes)?;
-        self.retired.push(std::mem::replace(&mut self.recorded, recorded));
-        self.drawn = None;
-        let Preparation { size, pixel_bytes, .. } = *wanted;
-        self.prepared = Some(Prepared { size, pixel_bytes, keeps_shape });
-        Ok(())
-    }
-
-    /// Sets up the output pass for frames of `size`, or drops it if the generator can write them itself.
-    fn scale_to(&mut self, size: (u32, u32), keeps_shape: bool) -> Result<()> {
-        if size == self.work && matches!(self.colours, Colours::Shown | Colours::Linear) {
-            self.output_pass = None;
-            return Ok(());
-        }
-        let output_pass = match &mut self.output_pass {
-            Some(output_pass) => output_pass,
-            none => none.insert(OutputPass::new(&self.gpu, self.work)?),
+        let area = Area::of(self.size, preparation.size, letterbox);
+        let generation_size = match &mut self.upscaling {
+            Some(upscaling) => upscaling.resize(&self.gpu, self.size, area.size, brings_all)?,
+            None => self.size,
         };
-        output_pass.fit(&mut self.cache, size, keeps_shape)
+        self.set_generation_size(generation_size)?;
+        self.cache.prepare(motion, preparation.latent)?;
+        self.set_output_size(preparation.size, letterbox)?;
+        let Preparation { size, pixel_bytes, lists, .. } = *preparation;
+        self.copies.replace(&self.gpu, lists, size, pixel_bytes)?;
+        self.last = None;
+        self.prepared = Some(Prepared { size, pixel_bytes, letterbox });
+        Ok(())
     }
 
     /// Sets the size at which frames are generated.
-    fn work_at(&mut self, size: (u32, u32)) -> Result<()> {
-        self.cache.work_at(size)?;
-        if self.work == size {
+    fn set_generation_size(&mut self, size: (u32, u32)) -> Result<()> {
+        self.cache.set_generation_size(size)?;
+        if self.generation_size == size {
             return Ok(());
         }
-        (self.output_pass, self.pair, self.drawn) = (None, None, None);
+        self.last = None;
         // If a step below fails, no size matches and the next call creates everything again.
-        self.work = (0, 0);
-        let transfer = if self.colours == Colours::Linear { Transfer::Linear } else { Transfer::Encoded };
-        self.generator = ShaderGenerator::new(&self.gpu, size)?.with_target_transfer(transfer);
-        if let Some(fsr) = self.fsr.as_mut().filter(|fsr| fsr.failed.is_none()) {
-            fsr.generator = None;
-            match FsrGenerator::new(&self.gpu, &fsr.api, fsr.choice, size, self.size) {
-                Ok(made) => fsr.generator = Some(made),
-                Err(why) if fsr.is_required || why.kind() == ErrorKind::DeviceRemoved => return Err(why),
-                Err(why) => {
-                    log::warn!("frames are made by shaders from now on, as there is no fsr of another size: {why}");
-                    fsr.failed = Some(why);
-                }
-            }
+        self.generation_size = (0, 0);
+        self.shaders.resize(&self.gpu, size)?;
+        if let Some(half_way) = &mut self.half_way {
+            half_way.resize(&self.gpu, size, self.size)?;
         }
-        self.work = size;
+        self.generation_size = size;
         Ok(())
     }
 
-    /// Whether frames of that size and format are prepared.
-    fn is_prepared(&self, size: (u32, u32), pixel_bytes: u32, keeps_shape: bool) -> bool {
-        self.prepared.is_some_and(|prepared| {
-            prepared.size == size && prepared.keeps_shape == keeps_shape && pixel_bytes <= prepared.pixel_bytes
-        })
+    /// Sets the size of the frames.
+    fn set_output_size(&mut self, size: (u32, u32), letterbox: bool) -> Result<()> {
+        self.shaders.set_output_size(&mut self.cache, &self.gpu, self.generation_size, size, letterbox)
+    }
+
+    /// Whether frames can be recorded into an engine's lists: the preparation has slots for them.
+    pub(super) fn can_record(&self) -> bool {
+        !self.copies.is_empty()
+    }
+
+    /// Makes the requested frame and records its copy over `target` into an engine's open list, which has run once `until` is reached.
+    ///
+    /// # Errors
+    /// As for [`Presenter::record`](super::presenter::Presenter::record).
+    pub(super) fn record(
+        &mut self,
+        request: &mut FrameRequest,
+        list: &ID3D12GraphicsCommandList,
+        target: &Target,
+        until: &FencePoint,
+    ) -> Result<FrameResult<FrameTimes>> {
+        let Some(format) = self.check(request, target)? else { return Ok(FrameResult::NotPrepared) };
+        let (slot, times) = match self.copies.find(request.key, format) {
+            Some(slot) => {
+                self.reports.count_repeat();
+                (slot, FrameTimes::default())
+            }
+            None => {
+                let Some(slot) = self.copies.free_slot() else { return Ok(FrameResult::QueueFull) };
+                let (_, times) = self.make(request, format, Destination::Slot(slot))?;
+                self.copies.set_frame(slot, request.key, format);
+                (slot, times)
+            }
+        };
+        self.copies.record_copy(slot, list, target, until);
+        Ok(FrameResult::Made(times))
+    }
+
+    /// Makes the requested frame in `target`; returns the fence point at which it is finished.
+    ///
+    /// # Errors
+    /// As for [`Presenter::record`](super::presenter::Presenter::record).
+    pub(super) fn submit(
+        &mut self,
+        request: &mut FrameRequest,
+        target: &Target,
+    ) -> Result<FrameResult<(FencePoint, FrameTimes)>> {
+        let Some(format) = self.check(request, target)? else { return Ok(FrameResult::NotPrepared) };
+        self.make(request, format, Destination::Target(target)).map(FrameResult::Made)
+    }
+
+    /// Checks that the requested frame can be made in `target`, and sets whether it repeats the last one. Returns the target's pixel format;
+    /// `None` if the frame is not prepared.
+    fn check(&self, request: &mut FrameRequest, target: &Target) -> Result<Option<PictureFormat>> {
+        if request.anchor_size() != self.size {
+            return Ok(None);
+        }
+        let size = request.size();
+        target.check(&self.gpu, self.gpu.frames().kind(), size, self.colours)?;
+        let texture = ResourceWithState { resource: &target.texture, state: target.before };
+        let format = format_of(&self.gpu, &texture, [size.0, size.1])?;
+        let fits = |prepared: &Prepared| {
+            prepared.size == size && prepared.letterbox == request.letterbox && format.bytes <= prepared.pixel_bytes
+        };
+        if !self.prepared.as_ref().is_some_and(fits) {
+            return Ok(None);
+        }
+        request.info.repeated = self.last == Some(request.key);
+        Ok(Some(format))
+    }
+
+    /// Submits the work of a frame; returns the fence point at which it is finished.
+    fn make(
+        &mut self,
+        request: &FrameRequest,
+        format: PictureFormat,
+        to: Destination<'_>,
+    ) -> Result<(FencePoint, FrameTimes)> {
+        self.last = None;
+        let mut times = FrameTimes::default();
+        let start = Instant::now();
+        let inputs = self.inputs(request)?;
+        times.guidance = start.elapsed();
+        let start = Instant::now();
+        let inputs = self.upscale(inputs, request)?;
+        times.resize = start.elapsed();
+        let start = Instant::now();
+        let half_way = self.prepare_plan(request, &inputs)?;
+        let fence_point = self.submit_frame(request, &inputs, half_way.as_ref(), format, to)?;
+        times.generate = start.elapsed();
+        self.last = Some(request.key);
+        Ok((fence_point, times))
+    }
+
+    /// The inputs of a frame at the anchors' size.
+    fn inputs(&mut self, request: &FrameRequest) -> Result<FrameInputs> {
+        let anchor = request.plan.anchor_id();
+        let lacks = |upscaling: &Upscaling| anchor.is_some_and(|anchor| upscaling.lacks(anchor));
+        let with_guidance = self.upscaling.as_ref().is_some_and(lacks);
+        self.cache.inputs(request, with_guidance)
+    }
+
+    /// Replaces a frame's inputs by upscaled ones if the upscaler is in use.
+    fn upscale(&mut self, inputs: FrameInputs, request: &FrameRequest) -> Result<FrameInputs> {
+        let Some(upscaling) = &mut self.upscaling else { return Ok(inputs) };
+        match upscaling.upscale(&inputs, request)? {
+            UpscaleResult::Inactive => Ok(inputs),
+            UpscaleResult::Upscaled(upscaled) => Ok(upscaled),
+            UpscaleResult::Failed => {
+                // Allocates memory for frames of the anchors' size. The device caches the pipelines already.
+                self.set_generation_size(self.size)?;
+                self.set_output_size(request.size(), request.letterbox)?;
+                // The overlay mask had the upscaled size.
+                self.cache.inputs(request, false)
+            }
+        }
+    }
+
+    /// Submits the work that precedes an interpolated frame: the provider's frame, which is returned, or else the shaders'
+    /// work for the pair.
+    fn prepare_plan(&mut self, request: &FrameRequest, inputs: &FrameInputs) -> Result<Option<ID3D12Resource>> {
+        let half_way = match &mut self.half_way {
+            Some(half_way) => half_way.generate(&request.plan, inputs, request.interval_ms())?,
+            None => None,
+        };
+        if let (FramePlan::Interpolate { id, .. }, None) = (&request.plan, &half_way) {
+            let key = PairKey { anchor: *id, overlay: self.cache.overlay_version() };
+            self.shaders.prepare_pair(&mut self.cache, &self.gpu, &inputs.pair()?, key)?;
+        }
+        Ok(half_way)
+    }
+
+    /// Submits the list that finishes a frame and writes it to its destination. `half_way`: the provider's frame, if there is one.
+    fn submit_frame(
+        &mut self,
+        request: &FrameRequest,
+        inputs: &FrameInputs,
+        half_way: Option<&ID3D12Resource>,
+        format: PictureFormat,
+        to: Destination<'_>,
+    ) -> Result<FencePoint> {
+        let output = match to {
+            Destination::Target(target) => {
+                Output::from(&ResourceWithState { resource: &target.texture, state: target.before })
+            }
+            Destination::Slot(slot) => Output::rows(in_common_state(self.copies.memory(slot)), format),
+        };
+        let slot = self.ring.next_slot();
+        let mut frame = self.ring.begin()?;
+        frame.begin_event(match request.info.source {
+            FrameSource::Generated => c"Cairn: a frame between two anchors",
+            FrameSource::Extrapolated => c"Cairn: a frame beyond an anchor",
+            _ => c"Cairn: an anchor",
+        });
+        let is_copied = request.info.repeated && self.shaders.record_again(&mut frame, format, output)?;
+        if !is_copied {
+            self.shaders.record(&mut frame, &request.plan, inputs, half_way, format, output)?;
+        }
+        self.reports.cuts.record(&mut frame, slot, &self.shaders.report())?;
+        if let Destination::Target(target) = to {
+            frame.set_final_state(&target.texture, target.after);
+        }
+        frame.end_event();
+        // Only shader interpolation detects cuts on the device. Other plans know them beforehand, and a provider does not report a cut.
+        let may_be_cut = matches!(request.plan, FramePlan::Interpolate { .. }) && half_way.is_none();
+        let fence_point = frame.submit(self.gpu.frames())?;
+        self.reports.cuts.set_fence_point(slot, &fence_point, may_be_cut && !is_copied);
+        if let Some(generator) = self.half_way.as_mut().filter(|_| !matches!(request.plan, FramePlan::Copy { .. })) {
+            generator.set_made_last(half_way.is_some());
+        }
+        Ok(fence_point)
+    }
+
+    /// Cuts and device times of frames that have run since the last report.
+    pub(super) fn report(&mut self) -> DeviceReport {
+        let cuts = self.reports.cuts.take_count();
+        let (frames, anchors) = (self.gpu_time(), self.gpu_time_of_anchors());
+        self.reports.next(cuts, frames, anchors)
     }
 
     /// Waits until all frames have run and releases their targets, for example before a swap chain is resized. The caller must have submitted or
@@ -287,203 +450,45 @@ impl DeviceDrawer {
     /// # Errors
     /// `DeviceRemoved`.
     pub fn finish(&mut self) -> Result<()> {
-        self.frames.finish()?;
-        self.gpu.frames().now()?.wait()?;
-        self.recorded.release();
-        self.retired.release();
+        self.ring.finish()?;
+        self.gpu.frames().signal()?.wait()?;
+        self.copies.release();
         Ok(())
     }
 
     /// Destroys the drawer except for the frames that an engine's lists may still read.
     pub fn retire(self) -> RetiredFrames {
-        let Self { recorded, mut retired, .. } = self;
-        retired.push(recorded);
-        retired
+        let Self { copies, .. } = self;
+        copies.retire()
     }
 
     /// Device time of the frames that have run.
-    pub fn spent(&mut self) -> Spent {
-        self.frames.spent()
+    pub fn gpu_time(&mut self) -> GpuTimeStatistics {
+        self.ring.gpu_time()
     }
 
     /// Device time of the uploads of anchors and of the extraction of motion and depth.
-    pub fn spent_on_anchors(&mut self) -> Spent {
-        self.cache.spent()
+    pub fn gpu_time_of_anchors(&mut self) -> GpuTimeStatistics {
+        self.cache.gpu_time()
     }
 
     /// Submitted frames that have not finished.
-    pub fn under_way(&self) -> usize {
-        self.frames.under_way()
+    pub fn in_flight(&self) -> usize {
+        self.ring.in_flight()
     }
 
     /// Recorded frames whose lists may not have run.
     pub fn pending(&mut self) -> usize {
-        self.recorded.pending() + self.retired.pending()
-    }
-
-    /// Records and submits a frame; returns the fence point at which it is finished.
-    fn make(
-        &mut self,
-        pending: &PendingFrame,
-        presenter: &Presenter,
-        format: Format,
-        to: To<'_>,
-        times: &mut PresenterStatistics,
-    ) -> Result<FencePoint> {
-        let start = Instant::now();
-        let PresenterOptions { motion, multiplier, .. } = *presenter.options();
-        let interval_ms = interval_ms(pending, multiplier);
-        let place = pending.plan.place(pending.epoch);
-        let also_leads = self.upsampler().is_some_and(|upsampler| place.is_some_and(|place| !upsampler.has(place)));
-        let inputs = self.cache.bring(pending, motion, also_leads)?;
-        times.guidance += start.elapsed();
-        let start = Instant::now();
-        let inputs = self.larger(inputs, pending, presenter, interval_ms)?;
-        times.resize += start.elapsed();
-        let start = Instant::now();
-        let half = self.half(pending, &inputs, interval_ms)?;
-        if let (Plan::Interpolate { index, .. }, None) = (&pending.plan, &half) {
-            let key = PairKey { epoch: pending.epoch, anchor: *index, overlay: self.cache.overlays };
-            self.prepare_pair(&inputs.pair()?, key)?;
-        }
-        let output = match to {
-            To::Target(target) => Output::from(&ResourceWithState { resource: &target.texture, state: target.before }),
-            To::Recorded(slot) => Output::rows(resting(self.recorded.memory(slot)), format),
-        };
-        let (generator, output_pass) = (&mut self.generator, &mut self.output_pass);
-        let place = self.frames.place();
-        let mut frame = self.frames.begin()?;
-        frame.stage(match pending.shown.source {
-            FrameSource::Generated => c"Cairn: a frame between two anchors",
-            FrameSource::Extrapolated => c"Cairn: a frame beyond an anchor",
-            _ => c"Cairn: an anchor",
-        });
-        let half = half.as_ref();
-        let is_copied = pending.shown.repeated
-            && match output_pass {
-                None => generator.again(&mut frame, output)?,
-                Some(output_pass) => output_pass.again(&mut frame, format, self.colours, output)?,
-            };
-        if !is_copied {
-            match output_pass {
-                None => generate(generator, &mut frame, &pending.plan, &inputs, half, output)?,
-                Some(output_pass) => {
-                    let picture = Output::from(&output_pass.picture());
-                    generate(generator, &mut frame, &pending.plan, &inputs, half, picture)?;
-                    output_pass.record(&mut frame, format, self.colours, output)?;
-                }
-            }
-        }
-        self.reports.record(&mut frame, place, &generator.report())?;
-        if let To::Target(target) = to {
-            frame.leave(&target.texture, target.after);
-        }
-        frame.end_stage();
-        // Only shader interpolation detects cuts on the device. Other plans know them beforehand, and a provider does not report a cut.
-        let may_be_cut = matches!(pending.plan, Plan::Interpolate { .. }) && half.is_none();
-        let fence_point = frame.submit(self.gpu.frames())?;
-        self.reports.comes_at(place, &fence_point, may_be_cut && !is_copied);
-        if let Some(fsr) = self.fsr.as_mut().filter(|_| !matches!(pending.plan, Plan::Copy { .. })) {
-            fsr.made_last = half.is_some();
-        }
-        times.generate += start.elapsed();
-        Ok(fence_point)
+        self.copies.pending()
     }
 }
 
 /// Destination of a frame.
 #[derive(Clone, Copy)]
-enum To<'a> {
+enum Destination<'a> {
     Target(&'a Target),
-    /// A slot of [`RecordedFrames`].
-    Recorded(usize),
-}
-
-impl DeviceDrawer {
-    /// The provider's frame, if the plan is the frame half way between two anchors and a provider is in use.
-    fn half(
-        &mut self,
-        pending: &PendingFrame,
-        inputs: &FrameInputs,
-        interval_ms: f32,
-    ) -> Result<Option<ID3D12Resource>> {
-        let (Some(fsr), Plan::Interpolate { current, index, t, .. }) = (&mut self.fsr, &pending.plan) else {
-            return Ok(None);
-        };
-        let Some(generator) = fsr.generator.as_mut().filter(|_| *t == 0.5) else { return Ok(None) };
-        let facts = PairFacts { place: (pending.epoch, *index), projection: current.projection(), interval_ms };
-        let mut pair = inputs.pair()?;
-        if let Some(rendered) = &inputs.rendered {
-            pair.guidance = GuidanceTextures { hud: pair.guidance.hud, ..rendered.as_guidance() };
-        }
-        // The provider runs on the queue for frames, so later work on that queue needs no wait.
-        match generator.generate(&pair, &facts) {
-            Ok((half, _)) => Ok(Some(half)),
-            Err(why) if fsr.is_required || why.kind() == ErrorKind::DeviceRemoved => Err(why),
-            Err(why) => {
-                log::warn!("frames are made by shaders from now on, as fsr fails: {why}");
-                (fsr.generator, fsr.failed) = (None, Some(why));
-                Ok(None)
-            }
-        }
-    }
-
-    /// Submits the work that all frames of a pair share, unless the generator is prepared for this pair already.
-    fn prepare_pair(&mut self, pair: &TexturePair<'_>, key: PairKey) -> Result<()> {
-        // Textures are recycled, so pointer equality does not identify the pair.
-        if self.pair == Some(key) && self.generator.is_prepared(pair)? {
-            return Ok(());
-        }
-        self.pair = None;
-        let mut frame = self.cache.begin()?;
-        frame.stage(c"Cairn: what frames of a pair have in common");
-        self.generator.prepare(&mut frame, pair)?;
-        frame.end_stage();
-        frame.submit(self.gpu.frames())?;
-        self.pair = Some(key);
-        Ok(())
-    }
-}
-
-impl FrameInputs {
-    /// Textures for interpolation.
-    fn pair(&self) -> Result<TexturePair<'_>> {
-        let previous = self.previous.as_ref().map(resting).ok_or_else(nothing_brought)?;
-        let previous_depth = self.previous_depth.as_ref().map(|(depth, tile)| (resting(depth), *tile));
-        Ok(TexturePair {
-            previous,
-            current: resting(&self.current),
-            guidance: self.guidance()?,
-            previous_depth,
-            cut: false,
-        })
-    }
-
-    fn guidance(&self) -> Result<GuidanceTextures<'_>> {
-        let guidance = self.guidance.as_ref().ok_or_else(nothing_brought)?;
-        Ok(GuidanceTextures { hud: self.overlay.as_ref().map(resting), ..guidance.as_guidance() })
-    }
-}
-
-/// Records the frame of a plan; with `half`, shows the provider's frame instead.
-fn generate(
-    generator: &mut ShaderGenerator,
-    frame: &mut CommandRecorder<'_>,
-    plan: &Plan,
-    inputs: &FrameInputs,
-    half: Option<&ID3D12Resource>,
-    to: Output<'_>,
-) -> Result<()> {
-    if let Some(half) = half {
-        return generator.show_anchor(frame, &resting(half), to);
-    }
-    match plan {
-        Plan::Copy { .. } => generator.show_anchor(frame, &resting(&inputs.current), to),
-        Plan::Interpolate { t, .. } => generator.interpolate(frame, &inputs.pair()?, *t, to),
-        Plan::Extrapolate { t, .. } => {
-            generator.extrapolate(frame, &resting(&inputs.current), &inputs.guidance()?, false, *t, to)
-        }
-    }
+    /// A slot of [`EngineCopies`].
+    Slot(usize),
 }
 
 /// Checks that a frame can be recorded into the list with this fence.
@@ -492,69 +497,15 @@ fn generate(
 /// `DeviceRemoved`; `InvalidArgument` for a list of another type than the queue for frames or of another device, and for a fence that has its
 /// value already.
 pub(crate) fn check_recording(gpu: &Gpu, list: &ID3D12GraphicsCommandList, until: &FencePoint) -> Result<()> {
-    if let Some(gone) = gpu.removed() {
-        return Err(gone);
+    if let Some(removed) = gpu.removed() {
+        return Err(removed);
     }
     check_list(gpu, list)?;
     until.check_pending()
 }
 
-/// A frame that is due, and the pixel format of its target.
-struct Ready {
-    pending: PendingFrame,
-    format: Format,
-}
-
-impl Plan {
-    /// The anchor that is shown, the later anchor of an interpolation, or the start of an extrapolation.
-    fn slot(&self) -> &Slot {
-        let (Self::Copy { current: slot, .. }
-        | Self::Interpolate { current: slot, .. }
-        | Self::Extrapolate { last: slot, .. }) = self;
-        slot
-    }
-
-    /// Size of the anchor's pictures.
-    fn size(&self) -> (u32, u32) {
-        self.slot().anchor.size()
-    }
-
-    /// Epoch and index of the anchor; `None` for a copy of an additional picture of the anchor.
-    fn place(&self, epoch: u64) -> Option<Place> {
-        match self {
-            Self::Copy { current, picture, .. } if picture + 1 < current.anchor.count() => None,
-            Self::Copy { index, .. } | Self::Interpolate { index, .. } | Self::Extrapolate { index, .. } => {
-                Some((epoch, *index))
-            }
-        }
-    }
-}
-
-impl Slot {
-    /// Camera projection of the anchor's depth.
-    fn projection(&self) -> Projection {
-        self.guidance.as_ref().map_or(paper::PROJECTION, |given| given.depth().projection())
-    }
-}
-
-/// Milliseconds from one anchor to the next.
-fn interval_ms(pending: &PendingFrame, multiplier: u32) -> f32 {
-    let due = &pending.shown.due;
-    due.until_ns.saturating_sub(due.since_ns).max(1) as f32 * multiplier as f32 / 1e6
-}
-
 impl std::fmt::Debug for DeviceDrawer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "DeviceDrawer({} x {}, {:?})", self.size.0, self.size.1, self.frames)
+        write!(f, "DeviceDrawer({} x {}, {:?})", self.size.0, self.size.1, self.ring)
     }
-}
-
-/// Our own resources are in the state COMMON between command lists.
-fn resting(resource: &ID3D12Resource) -> ResourceWithState<'_> {
-    ResourceWithState { resource, state: D3D12_RESOURCE_STATE_COMMON }
-}
-
-/// Cannot happen: the cache provides everything that a plan needs.
-fn nothing_brought() -> Error {
-    Error::new(ErrorKind::InvalidState, "what the frame is made of is not there")
 }

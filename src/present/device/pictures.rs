@@ -4,11 +4,12 @@
 
 use windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COMMON;
 
-use super::resource_cache::Textures;
+use super::inputs::OwnedGuidance;
 use super::upsampler::{LowResolutionAnchor, Upsampler};
 use crate::ffx::{Api, Choice, Version};
-use crate::framegen::device::textures_of;
-use crate::gpu::{Gpu, read_texture, texture_of};
+use crate::framegen::AnchorId;
+use crate::framegen::device::guidance_textures;
+use crate::gpu::{Gpu, read_texture, texture_from_picture};
 use crate::guidance::Guidance;
 use crate::{Error, ErrorKind, Picture, Result};
 
@@ -18,7 +19,7 @@ pub struct PictureUpscaler {
     upsampler: Upsampler,
     from: (u32, u32),
     interval_ms: f32,
-    /// Number of the next picture; a picture without guidance skips one number, so that the upscaler restarts its history.
+    /// Index of the next picture; a picture without guidance skips one index, so that the upscaler restarts its history.
     next: u64,
 }
 
@@ -36,8 +37,10 @@ impl PictureUpscaler {
         interval_ms: f32,
     ) -> Result<Self> {
         if to.0 < from.0 || to.1 < from.1 {
-            let why = format!("{} x {} pixels are not made smaller, as {} x {} are", from.0, from.1, to.0, to.1);
-            return Err(Error::new(ErrorKind::InvalidArgument, why).field("size").remedy("Have them resized in space"));
+            let cause = format!("{} x {} pixels are not made smaller, as {} x {} are", from.0, from.1, to.0, to.1);
+            return Err(Error::new(ErrorKind::InvalidArgument, cause)
+                .field("size")
+                .remedy("Have them resized in space"));
         }
         let upsampler = Upsampler::new(gpu, api, choice, from, to)?;
         Ok(Self { gpu: gpu.clone(), upsampler, from, interval_ms, next: 0 })
@@ -57,30 +60,31 @@ impl PictureUpscaler {
         for (size, field) in sizes.into_iter().flatten() {
             if size != self.from {
                 let (has, wants) = (size, self.from);
-                let why = format!("{} x {} pixels, and not {} x {}", has.0, has.1, wants.0, wants.1);
-                return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+                let cause = format!("{} x {} pixels, and not {} x {}", has.0, has.1, wants.0, wants.1);
+                return Err(Error::new(ErrorKind::InvalidArgument, cause).field(field));
             }
         }
-        let (texture, _) = texture_of(&self.gpu, picture)?;
-        let lead = guidance.map(|guidance| {
-            let [motion, depth] = textures_of(&self.gpu, guidance)?;
-            let textures = Textures {
+        let (texture, _) = texture_from_picture(&self.gpu, picture)?;
+        let uploaded = guidance.map(|guidance| {
+            let [motion, depth] = guidance_textures(&self.gpu, guidance)?;
+            let textures = OwnedGuidance {
                 motion,
                 motion_tile: guidance.motion().tile(),
                 depth,
                 depth_tile: guidance.depth().tile(),
-                depth_is_even: guidance.depth().even().is_some(),
+                depth_is_uniform: guidance.depth().uniform_value().is_some(),
             };
             Ok::<_, Error>((textures, guidance.depth().projection()))
         });
-        let lead = lead.transpose()?;
-        let place = Some((0, self.next + u64::from(lead.is_none())));
-        self.next = place.map_or(0, |(_, number)| number + 1);
-        let lead = lead.as_ref().map(|(textures, projection)| (textures, *projection));
-        let small = LowResolutionAnchor { place, picture: &texture, lead, interval_ms: self.interval_ms };
-        let larger = self.upsampler.anchor(&small)?;
-        self.gpu.frames().now()?.wait()?;
-        read_texture(&self.gpu, &larger, D3D12_RESOURCE_STATE_COMMON)
+        let uploaded = uploaded.transpose()?;
+        let index = self.next + u64::from(uploaded.is_none());
+        self.next = index + 1;
+        let guidance = uploaded.as_ref().map(|(textures, projection)| (textures, *projection));
+        let id = Some(AnchorId { epoch: 0, index });
+        let source = LowResolutionAnchor { id, picture: &texture, guidance, interval_ms: self.interval_ms };
+        let upscaled = self.upsampler.anchor(&source)?;
+        self.gpu.frames().signal()?.wait()?;
+        read_texture(&self.gpu, &upscaled, D3D12_RESOURCE_STATE_COMMON)
     }
 }
 

@@ -2,25 +2,25 @@
 
 use windows::Win32::Graphics::Direct3D12::*;
 
-use super::super::presenter::FrameKey;
+use super::super::frame::FrameKey;
 use crate::Result;
-use crate::gpu::compute::pictures::{Format, pitch};
-use crate::gpu::{FencePoint, Gpu, Heap, RecordedMemory, Target, buffer};
+use crate::gpu::compute::picture_formats::{PictureFormat, pitch};
+use crate::gpu::{FencePoint, FencedSlots, Gpu, Heap, Target, buffer};
 
 /// A ring of finished frames. A list of ours fills each slot; after that any number of the engine's lists may read it until the fence points
 /// that were given with them are reached.
 pub(super) struct RecordedFrames {
     gpu: Option<Gpu>,
-    slots: RecordedMemory<ID3D12Resource>,
+    slots: FencedSlots<ID3D12Resource>,
     size: [u32; 2],
     /// The last filled slot, with the key and format of its frame.
-    last: Option<(usize, FrameKey, Format)>,
+    last: Option<(usize, FrameKey, PictureFormat)>,
 }
 
 impl RecordedFrames {
     /// Without slots: no frame can be recorded.
     pub(super) fn none() -> Self {
-        Self { gpu: None, slots: RecordedMemory::none(), size: [0; 2], last: None }
+        Self { gpu: None, slots: FencedSlots::none(), size: [0; 2], last: None }
     }
 
     /// `count` slots for frames of `size` with at most `pixel` bytes per pixel.
@@ -32,7 +32,7 @@ impl RecordedFrames {
             return Ok(Self::none());
         }
         let bytes = pitch(width, pixel) as usize * height as usize;
-        let slots = RecordedMemory::new(count, || buffer(gpu, Heap::Device, bytes))?;
+        let slots = FencedSlots::new(count, || buffer(gpu, Heap::Device, bytes))?;
         Ok(Self { gpu: Some(gpu.clone()), slots, size: [width, height], last: None })
     }
 
@@ -41,12 +41,12 @@ impl RecordedFrames {
     }
 
     /// The last filled slot, if it holds this frame in this format.
-    pub(super) fn again(&self, key: FrameKey, format: Format) -> Option<usize> {
-        self.last.filter(|(_, of, held)| (*of, *held) == (key, format)).map(|(slot, ..)| slot)
+    pub(super) fn find(&self, key: FrameKey, format: PictureFormat) -> Option<usize> {
+        self.last.filter(|(_, last, last_format)| (*last, *last_format) == (key, format)).map(|(slot, ..)| slot)
     }
 
     /// A slot that no list reads any more; its frame is discarded. `None` if each slot has a list that may not have run.
-    pub(super) fn free(&mut self) -> Option<usize> {
+    pub(super) fn free_slot(&mut self) -> Option<usize> {
         let slot = self.slots.free()?;
         self.last = None;
         Some(slot)
@@ -57,12 +57,12 @@ impl RecordedFrames {
     }
 
     /// Records that the slot holds this frame.
-    pub(super) fn holds(&mut self, slot: usize, key: FrameKey, format: Format) {
+    pub(super) fn set_frame(&mut self, slot: usize, key: FrameKey, format: PictureFormat) {
         self.last = Some((slot, key, format));
     }
 
     /// Records the copy of a slot's frame over `target` into an engine's open list, which has run once `until` is reached.
-    pub(super) fn record(
+    pub(super) fn record_copy(
         &mut self,
         slot: usize,
         list: &ID3D12GraphicsCommandList,

@@ -1,9 +1,11 @@
-//! Scaling of frames to their size: AMD's upscaler before frame generation, or a spatial filter after it.
+//! AMD's upscaler for anchors, before frames are generated between them.
 
-use super::resource_cache::FrameInputs;
+use super::super::frame::{FramePlan, FrameRequest};
+use super::inputs::FrameInputs;
 use super::upsampler::{LowResolutionAnchor, Upsampler};
-use super::{DeviceDrawer, PendingFrame, Plan, Presenter};
 use crate::ffx::{Api, Choice, Version};
+use crate::framegen::AnchorId;
+use crate::gpu::Gpu;
 use crate::{Error, ErrorKind, Result};
 
 /// AMD's upscaler and its state.
@@ -14,7 +16,7 @@ pub(super) struct Upscaling {
     /// If set, a failure is an error; otherwise frames are resized spatially.
     is_required: bool,
     /// The failure after which it is not used any more.
-    failed: Option<Error>,
+    failure: Option<Error>,
 }
 
 /// How frames are scaled from the size of the anchors to their own.
@@ -28,120 +30,122 @@ pub enum ScaledBy<'a> {
     Amd(&'a Version),
 }
 
-impl DeviceDrawer {
-    /// From now on a provider of AMD's upscaler in `api` upscales anchors to the size of frames before frames are generated between them. It is used
-    /// only if frames are larger than anchors and anchors do not bring all frames of their interval with them, because its history goes from anchor
-    /// to anchor. If the provider fails, frames are resized spatially; with `is_required`, drawing fails instead.
-    pub fn use_fsr_upscaler(&mut self, api: &Api, choice: Choice, is_required: bool) {
-        self.upscaling = Some(Upscaling { upsampler: None, api: *api, choice, is_required, failed: None });
+/// Result of an attempt to upscale a frame's inputs.
+pub(super) enum UpscaleResult {
+    /// The upscaler is not in use.
+    Inactive,
+    /// Inputs with upscaled anchors.
+    Upscaled(FrameInputs),
+    /// It failed and is not used any more.
+    Failed,
+}
+
+impl Upscaling {
+    /// With a provider in `api`. Nothing is created yet.
+    pub(super) fn new(api: &Api, choice: Choice, is_required: bool) -> Self {
+        Self { upsampler: None, api: *api, choice, is_required, failure: None }
     }
 
-    /// The upsampler, if it is in use.
-    pub(super) fn upsampler(&self) -> Option<&Upsampler> {
-        self.upscaling.as_ref().and_then(|upscaling| upscaling.upsampler.as_ref())
+    /// The version of the upscaler, if it is in use.
+    pub(super) fn version_in_use(&self) -> Option<&Version> {
+        self.upsampler.as_ref().map(Upsampler::version)
     }
 
-    /// How frames are scaled, as of the last [`prepare`](Self::prepare).
-    pub fn scaled_by(&self) -> ScaledBy<'_> {
-        match (self.upsampler(), &self.output_pass) {
-            (Some(upsampler), _) => ScaledBy::Amd(upsampler.version()),
-            (None, Some(output_pass)) if output_pass.resizes() => ScaledBy::Space,
-            _ => ScaledBy::Nothing,
+    /// The failure after which it is not used any more.
+    pub(super) fn failure(&self) -> Option<&Error> {
+        self.failure.as_ref()
+    }
+
+    /// Whether it is in use and has not upscaled this anchor yet.
+    pub(super) fn lacks(&self, anchor: AnchorId) -> bool {
+        self.upsampler.as_ref().is_some_and(|upsampler| !upsampler.has(anchor))
+    }
+
+    /// Creates or drops the upsampler from anchors of the size `from` to the size `to`; returns the resulting size of anchors. `brings_all`:
+    /// anchors bring all frames of their interval.
+    ///
+    /// # Errors
+    /// `Unsupported` if the upscaler is required and anchors bring all frames; `DeviceRemoved`; as of [`Upsampler::new`] if it is required.
+    pub(super) fn resize(
+        &mut self,
+        gpu: &Gpu,
+        from: (u32, u32),
+        to: (u32, u32),
+        brings_all: bool,
+    ) -> Result<(u32, u32)> {
+        if self.failure.is_some() {
+            return Ok(from);
         }
-    }
-
-    /// The failure after which the upscaler is not used any more, if it failed.
-    pub fn upscaler_failed(&self) -> Option<&Error> {
-        self.upscaling.as_ref().and_then(|upscaling| upscaling.failed.as_ref())
-    }
-
-    /// Creates or drops the upsampler for anchors of the size `wanted`; returns the resulting size of anchors. `decoded`: anchors bring all frames.
-    pub(super) fn set_upsampled_size(&mut self, wanted: (u32, u32), decoded: bool) -> Result<(u32, u32)> {
-        let Some(upscaling) = self.upscaling.as_mut().filter(|upscaling| upscaling.failed.is_none()) else {
-            return Ok(self.size);
-        };
-        let is_larger = wanted != self.size && wanted.0 >= self.size.0 && wanted.1 >= self.size.1;
-        if is_larger && decoded && upscaling.is_required {
-            let why = "the upscaler goes from anchor to anchor, and these bring all frames with them";
-            return Err(Error::new(ErrorKind::Unsupported, why)
+        let enlarges = to != from && to.0 >= from.0 && to.1 >= from.1;
+        if enlarges && brings_all && self.is_required {
+            let cause = "the upscaler goes from anchor to anchor, and these bring all frames with them";
+            return Err(Error::new(ErrorKind::Unsupported, cause)
                 .field("upscaler")
                 .remedy("Have frames generated, or let them be resized in space"));
         }
-        if !is_larger || decoded {
-            upscaling.upsampler = None;
-            return Ok(self.size);
+        if !enlarges || brings_all {
+            self.upsampler = None;
+            return Ok(from);
         }
-        if upscaling.upsampler.as_ref().is_some_and(|upsampler| upsampler.to() == wanted) {
-            return Ok(wanted);
+        if self.upsampler.as_ref().is_some_and(|upsampler| upsampler.to() == to) {
+            return Ok(to);
         }
         // Freed first: there may not be enough memory for both.
-        upscaling.upsampler = None;
-        match Upsampler::new(&self.gpu, &upscaling.api, upscaling.choice, self.size, wanted) {
+        self.upsampler = None;
+        match Upsampler::new(gpu, &self.api, self.choice, from, to) {
             Ok(made) => {
-                upscaling.upsampler = Some(made);
-                Ok(wanted)
+                self.upsampler = Some(made);
+                Ok(to)
             }
-            Err(why) if upscaling.is_required || why.kind() == ErrorKind::DeviceRemoved => Err(why),
-            Err(why) => {
-                log::warn!("frames are resized in space, as there is no upscaler of AMD's: {why}");
-                upscaling.failed = Some(why);
-                Ok(self.size)
+            Err(error) if self.is_required || error.kind() == ErrorKind::DeviceRemoved => Err(error),
+            Err(error) => {
+                log::warn!("frames are resized in space, as there is no upscaler of AMD's: {error}");
+                self.failure = Some(error);
+                Ok(from)
             }
         }
     }
 
-    /// Replaces a frame's inputs by upscaled ones if the upsampler is in use.
-    pub(super) fn larger(
-        &mut self,
-        inputs: FrameInputs,
-        pending: &PendingFrame,
-        presenter: &Presenter,
-        interval_ms: f32,
-    ) -> Result<FrameInputs> {
-        let upsampler = self.upscaling.as_mut().and_then(|upscaling| upscaling.upsampler.as_mut());
-        let Some(upsampler) = upsampler else { return Ok(inputs) };
-        let why = match upsample(upsampler, &inputs, pending, interval_ms) {
-            Ok(larger) => return Ok(larger),
-            Err(why) => why,
-        };
-        let upscaling = self.upscaling.as_mut().filter(|upscaling| !upscaling.is_required);
-        let Some(upscaling) = upscaling.filter(|_| why.kind() != ErrorKind::DeviceRemoved) else { return Err(why) };
-        log::warn!("frames are resized in space from now on, as the upscaler fails: {why}");
-        (upscaling.upsampler, upscaling.failed) = (None, Some(why));
-        // Allocates memory for frames of the anchors' size. The device caches the pipelines already.
-        self.work_at(self.size)?;
-        self.scale_to(pending.size.unwrap_or(self.size), presenter.keeps_shape())?;
-        // The overlay mask had the upscaled size.
-        self.cache.bring(pending, presenter.options().motion, false)
+    /// Upscales the anchors and the guidance of a frame's inputs.
+    ///
+    /// # Errors
+    /// `DeviceRemoved`; errors of the upscaler if it is required.
+    pub(super) fn upscale(&mut self, inputs: &FrameInputs, request: &FrameRequest) -> Result<UpscaleResult> {
+        let Some(upsampler) = &mut self.upsampler else { return Ok(UpscaleResult::Inactive) };
+        match upsample(upsampler, inputs, request) {
+            Ok(upscaled) => Ok(UpscaleResult::Upscaled(upscaled)),
+            Err(error) if self.is_required || error.kind() == ErrorKind::DeviceRemoved => Err(error),
+            Err(error) => {
+                log::warn!("frames are resized in space from now on, as the upscaler fails: {error}");
+                (self.upsampler, self.failure) = (None, Some(error));
+                Ok(UpscaleResult::Failed)
+            }
+        }
     }
 }
 
 /// The inputs with upscaled anchors.
-fn upsample(
-    upsampler: &mut Upsampler,
-    inputs: &FrameInputs,
-    pending: &PendingFrame,
-    interval_ms: f32,
-) -> Result<FrameInputs> {
-    let place = pending.plan.place(pending.epoch);
-    let before = place.and_then(|(stream, number)| Some((stream, number.checked_sub(1)?)));
-    let slot = pending.plan.slot();
+fn upsample(upsampler: &mut Upsampler, inputs: &FrameInputs, request: &FrameRequest) -> Result<FrameInputs> {
+    let (plan, interval_ms) = (&request.plan, request.interval_ms());
+    let id = plan.anchor_id();
+    let id_before = id.and_then(AnchorId::before);
+    let anchor = plan.anchor();
     let previous = match &inputs.previous {
-        // The pair's motion leads back to this anchor, so there is none that leads from it.
+        // The pair's motion leads back to this anchor; the motion from it to the anchor before is not known here.
         Some(picture) => {
-            Some(upsampler.anchor(&LowResolutionAnchor { place: before, picture, lead: None, interval_ms })?)
+            Some(upsampler.anchor(&LowResolutionAnchor { id: id_before, picture, guidance: None, interval_ms })?)
         }
         None => None,
     };
-    let lead = inputs.guidance.as_ref().filter(|_| !slot.cut).map(|guidance| (guidance, slot.projection()));
-    let current = upsampler.anchor(&LowResolutionAnchor { place, picture: &inputs.current, lead, interval_ms })?;
-    let guidance = match (&pending.plan, &inputs.guidance, place) {
-        (Plan::Interpolate { .. } | Plan::Extrapolate { .. }, Some(guidance), Some(place)) => {
-            Some(upsampler.guidance(place, guidance)?)
+    let guidance = inputs.guidance.as_ref().filter(|_| !anchor.cut).map(|guidance| (guidance, anchor.projection()));
+    let current = upsampler.anchor(&LowResolutionAnchor { id, picture: &inputs.current, guidance, interval_ms })?;
+    let guidance = match (plan, &inputs.guidance, id) {
+        (FramePlan::Interpolate { .. } | FramePlan::Extrapolate { .. }, Some(guidance), Some(id)) => {
+            Some(upsampler.guidance(id, guidance)?)
         }
         _ => None,
     };
-    let previous_depth = inputs.previous_depth.as_ref().and(before).and_then(|before| upsampler.depth(before));
-    let (rendered, overlay) = (inputs.guidance.clone(), inputs.overlay.clone());
-    Ok(FrameInputs { previous, current, guidance, rendered, previous_depth, overlay })
+    let previous_depth = inputs.previous_depth.as_ref().and(id_before).and_then(|id| upsampler.depth(id));
+    let (original_guidance, overlay) = (inputs.guidance.clone(), inputs.overlay.clone());
+    Ok(FrameInputs { previous, current, guidance, original_guidance, previous_depth, overlay })
 }

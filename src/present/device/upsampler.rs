@@ -3,23 +3,23 @@
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
 
-use super::resource_cache::Textures;
-use super::resting;
+use super::inputs::{OwnedGuidance, in_common_state};
 use crate::Result;
 use crate::ffx::bindings::{CreateUpscale, UpscaleCreateFlags, UpscaleFlags};
-use crate::ffx::{Api, Choice, TextureUpscaler, UpscaleParams, UpscalePictures, Version};
+use crate::ffx::{Api, Choice, TextureUpscaler, UpscaleParams, UpscaleTextures, Version};
+use crate::framegen::AnchorId;
 use crate::framegen::densify::{DEPTH, Densifier, MOTION};
-use crate::framegen::fsr::{Place, camera, dimensions};
+use crate::framegen::fsr::{camera, dimensions};
 use crate::gpu::compute::{CommandRing, Kernel, Shape, View};
-use crate::gpu::{Gpu, written_texture};
+use crate::gpu::{Gpu, writable_texture};
 use crate::guidance::{Projection, paper};
 
 /// Cached upscaled anchors: those of a pair, and of the anchors before and after it.
-const ANCHORS: usize = 4;
+const CACHED_ANCHORS: usize = 4;
 /// Cached pairs of upscaled motion and depth.
-const PAIRS: usize = 2;
+const CACHED_PAIRS: usize = 2;
 /// Descriptors of a list that upscales motion and depth.
-const ROOM: u32 = 4;
+const DESCRIPTORS: u32 = 4;
 /// Side of a thread group, in threads.
 const GROUP: u32 = 8;
 
@@ -32,26 +32,30 @@ pub(super) struct Upsampler {
     gpu: Gpu,
     from: (u32, u32),
     to: (u32, u32),
-    each: Densifier,
+    densifier: Densifier,
     /// Guidance for an anchor without any: no motion.
-    still: Textures,
-    upsample: Kernel,
+    no_motion: OwnedGuidance,
+    upsample_guidance: Kernel,
     ring: CommandRing,
-    anchors: Vec<(Option<Place>, ID3D12Resource)>,
-    pairs: Vec<(Option<Place>, Textures)>,
-    /// Next entry to replace in `anchors` and in `pairs`.
-    next: [usize; 2],
+    /// Upscaled anchors.
+    anchors: Vec<(Option<AnchorId>, ID3D12Resource)>,
+    /// Upscaled motion and depth, by the later anchor of the pair.
+    pairs: Vec<(Option<AnchorId>, OwnedGuidance)>,
+    /// Index of the next entry to replace in `anchors`.
+    next_anchor: usize,
+    /// Index of the next entry to replace in `pairs`.
+    next_pair: usize,
     /// The last upscaled anchor.
-    last: Option<Place>,
+    last: Option<AnchorId>,
 }
 
 /// An anchor at its original size.
 pub(super) struct LowResolutionAnchor<'a> {
-    /// Epoch and index; `None` for a picture that is not part of the sequence.
-    pub(super) place: Option<Place>,
+    /// `None` for a picture that is not part of the sequence.
+    pub(super) id: Option<AnchorId>,
     pub(super) picture: &'a ID3D12Resource,
     /// Motion and depth that lead back to the anchor before, with the depth's projection; `None` for the first anchor and after a cut.
-    pub(super) lead: Option<(&'a Textures, Projection)>,
+    pub(super) guidance: Option<(&'a OwnedGuidance, Projection)>,
     /// Time since the anchor before, in milliseconds of the world's time.
     pub(super) interval_ms: f32,
 }
@@ -70,25 +74,26 @@ impl Upsampler {
         };
         let upscaler = TextureUpscaler::new(gpu, api, choice, head)?;
         let state = D3D12_RESOURCE_STATE_COMMON;
-        let anchor = || Ok((None, written_texture(gpu, to, DXGI_FORMAT_R8G8B8A8_UNORM, state)?));
-        let pair = || Ok((None, Textures::new(gpu, to, [1, 1])?));
+        let anchor = || Ok((None, writable_texture(gpu, to, DXGI_FORMAT_R8G8B8A8_UNORM, state)?));
+        let pair = || Ok((None, OwnedGuidance::new(gpu, to, [1, 1])?));
         Ok(Self {
             upscaler,
             gpu: gpu.clone(),
             from,
             to,
-            each: Densifier::new(gpu, from)?,
+            densifier: Densifier::new(gpu, from)?,
             // New device memory is zero.
-            still: Textures::new(gpu, from, [1, 1])?,
-            upsample: Kernel::new(
+            no_motion: OwnedGuidance::new(gpu, from, [1, 1])?,
+            upsample_guidance: Kernel::new(
                 gpu,
-                include_bytes!("../../gpu/shaders/fsr_enlarge.dxbc"),
+                include_bytes!("../../gpu/shaders/compiled/fsr_enlarge.dxbc"),
                 Shape { constants: 6, inputs: 2, outputs: 2 },
             )?,
-            ring: CommandRing::new(gpu, gpu.frames(), ROOM)?,
-            anchors: (0..ANCHORS).map(|_| anchor()).collect::<Result<_>>()?,
-            pairs: (0..PAIRS).map(|_| pair()).collect::<Result<_>>()?,
-            next: [0; 2],
+            ring: CommandRing::new(gpu, gpu.frames(), DESCRIPTORS)?,
+            anchors: (0..CACHED_ANCHORS).map(|_| anchor()).collect::<Result<_>>()?,
+            pairs: (0..CACHED_PAIRS).map(|_| pair()).collect::<Result<_>>()?,
+            next_anchor: 0,
+            next_pair: 0,
             last: None,
         })
     }
@@ -104,77 +109,81 @@ impl Upsampler {
     }
 
     /// Whether the upscaled anchor is cached.
-    pub(super) fn has(&self, place: Place) -> bool {
-        self.anchors.iter().any(|(of, _)| *of == Some(place))
+    pub(super) fn has(&self, id: AnchorId) -> bool {
+        self.anchors.iter().any(|(key, _)| *key == Some(id))
     }
 
     /// The upscaled anchor, in the state COMMON between lists.
     ///
     /// # Errors
     /// As of [`TextureUpscaler::upscale`]. The next anchor then resets the history.
-    pub(super) fn anchor(&mut self, small: &LowResolutionAnchor<'_>) -> Result<ID3D12Resource> {
-        let kept = self.anchors.iter().find(|(of, _)| small.place.is_some() && *of == small.place);
-        if let Some((_, there)) = kept {
-            return Ok(there.clone());
+    pub(super) fn anchor(&mut self, source: &LowResolutionAnchor<'_>) -> Result<ID3D12Resource> {
+        let cached = self.anchors.iter().find(|(key, _)| source.id.is_some() && *key == source.id);
+        if let Some((_, texture)) = cached {
+            return Ok(texture.clone());
         }
-        let before = small.place.and_then(|(stream, number)| Some((stream, number.checked_sub(1)?)));
-        let follows = before.is_some() && self.last.take() == before && small.lead.is_some();
-        let (textures, projection) = small.lead.unwrap_or((&self.still, paper::PROJECTION));
-        let (motion, depth) = self.each.of(&textures.as_guidance())?;
-        let at = self.next[0];
+        let before = source.id.and_then(AnchorId::before);
+        let follows = before.is_some() && self.last.take() == before && source.guidance.is_some();
+        let (guidance, projection) = source.guidance.unwrap_or((&self.no_motion, paper::PROJECTION));
+        let (motion, depth) = self.densifier.densify(&guidance.textures())?;
+        let at = self.next_anchor;
         self.anchors[at].0 = None;
         let to = self.anchors[at].1.clone();
-        let shot = UpscaleParams {
+        let params = UpscaleParams {
             reset: !follows,
-            frame_time: small.interval_ms,
+            frame_time: source.interval_ms,
             camera: camera(&projection),
             encoding: UpscaleFlags::COLOR_SRGB,
             ..UpscaleParams::of(dimensions(self.from), dimensions(self.to))
         };
-        let pictures = UpscalePictures {
-            color: resting(small.picture),
-            depth: depth.resting(),
-            motion: motion.resting(),
+        let pictures = UpscaleTextures {
+            color: in_common_state(source.picture),
+            depth: depth.as_ref(),
+            motion: motion.as_ref(),
             exposure: None,
             reactive: None,
             transparency: None,
-            output: resting(&to),
+            output: in_common_state(&to),
         };
-        self.upscaler.upscale(&pictures, &shot)?;
-        self.anchors[at].0 = small.place;
-        self.next[0] = (at + 1) % ANCHORS;
-        self.last = small.place;
+        self.upscaler.upscale(&pictures, &params)?;
+        self.anchors[at].0 = source.id;
+        self.next_anchor = (at + 1) % CACHED_ANCHORS;
+        self.last = source.id;
         Ok(to)
     }
 
-    /// Motion and depth at the upscaled size that lead to the anchor `place`.
+    /// Motion and depth at the upscaled size, from the anchor `id` back to the one before.
     ///
     /// # Errors
     /// `OutOfMemory`, `DeviceRemoved`.
-    pub(super) fn guidance(&mut self, place: Place, small: &Textures) -> Result<Textures> {
-        if let Some((_, there)) = self.pairs.iter().find(|(of, _)| *of == Some(place)) {
-            return Ok(there.clone());
+    pub(super) fn guidance(&mut self, id: AnchorId, source: &OwnedGuidance) -> Result<OwnedGuidance> {
+        if let Some((_, guidance)) = self.pairs.iter().find(|(key, _)| *key == Some(id)) {
+            return Ok(guidance.clone());
         }
-        let at = self.next[1];
+        let at = self.next_pair;
         self.pairs[at].0 = None;
-        let to = Textures { depth_is_even: small.depth_is_even, ..self.pairs[at].1.clone() };
-        let constants = [self.from.0, self.from.1, self.to.0, self.to.1, small.motion_tile, small.depth_tile];
+        let to = OwnedGuidance { depth_is_uniform: source.depth_is_uniform, ..self.pairs[at].1.clone() };
+        let constants = [self.from.0, self.from.1, self.to.0, self.to.1, source.motion_tile, source.depth_tile];
         let groups = [self.to.0.div_ceil(GROUP), self.to.1.div_ceil(GROUP), 1];
-        let inputs = [View::Texture(resting(&small.motion), MOTION), View::Texture(resting(&small.depth), DEPTH)];
-        let outputs = [View::Texture(resting(&to.motion), MOTION), View::Texture(resting(&to.depth), DEPTH)];
+        let inputs = [
+            View::Texture(in_common_state(&source.motion), MOTION),
+            View::Texture(in_common_state(&source.depth), DEPTH),
+        ];
+        let outputs =
+            [View::Texture(in_common_state(&to.motion), MOTION), View::Texture(in_common_state(&to.depth), DEPTH)];
         let mut frame = self.ring.begin()?;
-        frame.stage(c"Cairn: motion and depth of a larger anchor");
-        frame.run(&self.upsample, &constants, &inputs, &outputs, groups)?;
-        frame.end_stage();
+        frame.begin_event(c"Cairn: motion and depth of a larger anchor");
+        frame.run(&self.upsample_guidance, &constants, &inputs, &outputs, groups)?;
+        frame.end_event();
         frame.submit(self.gpu.frames())?;
-        self.pairs[at] = (Some(place), to.clone());
-        self.next[1] = (at + 1) % PAIRS;
+        self.pairs[at] = (Some(id), to.clone());
+        self.next_pair = (at + 1) % CACHED_PAIRS;
         Ok(to)
     }
 
-    /// The upscaled depth of the anchor `place` with its tile size, if it is cached.
-    pub(super) fn depth(&self, place: Place) -> Option<(ID3D12Resource, u32)> {
-        let found = self.pairs.iter().find(|(of, _)| *of == Some(place));
-        found.map(|(_, textures)| (textures.depth.clone(), textures.depth_tile))
+    /// The upscaled depth of the anchor `id` with its tile size in pixels, if it is cached.
+    pub(super) fn depth(&self, id: AnchorId) -> Option<(ID3D12Resource, u32)> {
+        let cached = self.pairs.iter().find(|(key, _)| *key == Some(id));
+        cached.map(|(_, guidance)| (guidance.depth.clone(), guidance.depth_tile))
     }
 }

@@ -41,7 +41,7 @@ fn steady_anchors_give_a_steady_stream() {
 }
 
 #[test]
-fn what_comes_late_is_extrapolated_then_stands_and_is_due_when_it_comes() {
+fn a_late_anchor_is_extrapolated_then_held_and_due_on_arrival() {
     let mut pacer = pacer(2, 60 * MS, false);
     pacer.push(0);
     pacer.push(60 * MS);
@@ -57,7 +57,7 @@ fn what_comes_late_is_extrapolated_then_stands_and_is_due_when_it_comes() {
 }
 
 #[test]
-fn an_anchor_that_comes_within_its_room_changes_nothing() {
+fn an_anchor_within_its_delay_changes_nothing() {
     let mut pacer = pacer(2, 60 * MS, false);
     pacer.push(0);
     pacer.push(120 * MS);
@@ -66,7 +66,7 @@ fn an_anchor_that_comes_within_its_room_changes_nothing() {
 }
 
 #[test]
-fn what_a_stall_added_is_caught_up_step_by_step_where_asked_for() {
+fn delay_after_a_stall_is_caught_up_step_by_step() {
     for catch_up in [false, true] {
         let mut pacer = pacer(2, 60 * MS, catch_up);
         pacer.push(0);
@@ -83,7 +83,7 @@ fn what_a_stall_added_is_caught_up_step_by_step_where_asked_for() {
 }
 
 #[test]
-fn rates_that_are_no_whole_nanoseconds_do_not_drift() {
+fn intervals_of_fractional_nanoseconds_do_not_drift() {
     let pacing = Pacing { multiplier: 3, delay_ns: 0, catch_up: false };
     let mut pacer = Pacer::new(Interval::per_second(15).unwrap(), pacing).unwrap();
     // An hour; under Miri, which is slow, a minute.
@@ -103,7 +103,7 @@ fn rates_that_are_no_whole_nanoseconds_do_not_drift() {
 }
 
 #[test]
-fn clocks_that_jump_do_no_harm() {
+fn jumping_clocks_are_tolerated() {
     let mut pacer = pacer(6, 0, true);
     pacer.push(u64::MAX - 5);
     assert!(pacer.due(0).is_some());
@@ -120,7 +120,7 @@ fn clocks_that_jump_do_no_harm() {
 }
 
 #[test]
-fn senseless_pacing_is_refused() {
+fn invalid_pacing_is_refused() {
     assert!(Interval::per_second(0).is_err());
     assert!(Interval::of_ns(0).is_err() && Interval::of_ns(MAX_INTERVAL_NS + 1).is_err());
     let interval = Interval::of_ns(1).unwrap();

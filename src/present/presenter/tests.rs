@@ -36,7 +36,7 @@ fn draw(presenter: &Presenter, now: u64) -> (FrameInfo, Picture) {
 }
 
 #[test]
-fn anchors_are_shown_as_they_are_and_frames_between_them_as_the_generator_has_them() {
+fn anchors_are_shown_unchanged_and_frames_between_them_come_from_the_generator() {
     let presenter = presenter(options());
     assert_eq!(presenter.query(0), None);
     let anchors = [anchor(0, true), anchor(1, false)];
@@ -99,7 +99,7 @@ fn nothing_is_generated_across_a_cut() {
 }
 
 #[test]
-fn late_anchors_are_made_up_for_by_motion_where_wanted() {
+fn frames_are_extrapolated_for_late_anchors_unless_the_options_forbid_it() {
     for extrapolate in [true, false] {
         let presenter = presenter(PresenterOptions { extrapolate, ..options() });
         let last = anchor(1, false);
@@ -119,7 +119,7 @@ fn late_anchors_are_made_up_for_by_motion_where_wanted() {
 }
 
 #[test]
-fn without_a_generator_the_nearer_anchor_stands() {
+fn without_a_generator_the_nearer_anchor_is_held() {
     let presenter = Presenter::new(PresenterOptions { multiplier: 3, ..options() }, None).unwrap();
     let anchors = [anchor(0, true), anchor(1, false)];
     presenter.push(anchors[0].clone(), None, 0).unwrap();
@@ -158,7 +158,7 @@ impl FrameGenerator for Halfway {
 }
 
 #[test]
-fn a_generator_of_the_middle_only_makes_the_middle_only() {
+fn a_generator_of_middle_frames_makes_only_those() {
     let presenter = Presenter::new(PresenterOptions { multiplier: 4, ..options() }, Some(Box::new(Halfway))).unwrap();
     presenter.push(anchor(0, true), None, 0).unwrap();
     presenter.push(anchor(1, false), None, 60 * MS).unwrap();
@@ -169,14 +169,14 @@ fn a_generator_of_the_middle_only_makes_the_middle_only() {
 }
 
 #[test]
-fn as_many_wait_as_may() {
+fn at_most_capacity_anchors_wait() {
     let presenter = presenter(PresenterOptions { capacity: 2, ..options() });
     assert!(presenter.push(anchor(0, true), None, 0).unwrap());
     assert!(presenter.push(anchor(1, false), None, 0).unwrap());
     assert!(presenter.push(anchor(2, false), None, 0).unwrap());
     assert!(!presenter.push(anchor(3, false), None, 0).unwrap());
     assert_eq!((presenter.waiting(0), presenter.statistics().anchors), (2, 3));
-    // Anchor 1 is due and makes room.
+    // Anchor 1 is due and does not wait any more.
     assert!(presenter.push(anchor(3, false), None, 120 * MS).unwrap());
     for now in (0..2_000).map(|ms| ms * MS) {
         draw(&presenter, now);
@@ -184,7 +184,7 @@ fn as_many_wait_as_may() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn invalid_arguments_are_refused() {
     let field = |error: Error| error.offending_field().map(str::to_owned);
     let presenter = Presenter::new(PresenterOptions { interval: None, ..options() }, None).unwrap();
     assert_eq!(field(presenter.push(anchor(0, true), None, 0).unwrap_err()), Some("anchor".into()));
@@ -209,7 +209,7 @@ fn what_does_not_fit_is_refused() {
 }
 
 #[test]
-fn frames_change_their_size_and_the_stream_goes_on() {
+fn the_stream_continues_after_a_change_of_size() {
     let fixed = presenter(PresenterOptions { size: Some((30, 20)), ..options() });
     let changing = presenter(options());
     for presenter in [&fixed, &changing] {
@@ -230,7 +230,7 @@ fn frames_change_their_size_and_the_stream_goes_on() {
 }
 
 #[test]
-fn anchors_keep_their_shape_in_a_frame_of_another_where_they_shall() {
+fn letterboxed_anchors_keep_their_aspect_ratio() {
     let size = Some((40, 90));
     let stretched = presenter(PresenterOptions { size, ..options() });
     let framed = presenter(PresenterOptions { size, letterbox: true, ..options() });
@@ -275,7 +275,7 @@ fn an_overlay_has_the_size_of_the_anchors() {
 }
 
 #[test]
-fn frames_are_left_out_where_they_take_more_than_the_budget() {
+fn fewer_frames_are_made_over_budget() {
     let presenter = presenter(PresenterOptions { multiplier: 4, ..options() });
     assert_eq!(presenter.set_budget(Some(Duration::ZERO)).unwrap_err().offending_field(), Some("budget"));
     presenter.set_budget(Some(Duration::from_millis(2))).unwrap();
@@ -290,7 +290,7 @@ fn frames_are_left_out_where_they_take_more_than_the_budget() {
     };
     assert_eq!(shown(1), (FrameSource::Generated, 0.25, false));
     // Two intervals of four frames, each over the budget.
-    presenter.note_spent(8, Duration::from_millis(24));
+    presenter.record_device_time(8, Duration::from_millis(24));
     let done = presenter.statistics();
     assert_eq!((done.made_to_anchor, done.budget_changes), (2, 1));
     assert_eq!(shown(2), (FrameSource::Generated, 0.5, false));
@@ -308,9 +308,9 @@ fn frames_are_left_out_where_they_take_more_than_the_budget() {
 }
 
 #[test]
-fn frames_follow_a_rollout_s_governor_for_as_long_as_there_is_one() {
+fn frames_follow_a_rollouts_governor_while_it_exists() {
     let presenter = presenter(PresenterOptions { multiplier: 4, ..options() });
-    let governor = |multiplier, frame| Arc::new(world::Governor::of_passes(Some(frame), multiplier, vec![4, 1]));
+    let governor = |multiplier, frame| Arc::new(world::Governor::with_passes(Some(frame), multiplier, vec![4, 1]));
     let other = governor(2, Duration::from_millis(2));
     assert_eq!(presenter.follow(Some(&other)).unwrap_err().offending_field(), Some("budget.multiplier"));
     let followed = governor(4, Duration::from_micros(2_100));
@@ -323,8 +323,8 @@ fn frames_follow_a_rollout_s_governor_for_as_long_as_there_is_one() {
     assert_eq!(shown(1), (FrameSource::Generated, 0.25, false));
     // A latent takes 4 ms for 4 frames, and each frame takes 4 ms: 5 ms per frame with a budget of 2.1 ms.
     for _ in 0..3 {
-        presenter.note_spent(4, Duration::from_millis(16));
-        followed.note_latent(Duration::from_millis(4), None);
+        presenter.record_device_time(4, Duration::from_millis(16));
+        followed.record_latent(Duration::from_millis(4), None);
     }
     let done = presenter.statistics();
     // Fewer passes do not suffice; one frame instead of four needs 2 ms.
@@ -336,6 +336,6 @@ fn frames_follow_a_rollout_s_governor_for_as_long_as_there_is_one() {
     let followed = governor(4, Duration::from_millis(2));
     presenter.follow(Some(&followed)).unwrap();
     presenter.set_budget(None).unwrap();
-    presenter.note_spent(4, Duration::from_millis(16));
+    presenter.record_device_time(4, Duration::from_millis(16));
     assert_eq!(followed.statistics().frames, 0, "it is followed no more");
 }

@@ -26,7 +26,7 @@ fn resampled(source: &Picture, to: (u32, u32), filter: Filter) -> Picture {
 }
 
 /// Computes every output pixel directly from the definition: the 2D kernel over all positions it reaches, with the edge pixels
-/// repeated beyond the edges.
+/// repeated outside the picture.
 fn reference(source: &Picture, to: (u32, u32), filter: Filter) -> Vec<[f64; 4]> {
     let (width, height) = source.size();
     let axis = |i: u32, from: u32, to: u32| {
@@ -59,7 +59,7 @@ fn reference(source: &Picture, to: (u32, u32), filter: Filter) -> Vec<[f64; 4]> 
 }
 
 #[test]
-fn every_ratio_gives_what_the_definition_gives() {
+fn every_ratio_matches_the_definition() {
     for filter in FILTERS {
         for (from, to) in [
             ((16, 9), (24, 13)),
@@ -113,7 +113,7 @@ fn a_ramp_stays_a_ramp() {
             let out = resampled(&source, (width, 4), filter);
             for (x, pixel) in out.pixels()[..width as usize].iter().enumerate() {
                 let position = (x as f64 + 0.5) * 40.0 / f64::from(width) - 0.5;
-                // Away from the ends, where the edge pixels go on.
+                // Away from the ends, where edge pixels are repeated.
                 if (3.0..36.0).contains(&position) {
                     assert!((f64::from(pixel[0]) - position * 6.0).abs() <= tolerance, "{filter:?} {width} at {x}");
                 }
@@ -144,7 +144,7 @@ fn an_impulse_shows_the_kernel() {
 }
 
 #[test]
-fn the_mean_is_kept() {
+fn the_mean_is_preserved() {
     let source = draw(60, 48, |x, y| noise(x, y).map(|v| 64 + v / 2));
     let mean = |p: &Picture| p.rgba().iter().map(|&v| f64::from(v)).sum::<f64>() / p.rgba().len() as f64;
     for filter in FILTERS {

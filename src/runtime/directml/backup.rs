@@ -9,7 +9,7 @@ use crate::runtime::execution_context::Region;
 
 /// A copy of buffers, with the command list that restores them. That list is recorded together with the copy, so restoring
 /// allocates nothing.
-pub(crate) struct Backup {
+pub(crate) struct DeviceBackup {
     back: ReusableList,
     /// The list that made the copy, and the buffer with the copy.
     _forth: ReusableList,
@@ -18,7 +18,7 @@ pub(crate) struct Backup {
     last: FencePoint,
 }
 
-impl Backup {
+impl DeviceBackup {
     /// Copies buffers, each given with its size in bytes, after all work submitted to the queue for anchors.
     pub(super) fn new(gpu: &Gpu, of: &[(&ID3D12Resource, usize)]) -> Result<Self> {
         let copy = buffer(gpu, Heap::Device, of.iter().map(|(_, bytes)| bytes).sum())?;
@@ -44,7 +44,7 @@ impl Backup {
     }
 }
 
-impl Drop for Backup {
+impl Drop for DeviceBackup {
     fn drop(&mut self) {
         // The queue may still use the resources that are freed next.
         self.last.wait_ignoring_loss();

@@ -1,4 +1,4 @@
-//! The execution context of one rollout on a Direct3D 12 queue.
+//! The execution context of one rollout on a Direct3D 12 device.
 
 use std::ffi::CStr;
 use std::sync::Arc;
@@ -14,28 +14,29 @@ use parking_lot::Mutex;
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::core::Interface;
 
-use super::capture::{Capture, Captured, Named};
+use super::capture::{CaptureRunOptions, CaptureState};
 use super::finite_check::FiniteCheck;
+use super::interval_times::WorkKind;
 use super::recorder::Recorder;
 use super::reusable_list::ReusableList;
 use super::snapshot::Snapshot;
 use super::submission_throttle::SubmissionThrottle;
-use super::times::Kind;
-use super::weights::Weights;
 use crate::bundle::Precision;
 use crate::gpu::compute::{CommandRing, ResourceWithState};
-use crate::gpu::{FencePoint, Gpu, Heap, Pipeline, Planes, ResidencySet, Resize, Shared, Spent, buffer};
+use crate::gpu::{
+    FencePoint, Gpu, GpuTimeStatistics, Heap, MappedBuffer, Pipeline, Planes, ResidencySet, Resize, buffer,
+};
 use crate::runtime::Graph;
 use crate::runtime::execution_context::{
-    Backup, BindingId, BufferId, Bytes, Decoded, ExecutionContext, ExternalTimes, FiniteCheckId, MAX_GROUPS,
-    RecordedCopiesId, RecordedCopy, Region, Work,
+    Backup, BindingId, BufferId, Bytes, CaptureStatistics, Decoded, ExecutionContext, ExternalTimes, FiniteCheckId,
+    MAX_GROUPS, RecordedCopiesId, RecordedCopy, Region, Work,
 };
 use crate::runtime::failure::{make, ort_failure};
 use crate::runtime::graph::TensorSpec;
 use crate::{Error, Result};
 
 /// The shader that checks whether all values of a buffer are finite.
-const FINITE: &[u8] = include_bytes!("../../gpu/shaders/finite.dxbc");
+const FINITE: &[u8] = include_bytes!("../../gpu/shaders/compiled/finite.dxbc");
 /// Threads in a thread group of these shaders, as in their source.
 const GROUP: u32 = 256;
 /// Maximum number of thread groups: each thread then checks many values, and a large adapter is still fully used.
@@ -48,7 +49,7 @@ const PICTURES: usize = 8;
 const ZEROES: usize = 1 << 20;
 
 /// The shader that compares two buffers.
-const EQUAL: &[u8] = include_bytes!("../../gpu/shaders/equal.dxbc");
+const EQUAL: &[u8] = include_bytes!("../../gpu/shaders/compiled/equal.dxbc");
 
 /// Buffers, copies and graph runs on one queue, executed in the order of submission. Only reads wait, and runs that exceed the
 /// submission limit.
@@ -59,15 +60,15 @@ pub(super) struct DirectMlContext {
     /// Residency of the buffers; every use of a buffer makes them resident first.
     residency: Mutex<ResidencySet>,
     /// Graphs whose weights are kept resident as long as the buffers are, without duplicates.
-    held: Vec<Arc<Graph>>,
+    graphs_with_weights: Vec<Arc<Graph>>,
     /// Recorded copies, each with the bytes that it moves.
     recorded: Vec<(ReusableList, u64)>,
     finite_checks: Vec<FiniteCheck>,
-    copying: Kind,
-    pub(super) zeroes: Shared,
+    copying: WorkKind,
+    pub(super) zeroes: MappedBuffer,
     /// A 32-bit word that a shader sets, and its readback buffer, with one word for each group of a finite check.
     pub(super) check_result: ID3D12Resource,
-    pub(super) check_readback: Shared,
+    pub(super) check_readback: MappedBuffer,
     pub(super) recorder: Mutex<Recorder>,
     pub(super) kernels: Arc<Kernels>,
     /// Converts pictures to textures; made with the first snapshot.
@@ -75,12 +76,12 @@ pub(super) struct DirectMlContext {
     /// Copies of outputs of normal runs, to compare with captured ones.
     pub(super) expected: Vec<ID3D12Resource>,
     /// Options for runs without capture; set once a bound session allows capture.
-    plain: Option<Named>,
+    uncaptured_options: Option<CaptureRunOptions>,
     pub(super) gpu: Gpu,
     bytes: Bytes,
     read: Arc<AtomicU64>,
     /// Time spent inside ONNX Runtime.
-    inside: Duration,
+    in_onnxruntime: Duration,
     /// Nanoseconds spent waiting for the device.
     waited: AtomicU64,
     pub(super) throttle: SubmissionThrottle,
@@ -108,7 +109,7 @@ unsafe impl Send for Buffer {}
 // SAFETY: shared access only reads the fields.
 unsafe impl Sync for Buffer {}
 
-/// Number of thread groups and of threads that check this many words.
+/// Number of thread groups, and of threads in all groups, for a shader over `words` 32-bit words.
 pub(super) fn groups_for(words: u32) -> (u32, u32) {
     let groups = words.div_ceil(GROUP).clamp(1, GROUPS);
     (groups, groups * GROUP)
@@ -133,9 +134,9 @@ pub(super) struct Bound {
     binding: IoBinding,
     pub(super) graph: Arc<Graph>,
     pub(super) outputs: Vec<BufferId>,
-    pub(super) capture: Capture,
+    pub(super) capture: CaptureState,
     /// Timing category of its runs; all bindings of one graph share it.
-    kind: Kind,
+    kind: WorkKind,
 }
 
 impl DirectMlContext {
@@ -148,20 +149,20 @@ impl DirectMlContext {
         let copying = recorder.kind();
         let recorder = Mutex::new(recorder);
         // Written explicitly: not every driver returns zeroed memory.
-        let mut zeroes = Shared::new(gpu, Heap::Upload, ZEROES)?;
+        let mut zeroes = MappedBuffer::new(gpu, Heap::Upload, ZEROES)?;
         zeroes.write(0, &vec![0; ZEROES]);
         let check_result = buffer(gpu, Heap::Device, size_of::<u32>())?;
-        let check_readback = Shared::new(gpu, Heap::Readback, MAX_GROUPS * size_of::<u32>())?;
+        let check_readback = MappedBuffer::new(gpu, Heap::Readback, MAX_GROUPS * size_of::<u32>())?;
         let (bindings, buffers, recorded, finite_checks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let kernels = kernels.clone();
         let (frames, gpu, bytes, read) = (None, gpu.clone(), Bytes::default(), Arc::default());
-        let (expected, plain) = (Vec::new(), None);
-        let (inside, waited) = (Duration::ZERO, AtomicU64::new(0));
+        let (expected, uncaptured_options) = (Vec::new(), None);
+        let (in_onnxruntime, waited) = (Duration::ZERO, AtomicU64::new(0));
         Ok(Self {
             bindings,
             buffers,
             residency: Mutex::new(ResidencySet::new()),
-            held: Vec::new(),
+            graphs_with_weights: Vec::new(),
             recorded,
             finite_checks,
             copying,
@@ -172,11 +173,11 @@ impl DirectMlContext {
             kernels,
             frames,
             expected,
-            plain,
+            uncaptured_options,
             gpu,
             bytes,
             read,
-            inside,
+            in_onnxruntime,
             waited,
             throttle: SubmissionThrottle::new(longest),
         })
@@ -184,23 +185,23 @@ impl DirectMlContext {
 
     /// Runs a binding without capture.
     pub(super) fn run_uncaptured(&mut self, id: BindingId) -> Result<()> {
-        let options = self.plain.as_ref().map_or(std::ptr::null(), Named::ptr);
+        let options = self.uncaptured_options.as_ref().map_or(std::ptr::null(), CaptureRunOptions::ptr);
         self.run_timed(id, options)
     }
 
-    /// Runs a binding by its capture; the first run with a name makes the capture.
-    pub(super) fn run_named(&mut self, id: BindingId, name: &Named) -> Result<()> {
+    /// Runs a binding by its capture; the first run with a capture name records the capture.
+    pub(super) fn run_named(&mut self, id: BindingId, name: &CaptureRunOptions) -> Result<()> {
         self.recorder.get_mut().submit()?;
         self.run_with(id, name.ptr())
     }
 
     fn run_timed(&mut self, id: BindingId, options: *const ort::sys::OrtRunOptions) -> Result<()> {
-        self.wait_for_room(self.bindings[id.0].kind)?;
-        let begun = self.recorder.get_mut().start(self.bindings[id.0].kind)?;
+        self.wait_for_queue_space(self.bindings[id.0].kind)?;
+        let interval = self.recorder.get_mut().start(self.bindings[id.0].kind)?;
         let ran = self.run_with(id, options);
         match ran {
-            Ok(()) => self.recorder.get_mut().end(begun),
-            Err(_) => self.recorder.get_mut().forget(begun),
+            Ok(()) => self.recorder.get_mut().end(interval),
+            Err(_) => self.recorder.get_mut().cancel(interval),
         }
         ran
     }
@@ -214,13 +215,13 @@ impl DirectMlContext {
         let Bound { binding, graph, .. } = &self.bindings[id.0];
         let run = ort::api().RunWithBinding;
         let start = Instant::now();
-        let one = self.plain.as_ref().map(|_| graph.captures().one.lock());
+        let run_lock = self.uncaptured_options.as_ref().map(|_| graph.directml().captures().run_lock.lock());
         let session = graph.session().ptr().cast_mut();
         // SAFETY: a session may run on several threads; this binding and its buffers are used by `&mut self` alone.
         let run = || unsafe { run(session, options, binding.ptr()) };
-        let status = self.gpu.anchors().named(graph.title(), run);
-        drop(one);
-        self.inside += start.elapsed();
+        let status = self.gpu.anchors().with_event(graph.directml().title(), run);
+        drop(run_lock);
+        self.in_onnxruntime += start.elapsed();
         // SAFETY: the status is what the call above returned, used once.
         unsafe { ort::Error::result_from_status(status) }.map_err(|e| self.or_removed(ort_failure("run a graph", &e)))
     }
@@ -231,32 +232,32 @@ impl DirectMlContext {
         let bytes = buffer.bytes.next_multiple_of(size_of::<u32>());
         let regions = (0..bytes).step_by(ZEROES);
         let regions = regions.map(|at| Region { to: at, from: 0, len: ZEROES.min(bytes - at) });
-        self.recorder.get_mut().fill(&buffer.resource, self.zeroes.resource(), regions)
+        self.recorder.get_mut().copy_from_upload(&buffer.resource, self.zeroes.resource(), regions)
     }
 
     /// Makes buffers and weights resident for everything submitted from now on: all of them or none.
-    fn be_resident(&self) -> Result<()> {
+    fn make_resident(&self) -> Result<()> {
         let mut residency = self.residency.lock();
         if residency.is_resident() {
             return Ok(());
         }
         let mut held = 0;
         let mut hold = |graph: &Arc<Graph>| {
-            graph.weights().map_or(Ok(()), |weights| weights.hold(&self.gpu))?;
+            graph.directml().weights().hold(&self.gpu)?;
             held += 1;
             Ok(())
         };
-        let all = self.held.iter().try_for_each(&mut hold);
+        let all = self.graphs_with_weights.iter().try_for_each(&mut hold);
         let all = all.and_then(|()| residency.make_resident(&self.gpu, self.gpu.anchors()));
         if all.is_err() {
-            self.release(&self.held[..held]);
+            self.release(&self.graphs_with_weights[..held]);
         }
         all
     }
 
     /// Releases weights. No submitted work may use them any more.
     fn release(&self, of: &[Arc<Graph>]) {
-        of.iter().filter_map(|graph| graph.weights()).for_each(|weights| weights.release(&self.gpu));
+        of.iter().for_each(|graph| graph.directml().weights().release(&self.gpu));
     }
 
     /// Waits until `fence_point` is reached, and adds the time to `waited`.
@@ -277,7 +278,7 @@ impl DirectMlContext {
 
 impl ExecutionContext for DirectMlContext {
     fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
-        self.be_resident()?;
+        self.make_resident()?;
         let made = Buffer::new(&self.gpu, bytes)?;
         self.residency.get_mut().add(&self.gpu, &made.resource)?;
         self.buffers.push(made);
@@ -291,12 +292,10 @@ impl ExecutionContext for DirectMlContext {
     }
 
     fn bind(&mut self, graph: &Arc<Graph>, tensors: &[BufferId]) -> Result<BindingId> {
-        self.be_resident()?;
-        if let Some(weights) = graph.weights()
-            && !self.held.iter().any(|held| Arc::ptr_eq(held, graph))
-        {
-            weights.hold(&self.gpu)?;
-            self.held.push(graph.clone());
+        self.make_resident()?;
+        if !self.graphs_with_weights.iter().any(|held| Arc::ptr_eq(held, graph)) {
+            graph.directml().weights().hold(&self.gpu)?;
+            self.graphs_with_weights.push(graph.clone());
         }
         assert_eq!(tensors.len(), graph.tensors().len(), "one buffer for each input and output");
         let binding = make("bind a tensor", || graph.session().create_binding());
@@ -309,22 +308,22 @@ impl ExecutionContext for DirectMlContext {
             make("bind a tensor", || bind_one(&mut binding, name, input, spec, &memory.allocation))
                 .map_err(|e| self.or_removed(e))?;
         }
-        for (name, spec, memory) in graph.weights().into_iter().flat_map(Weights::inputs) {
+        for (name, spec, memory) in graph.directml().weights().inputs() {
             make("bind a weight", || bind_one(&mut binding, name, true, spec, &memory.allocation))
                 .map_err(|e| self.or_removed(e))?;
         }
         let same = self.bindings.iter().find(|bound| Arc::ptr_eq(&bound.graph, graph));
         let kind = same.map(|bound| bound.kind).unwrap_or_else(|| self.recorder.get_mut().kind());
-        let (outputs, capture) = (tensors[graph.input_count()..].to_vec(), graph.captures().begin());
-        if !matches!(capture, Capture::Never(_)) && self.plain.is_none() {
-            self.plain = Some(Named::none()?);
+        let (outputs, capture) = (tensors[graph.input_count()..].to_vec(), graph.directml().captures().initial_state());
+        if !matches!(capture, CaptureState::Never(_)) && self.uncaptured_options.is_none() {
+            self.uncaptured_options = Some(CaptureRunOptions::none()?);
         }
         self.bindings.push(Bound { binding, graph: graph.clone(), outputs, capture, kind });
         Ok(BindingId(self.bindings.len() - 1))
     }
 
     fn upload(&mut self, to: BufferId, at: usize, bytes: &[u8]) -> Result<()> {
-        self.be_resident()?;
+        self.make_resident()?;
         let buffer = &self.buffers[to.0];
         assert!(at + bytes.len() <= buffer.bytes, "inside the buffer");
         self.recorder.get_mut().upload(&buffer.resource, at, bytes)?;
@@ -333,8 +332,9 @@ impl ExecutionContext for DirectMlContext {
     }
 
     fn replace(&mut self, contents: &[(BufferId, &[u8])]) -> Result<()> {
-        self.be_resident()?;
-        let mut staged = Shared::new(&self.gpu, Heap::Upload, contents.iter().map(|(_, bytes)| bytes.len()).sum())?;
+        self.make_resident()?;
+        let mut staged =
+            MappedBuffer::new(&self.gpu, Heap::Upload, contents.iter().map(|(_, bytes)| bytes.len()).sum())?;
         let recorder = self.recorder.get_mut();
         recorder.submit_and_reserve()?;
         let mut from = 0;
@@ -343,7 +343,7 @@ impl ExecutionContext for DirectMlContext {
             assert_eq!(bytes.len(), to.bytes, "a whole buffer");
             staged.write(from, bytes);
             let whole = Region { to: 0, from, len: bytes.len() };
-            recorder.fill(&to.resource, staged.resource(), std::iter::once(whole))?;
+            recorder.copy_from_upload(&to.resource, staged.resource(), std::iter::once(whole))?;
             from += bytes.len();
         }
         recorder.hold(staged);
@@ -353,14 +353,14 @@ impl ExecutionContext for DirectMlContext {
     }
 
     fn clear(&mut self, buffers: &[BufferId]) -> Result<()> {
-        self.be_resident()?;
+        self.make_resident()?;
         self.recorder.get_mut().submit_and_reserve()?;
         buffers.iter().try_for_each(|buffer| self.clear_buffer(*buffer))?;
         self.recorder.get_mut().submit()
     }
 
     fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()> {
-        self.be_resident()?;
+        self.make_resident()?;
         assert_ne!(to, from, "two buffers of this context");
         let (to, from) = (&self.buffers[to.0], &self.buffers[from.0]);
         for r in regions {
@@ -370,7 +370,7 @@ impl ExecutionContext for DirectMlContext {
         self.recorder.get_mut().copy(&to.resource, &from.resource, regions.iter().copied())
     }
 
-    fn keep(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId> {
+    fn record_copies(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId> {
         let resources = |copy: &RecordedCopy| (&self.buffers[copy.to.0].resource, &self.buffers[copy.from.0].resource);
         let resolved = copies.iter().map(|copy| (resources(copy), copy.regions.as_slice()));
         let list = ReusableList::new(&self.gpu, resolved)?;
@@ -379,13 +379,13 @@ impl ExecutionContext for DirectMlContext {
         Ok(RecordedCopiesId(self.recorded.len() - 1))
     }
 
-    fn repeat(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
-        self.be_resident()?;
+    fn run_copies(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
+        self.make_resident()?;
         copies.iter().try_for_each(|copies| self.recorded[copies.0].0.ready())?;
         let recorder = self.recorder.get_mut();
-        let begun = recorder.start(self.copying)?;
+        let interval = recorder.start(self.copying)?;
         let lists = copies.iter().map(|copies| self.recorded[copies.0].0.list().clone()).collect();
-        let fence_point = self.gpu.anchors().named(c"Cairn: commit", || recorder.submit_behind(lists, begun))?;
+        let fence_point = self.gpu.anchors().with_event(c"Cairn: commit", || recorder.submit_after(lists, interval))?;
         for copies in copies {
             let (list, bytes) = &mut self.recorded[copies.0];
             list.runs_until(&fence_point);
@@ -395,11 +395,11 @@ impl ExecutionContext for DirectMlContext {
     }
 
     fn back_up(&mut self, of: &[BufferId]) -> Result<Backup> {
-        self.be_resident()?;
+        self.make_resident()?;
         let resources = of.iter().map(|buffer| &self.buffers[buffer.0]);
         let contents: Vec<_> = resources.map(|buffer| (&buffer.resource, buffer.bytes)).collect();
         self.recorder.get_mut().submit()?;
-        super::Backup::new(&self.gpu, &contents).map(Backup::Device)
+        super::DeviceBackup::new(&self.gpu, &contents).map(Backup::Device)
     }
 
     fn restore_backup(&mut self, backup: Backup) -> Result<()> {
@@ -411,46 +411,50 @@ impl ExecutionContext for DirectMlContext {
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
-        self.be_resident()?;
+        self.make_resident()?;
         match &self.bindings[binding.0].capture {
-            Capture::Never(_) => self.run_uncaptured(binding),
-            Capture::Untried | Capture::Checked(..) => self.run_both_ways(binding),
-            Capture::Used(name) => {
+            CaptureState::Never(_) => self.run_uncaptured(binding),
+            CaptureState::Untried | CaptureState::Checked(..) => self.run_and_compare(binding),
+            CaptureState::Used(name) => {
                 let options = name.ptr();
                 self.run_timed(binding, options)
             }
         }
     }
 
-    fn captured(&self) -> Option<Captured> {
-        let mut told = Captured::default();
-        self.bindings.iter().for_each(|bound| bound.capture.tell(&mut told));
-        Some(told)
+    fn capture_statistics(&self) -> Option<CaptureStatistics> {
+        let mut statistics = CaptureStatistics::default();
+        self.bindings.iter().for_each(|bound| bound.capture.count_in(&mut statistics));
+        Some(statistics)
     }
 
-    fn spent(&mut self, on: Work<'_>) -> Option<Spent> {
+    fn gpu_time(&mut self, on: Work<'_>) -> Option<GpuTimeStatistics> {
         let kind = match on {
             Work::Runs(graph) => self.bindings.iter().find(|bound| Arc::ptr_eq(&bound.graph, graph))?.kind,
             Work::RecordedCopies => self.copying,
         };
-        Some(self.recorder.get_mut().spent(kind))
+        Some(self.recorder.get_mut().gpu_time(kind))
     }
 
-    fn external(&self) -> Option<ExternalTimes> {
+    fn external_times(&self) -> Option<ExternalTimes> {
         let waited = Duration::from_nanos(self.waited.load(Ordering::Relaxed));
-        Some(ExternalTimes { inside: self.inside, waited, yields: self.throttle.yields() })
+        Some(ExternalTimes {
+            in_onnxruntime: self.in_onnxruntime,
+            waiting_for_device: waited,
+            yields: self.throttle.yields(),
+        })
     }
 
     fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()> {
-        self.be_resident()?;
+        self.make_resident()?;
         let buffer = &self.buffers[from.0];
         assert!(at + into.len() <= buffer.bytes, "inside the buffer");
-        let readback = Shared::new(&self.gpu, Heap::Readback, into.len())?;
+        let readback = MappedBuffer::new(&self.gpu, Heap::Readback, into.len())?;
         let region = Region { to: 0, from: at, len: into.len() };
         let fence_point = {
             let mut recorder = self.recorder.lock();
             recorder.copy(readback.resource(), &buffer.resource, std::iter::once(region))?;
-            recorder.now()?
+            recorder.submit_and_signal()?
         };
         self.wait(&fence_point)?;
         readback.read(into);
@@ -464,12 +468,12 @@ impl ExecutionContext for DirectMlContext {
         Ok(FiniteCheckId(self.finite_checks.len() - 1))
     }
 
-    fn not_finite(&mut self, finite_check: FiniteCheckId) -> Result<Option<usize>> {
-        self.be_resident()?;
+    fn find_not_finite(&mut self, finite_check: FiniteCheckId) -> Result<Option<usize>> {
+        self.make_resident()?;
         self.finite_checks[finite_check.0].ready()?;
         let list = self.finite_checks[finite_check.0].list().clone();
         let recorder = self.recorder.get_mut();
-        let fence_point = self.gpu.anchors().named(c"Cairn: look for numbers", || recorder.submit_before(list))?;
+        let fence_point = self.gpu.anchors().with_event(c"Cairn: look for numbers", || recorder.submit_then(list))?;
         self.finite_checks[finite_check.0].runs_until(&fence_point);
         self.wait(&fence_point)?;
         Ok(self.finite_checks[finite_check.0].read(&self.check_readback))
@@ -480,10 +484,10 @@ impl ExecutionContext for DirectMlContext {
             return Ok(());
         }
         // Recorded commands that are not submitted yet use the buffers as well.
-        let fence_point = self.recorder.get_mut().now()?;
+        let fence_point = self.recorder.get_mut().submit_and_signal()?;
         self.wait(&fence_point)?;
         self.residency.get_mut().evict(&self.gpu)?;
-        self.release(&self.held);
+        self.release(&self.graphs_with_weights);
         Ok(())
     }
 
@@ -503,7 +507,7 @@ impl ExecutionContext for DirectMlContext {
     }
 
     fn fill_snapshot(&mut self, decoded: &Decoded<'_>, latent: BufferId, into: &mut Snapshot) -> Result<()> {
-        self.be_resident()?;
+        self.make_resident()?;
         let frames = self.frames.as_mut().expect("made with the room");
         let state = D3D12_RESOURCE_STATE_COMMON;
         let latent = &self.buffers[latent.0];
@@ -531,7 +535,7 @@ impl Drop for DirectMlContext {
         // The queue may still use the resources that are freed next, and those that ONNX Runtime frees after them.
         self.gpu.anchors().wait_ignoring_loss();
         if self.residency.get_mut().is_resident() {
-            self.release(&self.held);
+            self.release(&self.graphs_with_weights);
         }
     }
 }

@@ -17,23 +17,23 @@ use super::unsupported;
 use crate::gpu::Gpu;
 use crate::libraries::canonical;
 use crate::runtime::Ort;
-use crate::runtime::module::{self, Version};
+use crate::runtime::module::{self, LibraryVersion};
 use crate::{Error, ErrorKind, Result};
 
 /// The library. It is never unloaded: ONNX Runtime finds it by name when the first session is made.
-pub(super) struct Library {
+pub(super) struct DirectMlLibrary {
     module: HMODULE,
     path: PathBuf,
 }
 
 /// The oldest supported version: the release ONNX Runtime 1.24 is built against.
-const OLDEST: Version = Version([1, 15, 0, 0]);
+const OLDEST: LibraryVersion = LibraryVersion([1, 15, 0, 0]);
 
 /// Loads DirectML, or uses the one that is loaded.
 ///
 /// When a library is requested by name, Windows returns the one of this name that is loaded already: if the engine has loaded its
 /// DirectML first, ONNX Runtime gets the engine's. That one is used if its version is new enough; an older one is an error.
-pub(super) fn load(ort: &Ort) -> Result<Library> {
+pub(super) fn load(ort: &Ort) -> Result<DirectMlLibrary> {
     let path = ort.path().with_file_name("DirectML.dll");
     let missing = |why: String| {
         Error::new(ErrorKind::RuntimeMissing, why)
@@ -46,11 +46,11 @@ pub(super) fn load(ort: &Ort) -> Result<Library> {
     if let Some(first) = module::loaded(w!("DirectML.dll")) {
         let described = module::described(&first.path);
         if canonical(&first.path).is_ok_and(|first| canonical(&path).is_ok_and(|own| first == own)) {
-            return Ok(Library { module: first.handle, path });
+            return Ok(DirectMlLibrary { module: first.handle, path });
         }
-        if Version::of(&first.path).is_some_and(|version| version >= OLDEST) {
+        if LibraryVersion::of(&first.path).is_some_and(|version| version >= OLDEST) {
             log::info!("DirectML is the one that the process has already: {described}");
-            return Ok(Library { module: first.handle, path: first.path });
+            return Ok(DirectMlLibrary { module: first.handle, path: first.path });
         }
         return Err(unsupported(format!(
             "a DirectML.dll older than 1.15 is in this process already, which ONNX Runtime would use: {described}"
@@ -62,10 +62,10 @@ pub(super) fn load(ort: &Ort) -> Result<Library> {
     // SAFETY: a NUL-terminated path. Runs the initialisers of a library beside the one that the caller named, and so trusts.
     let module = unsafe { LoadLibraryExW(PCWSTR(wide.as_ptr()), None, search) }
         .map_err(|e| missing(format!("DirectML's library cannot be loaded: {e}")))?;
-    Ok(Library { module, path })
+    Ok(DirectMlLibrary { module, path })
 }
 
-impl Library {
+impl DirectMlLibrary {
     /// Makes a DirectML device on a Direct3D device.
     pub(super) fn device(&self, gpu: &Gpu) -> Result<IDMLDevice> {
         type Create = unsafe extern "system" fn(

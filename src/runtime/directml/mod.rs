@@ -2,15 +2,16 @@
 
 mod backup;
 mod capture;
-mod checks;
+mod capture_check;
 mod context;
 mod finite_check;
+mod graph_data;
+mod interval_times;
 mod library;
 mod recorder;
 mod reusable_list;
 mod snapshot;
 mod submission_throttle;
-mod times;
 mod weights;
 
 use std::path::PathBuf;
@@ -29,11 +30,12 @@ use super::device::Backend;
 use super::failure::make;
 use super::graph::TensorSpec;
 use super::{ExecutionContext, Graph, Ort};
-pub(crate) use backup::Backup;
-pub use capture::Captured;
-pub(super) use capture::Captures;
+pub(crate) use backup::DeviceBackup;
+pub(super) use graph_data::DirectMlGraph;
 pub(crate) use snapshot::Snapshot;
-pub(super) use weights::Weights;
+
+use capture::CaptureQuota;
+use weights::Weights;
 
 use crate::bundle::{ModelSource, Precision, weights_as_inputs};
 use crate::gpu::Gpu;
@@ -48,7 +50,7 @@ pub struct DirectMlOptions {
     /// Maximum number of passes of each graph that ONNX Runtime may capture: it keeps their commands and submits them again, which
     /// saves almost all of a pass's processor time. A rollout has at most two per graph, and ONNX Runtime keeps those of dropped
     /// rollouts as long as the world is loaded. A captured pass is used only if it gives the same bits as a normal one; the first
-    /// runs of each pass check this, and [`Rollout::captured`](crate::world::Rollout::captured) reports it. 0, the default, turns
+    /// runs of each pass check this, and [`Rollout::capture_statistics`](crate::world::Rollout::capture_statistics) reports it. 0, the default, turns
     /// capture off, as memory grows with each rollout that is made. 16 are enough for eight rollouts.
     pub captured_passes: usize,
     /// Maximum work of a rollout on the queue for anchors at a time, in device time, so that an engine's frames get their turn in
@@ -73,7 +75,7 @@ impl DirectMlOptions {
     }
 }
 
-/// The backend behind [`Device::directml`](super::Device::directml).
+/// The backend of [`Device::directml`](super::Device::directml).
 pub(super) struct DirectMlBackend {
     ort: Ort,
     gpu: Gpu,
@@ -174,18 +176,21 @@ impl Backend for DirectMlBackend {
             let builder = make("prepare a session", || self.session(&options, dimensions, is_captured));
             builder.and_then(|builder| Graph::commit(builder, what, &model, inputs.clone(), &specs, outputs.clone()))
         };
-        let graph = match options.captures() {
-            Err(why) => commit(false).map(|graph| graph.with_captures(Captures::refused(why))),
+        let (graph, captures) = match options.captures() {
+            Err(why) => (commit(false), CaptureQuota::refused(why)),
             Ok(count) => match commit(true) {
-                Ok(graph) => Ok(graph.with_captures(Captures::up_to(count))),
+                Ok(graph) => (Ok(graph), CaptureQuota::up_to(count)),
                 Err(e) => {
                     log::warn!("the {what} is made without captured passes: {e}");
-                    commit(false).map(|graph| graph.with_captures(Captures::refused(e.to_string())))
+                    (commit(false), CaptureQuota::refused(e.to_string()))
                 }
             },
         };
-        let with_weights = |graph: Graph| Ok(Arc::new(graph.with_weights(Weights::new(&self.gpu, &weights)?)));
-        graph.and_then(with_weights).map_err(|e| self.gpu.removed().unwrap_or(e))
+        let with_data = |graph: Graph| {
+            let data = DirectMlGraph::new(what, captures, Weights::new(&self.gpu, &weights)?);
+            Ok(Arc::new(graph.with_directml(data)))
+        };
+        graph.and_then(with_data).map_err(|e| self.gpu.removed().unwrap_or(e))
     }
 
     fn context(&self) -> Result<Box<dyn ExecutionContext>> {
@@ -201,7 +206,7 @@ impl Backend for DirectMlBackend {
     }
 }
 
-/// The error for what DirectML cannot do on this system.
+/// An `Unsupported` error with the advice to use a CPU device.
 fn unsupported(cause: String) -> Error {
     Error::new(ErrorKind::Unsupported, cause).remedy("Use a CPU device")
 }

@@ -5,9 +5,9 @@ use std::collections::VecDeque;
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
-use super::times::{Kind, TimedInterval, Times};
+use super::interval_times::{IntervalTimes, TimedInterval, WorkKind};
 use crate::gpu::compute::transition;
-use crate::gpu::{FencePoint, Gpu, Heap, Pipeline, Shared, Spent, failed_on};
+use crate::gpu::{FencePoint, Gpu, GpuTimeStatistics, Heap, MappedBuffer, Pipeline, failed_on};
 use crate::runtime::execution_context::Region;
 use crate::{Error, Result};
 
@@ -30,13 +30,13 @@ pub(super) struct Recorder {
     /// Buffers that the open list uses, by address, with their current state.
     used: Vec<(usize, D3D12_RESOURCE_STATES)>,
     /// Upload pages that the open list reads; `filled` bytes of the last are in use.
-    pages: Vec<Shared>,
+    pages: Vec<MappedBuffer>,
     filled: usize,
     /// Allocators and pages of submitted lists, with the fence point at which they may be reused.
-    working: VecDeque<(FencePoint, ID3D12CommandAllocator, Vec<Shared>)>,
+    in_flight: VecDeque<(FencePoint, ID3D12CommandAllocator, Vec<MappedBuffer>)>,
     /// Upload pages that are not in use.
-    free: Vec<Shared>,
-    times: Times,
+    free: Vec<MappedBuffer>,
+    times: IntervalTimes,
 }
 
 impl Recorder {
@@ -45,8 +45,8 @@ impl Recorder {
         let (other, next) = open(gpu)?;
         let (gpu, next) = (gpu.clone(), Some(next));
         let (used, pages, free) = (Vec::new(), Vec::new(), Vec::new());
-        let (working, times) = (VecDeque::new(), Times::new(&gpu)?);
-        Ok(Self { gpu, list, allocator, other, next, pending: false, used, pages, filled: 0, working, free, times })
+        let (in_flight, times) = (VecDeque::new(), IntervalTimes::new(&gpu)?);
+        Ok(Self { gpu, list, allocator, other, next, pending: false, used, pages, filled: 0, in_flight, free, times })
     }
 
     /// Writes `bytes` into `to` from byte `at` on; `bytes` may be reused at once.
@@ -55,18 +55,18 @@ impl Recorder {
         if let Some(gone) = self.gpu.removed() {
             return Err(gone);
         }
-        self.written_once(to)?;
+        self.submit_if_written(to)?;
         let mut at = at;
         for piece in bytes.chunks(PAGE) {
             if self.pages.is_empty() || self.filled + piece.len() > PAGE {
                 let page = match self.free.pop() {
                     Some(page) => page,
-                    None => Shared::new(&self.gpu, Heap::Upload, PAGE)?,
+                    None => MappedBuffer::new(&self.gpu, Heap::Upload, PAGE)?,
                 };
                 self.pages.push(page);
                 self.filled = 0;
             }
-            self.becomes(to, D3D12_RESOURCE_STATE_COPY_DEST);
+            self.require_state(to, D3D12_RESOURCE_STATE_COPY_DEST);
             let page = self.pages.last_mut().expect("a page was pushed above");
             page.write(self.filled, piece);
             // SAFETY: an open list; both buffers are held until it has run, and the ranges are inside them.
@@ -87,26 +87,26 @@ impl Recorder {
         from: &ID3D12Resource,
         regions: impl Iterator<Item = Region>,
     ) -> Result<()> {
-        self.written_once(to)?;
-        self.becomes(from, D3D12_RESOURCE_STATE_COPY_SOURCE);
+        self.submit_if_written(to)?;
+        self.require_state(from, D3D12_RESOURCE_STATE_COPY_SOURCE);
         self.regions(to, from, regions);
         Ok(())
     }
 
     /// Copies regions of `from`, an upload buffer, whose state never changes, into `to`.
-    pub(super) fn fill(
+    pub(super) fn copy_from_upload(
         &mut self,
         to: &ID3D12Resource,
         from: &ID3D12Resource,
         regions: impl Iterator<Item = Region>,
     ) -> Result<()> {
-        self.written_once(to)?;
+        self.submit_if_written(to)?;
         self.regions(to, from, regions);
         Ok(())
     }
 
     fn regions(&mut self, to: &ID3D12Resource, from: &ID3D12Resource, regions: impl Iterator<Item = Region>) {
-        self.becomes(to, D3D12_RESOURCE_STATE_COPY_DEST);
+        self.require_state(to, D3D12_RESOURCE_STATE_COPY_DEST);
         for r in regions {
             // SAFETY: an open list; both buffers are held until it has run, and the ranges are inside them.
             unsafe { self.list.CopyBufferRegion(to, r.to as u64, from, r.from as u64, r.len as u64) };
@@ -124,51 +124,51 @@ impl Recorder {
         groups: u32,
     ) {
         for buffer in reads {
-            self.becomes(buffer, D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE);
+            self.require_state(buffer, D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE);
         }
         for buffer in writes {
-            self.becomes(buffer, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
+            self.require_state(buffer, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
         }
         pipeline.record(&self.list, constants, reads, writes, groups);
         self.pending = true;
     }
 
     /// A new kind of work that is timed on the device.
-    pub(super) fn kind(&mut self) -> Kind {
+    pub(super) fn kind(&mut self) -> WorkKind {
         self.times.kind()
     }
 
     /// Records a timestamp for the start of an interval after all recorded commands, and submits.
-    pub(super) fn start(&mut self, kind: Kind) -> Result<Option<TimedInterval>> {
-        let begun = self.times.start(&self.list, kind);
-        self.pending |= begun.is_some();
+    pub(super) fn start(&mut self, kind: WorkKind) -> Result<Option<TimedInterval>> {
+        let interval = self.times.start(&self.list, kind);
+        self.pending |= interval.is_some();
         match self.submit() {
-            Ok(()) => Ok(begun),
+            Ok(()) => Ok(interval),
             Err(error) => {
-                self.forget(begun);
+                self.cancel(interval);
                 Err(error)
             }
         }
     }
 
-    /// Records the timestamp for its end, which is submitted with the commands recorded next.
-    pub(super) fn end(&mut self, begun: Option<TimedInterval>) {
-        if let Some(begun) = begun {
-            self.times.end(&self.list, begun);
+    /// Records the end timestamp of an interval. It is submitted with the commands recorded next.
+    pub(super) fn end(&mut self, interval: Option<TimedInterval>) {
+        if let Some(interval) = interval {
+            self.times.end(&self.list, interval);
             self.pending = true;
         }
     }
 
-    /// Discards the interval of work that failed: its time is not counted.
-    pub(super) fn forget(&mut self, begun: Option<TimedInterval>) {
-        if let Some(begun) = begun {
-            self.times.forget(begun);
+    /// Discards an interval whose work failed: its time is not counted.
+    pub(super) fn cancel(&mut self, interval: Option<TimedInterval>) {
+        if let Some(interval) = interval {
+            self.times.cancel(interval);
         }
     }
 
     /// Device time of all completed work of a kind.
-    pub(super) fn spent(&mut self, kind: Kind) -> Spent {
-        self.times.spent(kind)
+    pub(super) fn gpu_time(&mut self, kind: WorkKind) -> GpuTimeStatistics {
+        self.times.gpu_time(kind)
     }
 
     /// Submits the recorded commands.
@@ -177,7 +177,7 @@ impl Recorder {
             return Ok(());
         }
         self.prepare()?;
-        self.hand_over(Vec::new(), None).map(drop)
+        self.submit_list(Vec::new(), None).map(drop)
     }
 
     /// Submits the recorded commands and opens the other list. The commands recorded next can then be submitted without an
@@ -187,22 +187,22 @@ impl Recorder {
         self.prepare()
     }
 
-    /// Submits closed lists, whose interval `begun` is, and the recorded commands after them: all or nothing.
-    pub(super) fn submit_behind(
+    /// Submits closed lists, whose work `interval` measures, and after them the recorded commands: all or nothing.
+    pub(super) fn submit_after(
         &mut self,
         lists: Vec<ID3D12CommandList>,
-        begun: Option<TimedInterval>,
+        interval: Option<TimedInterval>,
     ) -> Result<FencePoint> {
         if let Err(error) = self.prepare() {
-            self.forget(begun);
+            self.cancel(interval);
             return Err(error);
         }
-        self.end(begun);
-        self.hand_over(lists, None)
+        self.end(interval);
+        self.submit_list(lists, None)
     }
 
     /// Submits the recorded commands, and after them a closed list, which expects all buffers in the state COMMON.
-    pub(super) fn submit_before(&mut self, list: ID3D12CommandList) -> Result<FencePoint> {
+    pub(super) fn submit_then(&mut self, list: ID3D12CommandList) -> Result<FencePoint> {
         // Within one call of ExecuteCommandLists, buffers keep their state from list to list; they decay to COMMON only at its end.
         if !self.used.is_empty() {
             self.submit()?;
@@ -211,7 +211,7 @@ impl Recorder {
             return self.gpu.anchors().submit(&[list]);
         }
         self.prepare()?;
-        self.hand_over(Vec::new(), Some(list))
+        self.submit_list(Vec::new(), Some(list))
     }
 
     /// Discards the recorded commands.
@@ -224,13 +224,13 @@ impl Recorder {
         // SAFETY: a closed list and an allocator that no open list uses.
         unsafe { self.list.Reset(&self.allocator, None) }
             .map_err(|e| failed("ID3D12GraphicsCommandList::Reset", &e))?;
-        self.times.lost();
+        self.times.discard_open();
         self.begin();
         Ok(())
     }
 
     /// Keeps memory that the open list reads until the list has run.
-    pub(super) fn hold(&mut self, memory: Shared) {
+    pub(super) fn hold(&mut self, memory: MappedBuffer) {
         self.pages.push(memory);
         // It is not an upload page: the next upload starts a new one.
         self.filled = PAGE;
@@ -243,8 +243,8 @@ impl Recorder {
         }
         let failed = |call: &str, e: &windows::core::Error| -> Error { failed_on(self.gpu.device(), call, e) };
         let mut reusable = None;
-        while self.working.front().is_some_and(|(fence_point, ..)| fence_point.reached()) {
-            if let Some((_, allocator, pages)) = self.working.pop_front() {
+        while self.in_flight.front().is_some_and(|(fence_point, ..)| fence_point.reached()) {
+            if let Some((_, allocator, pages)) = self.in_flight.pop_front() {
                 self.free.extend(pages.into_iter().filter(|memory| memory.len() == PAGE));
                 reusable = Some(allocator);
             }
@@ -264,11 +264,15 @@ impl Recorder {
     }
 
     /// Closes the open list and submits it after `lists` and before `last`. The other list must be open.
-    fn hand_over(&mut self, mut lists: Vec<ID3D12CommandList>, last: Option<ID3D12CommandList>) -> Result<FencePoint> {
+    fn submit_list(
+        &mut self,
+        mut lists: Vec<ID3D12CommandList>,
+        last: Option<ID3D12CommandList>,
+    ) -> Result<FencePoint> {
         // SAFETY: an open list.
         let closed = unsafe { self.list.Close() };
         let closed = closed.and_then(|()| self.list.cast());
-        let handed = match closed {
+        let submitted = match closed {
             Ok(list) => {
                 lists.push(list);
                 lists.extend(last);
@@ -279,16 +283,16 @@ impl Recorder {
         if let Some(next) = self.next.take() {
             std::mem::swap(&mut self.list, &mut self.other);
             let closed = std::mem::replace(&mut self.allocator, next);
-            match &handed {
+            match &submitted {
                 Ok(fence_point) => {
                     self.times.submitted(fence_point);
-                    self.working.push_back((fence_point.clone(), closed, std::mem::take(&mut self.pages)));
+                    self.in_flight.push_back((fence_point.clone(), closed, std::mem::take(&mut self.pages)));
                 }
-                Err(_) => self.times.lost(),
+                Err(_) => self.times.discard_open(),
             }
         }
         self.begin();
-        handed
+        submitted
     }
 
     /// Resets the state that belongs to the previous list.
@@ -300,13 +304,13 @@ impl Recorder {
     }
 
     /// Submits, and returns the fence point at which all submitted work is done, ONNX Runtime's work on the queue included.
-    pub(super) fn now(&mut self) -> Result<FencePoint> {
+    pub(super) fn submit_and_signal(&mut self) -> Result<FencePoint> {
         self.submit()?;
-        self.gpu.anchors().now()
+        self.gpu.anchors().signal()
     }
 
     /// Submits if the open list already writes `to`: nothing orders two copies to one buffer within a list.
-    fn written_once(&mut self, to: &ID3D12Resource) -> Result<()> {
+    fn submit_if_written(&mut self, to: &ID3D12Resource) -> Result<()> {
         let key = to.as_raw() as usize;
         let written =
             self.used.iter().any(|&(address, state)| address == key && state == D3D12_RESOURCE_STATE_COPY_DEST);
@@ -314,7 +318,7 @@ impl Recorder {
     }
 
     /// Transitions a buffer to the state that a copy or a shader needs.
-    fn becomes(&mut self, buffer: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
+    fn require_state(&mut self, buffer: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
         let key = buffer.as_raw() as usize;
         let Some(entry) = self.used.iter_mut().find(|(address, _)| *address == key) else {
             // The first use in a list promotes the buffer from COMMON; after execution it decays to COMMON.
@@ -332,7 +336,7 @@ impl Recorder {
 impl Drop for Recorder {
     fn drop(&mut self) {
         // The queue may still read the memory that is freed next.
-        if let Some((fence_point, ..)) = self.working.back() {
+        if let Some((fence_point, ..)) = self.in_flight.back() {
             fence_point.wait_ignoring_loss();
         }
     }

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 
-use crate::gpu::{FencePoint, Gpu, Heap, blank_texture, buffer, read_buffer, read_texture};
+use crate::gpu::{FencePoint, Gpu, Heap, buffer, picture_texture, read_buffer, read_texture};
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// Copies of a latent and its pictures, made on the device and kept there; they are read back only on request.
@@ -29,7 +29,7 @@ impl Snapshot {
         latent: usize,
         read: &Arc<AtomicU64>,
     ) -> Result<Self> {
-        let textures = (0..pictures).map(|_| blank_texture(gpu, size)).collect::<Result<_>>()?;
+        let textures = (0..pictures).map(|_| picture_texture(gpu, size)).collect::<Result<_>>()?;
         let latent = buffer(gpu, Heap::Device, latent)?;
         Ok(Self { gpu: gpu.clone(), textures, latent, fence_point: None, read: read.clone() })
     }

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use super::context::DirectMlContext;
-use super::times::Kind;
+use super::interval_times::WorkKind;
 use crate::Result;
 
 /// Estimated duration of a context's queued work, against the limit of
@@ -48,13 +48,13 @@ impl SubmissionThrottle {
 
 impl DirectMlContext {
     /// Waits for all submitted work if a pass of this kind would exceed the limit, then counts the pass as queued.
-    pub(super) fn wait_for_room(&mut self, kind: Kind) -> Result<()> {
+    pub(super) fn wait_for_queue_space(&mut self, kind: WorkKind) -> Result<()> {
         if self.throttle.longest.is_none() {
             return Ok(());
         }
-        let takes = self.recorder.get_mut().spent(kind).last;
+        let takes = self.recorder.get_mut().gpu_time(kind).last;
         if self.throttle.is_too_long(takes) {
-            let fence_point = self.recorder.get_mut().now()?;
+            let fence_point = self.recorder.get_mut().submit_and_signal()?;
             self.wait(&fence_point)?;
             self.throttle.yields += 1;
         }

@@ -11,8 +11,8 @@ use crate::gpu::{Gpu, ResidencySet};
 use crate::runtime::graph::TensorSpec;
 use crate::{Error, ErrorKind, Result};
 
-/// Maximum bytes in flight to the device while a graph is made.
-const UNDER_WAY: usize = 64 << 20;
+/// Maximum bytes of weights in flight to the device while a graph is loaded.
+const MAX_IN_FLIGHT: usize = 64 << 20;
 
 /// Weights that a session takes as inputs. Each context that may run the session holds them while it is not resting.
 pub(crate) struct Weights {
@@ -32,23 +32,23 @@ impl Weights {
         let mut set = ResidencySet::new();
         let mut recorder = Recorder::new(gpu)?;
         let mut inputs = Vec::with_capacity(weights.len());
-        let mut under_way = 0;
+        let mut in_flight = 0;
         for weight in weights {
             let name = CString::new(weight.name)
                 .map_err(|_| Error::new(ErrorKind::InvalidBundle, "a weight's name holds a NUL"))?;
             let memory = Buffer::new(gpu, weight.bytes.len())?;
             set.add(gpu, &memory.resource)?;
-            for (i, piece) in weight.bytes.chunks(UNDER_WAY).enumerate() {
-                recorder.upload(&memory.resource, i * UNDER_WAY, piece)?;
-                under_way += piece.len();
-                if under_way >= UNDER_WAY {
-                    recorder.now()?.wait()?;
-                    under_way = 0;
+            for (i, piece) in weight.bytes.chunks(MAX_IN_FLIGHT).enumerate() {
+                recorder.upload(&memory.resource, i * MAX_IN_FLIGHT, piece)?;
+                in_flight += piece.len();
+                if in_flight >= MAX_IN_FLIGHT {
+                    recorder.submit_and_signal()?.wait()?;
+                    in_flight = 0;
                 }
             }
             inputs.push((name, TensorSpec::new(weight.name, Precision::F16, &weight.shape), memory));
         }
-        recorder.now()?.wait()?;
+        recorder.submit_and_signal()?.wait()?;
         Ok(Self { inputs, residency: Mutex::new(Residency { set, holders: 0 }) })
     }
 
@@ -57,7 +57,7 @@ impl Weights {
         self.inputs.iter().map(|(name, spec, memory)| (name.as_c_str(), spec, memory))
     }
 
-    /// Makes the weights resident for everything submitted to the queue for anchors from now on, until [`release`](Self::let_go) is
+    /// Makes the weights resident for everything submitted to the queue for anchors from now on, until [`release`](Self::release) was
     /// called as often.
     ///
     /// # Errors

@@ -16,7 +16,7 @@ pub const MAX_PRESENTED_RATE: u32 = 960;
 /// Maximum interval of [`CacheMode::Interval`], in generated latents.
 pub const MAX_INTERVAL: u32 = 4_096;
 
-/// Source of the keys and values that a generated latent commits to the ring.
+/// Which keys and values a generated latent commits to the ring.
 ///
 /// An appended picture always runs its own cache pass at sigma 0 and commits, in every mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -25,9 +25,8 @@ pub enum CacheMode {
     Separate,
     /// The keys and values of the last denoise pass.
     Fused,
-    /// As separate, but only generated latents number t with t mod k == 0 commit, t = 1, 2, ... from the first generated latent; k
-    /// is 1 to [`MAX_INTERVAL`]. A skipped latent changes no slot and no flag. The ring clock counts commits, the RoPE clock counts
-    /// latents.
+    /// As separate, but only every k-th generated latent commits, the first one being number 1; k is 1 to [`MAX_INTERVAL`]. A
+    /// latent that does not commit changes no slot and no flag. The ring clock counts commits, the RoPE clock counts latents.
     Interval(u32),
 }
 
@@ -87,11 +86,11 @@ pub struct OperatingPoint {
 pub struct Counts {
     /// Latents, the seed's own included.
     pub latents: u64,
-    /// Latent steps: latents less the seed's.
+    /// Latent steps: all latents but the seed's.
     pub steps: u64,
     /// Decoded pictures that are used, `pictures_per_latent` of each latent.
     pub pictures: u64,
-    /// Pictures before world time zero, all of the seed's latent, that are dropped.
+    /// Pictures of the seed's latent before world time zero, which are not shown.
     pub dropped: u64,
     /// Frames shown, from world time zero to the end, both included.
     pub presented: u64,
@@ -223,11 +222,11 @@ impl OperatingPoint {
 /// # Errors
 /// `InvalidArgument` when g is not a positive multiple of the dilation or exceeds the bundle's largest window.
 pub fn global_buckets(geometry: &Geometry, g: u32) -> Result<u32> {
-    let (dilation, most) = (geometry.global.dilation, geometry.global.max_window);
-    if dilation == 0 || g == 0 || !g.is_multiple_of(dilation) || g > most {
+    let (dilation, max) = (geometry.global.dilation, geometry.global.max_window);
+    if dilation == 0 || g == 0 || !g.is_multiple_of(dilation) || g > max {
         return Err(Error::new(ErrorKind::InvalidArgument, format!("g{g} is no window of this world"))
             .field("global_window")
-            .remedy(format!("Use a multiple of {dilation} up to {most}")));
+            .remedy(format!("Use a multiple of {dilation} up to {max}")));
     }
     Ok(g / dilation)
 }
@@ -238,12 +237,12 @@ mod tests {
     use crate::world::preset::Preset;
 
     #[test]
-    fn used_pictures_are_the_last_of_equal_shares() {
-        let of = |pictures_per_latent| {
+    fn used_pictures_are_evenly_spaced_and_end_with_the_last() {
+        let indices = |pictures_per_latent| {
             let point = OperatingPoint { pictures_per_latent, ..Preset::Stock.operating_point() };
             (0..5).map_while(|i| point.decoded_index(i, 4)).collect::<Vec<_>>()
         };
-        assert_eq!((of(1), of(2), of(4)), (vec![3], vec![1, 3], vec![0, 1, 2, 3]));
+        assert_eq!((indices(1), indices(2), indices(4)), (vec![3], vec![1, 3], vec![0, 1, 2, 3]));
         assert_eq!(Preset::Stock.operating_point().decoded_index(0, 2), None);
     }
 
@@ -261,13 +260,13 @@ mod tests {
     }
 
     #[test]
-    fn odd_durations_are_covered_and_not_overrun() {
+    fn durations_between_steps_are_covered() {
         let point = Preset::Coherence.operating_point();
-        let of = |micros| point.counts(WorldTime::from_micros(micros));
-        assert_eq!(of(0), Counts { latents: 1, steps: 0, pictures: 1, dropped: 0, presented: 1 });
-        let c = of(100_000);
-        assert_eq!((c.steps, c.presented), (2, 4));
-        assert_eq!(of(4_000_000).presented, 121);
+        let counts = |micros| point.counts(WorldTime::from_micros(micros));
+        assert_eq!(counts(0), Counts { latents: 1, steps: 0, pictures: 1, dropped: 0, presented: 1 });
+        let short = counts(100_000);
+        assert_eq!((short.steps, short.presented), (2, 4));
+        assert_eq!(counts(4_000_000).presented, 121);
         let endless = point.counts(WorldTime::new(u64::MAX, 1));
         assert_eq!(endless.latents, u64::MAX);
     }

@@ -99,12 +99,12 @@ impl FromStr for Presentation {
 }
 
 impl OperatingPoint {
-    /// Sets the presentation from a text that [`Presentation`] can read. Without a guidance source in the text, the current one
-    /// stays; if nothing was generated, the default one is used.
+    /// Sets the presentation from its text form. If the text names no guidance source, the current one stays, or the default one is
+    /// used if there is none.
     ///
     /// # Errors
     /// `InvalidArgument` for anything else.
-    pub fn present(&mut self, text: &str) -> Result<()> {
+    pub fn set_presentation(&mut self, text: &str) -> Result<()> {
         let mut read: Presentation = text.parse()?;
         let names_source = text.matches(':').count() > 1;
         if let (Presentation::Generated { guidance, .. }, Presentation::Generated { guidance: kept, .. }) =
@@ -132,7 +132,7 @@ pub fn parse_global_window(text: &str) -> Result<u32> {
 }
 
 impl fmt::Display for OperatingPoint {
-    /// All six items; reading them gives the same point.
+    /// Writes all six items; reading them gives an equal point.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { global_window, schedule, cache_mode, latents_per_second, pictures_per_latent, presentation } = self;
         write!(
@@ -147,7 +147,7 @@ impl FromStr for OperatingPoint {
     type Err = Error;
 
     /// Reads comma-separated items: first a preset's name, or none for `stock`, then the differences from it, such as
-    /// `coherence,g256,refined:12,interval:4,latents:15,pictures:1,generated:60`; presentation as in [`OperatingPoint::present`].
+    /// `coherence,g256,refined:12,interval:4,latents:15,pictures:1,generated:60`; presentation as in [`OperatingPoint::set_presentation`].
     /// The result passes [`OperatingPoint::check`].
     fn from_str(text: &str) -> Result<Self> {
         if text.len() > 4_096 {
@@ -169,7 +169,7 @@ impl FromStr for OperatingPoint {
                 // `stock` is a preset as the first item, and the schedule elsewhere.
                 "stock" | "refined" | "explicit" => point.schedule = item.parse()?,
                 "separate" | "fused" | "interval" => point.cache_mode = item.parse()?,
-                "native" | "generated" => point.present(item)?,
+                "native" | "generated" => point.set_presentation(item)?,
                 "latents" => point.latents_per_second = number()?,
                 "pictures" => point.pictures_per_latent = number()?,
                 _ if name.starts_with('g') => point.global_window = parse_global_window(item)?,
@@ -224,32 +224,32 @@ mod tests {
     }
 
     #[test]
-    fn any_point_that_holds_together_reads_back() {
+    fn every_valid_point_reads_back() {
         for seed in 0..2_000 {
-            let mut chance = crate::world::fixture::Chance(seed);
-            let mut points: Vec<f64> = (0..chance.below(6)).map(|_| 1.0 / (1.0 + chance.below(999) as f64)).collect();
+            let mut rng = crate::world::fixture::TestRng(seed);
+            let mut points: Vec<f64> = (0..rng.below(6)).map(|_| 1.0 / (1.0 + rng.below(999) as f64)).collect();
             points.extend([1.0, 0.0]);
             points.sort_by(|a, b| b.total_cmp(a));
             points.dedup();
             let point = OperatingPoint {
-                global_window: 1 + chance.below(5_000) as u32,
-                schedule: match chance.below(3) {
+                global_window: 1 + rng.below(5_000) as u32,
+                schedule: match rng.below(3) {
                     0 => Schedule::Stock,
-                    1 => Schedule::Refined(chance.below(70) as u32),
+                    1 => Schedule::Refined(rng.below(70) as u32),
                     _ => Schedule::Explicit(points),
                 },
-                cache_mode: match chance.below(3) {
+                cache_mode: match rng.below(3) {
                     0 => CacheMode::Separate,
                     1 => CacheMode::Fused,
-                    _ => CacheMode::Interval(chance.below(5_000) as u32),
+                    _ => CacheMode::Interval(rng.below(5_000) as u32),
                 },
-                latents_per_second: chance.below(300) as u32,
-                pictures_per_latent: chance.below(5) as u32,
-                presentation: match chance.below(2) {
+                latents_per_second: rng.below(300) as u32,
+                pictures_per_latent: rng.below(5) as u32,
+                presentation: match rng.below(2) {
                     0 => Presentation::Native,
                     _ => Presentation::Generated {
-                        rate: chance.below(1_100) as u32,
-                        guidance: match chance.below(3) {
+                        rate: rng.below(1_100) as u32,
+                        guidance: match rng.below(3) {
                             0 => GuidanceSource::Paper,
                             1 => GuidanceSource::LatentFlow,
                             _ => GuidanceSource::PictureFlow,
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn the_best_source_is_written_by_its_own_name() {
+    fn the_best_source_is_written_with_its_own_name() {
         let point: OperatingPoint = "coherence,generated:30:best".parse().unwrap();
         let Presentation::Generated { guidance, .. } = point.presentation else { panic!("{point}") };
         assert_eq!(guidance, GuidanceSource::BEST);

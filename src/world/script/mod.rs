@@ -53,8 +53,7 @@ pub enum Action {
 
 /// A valid control script.
 ///
-/// Time is exact: [`ControlScript::span`] over adjacent spans of 1/15 s loses nothing and counts nothing twice, however long the
-/// script is.
+/// Time is exact: over adjacent spans of 1/15 s, [`ControlScript::span`] counts every event once, however long the script is.
 #[derive(Debug, Clone)]
 pub struct ControlScript {
     /// Sorted by time; events at the same time keep their order.
@@ -66,6 +65,7 @@ pub struct ControlScript {
     ramps: Vec<Ramp>,
 }
 
+/// A mouse motion over a span of time.
 #[derive(Debug, Clone, Copy)]
 struct Ramp {
     from: u64,
@@ -75,14 +75,14 @@ struct Ramp {
     latest: u64,
 }
 
-/// Position of an event in its source, for messages.
+/// Position of an event in the text or the list that it comes from, for messages.
 #[derive(Debug, Clone, Copy)]
-enum Place {
+enum SourcePosition {
     Text { line: usize, column: usize },
     Index(usize),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for SourcePosition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Text { line, column } => write!(f, "line {line}, column {column}"),
@@ -100,12 +100,12 @@ impl ControlScript {
     /// too large, a motion that ends before it starts, a key that goes down while held or up while not held; and for more than
     /// [`MAX_EVENTS`] events.
     pub fn from_events(events: Vec<ScriptEvent>, end: Option<u64>) -> Result<Self> {
-        Self::build(events.into_iter().enumerate().map(|(i, event)| (event, Place::Index(i))).collect(), end)
+        Self::build(events.into_iter().enumerate().map(|(i, event)| (event, SourcePosition::Index(i))).collect(), end)
     }
 
-    fn build(mut placed: Vec<(ScriptEvent, Place)>, end: Option<u64>) -> Result<Self> {
-        if placed.len() > MAX_EVENTS {
-            return Err(Error::new(ErrorKind::InvalidArgument, format!("the script has {} events", placed.len()))
+    fn build(mut events: Vec<(ScriptEvent, SourcePosition)>, end: Option<u64>) -> Result<Self> {
+        if events.len() > MAX_EVENTS {
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("the script has {} events", events.len()))
                 .field("script")
                 .remedy(format!("Use at most {MAX_EVENTS}")));
         }
@@ -114,18 +114,18 @@ impl ControlScript {
                 .field("script.end")
                 .remedy(format!("End it at {MAX_SECONDS} s or before")));
         }
-        placed.sort_by_key(|(event, _)| event.at);
+        events.sort_by_key(|(event, _)| event.at);
         let mut script = Self { events: Vec::new(), end, held: vec![KeySet::NONE], ramps: Vec::new() };
-        for (event, place) in placed {
+        for (event, position) in events {
             script.push(event).map_err(|cause| {
                 Error::new(ErrorKind::InvalidArgument, cause)
-                    .field(place.to_string())
+                    .field(position.to_string())
                     .remedy("See docs/control-script.md for what a script may say")
             })?;
         }
         if let Some(end) = end {
             // Keys held at the end are released by explicit events, so that a written script contains the releases.
-            for key in script.held_last().iter() {
+            for key in script.held_at_end().iter() {
                 script
                     .push(ScriptEvent { at: end, action: Action::Up(key) })
                     .map_err(|cause| Error::new(ErrorKind::InvalidArgument, cause).field("script.end"))?;
@@ -134,22 +134,22 @@ impl ControlScript {
         Ok(script)
     }
 
-    fn held_last(&self) -> KeySet {
+    fn held_at_end(&self) -> KeySet {
         self.held.last().copied().unwrap_or_default()
     }
 
-    /// Adds the next event in order of time; the error is a cause.
+    /// Adds the next event in order of time. The error is the cause alone, without field or remedy.
     fn push(&mut self, mut event: ScriptEvent) -> std::result::Result<(), String> {
-        let mut held = self.held_last();
+        let mut held = self.held_at_end();
         let latest = self.end.unwrap_or(MAX_SECONDS * MICROS);
-        let in_time = |at: u64| {
+        let check_time = |at: u64| {
             if at <= latest {
                 return Ok(());
             }
             let what = if self.end.is_some() { "after the end" } else { "too late" };
             Err(format!("{} s is {what}: the script lasts {} s at most", format_micros(at), format_micros(latest)))
         };
-        in_time(event.at)?;
+        check_time(event.at)?;
         match &mut event.action {
             Action::Down(key) if held.contains(*key) => return Err(format!("{key} goes down, but it is held already")),
             Action::Down(key) => held.insert(*key),
@@ -166,7 +166,7 @@ impl ControlScript {
                     }
                 }
                 if let Some(until) = *until {
-                    in_time(until)?;
+                    check_time(until)?;
                     if until <= event.at {
                         return Err("the motion ends before it starts".into());
                     }
@@ -194,7 +194,7 @@ impl ControlScript {
         self.end
     }
 
-    /// Its duration: to its explicit end, else to the end of its last event or motion.
+    /// Its duration: to its explicit end, if any, else to the end of its last event or motion.
     pub fn duration(&self) -> WorldTime {
         let last_event = self.events.last().map_or(0, |event| event.at);
         let last_motion = self.ramps.last().map_or(0, |ramp| ramp.latest);
@@ -216,16 +216,16 @@ impl ControlScript {
             return Ok(ControlInput::IDLE);
         }
         let first = self.events.partition_point(|event| WorldTime::from_micros(event.at) < start);
-        let past = self.events.partition_point(|event| WorldTime::from_micros(event.at) < end);
+        let end_index = self.events.partition_point(|event| WorldTime::from_micros(event.at) < end);
         let mut keys = self.held[first];
         let (mut pressed, mut mouse, mut notches) = (KeySet::NONE, [0.0f64; 2], 0i64);
-        for event in &self.events[first..past] {
+        for event in &self.events[first..end_index] {
             match event.action {
                 Action::Down(key) => {
                     keys.insert(key);
                     pressed.insert(key);
                 }
-                // Released at the start of the span: held before it, but at no time in it.
+                // Released at the start of the span, so it was held before the span and not in it.
                 Action::Up(key) if WorldTime::from_micros(event.at) == start && !pressed.contains(key) => {
                     keys.remove(key);
                 }
@@ -245,13 +245,13 @@ impl ControlScript {
 
     /// Adds the share of each mouse motion over a span that falls into `start..end`, by exact fractions of time.
     fn add_ramps(&self, start: WorldTime, end: WorldTime, mouse: &mut [f64; 2]) {
-        let past = self.ramps.partition_point(|ramp| WorldTime::from_micros(ramp.from) < end);
+        let end_index = self.ramps.partition_point(|ramp| WorldTime::from_micros(ramp.from) < end);
         let first = self.ramps.partition_point(|ramp| WorldTime::from_micros(ramp.latest) <= start);
-        let (start, end, scale) = WorldTime::on_one_scale(start, end);
-        for ramp in self.ramps.get(first..past).unwrap_or_default() {
+        let (start, end, scale) = WorldTime::to_common_unit(start, end);
+        for ramp in self.ramps.get(first..end_index).unwrap_or_default() {
             let (from, until) = (scale(ramp.from), scale(ramp.until));
-            let common = until.min(end).saturating_sub(from.max(start));
-            let share = common as f64 / (until - from) as f64;
+            let overlap = until.min(end).saturating_sub(from.max(start));
+            let share = overlap as f64 / (until - from) as f64;
             mouse[0] += ramp.motion[0] * share;
             mouse[1] += ramp.motion[1] * share;
         }

@@ -22,7 +22,7 @@ impl ScriptRecorder {
         Self::default()
     }
 
-    /// Records that a key went down or up. Repeats of a known state are ignored, because keyboards repeat.
+    /// Records that a key went down or up. If it was already, nothing is recorded, because keyboards repeat.
     ///
     /// # Errors
     /// `InvalidArgument` when the recording is full.
@@ -89,7 +89,7 @@ impl ScriptRecorder {
     /// # Errors
     /// As [`ControlScript::from_events`], for instance when an event is after `end`.
     pub fn finish(mut self, end: WorldTime) -> Result<ControlScript> {
-        // As every release, at the last microsecond that is not in the following span.
+        // Like every release, at the last microsecond that is not in the following span.
         let last = self.events.last().map_or(0, |event| event.at);
         let at = end.floor_micros().max(last);
         self.events.extend(self.held.iter().map(|key| ScriptEvent { at, action: Action::Up(key) }));
@@ -117,7 +117,7 @@ impl ScriptRecorder {
                 .field("script")
                 .remedy("Finish it and start another"));
         }
-        // Live events are in order; a clock that steps back must not reorder a press and its release.
+        // A clock that steps back must not reorder a press and its release.
         let at = self.events.last().map_or(at, |last| at.max(last.at));
         self.events.push(ScriptEvent { at, action });
         Ok(())

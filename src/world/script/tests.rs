@@ -1,7 +1,7 @@
 //! Tests of control scripts: the text form, spans compared with a brute-force player, the recorder, and invalid text.
 
 use super::*;
-use crate::world::fixture::Chance;
+use crate::world::fixture::TestRng;
 
 const WALK: &str = include_str!("../../../samples/scripts/walk.txt");
 const LOOK_AROUND: &str = include_str!("../../../samples/scripts/look-around.txt");
@@ -20,29 +20,29 @@ fn keys(names: &[&str]) -> KeySet {
 
 /// A random valid script: taps, overlapping holds, motions of both kinds, wheel.
 fn random(seed: u64) -> ControlScript {
-    let mut chance = Chance(seed);
-    let length = 1 + chance.below(6_000_000);
+    let mut rng = TestRng(seed);
+    let length = 1 + rng.below(6_000_000);
     let mut events = Vec::new();
-    for _ in 0..chance.below(40) {
-        let from = chance.below(length);
-        let counts = |chance: &mut Chance| chance.below(20_001) as f64 / 16.0 - 625.0;
-        match chance.below(3) {
+    for _ in 0..rng.below(40) {
+        let from = rng.below(length);
+        let counts = |rng: &mut TestRng| rng.below(20_001) as f64 / 16.0 - 625.0;
+        match rng.below(3) {
             0 => {
-                let motion = [counts(&mut chance), counts(&mut chance)];
-                let until = (chance.below(2) == 0).then(|| from + 1 + chance.below(length - from));
+                let motion = [counts(&mut rng), counts(&mut rng)];
+                let until = (rng.below(2) == 0).then(|| from + 1 + rng.below(length - from));
                 events.push(ScriptEvent { at: from, action: Action::Mouse { motion, until } });
             }
-            1 => events.push(ScriptEvent { at: from, action: Action::Scroll(chance.below(5) as i32 - 2) }),
+            1 => events.push(ScriptEvent { at: from, action: Action::Scroll(rng.below(5) as i32 - 2) }),
             _ => {}
         }
     }
     for code in 65..70 {
         let mut now = 0;
-        while chance.below(4) > 0 {
+        while rng.below(4) > 0 {
             // A step of zero gives taps and changes at the same time; multiples of 200 ms are on the edges of 1/15 s.
-            let step = |chance: &mut Chance| [0, 1, 200_000, chance.below(900_000)][chance.below(4) as usize];
-            let from = now + step(&mut chance);
-            let until = from + step(&mut chance);
+            let step = |rng: &mut TestRng| [0, 1, 200_000, rng.below(900_000)][rng.below(4) as usize];
+            let from = now + step(&mut rng);
+            let until = from + step(&mut rng);
             if until > length {
                 break;
             }
@@ -50,11 +50,11 @@ fn random(seed: u64) -> ControlScript {
             events.push(ScriptEvent { at: until, action: Action::Up(Key(code)) });
             now = until;
         }
-        if chance.below(3) == 0 {
+        if rng.below(3) == 0 {
             events.push(ScriptEvent { at: length, action: Action::Down(Key(code)) });
         }
     }
-    ControlScript::from_events(events, (chance.below(2) == 0).then_some(length)).unwrap()
+    ControlScript::from_events(events, (rng.below(2) == 0).then_some(length)).unwrap()
 }
 
 /// The controls of a span, from each event on its own; `on` and `off` in microseconds.
@@ -97,7 +97,7 @@ fn brute_force(script: &ControlScript, start: WorldTime, end: WorldTime) -> ([f6
 }
 
 #[test]
-fn spans_hold_what_a_brute_force_player_finds() {
+fn spans_match_a_brute_force_player() {
     for seed in 0..150 {
         let script = random(seed);
         let rate = [15, 30, 7, 60][seed as usize % 4];
@@ -115,7 +115,7 @@ fn spans_hold_what_a_brute_force_player_finds() {
 }
 
 #[test]
-fn what_is_written_reads_back_equal_and_is_canonical() {
+fn written_scripts_read_back_equal_and_are_canonical() {
     for seed in 0..300 {
         let script = random(seed);
         let text = script.write();
@@ -131,7 +131,7 @@ fn what_is_written_reads_back_equal_and_is_canonical() {
 }
 
 #[test]
-fn the_samples_say_what_their_comments_say() {
+fn the_sample_scripts_match_their_comments() {
     let walk = ControlScript::parse(WALK).unwrap();
     assert_eq!(walk.duration(), at(4, 1));
     let total = |script: &ControlScript| {
@@ -169,7 +169,7 @@ fn time_does_not_drift_over_an_hour() {
 }
 
 #[test]
-fn keys_count_from_their_press_to_just_before_their_release() {
+fn keys_are_held_from_their_press_until_just_before_their_release() {
     let script = parse("0.2 down W\n0.4 up W\n0.4 down A\n0.4 up A\n1 down S\n1 up S\n1 down S").unwrap();
     let held = |q| script.span(at(q, 15), at(q + 1, 15)).unwrap().keys();
     assert_eq!(held(2), KeySet::NONE);
@@ -206,17 +206,17 @@ fn too_much_motion_for_one_step_is_refused() {
 }
 
 #[test]
-fn recorded_steps_come_back_bit_for_bit() {
+fn recorded_steps_have_the_same_bits() {
     for seed in 0..60 {
-        let mut chance = Chance(seed);
+        let mut rng = TestRng(seed);
         let rate = [15, 30, 20, 60][seed as usize % 4];
         let mut recorder = ScriptRecorder::new();
         let steps: Vec<ControlInput> = (0..200)
             .map(|_| {
-                let keys: KeySet = (0..4).filter(|_| chance.below(2) == 0).map(|k| Key(60 + k)).collect();
+                let keys: KeySet = (0..4).filter(|_| rng.below(2) == 0).map(|k| Key(60 + k)).collect();
                 let counts = |word: u64| [0.0, 0.1, -3.7, word as u16 as f32 / 7.0][word as usize % 4];
-                let mouse = [counts(chance.word()), counts(chance.word())];
-                ControlInput::new(mouse, keys, chance.below(3) as f32 - 1.0).unwrap()
+                let mouse = [counts(rng.next_u64()), counts(rng.next_u64())];
+                ControlInput::new(mouse, keys, rng.below(3) as f32 - 1.0).unwrap()
             })
             .collect();
         for (q, input) in (0..).zip(&steps) {
@@ -261,7 +261,7 @@ fn live_events_are_recorded_without_repeats() {
 
 #[test]
 fn errors_name_line_column_and_remedy() {
-    for (body, place) in [
+    for (body, position) in [
         ("1", "line 2, column 2"),
         ("# one\n  x down W", "line 3, column 3"),
         ("1 jump", "line 2, column 3"),
@@ -291,7 +291,7 @@ fn errors_name_line_column_and_remedy() {
         ("1 end\n0..2 mouse 1 1", "line 3, column 1"),
     ] {
         let error = parse(body).unwrap_err();
-        assert_eq!(error.offending_field(), Some(place), "{body:?}: {error}");
+        assert_eq!(error.offending_field(), Some(position), "{body:?}: {error}");
         assert_eq!(error.kind(), ErrorKind::InvalidArgument);
         assert!(error.to_string().contains(". "), "no remedy: {error}");
     }
@@ -329,7 +329,7 @@ fn sizes_are_bounded() {
 }
 
 #[test]
-fn no_text_makes_it_panic_and_what_it_takes_it_writes() {
+fn no_text_causes_a_panic_and_every_valid_script_can_be_written() {
     let words = [
         "0",
         "1",
@@ -362,22 +362,22 @@ fn no_text_makes_it_panic_and_what_it_takes_it_writes() {
         "\u{2028}",
     ];
     for seed in 0..3_000 {
-        let mut chance = Chance(seed);
+        let mut rng = TestRng(seed);
         let text = if seed % 2 == 0 {
             let mut text = "cairn-controls 1\n".to_owned();
-            for _ in 0..chance.below(30) {
-                text += words[chance.below(words.len() as u64) as usize];
-                text += [" ", "\n", ""][chance.below(3) as usize];
+            for _ in 0..rng.below(30) {
+                text += words[rng.below(words.len() as u64) as usize];
+                text += [" ", "\n", ""][rng.below(3) as usize];
             }
             text.into_bytes()
         } else {
-            let mut bytes = [WALK, LOOK_AROUND][chance.below(2) as usize].as_bytes().to_vec();
-            for _ in 0..1 + chance.below(4) {
-                let place = chance.below(bytes.len() as u64) as usize;
-                match chance.below(3) {
-                    0 => bytes[place] = chance.word() as u8,
-                    1 => drop(bytes.remove(place)),
-                    _ => bytes.insert(place, b"0123456789. \n-#"[chance.below(15) as usize]),
+            let mut bytes = [WALK, LOOK_AROUND][rng.below(2) as usize].as_bytes().to_vec();
+            for _ in 0..1 + rng.below(4) {
+                let position = rng.below(bytes.len() as u64) as usize;
+                match rng.below(3) {
+                    0 => bytes[position] = rng.next_u64() as u8,
+                    1 => drop(bytes.remove(position)),
+                    _ => bytes.insert(position, b"0123456789. \n-#"[rng.below(15) as usize]),
                 }
             }
             bytes

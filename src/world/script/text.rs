@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::world::keys::Key;
-use crate::world::script::{Action, ControlScript, MAX_EVENTS, Place, ScriptEvent};
+use crate::world::script::{Action, ControlScript, MAX_EVENTS, ScriptEvent, SourcePosition};
 use crate::world::time::{clip, format_micros, parse_micros};
 use crate::{Error, ErrorKind, Result};
 
@@ -40,11 +40,11 @@ impl ControlScript {
         check_size(text.len())?;
         let mut lines = text.strip_prefix('\u{feff}').unwrap_or(text).lines();
         check_header(lines.next().unwrap_or(""))?;
-        let mut reader = Reader { placed: Vec::new(), end: None };
+        let mut reader = Reader { events: Vec::new(), end: None };
         for (number, line) in (2..).zip(lines) {
-            reader.line(&Words { line, number })?;
+            reader.read(&Line { text: line, number })?;
         }
-        Self::build(reader.placed, reader.end.map(|(end, _)| end))
+        Self::build(reader.events, reader.end.map(|(end, _)| end))
     }
 
     /// Writes the script in canonical form; [`ControlScript::parse`] reads an equal script from it.
@@ -107,44 +107,46 @@ fn check_header(line: &str) -> Result<()> {
     }
 }
 
-/// One line, split into words.
-struct Words<'a> {
-    line: &'a str,
+/// One line of a script.
+struct Line<'a> {
+    text: &'a str,
+    /// From 1.
     number: usize,
 }
 
-impl<'a> Words<'a> {
-    fn place(&self, word: &str) -> Place {
+impl<'a> Line<'a> {
+    fn position(&self, word: &str) -> SourcePosition {
         // `word` is a slice of the line, so the difference of their addresses is its byte offset.
-        let bytes = (word.as_ptr() as usize).saturating_sub(self.line.as_ptr() as usize).min(self.line.len());
-        let column = self.line.get(..bytes).map_or(bytes, |before| before.chars().count()) + 1;
-        Place::Text { line: self.number, column }
+        let bytes = (word.as_ptr() as usize).saturating_sub(self.text.as_ptr() as usize).min(self.text.len());
+        let column = self.text.get(..bytes).map_or(bytes, |before| before.chars().count()) + 1;
+        SourcePosition::Text { line: self.number, column }
     }
 
     fn error(&self, word: &str, cause: String, remedy: &str) -> Error {
-        Error::new(ErrorKind::InvalidArgument, cause).field(self.place(word).to_string()).remedy(remedy)
+        Error::new(ErrorKind::InvalidArgument, cause).field(self.position(word).to_string()).remedy(remedy)
     }
 
-    fn iter(&self) -> impl Iterator<Item = &'a str> + use<'a> {
-        self.line.split('#').next().unwrap_or("").split_whitespace()
+    /// The words before a comment.
+    fn words(&self) -> impl Iterator<Item = &'a str> + use<'a> {
+        self.text.split('#').next().unwrap_or("").split_whitespace()
     }
 
-    /// The empty end of the line's text, as the position of a missing word.
-    fn rest(&self) -> &'a str {
-        let text = self.line.split('#').next().unwrap_or("").trim_end();
+    /// The empty string at the end of the words, which has the position of a missing word.
+    fn end(&self) -> &'a str {
+        let text = self.text.split('#').next().unwrap_or("").trim_end();
         &text[text.len()..]
     }
 
-    /// Reads `1.5` or `1.5..2`.
+    /// Reads the time `1.5` or the span `1.5..2`, in seconds; returns microseconds.
     fn time(&self, when: &str) -> Result<(u64, Option<u64>)> {
-        let one = |word: &str| {
+        let micros = |word: &str| {
             let remedy = "Write seconds with at most six decimals, such as 1.5, or a span, such as 1.5..2";
             parse_micros(word).map_err(|cause| self.error(when, cause, remedy))
         };
         match when.split_once("..") {
-            None => Ok((one(when)?, None)),
+            None => Ok((micros(when)?, None)),
             Some((from, until)) => {
-                let (from, until) = (one(from)?, one(until)?);
+                let (from, until) = (micros(from)?, micros(until)?);
                 if until <= from {
                     return Err(self.error(
                         when,
@@ -158,7 +160,7 @@ impl<'a> Words<'a> {
     }
 
     fn counts(&self, word: Option<&str>) -> Result<f64> {
-        let word = word.unwrap_or_else(|| self.rest());
+        let word = word.unwrap_or_else(|| self.end());
         plain_number(word).ok_or_else(|| {
             let cause = format!("{:?} is no number of counts", clip(word));
             self.error(word, cause, "Write dx and dy as decimal numbers, such as 12 -3.5")
@@ -167,89 +169,90 @@ impl<'a> Words<'a> {
 }
 
 struct Reader {
-    placed: Vec<(ScriptEvent, Place)>,
+    events: Vec<(ScriptEvent, SourcePosition)>,
+    /// The explicit end, and the number of its line.
     end: Option<(u64, usize)>,
 }
 
 impl Reader {
-    fn line(&mut self, words: &Words<'_>) -> Result<()> {
-        if words.line.len() > MAX_LINE {
-            let cause = format!("the line has {} bytes", words.line.len());
-            return Err(words.error(words.line, cause, &format!("Use at most {MAX_LINE}")));
+    fn read(&mut self, line: &Line<'_>) -> Result<()> {
+        if line.text.len() > MAX_LINE {
+            let cause = format!("the line has {} bytes", line.text.len());
+            return Err(line.error(line.text, cause, &format!("Use at most {MAX_LINE}")));
         }
-        let mut iter = words.iter();
-        let Some(when) = iter.next() else { return Ok(()) };
-        let (at, until) = words.time(when)?;
-        let Some(verb) = iter.next() else {
-            return Err(words.error(words.rest(), "a time, but nothing that happens".into(), VERBS));
+        let mut words = line.words();
+        let Some(when) = words.next() else { return Ok(()) };
+        let (at, until) = line.time(when)?;
+        let Some(verb) = words.next() else {
+            return Err(line.error(line.end(), "a time, but nothing that happens".into(), VERBS));
         };
         let over_span = matches!(verb, "mouse" | "hold");
         match until {
             Some(_) if !over_span => {
                 let cause = format!("{:?} happens at one moment, not over a span", clip(verb));
-                return Err(words.error(verb, cause, "Write one time, or use hold or mouse"));
+                return Err(line.error(verb, cause, "Write one time, or use hold or mouse"));
             }
             None if verb == "hold" => {
-                return Err(words.error(when, "a key is held over a span".into(), "Write it as 1.5..2 hold W"));
+                return Err(line.error(when, "a key is held over a span".into(), "Write it as 1.5..2 hold W"));
             }
             _ => {}
         }
         match verb {
             "down" | "up" | "hold" => {
                 let mut any = false;
-                for word in iter.by_ref() {
+                for word in words.by_ref() {
                     any = true;
                     let key = Key::from_name(word).ok_or_else(|| {
                         let cause = format!("{:?} is no key", clip(word));
-                        words.error(word, cause, "Use names such as W, SPACE, LEFT, MOUSE_LEFT or VK_0x57")
+                        line.error(word, cause, "Use names such as W, SPACE, LEFT, MOUSE_LEFT or VK_0x57")
                     })?;
                     let first = if verb == "up" { Action::Up(key) } else { Action::Down(key) };
-                    self.add(words, word, at, first)?;
+                    self.add(line, word, at, first)?;
                     if let Some(until) = until {
-                        self.add(words, word, until, Action::Up(key))?;
+                        self.add(line, word, until, Action::Up(key))?;
                     }
                 }
                 if !any {
-                    return Err(words.error(words.rest(), "no key is named".into(), "Name one or more keys"));
+                    return Err(line.error(line.end(), "no key is named".into(), "Name one or more keys"));
                 }
             }
             "mouse" => {
-                let motion = [words.counts(iter.next())?, words.counts(iter.next())?];
-                self.add(words, when, at, Action::Mouse { motion, until })?;
+                let motion = [line.counts(words.next())?, line.counts(words.next())?];
+                self.add(line, when, at, Action::Mouse { motion, until })?;
             }
             "scroll" => {
-                let word = iter.next().unwrap_or_else(|| words.rest());
+                let word = words.next().unwrap_or_else(|| line.end());
                 let notches = plain_number(word).filter(|_| !word.contains('.')).and_then(|_| word.parse().ok());
                 let notches = notches.ok_or_else(|| {
                     let cause = format!("{:?} is no whole number of notches", clip(word));
-                    words.error(word, cause, "Write a whole number such as -1")
+                    line.error(word, cause, "Write a whole number such as -1")
                 })?;
-                self.add(words, word, at, Action::Scroll(notches))?;
+                self.add(line, word, at, Action::Scroll(notches))?;
             }
             "end" => {
-                if let Some((_, line)) = self.end {
-                    let cause = format!("the script has ended already on line {line}");
-                    return Err(words.error(verb, cause, "Keep one of the two"));
+                if let Some((_, number)) = self.end {
+                    let cause = format!("the script has ended already on line {number}");
+                    return Err(line.error(verb, cause, "Keep one of the two"));
                 }
-                self.end = Some((at, words.number));
+                self.end = Some((at, line.number));
             }
-            _ => return Err(words.error(verb, format!("{:?} is nothing that happens", clip(verb)), VERBS)),
+            _ => return Err(line.error(verb, format!("{:?} is nothing that happens", clip(verb)), VERBS)),
         }
-        match iter.next() {
+        match words.next() {
             Some(extra) => {
                 let cause = format!("{:?} is more than the line needs", clip(extra));
-                Err(words.error(extra, cause, "Put each event on a line of its own"))
+                Err(line.error(extra, cause, "Put each event on a line of its own"))
             }
             None => Ok(()),
         }
     }
 
-    fn add(&mut self, words: &Words<'_>, word: &str, at: u64, action: Action) -> Result<()> {
-        if self.placed.len() >= MAX_EVENTS {
+    fn add(&mut self, line: &Line<'_>, word: &str, at: u64, action: Action) -> Result<()> {
+        if self.events.len() >= MAX_EVENTS {
             let cause = "the script has too many events".to_owned();
-            return Err(words.error(word, cause, &format!("Use at most {MAX_EVENTS}")));
+            return Err(line.error(word, cause, &format!("Use at most {MAX_EVENTS}")));
         }
-        self.placed.push((ScriptEvent { at, action }, words.place(word)));
+        self.events.push((ScriptEvent { at, action }, line.position(word)));
         Ok(())
     }
 }

@@ -1,30 +1,31 @@
 //! A fake ffx-api library (test double) that imitates the releases of AMD's SDK and checks every call strictly. Windows only.
 //!
-//! Tests copy it to AMD's file names. A text file beside each copy, with `.txt` appended to the name, configures it (`role`). In
+//! Tests copy it to AMD's file names. A text file beside each copy, with `.txt` appended to the name, configures it (`config`). In
 //! the same folder it appends the calls to `calls.txt`, rule violations to `judgement.txt`, and the parameters it received to
-//! `told.txt`.
+//! `parameters.txt`.
 //!
 //! It generates and upscales frames with shaders of its own (`interpolate.hlsl`, `upscale.hlsl`), so that pixels show whether
 //! motion, depth, states and all other parameters are right.
 //!
-//! It shares no code with the bindings under test: it reads structs by offsets only, in `memory` and its callers.
+//! It shares no code with the bindings under test: it reads structs by offsets only, with the functions of `field_access`.
 #![cfg(windows)]
 
-mod frames;
-mod judge;
-mod memory;
+mod config;
+mod effect_library;
+mod field_access;
+mod generation;
+mod library;
+mod parameter_log;
 mod proxy;
 mod queries;
-mod role;
-mod settings;
+mod shader_work;
 mod swapchain;
-mod told;
+mod swapchain_config;
 mod upscale;
-mod work;
 
 use std::ffi::c_void;
 
-use judge::Judge;
+use library::Library;
 
 const OK: u32 = 0;
 const UNKNOWN_STRUCT: u32 = 2;
@@ -39,7 +40,7 @@ const PARAMETER: u32 = 6;
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxCreateContext(context: *mut *mut c_void, head: *mut u8, callbacks: *const c_void) -> u32 {
     // SAFETY: the caller's promise about the chain and the context's address.
-    Judge::hears("create", |judge| unsafe { judge.create(context, head, callbacks) })
+    Library::handle("create", |library| unsafe { library.create(context, head, callbacks) })
 }
 
 /// Destroys a context.
@@ -49,7 +50,7 @@ pub unsafe extern "C" fn ffxCreateContext(context: *mut *mut c_void, head: *mut 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxDestroyContext(context: *mut *mut c_void, callbacks: *const c_void) -> u32 {
     // SAFETY: the caller's promise about the context's address.
-    Judge::hears("destroy", |judge| unsafe { judge.destroy(context, callbacks) })
+    Library::handle("destroy", |library| unsafe { library.destroy(context, callbacks) })
 }
 
 /// Configures a context, or the library.
@@ -59,7 +60,7 @@ pub unsafe extern "C" fn ffxDestroyContext(context: *mut *mut c_void, callbacks:
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxConfigure(context: *mut *mut c_void, head: *const u8) -> u32 {
     // SAFETY: the caller's promise about the chain and the context's address.
-    Judge::hears("configure", |judge| unsafe { judge.configure(context, head) })
+    Library::handle("configure", |library| unsafe { library.configure(context, head) })
 }
 
 /// Queries a context, or the library.
@@ -69,7 +70,7 @@ pub unsafe extern "C" fn ffxConfigure(context: *mut *mut c_void, head: *const u8
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxQuery(context: *mut *mut c_void, head: *mut u8) -> u32 {
     // SAFETY: the caller's promise about the chain and the context's address.
-    Judge::hears("query", |judge| unsafe { judge.query(context, head) })
+    Library::handle("query", |library| unsafe { library.query(context, head) })
 }
 
 /// Records work.
@@ -79,5 +80,5 @@ pub unsafe extern "C" fn ffxQuery(context: *mut *mut c_void, head: *mut u8) -> u
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxDispatch(context: *mut *mut c_void, head: *const u8) -> u32 {
     // SAFETY: the caller's promise about the chain and the context's address.
-    Judge::hears("dispatch", |judge| unsafe { judge.dispatch(context, head) })
+    Library::handle("dispatch", |library| unsafe { library.dispatch(context, head) })
 }

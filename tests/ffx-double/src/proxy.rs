@@ -9,20 +9,20 @@ use windows::Win32::Graphics::Dxgi::*;
 use windows::core::{BOOL, GUID, HRESULT, IUnknown, Interface, OutRef, Ref, Result, implement};
 
 use crate::OK;
-use crate::judge::Judge;
-use crate::swapchain::{Stage, released, textures};
+use crate::library::Library;
+use crate::swapchain::{FakeSwapchain, release_count, textures};
 
 /// The host's swap chain object.
 #[implement(IDXGISwapChain4)]
 pub(crate) struct Proxy {
-    pub(crate) stage: Arc<Stage>,
+    pub(crate) swapchain: Arc<FakeSwapchain>,
 }
 
 /// Forwards a call to the real swap chain.
 macro_rules! real {
     ($self:ident . $name:ident ( $($argument:expr),* )) => {
         // SAFETY: a live swap chain, and arguments unchanged.
-        unsafe { $self.stage.real.$name($($argument),*) }
+        unsafe { $self.swapchain.real.$name($($argument),*) }
     };
 }
 
@@ -43,8 +43,8 @@ impl IDXGIObject_Impl for Proxy_Impl {
     fn GetParent(&self, id: *const GUID, parent: *mut *mut c_void) -> Result<()> {
         // SAFETY: forwarded unchanged.
         unsafe {
-            (self.stage.real.vtable().base__.base__.base__.base__.base__.base__.GetParent)(
-                self.stage.real.as_raw(),
+            (self.swapchain.real.vtable().base__.base__.base__.base__.base__.base__.GetParent)(
+                self.swapchain.real.as_raw(),
                 id,
                 parent,
             )
@@ -58,8 +58,8 @@ impl IDXGIDeviceSubObject_Impl for Proxy_Impl {
     fn GetDevice(&self, id: *const GUID, device: *mut *mut c_void) -> Result<()> {
         // SAFETY: forwarded unchanged.
         unsafe {
-            (self.stage.real.vtable().base__.base__.base__.base__.base__.GetDevice)(
-                self.stage.real.as_raw(),
+            (self.swapchain.real.vtable().base__.base__.base__.base__.base__.GetDevice)(
+                self.swapchain.real.as_raw(),
                 id,
                 device,
             )
@@ -71,11 +71,11 @@ impl IDXGIDeviceSubObject_Impl for Proxy_Impl {
 #[allow(non_snake_case, reason = "DXGI's names")]
 impl IDXGISwapChain_Impl for Proxy_Impl {
     fn Present(&self, sync: u32, flags: DXGI_PRESENT) -> HRESULT {
-        self.stage.present(sync, flags).map_or_else(|e| e.code(), |()| HRESULT(0))
+        self.swapchain.present(sync, flags).map_or_else(|e| e.code(), |()| HRESULT(0))
     }
 
     fn GetBuffer(&self, buffer: u32, id: *const GUID, to: *mut *mut c_void) -> Result<()> {
-        let found = self.stage.now().buffers.get(buffer as usize).cloned();
+        let found = self.swapchain.state().buffers.get(buffer as usize).cloned();
         let found = found.ok_or(DXGI_ERROR_INVALID_CALL)?;
         // SAFETY: a live object, and the host's memory for the result.
         unsafe { found.query(id, to) }.ok()
@@ -105,18 +105,18 @@ impl IDXGISwapChain_Impl for Proxy_Impl {
         format: DXGI_FORMAT,
         flags: &DXGI_SWAP_CHAIN_FLAG,
     ) -> Result<()> {
-        let mut now = self.stage.now();
-        if let Some(at) = now.buffers.iter().position(|buffer| released(buffer.clone()) > 1) {
+        let mut state = self.swapchain.state();
+        if let Some(at) = state.buffers.iter().position(|buffer| release_count(buffer.clone()) > 1) {
             let why = format!("buffer {at} is still held when buffers are resized");
-            drop(now);
-            Judge::hears("resize", |judge| judge.fault("resize", &why, OK));
+            drop(state);
+            Library::handle("resize", |library| library.report_violation("resize", &why, OK));
             return Err(DXGI_ERROR_INVALID_CALL.into());
         }
         real!(self.ResizeBuffers(0, width, height, format, *flags))?;
         let desc = real!(self.GetDesc1())?;
-        let count = if count == 0 { now.buffers.len() as u32 } else { count };
-        (now.buffers, now.generated) = textures(&self.stage.device, count, &desc)?;
-        now.next = 0;
+        let count = if count == 0 { state.buffers.len() as u32 } else { count };
+        (state.buffers, state.generated) = textures(&self.swapchain.device, count, &desc)?;
+        state.next = 0;
         Ok(())
     }
 
@@ -133,7 +133,7 @@ impl IDXGISwapChain_Impl for Proxy_Impl {
     }
 
     fn GetLastPresentCount(&self) -> Result<u32> {
-        Ok(self.stage.now().shown as u32)
+        Ok(self.swapchain.state().shown as u32)
     }
 }
 
@@ -141,8 +141,8 @@ impl IDXGISwapChain_Impl for Proxy_Impl {
 impl IDXGISwapChain1_Impl for Proxy_Impl {
     fn GetDesc1(&self) -> Result<DXGI_SWAP_CHAIN_DESC1> {
         let desc = real!(self.GetDesc1())?;
-        let count = self.stage.now().buffers.len() as u32;
-        Ok(DXGI_SWAP_CHAIN_DESC1 { BufferCount: count, Flags: self.stage.flags.0 as u32, ..desc })
+        let count = self.swapchain.state().buffers.len() as u32;
+        Ok(DXGI_SWAP_CHAIN_DESC1 { BufferCount: count, Flags: self.swapchain.flags.0 as u32, ..desc })
     }
 
     fn GetFullscreenDesc(&self) -> Result<DXGI_SWAP_CHAIN_FULLSCREEN_DESC> {
@@ -220,7 +220,7 @@ impl IDXGISwapChain2_Impl for Proxy_Impl {
 #[allow(non_snake_case, reason = "DXGI's names")]
 impl IDXGISwapChain3_Impl for Proxy_Impl {
     fn GetCurrentBackBufferIndex(&self) -> u32 {
-        self.stage.now().next
+        self.swapchain.state().next
     }
 
     fn CheckColorSpaceSupport(&self, space: DXGI_COLOR_SPACE_TYPE) -> Result<u32> {
@@ -250,6 +250,6 @@ impl IDXGISwapChain3_Impl for Proxy_Impl {
 impl IDXGISwapChain4_Impl for Proxy_Impl {
     fn SetHDRMetaData(&self, kind: DXGI_HDR_METADATA_TYPE, size: u32, data: *const c_void) -> Result<()> {
         // SAFETY: forwarded unchanged.
-        unsafe { (self.stage.real.vtable().SetHDRMetaData)(self.stage.real.as_raw(), kind, size, data) }.ok()
+        unsafe { (self.swapchain.real.vtable().SetHDRMetaData)(self.swapchain.real.as_raw(), kind, size, data) }.ok()
     }
 }

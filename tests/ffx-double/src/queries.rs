@@ -1,43 +1,44 @@
-//! Answers queries as AMD's libraries do.
+//! The query calls, answered as AMD's libraries do.
 
 use std::ffi::{c_char, c_void};
 
-use crate::frames::Made;
-use crate::judge::{Does, EFFECT, Judge, id, is_device};
-use crate::memory::{get, links, put};
-use crate::role::Sdk;
-use crate::upscale::{self, Larger};
+use crate::config::Sdk;
+use crate::field_access::{get, links, put};
+use crate::generation::CreationParams;
+use crate::library::{ContextKind, EFFECT, Library, id, is_device};
+use crate::upscale::{self, UpscalerState};
 use crate::{NO_PROVIDER, OK, PARAMETER, UNKNOWN_STRUCT};
 
-impl Judge {
+impl Library {
     pub(crate) unsafe fn query(&mut self, context: *mut *mut c_void, head: *mut u8) -> u32 {
         // SAFETY: the caller's chain.
         let chain = match unsafe { links(head) } {
             Ok(chain) if !chain.is_empty() => chain,
-            Ok(_) => return self.fault("query", "a pointer is null", PARAMETER),
-            Err(why) => return self.fault("query", why, PARAMETER),
+            Ok(_) => return self.report_violation("query", "a pointer is null", PARAMETER),
+            Err(why) => return self.report_violation("query", why, PARAMETER),
         };
         if let Some(code) = self.refusal("query", &chain) {
             return code;
         }
         // SAFETY: the caller's memory.
         let known = (!context.is_null()).then(|| unsafe { *context } as usize);
-        if self.role.is_loader {
+        if self.config.is_loader {
             let effect = match known {
                 Some(known) => self.owners.get(&known).copied(),
                 // SAFETY: the id of the creation struct is at 16.
                 None if chain[0].0 == id::GET_VERSIONS => Some(unsafe { get::<u64>(head, 16) } & EFFECT),
                 None => Some(chain[0].0 & EFFECT),
             };
-            let behind = effect.and_then(|effect| self.behind(effect));
+            let effect_library = effect.and_then(|effect| self.effect_library(effect));
             // SAFETY: forwarded unchanged.
-            let code = behind.map_or(NO_PROVIDER, |behind| unsafe { (behind.query)(context, head) });
-            return self.note("query", &chain, code);
+            let code =
+                effect_library.map_or(NO_PROVIDER, |effect_library| unsafe { (effect_library.query)(context, head) });
+            return self.log_call("query", &chain, code);
         }
         let code = match (chain[0].0, known) {
             // SAFETY: a struct of the type that its id says.
             (id::GET_VERSIONS, None) => unsafe { self.versions(head) },
-            (id::PROVIDER_VERSION, Some(_)) if self.role.sdk == Sdk::V110 => UNKNOWN_STRUCT,
+            (id::PROVIDER_VERSION, Some(_)) if self.config.sdk == Sdk::V110 => UNKNOWN_STRUCT,
             (id::PROVIDER_VERSION, Some(known)) => match self.contexts.get(&known) {
                 Some((id, name)) => {
                     // SAFETY: the id is at 16, the name at 24, and both may be written.
@@ -47,39 +48,39 @@ impl Judge {
                     }
                     OK
                 }
-                None => self.fault("query", "there is no such context", PARAMETER),
+                None => self.report_violation("query", "there is no such context", PARAMETER),
             },
-            (id::MEMORY | id::UPSCALE_MEMORY, Some(known)) if self.role.sdk >= Sdk::V114 => {
-                let bytes = match (chain[0].0, self.frames.get(&known).map(|worker| &worker.does)) {
-                    (id::MEMORY, Some(Does::Generates(frames))) => frames.memory(),
-                    (id::UPSCALE_MEMORY, Some(Does::Enlarges(of))) => Larger::memory(of.render, of.shown),
+            (id::MEMORY | id::UPSCALE_MEMORY, Some(known)) if self.config.sdk >= Sdk::V114 => {
+                let bytes = match (chain[0].0, self.effect_contexts.get(&known).map(|effect| &effect.kind)) {
+                    (id::MEMORY, Some(ContextKind::Generator(frames))) => frames.memory(),
+                    (id::UPSCALE_MEMORY, Some(ContextKind::Upscaler(of))) => UpscalerState::memory(of.render, of.shown),
                     _ => return UNKNOWN_STRUCT,
                 };
                 // SAFETY: a struct of the type that its id says.
                 unsafe { self.memory(head, 16, bytes) }
             }
-            (id::UPSCALE_MEMORY_V2, None) if self.role.sdk >= Sdk::V20 => {
+            (id::UPSCALE_MEMORY_V2, None) if self.config.sdk >= Sdk::V20 => {
                 // SAFETY: fields of the struct.
                 let (device, sides) =
                     unsafe { (get::<*mut c_void>(head, 16), [24, 28, 32, 36].map(|at| get::<u32>(head, at))) };
                 // SAFETY: the caller's device.
                 if !unsafe { is_device(device) } || sides.contains(&0) {
-                    return self.fault("query", &format!("memory of {sides:?}"), PARAMETER);
+                    return self.report_violation("query", &format!("memory of {sides:?}"), PARAMETER);
                 }
                 let [a, b, c, d] = sides;
                 // SAFETY: a struct of the type that its id says.
-                unsafe { self.memory(head, 48, Larger::memory([a, b], [c, d])) }
+                unsafe { self.memory(head, 48, UpscalerState::memory([a, b], [c, d])) }
             }
             (id::RENDER_SIZE, _) => {
                 // SAFETY: fields of the struct.
                 let (shown, mode) = unsafe { ([16, 20].map(|at| get::<u32>(head, at)), get::<u32>(head, 24)) };
                 // SAFETY: the struct has two pointers for the answers there.
-                let places = unsafe { [32, 40].map(|at| get::<*mut u8>(head, at)) };
+                let pointers = unsafe { [32, 40].map(|at| get::<*mut u8>(head, at)) };
                 let Some(size) = upscale::render_size(shown, mode) else {
-                    return self.fault("query", &format!("quality mode {mode}"), PARAMETER);
+                    return self.report_violation("query", &format!("quality mode {mode}"), PARAMETER);
                 };
                 // SAFETY: the caller's memory for the answers.
-                unsafe { self.answer(&places, &size) }
+                unsafe { self.answer(&pointers, &size) }
             }
             (id::JITTER_PHASES, _) => {
                 // SAFETY: fields of the struct.
@@ -92,13 +93,13 @@ impl Judge {
                 // SAFETY: fields of the struct.
                 let (index, count) = unsafe { (get::<i32>(head, 16), get::<i32>(head, 20)) };
                 let Some(jitter) = upscale::jitter(index, count) else {
-                    return self.fault("query", &format!("jitter {index} of {count}"), PARAMETER);
+                    return self.report_violation("query", &format!("jitter {index} of {count}"), PARAMETER);
                 };
                 // SAFETY: the struct has two pointers for the answers there.
                 unsafe { self.answer(&[24, 32].map(|at| get::<*mut u8>(head, at)), &jitter) }
             }
-            (id::RESOURCES, Some(_)) if self.role.sdk >= Sdk::V20 => {
-                let required = self.role.requires.unwrap_or(7);
+            (id::RESOURCES, Some(_)) if self.config.sdk >= Sdk::V20 => {
+                let required = self.config.required_inputs.unwrap_or(7);
                 // SAFETY: the answers are fields of the struct.
                 unsafe {
                     put(head, 16, required);
@@ -106,13 +107,13 @@ impl Judge {
                 }
                 OK
             }
-            (id::SWAPCHAIN_MEMORY, Some(known)) if self.role.sdk >= Sdk::V114 => {
+            (id::SWAPCHAIN_MEMORY, Some(known)) if self.config.sdk >= Sdk::V114 => {
                 let Some(presenting) = self.swapchains.get(&known) else { return UNKNOWN_STRUCT };
-                let ([width, height], _) = presenting.stage.shown();
+                let ([width, height], _) = presenting.swapchain.shown();
                 // SAFETY: a struct of the type that its id says.
                 unsafe { self.memory(head, 16, 16 * u64::from(width) * u64::from(height)) }
             }
-            (id::SWAPCHAIN_MEMORY_V2, None) if self.role.sdk >= Sdk::V20 => {
+            (id::SWAPCHAIN_MEMORY_V2, None) if self.config.sdk >= Sdk::V20 => {
                 // SAFETY: fields of the struct.
                 let (device, words) = unsafe {
                     (get::<*mut c_void>(head, 16), [24, 28, 32, 36, 40, 44, 48, 52].map(|at| get::<u32>(head, at)))
@@ -125,13 +126,13 @@ impl Judge {
                     && (of_width != 0, of_height != 0) == (interface, interface)
                     && flags < 4;
                 if !is_right {
-                    return self.fault("query", &format!("memory of a swap chain of {words:?}"), PARAMETER);
+                    return self.report_violation("query", &format!("memory of a swap chain of {words:?}"), PARAMETER);
                 }
                 let pictures = u64::from(buffers + 1 + u32::from(interface && flags & 2 != 0));
                 // SAFETY: a struct of the type that its id says.
                 unsafe { self.memory(head, 56, 4 * pictures * u64::from(width) * u64::from(height)) }
             }
-            (id::MEMORY_V2, None) if self.role.sdk >= Sdk::V20 => {
+            (id::MEMORY_V2, None) if self.config.sdk >= Sdk::V20 => {
                 // SAFETY: fields of the struct.
                 let (device, sides) =
                     unsafe { (get::<*mut c_void>(head, 16), [24, 28, 32, 36].map(|at| get::<u32>(head, at))) };
@@ -139,9 +140,13 @@ impl Judge {
                 let (flags, formats) = unsafe { (get::<u32>(head, 44), [48, 52].map(|at| get::<u32>(head, at))) };
                 // SAFETY: the caller's device.
                 if !unsafe { is_device(device) } || sides.contains(&0) || flags != 8 || formats[0] == 0 {
-                    return self.fault("query", &format!("memory of {sides:?}, {flags}, {formats:?}"), PARAMETER);
+                    return self.report_violation(
+                        "query",
+                        &format!("memory of {sides:?}, {flags}, {formats:?}"),
+                        PARAMETER,
+                    );
                 }
-                let made = Made {
+                let made = CreationParams {
                     flags: 0,
                     render: [sides[0], sides[1]],
                     shown: [sides[2], sides[3]],
@@ -153,17 +158,17 @@ impl Judge {
             }
             _ => UNKNOWN_STRUCT,
         };
-        self.note("query", &chain, code)
+        self.log_call("query", &chain, code)
     }
 
     /// Writes answers through the struct's pointers.
-    unsafe fn answer<T: Copy>(&self, places: &[*mut u8], values: &[T]) -> u32 {
-        if places.iter().any(|place| place.is_null()) {
-            return self.fault("query", "there is no room for the answer", PARAMETER);
+    unsafe fn answer<T: Copy>(&self, pointers: &[*mut u8], values: &[T]) -> u32 {
+        if pointers.iter().any(|pointer| pointer.is_null()) {
+            return self.report_violation("query", "there is no room for the answer", PARAMETER);
         }
-        for (place, value) in places.iter().zip(values) {
+        for (pointer, value) in pointers.iter().zip(values) {
             // SAFETY: the caller's memory.
-            unsafe { put(*place, 0, *value) };
+            unsafe { put(*pointer, 0, *value) };
         }
         OK
     }
@@ -171,14 +176,14 @@ impl Judge {
     /// Writes the memory usage through the struct's pointer.
     unsafe fn memory(&self, head: *const u8, at: usize, bytes: u64) -> u32 {
         // SAFETY: the struct has a pointer for the answer there.
-        let place = unsafe { get::<*mut u8>(head, at) };
-        if place.is_null() {
-            return self.fault("query", "there is no room for the answer", PARAMETER);
+        let pointer = unsafe { get::<*mut u8>(head, at) };
+        if pointer.is_null() {
+            return self.report_violation("query", "there is no room for the answer", PARAMETER);
         }
         // SAFETY: the caller's memory for two numbers.
         unsafe {
-            put(place, 0, bytes);
-            put(place, 8, bytes / 2);
+            put(pointer, 0, bytes);
+            put(pointer, 8, bytes / 2);
         }
         OK
     }
@@ -190,23 +195,23 @@ impl Judge {
         // SAFETY: as above.
         let (ids, names) = unsafe { (get::<*mut u64>(head, 40), get::<*mut *const c_char>(head, 48)) };
         if ![id::GENERATION, id::UPSCALE, 0x3_0001, 0x3_0005, 0x3_0006].contains(&create) {
-            return self.fault("query", &format!("{create:x} makes no context"), PARAMETER);
+            return self.report_violation("query", &format!("{create:x} makes no context"), PARAMETER);
         }
         // SAFETY: the caller's device.
         if !unsafe { is_device(device) } {
-            return self.fault("query", "the device is none", PARAMETER);
+            return self.report_violation("query", "the device is none", PARAMETER);
         }
         if count.is_null() || ids.is_null() || names.is_null() {
-            return self.fault("query", "there is no room for the answer", PARAMETER);
+            return self.report_violation("query", "there is no room for the answer", PARAMETER);
         }
         // SAFETY: the caller's memory.
         let room = usize::try_from(unsafe { *count }).unwrap_or(0);
         if room == 0 {
             // AMD's libraries return 0 here in any case.
-            return self.fault("query", "the number alone is asked for, which no release tells", OK);
+            return self.report_violation("query", "the number alone is asked for, which no release tells", OK);
         }
-        let fits = self.role.has(create & EFFECT);
-        let offers = self.role.offers.iter().filter(|_| fits).take(room);
+        let fits = self.config.has(create & EFFECT);
+        let offers = self.config.providers.iter().filter(|_| fits).take(room);
         let mut written = 0;
         for (id, name) in offers {
             // SAFETY: the lists have this capacity.

@@ -16,11 +16,11 @@ use windows::Win32::Graphics::Dxgi::*;
 use windows::core::{GUID, IUnknown, Interface, Result};
 
 use crate::OK;
-use crate::frames::told;
-use crate::judge::Judge;
-use crate::memory::{get, put};
+use crate::field_access::{get, put};
+use crate::generation::texture_arg;
+use crate::library::Library;
 use crate::proxy::Proxy;
-use crate::work::{Told, committed, state, transition};
+use crate::shader_work::{TextureArg, committed, state, transition};
 
 /// Resting state of the host's buffers, and of the generated texture while it is copied from.
 const REST: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COMMON;
@@ -48,27 +48,27 @@ pub(crate) struct Settings {
 unsafe impl Send for Settings {}
 
 /// The fake swap chain.
-pub(crate) struct Stage {
+pub(crate) struct FakeSwapchain {
     pub(crate) real: IDXGISwapChain4,
     pub(crate) device: ID3D12Device,
     queue: ID3D12CommandQueue,
     folder: PathBuf,
     pub(crate) flags: DXGI_SWAP_CHAIN_FLAG,
-    now: Mutex<Now>,
+    state: Mutex<PresentState>,
 }
 
 /// Its changing state.
-pub(crate) struct Now {
+pub(crate) struct PresentState {
     /// The host's buffers and the generated texture; recreated for another size.
     pub(crate) buffers: Vec<ID3D12Resource>,
     pub(crate) generated: ID3D12Resource,
     pub(crate) next: u32,
-    told: Option<Settings>,
+    settings: Option<Settings>,
     /// The last frame that was generated.
     last: u64,
     /// No frame was generated since generation was turned on.
     starts: bool,
-    interface: Option<(Told, bool)>,
+    interface: Option<(TextureArg, bool)>,
     /// Number of presents of the real swap chain.
     pub(crate) shown: u64,
     /// The host has waited for pending presents since generation was turned on or off.
@@ -76,21 +76,21 @@ pub(crate) struct Now {
 }
 
 // SAFETY: objects of Direct3D 12 and DXGI, and addresses that belong to the host.
-unsafe impl Send for Now {}
+unsafe impl Send for PresentState {}
 
 /// The context's part of the swap chain.
-pub(crate) struct Presenting {
-    pub(crate) stage: Arc<Stage>,
+pub(crate) struct SwapchainContext {
+    pub(crate) swapchain: Arc<FakeSwapchain>,
     proxy: Option<IDXGISwapChain4>,
 }
 
 /// All swap chains, by the address that configure calls use.
-static ALL: Mutex<Vec<(usize, Arc<Stage>)>> = Mutex::new(Vec::new());
+static ALL: Mutex<Vec<(usize, Arc<FakeSwapchain>)>> = Mutex::new(Vec::new());
 
 /// The swap chain at an address.
-pub(crate) fn named(address: usize) -> Option<Arc<Stage>> {
+pub(crate) fn find_by_address(address: usize) -> Option<Arc<FakeSwapchain>> {
     let all = ALL.lock().unwrap_or_else(PoisonError::into_inner);
-    all.iter().find(|(known, _)| *known == address).map(|(_, stage)| stage.clone())
+    all.iter().find(|(known, _)| *known == address).map(|(_, swapchain)| swapchain.clone())
 }
 
 /// Takes over a swap chain, or creates one; rule violations are added to `faults`.
@@ -102,10 +102,10 @@ pub(crate) unsafe fn make(
     head: *const u8,
     folder: PathBuf,
     faults: &mut Vec<String>,
-) -> Option<(Presenting, *mut c_void)> {
+) -> Option<(SwapchainContext, *mut c_void)> {
     // SAFETY: fields of the struct, here and below.
-    let place = unsafe { get::<*mut *mut c_void>(head, 16) };
-    if place.is_null() {
+    let pointer = unsafe { get::<*mut *mut c_void>(head, 16) };
+    if pointer.is_null() {
         faults.push("there is no place for the swap chain".to_owned());
         return None;
     }
@@ -127,8 +127,8 @@ pub(crate) unsafe fn make(
     // SAFETY: as above.
     let wanted = unsafe {
         match id {
-            0x3_0001 => taken_over(*place, faults),
-            0x3_0005 => described(get(head, 24)).zip(object(get(head, 32))),
+            0x3_0001 => take_over(*pointer, faults),
+            0x3_0005 => window_and_desc(get(head, 24)).zip(object(get(head, 32))),
             _ => {
                 let (window, desc) = (get::<*mut c_void>(head, 24), get::<*const DXGI_SWAP_CHAIN_DESC1>(head, 32));
                 let desc = (!desc.is_null() && !window.is_null()).then(|| (HWND(window), *desc));
@@ -151,16 +151,16 @@ pub(crate) unsafe fn make(
         faults.push(format!("{} buffers of {} x {}", desc.BufferCount, desc.Width, desc.Height));
         return None;
     }
-    match Stage::new(&factory, window, &desc, queue, folder) {
-        Ok(stage) => {
-            let stage = Arc::new(stage);
-            let proxy: IDXGISwapChain4 = Proxy { stage: stage.clone() }.into();
+    match FakeSwapchain::new(&factory, window, &desc, queue, folder) {
+        Ok(swapchain) => {
+            let swapchain = Arc::new(swapchain);
+            let proxy: IDXGISwapChain4 = Proxy { swapchain: swapchain.clone() }.into();
             let address = proxy.as_raw() as usize;
-            ALL.lock().unwrap_or_else(PoisonError::into_inner).push((address, stage.clone()));
+            ALL.lock().unwrap_or_else(PoisonError::into_inner).push((address, swapchain.clone()));
             let for_host = proxy.clone().into_raw();
             // SAFETY: the host's memory.
-            unsafe { *place = for_host };
-            Some((Presenting { stage, proxy: Some(proxy) }, for_host))
+            unsafe { *pointer = for_host };
+            Some((SwapchainContext { swapchain, proxy: Some(proxy) }, for_host))
         }
         Err(e) => {
             faults.push(format!("the swap chain cannot be made: {e}"));
@@ -173,7 +173,7 @@ pub(crate) unsafe fn make(
 type Wanted = ((HWND, DXGI_SWAP_CHAIN_DESC1), IDXGIFactory);
 
 /// Reads the description of the host's swap chain, and releases it.
-unsafe fn taken_over(swapchain: *mut c_void, faults: &mut Vec<String>) -> Option<Wanted> {
+unsafe fn take_over(swapchain: *mut c_void, faults: &mut Vec<String>) -> Option<Wanted> {
     if swapchain.is_null() {
         return None;
     }
@@ -188,7 +188,7 @@ unsafe fn taken_over(swapchain: *mut c_void, faults: &mut Vec<String>) -> Option
             faults.push("it is full screen".to_owned());
         }
         let factory: IDXGIFactory = swapchain.GetParent().ok()?;
-        let left = released(swapchain);
+        let left = release_count(swapchain);
         if left > 0 {
             faults.push(format!("{left} references to the swap chain are left"));
         }
@@ -197,7 +197,7 @@ unsafe fn taken_over(swapchain: *mut c_void, faults: &mut Vec<String>) -> Option
 }
 
 /// The window of a description, and the description as `DXGI_SWAP_CHAIN_DESC1`.
-unsafe fn described(desc: *const DXGI_SWAP_CHAIN_DESC) -> Option<(HWND, DXGI_SWAP_CHAIN_DESC1)> {
+unsafe fn window_and_desc(desc: *const DXGI_SWAP_CHAIN_DESC) -> Option<(HWND, DXGI_SWAP_CHAIN_DESC1)> {
     // SAFETY: null or a description, by the caller's promise.
     let desc = unsafe { desc.as_ref() }?;
     let made = DXGI_SWAP_CHAIN_DESC1 {
@@ -215,19 +215,19 @@ unsafe fn described(desc: *const DXGI_SWAP_CHAIN_DESC) -> Option<(HWND, DXGI_SWA
 }
 
 /// Queries another interface of a COM object, if it is not null; the caller keeps its reference.
-unsafe fn object<I: Interface>(place: *mut c_void) -> Option<I> {
+unsafe fn object<I: Interface>(pointer: *mut c_void) -> Option<I> {
     // SAFETY: the caller's promise.
-    unsafe { IUnknown::from_raw_borrowed(&place) }.and_then(|object| object.cast().ok())
+    unsafe { IUnknown::from_raw_borrowed(&pointer) }.and_then(|object| object.cast().ok())
 }
 
 /// Releases a reference; returns the remaining count.
-pub(crate) fn released<I: Interface>(object: I) -> u32 {
+pub(crate) fn release_count<I: Interface>(object: I) -> u32 {
     let raw = object.into_raw();
     // SAFETY: the reference that was handed over; every interface of COM starts with IUnknown's functions.
     unsafe { ((*(*raw.cast::<*const windows::core::IUnknown_Vtbl>())).Release)(raw) }
 }
 
-impl Stage {
+impl FakeSwapchain {
     fn new(
         factory: &IDXGIFactory,
         window: HWND,
@@ -245,11 +245,11 @@ impl Stage {
             let factory: IDXGIFactory2 = factory.cast()?;
             let real: IDXGISwapChain4 = factory.CreateSwapChainForHwnd(&queue, window, &wanted, None, None)?.cast()?;
             let (buffers, generated) = textures(&device, desc.BufferCount, desc)?;
-            let now = Now {
+            let now = PresentState {
                 buffers,
                 generated,
                 next: 0,
-                told: None,
+                settings: None,
                 last: 0,
                 starts: true,
                 interface: None,
@@ -257,47 +257,47 @@ impl Stage {
                 waited: true,
             };
             let flags = DXGI_SWAP_CHAIN_FLAG(desc.Flags as i32);
-            Ok(Self { real, device, queue, folder, flags, now: Mutex::new(now) })
+            Ok(Self { real, device, queue, folder, flags, state: Mutex::new(now) })
         }
     }
 
-    pub(crate) fn now(&self) -> MutexGuard<'_, Now> {
-        self.now.lock().unwrap_or_else(PoisonError::into_inner)
+    pub(crate) fn state(&self) -> MutexGuard<'_, PresentState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The display size and format.
     pub(crate) fn shown(&self) -> ([u32; 2], DXGI_FORMAT) {
         // SAFETY: a live texture.
-        let desc = unsafe { self.now().generated.GetDesc() };
+        let desc = unsafe { self.state().generated.GetDesc() };
         ([desc.Width as u32, desc.Height], desc.Format)
     }
 
     /// Applies a generator's configure call; returns a rule violation, if any.
-    pub(crate) fn tell(&self, told: Settings) -> Option<String> {
-        let mut now = self.now();
-        let before = now.told.replace(told);
-        if before.is_none_or(|before| before.enabled != told.enabled) {
+    pub(crate) fn apply(&self, settings: Settings) -> Option<String> {
+        let mut now = self.state();
+        let before = now.settings.replace(settings);
+        if before.is_none_or(|before| before.enabled != settings.enabled) {
             (now.starts, now.waited) = (true, false);
         }
-        (told.enabled && told.generate.is_none()).then(|| "nobody generates frames".to_owned())
+        (settings.enabled && settings.generate.is_none()).then(|| "nobody generates frames".to_owned())
     }
 
     /// Sets the interface drawn over frames.
-    pub(crate) fn set_interface(&self, interface: Option<(Told, bool)>) {
-        self.now().interface = interface;
+    pub(crate) fn set_interface(&self, interface: Option<(TextureArg, bool)>) {
+        self.state().interface = interface;
     }
 
     /// The wait call; presents here are synchronous, so there is nothing to wait for.
     pub(crate) fn wait(&self) {
-        self.now().waited = true;
+        self.state().waited = true;
     }
 
     /// Removes the generator of a destroyed context; returns a rule violation, if any.
-    pub(crate) fn let_go(&self, context: usize) -> Option<String> {
-        let mut now = self.now();
-        let told = now.told.filter(|told| told.by == context)?;
-        let (enabled, waited) = (told.enabled, now.waited);
-        now.told = None;
+    pub(crate) fn remove_generator(&self, context: usize) -> Option<String> {
+        let mut now = self.state();
+        let settings = now.settings.filter(|settings| settings.by == context)?;
+        let (enabled, waited) = (settings.enabled, now.waited);
+        now.settings = None;
         match (enabled, waited) {
             (true, _) => Some("its swap chain still generates frames".to_owned()),
             (false, false) => Some("it was not waited for what its swap chain is to show".to_owned()),
@@ -307,7 +307,7 @@ impl Stage {
 
     /// Whether a generator is still configured.
     fn has_generator(&self) -> bool {
-        self.now().told.is_some()
+        self.state().settings.is_some()
     }
 
     /// Presents one frame of the host's.
@@ -316,25 +316,25 @@ impl Stage {
             // SAFETY: a live swap chain.
             return unsafe { self.real.Present(sync, flags) }.ok();
         }
-        let (told, color, generated, starts, last) = {
-            let now = self.now();
-            (now.told, now.buffers[now.next as usize].clone(), now.generated.clone(), now.starts, now.last)
+        let (settings, color, generated, starts, last) = {
+            let now = self.state();
+            (now.settings, now.buffers[now.next as usize].clone(), now.generated.clone(), now.starts, now.last)
         };
-        if let Some(told) = told.filter(|told| told.enabled) {
-            if told.frame == last {
-                Judge::hears("present", |judge| {
-                    judge.fault("present", &format!("frame {last} is presented again, unprepared"), OK)
+        if let Some(settings) = settings.filter(|settings| settings.enabled) {
+            if settings.frame == last {
+                Library::handle("present", |library| {
+                    library.report_violation("present", &format!("frame {last} is presented again, unprepared"), OK)
                 });
-            } else if let Some(list) = self.generate(&told, &color, &generated, starts)? {
+            } else if let Some(list) = self.generate(&settings, &color, &generated, starts)? {
                 self.run(&list)?;
-                let mut now = self.now();
-                (now.starts, now.last) = (false, told.frame);
+                let mut now = self.state();
+                (now.starts, now.last) = (false, settings.frame);
                 drop(now);
-                self.show(&generated, "generated", told.frame)?;
+                self.show(&generated, "generated", settings.frame)?;
             }
         }
-        self.show(&color, "real", told.map_or(0, |told| told.frame))?;
-        let mut now = self.now();
+        self.show(&color, "real", settings.map_or(0, |settings| settings.frame))?;
+        let mut now = self.state();
         now.next = (now.next + 1) % now.buffers.len() as u32;
         Ok(())
     }
@@ -342,15 +342,15 @@ impl Stage {
     /// Calls the host's generation callback; returns the list if it succeeded.
     fn generate(
         &self,
-        told: &Settings,
+        settings: &Settings,
         color: &ID3D12Resource,
         generated: &ID3D12Resource,
         starts: bool,
     ) -> Result<Option<ID3D12GraphicsCommandList>> {
-        let Some(generate) = told.generate else { return Ok(None) };
+        let Some(generate) = settings.generate else { return Ok(None) };
         let list = self.list()?;
-        let mut asked = [0_u64; 39];
-        let head = asked.as_mut_ptr().cast::<u8>();
+        let mut request = [0_u64; 39];
+        let head = request.as_mut_ptr().cast::<u8>();
         // SAFETY: fields of the struct, which has 312 bytes.
         unsafe {
             put(head, 0, 0x2_0003_u64);
@@ -369,11 +369,11 @@ impl Stage {
             put(head, 264, 1_u32);
             put(head, 268, u8::from(starts));
             put(head, 280, 100.0_f32);
-            put(head, 284, told.rect);
-            put(head, 304, told.frame);
+            put(head, 284, settings.rect);
+            put(head, 304, settings.frame);
         }
         // SAFETY: the host's function with its user data.
-        let code = unsafe { generate(head, told.user) };
+        let code = unsafe { generate(head, settings.user) };
         Ok((code == OK).then_some(list))
     }
 
@@ -407,12 +407,12 @@ impl Stage {
     /// Presents a picture with the interface drawn over it.
     fn show(&self, picture: &ID3D12Resource, what: &str, frame: u64) -> Result<()> {
         let mut pixels = self.read(picture, REST)?;
-        let interface = self.now().interface;
-        if let Some((told, premultiplied)) = interface
+        let interface = self.state().interface;
+        if let Some((arg, premultiplied)) = interface
             // SAFETY: checked to be a resource, which the host keeps until it sets another.
-            && let Some(resource) = unsafe { ID3D12Resource::from_raw_borrowed(&told.place) }
+            && let Some(resource) = unsafe { ID3D12Resource::from_raw_borrowed(&arg.pointer) }
         {
-            for (under, over) in pixels.iter_mut().zip(self.read(resource, state(told.state))?) {
+            for (under, over) in pixels.iter_mut().zip(self.read(resource, state(arg.state))?) {
                 let alpha = f32::from(over[3]) / 255.0;
                 for channel in 0..3 {
                     let own = if premultiplied { 1.0 } else { alpha };
@@ -422,7 +422,7 @@ impl Stage {
             }
         }
         let number = {
-            let mut now = self.now();
+            let mut now = self.state();
             now.shown += 1;
             now.shown
         };
@@ -455,12 +455,12 @@ impl Stage {
         self.run(&list)?;
         let (width, height, pitch) = (desc.Width as usize, desc.Height as usize, rows.Footprint.RowPitch as usize);
         let mut pixels = Vec::with_capacity(width * height);
-        let mut place = std::ptr::null_mut();
+        let mut pointer = std::ptr::null_mut();
         // SAFETY: a readback buffer with that many rows of that many bytes.
         unsafe {
-            buffer.Map(0, None, Some(&mut place))?;
+            buffer.Map(0, None, Some(&mut pointer))?;
             for y in 0..height {
-                let row = std::slice::from_raw_parts(place.cast::<u8>().add(y * pitch), width * 4);
+                let row = std::slice::from_raw_parts(pointer.cast::<u8>().add(y * pitch), width * 4);
                 pixels.extend(row.as_chunks::<4>().0);
             }
             buffer.Unmap(0, None);
@@ -476,12 +476,12 @@ impl Stage {
         let desc = unsafe { to.GetDesc() };
         let (buffer, rows) = self.rows(&desc, D3D12_HEAP_TYPE_UPLOAD)?;
         let (width, pitch) = (desc.Width as usize, rows.Footprint.RowPitch as usize);
-        let mut place = std::ptr::null_mut();
+        let mut pointer = std::ptr::null_mut();
         // SAFETY: an upload buffer with room for these rows.
         unsafe {
-            buffer.Map(0, None, Some(&mut place))?;
+            buffer.Map(0, None, Some(&mut pointer))?;
             for (y, row) in pixels.chunks_exact(width).enumerate() {
-                std::ptr::copy_nonoverlapping(row.as_ptr(), place.cast::<u8>().add(y * pitch).cast(), width);
+                std::ptr::copy_nonoverlapping(row.as_ptr(), pointer.cast::<u8>().add(y * pitch).cast(), width);
             }
             buffer.Unmap(0, None);
         }
@@ -523,16 +523,18 @@ impl Stage {
     }
 }
 
-impl Presenting {
+impl SwapchainContext {
     /// Destroys the context; returns rule violations.
     pub(crate) fn end(mut self) -> Vec<String> {
         let mut faults = Vec::new();
-        if self.stage.has_generator() {
+        if self.swapchain.has_generator() {
             faults.push("its generator is still there".to_owned());
         }
-        ALL.lock().unwrap_or_else(PoisonError::into_inner).retain(|(_, stage)| !Arc::ptr_eq(stage, &self.stage));
+        ALL.lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .retain(|(_, swapchain)| !Arc::ptr_eq(swapchain, &self.swapchain));
         if let Some(proxy) = self.proxy.take() {
-            let left = released(proxy);
+            let left = release_count(proxy);
             if left > 0 {
                 faults.push(format!("{left} references to its swap chain are left"));
             }
@@ -584,7 +586,7 @@ fn placed(buffer: &ID3D12Resource, rows: D3D12_PLACED_SUBRESOURCE_FOOTPRINT) -> 
 ///
 /// # Safety
 /// A struct with a resource at 16 and flags at 64.
-pub(crate) unsafe fn interface(head: *const u8) -> Option<(Told, bool)> {
+pub(crate) unsafe fn interface(head: *const u8) -> Option<(TextureArg, bool)> {
     // SAFETY: the caller's promise.
-    unsafe { told(head, 16).map(|told| (told, get::<u32>(head, 64) & 1 != 0)) }
+    unsafe { texture_arg(head, 16).map(|arg| (arg, get::<u32>(head, 64) & 1 != 0)) }
 }

@@ -2,9 +2,9 @@
 
 use std::ffi::c_void;
 
-use crate::frames::{Asked, judge_list, judge_resource, told};
-use crate::memory::get;
-use crate::work::{CONSTANTS, Pictures, Told};
+use crate::field_access::get;
+use crate::generation::{PictureRequest, check_list, check_resource, texture_arg};
+use crate::shader_work::{CONSTANTS, Pictures, TextureArg};
 
 /// The struct's id.
 pub(crate) const UPSCALE: u64 = 0x1_0001;
@@ -37,7 +37,7 @@ const JITTERED: u32 = 128;
 
 /// Creation parameters and state of an upscaler's context.
 #[derive(Debug)]
-pub(crate) struct Larger {
+pub(crate) struct UpscalerState {
     pub(crate) flags: u32,
     pub(crate) render: [u32; 2],
     pub(crate) shown: [u32; 2],
@@ -47,7 +47,7 @@ pub(crate) struct Larger {
     pub(crate) jitter: [f32; 2],
 }
 
-impl Larger {
+impl UpscalerState {
     /// The device memory that it reports, in bytes.
     pub(crate) fn memory(render: [u32; 2], shown: [u32; 2]) -> u64 {
         let pixels = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
@@ -58,7 +58,7 @@ impl Larger {
     ///
     /// # Safety
     /// A struct of the type that its id says, alone in its chain.
-    pub(crate) unsafe fn judge(&mut self, head: *const u8, fault: &mut dyn FnMut(String)) -> Option<Asked> {
+    pub(crate) unsafe fn check(&mut self, head: *const u8, fault: &mut dyn FnMut(String)) -> Option<PictureRequest> {
         let has = |flag| self.flags & flag != 0;
         // SAFETY: fields of the struct, here and below.
         let (list, render, shown) = unsafe {
@@ -69,7 +69,7 @@ impl Larger {
             )
         };
         // SAFETY: the caller's list.
-        unsafe { judge_list(list, true, fault) };
+        unsafe { check_list(list, true, fault) };
         let shown = if shown == [0; 2] { self.shown } else { shown };
         for (name, size, largest) in [("render", render, self.render), ("upscale", shown, self.shown)] {
             if size.contains(&0) || size[0] > largest[0] || size[1] > largest[1] {
@@ -92,14 +92,14 @@ impl Larger {
             // SAFETY: the struct has a resource there.
             unsafe {
                 if is_needed || get::<usize>(head, at) != 0 {
-                    judge_resource(head, at, size, None, is_written, &mut |why| fault(format!("{name}: {why}")));
+                    check_resource(head, at, size, None, is_written, &mut |why| fault(format!("{name}: {why}")));
                 } else if (0..44).step_by(4).any(|of| get::<u32>(head, at + of) != 0) {
                     fault(format!("{name}: a description of nothing"));
                 }
             }
         }
         // SAFETY: as above.
-        let pictures = unsafe { [24, 72, 120, 168, 216, 264, 312].map(|at| told(head, at)) };
+        let pictures = unsafe { [24, 72, 120, 168, 216, 264, 312].map(|at| texture_arg(head, at)) };
         if has(AUTO_EXPOSURE) && pictures[3].is_some() {
             fault("exposure is told and is to be found".to_owned());
         }
@@ -135,7 +135,8 @@ impl Larger {
             fault(format!("flags {flags} of a context with {}", self.flags));
         }
         let [color, depth, motion, exposed, reactive, transparent, output] = pictures;
-        let (color, depth, motion, output): (Told, Told, Told, Told) = (color?, depth?, motion?, output?);
+        let (color, depth, motion, output): (TextureArg, TextureArg, TextureArg, TextureArg) =
+            (color?, depth?, motion?, output?);
         let inputs = [
             color,
             exposed.unwrap_or(depth),
@@ -182,26 +183,30 @@ impl Larger {
         ];
         let mut constants = [0; CONSTANTS];
         constants[..words.len()].copy_from_slice(&words);
-        Some(Asked { list, pictures: Pictures { inputs, motion: 3, output, kept: None }, constants })
+        Some(PictureRequest { list, pictures: Pictures { inputs, motion: 3, output, kept: None }, constants })
     }
 }
 
-impl Larger {
-    /// Checks a call for a reactive mask, as [`judge`](Self::judge) checks one for an upscaled frame.
+impl UpscalerState {
+    /// Checks a call for a reactive mask, as [`check`](Self::check) checks one for an upscaled frame.
     ///
     /// # Safety
     /// A struct of the type that its id says, alone in its chain.
-    pub(crate) unsafe fn judge_mask(&mut self, head: *const u8, fault: &mut dyn FnMut(String)) -> Option<Asked> {
+    pub(crate) unsafe fn check_mask(
+        &mut self,
+        head: *const u8,
+        fault: &mut dyn FnMut(String),
+    ) -> Option<PictureRequest> {
         // SAFETY: fields of the struct, here and below.
         let (list, size) = unsafe { (get::<*mut c_void>(head, 16), [168, 172].map(|at| get::<u32>(head, at))) };
         // SAFETY: the caller's list.
-        unsafe { judge_list(list, true, fault) };
+        unsafe { check_list(list, true, fault) };
         if size.contains(&0) || size[0] > self.render[0] || size[1] > self.render[1] {
             fault(format!("a mask of {size:?} for frames of {:?}", self.render));
         }
         for (name, at, is_written) in [("opaque", 24, false), ("color", 72, false), ("mask", 120, true)] {
             // SAFETY: the struct has a resource there.
-            unsafe { judge_resource(head, at, size, None, is_written, &mut |why| fault(format!("{name}: {why}"))) };
+            unsafe { check_resource(head, at, size, None, is_written, &mut |why| fault(format!("{name}: {why}"))) };
         }
         // SAFETY: as above.
         let (numbers, flags) = unsafe { ([176, 180, 184].map(|at| get::<f32>(head, at)), get::<u32>(head, 188)) };
@@ -211,14 +216,14 @@ impl Larger {
             fault(format!("scale, threshold and value {numbers:?}, flags {flags}"));
         }
         // SAFETY: as above.
-        let [opaque, color, output] = unsafe { [24, 72, 120].map(|at| told(head, at)) };
-        let (opaque, color, output): (Told, Told, Told) = (opaque?, color?, output?);
+        let [opaque, color, output] = unsafe { [24, 72, 120].map(|at| texture_arg(head, at)) };
+        let (opaque, color, output): (TextureArg, TextureArg, TextureArg) = (opaque?, color?, output?);
         let inputs = [opaque, color, color, color, color, color, color];
         let mut constants = [0; CONSTANTS];
         let words =
             [size[0], size[1], size[0], size[1], 0, 0, scale.to_bits(), threshold.to_bits(), value.to_bits(), flags];
         constants[..words.len()].copy_from_slice(&words);
-        Some(Asked { list, pictures: Pictures { inputs, motion: 3, output, kept: None }, constants })
+        Some(PictureRequest { list, pictures: Pictures { inputs, motion: 3, output, kept: None }, constants })
     }
 }
 

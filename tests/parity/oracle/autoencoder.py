@@ -1,9 +1,8 @@
-"""The autoencoder (TAEHV) over a whole clip at once: time runs along the first axis, nothing is streamed.
+"""The autoencoder (TAEHV) over a whole clip at once: time is the first axis, nothing is streamed.
 
-A *memory block* sees its input and the input of the moment before (zeros before the first). The runtime's decoder is
-fed latent by latent and carries nine such inputs along; here the whole sequence lies in one array, "the moment before"
-is a shift by one, and both agree only if the streaming is right. Priming is three more copies of the first latent in
-front.
+A *memory block* reads its input and its input at the time step before (zeros before the first). The runtime's decoder gets one latent
+at a time and carries nine such inputs from one latent to the next. Here the whole sequence is one array, and the input of the step
+before is a shift by one along time; both agree only if the streaming is right. Priming prepends three more copies of the first latent.
 """
 
 import numpy as np
@@ -14,7 +13,7 @@ PRIMING = 3
 
 
 def convolve(x: np.ndarray, conv: Convolution, stride: int = 1) -> np.ndarray:
-    """`[N, in, H, W]` by a square kernel of odd side with half its side of zero padding."""
+    """Convolves `[N, in, H, W]` with a square kernel of odd side, zero-padded by half its side."""
     n, channels, H, W = x.shape
     out, inner, side, _ = conv.weight.shape
     assert inner == channels
@@ -33,15 +32,15 @@ def relu(x: np.ndarray) -> np.ndarray:
     return np.maximum(x, 0)
 
 
-def remember(x: np.ndarray, block: MemoryBlock) -> np.ndarray:
-    """A memory block over `[time, channels, H, W]`."""
+def memory_block(x: np.ndarray, block: MemoryBlock) -> np.ndarray:
+    """Applies a memory block to `[time, channels, H, W]`."""
     before = np.concatenate((np.zeros_like(x[:1]), x[:-1]))
     y = relu(convolve(np.concatenate((x, before), axis=1), block.conv0))
     return relu(convolve(relu(convolve(y, block.conv2)), block.conv4) + x)
 
 
-def double(x: np.ndarray) -> np.ndarray:
-    """Nearest-neighbour enlargement by two."""
+def upsample(x: np.ndarray) -> np.ndarray:
+    """Nearest-neighbour upsampling by two."""
     return x.repeat(2, axis=2).repeat(2, axis=3)
 
 
@@ -57,15 +56,15 @@ def encode(weights: EncoderWeights, rgb: np.ndarray) -> np.ndarray:
         x = convolve(x.reshape(-1, together * c, rows, columns), stage.pool)
         x = convolve(x, stage.down, stride=2)
         for block in stage.memory:
-            x = remember(x, block)
+            x = memory_block(x, block)
     latent = convolve(x, weights.last)
     assert latent.shape[0] == 1, "four pictures make one latent"
     return latent[0]
 
 
 def decode(weights: DecoderWeights, latents: np.ndarray, priming: int = PRIMING) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Latents `[n, C, h, w]` since the last reset -> pictures `[n, 4, 3, H, W]`, and the nine inputs the memory blocks
-    would carry on, per latent: each `[n, channels, rows, columns]`."""
+    """Latents `[n, C, h, w]` since the last reset -> pictures `[n, 4, 3, H, W]`, and the nine inputs that the memory blocks
+    carry to the next latent, per latent: each `[n, channels, rows, columns]`."""
     n = len(latents)
     x = np.concatenate((np.repeat(latents[:1], priming, axis=0), latents))
     total = len(x)
@@ -75,11 +74,11 @@ def decode(weights: DecoderWeights, latents: np.ndarray, priming: int = PRIMING)
         for block in stage.memory:
             per_latent = len(x) // total
             memories.append(x[per_latent - 1 :: per_latent][priming:])
-            x = remember(x, block)
-        x = convolve(double(x), stage.grow)
-        moments = stage.grow.weight.shape[0] // stage.grow.weight.shape[1]
-        if moments > 1:
-            x = x.reshape(len(x) * moments, x.shape[1] // moments, *x.shape[2:])
+            x = memory_block(x, block)
+        x = convolve(upsample(x), stage.grow)
+        steps = stage.grow.weight.shape[0] // stage.grow.weight.shape[1]
+        if steps > 1:
+            x = x.reshape(len(x) * steps, x.shape[1] // steps, *x.shape[2:])
         x = convolve(x, stage.project)
     x = convolve(relu(x), weights.last)
     count, channels, H, W = x.shape

@@ -1,4 +1,4 @@
-"""Shapes of a world, read from its manifest."""
+"""Shapes of a world, from its manifest."""
 
 import json
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Geometry:
-    """The numbers of `docs/bundle.md` section 3 that the maths needs, by their short names."""
+    """The numbers of `docs/bundle.md` section 3 that the oracle needs, by their short names."""
 
     layers: int
     D: int

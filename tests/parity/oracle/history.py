@@ -1,12 +1,12 @@
-"""What filled each slot: the rules by which a rollout's latents become history.
+"""The rules by which a rollout's latents enter the ring, and the batch of all frames that follows from them.
 
-| cache mode | what a generated latent leaves behind |
+| cache mode | the frame that a generated latent commits |
 |---|---|
 | `separate` | the clean latent at noise level 0, with the same controls |
 | `fused` | the input of its last denoise pass, at that pass's level |
-| `interval:k` | every k-th generated latent as in `separate`; the others nothing, and no tick of the ring clock |
+| `interval:k` | every k-th generated latent as in `separate`; the others commit nothing and do not advance the ring clock |
 
-An appended picture always leaves its clean latent at level 0 with all controls zero.
+An appended picture always commits its clean latent at level 0 with all controls zero.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from .transformer import Frames
 
 @dataclass(frozen=True)
 class Step:
-    """One latent of a rollout, as the script meant it: nothing in here comes from the runtime's own plan."""
+    """One latent of a rollout, from the script: nothing here comes from the runtime's plan."""
 
     appended: bool
     mouse: tuple[float, float]
@@ -53,7 +53,7 @@ def controls(step: Step) -> np.ndarray:
 
 
 def commits(steps: list[Step], mode: str) -> list[bool]:
-    """Which latents enter the ring."""
+    """For each latent, whether it enters the ring."""
     name, _, interval = mode.partition(":")
     generated, out = 0, []
     for step in steps:
@@ -65,9 +65,9 @@ def commits(steps: list[Step], mode: str) -> list[bool]:
 def frames(
     geometry: Geometry, steps: list[Step], mode: str, schedule: str, tested: list[int]
 ) -> tuple[Frames, list[int], list[Test]]:
-    """The whole history as one batch: first the kept frames, then those under test of the latents `tested`.
+    """The whole history as one batch: first the kept frames, then the frames under test, those of the latents `tested`.
 
-    Returns the batch, the latent number of each kept frame, and what each frame after them is.
+    Returns the batch, the latent number of each kept frame, and a description of each frame under test.
     """
     levels = table(geometry.schedule, schedule, geometry.sigma_rounding)
     passes = len(levels) - 1

@@ -30,7 +30,7 @@ def angles(geometry: Geometry, times: np.ndarray) -> np.ndarray:
 
 
 def rotate(heads: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Turns `heads` `[frames, heads, T, head_width]`: neighbours in, halves out."""
+    """Rotates `heads` `[frames, heads, T, head_width]`. Input pairs are neighbours; in the output their parts are in the two halves."""
     even, odd = heads[..., 0::2], heads[..., 1::2]
     cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
     return np.concatenate((even * cos - odd * sin, odd * cos + even * sin), axis=-1)

@@ -1,7 +1,7 @@
-"""The world model over a whole history at once: every frame is computed from its own input, none is remembered.
+"""The world model over a whole history at once: every frame is computed from its own input, without a cache.
 
-`Frames` lists all frames: those that filled a slot (*kept*), and those under test. One call of `run` carries all of
-them through all layers side by side; attention follows the tables of `visibility`.
+`Frames` lists all frames: those that filled a slot (*kept*), and those under test. One call of `run` computes all layers for all of
+them; attention follows the tables of `visibility`.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ ROWS_AT_ONCE = 16
 
 @dataclass
 class Frames:
-    """N frames: what goes into the model with each, and how it stands to the ring."""
+    """N frames: the model's inputs, the ring clock, and whether the frame fills a slot."""
 
     x: np.ndarray  # [N, C, h, w]
     sigma: np.ndarray  # [N]
@@ -31,7 +31,7 @@ class Frames:
 
 @dataclass
 class Result:
-    """What the model makes of every frame."""
+    """The model's outputs for every frame."""
 
     v: np.ndarray  # [N, C, h, w]
     keys: list[np.ndarray]  # per layer [N, kv_heads, T, head_width], after norm and RoPE
@@ -49,7 +49,7 @@ def rms(x: np.ndarray) -> np.ndarray:
 def run(
     weights: TransformerWeights, geometry: Geometry, frames: Frames, global_window: int, *, blind: bool = False
 ) -> Result:
-    """All frames through all layers. `blind` hides every past frame, to measure what the past contributes."""
+    """Computes all layers for all frames. `blind` hides every past frame, to measure what the past contributes."""
     N, C, h, w = frames.x.shape
     assert (C, h, w) == (geometry.C, geometry.h, geometry.w)
     rows, columns = geometry.grid

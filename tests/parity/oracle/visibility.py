@@ -1,7 +1,7 @@
-"""Who sees whom: the frames-by-frames tables of the two kinds of layer.
+"""Attention between frames: a frames-by-frames table for each of the two kinds of layer.
 
-A frame is known by its ring clock: the number of frames committed before it. The released engine keeps a ring of slots
-and hides the slot that the current frame is about to take. Said without slots:
+A frame is identified by its ring clock: the number of frames committed before it. The released engine keeps a ring of slots and hides
+the slot that the current frame will overwrite. The same rules without slots:
 
 * local layer, window L: a frame sees the L - 1 frames committed last.
 * global layer, dilation d, B = g / d buckets: only frames whose clock divides by d are ever kept, as bucket clock / d.

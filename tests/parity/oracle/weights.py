@@ -1,7 +1,6 @@
-"""The weights of a bundle's f32 models, found by name and turned to the usual orientation.
+"""The weights of a bundle's f32 models, by name, in float64.
 
-Matrices lie in the bundle as `[in, out]`; here they are `[out, in]` as papers write them, so that every
-use reads `x @ W.T`. All numbers become float64.
+A bundle stores matrices as `[in, out]`. Here they are transposed to `[out, in]`, as papers write them, and are used as `x @ W.T`.
 """
 
 import json
@@ -52,14 +51,14 @@ class Convolution:
 
 @dataclass(frozen=True)
 class MemoryBlock:
-    conv0: Convolution  # sees this moment's channels, then those of the moment before
+    conv0: Convolution  # inputs: channels of this time step, then those of the step before
     conv2: Convolution
     conv4: Convolution
 
 
 @dataclass(frozen=True)
 class EncoderStage:
-    pool: Convolution  # joins neighbouring moments
+    pool: Convolution  # combines neighbouring time steps
     down: Convolution  # halves both sides
     memory: list[MemoryBlock]
 
@@ -67,7 +66,7 @@ class EncoderStage:
 @dataclass(frozen=True)
 class DecoderStage:
     memory: list[MemoryBlock]
-    grow: Convolution  # makes one or two moments of one
+    grow: Convolution  # makes one or two time steps from one
     project: Convolution
 
 
@@ -152,7 +151,7 @@ def _memory(t: dict[str, np.ndarray], name: str) -> MemoryBlock:
 
 
 def _encoder(t: dict[str, np.ndarray]) -> EncoderWeights:
-    """Numbers are places in the released order: convolution, ReLU, then three times (pool, halve, three memories)."""
+    """Numbers are positions in the released order: convolution, ReLU, then three times (pool, halve, three memories)."""
     stages = [
         EncoderStage(
             pool=_convolution(t, f"encoder.{at}.conv"),
@@ -165,7 +164,7 @@ def _encoder(t: dict[str, np.ndarray]) -> EncoderWeights:
 
 
 def _decoder(t: dict[str, np.ndarray]) -> DecoderWeights:
-    """Clamp, convolution, ReLU, then three times (three memories, enlarge, grow, project), ReLU, convolution."""
+    """Clamp, convolution, ReLU, then three times (three memories, upsample, grow, project), ReLU, convolution."""
     stages = [
         DecoderStage(
             memory=[_memory(t, f"decoder.{at + j}") for j in (0, 1, 2)],

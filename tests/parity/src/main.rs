@@ -1,5 +1,5 @@
-//! Runs a rollout by a fixed script and writes down everything an oracle needs to check it: `trace.json` says what was
-//! done, `trace.safetensors` holds the numbers. It judges nothing; the tests beside it do.
+//! Runs a rollout by a fixed script and records everything that an oracle needs to check it: `trace.json` has the steps,
+//! `trace.safetensors` the tensors. The Python tests compare them.
 
 mod mutant;
 mod recorder;
@@ -18,7 +18,7 @@ use clap::{Parser, ValueEnum};
 use mutant::Mutant;
 use tracer::Tracer;
 
-/// Failures go to the caller as one line.
+/// A failure, printed as one line.
 type Failure = Box<dyn std::error::Error>;
 
 /// Runs a rollout and writes down everything an oracle needs to check it.
@@ -48,10 +48,10 @@ struct Arguments {
     global_window: Option<u32>,
     /// The type the graphs compute in.
     #[arg(long, default_value = "f32")]
-    precision: Kind,
-    /// Where the graphs run.
+    precision: PrecisionName,
+    /// DeviceName the graphs run.
     #[arg(long, default_value = "cpu")]
-    device: Where,
+    device: DeviceName,
     /// The seed of all noise.
     #[arg(long, default_value_t = 7)]
     seed: u64,
@@ -62,14 +62,14 @@ struct Arguments {
 
 /// `Precision` by its name on the command line.
 #[derive(Clone, Copy, ValueEnum)]
-enum Kind {
+enum PrecisionName {
     F32,
     F16,
 }
 
 /// A device by its name on the command line.
 #[derive(Clone, Copy, ValueEnum)]
-enum Where {
+enum DeviceName {
     /// The processor.
     Cpu,
     /// The first Direct3D 12 adapter that is no software, else the first.
@@ -77,7 +77,7 @@ enum Where {
     D3d12,
 }
 
-impl Where {
+impl DeviceName {
     fn device(self) -> Result<Device, Failure> {
         let ort = Ort::find(&LibrarySearch::for_tools())?;
         match self {
@@ -107,8 +107,8 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     let device = arguments.device.device()?;
     let bundle = Bundle::open(&arguments.bundle)?;
     let precision = match arguments.precision {
-        Kind::F32 => Precision::F32,
-        Kind::F16 => Precision::F16,
+        PrecisionName::F32 => Precision::F32,
+        PrecisionName::F16 => Precision::F16,
     };
     let global_window = arguments.global_window.unwrap_or(bundle.geometry().global.window);
     let options =

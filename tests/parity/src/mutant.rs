@@ -1,28 +1,27 @@
-//! Faults that a wrong library could have, put into plans from outside: the rollout executes any plan to the letter, so
-//! the library needs no hook for them.
+//! Faults of a wrong library, made by altering plans: the rollout executes any plan exactly, so the library needs no hooks for them.
 
 use cairn::world::{CachePass, Planner, Ring, RingPlan, StepPlan};
 use clap::ValueEnum;
 
-/// One fault. What it does to the plan of a latent is the whole fault; all else runs as always.
+/// One fault. It alters the plan of a latent and nothing else.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Mutant {
     /// Every commit goes to the slot after the right one.
     SlotOffByOne,
-    /// The slot about to be overwritten is still seen.
+    /// The slot that will be overwritten is still visible.
     EvictedSlotVisible,
-    /// A latent between two buckets is counted to the one before, floor(t / d), instead of the one it waits for,
-    /// ceil(t / d): the newest bucket passes for its own and is hidden.
+    /// A latent between two buckets belongs to bucket floor(t / d) instead of ceil(t / d), so that the newest bucket is hidden as if it were
+    /// its own.
     BucketFloorForCeil,
     /// Generated latents rotate by the next latent's time.
     RopeTimeOffByOne,
     /// Every latent is given the controls of the one before.
     ControlOfNeighbourStep,
-    /// Every denoise pass is told the noise level of the one after.
+    /// Every denoise pass gets the noise level of the next pass.
     SigmaOfNeighbourStep,
-    /// Denoising alone, which must leave the ring as it is, commits what its last pass made.
+    /// Denoise passes without a commit, which must not change the ring, commit the keys and values of the last pass.
     SlotWrittenOnFrozenPass,
-    /// The decoder starts without being fed the first latent three times.
+    /// The decoder starts without priming: it does not get the first latent three times.
     UnprimedDecoder,
 }
 
@@ -61,7 +60,7 @@ impl Mutant {
         }
     }
 
-    /// Puts the fault into a plan of denoise passes that must not commit; `plan` is the step's whole plan.
+    /// Puts the fault into `frozen`, a plan of denoise passes that must not commit; `plan` is the step's complete plan.
     pub(crate) fn apply_frozen(self, plan: &StepPlan, frozen: &mut StepPlan) {
         if self == Self::SlotWrittenOnFrozenPass {
             frozen.cache = CachePass::Fused;

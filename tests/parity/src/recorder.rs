@@ -1,4 +1,4 @@
-//! What was seen, on its way to the two files.
+//! The contents of the two trace files.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ pub(crate) struct Record {
     pub(crate) steps: Vec<StepRecord>,
 }
 
-/// One latent, as the script meant it, and what happened to the ring.
+/// One latent: the script's input, and digests and flags of the ring.
 #[derive(Serialize)]
 pub(crate) struct StepRecord {
     pub(crate) appended: bool,
@@ -37,7 +37,7 @@ pub(crate) struct StepRecord {
     pub(crate) written: [Vec<bool>; 2],
 }
 
-/// Digests of the ring's bytes and flags around something.
+/// Digests of the ring's bytes and flags before and after an operation.
 #[derive(Serialize)]
 pub(crate) struct Frozen {
     pub(crate) name: String,
@@ -52,7 +52,7 @@ struct Tensor {
     bytes: Vec<u8>,
 }
 
-/// Tensors by name, in the order they came.
+/// Tensors by name, in the order in which they were added.
 #[derive(Default)]
 pub(crate) struct Tensors(Vec<Tensor>);
 

@@ -1,4 +1,4 @@
-//! The script every trace follows: pictures and controls that differ from latent to latent, the same on every machine.
+//! The script of every trace: pictures and controls that differ from latent to latent and are equal on every machine.
 
 use cairn::world::{ControlInput, Key, KeySet};
 use cairn::{Picture, Result};
@@ -9,7 +9,7 @@ struct Numbers(u64);
 impl Numbers {
     fn new(latent: u64) -> Self {
         let mut numbers = Self((latent + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-        // The first results of neighbouring seeds resemble one another.
+        // The first results of neighbouring seeds are similar.
         (0..4).for_each(|_| _ = numbers.below(2));
         numbers
     }

@@ -1,20 +1,20 @@
-//! Takes a rollout from latent to latent and records what it does on the way.
+//! Steps a rollout from latent to latent and records every pass and its results.
 
 use std::path::Path;
 
 use cairn::Picture;
 use cairn::bundle::{Geometry, Precision};
-use cairn::world::{CachePass, ControlInput, Part, Rollout, StepPlan};
+use cairn::world::{CachePass, ControlInput, KvPart, Rollout, StepPlan};
 use sha2::{Digest, Sha256};
 
 use crate::mutant::Mutant;
 use crate::recorder::{Frozen, Record, StepRecord, Tensors};
 use crate::{Failure, script};
 
-/// What the pass at noise level 0 is called among the passes of a latent.
+/// Name of the pass at noise level 0 among the passes of a latent.
 const CACHE_PASS: &str = "cache";
 
-/// A rollout under observation.
+/// A rollout, and the record of its steps.
 pub(crate) struct Tracer {
     rollout: Rollout,
     geometry: Geometry,
@@ -51,12 +51,12 @@ impl Tracer {
         }
     }
 
-    /// Makes latent `q`. Of a recorded one, every pass is run frozen before, and the ring is watched around each.
+    /// Makes latent `q`. If it is recorded, first runs every pass frozen, with the ring's digest before and after each.
     pub(crate) fn step(&mut self, q: u64, appended: bool, recorded: bool) -> Result<(), Failure> {
         let input = if appended { ControlInput::IDLE } else { script::controls(q)? };
-        let right =
+        let correct_plan =
             if appended { self.rollout.planner().plan_append()? } else { self.rollout.planner().plan_step(&input)? };
-        let mut plan = right.clone();
+        let mut plan = correct_plan.clone();
         if let Some(mutant) = self.mutant {
             mutant.apply(self.rollout.planner(), &self.previous, &mut plan);
         }
@@ -64,7 +64,7 @@ impl Tracer {
         let mut frozen = Vec::new();
         let before = self.digest()?;
         if appended {
-            self.append(q, &right, &plan, recorded, &mut frozen)?;
+            self.append(q, &correct_plan, &plan, recorded, &mut frozen)?;
         } else {
             self.generate(q, &plan, recorded, &mut frozen)?;
         }
@@ -75,7 +75,7 @@ impl Tracer {
         if recorded {
             self.record_results(q)?;
         }
-        self.previous = right.controls;
+        self.previous = correct_plan.controls;
         let planner = self.rollout.planner();
         self.record.steps.push(StepRecord {
             appended,
@@ -83,7 +83,7 @@ impl Tracer {
             mouse: input.mouse(),
             keys: input.keys().iter().map(|key| key.0).collect(),
             scroll: input.scroll(),
-            passes: right.sigmas.len(),
+            passes: correct_plan.sigmas.len(),
             frozen,
             step: recorded.then_some(step),
             written: [planner.local().written().to_vec(), planner.global().written().to_vec()],
@@ -98,25 +98,25 @@ impl Tracer {
         self.tensors.write(&out.join("trace.safetensors"))
     }
 
-    /// Appends the script's picture: by the front door, unless a mutant changed the plan.
+    /// Appends the script's picture: through the public call, unless a mutant changed the plan.
     fn append(
         &mut self,
         q: u64,
-        right: &StepPlan,
+        correct_plan: &StepPlan,
         plan: &StepPlan,
         recorded: bool,
         frozen: &mut Vec<Frozen>,
     ) -> Result<(), Failure> {
         let picture = script::picture(q)?;
-        if recorded || plan != right {
-            let latent = self.watched(frozen, "encode", |rollout| Ok(rollout.encode(&picture)?))?;
+        if recorded || plan != correct_plan {
+            let latent = self.with_digests(frozen, "encode", |rollout| Ok(rollout.encode(&picture)?))?;
             if recorded {
                 self.probe(q, CACHE_PASS, plan, 0.0, &latent, frozen)?;
                 let (width, height) = picture.size();
                 let shape = [height as usize, width as usize, 4];
                 self.tensors.octets(format!("{q}.picture"), &shape, picture.rgba().to_vec());
             }
-            if plan != right {
+            if plan != correct_plan {
                 self.rollout.execute_append(plan, &latent)?;
                 return Ok(());
             }
@@ -132,7 +132,7 @@ impl Tracer {
             key.fill(&mut x);
         }
         self.round(&mut x);
-        // In fused mode the last denoise input is what fills the slot, so it is always recorded.
+        // In fused mode the last denoise input fills the slot, so it is always recorded.
         if recorded || plan.cache == CachePass::Fused {
             for (pass, (&sigma, &dsigma)) in plan.sigmas.iter().zip(&plan.dsigmas).enumerate() {
                 let v = if recorded {
@@ -155,7 +155,7 @@ impl Tracer {
         Ok(())
     }
 
-    /// The step's real denoise passes without its commit, and their latent; then everything is put back.
+    /// Runs the step's denoise passes without its commit, returns their latent, and restores the rollout.
     fn denoise_only(&mut self, plan: &StepPlan, frozen: &mut Vec<Frozen>) -> Result<Vec<f32>, Failure> {
         let state = self.rollout.save()?;
         let mut skip = plan.clone();
@@ -165,13 +165,13 @@ impl Tracer {
         if let Some(mutant) = self.mutant {
             mutant.apply_frozen(plan, &mut skip);
         }
-        self.watched(frozen, "denoise passes", |rollout| Ok(rollout.execute(&skip)?))?;
+        self.with_digests(frozen, "denoise passes", |rollout| Ok(rollout.execute(&skip)?))?;
         let latent = self.rollout.latent()?.to_vec();
         self.rollout.restore(&state)?;
         Ok(latent)
     }
 
-    /// One frozen pass, recorded; gives its velocity.
+    /// Runs and records one frozen pass; returns its velocity.
     fn probe(
         &mut self,
         q: u64,
@@ -181,7 +181,7 @@ impl Tracer {
         x: &[f32],
         frozen: &mut Vec<Frozen>,
     ) -> Result<Vec<f32>, Failure> {
-        let probe = self.watched(frozen, &format!("pass {pass}"), |rollout| Ok(rollout.probe(plan, sigma, x)?))?;
+        let probe = self.with_digests(frozen, &format!("pass {pass}"), |rollout| Ok(rollout.probe(plan, sigma, x)?))?;
         let shape = self.latent_shape();
         self.tensors.floats(format!("{q}.{pass}.x"), &shape, x);
         self.tensors.floats(format!("{q}.{pass}.v"), &shape, &probe.velocity);
@@ -194,14 +194,14 @@ impl Tracer {
         Ok(probe.velocity)
     }
 
-    /// Ring, pictures and decoder memories after a latent.
+    /// Records ring, pictures and decoder memories after a latent.
     fn record_results(&mut self, q: u64) -> Result<(), Failure> {
         let g = &self.geometry;
         for layer in 0..g.layers {
             let ring =
                 if g.is_global(layer) { self.rollout.planner().global() } else { self.rollout.planner().local() };
             let shape = [1, g.kv_heads as usize, ring.buckets() * g.tokens as usize, g.head_width as usize];
-            for (part, name) in [(Part::Keys, "k"), (Part::Values, "value")] {
+            for (part, name) in [(KvPart::Keys, "k"), (KvPart::Values, "value")] {
                 let bytes = self.rollout.ring_bytes(layer, part)?;
                 self.tensors.device(format!("{q}.ring.{name}.{layer}"), &shape, self.precision, bytes);
             }
@@ -223,8 +223,8 @@ impl Tracer {
         Ok(())
     }
 
-    /// Does something that must leave the ring alone, and takes the ring's digest before and after.
-    fn watched<T>(
+    /// Runs an operation that must not change the ring, and records the ring's digest before and after.
+    fn with_digests<T>(
         &mut self,
         frozen: &mut Vec<Frozen>,
         name: &str,
@@ -240,7 +240,7 @@ impl Tracer {
     fn digest(&self) -> Result<String, Failure> {
         let mut hash = Sha256::new();
         for layer in 0..self.geometry.layers {
-            for part in [Part::Keys, Part::Values] {
+            for part in [KvPart::Keys, KvPart::Values] {
                 hash.update(self.rollout.ring_bytes(layer, part)?);
             }
         }
@@ -250,13 +250,13 @@ impl Tracer {
         Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
     }
 
-    /// The Euler step of the graph: in f32, then in the graphs' type.
+    /// The graph's Euler step: computed in f32, then rounded to the graphs' type.
     fn euler(&self, x: &mut [f32], v: &[f32], dsigma: f32) {
         x.iter_mut().zip(v).for_each(|(x, v)| *x += dsigma * v);
         self.round(x);
     }
 
-    /// Rounds to the graphs' type, as going up to the device would.
+    /// Rounds to the graphs' type, as an upload to the device does.
     fn round(&self, x: &mut [f32]) {
         if self.precision == Precision::F16 {
             x.iter_mut().for_each(|x| *x = half::f16::from_f32(*x).to_f32());

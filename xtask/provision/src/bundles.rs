@@ -25,16 +25,16 @@ pub fn bundle(name: &str, progress: &dyn Progress) -> Result<PathBuf> {
         return Err(Error::new(wanted, "there is no such world", remedy));
     }
     let key = builder_key(&python_path())?;
-    let place = cache::cache_dir()?.join("bundles").join(&key).join(name);
-    let complete = place.join("cairn-world.json");
+    let folder = cache::cache_dir()?.join("bundles").join(&key).join(name);
+    let complete = folder.join("cairn-world.json");
     if complete.is_file() {
-        return Ok(place);
+        return Ok(folder);
     }
 
     let item = format!("bundle-{key}-{name}");
     let held = cache::lock(&item, progress)?;
     if complete.is_file() {
-        return Ok(place);
+        return Ok(folder);
     }
     let interpreter = python_env(progress)?;
     progress.start(&format!("building {wanted}"));
@@ -57,13 +57,13 @@ pub fn bundle(name: &str, progress: &dyn Progress) -> Result<PathBuf> {
             "Run it by hand with PYTHONPATH=bindings/python to see what it does",
         ));
     }
-    cache::publish(&unfinished, &place)?;
+    cache::publish(&unfinished, &folder)?;
     cache::remove(&scratch)?;
-    progress.done(&format!("world \"{name}\": {}", place.display()));
-    Ok(place)
+    progress.done(&format!("world \"{name}\": {}", folder.display()));
+    Ok(folder)
 }
 
-/// Builds every world of [`BUNDLES`] and gives the directory that holds them side by side under their names.
+/// Builds every world of [`BUNDLES`] and returns the directory that has one folder per world.
 ///
 /// # Errors
 /// As [`bundle`].
@@ -78,7 +78,7 @@ pub fn test_bundles(progress: &dyn Progress) -> Result<PathBuf> {
 fn builder_key(package: &Path) -> Result<String> {
     let mut files = Vec::new();
     let sources = package.join("cairn").join("build");
-    gather(&sources, &mut files).map_err(|e| {
+    collect_files(&sources, &mut files).map_err(|e| {
         let remedy = "Run from a complete clone: the builder's sources are bindings/python/cairn/build";
         Error::new("the bundle builder", format!("{}: {e}", sources.display()), remedy)
     })?;
@@ -93,12 +93,12 @@ fn builder_key(package: &Path) -> Result<String> {
     Ok(cache::hex(&hash.finalize())[..16].to_owned())
 }
 
-fn gather(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
+fn collect_files(folder: &Path, files: &mut Vec<PathBuf>) -> std::io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
         if path.is_dir() {
             if path.file_name().is_some_and(|name| name != "__pycache__") {
-                gather(&path, files)?;
+                collect_files(&path, files)?;
             }
         } else if path.extension().is_none_or(|suffix| suffix != "pyc") {
             files.push(path);

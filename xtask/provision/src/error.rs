@@ -1,4 +1,4 @@
-//! Why something could not be provided, and what to do about it.
+//! The crate's error: the wanted item, the cause, and a remedy.
 
 use std::fmt;
 use std::path::Path;

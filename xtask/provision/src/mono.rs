@@ -83,13 +83,13 @@ pub fn mono(progress: &dyn Progress) -> Result<Mono> {
     }
     let version = version.ok_or_else(|| fail("the machine's apt has no package mono-mcs".to_owned()))?;
     let item = format!("mono-{}", version.replace(|c: char| !(c.is_alphanumeric() || ".+-".contains(c)), "-"));
-    let place = cache::cache_dir()?.join(&item);
-    let found = || Mono { unpacked: Some(place.clone()) };
-    if place.is_dir() {
+    let folder = cache::cache_dir()?.join(&item);
+    let found = || Mono { unpacked: Some(folder.clone()) };
+    if folder.is_dir() {
         return Ok(found());
     }
     let held = cache::lock(&item, progress)?;
-    if place.is_dir() {
+    if folder.is_dir() {
         return Ok(found());
     }
     progress.start(&format!("fetching Mono {version} (7 MB of Debian packages)"));
@@ -99,7 +99,7 @@ pub fn mono(progress: &dyn Progress) -> Result<Mono> {
         fs::create_dir_all(folder).map_err(|e| Error::io(folder, &e))?;
     }
     let mut command = Command::new("apt-get");
-    command.args(["download", "-q"]).args(closure().map_err(&fail)?).current_dir(&archives);
+    command.args(["download", "-q"]).args(packages_to_unpack().map_err(&fail)?).current_dir(&archives);
     run(&mut command, progress).map_err(&fail)?;
     for entry in fs::read_dir(&archives).map_err(|e| Error::io(&archives, &e))? {
         let archive = entry.map_err(|e| Error::io(&archives, &e))?.path();
@@ -108,9 +108,9 @@ pub fn mono(progress: &dyn Progress) -> Result<Mono> {
     if let Some(missing) = [RUNTIME, COMPILER].into_iter().find(|file| !root.join(file).is_file()) {
         return Err(fail(format!("the packages of version {version} have no {missing}")));
     }
-    cache::publish(&root, &place)?;
+    cache::publish(&root, &folder)?;
     cache::remove(&scratch)?;
-    progress.done(&format!("Mono {version}: {}", place.display()));
+    progress.done(&format!("Mono {version}: {}", folder.display()));
     Ok(found())
 }
 
@@ -127,7 +127,7 @@ fn candidate_of(policy: &str) -> Option<String> {
 }
 
 /// The packages to unpack: Mono's own even if installed, and their dependencies that the machine lacks.
-fn closure() -> std::result::Result<Vec<String>, String> {
+fn packages_to_unpack() -> std::result::Result<Vec<String>, String> {
     let simulated = |state: &[&str]| {
         let mut command = Command::new("apt-get");
         command.args(["install", "--simulate", "-q", "--no-install-recommends"]).args(state).args(PACKAGES);
@@ -166,7 +166,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn versions_are_read_from_what_apt_says() {
+    fn versions_are_read_from_apt_output() {
         let policy = "mono-mcs:\n  Installed: (none)\n  Candidate: 6.8.0+dfsg-3\n  Version table:\n";
         assert_eq!(candidate_of(policy).as_deref(), Some("6.8.0+dfsg-3"));
         assert_eq!(candidate_of("mono-mcs:\n  Installed: (none)\n  Candidate: (none)\n"), None);

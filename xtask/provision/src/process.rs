@@ -1,4 +1,4 @@
-//! Running another program: its output kept, its progress shown.
+//! Runs another program, keeps its output and reports its progress.
 
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Command, ExitStatus, Stdio};

@@ -34,7 +34,7 @@ pub struct Console {
 struct Job {
     what: String,
     began: Instant,
-    last_said: Instant,
+    last_line: Instant,
 }
 
 /// Without a terminal an occasional log line suffices to show activity.
@@ -56,7 +56,7 @@ impl Progress for Console {
     fn start(&self, what: &str) {
         self.with_job(|job| {
             let now = Instant::now();
-            *job = Some(Job { what: what.to_owned(), began: now, last_said: now });
+            *job = Some(Job { what: what.to_owned(), began: now, last_line: now });
             if std::io::stderr().is_terminal() {
                 eprint!("\r\x1b[K  {what} ...");
                 // Progress is a courtesy: a closed stderr is no reason to stop the work.
@@ -74,8 +74,8 @@ impl Progress for Console {
             if std::io::stderr().is_terminal() {
                 eprint!("\r\x1b[K  {} ... {detail}, {seconds} s", job.what);
                 let _ = std::io::stderr().flush();
-            } else if job.last_said.elapsed().as_secs() >= LOG_EVERY_SECONDS {
-                job.last_said = Instant::now();
+            } else if job.last_line.elapsed().as_secs() >= LOG_EVERY_SECONDS {
+                job.last_line = Instant::now();
                 eprintln!("  {} ... {detail}, {seconds} s", job.what);
             }
         });

@@ -50,23 +50,23 @@ pub(crate) fn find() -> Result<Python> {
 /// Finds a newer Python than most features need: the usual one if it suffices, else any of the usual names, else one
 /// that pyenv has.
 pub(crate) fn find_at_least(oldest: (u32, u32)) -> Result<Python> {
-    let mut places: Vec<PathBuf> = std::env::var_os("CAIRN_PYTHON").into_iter().map(PathBuf::from).collect();
-    places.extend(NAMES.map(PathBuf::from));
+    let mut candidates: Vec<PathBuf> = std::env::var_os("CAIRN_PYTHON").into_iter().map(PathBuf::from).collect();
+    candidates.extend(NAMES.map(PathBuf::from));
     let root = std::env::var_os("PYENV_ROOT").map(PathBuf::from);
     let root = root.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".pyenv")));
     let kept = root.and_then(|root| fs::read_dir(root.join("versions")).ok());
     let mut kept: Vec<PathBuf> =
         kept.into_iter().flatten().flatten().map(|entry| entry.path().join("bin/python")).collect();
     kept.sort();
-    places.extend(kept);
-    first_of(&places, oldest, "no python3 or python is on the PATH")
+    candidates.extend(kept);
+    first_of(&candidates, oldest, "no python3 or python is on the PATH")
 }
 
 /// The first Python of `names` that is new enough; `nothing` is the message if there is none at all.
 fn first_of(names: &[PathBuf], oldest: (u32, u32), nothing: &str) -> Result<Python> {
     let mut seen = Vec::new();
     for name in names {
-        match examine(name, oldest) {
+        match python_at(name, oldest) {
             Ok(python) => {
                 require_pip(&python)?;
                 return Ok(python);
@@ -87,8 +87,8 @@ fn first_of(names: &[PathBuf], oldest: (u32, u32), nothing: &str) -> Result<Pyth
     Err(Error::new(format!("Python {major}.{minor} or newer"), cause, remedy))
 }
 
-/// The Python behind a name; else why it is unsuitable, or `None` if there is none.
-fn examine(name: &Path, oldest: (u32, u32)) -> Result<Python, Option<String>> {
+/// The Python that `name` starts; else the reason why it is too old, or `None` if there is none.
+fn python_at(name: &Path, oldest: (u32, u32)) -> Result<Python, Option<String>> {
     const QUESTION: &str = "import sys, platform; print(*sys.version_info[:2]); \
                             print(platform.python_version(), platform.machine(), sys.base_prefix)";
     let answer = process::run(Command::new(name).args(["-I", "-c", QUESTION]), |_| {}).map_err(|_| None)?;
@@ -152,22 +152,22 @@ fn explain(wanted: &str, outcome: &Outcome) -> Error {
         "Connection refused",
     ];
     let all = format!("{}\n{}", outcome.stdout, outcome.stderr);
-    let said = outcome.tail(4);
+    let tail = outcome.tail(4);
     // For an unreachable index pip prints "No matching distribution", so connection errors are checked first.
     if OFFLINE.iter().any(|sign| all.contains(sign)) {
         let remedy = "Connect to the network, or name an index that can be reached in pip's own configuration \
                       (PIP_INDEX_URL or pip.conf), and run the command again";
-        return Error::new(wanted, format!("pip cannot reach the package index:\n{said}\n"), remedy);
+        return Error::new(wanted, format!("pip cannot reach the package index:\n{tail}\n"), remedy);
     }
     if all.contains("No matching distribution") {
         let remedy = "Check that pip's index carries this version for this platform (pip config list), or use 64-bit \
                       Python on Linux, Windows or macOS";
-        return Error::new(wanted, format!("pip finds no such package:\n{said}\n"), remedy);
+        return Error::new(wanted, format!("pip finds no such package:\n{tail}\n"), remedy);
     }
     if all.contains("No space left on device") {
         return Error::new(wanted, "the disk is full", "Make room, or set CAIRN_CACHE_DIR to a folder on another disk");
     }
-    Error::new(wanted, format!("pip failed:\n{said}\n"), "Mend what pip names above and run the command again")
+    Error::new(wanted, format!("pip failed:\n{tail}\n"), "Mend what pip names above and run the command again")
 }
 
 /// A Python interpreter with the packages of the bundle builder and the Python tests; made on first use.
@@ -178,7 +178,7 @@ fn explain(wanted: &str, outcome: &Outcome) -> Error {
 /// No Python >= 3.11 with pip, an unreachable package index, or a disk that is full: cause and remedy are named.
 pub fn python_env(progress: &dyn Progress) -> Result<PathBuf> {
     let wanted = "the Python environment of the bundle builder";
-    environment("python", &find()?, REQUIREMENTS, wanted, progress).map(|place| interpreter(&place))
+    environment("python", &find()?, REQUIREMENTS, wanted, progress).map(|folder| interpreter(&folder))
 }
 
 /// A Python interpreter with the packages of [`python_env`] and JAX, which trains the miniature world; made on first use.
@@ -188,7 +188,7 @@ pub fn python_env(progress: &dyn Progress) -> Result<PathBuf> {
 pub fn training_env(progress: &dyn Progress) -> Result<PathBuf> {
     let requirements = format!("{REQUIREMENTS}{TRAINING}");
     let wanted = "the Python environment of the training";
-    environment("training", &find()?, &requirements, wanted, progress).map(|place| interpreter(&place))
+    environment("training", &find()?, &requirements, wanted, progress).map(|folder| interpreter(&folder))
 }
 
 /// A Python interpreter with Ray, numpy and pytest, for sweeps through Ray; made on first use.
@@ -197,7 +197,7 @@ pub fn training_env(progress: &dyn Progress) -> Result<PathBuf> {
 /// As [`python_env`].
 pub fn cluster_env(progress: &dyn Progress) -> Result<PathBuf> {
     let wanted = "the Python environment of sweeps through Ray";
-    environment("cluster", &find()?, CLUSTER, wanted, progress).map(|place| interpreter(&place))
+    environment("cluster", &find()?, CLUSTER, wanted, progress).map(|folder| interpreter(&folder))
 }
 
 /// The folder of an environment of `python` with the packages of `requirements`, one per line; made on first use.
@@ -212,16 +212,16 @@ pub(crate) fn environment(
     key.update(requirements);
     key.update(&python.identity);
     let name = format!("{name}-{}", &cache::hex(&key.finalize())[..12]);
-    let place = cache::cache_dir()?.join(&name);
-    let program = interpreter(&place);
-    let complete = place.join("complete");
+    let folder = cache::cache_dir()?.join(&name);
+    let program = interpreter(&folder);
+    let complete = folder.join("complete");
     if complete.is_file() && program.is_file() {
-        return Ok(place);
+        return Ok(folder);
     }
 
     let _held = cache::lock(&name, progress)?;
     if complete.is_file() && program.is_file() {
-        return Ok(place);
+        return Ok(folder);
     }
     let packages: Vec<&str> =
         requirements.lines().filter_map(|line| line.split_once("==")).map(|(name, _)| name).collect();
@@ -229,10 +229,10 @@ pub(crate) fn environment(
     let more = if packages.len() > 4 { " and others" } else { "" };
     progress.start(&format!("making {wanted} ({few}{more} from PyPI)"));
     // An environment cannot be moved, so it is made in place and marked when complete.
-    cache::remove(&place)?;
-    fs::create_dir_all(&place).map_err(|e| Error::io(&place, &e))?;
+    cache::remove(&folder)?;
+    fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, &e))?;
     // Without its own pip: some distributions ship ensurepip apart, and the machine's pip can install into it.
-    let made = process::run(Command::new(&python.program).args(["-m", "venv", "--without-pip"]).arg(&place), |_| {})
+    let made = process::run(Command::new(&python.program).args(["-m", "venv", "--without-pip"]).arg(&folder), |_| {})
         .map_err(|e| Error::io(&python.program, &e))?;
     if !made.status.success() {
         let cause = format!("\"{} -m venv\" failed:\n{}\n", python.program.display(), made.tail(3));
@@ -242,14 +242,14 @@ pub(crate) fn environment(
             "Install Python's venv module (Debian and Ubuntu: apt install python3-venv)",
         ));
     }
-    let list = place.join("requirements.txt");
+    let list = folder.join("requirements.txt");
     fs::write(&list, requirements).map_err(|e| Error::io(&list, &e))?;
     let (into, list) = (text(&program)?, text(&list)?);
     let arguments = ["--python", into, "install", "--quiet", "--only-binary=:all:", "--no-deps", "-r", list];
-    pip(python, &arguments, wanted, &place, progress)?;
+    pip(python, &arguments, wanted, &folder, progress)?;
     fs::write(&complete, &python.identity).map_err(|e| Error::io(&complete, &e))?;
-    progress.done(&format!("{wanted}: {}", place.display()));
-    Ok(place)
+    progress.done(&format!("{wanted}: {}", folder.display()));
+    Ok(folder)
 }
 
 /// The interpreter of an environment.
@@ -337,7 +337,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn an_unreachable_index_is_told_from_a_missing_package() {
+    fn an_unreachable_index_and_a_missing_package_have_different_errors() {
         use std::os::unix::process::ExitStatusExt;
         let failed = |stderr: &str| Outcome {
             status: std::process::ExitStatus::from_raw(256),

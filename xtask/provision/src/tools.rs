@@ -81,7 +81,7 @@ pub struct MingwCompiler {
 /// A C compiler for Windows, or with `cpp` a C++ compiler: MinGW-w64's from the PATH or by apt when root, else `ziglang`'s.
 ///
 /// # Errors
-/// Neither could be had; says why.
+/// Neither is available; the error has the reason.
 pub fn mingw_compiler(cpp: bool, progress: &dyn Progress) -> Result<MingwCompiler> {
     let (name, package) = match cpp {
         false => ("x86_64-w64-mingw32-gcc", "gcc-mingw-w64-x86-64"),
@@ -105,7 +105,7 @@ pub fn mingw_compiler(cpp: bool, progress: &dyn Progress) -> Result<MingwCompile
 /// A linker for [`WINDOWS_TARGET`]: MinGW from the PATH, by apt when root, else `ziglang` from PyPI.
 ///
 /// # Errors
-/// Neither could be had; says why.
+/// Neither is available; the error has the reason.
 pub fn mingw(progress: &dyn Progress) -> Result<Mingw> {
     const COMPILER: &str = "x86_64-w64-mingw32-gcc";
     if on_path(COMPILER).is_some() || (apt("gcc-mingw-w64-x86-64", progress).is_ok() && on_path(COMPILER).is_some()) {
@@ -152,8 +152,8 @@ pub const ZIG: &str = "0.16.0";
 /// Pinned: the linker wrapper and the compiler it drives.
 const ZIG_PACKAGES: [&str; 2] = ["cargo-zigbuild==0.23.4", "ziglang==0.16.0"];
 
-/// Their folder in the cache, with what zig has compiled.
-pub const ZIG_PLACE: &str = "zigbuild-0.23.4-zig-0.16.0";
+/// Their folder in the cache, which also has the objects that zig has compiled.
+pub const ZIG_FOLDER: &str = "zigbuild-0.23.4-zig-0.16.0";
 
 /// The folder with `cargo-zigbuild` and a `python` that has `ziglang`, in an environment of their own; fetched on first use (90 MB).
 ///
@@ -161,9 +161,9 @@ pub const ZIG_PLACE: &str = "zigbuild-0.23.4-zig-0.16.0";
 /// No Python with pip, or an unreachable index.
 pub fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
     let wanted = "a linker for other systems";
-    let place = cache::cache_dir()?.join(ZIG_PLACE);
-    let programs = place.join(if cfg!(windows) { "Scripts" } else { "bin" });
-    let complete = place.join("complete");
+    let folder = cache::cache_dir()?.join(ZIG_FOLDER);
+    let programs = folder.join(if cfg!(windows) { "Scripts" } else { "bin" });
+    let complete = folder.join("complete");
     if complete.is_file() {
         return Ok(programs);
     }
@@ -173,8 +173,8 @@ pub fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
     }
     let python = python::find()?;
     progress.start(&format!("fetching {wanted} ({} from PyPI)", ZIG_PACKAGES.join(", ")));
-    cache::remove(&place)?;
-    let made = process::run(Command::new(&python.program).args(["-m", "venv", "--without-pip"]).arg(&place), |_| {})
+    cache::remove(&folder)?;
+    let made = process::run(Command::new(&python.program).args(["-m", "venv", "--without-pip"]).arg(&folder), |_| {})
         .map_err(|e| Error::io(&python.program, &e))?;
     if !made.status.success() {
         return Err(Error::new(
@@ -186,7 +186,7 @@ pub fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
     let interpreter = programs.join(if cfg!(windows) { "python.exe" } else { "python" });
     let mut arguments = vec!["--python", text(&interpreter)?, "install", "--quiet", "--no-deps", "--only-binary=:all:"];
     arguments.extend(ZIG_PACKAGES);
-    python::pip(&python, &arguments, wanted, &place, progress)?;
+    python::pip(&python, &arguments, wanted, &folder, progress)?;
     std::fs::write(&complete, "").map_err(|e| Error::io(&complete, &e))?;
     progress.done(&format!("{wanted}: {}", programs.display()));
     Ok(programs)
@@ -198,19 +198,19 @@ pub fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
 /// As [`zigbuild`], or its package has no such folder.
 pub fn zig_sources(progress: &dyn Progress) -> Result<PathBuf> {
     let programs = zigbuild(progress)?;
-    let place = programs.parent().unwrap_or(&programs);
+    let folder = programs.parent().unwrap_or(&programs);
     let packages = match cfg!(windows) {
-        true => vec![place.join("Lib")],
+        true => vec![folder.join("Lib")],
         // It is below a folder named after the Python version.
         false => {
-            let library = place.join("lib");
+            let library = folder.join("lib");
             let entries = std::fs::read_dir(&library).map_err(|e| Error::io(&library, &e))?;
             entries.flatten().map(|entry| entry.path()).collect()
         }
     };
     let mut found = packages.iter().map(|folder| folder.join("site-packages/ziglang/lib"));
     found.find(|folder| folder.join("libunwind").is_dir()).ok_or_else(|| {
-        let remedy = format!("Remove {} and run the command again", place.display());
+        let remedy = format!("Remove {} and run the command again", folder.display());
         Error::new("zig's sources", "its package has no folder of them", remedy)
     })
 }
@@ -230,9 +230,9 @@ pub fn by_zig(command: &mut Command, progress: &dyn Progress) -> Result<()> {
     let remedy = "Set CAIRN_CACHE_DIR to a folder with a plain name";
     let joined = std::env::join_paths(folders).map_err(|e| Error::new("PATH", e.to_string(), remedy))?;
     // Their compiled files have a cache of their own: zig reuses them whatever flags they were compiled with.
-    let kept = cache::cache_dir()?.join(ZIG_PLACE).join("kept");
-    command.env("PATH", joined).env("ZIG_GLOBAL_CACHE_DIR", kept.join("global"));
-    command.env("CARGO_ZIGBUILD_CACHE_DIR", kept.join("wrappers")).env(NO_DEBUG.0, NO_DEBUG.1);
+    let compiled = cache::cache_dir()?.join(ZIG_FOLDER).join("kept");
+    command.env("PATH", joined).env("ZIG_GLOBAL_CACHE_DIR", compiled.join("global"));
+    command.env("CARGO_ZIGBUILD_CACHE_DIR", compiled.join("wrappers")).env(NO_DEBUG.0, NO_DEBUG.1);
     Ok(())
 }
 
@@ -351,8 +351,8 @@ pub fn cargo_program(name: &str, version: &str, progress: &dyn Progress) -> Resu
         return Ok(found);
     }
     let item = format!("{name}-{version}");
-    let place = cache::cache_dir()?.join(&item);
-    let program = place.join("bin").join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
+    let folder = cache::cache_dir()?.join(&item);
+    let program = folder.join("bin").join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
     if program.is_file() {
         return Ok(program);
     }
@@ -378,7 +378,7 @@ pub fn cargo_program(name: &str, version: &str, progress: &dyn Progress) -> Resu
         return Err(Error::new(&item, cause, format!("Mend that, or install it by hand: cargo install {name}")));
     }
     cache::remove(&scratch.join("target"))?;
-    cache::publish(&scratch, &place)?;
+    cache::publish(&scratch, &folder)?;
     progress.done(&format!("{name} {version}: {}", program.display()));
     Ok(program)
 }
@@ -393,19 +393,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn finds_programs_on_the_path_and_says_when_there_is_none() {
+    fn programs_on_the_path_are_found_and_others_are_not() {
         assert!(on_path("cargo").is_some());
         assert!(on_path("no-such-program-of-ours").is_none());
     }
 
     #[test]
-    fn the_compiler_s_version_is_said_alike() {
-        assert!(ZIG_PACKAGES[1].ends_with(&format!("=={ZIG}")) && ZIG_PLACE.ends_with(&format!("-zig-{ZIG}")));
-        assert!(ZIG_PLACE.starts_with(&ZIG_PACKAGES[0].replace("cargo-", "").replace("==", "-")));
+    fn zig_versions_agree() {
+        assert!(ZIG_PACKAGES[1].ends_with(&format!("=={ZIG}")) && ZIG_FOLDER.ends_with(&format!("-zig-{ZIG}")));
+        assert!(ZIG_FOLDER.starts_with(&ZIG_PACKAGES[0].replace("cargo-", "").replace("==", "-")));
     }
 
     #[test]
-    fn a_toolchain_that_is_not_there_has_no_version() {
+    fn a_missing_toolchain_has_no_version() {
         assert!(version_line("no-such-toolchain-of-ours").is_none());
     }
 }

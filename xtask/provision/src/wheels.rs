@@ -17,30 +17,30 @@ pub(crate) const AUDIT: &str = include_str!("../audit.txt");
 /// As [`crate::python_env`].
 pub fn audit_env(progress: &dyn Progress) -> Result<PathBuf> {
     let wanted = "the Python environment that looks at wheels";
-    python::environment("audit", &python::find()?, AUDIT, wanted, progress).map(|place| interpreter(&place))
+    python::environment("audit", &python::find()?, AUDIT, wanted, progress).map(|folder| interpreter(&folder))
 }
 
-/// A new environment in `place` with a wheel and its dependencies only, as a user makes one; returns its interpreter. Versions of the
+/// A new environment in `folder` with a wheel and its dependencies only, as a user makes one; returns its interpreter. Versions of the
 /// dependencies are those that all tests use.
 ///
 /// # Errors
 /// pip refuses the wheel or finds no package that fits, an unreachable index, or a Python without its venv module.
-pub fn installed(wheel: &Path, place: &Path, progress: &dyn Progress) -> Result<PathBuf> {
+pub fn install(wheel: &Path, folder: &Path, progress: &dyn Progress) -> Result<PathBuf> {
     let python = python::find()?;
     let wanted = "an environment with a wheel";
-    cache::remove(place)?;
-    let made = process::run(Command::new(&python.program).args(["-m", "venv", "--without-pip"]).arg(place), |_| {})
+    cache::remove(folder)?;
+    let made = process::run(Command::new(&python.program).args(["-m", "venv", "--without-pip"]).arg(folder), |_| {})
         .map_err(|e| Error::io(&python.program, &e))?;
     if !made.status.success() {
         let remedy = "Install Python's venv module (Debian and Ubuntu: apt install python3-venv)";
         return Err(Error::new(wanted, made.tail(3), remedy));
     }
-    let program = interpreter(place);
-    let versions = place.join("versions.txt");
+    let program = interpreter(folder);
+    let versions = folder.join("versions.txt");
     fs::write(&versions, REQUIREMENTS).map_err(|e| Error::io(&versions, &e))?;
     let arguments = ["--python", text(&program)?, "install", "--quiet", "--only-binary=:all:"];
     let arguments = [&arguments[..], &["--constraint", text(&versions)?, text(wheel)?]].concat();
-    python::pip(&python, &arguments, wanted, place, progress)?;
+    python::pip(&python, &arguments, wanted, folder, progress)?;
     Ok(program)
 }
 
@@ -62,7 +62,7 @@ pub fn fits(wheel: &Path, platform: &str, into: &Path, progress: &dyn Progress) 
 ///
 /// # Errors
 /// pip refuses the wheel.
-pub fn unpacked_for_windows(wheel: &Path, into: &Path, progress: &dyn Progress) -> Result<()> {
+pub fn unpack_for_windows(wheel: &Path, into: &Path, progress: &dyn Progress) -> Result<()> {
     cache::remove(into)?;
     let arguments = [FOR_WINDOWS.as_slice(), &["--no-deps", "--target", text(into)?, text(wheel)?]].concat();
     python::pip(&python::find()?, &arguments, "a wheel for Windows", into, progress).map(drop)
@@ -114,8 +114,8 @@ pub fn windows_python(progress: &dyn Progress) -> Result<WindowsPython> {
     // The lab's Wine lacks C functions that later numpy calls; this is also the oldest version that the package supports.
     let packages = format!("numpy==1.26.4\nonnxruntime-directml=={}\n", crate::ONNXRUNTIME_VERSION);
     let item = format!("windows-{}-{}", WINDOWS_PYTHON.item(), crate::ONNXRUNTIME_VERSION);
-    let place = cache::cache_dir()?.join(&item);
-    let found = WindowsPython { program: place.join("python").join("python.exe"), packages: place.join("packages") };
+    let folder = cache::cache_dir()?.join(&item);
+    let found = WindowsPython { program: folder.join("python").join("python.exe"), packages: folder.join("packages") };
     if found.program.is_file() {
         return Ok(found);
     }
@@ -146,9 +146,9 @@ pub fn windows_python(progress: &dyn Progress) -> Result<WindowsPython> {
     let into = finished.join("packages");
     let arguments = [FOR_WINDOWS.as_slice(), &["--no-deps", "--target", text(&into)?, "-r", text(&list)?]].concat();
     python::pip(&python, &arguments, WANTED, &into, progress)?;
-    cache::publish(&finished, &place)?;
+    cache::publish(&finished, &folder)?;
     cache::remove(&scratch)?;
-    progress.done(&format!("{WANTED}: {}", place.display()));
+    progress.done(&format!("{WANTED}: {}", folder.display()));
     Ok(found)
 }
 
@@ -157,7 +157,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_fetched_is_pinned() {
+    fn downloads_are_pinned() {
         assert!(WINDOWS_PYTHON_FILE.is_pinned() && WINDOWS_PYTHON.is_pinned());
     }
 }

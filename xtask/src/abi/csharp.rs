@@ -53,8 +53,8 @@ pub(crate) fn generate(declared: &Declarations) -> Result<String, String> {
     let functions: Vec<_> = declared.functions.iter().filter(|function| !function.experimental).collect();
     let callbacks: Vec<_> = declared.typedefs.iter().filter(|line| line.contains("(*")).collect();
     let mentions = |name: &str| {
-        let word = |text: &str| text.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|word| word == name);
-        functions.iter().any(|function| word(&function.prototype)) || callbacks.iter().any(|line| word(line))
+        let has_name = |text: &str| text.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|word| word == name);
+        functions.iter().any(|function| has_name(&function.prototype)) || callbacks.iter().any(|line| has_name(line))
     };
     for found in declared.structs.iter().filter(|found| !found.fields.is_empty() && mentions(&found.name)) {
         let name = short(&found.name);
@@ -113,11 +113,11 @@ fn delegate(
     let list: Vec<String> = each
         .map(|parameter| {
             let (kind, name) = kind_and_name(parameter);
-            Ok(format!("{} {name}", word(kind, declared)?))
+            Ok(format!("{} {name}", translate_type(kind, declared)?))
         })
         .collect::<Result<_, String>>()?;
     // Returned strings are raw pointers: C#'s marshaller would free them otherwise.
-    let answer = word(answer, declared)?;
+    let answer = translate_type(answer, declared)?;
     _ = write!(
         text,
         "\n        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]\n        internal delegate {answer} {name}({});\n",
@@ -133,10 +133,10 @@ fn field(declaration: &str, declared: &Declarations) -> Result<String, String> {
         None => (declaration, None),
     };
     let (kind, name) = kind_and_name(single);
-    let word = word(kind, declared)?;
+    let kind = translate_type(kind, declared)?;
     Ok(match length {
-        Some(length) => format!("internal fixed {word} {name}[{length}];"),
-        None => format!("internal {word} {name};"),
+        Some(length) => format!("internal fixed {kind} {name}[{length}];"),
+        None => format!("internal {kind} {name};"),
     })
 }
 
@@ -146,7 +146,7 @@ fn kind_and_name(declaration: &str) -> (&str, &str) {
 }
 
 /// Translates a C type to C#. Pointers to opaque structs and callbacks become `IntPtr`.
-fn word(kind: &str, declared: &Declarations) -> Result<String, String> {
+fn translate_type(kind: &str, declared: &Declarations) -> Result<String, String> {
     let plain = kind.replace("const", "").replace("struct ", "");
     let stars = plain.matches('*').count();
     let base = plain.replace('*', "").trim().to_owned();
@@ -199,7 +199,7 @@ CAIRN_API cairn_result cairn_try(cairn_unused *x);
 ";
 
     #[test]
-    fn everything_but_what_is_experimental_has_its_words() {
+    fn everything_but_experimental_items_is_translated() {
         let text = generate(&declarations::read(HEADER).unwrap()).unwrap();
         for line in [
             "internal const int OK = 0;",
@@ -222,7 +222,7 @@ CAIRN_API cairn_result cairn_try(cairn_unused *x);
     }
 
     #[test]
-    fn a_type_without_words_is_named() {
+    fn a_type_without_a_translation_is_named() {
         let header = HEADER.replace("float *values", "double *values");
         let why = generate(&declarations::read(&header).unwrap()).unwrap_err();
         assert!(why.contains("double"), "{why}");

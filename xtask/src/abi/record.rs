@@ -109,7 +109,7 @@ pub(crate) fn difference(record: &str, printed: &str) -> Option<String> {
 }
 
 /// The first line that `new` lacks without a higher `CAIRN_ABI_VERSION`; `None` when the change only adds.
-pub(crate) fn break_of_promise(old: &str, new: &str) -> Option<String> {
+pub(crate) fn breaking_change(old: &str, new: &str) -> Option<String> {
     let number = |record: &str| {
         record.lines().find_map(|line| line.strip_prefix("constant CAIRN_ABI_VERSION ")?.parse::<u64>().ok())
     };
@@ -127,15 +127,15 @@ mod tests {
     use crate::abi::declarations::read;
 
     #[test]
-    fn only_what_adds_keeps_the_number() {
+    fn only_additions_keep_the_abi_version() {
         let old = "constant CAIRN_ABI_VERSION 1\nconstant CAIRN_VERSION 1\nsize cairn_a 8\nfunction int f(void)\n";
-        assert_eq!(break_of_promise(old, &format!("# x\n{old}size cairn_a 16\n")), None);
-        assert_eq!(break_of_promise(old, &old.replace("CAIRN_VERSION 1", "CAIRN_VERSION 2")), None);
+        assert_eq!(breaking_change(old, &format!("# x\n{old}size cairn_a 16\n")), None);
+        assert_eq!(breaking_change(old, &old.replace("CAIRN_VERSION 1", "CAIRN_VERSION 2")), None);
         let changed = old.replace("size cairn_a 8", "size cairn_a 16");
-        assert_eq!(break_of_promise(old, &changed).as_deref(), Some("size cairn_a 8"));
-        assert_eq!(break_of_promise(old, &changed.replace("ABI_VERSION 1", "ABI_VERSION 2")), None);
-        assert!(break_of_promise(old, &old.replace("int f", "void f")).is_some());
-        assert_eq!(break_of_promise(&format!("{old}experimental int g(void)\n"), old), None);
+        assert_eq!(breaking_change(old, &changed).as_deref(), Some("size cairn_a 8"));
+        assert_eq!(breaking_change(old, &changed.replace("ABI_VERSION 1", "ABI_VERSION 2")), None);
+        assert!(breaking_change(old, &old.replace("int f", "void f")).is_some());
+        assert_eq!(breaking_change(&format!("{old}experimental int g(void)\n"), old), None);
     }
 
     #[test]

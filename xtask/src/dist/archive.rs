@@ -17,25 +17,25 @@ use crate::workspace::Workspace;
 pub(super) const EPOCH: &str = "SOURCE_DATE_EPOCH";
 
 /// The time of every entry in an archive, in whole seconds: from the variable, else the time of the repository's last commit.
-pub(super) fn moment(workspace: &Workspace) -> Result<Timestamp, String> {
+pub(super) fn build_time(workspace: &Workspace) -> Result<Timestamp, String> {
     let text = match std::env::var(EPOCH) {
         Ok(text) => text,
         Err(_) => output(Command::new("git").args(["log", "-1", "--format=%ct"]).current_dir(&workspace.root))?,
     };
     let seconds = text.trim().parse().ok();
-    let moment = seconds.and_then(|seconds| Timestamp::from_second(seconds).ok());
-    moment.ok_or_else(|| format!("{EPOCH} is {text:?}, and not a number of seconds since 1970"))
+    let build_time = seconds.and_then(|seconds| Timestamp::from_second(seconds).ok());
+    build_time.ok_or_else(|| format!("{EPOCH} is {text:?}, and not a number of seconds since 1970"))
 }
 
 /// Everyone may read, the owner may write.
 const MODE: u32 = 0o644;
 
 /// A ZIP file.
-pub(super) fn zip(tree: &Tree, moment: Timestamp) -> Result<Vec<u8>, String> {
+pub(super) fn zip(tree: &Tree, build_time: Timestamp) -> Result<Vec<u8>, String> {
     let failed = |e: zip::result::ZipError| format!("{}: {e}", tree.name());
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
-        .last_modified_time(zip_time(moment))
+        .last_modified_time(zip_time(build_time))
         .unix_permissions(MODE);
     let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
     for (path, bytes) in tree.files() {
@@ -46,8 +46,8 @@ pub(super) fn zip(tree: &Tree, moment: Timestamp) -> Result<Vec<u8>, String> {
 }
 
 /// The time in ZIP's format, which begins in 1980; earlier times become the earliest that it has.
-fn zip_time(moment: Timestamp) -> DateTime {
-    let at = moment.to_zoned(TimeZone::UTC);
+fn zip_time(build_time: Timestamp) -> DateTime {
+    let at = build_time.to_zoned(TimeZone::UTC);
     let parts = [at.month(), at.day(), at.hour(), at.minute(), at.second()].map(|part| u8::try_from(part).unwrap_or(0));
     let [month, day, hour, minute, second] = parts;
     let year = u16::try_from(at.year()).unwrap_or(0);
@@ -55,7 +55,7 @@ fn zip_time(moment: Timestamp) -> DateTime {
 }
 
 /// A tar file, compressed by gzip.
-pub(super) fn tar_gz(tree: &Tree, moment: Timestamp) -> Result<Vec<u8>, String> {
+pub(super) fn tar_gz(tree: &Tree, build_time: Timestamp) -> Result<Vec<u8>, String> {
     let failed = |e: std::io::Error| format!("{}: {e}", tree.name());
     // The gzip header has no name and no time.
     let writer = GzBuilder::new().mtime(0).write(Vec::new(), Compression::best());
@@ -64,7 +64,7 @@ pub(super) fn tar_gz(tree: &Tree, moment: Timestamp) -> Result<Vec<u8>, String> 
         let mut header = tar::Header::new_gnu();
         header.set_size(bytes.len() as u64);
         header.set_mode(MODE);
-        header.set_mtime(u64::try_from(moment.as_second()).unwrap_or(0));
+        header.set_mtime(u64::try_from(build_time.as_second()).unwrap_or(0));
         header.set_uid(0);
         header.set_gid(0);
         builder.append_data(&mut header, path, bytes).map_err(failed)?;
@@ -76,16 +76,16 @@ pub(super) fn tar_gz(tree: &Tree, moment: Timestamp) -> Result<Vec<u8>, String> 
 mod tests {
     use super::*;
 
-    fn moment(text: &str) -> Timestamp {
+    fn build_time(text: &str) -> Timestamp {
         text.parse().unwrap()
     }
 
     #[test]
     fn zip_has_times_from_1980_on() {
-        let time = zip_time(moment("2000-02-29T13:14:16Z"));
+        let time = zip_time(build_time("2000-02-29T13:14:16Z"));
         assert_eq!((time.year(), time.month(), time.day()), (2000, 2, 29));
         assert_eq!((time.hour(), time.minute(), time.second()), (13, 14, 16));
-        assert_eq!(zip_time(moment("1970-01-01T00:00:00Z")), DateTime::default());
+        assert_eq!(zip_time(build_time("1970-01-01T00:00:00Z")), DateTime::default());
     }
 
     #[test]
@@ -97,11 +97,15 @@ mod tests {
         for (path, text) in [("a", "one"), ("b", "two")] {
             trees[1].add(path, text).unwrap();
         }
-        let [zips, tars] =
-            [zip, tar_gz].map(|pack| trees.each_ref().map(|tree| pack(tree, moment("2000-02-29T00:00:00Z")).unwrap()));
+        let [zips, tars] = [zip, tar_gz]
+            .map(|pack| trees.each_ref().map(|tree| pack(tree, build_time("2000-02-29T00:00:00Z")).unwrap()));
         assert_eq!(zips[0], zips[1]);
         assert_eq!(tars[0], tars[1]);
-        assert_ne!(zips[0], zip(&trees[0], moment("2000-02-29T00:00:02Z")).unwrap(), "the time of the files is in it");
+        assert_ne!(
+            zips[0],
+            zip(&trees[0], build_time("2000-02-29T00:00:02Z")).unwrap(),
+            "the time of the files is in it"
+        );
         assert!(zips[0].starts_with(b"PK") && tars[0].starts_with(&[0x1f, 0x8b]));
     }
 }

@@ -7,7 +7,7 @@ use provision::Console;
 
 use super::Platform;
 use super::dependencies::{self, Part};
-use super::library::{self, Built};
+use super::library::{self, BuiltLibrary};
 use super::runtime;
 use super::sbom;
 use super::tree::{self, Tree};
@@ -31,10 +31,10 @@ const PKG_CONFIG: &str = include_str!("pages/cairn.pc");
 pub(crate) const TERMS: [&str; 4] = ["LICENSE-APACHE", "LICENSE-MIT", dependencies::PAGE, runtime::RUST_NOTICES];
 
 /// The archive of a platform; with `slim` without Microsoft's libraries. `None` if the slim archive would be the same as the full one.
-pub(super) fn of(
+pub(super) fn archive_tree(
     workspace: &Workspace,
     platform: Platform,
-    built: &Built,
+    built: &BuiltLibrary,
     parts: &[Part],
     bill: &[u8],
     slim: bool,
@@ -52,12 +52,12 @@ pub(super) fn of(
         tree.add_file(file, &workspace.root.join(file))?;
     }
     for folder in ["include/", "samples/host-c/", "samples/scripts/"] {
-        tree.add_clone(workspace, folder, |_| true)?;
+        tree.add_from_workspace(workspace, folder, |_| true)?;
     }
-    tree.add_clone(workspace, "bindings/python/", |file| {
+    tree.add_from_workspace(workspace, "bindings/python/", |file| {
         !["bindings/python/tests/", "bindings/python/wheel/"].iter().any(|tests| file.starts_with(tests))
     })?;
-    tree.add_clone(workspace, "bindings/csharp/", |file| !file.starts_with("bindings/csharp/tests/"))?;
+    tree.add_from_workspace(workspace, "bindings/csharp/", |file| !file.starts_with("bindings/csharp/tests/"))?;
     for file in book_files(workspace)? {
         tree.add_file(file.clone(), &workspace.root.join(&file))?;
     }
@@ -81,7 +81,7 @@ pub(super) fn of(
             tree.add(format!("bin/{name}"), built.library.as_slice())?;
             tree.add("lib/cairn.lib", import.msvc.as_slice())?;
             tree.add("lib/libcairn.dll.a", import.mingw.as_slice())?;
-            tree.add_clone(workspace, "samples/host-d3d12/", |_| true)?;
+            tree.add_from_workspace(workspace, "samples/host-d3d12/", |_| true)?;
             tree.add("amd/README.md", fill(AMD))?;
             let plugin = built.unity.as_ref().ok_or("the Windows library has no plugin for Unity")?;
             unity::add(&mut tree, workspace, plugin, !slim)?;
@@ -114,8 +114,8 @@ fn book_files(workspace: &Workspace) -> Result<BTreeSet<String>, String> {
     for chapter in chapters.into_iter().filter(|chapter| is_wanted(chapter)) {
         let page = workspace.read(&chapter)?;
         let folder = chapter.rsplit_once('/').map_or("", |(folder, _)| folder);
-        let shown = book::links(&page).filter_map(|target| tree::joined(folder, target));
-        files.extend(shown.filter(|file| {
+        let linked = book::links(&page).filter_map(|target| tree::joined(folder, target));
+        files.extend(linked.filter(|file| {
             let is_page = Path::new(file).extension().is_some_and(|ending| ending == "md");
             is_wanted(file) && !is_page && workspace.root.join(file).is_file()
         }));

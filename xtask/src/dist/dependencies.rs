@@ -68,7 +68,7 @@ pub(super) const PAGE: &str = "THIRD-PARTY.md";
 const LICENCE_FILES: [&str; 6] = ["LICENSE", "LICENCE", "COPYING", "COPYRIGHT", "NOTICE", "UNLICENSE"];
 
 /// All crates of the library for a platform, the library's own first.
-pub(super) fn of(workspace: &Workspace, platform: Platform) -> Result<Vec<Part>, String> {
+pub(super) fn crates(workspace: &Workspace, platform: Platform) -> Result<Vec<Part>, String> {
     let filter = ["--locked", "--filter-platform", platform.triple()].map(str::to_owned);
     let metadata = MetadataCommand::new()
         .cargo_path(tools::cargo())
@@ -81,7 +81,7 @@ pub(super) fn of(workspace: &Workspace, platform: Platform) -> Result<Vec<Part>,
     let links = links(&metadata)?;
     let root = metadata.root_package().ok_or("cargo metadata names no root package")?;
     let mut crates = Vec::new();
-    for id in reached(&root.id, &links) {
+    for id in reachable(&root.id, &links) {
         let package = &metadata[&id];
         let (name, version) = (package.name.to_string(), package.version.to_string());
         let licence = package.license.clone().ok_or_else(|| format!("{name} {version} names no licence"))?;
@@ -118,7 +118,7 @@ fn links(metadata: &Metadata) -> Result<BTreeMap<PackageId, Vec<PackageId>>, Str
 }
 
 /// `root` and all packages reachable from it: `root` first, the others sorted.
-fn reached(root: &PackageId, links: &BTreeMap<PackageId, Vec<PackageId>>) -> Vec<PackageId> {
+fn reachable(root: &PackageId, links: &BTreeMap<PackageId, Vec<PackageId>>) -> Vec<PackageId> {
     let mut found = BTreeSet::new();
     let mut next = vec![root.clone()];
     while let Some(id) = next.pop() {
@@ -163,8 +163,8 @@ pub(super) fn page(parts: &[Part]) -> String {
                     that they give.\n\n| part | licence | where it is developed |\n|---|---|---|\n"
         .to_owned();
     for part in others() {
-        let place = part.repository.as_deref().unwrap_or("https://crates.io");
-        _ = writeln!(page, "| {} {} | {} | {place} |", part.name, part.version, part.licence);
+        let repository = part.repository.as_deref().unwrap_or("https://crates.io");
+        _ = writeln!(page, "| {} {} | {} | {repository} |", part.name, part.version, part.licence);
     }
     _ = writeln!(page, "\nWhat rust-std is made of in turn, with its notices: [{RUST_NOTICES}]({RUST_NOTICES}).");
     // Grouped by text, since most are the same.
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_text_stands_once_on_the_page_with_all_that_have_it() {
+    fn equal_licence_texts_appear_once_with_all_their_parts() {
         let page = page(&[part("own", "ours"), part("a", "one\n"), part("b", "two"), part("c", "one")]);
         assert_eq!(page.matches("\none\n").count(), 1, "{page}");
         assert!(page.contains("## a 1.0.0, c 1.0.0\n") && page.contains("## b 1.0.0\n"), "{page}");

@@ -27,7 +27,7 @@ pub(crate) enum Source {
 }
 
 /// A library and its companion files, as bytes.
-pub(super) struct Built {
+pub(super) struct BuiltLibrary {
     /// `cairn.dll` or `libcairn.so`, without debug information and with the name of the debug file.
     pub(super) library: Vec<u8>,
     /// The debug file.
@@ -73,17 +73,17 @@ pub(super) fn build(
     workspace: &Workspace,
     platform: Platform,
     source: Source,
-    moment: Timestamp,
-) -> Result<Built, String> {
+    build_time: Timestamp,
+) -> Result<BuiltLibrary, String> {
     let work = workspace.target.join("xtask").join("dist").join(platform.name());
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
     let folder = match (platform, source) {
-        (_, Source::Release) => compile(workspace, platform, moment)?,
+        (_, Source::Release) => compile(workspace, platform, build_time)?,
         (Platform::Windows, Source::Tests) => workspace.target.join(platform.triple()).join("debug"),
         (Platform::Linux, Source::Tests) => link(workspace, &work)?,
     };
     let [library, debug] = names(platform);
-    split(platform, &folder.join(library), &work, moment)?;
+    split_debug_information(platform, &folder.join(library), &work, build_time)?;
     let read = |path: PathBuf| fs::read(&path).map_err(|e| format!("{}: {e}", path.display()));
     let import = match platform {
         Platform::Windows => {
@@ -96,20 +96,20 @@ pub(super) fn build(
         Platform::Windows => {
             let stripped = work.join(UNITY);
             let mut command = Command::new(objcopy(platform));
-            command.args(PASSING).arg("--strip-debug").arg(folder.join(UNITY)).arg(&stripped);
-            pass_through(command.env(EPOCH, moment.as_second().to_string()))?;
+            command.args(STRIP_BUILD_SPECIFIC).arg("--strip-debug").arg(folder.join(UNITY)).arg(&stripped);
+            pass_through(command.env(EPOCH, build_time.as_second().to_string()))?;
             Some(read(stripped)?)
         }
         Platform::Linux => None,
     };
-    Ok(Built { library: read(work.join(library))?, debug: read(work.join(debug))?, import, unity })
+    Ok(BuiltLibrary { library: read(work.join(library))?, debug: read(work.join(debug))?, import, unity })
 }
 
 /// Compiles the library for release; returns the output folder.
-fn compile(workspace: &Workspace, platform: Platform, moment: Timestamp) -> Result<PathBuf, String> {
+fn compile(workspace: &Workspace, platform: Platform, build_time: Timestamp) -> Result<PathBuf, String> {
     let console = Console::new();
     // It has other flags than all other builds, and would replace their files.
-    let apart = workspace.target.join("dist").join("build");
+    let target_dir = workspace.target.join("dist").join("build");
     tools::rust_target(platform.triple(), &console).map_err(|e| e.to_string())?;
     let (verb, target) = match platform {
         Platform::Windows => ("build", platform.triple().to_owned()),
@@ -117,8 +117,8 @@ fn compile(workspace: &Workspace, platform: Platform, moment: Timestamp) -> Resu
         Platform::Linux => ("zigbuild", format!("{}.{GLIBC}", platform.triple())),
     };
     let mut command = workspace.cargo([verb, "--release", "--package", "cairn", "--lib", "--target", &target]);
-    command.arg("--target-dir").arg(&apart).env("CARGO_ENCODED_RUSTFLAGS", flags(workspace)?);
-    command.env(EPOCH, moment.as_second().to_string());
+    command.arg("--target-dir").arg(&target_dir).env("CARGO_ENCODED_RUSTFLAGS", flags(workspace)?);
+    command.env(EPOCH, build_time.as_second().to_string());
     match platform {
         Platform::Windows => {
             command.args(["--package", "cairn-unity"]);
@@ -129,11 +129,11 @@ fn compile(workspace: &Workspace, platform: Platform, moment: Timestamp) -> Resu
         Platform::Linux => tools::by_zig(&mut command, &console).map_err(|e| e.to_string())?,
     }
     pass_through(&mut command)?;
-    Ok(apart.join(platform.triple()).join("release"))
+    Ok(target_dir.join(platform.triple()).join("release"))
 }
 
 /// A library that re-exports all of Cairn: a `cdylib` made of an `rlib` also exports the `rlib`'s C functions.
-const NOTHING: &str = "extern crate cairn as _;\n";
+const REEXPORT: &str = "extern crate cairn as _;\n";
 
 /// Links the `rlib` that tests have compiled as [`compile`] links it; returns the output folder. Compiled code does not depend on the C
 /// library's version, so only the link step differs.
@@ -147,7 +147,7 @@ fn link(workspace: &Workspace, work: &Path) -> Result<PathBuf, String> {
         &format!("#!/bin/sh\nexec cargo-zigbuild zig cc -- -target x86_64-linux-gnu.{GLIBC} \"$@\"\n"),
     )?;
     executable(&linker).map_err(|e| format!("{}: {e}", linker.display()))?;
-    let source = write("nothing.rs", NOTHING)?;
+    let source = write("nothing.rs", REEXPORT)?;
     let linked = work.join("linked");
     fs::create_dir_all(&linked).map_err(|e| format!("{}: {e}", linked.display()))?;
     let compiled = workspace.target.join("debug");
@@ -182,10 +182,10 @@ fn flags(workspace: &Workspace) -> Result<String, String> {
     Ok([remap(&home, "cargo"), remap(&workspace.root, "cairn")].join("\u{1f}"))
 }
 
-/// Strips symbols that differ from build to build and that nothing needs. LLVM numbers what it shares among parts of a crate in the order
-/// in which the compiler emitted them, which can vary; debug information has the names without numbers. And `dlltool` names symbols of
-/// rustc's temporary import libraries after their paths; such a symbol names no code.
-const PASSING: [&str; 4] = [
+/// Options of objcopy that strip symbols which differ between builds and which no program needs. LLVM numbers the symbols that parts of a
+/// crate share by the order in which the compiler emits them, which varies; the debug information has the names without numbers. `dlltool`
+/// names symbols of rustc's temporary import libraries after their paths; these symbols name no code.
+const STRIP_BUILD_SPECIFIC: [&str; 4] = [
     "--wildcard",
     "--strip-symbol=*.llvm.[0-9]*",
     // With the letters that the import names its DLL by: `SHELL32.DLL`, `kernel32.dll`.
@@ -193,15 +193,25 @@ const PASSING: [&str; 4] = [
     "--strip-symbol=_head_*_[dD][lL][lL]_imports_lib",
 ];
 
-/// Writes the stripped library into `work`, and its debug information beside it. `moment` is the time stamp that a Windows file
+/// Writes the stripped library into `work`, and its debug information beside it. `build_time` is the time stamp that a Windows file
 /// contains.
-fn split(platform: Platform, library: &Path, work: &Path, moment: Timestamp) -> Result<(), String> {
+fn split_debug_information(
+    platform: Platform,
+    library: &Path,
+    work: &Path,
+    build_time: Timestamp,
+) -> Result<(), String> {
     let program = objcopy(platform);
     let [name, debug] = names(platform);
     let run = |arguments: &[&str], files: &[&Path]| {
         // The debug link stores the path as given, so the file is named relative to its own folder.
         let mut command = Command::new(program);
-        command.args(PASSING).args(arguments).args(files).current_dir(work).env(EPOCH, moment.as_second().to_string());
+        command
+            .args(STRIP_BUILD_SPECIFIC)
+            .args(arguments)
+            .args(files)
+            .current_dir(work)
+            .env(EPOCH, build_time.as_second().to_string());
         pass_through(&mut command)
     };
     run(&["--only-keep-debug"], &[library, Path::new(debug)])?;

@@ -82,7 +82,7 @@ pub(crate) fn run(workspace: &Workspace, options: &DistOptions) -> Result<(), St
 }
 
 /// An archive that was written.
-pub(crate) struct Made {
+pub(crate) struct PackedFile {
     pub(crate) path: PathBuf,
     pub(crate) bytes: u64,
     pub(crate) sha256: String,
@@ -95,7 +95,7 @@ pub(crate) fn make(
     parts: Parts,
     source: Source,
     folder: &Path,
-) -> Result<Vec<Made>, String> {
+) -> Result<Vec<PackedFile>, String> {
     if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
         return Err("archives are made on Linux on x86-64, for Windows too: MinGW-w64 links them. On Windows take \
                     target\\release after cargo build --release"
@@ -103,27 +103,29 @@ pub(crate) fn make(
     }
     let console = Console::new();
     fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let moment = archive::moment(workspace)?;
+    let build_time = archive::build_time(workspace)?;
     let mut made = Vec::new();
     for &platform in platforms {
         console.start(&format!("{}: building the library", platform.name()));
-        let built = library::build(workspace, platform, source, moment)?;
+        let built = library::build(workspace, platform, source, build_time)?;
         console.start(&format!("{}: licences of what is in it", platform.name()));
         let inside = parts_of(workspace, platform, &built.debug)?;
-        let bill = sbom::write(&inside, moment)?;
+        let bill = sbom::write(&inside, build_time)?;
         let mut write = |tree: &Tree, pack: fn(&Tree, Timestamp) -> Result<Vec<u8>, String>, ending: &str| {
             console.start(&format!("packing {}", tree.name()));
             let path = folder.join(format!("{}{ending}", tree.name()));
-            let packed = pack(tree, moment)?;
+            let packed = pack(tree, build_time)?;
             fs::write(&path, &packed).map_err(|e| format!("{}: {e}", path.display()))?;
             let sha256 = Sha256::digest(&packed).iter().map(|byte| format!("{byte:02x}")).collect();
             console.done(&format!("{}: {} files", tree.name(), tree.files().count()));
-            made.push(Made { path, bytes: packed.len() as u64, sha256 });
+            made.push(PackedFile { path, bytes: packed.len() as u64, sha256 });
             Ok::<(), String>(())
         };
         if parts != Parts::Wheels {
             for slim in [false, true] {
-                let Some(tree) = contents::of(workspace, platform, &built, &inside, &bill, slim)? else { continue };
+                let Some(tree) = contents::archive_tree(workspace, platform, &built, &inside, &bill, slim)? else {
+                    continue;
+                };
                 match platform {
                     Platform::Windows => write(&tree, archive::zip, ".zip")?,
                     Platform::Linux => write(&tree, archive::tar_gz, ".tar.gz")?,
@@ -131,7 +133,7 @@ pub(crate) fn make(
             }
         }
         if parts != Parts::Archives {
-            write(&wheel::of(workspace, platform, &built, &inside, &bill)?, archive::zip, "")?;
+            write(&wheel::wheel_tree(workspace, platform, &built, &inside, &bill)?, archive::zip, "")?;
         }
     }
     let lines: String =
@@ -143,8 +145,8 @@ pub(crate) fn make(
 
 /// The components of a library, itself first: crates, and the compilers' runtime parts, which are found in its `debug` information.
 fn parts_of(workspace: &Workspace, platform: Platform, debug: &[u8]) -> Result<Vec<dependencies::Part>, String> {
-    let mut parts = dependencies::of(workspace, platform)?;
-    let runtimes = runtime::of(workspace, platform, debug)?;
+    let mut parts = dependencies::crates(workspace, platform)?;
+    let runtimes = runtime::parts(workspace, platform, debug)?;
     let own = parts.first_mut().ok_or("a library of no crates")?;
     own.uses.extend(runtimes.iter().map(dependencies::Part::reference));
     parts.extend(runtimes);

@@ -27,26 +27,26 @@ pub(super) fn rust_notices(workspace: &Workspace) -> Result<Vec<u8>, String> {
 }
 
 /// A library's runtime parts, from the symbols in its `debug` file: the library itself is stripped.
-pub(super) fn of(workspace: &Workspace, platform: Platform, debug: &[u8]) -> Result<Vec<Part>, String> {
+pub(super) fn parts(workspace: &Workspace, platform: Platform, debug: &[u8]) -> Result<Vec<Part>, String> {
     let mut parts = vec![standard_library(workspace)?];
     match platform {
         Platform::Linux => {
             let sources = tools::zig_sources(&Console::new()).map_err(|e| e.to_string())?;
-            parts.extend(of_zig(&c_sources(debug)?, &sources)?);
+            parts.extend(parts_from_zig(&c_sources(debug)?, &sources)?);
         }
-        Platform::Windows => parts.extend(of_mingw(debug)?),
+        Platform::Windows => parts.extend(parts_from_mingw(debug)?),
     }
     Ok(parts)
 }
 
-fn part(name: &str, version: &str, licence: &str, place: &str, texts: BTreeMap<String, String>) -> Part {
+fn part(name: &str, version: &str, licence: &str, repository: &str, texts: BTreeMap<String, String>) -> Part {
     Part {
         kind: Kind::Runtime,
         name: name.to_owned(),
         version: version.to_owned(),
         licence: licence.to_owned(),
         description: None,
-        repository: Some(place.to_owned()),
+        repository: Some(repository.to_owned()),
         sha256: None,
         uses: Vec::new(),
         texts,
@@ -54,8 +54,9 @@ fn part(name: &str, version: &str, licence: &str, place: &str, texts: BTreeMap<S
 }
 
 fn standard_library(workspace: &Workspace) -> Result<Part, String> {
-    let said = output(Command::new("rustc").arg("--version").current_dir(&workspace.root))?;
-    let version = said.split_whitespace().nth(1).ok_or_else(|| format!("rustc's version is {said:?}"))?;
+    let version_line = output(Command::new("rustc").arg("--version").current_dir(&workspace.root))?;
+    let version =
+        version_line.split_whitespace().nth(1).ok_or_else(|| format!("rustc's version is {version_line:?}"))?;
     Ok(part("rust-std", version, "MIT OR Apache-2.0", "https://github.com/rust-lang/rust", BTreeMap::new()))
 }
 
@@ -63,36 +64,36 @@ fn standard_library(workspace: &Workspace) -> Result<Part, String> {
 struct Origin {
     name: &'static str,
     licence: &'static str,
-    place: &'static str,
+    repository: &'static str,
     /// Folder of the sources.
     folder: &'static str,
     /// The licence file; without one, every source states its licence in its first comment.
-    terms: Option<&'static str>,
+    licence_file: Option<&'static str>,
     /// Text that the licence must contain, to recognise it.
-    words: &'static str,
+    marker: &'static str,
 }
 
 const ORIGINS: [Origin; 2] = [
     Origin {
         name: "llvm-libunwind",
         licence: "Apache-2.0 WITH LLVM-exception",
-        place: "https://github.com/llvm/llvm-project",
+        repository: "https://github.com/llvm/llvm-project",
         folder: "libunwind/src",
-        terms: Some("libunwind/LICENSE.TXT"),
-        words: "LLVM Exceptions to the Apache 2.0 License",
+        licence_file: Some("libunwind/LICENSE.TXT"),
+        marker: "LLVM Exceptions to the Apache 2.0 License",
     },
     Origin {
         name: "glibc-nonshared",
         licence: "LGPL-2.1-or-later WITH GCC-exception-2.0-note",
-        place: "https://sourceware.org/glibc/",
+        repository: "https://sourceware.org/glibc/",
         folder: "libc/glibc",
-        terms: None,
-        words: "permission to link the compiled version of this file with other\nprograms, and to distribute those programs without any restriction",
+        licence_file: None,
+        marker: "permission to link the compiled version of this file with other\nprograms, and to distribute those programs without any restriction",
     },
 ];
 
 /// The parts that the C `sources` in a library come from. A source of unknown origin is an error.
-fn of_zig(sources: &BTreeSet<String>, zig: &Path) -> Result<Vec<Part>, String> {
+fn parts_from_zig(sources: &BTreeSet<String>, zig: &Path) -> Result<Vec<Part>, String> {
     let mut parts = Vec::new();
     let mut known = BTreeSet::new();
     for origin in &ORIGINS {
@@ -103,23 +104,23 @@ fn of_zig(sources: &BTreeSet<String>, zig: &Path) -> Result<Vec<Part>, String> {
         }
         known.extend(files.iter().filter_map(|file| Some(file.file_name()?.to_string_lossy().into_owned())));
         let read = |path: &Path| fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()));
-        let texts: BTreeMap<String, String> = match origin.terms {
+        let texts: BTreeMap<String, String> = match origin.licence_file {
             Some(terms) => [(terms.to_owned(), read(&zig.join(terms))?)].into(),
             None => files
                 .iter()
                 .map(|file| Ok((file.display().to_string(), head(&read(file)?))))
                 .collect::<Result<_, String>>()?,
         };
-        if let Some((file, _)) = texts.iter().find(|(_, text)| !text.contains(origin.words)) {
+        if let Some((file, _)) = texts.iter().find(|(_, text)| !text.contains(origin.marker)) {
             return Err(format!("{file} is in the library under other terms than {}", origin.licence));
         }
-        parts.push(part(origin.name, &format!("zig-{}", tools::ZIG), origin.licence, origin.place, texts));
+        parts.push(part(origin.name, &format!("zig-{}", tools::ZIG), origin.licence, origin.repository, texts));
     }
-    let strange: Vec<_> = sources.difference(&known).map(String::as_str).collect();
-    if strange.is_empty() {
+    let unknown: Vec<_> = sources.difference(&known).map(String::as_str).collect();
+    if unknown.is_empty() {
         Ok(parts)
     } else {
-        Err(format!("the library has in it, and no page names: {}", strange.join(", ")))
+        Err(format!("the library has in it, and no page names: {}", unknown.join(", ")))
     }
 }
 
@@ -166,7 +167,7 @@ fn c_sources(debug: &[u8]) -> Result<BTreeSet<String>, String> {
 const MINGW_NOTICES: &str = "/usr/share/doc/mingw-w64-common/copyright";
 
 /// MinGW-w64's start files and helpers, and GCC's unwinder. Their symbols must be there: MinGW's linker takes no other runtime.
-fn of_mingw(debug: &[u8]) -> Result<Vec<Part>, String> {
+fn parts_from_mingw(debug: &[u8]) -> Result<Vec<Part>, String> {
     let file = PeFile64::parse(debug).map_err(|e| format!("the built library is no DLL: {e}"))?;
     let names: BTreeSet<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
     for wanted in ["_pei386_runtime_relocator", "_Unwind_RaiseException"] {
@@ -218,12 +219,12 @@ mod tests {
                              programs, and to distribute those programs without any restriction\n   coming from it.  */\n#include <a.h>\n/* b */\n";
 
     #[test]
-    fn what_is_linked_in_is_named_with_its_terms_and_nothing_else_is() {
+    fn linked_parts_are_named_with_their_licences_and_unknown_ones_are_refused() {
         let folder = zig("named", EXCEPTION);
-        let both = of_zig(&named(&["libunwind.cpp", "stat64-2.32.c"]), &folder).unwrap();
-        let said: Vec<_> = both.iter().map(|part| (part.name.as_str(), part.licence.as_str())).collect();
+        let both = parts_from_zig(&named(&["libunwind.cpp", "stat64-2.32.c"]), &folder).unwrap();
+        let named_parts: Vec<_> = both.iter().map(|part| (part.name.as_str(), part.licence.as_str())).collect();
         assert_eq!(
-            said,
+            named_parts,
             [
                 ("llvm-libunwind", "Apache-2.0 WITH LLVM-exception"),
                 ("glibc-nonshared", "LGPL-2.1-or-later WITH GCC-exception-2.0-note")
@@ -231,22 +232,22 @@ mod tests {
         );
         let text = both[1].texts.values().next().unwrap();
         assert!(text.starts_with("Copyright of someone.\nThe owner") && text.ends_with("coming from it."), "{text}");
-        assert!(of_zig(&named(&[]), &folder).unwrap().is_empty());
-        let strange = of_zig(&named(&["libunwind.cpp", "inflate.c"]), &folder).unwrap_err();
-        assert!(strange.contains("inflate.c") && !strange.contains("libunwind.cpp"), "{strange}");
+        assert!(parts_from_zig(&named(&[]), &folder).unwrap().is_empty());
+        let unknown = parts_from_zig(&named(&["libunwind.cpp", "inflate.c"]), &folder).unwrap_err();
+        assert!(unknown.contains("inflate.c") && !unknown.contains("libunwind.cpp"), "{unknown}");
         fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]
-    fn a_file_of_the_c_library_without_its_exception_is_refused() {
+    fn a_glibc_file_without_the_linking_exception_is_refused() {
         let folder = zig("refused", "/* Copyright of someone. All of the LGPL holds. */");
-        let refused = of_zig(&named(&["stat64-2.32.c"]), &folder).unwrap_err();
+        let refused = parts_from_zig(&named(&["stat64-2.32.c"]), &folder).unwrap_err();
         assert!(refused.contains("stat64-2.32.c") && refused.contains("other terms"), "{refused}");
         fs::remove_dir_all(folder).unwrap();
     }
 
     #[test]
-    fn a_library_tells_which_sources_of_c_it_has() {
+    fn c_sources_are_read_from_the_symbol_table() {
         // This program itself: its C start files may or may not name a source.
         let own = std::env::current_exe().unwrap();
         if cfg!(target_os = "linux") {

@@ -22,13 +22,13 @@ const VERSION: SpecVersion = SpecVersion::V1_5;
 
 /// The bill of `parts`, the first of which is the library itself. The serial number is computed from the parts, so the same parts make
 /// the same bill.
-pub(super) fn write(parts: &[Part], moment: Timestamp) -> Result<Vec<u8>, String> {
+pub(super) fn write(parts: &[Part], build_time: Timestamp) -> Result<Vec<u8>, String> {
     let failed = |e: &dyn std::fmt::Display| format!("the bill of materials: {e}");
     let (own, others) = parts.split_first().ok_or("a library of no parts")?;
     let mut bom = Bom {
         serial_number: Some(UrnUuid::new(number(parts)).map_err(|e| format!("{NAME}: {e:?}"))?),
         metadata: Some(Metadata {
-            timestamp: Some(DateTime::try_from(moment.to_string()).map_err(|e| failed(&e))?),
+            timestamp: Some(DateTime::try_from(build_time.to_string()).map_err(|e| failed(&e))?),
             component: Some(component(own)?),
             ..Metadata::default()
         }),
@@ -64,9 +64,10 @@ fn component(part: &Part) -> Result<Component, String> {
         .as_ref()
         .map(|sum| Hashes(vec![Hash { alg: HashAlgorithm::SHA_256, content: HashValue(sum.clone()) }]));
     // An address that is not a URL is left out.
-    let place = part.repository.clone().and_then(|place| Address::try_from(place).ok());
-    component.external_references = place
-        .map(|place| ExternalReferences(vec![ExternalReference::new(ExternalReferenceType::Vcs, Uri::Url(place))]));
+    let repository = part.repository.clone().and_then(|repository| Address::try_from(repository).ok());
+    component.external_references = repository.map(|repository| {
+        ExternalReferences(vec![ExternalReference::new(ExternalReferenceType::Vcs, Uri::Url(repository))])
+    });
     Ok(component)
 }
 
@@ -107,16 +108,16 @@ mod tests {
     }
 
     #[test]
-    fn a_bill_names_parts_licences_sums_and_who_uses_whom() {
+    fn a_bill_has_parts_licences_checksums_and_dependencies() {
         let uses = ["pkg:cargo/a@1.2.3", "pkg:generic/b@1.2.3"];
         let parts = [
             part(Kind::Crate, "own", "MIT OR Apache-2.0", &uses),
             part(Kind::Crate, "a", "Zlib", &[]),
             part(Kind::Runtime, "b", "Apache-2.0 WITH LLVM-exception", &[]),
         ];
-        let moment: Timestamp = "2024-02-29T12:00:00Z".parse().unwrap();
-        let bytes = write(&parts, moment).unwrap();
-        assert_eq!(bytes, write(&parts, moment).unwrap());
+        let build_time: Timestamp = "2024-02-29T12:00:00Z".parse().unwrap();
+        let bytes = write(&parts, build_time).unwrap();
+        assert_eq!(bytes, write(&parts, build_time).unwrap());
         let bill: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
         assert_eq!((&bill["bomFormat"], &bill["specVersion"]), (&"CycloneDX".into(), &"1.5".into()));
         assert_eq!(bill["metadata"]["component"]["name"], "own");
@@ -130,12 +131,12 @@ mod tests {
         assert_eq!(bill["components"][1]["licenses"][0]["expression"], "Apache-2.0 WITH LLVM-exception");
         let [first, second] = uses.map(serde_json::Value::from);
         assert_eq!(bill["dependencies"][0]["dependsOn"], serde_json::Value::from([first, second].to_vec()));
-        let refused = write(&parts[..1], moment).unwrap_err();
+        let refused = write(&parts[..1], build_time).unwrap_err();
         assert!(refused.contains("pkg:cargo/a@1.2.3"), "who is used must be there: {refused}");
     }
 
     #[test]
-    fn a_licence_that_is_none_is_refused() {
+    fn an_invalid_licence_expression_is_refused() {
         let refused = write(&[part(Kind::Crate, "own", "free for all", &[])], Timestamp::UNIX_EPOCH).unwrap_err();
         assert!(refused.contains("own 1.2.3"), "{refused}");
     }

@@ -52,7 +52,7 @@ impl Tree {
     }
 
     /// Adds the repository's files whose paths start with `prefix` and that `wanted` accepts, at the same paths.
-    pub(super) fn add_clone(
+    pub(super) fn add_from_workspace(
         &mut self,
         workspace: &Workspace,
         prefix: &str,
@@ -72,15 +72,15 @@ impl Tree {
         let pages: Vec<String> = self.files.keys().filter(|path| path.ends_with(".md")).cloned().collect();
         for page in pages {
             let folder = page.rsplit_once('/').map_or("", |(folder, _)| folder);
-            let origin = renamed(&page, moved.iter().map(|&(there, here)| (here, there)));
+            let origin = moved_path(&page, moved.iter().map(|&(there, here)| (here, there)));
             let origin = origin.rsplit_once('/').map_or("", |(folder, _)| folder);
             let text = String::from_utf8_lossy(&self.files[&page]).into_owned();
-            let relinked = relinked(&text, |target| {
-                let path = renamed(&joined(origin, target)?, moved.iter().copied());
+            let linked = with_new_links(&text, |target| {
+                let path = moved_path(&joined(origin, target)?, moved.iter().copied());
                 let as_before = joined(folder, target).as_ref() == Some(&path);
                 self.has(&path).then(|| if as_before { target.to_owned() } else { relative(folder, &path) })
             });
-            self.files.insert(page, relinked.into_bytes());
+            self.files.insert(page, linked.into_bytes());
         }
     }
 
@@ -116,7 +116,7 @@ pub(crate) fn joined(folder: &str, target: &str) -> Option<String> {
 }
 
 /// Replaces the path's prefix that is the first of a pair by the second.
-fn renamed<'a>(path: &str, mut folders: impl Iterator<Item = (&'a str, &'a str)>) -> String {
+fn moved_path<'a>(path: &str, mut folders: impl Iterator<Item = (&'a str, &'a str)>) -> String {
     let found = folders.find_map(|(from, to)| Some(format!("{to}{}", path.strip_prefix(from)?)));
     found.unwrap_or_else(|| path.to_owned())
 }
@@ -133,22 +133,22 @@ fn relative(folder: &str, path: &str) -> String {
 /// Replaces Markdown links to missing files by their text, and removes images that are missing. Links into the page itself and to other
 /// sites stay.
 pub(crate) fn without_dead_links(text: &str, exists: impl Fn(&str) -> bool) -> String {
-    relinked(text, |path| exists(path).then(|| path.to_owned()))
+    with_new_links(text, |path| exists(path).then(|| path.to_owned()))
 }
 
-/// The same; `lead` returns the new target of a link, or `None` if there is none.
-fn relinked(text: &str, lead: impl Fn(&str) -> Option<String>) -> String {
+/// The same; `new_target` returns the new target of a link, or `None` if there is none.
+fn with_new_links(text: &str, new_target: impl Fn(&str) -> Option<String>) -> String {
     let mut kept = String::with_capacity(text.len());
     let mut rest = text;
     while let Some(at) = rest.find("](") {
         let (before, link) = rest.split_at(at);
         let Some((target, after)) = link[2..].split_once(')') else { break };
         let path = target.split('#').next().unwrap_or_default();
-        let elsewhere = path.is_empty() || path.contains(':');
-        let led = if elsewhere { Some(path.to_owned()) } else { lead(path) };
-        match before.rfind('[').filter(|_| led.is_none()) {
+        let stays = path.is_empty() || path.contains(':');
+        let replacement = if stays { Some(path.to_owned()) } else { new_target(path) };
+        match before.rfind('[').filter(|_| replacement.is_none()) {
             None => {
-                let path_to = led.as_deref().unwrap_or(path);
+                let path_to = replacement.as_deref().unwrap_or(path);
                 kept.extend([before, "](", path_to, &target[path.len()..], ")"]);
             }
             Some(open) => match before[..open].strip_suffix('!') {
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_in_order_and_none_comes_twice() {
+    fn files_are_sorted_and_unique() {
         let mut tree = Tree::new("a-1".to_owned());
         tree.add("lib/b", "2").unwrap();
         tree.add("include/a", "1").unwrap();
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn links_lead_to_what_is_there_or_nowhere() {
+    fn links_to_missing_files_become_text() {
         let mut tree = Tree::new("a-1".to_owned());
         tree.add("a folder/host/main", "").unwrap();
         let page = "See [a file](../a folder/host/main), [a folder](../a folder), [one](gone.md#there) and [two](../../x), \
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn links_follow_what_lies_elsewhere_than_in_the_clone() {
+    fn links_follow_moved_folders() {
         let mut tree = Tree::new("a-1".to_owned());
         tree.add("pages/start/page.md", "[a](../../bindings/engine/Docs/a.md#there), [b](../b.md)").unwrap();
         tree.add("pages/b.md", "").unwrap();

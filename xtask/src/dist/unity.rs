@@ -34,9 +34,9 @@ pub(super) fn add(tree: &mut Tree, workspace: &Workspace, plugin: &[u8], runtime
         let path = workspace.root.join(&file);
         files.push((name, std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?));
     }
-    let place = workspace.root.join("samples/worlds/place.ppm");
+    let picture_file = workspace.root.join("samples/worlds/place.ppm");
     // Unity cannot import PPM; it passes `.bytes` files on unchanged.
-    let picture = std::fs::read(&place).map_err(|e| format!("{}: {e}", place.display()))?;
+    let picture = std::fs::read(&picture_file).map_err(|e| format!("{}: {e}", picture_file.display()))?;
     files.push(("Samples~/Walk/Place.bytes".to_owned(), picture));
     files.push((format!("{PLUGINS}cairn_unity.dll"), plugin.to_vec()));
     if runtimes {

@@ -13,10 +13,10 @@ pub(crate) const PLUGIN: &str = "bindings/unreal/Cairn/";
 
 /// Folder in an archive.
 pub(super) const FOLDER: &str = "unreal/";
-const PLACE: &str = "unreal/Cairn/";
+const PLUGIN_FOLDER: &str = "unreal/Cairn/";
 
 /// Files of the library that the plugin needs: path in the archive, and path in the plugin.
-pub(crate) const FILLED: [(&str, &str); 5] = [
+pub(crate) const LIBRARY_FILES: [(&str, &str); 5] = [
     ("include/cairn.h", "Source/ThirdParty/CairnLibrary/include/cairn.h"),
     ("include/cairn.hpp", "Source/ThirdParty/CairnLibrary/include/cairn.hpp"),
     ("include/cairn_ld.h", "Source/ThirdParty/CairnLibrary/include/cairn_ld.h"),
@@ -28,14 +28,14 @@ pub(crate) const FILLED: [(&str, &str); 5] = [
 /// plugin put them beside it.
 pub(super) fn add(workspace: &Workspace, tree: &mut Tree, import: &[u8]) -> Result<(), String> {
     for file in workspace.files()?.iter().filter(|file| file.starts_with(PLUGIN)) {
-        let path = file.replacen(PLUGIN, PLACE, 1);
+        let path = file.replacen(PLUGIN, PLUGIN_FOLDER, 1);
         tree.add_file(path, &workspace.root.join(file))?;
     }
     tree.add_file(format!("{FOLDER}README.md"), &workspace.root.join(format!("{SOURCE}README.md")))?;
-    for (from, to) in FILLED.into_iter().chain(TERMS.map(|name| (name, name))) {
-        tree.copy(from, format!("{PLACE}{to}"))?;
+    for (from, to) in LIBRARY_FILES.into_iter().chain(TERMS.map(|name| (name, name))) {
+        tree.copy(from, format!("{PLUGIN_FOLDER}{to}"))?;
     }
-    tree.add(format!("{PLACE}Source/ThirdParty/CairnLibrary/lib/cairn.lib"), import)
+    tree.add(format!("{PLUGIN_FOLDER}Source/ThirdParty/CairnLibrary/lib/cairn.lib"), import)
 }
 
 /// Assembles the plugin in a folder, from the repository and a built library.
@@ -50,7 +50,7 @@ pub(crate) fn assemble(workspace: &Workspace, library: &Path, folder: &Path) -> 
             copy(&workspace.root.join(file), path)?;
         }
     }
-    FILLED.iter().try_for_each(|(from, to)| match from.strip_prefix("bin/") {
+    LIBRARY_FILES.iter().try_for_each(|(from, to)| match from.strip_prefix("bin/") {
         Some(name) => copy(&library.join(name), to),
         None => copy(&workspace.root.join(from), to),
     })

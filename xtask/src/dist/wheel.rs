@@ -11,7 +11,7 @@ use toml::{Table, Value};
 
 use super::Platform;
 use super::dependencies::{self, Part};
-use super::library::{self, Built};
+use super::library::{self, BuiltLibrary};
 use super::runtime::{self, RUST_NOTICES};
 use super::sbom;
 use super::tree::{self, Tree};
@@ -36,15 +36,15 @@ pub(super) fn name(version: &str, platform: Platform) -> String {
 }
 
 /// All files of a platform's wheel.
-pub(super) fn of(
+pub(super) fn wheel_tree(
     workspace: &Workspace,
     platform: Platform,
-    built: &Built,
+    built: &BuiltLibrary,
     parts: &[Part],
     bill: &[u8],
 ) -> Result<Tree, String> {
     let project: Table = workspace.read(PROJECT)?.parse().map_err(|e| format!("{PROJECT}: {e}"))?;
-    let project = Project::of(&project)?;
+    let project = Project::parse(&project)?;
     let version = &parts.first().ok_or("a library of no parts")?.version;
     if project.version != *version {
         return Err(format!("{PROJECT} has the version {}, and the library is {version}", project.version));
@@ -105,12 +105,12 @@ struct Project {
 
 impl Project {
     /// Refuses an unknown key, since the wheel would lack it.
-    fn of(file: &Table) -> Result<Self, String> {
+    fn parse(file: &Table) -> Result<Self, String> {
         let table = file.get("project").and_then(Value::as_table).ok_or_else(|| format!("{PROJECT} has no project"))?;
         let mut project = Self::default();
         for (key, value) in table {
-            let wrong = || format!("{PROJECT}: project.{key} is not understood here");
-            let text = || value.as_str().map(str::to_owned).ok_or_else(wrong);
+            let not_understood = || format!("{PROJECT}: project.{key} is not understood here");
+            let text = || value.as_str().map(str::to_owned).ok_or_else(not_understood);
             match key.as_str() {
                 "name" => project.name = text()?,
                 "version" => project.version = text()?,
@@ -118,18 +118,20 @@ impl Project {
                 "requires-python" => project.requires_python = text()?,
                 "license" => project.license = text()?,
                 "readme" if value.as_str() == Some("README.md") => {}
-                "dependencies" => project.dependencies = texts(value).ok_or_else(wrong)?,
+                "dependencies" => project.dependencies = texts(value).ok_or_else(not_understood)?,
                 "optional-dependencies" => {
-                    for (extra, list) in value.as_table().ok_or_else(wrong)? {
-                        project.extras.push((extra.clone(), texts(list).ok_or_else(wrong)?));
+                    for (extra, list) in value.as_table().ok_or_else(not_understood)? {
+                        project.extras.push((extra.clone(), texts(list).ok_or_else(not_understood)?));
                     }
                 }
                 "scripts" => {
-                    for (script, function) in value.as_table().ok_or_else(wrong)? {
-                        project.scripts.push((script.clone(), function.as_str().ok_or_else(wrong)?.to_owned()));
+                    for (script, function) in value.as_table().ok_or_else(not_understood)? {
+                        project
+                            .scripts
+                            .push((script.clone(), function.as_str().ok_or_else(not_understood)?.to_owned()));
                     }
                 }
-                _ => return Err(wrong()),
+                _ => return Err(not_understood()),
             }
         }
         Ok(project)
@@ -176,11 +178,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_project_says_is_in_the_metadata_or_refused() {
+    fn project_keys_are_in_the_metadata_or_refused() {
         let file = "[project]\nname = \"a\"\nversion = \"1\"\ndescription = \"d\"\nreadme = \"README.md\"\nlicense = \"MIT\"\n\
                     requires-python = \">=3\"\ndependencies = [\"b>=2; sys_platform == 'win32'\"]\n[project.scripts]\nc = \"a:b\"\n\
                     [project.optional-dependencies]\ne = [\"f\"]\n";
-        let project = Project::of(&file.parse().unwrap()).unwrap();
+        let project = Project::parse(&file.parse().unwrap()).unwrap();
         let text = project.metadata(&["L"], "# page\n");
         for line in [
             "Name: a",
@@ -194,7 +196,7 @@ mod tests {
         assert!(text.ends_with("\n\n# page\n"), "{text}");
         assert_eq!(project.entry_points(), "[console_scripts]\nc = a:b\n");
         let more = file.replace("description", "keywords");
-        assert!(Project::of(&more.parse().unwrap()).unwrap_err().contains("project.keywords"));
+        assert!(Project::parse(&more.parse().unwrap()).unwrap_err().contains("project.keywords"));
     }
 
     #[test]

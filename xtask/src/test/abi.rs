@@ -13,7 +13,7 @@ use super::cpp;
 use super::tally::{Skip, Tally};
 use crate::abi::declarations::{self, Declarations};
 use crate::abi::{header, record};
-use crate::shell::{Ended, Log, output};
+use crate::shell::{CommandOutput, Log, output};
 
 /// Warning flags for every compiler.
 pub(super) const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"];
@@ -50,7 +50,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let recorded = workspace.read(record::RECORD)?;
     let layout = record::rust_layout(workspace)?;
     tally.check((record::compose(&layout, &declared) != recorded).then(|| differs(record::RECORD)));
-    tally.check(broken_promise(workspace, &recorded)?);
+    tally.check(unannounced_breaking_change(workspace, &recorded)?);
     compilers(context, log, &work, &committed, &declared, &recorded, &mut tally)?;
 
     let library = library(context, log)?;
@@ -71,14 +71,14 @@ pub(super) fn run_longer(context: &Context<'_>, log: &mut Log) -> Result<Tally, 
 }
 
 /// The first change of the record, in the available history or since the last commit, that breaks hosts without a new ABI version.
-fn broken_promise(workspace: &crate::workspace::Workspace, now: &str) -> Result<Option<String>, String> {
+fn unannounced_breaking_change(workspace: &crate::workspace::Workspace, now: &str) -> Result<Option<String>, String> {
     let git = |arguments: &[&str]| output(Command::new("git").args(arguments).current_dir(&workspace.root));
     let history = git(&["log", "--first-parent", "--format=%h", "--", record::RECORD])?;
     let mut newer = ("the working tree".to_owned(), now.to_owned());
     for commit in history.lines() {
         // A commit that removed the file has no older version to compare.
         let Ok(older) = git(&["show", &format!("{commit}:{}", record::RECORD)]) else { break };
-        if let Some(line) = record::break_of_promise(&older, &newer.1) {
+        if let Some(line) = record::breaking_change(&older, &newer.1) {
             return Ok(Some(format!("{} drops \"{line}\" and leaves CAIRN_ABI_VERSION as it was", newer.0)));
         }
         newer = (commit.to_owned(), older);
@@ -275,7 +275,7 @@ fn programs(
 }
 
 /// Counts the test results that a program printed.
-pub(super) fn count(name: &str, ended: &Ended, tally: &mut Tally) {
+pub(super) fn count(name: &str, ended: &CommandOutput, tally: &mut Tally) {
     let (mut passed, mut failed) = (0, 0);
     for line in ended.output.lines() {
         if let Some(test) = line.strip_prefix("test ").and_then(|line| line.strip_suffix(" ... FAILED")) {
@@ -287,7 +287,7 @@ pub(super) fn count(name: &str, ended: &Ended, tally: &mut Tally) {
     }
     tally.passed += passed;
     let broken = passed + failed == 0 || ended.success != (failed == 0);
-    tally.check(broken.then(|| format!("{name} ended before its tests did")));
+    tally.failures.extend(broken.then(|| format!("{name} ended before its tests did")));
 }
 
 /// The ONNX Runtime shim whose internals test programs can read.

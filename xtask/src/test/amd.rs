@@ -36,15 +36,15 @@ impl Amd {
     /// Runs something with AMD's own libraries in a library's folder, where an engine's plugin looks for them, or with none there: plugins
     /// read no environment variable.
     pub(super) fn beside<T>(&self, folder: &Path, run: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-        take_away(folder)?;
+        remove_libraries(folder)?;
         if let Self::Own(own) = self {
-            for file in of_amd(own)? {
+            for file in libraries_in(own)? {
                 let to = folder.join(file.file_name().unwrap_or_default());
                 fs::copy(&file, &to).map_err(|e| format!("{}: {e}", to.display()))?;
             }
         }
         let ran = run();
-        take_away(folder)?;
+        remove_libraries(folder)?;
         ran
     }
 
@@ -64,7 +64,7 @@ impl Amd {
 }
 
 /// Files in a folder that have the names of AMD's libraries.
-fn of_amd(folder: &Path) -> Result<Vec<PathBuf>, String> {
+fn libraries_in(folder: &Path) -> Result<Vec<PathBuf>, String> {
     let entries = fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let names = entries.flatten().map(|entry| entry.path());
     let is_amd_s = |path: &PathBuf| {
@@ -74,8 +74,8 @@ fn of_amd(folder: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(names.filter(is_amd_s).collect())
 }
 
-fn take_away(folder: &Path) -> Result<(), String> {
-    for file in of_amd(folder)? {
+fn remove_libraries(folder: &Path) -> Result<(), String> {
+    for file in libraries_in(folder)? {
         fs::remove_file(&file).map_err(|e| format!("{}: {e}", file.display()))?;
     }
     Ok(())

@@ -58,7 +58,7 @@ struct Host<'a> {
 
 impl Hosts<'_> {
     /// Runs a host without AMD's own libraries and with them.
-    fn shows(&self, log: &mut Log, host: &mut Host<'_>, tally: &mut Tally) -> Result<(), String> {
+    fn check_host(&self, log: &mut Log, host: &mut Host<'_>, tally: &mut Tally) -> Result<(), String> {
         host.command.current_dir(&self.work);
         self.context.with_and_without_amd(tally, |amd| {
             if let Some(earlier) = host.picture.filter(|earlier| earlier.exists()) {
@@ -79,7 +79,7 @@ impl Hosts<'_> {
                 None
             };
             let mut tally = Tally::default();
-            tally.check(why.map(|why| format!("{name} from the Windows archive alone {why}: {}", ended.output)));
+            tally.test(why.map(|why| format!("{name} from the Windows archive alone {why}: {}", ended.output)));
             Ok(tally)
         })
     }
@@ -101,14 +101,14 @@ impl Hosts<'_> {
     /// The sample, built as its page says, with the libraries that CMake copied beside it.
     fn cpp(&self, log: &mut Log, sample: &Path, tally: &mut Tally) -> Result<(), String> {
         let (script, seed) = (self.root.join("samples/scripts/walk.txt"), self.root.join("samples/worlds/place.ppm"));
-        let mut command = lab::alone(sample)?;
+        let mut command = lab::with_empty_environment(sample)?;
         command.args(["--headless", &FRAMES.to_string(), "--record", "walk", "--anchors", "cpu", "--multiplier", "2"]);
         command.arg("--script").arg(script);
         command.arg("--seed-picture").arg(seed);
         let last = self.work.join("walk").join(format!("frame-{:05}.ppm", FRAMES - 1));
         let (name, folder, picture) = ("a host in C++", &sample.with_file_name(""), Some(last.as_path()));
         let mut host = Host { name, command, folder, picture, names_generator: true };
-        self.shows(log, &mut host, tally)
+        self.check_host(log, &mut host, tally)
     }
 
     /// A C# program on .NET for Windows, built from the archive's sources of the binding, with all libraries beside it.
@@ -141,11 +141,11 @@ impl Hosts<'_> {
         self.copy("bin", &["cairn.dll"], &folder)?;
         self.copy("runtime", &["onnxruntime.dll", "DirectML.dll"], &folder)?;
         let picture = folder.join("picture.ppm");
-        let mut command = lab::alone(dotnet.program().get_program().as_ref())?;
-        command.arg(lab::on_drive(&program)).arg(lab::on_drive(&picture));
+        let mut command = lab::with_empty_environment(dotnet.program().get_program().as_ref())?;
+        command.arg(lab::windows_path(&program)).arg(lab::windows_path(&picture));
         let (name, folder, picture) = ("a program in C#", folder.as_path(), Some(picture.as_path()));
         let mut host = Host { name, command, folder, picture, names_generator: false };
-        self.shows(log, &mut host, tally)
+        self.check_host(log, &mut host, tally)
     }
 
     /// The archive's package for Unity, in the test host of the plugin's tests, which was built with the library.
@@ -153,11 +153,11 @@ impl Hosts<'_> {
         let program = self.context.windows_programs().join("examples").join("show.exe");
         let plugin = self.root.join("unity/com.cairn.unity/Plugins/x86_64/cairn_unity.dll");
         let picture = self.folder("unity")?.join("picture.ppm");
-        let mut command = lab::alone(&program)?;
-        command.arg(lab::on_drive(&plugin)).arg(lab::on_drive(&picture));
+        let mut command = lab::with_empty_environment(&program)?;
+        command.arg(lab::windows_path(&plugin)).arg(lab::windows_path(&picture));
         let (name, folder, picture) = ("the package for Unity", &plugin.with_file_name(""), Some(picture.as_path()));
         let mut host = Host { name, command, folder, picture, names_generator: true };
-        self.shows(log, &mut host, tally)
+        self.check_host(log, &mut host, tally)
     }
 
     /// The archive's plugin for Unreal Engine with `runtime/` beside its library, as its page says, in the test engine, which compares its
@@ -168,11 +168,11 @@ impl Hosts<'_> {
         copy_all(&self.root.join("unreal").join("Cairn"), &plugin)?;
         let beside = plugin.join(unreal::LIBRARY).with_file_name("");
         self.copy("runtime", &["onnxruntime.dll", "DirectML.dll"], &beside)?;
-        let mut command = lab::alone(&program)?;
+        let mut command = lab::with_empty_environment(&program)?;
         command.arg(&plugin).arg("show");
         let (name, folder, picture) = ("the plugin for Unreal Engine", beside.as_path(), None);
         let mut host = Host { name, command, folder, picture, names_generator: true };
-        self.shows(log, &mut host, tally)
+        self.check_host(log, &mut host, tally)
     }
 }
 
@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_of_one_colour_is_flat_and_so_is_none() {
+    fn a_picture_of_one_colour_or_without_pixels_is_flat() {
         let picture = |pixels: &[u8]| [b"P6\n2 1\n255\n", pixels].concat();
         assert!(!is_flat(&picture(&[0, 0, 0, 255, 255, 255])));
         assert!(is_flat(&picture(&[9, 9, 9, 12, 12, 12])));

@@ -42,7 +42,7 @@ pub(super) fn is_of_engine(page: &str) -> bool {
 }
 
 /// The blocks of a page.
-pub(super) fn of(page: &str) -> Vec<Block> {
+pub(super) fn parse(page: &str) -> Vec<Block> {
     let mut blocks = Vec::new();
     let mut open: Option<Block> = None;
     let mut before = "";
@@ -78,30 +78,30 @@ pub(super) fn check(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> 
     let compilers = abi::matrix(tally);
     for page in pages(context.workspace)? {
         let text = context.workspace.read(&page)?;
-        let blocks = of(&text);
+        let blocks = parse(&text);
         for block in &blocks {
-            let place = format!("{page}:{}", block.line);
+            let location = format!("{page}:{}", block.line);
             let failure = match (&block.from, block.language.as_str()) {
                 (Some(file), _) => {
                     let source = context.workspace.read(file);
                     source.map_or_else(Some, |source| differs(&block.text, file, &source))
                 }
                 (None, "cpp") if is_of_engine(&page) => None,
-                (None, "c" | "cpp") => compiled(context, log, &compilers, &work, &place, block)?,
-                (None, language) => unseen(language, &page, &block.text),
+                (None, "c" | "cpp") => compiled(context, log, &compilers, &work, &location, block)?,
+                (None, language) => unchecked(language, &page, &block.text),
             };
-            log.line(&format!("{place}: {}: {}", block.language, failure.as_deref().unwrap_or("ok")))?;
-            tally.check(failure.map(|why| format!("{place}: {why}")));
+            log.line(&format!("{location}: {}: {}", block.language, failure.as_deref().unwrap_or("ok")))?;
+            tally.check(failure.map(|why| format!("{location}: {why}")));
         }
         if let Some(block) = blocks.iter().find(|block| is_program(block)) {
-            runs(context, log, &work, &page, &text, block, tally)?;
+            build_and_run(context, log, &work, &page, &text, block, tally)?;
         }
     }
     Ok(())
 }
 
 /// The error of a block that is neither an excerpt of a file nor read by a C compiler.
-fn unseen(language: &str, page: &str, text: &str) -> Option<String> {
+fn unchecked(language: &str, page: &str, text: &str) -> Option<String> {
     match language {
         // The same runner checks these line by line.
         "sh" | "text" => None,
@@ -116,16 +116,17 @@ fn unseen(language: &str, page: &str, text: &str) -> Option<String> {
 }
 
 /// The error if a block is not an excerpt of the file, ignoring white space.
-fn differs(shown: &str, file: &str, source: &str) -> Option<String> {
+fn differs(excerpt: &str, file: &str, source: &str) -> Option<String> {
     // A header's examples are inside comments.
     let is_header = Path::new(file).extension().is_some_and(|ending| ending == "h" || ending == "hpp");
     let plain = |line: &str| line.strip_prefix(" *").filter(|_| is_header).unwrap_or(line).to_owned();
     let source: String = source.lines().map(plain).collect::<Vec<_>>().join("\n");
-    (!flat(&source).contains(&flat(shown))).then(|| format!("{file} does not have this"))
+    (!without_white_space(&source).contains(&without_white_space(excerpt)))
+        .then(|| format!("{file} does not have this"))
 }
 
 /// A text without its white space.
-fn flat(text: &str) -> String {
+fn without_white_space(text: &str) -> String {
     text.split_whitespace().collect()
 }
 
@@ -135,12 +136,12 @@ fn compiled(
     log: &mut Log,
     compilers: &[Compiler],
     work: &Path,
-    place: &str,
+    location: &str,
     block: &Block,
 ) -> Result<Option<String>, String> {
     let cpp = block.language == "cpp";
-    let path = work.join(format!("{}.{}", place.replace(['/', '.', ':'], "-"), block.language));
-    fs::write(&path, source(place, block)).map_err(|e| format!("{}: {e}", path.display()))?;
+    let path = work.join(format!("{}.{}", location.replace(['/', '.', ':'], "-"), block.language));
+    fs::write(&path, source(location, block)).map_err(|e| format!("{}: {e}", path.display()))?;
     for compiler in compilers.iter().filter(|compiler| compiler.cpp == cpp && takes_block(compiler, block)) {
         let mut command = Command::new(&compiler.program);
         command.args(compiler.first).args(if cpp { ["-std=c++17", "-Wshadow"] } else { ["-std=c11", "-Wshadow"] });
@@ -153,8 +154,8 @@ fn compiled(
 }
 
 /// A block as a source file that keeps the line numbers of its page.
-fn source(place: &str, block: &Block) -> String {
-    let page = place.split(':').next().unwrap_or_default();
+fn source(location: &str, block: &Block) -> String {
+    let page = location.split(':').next().unwrap_or_default();
     let header = match (block.text.contains("#include"), block.language.as_str()) {
         (true, _) => "",
         (false, "cpp") => "#include <cairn.hpp>\n",
@@ -177,7 +178,7 @@ fn is_program(block: &Block) -> bool {
 }
 
 /// Builds a page's program by the command line on the page, and runs it by the next one, whose last word is its output file.
-fn runs(
+fn build_and_run(
     context: &Context<'_>,
     log: &mut Log,
     work: &Path,
@@ -233,26 +234,28 @@ mod tests {
         "text\n<!-- from a.c -->\n```c\nint a;\n```\n\n```sh\nls\n```\n- item\n  ```cpp\n  b();\n  ```\n```\nc\n```\n";
 
     #[test]
-    fn blocks_have_language_place_and_origin() {
-        let blocks = of(PAGE);
+    fn blocks_have_language_line_and_source_file() {
+        let blocks = parse(PAGE);
         let shown: Vec<_> = blocks.iter().map(|b| (b.line, b.language.as_str(), b.from.as_deref())).collect();
         assert_eq!(shown, [(4, "c", Some("a.c")), (8, "sh", None), (12, "cpp", None), (15, "", None)]);
         assert_eq!(blocks[0].text, "int a;\n");
     }
 
     #[test]
-    fn what_nobody_sees_is_refused() {
-        assert!(unseen("", "docs/fsr.md", "").is_some() && unseen("rust", "docs/fsr.md", "").is_some());
+    fn a_block_that_no_check_reads_is_refused() {
+        assert!(unchecked("", "docs/fsr.md", "").is_some() && unchecked("rust", "docs/fsr.md", "").is_some());
         assert!(
-            unseen("toml", "docs/fsr.md", "a = \n").is_some() && unseen("toml", "docs/fsr.md", "a = 1\n").is_none()
+            unchecked("toml", "docs/fsr.md", "a = \n").is_some()
+                && unchecked("toml", "docs/fsr.md", "a = 1\n").is_none()
         );
         assert!(
-            unseen("python", "samples/host-c/README.md", "").is_some() && unseen("python", "docs/fsr.md", "").is_none()
+            unchecked("python", "samples/host-c/README.md", "").is_some()
+                && unchecked("python", "docs/fsr.md", "").is_none()
         );
     }
 
     #[test]
-    fn a_part_of_a_file_is_found_also_in_a_comment() {
+    fn an_excerpt_is_also_found_in_a_comment() {
         assert_eq!(differs("a(b);\n  c();", "x.c", "{\n    a(b);\n    c();\n}"), None);
         assert!(differs("a(b);", "x.c", "a(c);").is_some());
         assert_eq!(differs("a(b);\nc();", "x.h", " *     a(b);\n *     c();\n"), None);
@@ -260,8 +263,8 @@ mod tests {
     }
 
     #[test]
-    fn sources_have_their_pages_lines() {
-        let blocks = of("```c\nint a;\n```\n```cpp\n#include <vector>\n```\n");
+    fn sources_keep_the_line_numbers_of_their_page() {
+        let blocks = parse("```c\nint a;\n```\n```cpp\n#include <vector>\n```\n");
         assert_eq!(source("docs/fsr.md:2", &blocks[0]), "#include <cairn.h>\n#line 2 \"docs/fsr.md\"\nint a;\n");
         assert_eq!(source("docs/fsr.md:5", &blocks[1]), "#line 5 \"docs/fsr.md\"\n#include <vector>\n");
     }

@@ -27,18 +27,18 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let header = workspace.read(header::HEADER)?;
     let declared = declarations::read(&header)?;
     let chapters = book::chapters(&workspace.read(SUMMARY)?)?;
-    tally.check(outside(&chapters, &workspace.files()?));
+    tally.check(missing_or_repeated_chapters(&chapters, &workspace.files()?));
     tally.check(results_differ(&results(&header)?, &workspace.read(RESULTS)?));
     tally.check(threads_differ(&declared, &workspace.read(THREADS)?));
     tally.check(states_missing(&declared, &workspace.read(STATES)?));
-    let known = words_of_sources(workspace)?;
+    let known = names_in_sources(workspace)?;
     for chapter in &chapters {
         tally.check(unknown_names(chapter, &workspace.read(chapter)?, &known));
     }
 
-    let (pages, said) = book::render(workspace, &workspace.target.join("book"))?;
-    log.line(&said)?;
-    tally.check(book::complaints(&said).first().map(|line| format!("mdBook complains: {line}")));
+    let (pages, output) = book::render(workspace, &workspace.target.join("book"))?;
+    log.line(&output)?;
+    tally.check(book::complaints(&output).first().map(|line| format!("mdBook complains: {line}")));
     let dead = dead_links(&pages)?;
     for link in &dead {
         log.line(link)?;
@@ -48,7 +48,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 }
 
 /// Pages that are not in the book, and chapters that are listed twice.
-fn outside(chapters: &[String], files: &[String]) -> Option<String> {
+fn missing_or_repeated_chapters(chapters: &[String], files: &[String]) -> Option<String> {
     let listed: BTreeSet<&String> = chapters.iter().collect();
     let is_page = |file: &&String| {
         let of_docs = file.starts_with("docs/") && Path::new(file).extension().is_some_and(|ending| ending == "md");
@@ -78,7 +78,7 @@ fn rows(page: &str) -> Vec<Vec<&str>> {
 
 /// How the page on results differs from the header.
 fn results_differ(results: &BTreeMap<String, String>, page: &str) -> Option<String> {
-    let mut told = BTreeMap::new();
+    let mut documented = BTreeMap::new();
     for row in rows(page) {
         let [name, number, why, remedy] = row.as_slice() else { continue };
         let name = name.trim_matches('`');
@@ -89,24 +89,25 @@ fn results_differ(results: &BTreeMap<String, String>, page: &str) -> Option<Stri
         if why.is_empty() || remedy.is_empty() {
             return Some(format!("{RESULTS} does not say why {name} comes and what to do"));
         }
-        if told.insert(name.to_owned(), (*number).to_owned()).is_some() {
+        if documented.insert(name.to_owned(), (*number).to_owned()).is_some() {
             return Some(format!("{RESULTS} has {name} twice"));
         }
     }
-    let missing: Vec<_> = results.iter().filter(|(name, number)| told.get(*name) != Some(number)).collect();
-    let invented: Vec<_> = told.keys().filter(|name| !results.contains_key(*name)).collect();
+    let missing: Vec<_> = results.iter().filter(|(name, number)| documented.get(*name) != Some(number)).collect();
+    let invented: Vec<_> = documented.keys().filter(|name| !results.contains_key(*name)).collect();
     let differs = !missing.is_empty() || !invented.is_empty();
     differs.then(|| format!("{RESULTS} lacks {missing:?}, and has {invented:?} that the header does not have"))
 }
 
 /// How the table of functions that allow one call at a time differs from the header's comments.
 fn threads_differ(declared: &Declarations, page: &str) -> Option<String> {
-    let alone = declared.functions.iter().filter(|function| function.comment.join(" ").contains("one call at a time"));
-    let alone: BTreeSet<&str> = alone.map(|function| function.name.as_str()).collect();
-    let told = rows(page).into_iter().filter_map(|row| Some(row.first()?.trim_matches('`')));
+    let single_call =
+        declared.functions.iter().filter(|function| function.comment.join(" ").contains("one call at a time"));
+    let single_call: BTreeSet<&str> = single_call.map(|function| function.name.as_str()).collect();
+    let documented = rows(page).into_iter().filter_map(|row| Some(row.first()?.trim_matches('`')));
     // Callbacks have a table of their own.
-    let told: BTreeSet<&str> = told.filter(|name| !name.ends_with("_callback")).collect();
-    let differ: Vec<_> = alone.symmetric_difference(&told).copied().collect();
+    let documented: BTreeSet<&str> = documented.filter(|name| !name.ends_with("_callback")).collect();
+    let differ: Vec<_> = single_call.symmetric_difference(&documented).copied().collect();
     (!differ.is_empty()).then(|| format!("{THREADS} and the header do not agree on {}", differ.join(", ")))
 }
 
@@ -129,7 +130,7 @@ fn is_name(word: &str) -> bool {
 }
 
 /// All words in non-page files that start like a name of the C interface.
-fn words_of_sources(workspace: &Workspace) -> Result<BTreeSet<String>, String> {
+fn names_in_sources(workspace: &Workspace) -> Result<BTreeSet<String>, String> {
     const ENDINGS: [&str; 8] = ["h", "hpp", "rs", "py", "cs", "c", "cpp", "cmake"];
     let mut known = BTreeSet::new();
     for file in workspace.files()? {
@@ -195,7 +196,7 @@ fn dead(page: &str, target: &str, files: &BTreeSet<String>, texts: &BTreeMap<Str
     if target.contains(':') || target.starts_with("//") {
         return None;
     }
-    let (path, place) = target.split_once('#').unwrap_or((target, ""));
+    let (path, fragment) = target.split_once('#').unwrap_or((target, ""));
     let folder = page.rsplit_once('/').map_or("", |(folder, _)| folder);
     let file = match path.split('?').next().unwrap_or_default() {
         "" => page.to_owned(),
@@ -208,8 +209,8 @@ fn dead(page: &str, target: &str, files: &BTreeSet<String>, texts: &BTreeMap<Str
         return Some(format!("{target} leads to no file"));
     }
     let found =
-        |text: &String| text.contains(&format!("id=\"{place}\"")) || text.contains(&format!("name=\"{place}\""));
-    let there = place.is_empty() || texts.get(&file).is_none_or(found);
+        |text: &String| text.contains(&format!("id=\"{fragment}\"")) || text.contains(&format!("name=\"{fragment}\""));
+    let there = fragment.is_empty() || texts.get(&file).is_none_or(found);
     (!there).then(|| format!("{target} leads to no place of its page"))
 }
 
@@ -246,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn a_function_with_a_texture_that_no_page_tells_of_is_named() {
+    fn a_function_with_a_texture_without_documentation_is_named() {
         let declared = declarations::read(HEADER).unwrap();
         let page = include_str!("../../../docs/resource-states.md");
         assert_eq!(states_missing(&declared, page), None);
@@ -255,19 +256,19 @@ mod tests {
     }
 
     #[test]
-    fn pages_and_names_that_are_not_there_are_told() {
+    fn missing_pages_and_unknown_names_are_reported() {
         let [a, b] = ["docs/bundle.md", "docs/fsr.md"].map(str::to_owned);
         let files = [a.clone(), b.clone(), SUMMARY.to_owned(), "xtask/src/dist/pages/linux.md".to_owned()];
-        assert_eq!(outside(&[a.clone(), b.clone()], &files), None);
-        assert!(outside(std::slice::from_ref(&a), &files).unwrap().contains("docs/fsr.md"));
-        assert!(outside(&[a.clone(), b, a], &files).unwrap().contains("twice"));
+        assert_eq!(missing_or_repeated_chapters(&[a.clone(), b.clone()], &files), None);
+        assert!(missing_or_repeated_chapters(std::slice::from_ref(&a), &files).unwrap().contains("docs/fsr.md"));
+        assert!(missing_or_repeated_chapters(&[a.clone(), b, a], &files).unwrap().contains("twice"));
         let known = ["cairn_a".to_owned(), "CAIRN_B_C".to_owned()].into();
         assert_eq!(unknown_names("p", "`cairn_a()`, CAIRN_B_ and cairn.h", &known), None);
         assert!(unknown_names("p", "`cairn_b`", &known).unwrap().contains("cairn_b"));
     }
 
     #[test]
-    fn links_into_nothing_are_dead() {
+    fn links_without_a_target_are_dead() {
         let texts: BTreeMap<_, _> = [("a/x.html".to_owned(), "<h1 id=\"top\">".to_owned())].into();
         let files: BTreeSet<_> = ["a/x.html".to_owned(), "b.png".to_owned()].into();
         for fine in ["#top", "x.html#top", "../b.png?1", "https://example.org/", "mailto:a"] {

@@ -16,23 +16,23 @@ use super::tally::{Skip, Tally};
 use crate::shell::Log;
 
 /// Time limit for the browser to start and play half a second.
-const PATIENCE: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// Plays the video and sends the result to the server.
 const PAGE: &str = r#"<!doctype html><meta charset="utf-8"><video muted src="/video.mp4"></video><script>
 const video = document.querySelector("video");
-const tell = text => fetch("/told", { method: "POST", body: text });
+const report = text => fetch("/result", { method: "POST", body: text });
 let frames = 0;
 const count = () => { frames++; video.requestVideoFrameCallback(count); };
 video.requestVideoFrameCallback(count);
-video.onerror = () => tell(`error ${video.error.code}: ${video.error.message}`);
-video.onended = () => tell(`played ${video.videoWidth}x${video.videoHeight} for ${video.currentTime.toFixed(2)} s, drew ${Math.min(frames, 2)} frames or more`);
-video.play().catch(error => tell(`error: ${error}`));
+video.onerror = () => report(`error ${video.error.code}: ${video.error.message}`);
+video.onended = () => report(`played ${video.videoWidth}x${video.videoHeight} for ${video.currentTime.toFixed(2)} s, drew ${Math.min(frames, 2)} frames or more`);
+video.play().catch(error => report(`error: ${error}`));
 </script>"#;
 
 /// Opens the report in a frame, checks its contents, steps and plays its video, and sends the errors to the server.
 const REPORT_PAGE: &str = r#"<!doctype html><meta charset="utf-8"><iframe src="/report.html" width="1200" height="900"></iframe><script>
-const tell = text => fetch("/told", { method: "POST", body: text });
+const report = text => fetch("/result", { method: "POST", body: text });
 const pause = time => new Promise(done => setTimeout(done, time));
 const until = async (what, test) => {
   for (let turn = 0; turn < 600; turn++) { if (test()) return true; await pause(50); }
@@ -58,7 +58,7 @@ frame.onload = async () => {
   check(await until("step", () => time.textContent.endsWith("frame 0")), `a step back shows ${time.textContent}`);
   play.click();
   check(await until("play", () => play.textContent === "pause" && video.currentTime > 0.1), "the video does not play");
-  tell(wrong.length ? wrong.join("; ") : "all is well");
+  report(wrong.length ? wrong.join("; ") : "all is well");
 };
 </script>"#;
 
@@ -80,9 +80,10 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         ("report", REPORT_PAGE, "/report.html", study::comparison_report(context, log)?, "text/html", "all is well"),
     ] {
         let bytes = std::fs::read(&file).map_err(|e| format!("{}: {e}", file.display()))?;
-        let told = open(&chromium, Served { page, path, kind, bytes }, &profile)?;
-        log.line(&format!("of the {what} the browser says: {told}"))?;
-        tally.check((told != expected).then(|| format!("of the {what} the browser says {told:?}, not {expected:?}")));
+        let result = open(&chromium, Served { page, path, kind, bytes }, &profile)?;
+        log.line(&format!("of the {what} the browser says: {result}"))?;
+        tally
+            .test((result != expected).then(|| format!("of the {what} the browser says {result:?}, not {expected:?}")));
     }
     Ok(tally)
 }
@@ -100,20 +101,20 @@ struct Served {
 fn open(chromium: &Path, served: Served, profile: &Path) -> Result<String, String> {
     let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(|e| format!("no port on the loopback address: {e}"))?;
     let address = listener.local_addr().map_err(|e| e.to_string())?;
-    let (tell, told) = mpsc::channel();
+    let (sender, receiver) = mpsc::channel();
     std::thread::spawn(move || {
         for stream in listener.incoming().flatten() {
-            let (tell, served) = (tell.clone(), served.clone());
+            let (sender, served) = (sender.clone(), served.clone());
             // A connection that the browser closes early is not a failure: only the page's message counts.
-            std::thread::spawn(move || _ = answer(stream, &served, &tell));
+            std::thread::spawn(move || _ = answer(stream, &served, &sender));
         }
     });
     let _browser = Browser::start(chromium, &format!("http://{address}/"), profile)?;
-    told.recv_timeout(PATIENCE).map_err(|_| format!("the browser told nothing for {} s", PATIENCE.as_secs()))
+    receiver.recv_timeout(TIMEOUT).map_err(|_| format!("the browser told nothing for {} s", TIMEOUT.as_secs()))
 }
 
 /// Answers one request: returns the page or its file, or receives the page's message.
-fn answer(mut stream: TcpStream, served: &Served, tell: &Sender<String>) -> std::io::Result<()> {
+fn answer(mut stream: TcpStream, served: &Served, sender: &Sender<String>) -> std::io::Result<()> {
     let mut reader = BufReader::new(stream.try_clone()?);
     let (mut request, mut length) = (String::new(), 0);
     reader.read_line(&mut request)?;
@@ -128,10 +129,10 @@ fn answer(mut stream: TcpStream, served: &Served, tell: &Sender<String>) -> std:
             None => break,
         }
     }
-    let (kind, body): (&str, &[u8]) = if request.starts_with("POST /told ") {
+    let (kind, body): (&str, &[u8]) = if request.starts_with("POST /result ") {
         let mut text = String::new();
         reader.take(length).read_to_string(&mut text)?;
-        _ = tell.send(text);
+        _ = sender.send(text);
         ("text/plain", b"")
     } else if request.starts_with(&format!("GET {} ", served.path)) {
         (served.kind, &served.bytes)

@@ -4,7 +4,7 @@ use provision::{Console, tools};
 
 use super::Context;
 use super::tally::{Skip, Tally};
-use crate::shell::{Ended, Log};
+use crate::shell::{CommandOutput, Log};
 
 /// The version of cargo-deny that `deny.toml` is written for.
 pub(crate) const DENY_VERSION: &str = "0.20.2";
@@ -12,7 +12,7 @@ pub(crate) const DENY_VERSION: &str = "0.20.2";
 pub(super) fn fmt(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     tools::rust_component("rustfmt", "rustfmt", &Console::new()).map_err(|e| e.to_string())?;
     let ended = log.run(&mut context.workspace.cargo(["fmt", "--all", "--check"]))?;
-    Ok(Tally::of_command(ended.success, "files are not formatted; cargo xtask fix does it"))
+    Ok(Tally::checked(ended.success, "files are not formatted; cargo xtask fix does it"))
 }
 
 /// For this system and for Windows in one command, so that both processors have something to do.
@@ -25,13 +25,13 @@ pub(super) fn clippy(context: &Context<'_>, log: &mut Log) -> Result<Tally, Stri
         command.args(["--target", tools::WINDOWS_TARGET]);
     }
     let ended = log.run(command.args(["--", "-D", "warnings"]))?;
-    Ok(Tally::of_command(ended.success, "clippy has something to say"))
+    Ok(Tally::checked(ended.success, "clippy has something to say"))
 }
 
 pub(super) fn docs(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut command = context.workspace.cargo(["doc", "--workspace", "--no-deps"]);
     let ended = log.run(command.env("RUSTDOCFLAGS", "-D warnings"))?;
-    Ok(Tally::of_command(ended.success, "the documentation has warnings"))
+    Ok(Tally::checked(ended.success, "the documentation has warnings"))
 }
 
 pub(super) fn tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
@@ -43,7 +43,7 @@ pub(super) fn tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, Strin
 }
 
 /// Sums up the output of the test programs of one cargo run.
-pub(super) fn count(ended: &Ended) -> Tally {
+pub(super) fn count(ended: &CommandOutput) -> Tally {
     let mut tally = Tally::default();
     for line in ended.output.lines() {
         if let Some(counts) = line.trim().strip_prefix("test result: ") {
@@ -68,7 +68,7 @@ pub(super) fn count(ended: &Ended) -> Tally {
 
 /// The same for a command that names tests or parts of their names. A name that matches no test is a failure: its tests have not
 /// run.
-pub(super) fn count_named(ended: &Ended, names: &[&str]) -> Tally {
+pub(super) fn count_named(ended: &CommandOutput, names: &[&str]) -> Tally {
     let mut tally = count(ended);
     let ran: Vec<&str> = ended.output.lines().filter_map(test_name).collect();
     let missing = names.iter().filter(|name| !ran.iter().any(|test| test.contains(*name)));
@@ -76,7 +76,7 @@ pub(super) fn count_named(ended: &Ended, names: &[&str]) -> Tally {
     tally
 }
 
-/// The name of the test whose result a line of output gives.
+/// The test's name in a result line of libtest.
 fn test_name(line: &str) -> Option<&str> {
     Some(line.strip_prefix("test ")?.split_once(" ... ")?.0.trim())
 }
@@ -102,8 +102,8 @@ pub(super) fn deny(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
 mod tests {
     use super::*;
 
-    fn ended(success: bool, output: &str) -> Ended {
-        Ended { success, output: output.to_owned() }
+    fn ended(success: bool, output: &str) -> CommandOutput {
+        CommandOutput { success, output: output.to_owned() }
     }
 
     #[test]
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn a_build_that_fails_is_one_failure_and_no_test_is_none() {
+    fn a_failed_build_is_one_failure_and_no_test_makes_an_empty_tally() {
         assert_eq!(count(&ended(false, "error: could not compile")).failures.len(), 1);
         assert!(count(&ended(true, "test result: ok. 0 passed; 0 failed; 0 ignored;")).is_empty());
     }

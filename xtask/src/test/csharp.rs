@@ -58,16 +58,16 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         }
     };
     let library = abi::library(context, log)?;
-    let place = Place { context, mono, work: workspace.target.join("xtask").join("test").join("csharp") };
-    place.make_stand_ins(log)?;
-    let on_mono = place.of_mono()?;
-    place.check(log, &library, &on_mono, &mut tally)?;
+    let tests = BindingTests { context, mono, work: workspace.target.join("xtask").join("test").join("csharp") };
+    tests.make_stand_ins(log)?;
+    let on_mono = tests.mono_runtime()?;
+    tests.check(log, &library, &on_mono, &mut tally)?;
     let binding = on_mono.folder.join("Cairn.dll");
     if binding.is_file() {
-        unity::check(workspace, &place.mono, log, &binding, &mut tally)?;
+        unity::check(workspace, &tests.mono, log, &binding, &mut tally)?;
     }
     match provision::dotnet(&Console::new()) {
-        Ok(dotnet) => place.check(log, &library, &place.of_dotnet(&dotnet)?, &mut tally)?,
+        Ok(dotnet) => tests.check(log, &library, &tests.dotnet_runtime(&dotnet)?, &mut tally)?,
         Err(e) => tally.skips.push(skip("C# on .NET", format!("needs dotnet: {e}"))),
     }
     Ok(tally)
@@ -142,21 +142,21 @@ pub(super) fn make_stand_ins(
     Ok(())
 }
 
-struct Place<'a> {
+struct BindingTests<'a> {
     context: &'a Context<'a>,
     mono: Mono,
     work: PathBuf,
 }
 
-impl Place<'_> {
-    fn of_mono(&self) -> Result<Runtime, String> {
+impl BindingTests<'_> {
+    fn mono_runtime(&self) -> Result<Runtime, String> {
         let mut program = self.mono.program();
         program.arg("--debug");
         let folder = self.folder("mono")?;
         Ok(Runtime { name: "C# on Mono", folder, references: vec!["-r:System.Core.dll".to_owned()], program })
     }
 
-    fn of_dotnet(&self, dotnet: &DotNet) -> Result<Runtime, String> {
+    fn dotnet_runtime(&self, dotnet: &DotNet) -> Result<Runtime, String> {
         let folder = self.folder("dotnet")?;
         let settings = folder.join("Cairn.Tests.runtimeconfig.json");
         fs::write(&settings, DotNet::SETTINGS).map_err(|e| format!("{}: {e}", settings.display()))?;
@@ -192,9 +192,9 @@ impl Place<'_> {
         }
         // Beside the library, as in a game.
         let onnxruntime = Context::provide(&self.context.library, provision::onnxruntime)?;
-        let beside = runtime.folder.join(onnxruntime.file_name().unwrap_or_default());
-        if fs::hard_link(onnxruntime, &beside).is_err() {
-            fs::copy(onnxruntime, &beside).map_err(|e| format!("{}: {e}", beside.display()))?;
+        let copy = runtime.folder.join(onnxruntime.file_name().unwrap_or_default());
+        if fs::hard_link(onnxruntime, &copy).is_err() {
+            fs::copy(onnxruntime, &copy).map_err(|e| format!("{}: {e}", copy.display()))?;
         }
         let tests = runtime.folder.join("Cairn.Tests.dll");
         if let Some(failure) = self.compile(log, runtime, &tests)? {
@@ -246,7 +246,7 @@ impl Place<'_> {
 
 /// The C# examples of pages as one source file, one after the other. Excerpts of other files are left out.
 fn examples(pages: &[String]) -> Result<String, String> {
-    let shown = pages.iter().flat_map(|page| blocks::of(page));
+    let shown = pages.iter().flat_map(|page| blocks::parse(page));
     let own = shown.filter(|block| block.language == "csharp" && block.from.is_none());
     let body: String = own.map(|block| format!("{{\n{}}}\n", block.text)).collect();
     if body.is_empty() {
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn every_example_of_the_pages_is_taken_once() {
+    fn every_example_of_the_pages_is_compiled_once() {
         let pages = [
             "text\n```csharp\nA();\n```\n```sh\nls\n```\n",
             "```csharp\nB();\n```\n<!-- from a.md -->\n```csharp\nA();\n```\n",

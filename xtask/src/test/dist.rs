@@ -12,7 +12,7 @@ use super::host;
 use super::lab;
 use super::tally::{Skip, Tally};
 use crate::book;
-use crate::dist::{self, Made, Parts, Platform, Source};
+use crate::dist::{self, PackedFile, Parts, Platform, Source};
 use crate::shell::{Log, output};
 
 /// The platforms that archives are made for.
@@ -30,7 +30,7 @@ const BARE_HOST: &str =
     "#include \"cairn.h\"\n\nint start(void)\n{\n    return cairn_version() == CAIRN_VERSION ? 0 : 3;\n}\n";
 
 /// A CMake project that finds the archive.
-const PROJECT: &str = "cmake_minimum_required(VERSION 3.16)\nproject(game LANGUAGES C)\nfind_package(Cairn 0.1 REQUIRED)\n\
+const CMAKE_PROJECT: &str = "cmake_minimum_required(VERSION 3.16)\nproject(game LANGUAGES C)\nfind_package(Cairn 0.1 REQUIRED)\n\
                        add_executable(game game.c)\ntarget_link_libraries(game PRIVATE Cairn::Cairn)\n\
                        if(WIN32)\n    add_custom_command(TARGET game POST_BUILD COMMAND ${CMAKE_COMMAND} -E copy_if_different\n        \
                        $<TARGET_FILE:Cairn::Cairn> ${Cairn_RUNTIME_FILES} $<TARGET_FILE_DIR:game>)\nendif()\n";
@@ -63,35 +63,35 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         return Err(format!("{} archives were made, not three", first.len()));
     };
     let unpacked = work.join(UNPACKED);
-    let unpack = |log: &mut Log, made: &Made| unpack(log, &cmake, made, &unpacked);
+    let unpack = |log: &mut Log, made: &PackedFile| unpack(log, &cmake, made, &unpacked);
     let (windows, slim, linux) = (unpack(log, windows)?, unpack(log, slim)?, unpack(log, linux)?);
     for root in [&windows, &slim] {
         tally.check(unity(root)?);
         tally.check(without_terms(root)?);
     }
     for root in [&windows, &slim, &linux] {
-        tally.check(promises(root)?);
-        tally.check(foreign(root)?);
-        tally.check(no_book(context, root)?);
+        tally.check(missing_files(root)?);
+        tally.check(forbidden_files(root)?);
+        tally.check(missing_chapters(context, root)?);
         tally.check(dead_links(root)?);
     }
     for (root, linked) in [(&windows, ["mingw-w64", "libgcc"]), (&linux, ["llvm-libunwind", "glibc-nonshared"])] {
-        tally.check(unnamed(root, &["rust-std", linked[0], linked[1]])?);
+        tally.check(unlisted_parts(root, &["rust-std", linked[0], linked[1]])?);
     }
     for file in ["lib/libcairn.so", "debug/libcairn.so.debug"] {
-        tally.check(passing(&linux.join(file))?);
+        tally.check(build_specific_text(&linux.join(file))?);
     }
     for file in ["bin/cairn.dll", "debug/cairn.dll.debug", "unity/com.cairn.unity/Plugins/x86_64/cairn_unity.dll"] {
-        tally.check(passing(&windows.join(file))?);
+        tally.check(build_specific_text(&windows.join(file))?);
     }
     tally.check((!windows.join("runtime/DirectML.dll").is_file()).then(|| "the runtimes are missing".to_owned()));
     tally.check(slim.join("runtime").exists().then(|| "the slim archive has runtimes".to_owned()));
 
-    let place = Place { context, work: &work, cmake: &cmake };
-    place.on_linux(log, &linux, &cc, &mut tally)?;
-    match lab::or_skip("hosts from the Windows archive")? {
+    let builds = HostBuilds { context, work: &work, cmake: &cmake };
+    builds.on_linux(log, &linux, &cc, &mut tally)?;
+    match lab::skip_unless_possible("hosts from the Windows archive")? {
         Some(skip) => tally.skips.push(skip),
-        None => place.on_windows(log, &windows, &mut tally)?,
+        None => builds.on_windows(log, &windows, &mut tally)?,
     }
     Ok(tally)
 }
@@ -119,7 +119,8 @@ pub(super) fn run_release(context: &Context<'_>, log: &mut Log) -> Result<Tally,
         let differs = read(&made.path)? != read(&work.join("there").join(name))?;
         tally.check(differs.then(|| format!("{} is another file from another place", name.display())));
     }
-    let wheels: Vec<&Made> = here.iter().filter(|made| made.path.extension().is_some_and(|e| e == "whl")).collect();
+    let wheels: Vec<&PackedFile> =
+        here.iter().filter(|made| made.path.extension().is_some_and(|e| e == "whl")).collect();
     super::wheels::check(context, log, &work, &wheels, &mut tally)?;
     fs::remove_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
     Ok(tally)
@@ -134,10 +135,10 @@ fn other_cache(work: &Path) -> Result<PathBuf, String> {
     for entry in fs::read_dir(&cache).map_err(|e| format!("{}: {e}", cache.display()))? {
         let from = entry.map_err(|e| format!("{}: {e}", cache.display()))?.path();
         let into = own.join(from.file_name().unwrap_or_default());
-        let [program, how] = if from.ends_with(tools::ZIG_PLACE) { ["cp", "-a"] } else { ["ln", "-s"] };
+        let [program, how] = if from.ends_with(tools::ZIG_FOLDER) { ["cp", "-a"] } else { ["ln", "-s"] };
         output(Command::new(program).arg(how).arg(&from).arg(&into))?;
     }
-    let kept = own.join(tools::ZIG_PLACE).join("kept");
+    let kept = own.join(tools::ZIG_FOLDER).join("kept");
     match fs::remove_dir_all(&kept) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(format!("{}: {e}", kept.display())),
         _ => Ok(folder),
@@ -156,7 +157,7 @@ pub(super) fn fresh(context: &Context<'_>, name: &str) -> Result<PathBuf, String
 }
 
 /// Unpacks an archive with CMake, not with our own code; returns its top folder.
-fn unpack(log: &mut Log, cmake: &Path, made: &Made, into: &Path) -> Result<PathBuf, String> {
+fn unpack(log: &mut Log, cmake: &Path, made: &PackedFile, into: &Path) -> Result<PathBuf, String> {
     fs::create_dir_all(into).map_err(|e| format!("{}: {e}", into.display()))?;
     let unpacked = log.run(Command::new(cmake).args(["-E", "tar", "xf"]).arg(&made.path).current_dir(into))?.success;
     let name = made.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -169,7 +170,7 @@ fn unpack(log: &mut Log, cmake: &Path, made: &Made, into: &Path) -> Result<PathB
 }
 
 /// Files that the first column of the page's table lists and the archive lacks. A slim archive has the full archive's page.
-fn promises(root: &Path) -> Result<Option<String>, String> {
+fn missing_files(root: &Path) -> Result<Option<String>, String> {
     let page = root.join("README.md");
     let text = fs::read_to_string(&page).map_err(|e| format!("{}: {e}", page.display()))?;
     let slim = root.to_string_lossy().ends_with("-slim");
@@ -187,7 +188,7 @@ fn promises(root: &Path) -> Result<Option<String>, String> {
 }
 
 /// Chapters of the book that an archive lacks.
-fn no_book(context: &Context<'_>, root: &Path) -> Result<Option<String>, String> {
+fn missing_chapters(context: &Context<'_>, root: &Path) -> Result<Option<String>, String> {
     let chapters = book::chapters(&context.workspace.read(book::SUMMARY)?)?;
     let wanted = chapters.iter().filter(|chapter| chapter.starts_with("docs/"));
     // A whole run of the comparison is as large as the library, and the lab is for Cairn's developers.
@@ -219,7 +220,7 @@ fn dead_links(root: &Path) -> Result<Option<String>, String> {
 }
 
 /// Parts of the library that the page of licences or the bill of materials does not name.
-fn unnamed(root: &Path, parts: &[&str]) -> Result<Option<String>, String> {
+fn unlisted_parts(root: &Path, parts: &[&str]) -> Result<Option<String>, String> {
     let read = |name: &str| fs::read_to_string(root.join(name)).map_err(|e| format!("{name}: {e}"));
     let (page, bill) = (read("THIRD-PARTY.md")?, read("cairn.cdx.json")?);
     let is_named =
@@ -233,13 +234,13 @@ fn unnamed(root: &Path, parts: &[&str]) -> Result<Option<String>, String> {
 
 /// The first string in a library or its debug information that would differ in another build: the path of this machine's cache, rustc's
 /// temporary folders, and LLVM's numbers.
-fn passing(debug: &Path) -> Result<Option<String>, String> {
+fn build_specific_text(debug: &Path) -> Result<Option<String>, String> {
     let cache = provision::cache_dir().map_err(|e| e.to_string())?;
     let bytes = fs::read(debug).map_err(|e| format!("{}: {e}", debug.display()))?;
     let numbered = || bytes.windows(7).position(|part| part.starts_with(b".llvm.") && part[6].is_ascii_digit());
     let found = [cache.as_os_str().as_encoded_bytes(), b"site-packages/ziglang", b"_deps_rustc"]
         .into_iter()
-        .find_map(|place| bytes.windows(place.len()).position(|part| part == place))
+        .find_map(|text| bytes.windows(text.len()).position(|part| part == text))
         .or_else(numbered);
     Ok(found.map(|at| {
         let end = bytes[at..].iter().position(|&byte| byte == 0).map_or(bytes.len(), |length| at + length);
@@ -261,7 +262,7 @@ fn files(root: &Path) -> Result<Vec<PathBuf>, String> {
 }
 
 /// Files that must not be in an archive: AMD's, and our tests.
-fn foreign(root: &Path) -> Result<Option<String>, String> {
+fn forbidden_files(root: &Path) -> Result<Option<String>, String> {
     let is_foreign =
         |part: &str| part.starts_with("amd_") || part.starts_with("ffx") || part == "tests" || part == "target";
     let mut found = Vec::new();
@@ -302,20 +303,20 @@ fn without_terms(root: &Path) -> Result<Option<String>, String> {
     let mut missing = Vec::new();
     for name in dist::TERMS {
         let terms = fs::read(root.join(name)).map_err(|e| format!("{name}: {e}"))?;
-        let places = ["unity/com.cairn.unity", "unreal/Cairn"].map(|plugin| root.join(plugin).join(name));
-        missing.extend(places.into_iter().filter(|place| fs::read(place).ok().as_ref() != Some(&terms)));
+        let copies = ["unity/com.cairn.unity", "unreal/Cairn"].map(|plugin| root.join(plugin).join(name));
+        missing.extend(copies.into_iter().filter(|copy| fs::read(copy).ok().as_ref() != Some(&terms)));
     }
     Ok((!missing.is_empty()).then(|| format!("not the archive's own: {missing:?}")))
 }
 
 /// Folders and tools for building hosts.
-struct Place<'a> {
+struct HostBuilds<'a> {
     context: &'a Context<'a>,
     work: &'a Path,
     cmake: &'a Path,
 }
 
-impl Place<'_> {
+impl HostBuilds<'_> {
     fn write(&self, folder: &str, name: &str, text: &str) -> Result<PathBuf, String> {
         let path = self.work.join(folder).join(name);
         fs::create_dir_all(self.work.join(folder)).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -331,7 +332,7 @@ impl Place<'_> {
         configure.arg("-S").arg(source).arg("-B").arg(&build).arg("-DCMAKE_C_FLAGS=-Werror");
         let built =
             log.run(&mut configure)?.success && log.run(Command::new(self.cmake).arg("--build").arg(&build))?.success;
-        tally.check((!built).then(|| "host-c does not build from the archive".to_owned()));
+        tally.test((!built).then(|| "host-c does not build from the archive".to_owned()));
         if built {
             let mut command = Command::new(build.join("host-c"));
             self.context.provide_worlds(command.current_dir(self.work))?;
@@ -340,13 +341,13 @@ impl Place<'_> {
             let ended = log.run(command.args(["--seconds", "0.2", "--out", "walk.y4m"]))?;
             let video = fs::read(self.work.join("walk.y4m")).unwrap_or_default();
             let wrong = !ended.success || !video.starts_with(b"YUV4MPEG2 W320 H180 ");
-            tally.check(
+            tally.test(
                 wrong.then(|| "host-c of the archive writes no video of the world inside the library".to_owned()),
             );
         }
 
         self.write("found", "game.c", HOST)?;
-        let list = self.write("found", "CMakeLists.txt", PROJECT)?;
+        let list = self.write("found", "CMakeLists.txt", CMAKE_PROJECT)?;
         let build = self.work.join("found-build");
         let mut configure = Command::new(self.cmake);
         configure.arg("-S").arg(list.with_file_name("")).arg("-B").arg(&build);
@@ -354,13 +355,13 @@ impl Place<'_> {
         let right = log.run(&mut configure)?.success
             && log.run(Command::new(self.cmake).arg("--build").arg(&build))?.success
             && log.run(&mut Command::new(build.join("game")))?.success;
-        tally.check((!right).then(|| "a project that finds the package by CMake has no library".to_owned()));
+        tally.test((!right).then(|| "a project that finds the package by CMake has no library".to_owned()));
         let mut later = Command::new(self.cmake);
-        let wanted = self.write("later", "CMakeLists.txt", &PROJECT.replace("Cairn 0.1", "Cairn 0.2"))?;
+        let wanted = self.write("later", "CMakeLists.txt", &CMAKE_PROJECT.replace("Cairn 0.1", "Cairn 0.2"))?;
         later.arg("-S").arg(wanted.with_file_name("")).arg("-B").arg(self.work.join("later-build"));
         let refused = log.run(later.arg(format!("-DCMAKE_PREFIX_PATH={}", root.display())))?;
         let named = refused.output.contains("CairnConfig.cmake, version: 0.1");
-        tally.check((refused.success || !named).then(|| "a later version is found where this one is".to_owned()));
+        tally.test((refused.success || !named).then(|| "a later version is found where this one is".to_owned()));
 
         if tools::on_path("pkg-config").is_none() {
             let reason = "needs pkg-config: apt install pkg-config";
@@ -375,7 +376,7 @@ impl Place<'_> {
         command.args(["-c", script, "sh"]).arg(cc).arg(self.work.join("found").join("game.c")).arg(&program);
         command.env("PKG_CONFIG_PATH", root.join("lib").join("pkgconfig"));
         let right = log.run(&mut command)?.success && log.run(&mut Command::new(&program))?.success;
-        tally.check((!right).then(|| "pkg-config does not lead to the library".to_owned()));
+        tally.test((!right).then(|| "pkg-config does not lead to the library".to_owned()));
         Ok(())
     }
 
@@ -398,7 +399,7 @@ impl Place<'_> {
             && log.run(Command::new(self.cmake).arg("--build").arg(&build))?.success
             && build.join("DirectML.dll").is_file()
             && log.run(&mut in_lab(&build.join("game.exe"))?)?.success;
-        tally.check((!right).then(|| "a Windows project that finds the package by CMake has no library".to_owned()));
+        tally.test((!right).then(|| "a Windows project that finds the package by CMake has no library".to_owned()));
         self.by_import_library(log, root, tally)
     }
 
@@ -434,12 +435,12 @@ impl Place<'_> {
         ]);
         link.arg("bare.obj").arg(root.join("lib").join("cairn.lib")).current_dir(&folder);
         let linked = log.run(&mut compile)?.success && log.run(&mut link)?.success;
-        tally.check((!linked).then(|| format!("{NAME}: it does not link")));
+        tally.test((!linked).then(|| format!("{NAME}: it does not link")));
         if linked {
             let dll = folder.join("cairn.dll");
             fs::copy(root.join("bin").join("cairn.dll"), &dll).map_err(|e| format!("{}: {e}", dll.display()))?;
             let ended = log.run(&mut in_lab(&folder.join("bare.exe"))?)?;
-            tally.check((!ended.success).then(|| format!("{NAME}: the program does not find the library")));
+            tally.test((!ended.success).then(|| format!("{NAME}: the program does not find the library")));
         }
         Ok(())
     }

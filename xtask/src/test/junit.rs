@@ -12,11 +12,11 @@ pub(super) fn read(xml: &str) -> Result<Tally, String> {
             case.attribute("classname").unwrap_or_default(),
             case.attribute("name").unwrap_or_default()
         );
-        let said = |tag: &str| case.children().find(|child| child.has_tag_name(tag));
-        if let Some(fault) = said("failure").or_else(|| said("error")) {
+        let child_named = |tag: &str| case.children().find(|child_named| child_named.has_tag_name(tag));
+        if let Some(fault) = child_named("failure").or_else(|| child_named("error")) {
             let message = fault.attribute("message").unwrap_or_default().lines().next().unwrap_or_default();
             tally.failures.push(format!("{name}: {message}"));
-        } else if let Some(skip) = said("skipped") {
+        } else if let Some(skip) = child_named("skipped") {
             let reason = skip.attribute("message").unwrap_or("no reason given").to_owned();
             tally.skips.push(Skip { name, reason });
         } else {

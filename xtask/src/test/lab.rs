@@ -16,16 +16,16 @@ use super::windows_build;
 use crate::shell::Log;
 
 /// Time limit for a program to start and, after its end was requested, to exit.
-const PATIENCE: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
-    if let Some(skip) = or_skip("everything of Windows: its own tests, Direct3D 12, DirectML")? {
+    if let Some(skip) = skip_unless_possible("everything of Windows: its own tests, Direct3D 12, DirectML")? {
         tally.skips.push(skip);
         return Ok(tally);
     }
     if !cfg!(windows) {
-        passes_through(context, log, &mut tally)?;
+        check_pass_through(context, log, &mut tally)?;
     }
     context.with_and_without_amd(&mut tally, |amd| own_tests(context, log, amd))?;
     Ok(tally)
@@ -57,7 +57,7 @@ fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, S
 }
 
 /// A command that runs a program as [`lab_run`] does, with only Windows' own variables in its environment.
-pub(super) fn alone(program: &Path) -> Result<Command, String> {
+pub(super) fn with_empty_environment(program: &Path) -> Result<Command, String> {
     let mut command = crate::lab::command(program)?;
     let own: Vec<_> =
         command.get_envs().filter_map(|(name, value)| Some((name.to_owned(), value?.to_owned()))).collect();
@@ -72,7 +72,7 @@ pub(super) fn alone(program: &Path) -> Result<Command, String> {
 }
 
 /// A path of this machine as programs in the lab, or on Windows, see it.
-pub(super) fn on_drive(path: &Path) -> PathBuf {
+pub(super) fn windows_path(path: &Path) -> PathBuf {
     if cfg!(windows) {
         return path.to_owned();
     }
@@ -81,7 +81,7 @@ pub(super) fn on_drive(path: &Path) -> PathBuf {
 }
 
 /// Puts Microsoft's libraries into a folder, where a program or our library looks for them first.
-pub(super) fn put_runtime(folder: &Path) -> Result<(), String> {
+pub(super) fn install_runtime(folder: &Path) -> Result<(), String> {
     let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
     let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
     fs::create_dir_all(folder).map_err(failed)?;
@@ -105,10 +105,10 @@ const DEVICES: &str = "1000";
 const WORLDS: &str = "20";
 /// The tests that run them.
 const CYCLES: [&str; 2] =
-    ["devices_come_and_go_and_leave_what_their_calls_leave_without_cairn", "worlds_come_and_go_and_memory_is_flat"];
+    ["devices_leak_no_more_than_the_same_system_calls_without_cairn", "loading_worlds_repeatedly_uses_constant_memory"];
 
 pub(super) fn run_cycles(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    if let Some(skip) = or_skip("lives of devices and worlds on Direct3D 12")? {
+    if let Some(skip) = skip_unless_possible("lives of devices and worlds on Direct3D 12")? {
         return Ok(Tally { skips: vec![skip], ..Tally::default() });
     }
     let mut command = context.windows_tests(["d3d12_lifecycle"], log)?;
@@ -138,7 +138,7 @@ pub(crate) fn for_windows(command: &mut Command) -> Result<(), String> {
 }
 
 /// Builds the lab if it is missing; returns a skip with its reason if this machine cannot have the lab.
-pub(super) fn or_skip(what: &str) -> Result<Option<Skip>, String> {
+pub(super) fn skip_unless_possible(what: &str) -> Result<Option<Skip>, String> {
     if cfg!(windows) {
         return Ok(None);
     }
@@ -154,8 +154,9 @@ fn quoted(word: &std::ffi::OsStr) -> String {
     format!("\"{}\"", word.to_string_lossy().replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-/// What the lab passes to a program and back, and what a run leaves behind.
-fn passes_through(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+/// Tests that arguments, streams, variables, the working directory, paths and exit statuses pass through the lab, and that a run leaves no
+/// process and no mount behind.
+fn check_pass_through(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let folder = context.workspace.target.join("xtask").join("lab").join("a folder");
     fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let program = folder.join("echo.exe");
@@ -171,41 +172,45 @@ fn passes_through(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Re
         (
             "arguments",
             echo.run(&["arguments", "", "two words", "a\"b\\", "--help", "ä€"], b"")?,
-            Ended::of(0, "\ntwo words\na\"b\\\n--help\nä€\n", ""),
+            EchoOutput::new(0, "\ntwo words\na\"b\\\n--help\nä€\n", ""),
         ),
         (
             "both streams, byte for byte",
             echo.run(&["copy"], b"\x00\xff\r\n\n\x1a")?,
-            Ended { status: Some(0), out: b"\x00\xff\r\n\n\x1a".to_vec(), err: b"6 bytes".to_vec() },
+            EchoOutput { status: Some(0), out: b"\x00\xff\r\n\n\x1a".to_vec(), err: b"6 bytes".to_vec() },
         ),
-        ("a variable", echo.run(&["variable", "CAIRN_ECHO"], b"")?, Ended::of(0, "a value\n", "")),
+        ("a variable", echo.run(&["variable", "CAIRN_ECHO"], b"")?, EchoOutput::new(0, "a value\n", "")),
         (
             "the working directory",
             echo.run(&["folder"], b"")?,
-            Ended::of(0, &format!("Z:{}\n", echo.folder.display()).replace('/', "\\"), ""),
+            EchoOutput::new(0, &format!("Z:{}\n", echo.folder.display()).replace('/', "\\"), ""),
         ),
-        ("a path of the machine", echo.run(&["file", &mark(&echo, "text", "in it")?], b"")?, Ended::of(0, "in it", "")),
-        ("exit status 3", echo.run(&["exit", "3"], b"")?, Ended::of(3, "", "")),
-        ("exit status 255", echo.run(&["exit", "255"], b"")?, Ended::of(255, "", "")),
-        ("exit status 512, which is not success", echo.run(&["exit", "512"], b"")?, Ended::of(1, "", "")),
+        (
+            "a path of the machine",
+            echo.run(&["file", &write_file(&echo, "text", "in it")?], b"")?,
+            EchoOutput::new(0, "in it", ""),
+        ),
+        ("exit status 3", echo.run(&["exit", "3"], b"")?, EchoOutput::new(3, "", "")),
+        ("exit status 255", echo.run(&["exit", "255"], b"")?, EchoOutput::new(255, "", "")),
+        ("exit status 512, which is not success", echo.run(&["exit", "512"], b"")?, EchoOutput::new(1, "", "")),
     ] {
         log.line(&format!("{what}: {found:?}"))?;
-        tally.check((found != expected).then(|| format!("{what}: {found:?}, not {expected:?}")));
+        tally.test((found != expected).then(|| format!("{what}: {found:?}, not {expected:?}")));
     }
     let crashed = echo.run(&["crash"], b"")?;
-    tally.check(
+    tally.test(
         (crashed.status == Some(0))
             .then(|| format!("a program that crashes is told from one that does not: {crashed:?}")),
     );
-    tally.check(echo.listeners(log)?);
-    tally.check(echo.ended_by(Signal::Kill, None, log)?);
-    tally.check(echo.ended_by(Signal::Interrupt, Some(130), log)?);
-    tally.check((mounts()? != before).then(|| "something stays mounted".to_owned()));
+    tally.test(echo.stream_holders(log)?);
+    tally.test(echo.ended_by(Signal::Kill, None, log)?);
+    tally.test(echo.ended_by(Signal::Interrupt, Some(130), log)?);
+    tally.test((mounts()? != before).then(|| "something stays mounted".to_owned()));
     Ok(())
 }
 
 /// Writes a file into the program's folder; returns its path.
-fn mark(echo: &Echo, name: &str, text: &str) -> Result<String, String> {
+fn write_file(echo: &Echo, name: &str, text: &str) -> Result<String, String> {
     let path = echo.folder.join(name);
     fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(path.display().to_string())
@@ -228,19 +233,19 @@ enum Signal {
 
 /// How a run ended.
 #[derive(PartialEq)]
-struct Ended {
+struct EchoOutput {
     status: Option<i32>,
     out: Vec<u8>,
     err: Vec<u8>,
 }
 
-impl Ended {
-    fn of(status: i32, out: &str, err: &str) -> Self {
+impl EchoOutput {
+    fn new(status: i32, out: &str, err: &str) -> Self {
         Self { status: Some(status), out: out.into(), err: err.into() }
     }
 }
 
-impl std::fmt::Debug for Ended {
+impl std::fmt::Debug for EchoOutput {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{:?} \"{}\" \"{}\"", self.status, self.out.escape_ascii(), self.err.escape_ascii())
     }
@@ -255,7 +260,7 @@ impl Echo {
     }
 
     /// Runs the program to its end.
-    fn run(&self, arguments: &[&str], input: &[u8]) -> Result<Ended, String> {
+    fn run(&self, arguments: &[&str], input: &[u8]) -> Result<EchoOutput, String> {
         let failed = |e: std::io::Error| format!("the lab with {arguments:?}: {e}");
         let mut child = self.command(arguments)?.spawn().map_err(failed)?;
         let mut stdin = child.stdin.take().ok_or("no standard input")?;
@@ -263,27 +268,27 @@ impl Echo {
         _ = stdin.write_all(input);
         drop(stdin);
         let Output { status, stdout, stderr } = child.wait_with_output().map_err(failed)?;
-        Ok(Ended { status: status.code(), out: stdout, err: stderr })
+        Ok(EchoOutput { status: status.code(), out: stdout, err: stderr })
     }
 
     /// Fails if one of Windows' own processes holds the program's output streams.
-    fn listeners(&self, log: &mut Log) -> Result<Option<String>, String> {
+    fn stream_holders(&self, log: &mut Log) -> Result<Option<String>, String> {
         let mark = self.folder.join("started");
         _ = fs::remove_file(&mark);
         let mut child = self.command(&["stay", "started"])?.spawn().map_err(|e| e.to_string())?;
-        let started = within(PATIENCE, || mark.is_file());
+        let started = wait_until(TIMEOUT, || mark.is_file());
         let of_windows = processes(|line| line.starts_with("C:\\"));
         let stream = |process: u32, number: u8| fs::read_link(format!("/proc/{process}/fd/{number}")).ok();
         let own = [stream(child.id(), 1), stream(child.id(), 2)];
-        let heard = |process: u32| [1, 2].into_iter().any(|number| own.contains(&stream(process, number)));
-        let heard: Vec<_> = of_windows.iter().filter(|(process, _)| heard(*process)).collect();
+        let inherits = |process: u32| [1, 2].into_iter().any(|number| own.contains(&stream(process, number)));
+        let holders: Vec<_> = of_windows.iter().filter(|(process, _)| inherits(*process)).collect();
         log.line(&format!("beside {own:?}: {of_windows:?}"))?;
         _ = child.kill();
         child.wait().map_err(|e| e.to_string())?;
         if !started || of_windows.is_empty() || own.contains(&None) {
             return Ok(Some(format!("the program did not start, or Windows not: {of_windows:?}, {own:?}")));
         }
-        Ok((!heard.is_empty()).then(|| format!("Windows' own processes have the program's streams: {heard:?}")))
+        Ok((!holders.is_empty()).then(|| format!("Windows' own processes have the program's streams: {holders:?}")))
     }
 
     /// Ends a run by a signal while the program and its child wait. Fails if a process stays behind, or if the exit status is not
@@ -292,7 +297,7 @@ impl Echo {
         let mark = self.folder.join("started");
         _ = fs::remove_file(&mark);
         let mut child = self.command(&["stay", "started"])?.spawn().map_err(|e| e.to_string())?;
-        let started = within(PATIENCE, || mark.is_file());
+        let started = wait_until(TIMEOUT, || mark.is_file());
         let running = self.running();
         match signal {
             Signal::Kill => _ = child.kill(),
@@ -310,7 +315,7 @@ impl Echo {
         if status != expected {
             return Ok(Some(format!("{signal:?} gives the exit status {status:?}, not {expected:?}")));
         }
-        let gone = within(PATIENCE, || self.running().is_empty());
+        let gone = wait_until(TIMEOUT, || self.running().is_empty());
         Ok((!gone).then(|| format!("processes stay behind a run that ended by {signal:?}: {:?}", self.running())))
     }
 
@@ -322,20 +327,20 @@ impl Echo {
     }
 }
 
-/// Processes of this machine whose command line satisfies `such`, with their ids.
-fn processes(such: impl Fn(&str) -> bool) -> Vec<(u32, String)> {
+/// Processes of this machine whose command line `is_wanted`, with their ids.
+fn processes(is_wanted: impl Fn(&str) -> bool) -> Vec<(u32, String)> {
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
     let lines = numbers.filter_map(|number: u32| Some((number, fs::read(format!("/proc/{number}/cmdline")).ok()?)));
     let lines = lines.map(|(number, line)| (number, String::from_utf8_lossy(&line).replace('\0', " ")));
-    lines.filter(|(_, line)| such(line)).collect()
+    lines.filter(|(_, line)| is_wanted(line)).collect()
 }
 
-/// Whether `what` becomes true before the time limit.
-fn within(time: Duration, what: impl Fn() -> bool) -> bool {
+/// Whether `condition` becomes true before the time limit.
+fn wait_until(time: Duration, condition: impl Fn() -> bool) -> bool {
     let end = Instant::now() + time;
     while Instant::now() < end {
-        if what() {
+        if condition() {
             return true;
         }
         sleep(Duration::from_millis(100));

@@ -59,7 +59,11 @@ struct Runner {
 /// In the order they run: quick and often failing ones first, then those that reuse the compiled code of their predecessor.
 const RUNNERS: &[Runner] = &[
     Runner { name: "fmt", what: "the code is formatted", run: cargo::fmt },
-    Runner { name: "repository", what: "file lengths, forbidden words, links, who may use whom", run: repository::run },
+    Runner {
+        name: "repository",
+        what: "words for unfinished work, links, dependencies between modules",
+        run: repository::run,
+    },
     Runner { name: "clippy", what: "no warning, all targets, for this system and for Windows", run: cargo::clippy },
     Runner { name: "docs", what: "documentation without a warning", run: cargo::docs },
     Runner {
@@ -86,7 +90,7 @@ const RUNNERS: &[Runner] = &[
         what: "the C# binding against the library, on Mono and .NET; the package for Unity compiles",
         run: csharp::run,
     },
-    Runner { name: "shaders", what: "compiled shaders are what their text compiles to", run: shaders::run },
+    Runner { name: "shaders", what: "compiled shaders are what their sources compile to", run: shaders::run },
     Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
     Runner {
         name: "directml",
@@ -121,11 +125,10 @@ const RUNNERS: &[Runner] = &[
     },
     Runner {
         name: "study",
-        what: "a short video and its replay, which motion is best, and a small sweep, through the program",
+        what: "a short video, its replay, which motion is best, a small sweep and a small quality table, through the program",
         run: study::run,
     },
     Runner { name: "cluster", what: "a sweep through Ray, on an instance of this machine", run: python::cluster },
-    Runner { name: "quality", what: "the quality table at its smallest", run: quality::run },
     Runner { name: "browser", what: "the video and the report of a comparison, in Chromium", run: browser::run },
     Runner { name: "readme", what: "what the documents show: commands exist, code compiles", run: readme::run },
     Runner { name: "book", what: "the documentation as a book: chapters, links, names, results", run: book::run },
@@ -150,7 +153,7 @@ const THOROUGH: &[Runner] = &[
     Runner { name: "soak", what: "2,000 latents and 10,000 generated frames with flat memory", run: thorough::soak },
 ];
 
-/// Shared state of the runners: the workspace, and what was fetched for them.
+/// Shared state of the runners: the workspace, and the libraries, worlds and environments that were fetched for them.
 struct Context<'a> {
     workspace: &'a Workspace,
     library: OnceCell<Result<PathBuf, String>>,
@@ -212,8 +215,8 @@ impl<'a> Context<'a> {
     /// variable names them.
     fn provide_windows_worlds(&self, command: &mut Command) -> Result<(), String> {
         let built = self.windows_programs();
-        lab::put_runtime(&built)?;
-        lab::put_runtime(&built.join("deps"))?;
+        lab::install_runtime(&built)?;
+        lab::install_runtime(&built.join("deps"))?;
         command.env_remove("CAIRN_ONNXRUNTIME");
         command.env("CAIRN_TEST_BUNDLE", Self::provide(&self.bundles, provision::test_bundles)?);
         Ok(())
@@ -277,7 +280,7 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
     let must_allow = std::env::var_os("CI").is_some_and(|value| value == "true" || value == "1");
 
     if options.filters.is_empty() {
-        provide_ahead(workspace);
+        prefetch(workspace);
     }
     let context = Context::new(workspace);
     let mut lines = Vec::new();
@@ -290,7 +293,7 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
         let mut log = Log::new(&path, &format!("[{}/{}] {}: {}", number + 1, chosen.len(), runner.name, runner.what))?;
         let mut tally = (runner.run)(&context, &mut log).unwrap_or_else(Tally::broken);
         if tally.is_empty() {
-            tally = Tally::broken("it ran no test at all");
+            tally = Tally::broken("it ran no test and no check");
         }
         if must_allow {
             tally.fail_skips_unless(|skip| allowed.covers(skip));
@@ -298,7 +301,7 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
         for failure in &tally.failures {
             log.line(&format!("failed: {failure}"))?;
         }
-        log.end(&format!("{}: {tally}", runner.name));
+        log.end(&format!("{}: {}", runner.name, tally.with_checks()));
         if !tally.failures.is_empty() {
             describe_failures(&mut failures, runner.name, &tally, &path);
         }
@@ -312,8 +315,9 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
     if !failures.is_empty() {
         println!("{failures}");
     }
-    println!("\n{:16}{:>8}{:>8}{:>9}{:>11}", "runner", "passed", "failed", "skipped", "time");
+    println!("\n{:16}{}{:>11}", "runner", Tally::column_heads(), "time");
     lines.iter().for_each(|line| println!("{line}"));
+    println!("{:16}{}", "all", total.columns());
     if !skipped.is_empty() {
         println!("\nSkipped:\n{skipped}");
     }
@@ -323,7 +327,7 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
 
 /// Fetches the runners' tools and packages on another thread, while the first runners compile. A runner that needs an item before it is
 /// complete waits for its lock. Errors are ignored here: the runner that needs the item tries again and reports them.
-fn provide_ahead(workspace: &Workspace) {
+fn prefetch(workspace: &Workspace) {
     let workspace = workspace.clone();
     std::thread::spawn(move || _ = crate::demo::provide_all(&workspace, &provision::Silent));
 }

@@ -25,8 +25,8 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.add(if found.is_empty() { Tally::broken(format!("{folder} ran no test")) } else { found });
     }
     let library = abi::library(context, log)?;
-    for carried in [Some(library.as_path()), None] {
-        tally.check(installed(context, log, &library, carried)?);
+    for included_library in [Some(library.as_path()), None] {
+        tally.test(installed(context, log, &library, included_library)?);
     }
     Ok(tally)
 }
@@ -36,16 +36,16 @@ fn installed(
     context: &Context<'_>,
     log: &mut Log,
     library: &Path,
-    carried: Option<&Path>,
+    included_library: Option<&Path>,
 ) -> Result<Option<String>, String> {
     let site = context.workspace.target.join("xtask").join("package");
     match fs::remove_dir_all(&site) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", site.display())),
         _ => {}
     }
-    provision::install_package(carried, &site).map_err(|e| e.to_string())?;
+    provision::install_package(included_library, &site).map_err(|e| e.to_string())?;
     let inside = site.join("cairn").join(library.file_name().unwrap_or_default());
-    if carried.is_none() {
+    if included_library.is_none() {
         return Ok(inside.exists().then(|| format!("{} is there, and nobody asked for it", inside.display())));
     }
     let mut command = Command::new(context.python()?);

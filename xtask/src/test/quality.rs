@@ -1,5 +1,5 @@
-//! The quality table at its smallest, through the program as a user starts it. The whole table is `study quality --publish`,
-//! which needs third-party programs and takes minutes.
+//! A part of the runner `study`: the quality table at its smallest, through the program as a user starts it. The whole table is
+//! `study quality --publish`, which needs third-party programs and takes minutes.
 
 use std::fs;
 use std::process::Command;
@@ -24,12 +24,12 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     context.provide_lpips(&mut quality)?;
 
     let mut tally = Tally::default();
-    tally.check((!log.run(&mut quality)?.success).then(|| "the table could not be made".to_owned()));
+    tally.test((!log.run(&mut quality)?.success).then(|| "the table could not be made".to_owned()));
     let read = |name: &str| fs::read_to_string(folder.join(name)).map_err(|e| format!("{name}: {e}"));
     let (page, frames) = (read("quality.md")?, read("quality-frames.csv")?);
     for row in ROWS {
         let scores = frames.lines().filter(|line| is_score(line, row)).count();
-        tally.check((scores != FRAMES).then(|| format!("{row} has {scores} whole scores, not {FRAMES}")));
+        tally.test((scores != FRAMES).then(|| format!("{row} has {scores} whole scores, not {FRAMES}")));
         tally.check((!page.contains(&format!("(`{row}`)"))).then(|| format!("quality.md does not tell of {row}")));
     }
     Ok(tally)

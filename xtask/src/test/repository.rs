@@ -1,5 +1,5 @@
-//! Repository checks that a compiler does not make: file length, words for unfinished work, references to existing files, and
-//! the allowed dependencies between modules.
+//! Repository checks that a compiler does not make: words for unfinished work, references to existing files, and the allowed dependencies
+//! between modules.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -8,9 +8,6 @@ use super::Context;
 use super::tally::Tally;
 use crate::shell::Log;
 use crate::workspace::Workspace;
-
-/// Maximum number of lines; a longer file has more than one concept.
-const LONGEST_FILE: usize = 600;
 
 /// Words that mark unfinished work, each in two halves so that this file passes.
 const UNFINISHED: [(&str, &str); 7] = [
@@ -25,91 +22,79 @@ const UNFINISHED: [(&str, &str); 7] = [
 ];
 
 /// The library's modules from the top down: each may use only those after it.
-const ROOMS: [&str; 9] = ["abi", "present", "framegen", "guidance", "world", "runtime", "bundle", "ffx", "gpu"];
+const MODULES: [&str; 9] = ["abi", "present", "framegen", "guidance", "world", "runtime", "bundle", "ffx", "gpu"];
 
 /// Folders at the root; a path in a text that starts with one of them must exist.
-const FOLDERS: [&str; 9] =
-    ["src/", "include/", "docs/", "tests/", "samples/", "bindings/", "xtask/", "fuzz/", "examples/"];
+const FOLDERS: [&str; 10] =
+    ["src/", "include/", "docs/", "tests/", "samples/", "tools/", "bindings/", "xtask/", "fuzz/", "examples/"];
 
 /// Extensions of files that texts refer to.
-const ENDINGS: [&str; 16] =
+const EXTENSIONS: [&str; 16] =
     ["rs", "hlsl", "c", "h", "cpp", "hpp", "cs", "csproj", "py", "md", "toml", "json", "png", "txt", "yaml", "csv"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let workspace = context.workspace;
     let files = workspace.files()?;
     let mut tally = Tally::default();
-    for (rule, finds) in [
-        ("file lengths", long_files(workspace, &files)?),
+    for (rule, violations) in [
         ("unfinished work", unfinished(workspace, &files)?),
         ("links and file names in texts", dead_references(workspace, &files)?),
-        ("rooms use only those below", upward_uses(workspace, &files)?),
+        ("modules use only those below", upward_uses(workspace, &files)?),
     ] {
-        log.line(&format!("{rule}: {} found", finds.len()))?;
-        for find in &finds {
-            log.line(&format!("  {find}"))?;
+        log.line(&format!("{rule}: {} found", violations.len()))?;
+        for violation in &violations {
+            log.line(&format!("  {violation}"))?;
         }
-        tally.check((!finds.is_empty()).then(|| format!("{rule}: {}", finds.join("; "))));
+        tally.check((!violations.is_empty()).then(|| format!("{rule}: {}", violations.join("; "))));
     }
     Ok(tally)
 }
 
-fn ends_with_one_of(file: &str, endings: &[&str]) -> bool {
-    Path::new(file).extension().is_some_and(|ending| endings.iter().any(|e| ending == *e))
-}
-
-fn long_files(workspace: &Workspace, files: &[String]) -> Result<Vec<String>, String> {
-    let mut finds = Vec::new();
-    for file in files.iter().filter(|file| ends_with_one_of(file, &["rs", "py"])) {
-        let lines = workspace.read(file)?.lines().count();
-        if lines > LONGEST_FILE {
-            finds.push(format!("{file} has {lines} lines, more than {LONGEST_FILE}"));
-        }
-    }
-    Ok(finds)
+fn has_extension(file: &str, extensions: &[&str]) -> bool {
+    Path::new(file).extension().is_some_and(|extension| extensions.iter().any(|e| extension == *e))
 }
 
 fn unfinished(workspace: &Workspace, files: &[String]) -> Result<Vec<String>, String> {
-    let mut finds = Vec::new();
-    for file in files.iter().filter(|file| ends_with_one_of(file, &["rs", "hlsl", "cs", "py", "md", "toml"])) {
+    let mut violations = Vec::new();
+    for file in files.iter().filter(|file| has_extension(file, &["rs", "hlsl", "cs", "py", "md", "toml"])) {
         for (number, line) in workspace.read(file)?.lines().enumerate() {
             for (first, second) in UNFINISHED {
                 if line.contains(&format!("{first}{second}")) {
-                    finds.push(format!("{file}:{}: {first}{second}", number + 1));
+                    violations.push(format!("{file}:{}: {first}{second}", number + 1));
                 }
             }
         }
     }
-    Ok(finds)
+    Ok(violations)
 }
 
 fn dead_references(workspace: &Workspace, files: &[String]) -> Result<Vec<String>, String> {
-    let mut finds = Vec::new();
-    for file in files.iter().filter(|file| ends_with_one_of(file, &["md", "rs", "py", "toml"])) {
+    let mut violations = Vec::new();
+    for file in files.iter().filter(|file| has_extension(file, &["md", "rs", "py", "toml"])) {
         let text = workspace.read(file)?;
-        let is_page = ends_with_one_of(file, &["md"]);
+        let is_page = has_extension(file, &["md"]);
         for (number, line) in text.lines().enumerate() {
             // A text may name a file relative to the repository's root, or to any folder that contains the text.
             let exists =
                 |path: &str| Path::new(file).ancestors().skip(1).any(|f| workspace.root.join(f).join(path).exists());
             for path in named_files(line).filter(|path| !exists(path)) {
-                finds.push(format!("{file}:{} names {path}, which is not there", number + 1));
+                violations.push(format!("{file}:{} names {path}, which is not there", number + 1));
             }
             for target in if is_page { links(line) } else { Vec::new() } {
                 if let Some(why) = dead_link(workspace, file, &text, target) {
-                    finds.push(format!("{file}:{}: {why}", number + 1));
+                    violations.push(format!("{file}:{}: {why}", number + 1));
                 }
             }
         }
     }
-    Ok(finds)
+    Ok(violations)
 }
 
 /// Paths in a line that start with one of our folders and have one of our extensions.
 fn named_files(line: &str) -> impl Iterator<Item = &str> {
     line.split(|c: char| !(c.is_ascii_alphanumeric() || "_-./".contains(c)))
         .map(|word| word.trim_end_matches('.'))
-        .filter(|word| FOLDERS.iter().any(|folder| word.starts_with(folder)) && ends_with_one_of(word, &ENDINGS))
+        .filter(|word| FOLDERS.iter().any(|folder| word.starts_with(folder)) && has_extension(word, &EXTENSIONS))
 }
 
 /// Targets of a line's Markdown links and pictures.
@@ -147,21 +132,21 @@ fn headings(text: &str) -> BTreeSet<String> {
         .collect()
 }
 
+/// Code of a module that uses one above it in [`MODULES`]. Comments may refer to modules above.
 fn upward_uses(workspace: &Workspace, files: &[String]) -> Result<Vec<String>, String> {
-    let mut finds = Vec::new();
-    for file in files.iter().filter(|file| file.starts_with("src/") && ends_with_one_of(file, &["rs"])) {
-        let place = file.trim_start_matches("src/").split(['/', '.']).next().unwrap_or_default();
-        let Some(room) = ROOMS.iter().position(|room| *room == place) else { continue };
-        // Comments may refer to modules above; code may not.
+    let mut violations = Vec::new();
+    for file in files.iter().filter(|file| file.starts_with("src/") && has_extension(file, &["rs"])) {
+        let name = file.trim_start_matches("src/").split(['/', '.']).next().unwrap_or_default();
+        let Some(level) = MODULES.iter().position(|module| *module == name) else { continue };
         for (number, line) in
             workspace.read(file)?.lines().enumerate().filter(|(_, line)| !line.trim().starts_with("//"))
         {
-            for above in ROOMS[..room].iter().filter(|above| line.contains(&format!("crate::{above}"))) {
-                finds.push(format!("{file}:{} uses {above}, which is above {place}", number + 1));
+            for above in MODULES[..level].iter().filter(|above| line.contains(&format!("crate::{above}"))) {
+                violations.push(format!("{file}:{} uses {above}, which is above {name}", number + 1));
             }
         }
     }
-    Ok(finds)
+    Ok(violations)
 }
 
 #[cfg(test)]
@@ -169,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn finds_paths_and_links() {
+    fn paths_and_links_are_found() {
         let line =
             "see `src/lib.rs`, [the page](docs/bundle.md#1-container), target/demo/a.png and src/present/mod.rs.";
         let named: Vec<_> = named_files(line).collect();

@@ -1,21 +1,21 @@
-//! The library's compiled shaders match the HLSL sources beside them.
+//! The compiled shaders match their HLSL sources.
 
 use std::fs;
 
 use super::Context;
 use super::tally::{Skip, Tally};
-use crate::shaders::{FOLDERS, Shaders, made};
+use crate::shaders::{FOLDERS, Shaders, output};
 use crate::shell::Log;
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
     for folder in FOLDERS {
-        of_folder(context, log, folder, &mut tally)?;
+        check_folder(context, log, folder, &mut tally)?;
     }
     Ok(tally)
 }
 
-fn of_folder(context: &Context<'_>, log: &mut Log, folder: &'static str, tally: &mut Tally) -> Result<(), String> {
+fn check_folder(context: &Context<'_>, log: &mut Log, folder: &'static str, tally: &mut Tally) -> Result<(), String> {
     let shaders = Shaders::find(context.workspace, folder)?;
     if shaders.names.is_empty() {
         return Err(format!("there is no shader in {folder}"));
@@ -24,7 +24,9 @@ fn of_folder(context: &Context<'_>, log: &mut Log, folder: &'static str, tally: 
         tally.check(shaders.differs(name));
     }
     let left_over = shaders.left_over()?;
-    tally.check((!left_over.is_empty()).then(|| format!("blobs or lines of no shader: {}", left_over.join(", "))));
+    tally.check(
+        (!left_over.is_empty()).then(|| format!("blobs or record lines without a source: {}", left_over.join(", "))),
+    );
     if !cfg!(windows)
         && let Err(why) = provision::lab::possible()
     {
@@ -39,8 +41,9 @@ fn of_folder(context: &Context<'_>, log: &mut Log, folder: &'static str, tally: 
     }
     for name in &shaders.names {
         let same =
-            fs::read(made(&out, name)).ok().is_some_and(|again| fs::read(shaders.blob(name)).ok() == Some(again));
-        tally.check((!same).then(|| format!("{name}.dxbc is not what its text compiles to: run cargo xtask shaders")));
+            fs::read(output(&out, name)).ok().is_some_and(|again| fs::read(shaders.blob(name)).ok() == Some(again));
+        tally
+            .check((!same).then(|| format!("{name}.dxbc is not what its source compiles to: run cargo xtask shaders")));
     }
     Ok(())
 }

@@ -1,16 +1,16 @@
-//! The study program end to end, as a user starts it: a short rollout, its replay, a small comparison of
-//! motion sources, and the smallest sweep.
+//! The study program end to end, as a user starts it: a short rollout, its replay, a small comparison of motion sources, the smallest
+//! sweep, and the smallest quality table.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::Context;
 use super::tally::Tally;
+use super::{Context, quality};
 use crate::shell::Log;
 
 /// Files that a rollout writes.
-const MADE: [&str; 2] = ["manifest.json", "contact-sheet.png"];
+const OUTPUTS: [&str; 2] = ["manifest.json", "contact-sheet.png"];
 
 /// Half a second of a small world: 15 anchors a second and a generated frame between every two.
 const SHORT: &[&str] = &[
@@ -32,7 +32,7 @@ const SHORT: &[&str] = &[
 pub(super) fn rollout_video(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
     let folder = context.workspace.target.join("xtask").join("study").join("rollout");
     if find_video(&folder).is_none() {
-        run(context, log)?;
+        rollouts(context, log)?;
     }
     find_video(&folder).ok_or_else(|| format!("{} holds no video", folder.display()))
 }
@@ -66,6 +66,13 @@ fn find_video(folder: &Path) -> Option<PathBuf> {
 }
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = rollouts(context, log)?;
+    tally.add(quality::run(context, log)?);
+    Ok(tally)
+}
+
+/// The rollout with its replay, the comparison of motion sources, and the sweep.
+fn rollouts(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     context.build_programs(log)?;
     let folder = context.workspace.target.join("xtask").join("study");
     match fs::remove_dir_all(&folder) {
@@ -77,33 +84,33 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 
     let mut rollout = study(context)?;
     rollout.arg("rollout").arg("--world").arg(context.bundle("tiny")?).args(SHORT).arg("--out").arg(&first);
-    tally.check((!log.run(&mut rollout)?.success).then(|| "the rollout failed".to_owned()));
-    for name in MADE {
+    tally.test((!log.run(&mut rollout)?.success).then(|| "the rollout failed".to_owned()));
+    for name in OUTPUTS {
         tally.check(missing(&first.join(name)));
     }
-    tally.check(video(&first));
+    tally.test(video(&first));
 
     let mut replay = study(context)?;
     replay.arg("replay").arg(first.join("manifest.json")).arg("--out").arg(folder.join("replay"));
-    tally.check((!log.run(&mut replay)?.success).then(|| "the replay differs from the rollout, or failed".to_owned()));
+    tally.test((!log.run(&mut replay)?.success).then(|| "the replay differs from the rollout, or failed".to_owned()));
 
     // With the embedded world, whose latents are meaningful.
-    let looked = folder.join("motion");
+    let motion_folder = folder.join("motion");
     let mut motion = study(context)?;
-    motion.args(["motion", "--quick", "--no-lpips", "--check", "--quiet", "--out"]).arg(&looked);
-    tally.check(
+    motion.args(["motion", "--quick", "--no-lpips", "--check", "--quiet", "--out"]).arg(&motion_folder);
+    tally.test(
         (!log.run(&mut motion)?.success).then(|| "another motion is better than the best, or none was made".into()),
     );
     for name in ["motion.md", "motion.csv", "motion.png"] {
-        tally.check(missing(&looked.join(name)));
+        tally.check(missing(&motion_folder.join(name)));
     }
 
-    let swept = folder.join("sweep");
+    let sweep_folder = folder.join("sweep");
     let mut sweep = study(context)?;
-    sweep.args(["sweep", "samples/study/sweeps/smoke.toml", "--quiet", "--out"]).arg(&swept);
-    tally.check((!log.run(&mut sweep)?.success).then(|| "the sweep failed".to_owned()));
+    sweep.args(["sweep", "tools/study/sweeps/smoke.toml", "--quiet", "--out"]).arg(&sweep_folder);
+    tally.test((!log.run(&mut sweep)?.success).then(|| "the sweep failed".to_owned()));
     for name in ["smoke.md", "smoke.html", "smoke.csv", "figures/smoke-pareto-ssim.svg"] {
-        tally.check(missing(&swept.join(name)));
+        tally.check(missing(&sweep_folder.join(name)));
     }
     Ok(tally)
 }

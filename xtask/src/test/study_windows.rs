@@ -12,7 +12,7 @@ use super::ffx::{AMD, DOUBLE};
 use super::study::missing;
 use super::tally::Tally;
 use super::{Context, lab, windows_build};
-use crate::shell::{Ended, Log};
+use crate::shell::{CommandOutput, Log};
 
 /// The test programs whose results may depend on the system: processes, streams, files and their locks, videos.
 const PROGRAMS: [&str; 5] = ["compare", "media", "program", "score", "sweep"];
@@ -28,10 +28,10 @@ const JUDGEMENT: &str = "judgement.txt";
 
 /// A little more than a fifteenth of a second of one scene: two anchors, so one frame between them.
 const SHORT: [&str; 8] = ["--scene", "sword", "--seconds", "0.0667", "--size", "128x72", "--device", "d3d12"];
-const PLACE: &str = "sword-41";
-const LOOKS: usize = 3;
+const SCENE_FOLDER: &str = "sword-41";
+const PICTURES: usize = 3;
 /// The frame between the anchors.
-const BETWEEN: u32 = 1;
+const GENERATED_FRAME: u32 = 1;
 /// Every branch: the number of its frames, and how many of them a generator makes.
 const BRANCHES: [(&str, u64, u64); 5] =
     [("coherence", 3, 1), ("baseline", 3, 0), ("baseline-doubled", 3, 0), ("heavy", 3, 1), ("decoded-60", 5, 0)];
@@ -40,7 +40,7 @@ const LIBRARIES: [(&str, bool); 3] = [("onnxruntime.dll", true), ("DirectML.dll"
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
-    if let Some(skip) = lab::or_skip("the study's own tests on Windows, and its comparison on DirectML")? {
+    if let Some(skip) = lab::skip_unless_possible("the study's own tests on Windows, and its comparison on DirectML")? {
         tally.skips.push(skip);
         return Ok(tally);
     }
@@ -55,7 +55,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     comparison.by_shaders(log, &mut tally)?;
     comparison.by_amd(log, &mut tally)?;
     if let Some(own) = Amd::own()? {
-        Comparison { out: folder.join("by-amd"), amd: own, ..comparison }.made("fsr", 0, log, &mut tally)?;
+        Comparison { out: folder.join("by-amd"), amd: own, ..comparison }.run_and_check("fsr", 0, log, &mut tally)?;
     }
     Ok(tally)
 }
@@ -96,7 +96,7 @@ impl<'a> Comparison<'a> {
     }
 
     /// Runs the comparison with these libraries of AMD's.
-    fn run(&self, generator: &str, amd: &Amd, log: &mut Log) -> Result<Ended, String> {
+    fn run(&self, generator: &str, amd: &Amd, log: &mut Log) -> Result<CommandOutput, String> {
         let mut command = lab::lab_run()?;
         command.arg(&self.program).arg("compare").args(SHORT).args(["--quiet", "--generator", generator]);
         command.arg("--out").arg(&self.out).current_dir(&self.context.workspace.root);
@@ -113,70 +113,73 @@ impl<'a> Comparison<'a> {
     }
 
     /// Runs it where `kept` branches exist already, and checks all of its output.
-    fn made(&self, generator: &str, kept: u32, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
-        let said = self.compare(generator, log)?;
-        tally.check(lacks(&said, &format!("5 rollouts, {kept} of them kept")));
+    fn run_and_check(&self, generator: &str, kept: u32, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+        let output = self.compare(generator, log)?;
+        tally.check(lacks(&output, &format!("5 rollouts, {kept} of them kept")));
         self.manifests(generator, tally)?;
         self.anchors(tally)?;
         self.series(tally)?;
         self.report(generator, tally)
     }
 
-    fn place(&self) -> PathBuf {
-        self.out.join(PLACE)
+    fn scene_folder(&self) -> PathBuf {
+        self.out.join(SCENE_FOLDER)
     }
 
     /// Every branch on DirectML, with generated frames by shaders.
     fn by_shaders(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
-        self.made("shader", 0, log, tally)?;
-        tally.check((self.calls()? != [0, 0]).then(|| "shaders ask AMD's libraries for frames".to_owned()));
+        self.run_and_check("shader", 0, log, tally)?;
+        tally.test((self.calls()? != [0, 0]).then(|| "shaders ask AMD's libraries for frames".to_owned()));
         Ok(())
     }
 
     /// The same folder with AMD's libraries: branches that do not depend on them are kept.
     fn by_amd(&self, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
-        let (before, frames) = (files(&self.place())?, self.between()?);
+        let (before, frames) = (files(&self.scene_folder())?, self.generated_frames()?);
         // Missing libraries are reported, and nothing that exists is lost.
         let nowhere = self.run("fsr", &Amd::Double(self.out.join("figures")), log)?;
-        tally.check(nowhere.success.then(|| "frames were made by libraries that are not there".to_owned()));
+        tally.test(nowhere.success.then(|| "frames were made by libraries that are not there".to_owned()));
         for words in ["sword 41, coherence: ", AMD, "AMD's libraries were not found"] {
             tally.check(lacks(&nowhere.output, words));
         }
-        tally.check((files(&self.place())? != before).then(|| "missing libraries cost what was there".to_owned()));
+        tally
+            .test((files(&self.scene_folder())? != before).then(|| "missing libraries cost what was there".to_owned()));
 
-        self.made("fsr", 3, log, tally)?;
-        let after = files(&self.place())?;
+        self.run_and_check("fsr", 3, log, tally)?;
+        let after = files(&self.scene_folder())?;
         for (branch, _, generated) in BRANCHES.into_iter().chain([("truth", 0, 0)]) {
-            let of = |all: &[Written]| all.iter().filter(|file| file.is_in(branch)).cloned().collect::<Vec<_>>();
-            let (before, after) = (of(&before), of(&after));
+            let files_of =
+                |all: &[FileStamp]| all.iter().filter(|file| file.is_in(branch)).cloned().collect::<Vec<_>>();
+            let (before, after) = (files_of(&before), files_of(&after));
             if generated == 0 {
-                tally.check((before != after || before.is_empty()).then(|| format!("{branch} was made again")));
+                tally.test((before != after || before.is_empty()).then(|| format!("{branch} was made again")));
             } else {
                 let kept = after.iter().filter(|file| before.contains(file)).count();
-                tally.check((kept > 0).then(|| format!("{kept} files of {branch} were kept of another generator")));
+                tally.test((kept > 0).then(|| format!("{kept} files of {branch} were kept of another generator")));
             }
         }
-        for ((branch, shader), (_, amd)) in frames.iter().zip(self.between()?) {
-            tally.check(
-                (*shader == amd).then(|| format!("{branch} has the same frame by shaders and by AMD's library")),
-            );
+        for ((branch, shader), (_, amd)) in frames.iter().zip(self.generated_frames()?) {
+            tally
+                .test((*shader == amd).then(|| format!("{branch} has the same frame by shaders and by AMD's library")));
         }
         let [calls, complaints] = self.calls()?;
-        tally.check((calls == 0).then(|| "AMD's library was never asked".to_owned()));
-        tally.check((complaints > 0).then(|| format!("{complaints} calls of AMD's library were not as they must be")));
+        tally.test((calls == 0).then(|| "AMD's library was never asked".to_owned()));
+        tally.test((complaints > 0).then(|| format!("{complaints} calls of AMD's library were not as they must be")));
 
         // A further run makes nothing again: neither rollouts nor metrics nor the video.
-        let said = self.compare("fsr", log)?;
-        tally.check(lacks(&said, "5 rollouts, 5 of them kept"));
-        tally.check((files(&self.place())? != after).then(|| "something was made again that was whole".to_owned()));
-        tally.check((self.calls()? != [calls, 0]).then(|| "AMD's library was asked for what was there".to_owned()));
+        let output = self.compare("fsr", log)?;
+        tally.check(lacks(&output, "5 rollouts, 5 of them kept"));
+        tally.test(
+            (files(&self.scene_folder())? != after).then(|| "something was made again that was whole".to_owned()),
+        );
+        tally.test((self.calls()? != [calls, 0]).then(|| "AMD's library was asked for what was there".to_owned()));
         Ok(())
     }
 
     /// The manifests name the device and the generator, and their files exist.
     fn manifests(&self, generator: &str, tally: &mut Tally) -> Result<(), String> {
         for (branch, presented, generated) in BRANCHES {
-            let folder = self.place().join(branch);
+            let folder = self.scene_folder().join(branch);
             let manifest = json(&folder.join("manifest.json"))?;
             let generator = if generated > 0 { generator } else { "cpu" };
             let versions = &manifest["versions"];
@@ -191,24 +194,24 @@ impl<'a> Comparison<'a> {
             let named = if generated > 0 { generator.into() } else { Value::Null };
             equal("the generator asked for", &manifest["settings"]["generator"], named);
 
-            let says = |item: &Value, words: &str| item.as_str().is_some_and(|text| text.contains(words));
+            let contains = |item: &Value, words: &str| item.as_str().is_some_and(|text| text.contains(words));
             let device = &manifest["settings"]["device"];
-            tally.check((!says(device, "d3d12:")).then(|| format!("{branch}: the device is {device}")));
+            tally.check((!contains(device, "d3d12:")).then(|| format!("{branch}: the device is {device}")));
             let runtime = &versions["device"];
-            tally.check((!says(runtime, "DirectML on ")).then(|| format!("{branch}: the world ran on {runtime}")));
+            tally.check((!contains(runtime, "DirectML on ")).then(|| format!("{branch}: the world ran on {runtime}")));
             let adapter = &versions["adapter"];
             let named =
                 ["name", "driver"].iter().all(|item| adapter[item].as_str().is_some_and(|text| !text.is_empty()));
             tally.check((!named).then(|| format!("{branch}: the adapter is {adapter}")));
-            tally.check((!says(&versions["os"], "Windows")).then(|| format!("{branch}: {}", versions["os"])));
+            tally.check((!contains(&versions["os"], "Windows")).then(|| format!("{branch}: {}", versions["os"])));
             let libraries = versions["libraries"].as_array().map(Vec::as_slice).unwrap_or_default();
             let version = |name: &str| {
                 let named = |library: &&Value| library["name"].as_str().is_some_and(|n| n.eq_ignore_ascii_case(name));
                 libraries.iter().find(named).map(|library| library["version"].is_string())
             };
-            for (name, tells) in LIBRARIES {
+            for (name, has_version) in LIBRARIES {
                 let found = version(name);
-                let is_right = found.is_some_and(|told| told || !tells);
+                let is_right = found.is_some_and(|found_version| found_version || !has_version);
                 tally.check((!is_right).then(|| format!("{branch}: {name}, version told: {found:?}")));
             }
             let amd = version(AMD).is_some();
@@ -222,39 +225,39 @@ impl<'a> Comparison<'a> {
     fn anchors(&self, tally: &mut Tally) -> Result<(), String> {
         for anchor in 0..2 {
             let [shown, decoded] = [self.frame("coherence", 2 * anchor)?, self.frame("decoded-60", 4 * anchor)?];
-            tally.check((shown != decoded).then(|| format!("anchor {anchor} of coherence is not that of decoded-60")));
+            tally.test((shown != decoded).then(|| format!("anchor {anchor} of coherence is not that of decoded-60")));
         }
-        for (branch, frame) in self.between()? {
-            let anchors = [self.frame(branch, BETWEEN - 1)?, self.frame(branch, BETWEEN + 1)?];
-            tally.check(anchors.contains(&frame).then(|| format!("what {branch} generated is one of its anchors")));
+        for (branch, frame) in self.generated_frames()? {
+            let anchors = [self.frame(branch, GENERATED_FRAME - 1)?, self.frame(branch, GENERATED_FRAME + 1)?];
+            tally.test(anchors.contains(&frame).then(|| format!("what {branch} generated is one of its anchors")));
         }
         Ok(())
     }
 
     fn frame(&self, branch: &str, number: u32) -> Result<Vec<u8>, String> {
-        let path = self.place().join(branch).join("frames").join(format!("{number:06}.png"));
+        let path = self.scene_folder().join(branch).join("frames").join(format!("{number:06}.png"));
         fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))
     }
 
     /// The generated frame of each branch that has one.
-    fn between(&self) -> Result<Vec<(&'static str, Vec<u8>)>, String> {
+    fn generated_frames(&self) -> Result<Vec<(&'static str, Vec<u8>)>, String> {
         let branches = BRANCHES.into_iter().filter(|(_, _, generated)| *generated > 0);
-        branches.map(|(branch, ..)| Ok((branch, self.frame(branch, BETWEEN)?))).collect()
+        branches.map(|(branch, ..)| Ok((branch, self.frame(branch, GENERATED_FRAME)?))).collect()
     }
 
     /// The metrics of every frame of truth and branches: none is NaN.
     fn series(&self, tally: &mut Tally) -> Result<(), String> {
-        let path = self.place().join("series.csv");
+        let path = self.scene_folder().join("series.csv");
         let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         let lines: Vec<&str> = text.lines().collect();
-        let expected = 2 + (1 + BRANCHES.len()) * LOOKS;
+        let expected = 2 + (1 + BRANCHES.len()) * PICTURES;
         tally.check((lines.len() != expected).then(|| format!("{} lines of figures, not {expected}", lines.len())));
         let bad = lines.iter().find(|line| line.contains("NaN") || line.contains("inf"));
         tally.check(bad.map(|line| format!("a figure is no number: {line}")));
         Ok(())
     }
 
-    /// The report exists, and names what the manifests name.
+    /// The report exists, and names the adapter, the libraries and the generator of the manifests.
     fn report(&self, generator: &str, tally: &mut Tally) -> Result<(), String> {
         let path = self.out.join("report.md");
         let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -266,7 +269,7 @@ impl<'a> Comparison<'a> {
         }
         let hardware =
             text.split("## Table 3: ").nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap_or_default();
-        let adapter = json(&self.place().join("coherence").join("manifest.json"))?;
+        let adapter = json(&self.scene_folder().join("coherence").join("manifest.json"))?;
         let adapter = adapter["versions"]["adapter"]["name"].as_str().unwrap_or("no name").to_owned();
         for words in ["DirectML on", &adapter, generator, "DirectML.dll 1.", "Windows"] {
             tally.check(lacks(hardware, words).map(|why| format!("Table 3 {why}")));
@@ -280,7 +283,7 @@ impl<'a> Comparison<'a> {
         for words in ["<video", "DirectML on", "data:image/jpeg"] {
             tally.check(lacks(&html, words).map(|why| format!("report.html {why}")));
         }
-        let video = self.place().join("side-by-side.mp4");
+        let video = self.scene_folder().join("side-by-side.mp4");
         let bytes = fs::read(&video).map_err(|e| format!("{}: {e}", video.display()))?;
         tally.check((bytes.get(4..8) != Some(b"ftyp")).then(|| format!("{} is no MP4 file", video.display())));
         Ok(())
@@ -303,20 +306,20 @@ impl<'a> Comparison<'a> {
 
 /// A file's path, its length, and when it was written.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-struct Written {
+struct FileStamp {
     path: PathBuf,
     length: u64,
     modified: SystemTime,
 }
 
-impl Written {
+impl FileStamp {
     fn is_in(&self, folder: &str) -> bool {
         self.path.parent().is_some_and(|parent| parent.iter().any(|part| part == folder))
     }
 }
 
 /// All files below `folder`, sorted by path.
-fn files(folder: &Path) -> Result<Vec<Written>, String> {
+fn files(folder: &Path) -> Result<Vec<FileStamp>, String> {
     let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
     let mut all = Vec::new();
     for entry in fs::read_dir(folder).map_err(failed)? {
@@ -325,7 +328,7 @@ fn files(folder: &Path) -> Result<Vec<Written>, String> {
         if data.is_dir() {
             all.extend(files(&entry.path())?);
         } else {
-            all.push(Written { path: entry.path(), length: data.len(), modified: data.modified().map_err(failed)? });
+            all.push(FileStamp { path: entry.path(), length: data.len(), modified: data.modified().map_err(failed)? });
         }
     }
     all.sort();

@@ -37,7 +37,7 @@ pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
         context.provide_worlds(command.env("CAIRN_TEST_WORLD", context.bundle("tiny")?))?;
         context.provide_worlds(command.env("CAIRN_TEST_WORLD", context.bundle("tiny")?))?;
         let ended = log.run(&mut command)?;
-        tally.check((!ended.success).then(|| format!("fuzz target {target} does not build, or an input broke it")));
+        tally.test((!ended.success).then(|| format!("fuzz target {target} does not build, or an input broke it")));
     }
     Ok(tally)
 }

@@ -112,7 +112,7 @@ pub(super) fn check(
 
 /// The scripts on a page, each as a file that keeps the page's line numbers, and the lines where they begin.
 fn scripts(page: &str, text: &str) -> Vec<(usize, String)> {
-    let shown = blocks::of(text).into_iter().filter(|block| block.language == "csharp" && block.from.is_none());
+    let shown = blocks::parse(text).into_iter().filter(|block| block.language == "csharp" && block.from.is_none());
     shown.map(|block| (block.line, format!("#line {} \"{page}\"\n{}", block.line, block.text))).collect()
 }
 
@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scripts_have_their_pages_lines() {
+    fn scripts_keep_the_line_numbers_of_their_page() {
         let text = "text\n```csharp\nclass A\n{\n}\n```\n```sh\nls\n```\n<!-- from B.cs -->\n```csharp\nclass B\n```\n";
         assert_eq!(scripts("a.md", text), [(3, "#line 3 \"a.md\"\nclass A\n{\n}\n".to_owned())]);
     }

@@ -15,7 +15,7 @@ use super::dist::fresh;
 use super::lab;
 use super::python;
 use super::tally::{Skip, Tally};
-use crate::dist::{self, Made, Parts, Platform, Source};
+use crate::dist::{self, PackedFile, Parts, Platform, Source};
 use crate::shell::Log;
 
 /// Folder of the wheels' programs and tests.
@@ -23,7 +23,7 @@ const FOLDER: &str = "bindings/python";
 const PROGRAMS: &str = "bindings/python/wheel";
 
 /// Folder of the environments: its name has a space and a letter that is not Latin.
-const PLACE: &str = "a folder Ж";
+const ENVIRONMENTS: &str = "a folder Ж";
 
 /// pip's platform names, and whether the Linux wheel fits.
 const LINUXES: [(&str, bool); 4] = [
@@ -61,35 +61,35 @@ pub(super) fn check(
     context: &Context<'_>,
     log: &mut Log,
     work: &Path,
-    made: &[&Made],
+    made: &[&PackedFile],
     tally: &mut Tally,
 ) -> Result<(), String> {
     let [windows, linux] = made else {
         return Err(format!("{} wheels were made, not two", made.len()));
     };
-    let place = Place { context, work };
-    place.contents(log, &linux.path, tally)?;
-    place.audit(log, &linux.path, tally)?;
-    place.fits(&windows.path, &linux.path, tally)?;
+    let tests = WheelTests { context, work };
+    tests.contents(log, &linux.path, tally)?;
+    tests.audit(log, &linux.path, tally)?;
+    tests.fits(&windows.path, &linux.path, tally)?;
     let stand_ins = work.join("stand-ins");
-    let python = wheels::installed(&linux.path, &work.join(PLACE).join("env"), &Console::new());
+    let python = wheels::install(&linux.path, &work.join(ENVIRONMENTS).join("env"), &Console::new());
     match python {
-        Ok(python) => place.on_linux(log, &python, &stand_ins.join("linux"), tally)?,
+        Ok(python) => tests.on_linux(log, &python, &stand_ins.join("linux"), tally)?,
         Err(why) => tally.failures.push(format!("pip does not install the Linux wheel: {why}")),
     }
-    match lab::or_skip("the Windows wheel")? {
+    match lab::skip_unless_possible("the Windows wheel")? {
         Some(skip) => tally.skips.push(skip),
-        None => place.on_windows(log, &windows.path, &stand_ins.join("windows"), tally)?,
+        None => tests.on_windows(log, &windows.path, &stand_ins.join("windows"), tally)?,
     }
     Ok(())
 }
 
-struct Place<'a> {
+struct WheelTests<'a> {
     context: &'a Context<'a>,
     work: &'a Path,
 }
 
-impl Place<'_> {
+impl WheelTests<'_> {
     /// Compares the wheel's files with its list, and with setuptools' wheel of the package.
     fn contents(&self, log: &mut Log, wheel: &Path, tally: &mut Tally) -> Result<(), String> {
         let built = self.work.join("built");
@@ -116,10 +116,10 @@ impl Place<'_> {
         let cases = LINUXES.map(|(platform, right)| (linux, platform, right));
         let others = [(linux, "win_amd64", false), (windows, "win_amd64", true), (windows, "win_arm64", false)];
         for (wheel, platform, right) in cases.into_iter().chain(others) {
-            let taken = wheels::fits(wheel, platform, &self.work.join("fits"), &Console::new());
-            let taken = taken.map_err(|e| e.to_string())?;
-            let verb = if taken { "takes" } else { "refuses" };
-            tally.check((taken != right).then(|| format!("pip {verb} {} for {platform}", wheel.display())));
+            let accepted = wheels::fits(wheel, platform, &self.work.join("fits"), &Console::new());
+            let accepted = accepted.map_err(|e| e.to_string())?;
+            let verb = if accepted { "takes" } else { "refuses" };
+            tally.check((accepted != right).then(|| format!("pip {verb} {} for {platform}", wheel.display())));
         }
         Ok(())
     }
@@ -137,7 +137,7 @@ impl Place<'_> {
 
     fn on_linux(&self, log: &mut Log, python: &Path, stand_ins: &Path, tally: &mut Tally) -> Result<(), String> {
         self.stand_ins(log, &|| Command::new("cc"), "so", stand_ins)?;
-        let folder = self.work.join(PLACE);
+        let folder = self.work.join(ENVIRONMENTS);
         // The cache must not help either, so it is empty. The lab has another cache anyway; this machine's contains the lab itself.
         let no_cache = folder.join("no cache");
         let mut walk = self.program(Command::new(python), "walk.py", &folder.join("walk"))?;
@@ -150,7 +150,7 @@ impl Place<'_> {
         doctor.env_remove("CAIRN_ONNXRUNTIME").env_remove("PYTHONPATH").env("CAIRN_CACHE_DIR", &no_cache);
         let ended = log.run(&mut doctor)?;
         let well = ended.success && ended.output.contains("All is well.");
-        tally.check((!well).then(|| "the doctor of the Linux wheel finds something".to_owned()));
+        tally.test((!well).then(|| "the doctor of the Linux wheel finds something".to_owned()));
         Ok(())
     }
 
@@ -170,8 +170,8 @@ impl Place<'_> {
     fn on_windows(&self, log: &mut Log, wheel: &Path, stand_ins: &Path, tally: &mut Tally) -> Result<(), String> {
         let console = Console::new();
         let python = wheels::windows_python(&console).map_err(|e| e.to_string())?;
-        let site = self.work.join(PLACE).join("site");
-        wheels::unpacked_for_windows(wheel, &site, &console).map_err(|e| e.to_string())?;
+        let site = self.work.join(ENVIRONMENTS).join("site");
+        wheels::unpack_for_windows(wheel, &site, &console).map_err(|e| e.to_string())?;
         let program = self.windows_environment(&python, &site)?;
         let compiler = tools::mingw_compiler(false, &console).map_err(|e| e.to_string())?;
         let start = || {
@@ -180,8 +180,8 @@ impl Place<'_> {
             command
         };
         self.stand_ins(log, &start, "dll", stand_ins)?;
-        let folder = self.work.join(PLACE);
-        let lab = |name, into: &str| self.program(lab::alone(&program)?, name, &folder.join(into));
+        let folder = self.work.join(ENVIRONMENTS);
+        let lab = |name, into: &str| self.program(lab::with_empty_environment(&program)?, name, &folder.join(into));
         let began = Instant::now();
         abi::count("the Windows wheel", &log.run(&mut lab("walk.py", "walk-windows")?)?, tally);
         log.line(&format!("the Windows wheel: started, shown and ended in {:.1} s", began.elapsed().as_secs_f64()))?;
@@ -193,7 +193,7 @@ impl Place<'_> {
     /// A Python for Windows that finds the packages of `site`, as an environment does; returns its program.
     fn windows_environment(&self, python: &wheels::WindowsPython, site: &Path) -> Result<PathBuf, String> {
         let from = python.program.with_file_name("");
-        let into = self.work.join(PLACE).join("python");
+        let into = self.work.join(ENVIRONMENTS).join("python");
         fs::create_dir_all(&into).map_err(|e| format!("{}: {e}", into.display()))?;
         for entry in fs::read_dir(&from).map_err(|e| format!("{}: {e}", from.display()))? {
             let entry = entry.map_err(|e| format!("{}: {e}", from.display()))?;
@@ -201,8 +201,9 @@ impl Place<'_> {
             fs::copy(entry.path(), &copy).map_err(|e| format!("{}: {e}", copy.display()))?;
         }
         let paths = into.join("python312._pth");
-        let text =
-            [lab::on_drive(site), lab::on_drive(&python.packages)].map(|path| path.display().to_string()).join("\r\n");
+        let text = [lab::windows_path(site), lab::windows_path(&python.packages)]
+            .map(|path| path.display().to_string())
+            .join("\r\n");
         let text = format!("python312.zip\r\n.\r\n{text}\r\n");
         fs::write(&paths, text).map_err(|e| format!("{}: {e}", paths.display()))?;
         Ok(into.join("python.exe"))

@@ -68,7 +68,7 @@ impl Context<'_> {
 pub(super) fn run(command: &mut Command, named: &[&str], log: &mut Log) -> Result<Tally, String> {
     let ended = log.run(command)?;
     let mut tally = cargo::count_named(&ended, named);
-    // A failure, and no test that passes: runners compare the number of tests with what they expect.
+    // Counted only if it fails: runners compare the number of tests with the expected one.
     tally.failures.extend(compiled_again(&ended.output));
     Ok(tally)
 }

@@ -1,7 +1,7 @@
-"""The bundle builder: a Waypoint-1.5 checkpoint, or seeded random weights, becomes a world bundle.
+"""The bundle builder: makes a world bundle of a Waypoint-1.5 checkpoint, or of seeded random weights.
 
-`docs/bundle.md` is the norm for what comes out. From a shell: `python -m cairn.build --help`. It needs packages that nothing else here
-does: the extra `build` brings them.
+The format is specified in `docs/bundle.md`. From a shell: `python -m cairn.build --help`. It needs packages that the rest of `cairn` does not
+need; the extra `build` installs them.
 """
 
 from . import _needs

@@ -1,4 +1,4 @@
-"""The packages that only the builder needs, and what is said where one is missing."""
+"""Checks for the packages that only the builder needs."""
 
 import importlib.util
 import sys
@@ -8,7 +8,7 @@ PACKAGES = {"onnx": "onnx>=1.16", "safetensors": "safetensors>=0.4.3", "yaml": "
 
 
 def require() -> None:
-    """Raises ImportError where one is missing, with what to do."""
+    """Raises ImportError with a remedy if one of them is missing."""
     missing = {name: package for name, package in PACKAGES.items() if importlib.util.find_spec(name) is None}
     if not missing:
         return

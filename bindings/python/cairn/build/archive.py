@@ -1,4 +1,4 @@
-"""Packing a bundle into one stored ZIP file, and back: `docs/bundle.md`, section 1."""
+"""Packs a bundle into one ZIP file without compression, and unpacks it: `docs/bundle.md`, section 1."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def unpack(archive: Path, out: Path, replace: bool = False) -> Path:
 
 
 def read_geometry(bundle: Path) -> Geometry:
-    """The shapes that a folder's or an archive's manifest declares; the autoencoder's widths are in its graphs."""
+    """The shapes in the manifest of a folder or an archive. The autoencoder's widths come from its graphs."""
     if bundle.is_dir():
         manifest = _read_manifest(bundle)
         return _with_widths(manifest, lambda name: (bundle / name).read_bytes())

@@ -1,7 +1,7 @@
-"""TAEHV-1.5 as two ONNX graphs: an encoder of clips or of a stream, and a streaming decoder that is handed its nine memories.
+"""TAEHV-1.5 as two ONNX graphs: an encoder of clips or of a stream, and a streaming decoder whose nine memories are inputs and outputs.
 
-Frames lie along the batch axis, oldest first. A memory layer sees, beside each frame, the same layer's input one frame
-earlier; the decoder's memories are those inputs at the last frame of the call before.
+Frames lie along the batch axis, oldest first. A memory layer combines each frame with the same layer's input one frame earlier; the decoder's
+memories are those inputs at the last frame of the previous call.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _SCALES = np.array([1, 1, 2, 2], np.float32)
 
 
 def build_encoder(g: Geometry, precision: str, weights: dict[str, Placed]) -> Graph:
-    """`rgb [4, 3, H, W]` in [0, 1] -> `latent [1, C, h, w]`; memories start at zero, or are handed in and out as the decoder's."""
+    """`rgb [4, 3, H, W]` in [0, 1] -> `latent [1, C, h, w]`. Memories start at zero, or are inputs and outputs as in the decoder."""
     o = Graph("encoder", precision, weights)
     width, height = g.decoded
     frames, p = AUTOENCODER_TEMPORAL, AUTOENCODER_PATCH
@@ -108,7 +108,7 @@ def _frame(o: Graph, x: str, frames: int, index: int, label: str) -> str:
 
 
 def _memory_block(o: Graph, x: str, memory: str, frames: int, name: str) -> str:
-    """relu(conv(relu(conv(relu(conv([x, past]))))) + x), past being the memory and then x's earlier frames."""
+    """relu(conv(relu(conv(relu(conv([x, past]))))) + x), where past is the memory followed by x's earlier frames."""
     past = memory
     if frames > 1:
         past = o.concat([memory, o.slice(x, 0, frames - 1, 0, f"{name}.earlier")], 0, f"{name}.past")
@@ -119,7 +119,7 @@ def _memory_block(o: Graph, x: str, memory: str, frames: int, name: str) -> str:
 
 
 def _upsample(o: Graph, x: str, label: str) -> str:
-    """Each pixel becomes two by two."""
+    """Nearest upsampling by two in each direction."""
     scales = o.constant("upsample.scales", _SCALES)
     return o.node(
         "Resize",

@@ -1,7 +1,7 @@
 """A Waypoint-1.5 checkpoint directory as a source of weights.
 
-All names and shapes are settled from the files' headers, before a number is read: every name must be known, every
-tensor of the bundle present exactly once, every shape right.
+All names and shapes are checked from the files' headers before any number is read: every name must be known, every tensor of the bundle must be
+present exactly once, and every shape must be right.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _GROWN = "decoder.7.conv.weight"
 
 
 def open_checkpoint(directory: Path, autoencoder: Path | None = None, max_window: int = 512) -> "Checkpoint":
-    """Reads config and headers; the numbers follow when the bundle is written."""
+    """Reads config and headers. Numbers are read later, while the bundle is written."""
     if not directory.is_dir():
         raise BuildError("it is no directory", field=str(directory), remedy="Name the directory of a downloaded checkpoint.")
     weights = open_weights(directory)
@@ -66,7 +66,7 @@ class Checkpoint:
 
     @property
     def provenance(self) -> dict[str, str]:
-        """For the manifest."""
+        """The provenance for the manifest."""
         return {
             "tool": "cairn.build",
             "weights": f"Waypoint-1.5 checkpoint of {len(self.transformer.shapes)} tensors, "
@@ -74,7 +74,7 @@ class Checkpoint:
         }
 
     def get(self, weight: Weight) -> np.ndarray:
-        """One tensor in stored layout, float16."""
+        """The float16 numbers of one tensor in stored layout."""
         if weight.name.startswith(("encoder.", "decoder.")):
             numbers = self.autoencoder.get(weight.name)
             if weight.name == _GROWN:
@@ -89,7 +89,7 @@ class Checkpoint:
         return half
 
     def _part(self, slot: str) -> np.ndarray:
-        """The numbers of one slot as the file orients them; copies must agree."""
+        """The numbers of one slot in the file's orientation. Copies must be equal."""
         (name, what), *others = self._sources[slot]
         whole = self.transformer.get(name)
         for other, _ in others:
@@ -109,7 +109,7 @@ class Checkpoint:
         return whole.take(range(start, start + sizes[what.slots.index(slot)]), axis=what.axis)
 
     def _stored(self, weight: Weight, numbers: np.ndarray) -> np.ndarray:
-        """From the file's orientation to the bundle's."""
+        """Converts from the file's orientation to the bundle's."""
         g, name = self.geometry, weight.name
         if name == "unpatchify.weight":
             # [D, C, rows, columns] is the bundle's order already; [C rows columns, D] is its transpose.

@@ -58,7 +58,7 @@ presets:
 
 
 def parser() -> argparse.ArgumentParser:
-    """All commands and their options."""
+    """The parser of all commands and their options."""
     raw = argparse.RawDescriptionHelpFormatter
     top = argparse.ArgumentParser(prog="python -m cairn.build", description=HELP, formatter_class=raw)
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -154,7 +154,7 @@ def _geometry(command: argparse.ArgumentParser) -> None:
 
 
 def chosen_geometry(options: argparse.Namespace) -> Geometry:
-    """The preset with the changes asked for."""
+    """The preset with the changes that the options ask for."""
     base = PRESETS[options.preset or "tiny"][1]
     changes = {n: v for n in _SHAPES if (v := getattr(options, n)) is not None}
     changes |= {n: tuple(v) for n in ("patch", "decoder_widths", "render") if (v := getattr(options, n)) is not None}
@@ -164,7 +164,7 @@ def chosen_geometry(options: argparse.Namespace) -> Geometry:
 
 
 class Printer:
-    """Progress on standard error: rewritten in place on a terminal, a line at most every two seconds elsewhere."""
+    """Progress on standard error: rewritten in place on a terminal, elsewhere one line at most every two seconds."""
 
     def __init__(self, quiet: bool):
         self.quiet = quiet
@@ -184,13 +184,13 @@ class Printer:
         print(f"\r{line[:118]:<118}" if self.live else line, end="" if self.live else "\n", file=sys.stderr, flush=True)
 
     def close(self) -> None:
-        """Ends the live line."""
+        """Ends the line that is being rewritten."""
         if self.live and not self.quiet:
             print(file=sys.stderr)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Runs one command; 0 when it worked, 2 with a message on standard error when it did not."""
+    """Runs one command. Returns 0 on success, and 2 with a message on standard error on failure."""
     options = parser().parse_args(arguments)
     try:
         return _COMMANDS[options.command](options)

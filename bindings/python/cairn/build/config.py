@@ -1,4 +1,4 @@
-"""`config.yaml` of a checkpoint: shapes and rates, and which variants of the model it asks for."""
+"""Reads `config.yaml` of a checkpoint: shapes, rates, and the variants of the model that it selects."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _LIMIT = 1 << 20
 
 
 def read_config(path: Path, max_window: int, **autoencoder) -> Geometry:
-    """The shapes of the checkpoint; `autoencoder` gives the widths of its autoencoder, which the file does not name."""
+    """The shapes of the checkpoint. `autoencoder` has the widths of its autoencoder, which the file does not contain."""
     if not path.is_file():
         raise BuildError("it is missing", field=str(path), remedy="Fetch the checkpoint's config.yaml.")
     if path.stat().st_size > _LIMIT:
@@ -69,7 +69,7 @@ def read_config(path: Path, max_window: int, **autoencoder) -> Geometry:
 
 
 def _refuse_unknown(config: dict, known: frozenset[str], place: str) -> None:
-    """A later model may keep every name and add one: built without it, its bundle would run and show something else."""
+    """Refuses unknown keys: a later model may keep every name and add one. A bundle built without it would run, but show something else."""
     for name in config:
         if name not in known:
             raise BuildError(

@@ -1,10 +1,10 @@
-"""The one error of the builder: cause, field, remedy."""
+"""The builder's only exception: cause, field, remedy."""
 
 
 class BuildError(Exception):
-    """Something in the input cannot become a bundle.
+    """The input cannot become a bundle.
 
-    `cause` says what is wrong, `field` names where (a tensor, a file, an option), `remedy` says what helps.
+    `cause` is what is wrong, `field` is where (a tensor, a file, an option), `remedy` is what to do.
     """
 
     def __init__(self, cause: str, *, field: str, remedy: str):

@@ -1,4 +1,4 @@
-"""Folders and files that appear whole or not at all."""
+"""Writes folders and files completely or not at all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .manifest import MANIFEST_FILE
 
 
 def check_free(out: Path, replace: bool) -> None:
-    """Refuses a place that is taken, and always one that holds something else than a bundle."""
+    """Refuses a path that exists, unless it may be replaced; always refuses one that contains something other than a bundle."""
     if not out.exists():
         return
     if not replace:
@@ -28,7 +28,7 @@ def check_free(out: Path, replace: bool) -> None:
 
 @contextmanager
 def fresh_folder(out: Path, replace: bool) -> Iterator[Path]:
-    """A folder beside `out` that becomes `out` when the block ends well, and vanishes when it does not."""
+    """A temporary folder beside `out`. It is renamed to `out` if the block succeeds, and removed if it fails."""
     check_free(out, replace)
     out.parent.mkdir(parents=True, exist_ok=True)
     work = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))

@@ -1,4 +1,4 @@
-"""Shapes of a world: `docs/bundle.md`, section 3, with its arithmetic checked."""
+"""Shapes of a world, with a check of their arithmetic: `docs/bundle.md`, section 3."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MEMORIES_PER_STAGE = 3
 
 @dataclass(frozen=True)
 class Geometry:
-    """Everything that fixes the shapes of one world. Sizes are in the units of `docs/bundle.md`."""
+    """All numbers that determine the shapes of one world. Sizes are in the units of `docs/bundle.md`."""
 
     layers: int
     width: int
@@ -97,7 +97,7 @@ class Geometry:
 
     @property
     def head_width(self) -> int:
-        """Numbers in one head."""
+        """Width of one head."""
         return self.width // self.heads
 
     @property
@@ -107,7 +107,7 @@ class Geometry:
 
     @property
     def kv_width(self) -> int:
-        """Numbers of K (or V) of one token."""
+        """Width of one token's keys, or of its values."""
         return self.kv_heads * self.head_width
 
     @property
@@ -122,12 +122,12 @@ class Geometry:
 
     @property
     def patch_width(self) -> int:
-        """Latent numbers in one token."""
+        """Number of latent values in one token."""
         return self.latent_channels * self.patch[0] * self.patch[1]
 
     @property
     def spatial(self) -> int:
-        """Decoded pixels per latent cell, each way."""
+        """Decoded pixels per latent cell in each direction."""
         return AUTOENCODER_PATCH * AUTOENCODER_STRIDE
 
     @property
@@ -137,7 +137,7 @@ class Geometry:
 
     @property
     def control_width(self) -> int:
-        """Mouse, buttons and scroll."""
+        """Width of the control vector: mouse, buttons and scroll."""
         return 2 + self.buttons + 1
 
     @property
@@ -151,7 +151,7 @@ class Geometry:
 
     @property
     def encoder_memories(self) -> list[tuple[int, int, int]]:
-        """The same of the encoder's, where its graph is handed them; else none."""
+        """`(channels, height, width)` of the encoder's memories if they are inputs of its graph; otherwise none."""
         if not self.streaming_encoder:
             return []
         return [
@@ -165,7 +165,7 @@ class Geometry:
         return (layer - self.global_offset) % self.global_period == 0
 
     def sees_controls(self, layer: int) -> bool:
-        """Whether `layer` mixes in the controls."""
+        """Whether `layer` has a control fusion."""
         return layer % self.control_period == 0
 
     def past_tokens(self, layer: int, window: int) -> int:
@@ -185,12 +185,12 @@ class Geometry:
         }
 
     def with_(self, **changes) -> "Geometry":
-        """A changed copy, checked again."""
+        """A changed copy, which is checked again."""
         return replace(self, **changes)
 
 
 def square_pixels(decoded: tuple[int, int]) -> tuple[int, int]:
-    """The square-pixel size of a decoded picture: Waypoint squeezes 16:9 to 2:1, other shapes are already square."""
+    """The size of a decoded picture with square pixels: Waypoint squeezes 16:9 to 2:1; other shapes are square already."""
     width, height = decoded
     if width == 2 * height:
         # 1024 x 512 becomes 1280 x 720, 512 x 256 becomes 640 x 360: the released pairs. Even sizes, for video.

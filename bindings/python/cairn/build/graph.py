@@ -21,9 +21,9 @@ NUMPY_TYPE = {"f32": np.float32, "f16": np.float16}
 
 
 class Graph:
-    """One graph in one precision. Values are names; `kind` tells "f32" from "f16" for each of them.
+    """One graph in one precision. Values are names; `kind` is "f32" or "f16" for each of them.
 
-    Only the operators of `docs/bundle.md`, section 4, are ever written.
+    Writes only the operators of `docs/bundle.md`, section 4.
     """
 
     def __init__(self, name: str, precision: str, weights: dict[str, Placed]):
@@ -51,7 +51,7 @@ class Graph:
         return name
 
     def output(self, value: str, name: str, shape: list) -> None:
-        """Declares `value` as the next output: it takes the name `name`, which no other value has."""
+        """Declares `value` as the next output, under the name `name`, which no other value may have."""
         if name in self._names or value in self._renamed:
             raise AssertionError(f"{name} and {value} must each name one value")
         self._renamed[value] = name
@@ -59,7 +59,7 @@ class Graph:
         self._outputs.append(helper.make_tensor_value_info(name, ONNX_TYPE[self._kinds[value]], shape))
 
     def weight(self, name: str, kind: str | None = None) -> str:
-        """A stored weight as `kind` (the graph's precision unless given)."""
+        """A stored weight, cast to `kind` (the graph's precision unless given)."""
         if name not in self.used_weights:
             placed = self.weights[name]
             tensor = TensorProto(name=name, data_type=TensorProto.FLOAT16, dims=placed.weight.shape)
@@ -90,7 +90,7 @@ class Graph:
     # Operators.
 
     def node(self, operator: str, inputs: list[str], label: str, kind: str | None = None, outputs: int = 1, **attributes):
-        """Adds a node; gives its output's name, or a list of them where `outputs` is above 1."""
+        """Adds a node. Returns the name of its output, or a list of names if `outputs` is above 1."""
         if operator not in OPERATORS:
             raise AssertionError(f"{operator} is no operator of the bundle format")
         stem = self._unique(label)
@@ -104,7 +104,7 @@ class Graph:
         return names[0] if outputs == 1 else names
 
     def cast(self, value: str, kind: str) -> str:
-        """`value` as `kind`; nothing where it is already, and only once for each value."""
+        """`value` cast to `kind`. Adds no node if it has that kind already, and only one node for each value."""
         if self._kinds[value] == kind:
             return value
         key = (value, kind)
@@ -138,7 +138,7 @@ class Graph:
         return self._binary("MatMul", a, b, label)
 
     def linear(self, x: str, name: str, label: str) -> str:
-        """x times the stored matrix `name`, in x's own kind."""
+        """x times the stored matrix `name`, in x's kind."""
         return self.matmul(x, self.weight(f"{name}.weight", self._kinds[x]), label)
 
     def silu(self, x: str, label: str) -> str:
@@ -146,26 +146,26 @@ class Graph:
         return self.mul(x, self.node("Sigmoid", [x], f"{label}.sigmoid"), label)
 
     def reshape(self, x: str, shape: list[int], label: str) -> str:
-        """Another view of the same numbers; one size may be -1."""
+        """Reshape; one size may be -1."""
         target = self.constant("shape." + "x".join(str(s) for s in shape), np.array(shape, np.int64))
         return self.node("Reshape", [x, target], label)
 
     def transpose(self, x: str, perm: list[int], label: str) -> str:
-        """Axes in another order."""
+        """Permutes the axes."""
         return self.node("Transpose", [x], label, perm=perm)
 
     def concat(self, parts: list[str], axis: int, label: str) -> str:
-        """Parts behind one another; a single part is itself."""
+        """Concatenates parts; a single part is returned unchanged."""
         return parts[0] if len(parts) == 1 else self.node("Concat", parts, label, axis=axis)
 
     def split(self, x: str, parts: int, axis: int, label: str) -> list[str]:
-        """Equal parts along an axis; a single part is the whole."""
+        """Splits into equal parts along an axis; for a single part returns the whole."""
         if parts == 1:
             return [x]
         return self.node("Split", [x], label, outputs=parts, axis=axis, num_outputs=parts)
 
     def slice(self, x: str, start: int, end: int, axis: int, label: str) -> str:
-        """Elements start .. end of an axis."""
+        """Elements from `start` up to `end` of an axis."""
         bounds = [self.constant(f"at.{v}", np.array([v], np.int64)) for v in (start, end, axis)]
         return self.node("Slice", [x, *bounds], label)
 

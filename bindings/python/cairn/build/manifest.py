@@ -15,7 +15,7 @@ MODEL_TYPE = "waypoint-1.5"
 
 @dataclass(frozen=True)
 class Licence:
-    """Terms of the weights: an SPDX expression and, where there is one, the text and its file name in the bundle."""
+    """Terms of the weights: an SPDX expression, and optionally the text and its file name in the bundle."""
 
     spdx: str
     text: str | None = None
@@ -23,7 +23,7 @@ class Licence:
 
     @staticmethod
     def read(spdx: str, path: Path) -> "Licence":
-        """With the text of a file."""
+        """A licence with the text of a file."""
         return Licence(spdx, path.read_text(encoding="utf-8"))
 
 
@@ -81,7 +81,7 @@ def manifest(
 
 
 def geometry_of(content: dict) -> Geometry:
-    """The shapes that a manifest declares. What only the graphs know (the encoder's and the last width) is left as usual."""
+    """The shapes in a manifest. Those that only the graphs contain (the encoder's widths and the last width) keep their defaults."""
     try:
         g, latent, wide = content["geometry"], content["geometry"]["latent"], content["geometry"]["global"]
         memories = g["autoencoder"]["memories"]

@@ -1,9 +1,8 @@
-"""The names of a checkpoint's tensors, in every spelling that is accepted, and what each stands for.
+"""The names of a checkpoint's tensors in all accepted spellings, and the bundle's tensors that they fill.
 
-The released file spells blocks `transformer.blocks.{i}.`, the MLP `dit_mlp`, and the conditioning head as two halves
-`attn_cond_head` (slots 0 to 2) and `mlp_cond_head` (slots 3 to 5), each with a copy of the matrices that all layers share.
-Accepted besides: what the engine turns them into when it loads them (`blocks.{i}.`, `mlp`, `cond_head`,
-`ctrl_mlpfusion.mlp`, `attn.qkv_proj`).
+The released file spells blocks `transformer.blocks.{i}.`, the MLP `dit_mlp`, and the conditioning head as two halves `attn_cond_head` (slots 0
+to 2) and `mlp_cond_head` (slots 3 to 5), each with a copy of the matrices that all layers share. The names into which the engine converts them
+at loading are accepted, too (`blocks.{i}.`, `mlp`, `cond_head`, `ctrl_mlpfusion.mlp`, `attn.qkv_proj`).
 """
 
 from __future__ import annotations
@@ -39,11 +38,11 @@ _BLOCK_FUSED = {
 
 @dataclass(frozen=True)
 class Meaning:
-    """What one tensor of a file is for.
+    """The bundle's tensors that a tensor of the file fills.
 
-    `slots` are the bundle's tensors it fills, cut along `axis` where there are several; none where it has no effect. `rank`
-    orders those that may stand for one another (a higher one wins); `copy` marks one of several equal copies. `layer` is set for
-    the rows of the stacked biases.
+    `slots` are these tensors; if there are several, the file's tensor is split along `axis`; if there are none, it has no effect. If several
+    tensors fill a slot, that of the highest `rank` is used; `copy` marks one of several equal copies. `layer` is set for the rows of the
+    stacked biases.
     """
 
     slots: tuple[str, ...]
@@ -54,7 +53,7 @@ class Meaning:
 
 
 def meaning(name: str) -> Meaning | None:
-    """What a transformer's tensor stands for; `None` for an unknown name."""
+    """The meaning of a transformer's tensor; `None` for an unknown name."""
     if ".cond_heads." in name or name == "ctrl_cfg.null_emb":
         # Used in training only; the engine drops them too.
         return Meaning(())

@@ -1,8 +1,8 @@
-"""Random weights of the autoencoder: nearly linear, smooth, and centred, so that pictures have colour and shape.
+"""Random weights of the autoencoder: nearly linear, smooth and centred, so that pictures have colour and shape.
 
-Channels inside the network come in pairs, relu(z) beside relu(-z); their difference is z again, so a layer that reads
-pairs with opposite signs and writes them so is linear in z. Kernels are small bells times a random mixing of channels;
-what the memory blocks add has random kernels, and is detail.
+Channels inside the network come in pairs, relu(z) and relu(-z), whose difference is z. So a layer that reads pairs with opposite signs, and
+writes its output as pairs, is linear in z. Kernels are small bells times a random mixing of channels. The memory blocks have random kernels,
+which add detail.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class RandomAutoencoder:
         return self.kernel(self.unfold(matrix, outputs, inputs, reads_pairs, writes_pairs), size)
 
     def rough(self, weight: Weight, gain: float) -> np.ndarray:
-        """A random kernel without a bell, for the detail that the rest smooths away; pairs as in `mixing`."""
+        """A random kernel without a bell, for detail that smooth kernels would remove; pairs as in `mixing`."""
         outputs, inputs, size, _ = weight.shape
         n, m = (outputs + 1) // 2, (inputs + 1) // 2
         kernels = self.stream.normal(weight.name, (n, m, size, size), gain / (size * math.sqrt(m)))
@@ -71,7 +71,7 @@ class RandomAutoencoder:
 
     @staticmethod
     def unfold(matrix: np.ndarray, outputs: int, inputs: int, reads_pairs: bool, writes_pairs: bool) -> np.ndarray:
-        """[n, m] -> [outputs, inputs]: both signs of whatever comes in pairs."""
+        """[n, m] -> [outputs, inputs]: adds both signs for each paired channel."""
         if reads_pairs:
             matrix = np.concatenate([matrix, -matrix], axis=1)[:, :inputs]
         if writes_pairs:
@@ -80,7 +80,7 @@ class RandomAutoencoder:
 
     @staticmethod
     def kernel(matrix: np.ndarray, size: int) -> np.ndarray:
-        """The matrix times a bell of sum 1: [1, 2, 1] / 4 each way for a size of 3."""
+        """The matrix times a bell with sum 1: for size 3, [1, 2, 1] / 4 in each direction."""
         bell = {1: np.array([1.0]), 3: np.array([0.25, 0.5, 0.25])}[size]
         return matrix[:, :, None, None] * np.outer(bell, bell).astype(np.float32)
 
@@ -92,7 +92,7 @@ class RandomAutoencoder:
         return (-0.5 * total).astype(np.float32)
 
     def over_time(self, weight: Weight) -> np.ndarray:
-        """A pooling layer averages its frames; a growing layer makes frames that differ a little."""
+        """A pooling layer averages its frames; a growing layer makes frames that differ slightly."""
         name = weight.name
         outputs, inputs = weight.shape[:2]
         room, layer, _, _ = name.split(".")
@@ -107,12 +107,12 @@ class RandomAutoencoder:
         return np.concatenate(parts)[:, :, None, None]
 
     def frame(self, name: str, outputs: int, inputs: int, gain: float) -> np.ndarray:
-        """One frame's mixing of paired channels."""
+        """One frame's random mixing of paired channels."""
         matrix = self.stream.normal(name, ((outputs + 1) // 2, (inputs + 1) // 2), gain / math.sqrt((inputs + 1) // 2))
         return self.unfold(matrix, outputs, inputs, True, True)
 
     def last(self, weight: Weight) -> np.ndarray:
-        """To latents, or to pixels: the four pixels of a patch share their mixing but for a little."""
+        """The layer that makes latents, or pixels. The four pixels of a patch have nearly the same mixing."""
         name = weight.name
         outputs, inputs, size, _ = weight.shape
         m = (inputs + 1) // 2

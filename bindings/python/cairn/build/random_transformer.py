@@ -1,14 +1,13 @@
-"""Random weights of the transformer with just enough structure that a rollout shows drifting patterns.
+"""Random weights of the transformer, with just enough structure that a rollout shows drifting patterns.
 
-The model width D is two halves. Content is written to both with opposite signs, conditioning to both with the same sign:
-so a matrix that reads with opposite signs sees content alone, one that reads with the same sign sees conditioning alone,
-and silu(z) - silu(-z) = z passes content through the output unbent. Half of the content is the state S (the patch as it
-comes in), half the prediction R:
+The model width D is two halves. Content is written to both with opposite signs, conditioning to both with the same sign. So a matrix that reads
+with opposite signs sees content alone, one that reads with the same sign sees conditioning alone, and silu(z) - silu(-z) = z passes content
+through the output unchanged. Half of the content is the state S (the patch as it comes in), half the prediction R:
 
 - values read S, and a little of R; attention writes R;
-- the first query head of a group looks at the place the pattern came from, one latent ago: its query is the key's
-  constant part, turned in each rotation pair by the drift. It excites; the second looks everywhere and inhibits, which
-  keeps the pattern from growing uniform;
+- the first query head of a group looks at the position from which the pattern came, one latent ago: its query is the key's constant part,
+  rotated in each rotation pair by the drift. It excites; the second head looks everywhere and inhibits, which keeps the pattern from growing
+  uniform;
 - the output is a multiple of S - (prediction), so that the flow moves the noisy latent to the prediction.
 
 The attention to past frames thus carries most of the velocity, which the parity tests rely on.
@@ -107,30 +106,30 @@ class RandomTransformer:
         return self.stream.normal(weight.name, weight.shape, deviation)
 
     def paired(self, name: str, columns: int, deviation: float, sign: int) -> np.ndarray:
-        """[D, columns] whose second half of rows is `sign` times the first."""
+        """[D, columns]; the second half of its rows is `sign` times the first."""
         top = self.stream.normal(name, (self.half, columns), deviation)
         return np.concatenate([top, np.float32(sign) * top, np.zeros((self.g.width - 2 * self.half, columns), np.float32)])
 
     def writer(self, weight: Weight, deviation: float) -> np.ndarray:
-        """[in, D] that writes content: the prediction fully, the state a tenth of that."""
+        """[in, D]: writes content, to the prediction with weight 1 and to the state with weight 0.1."""
         into = self.stream.normal(weight.name, (weight.shape[0], self.half), deviation)
         into[:, : self.state] *= np.float32(0.1)
         return self.spread(into)
 
     def spread(self, content: np.ndarray) -> np.ndarray:
-        """[rows, half] -> [rows, D]: the same with opposite sign in the second half."""
+        """[rows, half] -> [rows, D]: the second half is the first with opposite sign."""
         rest = np.zeros((len(content), self.g.width - 2 * self.half), np.float32)
         return np.concatenate([content, -content, rest], axis=1)
 
     def places(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which number of the patch each place of the state holds, and with which sign."""
+        """For each element of the state: the index of its patch value, and its sign."""
         at = np.arange(self.state) % self.g.patch_width
         return at, self.stream.signs("state signs", self.state)
 
     # Tensors.
 
     def patchify(self, weight: Weight) -> np.ndarray:
-        """The patch, copied into the state as often as there is room."""
+        """Copies the patch into the state, repeated as often as it fits."""
         at, sign = self.places()
         into = np.zeros((self.g.patch_width, self.half), np.float32)
         into[at, np.arange(self.state)] = sign
@@ -149,7 +148,7 @@ class RandomTransformer:
         return np.concatenate([out, -out, rest])
 
     def modulation(self, j: int, weight: Weight) -> np.ndarray:
-        """Scale, shift and gate are the same for both halves. Shifts carry the constant part, gates are about 1."""
+        """Scale, shift and gate are equal for both halves. Shifts carry the constant part, gates are about 1."""
         unit = 1 / math.sqrt(weight.fan_in)
         # The input is silu(bias + a little): about 1.2 in square mean, 0.8 in mean, for a bias of 2.
         deviation = {0: 0.1, 1: 0.8, 2: 0.15}[j % 3] * unit
@@ -174,20 +173,20 @@ class RandomTransformer:
         return out
 
     def telling(self, layer: int) -> np.ndarray:
-        """How much each rotation pair tells of places and times in this layer's ring: [P], 0 for nothing."""
+        """How well each rotation pair distinguishes positions and times in this layer's ring: [P], 0 for not at all."""
         x, y, t = self.pair_frequencies()
         turn = t * (self.g.global_dilation if self.g.is_global(layer) else 1)
         sharp = (turn >= SHARP_TIME[0]) & (turn <= SHARP_TIME[1])
         return np.where(sharp, TIME_WEIGHT, ((x != 0) | (y != 0) | (turn >= LOWEST_TIME)).astype(np.float64))
 
     def constant_part(self, layer: int, kv_head: int) -> np.ndarray:
-        """[half, d]: reads conditioning into the telling pairs of a key."""
+        """[half, d]: reads conditioning into the distinguishing pairs of a key."""
         d = self.g.head_width
         part = self.stream.normal(f"blocks.{layer}.attn.constant.{kv_head}", (self.half, d), 1 / math.sqrt(self.half))
         return part * np.repeat(self.telling(layer), 2).astype(np.float32)
 
     def content_part(self, name: str) -> np.ndarray:
-        """[half, d]: reads content, into every pair alike."""
+        """[half, d]: reads content into all pairs equally."""
         return self.stream.normal(name, (self.half, self.g.head_width), CONTENT_IN_KEYS / math.sqrt(self.half))
 
     def both(self, constant: np.ndarray, content: np.ndarray) -> np.ndarray:
@@ -204,7 +203,7 @@ class RandomTransformer:
         return np.concatenate(heads, axis=1)
 
     def queries(self, layer: int) -> np.ndarray:
-        """[D, H d]: per group one head that looks back along the drift, one that looks everywhere, others at random."""
+        """[D, H d]: in each group, one head looks back along the drift, one looks everywhere, the others are random."""
         g, heads = self.g, []
         telling = np.repeat(self.telling(layer) > 0, 2)
         for h in range(g.heads):
@@ -221,7 +220,7 @@ class RandomTransformer:
         return np.concatenate(heads, axis=1)
 
     def look_back(self, layer: int, kv_head: int) -> np.ndarray:
-        """The angle of each pair that points to where the pattern was, LOOK latents (or buckets) ago: [P]."""
+        """The rotation of each pair that points to the pattern's position LOOK latents (or buckets) ago: [P]."""
         x, y, t = self.pair_frequencies()
         direction = self.stream.signs("drift", 2).astype(np.float64)
         jitter = self.stream.normal(f"blocks.{layer}.attn.drift.{kv_head}", (2,), SPREAD).astype(np.float64)
@@ -230,7 +229,7 @@ class RandomTransformer:
         return -(LOOK * (columns * x + rows * y) + ago * t)
 
     def turned(self, matrix: np.ndarray, angles: np.ndarray) -> np.ndarray:
-        """Columns 2j, 2j + 1 rotated by angle j."""
+        """Rotates each pair of columns 2j, 2j + 1 by the j-th angle."""
         cos, sin = (np.array([f(a) for a in angles], np.float32) for f in (exact_cos, exact_sin))
         a, b = matrix[:, 0::2], matrix[:, 1::2]
         out = np.empty_like(matrix)
@@ -239,7 +238,7 @@ class RandomTransformer:
         return out
 
     def values(self, layer: int) -> np.ndarray:
-        """[D, G d]: place j of a value reads place j of the state, as often as there is room, and a little of R."""
+        """[D, G d]: element j of a value reads element j of the state, repeated as often as it fits, and a little of R."""
         g = self.g
         read = self.stream.normal(f"blocks.{layer}.attn.v", (self.half, g.kv_width), WILDNESS / math.sqrt(self.half))
         at = np.arange(g.kv_width)
@@ -249,7 +248,7 @@ class RandomTransformer:
         return self.both(np.zeros_like(read), read * np.float32(0.5))
 
     def mixer(self, layer: int) -> np.ndarray:
-        """[H d, D]: the first head of a group pulls the prediction to what it saw, the second pushes it away."""
+        """[H d, D]: the first head of a group pulls the prediction towards what it has read, the second pushes it away."""
         g = self.g
         reads = max(1.0, g.kv_width / self.state)
         scale = 1 / (g.layers * reads)
@@ -269,9 +268,9 @@ class RandomTransformer:
         return np.concatenate(blocks)
 
     def spin(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Turns neighbouring numbers of the patch into one another by SPIN: cosine, sine and the neighbour's place.
+        """Rotates neighbouring values of the patch into one another by SPIN: cosine, sine and the neighbour's index.
 
-        Without it a still world's past would say no more than its present does.
+        Without it, a still world's past would contain no more information than its present.
         """
         place, sign = self.places()
         other = np.minimum(at ^ 1, self.state - 1)
@@ -281,7 +280,7 @@ class RandomTransformer:
 
 
 def exact_sin(x: float) -> float:
-    """Sine from additions and multiplications alone, so that every machine gives the same bits; to about 1e-12."""
+    """Sine computed with additions and multiplications only, so that every machine gives the same bits; accurate to about 1e-12."""
     x = math.remainder(x, 2 * math.pi)
     term, total = x, x
     for k in range(1, 14):
@@ -291,5 +290,5 @@ def exact_sin(x: float) -> float:
 
 
 def exact_cos(x: float) -> float:
-    """Cosine, likewise."""
+    """Cosine, computed likewise."""
     return exact_sin(x + math.pi / 2)

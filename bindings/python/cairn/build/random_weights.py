@@ -1,7 +1,7 @@
 """Seeded random weights: the same bytes on every machine.
 
-Each tensor is made from random streams of its own, element by element, so that no order of summation matters. The scales
-and the structure, without which a random network shows grey or noise, are in `random_transformer` and `random_autoencoder`.
+Each tensor is computed element by element from random streams of its own, so that no result depends on the order of a summation.
+`random_transformer` and `random_autoencoder` define scales and structure, without which a random network shows grey or noise.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""What runs at what rate: an estimate from the graphs' arithmetic, the bytes that must move, and the makers' figures for a GPU.
+"""Estimates which world runs at which rate on which GPU, from the graphs' arithmetic, the bytes that must move, and data sheets.
 
     seconds of a run       max(2 x multiply-adds / peak, bytes / bandwidth)
     bytes of a pass        weights and past keys and values, read once, and the latent's own, written: fewer cannot move
     limit of a latent      passes of the preset x seconds of a pass + seconds of the decoder
     likely for a latent    the larger of limit / share, and kernels x `KERNEL_SECONDS`
 
-What share of its peak a GPU reaches is what no data sheet tells. Two figures are published that say all it takes, both of Waypoint-1.5
-720P on a GeForce RTX 5090 in bfloat16 with the stock schedule: 14 latents a second with the decoder (the model's own page), and 7.6
-without it (its engine in PyTorch). `likely_share` is from the second, since an engine's frame wants the GPU as well.
+Data sheets do not say what share of its peak a GPU reaches. Two published rates have all that is needed to derive it, both of Waypoint-1.5 720P
+on a GeForce RTX 5090 in bfloat16 with the stock schedule: 14 latents per second with the decoder (the model's own page), and 7.6 without it
+(its engine in PyTorch). `likely_share` uses the second, since an engine's frames need the GPU as well.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .writer import build_graphs
 
 @dataclass(frozen=True)
 class Gpu:
-    """A GPU by its maker's data sheet."""
+    """A GPU, with the numbers of its maker's data sheet."""
 
     name: str
     teraflops: float  # dense float16 products with float32 sums, on matrix units where there are any, 1e12 a second
@@ -60,7 +60,7 @@ ENGINES_SHARE = 0.25
 
 @dataclass(frozen=True)
 class Preset:
-    """What a preset of the library asks of the transformer for one latent."""
+    """The work that a preset of the library needs of the transformer for one latent."""
 
     name: str
     window: int
@@ -78,7 +78,7 @@ PRESETS_OF_THE_LIBRARY = (
 
 
 def multiply_adds(graph: Graph, dimensions: dict[str, int]) -> int:
-    """Products of `MatMul` and `Conv` in one run, each with the addition that follows it: what `Bundle::work` counts in Rust."""
+    """Multiply-adds of `MatMul` and `Conv` in one run, which `Bundle::cost` counts in Rust."""
     model, sizes = value_sizes(graph, dimensions)
     shapes = {name: shape for name, (shape, _) in sizes.items()}
     shapes |= {value.name: [d.dim_value for d in value.type.tensor_type.shape.dim] for value in model.graph.input}
@@ -94,18 +94,18 @@ def multiply_adds(graph: Graph, dimensions: dict[str, int]) -> int:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a graph."""
+    """The cost of one run of a graph."""
 
     flops: float
     bytes: float
 
     def seconds(self, gpu: Gpu) -> float:
-        """The least it can take."""
+        """Lower bound of its duration."""
         return max(self.flops / (gpu.teraflops * 1e12), self.bytes / (gpu.bandwidth * 1e9))
 
 
 class World:
-    """What the graphs of a world do, in float16."""
+    """The cost of a world's graphs in float16."""
 
     def __init__(self, name: str, g: Geometry):
         self.name, self.geometry = name, g
@@ -117,7 +117,7 @@ class World:
         self._memory: dict[int, float] = {}
 
     def one_pass(self, window: int) -> Run:
-        """A denoise or a cache pass of the transformer at global window `window`."""
+        """A denoise or cache pass of the transformer at global window `window`."""
         g = self.geometry
         if window not in self._passes:
             moved = self._weights["transformer"] + ring_bytes(g, window, "f16") + slab_bytes(g, "f16")
@@ -125,13 +125,13 @@ class World:
         return self._passes[window]
 
     def kernels(self, preset: Preset) -> int:
-        """Nodes of the graphs that run for one latent; a runtime that fuses them starts fewer."""
+        """Nodes of the graphs that run for one latent; a runtime that fuses nodes starts fewer kernels."""
         free = {"Reshape", "Cast"}
         counts = [sum(n.op_type not in free for n in self._graphs[k].model().graph.node) for k in ("transformer", "decoder")]
         return preset.passes * counts[0] + counts[1]
 
     def memory(self, window: int) -> float:
-        """GiB for weights, past and intermediate values."""
+        """GiB for weights, past keys and values, and intermediate values."""
         g = self.geometry
         if window not in self._memory:
             dimensions = {"transformer": g.dimensions(window)}
@@ -141,32 +141,32 @@ class World:
         return self._memory[window]
 
     def flops(self, preset: Preset) -> float:
-        """Of a latent."""
+        """Floating-point operations per latent."""
         return preset.passes * self.one_pass(preset.window).flops + self.decode.flops
 
     def limit(self, gpu: Gpu, preset: Preset) -> float:
-        """Latents a second that no program passes."""
+        """Latents per second that no program can exceed."""
         return 1.0 / (preset.passes * self.one_pass(preset.window).seconds(gpu) + self.decode.seconds(gpu))
 
     def likely(self, gpu: Gpu, preset: Preset) -> float:
-        """Latents a second that a GPU makes which does nothing else."""
+        """Likely latents per second of a GPU that does nothing else."""
         return min(likely_share() * self.limit(gpu, preset), 1.0 / (KERNEL_SECONDS * self.kernels(preset)))
 
     def fits(self, gpu: Gpu, preset: Preset) -> bool:
-        """Whether there is memory for it beside an engine's."""
+        """Whether it fits into the memory that an engine leaves."""
         return self.memory(preset.window) <= (1 - ENGINES_SHARE) * gpu.memory
 
 
 @cache
 def likely_share() -> float:
-    """What share of a GPU's peak the published figure is: of a latent's passes alone, 7.6 of them a second."""
+    """The share of a GPU's peak that the published rate implies, from the passes of a latent alone, at 7.6 latents per second."""
     gpu = next(gpu for gpu in GPUS if gpu.name.endswith("5090"))
     stock = PRESETS_OF_THE_LIBRARY[0]
     return 7.6 * stock.passes * World("720p", PRESETS["720p"][1]).one_pass(stock.window).seconds(gpu)
 
 
 def table(worlds: list[World]) -> str:
-    """Latents a second of every GPU, world and preset, in Markdown."""
+    """Latents per second of every GPU, world and preset, in Markdown."""
     out = []
     for world in worlds:
         width, height = world.geometry.decoded
@@ -183,7 +183,7 @@ def table(worlds: list[World]) -> str:
 
 
 def summary(worlds: list[World]) -> str:
-    """The same for two presets and without the limits, in Markdown."""
+    """The same table for two presets and without the limits, in Markdown."""
     shown = [(world, p) for world in worlds for p in PRESETS_OF_THE_LIBRARY if p.name in ("stock", "coherence")]
     rows = [(gpu.name, [_cell(world, gpu, p, limit=False) for world, p in shown]) for gpu in GPUS]
     return _markdown([f"{world.name}<br>{p.name}" for world, p in shown], rows)

@@ -1,7 +1,7 @@
 """Random numbers by name and seed, the same on every machine.
 
-Numbers are sums of four 16-bit integers: close to normal, and exact in integer arithmetic, where a logarithm could differ by
-platform. Each name has a stream of its own, so that neither order nor sizes of the others matter.
+Numbers are sums of four 16-bit integers: nearly normal, and exact in integer arithmetic, whereas a logarithm could differ by platform. Each
+name has a stream of its own, so that the numbers do not depend on the order or sizes of other tensors.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Stream:
         return np.random.Philox(key=int.from_bytes(key, "little"))
 
     def normal(self, name: str, shape: tuple[int, ...], deviation: float) -> np.ndarray:
-        """About normal numbers of mean 0, in float32."""
+        """Nearly normal numbers of mean 0 and standard deviation `deviation`, in float32."""
         bits, count = self.bits(name), math.prod(shape)
         out = np.empty(count, np.float32)
         factor = np.float32(deviation / _DEVIATION)

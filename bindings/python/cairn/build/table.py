@@ -1,4 +1,4 @@
-"""What a world of given shapes costs: parameters, tensors, ring bytes and peak memory, before anything is made."""
+"""The cost of a world of given shapes, before it is built: parameters, tensors, ring bytes and peak memory."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ _ITEM = {onnx.TensorProto.FLOAT: 4, onnx.TensorProto.FLOAT16: 2, onnx.TensorProt
 
 
 def windows(g: Geometry) -> list[int]:
-    """The windows to show: the paper's, the stock and the largest, as far as they are allowed."""
+    """The windows to show: those of the paper, the stock preset's and the largest, as far as the world allows them."""
     wanted = {*WINDOWS, g.global_window, g.global_max_window}
     return sorted(w for w in wanted if w <= g.global_max_window and w % g.global_dilation == 0)
 
 
 def ring_bytes(g: Geometry, window: int, precision: str) -> int:
-    """Bytes of all layers' past K and V."""
+    """Bytes of all layers' past keys and values."""
     numbers = sum(g.past_tokens(i, window) * g.kv_width * 2 for i in range(g.layers))
     return numbers * _BYTES[precision]
 
 
 def slab_bytes(g: Geometry, precision: str) -> int:
-    """Bytes of one latent's K and V of all layers."""
+    """Bytes of one latent's keys and values of all layers."""
     return g.layers * g.tokens * g.kv_width * 2 * _BYTES[precision]
 
 
 def value_sizes(graph: Graph, dimensions: dict[str, int]) -> tuple[onnx.ModelProto, dict[str, tuple[list[int], int]]]:
-    """The model with its symbolic dimensions fixed, and shape and bytes of every value a node makes."""
+    """The model with its symbolic dimensions fixed, and the shape and size in bytes of every node's output."""
     model = graph.model()
     for value in [*model.graph.input, *model.graph.output]:
         for d in value.type.tensor_type.shape.dim:
@@ -52,10 +52,10 @@ def value_sizes(graph: Graph, dimensions: dict[str, int]) -> tuple[onnx.ModelPro
 
 
 def activation_peak(graph: Graph, dimensions: dict[str, int]) -> tuple[int, int]:
-    """Bytes of all intermediate values alive at once at the worst moment, and of the largest one.
+    """The largest sum in bytes of the intermediate values alive at the same time, and the size of the largest value.
 
-    Nodes run in the graph's order; a value lives from the node that makes it to the last that reads it; casts of weights
-    are counted with the weights, a reshape with what it shows anew.
+    Nodes run in the graph's order; a value lives from the node that makes it to the last node that reads it. Casts of weights are counted with
+    the weights, and a reshape with its input.
     """
     model, sizes = value_sizes(graph, dimensions)
     weights = {i.name for i in model.graph.initializer}
@@ -85,7 +85,7 @@ def activation_peak(graph: Graph, dimensions: dict[str, int]) -> tuple[int, int]
 
 
 def weight_bytes(graphs: dict[str, Graph]) -> int:
-    """Bytes of all weights in memory: as stored in float16, but float32 where a graph casts them, once, when it is loaded."""
+    """Bytes of all weights in memory: float16 as stored, or float32 if a graph casts them, which happens once, when it is loaded."""
     total = 0
     for graph in graphs.values():
         model = graph.model()

@@ -1,4 +1,4 @@
-"""Tensors on disk, by name: safetensors files, whole or in shards, and torch's zip files, behind one face."""
+"""Tensors in files, by name: safetensors files, whole or in shards, and torch's zip files, behind one interface."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class TensorFiles:
         self._readers: dict[str, object] = {}
 
     def get(self, name: str) -> np.ndarray:
-        """The numbers, exact in float32."""
+        """The numbers of one tensor, exact in float32."""
         data, kind, shape = self._readers[name](name), self._kinds[name], self.shapes[name]
         if kind == "F32":
             return np.frombuffer(data, "<f4").reshape(shape)
@@ -42,7 +42,7 @@ class TensorFiles:
         self.shapes[name], self._kinds[name], self._readers[name] = shape, kind, reader
 
     def add_safetensors(self, file: Path) -> None:
-        """Adds every tensor of one safetensors file. The library checks the header; numbers are read when asked for."""
+        """Adds every tensor of one safetensors file. The library checks the header; numbers are read on demand."""
         try:
             with safe_open(str(file), "numpy") as opened:
                 for name in opened.keys():
@@ -72,7 +72,7 @@ class TensorFiles:
 
 
 def open_weights(directory: Path) -> TensorFiles:
-    """`model.safetensors`, or the shards that `model.safetensors.index.json` names."""
+    """Opens `model.safetensors`, or the shards that `model.safetensors.index.json` lists."""
     files = TensorFiles()
     single, index = directory / "model.safetensors", directory / "model.safetensors.index.json"
     if single.is_file():
@@ -102,7 +102,7 @@ def open_weights(directory: Path) -> TensorFiles:
 
 
 def to_half(numbers: np.ndarray, name: str) -> tuple[np.ndarray, int]:
-    """As float16, and how many numbers were too small and became 0. Numbers too large are an error."""
+    """Converts to float16, and counts the numbers that were too small and became 0. Numbers that are too large are an error."""
     top = float(np.max(np.abs(numbers))) if numbers.size else 0.0
     if not math.isfinite(top):
         raise BuildError("it holds an infinity or a not-a-number", field=name, remedy="The checkpoint is damaged: fetch it again.")

@@ -1,8 +1,8 @@
-"""Reads tensors from torch's zip file without torch, and without running anything in it.
+"""Reads tensors from torch's zip file without torch, and without running code from the file.
 
-Such a file holds a pickle, which names functions to call. A usual unpickler calls them; this one is an interpreter of its
-own that knows the few opcodes a dictionary of tensors needs, and four names, none of which it calls: everything else is
-refused. Storages are looked up by key and checked against the file before a number is read.
+Such a file contains a pickle, which names functions to call. A usual unpickler calls them. This interpreter knows only the few opcodes that a
+dictionary of tensors needs, and four names, none of which it calls; it refuses everything else. Storages are looked up by key and checked
+against the file before a number is read.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class _Storage:
 
 @dataclass(frozen=True)
 class TorchTensor:
-    """Where a tensor's numbers lie: kind "F32", "F16" or "BF16", shape, and strides within its storage."""
+    """Position of a tensor's numbers: kind "F32", "F16" or "BF16", shape, and strides within its storage."""
 
     storage: _Storage
     offset: int
@@ -59,7 +59,7 @@ class TorchTensor:
 
 
 class TorchFile:
-    """A file of `torch.save` that holds one dictionary of tensors: `tensors` by name, and `read` for their bytes."""
+    """A file of `torch.save` with one dictionary of tensors: `tensors` by name, and `read` for their bytes."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -114,7 +114,7 @@ class TorchFile:
 
 
 class _Interpreter:
-    """Runs a pickle over plain values: dictionaries, lists, tuples, numbers, strings, tensors. Calls nothing."""
+    """Interprets a pickle with plain values only: dictionaries, lists, tuples, numbers, strings, tensors. Calls nothing."""
 
     def __init__(self, data: bytes, error):
         self.data = data
@@ -124,7 +124,7 @@ class _Interpreter:
         self.memo: dict[int, object] = {}
 
     def run(self) -> object:
-        """The value the pickle describes."""
+        """The value that the pickle describes."""
         try:
             for opcode, argument, _ in pickletools.genops(self.data):
                 if opcode.name == "STOP":
@@ -139,7 +139,7 @@ class _Interpreter:
         raise self.error("its pickle has no end", _REMEDY)
 
     def step(self, name: str, argument) -> None:
-        """One opcode."""
+        """Interprets one opcode."""
         stack = self.stack
         match name:
             case "PROTO" | "FRAME":
@@ -196,11 +196,11 @@ class _Interpreter:
                 raise self.error(f"its pickle uses {name}, which tensors do not need", _REMEDY)
 
     def since_mark(self) -> list:
-        """What was pushed since the last mark."""
+        """Pops the values that were pushed since the last mark."""
         return self.pop_many(len(self.stack) - self.marks.pop())
 
     def pop_many(self, count: int) -> list:
-        """The last values, oldest first."""
+        """Pops the last values, and returns them oldest first."""
         floor = self.marks[-1] if self.marks else 0
         if count < 0 or len(self.stack) - count < floor:
             raise IndexError("the stack is too short")
@@ -209,13 +209,13 @@ class _Interpreter:
         return items
 
     def top(self, kind: type):
-        """The top of the stack, which must be of this kind."""
+        """The top of the stack, which must be of this type."""
         if not isinstance(self.stack[-1], kind):
             raise TypeError(f"a {kind.__name__} was expected")
         return self.stack[-1]
 
     def named(self, module: str, name: str) -> _Name:
-        """One of the few names that are allowed."""
+        """One of the few allowed names."""
         if not isinstance(module, str) or not isinstance(name, str):
             raise TypeError("a name that is no string")
         if (module, name) not in _NAMES:
@@ -234,7 +234,7 @@ class _Interpreter:
         return _Storage(_STORAGES[kind.name], key, count)
 
     def rebuilt(self, function, arguments):
-        """What a call of one of the allowed names stands for."""
+        """The value that stands for a call of one of the allowed names."""
         if not isinstance(function, _Name) or not isinstance(arguments, tuple):
             raise TypeError("a call of something else than a name")
         if function.name == "OrderedDict":
@@ -251,7 +251,7 @@ class _Interpreter:
         raise TypeError(f"{function.name} cannot be called")
 
     def tensor(self, storage, offset, shape, strides) -> TorchTensor:
-        """A tensor whose every number lies inside its storage."""
+        """A tensor, all of whose numbers lie inside its storage."""
         if not isinstance(storage, _Storage) or not isinstance(shape, tuple) or not isinstance(strides, tuple):
             raise TypeError("a tensor without a storage or a shape")
         if len(shape) != len(strides) or len(shape) > 8 or not all(map(_whole, (offset, *shape, *strides))):

@@ -21,7 +21,7 @@ FOURIER_BASE = 10000.0
 
 
 def fourier_frequencies(rounding: str) -> np.ndarray:
-    """`FOURIER_BASE ^ -(i / 255)`, i = 0 .. 255, in float32; `bf16` rounds them as the released engine serves them."""
+    """`FOURIER_BASE ^ -(i / 255)`, i = 0 .. 255, in float32; `bf16` rounds them as the released engine does."""
     n = FOURIER_WIDTH // 2
     exact = (FOURIER_BASE ** -(np.arange(n, dtype=np.float64) / (n - 1))).astype(np.float32)
     if rounding == "none":
@@ -31,7 +31,7 @@ def fourier_frequencies(rounding: str) -> np.ndarray:
 
 
 def attention_chunks(g: Geometry, layer: int) -> tuple[int, int]:
-    """Into how many parts a layer's attention is cut: over key/value heads, then over query rows.
+    """The number of parts of a layer's attention: over key/value heads, then over query rows.
 
     The fewest parts whose scores, `heads in the part x rows x keys`, stay within the limit at the largest window.
     """
@@ -139,7 +139,7 @@ class _Transformer:
         return [[column[i] for column in columns] for i in range(g.layers)]
 
     def control_embedding(self, controls: str) -> str:
-        """Mouse, buttons and scroll -> one normed vector [1, D]. In float32: mouse counts have no bound."""
+        """Mouse, buttons and scroll -> one normalised vector [1, D]. In float32, because mouse counts have no bound."""
         o = self.graph
         hidden = o.silu(o.linear(controls, "ctrl_emb.mlp.fc1", "ctrl.hidden"), "ctrl.act")
         return o.cast(self.rms_norm(o.linear(hidden, "ctrl_emb.mlp.fc2", "ctrl.emb"), "ctrl.norm"), o.precision)
@@ -167,7 +167,7 @@ class _Transformer:
         return o.transpose(split, [0, 2, 1, 3], label)
 
     def rope(self, x: str, heads: int, label: str) -> str:
-        """Rotates interleaved pairs and leaves the halves side by side: the order the released engine stores."""
+        """Rotates interleaved pairs and stores the halves side by side, in the released engine's order."""
         g, o = self.g, self.graph
         P = g.head_width // 2
         pairs = o.reshape(x, [1, heads, g.tokens, P, 2], f"{label}.pairs")
@@ -202,7 +202,7 @@ class _Transformer:
         return o.linear(y, f"{name}.out_proj", f"{name}.out"), k, v, first_value
 
     def attend(self, layer: int, q: str, current: tuple[str, str], past: tuple[str, str], name: str) -> str:
-        """softmax(q K^T + mask) V with K, V = past behind current, cut into parts: [1, G, rows, d]."""
+        """softmax(q K^T + mask) V, where K and V are the past followed by the current frame, in parts: [1, G, rows, d]."""
         g, o = self.g, self.graph
         head_parts, row_parts = attention_chunks(g, layer)
         mask = self.masks[g.is_global(layer)]

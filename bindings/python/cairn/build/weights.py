@@ -1,7 +1,7 @@
-"""Which tensors a bundle stores, in which order and layout, and where each lies in its file.
+"""The tensors that a bundle stores, their order and layout, and their positions in the file.
 
-Names are the released checkpoint's, shortened where the checkpoint stores copies. Matrices are stored `[in, out]`, as
-MatMul takes them: transposed against the checkpoint's `[out, in]`. Convolution kernels stay `[out, in, rows, columns]`.
+Names are the released checkpoint's, shortened where the checkpoint has copies. Matrices are stored `[in, out]`, as MatMul takes them: the
+transpose of the checkpoint's `[out, in]`. Convolution kernels stay `[out, in, rows, columns]`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ MODULATIONS = ("attn scale", "attn shift", "attn gate", "mlp scale", "mlp shift"
 
 @dataclass(frozen=True)
 class Weight:
-    """One stored tensor: its name, its stored shape, and how many inputs each output number sums over."""
+    """One stored tensor: its name, its stored shape, and the number of inputs that each output number sums."""
 
     name: str
     shape: tuple[int, ...]
@@ -27,7 +27,7 @@ class Weight:
 
     @property
     def count(self) -> int:
-        """How many numbers it holds."""
+        """Its number of elements."""
         total = 1
         for size in self.shape:
             total *= size
@@ -36,7 +36,7 @@ class Weight:
 
 @dataclass(frozen=True)
 class Placed:
-    """A weight and where its float16 bytes lie."""
+    """A weight and the position of its float16 bytes."""
 
     weight: Weight
     file: str
@@ -65,7 +65,7 @@ def _memory_block(name: str, width: int) -> Iterator[Weight]:
 
 
 def transformer_weights(g: Geometry) -> list[Weight]:
-    """The transformer's tensors in file order; `cond_proj`, which all layers share, once."""
+    """The transformer's tensors in file order. `cond_proj`, which all layers share, is stored once."""
     D, hidden = g.width, g.width * g.mlp_ratio
     out = [
         Weight("patchify.weight", (D, g.latent_channels, *g.patch), g.patch_width),
@@ -99,7 +99,7 @@ def transformer_weights(g: Geometry) -> list[Weight]:
 
 
 def autoencoder_weights(g: Geometry) -> list[Weight]:
-    """TAEHV-1.5's tensors in file order, encoder first; names are its own."""
+    """TAEHV-1.5's tensors in file order, encoder first, with its own names."""
     e, shuffled = g.encoder_width, 3 * AUTOENCODER_PATCH**2
     out = list(_conv("encoder.0", shuffled, e, 3, True))
     for stage, frames in enumerate(ENCODER_POOLING):
@@ -129,7 +129,7 @@ DECODER_GROWTH = (1, 2, 2)
 
 
 def place(weights: list[Weight], file: str) -> dict[str, Placed]:
-    """Lays the weights out in one file, each at a multiple of `ALIGNMENT`."""
+    """Assigns each weight a position in one file, at a multiple of `ALIGNMENT`."""
     placed, offset = {}, 0
     for weight in weights:
         placed[weight.name] = Placed(weight, file, offset)
@@ -138,10 +138,10 @@ def place(weights: list[Weight], file: str) -> dict[str, Placed]:
 
 
 def file_size(placed: dict[str, Placed]) -> int:
-    """Bytes of a file so laid out."""
+    """Bytes of a file with these weights."""
     return max(-(-(p.offset + p.length) // ALIGNMENT) * ALIGNMENT for p in placed.values())
 
 
 def parameter_count(g: Geometry) -> tuple[int, int]:
-    """How many numbers the transformer and the autoencoder store."""
+    """The number of values that the transformer and the autoencoder store."""
     return sum(w.count for w in transformer_weights(g)), sum(w.count for w in autoencoder_weights(g))

@@ -1,4 +1,4 @@
-"""Writes a bundle: graphs, weights, licence and manifest, in a folder that appears whole or not at all."""
+"""Writes a bundle: graphs, weights, licence and manifest. The folder is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ Progress = Callable[[str, int, int], None]
 
 
 class WeightSource(Protocol):
-    """Where weights come from: a checkpoint, or a seed."""
+    """A source of weights: a checkpoint, or a seed."""
 
     def get(self, weight: Weight) -> np.ndarray:
         """The float16 numbers of one tensor, in its stored layout."""
 
 
 def layouts(g: Geometry) -> tuple[dict[str, Placed], dict[str, Placed]]:
-    """Where the transformer's and the autoencoder's weights lie."""
+    """Positions of the transformer's and the autoencoder's weights in their files."""
     return place(transformer_weights(g), TRANSFORMER_FILE), place(autoencoder_weights(g), AUTOENCODER_FILE)
 
 
 def build_graphs(g: Geometry, precision: str, fourier_rounding: str = "none") -> dict[str, Graph]:
-    """The three graphs of one precision. Weights are only named here, so this costs nothing at any size."""
+    """The three graphs of one precision. They only refer to the weights by name, so building them is cheap at any size."""
     transformer, autoencoder = layouts(g)
     return {
         "transformer": build_transformer(g, precision, transformer, fourier_rounding),
@@ -70,10 +70,10 @@ def build_bundle(
     progress: Progress = lambda what, done, total: None,
     replace: bool = False,
 ) -> Path:
-    """Writes the bundle to `out`: a folder, or an archive where the name ends in `.cairn`.
+    """Writes the bundle to `out`: a folder, or an archive if the name ends in `.cairn`.
 
-    `rounding` is `bf16` where noise levels, Fourier and RoPE frequencies are bfloat16, as the released engine serves them.
-    What stood there stays until the new one is complete; nothing half done is left behind.
+    `rounding` is `bf16` if noise levels, Fourier and RoPE frequencies are rounded to bfloat16, as in the released engine. An existing bundle at
+    `out` stays until the new one is complete; a failure leaves no incomplete files.
     """
     out = Path(out)
     check_free(out, replace)
@@ -116,7 +116,7 @@ def _write(folder, g, source, name, provenance, licence, rounding, precisions, p
 
 
 def _write_weights(folder, group, source, files, progress, done: int, total: int) -> int:
-    """One file of weights, tensor after tensor, so that memory holds one at a time."""
+    """Writes one file of weights, one tensor after the other, so that only one is in memory at a time."""
     file = next(iter(group.values())).file
     digest, size = hashlib.sha256(), 0
     with open(folder / file, "wb") as sink:
@@ -138,7 +138,7 @@ def _write_file(folder: Path, name: str, data: bytes, files: dict[str, tuple[int
 
 
 def checked(array: np.ndarray, weight: Weight) -> np.ndarray:
-    """The array as little-endian float16 in C order, its shape and its numbers checked."""
+    """The array as little-endian float16 in C order, after a check of its shape and its numbers."""
     if array.shape != weight.shape or array.dtype != np.float16:
         raise BuildError(
             f"got {array.dtype} {array.shape}, expected float16 {weight.shape}",

@@ -13,7 +13,7 @@ namespace Cairn.Unity.Samples
         [SerializeField, Tooltip("The picture to start from, as a PPM file whose name ends in .bytes.")]
         private TextAsset place = null;
 
-        [SerializeField, Tooltip("What the world computes on.")]
+        [SerializeField, Tooltip("Processor on which the world runs.")]
         private WorldProcessor processor = WorldProcessor.Graphics;
 
         private void Start()

@@ -5,25 +5,9 @@
 //! ```
 
 #[cfg(windows)]
-#[path = "../../../../tests/d3d12/engine.rs"]
-#[allow(dead_code, reason = "each program uses its part")]
-mod engine;
-#[cfg(windows)]
-#[path = "../../../../tests/d3d12/handles.rs"]
-#[allow(dead_code, reason = "each program uses its part")]
-mod handles;
-#[cfg(windows)]
 #[path = "../tests/host/lists.rs"]
 #[allow(dead_code, reason = "each program uses its part")]
 mod lists;
-#[cfg(windows)]
-#[path = "../../../../tests/d3d12/tables.rs"]
-#[allow(dead_code, reason = "each program uses its part")]
-mod tables;
-#[cfg(windows)]
-#[path = "../../../../tests/d3d12/textures.rs"]
-#[allow(dead_code, reason = "each program uses its part")]
-mod textures;
 #[cfg(windows)]
 #[path = "../tests/host/unity.rs"]
 #[allow(dead_code, reason = "each program uses its part")]
@@ -141,9 +125,9 @@ mod show {
         cairn_unity_view_set,
     };
 
-    use super::handles::prepared;
-    use super::textures::{self, Wanted};
-    use super::unity::Running;
+    use super::unity::UnityHandle;
+    use test_support::c_interface::with_struct_size;
+    use test_support::d3d12::textures::{self, TextureDesc};
 
     /// Nanoseconds between anchors.
     const INTERVAL: u64 = 100_000_000;
@@ -178,7 +162,7 @@ mod show {
     }
 
     pub(super) fn run(to: &Path) {
-        let unity = Running::start(8);
+        let unity = UnityHandle::start(8);
         unity.load();
         let mut text = [0_u8; 512];
         let mut length = 0;
@@ -192,26 +176,28 @@ mod show {
         let (mut frames, mut processor, mut world, mut rollout) = (null_mut(), null_mut(), null_mut(), null_mut());
         call!(cairn_unity_create_device as unsafe extern "C" fn(_) -> _, &raw mut frames);
         call!(cairn_device_create_cpu as unsafe extern "C" fn(_, _) -> _, null(), &raw mut processor);
-        let mut options: cairn_world_options = prepared(|options: &mut cairn_world_options| &mut options.struct_size);
+        let mut options: cairn_world_options =
+            with_struct_size(|options: &mut cairn_world_options| &mut options.struct_size);
         options.operating_point = c"stock,pictures:1".as_ptr();
         call!(cairn_world_load as unsafe extern "C" fn(_, _, _) -> _, processor, &raw const options, &raw mut world);
-        let mut info: cairn_world_info = prepared(|info: &mut cairn_world_info| &mut info.struct_size);
+        let mut info: cairn_world_info = with_struct_size(|info: &mut cairn_world_info| &mut info.struct_size);
         call!(cairn_world_get_info as unsafe extern "C" fn(_, _) -> _, world, &raw mut info);
         let size = (info.render_width, info.render_height);
         call!(cairn_rollout_create as unsafe extern "C" fn(_, _, _) -> _, world, null(), &raw mut rollout);
         let pixels = seed(size.0, size.1);
-        let mut picture: cairn_picture = prepared(|picture: &mut cairn_picture| &mut picture.struct_size);
+        let mut picture: cairn_picture = with_struct_size(|picture: &mut cairn_picture| &mut picture.struct_size);
         (picture.width, picture.height) = size;
         (picture.pixels, picture.size) = (pixels.as_ptr().cast(), pixels.len() as u64);
         call!(cairn_rollout_append as unsafe extern "C" fn(_, _, _) -> _, rollout, &raw const picture, null_mut());
 
         let (mut presenter, mut view) = (null_mut(), null_mut::<cairn_unity_view>());
-        let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
+        let mut options: cairn_presenter_options =
+            with_struct_size(|o: &mut cairn_presenter_options| &mut o.struct_size);
         (options.multiplier, options.interval_ns) = (2, INTERVAL);
         call!(cairn_presenter_create as unsafe extern "C" fn(_, _) -> _, &raw const options, &raw mut presenter);
         for number in 0..2 {
             if number > 0 {
-                let still: cairn_controls = prepared(|still: &mut cairn_controls| &mut still.struct_size);
+                let still: cairn_controls = with_struct_size(|still: &mut cairn_controls| &mut still.struct_size);
                 call!(cairn_rollout_step as unsafe extern "C" fn(_, _, _) -> _, rollout, &raw const still, null_mut());
             }
             let mut anchor = null_mut();
@@ -232,14 +218,14 @@ mod show {
         call!(cairn_unity_view_create as unsafe extern "C" fn(_, _, _) -> _, frames, presenter, &raw mut view);
 
         let state = D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE;
-        let wanted = Wanted {
+        let wanted = TextureDesc {
             size,
             format: DXGI_FORMAT_R8G8B8A8_TYPELESS,
             flags: D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET,
             state,
-            ..Wanted::default()
+            ..TextureDesc::default()
         };
-        let target = wanted.make(&unity.device());
+        let target = wanted.create(&unity.device());
         unity.own(&target, state);
         call!(cairn_unity_view_set as unsafe extern "C" fn(_, _, _) -> _, view, HALF_WAY, target.as_raw());
         let [make, show]: [extern "C" fn() -> _; 2] = [cairn_unity_get_make_event, cairn_unity_get_show_event];
@@ -250,7 +236,7 @@ mod show {
         }
         unity.end_frame();
         let mut shown = 0;
-        let mut frame: cairn_frame = prepared(|frame: &mut cairn_frame| &mut frame.struct_size);
+        let mut frame: cairn_frame = with_struct_size(|frame: &mut cairn_frame| &mut frame.struct_size);
         let room = text.as_mut_ptr().cast::<std::ffi::c_char>();
         call!(
             cairn_unity_view_get as unsafe extern "C" fn(_, _, _, _, _, _) -> _,
@@ -263,7 +249,7 @@ mod show {
         );
         assert_eq!((shown, frame.source), (1, CAIRN_FRAME_GENERATED), "a frame between two anchors is shown");
         let mut statistics: cairn_presenter_statistics =
-            prepared(|s: &mut cairn_presenter_statistics| &mut s.struct_size);
+            with_struct_size(|s: &mut cairn_presenter_statistics| &mut s.struct_size);
         call!(cairn_presenter_get_statistics as unsafe extern "C" fn(_, _) -> _, presenter, &raw mut statistics);
         // SAFETY: NUL-terminated text.
         let generator = unsafe { std::ffi::CStr::from_ptr(statistics.generator.as_ptr()) };
@@ -279,6 +265,6 @@ mod show {
         call!(cairn_world_destroy as unsafe extern "C" fn(_) -> _, world);
         call!(cairn_device_destroy as unsafe extern "C" fn(_) -> _, processor);
         call!(cairn_device_destroy as unsafe extern "C" fn(_) -> _, frames);
-        assert_eq!(unity.wrong(), Vec::<String>::new());
+        assert_eq!(unity.take_violations(), Vec::<String>::new());
     }
 }

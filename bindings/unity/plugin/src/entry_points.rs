@@ -42,9 +42,9 @@ pub extern "C" fn cairn_unity_version() -> u32 {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_unity_state(text: *mut c_char, capacity: usize, length: *mut usize) -> cairn_result {
     guarded(CAIRN_ERROR_INTERNAL, || {
-        let (result, said) = plugin::state();
+        let (result, description) = plugin::state();
         // SAFETY: the caller's promise.
-        unsafe { text::copy(&said, text, capacity, length) };
+        unsafe { text::copy(&description, text, capacity, length) };
         result
     })
 }
@@ -108,7 +108,7 @@ pub unsafe extern "C" fn cairn_unity_prepare(
         let path = (!pipelines.is_null()).then(|| unsafe { CStr::from_ptr(pipelines) }.to_str());
         let Ok(path) = path.transpose() else { return CAIRN_ERROR_INVALID_ARGUMENT };
         let mut cache = path.map(|path| PipelineCache::new(path.into()));
-        let wanted = cairn_d3d12_preparation {
+        let preparation = cairn_d3d12_preparation {
             struct_size: size_of::<cairn_d3d12_preparation>() as u32,
             format: 0,
             width,
@@ -126,7 +126,7 @@ pub unsafe extern "C" fn cairn_unity_prepare(
             user: cache.as_mut().map_or(std::ptr::null_mut(), |cache| std::ptr::from_mut(cache).cast()),
         };
         // SAFETY: handles are looked up; the options and the cache live during the call, which has exclusive use of the cache.
-        unsafe { cairn_presenter_prepare_d3d12(presenter, device, &wanted) }
+        unsafe { cairn_presenter_prepare_d3d12(presenter, device, &preparation) }
     })
 }
 
@@ -178,7 +178,7 @@ pub unsafe extern "C" fn cairn_unity_view_set(
         if target.is_none() && !texture.is_null() {
             return CAIRN_ERROR_INVALID_ARGUMENT;
         }
-        view.want(now_ns, target);
+        view.set_next(now_ns, target);
         CAIRN_OK
     })
 }
@@ -207,18 +207,18 @@ pub unsafe extern "C" fn cairn_unity_view_get(
         if !shown.is_aligned() || !frame.is_aligned() {
             return CAIRN_ERROR_INVALID_ARGUMENT;
         }
-        let (has, result, message) = view.told();
+        let (progress, result, message) = view.status();
         if !frame.is_null() {
             // SAFETY: checked above; readable by the caller's promise.
             if unsafe { (*frame).struct_size } as usize != size_of::<cairn_frame>() {
                 return CAIRN_ERROR_STRUCT_SIZE;
             }
             // SAFETY: as large as it says.
-            unsafe { frame.write(has.frame) };
+            unsafe { frame.write(progress.frame) };
         }
         if !shown.is_null() {
             // SAFETY: checked above; writable by the caller's promise.
-            unsafe { shown.write(has.frames) };
+            unsafe { shown.write(progress.frames) };
         }
         // SAFETY: the caller's promise.
         unsafe { text::copy(&message, text, capacity, length) };
@@ -241,8 +241,8 @@ pub unsafe extern "C" fn cairn_unity_view_destroy(view: *mut cairn_unity_view) -
             return CAIRN_OK;
         }
         let Some(view) = views::remove(view.addr()) else { return CAIRN_ERROR_INVALID_HANDLE };
-        view.let_go();
-        plugin::drawing().into_iter().for_each(|drawing| drawing.tidy());
+        view.release();
+        plugin::drawing().into_iter().for_each(|drawing| drawing.release_finished());
         CAIRN_OK
     })
 }

@@ -10,7 +10,7 @@ pub(crate) unsafe extern "system" fn on_event(number: c_int, data: *mut c_void) 
     guarded((), || {
         let Some((drawing, event)) = plugin::event(number) else { return };
         let Some(view) = views::find(data.addr()) else { return };
-        view.tell(match event {
+        view.set_result(match event {
             Event::Make => drawing.make(&view),
             Event::Show => drawing.show(&view),
         });

@@ -48,7 +48,7 @@ fn guarded<T>(otherwise: T, work: impl FnOnce() -> T) -> T {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn a_panic_ends_at_the_door() {
+    fn a_panic_is_caught_in_an_entry_point() {
         assert_eq!(super::guarded(7, || panic!("a fault")), 7);
         assert_eq!(super::guarded(7, || 8), 8);
     }

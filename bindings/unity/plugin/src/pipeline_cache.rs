@@ -22,17 +22,17 @@ impl PipelineCache {
     /// Replaces the file atomically: if the game ends meanwhile, the earlier file stays. A failed write is logged, and the next run compiles again.
     fn replace(&self, bytes: &[u8]) {
         static WRITTEN: AtomicU64 = AtomicU64::new(0);
-        let own = format!("{}-{}.tmp", std::process::id(), WRITTEN.fetch_add(1, Ordering::Relaxed));
-        let part = self.path.with_extension(own);
-        let written = write_whole(&part, bytes).and_then(|()| std::fs::rename(&part, &self.path));
+        let suffix = format!("{}-{}.tmp", std::process::id(), WRITTEN.fetch_add(1, Ordering::Relaxed));
+        let temporary = self.path.with_extension(suffix);
+        let written = write_and_sync(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, &self.path));
         if let Err(e) = written {
             log::warn!("{}: compiled pipelines are not kept: {e}", self.path.display());
-            _ = std::fs::remove_file(&part);
+            _ = std::fs::remove_file(&temporary);
         }
     }
 }
 
-fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+fn write_and_sync(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder)?;
     }
@@ -85,19 +85,19 @@ mod tests {
         // SAFETY: a cache of ours; the size is asked for.
         let size = unsafe { load(null_mut(), 0, user) };
         let mut bytes = vec![0; size as usize];
-        // SAFETY: as above, with room.
+        // SAFETY: as above, with a buffer of that size.
         assert_eq!(unsafe { load(bytes.as_mut_ptr().cast(), size, user) }, size);
         bytes
     }
 
     #[test]
-    fn what_is_stored_is_loaded_in_the_next_run() {
+    fn stored_bytes_are_loaded_in_the_next_run() {
         let folder = std::env::temp_dir().join(format!("cairn-pipeline-cache-{}", std::process::id()));
         let path = folder.join("below").join("pipelines.bin");
         assert!(loaded(&mut PipelineCache::new(path.clone())).is_empty());
         for content in [&[1_u8, 2, 3][..], &[4; 9]] {
             let mut cache = PipelineCache::new(path.clone());
-            // SAFETY: a cache of ours, and as many bytes as are told.
+            // SAFETY: a cache of ours, and the stated number of bytes.
             unsafe { store(content.as_ptr().cast(), content.len() as u64, std::ptr::from_mut(&mut cache).cast()) };
             assert_eq!(loaded(&mut PipelineCache::new(path.clone())), content);
         }
@@ -108,11 +108,11 @@ mod tests {
     }
 
     #[test]
-    fn too_little_room_is_left_alone() {
+    fn a_small_buffer_is_not_written() {
         let mut cache = PipelineCache { path: PathBuf::new(), loaded: vec![7; 4] };
-        let mut room = [0_u8; 3];
-        // SAFETY: a cache of ours, and room as told.
-        let size = unsafe { load(room.as_mut_ptr().cast(), 3, std::ptr::from_mut(&mut cache).cast()) };
-        assert_eq!((size, room), (4, [0; 3]));
+        let mut buffer = [0_u8; 3];
+        // SAFETY: a cache of ours, and a buffer of the stated size.
+        let size = unsafe { load(buffer.as_mut_ptr().cast(), 3, std::ptr::from_mut(&mut cache).cast()) };
+        assert_eq!((size, buffer), (4, [0; 3]));
     }
 }

@@ -125,7 +125,7 @@ fn shut_down() {
         }
     };
     if let State::Ready(drawing) = left {
-        views::let_go();
+        views::release();
         drawing.finish();
     }
 }
@@ -144,7 +144,7 @@ fn initialise() {
     let state = match graphics.get_renderer {
         // SAFETY: a function of Unity's, which any thread may call.
         Some(get) => match unsafe { get() } {
-            RENDERER_D3D12 => take(&interfaces, first_event),
+            RENDERER_D3D12 => open_direct3d12(&interfaces, first_event),
             // A device may still come. In batch mode without graphics none comes.
             RENDERER_NULL => State::NoDevice,
             other => never(&format!("Unity draws with {}, and Cairn needs Direct3D 12. {SETTING}", name(other))),
@@ -155,7 +155,7 @@ fn initialise() {
 }
 
 /// Opens Direct3D 12 through the newest interface version.
-fn take(interfaces: &Interfaces, first_event: Option<c_int>) -> State {
+fn open_direct3d12(interfaces: &Interfaces, first_event: Option<c_int>) -> State {
     // SAFETY: Unity's registry.
     let Some(api) = (unsafe { Direct3d12::find(interfaces) }) else {
         return never(

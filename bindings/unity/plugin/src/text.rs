@@ -18,7 +18,7 @@ pub(crate) unsafe fn copy(text: &str, to: *mut c_char, capacity: usize, length: 
     while !text.is_char_boundary(end) {
         end -= 1;
     }
-    // SAFETY: `end` is less than the capacity, and both lie apart.
+    // SAFETY: `end` is less than the capacity, and the two do not overlap.
     unsafe { std::ptr::copy_nonoverlapping(text.as_ptr(), to.cast(), end) };
     // SAFETY: as above.
     unsafe { to.add(end).write(0) };
@@ -29,14 +29,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_fits_is_copied_and_no_letter_is_cut() {
+    fn text_is_truncated_between_characters() {
         for (capacity, expected) in [(0, "xxxx"), (1, ""), (2, "a"), (3, "a"), (4, "aä")] {
-            let mut room = [b'x'; 5];
+            let mut buffer = [b'x'; 5];
             let mut length = 0;
             // SAFETY: the buffer has the stated capacity.
-            unsafe { copy("aä", room.as_mut_ptr().cast(), capacity, &mut length) };
-            let end = if capacity == 0 { 4 } else { room.iter().position(|byte| *byte == 0).expect("an end") };
-            assert_eq!((std::str::from_utf8(&room[..end]), length), (Ok(expected), 3), "{capacity}");
+            unsafe { copy("aä", buffer.as_mut_ptr().cast(), capacity, &mut length) };
+            let end = if capacity == 0 { 4 } else { buffer.iter().position(|byte| *byte == 0).expect("an end") };
+            assert_eq!((std::str::from_utf8(&buffer[..end]), length), (Ok(expected), 3), "{capacity}");
         }
         // SAFETY: nothing is written.
         unsafe { copy("a", std::ptr::null_mut(), 7, std::ptr::null_mut()) };

@@ -18,30 +18,30 @@ pub(crate) struct View {
     /// Handles of Cairn's as numbers: their use fails once they are destroyed.
     pub(crate) device: usize,
     pub(crate) presenter: usize,
-    wanted: Mutex<Wanted>,
-    told: Mutex<Told>,
+    next: Mutex<NextFrame>,
+    status: Mutex<Status>,
     /// Locked by an event while it draws; only one draws at a time.
     pub(crate) ring: Mutex<TargetRing>,
 }
 
 /// Time and texture of the next frame.
 #[derive(Default, Clone)]
-struct Wanted {
+struct NextFrame {
     now: u64,
     target: Option<Target>,
 }
 
 /// Progress of a view.
 #[derive(Clone, Copy)]
-pub(crate) struct Shown {
+pub(crate) struct Progress {
     /// Number of frames that were copied into Unity's texture.
     pub(crate) frames: u64,
     /// The last frame that was made.
     pub(crate) frame: cairn_frame,
 }
 
-struct Told {
-    shown: Shown,
+struct Status {
+    progress: Progress,
     /// Result of the last event, with its message.
     result: cairn_result,
     message: String,
@@ -56,21 +56,21 @@ struct Views {
 }
 
 /// Bits of a view's number that distinguish it from other data.
-const MARK: usize = 0x5600_0000_0000_0000;
+const TAG: usize = 0x5600_0000_0000_0000;
 
 /// Adds a view and returns its number.
 pub(crate) fn add(device: usize, presenter: usize) -> usize {
-    let shown = Shown { frames: 0, frame: no_frame() };
+    let progress = Progress { frames: 0, frame: no_frame() };
     let view = View {
         device,
         presenter,
-        wanted: Mutex::default(),
-        told: Mutex::new(Told { shown, result: CAIRN_NOT_READY, message: String::new() }),
+        next: Mutex::default(),
+        status: Mutex::new(Status { progress, result: CAIRN_NOT_READY, message: String::new() }),
         ring: Mutex::default(),
     };
     let mut views = VIEWS.lock();
     views.last += 1;
-    let number = MARK | views.last;
+    let number = TAG | views.last;
     views.live.insert(number, Arc::new(view));
     number
 }
@@ -86,57 +86,57 @@ pub(crate) fn remove(number: usize) -> Option<Arc<View>> {
 }
 
 /// Releases what all views hold of a device that is about to disappear.
-pub(crate) fn let_go() {
+pub(crate) fn release() {
     let all: Vec<_> = VIEWS.lock().live.values().cloned().collect();
     for view in all {
-        view.let_go();
+        view.release();
     }
 }
 
 impl View {
     /// Sets time and texture of the next frame.
-    pub(crate) fn want(&self, now: u64, target: Option<Target>) {
+    pub(crate) fn set_next(&self, now: u64, target: Option<Target>) {
         // Dropping the last reference to a texture is slow, so it happens outside the lock.
-        let _before = std::mem::replace(&mut *self.wanted.lock(), Wanted { now, target });
+        let _before = std::mem::replace(&mut *self.next.lock(), NextFrame { now, target });
     }
 
     /// Time and texture of the next frame.
     #[cfg_attr(not(windows), expect(dead_code, reason = "nothing is drawn there"))]
-    pub(crate) fn wanted(&self) -> Option<(u64, Target)> {
-        let Wanted { now, target } = self.wanted.lock().clone();
+    pub(crate) fn next_frame(&self) -> Option<(u64, Target)> {
+        let NextFrame { now, target } = self.next.lock().clone();
         Some((now, target?))
     }
 
     /// Records the result of an event.
-    pub(crate) fn tell(&self, ended: Ended) {
-        let mut told = self.told.lock();
-        match ended {
-            Ended::Made(frame) => (told.shown.frame, told.result) = (frame, 0),
-            Ended::Shown => told.shown.frames += 1,
-            Ended::Nothing => {}
-            Ended::Failed(result, message) => (told.result, told.message) = (result, message),
+    pub(crate) fn set_result(&self, result: EventResult) {
+        let mut status = self.status.lock();
+        match result {
+            EventResult::Made(frame) => (status.progress.frame, status.result) = (frame, 0),
+            EventResult::Shown => status.progress.frames += 1,
+            EventResult::Nothing => {}
+            EventResult::Failed(result, message) => (status.result, status.message) = (result, message),
         }
-        if told.result >= 0 {
-            told.message.clear();
+        if status.result >= 0 {
+            status.message.clear();
         }
     }
 
     /// Progress, and result and message of the last event that did something.
-    pub(crate) fn told(&self) -> (Shown, cairn_result, String) {
-        let told = self.told.lock();
-        (told.shown, told.result, told.message.clone())
+    pub(crate) fn status(&self) -> (Progress, cairn_result, String) {
+        let status = self.status.lock();
+        (status.progress, status.result, status.message.clone())
     }
 
     /// Releases what the view holds of a device. It can be used again afterwards.
-    pub(crate) fn let_go(&self) {
-        self.want(0, None);
-        self.ring.lock().let_go();
+    pub(crate) fn release(&self) {
+        self.set_next(0, None);
+        self.ring.lock().release();
     }
 }
 
 /// Result of an event.
 #[cfg_attr(not(windows), expect(dead_code, reason = "nothing is drawn there"))]
-pub(crate) enum Ended {
+pub(crate) enum EventResult {
     Made(cairn_frame),
     Shown,
     /// There was nothing to do.

@@ -18,33 +18,20 @@ use cairn::gpu::windows::core::Interface;
 // The plugin is linked into this program.
 use cairn_unity as plugin;
 use cairn_unity::*;
+use test_support::c_interface::{create_handle, with_struct_size};
+use test_support::d3d12::amd;
+use test_support::d3d12::engine;
+use test_support::d3d12::object_counts;
+use test_support::d3d12::textures::{self, TextureDesc};
 
-#[path = "../../../../tests/d3d12/amd.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod amd;
-#[path = "../../../../tests/d3d12/counts.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod counts;
-#[path = "../../../../tests/d3d12/engine.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod engine;
-#[path = "../../../../tests/d3d12/handles.rs"]
-mod handles;
 #[path = "host/lists.rs"]
 mod lists;
 #[path = "host/strictness.rs"]
 mod strictness;
-#[path = "../../../../tests/d3d12/tables.rs"]
-mod tables;
-#[path = "../../../../tests/d3d12/textures.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
-mod textures;
 #[path = "host/unity.rs"]
 mod unity;
 
-use handles::{made, prepared};
-use textures::Wanted;
-use unity::Running;
+use unity::UnityHandle;
 
 /// Size of frames. Its row size is not a multiple of the copy alignment, and AMD's libraries accept it.
 const SIZE: (u32, u32) = (101, 67);
@@ -55,21 +42,21 @@ const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE;
 
 /// A presenter with two anchors, four frames to an anchor, in the given colour space.
 fn presenter(colour_space: u32) -> *mut cairn_presenter {
-    let mut options: cairn_presenter_options = prepared(|o: &mut cairn_presenter_options| &mut o.struct_size);
+    let mut options: cairn_presenter_options = with_struct_size(|o: &mut cairn_presenter_options| &mut o.struct_size);
     (options.multiplier, options.interval_ns, options.colour_space) = (4, INTERVAL, colour_space);
     // SAFETY: options with their struct size, and a writable handle.
-    let presenter = made(|to| unsafe { cairn_presenter_create(&options, to) });
+    let presenter = create_handle(|to| unsafe { cairn_presenter_create(&options, to) });
     for number in 0..2 {
         let colour = |i: u32| {
             let (x, y) = (i % SIZE.0, i / SIZE.0);
             [(x * 255 / SIZE.0) as u8, (y * 255 / SIZE.1) as u8, ((x ^ y) * 8 * (1 + number as u32)) as u8, 255]
         };
         let pixels: Vec<u8> = (0..SIZE.0 * SIZE.1).flat_map(colour).collect();
-        let mut picture: cairn_picture = prepared(|picture: &mut cairn_picture| &mut picture.struct_size);
+        let mut picture: cairn_picture = with_struct_size(|picture: &mut cairn_picture| &mut picture.struct_size);
         (picture.width, picture.height) = SIZE;
         (picture.pixels, picture.size) = (pixels.as_ptr().cast(), pixels.len() as u64);
         // SAFETY: a picture that lives during the call, and a place for the handle.
-        let anchor = made(|to| unsafe { cairn_anchor_create(&picture, number, 0, to) });
+        let anchor = create_handle(|to| unsafe { cairn_anchor_create(&picture, number, 0, to) });
         // SAFETY: live handles.
         let pushed = unsafe { cairn_presenter_push(presenter, anchor, null(), number * INTERVAL) };
         // SAFETY: a live handle.
@@ -79,9 +66,9 @@ fn presenter(colour_space: u32) -> *mut cairn_presenter {
 }
 
 /// The frame at `now`, drawn into memory.
-fn drawn(presenter: *mut cairn_presenter, now: u64) -> Vec<u8> {
+fn draw(presenter: *mut cairn_presenter, now: u64) -> Vec<u8> {
     let mut pixels = vec![0; (SIZE.0 * SIZE.1 * 4) as usize];
-    let mut target: cairn_target = prepared(|target: &mut cairn_target| &mut target.struct_size);
+    let mut target: cairn_target = with_struct_size(|target: &mut cairn_target| &mut target.struct_size);
     (target.width, target.height) = SIZE;
     (target.pixels, target.size) = (pixels.as_mut_ptr().cast(), pixels.len() as u64);
     // SAFETY: a live handle and a target that lives during the call.
@@ -90,12 +77,12 @@ fn drawn(presenter: *mut cairn_presenter, now: u64) -> Vec<u8> {
 }
 
 /// The same frame as numbers in a colour space: red first, without alpha.
-fn drawn_in(presenter: *mut cairn_presenter, now: u64, colour_space: u32) -> Vec<f64> {
+fn draw_in(presenter: *mut cairn_presenter, now: u64, colour_space: u32) -> Vec<f64> {
     if colour_space == CAIRN_COLOUR_SRGB {
-        return numbers(&drawn(presenter, now), DXGI_FORMAT_R8G8B8A8_TYPELESS);
+        return numbers(&draw(presenter, now), DXGI_FORMAT_R8G8B8A8_TYPELESS);
     }
     let mut halves = vec![0; (SIZE.0 * SIZE.1 * 8) as usize];
-    let mut target: cairn_target = prepared(|target: &mut cairn_target| &mut target.struct_size);
+    let mut target: cairn_target = with_struct_size(|target: &mut cairn_target| &mut target.struct_size);
     (target.width, target.height, target.format) = (SIZE.0, SIZE.1, CAIRN_FORMAT_RGBA16F);
     (target.pixels, target.size) = (halves.as_mut_ptr().cast(), halves.len() as u64);
     // SAFETY: a live handle and a target that lives during the call.
@@ -129,14 +116,14 @@ impl Scene {
 
     /// Prepared with a file that keeps compiled pipelines.
     fn with_pipelines(colour_space: u32, file: *const c_char) -> Self {
-        amd::prepare();
+        amd::allow_double();
         // SAFETY: the handle's variable can be written.
-        let device = made(|to| unsafe { cairn_unity_create_device(to) });
+        let device = create_handle(|to| unsafe { cairn_unity_create_device(to) });
         let presenter = presenter(colour_space);
         // SAFETY: live handles, and a text that lives during the call.
         assert_eq!(unsafe { cairn_unity_prepare(device, presenter, SIZE.0, SIZE.1, file) }, CAIRN_OK);
         // SAFETY: live handles and a writable view.
-        let view = made(|to| unsafe { cairn_unity_view_create(device, presenter, to) });
+        let view = create_handle(|to| unsafe { cairn_unity_view_create(device, presenter, to) });
         Self { device, presenter, view }
     }
 
@@ -149,7 +136,7 @@ impl Scene {
 
     /// Result of the last event, number of frames shown, the last frame made, and the message.
     fn get(&self) -> (cairn_result, u64, cairn_frame, String) {
-        let mut frame: cairn_frame = prepared(|frame: &mut cairn_frame| &mut frame.struct_size);
+        let mut frame: cairn_frame = with_struct_size(|frame: &mut cairn_frame| &mut frame.struct_size);
         let (mut shown, mut text, mut length) = (0, [0_u8; 1024], 0);
         let room = text.as_mut_ptr().cast();
         // SAFETY: all outputs can be written.
@@ -158,7 +145,7 @@ impl Scene {
     }
 
     /// Issues both events in one frame of Unity's.
-    fn show(&self, unity: &Running) {
+    fn show(&self, unity: &UnityHandle) {
         unity.event(cairn_unity_get_make_event(), self.view.cast());
         unity.event(cairn_unity_get_show_event(), self.view.cast());
         unity.end_frame();
@@ -178,25 +165,25 @@ impl Scene {
 }
 
 /// A texture with the format of a RenderTexture of Unity's.
-fn texture(unity: &Running, size: (u32, u32), levels: u16) -> ID3D12Resource {
-    texture_of(unity, size, levels, DXGI_FORMAT_R8G8B8A8_TYPELESS)
+fn texture(unity: &UnityHandle, size: (u32, u32), levels: u16) -> ID3D12Resource {
+    texture_from_picture(unity, size, levels, DXGI_FORMAT_R8G8B8A8_TYPELESS)
 }
 
-fn texture_of(unity: &Running, size: (u32, u32), levels: u16, format: DXGI_FORMAT) -> ID3D12Resource {
-    let wanted = Wanted {
+fn texture_from_picture(unity: &UnityHandle, size: (u32, u32), levels: u16, format: DXGI_FORMAT) -> ID3D12Resource {
+    let wanted = TextureDesc {
         size,
         format,
         flags: D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET,
         state: READ,
         levels,
-        ..Wanted::default()
+        ..TextureDesc::default()
     };
-    let made = wanted.make(&unity.device());
+    let made = wanted.create(&unity.device());
     unity.own(&made, READ);
     made
 }
 
-fn pixels(unity: &Running, texture: &ID3D12Resource) -> Vec<u8> {
+fn pixels(unity: &UnityHandle, texture: &ID3D12Resource) -> Vec<u8> {
     textures::read(&unity.device(), &unity.queue(), texture, unity.state_of(texture))
 }
 
@@ -216,30 +203,30 @@ enum Expected {
 
 impl Expected {
     fn at(presenter: *mut cairn_presenter, now: u64) -> Self {
-        if now % INTERVAL == INTERVAL / 2 && amd::makes_half_way(SIZE) {
+        if now % INTERVAL == INTERVAL / 2 && amd::generates_frames(SIZE) {
             return Self::MadeByAmd;
         }
-        Self::Drawn(drawn(presenter, now))
+        Self::Drawn(draw(presenter, now))
     }
 
-    fn is_in(&self, unity: &Running, target: &ID3D12Resource) -> bool {
+    fn is_in(&self, unity: &UnityHandle, target: &ID3D12Resource) -> bool {
         let found = pixels(unity, target);
         match self {
             Self::Drawn(pixels) => alike(&found, pixels),
-            Self::MadeByAmd => amd::is_picture(&found),
+            Self::MadeByAmd => amd::has_detail(&found),
         }
     }
 }
 
 /// Whether a target shows the frame at `now`.
-fn is_shown(unity: &Running, target: &ID3D12Resource, presenter: *mut cairn_presenter, now: u64) -> bool {
+fn is_shown(unity: &UnityHandle, target: &ID3D12Resource, presenter: *mut cairn_presenter, now: u64) -> bool {
     Expected::at(presenter, now).is_in(unity, target)
 }
 
 #[test]
 fn frames_are_shown_by_every_version_of_the_interface() {
     for version in 5..=8 {
-        let unity = Running::start(version);
+        let unity = UnityHandle::start(version);
         unity.load();
         assert_eq!(state(), (CAIRN_OK, format!("IUnityGraphicsD3D12v{version}")));
         let (make, show) = (cairn_unity_get_make_event(), cairn_unity_get_show_event());
@@ -260,7 +247,7 @@ fn frames_are_shown_by_every_version_of_the_interface() {
         for ((now, source), count) in frames.into_iter().zip(1..) {
             assert_eq!(scene.set(now, Some(&target)), CAIRN_OK);
             // Unity reads the texture before, and leaves it in a state that only Unity knows.
-            unity.bring(&target, if count % 2 == 0 { READ } else { D3D12_RESOURCE_STATE_RENDER_TARGET });
+            unity.transition(&target, if count % 2 == 0 { READ } else { D3D12_RESOURCE_STATE_RENDER_TARGET });
             scene.show(&unity);
             let (result, shown, frame, message) = scene.get();
             assert_eq!((result, shown, frame.source), (CAIRN_OK, count, source), "v{version}: {message} {frame:?}");
@@ -276,15 +263,15 @@ fn frames_are_shown_by_every_version_of_the_interface() {
         let calls = recorded.map(|name| unity.calls(name));
         let (by_list, by_recording) = if version == 8 { (0, [5; 4]) } else { (5, [0; 4]) };
         assert_eq!((unity.calls("ExecuteCommandList"), calls), (by_list, by_recording), "v{version}");
-        assert_eq!(unity.wrong(), Vec::<String>::new(), "v{version}");
+        assert_eq!(unity.take_violations(), Vec::<String>::new(), "v{version}");
         scene.end();
     }
 }
 
 #[test]
-fn what_cannot_be_shown_is_said_and_harms_nothing() {
+fn failures_are_reported_and_harm_nothing() {
     for version in [5, 8] {
-        let unity = Running::start(version);
+        let unity = UnityHandle::start(version);
         unity.load();
         let scene = Scene::new();
         let target = texture(&unity, SIZE, 1);
@@ -336,17 +323,18 @@ fn what_cannot_be_shown_is_said_and_harms_nothing() {
         unity.event(make, view);
         unity.event(show, view);
         unity.end_frame();
-        assert_eq!(unity.wrong(), Vec::<String>::new());
+        assert_eq!(unity.take_violations(), Vec::<String>::new());
     }
 }
 
 #[test]
 fn devices_come_and_go_and_nothing_of_them_is_kept() {
     for version in [5, 8] {
-        let unity = Running::start(version);
+        let unity = UnityHandle::start(version);
         let (device, queue) = (unity.device(), unity.queue());
         let target = texture(&unity, SIZE, 1);
-        let count = || [engine::references(&device), engine::references(&queue), engine::references(&target)];
+        let count =
+            || [engine::reference_count(&device), engine::reference_count(&queue), engine::reference_count(&target)];
         let before = count();
         // Loading twice has the effect of loading once.
         unity.load();
@@ -385,15 +373,15 @@ fn devices_come_and_go_and_nothing_of_them_is_kept() {
         scene.end();
         unity.wait_ignoring_loss();
         unity.unload();
-        engine::comes_back(count, before);
-        assert_eq!(unity.wrong(), Vec::<String>::new());
+        engine::wait_for_counts(count, before);
+        assert_eq!(unity.take_violations(), Vec::<String>::new());
     }
 }
 
 #[test]
 fn frames_are_shown_where_the_submission_thread_is_behind() {
     for version in [6, 8] {
-        let unity = Running::start(version);
+        let unity = UnityHandle::start(version);
         unity.load();
         unity.lag();
         let scene = Scene::new();
@@ -411,17 +399,17 @@ fn frames_are_shown_where_the_submission_thread_is_behind() {
             }
             before = Some(Expected::at(scene.presenter, now));
         }
-        assert_eq!(unity.wrong(), [""; 0], "v{version}");
+        assert_eq!(unity.take_violations(), [""; 0], "v{version}");
         scene.end();
     }
 }
 
 #[test]
 fn compiled_pipelines_are_in_a_file_in_the_next_run() {
-    let unity = Running::start(8);
+    let unity = UnityHandle::start(8);
     unity.load();
     // The lab's driver has no pipeline cache of its own.
-    counts::install(&unity.device());
+    object_counts::install(&unity.device());
     let folder = std::env::temp_dir().join(format!("cairn-unity-pipelines-{}", std::process::id()));
     let path = folder.join("Cairn").join("pipelines.bin");
     let name = CString::new(path.to_str().expect("UTF-8")).expect("no NUL");
@@ -449,7 +437,7 @@ fn compiled_pipelines_are_in_a_file_in_the_next_run() {
 #[test]
 fn a_list_shows_the_frame_that_it_was_recorded_with_however_late_it_runs() {
     for (version, delay) in [(5, u64::MAX), (6, 3), (8, 3), (8, u64::MAX)] {
-        let unity = Running::start(version);
+        let unity = UnityHandle::start(version);
         unity.load();
         let scene = Scene::new();
         unity.delay(delay);
@@ -474,7 +462,7 @@ fn a_list_shows_the_frame_that_it_was_recorded_with_however_late_it_runs() {
         for ((target, expected), count) in targets.iter().zip(&expected).zip(0..) {
             assert!(expected.is_in(&unity, target), "v{version}, {delay}: the list of frame {count}");
         }
-        assert_eq!(unity.wrong(), [""; 0], "v{version}, {delay}");
+        assert_eq!(unity.take_violations(), [""; 0], "v{version}, {delay}");
         scene.end();
     }
 }
@@ -516,10 +504,11 @@ fn frames_go_into_floats_and_bytes_as_light_or_srgb() {
         DXGI_FORMAT_B8G8R8A8_TYPELESS,
     ];
     for (colour_space, formats) in [(CAIRN_COLOUR_SRGB, &all[..]), (CAIRN_COLOUR_LINEAR, &all[..2])] {
-        let unity = Running::start(8);
+        let unity = UnityHandle::start(8);
         unity.load();
         let scene = Scene::of(colour_space);
-        let targets: Vec<_> = formats.iter().map(|format| (texture_of(&unity, SIZE, 1, *format), *format)).collect();
+        let targets: Vec<_> =
+            formats.iter().map(|format| (texture_from_picture(&unity, SIZE, 1, *format), *format)).collect();
         // An anchor and a generated frame.
         for now in [INTERVAL, INTERVAL * 5 / 4] {
             for (target, format) in &targets {
@@ -527,7 +516,7 @@ fn frames_go_into_floats_and_bytes_as_light_or_srgb() {
                 scene.show(&unity);
                 let (result, _, frame, message) = scene.get();
                 assert_eq!((result, frame.flags & CAIRN_FRAME_UNPREPARED), (CAIRN_OK, 0), "{format:?}: {message}");
-                let expected = drawn_in(scene.presenter, now, colour_space);
+                let expected = draw_in(scene.presenter, now, colour_space);
                 let found = numbers(&pixels(&unity, target), *format);
                 assert_eq!(found.len(), expected.len());
                 for (found, expected) in found.iter().zip(&expected) {
@@ -538,25 +527,25 @@ fn frames_go_into_floats_and_bytes_as_light_or_srgb() {
                 }
             }
         }
-        assert_eq!(unity.wrong(), [""; 0], "{colour_space}");
+        assert_eq!(unity.take_violations(), [""; 0], "{colour_space}");
         scene.end();
     }
 }
 
 #[test]
-fn what_the_queue_uses_is_kept_and_then_let_go_of() {
+fn textures_that_the_queue_uses_are_released_when_it_has_finished() {
     for version in [5, 8] {
-        let unity = Running::start(version);
+        let unity = UnityHandle::start(version);
         let (device, queue) = (unity.device(), unity.queue());
         let targets = [DXGI_FORMAT_R8G8B8A8_TYPELESS, DXGI_FORMAT_B8G8R8A8_TYPELESS]
-            .map(|format| texture_of(&unity, SIZE, 1, format));
+            .map(|format| texture_from_picture(&unity, SIZE, 1, format));
         let count = || {
             let [one, other] = &targets;
             [
-                engine::references(&device),
-                engine::references(&queue),
-                engine::references(one),
-                engine::references(other),
+                engine::reference_count(&device),
+                engine::reference_count(&queue),
+                engine::reference_count(one),
+                engine::reference_count(other),
             ]
         };
         let before = count();
@@ -574,23 +563,23 @@ fn what_the_queue_uses_is_kept_and_then_let_go_of() {
         assert_eq!((scene.get().0, scene.get().1), (CAIRN_OK, 3), "v{version}: {}", scene.get().3);
         // SAFETY: a live handle.
         assert_eq!(unsafe { cairn_unity_view_destroy(scene.view) }, CAIRN_OK);
-        assert_eq!((unity.freed(), unity.wrong()), (0, Vec::new()), "v{version}");
+        assert_eq!((unity.freed(), unity.take_violations()), (0, Vec::new()), "v{version}");
         drop(gate);
         unity.wait_ignoring_loss();
         // Ending another view finds that they have executed.
         // SAFETY: live handles and a writable view.
         unsafe {
-            let other = made(|to| cairn_unity_view_create(scene.device, scene.presenter, to));
+            let other = create_handle(|to| cairn_unity_view_create(scene.device, scene.presenter, to));
             assert_eq!(cairn_unity_view_destroy(other), CAIRN_OK);
         }
-        engine::comes_back(|| [count()[2], count()[3]], [before[2], before[3]]);
+        engine::wait_for_counts(|| [count()[2], count()[3]], [before[2], before[3]]);
         // The presenter holds the textures of its frames and is destroyed after them.
         // SAFETY: live handles.
         let ended = unsafe { [cairn_presenter_destroy(scene.presenter), cairn_device_destroy(scene.device)] };
         assert_eq!(ended, [CAIRN_OK; 2]);
         unity.wait_ignoring_loss();
         unity.unload();
-        engine::comes_back(count, before);
-        assert_eq!((unity.freed(), unity.wrong()), (2, Vec::new()), "v{version}");
+        engine::wait_for_counts(count, before);
+        assert_eq!((unity.freed(), unity.take_violations()), (2, Vec::new()), "v{version}");
     }
 }

@@ -82,7 +82,7 @@ fn unload() {
 }
 
 #[test]
-fn what_unity_lacks_is_said_with_what_to_do() {
+fn missing_interfaces_are_reported_with_a_remedy() {
     let _one = ONE_AT_A_TIME.lock().unwrap_or_else(|e| e.into_inner());
     unload();
     let reserved = RESERVED.load(Ordering::SeqCst);
@@ -140,7 +140,7 @@ fn what_unity_lacks_is_said_with_what_to_do() {
 }
 
 #[test]
-fn events_and_doors_take_anything() {
+fn events_and_entry_points_accept_any_arguments() {
     let _one = ONE_AT_A_TIME.lock().unwrap_or_else(|e| e.into_inner());
     unload();
     assert_eq!((cairn_unity_get_make_event(), cairn_unity_get_show_event()), (-1, -1));

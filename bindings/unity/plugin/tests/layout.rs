@@ -14,7 +14,7 @@ macro_rules! order {
 }
 
 #[test]
-fn functions_stand_where_unity_has_them() {
+fn functions_have_unitys_order() {
     order!(Interfaces, 4, get = 0, register = 1, get_split = 2, register_split = 3);
     order!(Graphics, 4, get_renderer = 0, register_device_event = 1, unregister_device_event = 2, reserve_events = 3);
     order!(
@@ -64,7 +64,7 @@ fn functions_stand_where_unity_has_them() {
 }
 
 #[test]
-fn structs_are_laid_out_as_unity_s_compilers_do() {
+fn structs_have_the_layout_of_unitys_compilers() {
     assert_eq!((size_of::<Guid>(), offset_of!(Guid, low)), (16, 8));
     assert_eq!((size_of::<ResourceState>(), offset_of!(ResourceState, expected)), (16, 8));
     assert_eq!(offset_of!(ResourceState, current), 12);
@@ -74,7 +74,7 @@ fn structs_are_laid_out_as_unity_s_compilers_do() {
 }
 
 #[test]
-fn numbers_are_unity_s() {
+fn constants_have_unitys_values() {
     let numbers = [
         (Graphics::GUID, "7cba0a9ca4ddb544", "8c5ad4926eb17b11"),
         (Direct3d12V5::GUID, "f5c8d8a37d37bc42", "b02dfe93b5064a27"),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use cairn::ffx::{Choice, Effect, Library, LoadOptions};
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COMMON;
-use cairn::gpu::{Gpu, Target, read_texture, texture_of};
+use cairn::gpu::{Gpu, Target, read_texture, texture_from_picture};
 use cairn::guidance::{DepthMap, Guidance, MotionField, Projection};
 use cairn::present::device::{DeviceDrawer, Preparation};
 use cairn::present::pacing::Interval;
@@ -21,41 +21,41 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 /// Anchors per second of world time, and moments in an interval.
 const RATE: u32 = 15;
 const STEPS: usize = 2;
-/// The place of each kind, which no other table is made of.
+/// Scene seed in each family; no other table uses it.
 const SEED: u64 = 4;
 /// The first anchor: 2 seconds into the script.
 const FIRST: usize = 30;
 
-/// What is measured.
-struct Asked {
+/// Settings from the command line.
+struct BenchSettings {
     size: (u32, u32),
     pairs: usize,
     families: &'static [Family],
     is_measured: bool,
 }
 
-impl Asked {
-    fn of_arguments() -> Outcome<Self> {
+impl BenchSettings {
+    fn from_arguments() -> Outcome<Self> {
         let arguments: Vec<String> = std::env::args().skip(1).collect();
         if !arguments.iter().any(|argument| argument == "--bench") {
             return Ok(Self { size: (96, 64), pairs: 1, families: &FAMILIES[..1], is_measured: false });
         }
-        let mut asked = Self { size: (640, 360), pairs: 8, families: &FAMILIES, is_measured: true };
+        let mut settings = Self { size: (640, 360), pairs: 8, families: &FAMILIES, is_measured: true };
         for pair in arguments.windows(2) {
             match pair[0].as_str() {
                 "--size" => {
                     let (width, height) = pair[1].split_once('x').ok_or("--size is WIDTHxHEIGHT")?;
-                    asked.size = (width.parse()?, height.parse()?);
+                    settings.size = (width.parse()?, height.parse()?);
                 }
-                "--pairs" => asked.pairs = pair[1].parse()?,
+                "--pairs" => settings.pairs = pair[1].parse()?,
                 _ => {}
             }
         }
-        Ok(asked)
+        Ok(settings)
     }
 }
 
-/// A walk: anchors with their motion and depth, and what lies half way.
+/// A walk: anchors with their motion and depth, and the true frames half way between them.
 struct Walk {
     anchors: Vec<Frame>,
     halves: Vec<Picture>,
@@ -63,22 +63,22 @@ struct Walk {
 }
 
 impl Walk {
-    fn new(family: Family, asked: &Asked) -> Outcome<Self> {
-        let (width, height) = asked.size;
+    fn new(family: Family, settings: &BenchSettings) -> Outcome<Self> {
+        let (width, height) = settings.size;
         let scene = Scene::new(family, SEED);
         let script = ControlScript::parse(script(family))?;
         let options = ClipOptions { width, height, rate: RATE * STEPS as u32, ..ClipOptions::default() };
         let mut walk = Clip::new(&scene, &script, options).ok_or("the rate is in range")?;
-        let last = (FIRST + asked.pairs) * STEPS;
+        let last = (FIRST + settings.pairs) * STEPS;
         let moments = (0..=last).map(|_| Ok(walk.advance()?.0)).collect::<Outcome<Vec<Moment>>>()?;
         let draw = |now: usize, before: usize| {
             render(&scene, &moments[now], &moments[before], width, height, Quality::default())
         };
-        let anchors = (0..=asked.pairs).map(|pair| {
+        let anchors = (0..=settings.pairs).map(|pair| {
             let now = (FIRST + pair) * STEPS;
             draw(now, now - STEPS)
         });
-        let halves = (0..asked.pairs).map(|pair| {
+        let halves = (0..settings.pairs).map(|pair| {
             let half = (FIRST + pair) * STEPS + STEPS / 2;
             draw(half, half).picture
         });
@@ -86,7 +86,7 @@ impl Walk {
         Ok(Self { anchors: anchors.collect(), halves: halves.collect(), projection: Projection::new(NEAR, FAR, fov)? })
     }
 
-    /// What an engine knows of the way to an anchor.
+    /// Motion and depth of an anchor, as an engine provides them.
     fn guidance(&self, anchor: usize) -> Outcome<Guidance> {
         let frame = &self.anchors[anchor];
         let (width, height) = frame.picture.size();
@@ -99,17 +99,17 @@ impl Walk {
     }
 }
 
-/// Who makes frames.
-struct Maker {
+/// A frame generator that is compared.
+struct Contender {
     name: String,
     presenter: Presenter,
     /// On a device, or the processor.
     drawer: Option<(Gpu, DeviceDrawer)>,
-    /// Of each frame, by where motion was from.
+    /// PSNR of each frame in dB, with given motion and with motion found in the pictures.
     decibels: [Vec<f64>; 2],
 }
 
-impl Maker {
+impl Contender {
     /// Frames of `size`.
     fn new(name: &str, size: (u32, u32), mut drawer: Option<(Gpu, DeviceDrawer)>) -> Outcome<Self> {
         let options = PresenterOptions {
@@ -121,7 +121,7 @@ impl Maker {
         let presenter = match &mut drawer {
             Some((_, drawer)) => {
                 let presenter = Presenter::new(options, None)?;
-                drawer.prepare(&presenter, &Preparation::new(size))?;
+                presenter.prepare(drawer, &Preparation::new(size))?;
                 presenter
             }
             None => Presenter::new(options, Some(Box::new(CpuGenerator::new())))?,
@@ -154,7 +154,7 @@ impl Maker {
         let shown = match &mut self.drawer {
             None => self.presenter.draw(now, size, |picture| made = Some(picture.clone()))?,
             Some((gpu, drawer)) => {
-                let (texture, moment) = texture_of(gpu, &Picture::new(size.0, size.1)?)?;
+                let (texture, moment) = texture_from_picture(gpu, &Picture::new(size.0, size.1)?)?;
                 moment.wait()?;
                 let rest = D3D12_RESOURCE_STATE_COMMON;
                 let target = Target { texture: texture.clone(), before: rest, after: rest };
@@ -171,48 +171,48 @@ impl Maker {
 }
 
 pub(crate) fn run() -> Outcome<()> {
-    let asked = Asked::of_arguments()?;
+    let settings = BenchSettings::from_arguments()?;
     let gpu = Gpu::on_adapter(None)?;
-    let drawer = || DeviceDrawer::new(&gpu, asked.size, Colours::Shown);
-    let mut makers = Vec::new();
+    let drawer = || DeviceDrawer::new(&gpu, settings.size, Colours::Srgb);
+    let mut contenders = Vec::new();
     match Library::load(&LoadOptions::from_environment()) {
         Ok(library) => {
             let mut drawer = drawer()?;
             drawer.use_fsr(library.api(Effect::FrameGeneration)?, Choice::Any, true)?;
             let version = drawer.made_by_fsr().map(|version| version.name.clone()).unwrap_or_default();
-            makers.push(Maker::new(&format!("fsr {version}"), asked.size, Some((gpu.clone(), drawer)))?);
+            contenders.push(Contender::new(&format!("fsr {version}"), settings.size, Some((gpu.clone(), drawer)))?);
         }
         Err(why) => eprintln!("without fsr: {why}"),
     }
-    makers.push(Maker::new("shader", asked.size, Some((gpu.clone(), drawer()?)))?);
-    makers.push(Maker::new("cpu", asked.size, None)?);
-    for family in asked.families {
-        let walk = Walk::new(*family, &asked)?;
-        for maker in &mut makers {
+    contenders.push(Contender::new("shader", settings.size, Some((gpu.clone(), drawer()?)))?);
+    contenders.push(Contender::new("cpu", settings.size, None)?);
+    for family in settings.families {
+        let walk = Walk::new(*family, &settings)?;
+        for contender in &mut contenders {
             for is_given in [true, false] {
-                maker.show(&walk, is_given)?;
+                contender.show(&walk, is_given)?;
             }
         }
     }
-    if !asked.is_measured {
+    if !settings.is_measured {
         return Ok(());
     }
-    let (width, height) = asked.size;
+    let (width, height) = settings.size;
     println!(
         "PSNR in dB of frames half way between anchors 1/15 s apart, {width}x{height}, {} to a scene.",
-        asked.pairs
+        settings.pairs
     );
     println!("Seed {SEED} of each; motion and depth the scene's own, then found in the pictures.\n");
-    let heads: Vec<String> = asked.families.iter().map(|family| format!(" {family} |")).collect();
+    let heads: Vec<String> = settings.families.iter().map(|family| format!(" {family} |")).collect();
     println!("| generator | motion |{} mean | worst |", heads.concat());
     println!("|---|---|{}---:|---:|", "---:|".repeat(heads.len()));
-    for maker in &makers {
-        for (of, decibels) in ["given", "found"].into_iter().zip(&maker.decibels) {
+    for contender in &contenders {
+        for (of, decibels) in ["given", "found"].into_iter().zip(&contender.decibels) {
             let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
             let families: String =
-                decibels.chunks(asked.pairs).map(|family| format!(" {:.2} |", mean(family))).collect();
+                decibels.chunks(settings.pairs).map(|family| format!(" {:.2} |", mean(family))).collect();
             let worst = decibels.iter().copied().fold(f64::INFINITY, f64::min);
-            println!("| {} | {of} |{families} {:.2} | {worst:.2} |", maker.name, mean(decibels));
+            println!("| {} | {of} |{families} {:.2} | {worst:.2} |", contender.name, mean(decibels));
         }
     }
     Ok(())

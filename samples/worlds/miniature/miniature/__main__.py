@@ -18,12 +18,12 @@ UNFINISHED = 3
 # The world inside the library.
 PRESET_NAMES = ("cpu", "gpu", "further", "longer", "balanced", "levels", "smoke")
 SHIPPED = Path(__file__).resolve().parents[2] / "miniature.cairn"
-# Walks that are drawn side by side.
+# Number of walks that are rendered in parallel.
 DRAWN_AT_ONCE = 3
 
 
 def default_folder() -> Path:
-    """Where states and clips lie unless told otherwise."""
+    """Default folder of states and clips."""
     cache = os.environ.get("CAIRN_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(cache) / "cairn" / "miniature-training"
 
@@ -56,7 +56,7 @@ def share(text: str) -> float:
 
 
 class Job:
-    """One folder and the sizes of what is made in it."""
+    """Folder, options and preset of a run."""
 
     def __init__(self, options: argparse.Namespace):
         from .shapes import PRESETS
@@ -81,7 +81,7 @@ class Job:
 
 
 def draw_clips(job: Job) -> bool:
-    """The clips of the autoencoder."""
+    """Renders the clips of the autoencoder."""
     from . import clips, levels
 
     render = levels.draw_training_clip if job.preset.levels else clips.render
@@ -91,7 +91,7 @@ def draw_clips(job: Job) -> bool:
 
 
 def train_autoencoder(job: Job) -> bool:
-    """The autoencoder, on the clips that are there."""
+    """Trains the autoencoder on the existing clips."""
     from . import clips, levels, train_autoencoder
 
     found = clips.ready(job.folder / "clips", job.geometry.decoded)
@@ -105,7 +105,7 @@ def train_autoencoder(job: Job) -> bool:
 
 
 def score_autoencoder(job: Job) -> bool:
-    """PSNR, LPIPS and detail of places, or of walks through the levels, that were never seen."""
+    """Scores the autoencoder on held-out scenes, or on held-out walks through the levels."""
     from . import levels, perceptual, score, store
 
     parameters, folder, size = store.mean_parameters(job.autoencoder), job.folder / "held-out", job.geometry.decoded
@@ -121,17 +121,17 @@ def score_autoencoder(job: Job) -> bool:
             networks = {name: perceptual.load(name) for name in perceptual.NETWORKS}
     except perceptual.MissingWeights as error:
         job.say(f"no LPIPS: {error}")
-    judge = score.Judge(parameters, networks)
-    figures = {clip.path.name: judge.figures(clip) for clip in found}
+    scorer = score.Scorer(parameters, networks)
+    figures = {clip.path.name: scorer.scores(clip) for clip in found}
     job.say(f"autoencoder, {shown}")
     for family in dict.fromkeys(clip.family for clip in found):
-        job.say(f"{family:8} {score.Figures.mean([figures[clip.path.name] for clip in found if clip.family == family])}")
-    job.say(f"mean     {score.Figures.mean(list(figures.values()))}")
+        job.say(f"{family:8} {score.Scores.mean([figures[clip.path.name] for clip in found if clip.family == family])}")
+    job.say(f"mean     {score.Scores.mean(list(figures.values()))}")
     return True
 
 
 def encode_walks(job: Job) -> bool:
-    """The walks of the transformer: drawn, encoded, and the pictures thrown away."""
+    """Renders and encodes the walks of the transformer, and deletes the pictures."""
     from . import clips, latents, store
 
     parameters = store.mean_parameters(job.autoencoder)
@@ -142,7 +142,7 @@ def encode_walks(job: Job) -> bool:
     folder.mkdir(parents=True, exist_ok=True)
     mark.write_text(digest)
     encoder, plan = latents.Encoder(parameters), job.preset.world
-    # The autoencoder's clips are walks too, if short ones.
+    # The autoencoder's clips serve as short walks.
     for clip in clips.ready(job.folder / "clips", job.geometry.decoded):
         path = folder / f"{clip.path.name}.npz"
         if not path.is_file():
@@ -155,7 +155,7 @@ def encode_walks(job: Job) -> bool:
             return None
         return clips.render(job.renderer, job.folder / "walks", number, plan.seconds_of(walk), job.geometry.decoded), path
 
-    # The next walks are drawn while one is encoded.
+    # The next walks are rendered while one is encoded.
     with ThreadPoolExecutor(DRAWN_AT_ONCE) as pool:
         coming = deque(pool.submit(draw, walk) for walk in range(min(DRAWN_AT_ONCE, plan.count)))
         for walk in range(plan.count):
@@ -171,7 +171,7 @@ def encode_walks(job: Job) -> bool:
 
 
 def train_world(job: Job) -> bool:
-    """The transformer, on the latents that are there."""
+    """Trains the transformer on the existing latents."""
     from . import latents, train_world
 
     walks, plan = latents.Walks.read(job.folder / "latents"), job.preset.world
@@ -183,7 +183,7 @@ def train_world(job: Job) -> bool:
 
 
 def write_checkpoint(job: Job) -> bool:
-    """Both networks in the released layout, the transformer on the way from another world's to the one that was trained."""
+    """Writes both networks in the released layout; the transformer is interpolated between the bundle's and the trained one."""
     from . import begin, export, store
 
     world = store.mean_parameters(job.world)
@@ -196,7 +196,7 @@ def write_checkpoint(job: Job) -> bool:
 
 
 def build_bundle(job: Job) -> bool:
-    """The bundle, by the path of real weights."""
+    """Builds the bundle with `cairn.build`, like one of released weights."""
     from cairn.build import cli
 
     arguments = ["checkpoint", str(job.folder / "checkpoint"), "--out", str(job.folder / "bundle"), "--replace", "--quiet"]
@@ -205,7 +205,7 @@ def build_bundle(job: Job) -> bool:
 
 
 def begin(job: Job) -> bool:
-    """States of a bundle's weights, where there are none."""
+    """Writes initial states with a bundle's weights."""
     from . import begin
 
     for state in (job.autoencoder, job.world):
@@ -217,7 +217,7 @@ def begin(job: Job) -> bool:
 
 
 def cut(job: Job) -> bool:
-    """Pieces of both states, in `pieces`."""
+    """Splits both states into the folder `pieces`."""
     from . import pieces
 
     for state in (job.autoencoder, job.world):
@@ -228,7 +228,7 @@ def cut(job: Job) -> bool:
 
 
 def put_together(job: Job) -> bool:
-    """Both states, of their pieces in `pieces`."""
+    """Joins both states from the folder `pieces`."""
     from . import pieces
 
     for state in (job.autoencoder, job.world):
@@ -247,7 +247,7 @@ COMMANDS = {
     "checkpoint": (write_checkpoint, "write both networks in Waypoint-1.5's released layout"),
     "bundle": (build_bundle, "make the bundle of the checkpoint, with cairn.build"),
 }
-# What brings a training from elsewhere, or moves it; no part of `all`.
+# Commands that start from a bundle or transfer states; not part of `all`.
 MOVING = {
     "begin": (begin, "take the weights of a bundle, to train them further with --preset further"),
     "pieces": (cut, "cut the training states into pieces below 15 MiB"),
@@ -263,7 +263,7 @@ def main(arguments: list[str] | None = None) -> int:
         raise SystemExit(f"error: {job.world} is not there, and --preset {options.preset} goes on from a world. Run `begin` first.")
     import jax
 
-    # Compiling takes as long as dozens of steps; what was compiled is kept beside the states.
+    # Compiling takes as long as dozens of steps, so compiled programs are cached beside the states.
     jax.config.update("jax_compilation_cache_dir", str(options.folder / "compiled"))
     options.folder.mkdir(parents=True, exist_ok=True)
     for name in COMMANDS if options.command == "all" else [options.command]:
@@ -273,8 +273,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def keep_memory() -> None:
-    """Starts the program anew with an allocator that keeps what a step frees, in large pages: the next step takes the same, and
-    having it mapped and cleared again costs a quarter of the time. Of the GNU C library alone, where it is read at the start.
+    """Restarts the program with allocator settings that keep freed memory, in large pages: the next step needs the same memory, and
+    mapping and clearing it again takes a quarter of the time. Only the GNU C library has these settings, and reads them at the start.
     """
     if sys.platform == "linux" and "GLIBC_TUNABLES" not in os.environ:
         settings = ("hugetlb=1", "mmap_max=0", f"trim_threshold={1 << 40}", "arena_max=1")

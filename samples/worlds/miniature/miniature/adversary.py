@@ -1,4 +1,4 @@
-"""A small patch discriminator over three consecutive pictures: it sees detail, and how detail moves.
+"""A small patch discriminator over three consecutive pictures: it judges detail, and how detail moves.
 
 Its parameters are trained beside the autoencoder's, under names of their own; hinge loss [Lim and Ye 2017, arXiv:1705.02894].
 """
@@ -18,7 +18,7 @@ LEAK = 0.2
 
 
 def initial(seed: int) -> dict[str, np.ndarray]:
-    """Where training starts."""
+    """Initial parameters."""
     out, width = {}, 3 * PICTURES
     for index, (wide, kernel, _) in enumerate(LAYERS):
         rng = np.random.default_rng([seed, index])
@@ -45,14 +45,14 @@ def features(p: dict[str, Array], pictures: Array) -> list[Array]:
     return out
 
 
-def own_loss(p: dict[str, Array], true: Array, made: Array) -> Array:
-    """What the discriminator lowers."""
+def discriminator_loss(p: dict[str, Array], true: Array, made: Array) -> Array:
+    """Hinge loss of the discriminator."""
     both = features(p, jnp.concatenate([true, made]))[-1]
     return jnp.mean(jax.nn.relu(1 - both[: len(true)])) + jnp.mean(jax.nn.relu(1 + both[len(true) :]))
 
 
-def fooling_loss(p: dict[str, Array], true: Array, made: Array) -> Array:
-    """What the decoder lowers: the logits' negative mean, and the distance of the discriminator's features from those of the truth."""
+def generator_loss(p: dict[str, Array], true: Array, made: Array) -> Array:
+    """Loss of the decoder: the negative mean of the logits, and the distance of the discriminator's features from those of the truth."""
     both = features(p, jnp.concatenate([true, made]))
     matching = sum(jnp.mean(jnp.abs(f[len(true) :] - lax.stop_gradient(f[: len(true)]))) for f in both[:-1])
     return matching - jnp.mean(both[-1][len(true) :])

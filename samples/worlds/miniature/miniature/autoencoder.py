@@ -19,9 +19,9 @@ SOFT_LIMIT = 3.0
 
 
 def initial(g: Geometry, seed: int) -> dict[str, np.ndarray]:
-    """Where training starts: memory blocks pass their input on, all else is scaled to keep its variance."""
+    """Initial parameters: memory blocks are near the identity, all other layers keep the variance."""
     linear = {"encoder.0", "decoder.1", *(f"encoder.{3 + 5 * stage}" for stage in range(STAGES))}
-    # Upsampling makes neighbours equal, whose weights then add up.
+    # After upsampling neighbours are equal, so their weights add up.
     doubled = {f"decoder.{8 + 6 * stage}" for stage in range(STAGES)}
     out = {}
     for index, weight in enumerate(autoencoder_weights(g)):
@@ -51,7 +51,7 @@ def encode(p: Parameters, rgb: Array) -> Array:
     for stage, pooled in enumerate(ENCODER_POOLING):
         first = 2 + stage * (2 + MEMORIES_PER_STAGE)
         _, frames, rows, columns, width = x.shape
-        # The frames that are joined lie one behind the other in the channels.
+        # Joined frames are concatenated along the channels.
         x = x.reshape(n, frames // pooled, pooled, rows, columns, width).transpose(0, 1, 3, 4, 2, 5)
         x = x.reshape(n, frames // pooled, rows, columns, pooled * width)
         x = _conv(p, x, f"encoder.{first}.conv")

@@ -1,4 +1,4 @@
-"""Training states of a bundle's weights: what goes on from a world that is there, where its own training state is not."""
+"""Training states from a bundle's weights, to continue the training of a world whose training state is lost."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .shapes import AutoencoderPlan
 
 
 class OtherShapes(ValueError):
-    """A bundle whose networks are not shaped like those that are trained."""
+    """The bundle's networks have other shapes than the preset's."""
 
 
 Parameters = dict[str, np.ndarray]
 
 
 def weights(bundle: Path, g: Geometry) -> tuple[Parameters, Parameters]:
-    """The numbers of `bundle`, a folder or one file, as training has them: the transformer's and the autoencoder's."""
+    """Parameters of `bundle`, a folder or one file, in training's layout: the transformer's and the autoencoder's."""
     found = archive.read_geometry(bundle)
     if found.with_(encoder_width=g.encoder_width, decoder_widths=g.decoder_widths) != g:
         raise OtherShapes(f"{bundle} has other shapes than this preset: {found}, not {g}")
@@ -34,33 +34,33 @@ def weights(bundle: Path, g: Geometry) -> tuple[Parameters, Parameters]:
     with tempfile.TemporaryDirectory() as name:
         folder = bundle if bundle.is_dir() else archive.unpack(bundle, Path(name) / "bundle")
         transformer, pictures = ({name: _read(folder, placed) for name, placed in group.items()} for group in layouts(found))
-    # The bundle has the last bias once for each pixel of a patch, training once for each channel.
+    # The bundle has the last bias for each pixel of a patch, training for each channel.
     transformer["unpatchify.bias"] = transformer["unpatchify.bias"][:: g.patch[0] * g.patch[1]]
     return transformer, widened(pictures, g)
 
 
 def widened(narrow: Parameters, g: Geometry) -> Parameters:
-    """An autoencoder of `g` that computes what `narrow` does: its channels are kept, and what reads a new one starts at zero.
+    """An autoencoder of `g` that computes what `narrow` does: its channels are kept, and weights that read a new channel start at zero.
 
-    A new channel itself starts at random, so that the zeros that read it learn from the first step on.
+    The weights that compute a new channel start at random, so that those zeros have a gradient from the first step on.
     """
     out, start = {}, networks.initial(g, train_autoencoder.SEED)
-    parts = _parts()
+    parts = _joined_parts()
     for weight in autoencoder_weights(g):
         old, new = narrow[weight.name], start[weight.name].copy()
         outputs, inputs = parts.get(weight.name, (1, 1))
-        kept = _kept(old.shape[0], new.shape[0], outputs)
+        kept = _kept_channels(old.shape[0], new.shape[0], outputs)
         if new.ndim == 1:
             new[kept] = old
         else:
             new[kept] = 0
-            new[np.ix_(kept, _kept(old.shape[1], new.shape[1], inputs))] = old
+            new[np.ix_(kept, _kept_channels(old.shape[1], new.shape[1], inputs))] = old
         out[weight.name] = new
     return out
 
 
-def _parts() -> dict[str, tuple[int, int]]:
-    """Tensors whose outputs or inputs are several frames' channels one after the other, and how many."""
+def _joined_parts() -> dict[str, tuple[int, int]]:
+    """Output and input counts of frames for tensors whose channels are those of several frames in a row."""
     out = {}
     for stage, frames in enumerate(ENCODER_POOLING):
         first = 2 + stage * (2 + MEMORIES_PER_STAGE)
@@ -73,13 +73,13 @@ def _parts() -> dict[str, tuple[int, int]]:
     return out
 
 
-def _kept(narrow: int, wide: int, parts: int) -> np.ndarray:
-    """Where the channels of a narrow axis lie in a wide one, each of `parts` parts being widened at its end."""
+def _kept_channels(narrow: int, wide: int, parts: int) -> np.ndarray:
+    """Indices of a narrow axis' channels in a wide one; each of `parts` parts is widened at its end."""
     return np.concatenate([part * (wide // parts) + np.arange(narrow // parts) for part in range(parts)])
 
 
 def states(bundle: Path, g: Geometry, plan: AutoencoderPlan, autoencoder: Path, world: Path) -> None:
-    """Writes the states before a first step from the numbers of `bundle`."""
+    """Writes initial states with the parameters of `bundle`."""
     transformer, pictures = weights(bundle, g)
     facts = {"seconds": 0.0, "flops": 0.0, "begun": bundle.name}
     store.save(autoencoder, train_autoencoder.start(pictures, plan), facts)

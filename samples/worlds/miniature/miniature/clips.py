@@ -1,4 +1,4 @@
-"""Clips that the scene renderer makes: colour, and the controls that caused it.
+"""Clips by the scene renderer: colour, and the controls that caused it.
 
 A clip is a walk of N latent steps: picture 0 is what is seen at its start, and step q (from 1) has the pictures 4 q - 3 to 4 q, a
 sixtieth of a second apart, and the controls of that fifteenth of a second. Files lie side by side in one folder:
@@ -30,7 +30,7 @@ BUTTONS = 256
 
 @dataclass(frozen=True)
 class Clip:
-    """One walk: where its files lie, and its size."""
+    """One walk: path and size of its pictures."""
 
     path: Path
     width: int
@@ -38,7 +38,7 @@ class Clip:
 
     @property
     def family(self) -> str:
-        """Which kind of place it shows."""
+        """Family of the scene."""
         return self.path.name.partition("-")[0]
 
     def pictures(self) -> np.ndarray:
@@ -62,13 +62,13 @@ def read_controls(text: str) -> np.ndarray:
 
 
 def clip_name(number: int) -> tuple[str, int]:
-    """Family and scene seed of training clip `number`: the kinds take turns, and no place comes twice."""
+    """Family and scene seed of training clip `number`. The families alternate, and no scene comes twice."""
     seed = TRAINING_SEEDS.start + number // len(FAMILIES)
     return FAMILIES[number % len(FAMILIES)], require_trainable(seed)
 
 
 def render(renderer: Path, folder: Path, number: int, seconds: float, size: tuple[int, int]) -> Clip:
-    """Training clip `number`, drawn unless it is there. `seconds` of world time, whole latent steps."""
+    """Renders training clip `number`, unless it exists: `seconds` of world time, a whole number of latent steps."""
     family, seed = clip_name(number)
     clip = Clip(folder / f"{family}-{seed}", *size)
     if not clip.path.with_suffix(".rgb").is_file():
@@ -80,7 +80,7 @@ def render(renderer: Path, folder: Path, number: int, seconds: float, size: tupl
 
 
 def draw(renderer: Path, clip: Clip, family: str, seed: int, script: Path, seconds: float, start: str | None = None) -> None:
-    """Has a walk drawn to the clip's files; what is found under the clip's name is whole."""
+    """Runs the renderer for the clip's files. A file under the clip's name is complete."""
     partial = clip.path.with_suffix(".partial")
     rate = LATENTS_PER_SECOND * PICTURES_PER_LATENT
     command = [renderer, "clip", "--scene", family, "--seed", str(seed), "--script", script, "--seconds", str(seconds)]
@@ -92,7 +92,7 @@ def draw(renderer: Path, clip: Clip, family: str, seed: int, script: Path, secon
 
 
 def remove(clip: Clip) -> None:
-    """Removes the pictures of a clip, and what came with them."""
+    """Removes all files of a clip."""
     for suffix in (".rgb", ".controls", ".txt"):
         clip.path.with_suffix(suffix).unlink(missing_ok=True)
 

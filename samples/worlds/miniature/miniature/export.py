@@ -1,4 +1,4 @@
-"""A trained miniature as a checkpoint in Waypoint-1.5's released layout: what `python -m cairn.build checkpoint` reads.
+"""Exports a trained miniature as a checkpoint in Waypoint-1.5's released layout, for `python -m cairn.build checkpoint`.
 
     model.safetensors       the transformer, float16
     config.yaml             shapes, rates and schedule

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 LIST = Path(__file__).resolve().parent.parent / "held-out.txt"
-# Training's places of each kind: disjoint from the list, and checked against it before anything is drawn.
+# Scene seeds for training: disjoint from the list, and checked against it before a scene is rendered.
 TRAINING_SEEDS = range(1000, 1_000_000)
 
 
 class HeldOutSeed(ValueError):
-    """A seed of the held-out list was asked for in training."""
+    """Training requested a seed of the held-out list."""
 
 
 def held_out_seeds(path: Path = LIST) -> frozenset[int]:

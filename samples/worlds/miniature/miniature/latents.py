@@ -1,4 +1,4 @@
-"""What the transformer is trained on: clips as latents, with the controls that caused them.
+"""Training data of the transformer: clips as latents, with the controls that caused them.
 
 A file holds one walk, as it is and mirrored: `moving` `[2, N, h, w, C]`, the latents of steps 1 to N; `still`
 `[2, N // STILL_EVERY + 1, h, w, C]`, the latents of stills, as a rollout's seed is one, at the ends of steps 0, STILL_EVERY and so on;
@@ -20,7 +20,7 @@ from .clips import BUTTONS, PICTURES_PER_LATENT, Clip
 
 # Key codes that a mirror swaps: A and D.
 LEFT, RIGHT = 65, 68
-# A rollout can start at every so many steps of a walk: stills cost as much to encode as what moves.
+# Latent steps between two possible starts of a rollout. Each start needs a still, which costs as much to encode as a latent step.
 STILL_EVERY = 4
 # Clips of four pictures that are encoded at once.
 AT_ONCE = 16
@@ -36,7 +36,7 @@ def mirrored(controls: np.ndarray) -> np.ndarray:
 
 
 class Encoder:
-    """Clips to latents with one set of parameters."""
+    """Encodes clips with one set of parameters."""
 
     def __init__(self, parameters: dict):
         self._run: Callable = jax.jit(lambda rgb: autoencoder.encode(parameters, rgb.astype(jnp.float32) / 255).astype(jnp.float16))
@@ -79,7 +79,7 @@ class Walks:
 
     @classmethod
     def read(cls, folder: Path) -> "Walks":
-        """All that a folder holds."""
+        """Reads all walks of a folder."""
         walks = {}
         for path in sorted(folder.glob("*.npz")):
             with np.load(path) as file:
@@ -89,17 +89,17 @@ class Walks:
         return cls(walks)
 
     def among(self, names: set[str]) -> "Walks":
-        """Those of these names alone, in the same order."""
+        """The walks with these names, in the same order."""
         return Walks({name: walk for name, walk in zip(self.names, self.walks) if name in names})
 
     def window(self, rng: np.random.Generator, frames: int, more_of: str = "", times: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
         """A rollout of `frames` latents from a seed: `([frames, h, w, C], [frames, 3 + 256])`; the seed has no controls. Windows of
-        the kind of place `more_of` are taken `times` as often as those of another.
+        the family `more_of` are sampled `times` as often as those of another.
         """
         long_enough = np.flatnonzero(self.steps >= frames - 1)
         if not len(long_enough):
             raise ValueError(f"no walk has {frames - 1} steps; the longest has {self.steps.max()}")
-        # A long walk has more windows than a short one, though of one place: its share grows with their square root.
+        # A long walk has more windows than a short one, but shows one scene only, so its share is the square root of their number.
         starts = (self.steps[long_enough] - frames + 1) // STILL_EVERY + 1
         share = np.sqrt(starts)
         share = share * [times if self.names[walk].partition("-")[0] == more_of else 1.0 for walk in long_enough]

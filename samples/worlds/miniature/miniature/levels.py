@@ -1,7 +1,7 @@
-"""Four fixed levels, one of each kind of place, and walks through them.
+"""Four fixed levels, one of each family, and walks through them.
 
-A level is the ground within `REACH` of a scene's origin. Held out are walks, not places: the walks that the world is judged on are
-drawn from seeds of their own, and training refuses each of them by its SHA-256 (`held-out-walks.txt` beside this package).
+A level is the ground within `REACH` of a scene's origin. Walks are held out, not scenes: the walks for evaluation have
+seeds of their own, and training refuses each of them by its SHA-256 (`held-out-walks.txt` beside this package).
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from .scripts import random_script
 SEEDS = {"forest": 1001, "sword": 1001, "desert": 1001, "snow": 1001}
 # How far from the origin a walk may start, east or north, in metres.
 REACH = 50.0
-# How often a walk starts as a rollout does: on the path at the origin, looking along it.
+# Share of walks that start like a rollout: on the path at the origin, looking along it.
 FROM_ORIGIN = 0.15
 # Seconds within which a walk's first look begins.
 FIRST_LOOK = 0.3
 # Held-out walks of each level, and their length in seconds.
 HELD_OUT, HELD_OUT_SECONDS = 8, 60.0
 LIST = Path(__file__).resolve().parent.parent / "held-out-walks.txt"
-_TRAINING, _JUDGING = 1, 2
+_TRAINING, _EVALUATION = 1, 2
 
 
 class HeldOutWalk(ValueError):
@@ -47,17 +47,17 @@ class Walk:
 
     @property
     def start(self) -> str | None:
-        """East, north and direction, as the renderer takes them; none where the walk starts at the origin."""
+        """East, north and direction as the renderer's option; `None` for a start at the origin."""
         return read_start(self.script)
 
     @property
     def sha256(self) -> str:
-        """What the list of held-out walks names it by."""
+        """Identity of the walk in the list of held-out walks."""
         return digest(self.family, self.seed, self.script)
 
 
 def read_start(script: str) -> str | None:
-    """Where a script's walk starts."""
+    """The start that a script's comment gives."""
     for line in script.splitlines():
         if line.startswith(_START):
             return line.removeprefix(_START)
@@ -73,13 +73,13 @@ def digest(family: str, seed: int, script: str) -> str:
 
 
 def training_walk(number: int, seconds: float) -> Walk:
-    """Walk `number` of training: the kinds take turns."""
+    """Training walk `number`; the families alternate."""
     return _walk(FAMILIES[number % len(FAMILIES)], np.random.default_rng([_TRAINING, number]), seconds)
 
 
 def held_out_walk(family: str, number: int) -> Walk:
     """Held-out walk `number` of a level."""
-    return _walk(family, np.random.default_rng([_JUDGING, FAMILIES.index(family), number]), HELD_OUT_SECONDS)
+    return _walk(family, np.random.default_rng([_EVALUATION, FAMILIES.index(family), number]), HELD_OUT_SECONDS)
 
 
 def _walk(family: str, rng: np.random.Generator, seconds: float) -> Walk:
@@ -113,7 +113,7 @@ def require_trainable(clips: list[Clip]) -> list[Clip]:
 
 
 def render(renderer: Path, path: Path, walk: Walk, seconds: float, size: tuple[int, int]) -> Clip:
-    """The first `seconds` of a walk, drawn to `path` unless it is there."""
+    """Renders the first `seconds` of a walk to `path`, unless the file exists."""
     clip = Clip(path, *size)
     if not clip.path.with_suffix(".rgb").is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -124,7 +124,7 @@ def render(renderer: Path, path: Path, walk: Walk, seconds: float, size: tuple[i
 
 
 def draw_training_clip(renderer: Path, folder: Path, number: int, seconds: float, size: tuple[int, int]) -> Clip:
-    """Training clip `number`."""
+    """Renders training clip `number`."""
     walk = training_walk(number, seconds)
     return render(renderer, folder / f"{walk.family}-{walk.seed}-{number}", walk, seconds, size)
 

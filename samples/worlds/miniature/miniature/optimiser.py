@@ -1,7 +1,7 @@
 """Adam, or for matrices Muon, with decoupled weight decay, a clipped gradient and a running mean of the parameters, as pure functions.
 
-Muon [Jordan et al. 2024, https://kellerjordan.github.io/posts/muon/] moves a matrix by its momentum's nearest orthogonal matrix, here
-scaled as in [Liu et al. 2025, arXiv:2502.16982], so that its numbers move about as far as Adam's would.
+Muon [Jordan et al. 2024, https://kellerjordan.github.io/posts/muon/] updates a matrix by the orthogonal matrix nearest to its momentum, here
+scaled as in [Liu et al. 2025, arXiv:2502.16982] to the size of Adam's updates.
 """
 
 from __future__ import annotations
@@ -18,18 +18,21 @@ Parameters = dict[str, Array]
 
 
 class State(NamedTuple):
-    """All that training changes from step to step."""
+    """Parameters and state of the optimiser."""
 
     parameters: Parameters
-    mean: Parameters  # running mean of the parameters: what is evaluated and exported
+    mean: Parameters  # running mean of the parameters, which is evaluated and exported
     first: Parameters  # Adam's first moments
-    second: Parameters  # and second; empty for what Muon moves
+    second: Parameters  # Adam's second moments; empty for parameters that Muon updates
     step: Array  # int32 []
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How fast to learn. The rate rises over `warm_up` steps, stays, and falls to zero over the last `cool_down` of all steps."""
+    """Settings of the optimiser.
+
+    The learning rate rises over `warm_up` steps, stays, and falls to zero over the last share `cool_down` of all steps.
+    """
 
     rate: float
     steps: int
@@ -38,29 +41,29 @@ class Settings:
     decay: float = 0.0
     betas: tuple[float, float] = (0.9, 0.99)
     clip: float = 1.0
-    horizon: float = 250.0  # of the running mean, in steps: the last stages, none of which is good at everything alone
+    horizon: float = 250.0  # of the running mean, in steps: spans the last stages, each of which trains a part only
     muon_rate: float = 3e-3
     muon_momentum: float = 0.95
 
 
 def start(parameters: dict, by_muon: Callable[[str], bool] = lambda _: False) -> State:
-    """The state before the first step; matrices whose names `by_muon` takes are moved by Muon."""
-    # Four arrays of their own for each: a step takes the state's memory over.
+    """The state before the first step; Muon updates the matrices for whose names `by_muon` is true."""
+    # Separate arrays, because a step reuses the memory of the state.
     copies = [{name: jnp.array(value) for name, value in parameters.items()} for _ in range(2)]
     first = {name: jnp.zeros_like(value) for name, value in copies[0].items()}
     second = {name: jnp.zeros((0,)) if by_muon(name) else jnp.zeros_like(value) for name, value in copies[0].items()}
     return State(*copies, first, second, jnp.zeros((), jnp.int32))
 
 
-def share(s: Settings, step: Array) -> Array:
-    """What part of its full rate a step learns at."""
+def rate_factor(s: Settings, step: Array) -> Array:
+    """Learning rate of a step, relative to the full rate."""
     rising = jnp.minimum(1.0, (step + 1) / s.warm_up)
     falling = jnp.clip((s.steps - step) / (s.cool_down * s.steps), 0.0, 1.0)
     return rising * falling
 
 
 def orthogonal(x: Array) -> Array:
-    """About the nearest orthogonal matrix: five steps of the Newton-Schulz iteration with Muon's coefficients."""
+    """Approximately the nearest orthogonal matrix: five steps of the Newton-Schulz iteration with Muon's coefficients."""
     wide = x if x.shape[0] <= x.shape[1] else x.T
     wide = wide / (jnp.linalg.norm(wide) + 1e-7)
     for _ in range(5):
@@ -70,13 +73,13 @@ def orthogonal(x: Array) -> Array:
 
 
 def update(s: Settings, state: State, gradient: Parameters) -> tuple[State, Array]:
-    """The next state, and the norm of the gradient. A gradient that is not finite moves nothing."""
+    """The next state, and the norm of the gradient. A gradient that is not finite counts as zero."""
     norm = jnp.sqrt(sum(jnp.sum(jnp.square(g)) for g in gradient.values()))
     good = jnp.isfinite(norm)
     scale = jnp.where(good, jnp.minimum(1.0, s.clip / (norm + 1e-9)), 0.0)
     gradient = jax.tree.map(lambda g: jnp.where(good, g, 0.0) * scale, gradient)
     n = state.step + 1
-    now = share(s, state.step)
+    now = rate_factor(s, state.step)
     parameters, first, second = {}, {}, {}
     for name, p in state.parameters.items():
         g, m, v = gradient[name], state.first[name], state.second[name]
@@ -89,7 +92,7 @@ def update(s: Settings, state: State, gradient: Parameters) -> tuple[State, Arra
             direction, speed = 0.2 * max(p.shape) ** 0.5 * orthogonal(g + s.muon_momentum * m), s.muon_rate
         parameters[name] = p - now * speed * (direction + (s.decay * p if p.ndim > 1 else 0.0))
         first[name], second[name] = m, v
-    # A young mean follows fast, so that it holds nothing of the beginning.
+    # At first the mean follows fast, so that it forgets the initial parameters.
     keep = jnp.minimum(1 - 1 / s.horizon, n / (n + 9.0))
     mean = jax.tree.map(lambda e, p: keep * e + (1 - keep) * p, state.mean, parameters)
     return State(parameters, mean, first, second, n), norm

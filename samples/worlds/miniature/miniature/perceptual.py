@@ -24,7 +24,7 @@ NETWORKS = {
 # For pictures from -1 to 1.
 SHIFT = np.array([-0.030, -0.088, -0.188], np.float32)
 SCALE = np.array([0.458, 0.448, 0.450], np.float32)
-# Layers: ("conv", index, stride, padding, whether its activations are compared) or ("pool", window).
+# Layers: ("conv", index, stride, padding, whether LPIPS compares its activations) or ("pool", window).
 ALEX = (
     ("conv", 0, 4, 2, True),
     ("pool", 3),
@@ -106,7 +106,7 @@ def distance(weights: Weights, network: str, truth: Array, made: Array) -> Array
 
 
 def _features(weights: Weights, network: str, rgb: Array) -> list[Array]:
-    """The activations that are compared, at five depths."""
+    """Activations of the five compared layers."""
     x = (rgb * 2 - 1 - SHIFT) / SCALE
     out = []
     for kind, *layer in LAYERS[network][0]:

@@ -1,7 +1,7 @@
-"""Large files in pieces: for machines that pass on small files only.
+"""Splits large files, for machines that transfer small files only.
 
 `split` writes `NAME.000`, `NAME.001` and so on, and then `NAME.pieces`: the length and SHA-256 of the whole. `join` puts them together
-again, and leaves nothing under the file's name that is not that file.
+again, and writes the file only if its checksum is right.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ LONGEST = 11_000_000
 
 
 class BrokenPieces(ValueError):
-    """Pieces that are not those of the file they are said to be of."""
+    """Pieces are missing, or do not have the file's checksum."""
 
 
 def split(path: Path, folder: Path, longest: int = LONGEST) -> list[Path]:
-    """Writes the pieces of the file at `path` into `folder`, in place of earlier ones; the list of them comes last."""
+    """Writes the pieces of the file at `path` into `folder`, and replaces earlier ones. The list of pieces is written last."""
     folder.mkdir(parents=True, exist_ok=True)
     content = path.read_bytes()
     written = [folder / f"{path.name}.{number:03}" for number in range(-(-len(content) // longest))]
@@ -34,7 +34,7 @@ def split(path: Path, folder: Path, longest: int = LONGEST) -> list[Path]:
 
 
 def join(folder: Path, path: Path) -> None:
-    """Puts the file at `path` together of its pieces in `folder`."""
+    """Joins the pieces in `folder` to the file at `path`."""
     listed = json.loads((folder / f"{path.name}.pieces").read_text(encoding="utf-8"))
     pieces = [folder / f"{path.name}.{number:03}" for number in range(listed["pieces"])]
     if missing := [piece.name for piece in pieces if not piece.is_file()]:

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 def refined(stock: tuple[float, ...], passes: int) -> tuple[float, ...]:
     """The schedule `refined:passes`: the widest interval is split at its middle, of equals the earlier one, until there are as many
-    intervals as passes. Decimals are taken at their word, so that equals are equal.
+    intervals as passes. Computes with exact decimals, so that equal intervals are equal.
     """
     points = [Fraction(str(point)) for point in stock]
     while len(points) <= passes:
@@ -17,5 +17,5 @@ def refined(stock: tuple[float, ...], passes: int) -> tuple[float, ...]:
 
 
 def passes(schedule: tuple[float, ...]) -> list[tuple[float, float]]:
-    """Of every pass of a schedule: the level of the pass before it, and its own. The first has nothing before it but noise."""
+    """For every pass of a schedule: the noise level before it, and its own. For the first, both are the first level."""
     return list(zip((schedule[0], *schedule), schedule[:-1]))

@@ -1,4 +1,4 @@
-"""How well the autoencoder shows what it has never seen: places, or walks through the levels it knows."""
+"""Scores the autoencoder on unseen data: held-out scenes, or held-out walks through the levels it was trained on."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from . import autoencoder, perceptual
 from .clips import FAMILIES, PICTURES_PER_LATENT, Clip, draw
 from .held_out import held_out_seeds
 
-# One of the held-out places of each kind, walked by the kind's own script, which is no training script.
+# Seed of a held-out scene of each family. The walk follows the family's own script, which is no training script.
 SEED = 41
 SECONDS = 4.0
 # Seconds of each held-out walk through a level.
 WALK_SECONDS = 1.0
 SCRIPTS = Path(__file__).resolve().parents[3] / "scripts"
-# Times that a rollout's first latent is decoded before its pictures count.
+# Number of times that a rollout's first latent is decoded before its pictures are used.
 PRIMING = 3
-# LPIPS takes one picture of so many: with VGG16 it costs more than all else.
+# LPIPS is measured on every tenth picture: with VGG16 it costs more than all else.
 LPIPS_EVERY = 10
 
 
 @dataclass(frozen=True)
-class Figures:
-    """What one clip's reconstruction is like."""
+class Scores:
+    """Scores of one clip's reconstruction."""
 
-    psnr: float  # over all pictures together, in decibels
-    detail: float  # mean difference of neighbouring pixels, over that of the true pictures
+    psnr: float  # over all pictures together, in dB
+    detail: float  # mean difference of neighbouring pixels, relative to the true pictures
     lpips: dict[str, float]  # by network
 
     @staticmethod
-    def mean(figures: list["Figures"]) -> "Figures":
-        """Of several clips."""
-        of = lambda value: float(np.mean([value(f) for f in figures]))
-        return Figures(of(lambda f: f.psnr), of(lambda f: f.detail), {n: of(lambda f: f.lpips[n]) for n in figures[0].lpips})
+    def mean(scores: list["Scores"]) -> "Scores":
+        """Mean over several clips."""
+        of = lambda value: float(np.mean([value(f) for f in scores]))
+        return Scores(of(lambda f: f.psnr), of(lambda f: f.detail), {n: of(lambda f: f.lpips[n]) for n in scores[0].lpips})
 
     def __str__(self) -> str:
         names = {"alex": "AlexNet", "vgg": "VGG16"}
@@ -47,7 +47,7 @@ class Figures:
 
 
 def held_out_clips(renderer: Path, folder: Path, size: tuple[int, int]) -> list[Clip]:
-    """A clip of each kind of place, drawn unless it is there."""
+    """Renders a clip of each family, unless it exists."""
     assert SEED in held_out_seeds()
     folder.mkdir(parents=True, exist_ok=True)
     clips = [Clip(folder / f"{family}-{SEED}", *size) for family in FAMILIES]
@@ -57,11 +57,11 @@ def held_out_clips(renderer: Path, folder: Path, size: tuple[int, int]) -> list[
     return clips
 
 
-class Judge:
+class Scorer:
     """Scores one autoencoder."""
 
     def __init__(self, parameters: dict, networks: dict[str, perceptual.Weights]):
-        """`networks` are those that LPIPS is measured with: `alex`, `vgg`, both or none."""
+        """`networks` are the networks for LPIPS: `alex`, `vgg`, both or none."""
         self._encode: Callable = jax.jit(lambda rgb: autoencoder.encode(parameters, rgb.astype(jnp.float32) / 255))
         self._decode: Callable = jax.jit(lambda z: autoencoder.decode(parameters, z))
         self._distances: dict[str, Callable] = {
@@ -70,12 +70,12 @@ class Judge:
             for name, weights in networks.items()
         }
 
-    def figures(self, clip: Clip) -> Figures:
-        """Of one clip."""
+    def scores(self, clip: Clip) -> Scores:
+        """Scores of one clip."""
         true, made = self.reconstruct(clip)
         pairs = list(zip(true[LPIPS_EVERY - 1 :: LPIPS_EVERY], made[LPIPS_EVERY - 1 :: LPIPS_EVERY]))
         lpips = {name: float(np.mean([distance(*pair) for pair in pairs])) for name, distance in self._distances.items()}
-        return Figures(psnr(true, made), detail(made) / detail(true), lpips)
+        return Scores(psnr(true, made), detail(made) / detail(true), lpips)
 
     def reconstruct(self, clip: Clip) -> tuple[np.ndarray, np.ndarray]:
         """True and decoded pictures of a clip from step 1 on, `[4 N, H, W, 3]` in [0, 1]; the decoder is primed with the seed's still."""
@@ -97,7 +97,7 @@ class Judge:
 
 
 def psnr(a: np.ndarray, b: np.ndarray) -> float:
-    """Over all pictures together, in decibels."""
+    """PSNR over all pictures together, in dB."""
     return float(-10 * np.log10(np.mean(np.square(a - b))))
 
 

@@ -1,15 +1,15 @@
-"""Control scripts for training: what a player might do, drawn from a seed.
+"""Random control scripts for training, which imitate a player.
 
-They are written in the format of `docs/control-script.md`, so that the renderer alone decides what a latent step gets.
+They are in the format of `docs/control-script.md`, so that only the renderer converts them to the controls of latent steps.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-# Radians of turn per mouse count, as the walker of the scenes turns.
+# Rotation per mouse count in radians, as in the scenes' walker.
 TURN_PER_COUNT = 0.0022
-# What is held for a while, and how often.
+# Keys that are held together, and how often.
 HOLDS = (
     ("W", 0.46),
     ("W SHIFT", 0.13),
@@ -20,18 +20,18 @@ HOLDS = (
     ("W D", 0.04),
     ("", 0.11),
 )
-# A look to the side: how far in radians, and in how many seconds.
+# A look to the side: angle in radians, and duration in seconds.
 LOOK = (0.1, 1.4)
 LOOK_SECONDS = (0.3, 2.2)
-# A look away that comes back: how far, and how long the player stays turned.
+# A look away and back: angle in radians, and seconds until the player turns back.
 AWAY = (0.7, 2.6)
 AWAY_SECONDS = (0.5, 8.0)
-# The eye stays within this of level, in radians.
+# Maximum pitch in radians.
 TILT = 0.35
 
 
 def random_script(rng: np.random.Generator, seconds: float, first_look: float = 1.5) -> str:
-    """A script of `seconds`: keys and looks, each in their own rhythm. Looks begin within `first_look` seconds."""
+    """A script of `seconds` with independent key presses and looks. The first look begins within `first_look` seconds."""
     lines = ["cairn-controls 1", *_keys(rng, seconds), *_looks(rng, seconds, first_look), f"{seconds:.3f} end"]
     return "\n".join(lines) + "\n"
 

@@ -45,19 +45,19 @@ class AutoencoderPlan:
     steps: int
     batch: int  # sequences a step
     latents: int  # in a sequence
-    crop: tuple[int, int]  # width and height of what is cut out
+    crop: tuple[int, int]  # width and height of a training crop, in pixels
     rate: float
     seconds: float = CLIP_SECONDS  # length of a clip
     perceptual: float = 0.0  # weight of LPIPS (AlexNet)
-    adversary: float = 0.0  # the discriminator's pull on the pictures, over that of all other losses
-    adversary_from: int = 0  # the step from which the discriminator learns,
-    adversary_alone: int = 0  # and how many steps later the decoder begins to learn from it
+    adversary: float = 0.0  # norm of the discriminator's gradient at the pictures, over that of all other losses
+    adversary_from: int = 0  # step at which the discriminator starts to learn
+    adversary_alone: int = 0  # steps after that until the decoder learns from it
     equivariance: float = 0.0  # weight of the difference between latents of shifted pictures and shifted latents
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of the curriculum."""
+    """One stage of the curriculum."""
 
     steps: int
     frames: int  # in a window
@@ -65,10 +65,10 @@ class Stage:
     noisy: int  # noisy copies of a window
     windows: tuple[int, ...] = (128,)  # global windows g to train for
     together: int = 1  # windows computed side by side: on a CPU one, whose activations stay in its caches
-    few_step: bool = False  # frames as the schedules' few steps lead to them, not as truth and noise mixed
-    means: float = 0.0  # how much a channel's mean counts beside single numbers, in frames that are made of noise alone
-    more_of: str = ""  # a kind of place whose windows are taken more often, and
-    times: float = 1.0  # how many times as often as another's
+    few_step: bool = False  # noisy frames come from sampler steps of the schedules, not from mixing truth and noise
+    means: float = 0.0  # weight of the error of channel means, in frames that start from pure noise
+    more_of: str = ""  # family whose windows are sampled more often
+    times: float = 1.0  # how many times as often as those of another family
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Walks:
 
     count: int
     seconds: float
-    from_stage: int = 0  # the first stage that windows of them are taken for
+    from_stage: int = 0  # first stage that samples windows of them
 
 
 @dataclass(frozen=True)
@@ -92,11 +92,11 @@ class WorldPlan:
 
     @property
     def count(self) -> int:
-        """Of all walks."""
+        """Number of all walks."""
         return sum(walks.count for walks in self.walks)
 
     def seconds_of(self, walk: int) -> float:
-        """How long walk number `walk` is."""
+        """Length of walk number `walk` in seconds."""
         for walks in self.walks:
             walk -= walks.count
             if walk < 0:
@@ -104,17 +104,17 @@ class WorldPlan:
         raise IndexError(f"the plan has {self.count} walks")
 
     def count_at(self, step: int) -> int:
-        """How many walks, from the first on, the windows of a step are taken from."""
+        """Number of walks, from the first on, that step `step` samples windows from."""
         begun = [sum(stage.steps for stage in self.stages[:n]) <= step for n in range(len(self.stages))]
         return sum(walks.count for walks in self.walks if begun[walks.from_stage])
 
     @property
     def steps(self) -> int:
-        """Of all stages."""
+        """Steps of all stages."""
         return sum(stage.steps for stage in self.stages)
 
     def stage(self, step: int) -> Stage:
-        """The part of the curriculum that a step belongs to."""
+        """The stage of a step."""
         for stage in self.stages:
             step -= stage.steps
             if step < 0:
@@ -124,14 +124,14 @@ class WorldPlan:
 
 @dataclass(frozen=True)
 class Preset:
-    """One size of the whole undertaking."""
+    """Sizes and plans of one training."""
 
     geometry: Geometry
     autoencoder: AutoencoderPlan
     world: WorldPlan
-    # Number of the first clip: a training that goes on from a bundle draws places that the bundle has not seen.
+    # Number of the first clip. A training that continues from a bundle uses scenes that the bundle was not trained on.
     first: int = 0
-    # Clips of the four levels, not of endless places.
+    # Whether the clips show the four fixed levels instead of a new scene each.
     levels: bool = False
 
     @property
@@ -140,10 +140,10 @@ class Preset:
         return range(self.first, self.first + self.autoencoder.clips)
 
 
-# The windows that the released model and its studies are run at.
+# Context windows of the released model and its studies, in latents.
 WINDOWS = (112, 128, 384, 512)
 
-# On a GPU: more places, larger batches, and the steps of some hours. The sizes are the same, so that what it makes ships the same.
+# On a GPU: more scenes, larger batches, and steps for some hours. The network sizes are the same, so the bundle has the same size.
 GPU = Preset(
     WORLD,
     AutoencoderPlan(clips=400, steps=30_000, batch=16, latents=4, crop=(256, 128), rate=1.5e-3),
@@ -162,8 +162,8 @@ GPU = Preset(
 )
 
 def further_still(steps: int, **taken: Any) -> Preset:
-    """Long windows alone, at rates below those of `further`, so that what is sharp stays. The same places: drawing others takes as
-    long as half the training.
+    """Long windows only, at learning rates below those of `further`, which keeps the pictures sharp. Uses the same scenes, because
+    rendering new ones takes as long as half the training.
     """
     windows = (112, 128, 384, 384, 384, 512)
     stage = Stage(steps=steps, frames=256, batch=1, noisy=1, windows=windows, few_step=True, means=16.0, **taken)
@@ -178,7 +178,7 @@ PRESETS = {
         WORLD,
         AutoencoderPlan(clips=120, steps=4000, batch=4, latents=3, crop=(128, 128), rate=1.5e-3),
         WorldPlan(
-            # Those of 18 s were drawn when six places had turned out too few for long windows.
+            # The walks of 18 s were added because six scenes were too few for long windows.
             walks=(Walks(120, 6.0), Walks(6, 36.0), Walks(24, 18.0, from_stage=8)),
             rate=1.5e-3,
             decay=0.05,
@@ -191,14 +191,14 @@ PRESETS = {
                 Stage(steps=1138, frames=64, batch=1, noisy=2, few_step=True),
                 Stage(steps=20, frames=256, batch=1, noisy=1, windows=WINDOWS, few_step=True),
                 Stage(steps=300, frames=64, batch=1, noisy=2, few_step=True),
-                # From here on the long walks are thirty.
+                # From here on there are thirty long walks.
                 Stage(steps=300, frames=64, batch=1, noisy=2, few_step=True),
                 Stage(steps=60, frames=256, batch=1, noisy=1, windows=WINDOWS, few_step=True),
                 Stage(steps=300, frames=64, batch=1, noisy=2, few_step=True),
             ),
         ),
     ),
-    # From the bundle that is there (`begin`): new places. Long windows, in which a rollout's first picture is as far away as it becomes.
+    # Continues from a bundle (`begin`) on new scenes. Long windows reach the largest distance from a rollout's first picture.
     "further": Preset(
         WORLD,
         AutoencoderPlan(clips=0, steps=0, batch=4, latents=3, crop=(128, 128), rate=1.5e-3),
@@ -214,11 +214,11 @@ PRESETS = {
         ),
         first=300,
     ),
-    # From the world that `further` left, which turns dark in snow: long windows alone, half of them of snow.
+    # Continues from the result of `further`, which darkens in snow: long windows only, half of them of snow.
     "longer": further_still(220, more_of="snow", times=3.0),
-    # And from what that left, which turns light in forests: the same with windows of all kinds.
+    # Continues from the result of `longer`, which brightens in forests: long windows of all families.
     "balanced": further_still(300),
-    # From the bundle that is there: a wider autoencoder, sharp in four levels.
+    # Continues from a bundle with a wider autoencoder, for sharp pictures of the four levels.
     "levels": Preset(
         WORLD.with_(encoder_width=48, decoder_widths=(192, 96, 48, 32)),
         AutoencoderPlan(

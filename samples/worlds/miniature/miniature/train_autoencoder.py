@@ -1,4 +1,4 @@
-"""Training of the autoencoder: stills and short sequences of the clips, cut out at random."""
+"""Training of the autoencoder: stills and short sequences of the clips, cropped at random."""
 
 from __future__ import annotations
 
@@ -17,35 +17,35 @@ from .clips import Clip
 from .shapes import AutoencoderPlan
 
 SEED = 1
-# Loss of the first latent of a sequence, over that of later ones: a rollout primes the decoder, training does not.
-FIRST = 0.25
-# How often a sequence starts with a still, as a rollout starts with its seed picture.
-STILL = 0.3
+# Weight of a sequence's first latent relative to later ones: a rollout primes the decoder first, training does not.
+FIRST_LATENT_WEIGHT = 0.25
+# Share of sequences that start with a still, like the seed picture of a rollout.
+STILL_SHARE = 0.3
 # Weights of the squared difference, of the absolute one, and of the absolute difference of neighbouring pixels' differences.
 SQUARED, ABSOLUTE, EDGES = 100.0, 1.0, 1.0
-# Noise on latents in training, at most; what the transformer gets wrong by as much costs little then.
-NOISE = 0.15
-# Pull of the latents' channels to mean 0 and variance 1.
-UNIT = 0.01
-# Pictures of each latent that LPIPS and the discriminator see: all four would cost more than the autoencoder itself.
-PERCEIVED = 2
-# AlexNet's first layer moves by four pixels: cutting at random within that many keeps the decoder from learning its grid.
+# Maximum noise on latents in training; makes the decoder robust against errors of the transformer of that size.
+MAX_NOISE = 0.15
+# Weight of the loss that keeps the latents' channels at mean 0 and variance 1.
+NORMALISATION_WEIGHT = 0.01
+# Pictures of each latent that LPIPS compares: all four would cost more than the autoencoder itself.
+PERCEIVED_PICTURES = 2
+# Stride of AlexNet's first layer in pixels. Random crops within it keep the decoder from learning its grid.
 GRID = 4
-# Latent cells at the border of a cut, which see the zeros outside.
+# Latent cells at the border of a crop that depend on the zero padding outside.
 BORDER = 1
-# The discriminator's loss is small beside the autoencoder's, so that the norm that clips the gradient is the latter's; Adam's steps
-# do not depend on a loss's scale.
-QUIET = 1e-3
+# Factor that keeps the discriminator's loss small, so that the autoencoder's gradient alone decides about clipping. Adam's steps do not
+# depend on the scale of a loss.
+DISCRIMINATOR_SCALE = 1e-3
 
 
 def sample(rng: np.random.Generator, clips: list[Clip], plan: AutoencoderPlan) -> np.ndarray:
-    """`[batch, latents, 4, height, width, 3]` uint8: sequences cut out of clips, some of them mirrored."""
+    """`[batch, latents, 4, height, width, 3]` uint8: random crops of clips, half of them mirrored."""
     width, height = plan.crop
     out = np.empty((plan.batch, plan.latents, AUTOENCODER_TEMPORAL, height, width, 3), np.uint8)
     for sequence in out:
         clip = clips[rng.integers(len(clips))]
         pictures = clip.pictures()
-        still = rng.random() < STILL
+        still = rng.random() < STILL_SHARE
         moving = AUTOENCODER_TEMPORAL * (plan.latents - still)
         at = int(rng.integers(len(pictures) - moving - still + 1))
         x = int(rng.integers((clip.width - width) // 16 + 1)) * 16
@@ -60,9 +60,9 @@ def sample(rng: np.random.Generator, clips: list[Clip], plan: AutoencoderPlan) -
 
 
 def pixel_loss(made: Array, rgb: Array) -> Array:
-    """Differences of `[n, L, 4, H, W, 3]` in the pixels and in how neighbours differ."""
+    """Loss of `[n, L, 4, H, W, 3]` by pixel values and by differences of neighbouring pixels."""
     L = rgb.shape[1]
-    weight = jnp.where(jnp.arange(L) == 0, FIRST, 1.0)
+    weight = jnp.where(jnp.arange(L) == 0, FIRST_LATENT_WEIGHT, 1.0)
     weight = (weight / weight.mean())[None, :, None, None, None, None]
     error = made - rgb
     edges = jnp.mean(weight * jnp.abs(jnp.diff(error, axis=3))) + jnp.mean(weight * jnp.abs(jnp.diff(error, axis=4)))
@@ -70,18 +70,18 @@ def pixel_loss(made: Array, rgb: Array) -> Array:
 
 
 def perceptual_loss(weights: perceptual.Weights, made: Array, rgb: Array, key: Array) -> Array:
-    """LPIPS of some pictures of every latent, at a random place of AlexNet's grid."""
+    """LPIPS of some pictures of every latent, at a random offset to AlexNet's grid."""
     n, L, frames, H, W, _ = rgb.shape
     which, row, column = jax.random.split(key, 3)
-    chosen = jax.vmap(lambda k: jax.random.permutation(k, frames)[:PERCEIVED])(jax.random.split(which, n * L))
+    chosen = jax.vmap(lambda k: jax.random.permutation(k, frames)[:PERCEIVED_PICTURES])(jax.random.split(which, n * L))
     at = (0, *(jax.random.randint(k, (), 0, GRID) for k in (row, column)), 0)
 
     def cut(pictures: Array) -> Array:
         some = jnp.take_along_axis(pictures.reshape(n * L, frames, H, W, 3), chosen[:, :, None, None, None], axis=1)
-        return lax.dynamic_slice(some.reshape(-1, H, W, 3), at, (n * L * PERCEIVED, H - GRID, W - GRID, 3))
+        return lax.dynamic_slice(some.reshape(-1, H, W, 3), at, (n * L * PERCEIVED_PICTURES, H - GRID, W - GRID, 3))
 
-    distances = perceptual.distance(weights, "alex", cut(rgb), cut(made)).reshape(n, L, PERCEIVED)
-    weight = jnp.where(jnp.arange(L) == 0, FIRST, 1.0)
+    distances = perceptual.distance(weights, "alex", cut(rgb), cut(made)).reshape(n, L, PERCEIVED_PICTURES)
+    weight = jnp.where(jnp.arange(L) == 0, FIRST_LATENT_WEIGHT, 1.0)
     return jnp.mean((weight / weight.mean())[None, :, None] * distances)
 
 
@@ -94,7 +94,7 @@ def consecutive(pictures: Array, key: Array) -> Array:
 
 
 def equivariance(p: dict[str, Array], rgb: Array, z: Array, key: Array) -> Array:
-    """How far the latent of a picture shifted by less than a cell is from the latent shifted as far, for one latent of the batch."""
+    """Squared difference between the latent of a shifted picture and the shifted latent, for one latent of the batch; shifts are below a cell."""
     n, L, frames, H, W, _ = rgb.shape
     cell = H // z.shape[2]
     which, by = jax.random.split(key)
@@ -118,44 +118,44 @@ def detail(pictures: Array) -> Array:
 def loss(
     p: dict[str, Array], plan: AutoencoderPlan, weights: perceptual.Weights | None, pictures: Array, key: Array, now: Array
 ) -> tuple[Array, dict[str, Array]]:
-    """What training lowers at step `now`, and what its line shows.
+    """The loss at step `now`, and the metrics for the log.
 
-    The adversary's pull on the decoder is scaled to `plan.adversary` times that of all other differences of pictures, so that
-    neither has to be balanced by hand as pictures become sharper.
+    The adversary's gradient at the pictures is scaled to `plan.adversary` times the norm of all other losses' gradient, which needs no
+    tuning as pictures become sharper.
     """
     n, L, frames, H, W, _ = pictures.shape
     rgb = pictures.astype(jnp.float32) / 255
     z = autoencoder.encode(p, rgb.reshape(n * L, frames, H, W, 3))
     mean, variance = z.mean((0, 1, 2)), z.var((0, 1, 2))
     unit = jnp.mean(mean**2) + jnp.mean(jnp.log(variance + 1e-6) ** 2)
-    level_key, noise_key, seen_key, judged_key, shift_key = jax.random.split(key, 5)
-    level = jax.random.uniform(level_key, (n * L, 1, 1, 1), maxval=NOISE)
+    level_key, noise_key, lpips_key, discriminator_key, shift_key = jax.random.split(key, 5)
+    level = jax.random.uniform(level_key, (n * L, 1, 1, 1), maxval=MAX_NOISE)
     noisy = (z + level * jax.random.normal(noise_key, z.shape)).reshape(n, L, *z.shape[1:])
     made = autoencoder.decode(p, noisy).reshape(rgb.shape)
 
-    def seen(made: Array) -> tuple[Array, Array]:
+    def differences(made: Array) -> tuple[Array, Array]:
         if weights is None:
             return pixel_loss(made, rgb), jnp.zeros(())
-        lpips = perceptual_loss(weights, made, rgb, seen_key)
+        lpips = perceptual_loss(weights, made, rgb, lpips_key)
         return pixel_loss(made, rgb) + plan.perceptual * lpips, lpips
 
     figures, more = {}, jnp.zeros(())
     if plan.adversary:
         fixed = lax.stop_gradient(p)
-        true = consecutive(rgb, judged_key)
-        (differing, lpips), pull = jax.value_and_grad(seen, has_aux=True)(lax.stop_gradient(made))
-        fooling = lambda made: adversary.fooling_loss(fixed, true, consecutive(made, judged_key))
-        push = jax.grad(fooling)(lax.stop_gradient(made))
-        scale = plan.adversary * jnp.linalg.norm(pull) / (jnp.linalg.norm(push) + 1e-12)
-        pull += jnp.where(now >= plan.adversary_from + plan.adversary_alone, scale, 0.0) * push
-        # The gradient of this sum is the pull on the pictures; its value means nothing.
-        surrogate = jnp.sum(lax.stop_gradient(pull) * made)
-        judged = adversary.own_loss(p, true, lax.stop_gradient(consecutive(made, judged_key)))
-        more = surrogate - lax.stop_gradient(surrogate) + jnp.where(now >= plan.adversary_from, QUIET, 0.0) * judged
-        figures["adversary"] = judged
+        true = consecutive(rgb, discriminator_key)
+        (differing, lpips), gradient = jax.value_and_grad(differences, has_aux=True)(lax.stop_gradient(made))
+        fooling = lambda made: adversary.generator_loss(fixed, true, consecutive(made, discriminator_key))
+        adversary_gradient = jax.grad(fooling)(lax.stop_gradient(made))
+        scale = plan.adversary * jnp.linalg.norm(gradient) / (jnp.linalg.norm(adversary_gradient) + 1e-12)
+        gradient += jnp.where(now >= plan.adversary_from + plan.adversary_alone, scale, 0.0) * adversary_gradient
+        # The gradient of this sum is `gradient`; its value is subtracted again.
+        surrogate = jnp.sum(lax.stop_gradient(gradient) * made)
+        discriminator = adversary.discriminator_loss(p, true, lax.stop_gradient(consecutive(made, discriminator_key)))
+        more = surrogate - lax.stop_gradient(surrogate) + jnp.where(now >= plan.adversary_from, DISCRIMINATOR_SCALE, 0.0) * discriminator
+        figures["adversary"] = discriminator
     else:
-        differing, lpips = seen(made)
-    total = differing + UNIT * unit
+        differing, lpips = differences(made)
+    total = differing + NORMALISATION_WEIGHT * unit
     if plan.equivariance:
         figures["shift"] = equivariance(p, rgb, z.reshape(n, L, *z.shape[1:]), shift_key)
         total += plan.equivariance * figures["shift"]
@@ -168,7 +168,7 @@ def loss(
 
 @partial(jax.jit, static_argnums=(0, 1), donate_argnums=3)
 def step(settings: optimiser.Settings, plan: AutoencoderPlan, weights: perceptual.Weights | None, state: optimiser.State, pictures: Array, key: Array):
-    """One step of training on one batch."""
+    """One training step on one batch."""
     gradient_of = jax.value_and_grad(loss, has_aux=True)
     (_, figures), gradient = gradient_of(state.parameters, plan, weights, pictures, key, state.step)
     state, norm = optimiser.update(settings, state, gradient)
@@ -198,7 +198,7 @@ def flops(g: Geometry, plan: AutoencoderPlan) -> float:
     """Floating-point operations of one step: three times those of the forward pass."""
     e, (a, b, c, d) = g.encoder_width, g.decoder_widths
     cells = plan.crop[0] * plan.crop[1] // 256
-    # Multiplications of one latent cell, by the grids they are made on: 4, 16 and 64 places a cell, and frames.
+    # Multiplications per latent cell, by resolution: grids of 4, 16 and 64 positions per cell, times frames.
     encoder = 4 * 64 * 108 * e + 2 * 64 * 2 * e * e + 32 * 9 * e * e + 3 * 32 * 36 * e * e
     encoder += 16 * 2 * e * e + 4 * 9 * e * e + 3 * 4 * 36 * e * e + e * e + 9 * e * e + 3 * 36 * e * e + 9 * e * g.latent_channels
     decoder = 9 * g.latent_channels * a + 3 * 36 * a * a + a * a + 4 * 9 * a * b + 3 * 4 * 36 * b * b + 4 * 2 * b * b

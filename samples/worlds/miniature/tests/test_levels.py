@@ -170,22 +170,22 @@ def test_a_discriminator_tells_blur_from_truth_and_what_moves_from_what_stands()
     for made in (blurred, standing):
         state = optimiser.start(adversary.initial(1))
         settings = optimiser.Settings(rate=2e-3, steps=60, warm_up=1, cool_down=0.01)
-        step = jax.jit(lambda state: optimiser.update(settings, state, jax.grad(adversary.own_loss)(state.parameters, sharp, made))[0])
-        first = adversary.own_loss(state.parameters, sharp, made)
+        step = jax.jit(lambda state: optimiser.update(settings, state, jax.grad(adversary.discriminator_loss)(state.parameters, sharp, made))[0])
+        first = adversary.discriminator_loss(state.parameters, sharp, made)
         for _ in range(30):
             state = step(state)
-        assert adversary.own_loss(state.parameters, sharp, made) < 0.5 * first
+        assert adversary.discriminator_loss(state.parameters, sharp, made) < 0.5 * first
 
 
 def test_the_score_of_a_perfect_and_of_a_blurred_reconstruction(drawn, monkeypatch):
-    judge = score.Judge(autoencoder.initial(SQUARE, 1), {"alex": perceptual.load("alex")})
+    scorer = score.Scorer(autoencoder.initial(SQUARE, 1), {"alex": perceptual.load("alex")})
     clip = drawn[0]
     true = np.random.default_rng(3).uniform(0, 0.9, (32, 64, 64, 3)).astype(np.float32)
     blurred = (true + np.roll(true, 1, 2)) / 2
-    monkeypatch.setattr(judge, "reconstruct", lambda _: (true, true + np.float32(0.1)))
-    brighter = judge.figures(clip)
+    monkeypatch.setattr(scorer, "reconstruct", lambda _: (true, true + np.float32(0.1)))
+    brighter = scorer.scores(clip)
     assert brighter.psnr == pytest.approx(20, abs=0.01) and brighter.detail == pytest.approx(1, abs=0.01)
-    monkeypatch.setattr(judge, "reconstruct", lambda _: (true, blurred))
-    softer = judge.figures(clip)
+    monkeypatch.setattr(scorer, "reconstruct", lambda _: (true, blurred))
+    softer = scorer.scores(clip)
     assert softer.detail < 0.9 and softer.lpips["alex"] > 0
-    assert re.fullmatch(r"PSNR \d+\.\d\d dB  LPIPS AlexNet \d\.\d{3}  detail \d\.\d\d", str(score.Figures.mean([brighter, softer])))
+    assert re.fullmatch(r"PSNR \d+\.\d\d dB  LPIPS AlexNet \d\.\d{3}  detail \d\.\d\d", str(score.Scores.mean([brighter, softer])))

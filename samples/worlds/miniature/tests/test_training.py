@@ -175,7 +175,7 @@ def test_few_steps_are_trained_where_the_networks_own_step_leads(walks):
     noise = jax.random.normal(jax.random.key(3), (copies, *clean.shape))
     still = transformer.initial(g, 1)
     moving = still | {"unpatchify.bias": np.full(g.latent_channels, 2.0, np.float32)}
-    ways = [train_world.sampled(p, g, 128, clean, clean, noise, jnp.asarray(controls, jnp.float32), KEY) for p in (still, moving)]
+    ways = [train_world.sampler_step(p, g, 128, clean, clean, noise, jnp.asarray(controls, jnp.float32), KEY) for p in (still, moving)]
     # A network that goes nowhere stays at the level before; one whose velocity is 2 goes two differences of level.
     (at, sigma, made, told), (further, same, *_) = ways
     before = jnp.median((at - clean) / (noise - clean), (2, 3, 4))
@@ -198,10 +198,10 @@ def test_drift_lasts_and_is_of_unit_size():
 
 
 def test_parts_of_the_past_are_another_walks_for_a_while():
-    found = np.asarray(jax.vmap(lambda key: train_world.foreign(key, (40, 8, 16, 4)))(jax.random.split(KEY, 200)))
+    found = np.asarray(jax.vmap(lambda key: train_world.contamination(key, (40, 8, 16, 4)))(jax.random.split(KEY, 200)))
     assert found.shape == (200, 40, 8, 16, 1) and found.min() >= 0 and found.max() < 1
     none = (found.max((1, 2, 3, 4)) == 0).mean()
-    assert abs(none - (1 - train_world.FOREIGN)) < 0.12, none
+    assert abs(none - (1 - train_world.CONTAMINATED)) < 0.12, none
     spoilt = found[found.max((1, 2, 3, 4)) > 0]
     assert 0.02 < spoilt.mean() < 0.2 and spoilt.max() > 0.8, spoilt.mean()
     # Neighbours in time are spoilt together.

@@ -10,10 +10,12 @@ use crate::framegen::cpu::kernels::Level;
 use crate::framegen::cpu::layer::WHOLE;
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome};
 use crate::tasks::Pool;
-use cases::{Dice, guidance, overlay, pictures, previous_depth};
+use cases::{Random, guidance, overlay, pictures, previous_depth};
 
-// What the compute shaders are held against the generator on, too.
-#[path = "../../../../tests/support/frame_cases.rs"]
+// The compute shaders are compared on the same cases. The crate `test-support` cannot be used here: its types are those of another copy of
+// this library.
+#[path = "../../../../tests/support/src/frame_cases.rs"]
+#[allow(unreachable_pub, reason = "the crate exports it")]
 mod cases;
 
 /// Levels within which the two anchors' colours of a pixel beside something in front are that thing's: stated here anew, as a
@@ -33,25 +35,25 @@ fn compare<P: Colour>(cases: u64) {
     let mut generators: Vec<_> = Level::available().map(|level| (level, CpuGenerator::at(level))).collect();
     let mut generated = 0;
     for seed in 0..cases {
-        let mut dice = Dice(seed);
+        let mut random = Random(seed);
         let sizes = [(1, 1), (1, 40), (40, 1), (8, 8), (16, 24), (33, 17), (64, 40), (95, 70), (130, 81)];
-        let size = sizes[dice.below(sizes.len() as u64) as usize];
-        let guidance = guidance(&mut dice, size);
-        let [previous, current] = pictures(&mut dice, size).map(|levels| raster::<P>(size, &levels));
-        let t = [0.5, 1.0 / 3.0, 0.25, 0.75, f32::MIN_POSITIVE, 1.0 - f32::EPSILON, 0.1, 0.9][dice.below(8) as usize];
+        let size = sizes[random.below(sizes.len() as u64) as usize];
+        let guidance = guidance(&mut random, size);
+        let [previous, current] = pictures(&mut random, size).map(|levels| raster::<P>(size, &levels));
+        let t = [0.5, 1.0 / 3.0, 0.25, 0.75, f32::MIN_POSITIVE, 1.0 - f32::EPSILON, 0.1, 0.9][random.below(8) as usize];
         let phase = ((t * WHOLE as f32).round() as i32).max(1);
         let pair = AnchorPair::new(&previous, &current, &guidance).unwrap();
-        let depth = previous_depth(&mut dice, guidance.depth());
-        let mut pair = if dice.below(3) == 0 { pair } else { pair.with_previous_depth(&depth).unwrap() };
+        let depth = previous_depth(&mut random, guidance.depth());
+        let mut pair = if random.below(3) == 0 { pair } else { pair.with_previous_depth(&depth).unwrap() };
         let mut anchor = Anchor::new(&current, &guidance).unwrap();
-        let mask = overlay(&mut dice, size);
-        if dice.below(2) == 0 {
+        let mask = overlay(&mut random, size);
+        if random.below(2) == 0 {
             (pair, anchor) = (pair.with_overlay(&mask).unwrap(), anchor.with_overlay(&mask).unwrap());
         }
         let (mut between, beyond) = (None, reference::beyond(&anchor, phase));
         let mut out = previous.clone();
         for (level, generator) in &mut generators {
-            let pool = &pools[dice.below(3) as usize];
+            let pool = &pools[random.below(3) as usize];
             let what = || format!("case {seed}, {size:?}, t = {t}, {}", level.name());
             let report = pool.install(|| generator.generate(&pair, t, &mut out)).unwrap();
             if report.outcome == Outcome::Generated {

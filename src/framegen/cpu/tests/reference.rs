@@ -37,7 +37,7 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
 
     let mut owners = settled(&field, &claims_of(&field), Way::from_current(Moment::previous()));
     let mut leaving = Leaving::default();
-    let is_found = pair.guidance().depth().even().is_some();
+    let is_found = pair.guidance().depth().uniform_value().is_some();
     let seen = Seen::find(pair.guidance(), &standing);
     let past = Past::new(&seen, pair.previous_depth(), pair.guidance().depth());
     match &past {

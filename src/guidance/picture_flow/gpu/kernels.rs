@@ -20,7 +20,7 @@ macro_rules! kernels {
                 Ok(Self {
                     $($name: Kernel::new(
                         gpu,
-                        include_bytes!(concat!("../../../gpu/shaders/flow_", stringify!($name), ".dxbc")),
+                        include_bytes!(concat!("../../../gpu/shaders/compiled/flow_", stringify!($name), ".dxbc")),
                         SHAPE,
                     )?,)*
                 })

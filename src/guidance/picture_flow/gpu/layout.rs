@@ -1,6 +1,6 @@
 //! Root constants of the extraction shaders, and the layout of their working buffer.
 
-use super::super::grid::{APART, CLOSE, SAMPLES};
+use super::super::grid::{SAMPLES, STRIDE, WIDE_STRIDE};
 use super::super::pyramid::{LARGE, SHORT};
 
 /// Directions: backward flow (the output) and forward flow (for the check).
@@ -44,7 +44,7 @@ pub(super) struct Constants {
     pub(super) halo: u32,
     pub(super) step: u32,
     pub(super) is_float: u32,
-    pub(super) is_light: u32,
+    pub(super) is_linear: u32,
 }
 
 /// Number of 32-bit words in [`Constants`].
@@ -85,7 +85,7 @@ impl Constants {
             self.halo,
             self.step,
             self.is_float,
-            self.is_light,
+            self.is_linear,
         ];
         let mut words = [0; WORDS];
         words.iter_mut().zip(pairs.into_iter().flatten().chain(singles)).for_each(|(to, word)| *to = word);
@@ -158,7 +158,7 @@ impl Layout {
             if number < finest {
                 continue;
             }
-            level.stride = if number > 0 && number == finest { APART as u32 } else { CLOSE as u32 };
+            level.stride = if number > 0 && number == finest { WIDE_STRIDE as u32 } else { STRIDE as u32 };
             level.cells = level.size.map(|len| len.div_ceil(level.stride));
             let samples = |step: &u32| area(level.cells.map(|len| len.div_ceil(*step))) <= SAMPLES as u64;
             level.step = (1..).find(samples).unwrap_or(1);

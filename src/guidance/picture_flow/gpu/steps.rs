@@ -1,6 +1,6 @@
 //! The dispatches of an extraction, in the same order as on the CPU.
 
-use super::super::{ROUNDS, SMALL, grid};
+use super::super::{ROUNDS, SMALL_LEVEL, grid};
 use super::kernels::Kernels;
 use super::layout::{Constants, Layout};
 use crate::gpu::compute::{CommandRecorder, Kernel, Table};
@@ -44,7 +44,7 @@ impl Steps<'_, '_> {
             // The finest level of a direction is searched once.
             let directions = if level > checked { BOTH } else { 1 };
             let [width, height] = levels[level].size;
-            let rounds = if width as usize * height as usize <= SMALL { ROUNDS } else { 1 };
+            let rounds = if width as usize * height as usize <= SMALL_LEVEL { ROUNDS } else { 1 };
             for _ in 0..rounds {
                 self.fit(level, directions);
                 self.search(level, 1, directions);

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use super::{PACKAGES, PREFIX, RELEASE, WANTED, WINE, chamber};
+use super::{PACKAGES, PREFIX, RELEASE, WANTED, WINE, isolated_command};
 use crate::{Error, Progress, Result, cache, process, tools};
 
 /// Files in Debian that are replaced, and their names in the build folder.
@@ -16,17 +16,17 @@ const REPLACED: [(&str, &str); 2] = [
 /// Variable that names a Debian mirror if apt knows none, as on other distributions.
 const MIRROR_VARIABLE: &str = "CAIRN_DEBIAN_MIRROR";
 
-/// Builds the lab in `place`, whose lock the caller holds.
-pub(super) fn build(place: &Path, progress: &dyn Progress) -> Result<()> {
-    let (root, workshop, archives) = (place.join("root"), place.join("workshop"), place.join("archives"));
-    for folder in ["run", "archives", "steps"].map(|name| place.join(name)) {
+/// Builds the lab in `folder`, whose lock the caller holds.
+pub(super) fn build(folder: &Path, progress: &dyn Progress) -> Result<()> {
+    let (root, build_root, archives) = (folder.join("root"), folder.join("workshop"), folder.join("archives"));
+    for folder in ["run", "archives", "steps"].map(|name| folder.join(name)) {
         fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, &e))?;
     }
-    let steps = Steps { place, progress };
+    let steps = BuildSteps { folder, progress };
     steps.once("1-debian", "fetching a small Debian", || {
         cache::remove(&root)?;
         let (bootstrap, mirror) = (tools::debootstrap(progress)?, mirror(progress)?);
-        let mut command = chamber();
+        let mut command = isolated_command();
         command.arg(bootstrap).args(["--variant=minbase", "--include=ca-certificates"]);
         command.arg(format!("--cache-dir={}", archives.display())).arg(RELEASE).arg(&root).arg(mirror);
         steps.run(&mut command)?;
@@ -34,38 +34,39 @@ pub(super) fn build(place: &Path, progress: &dyn Progress) -> Result<()> {
     })?;
     // Compilers are installed into a copy that is thrown away, so that the lab itself stays small.
     steps.once("2-workshop", "copying it for the compilers", || {
-        cache::remove(&workshop)?;
-        steps.run(Command::new("cp").arg("-a").args([&root, &workshop])).map(drop)
+        cache::remove(&build_root)?;
+        steps.run(Command::new("cp").arg("-a").args([&root, &build_root])).map(drop)
     })?;
     steps.once("3-packages", "installing Wine and a software Vulkan driver", || {
-        steps.run(&mut inside(&root, PACKAGES, &[])).map(drop)
+        steps.run(&mut in_debian(&root, PACKAGES, &[])).map(drop)
     })?;
     steps.once("4-wine", "compiling two parts of Wine from Debian's source", || {
-        let version = steps.run(&mut inside(&root, "dpkg-query -W -f '${source:Version}' wine", &[]))?;
-        steps.run(&mut inside(&workshop, WINE, &[version.trim()]))?;
+        let version = steps.run(&mut in_debian(&root, "dpkg-query -W -f '${source:Version}' wine", &[]))?;
+        steps.run(&mut in_debian(&build_root, WINE, &[version.trim()]))?;
         for (theirs, ours) in REPLACED {
             let theirs = root.join(theirs);
             // The file must exist already: Wine would not load the copy from another path.
             fs::metadata(&theirs).map_err(|e| Error::io(&theirs, &e))?;
-            fs::copy(workshop.join(ours), &theirs).map_err(|e| Error::io(&theirs, &e))?;
+            fs::copy(build_root.join(ours), &theirs).map_err(|e| Error::io(&theirs, &e))?;
         }
         Ok(())
     })?;
-    steps.once("5-windows", "letting Wine make a Windows", || steps.run(&mut inside(&root, PREFIX, &[])).map(drop))?;
-    cache::remove(&workshop)?;
+    steps
+        .once("5-windows", "letting Wine make a Windows", || steps.run(&mut in_debian(&root, PREFIX, &[])).map(drop))?;
+    cache::remove(&build_root)?;
     cache::remove(&archives)
 }
 
 /// The steps of one build.
-struct Steps<'a> {
-    place: &'a Path,
+struct BuildSteps<'a> {
+    folder: &'a Path,
     progress: &'a dyn Progress,
 }
 
-impl Steps<'_> {
+impl BuildSteps<'_> {
     /// Runs a step unless an earlier build has completed it.
     fn once(&self, name: &str, what: &str, act: impl FnOnce() -> Result<()>) -> Result<()> {
-        let done = self.place.join("steps").join(name);
+        let done = self.folder.join("steps").join(name);
         if done.is_file() {
             return Ok(());
         }
@@ -89,10 +90,10 @@ impl Steps<'_> {
 }
 
 /// A shell script run in the Debian at `root`, with its arguments.
-fn inside(root: &Path, script: &str, arguments: &[&str]) -> Command {
+fn in_debian(root: &Path, script: &str, arguments: &[&str]) -> Command {
     const MOUNTS: &str =
         "mount -t proc proc \"$0/proc\"; mount --rbind /dev \"$0/dev\"; exec chroot \"$0\" sh -euc \"$@\"";
-    let mut command = chamber();
+    let mut command = isolated_command();
     command.args(["sh", "-euc", MOUNTS]).arg(root).args([script, "sh"]).args(arguments);
     // The user's environment variables do not apply inside it.
     command.env("PATH", "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin").env("HOME", "/root");
@@ -108,7 +109,7 @@ pub(super) fn mirror(progress: &dyn Progress) -> Result<String> {
     if let Some(own) = std::env::var_os(MIRROR_VARIABLE).filter(|value| !value.is_empty()) {
         return Ok(own.to_string_lossy().into_owned());
     }
-    let asked = || {
+    let mirror_of_apt = || {
         let mut command = Command::new("apt-get");
         command.args([
             "indextargets",
@@ -117,21 +118,21 @@ pub(super) fn mirror(progress: &dyn Progress) -> Result<String> {
             "Created-By: Packages",
         ]);
         let outcome = process::run(&mut command, |_| {}).map_err(|e| Error::io(Path::new("apt-get"), &e))?;
-        Ok(debian_of(&outcome.stdout))
+        Ok(debian_mirror(&outcome.stdout))
     };
-    if let Some(found) = asked()? {
+    if let Some(found) = mirror_of_apt()? {
         return Ok(found);
     }
     // apt knows the origins only after it has fetched the lists.
     _ = process::run(Command::new("apt-get").args(["update", "-qq"]), |line| progress.detail(line));
-    asked()?.ok_or_else(|| {
+    mirror_of_apt()?.ok_or_else(|| {
         let remedy = format!("Set {MIRROR_VARIABLE} to the address of a Debian mirror");
         Error::new(WANTED, "the machine's apt knows no Debian mirror", remedy)
     })
 }
 
 /// The address of Debian's main archive among apt's index targets.
-fn debian_of(targets: &str) -> Option<String> {
+fn debian_mirror(targets: &str) -> Option<String> {
     targets.lines().find_map(|line| line.strip_prefix("Debian Debian main ").map(|uri| uri.trim().to_owned()))
 }
 
@@ -149,10 +150,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_main_archive_is_told_from_the_others() {
+    fn the_main_archive_is_recognised() {
         let targets = "Debian Debian-Security main http://a/debian-security/\nOther Other main http://b/\n\
                        Debian Debian contrib http://c/debian/\nDebian Debian main http://d/debian/\n";
-        assert_eq!(debian_of(targets).as_deref(), Some("http://d/debian/"));
-        assert_eq!(debian_of("Ubuntu Ubuntu main http://e/ubuntu/\n"), None);
+        assert_eq!(debian_mirror(targets).as_deref(), Some("http://d/debian/"));
+        assert_eq!(debian_mirror("Ubuntu Ubuntu main http://e/ubuntu/\n"), None);
     }
 }

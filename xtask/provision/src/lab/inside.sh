@@ -11,9 +11,9 @@ if ! read -r display < /run/display; then
     exit 1
 fi
 export DISPLAY=":$display" WINEPREFIX=/windows
-# In another locale Wine sees no letters in names of files but Latin ones.
+# In another locale Wine reads only Latin letters in file names.
 export LC_ALL="${LC_ALL:-C.UTF-8}"
-# Wine's remarks would stand between the program's own.
+# Wine's messages would mix with the program's output.
 export WINEDEBUG="${WINEDEBUG:--all}" VKD3D_DEBUG="${VKD3D_DEBUG:-none}" VKD3D_SHADER_DEBUG="${VKD3D_SHADER_DEBUG:-none}"
 export WINEDLLOVERRIDES="${WINEDLLOVERRIDES:-mscoree,mshtml=}"
 export VK_DRIVER_FILES="${VK_DRIVER_FILES:-/usr/share/vulkan/icd.d/lvp_icd.json}"

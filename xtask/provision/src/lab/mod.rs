@@ -29,13 +29,13 @@ const WANTED: &str = "the Windows lab";
 /// An installed lab.
 #[derive(Debug, Clone)]
 pub struct Lab {
-    place: PathBuf,
+    folder: PathBuf,
 }
 
 impl Lab {
     /// The folder that contains it.
-    pub fn place(&self) -> &Path {
-        &self.place
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// A command that runs a Windows program in the lab, with a display of its own. Arguments, working directory, variables and
@@ -51,14 +51,15 @@ impl Lab {
     pub fn command(&self, program: &Path) -> Result<Command> {
         let program = fs::canonicalize(program)
             .map_err(|e| Error::new(program.display().to_string(), e.to_string(), "Name a Windows program"))?;
-        let mut command = chamber();
-        command.args(["sh", "-euc", ENTER, "sh"]).arg(&self.place).arg(program).env("LAB_INSIDE", INSIDE);
+        let mut command = isolated_command();
+        command.args(["sh", "-euc", ENTER, "sh"]).arg(&self.folder).arg(program).env("LAB_INSIDE", INSIDE);
         Ok(command)
     }
 }
 
-/// The start of a command whose mounts and processes end with it, and which ends with the thread that starts it.
-fn chamber() -> Command {
+/// The first part of a command with mount and process namespaces of its own: its mounts and processes end with it, and it ends with the
+/// thread that starts it.
+fn isolated_command() -> Command {
     let mut command = Command::new("setpriv");
     command.args(["--pdeathsig", "KILL", "unshare", "--mount", "--propagation", "private"]);
     command.args(["--pid", "--fork", "--kill-child=KILL"]);
@@ -88,8 +89,8 @@ pub fn possible() -> Result<()> {
     }
     let try_it = "mount -t tmpfs lab /mnt && mkdir /mnt/l /mnt/u /mnt/w /mnt/r && cd /mnt && \
                   mount -t overlay -o lowerdir=l,upperdir=u,workdir=w lab r";
-    let tried =
-        process::run(chamber().args(["sh", "-c", try_it]), |_| {}).map_err(|e| Error::io(Path::new("setpriv"), &e))?;
+    let tried = process::run(isolated_command().args(["sh", "-c", try_it]), |_| {})
+        .map_err(|e| Error::io(Path::new("setpriv"), &e))?;
     if !tried.status.success() {
         let cause = format!("this machine lets nobody mount: {}", tried.tail(1));
         return refuse(cause, "Run the command where root may mount (a container needs the capability SYS_ADMIN)");
@@ -108,9 +109,9 @@ pub fn lab(progress: &dyn Progress) -> Result<Lab> {
         key.update(part);
     }
     let item = format!("lab-{}", &cache::hex(&key.finalize())[..12]);
-    let place = cache::cache_dir()?.join(&item);
-    let lab = Lab { place };
-    let complete = lab.place.join("complete");
+    let folder = cache::cache_dir()?.join(&item);
+    let lab = Lab { folder };
+    let complete = lab.folder.join("complete");
     if complete.is_file() {
         return Ok(lab);
     }
@@ -119,7 +120,7 @@ pub fn lab(progress: &dyn Progress) -> Result<Lab> {
     if complete.is_file() {
         return Ok(lab);
     }
-    build::build(&lab.place, progress)?;
+    build::build(&lab.folder, progress)?;
     fs::write(&complete, "").map_err(|e| Error::io(&complete, &e))?;
     Ok(lab)
 }

@@ -157,9 +157,9 @@ fn light(v: f64) -> f64 {
 /// sRGB to ten-bit HDR10 code values, with white at `white` nits: SMPTE ST 2084, ITU-R BT.2087.
 pub(super) fn hdr10([r, g, b]: [f64; 3], white: f64) -> [f64; 3] {
     const WIDE: [[f64; 3]; 3] = [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]];
-    let seen = [r, g, b].map(light);
+    let linear = [r, g, b].map(light);
     WIDE.map(|row| {
-        let nits = white * row.iter().zip(seen).map(|(a, b)| a * b).sum::<f64>();
+        let nits = white * row.iter().zip(linear).map(|(a, b)| a * b).sum::<f64>();
         let p = (nits / 10_000.0).powf(2610.0 / 16384.0);
         let (c1, c2, c3) = (3424.0 / 4096.0, 2413.0 / 128.0, 2392.0 / 128.0);
         1023.0 * ((c1 + c2 * p) / (1.0 + c3 * p)).powf(2523.0 / 32.0)
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn white_is_as_bright_as_it_is_said_to_be() {
+    fn white_has_the_requested_brightness() {
         // ITU-R BT.2408: 203 nits are 58 % of PQ.
         assert!(hdr10([1.0; 3], 203.0).iter().all(|v| (v / 1023.0 - 0.58).abs() < 0.002));
         assert!(

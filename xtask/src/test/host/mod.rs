@@ -32,14 +32,14 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.skips.push(Skip { name: "hosts in C".into(), reason: "needs cc: install a C compiler".into() });
         return Ok(tally);
     };
-    let place = Place { include: context.workspace.root.join("include"), work, library, cc };
-    loader::run(context, log, &place, &mut tally)?;
-    sample::run(context, log, &place, &mut tally)?;
+    let setup = HostSetup { include: context.workspace.root.join("include"), work, library, cc };
+    loader::run(context, log, &setup, &mut tally)?;
+    sample::run(context, log, &setup, &mut tally)?;
     Ok(tally)
 }
 
 /// Folders and tools of these tests.
-struct Place {
+struct HostSetup {
     include: PathBuf,
     /// An empty folder for output.
     work: PathBuf,
@@ -49,7 +49,7 @@ struct Place {
     cc: PathBuf,
 }
 
-impl Place {
+impl HostSetup {
     /// The C11 compiler with strict warnings.
     fn compile(&self) -> Command {
         let mut command = Command::new(&self.cc);
@@ -63,7 +63,13 @@ impl Place {
 }
 
 /// Whether `compiler` accepts a source, with every warning an error.
-fn takes(log: &mut Log, compiler: &Compiler, include: &Path, source: &Path, tally: &mut Tally) -> Result<(), String> {
+fn check_compiles(
+    log: &mut Log,
+    compiler: &Compiler,
+    include: &Path,
+    source: &Path,
+    tally: &mut Tally,
+) -> Result<(), String> {
     let mut command = Command::new(&compiler.program);
     command.args(compiler.first).args(if compiler.cpp { ["-std=c++17", "-xc++"] } else { ["-std=c11", "-xc"] });
     command.args(STRICT).arg("-I").arg(include).arg("-fsyntax-only").arg(source);

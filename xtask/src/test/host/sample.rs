@@ -7,15 +7,15 @@ use std::process::Command;
 use provision::{Console, tools};
 
 use super::frames::{Ppm, Video};
-use super::{Place, takes};
-use crate::shell::{Ended, Log};
+use super::{HostSetup, check_compiles};
+use crate::shell::{CommandOutput, Log};
 use crate::test::tally::{Skip, Tally};
 use crate::test::{Context, abi};
 
 const SAMPLE: &str = "samples/host-c";
 const SCRIPT: &str = "samples/scripts/walk.txt";
 
-pub(super) fn run(context: &Context<'_>, log: &mut Log, place: &Place, tally: &mut Tally) -> Result<(), String> {
+pub(super) fn run(context: &Context<'_>, log: &mut Log, setup: &HostSetup, tally: &mut Tally) -> Result<(), String> {
     let is_source = |file: &String| file.starts_with(SAMPLE) && file.ends_with(".c");
     let sources: Vec<PathBuf> = context
         .workspace
@@ -26,11 +26,11 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log, place: &Place, tally: &m
         .collect();
     for compiler in abi::matrix(&mut Tally::default()).iter().filter(|compiler| !compiler.cpp) {
         for source in &sources {
-            takes(log, compiler, &place.include, source, tally)?;
+            check_compiles(log, compiler, &setup.include, source, tally)?;
         }
     }
-    let program = build_as_written(context, log, place)?;
-    let host = Host { context, program, place };
+    let program = build_as_written(context, log, setup)?;
+    let host = Host { context, program, setup };
     videos(&host, log, tally)?;
     pictures(&host, log, tally)?;
     without_a_world(&host, log, tally)?;
@@ -40,14 +40,14 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log, place: &Place, tally: &m
 }
 
 /// Builds by the command line in the sample's page and source, against the existing library.
-fn build_as_written(context: &Context<'_>, log: &mut Log, place: &Place) -> Result<PathBuf, String> {
+fn build_as_written(context: &Context<'_>, log: &mut Log, setup: &HostSetup) -> Result<PathBuf, String> {
     let page = context.workspace.read(&format!("{SAMPLE}/README.md"))?;
     let line = page.lines().find(|line| line.starts_with("cc ")).ok_or("the sample's page has no line with cc")?;
     if !context.workspace.read(&format!("{SAMPLE}/main.c"))?.contains(line) {
         return Err("the sample's source shows another line with cc than its page".to_owned());
     }
-    let program = place.work.join("host-c");
-    let folder = place.library_folder().display().to_string();
+    let program = setup.work.join("host-c");
+    let folder = setup.library_folder().display().to_string();
     let line = line
         .replace("$PWD/target/release", &folder)
         .replace("target/release", &folder)
@@ -60,19 +60,26 @@ fn build_as_written(context: &Context<'_>, log: &mut Log, place: &Place) -> Resu
 struct Host<'a> {
     context: &'a Context<'a>,
     program: PathBuf,
-    place: &'a Place,
+    setup: &'a HostSetup,
 }
 
 impl Host<'_> {
     fn command(&self, program: &Path) -> Result<Command, String> {
         let mut command = Command::new(program);
-        command.current_dir(&self.place.work);
+        command.current_dir(&self.setup.work);
         self.context.provide_worlds(&mut command)?;
         Ok(command)
     }
 
     /// Walks for `seconds` and writes `out`.
-    fn walk(&self, log: &mut Log, seconds: &str, seed: &str, out: &str, more: &[&Path]) -> Result<Ended, String> {
+    fn walk(
+        &self,
+        log: &mut Log,
+        seconds: &str,
+        seed: &str,
+        out: &str,
+        more: &[&Path],
+    ) -> Result<CommandOutput, String> {
         let mut command = self.command(&self.program)?;
         command.arg(self.context.bundle("tiny")?).arg("--script").arg(self.context.workspace.root.join(SCRIPT));
         command.args(["--seconds", seconds, "--seed", seed, "--out", out]).args(more);
@@ -80,27 +87,27 @@ impl Host<'_> {
     }
 
     fn video(&self, name: &str) -> Result<Video, String> {
-        Video::read(&self.place.work.join(name))
+        Video::read(&self.setup.work.join(name))
     }
 }
 
 /// A whole second: all pictures are there, no two consecutive ones are equal, and the seed changes them.
 fn videos(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let ended = host.walk(log, "1", "7", "walk.y4m", &[])?;
-    tally.check((!ended.success).then(|| "the rollout failed".to_owned()));
-    for said in ["reading", "preparing", "100 %", "latent 15 of 15", "16 latents", "61 pictures written"] {
-        tally.check((!ended.output.contains(said)).then(|| format!("the rollout does not say \"{said}\"")));
+    tally.test((!ended.success).then(|| "the rollout failed".to_owned()));
+    for message in ["reading", "preparing", "100 %", "latent 15 of 15", "16 latents", "61 pictures written"] {
+        tally.check((!ended.output.contains(message)).then(|| format!("the rollout does not say \"{message}\"")));
     }
     let video = host.video("walk.y4m")?;
     let facts = (video.width, video.height, video.rate.as_str(), video.frames.len());
-    tally.check((facts != (128, 72, "60:1", 61)).then(|| format!("the video is {facts:?}")));
+    tally.test((facts != (128, 72, "60:1", 61)).then(|| format!("the video is {facts:?}")));
     let still = video.frames.windows(2).filter(|pair| pair[0] == pair[1]).count();
-    tally.check((still > 0).then(|| format!("{still} pictures are as the one before")));
+    tally.test((still > 0).then(|| format!("{still} pictures are as the one before")));
     for (seed, alike) in [("7", true), ("8", false)] {
         host.walk(log, "0.2", seed, "again.y4m", &[])?;
         let again = host.video("again.y4m")?;
         let wrong = again.frames.len() != 13 || (again.frames[..] == video.frames[..again.frames.len()]) != alike;
-        tally.check(wrong.then(|| format!("seed {seed}: the beginning is alike or not, against the seeds")));
+        tally.test(wrong.then(|| format!("seed {seed}: the beginning is alike or not, against the seeds")));
     }
     Ok(())
 }
@@ -108,27 +115,27 @@ fn videos(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Strin
 /// From a seed picture, once as pictures and once as a video: both are equal.
 fn pictures(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let pixels = (0..100 * 60).flat_map(|i| [(i % 256) as u8, (i / 100 * 4) as u8, 200]).collect();
-    let seed = host.place.work.join("seed.ppm");
+    let seed = host.setup.work.join("seed.ppm");
     Ppm { width: 100, height: 60, pixels }.write(&seed)?;
     let more = [Path::new("--seed-picture"), seed.as_path()];
     for out in ["pictures.y4m", "pictures.ppm"] {
         let ended = host.walk(log, "0.2", "1", out, &more)?;
-        tally.check((!ended.success).then(|| format!("{out} was not written")));
+        tally.test((!ended.success).then(|| format!("{out} was not written")));
     }
     let video = host.video("pictures.y4m")?;
     let plain = host.video("again.y4m")?;
-    tally.check((video.frames[0] == plain.frames[0]).then(|| "the seed picture changes nothing".to_owned()));
+    tally.test((video.frames[0] == plain.frames[0]).then(|| "the seed picture changes nothing".to_owned()));
     let mut written = 0;
     for (number, frame) in video.frames.iter().enumerate() {
-        let picture = Ppm::read(&host.place.work.join(format!("pictures-{number:05}.ppm")))?;
+        let picture = Ppm::read(&host.setup.work.join(format!("pictures-{number:05}.ppm")))?;
         let off = picture.distance(frame);
         // Rounding to 8 bits, and the standard's coefficients with three digits.
         let wrong = (picture.width, picture.height) != (video.width, video.height) || off > 0.51;
-        tally.check(wrong.then(|| format!("picture {number} and the video's frame are {off:.2} apart")));
+        tally.test(wrong.then(|| format!("picture {number} and the video's frame are {off:.2} apart")));
         written += 1;
     }
-    let more = host.place.work.join(format!("pictures-{written:05}.ppm")).exists();
-    tally.check((written != 13 || more).then(|| format!("{written} pictures were written, or more")));
+    let more = host.setup.work.join(format!("pictures-{written:05}.ppm")).exists();
+    tally.test((written != 13 || more).then(|| format!("{written} pictures were written, or more")));
     Ok(())
 }
 
@@ -139,10 +146,10 @@ fn without_a_world(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<
     command.arg("--seed-picture").arg(root.join("samples/worlds/place.ppm")).arg("--script").arg(root.join(SCRIPT));
     let ended = log.run(command.args(["--seconds", "0.2", "--out", "embedded.y4m"]))?;
     let wrong = !ended.success || !ended.output.contains("world:   Miniature");
-    tally.check(wrong.then(|| "without a world, host-c does not walk through the embedded one".to_owned()));
+    tally.test(wrong.then(|| "without a world, host-c does not walk through the embedded one".to_owned()));
     let video = host.video("embedded.y4m")?;
     let facts = (video.width, video.height, video.frames.len());
-    tally.check((facts != (320, 180, 13)).then(|| format!("the embedded world's video is {facts:?}")));
+    tally.test((facts != (320, 180, 13)).then(|| format!("the embedded world's video is {facts:?}")));
     Ok(())
 }
 
@@ -150,10 +157,10 @@ fn without_a_world(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<
 fn refusals(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let world = host.context.bundle("tiny")?;
     let world = world.to_str().ok_or("the test world's path is not UTF-8")?;
-    let script = host.place.work.join("wrong.txt");
+    let script = host.setup.work.join("wrong.txt");
     fs::write(&script, "cairn-controls 1\n0..1 hold NOSUCHKEY\n").map_err(|e| format!("{}: {e}", script.display()))?;
     let script = script.to_str().ok_or("the work folder's path is not UTF-8")?;
-    for (arguments, says) in [
+    for (arguments, message_parts) in [
         (&[world, world][..], &["there is a world already", "--help"][..]),
         (&[world, "--sceonds", "1"], &["--sceonds", "no such option"]),
         (&[world, "--seconds", "soon"], &["soon", "seconds"]),
@@ -167,9 +174,9 @@ fn refusals(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Str
         ),
     ] {
         let ended = log.run(host.command(&host.program)?.args(arguments))?;
-        let lacks = says.iter().find(|part| !ended.output.contains(**part));
+        let lacks = message_parts.iter().find(|part| !ended.output.contains(**part));
         let wrong = ended.success || lacks.is_some();
-        tally.check(wrong.then(|| format!("host-c {arguments:?} does not fail with {lacks:?}")));
+        tally.test(wrong.then(|| format!("host-c {arguments:?} does not fail with {lacks:?}")));
     }
     Ok(())
 }
@@ -180,24 +187,24 @@ fn cmake(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
         tally.skips.push(Skip { name: "host-c by CMake".into(), reason: "needs cmake: apt install cmake".into() });
         return Ok(());
     };
-    let release = host.place.work.join("release");
-    for (from, folder) in [(&host.place.include.join("cairn.h"), "include"), (&host.place.library, "lib")] {
+    let release = host.setup.work.join("release");
+    for (from, folder) in [(&host.setup.include.join("cairn.h"), "include"), (&host.setup.library, "lib")] {
         let folder = release.join(folder);
         let to = folder.join(from.file_name().unwrap_or_default());
         let copied = fs::create_dir_all(&folder).and_then(|()| fs::copy(from, &to));
         copied.map_err(|e| format!("{}: {e}", to.display()))?;
     }
-    let build = host.place.work.join("build");
+    let build = host.setup.work.join("build");
     let mut configure = Command::new(&cmake);
     configure.arg("-S").arg(host.context.workspace.root.join(SAMPLE)).arg("-B").arg(&build);
     configure.arg(format!("-DCAIRN_ROOT={}", release.display())).arg("-DCMAKE_C_FLAGS=-Werror");
     let ended = log.run(&mut configure)?;
     let built = ended.success && log.run(Command::new(&cmake).arg("--build").arg(&build))?.success;
-    tally.check((!built).then(|| "CMake does not build the sample".to_owned()));
+    tally.test((!built).then(|| "CMake does not build the sample".to_owned()));
     if built {
         let mut command = host.command(&build.join("host-c"))?;
         let ended = log.run(command.arg(host.context.bundle("tiny")?).args(["--seconds", "0.1"]))?;
-        tally.check((!ended.success).then(|| "the sample built by CMake does not run".to_owned()));
+        tally.test((!ended.success).then(|| "the sample built by CMake does not run".to_owned()));
     }
     Ok(())
 }
@@ -206,29 +213,29 @@ fn cmake(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
 /// allocates with malloc, so its leaks are detected as well.
 fn sanitizers(host: &Host<'_>, log: &mut Log, sources: &[PathBuf], tally: &mut Tally) -> Result<(), String> {
     let sanitized = |output: &Path| {
-        let mut command = host.place.compile();
+        let mut command = host.setup.compile();
         command.args(["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer", "-o"]);
         command.arg(output);
         command
     };
     // A control: the sanitizer must detect this leak.
-    let leak = host.place.work.join("leak.c");
+    let leak = host.setup.work.join("leak.c");
     let text = "#include <stdlib.h>\n\nint main(void)\n{\n    volatile char *lost = malloc(7);\n    lost[0] = 1;\n    \
                 lost = NULL;\n    return 0;\n}\n";
     fs::write(&leak, text).map_err(|e| format!("{}: {e}", leak.display()))?;
-    let program = host.place.work.join("leak");
+    let program = host.setup.work.join("leak");
     if !log.run(sanitized(&program).arg(&leak))?.success {
         let reason = "needs sanitizers: apt install gcc with libasan and libubsan".into();
         tally.skips.push(Skip { name: "host-c with sanitizers".into(), reason });
         return Ok(());
     }
     let found = log.run(&mut host.command(&program)?)?;
-    tally.check((found.success || !found.output.contains("LeakSanitizer")).then(|| "a leak is not found".to_owned()));
+    tally.test((found.success || !found.output.contains("LeakSanitizer")).then(|| "a leak is not found".to_owned()));
 
-    let program = host.place.work.join("host-c-sanitized");
+    let program = host.setup.work.join("host-c-sanitized");
     let mut command = sanitized(&program);
-    command.args(sources).arg("-L").arg(host.place.library_folder()).args(["-lcairn", "-lm"]);
-    command.arg(format!("-Wl,-rpath,{}", host.place.library_folder().display()));
+    command.args(sources).arg("-L").arg(host.setup.library_folder()).args(["-lcairn", "-lm"]);
+    command.arg(format!("-Wl,-rpath,{}", host.setup.library_folder().display()));
     if !log.run(&mut command)?.success {
         return Err("the sample does not build with sanitizers".to_owned());
     }
@@ -247,7 +254,7 @@ fn sanitizers(host: &Host<'_>, log: &mut Log, sources: &[PathBuf], tally: &mut T
         let ended = log.run(host.command(&program)?.args(arguments))?;
         let found = ["Sanitizer", "runtime error"].iter().any(|word| ended.output.contains(word));
         let wrong = found || ended.success != works;
-        tally.check(
+        tally.test(
             wrong.then(|| format!("with sanitizers, host-c {arguments:?}: found {found}, works {}", ended.success)),
         );
     }

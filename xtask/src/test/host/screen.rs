@@ -28,7 +28,7 @@ pub(super) struct Rectangle {
 }
 
 impl Rectangle {
-    fn holds(&self, x: usize, y: usize) -> bool {
+    fn contains(&self, x: usize, y: usize) -> bool {
         (self.left..self.left + self.width).contains(&x) && (self.top..self.top + self.height).contains(&y)
     }
 }
@@ -39,8 +39,8 @@ pub(super) fn read(path: &Path) -> Option<Ppm> {
 }
 
 fn parse(bytes: &[u8]) -> Option<Ppm> {
-    let word = |place: usize| {
-        let bytes = bytes.get(place * 4..place * 4 + 4)?;
+    let word = |index: usize| {
+        let bytes = bytes.get(index * 4..index * 4 + 4)?;
         usize::try_from(u32::from_be_bytes(bytes.try_into().ok()?)).ok()
     };
     let [width, height, pitch] = [word(word::WIDTH)?, word(word::HEIGHT)?, word(word::BYTES_PER_LINE)?];
@@ -65,25 +65,25 @@ fn parse(bytes: &[u8]) -> Option<Ppm> {
 /// Position of `picture` in `screen`: all pixels match, except those inside `over`.
 pub(super) fn find(screen: &Ppm, picture: &Ppm, over: Rectangle) -> Option<(usize, usize)> {
     // A row that `over` does not cover is searched for first.
-    let clue = (0..picture.height).find(|y| !(over.top..over.top + over.height).contains(y))?;
-    let wanted = &picture.pixels[row(picture, clue)];
+    let first_row = (0..picture.height).find(|y| !(over.top..over.top + over.height).contains(y))?;
+    let wanted = &picture.pixels[row(picture, first_row)];
     for top in 0..(screen.height + 1).checked_sub(picture.height)? {
-        let line = &screen.pixels[row(screen, top + clue)];
+        let line = &screen.pixels[row(screen, top + first_row)];
         // Skips black rows, which most of a display consists of.
         if line.iter().all(|byte| *byte == 0) {
             continue;
         }
-        let places = line.windows(wanted.len()).step_by(3).enumerate();
-        let mut places = places.filter(|(_, there)| there == &wanted).map(|(left, _)| (left, top));
-        if let Some(place) = places.find(|place| stands(screen, picture, *place, over)) {
-            return Some(place);
+        let positions = line.windows(wanted.len()).step_by(3).enumerate();
+        let mut positions = positions.filter(|(_, there)| there == &wanted).map(|(left, _)| (left, top));
+        if let Some(position) = positions.find(|position| is_at(screen, picture, *position, over)) {
+            return Some(position);
         }
     }
     None
 }
 
 /// Whether `picture` is at that position of `screen`, except for the pixels inside `over`.
-pub(super) fn stands(screen: &Ppm, picture: &Ppm, (left, top): (usize, usize), over: Rectangle) -> bool {
+pub(super) fn is_at(screen: &Ppm, picture: &Ppm, (left, top): (usize, usize), over: Rectangle) -> bool {
     if left + picture.width > screen.width || top + picture.height > screen.height {
         return false;
     }
@@ -91,13 +91,13 @@ pub(super) fn stands(screen: &Ppm, picture: &Ppm, (left, top): (usize, usize), o
         let at = (y * of.width + x) * 3;
         [of.pixels[at], of.pixels[at + 1], of.pixels[at + 2]]
     };
-    let same = |x, y| over.holds(x, y) || pixel(picture, x, y) == pixel(screen, left + x, top + y);
+    let same = |x, y| over.contains(x, y) || pixel(picture, x, y) == pixel(screen, left + x, top + y);
     (0..picture.height).all(|y| (0..picture.width).all(|x| same(x, y)))
 }
 
 /// Byte range of a row.
-fn row(of: &Ppm, y: usize) -> std::ops::Range<usize> {
-    y * of.width * 3..(y + 1) * of.width * 3
+fn row(picture: &Ppm, y: usize) -> std::ops::Range<usize> {
+    y * picture.width * 3..(y + 1) * picture.width * 3
 }
 
 #[cfg(test)]

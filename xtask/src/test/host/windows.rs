@@ -21,9 +21,9 @@ use crate::test::{Context, lab};
 const SAMPLE: &str = "samples/host-d3d12";
 const SCRIPT: &str = "samples/scripts/walk.txt";
 const RENDERER: &str = "tests/host/renderer.c";
-const HANDS: &str = "tests/host/hands.c";
+const INPUT_SENDER: &str = "tests/host/hands.c";
 
-/// Frames that are recorded, and how many there are to an anchor.
+/// Number of recorded frames, and of frames per anchor.
 const FRAMES: usize = 24;
 const MULTIPLIER: usize = 4;
 
@@ -34,11 +34,11 @@ const SIZE: (usize, usize) = (320, 180);
 const GRAPH: Rectangle = Rectangle { left: 8, top: SIZE.1 - 64 - 8, width: 256, height: 64 };
 
 /// Interval at which the display is read.
-const LOOK: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
-    if let Some(skip) = lab::or_skip(SAMPLE)? {
+    if let Some(skip) = lab::skip_unless_possible(SAMPLE)? {
         tally.skips.push(skip);
         return Ok(tally);
     }
@@ -46,50 +46,50 @@ pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally
         tally.skips.push(Skip { name: SAMPLE.into(), reason: "needs cmake: apt install cmake".into() });
         return Ok(tally);
     };
-    let place = context.workspace.target.join("xtask").join("host-d3d12");
+    let folder = context.workspace.target.join("xtask").join("host-d3d12");
     let mut built = None;
     context.with_and_without_amd(&mut tally, |amd| {
-        let work = place.join(if matches!(amd, Amd::None) { "plain" } else { "amd" });
+        let work = folder.join(if matches!(amd, Amd::None) { "plain" } else { "amd" });
         let program = match &built {
             Some(program) => PathBuf::clone(program),
-            None => built.insert(anew(context, log, &cmake, &place)?).clone(),
+            None => built.insert(build_in_empty_folder(context, log, &cmake, &folder)?).clone(),
         };
         fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
-        shown(&Host { context, work, program, amd }, log)
+        check_sample(&Host { context, work, program, amd }, log)
     })?;
     Ok(tally)
 }
 
 /// The sample, built in an empty folder.
-fn anew(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Result<PathBuf, String> {
+fn build_in_empty_folder(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Result<PathBuf, String> {
     match fs::remove_dir_all(work) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
         _ => {}
     }
     fs::create_dir_all(work).map_err(|e| format!("{}: {e}", work.display()))?;
     let program = build(context, log, cmake, work)?;
-    lab::put_runtime(&program.with_file_name(""))?;
+    lab::install_runtime(&program.with_file_name(""))?;
     Ok(program)
 }
 
 /// Tests the sample's output and the display.
-fn shown(host: &Host<'_>, log: &mut Log) -> Result<Tally, String> {
+fn check_sample(host: &Host<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
-    recorded(host, log, &mut tally)?;
-    high_range(host, log, &mut tally)?;
-    on_the_device(host, log, &mut tally)?;
-    scene(host, log, &mut tally)?;
-    refusals(host, log, &mut tally)?;
-    window(host, log, &mut tally)?;
-    hands(host, log, &mut tally)?;
+    recorded_frames(host, log, &mut tally)?;
+    hdr_frames(host, log, &mut tally)?;
+    device_anchors(host, log, &mut tally)?;
+    scene_anchors(host, log, &mut tally)?;
+    invalid_arguments(host, log, &mut tally)?;
+    window_on_display(host, log, &mut tally)?;
+    keyboard_and_mouse(host, log, &mut tally)?;
     Ok(tally)
 }
 
 /// Builds the library, and the sample against it.
 fn build(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Result<PathBuf, String> {
     context.build_for_windows(log)?;
-    let place = format!("-DCAIRN_LIBRARY_DIR={}", context.windows_programs().display());
-    by_cmake(log, cmake, &context.workspace.root.join(SAMPLE), &work.join("build"), &[&place])
+    let library_folder = format!("-DCAIRN_LIBRARY_DIR={}", context.windows_programs().display());
+    by_cmake(log, cmake, &context.workspace.root.join(SAMPLE), &work.join("build"), &[&library_folder])
 }
 
 /// Builds the sample in `source` by its CMake file; returns the program.
@@ -114,8 +114,8 @@ pub(in crate::test) fn by_cmake(
     let configured = log.run(&mut configure)?.success;
     let built = configured
         && log.run(Command::new(cmake).arg("--build").arg(build).args(["--config", "Release", "--parallel"]))?.success;
-    let places = [build.join("host-d3d12.exe"), build.join("Release").join("host-d3d12.exe")];
-    let program = places.into_iter().find(|place| built && place.is_file());
+    let candidates = [build.join("host-d3d12.exe"), build.join("Release").join("host-d3d12.exe")];
+    let program = candidates.into_iter().find(|program| built && program.is_file());
     program.ok_or_else(|| "CMake does not build the sample".to_owned())
 }
 
@@ -150,7 +150,7 @@ impl Host<'_> {
 }
 
 /// Records frames without a window, with the anchors they are made from.
-fn recorded(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+fn recorded_frames(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let frames = FRAMES.to_string();
     let script = host.script();
     let arguments = ["--headless", &frames, "--record", "walk", "--anchors", "cpu", "--script", &script];
@@ -162,27 +162,27 @@ fn recorded(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Str
     let table =
         fs::read_to_string(host.work.join("walk").join("frames.csv")).map_err(|e| format!("frames.csv: {e}"))?;
     let sources: Vec<&str> = table.lines().skip(1).filter_map(|line| line.split(',').nth(1)).collect();
-    tally.check((sources.len() != FRAMES).then(|| format!("frames.csv has {} frames", sources.len())));
+    tally.test((sources.len() != FRAMES).then(|| format!("frames.csv has {} frames", sources.len())));
     for (i, frame) in frames.iter().enumerate() {
-        let said = sources.get(i).copied().unwrap_or_default();
+        let source = sources.get(i).copied().unwrap_or_default();
         let anchor = (i % MULTIPLIER == 0).then(|| &anchors[i / MULTIPLIER]);
         let wrong = match anchor {
             _ if (frame.width, frame.height) != SIZE => Some("has another size"),
             _ if is_flat(frame) => Some("is of one colour"),
-            Some(_) if said != "anchor" => Some("is said to be no anchor"),
+            Some(_) if source != "anchor" => Some("is said to be no anchor"),
             Some(anchor) if frame.pixels != anchor.pixels => Some("is not the anchor's picture"),
-            None if said != "generated" => Some("is said not to be generated"),
+            None if source != "generated" => Some("is said not to be generated"),
             _ if i > 0 && frame.pixels == frames[i - 1].pixels => Some("is the one before"),
             _ => None,
         };
-        tally.check(wrong.map(|what| format!("frame {i} {what}")));
+        tally.test(wrong.map(|what| format!("frame {i} {what}")));
     }
     Ok(())
 }
 
 /// HDR frames: frames at anchors are the anchors' pictures at the requested brightness. The lab's display has no HDR, which the
 /// sample must report.
-fn high_range(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+fn hdr_frames(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let script = host.script();
     let shared = ["--multiplier", "1", "--anchors", "cpu", "--script", &script];
     type Pixel = fn([f64; 3], f64) -> [f64; 3];
@@ -202,21 +202,21 @@ fn high_range(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), S
             let (off, dark) =
                 (frame.distance(&anchor, |p| pixel(p, white)), frame.distance(&anchor, |p| pixel(p, 80.0)));
             log.line(&format!("{colours}, frame {i}: {off} off, {dark} off another white"))?;
-            tally.check((off > near).then(|| format!("{colours}: frame {i} is {off} off its anchor's picture")));
-            tally.check((dark < 10.0 * near).then(|| format!("{colours}: frame {i} is as bright as any")));
+            tally.test((off > near).then(|| format!("{colours}: frame {i} is {off} off its anchor's picture")));
+            tally.test((dark < 10.0 * near).then(|| format!("{colours}: frame {i} is as bright as any")));
         }
         if !cfg!(windows) {
             let window = ["--frames", "1", "--colours", colours];
             let ended = log.run(&mut host.command(&[&window[..], &shared].concat())?)?;
-            let said = ended.output.contains("host-d3d12: this display does not show");
-            tally.check((ended.success || !said).then(|| format!("{colours} in a window: {:?}", ended.output)));
+            let reported = ended.output.contains("host-d3d12: this display does not show");
+            tally.test((ended.success || !reported).then(|| format!("{colours} in a window: {:?}", ended.output)));
         }
     }
     Ok(())
 }
 
 /// Anchors from DirectML, on the device that shows them: close to those of the processor.
-fn on_the_device(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+fn device_anchors(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let script = host.script();
     let arguments =
         ["--headless", "2", "--record", "device", "--anchors", "gpu", "--script", &script, "--multiplier", "1"];
@@ -232,8 +232,8 @@ fn on_the_device(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<()
         let squares: f64 = pairs.map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
         let decibels = 10.0 * (255.0_f64.powi(2) * device.pixels.len() as f64 / squares.max(1.0)).log10();
         log.line(&format!("anchor {i} of DirectML: {decibels:.1} dB from the processor's"))?;
-        tally.check((decibels < 40.0).then(|| format!("anchor {i} of DirectML is {decibels:.1} dB off")));
-        tally.check((shown.pixels != device.pixels).then(|| format!("anchor {i} of DirectML is not what is shown")));
+        tally.test((decibels < 40.0).then(|| format!("anchor {i} of DirectML is {decibels:.1} dB off")));
+        tally.test((shown.pixels != device.pixels).then(|| format!("anchor {i} of DirectML is not what is shown")));
     }
     Ok(())
 }
@@ -246,17 +246,20 @@ fn is_flat(picture: &Ppm) -> bool {
 
 /// Anchors from the renderer equal the pictures that it draws by itself. Here it runs natively on this machine, and a stand-in with the
 /// renderer's arguments passes them to the sample.
-fn scene(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+fn scene_anchors(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let context = host.context;
     context.build_programs(log)?;
     let raw = host.work.join("forest.rgb");
-    let asked = ["clip", "--scene", "forest", "--seconds", "600", "--rate", "15", "--size", "160x96", "--raw", "-"];
-    let mut alone = Command::new(context.workspace.program("debug", "scenes"));
-    alone.args(asked.map(|word| if word == "600" { "0.2" } else { word }).iter().filter(|word| **word != "-"));
-    if !log.run(alone.arg(&raw))?.success {
+    let arguments_for_clip =
+        ["clip", "--scene", "forest", "--seconds", "600", "--rate", "15", "--size", "160x96", "--raw", "-"];
+    let mut scenes = Command::new(context.workspace.program("debug", "scenes"));
+    scenes.args(
+        arguments_for_clip.map(|word| if word == "600" { "0.2" } else { word }).iter().filter(|word| **word != "-"),
+    );
+    if !log.run(scenes.arg(&raw))?.success {
         return Err("the scenes are not drawn".to_owned());
     }
-    let drawn = fs::read(&raw).map_err(|e| format!("{}: {e}", raw.display()))?;
+    let pictures = fs::read(&raw).map_err(|e| format!("{}: {e}", raw.display()))?;
     let renderer = host.work.join("renderer.exe");
     if !cfg!(windows) {
         compile(context, log, RENDERER, &renderer)?;
@@ -271,13 +274,14 @@ fn scene(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String
         tally.failures.push("the sample does not show a scene".to_owned());
         return Ok(());
     }
-    for (i, picture) in drawn.chunks_exact(160 * 96 * 3).take(2).enumerate() {
+    for (i, picture) in pictures.chunks_exact(160 * 96 * 3).take(2).enumerate() {
         let shown = host.picture("forest", "frame", i * MULTIPLIER)?;
-        tally.check((shown.pixels != picture).then(|| format!("anchor {i} is not the scene's picture")));
+        tally.test((shown.pixels != picture).then(|| format!("anchor {i} is not the scene's picture")));
     }
     if !cfg!(windows) {
-        let given = fs::read_to_string(host.work.join("arguments.txt")).map_err(|e| format!("arguments.txt: {e}"))?;
-        tally.check((!given.lines().eq(asked)).then(|| format!("the renderer is given {given:?}")));
+        let received =
+            fs::read_to_string(host.work.join("arguments.txt")).map_err(|e| format!("arguments.txt: {e}"))?;
+        tally.test((!received.lines().eq(arguments_for_clip)).then(|| format!("the renderer is given {received:?}")));
     }
     Ok(())
 }
@@ -294,21 +298,21 @@ fn compile(context: &Context<'_>, log: &mut Log, source: &str, program: &Path) -
 }
 
 /// Invalid command lines and missing files: an exit status, and a message that names the fault.
-fn refusals(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
-    for (arguments, says) in [
+fn invalid_arguments(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    for (arguments, message) in [
         (&["--size", "3"][..], "--size: \"3\" is no size. Write it as 960x540. See host-d3d12 --help"),
         (&["--white", "300"], "--white: is for --colours hdr10 or scrgb. See host-d3d12 --help"),
         (&["--headless", "2", "--seed-picture", "nowhere.ppm", "--anchors", "cpu"], "nowhere.ppm: cannot be read"),
     ] {
         let ended = log.run(&mut host.command(arguments)?)?;
-        let fine = !ended.success && ended.output.contains(&format!("host-d3d12: {says}"));
-        tally.check((!fine).then(|| format!("{arguments:?}: {:?}", ended.output)));
+        let fine = !ended.success && ended.output.contains(&format!("host-d3d12: {message}"));
+        tally.test((!fine).then(|| format!("{arguments:?}: {:?}", ended.output)));
     }
     Ok(())
 }
 
 /// Runs the sample in a window, and looks for the world on the display.
-fn window(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+fn window_on_display(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let (script, size) = (host.script(), format!("{}x{}", SIZE.0, SIZE.1));
     let mut arguments: Vec<&str> = "--frames 30 --rate 2 --anchors cpu --record window --script".split(' ').collect();
     arguments.extend([&*script, "--size", &*size]);
@@ -316,18 +320,18 @@ fn window(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Strin
     command.env("CAIRN_LAB_SCREEN", &host.work);
     let (over, display) = (AtomicBool::new(false), host.work.join("Xvfb_screen0"));
     let made = host.work.join("window");
-    let (ended, seen) = std::thread::scope(|scope| {
-        let watch = scope.spawn(|| watch(&display, &made, &over));
+    let (ended, found) = std::thread::scope(|scope| {
+        let watch = scope.spawn(|| find_anchors(&display, &made, &over));
         let ended = log.run(&mut command);
         over.store(true, Ordering::Relaxed);
         (ended, watch.join())
     });
-    tally.check((!ended?.success).then(|| "the sample ends with a failure in a window".to_owned()));
+    tally.test((!ended?.success).then(|| "the sample ends with a failure in a window".to_owned()));
     if cfg!(windows) {
         return Ok(());
     }
-    match seen.map_err(|_| "the display cannot be watched")? {
-        Some(Seen { anchors, place: (left, top), screen }) => {
+    match found.map_err(|_| "the display cannot be watched")? {
+        Some(DisplayMatch { anchors, position: (left, top), screen }) => {
             log.line(&format!("anchors {anchors:?} stand at {left}, {top} of the display"))?;
             screen.write(&host.work.join("screen.ppm"))?;
             let graph = |x: usize, y: usize| {
@@ -336,7 +340,7 @@ fn window(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Strin
             };
             // The graph's background beside the number; no frame has this colour.
             let there = graph(GRAPH.width - 1, 0) == [0x10, 0x18, 0x20];
-            tally.check((!there).then(|| "the graph is not in the picture".to_owned()));
+            tally.test((!there).then(|| "the graph is not in the picture".to_owned()));
         }
         None => tally.failures.push("no two anchors of the world were seen on the display".to_owned()),
     }
@@ -344,37 +348,37 @@ fn window(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), Strin
 }
 
 /// Plays in a window with keys and mouse, and leaves by Esc; the received input is logged.
-fn hands(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+fn keyboard_and_mouse(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     // On a Windows desktop a user may be typing.
     if cfg!(windows) {
         return Ok(());
     }
     let program = host.work.join("hands.exe");
-    compile(host.context, log, HANDS, &program)?;
+    compile(host.context, log, INPUT_SENDER, &program)?;
     let mut command = lab::lab_run()?;
     command.arg(&program).arg("played/controls.txt").arg(&host.program);
     command.args(["--anchors", "cpu", "--rate", "4", "--record", "played"]);
     host.amd.provide(&mut command);
     let ended = log.run(command.current_dir(&host.work).env_remove("CAIRN_ONNXRUNTIME"))?;
-    tally.check((!ended.success).then(|| format!("keyboard and mouse: {}", ended.output)));
+    tally.test((!ended.success).then(|| format!("keyboard and mouse: {}", ended.output)));
     let script = fs::read_to_string(host.work.join("played").join("controls.txt")).unwrap_or_default();
-    let heard = script.contains(" down W") && script.contains(" mouse ");
-    tally.check((!heard).then(|| format!("the sample writes down as what the player did: {script:?}")));
+    let logged = script.contains(" down W") && script.contains(" mouse ");
+    tally.test((!logged).then(|| format!("the sample writes down as what the player did: {script:?}")));
     Ok(())
 }
 
 /// What was found on the display.
-struct Seen {
+struct DisplayMatch {
     /// Indices of two anchors: the world advances.
     anchors: [usize; 2],
     /// Position of the second one's top left pixel.
-    place: (usize, usize),
+    position: (usize, usize),
     /// The whole screen with the second one.
     screen: Ppm,
 }
 
 /// Reads the display until two of the anchors that the sample writes into `made` were found, or the run is over.
-fn watch(display: &Path, made: &Path, over: &AtomicBool) -> Option<Seen> {
+fn find_anchors(display: &Path, made: &Path, over: &AtomicBool) -> Option<DisplayMatch> {
     let mut anchors: Vec<Ppm> = Vec::new();
     let mut first = None;
     while !over.load(Ordering::Relaxed) {
@@ -383,19 +387,19 @@ fn watch(display: &Path, made: &Path, over: &AtomicBool) -> Option<Seen> {
             anchors.push(anchor);
         }
         if let Some(screen) = screen::read(display) {
-            let stands = |picture| match first {
+            let position_of = |picture| match first {
                 None => screen::find(&screen, picture, GRAPH),
-                Some((_, place)) => screen::stands(&screen, picture, place, GRAPH).then_some(place),
+                Some((_, position)) => screen::is_at(&screen, picture, position, GRAPH).then_some(position),
             };
-            let found = anchors.iter().enumerate().find_map(|(i, picture)| Some((i, stands(picture)?)));
-            if let Some((anchor, place)) = found {
-                let (before, _) = *first.get_or_insert((anchor, place));
+            let found = anchors.iter().enumerate().find_map(|(i, picture)| Some((i, position_of(picture)?)));
+            if let Some((anchor, position)) = found {
+                let (before, _) = *first.get_or_insert((anchor, position));
                 if before != anchor {
-                    return Some(Seen { anchors: [before, anchor], place, screen });
+                    return Some(DisplayMatch { anchors: [before, anchor], position, screen });
                 }
             }
         }
-        sleep(LOOK);
+        sleep(POLL_INTERVAL);
     }
     None
 }

@@ -3,7 +3,7 @@
 use std::ffi::c_void;
 
 use crate::interfaces::Direct3d12;
-use crate::views::{Ended, View};
+use crate::views::{EventResult, View};
 
 /// Never exists on this platform.
 pub(crate) enum Drawing {}
@@ -25,7 +25,7 @@ impl Target {
 pub(crate) struct TargetRing;
 
 impl TargetRing {
-    pub(crate) fn let_go(&mut self) {}
+    pub(crate) fn release(&mut self) {}
 }
 
 impl Drawing {
@@ -42,15 +42,15 @@ impl Drawing {
         match *self {}
     }
 
-    pub(crate) fn make(&self, _: &View) -> Ended {
+    pub(crate) fn make(&self, _: &View) -> EventResult {
         match *self {}
     }
 
-    pub(crate) fn show(&self, _: &View) -> Ended {
+    pub(crate) fn show(&self, _: &View) -> EventResult {
         match *self {}
     }
 
-    pub(crate) fn tidy(&self) {
+    pub(crate) fn release_finished(&self) {
         match *self {}
     }
 

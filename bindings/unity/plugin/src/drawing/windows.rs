@@ -25,10 +25,10 @@ use cairn::gpu::windows::core::{IUnknown, Interface, PCWSTR};
 use parking_lot::Mutex;
 
 use crate::interfaces::{Direct3d12, Notify, Recording, RecordingState, Request, ResourceState};
-use crate::views::{Ended, View, no_frame};
+use crate::views::{EventResult, View, no_frame};
 
 /// Time limit for work on the queue before the device's resources are freed. What is still in use then is leaked.
-const PATIENCE: Duration = Duration::from_secs(5);
+const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Maximum number of the plugin's own lists in flight. Unity has two or three frames in flight, each with one list per view.
 const LISTS: usize = 256;
@@ -43,7 +43,7 @@ pub(crate) struct Drawing {
     device: ID3D12Device,
     queue: ID3D12CommandQueue,
     frame_fence: ID3D12Fence,
-    kept: Arc<Mutex<Kept>>,
+    in_use: Arc<Mutex<InUse>>,
 }
 
 // SAFETY: the functions are Unity's, called on the threads that its events run on; objects of Direct3D 12 are free-threaded.
@@ -53,28 +53,28 @@ unsafe impl Sync for Drawing {}
 
 /// Resources that Unity's queue still uses. A later event or view releases them; the shutdown waits for them.
 #[derive(Default)]
-struct Kept {
+struct InUse {
     textures: Vec<(FencePoint, ID3D12Resource)>,
     lists: Vec<List>,
 }
 
-impl Kept {
+impl InUse {
     /// Releases what the queue no longer uses.
-    fn tidy(&mut self) {
+    fn release_finished(&mut self) {
         self.textures.retain(|(until, _)| !until.is_reached());
     }
 }
 
-impl Drop for Kept {
+impl Drop for InUse {
     fn drop(&mut self) {
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TIMEOUT;
         for (until, texture) in self.textures.drain(..) {
-            if !until.comes_before(end) {
+            if !until.wait_reached(end) {
                 std::mem::forget(texture);
             }
         }
         for list in self.lists.drain(..) {
-            if !list.until.comes_before(end) {
+            if !list.until.wait_reached(end) {
                 std::mem::forget(list);
             }
         }
@@ -92,7 +92,7 @@ impl FencePoint {
     }
 
     /// Waits for the value until `end` at most. Returns whether it was reached.
-    fn comes_before(&self, end: Instant) -> bool {
+    fn wait_reached(&self, end: Instant) -> bool {
         while !self.is_reached() {
             if Instant::now() >= end {
                 return false;
@@ -135,7 +135,7 @@ struct Ring {
     newest: Option<usize>,
     /// Width, height and format of all textures.
     shape: (u64, u32, DXGI_FORMAT),
-    kept: Arc<Mutex<Kept>>,
+    in_use: Arc<Mutex<InUse>>,
 }
 
 struct Slot {
@@ -155,16 +155,16 @@ impl Slot {
 impl Drop for Ring {
     /// The queue may still use the textures, so they are not freed here.
     fn drop(&mut self) {
-        let mut kept = self.kept.lock();
+        let mut in_use = self.in_use.lock();
         for Slot { texture, written, read } in self.slots.drain(..) {
-            kept.textures.extend([written, read].into_iter().flatten().map(|until| (until, texture.clone())));
+            in_use.textures.extend([written, read].into_iter().flatten().map(|until| (until, texture.clone())));
         }
     }
 }
 
 impl TargetRing {
     /// Releases the textures.
-    pub(crate) fn let_go(&mut self) {
+    pub(crate) fn release(&mut self) {
         self.0 = None;
     }
 
@@ -178,29 +178,29 @@ impl TargetRing {
     fn free(&mut self, drawing: &Drawing, target: &ID3D12Resource) -> Result<Option<(usize, ID3D12Resource)>, String> {
         let wanted = desc_of(target);
         if self.0.as_ref().is_none_or(|ring| ring.shape != shape(&wanted)) {
-            if let Some(why) = refused(&wanted) {
+            if let Some(why) = unsupported_reason(&wanted) {
                 return Err(why);
             }
-            let kept = drawing.kept.clone();
-            self.0 = Some(Ring { slots: Vec::new(), newest: None, shape: shape(&wanted), kept });
+            let in_use = drawing.in_use.clone();
+            self.0 = Some(Ring { slots: Vec::new(), newest: None, shape: shape(&wanted), in_use });
         }
         let Some(Ring { slots, .. }) = &mut self.0 else { return Ok(None) };
-        let place = match slots.iter().position(Slot::is_free) {
-            Some(place) => place,
+        let index = match slots.iter().position(Slot::is_free) {
+            Some(index) => index,
             None if slots.len() < RING => {
                 slots.push(Slot { texture: texture_like(&wanted, &drawing.device)?, written: None, read: None });
                 slots.len() - 1
             }
             None => return Ok(None),
         };
-        Ok(Some((place, slots[place].texture.clone())))
+        Ok(Some((index, slots[index].texture.clone())))
     }
 
     /// Marks a slot as holding the newest frame, complete once `written` is reached.
-    fn holds(&mut self, place: usize, written: FencePoint) {
+    fn set_newest(&mut self, index: usize, written: FencePoint) {
         if let Some(ring) = &mut self.0 {
-            ring.slots[place].written = Some(written);
-            ring.newest = Some(place);
+            ring.slots[index].written = Some(written);
+            ring.newest = Some(index);
         }
     }
 }
@@ -238,7 +238,7 @@ fn texture_like(wanted: &D3D12_RESOURCE_DESC, device: &ID3D12Device) -> Result<I
 }
 
 /// The reason why no frame can be copied into such a texture, or `None`.
-fn refused(wanted: &D3D12_RESOURCE_DESC) -> Option<String> {
+fn unsupported_reason(wanted: &D3D12_RESOURCE_DESC) -> Option<String> {
     let what = if wanted.Dimension != D3D12_RESOURCE_DIMENSION_TEXTURE2D || wanted.DepthOrArraySize != 1 {
         "it is no texture of two dimensions with one slice"
     } else if wanted.MipLevels != 1 {
@@ -262,7 +262,7 @@ impl Drawing {
             device: device.and_then(|found| found.cast().ok()).ok_or_else(|| missing("device"))?,
             queue: queue.and_then(|found| found.cast().ok()).ok_or_else(|| missing("command queue"))?,
             frame_fence: fence.and_then(|found| found.cast().ok()).ok_or_else(|| missing("frame fence"))?,
-            kept: Arc::default(),
+            in_use: Arc::default(),
         })
     }
 
@@ -276,16 +276,16 @@ impl Drawing {
     }
 
     /// Writes the frame that is due into a texture of the view's ring, on Unity's queue.
-    pub(crate) fn make(&self, view: &View) -> Ended {
+    pub(crate) fn make(&self, view: &View) -> EventResult {
         // Read under the lock: whoever ends the view takes the lock and so waits for this event.
         let mut ring = view.ring.lock();
-        let Some((now, Target(target))) = view.wanted() else { return Ended::Nothing };
-        self.tidy();
-        let (place, texture) = match ring.free(self, &target) {
+        let Some((now, Target(target))) = view.next_frame() else { return EventResult::Nothing };
+        self.release_finished();
+        let (index, texture) = match ring.free(self, &target) {
             Ok(Some(found)) => found,
             // The next frame is written once Unity's queue has executed the copies of earlier ones.
-            Ok(None) => return Ended::Nothing,
-            Err(why) => return Ended::Failed(CAIRN_ERROR_INVALID_ARGUMENT, why),
+            Ok(None) => return EventResult::Nothing,
+            Err(why) => return EventResult::Failed(CAIRN_ERROR_INVALID_ARGUMENT, why),
         };
         let (mut frame, mut fence, mut value) = (no_frame(), std::ptr::null_mut(), 0);
         let rest = D3D12_RESOURCE_STATE_COMMON.0.cast_unsigned();
@@ -300,36 +300,36 @@ impl Drawing {
             CAIRN_OK => {
                 // SAFETY: the reference returned by the call, used once.
                 let fence = unsafe { ID3D12Fence::from_raw(fence.cast()) };
-                ring.holds(place, FencePoint(fence, value));
-                Ended::Made(frame)
+                ring.set_newest(index, FencePoint(fence, value));
+                EventResult::Made(frame)
             }
-            not_now if not_now > 0 => Ended::Nothing,
-            failed => Ended::Failed(failed, last_error()),
+            not_ready if not_ready > 0 => EventResult::Nothing,
+            failed => EventResult::Failed(failed, last_error()),
         }
     }
 
     /// Copies the newest frame into Unity's texture, in the order of Unity's own lists.
-    pub(crate) fn show(&self, view: &View) -> Ended {
+    pub(crate) fn show(&self, view: &View) -> EventResult {
         // As in `make`.
         let mut ring = view.ring.lock();
-        let Some((_, Target(target))) = view.wanted() else { return Ended::Nothing };
+        let Some((_, Target(target))) = view.next_frame() else { return EventResult::Nothing };
         // The view may have got another texture between the two events. The next frame is made for it.
-        let Some(slot) = ring.newest(&target) else { return Ended::Nothing };
-        let mut kept = self.kept.lock();
-        kept.tidy();
+        let Some(slot) = ring.newest(&target) else { return EventResult::Nothing };
+        let mut in_use = self.in_use.lock();
+        in_use.release_finished();
         let Direct3d12 { command_recording_state, request_resource_state, notify_resource_state, .. } = self.api;
         let done = match (command_recording_state, request_resource_state.zip(notify_resource_state)) {
             (Some(recording), Some(states)) => self.record(recording, states, &slot.texture, &target),
-            _ => self.execute(&mut kept.lists, &slot.texture, &target),
+            _ => self.execute(&mut in_use.lists, &slot.texture, &target),
         };
         match done {
             Ok(value) => {
                 let until = FencePoint(self.frame_fence.clone(), value);
                 slot.read = Some(until.clone());
-                kept.textures.push((until, target));
-                Ended::Shown
+                in_use.textures.push((until, target));
+                EventResult::Shown
             }
-            Err(why) => Ended::Failed(CAIRN_ERROR_DEVICE, why),
+            Err(why) => EventResult::Failed(CAIRN_ERROR_DEVICE, why),
         }
     }
 
@@ -361,15 +361,15 @@ impl Drawing {
 
     /// Records the copy in a list of the plugin's own, which Unity executes between its lists. Returns the frame fence's value after it.
     fn execute(&self, lists: &mut Vec<List>, from: &ID3D12Resource, target: &ID3D12Resource) -> Result<u64, String> {
-        let place = match lists.iter().position(|list| list.until.is_reached()) {
-            Some(place) => place,
+        let index = match lists.iter().position(|list| list.until.is_reached()) {
+            Some(index) => index,
             None if lists.len() < LISTS => {
                 lists.push(List::new(&self.device, &self.frame_fence)?);
                 lists.len() - 1
             }
             None => return Err(format!("{LISTS} lists wait for Unity, which does not come to the end of its frames")),
         };
-        let List { allocator, list, until } = &mut lists[place];
+        let List { allocator, list, until } = &mut lists[index];
         let failed = |call: &str, e: &dyn std::fmt::Display| format!("{call}: {e}");
         // SAFETY: the list that used it has executed.
         unsafe { allocator.Reset() }.map_err(|e| failed("ID3D12CommandAllocator::Reset", &e))?;
@@ -394,14 +394,14 @@ impl Drawing {
     }
 
     /// Releases what the queue no longer uses.
-    pub(crate) fn tidy(&self) {
-        self.kept.lock().tidy();
+    pub(crate) fn release_finished(&self) {
+        self.in_use.lock().release_finished();
     }
 
     /// Waits until Unity's queue has finished with the plugin's resources.
     pub(crate) fn finish(&self) {
-        let kept = std::mem::take(&mut *self.kept.lock());
-        drop(kept);
+        let in_use = std::mem::take(&mut *self.in_use.lock());
+        drop(in_use);
     }
 }
 

@@ -11,8 +11,8 @@ use cairn::gpu::windows::Win32::Foundation::{E_FAIL, E_NOINTERFACE, S_OK};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::{GUID, HRESULT, IUnknown, IUnknown_Vtbl, Interface};
 
-use super::tables::replace;
-use super::textures::Recording;
+use test_support::d3d12::function_tables::replace_function;
+use test_support::d3d12::textures::Recording;
 
 /// Objects are identified by their addresses.
 type Address = usize;
@@ -25,7 +25,7 @@ enum Command {
 }
 
 #[derive(Default)]
-struct Seen {
+struct Tracker {
     /// Unity's frame fence, which says what the queue has executed.
     fence: Option<ID3D12Fence>,
     commands: BTreeMap<Address, Vec<Command>>,
@@ -39,23 +39,23 @@ struct Seen {
     used: BTreeMap<Address, u64>,
     /// Number of these textures that were freed.
     freed: usize,
-    wrong: Vec<String>,
+    violations: Vec<String>,
 }
 
-static SEEN: Mutex<Option<Seen>> = Mutex::new(None);
+static TRACKER: Mutex<Option<Tracker>> = Mutex::new(None);
 
-fn seen() -> MutexGuard<'static, Option<Seen>> {
-    SEEN.lock().unwrap_or_else(|e| e.into_inner())
+fn tracker() -> MutexGuard<'static, Option<Tracker>> {
+    TRACKER.lock().unwrap_or_else(|e| e.into_inner())
 }
 
 /// Calls `work` with the recorded state; does nothing while nothing is checked.
-fn with(work: impl FnOnce(&mut Seen)) {
-    if let Some(seen) = seen().as_mut() {
-        work(seen);
+fn with(work: impl FnOnce(&mut Tracker)) {
+    if let Some(tracker) = tracker().as_mut() {
+        work(tracker);
     }
 }
 
-impl Seen {
+impl Tracker {
     fn has_run(&self, value: u64) -> bool {
         // SAFETY: a live fence.
         self.fence.as_ref().is_none_or(|fence| unsafe { fence.GetCompletedValue() } >= value)
@@ -68,7 +68,7 @@ impl Seen {
     fn expect(&mut self, what: &str, texture: Address, state: D3D12_RESOURCE_STATES) {
         let found = self.state_of(texture);
         if found != state {
-            self.wrong.push(format!("{what}: a texture is in {found:?}, not {state:?}"));
+            self.violations.push(format!("{what}: a texture is in {found:?}, not {state:?}"));
         }
     }
 }
@@ -82,7 +82,7 @@ static THEIR_RESET: OnceLock<unsafe extern "system" fn(*mut c_void, *mut c_void,
 static THEIR_FREEING: OnceLock<unsafe extern "system" fn(*mut c_void) -> HRESULT> = OnceLock::new();
 
 fn record(list: *mut c_void, command: Command) {
-    with(|seen| seen.commands.entry(list.addr()).or_default().push(command));
+    with(|tracker| tracker.commands.entry(list.addr()).or_default().push(command));
 }
 
 unsafe extern "system" fn our_barrier(this: *mut c_void, count: u32, barriers: *const D3D12_RESOURCE_BARRIER) {
@@ -105,7 +105,7 @@ unsafe extern "system" fn our_copy(this: *mut c_void, to: *mut c_void, from: *mu
     record(this, Command::Copy { to: to.addr(), from: from.addr() });
     // SAFETY: a live resource, by the caller's promise.
     if let Some(from) = unsafe { ID3D12Resource::from_raw_borrowed(&from) } {
-        Witness::send(from);
+        DestructionObserver::attach(from);
     }
     let theirs = THEIR_COPY.get().expect("what it replaces");
     // SAFETY: the caller's own arguments, handed on.
@@ -120,9 +120,9 @@ unsafe extern "system" fn our_close(this: *mut c_void) -> HRESULT {
 }
 
 unsafe extern "system" fn our_reset(this: *mut c_void, allocator: *mut c_void, pipeline: *mut c_void) -> HRESULT {
-    with(|seen| {
-        seen.commands.remove(&this.addr());
-        seen.allocators.insert(this.addr(), allocator.addr());
+    with(|tracker| {
+        tracker.commands.remove(&this.addr());
+        tracker.allocators.insert(this.addr(), allocator.addr());
     });
     let theirs = THEIR_RESET.get().expect("what it replaces");
     // SAFETY: the caller's own arguments, handed on.
@@ -131,10 +131,10 @@ unsafe extern "system" fn our_reset(this: *mut c_void, allocator: *mut c_void, p
 
 unsafe extern "system" fn our_freeing(this: *mut c_void) -> HRESULT {
     let mut has_run = true;
-    with(|seen| {
-        has_run = seen.has_run(seen.busy.get(&this.addr()).copied().unwrap_or(0));
+    with(|tracker| {
+        has_run = tracker.has_run(tracker.busy.get(&this.addr()).copied().unwrap_or(0));
         if !has_run {
-            seen.wrong.push("an allocator is reset whose list has not run".to_owned());
+            tracker.violations.push("an allocator is reset whose list has not run".to_owned());
         }
     });
     if !has_run {
@@ -151,71 +151,71 @@ pub(super) fn begin(device: &ID3D12Device, fence: &ID3D12Fence) {
     let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
     let any = Recording::new(device, kind);
     let table = Interface::vtable(any.list());
-    replace(&raw const table.ResourceBarrier, &THEIR_BARRIER, our_barrier);
-    replace(&raw const table.CopyResource, &THEIR_COPY, our_copy);
-    replace(&raw const table.Close, &THEIR_CLOSE, our_close);
-    replace(&raw const table.Reset, &THEIR_RESET, our_reset);
+    replace_function(&raw const table.ResourceBarrier, &THEIR_BARRIER, our_barrier);
+    replace_function(&raw const table.CopyResource, &THEIR_COPY, our_copy);
+    replace_function(&raw const table.Close, &THEIR_CLOSE, our_close);
+    replace_function(&raw const table.Reset, &THEIR_RESET, our_reset);
     // SAFETY: a live device.
     let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }.expect("an allocator");
     let table = Interface::vtable(&allocator);
-    replace(&raw const table.Reset, &THEIR_FREEING, our_freeing);
-    *seen() = Some(Seen { fence: Some(fence.clone()), ..Seen::default() });
+    replace_function(&raw const table.Reset, &THEIR_FREEING, our_freeing);
+    *tracker() = Some(Tracker { fence: Some(fence.clone()), ..Tracker::default() });
 }
 
 /// Stops the checks.
 pub(super) fn end() {
-    let left = seen().take();
+    let left = tracker().take();
     drop(left);
 }
 
 /// Registers a new list and forgets an earlier list of the same address.
-pub(super) fn is_new(list: &ID3D12GraphicsCommandList) {
-    with(|seen| _ = seen.commands.remove(&list.as_raw().addr()));
+pub(super) fn register(list: &ID3D12GraphicsCommandList) {
+    with(|tracker| _ = tracker.commands.remove(&list.as_raw().addr()));
 }
 
 /// Sets the state of a texture.
-pub(super) fn is_in(texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
-    with(|seen| _ = seen.states.insert(texture.as_raw().addr(), state));
+pub(super) fn set_state(texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
+    with(|tracker| _ = tracker.states.insert(texture.as_raw().addr(), state));
 }
 
-/// The list was given to Unity. It executes before the fence reaches `value`.
-pub(super) fn handed_over(list: &ID3D12GraphicsCommandList, value: u64) {
+/// The list was passed to Unity. It executes before the fence reaches `value`.
+pub(super) fn passed_to_unity(list: &ID3D12GraphicsCommandList, value: u64) {
     recorded(list, value);
-    with(|seen| {
+    with(|tracker| {
         let address = list.as_raw().addr();
-        if !matches!(seen.commands.get(&address).and_then(|commands| commands.last()), Some(Command::Close)) {
-            seen.wrong.push("a list is handed over that is not closed".to_owned());
+        if !matches!(tracker.commands.get(&address).and_then(|commands| commands.last()), Some(Command::Close)) {
+            tracker.violations.push("a list is handed over that is not closed".to_owned());
         }
-        if let Some(allocator) = seen.allocators.get(&address) {
-            seen.busy.insert(*allocator, value);
+        if let Some(allocator) = tracker.allocators.get(&address) {
+            tracker.busy.insert(*allocator, value);
         }
     });
 }
 
 /// The list was recorded. It executes before the fence reaches `value`: its copy sources are in use until then.
 pub(super) fn recorded(list: &ID3D12GraphicsCommandList, value: u64) {
-    with(|seen| {
-        for command in seen.commands.get(&list.as_raw().addr()).into_iter().flatten() {
+    with(|tracker| {
+        for command in tracker.commands.get(&list.as_raw().addr()).into_iter().flatten() {
             if let Command::Copy { from, .. } = command {
-                seen.used.insert(*from, value);
+                tracker.used.insert(*from, value);
             }
         }
     });
 }
 
 /// The list was submitted to the queue after all others. It executes before the fence reaches `value`.
-pub(super) fn given(list: &ID3D12CommandList, value: u64) {
-    with(|seen| {
-        for command in seen.commands.remove(&list.as_raw().addr()).unwrap_or_default() {
+pub(super) fn submitted(list: &ID3D12CommandList, value: u64) {
+    with(|tracker| {
+        for command in tracker.commands.remove(&list.as_raw().addr()).unwrap_or_default() {
             match command {
                 Command::Barrier { texture, before, after } => {
-                    seen.expect("a barrier", texture, before);
-                    seen.states.insert(texture, after);
+                    tracker.expect("a barrier", texture, before);
+                    tracker.states.insert(texture, after);
                 }
                 Command::Copy { to, from } => {
-                    seen.expect("what is copied into", to, D3D12_RESOURCE_STATE_COPY_DEST);
-                    seen.expect("what is copied", from, D3D12_RESOURCE_STATE_COPY_SOURCE);
-                    let until = seen.used.entry(from).or_default();
+                    tracker.expect("what is copied into", to, D3D12_RESOURCE_STATE_COPY_DEST);
+                    tracker.expect("what is copied", from, D3D12_RESOURCE_STATE_COPY_SOURCE);
+                    let until = tracker.used.entry(from).or_default();
                     *until = value.max(*until);
                 }
                 Command::Close => {}
@@ -226,34 +226,34 @@ pub(super) fn given(list: &ID3D12CommandList, value: u64) {
 
 /// Compares the state that Unity assumes for a texture with its real state.
 pub(super) fn compare(texture: Address, believed: D3D12_RESOURCE_STATES) {
-    with(|seen| seen.expect("what Unity was told", texture, believed));
+    with(|tracker| tracker.expect("what Unity was told", texture, believed));
 }
 
-/// Removes the destruction callback object from a texture, as if the texture were freed.
-pub(super) fn let_go(texture: &ID3D12Resource) {
+/// Removes the destruction observer from a texture, as if the texture were freed.
+pub(super) fn detach_observer(texture: &ID3D12Resource) {
     // SAFETY: a live texture.
-    unsafe { texture.SetPrivateDataInterface(&NAME, None) }.expect("a texture that lets go");
+    unsafe { texture.SetPrivateDataInterface(&NAME, None) }.expect("a texture that releases it");
 }
 
 /// Number of textures that lists copied from and that were freed.
 pub(super) fn freed() -> usize {
-    seen().as_ref().map_or(0, |seen| seen.freed)
+    tracker().as_ref().map_or(0, |tracker| tracker.freed)
 }
 
 /// Takes the violations found since the last call.
-pub(super) fn wrong() -> Vec<String> {
-    seen().as_mut().map(|seen| std::mem::take(&mut seen.wrong)).unwrap_or_default()
+pub(super) fn take_violations() -> Vec<String> {
+    tracker().as_mut().map(|tracker| std::mem::take(&mut tracker.violations)).unwrap_or_default()
 }
 
 /// An object in a texture's private data; Direct3D releases it when the texture is freed.
 #[repr(C)]
-struct Witness {
+struct DestructionObserver {
     table: &'static IUnknown_Vtbl,
     count: AtomicU32,
     of: Address,
 }
 
-static WITNESS: IUnknown_Vtbl = IUnknown_Vtbl { QueryInterface: query, AddRef: add, Release: release };
+static OBSERVER_TABLE: IUnknown_Vtbl = IUnknown_Vtbl { QueryInterface: query, AddRef: add, Release: release };
 /// GUID of the private data; our own.
 const NAME: GUID = GUID::from_u128(0x6b1c_40de_8a52_4f0e_9d07_31c2_5be4_70aa);
 
@@ -271,41 +271,41 @@ unsafe extern "system" fn query(this: *mut c_void, id: *const GUID, to: *mut *mu
 
 unsafe extern "system" fn add(this: *mut c_void) -> u32 {
     // SAFETY: a live destruction observer.
-    unsafe { &*this.cast::<Witness>() }.count.fetch_add(1, Ordering::SeqCst) + 1
+    unsafe { &*this.cast::<DestructionObserver>() }.count.fetch_add(1, Ordering::SeqCst) + 1
 }
 
 unsafe extern "system" fn release(this: *mut c_void) -> u32 {
     // SAFETY: a live destruction observer.
-    let left = unsafe { &*this.cast::<Witness>() }.count.fetch_sub(1, Ordering::SeqCst) - 1;
+    let left = unsafe { &*this.cast::<DestructionObserver>() }.count.fetch_sub(1, Ordering::SeqCst) - 1;
     if left == 0 {
         // SAFETY: made by a `Box`, and this was the last reference.
-        let witness = unsafe { Box::from_raw(this.cast::<Witness>()) };
-        with(|seen| {
-            if let Some(until) = seen.used.remove(&witness.of) {
-                seen.freed += 1;
-                if !seen.has_run(until) {
-                    seen.wrong.push("a texture is freed that the queue still uses".to_owned());
+        let observer = unsafe { Box::from_raw(this.cast::<DestructionObserver>()) };
+        with(|tracker| {
+            if let Some(until) = tracker.used.remove(&observer.of) {
+                tracker.freed += 1;
+                if !tracker.has_run(until) {
+                    tracker.violations.push("a texture is freed that the queue still uses".to_owned());
                 }
             }
-            seen.states.remove(&witness.of);
+            tracker.states.remove(&observer.of);
         });
     }
     left
 }
 
-impl Witness {
+impl DestructionObserver {
     /// Puts such an object into a texture, unless it has one.
-    fn send(to: &ID3D12Resource) {
+    fn attach(to: &ID3D12Resource) {
         let mut size = 0;
         // SAFETY: a live texture; it is asked for the size alone.
         if unsafe { to.GetPrivateData(&NAME, &mut size, None) }.is_ok() && size > 0 {
             return;
         }
-        let witness = Box::new(Self { table: &WITNESS, count: AtomicU32::new(1), of: to.as_raw().addr() });
-        _ = witness.table;
+        let observer = Box::new(Self { table: &OBSERVER_TABLE, count: AtomicU32::new(1), of: to.as_raw().addr() });
+        _ = observer.table;
         // SAFETY: an object with that table, whose one reference is used once.
-        let witness = unsafe { IUnknown::from_raw(Box::into_raw(witness).cast()) };
+        let observer = unsafe { IUnknown::from_raw(Box::into_raw(observer).cast()) };
         // SAFETY: a live texture and a live object, to which the texture adds a reference.
-        unsafe { to.SetPrivateDataInterface(&NAME, &witness) }.expect("a texture that holds it");
+        unsafe { to.SetPrivateDataInterface(&NAME, &observer) }.expect("a texture that holds it");
     }
 }

@@ -9,9 +9,9 @@ use cairn::gpu::windows::core::Interface;
 use cairn_unity::interfaces::*;
 
 use super::lists;
-use super::textures::{Recording, Wanted};
-use super::unity::{Place, Running, table};
+use super::unity::{CallContext, UnityHandle, table};
 use super::{READ, SIZE, texture};
+use test_support::d3d12::textures::{Recording, TextureDesc};
 
 const RESTS: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COMMON;
 const IS_READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COPY_SOURCE;
@@ -25,15 +25,15 @@ fn functions() -> Direct3d12V8 {
 
 /// Asserts that one of the violations contains the given text.
 #[track_caller]
-fn refused(unity: &Running, part: &str) {
-    let wrong = unity.wrong();
+fn assert_violation(unity: &UnityHandle, part: &str) {
+    let wrong = unity.take_violations();
     assert!(wrong.iter().any(|why| why.contains(part)), "{part}: {wrong:?}");
 }
 
 /// A texture that belongs to the plugin and that Unity does not know.
-fn canvas(unity: &Running) -> ID3D12Resource {
-    Wanted { size: SIZE, format: super::DXGI_FORMAT_R8G8B8A8_TYPELESS, state: RESTS, ..Wanted::default() }
-        .make(&unity.device())
+fn plugin_texture(unity: &UnityHandle) -> ID3D12Resource {
+    TextureDesc { size: SIZE, format: super::DXGI_FORMAT_R8G8B8A8_TYPELESS, state: RESTS, ..TextureDesc::default() }
+        .create(&unity.device())
 }
 
 /// The list that Unity is recording, as an event gets it.
@@ -56,7 +56,7 @@ fn copy(list: &ID3D12GraphicsCommandList, to: &ID3D12Resource, from: &ID3D12Reso
 }
 
 /// An open list of the plugin's own with one copy in it.
-fn recorded(unity: &Running, to: &ID3D12Resource, from: &ID3D12Resource) -> (Recording, ID3D12CommandAllocator) {
+fn record_copy(unity: &UnityHandle, to: &ID3D12Resource, from: &ID3D12Resource) -> (Recording, ID3D12CommandAllocator) {
     let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
     let made = Recording::new(&unity.device(), kind);
     // SAFETY: a live device.
@@ -69,18 +69,18 @@ fn recorded(unity: &Running, to: &ID3D12Resource, from: &ID3D12Resource) -> (Rec
     (made, allocator)
 }
 
-/// Hands a list to Unity, with the state of a texture before and after it.
+/// Passes a list to Unity, with the state of a texture before and after it.
 fn execute(list: &ID3D12GraphicsCommandList, states: &mut [ResourceState]) -> u64 {
     let execute = functions().execute_command_list.expect("it");
     // SAFETY: a live list, and the stated number of states.
     unsafe { execute(list.as_raw(), states.len() as i32, states.as_mut_ptr()) }
 }
 
-/// Hands a list to Unity in an event. `closes`: before the hand-over, as Direct3D requires; otherwise after it.
-fn hand_over(unity: &Running, made: &Recording, states: &[ResourceState], closes: bool) {
+/// Passes a list to Unity in an event. `closes`: before it is passed, as Direct3D requires; otherwise after it.
+fn pass_to_unity(unity: &UnityHandle, made: &Recording, states: &[ResourceState], closes: bool) {
     let list = made.list().clone();
     let states: Vec<_> = states.iter().map(|state| (state.resource.addr(), state.expected, state.current)).collect();
-    unity.act(Place::Unconfigured, move || {
+    unity.act(CallContext::Unconfigured, move || {
         let state = |(resource, expected, current)| ResourceState {
             resource: std::ptr::without_provenance_mut::<c_void>(resource),
             expected,
@@ -105,146 +105,146 @@ fn state(texture: &ID3D12Resource, expected: D3D12_RESOURCE_STATES, current: D3D
 
 #[test]
 fn functions_are_refused_where_they_must_not_be_called() {
-    let unity = Running::start(8);
+    let unity = UnityHandle::start(8);
     let object = |get: Option<GetObject>, place, name: &str| {
         // SAFETY: a function that takes nothing.
         unity.act(place, move || _ = unsafe { get.expect("it")() });
         if !name.is_empty() {
-            refused(&unity, name);
+            assert_violation(&unity, name);
         }
-        assert_eq!(unity.wrong(), [""; 0]);
+        assert_eq!(unity.take_violations(), [""; 0]);
     };
     let all = functions();
-    object(all.get_device, Place::Game, "GetDevice");
-    object(all.get_frame_fence, Place::Game, "GetFrameFence");
-    object(all.get_command_queue, Place::Recording, "GetCommandQueue");
-    object(all.get_command_queue, Place::Submitting, "");
+    object(all.get_device, CallContext::Game, "GetDevice");
+    object(all.get_frame_fence, CallContext::Game, "GetFrameFence");
+    object(all.get_command_queue, CallContext::Recording, "GetCommandQueue");
+    object(all.get_command_queue, CallContext::Submitting, "");
     let mut place = RecordingState { list: null_mut() };
     let at = (&raw mut place).addr();
     // SAFETY: a struct for the list, which lives during the call.
     let recording = move || unsafe { all.command_recording_state.expect("it")(at as *mut RecordingState) };
-    unity.act(Place::Submitting, move || assert_eq!(recording(), 0));
-    refused(&unity, "CommandRecordingState");
+    unity.act(CallContext::Submitting, move || assert_eq!(recording(), 0));
+    assert_violation(&unity, "CommandRecordingState");
     let config = EventConfig { queue_access: QUEUE_ALLOWED, flags: FLUSH_COMMAND_BUFFERS, binds_render_texture: 0 };
     // SAFETY: a struct that is read during the call.
     let configure = move |event| unsafe { all.configure_event.expect("it")(event, &config) };
-    unity.act(Place::Recording, move || configure(4711));
-    refused(&unity, "ConfigureEvent");
-    unity.act(Place::Starting, move || configure(4713));
-    refused(&unity, "not the plugin's");
+    unity.act(CallContext::Recording, move || configure(4711));
+    assert_violation(&unity, "ConfigureEvent");
+    unity.act(CallContext::Starting, move || configure(4713));
+    assert_violation(&unity, "not the plugin's");
     // SAFETY: a function that takes nothing.
-    unity.act(Place::Game, move || _ = unsafe { all.get_next_frame_fence_value.expect("it")() });
-    refused(&unity, "GetNextFrameFenceValue");
+    unity.act(CallContext::Game, move || _ = unsafe { all.get_next_frame_fence_value.expect("it")() });
+    assert_violation(&unity, "GetNextFrameFenceValue");
     // A texture that Unity does not know, and null.
-    let foreign = canvas(&unity);
+    let foreign = plugin_texture(&unity);
     for texture in [foreign.as_raw(), null_mut()].map(|texture: *mut c_void| texture.addr()) {
-        unity.act(Place::Recording, move || {
+        unity.act(CallContext::Recording, move || {
             // SAFETY: a live texture, or null.
             unsafe { all.request_resource_state.expect("it")(texture as *mut c_void, IS_WRITTEN.0) };
         });
-        refused(&unity, "RequestResourceState");
+        assert_violation(&unity, "RequestResourceState");
     }
-    assert_eq!(unity.wrong(), [""; 0]);
+    assert_eq!(unity.take_violations(), [""; 0]);
 }
 
 #[test]
 fn textures_in_other_states_are_refused() {
-    let unity = Running::start(8);
-    let (target, from) = (texture(&unity, SIZE, 1), canvas(&unity));
+    let unity = UnityHandle::start(8);
+    let (target, from) = (texture(&unity, SIZE, 1), plugin_texture(&unity));
     let (request, notify) = (functions().request_resource_state, functions().notify_resource_state);
     // SAFETY: a live texture.
     let into = || unsafe { request.expect("it")(target.as_raw(), IS_WRITTEN.0) };
     // The correct sequence.
-    unity.act(Place::Recording, || {
+    unity.act(CallContext::Recording, || {
         into();
         copy(&list(), &target, &from);
     });
     unity.end_frame();
-    assert_eq!(unity.wrong(), [""; 0]);
+    assert_eq!(unity.take_violations(), [""; 0]);
     // Unity uses the texture for reading again, and the plugin does not request it.
-    unity.bring(&target, READ);
-    unity.act(Place::Recording, || copy(&list(), &target, &from));
+    unity.transition(&target, READ);
+    unity.act(CallContext::Recording, || copy(&list(), &target, &from));
     unity.end_frame();
-    refused(&unity, "what is copied into");
+    assert_violation(&unity, "what is copied into");
     // The copy's source is still in the state in which it rests.
-    unity.act(Place::Recording, || {
+    unity.act(CallContext::Recording, || {
         into();
         // SAFETY: an open list and live textures.
         unsafe { list().CopyResource(&target, &from) };
     });
     unity.end_frame();
-    refused(&unity, "what is copied");
+    assert_violation(&unity, "what is copied");
     // The texture is moved to another state: first Unity is not notified, then it is notified of a wrong state.
-    unity.act(Place::Recording, || {
+    unity.act(CallContext::Recording, || {
         into();
         // SAFETY: an open list and a live texture.
         unsafe { list().ResourceBarrier(&[transition(&target, IS_WRITTEN, READ)]) };
     });
     unity.end_frame();
-    refused(&unity, "what Unity was told");
+    assert_violation(&unity, "what Unity was told");
     // SAFETY: a live texture.
-    unity.act(Place::Recording, || unsafe { notify.expect("it")(target.as_raw(), RESTS.0, 0) });
+    unity.act(CallContext::Recording, || unsafe { notify.expect("it")(target.as_raw(), RESTS.0, 0) });
     unity.end_frame();
-    refused(&unity, "what Unity was told");
+    assert_violation(&unity, "what Unity was told");
     // A barrier from a state that the texture is not in.
-    unity.act(Place::Recording, || {
+    unity.act(CallContext::Recording, || {
         // SAFETY: as above.
         unsafe { list().ResourceBarrier(&[transition(&from, IS_WRITTEN, RESTS)]) };
     });
     unity.end_frame();
-    refused(&unity, "a barrier");
+    assert_violation(&unity, "a barrier");
     // Textures must outlive the queue's use of them.
     unity.wait_ignoring_loss();
 }
 
 #[test]
-fn lists_that_are_not_as_they_should_be_are_refused() {
-    let unity = Running::start(8);
-    let (target, from) = (texture(&unity, SIZE, 1), canvas(&unity));
+fn open_lists_and_wrong_states_are_refused() {
+    let unity = UnityHandle::start(8);
+    let (target, from) = (texture(&unity, SIZE, 1), plugin_texture(&unity));
     // The correct sequence.
-    let (right, allocator) = recorded(&unity, &target, &from);
-    hand_over(&unity, &right, &[state(&target, IS_WRITTEN, IS_WRITTEN)], true);
+    let (right, allocator) = record_copy(&unity, &target, &from);
+    pass_to_unity(&unity, &right, &[state(&target, IS_WRITTEN, IS_WRITTEN)], true);
     // SAFETY: a live allocator. Its list has not executed, so the call is refused.
     unsafe { allocator.Reset() }.expect_err("it is refused");
-    refused(&unity, "an allocator is reset");
+    assert_violation(&unity, "an allocator is reset");
     unity.end_frame();
     unity.wait_ignoring_loss();
     // SAFETY: its list has executed.
     unsafe { allocator.Reset() }.expect("an allocator");
-    assert_eq!(unity.wrong(), [""; 0]);
+    assert_eq!(unity.take_violations(), [""; 0]);
     // The texture is not passed with the list.
-    unity.bring(&target, READ);
-    let (silent, _silent) = recorded(&unity, &target, &from);
-    hand_over(&unity, &silent, &[], true);
+    unity.transition(&target, READ);
+    let (silent, _silent) = record_copy(&unity, &target, &from);
+    pass_to_unity(&unity, &silent, &[], true);
     unity.end_frame();
-    refused(&unity, "what is copied into");
+    assert_violation(&unity, "what is copied into");
     // The texture is passed with a wrong state after the list.
-    let (other, _other) = recorded(&unity, &target, &from);
-    hand_over(&unity, &other, &[state(&target, IS_WRITTEN, READ)], true);
+    let (other, _other) = record_copy(&unity, &target, &from);
+    pass_to_unity(&unity, &other, &[state(&target, IS_WRITTEN, READ)], true);
     unity.end_frame();
-    refused(&unity, "what Unity was told");
+    assert_violation(&unity, "what Unity was told");
     unity.wait_ignoring_loss();
     // The list is still open.
     let again = texture(&unity, SIZE, 1);
-    let (open, _open) = recorded(&unity, &again, &from);
-    hand_over(&unity, &open, &[state(&again, IS_WRITTEN, IS_WRITTEN)], false);
-    refused(&unity, "not closed");
+    let (open, _open) = record_copy(&unity, &again, &from);
+    pass_to_unity(&unity, &open, &[state(&again, IS_WRITTEN, IS_WRITTEN)], false);
+    assert_violation(&unity, "not closed");
     unity.end_frame();
     unity.wait_ignoring_loss();
 }
 
 #[test]
-fn textures_that_go_too_soon_are_refused() {
-    let unity = Running::start(8);
-    let (target, gone) = (texture(&unity, SIZE, 1), canvas(&unity));
-    let (made, _allocator) = recorded(&unity, &target, &gone);
+fn textures_freed_too_soon_are_refused() {
+    let unity = UnityHandle::start(8);
+    let (target, gone) = (texture(&unity, SIZE, 1), plugin_texture(&unity));
+    let (made, _allocator) = record_copy(&unity, &target, &gone);
     let gate = unity.hold();
-    hand_over(&unity, &made, &[state(&target, IS_WRITTEN, IS_WRITTEN)], true);
+    pass_to_unity(&unity, &made, &[state(&target, IS_WRITTEN, IS_WRITTEN)], true);
     unity.end_frame();
-    assert_eq!((unity.freed(), unity.wrong()), (0, Vec::new()));
-    lists::let_go(&gone);
+    assert_eq!((unity.freed(), unity.take_violations()), (0, Vec::new()));
+    lists::detach_observer(&gone);
     assert_eq!(unity.freed(), 1);
-    refused(&unity, "a texture is freed");
+    assert_violation(&unity, "a texture is freed");
     drop(gate);
     unity.wait_ignoring_loss();
 }

@@ -12,10 +12,10 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
 use cairn_unity::interfaces::Guid;
 
-use super::engine::{self, Engine};
 use super::lists;
 use super::plugin::{self, UnityPluginLoad, UnityPluginUnload};
-use super::textures::Recording;
+use test_support::d3d12::engine::Engine;
+use test_support::d3d12::textures::{self, Recording};
 
 /// The first number of the plugin's events.
 const FIRST: c_int = 4711;
@@ -27,7 +27,7 @@ static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
 
 /// The context in which the plugin is called.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Place {
+pub(crate) enum CallContext {
     /// By the game, whose threads may not call Unity's functions.
     Game,
     /// While Unity loads the plugin, or its device appears or disappears.
@@ -41,16 +41,17 @@ pub(crate) enum Place {
 }
 
 /// All contexts of events.
-const EVENTS: [Place; 3] = [Place::Recording, Place::Submitting, Place::Unconfigured];
+const EVENTS: [CallContext; 3] = [CallContext::Recording, CallContext::Submitting, CallContext::Unconfigured];
 /// All contexts in which Unity calls the plugin.
-const CALLED: [Place; 4] = [Place::Starting, Place::Recording, Place::Submitting, Place::Unconfigured];
+const CALLED: [CallContext; 4] =
+    [CallContext::Starting, CallContext::Recording, CallContext::Submitting, CallContext::Unconfigured];
 
 thread_local! {
-    static PLACE: Cell<Place> = const { Cell::new(Place::Game) };
+    static PLACE: Cell<CallContext> = const { Cell::new(CallContext::Game) };
 }
 
 /// Runs `work` as if Unity called it.
-fn at<T>(place: Place, work: impl FnOnce() -> T) -> T {
+fn at<T>(place: CallContext, work: impl FnOnce() -> T) -> T {
     let before = PLACE.replace(place);
     let done = work();
     PLACE.set(before);
@@ -58,7 +59,7 @@ fn at<T>(place: Place, work: impl FnOnce() -> T) -> T {
 }
 
 /// Runs `work` on a thread of Unity's.
-fn on_thread(place: Place, work: impl FnOnce() + Send) {
+fn on_thread(place: CallContext, work: impl FnOnce() + Send) {
     std::thread::scope(|scope| {
         if let Err(panic) = scope.spawn(|| at(place, work)).join() {
             std::panic::resume_unwind(panic);
@@ -109,7 +110,7 @@ fn with<T>(work: impl FnOnce(&mut Unity) -> T) -> T {
 
 impl Unity {
     /// Counts a call of a function. Records a violation if it may not be called in the current context.
-    fn called(&mut self, name: &'static str, places: &[Place]) {
+    fn called(&mut self, name: &'static str, places: &[CallContext]) {
         *self.calls.entry(name).or_default() += 1;
         let place = PLACE.get();
         if !places.contains(&place) {
@@ -132,7 +133,7 @@ impl Unity {
     fn list(&mut self) -> &Recording {
         self.open.get_or_insert_with(|| {
             let made = Recording::on(&self.engine.device, &self.engine.direct);
-            lists::is_new(made.list());
+            lists::register(made.list());
             made
         })
     }
@@ -142,7 +143,7 @@ impl Unity {
     }
 
     /// Transitions a texture of Unity's into a state, in the open list.
-    fn bring(&mut self, resource: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
+    fn transition(&mut self, resource: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
         let before = self.state_of(resource);
         self.list().barrier(resource, before, state);
         self.states.insert(resource.as_raw().addr(), state);
@@ -165,11 +166,11 @@ fn submit(delay: u64) {
         let is_due = |unity: &Unity| unity.next - 1 - unity.submitted > delay;
         match with(|unity| is_due(unity).then(|| unity.pending.pop_front()).flatten()) {
             Some(Job::List(list, frame)) => with(|unity| {
-                lists::given(&list, frame);
+                lists::submitted(&list, frame);
                 // SAFETY: a closed list, which is kept until it has executed.
                 unsafe { unity.engine.direct.ExecuteCommandLists(&[Some(list)]) };
             }),
-            Some(Job::Event(number, data)) => on_thread(Place::Submitting, || run(number, data)),
+            Some(Job::Event(number, data)) => on_thread(CallContext::Submitting, || run(number, data)),
             Some(Job::Signal(value)) => with(|unity| {
                 // SAFETY: a live queue and fence.
                 unsafe { unity.engine.direct.Signal(&unity.fence, value) }.expect("it takes a signal");
@@ -210,7 +211,7 @@ unsafe extern "system" fn get_next_frame_fence_value() -> u64 {
 
 unsafe extern "system" fn get_command_queue() -> *mut c_void {
     with(|unity| {
-        unity.called("GetCommandQueue", &[Place::Starting, Place::Submitting, Place::Unconfigured]);
+        unity.called("GetCommandQueue", &[CallContext::Starting, CallContext::Submitting, CallContext::Unconfigured]);
         unity.engine.direct.as_raw()
     })
 }
@@ -225,13 +226,13 @@ struct States {
 
 unsafe extern "system" fn execute_command_list(list: *mut c_void, count: c_int, states: *const States) -> u64 {
     with(|unity| {
-        unity.called("ExecuteCommandList", &[Place::Recording, Place::Unconfigured]);
+        unity.called("ExecuteCommandList", &[CallContext::Recording, CallContext::Unconfigured]);
         let mut after = Vec::new();
         for place in 0..count {
             // SAFETY: the array has the stated number of elements.
             let told = unsafe { &*states.add(place as usize) };
             let Some(texture) = unity.own(told.resource, "ExecuteCommandList") else { continue };
-            unity.bring(&texture, D3D12_RESOURCE_STATES(told.expected));
+            unity.transition(&texture, D3D12_RESOURCE_STATES(told.expected));
             after.push((told.resource.addr(), D3D12_RESOURCE_STATES(told.current)));
         }
         unity.close();
@@ -242,7 +243,7 @@ unsafe extern "system" fn execute_command_list(list: *mut c_void, count: c_int, 
         if kind != D3D12_COMMAND_LIST_TYPE_DIRECT {
             unity.wrong.push("ExecuteCommandList is called with a list that is not direct".to_owned());
         }
-        lists::handed_over(list, unity.next);
+        lists::passed_to_unity(list, unity.next);
         // It executes at the end of the frame, not now.
         unity.pending.push_back(Job::List(list.cast().expect("a command list"), unity.next));
         unity.states.extend(after);
@@ -252,7 +253,7 @@ unsafe extern "system" fn execute_command_list(list: *mut c_void, count: c_int, 
 
 unsafe extern "system" fn configure_event(event: c_int, config: *const [u32; 3]) {
     with(|unity| {
-        unity.called("ConfigureEvent", &[Place::Starting]);
+        unity.called("ConfigureEvent", &[CallContext::Starting]);
         if !(FIRST..FIRST + RESERVED).contains(&event) {
             unity.wrong.push("ConfigureEvent is called with an event that is not the plugin's".to_owned());
         }
@@ -264,8 +265,8 @@ unsafe extern "system" fn configure_event(event: c_int, config: *const [u32; 3])
 
 unsafe extern "system" fn command_recording_state(state: *mut *mut c_void) -> u8 {
     with(|unity| {
-        unity.called("CommandRecordingState", &[Place::Recording]);
-        if PLACE.get() != Place::Recording {
+        unity.called("CommandRecordingState", &[CallContext::Recording]);
+        if PLACE.get() != CallContext::Recording {
             return 0;
         }
         // SAFETY: a struct for a list.
@@ -276,16 +277,16 @@ unsafe extern "system" fn command_recording_state(state: *mut *mut c_void) -> u8
 
 unsafe extern "system" fn request_resource_state(resource: *mut c_void, state: i32) {
     with(|unity| {
-        unity.called("RequestResourceState", &[Place::Recording]);
+        unity.called("RequestResourceState", &[CallContext::Recording]);
         if let Some(texture) = unity.own(resource, "RequestResourceState") {
-            unity.bring(&texture, D3D12_RESOURCE_STATES(state));
+            unity.transition(&texture, D3D12_RESOURCE_STATES(state));
         }
     });
 }
 
 unsafe extern "system" fn notify_resource_state(resource: *mut c_void, state: i32, _unordered: u8) {
     with(|unity| {
-        unity.called("NotifyResourceState", &[Place::Recording]);
+        unity.called("NotifyResourceState", &[CallContext::Recording]);
         if unity.own(resource, "NotifyResourceState").is_some() {
             unity.states.insert(resource.addr(), D3D12_RESOURCE_STATES(state));
         }
@@ -304,20 +305,20 @@ unsafe extern "system" fn get_renderer() -> c_int {
 
 unsafe extern "system" fn register_device_event(event: Option<unsafe extern "system" fn(c_int)>) {
     with(|unity| {
-        unity.called("RegisterDeviceEventCallback", &[Place::Starting]);
+        unity.called("RegisterDeviceEventCallback", &[CallContext::Starting]);
         unity.device_event = event;
     });
 }
 
 unsafe extern "system" fn unregister_device_event(_: Option<unsafe extern "system" fn(c_int)>) {
     with(|unity| {
-        unity.called("UnregisterDeviceEventCallback", &[Place::Starting]);
+        unity.called("UnregisterDeviceEventCallback", &[CallContext::Starting]);
         unity.device_event = None;
     });
 }
 
 unsafe extern "system" fn reserve_events(count: c_int) -> c_int {
-    with(|unity| unity.called("ReserveEventIDRange", &[Place::Starting]));
+    with(|unity| unity.called("ReserveEventIDRange", &[CallContext::Starting]));
     assert_eq!(count, RESERVED, "events");
     FIRST
 }
@@ -407,15 +408,15 @@ pub(crate) unsafe fn table<T: Copy>(guid: Guid) -> T {
 }
 
 /// Handle of the running Unity.
-pub(crate) struct Running {
+pub(crate) struct UnityHandle {
     _one: std::sync::MutexGuard<'static, ()>,
 }
 
-impl Running {
+impl UnityHandle {
     /// Starts a Unity with one version of the interface, without the plugin.
     pub(crate) fn start(version: u32) -> Self {
         let one = ONE_AT_A_TIME.lock().unwrap_or_else(|e| e.into_inner());
-        let engine = engine::engine();
+        let engine = Engine::create();
         // SAFETY: a live device.
         let fence = unsafe { engine.device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
         lists::begin(&engine.device, &fence);
@@ -442,19 +443,19 @@ impl Running {
 
     pub(crate) fn load(&self) {
         // SAFETY: the registry lives for ever.
-        at(Place::Starting, || unsafe { UnityPluginLoad(REGISTRY.as_ptr().cast()) });
+        at(CallContext::Starting, || unsafe { UnityPluginLoad(REGISTRY.as_ptr().cast()) });
     }
 
     pub(crate) fn unload(&self) {
         // SAFETY: as above.
-        at(Place::Starting, || unsafe { UnityPluginUnload() });
+        at(CallContext::Starting, || unsafe { UnityPluginUnload() });
     }
 
     /// Sends the plugin a device event.
     pub(crate) fn device_event(&self, kind: c_int) {
         let event = with(|unity| unity.device_event).expect("the plugin has registered");
         // SAFETY: as Unity calls it.
-        at(Place::Starting, || unsafe { event(kind) });
+        at(CallContext::Starting, || unsafe { event(kind) });
     }
 
     /// From now on the submission thread calls the plugin only at the end of a frame, long after the render thread has finished it.
@@ -489,7 +490,7 @@ impl Running {
 
     /// Registers a texture as Unity's, in the given state.
     pub(crate) fn own(&self, texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
-        lists::is_in(texture, state);
+        lists::set_state(texture, state);
         with(|unity| {
             unity.textures.push(texture.clone());
             unity.states.insert(texture.as_raw().addr(), state);
@@ -501,8 +502,8 @@ impl Running {
     }
 
     /// Transitions a texture into a state, for example for a shader to read it.
-    pub(crate) fn bring(&self, texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
-        with(|unity| unity.bring(texture, state));
+    pub(crate) fn transition(&self, texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
+        with(|unity| unity.transition(texture, state));
     }
 
     /// Calls the plugin for an event that was issued, on the thread that its configuration names.
@@ -515,16 +516,16 @@ impl Running {
                     with(Unity::close);
                     with(|unity| unity.pending.push_back(Job::Event(number, data)));
                 } else {
-                    on_thread(Place::Submitting, || run(number, data));
+                    on_thread(CallContext::Submitting, || run(number, data));
                 }
             }
-            Some(_) => on_thread(Place::Recording, || run(number, data)),
-            None => on_thread(Place::Unconfigured, || run(number, data)),
+            Some(_) => on_thread(CallContext::Recording, || run(number, data)),
+            None => on_thread(CallContext::Unconfigured, || run(number, data)),
         }
     }
 
     /// Runs `work` where Unity would call the plugin.
-    pub(crate) fn act(&self, place: Place, work: impl FnOnce() + Send) {
+    pub(crate) fn act(&self, place: CallContext, work: impl FnOnce() + Send) {
         on_thread(place, work);
     }
 
@@ -548,7 +549,7 @@ impl Running {
     /// Submits everything, waits for the queue and releases the lists.
     pub(crate) fn wait_ignoring_loss(&self) {
         submit(0);
-        super::textures::wait(&self.device(), &self.queue());
+        textures::wait(&self.device(), &self.queue());
         with(|unity| unity.alive.clear());
     }
 
@@ -563,9 +564,9 @@ impl Running {
     }
 
     /// Takes the violations found since the last call.
-    pub(crate) fn wrong(&self) -> Vec<String> {
+    pub(crate) fn take_violations(&self) -> Vec<String> {
         let mut wrong = with(|unity| std::mem::take(&mut unity.wrong));
-        wrong.extend(lists::wrong());
+        wrong.extend(lists::take_violations());
         wrong
     }
 
@@ -585,13 +586,13 @@ impl Drop for Gate {
     }
 }
 
-impl Drop for Running {
+impl Drop for UnityHandle {
     fn drop(&mut self) {
         submit(0);
         self.unload();
         let unity = UNITY.lock().unwrap_or_else(|e| e.into_inner()).take();
         if let Some(unity) = unity {
-            super::textures::wait(&unity.engine.device, &unity.engine.direct);
+            textures::wait(&unity.engine.device, &unity.engine.direct);
         }
         lists::end();
     }

@@ -87,7 +87,7 @@ void FCairnInput::AddScroll(float Up)
 cairn::controls FCairnInput::Take(uint32 Known)
 {
 	const FScopeLock Locked(&Lock);
-	cairn::controls Taken = Sum;
+	cairn::controls Controls = Sum;
 	Sum = cairn::controls();
 	for (uint32 Word = 0; Word < 4; Word++)
 	{
@@ -97,9 +97,9 @@ cairn::controls FCairnInput::Take(uint32 Known)
 		{
 			if (Word * 64 + Bit >= Known)
 			{
-				Taken.keys[Word] &= ~(uint64(1) << Bit);
+				Controls.keys[Word] &= ~(uint64(1) << Bit);
 			}
 		}
 	}
-	return Taken;
+	return Controls;
 }

@@ -171,7 +171,7 @@ uint32 FCairnStream::Run()
 /** Loads the world and prepares everything needed to show it. */
 cairn::result<void> FCairnStream::Prepare()
 {
-	cairn::result<FCairnDevice> Frames = Worlds->Frames();
+	cairn::result<FCairnDevice> Frames = Worlds->FrameDevice();
 	if (!Frames.ok())
 	{
 		return Frames.why();
@@ -201,9 +201,9 @@ cairn::result<void> FCairnStream::Prepare()
 	}
 	KnownKeys = Info->keys;
 
-	cairn::rollout_options Wanted;
-	Wanted.seed = static_cast<uint64>(Settings.Seed);
-	cairn::result<cairn::rollout> MadeRollout = cairn::rollout::create(*World, Wanted);
+	cairn::rollout_options RolloutOptions;
+	RolloutOptions.seed = static_cast<uint64>(Settings.Seed);
+	cairn::result<cairn::rollout> MadeRollout = cairn::rollout::create(*World, RolloutOptions);
 	if (!MadeRollout.ok())
 	{
 		return MadeRollout.why();
@@ -236,10 +236,10 @@ cairn::result<void> FCairnStream::Prepare()
 		Budget.frame_ns = static_cast<uint64>(static_cast<double>(Settings.FrameBudgetMs) * 1e6);
 		Budget.schedules = Settings.BudgetSchedules.IsEmpty() ? nullptr : Schedules.Get();
 		Budget.presenter = Presenter.get();
-		const cairn::result<void> Held = Rollout.govern(Budget);
-		if (!Held.ok())
+		const cairn::result<void> Governed = Rollout.govern(Budget);
+		if (!Governed.ok())
 		{
-			return Held.why();
+			return Governed.why();
 		}
 	}
 	const FScopeLock Locked(&Lock);
@@ -255,17 +255,17 @@ cairn::result<void> FCairnStream::Prepare()
 /** Creates pipelines, memory and AMD's contexts for frames of a size, so that recording a frame creates nothing. */
 cairn::result<void> FCairnStream::PrepareFrames(FIntPoint Size)
 {
-	cairn::d3d12_preparation Wanted;
-	Wanted.width = static_cast<uint32>(Size.X);
-	Wanted.height = static_cast<uint32>(Size.Y);
-	Wanted.anchor_width = static_cast<uint32>(AnchorSize.X);
-	Wanted.anchor_height = static_cast<uint32>(AnchorSize.Y);
-	Wanted.lists = PendingLists;
+	cairn::d3d12_preparation Preparation;
+	Preparation.width = static_cast<uint32>(Size.X);
+	Preparation.height = static_cast<uint32>(Size.Y);
+	Preparation.anchor_width = static_cast<uint32>(AnchorSize.X);
+	Preparation.anchor_height = static_cast<uint32>(AnchorSize.Y);
+	Preparation.lists = PendingLists;
 	FCairnPipelineCache Cache;
-	Wanted.load = FCairnPipelineCache::Load;
-	Wanted.store = FCairnPipelineCache::Store;
-	Wanted.user = &Cache;
-	const cairn::result<bool> Prepared = Presenter.prepare_d3d12(*Device, Wanted);
+	Preparation.load = FCairnPipelineCache::Load;
+	Preparation.store = FCairnPipelineCache::Store;
+	Preparation.user = &Cache;
+	const cairn::result<bool> Prepared = Presenter.prepare_d3d12(*Device, Preparation);
 	if (!Prepared.ok())
 	{
 		return Prepared.why();
@@ -275,12 +275,12 @@ cairn::result<void> FCairnStream::PrepareFrames(FIntPoint Size)
 }
 
 /** Prepares frames again if the size of the target has changed. */
-cairn::result<void> FCairnStream::FollowTarget()
+cairn::result<void> FCairnStream::PrepareForTarget()
 {
 	FIntPoint Size(0, 0);
 	{
 		const FScopeLock Locked(&Lock);
-		Size = WantedSize;
+		Size = LastTargetSize;
 	}
 	return Size.X > 0 && Size != PreparedSize ? PrepareFrames(Size) : cairn::result<void>();
 }
@@ -295,23 +295,23 @@ cairn::result<void> FCairnStream::Play()
 		return Made.ok() ? Info.why() : Made.why();
 	}
 	const uint64 Interval = 1000000000 / FMath::Max<uint32>(Info->latents_per_second, 1);
-	for (uint64 Turn = CairnNow();; Turn = FMath::Max(Turn + Interval, CairnNow()))
+	for (uint64 StartNs = CairnNow();; StartNs = FMath::Max(StartNs + Interval, CairnNow()))
 	{
 		const cairn::result<cairn::anchor> Anchor = Rollout.anchor();
 		if (!Anchor.ok())
 		{
 			return Anchor.why();
 		}
-		const cairn::result<void> Given = Give(*Anchor);
-		if (!Given.ok())
+		const cairn::result<void> Pushed = PushAnchor(*Anchor);
+		if (!Pushed.ok())
 		{
-			return Given.why();
+			return Pushed.why();
 		}
 		// A late anchor does not make the next ones come faster.
-		const cairn::result<bool> GoesOn = Wait(Turn + Interval);
-		if (!GoesOn.ok() || !*GoesOn)
+		const cairn::result<bool> Continues = Wait(StartNs + Interval);
+		if (!Continues.ok() || !*Continues)
 		{
-			return GoesOn.ok() ? cairn::result<void>() : GoesOn.why();
+			return Continues.ok() ? cairn::result<void>() : Continues.why();
 		}
 		FCairnPicture Edit;
 		{
@@ -331,7 +331,7 @@ cairn::result<void> FCairnStream::Play()
 }
 
 /** Pushes an anchor to the presenter as soon as it has room. */
-cairn::result<void> FCairnStream::Give(const cairn::anchor& Anchor)
+cairn::result<void> FCairnStream::PushAnchor(const cairn::anchor& Anchor)
 {
 	for (;;)
 	{
@@ -358,10 +358,10 @@ cairn::result<bool> FCairnStream::Wait(uint64 UntilNs)
 {
 	while (!bStopping)
 	{
-		const cairn::result<void> Followed = FollowTarget();
-		if (!Followed.ok())
+		const cairn::result<void> Prepared = PrepareForTarget();
+		if (!Prepared.ok())
 		{
-			return Followed.why();
+			return Prepared.why();
 		}
 		const uint64 Now = CairnNow();
 		if (!bPaused && Now >= UntilNs)
@@ -389,13 +389,13 @@ bool FCairnStream::IsDue(uint64 NowNs, FIntPoint Size)
 		return false;
 	}
 	// A frame that is in the target already is not drawn again.
-	if (!*Due || (Size == AskedSize && (**Due).position == Asked.position && (**Due).since_ns == Asked.since_ns &&
-		(**Due).source == Asked.source))
+	if (!*Due || (Size == RequestedSize && (**Due).position == RequestedFrame.position && (**Due).since_ns == RequestedFrame.since_ns &&
+		(**Due).source == RequestedFrame.source))
 	{
 		return false;
 	}
-	Asked = **Due;
-	AskedSize = Size;
+	RequestedFrame = **Due;
+	RequestedSize = Size;
 	return true;
 }
 
@@ -419,7 +419,7 @@ uint64 FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Tex
 		RecordedSize = Size;
 		// The thread prepares frames of this size. Until then the nearest anchor is shown.
 		const FScopeLock Locked(&Lock);
-		WantedSize = Size;
+		LastTargetSize = Size;
 		Changed->Trigger();
 	}
 	cairn::d3d12_recording Recording;
@@ -441,7 +441,7 @@ uint64 FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Tex
 	}
 	{
 		const FScopeLock Locked(&Lock);
-		Shown = **Drawn;
+		ShownFrame = **Drawn;
 	}
 	bDrawn = true;
 	return ++Recorded;
@@ -476,8 +476,8 @@ FCairnStatistics FCairnStream::GetStatistics() const
 	if (bDrawn)
 	{
 		const FScopeLock Locked(&Lock);
-		Made.Shown = Shown.source <= CAIRN_FRAME_HELD ? static_cast<ECairnFrameSource>(Shown.source) : ECairnFrameSource::Held;
-		Made.ShownAnchor = static_cast<int64>(Shown.previous);
+		Made.Shown = ShownFrame.source <= CAIRN_FRAME_HELD ? static_cast<ECairnFrameSource>(ShownFrame.source) : ECairnFrameSource::Held;
+		Made.ShownAnchor = static_cast<int64>(ShownFrame.previous);
 	}
 	return Made;
 }

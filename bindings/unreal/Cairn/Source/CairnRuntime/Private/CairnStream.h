@@ -89,9 +89,9 @@ private:
 
 	cairn::result<void> Prepare();
 	cairn::result<void> PrepareFrames(FIntPoint Size);
-	cairn::result<void> FollowTarget();
+	cairn::result<void> PrepareForTarget();
 	cairn::result<void> Play();
-	cairn::result<void> Give(const cairn::anchor& Anchor);
+	cairn::result<void> PushAnchor(const cairn::anchor& Anchor);
 	cairn::result<bool> Wait(uint64 UntilNs);
 	void EndThread();
 
@@ -112,11 +112,11 @@ private:
 	FString Failure;
 	FIntPoint WorldSize = FIntPoint(0, 0);
 	/** Size of the last target that a frame was recorded for; zero before. */
-	FIntPoint WantedSize = FIntPoint(0, 0);
+	FIntPoint LastTargetSize = FIntPoint(0, 0);
 	TArray<FCairnPicture> Edits;
 	/** The rollout that RequestStop cancels; null if there is none. */
 	const cairn::rollout* Cancellable = nullptr;
-	cairn::frame Shown;
+	cairn::frame ShownFrame;
 
 	/** Made by the thread before bReady, and only read afterwards. The order matters: members are destroyed from last to first. */
 	FCairnDevice Device;
@@ -129,8 +129,8 @@ private:
 	FIntPoint PreparedSize = FIntPoint(0, 0);
 
 	/** Used by the game thread only: the frame that it requested last. */
-	cairn::frame Asked;
-	FIntPoint AskedSize = FIntPoint(0, 0);
+	cairn::frame RequestedFrame;
+	FIntPoint RequestedSize = FIntPoint(0, 0);
 
 	/** Used by the recording thread only: the size that the presenter was given. */
 	FIntPoint RecordedSize = FIntPoint(0, 0);

@@ -28,7 +28,7 @@ FString UCairnWorldSubsystem::GetUnavailableReason() const
 #if CAIRN_WITH_D3D12
 	if (Why.IsEmpty())
 	{
-		Why = FCairnWorlds::WhyImpossible();
+		Why = FCairnWorlds::GetUnavailableReason();
 	}
 #endif
 	return Why;

@@ -9,7 +9,7 @@
 
 #include "CairnEngine.h"
 
-FString FCairnWorlds::WhyImpossible()
+FString FCairnWorlds::GetUnavailableReason()
 {
 	if (GDynamicRHI == nullptr || RHIGetInterfaceType() != ERHIInterfaceType::D3D12)
 	{
@@ -26,7 +26,7 @@ FString FCairnWorlds::WhyImpossible()
 	return FString();
 }
 
-cairn::result<FCairnDevice> FCairnWorlds::Frames()
+cairn::result<FCairnDevice> FCairnWorlds::FrameDevice()
 {
 	const FScopeLock Locked(&Lock);
 	if (!Graphics.IsValid())
@@ -43,15 +43,15 @@ cairn::result<FCairnDevice> FCairnWorlds::Frames()
 	return Graphics;
 }
 
-cairn::result<FCairnDevice> FCairnWorlds::Maker(ECairnAnchors Anchors, int32 Threads)
+cairn::result<FCairnDevice> FCairnWorlds::AnchorDevice(ECairnAnchors Anchors, int32 Threads)
 {
 	if (Anchors == ECairnAnchors::Graphics)
 	{
-		return Frames();
+		return FrameDevice();
 	}
-	cairn::device_options Wanted;
-	Wanted.threads = static_cast<uint32>(FMath::Max(Threads, 0));
-	cairn::result<cairn::device> Made = cairn::device::cpu(Wanted);
+	cairn::device_options Options;
+	Options.threads = static_cast<uint32>(FMath::Max(Threads, 0));
+	cairn::result<cairn::device> Made = cairn::device::cpu(Options);
 	if (!Made.ok())
 	{
 		return Made.why();
@@ -65,10 +65,10 @@ cairn::result<FCairnWorld> FCairnWorlds::Load(
 	// The thread count matters on the processor only; on the graphics device the world is the same with any.
 	const FString Name = FString::Printf(
 		TEXT("%d|%d|%s|%s"), static_cast<int32>(Anchors), Anchors == ECairnAnchors::Processor ? Threads : 0, *OperatingPoint, *File);
-	TSharedPtr<FLoaded, ESPMode::ThreadSafe> Loaded;
+	TSharedPtr<FWorldEntry, ESPMode::ThreadSafe> Loaded;
 	{
 		const FScopeLock Locked(&Lock);
-		for (const TSharedPtr<FLoaded, ESPMode::ThreadSafe>& Known : Worlds)
+		for (const TSharedPtr<FWorldEntry, ESPMode::ThreadSafe>& Known : Worlds)
 		{
 			if (Known->Name == Name)
 			{
@@ -77,7 +77,7 @@ cairn::result<FCairnWorld> FCairnWorlds::Load(
 		}
 		if (!Loaded.IsValid())
 		{
-			Loaded = MakeShared<FLoaded, ESPMode::ThreadSafe>();
+			Loaded = MakeShared<FWorldEntry, ESPMode::ThreadSafe>();
 			Loaded->Name = Name;
 			Worlds.Add(Loaded);
 		}
@@ -88,17 +88,17 @@ cairn::result<FCairnWorld> FCairnWorlds::Load(
 	{
 		return World;
 	}
-	cairn::result<FCairnDevice> Device = Maker(Anchors, Threads);
+	cairn::result<FCairnDevice> Device = AnchorDevice(Anchors, Threads);
 	if (!Device.ok())
 	{
 		return Device.why();
 	}
 	const FTCHARToUTF8 Path(*File);
 	const FTCHARToUTF8 Point(*OperatingPoint);
-	cairn::world_options Wanted;
-	Wanted.path = File.IsEmpty() ? nullptr : Path.Get();
-	Wanted.operating_point = OperatingPoint.IsEmpty() ? nullptr : Point.Get();
-	cairn::result<cairn::world> Made = cairn::world::load(**Device, Wanted, [&Progress](const cairn::load_progress& Now)
+	cairn::world_options Options;
+	Options.path = File.IsEmpty() ? nullptr : Path.Get();
+	Options.operating_point = OperatingPoint.IsEmpty() ? nullptr : Point.Get();
+	cairn::result<cairn::world> Made = cairn::world::load(**Device, Options, [&Progress](const cairn::load_progress& Now)
 	{
 		// Reading counts as the first half and preparing as the second, whatever their durations.
 		const float Part = Now.total > 0 ? static_cast<float>(Now.done) / static_cast<float>(Now.total) : 0.0f;

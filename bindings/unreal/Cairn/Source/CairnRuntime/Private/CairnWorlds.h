@@ -18,10 +18,10 @@ class FCairnWorlds
 public:
 #if CAIRN_WITH_D3D12
 	/** Why Cairn cannot use the engine's graphics device, with the setting to change; empty if it can. */
-	static FString WhyImpossible();
+	static FString GetUnavailableReason();
 
 	/** The device that frames are made on. */
-	cairn::result<FCairnDevice> Frames();
+	cairn::result<FCairnDevice> FrameDevice();
 
 	/**
 	 * Returns a world that is loaded already, or loads it from its file. Progress gets the progress, 0 to 1; returning false ends the load.
@@ -33,7 +33,7 @@ public:
 		TFunctionRef<bool(float)> Progress);
 
 private:
-	struct FLoaded
+	struct FWorldEntry
 	{
 		FString Name;
 		/** Held during a load, so that others wait for it and do not load the world a second time. */
@@ -41,10 +41,10 @@ private:
 		TWeakPtr<cairn::world, ESPMode::ThreadSafe> World;
 	};
 
-	cairn::result<FCairnDevice> Maker(ECairnAnchors Anchors, int32 Threads);
+	cairn::result<FCairnDevice> AnchorDevice(ECairnAnchors Anchors, int32 Threads);
 
 	FCriticalSection Lock;
 	FCairnDevice Graphics;
-	TArray<TSharedPtr<FLoaded, ESPMode::ThreadSafe>> Worlds;
+	TArray<TSharedPtr<FWorldEntry, ESPMode::ThreadSafe>> Worlds;
 #endif
 };

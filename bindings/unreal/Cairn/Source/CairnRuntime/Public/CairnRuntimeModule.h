@@ -16,7 +16,7 @@ public:
 	virtual void StartupModule() override;
 	virtual void ShutdownModule() override;
 
-	/** Why the library cannot be used, with what to do; empty where it can. */
+	/** Why the library cannot be used, with a remedy; empty if it can. */
 	const FString& WhyNot() const { return Why; }
 
 	/**

@@ -5,7 +5,7 @@
 
 #include "CairnTypes.generated.h"
 
-/** Processor that makes anchors, the strong pictures. */
+/** Processor that makes anchors, the pictures between which frames are generated. */
 UENUM(BlueprintType)
 enum class ECairnAnchors : uint8
 {
@@ -29,7 +29,7 @@ enum class ECairnFrameSource : uint8
 	Generated,
 	/** Extrapolated beyond the last anchor, because the next one is late. */
 	Extrapolated,
-	/** A picture that stands. */
+	/** A repeated picture, because nothing can be generated. */
 	Held
 };
 

@@ -31,7 +31,7 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World")
 	FString OperatingPoint = TEXT("stock,pictures:1");
 
-	/** What makes anchors. */
+	/** The processor that makes anchors. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World")
 	ECairnAnchors Anchors = ECairnAnchors::Graphics;
 
@@ -63,7 +63,7 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames", meta = (EditCondition = "!bDrawIntoTarget"))
 	bool bLinearFrames = false;
 
-	/** Frames to an anchor: 1, 2, 3, 4 or 6. With 1 none is generated. */
+	/** Frames per anchor: 1, 2, 3, 4 or 6. With 1, no frames are generated. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames", meta = (ClampMin = "1", ClampMax = "6"))
 	int32 Multiplier = 4;
 
@@ -75,7 +75,7 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames", meta = (ClampMin = "0"))
 	float FrameBudgetMs = 0.0f;
 
-	/** Schedules to fall back to if the budget is too small, separated by spaces: "stock explicit:1:0.5:0". */
+	/** Schedules that may be used to keep the budget, separated by spaces: "stock explicit:1:0.5:0". */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Frames")
 	FString BudgetSchedules;
 
@@ -87,7 +87,7 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Input")
 	bool bReadPlayerInput = true;
 
-	/** Which keys the world gets. */
+	/** The keys that the world gets. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|Input")
 	TArray<FCairnKey> Keys;
 

@@ -22,7 +22,7 @@ public:
 	UFUNCTION(BlueprintPure, Category = "Cairn")
 	bool IsAvailable() const;
 
-	/** Why no world can be shown, with what to do, in English; empty if one can. */
+	/** Why no world can be shown, with a remedy, in English; empty if one can. */
 	UFUNCTION(BlueprintPure, Category = "Cairn")
 	FString GetUnavailableReason() const;
 
@@ -30,7 +30,7 @@ public:
 	UFUNCTION(BlueprintCallable, Category = "Cairn")
 	TArray<FCairnRequirement> GetRequirements() const;
 
-	/** The library's version, such as "0.1.0"; empty where it is not loaded. */
+	/** The library's version, such as "0.1.0"; empty if it is not loaded. */
 	UFUNCTION(BlueprintPure, Category = "Cairn")
 	FString GetLibraryVersion() const;
 

@@ -1,0 +1,228 @@
+//! Estimate of the memory that a world needs, computed before anything is loaded.
+
+use super::onnx::{Footprint, ModelContext, footprint};
+use super::{Bundle, Geometry, GraphKind, Precision};
+use crate::{Error, ErrorKind, Result};
+
+/// Memory of one world with one rollout at one global window, in bytes.
+///
+/// With F the bytes of one number of the graphs' precision:
+///
+/// ```text
+/// ring          = sum over layers of 2 * kv_heads * buckets * T * head_width * F
+/// slabs         = layers * 2 * kv_heads * T * head_width * F
+/// weights       = every constant that a run reads, in the type in which it reads it: an f32 graph holds f16 weights as f32
+/// intermediates = peak of the transformer's live intermediate values over all nodes; a value lives from the node that produces
+///                 it to the last node that reads it, and `Reshape` shares its input's memory
+/// autoencoder   = the same for encoder and decoder, + their inputs and outputs
+/// arena         = intermediates + encoder's and decoder's intermediate values, a second time
+/// total         = bundle + the sum of these
+/// ```
+///
+/// `arena` is the overhead of the runtime's allocator: it grows during the first run and from the second on holds one planned block
+/// as well (measured with ONNX Runtime 1.24: 2.3 times the intermediates in total). During loading the runtime briefly holds weights
+/// in both types.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MemoryNeed {
+    /// The bundle's own files, which stay in memory.
+    pub bundle: u64,
+    /// Weights as the runtime holds them, of all three models.
+    pub weights: u64,
+    /// Keys and values of one rollout's ring.
+    pub ring: u64,
+    /// Keys and values of the current frame.
+    pub slabs: u64,
+    /// Intermediate values of a transformer pass.
+    pub intermediates: u64,
+    /// The largest single intermediate value; included in `intermediates`.
+    pub largest_intermediate: u64,
+    /// Intermediate values, pictures, latents and memories of encoder and decoder.
+    pub autoencoder: u64,
+    /// Overhead of the runtime's allocator.
+    pub arena: u64,
+    /// The sum.
+    pub total: u64,
+}
+
+impl MemoryNeed {
+    /// Refuses a need of more than `limit` bytes.
+    ///
+    /// # Errors
+    /// `OutOfMemory`, with the numbers.
+    pub fn check_fits(&self, limit: u64) -> Result<()> {
+        if self.total <= limit {
+            return Ok(());
+        }
+        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+        let cause = format!(
+            "{} MiB are needed (bundle {}, weights {}, ring {}, slabs {}, intermediates {}, autoencoder {}, arena {}), {} MiB are available",
+            mib(self.total),
+            mib(self.bundle),
+            mib(self.weights),
+            mib(self.ring),
+            mib(self.slabs),
+            mib(self.intermediates),
+            mib(self.autoencoder),
+            mib(self.arena),
+            limit >> 20
+        );
+        Err(Error::new(ErrorKind::OutOfMemory, cause)
+            .field("global_window")
+            .remedy("Choose a smaller global window or a smaller bundle, or free memory"))
+    }
+
+    /// Refuses a need of more than `available` bytes on a graphics device, which holds everything except the bundle's files.
+    ///
+    /// # Errors
+    /// `OutOfMemory`, with the numbers.
+    pub fn check_fits_on_device(&self, available: u64) -> Result<()> {
+        let needed = self.total.saturating_sub(self.bundle);
+        if needed <= available {
+            return Ok(());
+        }
+        let (needed, available) = (needed.div_ceil(1 << 20), available >> 20);
+        Err(Error::new(
+            ErrorKind::OutOfMemory,
+            format!("{needed} MiB of the adapter are needed, {available} MiB are left"),
+        )
+        .field("global_window")
+        .remedy("Choose a smaller global window or another adapter, or have the engine free memory"))
+    }
+}
+
+impl Geometry {
+    /// Checks that a global window of `g` latents is a multiple of the dilation, from the dilation to the largest window allowed.
+    ///
+    /// # Errors
+    /// `InvalidArgument` otherwise.
+    pub fn check_window(&self, g: u32) -> Result<()> {
+        let (dilation, most) = (self.global.dilation, self.global.max_window);
+        if g > 0 && g.is_multiple_of(dilation) && g <= most {
+            return Ok(());
+        }
+        Err(Error::new(
+            ErrorKind::InvalidArgument,
+            format!("{g} is no multiple of {dilation} from {dilation} to {most}"),
+        )
+        .field("global_window")
+        .remedy("Choose one that is"))
+    }
+
+    /// Number of elements of K, or of V, of one layer at the global window `g`.
+    fn past_len(&self, layer: u32, g: u32) -> u64 {
+        self.buckets(self.is_global(layer), g) * self.slab_len()
+    }
+
+    /// Number of elements of K, or of V, of one layer for one latent.
+    fn slab_len(&self) -> u64 {
+        u64::from(self.kv_heads) * u64::from(self.tokens) * u64::from(self.head_width)
+    }
+}
+
+impl Bundle {
+    /// The memory that a world and one rollout need at a global window of `g` latents.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a window that the bundle does not allow; `Unsupported` if it lacks the precision; `InvalidBundle` if a graph's
+    /// shapes are inconsistent at this window.
+    pub fn memory_need(&self, precision: Precision, g: u32) -> Result<MemoryNeed> {
+        let geometry = self.geometry();
+        geometry.check_window(g)?;
+        let [transformer, encoder, decoder] = GraphKind::ALL.map(|kind| self.footprint(kind, precision, g));
+        let (transformer, encoder, decoder) = (transformer?, encoder?, decoder?);
+
+        let number = precision.bytes() as u64;
+        let pairs = 2 * number;
+        // Products cannot overflow: the manifest's limits keep each below 2^60. Sums saturate.
+        let ring = (0..geometry.layers).map(|i| geometry.past_len(i, g) * pairs).fold(0, u64::saturating_add);
+        let slabs = u64::from(geometry.layers).saturating_mul(geometry.slab_len() * pairs);
+        let held = |f: &Footprint| f.weights;
+        let weights = [&transformer, &encoder, &decoder].map(held).into_iter().fold(0, u64::saturating_add);
+        let coding = encoder.peak.saturating_add(decoder.peak);
+        let autoencoder = coding.saturating_add(self.autoencoder_ports() * number);
+        let arena = coding.saturating_add(transformer.peak);
+        let bundle = self.files.values().map(|bytes| bytes.len() as u64).fold(0, u64::saturating_add);
+        let parts = [bundle, weights, ring, slabs, transformer.peak, autoencoder, arena];
+        Ok(MemoryNeed {
+            bundle,
+            weights,
+            ring,
+            slabs,
+            intermediates: transformer.peak,
+            largest_intermediate: transformer.largest,
+            autoencoder,
+            arena,
+            total: parts.into_iter().fold(0, u64::saturating_add),
+        })
+    }
+
+    pub(super) fn footprint(&self, kind: GraphKind, precision: Precision, g: u32) -> Result<Footprint> {
+        footprint(self.model(kind, precision)?.onnx, ModelContext { manifest: &self.manifest, kind, precision }, g)
+    }
+
+    /// Number of elements in the inputs and outputs of encoder and decoder: four pictures and a latent each, the decoder's memories twice,
+    /// the encoder's three times.
+    fn autoencoder_ports(&self) -> u64 {
+        let geometry = self.geometry();
+        let [width, height] = self.manifest.picture.decoded.map(u64::from);
+        let numbers = |shapes: &[[u32; 3]]| -> u64 {
+            shapes.iter().map(|m| m.iter().map(|&n| u64::from(n)).product::<u64>()).sum()
+        };
+        let memories = numbers(&geometry.autoencoder.memories);
+        // Input, output, and the zeroes that each clip starts with.
+        let of_encoder = 3 * numbers(&geometry.autoencoder.encoder_memories);
+        let pictures = u64::from(geometry.autoencoder.temporal) * 3 * width * height;
+        2 * (pictures + geometry.latent_len() as u64 + memories) + of_encoder
+    }
+}
+
+/// Memory that this process can still allocate without swapping, in bytes; `None` if the system does not report it.
+///
+/// The system's available memory or, on Linux, the control group's limit minus its resident memory, whichever is less.
+pub fn available_memory() -> Option<u64> {
+    let mut system = sysinfo::System::new().ok()?;
+    system.refresh_memory_specifics(sysinfo::MemoryRefreshKind::nothing().with_ram());
+    let available = Some(system.available_memory()).filter(|&bytes| bytes > 0)?;
+    let group = system.cgroup_limits().map(|limits| limits.total_memory.saturating_sub(limits.rss));
+    Some(group.map_or(available, |left| left.min(available)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_need_above_the_limit_is_refused_with_its_parts() {
+        let need = MemoryNeed {
+            bundle: 1 << 20,
+            weights: 2 << 20,
+            ring: 3 << 20,
+            slabs: 0,
+            intermediates: 4 << 20,
+            largest_intermediate: 1 << 20,
+            autoencoder: 0,
+            arena: 0,
+            total: 10 << 20,
+        };
+        assert!(need.check_fits(10 << 20).is_ok());
+        let error = need.check_fits((10 << 20) - 1).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::OutOfMemory);
+        let text = error.to_string();
+        assert!(
+            text.contains("10 MiB are needed") && text.contains("ring 3") && text.contains("9 MiB are available"),
+            "{text}"
+        );
+        // The bundle's files are in system memory and not in the adapter's.
+        assert!(need.check_fits_on_device(9 << 20).is_ok());
+        let error = need.check_fits_on_device((9 << 20) - 1).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::OutOfMemory);
+        let text = error.to_string();
+        assert!(text.contains("9 MiB of the adapter are needed, 8 MiB are left"), "{text}");
+    }
+
+    #[cfg(any(target_os = "linux", windows))]
+    #[test]
+    fn available_memory_is_reported() {
+        assert!(available_memory().is_some_and(|bytes| bytes > 1 << 20));
+    }
+}

@@ -1,0 +1,36 @@
+//! Data that the DirectML backend keeps with a graph.
+
+use std::ffi::{CStr, CString};
+
+use super::capture::CaptureQuota;
+use super::weights::Weights;
+
+/// Profiler name, capture quota and weights of a graph. The general [`Graph`](crate::runtime::Graph) only stores it.
+pub(in crate::runtime) struct DirectMlGraph {
+    /// Name of its runs in GPU profilers.
+    title: CString,
+    captures: CaptureQuota,
+    weights: Weights,
+}
+
+impl DirectMlGraph {
+    /// Data of the graph called `what`. Its session allows `captures`, and takes `weights` as inputs after the graph's own inputs.
+    pub(super) fn new(what: &str, captures: CaptureQuota, weights: Weights) -> Self {
+        Self { title: CString::new(format!("Cairn: {what}")).unwrap_or_default(), captures, weights }
+    }
+
+    /// Name of its runs in GPU profilers.
+    pub(super) fn title(&self) -> &CStr {
+        &self.title
+    }
+
+    /// The captures that the session allows.
+    pub(super) fn captures(&self) -> &CaptureQuota {
+        &self.captures
+    }
+
+    /// The weights that are bound as inputs.
+    pub(super) fn weights(&self) -> &Weights {
+        &self.weights
+    }
+}

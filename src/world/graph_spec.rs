@@ -1,0 +1,152 @@
+//! The inputs and outputs of a bundle's three graphs, from its geometry: `docs/bundle.md`, section 4.
+
+use crate::bundle::{Geometry, Manifest, Precision};
+use crate::runtime::TensorSpec;
+
+/// Inputs and outputs of one graph, in order.
+pub(super) struct GraphSpec {
+    pub(super) inputs: Vec<TensorSpec>,
+    pub(super) outputs: Vec<TensorSpec>,
+}
+
+/// The shapes of the rollout's computations, as `usize`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Shapes {
+    /// `[C, h, w]`.
+    pub(super) latent: [usize; 3],
+    /// T, the tokens of one latent.
+    pub(super) tokens: usize,
+    pub(super) layers: usize,
+    pub(super) kv_heads: usize,
+    pub(super) head_width: usize,
+    /// Slots of a local layer's ring.
+    pub(super) local_buckets: usize,
+    /// Slots of a global layer's ring.
+    pub(super) global_buckets: usize,
+    /// Control values of one step.
+    pub(super) controls: usize,
+    /// Pictures per latent.
+    pub(super) pictures: usize,
+    /// `[H, W]` of a decoded picture.
+    pub(super) decoded: [usize; 2],
+}
+
+impl Shapes {
+    /// The shapes of `manifest` at global window `g`, which [`Bundle`](crate::bundle::Bundle) has checked.
+    pub(super) fn new(manifest: &Manifest, g: u32) -> Self {
+        let geometry = &manifest.geometry;
+        let [width, height] = manifest.picture.decoded;
+        Self {
+            latent: [geometry.latent.channels, geometry.latent.height, geometry.latent.width].map(|n| n as usize),
+            tokens: geometry.tokens as usize,
+            layers: geometry.layers as usize,
+            kv_heads: geometry.kv_heads as usize,
+            head_width: geometry.head_width as usize,
+            local_buckets: geometry.local.window as usize,
+            global_buckets: (g / geometry.global.dilation) as usize,
+            controls: manifest.controls.len(),
+            pictures: geometry.autoencoder.temporal as usize,
+            decoded: [height as usize, width as usize],
+        }
+    }
+
+    /// Values of one latent.
+    pub(super) fn latent_len(&self) -> usize {
+        self.latent.iter().product()
+    }
+
+    /// Slots of a layer's ring.
+    pub(super) fn buckets(&self, global: bool) -> usize {
+        if global { self.global_buckets } else { self.local_buckets }
+    }
+
+    /// Keys a layer attends to: its ring and the current latent.
+    pub(super) fn keys(&self, global: bool) -> usize {
+        (self.buckets(global) + 1) * self.tokens
+    }
+
+    /// Values of K, or of V, of one latent in one layer: `[kv_heads, T, head_width]`.
+    pub(super) fn slab_len(&self) -> usize {
+        self.kv_heads * self.tokens * self.head_width
+    }
+
+    /// Values of K, or of V, in a layer's ring: `[kv_heads, buckets * T, head_width]`.
+    pub(super) fn ring_len(&self, global: bool) -> usize {
+        self.buckets(global) * self.slab_len()
+    }
+
+    /// Number of cosines, or of sines, of one latent: `[T, head_width / 2]`.
+    pub(super) fn rope_len(&self) -> usize {
+        self.tokens * self.head_width / 2
+    }
+
+    /// Values of one decoded picture: `[3, H, W]`.
+    pub(super) fn picture_len(&self) -> usize {
+        3 * self.decoded[0] * self.decoded[1]
+    }
+}
+
+/// The symbolic dimensions of the transformer's inputs, and their values.
+pub(super) fn dimensions(s: &Shapes) -> [(&'static str, usize); 4] {
+    [
+        ("local_past", s.local_buckets * s.tokens),
+        ("local_keys", s.keys(false)),
+        ("global_past", s.global_buckets * s.tokens),
+        ("global_keys", s.keys(true)),
+    ]
+}
+
+pub(super) fn transformer(geometry: &Geometry, s: &Shapes, f: Precision) -> GraphSpec {
+    let [c, h, w] = s.latent;
+    let rope = [1, 1, s.tokens, s.head_width / 2];
+    let mut inputs = vec![
+        TensorSpec::new("x", f, &[1, c, h, w]),
+        TensorSpec::new("sigma", Precision::F32, &[1]),
+        TensorSpec::new("dsigma", Precision::F32, &[1]),
+        TensorSpec::new("rope_cos", Precision::F32, &rope),
+        TensorSpec::new("rope_sin", Precision::F32, &rope),
+        TensorSpec::new("controls", Precision::F32, &[1, s.controls]),
+        TensorSpec::new("local_mask", f, &[1, 1, 1, s.keys(false)]),
+        TensorSpec::new("global_mask", f, &[1, 1, 1, s.keys(true)]),
+    ];
+    let mut outputs = vec![TensorSpec::new("x_next", f, &[1, c, h, w])];
+    for i in 0..geometry.layers {
+        let past = [1, s.kv_heads, s.buckets(geometry.is_global(i)) * s.tokens, s.head_width];
+        let present = [1, s.kv_heads, s.tokens, s.head_width];
+        for part in ["k", "v"] {
+            inputs.push(TensorSpec::new(format!("past.{i}.{part}"), f, &past));
+            outputs.push(TensorSpec::new(format!("present.{i}.{part}"), f, &present));
+        }
+    }
+    GraphSpec { inputs, outputs }
+}
+
+pub(super) fn encoder(geometry: &Geometry, s: &Shapes, f: Precision) -> GraphSpec {
+    with_memories(f, &geometry.autoencoder.encoder_memories, pictures(s, f), latent(s, f))
+}
+
+pub(super) fn decoder(geometry: &Geometry, s: &Shapes, f: Precision) -> GraphSpec {
+    with_memories(f, &geometry.autoencoder.memories, latent(s, f), pictures(s, f))
+}
+
+fn latent(s: &Shapes, f: Precision) -> TensorSpec {
+    let [c, h, w] = s.latent;
+    TensorSpec::new("latent", f, &[1, c, h, w])
+}
+
+fn pictures(s: &Shapes, f: Precision) -> TensorSpec {
+    let [height, width] = s.decoded;
+    TensorSpec::new("rgb", f, &[s.pictures, 3, height, width])
+}
+
+/// A graph from `input` to `output` that takes memories of these shapes, `[channels, height, width]`, as inputs and returns the
+/// next ones as outputs.
+fn with_memories(f: Precision, shapes: &[[u32; 3]], input: TensorSpec, output: TensorSpec) -> GraphSpec {
+    let (mut inputs, mut outputs) = (vec![input], vec![output]);
+    for (j, memory) in shapes.iter().enumerate() {
+        let shape = [1, memory[0] as usize, memory[1] as usize, memory[2] as usize];
+        inputs.push(TensorSpec::new(format!("past_mem.{j}"), f, &shape));
+        outputs.push(TensorSpec::new(format!("present_mem.{j}"), f, &shape));
+    }
+    GraphSpec { inputs, outputs }
+}

@@ -1,0 +1,337 @@
+//! Plans of latent steps, made without touching a device.
+//!
+//! A [`Planner`] holds the two clocks, the flags of both rings and the schedule. It makes [`StepPlan`]s; the rollout executes a
+//! plan exactly and reports it with [`Planner::commit`]. Nothing changes until then, so a step that fails changes nothing here.
+
+mod state;
+#[cfg(test)]
+mod tests;
+
+use crate::bundle::{Controls, Manifest};
+use crate::world::controls::ControlInput;
+use crate::world::noise::NoiseKey;
+use crate::world::operating_point::{CacheMode, OperatingPoint, global_buckets};
+use crate::world::ring::Ring;
+use crate::world::schedule::SigmaTable;
+use crate::{Error, ErrorKind, Result};
+
+/// Source of the keys and values of a latent that are committed to the ring.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum CachePass {
+    /// A separate forward pass on the finished latent at sigma 0, with the same controls, clocks and visibility; its `present`
+    /// slabs are committed.
+    Separate,
+    /// No extra pass; the `present` slabs of the last denoise pass are committed.
+    Fused,
+    /// No extra pass and no commit: ring and ring clock stay unchanged.
+    Skip,
+}
+
+/// The slots of one kind of layer that are visible to a latent step, and the slot that it writes.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct RingPlan {
+    /// For each slot, whether it is visible to all passes of the step. The latent itself is always visible too.
+    pub visible: Vec<bool>,
+    /// The slot that the commit overwrites; `None` if it writes none.
+    pub slot: Option<usize>,
+}
+
+/// One latent step, or the append of one picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StepPlan {
+    /// Number of the latent, counted from 0.
+    pub latent: u64,
+    /// RoPE time of all its passes.
+    pub rope_time: u64,
+    /// Commits before this step.
+    pub ring_clock: u64,
+    /// The noise that denoising starts from; `None` when a picture is appended.
+    pub noise: Option<NoiseKey>,
+    /// Noise level of each denoise pass; empty when a picture is appended.
+    pub sigmas: Vec<f32>,
+    /// The next noise level minus this one, for each denoise pass.
+    pub dsigmas: Vec<f32>,
+    /// The transformer's `controls` input, in every pass of the step; all zero when a picture is appended.
+    pub controls: Vec<f32>,
+    /// Local layers.
+    pub local: RingPlan,
+    /// Global layers.
+    pub global: RingPlan,
+    /// How the step commits.
+    pub cache: CachePass,
+    /// How often the decoder runs on this latent beforehand, with its pictures discarded: at the first decode after a reset, once
+    /// less than a latent has pictures (three times with four pictures), else never.
+    pub prime: u32,
+}
+
+impl Default for StepPlan {
+    /// An empty plan to be filled by [`Planner::plan_step_into`]; it cannot be executed.
+    fn default() -> Self {
+        Self {
+            latent: 0,
+            rope_time: 0,
+            ring_clock: 0,
+            noise: None,
+            sigmas: Vec::new(),
+            dsigmas: Vec::new(),
+            controls: Vec::new(),
+            local: RingPlan::default(),
+            global: RingPlan::default(),
+            cache: CachePass::Skip,
+            prime: 0,
+        }
+    }
+}
+
+/// The clocks, ring flags and settings of one rollout, from which plans are made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Planner {
+    seed: u64,
+    cache_mode: CacheMode,
+    table: SigmaTable,
+    controls: Controls,
+    time_multiplier: u32,
+    prime: u32,
+    clocks: Clocks,
+    local: Ring,
+    global: Ring,
+}
+
+/// The counters. The ring clock counts commits, the RoPE clock counts latents; nothing converts one to the other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+struct Clocks {
+    /// Latents, appended and generated.
+    latents: u64,
+    /// Latents that were generated.
+    generated: u64,
+    /// Latents that were committed.
+    commits: u64,
+}
+
+impl Planner {
+    /// A planner at the start of a rollout of the world `manifest` describes.
+    ///
+    /// # Errors
+    /// `InvalidArgument` when the operating point does not fit the world, and the errors of [`Ring::new`] and
+    /// [`Schedule::table`](crate::world::Schedule::table).
+    pub fn new(manifest: &Manifest, point: &OperatingPoint, seed: u64) -> Result<Self> {
+        let geometry = &manifest.geometry;
+        point.check_for(geometry)?;
+        // Fails if the world's controls cannot be written.
+        let mut controls = vec![0.0; manifest.controls.len()];
+        ControlInput::IDLE.write(&manifest.controls, &mut controls)?;
+        Ok(Self {
+            seed,
+            cache_mode: point.cache_mode,
+            table: point.schedule.table(&manifest.sampler)?,
+            controls: manifest.controls,
+            time_multiplier: manifest.rates.time_multiplier,
+            prime: geometry.autoencoder.temporal - 1,
+            clocks: Clocks::default(),
+            local: Ring::new(geometry.local.window, 1)?,
+            global: Ring::new(global_buckets(geometry, point.global_window)?, geometry.global.dilation)?,
+        })
+    }
+
+    /// Plans the append of a picture: no denoise pass, zero controls, its own cache pass at sigma 0.
+    ///
+    /// # Errors
+    /// `Unsupported` when a clock has run out, after 2^64 / `time_multiplier` latents.
+    pub fn plan_append(&self) -> Result<StepPlan> {
+        let mut plan = StepPlan::default();
+        self.plan_append_into(&mut plan)?;
+        Ok(plan)
+    }
+
+    /// As [`Planner::plan_append`], into a plan whose memory is reused.
+    ///
+    /// # Errors
+    /// As [`Planner::plan_append`].
+    pub fn plan_append_into(&self, plan: &mut StepPlan) -> Result<()> {
+        plan.noise = None;
+        plan.sigmas.clear();
+        plan.dsigmas.clear();
+        plan.cache = CachePass::Separate;
+        self.fill(&ControlInput::IDLE, plan)
+    }
+
+    /// Plans a latent step with these controls.
+    ///
+    /// # Errors
+    /// As [`Planner::plan_append`], and those of [`ControlInput::write`].
+    pub fn plan_step(&self, input: &ControlInput) -> Result<StepPlan> {
+        let mut plan = StepPlan::default();
+        self.plan_step_into(input, &mut plan)?;
+        Ok(plan)
+    }
+
+    /// As [`Planner::plan_step`], into a plan whose memory is reused: nothing is allocated after the first call.
+    ///
+    /// # Errors
+    /// As [`Planner::plan_step`].
+    pub fn plan_step_into(&self, input: &ControlInput, plan: &mut StepPlan) -> Result<()> {
+        plan.noise = Some(NoiseKey { seed: self.seed, latent: self.clocks.latents });
+        plan.sigmas.clear();
+        plan.sigmas.extend_from_slice(&self.table.sigmas[..self.table.passes()]);
+        plan.dsigmas.clear();
+        plan.dsigmas.extend_from_slice(&self.table.dsigmas);
+        plan.cache = match self.cache_mode {
+            CacheMode::Separate => CachePass::Separate,
+            CacheMode::Fused => CachePass::Fused,
+            CacheMode::Interval(k) if (self.clocks.generated + 1).is_multiple_of(u64::from(k)) => CachePass::Separate,
+            CacheMode::Interval(_) => CachePass::Skip,
+        };
+        self.fill(input, plan)
+    }
+
+    /// Fills the fields that steps and appends share; `plan.cache` is already set.
+    fn fill(&self, input: &ControlInput, plan: &mut StepPlan) -> Result<()> {
+        let Clocks { latents, commits, .. } = self.clocks;
+        plan.latent = latents;
+        plan.rope_time = latents.checked_mul(u64::from(self.time_multiplier)).ok_or_else(clock_ran_out)?;
+        plan.ring_clock = commits;
+        plan.controls.resize(self.controls.len(), 0.0);
+        input.write(&self.controls, &mut plan.controls)?;
+        let commits_now = plan.cache != CachePass::Skip;
+        for (ring, ring_plan) in [(&self.local, &mut plan.local), (&self.global, &mut plan.global)] {
+            ring_plan.visible.clear();
+            ring_plan.visible.extend((0..ring.buckets()).map(|slot| ring.is_visible(commits, slot)));
+            ring_plan.slot = (commits_now && ring.is_write_step(commits)).then(|| ring.slot(commits));
+        }
+        // Every latent is decoded, so the first one after a reset is the one that primes.
+        plan.prime = if latents == 0 { self.prime } else { 0 };
+        Ok(())
+    }
+
+    /// Records that `plan` was executed: marks the slots that it wrote and advances the clocks. The plan may be another planner's or
+    /// an altered one, but it must be for the next latent.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a plan of another latent, for a slot that does not exist, and for a plan that names a slot
+    /// and skips its commit. Nothing has changed then.
+    pub fn commit(&mut self, plan: &StepPlan) -> Result<()> {
+        self.check(plan)?;
+        for (ring, slot) in [(&mut self.local, plan.local.slot), (&mut self.global, plan.global.slot)] {
+            if let Some(slot) = slot {
+                ring.mark_written(slot)?;
+            }
+        }
+        self.clocks.latents += 1;
+        self.clocks.generated += u64::from(plan.noise.is_some());
+        self.clocks.commits += u64::from(plan.cache != CachePass::Skip);
+        Ok(())
+    }
+
+    /// Checks that `plan` can be executed now; [`Planner::commit`] and the rollout rely on it.
+    ///
+    /// # Errors
+    /// As [`Planner::commit`], and `InvalidArgument` when a list has a length that does not fit the world.
+    pub fn check(&self, plan: &StepPlan) -> Result<()> {
+        let wrong = |field: &str, cause: String| {
+            Err(Error::new(ErrorKind::InvalidArgument, cause)
+                .field(format!("plan.{field}"))
+                .remedy("Make the plan anew from the planner"))
+        };
+        if self.clocks.latents == u64::MAX {
+            return Err(clock_ran_out());
+        }
+        if plan.latent != self.clocks.latents {
+            return wrong("latent", format!("the plan is for latent {}, next is {}", plan.latent, self.clocks.latents));
+        }
+        if plan.sigmas.len() != plan.dsigmas.len() {
+            return wrong(
+                "sigmas",
+                format!("{} noise levels do not go with {} differences", plan.sigmas.len(), plan.dsigmas.len()),
+            );
+        }
+        if plan.cache == CachePass::Fused && plan.sigmas.is_empty() {
+            return wrong("cache", "there is no denoise pass whose keys and values could be kept".into());
+        }
+        if plan.controls.len() != self.controls.len() {
+            return wrong(
+                "controls",
+                format!("{} numbers, the world has {}", plan.controls.len(), self.controls.len()),
+            );
+        }
+        for (name, ring, ring_plan) in [("local", &self.local, &plan.local), ("global", &self.global, &plan.global)] {
+            if ring_plan.visible.len() != ring.buckets() {
+                return wrong(name, format!("{} slots, the ring has {}", ring_plan.visible.len(), ring.buckets()));
+            }
+            match ring_plan.slot {
+                Some(slot) if slot >= ring.buckets() => {
+                    return wrong(name, format!("slot {slot} does not exist in a ring of {}", ring.buckets()));
+                }
+                Some(slot) if plan.cache == CachePass::Skip => {
+                    return wrong(name, format!("slot {slot} is named, but nothing is committed"));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns to the start: no latents, empty rings, decoder unprimed.
+    pub fn reset(&mut self) {
+        self.clocks = Clocks::default();
+        self.local.clear();
+        self.global.clear();
+    }
+
+    /// Takes over the clocks and ring flags of a planner of the same world at another global window. Of the global ring, the newest
+    /// latents that fit are kept. Returns pairs of global slots, in the other planner's ring and in this one's, whose contents must
+    /// be copied.
+    pub(super) fn take_over(&mut self, other: &Planner) -> Vec<(usize, usize)> {
+        self.clocks = other.clocks;
+        self.local = other.local.clone();
+        self.global.take_over(&other.global, other.clocks.commits)
+    }
+
+    /// The rollout's seed.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// How generated latents commit.
+    pub fn cache_mode(&self) -> CacheMode {
+        self.cache_mode
+    }
+
+    /// Sets the noise levels of later plans.
+    pub(super) fn set_table(&mut self, table: SigmaTable) {
+        self.table = table;
+    }
+
+    /// Noise levels of a latent step.
+    pub fn sigma_table(&self) -> &SigmaTable {
+        &self.table
+    }
+
+    /// Latents so far, appended and generated: the number of the next one.
+    pub fn latents(&self) -> u64 {
+        self.clocks.latents
+    }
+
+    /// Generated latents so far.
+    pub fn generated(&self) -> u64 {
+        self.clocks.generated
+    }
+
+    /// Commits so far: the ring clock.
+    pub fn ring_clock(&self) -> u64 {
+        self.clocks.commits
+    }
+
+    /// The ring of local layers.
+    pub fn local(&self) -> &Ring {
+        &self.local
+    }
+
+    /// The ring of global layers.
+    pub fn global(&self) -> &Ring {
+        &self.global
+    }
+}
+
+fn clock_ran_out() -> Error {
+    Error::new(ErrorKind::Unsupported, "the rollout's clock has run out").remedy("Reset the rollout")
+}

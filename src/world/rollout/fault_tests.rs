@@ -1,0 +1,173 @@
+//! Injects device faults at every call in turn, once or permanently: a failed step changes nothing, and the next attempt works.
+
+// The crate `test-support` cannot be used here: its types are those of another copy of this library.
+#[path = "../../../tests/support/src/worlds.rs"]
+#[allow(dead_code, unreachable_pub, reason = "the crate has all of it")]
+mod worlds;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use super::Rollout;
+use crate::bundle::Precision;
+use crate::runtime::{
+    Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, Graph, RecordedCopiesId, RecordedCopy, Region,
+};
+use crate::{Error, ErrorKind, Result};
+
+/// Which calls fail.
+#[derive(Default)]
+struct Fault {
+    /// Calls up to and including the next one that fails; 0 for none.
+    calls_left: AtomicU64,
+    /// Whether all later calls fail as well.
+    is_permanent: AtomicBool,
+    /// Whether a call has failed.
+    has_failed: AtomicBool,
+}
+
+impl Fault {
+    fn call(&self) -> Result<()> {
+        let calls_left = self.calls_left.load(Ordering::Relaxed);
+        if calls_left > 1 || !self.is_permanent.load(Ordering::Relaxed) {
+            self.calls_left.store(calls_left.saturating_sub(1), Ordering::Relaxed);
+        }
+        if calls_left != 1 {
+            return Ok(());
+        }
+        self.has_failed.store(true, Ordering::Relaxed);
+        Err(Error::new(ErrorKind::Device, "a fault made by this test"))
+    }
+}
+
+/// A context with injected faults. Calls that allocate or record, and `restore_backup`, which runs after a failure, never fail.
+struct Faulty {
+    inner: Box<dyn ExecutionContext>,
+    fault: Arc<Fault>,
+}
+
+impl ExecutionContext for Faulty {
+    fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
+        self.inner.buffer(bytes)
+    }
+
+    fn size(&self, of: BufferId) -> usize {
+        self.inner.size(of)
+    }
+
+    fn bind(&mut self, graph: &Arc<Graph>, tensors: &[BufferId]) -> Result<BindingId> {
+        self.inner.bind(graph, tensors)
+    }
+
+    fn upload(&mut self, to: BufferId, at: usize, bytes: &[u8]) -> Result<()> {
+        self.fault.call()?;
+        self.inner.upload(to, at, bytes)
+    }
+
+    fn replace(&mut self, contents: &[(BufferId, &[u8])]) -> Result<()> {
+        self.fault.call()?;
+        self.inner.replace(contents)
+    }
+
+    fn clear(&mut self, buffers: &[BufferId]) -> Result<()> {
+        self.fault.call()?;
+        self.inner.clear(buffers)
+    }
+
+    fn copy(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()> {
+        self.fault.call()?;
+        self.inner.copy(to, from, regions)
+    }
+
+    fn record_copies(&mut self, copies: Vec<RecordedCopy>) -> Result<RecordedCopiesId> {
+        self.inner.record_copies(copies)
+    }
+
+    fn run_copies(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
+        self.fault.call()?;
+        self.inner.run_copies(copies)
+    }
+
+    fn back_up(&mut self, of: &[BufferId]) -> Result<Backup> {
+        self.fault.call()?;
+        self.inner.back_up(of)
+    }
+
+    fn restore_backup(&mut self, backup: Backup) -> Result<()> {
+        self.inner.restore_backup(backup)
+    }
+
+    fn run(&mut self, binding: BindingId) -> Result<()> {
+        self.fault.call()?;
+        self.inner.run(binding)
+    }
+
+    fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()> {
+        self.fault.call()?;
+        self.inner.read(from, at, into)
+    }
+
+    fn add_finite_check(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<FiniteCheckId> {
+        self.inner.add_finite_check(groups, precision)
+    }
+
+    fn find_not_finite(&mut self, check: FiniteCheckId) -> Result<Option<usize>> {
+        self.fault.call()?;
+        self.inner.find_not_finite(check)
+    }
+
+    fn bytes(&self) -> Bytes {
+        self.inner.bytes()
+    }
+}
+
+/// Makes every call of `act` fail in turn, once and permanently, until `act` succeeds; after each fault the rollout must be
+/// unchanged. Returns the number of calls.
+fn fail_each_call<T>(rollout: &mut Rollout, fault: &Fault, act: impl Fn(&mut Rollout) -> Result<T>) -> u64 {
+    let before = rollout.save().expect("a state");
+    for n in 1.. {
+        for is_permanent in [true, false] {
+            fault.is_permanent.store(is_permanent, Ordering::Relaxed);
+            fault.calls_left.store(n, Ordering::Relaxed);
+            let result = act(rollout);
+            fault.calls_left.store(0, Ordering::Relaxed);
+            let has_failed = fault.has_failed.swap(false, Ordering::Relaxed);
+            match result {
+                Ok(_) if has_failed => panic!("the fault of call {n} was not reported"),
+                Ok(_) => return n - 1,
+                Err(error) => assert!(error.to_string().contains("a fault made"), "call {n}: {error}"),
+            }
+            assert!(rollout.save().expect("a state") == before, "call {n} changed the rollout");
+        }
+    }
+    unreachable!("`act` makes a finite number of calls")
+}
+
+#[test]
+fn a_failed_device_call_changes_nothing() {
+    let world = worlds::world("tiny");
+    let mut reference = Rollout::new(&world, &worlds::point(&world), 1).expect("a rollout");
+    let mut rollout = Rollout::new(&world, &worlds::point(&world), 1).expect("a rollout");
+    let fault = Arc::new(Fault::default());
+    let placeholder = world.device().context().expect("a context");
+    let inner = std::mem::replace(&mut rollout.device.context, placeholder);
+    rollout.device.context = Box::new(Faulty { inner, fault: fault.clone() });
+
+    // The first append primes the decoder, which overwrites the committed memories.
+    let seed = worlds::picture(20, 10, 1);
+    let faults = fail_each_call(&mut rollout, &fault, |r| r.append(&seed));
+    assert!(faults > 14, "{faults} calls in an append");
+    reference.append(&seed).expect("a seed");
+    for i in 0..2 {
+        let faults = fail_each_call(&mut rollout, &fault, |r| r.step(&worlds::controls(i)));
+        assert!(faults > 14, "{faults} calls in a step");
+        reference.step(&worlds::controls(i)).expect("a step");
+    }
+    let saved = reference.save().expect("a state");
+    assert!(rollout.save().expect("a state") == saved);
+
+    assert_eq!(fail_each_call(&mut rollout, &fault, |r| r.reset()), 1, "calls in a reset");
+    assert!(rollout.save().expect("a state") != saved);
+    assert_eq!(fail_each_call(&mut rollout, &fault, |r| r.restore(&saved)), 1, "calls in a restore");
+    assert!(rollout.save().expect("a state") == saved);
+}

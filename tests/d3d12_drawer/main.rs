@@ -1,0 +1,533 @@
+//! A presenter's frames from the device, compared with those from the processor. On Windows, or in the lab.
+#![cfg(windows)]
+
+use std::sync::Arc;
+
+use cairn::bundle::Precision;
+use cairn::framegen::FrameGenerator;
+use cairn::framegen::cpu::CpuGenerator;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
+use cairn::gpu::{FencePoint, Gpu, Target};
+use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
+use cairn::present::device::{DeviceDrawer, FrameResult, Preparation};
+use cairn::present::pacing::Interval;
+use cairn::present::presenter::{FrameInfo, FrameSource, MotionSource, Presenter, PresenterOptions, extract};
+use cairn::runtime::{Device, DirectMlOptions};
+use cairn::world::{KeptAnchor, World, WorldOptions};
+use cairn::{Colours, Picture};
+use half::f16;
+use test_support::d3d12::engine::{self, Engine};
+use test_support::d3d12::textures::{self, Recording, TextureDesc};
+use test_support::worlds;
+
+mod late;
+mod waits;
+
+/// Nanoseconds between anchors.
+const INTERVAL: u64 = 80_000_000;
+
+fn options(motion: MotionSource) -> PresenterOptions {
+    let interval = Some(Interval::of_ns(INTERVAL).expect("an interval"));
+    PresenterOptions { interval, multiplier: 4, motion, ..PresenterOptions::default() }
+}
+
+fn device_of(engine: &Engine, queue: &ID3D12CommandQueue) -> Gpu {
+    Gpu::of_engine(&engine.device, queue, None).expect("the engine's device")
+}
+
+/// Format, flags and states of a target texture.
+#[derive(Clone, Copy, Debug)]
+struct TargetKind {
+    format: DXGI_FORMAT,
+    flags: D3D12_RESOURCE_FLAGS,
+    states: [D3D12_RESOURCE_STATES; 2],
+}
+
+const RENDERED: D3D12_RESOURCE_FLAGS = D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET;
+const PRESENT: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_PRESENT;
+const DRAWN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_RENDER_TARGET;
+const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
+
+/// Targets of swap chains, and an engine's own textures.
+const KINDS: [TargetKind; 5] = [
+    TargetKind { format: DXGI_FORMAT_R8G8B8A8_UNORM, flags: RENDERED, states: [PRESENT, PRESENT] },
+    TargetKind { format: DXGI_FORMAT_B8G8R8A8_UNORM, flags: RENDERED, states: [DRAWN, PRESENT] },
+    TargetKind { format: DXGI_FORMAT_R10G10B10A2_UNORM, flags: D3D12_RESOURCE_FLAG_NONE, states: [READ, READ] },
+    TargetKind { format: DXGI_FORMAT_R16G16B16A16_FLOAT, flags: RENDERED, states: [DRAWN, DRAWN] },
+    TargetKind { format: DXGI_FORMAT_R8G8B8A8_UNORM_SRGB, flags: RENDERED, states: [PRESENT, DRAWN] },
+];
+
+/// A presenter whose frames the processor makes, and one whose frames the device makes; both get the same input.
+struct Both {
+    host: Presenter,
+    device: Presenter,
+    drawer: DeviceDrawer,
+    pixels: usize,
+    differences: usize,
+}
+
+impl Both {
+    fn new(gpu: &Gpu, size: (u32, u32), options: &PresenterOptions) -> Self {
+        Self::of_latents(gpu, size, options, [0; 3])
+    }
+
+    /// As [`Both::new`], with motion from latents of that shape.
+    fn of_latents(gpu: &Gpu, size: (u32, u32), options: &PresenterOptions, latent: [u32; 3]) -> Self {
+        let device = Presenter::new(options.clone(), None).expect("a presenter");
+        let mut drawer = DeviceDrawer::new(gpu, size, Colours::Srgb).expect("a drawer");
+        let wanted = Preparation { latent, ..Preparation::new(options.size.unwrap_or(size)) };
+        device.prepare(&mut drawer, &wanted).expect("it is prepared");
+        Self {
+            host: Presenter::new(options.clone(), Some(Box::new(CpuGenerator::new()))).expect("a presenter"),
+            device,
+            drawer,
+            pixels: 0,
+            differences: 0,
+        }
+    }
+
+    fn push(&self, anchor: &Arc<KeptAnchor>, guidance: Option<&Arc<Guidance>>, now: u64) {
+        for presenter in [&self.host, &self.device] {
+            assert!(presenter.push(anchor.clone(), guidance.cloned(), now).expect("it is accepted"));
+        }
+    }
+
+    /// Compares the frames of both at `now`, pixel by pixel. The device submits it (if `own`) or records it into an engine's list.
+    fn compare(&mut self, engine: &Engine, now: u64, kind: TargetKind, own: bool) -> FrameInfo {
+        self.compare_after(engine, now, kind, own, || ())
+    }
+
+    /// As [`Both::compare`]; calls `made` after the device's frame and before the processor's.
+    fn compare_after(
+        &mut self,
+        engine: &Engine,
+        now: u64,
+        kind: TargetKind,
+        own: bool,
+        made: impl FnOnce(),
+    ) -> FrameInfo {
+        let size = self.host.size().expect("a size");
+        let TargetKind { format, flags, states: [before, after] } = kind;
+        let texture =
+            TextureDesc { size, format, flags, state: before, ..TextureDesc::default() }.create(&engine.device);
+        let target = Target { texture: texture.clone(), before, after };
+        let found = if own {
+            let (shown, fence_point) =
+                self.device.submit(now, &mut self.drawer, &target).expect("it is made").made().expect("a frame");
+            fence_point.wait().expect("it is there");
+            Some(shown)
+        } else {
+            let recording = Recording::on(&engine.device, &engine.direct);
+            let shown = record(&self.device, now, &mut self.drawer, &recording, &target).made();
+            recording.submit(&engine.direct);
+            textures::wait(&engine.device, &engine.direct);
+            shown
+        };
+        made();
+        let mut expected = None;
+        let shown = self.host.draw(now, size, |picture| expected = Some(picture.clone())).expect("it is drawn");
+        let expected = expected.expect("a picture");
+        assert_eq!(found, shown, "both show the same");
+        let held = textures::read(&engine.device, &engine.direct, &texture, after);
+        let differences = count_differences(&held, &expected, format);
+        self.pixels += (size.0 * size.1) as usize;
+        self.differences += differences;
+        let shown = shown.expect("a frame");
+        if differences > 0 {
+            println!("{differences} pixels of {size:?} are more than a level off: {shown:?} {kind:?}");
+        }
+        shown
+    }
+
+    fn resize(&mut self, size: Option<(u32, u32)>) {
+        for presenter in [&self.host, &self.device] {
+            presenter.resize(size).expect("a size");
+        }
+        let frames = self.device.size().expect("anchors have come");
+        self.device.prepare(&mut self.drawer, &Preparation::new(frames)).expect("it is prepared");
+    }
+
+    /// Checks that at most one of a thousand compared pixels differs by more than a level.
+    fn check(&self) {
+        println!("{} of {} pixels are more than a level off", self.differences, self.pixels);
+        assert!(self.differences * 1000 <= self.pixels, "{} of {} pixels", self.differences, self.pixels);
+    }
+}
+
+/// Records a frame into an engine's list, whose fence signals when the list has run.
+fn record(
+    presenter: &Presenter,
+    now: u64,
+    drawer: &mut DeviceDrawer,
+    recording: &Recording,
+    target: &Target,
+) -> FrameResult<FrameInfo> {
+    let until = FencePoint::of_engine(drawer.gpu(), recording.fence(), 1).expect("a fence of the device");
+    presenter.record(now, drawer, recording.list(), target, &until).expect("it is recorded")
+}
+
+/// The number of a texture's pixels that differ from the picture by more than a level of 255.
+fn count_differences(held: &[u8], picture: &Picture, format: DXGI_FORMAT) -> usize {
+    let levels: Vec<[f32; 4]> = match format {
+        DXGI_FORMAT_B8G8R8A8_UNORM => {
+            held.as_chunks::<4>().0.iter().map(|&[b, g, r, a]| [r, g, b, a].map(f32::from)).collect()
+        }
+        DXGI_FORMAT_R10G10B10A2_UNORM => {
+            let words = held.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word));
+            let ten = |word: u32, at: u32| (word >> at & 1023) as f32 * 255.0 / 1023.0;
+            words.map(|w| [ten(w, 0), ten(w, 10), ten(w, 20), (w >> 30) as f32 * 85.0]).collect()
+        }
+        DXGI_FORMAT_R16G16B16A16_FLOAT => {
+            let level = |bytes: &[u8]| f16::from_le_bytes([bytes[0], bytes[1]]).to_f32() * 255.0;
+            held.chunks(8).map(|p| std::array::from_fn(|c| level(&p[2 * c..2 * c + 2]))).collect()
+        }
+        _ => held.as_chunks::<4>().0.iter().map(|pixel| pixel.map(f32::from)).collect(),
+    };
+    assert_eq!(levels.len(), picture.pixels().len(), "a pixel each");
+    // The tolerance is one level of 255, plus half a step of ten bits or of half floats.
+    let near = |(found, wanted): (&[f32; 4], &[u8; 4])| {
+        found.iter().zip(wanted).all(|(a, b)| (a - f32::from(*b)).abs() <= 1.0 + 0.13)
+    };
+    levels.iter().zip(picture.pixels()).filter(|pair| !near(*pair)).count()
+}
+
+#[test]
+fn frames_of_a_rollout_equal_the_processors() {
+    let engine = Engine::create();
+    let gpu = device_of(&engine, &engine.direct);
+    let options_of_device = DirectMlOptions { deterministic: true, ..Default::default() };
+    let device = Device::directml(&worlds::ort(), &gpu, options_of_device).expect("DirectML");
+    let precision = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
+    let world = World::load(&device, &worlds::bundle("tiny"), precision).expect("a world");
+    let mut rollout = worlds::seeded(&world, &worlds::point(&world), 7);
+    let anchors: Vec<_> = (0..3)
+        .map(|i| {
+            rollout.step(&worlds::controls(i)).expect("a step");
+            Arc::new(KeptAnchor::of(&mut rollout, false).expect("an anchor"))
+        })
+        .collect();
+    let size = anchors[0].size();
+    let bytes_read = || rollout.statistics().bytes.read;
+    // Motion that the device computes from latents, and motion that came with the anchors.
+    let given: Vec<_> = anchors
+        .windows(2)
+        .map(|pair| Arc::new(extract(MotionSource::PictureFlow, &pair[0], &pair[1]).expect("guidance")))
+        .collect();
+    for is_given in [false, true] {
+        let mut both = Both::of_latents(&gpu, size, &options(MotionSource::Paper), anchors[0].latent_shape());
+        both.push(&anchors[0], None, 0);
+        for (frame, kind) in (0..12).zip(KINDS.iter().cycle()) {
+            let now = INTERVAL + frame * INTERVAL / 4;
+            let next = 1 + frame as usize / 4;
+            if let Some(anchor) = anchors.get(next).filter(|_| frame % 4 == 0) {
+                both.push(anchor, is_given.then_some(&given[next - 1]), now);
+            }
+            let before = bytes_read();
+            let shown = both.compare_after(&engine, now, *kind, frame % 2 == 1, || {
+                let read = bytes_read() - before;
+                assert_eq!(read, 0, "bytes that were read back for a frame");
+            });
+            // The shown content is one interval old, interpolated at this time's phase; the frame is due now.
+            let content =
+                (shown.previous - anchors[0].number()) * INTERVAL + (f64::from(shown.t) * INTERVAL as f64) as u64;
+            assert_eq!((content, shown.due.since_ns), (now - INTERVAL, now), "an interval of latency: {shown:?}");
+            let source = match frame % 4 {
+                0 => FrameSource::Anchor,
+                _ if frame > 8 => FrameSource::Extrapolated,
+                _ => FrameSource::Generated,
+            };
+            assert_eq!(shown.source, source, "{shown:?}");
+        }
+        both.check();
+    }
+}
+
+/// A picture whose contents move by `step` pixels per number.
+fn moving(size: (u32, u32), number: u64, step: u64) -> Picture {
+    let mut picture = Picture::new(size.0, size.1).expect("a picture");
+    for (i, pixel) in (0u64..).zip(picture.pixels_mut()) {
+        let (x, y) = (i % u64::from(size.0) + step * number, i / u64::from(size.0));
+        *pixel = [(x * 9 % 200) as u8, (y * 7 % 251) as u8, ((x / 4 + y / 4) % 2 * 90) as u8, 255];
+    }
+    picture
+}
+
+#[test]
+fn optical_flow_runs_on_the_device() {
+    let engine = Engine::create();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (96, 64);
+    let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
+    for number in 0..4 {
+        let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 2 + number), number, false));
+        both.push(&anchor, None, number * INTERVAL);
+        for quarter in 0..if number > 0 { 4 } else { 0 } {
+            let now = number * INTERVAL + quarter * INTERVAL / 4;
+            both.compare(&engine, now, KINDS[quarter as usize], false);
+        }
+    }
+    both.check();
+}
+
+#[test]
+fn an_engines_motion_is_used_and_detected_cuts_are_counted() {
+    let engine = Engine::create();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (75, 46);
+    let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
+    for number in 0..5 {
+        let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
+        // Tiled and per-pixel motion in turn, so that textures change.
+        let mut motion = MotionField::tiled(size.0, size.1, if number % 2 == 0 { 8 } else { 1 }).expect("a field");
+        motion.vectors_mut().fill([f16::from_f32(3.0), f16::ZERO]);
+        let mut depth = DepthMap::new(size.0, size.1, paper::PROJECTION).expect("a depth map");
+        depth.fill(0.5);
+        let guidance = Arc::new(Guidance::from_parts(motion, depth).expect("guidance"));
+        both.push(&anchor, (number > 0).then_some(&guidance), number * INTERVAL);
+        for quarter in 0..if number > 0 { 4 } else { 0 } {
+            let now = number * INTERVAL + quarter * INTERVAL / 4;
+            let shown = both.compare(&engine, now, KINDS[(number + quarter) as usize % KINDS.len()], quarter == 2);
+            assert_eq!((shown.previous, shown.repeated), (number - 1, false), "{shown:?}");
+        }
+    }
+    // The same frame again, in the same format and in another.
+    let again = 4 * INTERVAL + INTERVAL * 3 / 4;
+    for (kind, own) in [(KINDS[0], false), (KINDS[0], true), (KINDS[3], false)] {
+        assert!(both.compare(&engine, again, kind, own).repeated);
+    }
+    both.check();
+
+    // This picture has nothing in common with the one before it, but is not marked as a cut: only the generator detects it.
+    let mut other = worlds::picture(size.0, size.1, 3);
+    other.pixels_mut().reverse();
+    both.push(&Arc::new(KeptAnchor::of_picture(other, 5, false)), None, 5 * INTERVAL);
+    let before = both.device.statistics();
+    let texture = TextureDesc { size, ..TextureDesc::default() }.create(&engine.device);
+    let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
+    let now = 5 * INTERVAL + INTERVAL / 2;
+    let (shown, fence_point) =
+        both.device.submit(now, &mut both.drawer, &target).expect("it is made").made().expect("a frame");
+    assert_eq!(shown.source, FrameSource::Generated, "the cut is not detected yet");
+    fence_point.wait().expect("it has run");
+    both.device.collect_reports(&mut both.drawer);
+    let after = both.device.statistics();
+    let counts = (after.generated - before.generated, after.held - before.held, after.cuts - before.cuts);
+    assert_eq!(counts, (0, 1, 1), "a copied anchor does not count as generated");
+    let mut expected = None;
+    let times = [both.drawer.gpu_time(), both.drawer.gpu_time_of_anchors()];
+    // All frames; and one list for each of the six pictures and the five motion fields uploaded, and for each pair of frames.
+    assert_eq!(times.map(|spent| spent.frames), [20, 16], "each has its time: {times:?}");
+    assert!(times.iter().all(|spent| !spent.total.is_zero() && spent.longest <= spent.total), "{times:?}");
+    assert_eq!(both.drawer.in_flight(), 0);
+    let shown = both.host.draw(now, size, |picture| expected = Some(picture.clone())).expect("drawn").expect("a frame");
+    assert_eq!((shown.source, shown.cut), (FrameSource::Held, true), "the processor finds it as well");
+    let held = textures::read(&engine.device, &engine.direct, &texture, PRESENT);
+    assert!(held == expected.expect("a picture").rgba(), "and shows the same anchor");
+}
+
+/// Guidance with the horizontal motion `pixels` everywhere, and a constant depth.
+fn constant_motion(size: (u32, u32), pixels: f32) -> Arc<Guidance> {
+    let mut guidance = Guidance::new(size.0, size.1, paper::PROJECTION).expect("guidance");
+    guidance.motion_mut().vectors_mut().fill([f16::from_f32(pixels), f16::ZERO]);
+    guidance.depth_mut().depth_mut().fill(0.5);
+    Arc::new(guidance)
+}
+
+#[test]
+fn frames_of_another_size_and_shape_are_scaled_on_the_device() {
+    let engine = Engine::create();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (96, 64);
+    for letterbox in [false, true] {
+        let first = Some((150, 100));
+        let wanted = PresenterOptions { size: first, letterbox, ..options(MotionSource::PictureFlow) };
+        let mut both = Both::new(&gpu, size, &wanted);
+        for number in 0..2 {
+            let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
+            both.push(&anchor, (number > 0).then_some(&constant_motion(size, 3.0)), number * INTERVAL);
+        }
+        // Larger, smaller, other aspect ratios, down to a pixel, and the anchors' own size.
+        let sizes = [(97, 33), (31, 64), (1, 1), (250, 40), (96, 64), (20, 200), (192, 128)].map(Some);
+        for (i, to) in (0..).zip([first].into_iter().chain(sizes).chain([None, first])) {
+            both.resize(to);
+            let (now, kind) = (INTERVAL + i % 4 * INTERVAL / 4, KINDS[i as usize % KINDS.len()]);
+            let shown = both.compare(&engine, now, kind, i % 2 == 1);
+            assert_eq!((shown.previous, shown.repeated), (0, false), "{to:?}: {shown:?}");
+            // The same frame again, in the same format and in another.
+            assert!(both.compare(&engine, now, kind, false).repeated);
+            assert!(both.compare(&engine, now, KINDS[(i as usize + 1) % KINDS.len()], true).repeated);
+        }
+        both.check();
+    }
+}
+
+#[test]
+fn frames_have_the_colours_of_targets_beyond_white() {
+    let engine = Engine::create();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (75, 46);
+    let anchors = [0, 1].map(|number| Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false)));
+    let push = |to: &Presenter| {
+        for (number, anchor) in (0..).zip(&anchors) {
+            to.push(anchor.clone(), (number > 0).then(|| constant_motion(size, 3.0)), number * INTERVAL)
+                .expect("it is accepted");
+        }
+    };
+    let light = |level: u8| match f64::from(level) / 255.0 {
+        v if v <= 0.04045 => v / 12.92,
+        v => ((v + 0.055) / 1.055).powf(2.4),
+    };
+    let pq = |nits: f64| {
+        let power = (nits / 10_000.0).powf(0.159_301_757_812_5);
+        ((0.835_937_5 + 18.851_562_5 * power) / (1.0 + 18.687_5 * power)).powf(78.843_75)
+    };
+    for (colours, format) in [
+        (Colours::Hdr10 { white_nits: 203.0 }, DXGI_FORMAT_R10G10B10A2_UNORM),
+        (Colours::ScRgb { white_nits: 160.0 }, DXGI_FORMAT_R16G16B16A16_FLOAT),
+    ] {
+        let cpu: Option<Box<dyn FrameGenerator>> = Some(Box::new(CpuGenerator::new()));
+        let [host, device] = [cpu, None].map(|g| Presenter::new(options(MotionSource::PictureFlow), g).expect("one"));
+        [&host, &device].into_iter().for_each(push);
+        let mut drawer = DeviceDrawer::new(&gpu, size, colours).expect("a drawer");
+        device.prepare(&mut drawer, &Preparation::new(size)).expect("it is prepared");
+        for now in [INTERVAL, INTERVAL * 3 / 2] {
+            let texture =
+                TextureDesc { size, format, flags: RENDERED, ..TextureDesc::default() }.create(&engine.device);
+            let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
+            let (_, fence_point) =
+                device.submit(now, &mut drawer, &target).expect("it is made").made().expect("a frame");
+            fence_point.wait().expect("it is there");
+            let held = textures::read(&engine.device, &engine.direct, &texture, PRESENT);
+            let mut wanted = Vec::new();
+            host.draw(now, size, |picture| wanted = picture.pixels().to_vec()).expect("it is drawn");
+            let off = |i: usize, pixel: &[u8; 4]| {
+                let rgb = [pixel[0], pixel[1], pixel[2]].map(light);
+                let of = |row: [f64; 3]| row.iter().zip(rgb).map(|(a, b)| a * b).sum::<f64>();
+                match colours {
+                    Colours::Hdr10 { white_nits } => {
+                        let word = u32::from_le_bytes(std::array::from_fn(|byte| held[4 * i + byte]));
+                        let wide = [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]];
+                        let levels = wide.map(|row| pq(of(row) * f64::from(white_nits)) * 1023.0);
+                        let found = [0, 10, 20].map(|at| f64::from(word >> at & 1023));
+                        word >> 30 != 3 || levels.iter().zip(found).any(|(a, b)| (a - b).abs() > 1.5)
+                    }
+                    _ => {
+                        let half =
+                            |c: usize| f16::from_le_bytes([held[8 * i + 2 * c], held[8 * i + 2 * c + 1]]).to_f64();
+                        // 160 nits are twice the 80 nits that 1 stands for.
+                        half(3) != 1.0 || (0..3).any(|c| (half(c) - 2.0 * rgb[c]).abs() > 0.004)
+                    }
+                }
+            };
+            let differences = (0..).zip(&wanted).filter(|(i, pixel)| off(*i, pixel)).count();
+            assert!(differences * 1000 <= wanted.len(), "{differences} pixels of {colours:?} at {now}");
+        }
+        // A target whose format cannot hold such values is refused.
+        let plain = TextureDesc { size, flags: RENDERED, ..TextureDesc::default() }.create(&engine.device);
+        let target = Target { texture: plain, before: PRESENT, after: PRESENT };
+        let refused = device.submit(INTERVAL, &mut drawer, &target).expect_err("eight bits");
+        assert_eq!(refused.offending_field(), Some("target"));
+    }
+}
+
+#[test]
+fn pixels_in_the_overlay_mask_are_static() {
+    const COLOUR: [u8; 4] = [255, 0, 255, 255];
+    let engine = Engine::create();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (95, 70);
+    let is_overlay = |i: usize| (30..57).contains(&(i % 95)) && (20..31).contains(&(i / 95));
+    let ground = |x: usize, y: usize| {
+        [((x * 37 + y * 101) % 200) as u8, ((x * 59 + y * 23) % 120 + 80) as u8, ((x * y + x) % 180) as u8, 255]
+    };
+    let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
+    for number in 0..2 {
+        let mut picture = Picture::new(size.0, size.1).expect("a picture");
+        for (i, pixel) in picture.pixels_mut().iter_mut().enumerate() {
+            *pixel = if is_overlay(i) { COLOUR } else { ground(i % 95 + 12 - 12 * number, i / 95) };
+        }
+        let guidance = (number > 0).then(|| constant_motion(size, -12.0));
+        let anchor = Arc::new(KeptAnchor::of_picture(picture, number as u64, false));
+        both.push(&anchor, guidance.as_ref(), number as u64 * INTERVAL);
+    }
+    let count = (size.0 * size.1) as usize;
+    let mask_of =
+        |over: &dyn Fn(usize) -> bool| Some((size, (0..count).map(|i| u8::from(over(i))).collect::<Vec<_>>()));
+    // The frame at a time from each generator, with this overlay mask.
+    let mut frames_at = |now: u64, overlay: Option<((u32, u32), Vec<u8>)>| {
+        for presenter in [&both.host, &both.device] {
+            presenter.set_overlay(overlay.clone()).expect("an overlay");
+        }
+        let texture = TextureDesc { size, ..TextureDesc::default() }.create(&engine.device);
+        let target = Target { texture: texture.clone(), before: PRESENT, after: PRESENT };
+        let (_, fence_point) =
+            both.device.submit(now, &mut both.drawer, &target).expect("it is made").made().expect("a frame");
+        fence_point.wait().expect("it is there");
+        let of_device = textures::read(&engine.device, &engine.direct, &texture, PRESENT);
+        let mut of_host = Vec::new();
+        both.host.draw(now, size, |picture| of_host.extend_from_slice(picture.rgba())).expect("it is drawn");
+        [("shader", of_device), ("cpu", of_host)]
+    };
+    for (generator, found) in frames_at(INTERVAL * 5 / 4, mask_of(&is_overlay)) {
+        for (i, pixel) in found.as_chunks::<4>().0.iter().enumerate() {
+            let expected = if is_overlay(i) { COLOUR } else { ground(i % 95 + 9, i / 95) };
+            assert_eq!(*pixel, expected, "{generator}: pixel {i}");
+        }
+    }
+    // With everything masked as static, nothing moves; without a mask the ground moves again.
+    let still = frames_at(INTERVAL * 3 / 2, mask_of(&|_| true));
+    let again = frames_at(INTERVAL * 7 / 4, None);
+    let moved = |pixels: &[u8], shift: usize| {
+        let pairs = pixels.as_chunks::<4>().0.iter().enumerate();
+        pairs.filter(|(i, pixel)| !is_overlay(*i) && **pixel == ground(i % 95 + 12 - shift, i / 95)).count()
+    };
+    let ground_pixels = (0..count).filter(|i| !is_overlay(*i)).count();
+    for ((generator, still), (_, again)) in still.iter().zip(&again) {
+        let counts = [moved(still, 6), moved(again, 9)];
+        assert!(
+            counts[0] * 2 < ground_pixels && counts[1] * 10 > 9 * ground_pixels,
+            "{generator}: {counts:?} of {ground_pixels}"
+        );
+    }
+    // In extrapolated frames the colours cannot show what is static, as there is no other picture: only the mask does.
+    for (generator, found) in frames_at(INTERVAL * 9 / 4, mask_of(&is_overlay)) {
+        let pixels = found.as_chunks::<4>().0.iter().enumerate();
+        let wrong = pixels.filter(|(i, pixel)| is_overlay(*i) != (**pixel == COLOUR)).count();
+        assert_eq!(wrong, 0, "{generator}: beyond the last anchor");
+    }
+}
+
+#[test]
+fn a_dropped_list_leaves_no_frame_that_is_copied_later() {
+    let engine = Engine::create();
+    let gpu = device_of(&engine, &engine.direct);
+    let size = (75, 46);
+    // At the generator's own size, and scaled.
+    for frames in [None, Some((150, 92))] {
+        let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
+        for number in 0..2 {
+            let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
+            both.push(&anchor, (number > 0).then(|| constant_motion(size, 3.0)).as_ref(), number * INTERVAL);
+        }
+        both.resize(frames);
+        let wanted = both.host.size().expect("a size");
+        for (quarter, drops) in [(0, 1), (1, 1), (2, 3)] {
+            let now = INTERVAL + quarter * INTERVAL / 4;
+            for _ in 0..drops {
+                let texture = TextureDesc { size: wanted, ..TextureDesc::default() }.create(&engine.device);
+                let target = Target { texture, before: PRESENT, after: PRESENT };
+                let dropped = Recording::on(&engine.device, &engine.direct);
+                let shown = record(&both.device, now, &mut both.drawer, &dropped, &target).made();
+                dropped.drop_list();
+                let of_host = both.host.draw(now, wanted, |_| ()).expect("it is drawn");
+                assert_eq!(shown, of_host);
+            }
+            assert!(both.compare(&engine, now, KINDS[0], false).repeated);
+            // This time the list runs.
+            assert!(both.compare(&engine, now, KINDS[0], quarter == 1).repeated);
+            both.check();
+        }
+        assert_eq!(both.device.statistics().cuts, 0, "a list that never ran reports no cut");
+    }
+}

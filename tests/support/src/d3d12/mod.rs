@@ -1,0 +1,10 @@
+//! Direct3D 12 as an engine uses it, and hooks in its functions that record what the library calls.
+
+pub mod amd;
+pub mod buffers;
+pub mod engine;
+pub mod function_tables;
+pub mod hazards;
+pub mod object_counts;
+pub mod resources;
+pub mod textures;

@@ -1,0 +1,16 @@
+//! Code that several test programs use. Unit tests of the library cannot use this crate: it links the library itself, and its types would be
+//! those of a second copy. They include two files of it as modules instead: `worlds.rs` and `frame_cases.rs`.
+
+pub mod allocations;
+pub mod bundles;
+pub mod c_interface;
+#[cfg(windows)]
+pub mod d3d12;
+#[cfg(windows)]
+pub mod ffx;
+pub mod frame_cases;
+pub mod fuzz_targets;
+#[cfg(target_os = "linux")]
+pub mod process;
+pub mod trials;
+pub mod worlds;

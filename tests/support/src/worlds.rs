@@ -1,0 +1,98 @@
+//! Worlds and rollouts of the test bundles, on the processor or on Direct3D 12. They need ONNX Runtime and the test bundles, which
+//! `cargo xtask setup` makes, and fail without them.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use cairn::bundle::{Bundle, Precision};
+use cairn::runtime::{CpuOptions, Device, Ort};
+use cairn::world::{
+    CacheMode, ControlInput, Key, KeySet, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions,
+};
+use cairn::{LibrarySearch, Picture, Result};
+
+/// ONNX Runtime, found as the library finds it for tools.
+pub fn ort() -> Ort {
+    Ort::find(&LibrarySearch::for_tools()).unwrap_or_else(|e| panic!("this test runs a world: {e}"))
+}
+
+/// The test bundle `name`: in the folder `CAIRN_TEST_BUNDLE` if that is set, else the one that `cargo xtask setup` keeps in the user's cache.
+pub fn bundle(name: &str) -> Arc<Bundle> {
+    let path = bundle_path(name);
+    Bundle::open(&path).unwrap_or_else(|e| panic!("{}: {e}; run `cargo xtask setup`", path.display()))
+}
+
+/// Path of the test bundle `name`.
+pub fn bundle_path(name: &str) -> PathBuf {
+    match std::env::var_os("CAIRN_TEST_BUNDLE").filter(|v| !v.is_empty()) {
+        Some(folder) => PathBuf::from(folder).join(name),
+        None => provision::bundle(name, &provision::Silent)
+            .unwrap_or_else(|e| panic!("this test runs a bundle that `cargo xtask setup` makes: {e}")),
+    }
+}
+
+/// The processor with two threads, so that results do not depend on the machine's number of cores. On Windows a Direct3D 12 adapter if
+/// `CAIRN_TEST_DEVICE` is `d3d12`.
+pub fn device() -> Device {
+    #[cfg(windows)]
+    if std::env::var_os("CAIRN_TEST_DEVICE").is_some_and(|name| name == "d3d12") {
+        let gpu = cairn::gpu::Gpu::on_adapter(None).expect("an adapter");
+        let options = cairn::runtime::DirectMlOptions { deterministic: true, ..Default::default() };
+        return Device::directml(&ort(), &gpu, options).expect("DirectML");
+    }
+    Device::cpu(&ort(), CpuOptions { threads: Some(2), deterministic: true }).expect("a CPU device")
+}
+
+/// The world of the test bundle `name` at its default window, in single precision on every device.
+pub fn world(name: &str) -> Arc<World> {
+    let options = WorldOptions { precision: Some(Precision::F32), ..WorldOptions::default() };
+    World::load(&device(), &bundle(name), options).expect("a world")
+}
+
+/// An operating point of four passes and one picture per latent, at the world's own window.
+pub fn point(world: &World) -> OperatingPoint {
+    OperatingPoint {
+        global_window: world.global_window(),
+        schedule: Schedule::Stock,
+        cache_mode: CacheMode::Separate,
+        latents_per_second: 15,
+        pictures_per_latent: 1,
+        ..Preset::Decoded60.operating_point()
+    }
+}
+
+/// A rollout to which a seed picture is appended.
+pub fn seeded(world: &Arc<World>, point: &OperatingPoint, seed: u64) -> Rollout {
+    let mut rollout = Rollout::new(world, point, seed).expect("a rollout");
+    rollout.append(&picture(40, 30, 1)).expect("a seed");
+    rollout
+}
+
+/// A picture with a pattern in every channel, which depends on `kind`.
+pub fn picture(width: u32, height: u32, kind: u32) -> Picture {
+    let mut picture = Picture::new(width, height).expect("a picture");
+    for (i, pixel) in (0u32..).zip(picture.pixels_mut()) {
+        let (x, y) = (i % width, i / width);
+        *pixel = [(x * 255 / width) as u8, (y * 255 / height) as u8, ((x ^ y) * 8 * kind) as u8, 255];
+    }
+    picture
+}
+
+/// Controls of step `i`, which differ from step to step.
+pub fn controls(i: u64) -> ControlInput {
+    let mut keys = KeySet::NONE;
+    keys.insert(Key(65 + (i % 20) as u8));
+    ControlInput::new([i as f32 * 0.5 - 3.0, -(i as f32)], keys, i as f32 - 2.0).expect("controls")
+}
+
+/// The bits of a rollout: its saved state, its latent and its pictures.
+pub fn fingerprint(rollout: &mut Rollout) -> Result<Vec<u8>> {
+    let mut all = rollout.save()?;
+    all.extend(rollout.latent()?.iter().flat_map(|v| v.to_bits().to_le_bytes()));
+    let mut picture = Picture::new(1, 1)?;
+    for i in 0..rollout.operating_point().pictures_per_latent {
+        rollout.read_picture(i, &mut picture)?;
+        all.extend_from_slice(picture.rgba());
+    }
+    Ok(all)
+}

@@ -1,0 +1,285 @@
+//! Walks recorded in ViZDoom: pictures of a game with depth and camera.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+
+use cairn::guidance::{DepthMap, Guidance, MotionField, Projection};
+use cairn::{Error, ErrorKind, Picture, Result};
+use half::f16;
+use provision::Progress;
+
+use super::{Clip, Phase, Scale, Target, evenly};
+use crate::media::describe_io;
+use crate::quality::rows::program::{Scratch, not_provided, read_pictures, run};
+use crate::quality::store::{Capture, Store};
+
+/// Python script that records a walk with exact depth.
+const DRIVER: &str = include_str!("../../../drivers/doom.py");
+/// Maps of Freedoom 2: a hall over water, an open yard, a stone vault.
+const MAPS: [&str; 3] = ["map02", "map04", "map15"];
+/// Size of the driver's pictures.
+const SIZE: (u32, u32) = (640, 360);
+const TICS: usize = 112;
+/// Pixels per unit of slope, and the pixel straight ahead, as in the driver.
+const FOCAL: [f64; 2] = [240.0, 288.0];
+const CENTRE: [f64; 2] = [319.5, 179.5];
+/// Nearest and farthest distance of device depth, in map units; a person is 56 units high.
+const NEAR: f32 = 4.0;
+const FAR: f32 = 65536.0;
+
+/// A walk. Anchors are every second tic, 17.5 a second.
+pub(in crate::quality) struct Game {
+    map: &'static str,
+    name: String,
+    targets: Vec<Target>,
+    python: PathBuf,
+    capture: Capture,
+}
+
+/// Position and direction of the camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Camera {
+    position: [f64; 3],
+    /// In radians, counter-clockwise from the x axis.
+    angle: f64,
+}
+
+/// Output of the driver, tic by tic.
+struct Recording {
+    pictures: Vec<Picture>,
+    /// Map units along the view axis, infinite for the sky.
+    depth: Vec<f32>,
+    /// 1 where the static world is visible, else 0.
+    world: Vec<f32>,
+    /// Position and angle of every camera, in degrees.
+    cameras: Vec<f32>,
+}
+
+impl Game {
+    /// One walk through each map.
+    ///
+    /// # Errors
+    /// ViZDoom is not available.
+    pub(in crate::quality) fn walks(scale: Scale, progress: &dyn Progress) -> Result<Vec<Self>> {
+        let python = provision::baselines::vizdoom(progress).map_err(|e| not_provided(&e))?;
+        let walk = |map: &&'static str| Self {
+            map,
+            name: format!("vizdoom-{map}"),
+            targets: evenly(TICS / 2, scale),
+            python: python.clone(),
+            capture: Capture::of(&format!("{map} {DRIVER}")),
+        };
+        Ok(MAPS.iter().map(walk).collect())
+    }
+
+    fn record(&self) -> Result<Recording> {
+        let scratch = Scratch::new()?;
+        let mut command = Command::new(&self.python);
+        // The game writes its settings to its working directory.
+        let folder = scratch.path("");
+        command.current_dir(&folder).arg(scratch.text("doom.py", DRIVER)?).arg(self.map).arg(&folder);
+        run("ViZDoom", &mut command)?;
+        let bytes = |name: &str| {
+            let path = scratch.path(name);
+            fs::read(&path).map_err(|e| describe_io("cannot be read", &path, &e))
+        };
+        let depth = bytes("depth.f32")?.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let camera = |b: &[u8]| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]) as f32;
+        let recording = Recording {
+            pictures: read_pictures(&scratch.path("pictures.rgb"), SIZE)?,
+            depth,
+            world: bytes("world.u8")?.into_iter().map(f32::from).collect(),
+            cameras: bytes("camera.f64")?.chunks_exact(8).map(camera).collect(),
+        };
+        let (tics, pixels) = (recording.pictures.len(), (SIZE.0 * SIZE.1) as usize);
+        let counts =
+            [tics, recording.depth.len() / pixels, recording.world.len() / pixels, recording.cameras.len() / 4];
+        if counts == [TICS; 4] {
+            return Ok(recording);
+        }
+        Err(Error::new(ErrorKind::Unsupported, format!("it gave {tics} tics of {TICS} of {}", self.map))
+            .field("ViZDoom"))
+    }
+
+    /// The cameras of all tics. If they are missing, the walk is recorded and stored with everything needed for scores.
+    fn cameras(&self, store: &Store) -> Result<Vec<Camera>> {
+        let values = store.numbers(&self.capture, "cameras", 4 * TICS, || {
+            let Recording { pictures, depth, world, cameras } = self.record()?;
+            for (tic, picture) in pictures.into_iter().enumerate() {
+                store.picture(&self.capture, &tic.to_string(), || Ok(picture))?;
+            }
+            for target in &self.targets {
+                let tic = 2 * target.anchor - 1;
+                self.plane("world", tic, store, || Ok(of_tic(&world, tic)))?;
+            }
+            self.keep_depths(&depth, store)?;
+            Ok(cameras)
+        })?;
+        Ok(values.chunks_exact(4).map(Camera::new).collect())
+    }
+
+    /// Stores the depths of both anchors of every interval.
+    fn keep_depths(&self, depths: &[f32], store: &Store) -> Result<()> {
+        for tic in self.targets.iter().flat_map(|target| [2 * target.anchor - 2, 2 * target.anchor]) {
+            self.plane("depth", tic, store, || Ok(of_tic(depths, tic)))?;
+        }
+        Ok(())
+    }
+
+    /// One value per pixel of a tic.
+    fn plane(
+        &self,
+        kind: &str,
+        tic: usize,
+        store: &Store,
+        make: impl FnOnce() -> Result<Vec<f32>>,
+    ) -> Result<Vec<f32>> {
+        store.numbers(&self.capture, &format!("{tic}.{kind}"), (SIZE.0 * SIZE.1) as usize, make)
+    }
+
+    fn picture(&self, tic: usize, store: &Store) -> Result<Picture> {
+        self.cameras(store)?;
+        store.picture(&self.capture, &tic.to_string(), || Ok(self.record()?.pictures.swap_remove(tic)))
+    }
+}
+
+/// The values of one tic out of those of all tics.
+fn of_tic(values: &[f32], tic: usize) -> Vec<f32> {
+    values.chunks_exact((SIZE.0 * SIZE.1) as usize).nth(tic).unwrap_or_default().to_vec()
+}
+
+impl Clip for Game {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn group(&self) -> &'static str {
+        "vizdoom"
+    }
+
+    fn description(&self) -> String {
+        format!(
+            "ViZDoom 1.3.2, {} of Freedoom 2, drawn at 1920x1080 and reduced to {}x{}, every second tic of 35 a second; motion by \
+             re-projection, scored where the world is static",
+            self.map, SIZE.0, SIZE.1
+        )
+    }
+
+    fn targets(&self) -> &[Target] {
+        &self.targets
+    }
+
+    fn anchors(&self) -> usize {
+        TICS / 2
+    }
+
+    fn anchor(&mut self, number: usize, store: &Store) -> Result<Picture> {
+        self.picture(2 * number, store)
+    }
+
+    fn truth(&mut self, number: usize, phase: Phase, store: &Store) -> Result<Picture> {
+        phase.must_be_half()?;
+        self.picture(2 * number - 1, store)
+    }
+
+    fn guidance(&mut self, number: usize, store: &Store) -> Result<Option<Guidance>> {
+        let cameras = self.cameras(store)?;
+        let (now, before) = (cameras[2 * number], cameras[2 * number - 2]);
+        let distances = self.plane("depth", 2 * number, store, || {
+            // Replaying takes long, and if one interval is missing, so are the others: all are stored.
+            let depths = self.record()?.depth;
+            self.keep_depths(&depths, store)?;
+            Ok(of_tic(&depths, 2 * number))
+        })?;
+        let vectors = (0..).zip(&distances).map(|(i, distance)| {
+            let pixel = [f64::from(i % SIZE.0), f64::from(i / SIZE.0)];
+            now.motion(pixel, f64::from(*distance), &before).map(f16::from_f64)
+        });
+        let motion = MotionField::from_vectors(SIZE.0, SIZE.1, vectors.collect())?;
+        let vertical_fov = 2.0 * (f64::from(SIZE.1) / 2.0 / FOCAL[1]).atan();
+        let projection = Projection::new(NEAR, FAR, vertical_fov as f32)?;
+        let depth = distances.iter().map(|distance| projection.device_depth(distance.min(FAR))).collect();
+        let depth = DepthMap::from_host(SIZE.0, SIZE.1, depth, Default::default(), projection)?;
+        Guidance::from_parts(motion, depth).map(Some)
+    }
+
+    fn scored(&mut self, number: usize, _phase: Phase, store: &Store) -> Result<Option<Vec<bool>>> {
+        self.cameras(store)?;
+        let tic = 2 * number - 1;
+        let world = self.plane("world", tic, store, || Ok(of_tic(&self.record()?.world, tic)))?;
+        Ok(Some(world.iter().map(|value| *value > 0.0).collect()))
+    }
+}
+
+impl Camera {
+    /// From x, y, z and the angle in degrees.
+    fn new(values: &[f32]) -> Self {
+        let [x, y, z, angle] = [0, 1, 2, 3].map(|i| values.get(i).copied().map_or(0.0, f64::from));
+        Self { position: [x, y, z], angle: angle.to_radians() }
+    }
+
+    /// The axes ahead and to the right, from above.
+    fn axes(&self) -> [[f64; 2]; 2] {
+        let (sin, cos) = self.angle.sin_cos();
+        [[cos, sin], [sin, -cos]]
+    }
+
+    /// Motion of the point at `pixel` and `distance` along the view axis, in pixels, to its position for the camera `before`.
+    ///
+    /// The sky, at infinite distance, rotates with the camera and keeps its row, because the game paints it on a cylinder.
+    fn motion(&self, pixel: [f64; 2], distance: f64, before: &Self) -> [f64; 2] {
+        let slope = [(pixel[0] - CENTRE[0]) / FOCAL[0], (CENTRE[1] - pixel[1]) / FOCAL[1]];
+        let is_sky = distance.is_infinite();
+        let ([ahead, right], reach) = (self.axes(), if is_sky { 1.0 } else { distance });
+        let step = |i: usize| if is_sky { 0.0 } else { self.position[i] - before.position[i] };
+        let at = [0, 1].map(|i| step(i) + reach * (ahead[i] + slope[0] * right[i]));
+        let along = |axis: [f64; 2]| at[0] * axis[0] + at[1] * axis[1];
+        let [ahead, right] = before.axes().map(along);
+        if ahead <= 0.0 {
+            // The point is behind the earlier camera.
+            return [f64::INFINITY; 2];
+        }
+        let x = CENTRE[0] + FOCAL[0] * right / ahead - pixel[0];
+        let y = CENTRE[1] - FOCAL[1] * (step(2) + reach * slope[1]) / ahead - pixel[1];
+        [x, if is_sky { 0.0 } else { y }]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The pixel at which a camera sees a point.
+    fn seen(camera: &Camera, point: [f64; 3]) -> [f64; 2] {
+        let from = [0, 1, 2].map(|i| point[i] - camera.position[i]);
+        let [ahead, right] = camera.axes().map(|axis| from[0] * axis[0] + from[1] * axis[1]);
+        [CENTRE[0] + FOCAL[0] * right / ahead, CENTRE[1] - FOCAL[1] * from[2] / ahead]
+    }
+
+    #[test]
+    fn motion_leads_to_where_the_earlier_camera_saw_the_point() {
+        let now = Camera::new(&[10.0, -5.0, 41.0, 93.0]);
+        let before = Camera::new(&[8.0, -11.0, 40.0, 90.0]);
+        for point in [[12.0, 60.0, 0.0], [-40.0, 300.0, 90.0], [10.0, 80.0, 41.0]] {
+            let (pixel, expected) = (seen(&now, point), seen(&before, point));
+            let ahead = now.axes()[0];
+            let distance = (point[0] - now.position[0]) * ahead[0] + (point[1] - now.position[1]) * ahead[1];
+            let motion = now.motion(pixel, distance, &before);
+            for i in 0..2 {
+                assert!((pixel[i] + motion[i] - expected[i]).abs() < 1e-9, "{point:?}: {motion:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_sky_turns_with_the_camera_and_no_step_moves_it() {
+        let now = Camera::new(&[500.0, 0.0, 41.0, 90.0]);
+        let before = Camera::new(&[0.0, 0.0, 20.0, 84.0]);
+        let motion = now.motion([CENTRE[0], 20.0], f64::INFINITY, &before);
+        // After a turn to the left by 6 degrees, the point ahead was 6 degrees to the left before.
+        assert!((motion[0] + FOCAL[0] * 6f64.to_radians().tan()).abs() < 1e-9 && motion[1] == 0.0, "{motion:?}");
+        let near = now.motion([CENTRE[0], 20.0], 1.0, &Camera::new(&[500.0, 90.0, 41.0, 90.0]));
+        assert!(near[0].is_infinite());
+    }
+}

@@ -1,0 +1,143 @@
+//! Clips rendered from the procedural scenes, with known motion and depth at every time between anchors.
+
+use cairn::guidance::{DepthMap, Guidance, MotionField, Projection};
+use cairn::world::ControlScript;
+use cairn::{Error, ErrorKind, Picture, Result};
+use half::f16;
+use scenes::camera::{FAR, NEAR};
+use scenes::{ClipOptions, Family, Frame, Moment, Quality, Scene, render};
+
+use super::{Clip, MARGIN, Phase, Scale, Target};
+use crate::quality::store::{Capture, Store};
+
+/// Anchors per second of world time.
+const RATE: u32 = 15;
+/// Steps of an interval between anchors: all phases of 2, 4 and 6 times the rate are among them.
+const STEPS: u32 = 12;
+/// Anchors that end the scored intervals: every 1.85 seconds of the script, independent of its content.
+const TARGETS: [usize; 8] = [14, 41, 69, 97, 125, 152, 180, 208];
+/// Indices into [`TARGETS`] of the intervals that are also scored at 4 and 6 times the rate.
+const DENSE: [usize; 2] = [1, 5];
+
+/// A walk through a scene under the scene's own script.
+pub(in crate::quality) struct SceneClip {
+    name: String,
+    family: Family,
+    scene: Scene,
+    size: (u32, u32),
+    moments: Vec<Moment>,
+    targets: Vec<Target>,
+    capture: Capture,
+}
+
+impl SceneClip {
+    pub(in crate::quality) fn new(family: Family, seed: u64, scale: Scale) -> Result<Self> {
+        let text = script(family);
+        let scene = Scene::new(family, seed);
+        let (size, targets) = match scale {
+            Scale::Full => ((640, 360), TARGETS.to_vec()),
+            Scale::Smoke => ((160, 90), TARGETS[..2].to_vec()),
+            Scale::Timed => ((1920, 1080), TARGETS[1..2].to_vec()),
+        };
+        let options = ClipOptions { width: size.0, height: size.1, rate: RATE * STEPS, ..ClipOptions::default() };
+        let script = ControlScript::parse(text)?;
+        let mut walk = scenes::Clip::new(&scene, &script, options).ok_or_else(|| {
+            Error::new(
+                ErrorKind::InvalidArgument,
+                format!("scenes cannot be walked at {} steps a second", options.rate),
+            )
+        })?;
+        let anchors = targets.last().copied().unwrap_or(0) + MARGIN + 1;
+        let moments =
+            (0..=(anchors - 1) * STEPS as usize).map(|_| Ok(walk.advance()?.0)).collect::<Result<Vec<Moment>>>()?;
+        let targets = targets
+            .iter()
+            .enumerate()
+            .map(|(i, &anchor)| {
+                let dense = DENSE.contains(&i) && scale == Scale::Full;
+                Target { anchor, multipliers: if dense { vec![2, 4, 6] } else { vec![2] } }
+            })
+            .collect();
+        let name = format!("{family}-{seed}");
+        let samples = Quality::default().samples;
+        let capture = Capture::of_scenes(&format!("{name} {}x{} samples {samples}\n{text}", size.0, size.1))?;
+        Ok(Self { name, family, scene, size, moments, targets, capture })
+    }
+
+    fn draw(&self, now: usize, before: usize) -> Frame {
+        let [now, before] = [now, before].map(|n| &self.moments[n]);
+        render(&self.scene, now, before, self.size.0, self.size.1, Quality::default())
+    }
+
+    fn picture(&self, moment: usize, store: &Store) -> Result<Picture> {
+        store.picture(&self.capture, &moment.to_string(), || Ok(self.draw(moment, moment).picture))
+    }
+}
+
+impl Clip for SceneClip {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn group(&self) -> &str {
+        self.family.name()
+    }
+
+    fn description(&self) -> String {
+        let (width, height) = self.size;
+        format!("the scene `{}`, {width}x{height}, anchors at {RATE} a second of its script", self.name)
+    }
+
+    fn targets(&self) -> &[Target] {
+        &self.targets
+    }
+
+    fn anchors(&self) -> usize {
+        self.moments.len().div_ceil(STEPS as usize)
+    }
+
+    fn anchor(&mut self, number: usize, store: &Store) -> Result<Picture> {
+        self.picture(number * STEPS as usize, store)
+    }
+
+    fn truth(&mut self, number: usize, phase: Phase, store: &Store) -> Result<Picture> {
+        let step = phase.step(STEPS).ok_or_else(|| {
+            Error::new(
+                ErrorKind::InvalidArgument,
+                format!("scenes are drawn at {STEPS} steps, none of which is {phase}"),
+            )
+        })?;
+        self.picture((number - 1) * STEPS as usize + step as usize, store)
+    }
+
+    fn guidance(&mut self, number: usize, store: &Store) -> Result<Option<Guidance>> {
+        let (now, before) = (number * STEPS as usize, (number - 1) * STEPS as usize);
+        let moment = &self.moments[now];
+        let projection = Projection::new(NEAR, FAR, moment.camera.vertical_fov)?;
+        let values = store.numbers(
+            &self.capture,
+            &format!("{now}.guidance"),
+            self.size.0 as usize * self.size.1 as usize * 3,
+            || {
+                let frame = self.draw(now, before);
+                let pixels = frame.motion.iter().zip(&frame.depth);
+                Ok(pixels.flat_map(|(motion, depth)| [motion.x, motion.y, *depth]).collect())
+            },
+        )?;
+        let vectors = values.chunks_exact(3).map(|v| [f16::from_f32(v[0]), f16::from_f32(v[1])]).collect();
+        let depth = values.chunks_exact(3).map(|v| v[2]).collect();
+        let motion = MotionField::from_vectors(self.size.0, self.size.1, vectors)?;
+        let depth = DepthMap::from_host(self.size.0, self.size.1, depth, Default::default(), projection)?;
+        Guidance::from_parts(motion, depth).map(Some)
+    }
+}
+
+/// Script of a family.
+fn script(family: Family) -> &'static str {
+    match family {
+        Family::Forest => include_str!("../../../../../samples/scripts/forest.txt"),
+        Family::Sword => include_str!("../../../../../samples/scripts/sword.txt"),
+        Family::Desert => include_str!("../../../../../samples/scripts/desert.txt"),
+        Family::Snow => include_str!("../../../../../samples/scripts/snow.txt"),
+    }
+}
