@@ -1,6 +1,8 @@
 //! Sources of motion and depth, and the pairs that are compared.
 
-use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, camera, latent_flow, paper, picture_flow};
+use cairn::guidance::{
+    DepthMap, Guidance, LatentView, MotionField, MotionOrigin, camera, latent_flow, paper, picture_flow,
+};
 use cairn::world::{ControlInput, ControlScript, GuidanceSource, WorldTime};
 use cairn::{Picture, Result};
 use scenes::{EASE, EYE, MAX_PITCH, RUN, TURN_PER_COUNT, WALK};
@@ -62,6 +64,14 @@ pub(super) const ROWS: [Row; 12] = [
     Row { motion: Motion::Truth, depth: Depth::Flat },
     Row { motion: Motion::Truth, depth: Depth::Paper },
 ];
+
+impl Row {
+    /// The origin that generators are given: optical flow for motion without depth, whatever its source, so that rows of one depth differ
+    /// in motion only.
+    pub(super) fn origin(self) -> MotionOrigin {
+        if self.depth == Depth::Flat { MotionOrigin::OpticalFlow } else { MotionOrigin::Geometry }
+    }
+}
 
 impl Motion {
     /// Name in CSV files.
