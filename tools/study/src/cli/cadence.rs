@@ -18,9 +18,9 @@ Examples:
   study cadence --publish
       The page docs/cadence.md: three places of each kind.
 
-From 10 anchors a second to 60 frames, beside 15 to 60, 15 to 30 and 30 to 60: between the renderer's anchors, against what it draws at
-every moment between them; and between pictures of the world's own walk, against those that its decoder makes between them. The
-folder --out gets cadence.md, cadence.csv with every frame, and cadence.png.
+Generates 60 frames a second from 10 anchors a second, and 15 to 60, 15 to 30 and 30 to 60, and compares every generated frame with the
+true one: between rendered anchors with rendered frames, and between a world's own pictures with those that its
+decoder makes. The folder --out gets cadence.md, cadence.csv with every frame, and cadence.png.
 
 Exit status: 0 well, 1 failed, 2 wrong usage, 130 interrupted.";
 

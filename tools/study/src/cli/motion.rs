@@ -22,9 +22,9 @@ Examples:
   study motion --world waypoint.cairn --seeds 41,42,43,44 --check
       With the latents of a world of your own; fails where another source is better than the one that \"best\" names.
 
-Motion from latents as the paper has it and calibrated, from what looks alike in latents, from pictures, from the controls, and the
-truth's; each is held against the truth, and so are the frames made with it. The folder --out gets motion.md, motion.csv with every
-frame, and motion.png.
+Compares sources of motion with the true motion, and the frames made with each with the true frames: the paper's latent gradients, the
+same calibrated, optical flow between latents, optical flow between pictures, and the controls. The folder
+--out gets motion.md, motion.csv with every frame, and motion.png.
 
 Exit status: 0 well, 1 failed or, with --check, \"best\" is not the best, 2 wrong usage, 130 interrupted.";
 

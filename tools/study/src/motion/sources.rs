@@ -91,14 +91,14 @@ impl Motion {
     pub(super) fn description(self) -> &'static str {
         match self {
             Self::None => "Nothing moves: the two anchors are blended.",
-            Self::Paper => "`paper`, as published: the slope of the mean difference of two latents, times 8.",
-            Self::Calibrated => "The same times the factor that fits the truth best, found in other places.",
-            Self::Latents => "`latent_flow`: which place of the one latent each cell of the other looks like.",
+            Self::Paper => "`paper`, as published: the spatial gradient of the two latents' mean difference, times 8.",
+            Self::Calibrated => "The same with the factor that fits the true motion best, calibrated in other places.",
+            Self::Latents => "`latent_flow`: block matching between the cells of the two latents.",
             Self::Controls => {
-                "`camera`: how the controls move the eye, over level ground, with the scenes' own constants of the eye."
+                "`camera`: the camera that the controls move, over level ground, with the scenes' own camera constants."
             }
             Self::Pictures => "`picture_flow`: dense inverse search between the two pictures.",
-            Self::Truth => "What the renderer knows.",
+            Self::Truth => "The renderer's motion.",
         }
     }
 
