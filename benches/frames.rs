@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator};
-use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, paper};
+use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, MotionOrigin, paper};
 use cairn::present::upscale::{Filter, Upscaler};
 use cairn::tasks::Pool;
 use cairn::{Picture, PictureF16};
@@ -221,7 +221,7 @@ impl Shape {
             *vector = if is_near { [-PILLAR_TURN, 0.0] } else { ground }.map(f16::from_f32);
             *depth = if is_near { 0.3 } else { 0.95 };
         }
-        Guidance::from_parts(motion, depth)
+        Guidance::from_parts(motion, depth, MotionOrigin::Geometry)
     }
 }
 

@@ -3,7 +3,7 @@
 
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator};
-use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
+use cairn::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, paper};
 use cairn::{Picture, PictureF16};
 use half::f16;
 use test_support::process::resident_memory;
@@ -52,7 +52,7 @@ impl Stream {
         });
         let motion = MotionField::new(width, height).expect("motion");
         let depth = DepthMap::new(width, height, paper::PROJECTION).expect("depth");
-        let guidance = Guidance::from_parts(motion, depth).expect("guidance");
+        let guidance = Guidance::from_parts(motion, depth, MotionOrigin::Geometry).expect("guidance");
         Self { out: (bytes[0].clone(), halves[0].clone()), bytes, halves, guidance, generator: CpuGenerator::new() }
     }
 

@@ -2,7 +2,7 @@
 
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome};
-use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, latent_flow, paper, picture_flow};
+use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, MotionOrigin, latent_flow, paper, picture_flow};
 use cairn::present::upscale::{Filter, Upscaler};
 use cairn::{Picture, Pixel, Raster};
 use half::f16;
@@ -101,7 +101,7 @@ fn guidance((width, height): (u32, u32), tile: u32, moves: bool) -> Guidance {
             (true, false) => (ground.map(f16::from_f32), 0.9),
         };
     }
-    Guidance::from_parts(motion, depth).expect("guidance")
+    Guidance::from_parts(motion, depth, MotionOrigin::Geometry).expect("guidance")
 }
 
 /// Frames of one kind of pixel: only the first, of a static picture, may allocate; later ones with motion, disocclusions, static

@@ -5,6 +5,7 @@ use cairn::gpu::compute::CommandRing;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::{Gpu, adapters};
+use cairn::guidance::MotionOrigin;
 use cairn::guidance::picture_flow::{self, GpuExtractor};
 use half::f16;
 
@@ -45,7 +46,7 @@ fn guidance<'a>(motion: &'a TestResource, depth: &'a TestResource, depth_tile: u
         motion_tile: 1,
         depth: depth.with_state(),
         depth_tile,
-        depth_is_uniform: false,
+        motion_origin: MotionOrigin::default(),
         hud: None,
     }
 }

@@ -7,7 +7,7 @@ use super::boundary::call;
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
 use super::results::{CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, Outcome, cairn_result};
 use super::structs::{Out, check_out, describe, read, slice, slice_mut};
-use crate::guidance::{DepthEncoding, DepthMap, Guidance, MotionField, Projection, paper, picture_flow};
+use crate::guidance::{DepthEncoding, DepthMap, Guidance, MotionField, MotionOrigin, Projection, paper, picture_flow};
 use crate::present::presenter::{MotionSource, extract};
 
 /// Motion from the source with the best scores (docs/motion.md); today CAIRN_MOTION_PICTURES.
@@ -295,7 +295,7 @@ unsafe fn from_host(data: &cairn_guidance_data) -> Outcome<Guidance> {
     if data.depth.is_null() && data.depth_count == 0 {
         values.resize(count, picture_flow::FLAT_DEPTH);
         let flat = DepthMap::from_host(data.width, data.height, values, DepthEncoding::default(), projection)?;
-        return Ok(Guidance::from_parts(motion, flat)?);
+        return Ok(Guidance::from_parts(motion, flat, MotionOrigin::Geometry)?);
     }
     if data.depth_count != pixels {
         let why = format!("{} numbers, {} x {} pixels have one each", data.depth_count, data.width, data.height);
@@ -308,5 +308,5 @@ unsafe fn from_host(data: &cairn_guidance_data) -> Outcome<Guidance> {
         linear: data.flags & CAIRN_DEPTH_LINEAR != 0,
     };
     let depth = DepthMap::from_host(data.width, data.height, values, encoding, projection)?;
-    Ok(Guidance::from_parts(motion, depth)?)
+    Ok(Guidance::from_parts(motion, depth, MotionOrigin::Geometry)?)
 }

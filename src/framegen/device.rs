@@ -14,7 +14,7 @@ use super::{Anchor, AnchorId, AnchorPair, FrameGenerator, GenerateReport, Outcom
 use crate::ffx::{Api, Choice};
 use crate::gpu::compute::{CommandRing, ResourceWithState};
 use crate::gpu::{Gpu, Heap, MappedBuffer, read_buffer, read_texture, texture_from_picture, writable_texture};
-use crate::guidance::{DepthMap, Guidance};
+use crate::guidance::{DepthMap, Guidance, MotionOrigin};
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// 32-bit words of a report.
@@ -48,7 +48,7 @@ struct UploadedInputs {
     motion: ID3D12Resource,
     depth: ID3D12Resource,
     tiles: [u32; 2],
-    depth_is_uniform: bool,
+    motion_origin: MotionOrigin,
     previous_depth: Option<(ID3D12Resource, u32)>,
     overlay: Option<ID3D12Resource>,
 }
@@ -102,7 +102,7 @@ impl DeviceGenerator {
             motion,
             depth,
             tiles: [guidance.motion().tile(), guidance.depth().tile()],
-            depth_is_uniform: guidance.depth().uniform_value().is_some(),
+            motion_origin: guidance.origin(),
             previous_depth: previous.transpose()?,
             overlay,
         })
@@ -116,7 +116,7 @@ impl UploadedInputs {
             motion_tile: self.tiles[0],
             depth: in_common_state(&self.depth),
             depth_tile: self.tiles[1],
-            depth_is_uniform: self.depth_is_uniform,
+            motion_origin: self.motion_origin,
             hud: self.overlay.as_ref().map(in_common_state),
         }
     }

@@ -13,7 +13,7 @@
 
 use half::f16;
 
-use super::{Guidance, Projection};
+use super::{Guidance, MotionOrigin, Projection};
 use crate::tasks::{Parallel, ParallelSliceMut, PoolLease};
 use crate::world::{ControlInput, Key, WorldTime};
 use crate::{Error, ErrorKind, Result};
@@ -110,7 +110,7 @@ impl Extractor {
         out: &mut Guidance,
     ) -> Result<()> {
         let projection = Projection::new(NEAR, FAR, self.camera.vertical_fov)?;
-        out.make_per_pixel(render, projection)?;
+        out.make_per_pixel(render, projection, MotionOrigin::Geometry)?;
         let before = self.axes();
         let travelled = self.advance(controls, time.seconds());
         self.write(&before, travelled, out);
@@ -153,7 +153,7 @@ impl Extractor {
         let focal = centre[1] / (f64::from(self.camera.vertical_fov) / 2.0).tan();
         let eye_height = f64::from(self.camera.height);
         let projection = out.depth().projection();
-        let Guidance { motion, depth } = out;
+        let Guidance { motion, depth, .. } = out;
         let rows = motion.vectors_mut().par_chunks_mut(width).zip(depth.depth_mut().par_chunks_mut(width));
         rows.enumerate().for_each(|(y, (vectors, depths))| {
             for (x, (vector, depth)) in vectors.iter_mut().zip(depths).enumerate() {

@@ -198,7 +198,7 @@ impl DepthMap {
     }
 
     /// The depth of all pixels, if it is known to be uniform: after [`fill`](Self::fill), or for a map that was not written since it was
-    /// created. Uniform depth shows no edges; generators then assume that motion came from optical flow.
+    /// created.
     pub fn uniform_value(&self) -> Option<f32> {
         self.depth.first().copied().filter(|_| self.is_uniform)
     }

@@ -18,7 +18,7 @@
 use half::f16;
 
 use super::interpolation::{Tap, bilinear};
-use super::{Guidance, LatentView, Projection, check_shapes, picture_flow, vec_of};
+use super::{Guidance, LatentView, MotionOrigin, Projection, check_shapes, picture_flow, vec_of};
 use crate::Result;
 use crate::tasks::{Parallel, ParallelSliceMut, PoolLease};
 
@@ -89,7 +89,7 @@ impl Extractor {
         out: &mut Guidance,
     ) -> Result<()> {
         check_shapes(z0, z1)?;
-        out.make_per_pixel(render, PROJECTION)?;
+        out.make_per_pixel(render, PROJECTION, MotionOrigin::OpticalFlow)?;
         self.allocate(z1.shape())?;
         self.normalise(z0, z1);
         self.matching_costs(z1.shape());
@@ -222,7 +222,7 @@ impl Extractor {
         let (columns, flow) = (&self.columns, &self.flow);
         let limit = [render_width as f32, render_height as f32];
         let cell = [limit[0] / width as f32, limit[1] / height as f32];
-        let Guidance { motion, depth } = out;
+        let Guidance { motion, depth, .. } = out;
         depth.fill(picture_flow::FLAT_DEPTH);
         motion.vectors_mut().par_chunks_mut(render_width).enumerate().for_each(|(y, vectors)| {
             let row = Tap::new(y, render_height, height);

@@ -21,28 +21,54 @@ pub use motion::MotionField;
 
 use crate::Result;
 
+/// Where a motion field came from. Frame generators choose their thresholds by it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MotionOrigin {
+    /// A renderer's motion vectors, or a known camera and depth. Edges are accurate to a pixel, and depth tells which side is nearer.
+    #[default]
+    Geometry,
+    /// Spatial gradients of latents ([`paper`]), with the depth estimated beside them.
+    LatentGradient,
+    /// Optical flow between pictures ([`picture_flow`]) or latents ([`latent_flow`]). Edges are accurate to a pixel or two, and depth is
+    /// unknown: frames are a little soft at edges.
+    OpticalFlow,
+}
+
+impl MotionOrigin {
+    /// Whether the motion is optical flow.
+    pub fn is_optical_flow(self) -> bool {
+        self == Self::OpticalFlow
+    }
+}
+
 /// Motion and depth of one pair of anchors, of the same size. Each may be per pixel or per tile, with its own tile size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Guidance {
     motion: MotionField,
     depth: DepthMap,
+    origin: MotionOrigin,
 }
 
 impl Guidance {
-    /// A buffer for an extractor: zero motion, and depth at the near plane of `projection`, both per pixel.
+    /// A buffer: zero motion, and depth at the near plane of `projection`, both per pixel. Its origin is [`MotionOrigin::Geometry`] until
+    /// an extractor writes into it.
     ///
     /// # Errors
     /// `InvalidArgument` for a size outside 1 to [`MAX_SIDE`](crate::MAX_SIDE), `OutOfMemory` when it cannot be
     /// allocated.
     pub fn new(width: u32, height: u32, projection: Projection) -> Result<Self> {
-        Ok(Self { motion: MotionField::new(width, height)?, depth: DepthMap::new(width, height, projection)? })
+        Ok(Self {
+            motion: MotionField::new(width, height)?,
+            depth: DepthMap::new(width, height, projection)?,
+            origin: MotionOrigin::default(),
+        })
     }
 
-    /// Combines a motion field and a depth map of one size.
+    /// Combines a motion field that came from `origin` and a depth map of the same size.
     ///
     /// # Errors
     /// `InvalidArgument` when their sizes differ.
-    pub fn from_parts(motion: MotionField, depth: DepthMap) -> Result<Self> {
+    pub fn from_parts(motion: MotionField, depth: DepthMap, origin: MotionOrigin) -> Result<Self> {
         if motion.size() != depth.size() {
             return Err(crate::Error::new(
                 crate::ErrorKind::InvalidArgument,
@@ -56,16 +82,22 @@ impl Guidance {
             )
             .field("guidance"));
         }
-        Ok(Self { motion, depth })
+        Ok(Self { motion, depth, origin })
     }
 
     /// Prepares the buffer for an extractor that writes every pixel of `width` x `height`. Allocates anew if the size differs or values are
-    /// per tile; otherwise the old values stay, and the caller overwrites them. Sets `projection` in either case.
-    pub(crate) fn make_per_pixel(&mut self, (width, height): (u32, u32), projection: Projection) -> Result<()> {
+    /// per tile; otherwise the old values stay, and the caller overwrites them. Sets `projection` and `origin` in either case.
+    pub(crate) fn make_per_pixel(
+        &mut self,
+        (width, height): (u32, u32),
+        projection: Projection,
+        origin: MotionOrigin,
+    ) -> Result<()> {
         if self.size() != (width, height) || self.motion.tile() != 1 || self.depth.tile() != 1 {
             *self = Self::new(width, height, projection)?;
         }
         self.depth.set_projection(projection);
+        self.origin = origin;
         Ok(())
     }
 
@@ -87,6 +119,11 @@ impl Guidance {
     /// The depth map, writable.
     pub fn depth_mut(&mut self) -> &mut DepthMap {
         &mut self.depth
+    }
+
+    /// Where the motion came from.
+    pub fn origin(&self) -> MotionOrigin {
+        self.origin
     }
 
     /// `(width, height)` of both, in render pixels.
@@ -144,13 +181,14 @@ mod tests {
     fn make_per_pixel_reallocates_only_for_tiles_or_another_size() {
         let tiled = MotionField::tiled(20, 10, 8).unwrap();
         let depth = DepthMap::new(20, 10, paper::PROJECTION).unwrap();
-        let mut guidance = Guidance::from_parts(tiled, depth).unwrap();
-        guidance.make_per_pixel((20, 10), paper::PROJECTION).unwrap();
+        let mut guidance = Guidance::from_parts(tiled, depth, MotionOrigin::Geometry).unwrap();
+        guidance.make_per_pixel((20, 10), paper::PROJECTION, MotionOrigin::LatentGradient).unwrap();
         assert_eq!((guidance.motion().tile(), guidance.motion().vectors().len()), (1, 200));
+        assert_eq!(guidance.origin(), MotionOrigin::LatentGradient);
         let before = guidance.motion().vectors().as_ptr();
-        guidance.make_per_pixel((20, 10), paper::PROJECTION).unwrap();
+        guidance.make_per_pixel((20, 10), paper::PROJECTION, MotionOrigin::LatentGradient).unwrap();
         assert_eq!(guidance.motion().vectors().as_ptr(), before);
-        guidance.make_per_pixel((10, 20), paper::PROJECTION).unwrap();
+        guidance.make_per_pixel((10, 20), paper::PROJECTION, MotionOrigin::LatentGradient).unwrap();
         assert_eq!(guidance.size(), (10, 20));
     }
 }

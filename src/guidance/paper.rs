@@ -20,7 +20,7 @@ mod gpu;
 use half::f16;
 
 use super::interpolation::{Tap, bilinear};
-use super::{Guidance, LatentView, Projection, check_shapes};
+use super::{Guidance, LatentView, MotionOrigin, Projection, check_shapes};
 use crate::Result;
 use crate::tasks::{Parallel, ParallelSliceMut, PoolLease};
 
@@ -93,7 +93,7 @@ impl Extractor {
         out: &mut Guidance,
     ) -> Result<()> {
         check_shapes(z0, z1)?;
-        out.make_per_pixel(render, PROJECTION)?;
+        out.make_per_pixel(render, PROJECTION, MotionOrigin::LatentGradient)?;
         out.depth_mut().set_projection(PROJECTION);
 
         self.difference(z0, z1);
@@ -157,7 +157,7 @@ impl Extractor {
         let (displacement, pseudo_depth) = (&self.displacement, &self.pseudo_depth);
         let limit = [render_width as f32, render_height as f32];
 
-        let Guidance { motion, depth } = out;
+        let Guidance { motion, depth, .. } = out;
         let motion_rows = motion.vectors_mut().par_chunks_mut(render_width);
         let depth_rows = depth.depth_mut().par_chunks_mut(render_width);
         motion_rows.zip(depth_rows).enumerate().for_each(|(y, (motion_row, depth_row))| {

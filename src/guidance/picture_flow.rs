@@ -42,7 +42,7 @@ use fearless_simd::Level;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
-use super::{Guidance, Projection, paper};
+use super::{Guidance, MotionOrigin, Projection, paper};
 use crate::{Error, ErrorKind, Picture, Result};
 use consistency::Consistency;
 use dense::Dense;
@@ -153,7 +153,7 @@ impl Extractor {
             .field("previous"));
         }
         let start = Instant::now();
-        out.make_per_pixel(size, PROJECTION)?;
+        out.make_per_pixel(size, PROJECTION, MotionOrigin::OpticalFlow)?;
         self.previous.build(self.level, previous)?;
         self.current.build(self.level, current)?;
         let built = Instant::now();
@@ -196,7 +196,7 @@ impl Extractor {
         let width = current.width() as usize;
         // In a large picture the row below reuses the filled motion.
         let (height, together) = (1 << finest, if finest > 0 { 2 } else { 1 });
-        let Guidance { motion, depth } = out;
+        let Guidance { motion, depth, .. } = out;
         depth.fill(FLAT_DEPTH);
         let motions = motion.vectors_mut().par_chunks_mut(together * height * width);
         motions.enumerate().for_each(|(n, motion)| {

@@ -37,7 +37,7 @@ impl Guidance {
                 }
             }
         }
-        Self::from_parts(motion, depth)
+        Self::from_parts(motion, depth, self.origin)
     }
 }
 
@@ -81,7 +81,7 @@ fn vector_at(motion: &MotionField, position: [f32; 2]) -> [f32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::guidance::paper;
+    use crate::guidance::{MotionOrigin, paper};
 
     #[test]
     fn upsampling_scales_vectors_and_keeps_motion_edges_sharp() {
@@ -94,7 +94,8 @@ mod tests {
             }
             let mut depth = DepthMap::new(32, 16, paper::PROJECTION).unwrap();
             depth.depth_mut().iter_mut().zip(0..).for_each(|(d, i)| *d = if i % 32 < 16 { 0.25 } else { 0.75 });
-            let large = Guidance::from_parts(motion, depth).unwrap().resampled((96, 32)).unwrap();
+            let large =
+                Guidance::from_parts(motion, depth, MotionOrigin::Geometry).unwrap().resampled((96, 32)).unwrap();
             for (vector, position) in large.motion().vectors().iter().zip(0..) {
                 let x = if position % 96 < 48 { -18.0 } else { 6.0 };
                 assert_eq!(vector.map(f16::to_f32), [x, 2.0], "{tile}: pixel {position}");
@@ -111,8 +112,9 @@ mod tests {
         }
         let mut depth = DepthMap::new(64, 4, paper::PROJECTION).unwrap();
         depth.fill(0.5);
-        let large = Guidance::from_parts(motion, depth).unwrap().resampled((192, 12)).unwrap();
-        assert_eq!(large.depth().uniform_value(), Some(0.5));
+        let large =
+            Guidance::from_parts(motion, depth, MotionOrigin::OpticalFlow).unwrap().resampled((192, 12)).unwrap();
+        assert_eq!((large.depth().uniform_value(), large.origin()), (Some(0.5), MotionOrigin::OpticalFlow));
         for x in 3..189 {
             let wanted = 3.0 * ((x as f32 + 0.5) / 3.0 - 0.5) / 16.0;
             let found = large.motion().at(x, 5)[0].to_f32();
@@ -126,7 +128,7 @@ mod tests {
         motion.vectors_mut().iter_mut().zip(0_u16..).for_each(|(v, i)| *v = [f16::from_bits(i * 400), f16::ONE]);
         let mut depth = DepthMap::new(9, 7, paper::PROJECTION).unwrap();
         depth.depth_mut().iter_mut().zip(0_u16..).for_each(|(d, i)| *d = f32::from(i) / 63.0);
-        let guidance = Guidance::from_parts(motion, depth).unwrap();
+        let guidance = Guidance::from_parts(motion, depth, MotionOrigin::Geometry).unwrap();
         assert_eq!(guidance.resampled((9, 7)).unwrap(), guidance);
     }
 }

@@ -9,7 +9,7 @@ use cairn::framegen::cpu::CpuGenerator;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::{FencePoint, Gpu, Target};
-use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
+use cairn::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, paper};
 use cairn::present::device::{DeviceDrawer, FrameResult, Preparation};
 use cairn::present::pacing::Interval;
 use cairn::present::presenter::{FrameInfo, FrameSource, MotionSource, Presenter, PresenterOptions, extract};
@@ -283,7 +283,7 @@ fn an_engines_motion_is_used_and_detected_cuts_are_counted() {
         motion.vectors_mut().fill([f16::from_f32(3.0), f16::ZERO]);
         let mut depth = DepthMap::new(size.0, size.1, paper::PROJECTION).expect("a depth map");
         depth.fill(0.5);
-        let guidance = Arc::new(Guidance::from_parts(motion, depth).expect("guidance"));
+        let guidance = Arc::new(Guidance::from_parts(motion, depth, MotionOrigin::OpticalFlow).expect("guidance"));
         both.push(&anchor, (number > 0).then_some(&guidance), number * INTERVAL);
         for quarter in 0..if number > 0 { 4 } else { 0 } {
             let now = number * INTERVAL + quarter * INTERVAL / 4;

@@ -6,7 +6,7 @@ use cairn::framegen::shader::GuidanceTextures;
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
-use cairn::guidance::{DepthMap, Guidance};
+use cairn::guidance::{DepthMap, Guidance, MotionOrigin};
 use cairn::{Pixel, Raster};
 use half::f16;
 
@@ -69,7 +69,7 @@ pub(crate) struct DeviceGuidance {
     motion: TestResource,
     depth: TestResource,
     tiles: [u32; 2],
-    depth_is_uniform: bool,
+    motion_origin: MotionOrigin,
 }
 
 impl DeviceGuidance {
@@ -81,7 +81,7 @@ impl DeviceGuidance {
             motion,
             depth: depth_texture(gpu, depth),
             tiles: [field.tile(), depth.tile()],
-            depth_is_uniform: depth.uniform_value().is_some(),
+            motion_origin: guidance.origin(),
         }
     }
 
@@ -91,7 +91,7 @@ impl DeviceGuidance {
             motion_tile: self.tiles[0],
             depth: self.depth.with_state(),
             depth_tile: self.tiles[1],
-            depth_is_uniform: self.depth_is_uniform,
+            motion_origin: self.motion_origin,
             hud: None,
         }
     }

@@ -3,6 +3,7 @@
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::device::DeviceGenerator;
 use cairn::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
+use cairn::guidance::MotionOrigin;
 use cairn::present::device::PictureUpscaler;
 
 use super::presenter_upscaling::upscaled_anchors;
@@ -14,7 +15,7 @@ fn guidance(tile: u32) -> Guidance {
     motion.vectors_mut().fill([f16::from_f32(-STEP as f32), f16::ZERO]);
     let mut depth = DepthMap::new(SIZE.0, SIZE.1, paper::PROJECTION).expect("a depth map");
     depth.fill(0.5);
-    Guidance::from_parts(motion, depth).expect("guidance")
+    Guidance::from_parts(motion, depth, MotionOrigin::OpticalFlow).expect("guidance")
 }
 
 fn apart(a: &Picture, b: &Picture) -> u8 {

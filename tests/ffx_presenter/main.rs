@@ -19,7 +19,7 @@ use cairn::ffx::{Choice, Effect, LibraryKind};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
 use cairn::gpu::{FencePoint, Gpu, Target};
-use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
+use cairn::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, paper};
 use cairn::present::device::{DeviceDrawer, Preparation, ScaledBy};
 use cairn::present::pacing::Interval;
 use cairn::present::presenter::{FrameInfo, FrameSource, Presenter, PresenterOptions};
@@ -137,7 +137,7 @@ impl Stream {
         motion.vectors_mut().fill([f16::from_f32(-STEP as f32), f16::ZERO]);
         let mut depth = DepthMap::tiled(SIZE.0, SIZE.1, tiles[1], paper::PROJECTION).expect("a depth map");
         depth.fill(0.5);
-        let guidance = Arc::new(Guidance::from_parts(motion, depth).expect("guidance"));
+        let guidance = Arc::new(Guidance::from_parts(motion, depth, MotionOrigin::OpticalFlow).expect("guidance"));
         let picture = moved(STEP * i32::try_from(number).expect("few"));
         let anchor = Arc::new(KeptAnchor::of_picture(picture, number, false));
         let guidance = (number > 0).then_some(guidance);

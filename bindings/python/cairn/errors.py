@@ -84,7 +84,7 @@ class InvalidBundle(Error):
 
 
 class RuntimeMissing(Error):
-    """ONNX Runtime is missing or has the wrong version. `python -m cairn doctor` lists what was searched for, and where."""
+    """ONNX Runtime is missing or has the wrong version. `python -m cairn doctor` lists the files and folders that were searched."""
 
     result = c.ERROR_RUNTIME_MISSING
 

@@ -1,7 +1,7 @@
 """Runs a sweep of the study on a cluster, with Ray: `python -m cairn.sweep FILE.toml`.
 
 The study lists the jobs and decides which are complete. This module passes the jobs to Ray, whose workers run `study sweep FILE --only JOB`,
-and at the end the study writes the report. The manifests, and so the decision what is kept and what is made again, are the study's: a sweep
+and at the end the study writes the report. The study also writes the manifests that tell which jobs are complete, so a sweep
 that was begun on one machine can be continued on a cluster, and the other way round.
 
 Only `run` needs Ray, and imports it: `pip install "cairn[cluster]"`.
@@ -99,7 +99,7 @@ class Study:
         self.call("--only", name)
 
     def report(self) -> str:
-        """Writes the report on all jobs, and makes what is missing; returns the report as Markdown."""
+        """Runs jobs that are not complete, writes the report on all jobs, and returns it as Markdown."""
         return self.call("--jobs", "1")
 
 

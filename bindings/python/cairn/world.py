@@ -61,7 +61,7 @@ def adapters() -> list[Adapter]:
 
 
 def requirements(kind: str = "cpu", *, onnxruntime: str | os.PathLike[str] | None = None) -> list[Requirement]:
-    """Lists what a device of that kind, "cpu" or "d3d12", needs and what was found; a missing requirement is not an error."""
+    """Lists the requirements of a device of kind "cpu" or "d3d12", each with the version found; a missing one is not an error."""
     if kind not in _KINDS:
         raise refuse("kind", f"{kind!r} is no kind of device", 'Use "cpu" or "d3d12"')
     options = c.DeviceOptions(flags=c.DEVICE_ENVIRONMENT, onnxruntime=_onnxruntime.library_path(onnxruntime))
@@ -177,7 +177,7 @@ class Device(Object):
 
         `path` is a bundle, a folder or a file; None is the world embedded in the library, if there is one. `precision` None is the device's
         default. `operating_point` is a preset with changes after commas, such as "coherence" or "stock,g64,native"; None is "stock" with the
-        bundle's own window. `memory_limit` is in bytes for the world and one rollout; 0 is what the system has available. `fit_window` narrows
+        bundle's own window. `memory_limit` is in bytes for the world and one rollout; 0 for the memory that the system has available. `fit_window` narrows
         the global window if it does not fit that memory, instead of failing; the rollout's operating point names it. `progress` is called on
         this thread.
 

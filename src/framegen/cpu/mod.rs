@@ -131,8 +131,7 @@ impl CpuGenerator {
 
     fn between<P: Colour>(&mut self, pair: &AnchorPair<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
         let (previous, current) = (source(pair.previous()), source(pair.current()));
-        // Depth that says nothing stands beside motion that was found in pictures.
-        let is_found = pair.guidance().depth().uniform_value().is_some();
+        let is_optical_flow = pair.guidance().origin().is_optical_flow();
         let inside = Inside::find(self.level, previous, current);
         let standing = Standing::new(Some(&inside), pair.overlay(), current.width);
         self.preparation.prepare(self.level, pair.guidance(), Some((previous, current)), standing, &mut self.field)?;
@@ -147,7 +146,7 @@ impl CpuGenerator {
         let past = Past::new(&seen, pair.previous_depth(), pair.guidance().depth());
         match &past {
             Some(past) => past.uncover(self.level, &mut self.owners, &self.field),
-            None => self.leaving.find(&mut self.owners, previous, current, margin, is_found.into())?,
+            None => self.leaving.find(&mut self.owners, previous, current, margin, is_optical_flow.into())?,
         }
         let leaving = if past.is_none() { Some(&self.leaving) } else { None };
         let (shown, past) = (Some(previous), past.as_ref());
@@ -177,7 +176,7 @@ impl CpuGenerator {
             moment,
             margin,
             stills: &self.stills,
-            is_found,
+            is_optical_flow,
         };
         let rendered = between.render(out, &mut self.hidden);
         if rendered.hidden > 0 {

@@ -398,7 +398,7 @@ pub(super) mod tests {
 
     use super::super::layer;
     use super::*;
-    use crate::guidance::{DepthMap, MotionField, paper};
+    use crate::guidance::{DepthMap, MotionField, MotionOrigin, paper};
 
     pub(in super::super) const SIZE: [u32; 2] = [320, 180];
     /// Of the camera, in pixels.
@@ -437,7 +437,7 @@ pub(super) mod tests {
             vectors.vectors_mut()[i] = vector.map(f16::from_f64);
             depths.depth_mut()[i] = depth as f32;
         }
-        Guidance::from_parts(vectors, depths).unwrap()
+        Guidance::from_parts(vectors, depths, MotionOrigin::Geometry).unwrap()
     }
 
     /// Motion and depth of the world at rest.

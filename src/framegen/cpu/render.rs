@@ -19,8 +19,8 @@ use crate::tasks::{Parallel, ParallelSliceMut};
 pub(super) const AGREE: u8 = 1;
 /// Samples that differ by more than this are looked at one by one. Motion that was found in the pictures themselves seldom is that
 /// of what lies behind an overlay.
-pub(super) const fn careful(is_found: bool) -> u8 {
-    if is_found { 64 } else { 24 }
+pub(super) const fn careful(is_optical_flow: bool) -> u8 {
+    if is_optical_flow { 64 } else { 24 }
 }
 /// The same where surfaces meet.
 pub(super) const STRICT: u8 = 4;
@@ -31,8 +31,8 @@ pub(super) const DISTINCT: i32 = 8;
 pub(super) const RIM: f32 = 45.0;
 /// The levels that count where an anchor does not show what a pixel claims to be. Where motion was found in pictures, less
 /// is sure of who shows what.
-pub(super) const fn unseen(is_found: bool) -> f32 {
-    if is_found { 40.0 } else { 30.0 }
+pub(super) const fn unseen(is_optical_flow: bool) -> f32 {
+    if is_optical_flow { 40.0 } else { 30.0 }
 }
 
 /// What a picture between two anchors is made of.
@@ -55,7 +55,7 @@ pub(super) struct Between<'a, P> {
     /// What stands still in both.
     pub(super) stills: &'a Stills,
     /// Whether motion, and with it edges, is known from pictures alone.
-    pub(super) is_found: bool,
+    pub(super) is_optical_flow: bool,
 }
 
 /// What a rendered picture lacks.
@@ -78,7 +78,7 @@ impl<P: Colour> Between<'_, P> {
     pub(super) fn render(&self, out: &mut Raster<P>, hidden: &mut [u64]) -> Rendered {
         let grid = self.places.grid;
         let weight = ((self.phase + 16) >> 5).clamp(1, 127) as u8;
-        let careful = careful(self.is_found);
+        let careful = careful(self.is_optical_flow);
         let rule = Rule { weight, nearer_is_current: self.phase >= WHOLE / 2, agree: AGREE, careful };
         let (uncovered, unseen) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let rows = out.pixels_mut().par_chunks_mut(grid.width * TILE);
@@ -187,7 +187,7 @@ impl<P: Colour> Between<'_, P> {
             uncovered += orphans.count_ones() as usize;
             questionable |= orphans;
         }
-        let can_be_soft = self.is_found && tile.kind == Kind::Rough && [across, down] == [TILE, TILE];
+        let can_be_soft = self.is_optical_flow && tile.kind == Kind::Rough && [across, down] == [TILE, TILE];
         let soft = if can_be_soft { soft(self.level, &keys, questionable) } else { 0 };
         let from = corner.map(|at| at as i32);
         let size = [grid.width, grid.height];
@@ -245,7 +245,7 @@ impl<P: Colour> Between<'_, P> {
                 let of_rim = apart(rims.before[place], rims.after[place]);
                 let own = |is_seen| match is_seen {
                     true => apart(block.before[place], block.after[place]),
-                    false => unseen(self.is_found),
+                    false => unseen(self.is_optical_flow),
                 };
                 if of_rim <= RIM && of_rim < own(self.is_seen(keys[place], spots)) {
                     block.merged[place] = rims.merged[place];
@@ -299,7 +299,7 @@ impl<P: Colour> Between<'_, P> {
     #[inline(never)]
     fn fronts(&self, column: usize, row: usize, asked: u64, fronts: &mut [Key; BLOCK]) -> u64 {
         let around = self.places.around(column, row, true);
-        if self.is_found {
+        if self.is_optical_flow {
             claims::other_around(self.level, &around, DISTINCT, asked, fronts)
         } else {
             claims::nearest_around(self.level, &around, DISTINCT, fronts) & asked
@@ -360,7 +360,7 @@ impl<P: Colour> Between<'_, P> {
         let grid = self.places.grid;
         let is_off = |at: i32, len: usize| at + 64 * (TILE as i32 - 1) < -32 || at + 32 >= 64 * len as i32;
         let moves_along = |tile: &Tile| moves_within(tile.key, key, DISTINCT);
-        let can_show = |tile: &Tile| self.is_found || is_nearer(tile.key, key);
+        let can_show = |tile: &Tile| self.is_optical_flow || is_nearer(tile.key, key);
         let is_in_front = |tile: &Tile| tile.kind == Kind::Rough || can_show(tile) && !moves_along(tile);
         let columns = column.saturating_sub(1)..(column + 2).min(grid.columns);
         let mut rows = row.saturating_sub(1)..(row + 2).min(grid.rows);

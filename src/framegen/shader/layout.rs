@@ -58,8 +58,8 @@ pub(super) struct Constants {
     pub(super) nearer_is_current: u32,
     /// 1 if the current anchor is shown across a cut.
     pub(super) cut_shows_current: u32,
-    /// 1 if depth is the same everywhere.
-    pub(super) depth_is_uniform: u32,
+    /// 1 if motion is optical flow.
+    pub(super) is_optical_flow: u32,
     /// Tiles of the guidance.
     pub(super) at_guidance_tiles: u32,
     /// Tiles of the current anchor's motion.
@@ -128,7 +128,7 @@ impl Constants {
             self.pitch,
             self.nearer_is_current,
             self.cut_shows_current,
-            self.depth_is_uniform,
+            self.is_optical_flow,
             self.at_guidance_tiles,
             self.at_field_tiles,
             self.at_previous_tiles,

@@ -16,6 +16,7 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 use crate::gpu::Gpu;
 use crate::gpu::compute::picture_formats::{self, PictureFormat};
 use crate::gpu::compute::{CommandRecorder, Output, ResourceWithState, Table, Transfer, View};
+use crate::guidance::MotionOrigin;
 use crate::{Error, ErrorKind, MAX_SIDE, Result};
 use kernels::Kernels;
 use layout::{Constants, Layout};
@@ -43,9 +44,8 @@ pub struct GuidanceTextures<'a> {
     pub depth: ResourceWithState<'a>,
     /// Tile size of depth in pixels: 1, 8 or 16.
     pub depth_tile: u32,
-    /// Whether depth is known to be the same everywhere ([`DepthMap::uniform_value`](crate::guidance::DepthMap::uniform_value)), as with
-    /// optical flow. Edges are then accurate to a pixel or two only, and frames are a little soft there.
-    pub depth_is_uniform: bool,
+    /// Where the motion came from.
+    pub motion_origin: MotionOrigin,
     /// R8 (UNORM): mask of a static overlay over the current anchor, such as a HUD, not 0 where there is one. Without it, an overlay is detected
     /// from colours that do not move, as letterbox bars always are.
     pub hud: Option<ResourceWithState<'a>>,
@@ -379,7 +379,7 @@ impl ShaderGenerator {
         let constants = Constants {
             guidance_tiles: [guidance.motion_tile, guidance.depth_tile],
             has_hud: guidance.hud.is_some().into(),
-            depth_is_uniform: guidance.depth_is_uniform.into(),
+            is_optical_flow: guidance.motion_origin.is_optical_flow().into(),
             is_float: anchor.is_float.into(),
             is_linear: anchor.is_linear.into(),
             ..self.layout.constants

@@ -3,7 +3,7 @@
 use half::f16;
 
 use super::*;
-use crate::guidance::{DepthMap, MotionField};
+use crate::guidance::{DepthMap, MotionField, MotionOrigin};
 use crate::tasks::Pool;
 
 /// A smooth random texture at any position in pixels, in code values around 128.
@@ -253,9 +253,12 @@ fn results_do_not_depend_on_vector_instructions() {
 #[test]
 fn tiled_guidance_becomes_per_pixel() {
     let one = picture(40, 30, texture);
-    let mut out =
-        Guidance::from_parts(MotionField::tiled(40, 30, 8).unwrap(), DepthMap::tiled(40, 30, 8, PROJECTION).unwrap())
-            .unwrap();
+    let mut out = Guidance::from_parts(
+        MotionField::tiled(40, 30, 8).unwrap(),
+        DepthMap::tiled(40, 30, 8, PROJECTION).unwrap(),
+        MotionOrigin::Geometry,
+    )
+    .unwrap();
     extract(&one, &one, &mut out).unwrap();
     assert!(out == flow(&one, &one));
     assert_eq!(out.motion().vectors().len(), 1200);

@@ -6,6 +6,7 @@ use crate::framegen::densify::{DEPTH, MOTION};
 use crate::framegen::shader::{GuidanceTextures, TexturePair};
 use crate::gpu::compute::ResourceWithState;
 use crate::gpu::{Gpu, writable_texture};
+use crate::guidance::MotionOrigin;
 use crate::{Error, ErrorKind, Result};
 
 /// Inputs of a frame. All textures are in the state COMMON between lists.
@@ -31,8 +32,8 @@ pub(super) struct OwnedGuidance {
     pub(super) depth: ID3D12Resource,
     /// Tile size of depth, in pixels.
     pub(super) depth_tile: u32,
-    /// Whether depth is known to be the same everywhere.
-    pub(super) depth_is_uniform: bool,
+    /// Where the motion came from.
+    pub(super) motion_origin: MotionOrigin,
 }
 
 impl FrameInputs {
@@ -65,7 +66,7 @@ impl OwnedGuidance {
         };
         let [motion_tile, depth_tile] = tiles;
         let (motion, depth) = (texture(motion_tile, MOTION)?, texture(depth_tile, DEPTH)?);
-        Ok(Self { motion, motion_tile, depth, depth_tile, depth_is_uniform: false })
+        Ok(Self { motion, motion_tile, depth, depth_tile, motion_origin: MotionOrigin::default() })
     }
 
     /// As input of a generator, without an overlay mask.
@@ -75,7 +76,7 @@ impl OwnedGuidance {
             motion_tile: self.motion_tile,
             depth: in_common_state(&self.depth),
             depth_tile: self.depth_tile,
-            depth_is_uniform: self.depth_is_uniform,
+            motion_origin: self.motion_origin,
             hud: None,
         }
     }

@@ -72,7 +72,7 @@ impl PictureUpscaler {
                 motion_tile: guidance.motion().tile(),
                 depth,
                 depth_tile: guidance.depth().tile(),
-                depth_is_uniform: guidance.depth().uniform_value().is_some(),
+                motion_origin: guidance.origin(),
             };
             Ok::<_, Error>((textures, guidance.depth().projection()))
         });

@@ -15,7 +15,7 @@ use crate::framegen::shader;
 use crate::gpu::compute::{CommandRecorder, CommandRing, FRAMES_IN_FLIGHT, GpuTimeStatistics, ResourceWithState};
 use crate::gpu::{Gpu, Heap, MappedBuffer, writable_texture};
 use crate::guidance::paper::LatentBuffer;
-use crate::guidance::{Guidance, paper, picture_flow};
+use crate::guidance::{Guidance, MotionOrigin, paper, picture_flow};
 use crate::world::KeptAnchor;
 use crate::{Error, ErrorKind, Result};
 
@@ -355,7 +355,7 @@ impl ResourceCache {
         let current = self.picture(current, current.count() - 1)?;
         let pair = &mut self.pairs[at];
         pair.key = None;
-        pair.select([1, UNIFORM_DEPTH_TILE], true)?;
+        pair.select([1, UNIFORM_DEPTH_TILE], MotionOrigin::OpticalFlow)?;
         let textures = pair.textures.clone();
         let mut frame = self.ring.begin()?;
         frame.begin_event(c"Cairn: motion from pictures");
@@ -380,7 +380,7 @@ impl ResourceCache {
         }
         let pair = &mut self.pairs[at];
         pair.key = None;
-        pair.select([1, 1], false)?;
+        pair.select([1, 1], MotionOrigin::LatentGradient)?;
         let textures = pair.textures.clone();
         let mut frame = self.ring.begin()?;
         frame.begin_event(c"Cairn: motion from latents");
@@ -406,7 +406,7 @@ impl ResourceCache {
         let (motion, depth) = (guidance.motion(), guidance.depth());
         let pair = &mut self.pairs[at];
         pair.key = None;
-        pair.select([motion.tile(), depth.tile()], depth.uniform_value().is_some())?;
+        pair.select([motion.tile(), depth.tile()], guidance.origin())?;
         let textures = pair.textures.clone();
         let uploads = [
             Upload {
@@ -461,17 +461,17 @@ impl PairTextures {
             motion_tile,
             depth: first_depth,
             depth_tile,
-            depth_is_uniform: false,
+            motion_origin: MotionOrigin::default(),
         };
         Ok(Self { key: None, textures, motion, depth, used: 0 })
     }
 
-    /// Selects the textures for these tile sizes of motion and depth.
-    fn select(&mut self, [motion_tile, depth_tile]: [u32; 2], depth_is_uniform: bool) -> Result<()> {
+    /// Selects the textures for these tile sizes of motion and depth, for motion of this origin.
+    fn select(&mut self, [motion_tile, depth_tile]: [u32; 2], motion_origin: MotionOrigin) -> Result<()> {
         let index = |tile| TILES.iter().position(|known| *known == tile).ok_or_else(|| no_tile(tile));
         let motion = self.motion[index(motion_tile)?].clone();
         let depth = self.depth[index(depth_tile)?].clone();
-        self.textures = OwnedGuidance { motion, motion_tile, depth, depth_tile, depth_is_uniform };
+        self.textures = OwnedGuidance { motion, motion_tile, depth, depth_tile, motion_origin };
         Ok(())
     }
 }

@@ -162,7 +162,7 @@ impl Upsampler {
         }
         let at = self.next_pair;
         self.pairs[at].0 = None;
-        let to = OwnedGuidance { depth_is_uniform: source.depth_is_uniform, ..self.pairs[at].1.clone() };
+        let to = OwnedGuidance { motion_origin: source.motion_origin, ..self.pairs[at].1.clone() };
         let constants = [self.from.0, self.from.1, self.to.0, self.to.1, source.motion_tile, source.depth_tile];
         let groups = [self.to.0.div_ceil(GROUP), self.to.1.div_ceil(GROUP), 1];
         let inputs = [

@@ -1,6 +1,6 @@
 //! Pseudo-random pairs of pictures with motion and depth. Some have invalid values.
 
-use cairn::guidance::{DepthMap, Guidance, MotionField, paper};
+use cairn::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, paper};
 use half::f16;
 
 /// Pseudo-random numbers from a seed (SplitMix64).
@@ -80,11 +80,13 @@ pub fn guidance(random: &mut Random, (width, height): (u32, u32)) -> Guidance {
             *z = f32::from_bits(random.next_u64() as u32);
         }
     }
+    let mut origin = MotionOrigin::Geometry;
     if is_flat && boxes.len() % 2 == 1 {
         // Marks the depth as constant. A depth map whose values only happen to be equal is not marked.
         depth.fill(0.5);
+        origin = MotionOrigin::OpticalFlow;
     }
-    Guidance::from_parts(motion, depth).unwrap()
+    Guidance::from_parts(motion, depth, origin).unwrap()
 }
 
 /// The depths of the current anchor, with a box in front of them.

@@ -15,6 +15,7 @@ use crate::progress::Progress;
 mod cadence;
 mod compare;
 mod demo;
+mod experiment;
 mod interpolate;
 mod motion;
 mod quality;

@@ -37,7 +37,7 @@ fn a_quick_look_has_every_source_and_motion_makes_nearer_frames() {
     let (world, folder) = (world.to_str().unwrap(), folder.to_str().unwrap());
     let (status, text) = study(&["--quick", "--no-lpips", "--quiet", "--check", "--world", world, "--out", folder]);
     assert_eq!(status, 0, "{text}");
-    assert!(text.contains("`picture` makes the frames nearest to the true ones: it is what `best` names"), "{text}");
+    assert!(text.contains("`picture` gives the most accurate frames, and `best` selects it"), "{text}");
 
     let csv = std::fs::read_to_string(out.path().join("motion/motion.csv")).unwrap();
     let rows: Vec<Vec<&str>> = csv.lines().skip(1).map(|line| line.split(',').collect()).collect();

@@ -89,7 +89,7 @@ impl Tally {
 
     /// The result of one runner: tests, then checks.
     pub(super) fn with_checks(&self) -> String {
-        format!("{self}, {} checks", self.checks)
+        format!("{self}, {} check{}", self.checks, if self.checks == 1 { "" } else { "s" })
     }
 }
 

@@ -4,7 +4,7 @@
 class BuildError(Exception):
     """The input cannot become a bundle.
 
-    `cause` is what is wrong, `field` is where (a tensor, a file, an option), `remedy` is what to do.
+    `cause` is the fault, `field` the tensor, file or option that has it, `remedy` an action that avoids it.
     """
 
     def __init__(self, cause: str, *, field: str, remedy: str):

@@ -6,7 +6,7 @@ use cairn::ffx::{Choice, Effect, Library, LoadOptions};
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COMMON;
 use cairn::gpu::{Gpu, Target, read_texture, texture_from_picture};
-use cairn::guidance::{DepthMap, Guidance, MotionField, Projection};
+use cairn::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, Projection};
 use cairn::present::device::{DeviceDrawer, Preparation};
 use cairn::present::pacing::Interval;
 use cairn::present::presenter::{FrameSource, Presenter, PresenterOptions};
@@ -95,7 +95,7 @@ impl Walk {
         let motion = MotionField::from_vectors(width, height, vectors)?;
         let encoding = cairn::guidance::DepthEncoding::default();
         let depth = DepthMap::from_host(width, height, frame.depth.clone(), encoding, self.projection)?;
-        Ok(Guidance::from_parts(motion, depth)?)
+        Ok(Guidance::from_parts(motion, depth, MotionOrigin::Geometry)?)
     }
 }
 

@@ -5,7 +5,7 @@ use half::f16;
 use super::world::{draw, generate, guide, landscape, noise, texture, unlike, worst};
 use crate::framegen::cpu::CpuGenerator;
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
-use crate::guidance::{DepthMap, Guidance, MotionField, paper};
+use crate::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, paper};
 use crate::tasks::Pool;
 use crate::{ErrorKind, Picture, PictureF16};
 
@@ -157,7 +157,7 @@ fn a_picture_of_8k_is_generated() {
     motion.vectors_mut().fill([f16::from_f32(-32.0), f16::ZERO]);
     let mut depth = DepthMap::tiled(width, height, 16, paper::PROJECTION).unwrap();
     depth.depth_mut().fill(0.5);
-    let guidance = Guidance::from_parts(motion, depth).unwrap();
+    let guidance = Guidance::from_parts(motion, depth, MotionOrigin::Geometry).unwrap();
     let (picture, report) = generate(&scene(0), &scene(32), &guidance, 0.5);
     assert_eq!(report.outcome, Outcome::Generated);
     assert_eq!(unlike(&picture, &scene(16), 0, |_, _| true), []);

@@ -37,14 +37,14 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
 
     let mut owners = settled(&field, &claims_of(&field), Way::from_current(Moment::previous()));
     let mut leaving = Leaving::default();
-    let is_found = pair.guidance().depth().uniform_value().is_some();
+    let is_optical_flow = pair.guidance().origin().is_optical_flow();
     let seen = Seen::find(pair.guidance(), &standing);
     let past = Past::new(&seen, pair.previous_depth(), pair.guidance().depth());
     match &past {
         Some(past) => uncover(&mut owners, &field, past),
         None => {
             let margin = foreign::margin(previous, current);
-            leaving.find(&mut owners, previous, current, margin, is_found.into()).unwrap();
+            leaving.find(&mut owners, previous, current, margin, is_optical_flow.into()).unwrap();
         }
     }
     let evidence = Evidence {
@@ -65,7 +65,16 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
     let mut places = gathered(field.grid, &moving);
     fill(&mut places, &Evidence::<P> { field: &field, way, shown: None, past: None, leaving: None, mark: HOLE });
 
-    render(&Shown { previous, current, places: &places, field: &field, owners: &owners, phase, moment, is_found })
+    render(&Shown {
+        previous,
+        current,
+        places: &places,
+        field: &field,
+        owners: &owners,
+        phase,
+        moment,
+        is_optical_flow,
+    })
 }
 
 /// The picture `phase` of [`WHOLE`] after an anchor, and the same share.
@@ -433,7 +442,7 @@ struct Shown<'a, P> {
     phase: i32,
     moment: Moment,
     /// Whether edges are known from pictures alone.
-    is_found: bool,
+    is_optical_flow: bool,
 }
 
 /// The phase at which even motion has what claims a place: with `is_whole` that of its tile, if that is smooth.
@@ -494,7 +503,10 @@ impl<P: Colour> Shown<'_, P> {
     /// Softens the pixels of a tile that depth does not tell the edges of.
     fn soften(&self, tile: usize, at: [usize; 2], [hidden, fixed]: [u64; 2], sharp: &Raster<P>, out: &mut Raster<P>) {
         let grid = self.places.grid;
-        if !self.is_found || self.places.tiles[tile].kind != Kind::Rough || grid.extent(at[0], at[1]) != [TILE, TILE] {
+        if !self.is_optical_flow
+            || self.places.tiles[tile].kind != Kind::Rough
+            || grid.extent(at[0], at[1]) != [TILE, TILE]
+        {
             return;
         }
         let keys: Vec<Key> = pixels_of(grid, at).map(|[x, y]| self.places.claim(x, y)).collect();
@@ -522,7 +534,7 @@ impl<P: Colour> Shown<'_, P> {
         let grid = self.places.grid;
         let [before, after] = self.spots(at, key, true);
         let (of_previous, of_current) = (P::sample(self.previous, before), P::sample(self.current, after));
-        let rule = self.rule(careful(self.is_found));
+        let rule = self.rule(careful(self.is_optical_flow));
         let (merged, is_far_apart) = P::merge(of_previous, of_current, &rule);
         let (from, to) = (grid.nearest(before), grid.nearest(after));
         let is_doubtful = is_far_apart || own == EMPTY || layer::mark(own) == ORPHAN || from.is_none() || to.is_none();
@@ -534,14 +546,15 @@ impl<P: Colour> Shown<'_, P> {
         let moves_otherwise = |claim: Key| !layer::moves_within(claim, key, DISTINCT);
         let around = (at[1].saturating_sub(1)..(at[1] + 2).min(grid.height))
             .flat_map(|y| (at[0].saturating_sub(1)..(at[0] + 2).min(grid.width)).map(move |x| self.places.claim(x, y)));
-        let front = around.filter(|&claim| !self.is_found || moves_otherwise(claim)).min().unwrap_or(key);
+        let front = around.filter(|&claim| !self.is_optical_flow || moves_otherwise(claim)).min().unwrap_or(key);
         let [front_before, front_after] = self.spots(at, front, false);
-        let is_beside = (self.is_found || is_nearer(front, key)) && moves_otherwise(front) && !self.is_clear(tile);
+        let is_beside =
+            (self.is_optical_flow || is_nearer(front, key)) && moves_otherwise(front) && !self.is_clear(tile);
         if is_beside && grid.holds(front_before) && grid.holds(front_after) {
             let (a, b) = (P::sample(self.previous, front_before), P::sample(self.current, front_after));
             let is_seen = from.is_some_and(|[x, y]| alike(self.owners.claim(x, y), key))
                 && to.is_some_and(|[x, y]| alike(self.field.owner(x, y), key));
-            let own = if is_seen { apart(of_previous, of_current) } else { unseen(self.is_found) };
+            let own = if is_seen { apart(of_previous, of_current) } else { unseen(self.is_optical_flow) };
             if apart(a, b) <= RIM_BETWEEN && apart(a, b) < own {
                 return Some((P::merge(a, b, &rule).0, false));
             }

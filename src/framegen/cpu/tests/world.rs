@@ -4,7 +4,7 @@ use half::f16;
 
 use crate::Picture;
 use crate::framegen::{AnchorPair, FrameGenerator, GenerateReport, cpu::CpuGenerator};
-use crate::guidance::{DepthMap, Guidance, MotionField, paper};
+use crate::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, paper};
 
 /// Draws a picture by a rule for each pixel.
 pub(in crate::framegen::cpu) fn draw(width: u32, height: u32, rule: impl Fn(f64, f64) -> [u8; 3]) -> Picture {
@@ -25,7 +25,7 @@ pub(in crate::framegen::cpu) fn guide(width: u32, height: u32, rule: impl Fn(f64
         motion.vectors_mut()[i as usize] = vector.map(f16::from_f64);
         depth.depth_mut()[i as usize] = z;
     }
-    Guidance::from_parts(motion, depth).unwrap()
+    Guidance::from_parts(motion, depth, MotionOrigin::Geometry).unwrap()
 }
 
 /// A smooth texture without a period that matters here, so that a wrong place looks wrong.

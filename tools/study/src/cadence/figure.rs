@@ -11,8 +11,8 @@ const LAYOUT: Layout = Layout { tile: (160, 90), gap: 6, left: 128 };
 /// Caption of the figure.
 pub(super) fn caption(scene: SceneId) -> String {
     format!(
-        "{scene}: the first interval that was scored. Left and right are the anchors; between them, above what is true and below what \
-         was made of the anchors, with motion from pictures."
+        "{scene}: the first interval that was scored. Left and right are the anchors; between them the true frames above and the \
+         generated ones below, with motion from pictures."
     )
 }
 

@@ -75,31 +75,31 @@ pub(super) fn page(measured: &Measurements<'_, Record>, caption: Option<&str>) -
     let Measurements { settings, world, seeds, scenes, records } = *measured;
     let mut out = String::from(
         "# From 10 to 60\n\n\
-         A world that makes ten anchors a second and shows sixty frames has to invent five of six. Here that is held, frame by frame, \
-         against what is true at each of these moments, beside 15 to 60, 15 to 30 and 30 to 60. The `cpu` generator makes the \
-         frames; *repeat* shows the nearer anchor once more, *picture-flow* has motion from the two anchors' pictures, and *truth* the \
-         renderer's motion and depth.\n",
+         With ten anchors and sixty frames a second, five of six frames are generated. This page compares each of them with the true \
+         frame of its time, and does the same for 15 to 60, 15 to 30 and 30 to 60. The `cpu` generator makes the frames. *repeat* shows the \
+         nearer anchor again, *picture-flow* is optical flow between the two anchors' pictures, and *truth* is the renderer's motion and \
+         depth.\n",
     );
     if let Some(caption) = caption {
         _ = write!(out, "\n![one interval from 10 to 60](cadence.png)\n\n*{caption}*\n");
     }
-    out += "\n## Between the renderer's anchors\n\nTruth is what the renderer draws at each moment.\n\n";
+    out += "\n## Between the renderer's anchors\n\nThe true frames are rendered at their times.\n\n";
     out += &table(records, Source::Drawn).markdown();
     out += "\nFrom 10 to 60 by phase, with motion from pictures:\n\n";
     out += &by_phase(records, Source::Drawn).markdown();
     out += "\n## Between the world's own pictures\n\n\
-            The decoder makes sixty pictures a second of fifteen latents. Every sixth of them, fourth or second is an anchor here, \
-            the others are the truth: so no anchor but those of 15 a second has a latent, and motion comes from pictures. The \
-            world's pictures are softer than the renderer's, and easier to come near to: the figures of the two tables do not compare.\n\n";
+            The decoder makes sixty pictures a second from fifteen latents. Here every sixth, fourth or second of them is an anchor, \
+            and the others are the true frames. Only anchors at 15 a second have a latent each, so motion comes from pictures. The world's \
+            pictures are softer than the renderer's and easier to approximate: the two tables cannot be compared.\n\n";
     out += &table(records, Source::World).markdown();
     out += "\nFrom 10 to 60 by phase, with motion from pictures:\n\n";
     out += &by_phase(records, Source::World).markdown();
     _ = write!(
         out,
-        "\nAll figures are means of places, in brackets the 95 % bootstrap interval of places; one place has none.\n\n\
+        "\nAll values are means over the places, with the 95 % bootstrap interval in brackets; a single place has none.\n\n\
          ## How it was measured\n\n\
          {} places: seeds {} of every kind, all held out from training, under the scripts of `samples/scripts`. The world is *{world}* at \
-         the paper's operating point, all four pictures of each latent. Every frame is in the CSV that the command leaves.\n\n\
+         the paper's operating point, all four pictures of each latent. The command also writes a CSV with every frame.\n\n\
          ```sh\n{}\n```\n",
         scenes.len(),
         seed_list(seeds, ", "),

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use cairn::Result;
 use clap::Args;
 
+use super::experiment::ExperimentArgs;
 use super::{NOTHING_WRITTEN, Subcommand, interrupted, print_outcome, progress, stop_on_interrupt};
 use crate::cadence::{self, Settings};
 
@@ -17,42 +18,27 @@ Examples:
   study cadence --publish
       The page docs/cadence.md: three places of each kind.
 
-From 10 anchors a second to 60 frames, beside 15 to 60, 15 to 30 and 30 to 60: between the renderer's anchors, against what it draws at
-every moment between them; and between pictures of the world's own walk, against those that its decoder makes between them. The
-folder --out gets cadence.md, cadence.csv with every frame, and cadence.png.
+Generates 60 frames a second from 10 anchors a second, and 15 to 60, 15 to 30 and 30 to 60, and compares every generated frame with the
+true one: between rendered anchors with rendered frames, and between a world's own pictures with those that its
+decoder makes. The folder --out gets cadence.md, cadence.csv with every frame, and cadence.png.
 
 Exit status: 0 well, 1 failed, 2 wrong usage, 130 interrupted.";
 
 #[derive(Args)]
 pub(super) struct CadenceArgs {
-    /// The world: a folder or a .cairn file; without one, the one inside the library
-    #[arg(long, value_name = "BUNDLE")]
-    world: Option<PathBuf>,
+    #[command(flatten)]
+    experiment: ExperimentArgs,
     /// One place of each kind, one moment of each, a second of the world's own walk
     #[arg(long)]
     quick: bool,
-    /// Scene seeds, of those that are held out [default: 41, with --quick, else 41,42,43]
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    seeds: Vec<u64>,
-    /// Leave LPIPS out; its weights are fetched once otherwise (64 MB)
-    #[arg(long)]
-    no_lpips: bool,
-    /// Write docs/cadence.md and its picture as well: of the embedded world
-    #[arg(long, conflicts_with = "world")]
-    publish: bool,
     /// Folder for page, table and picture; earlier ones in it are replaced
     #[arg(long, value_name = "DIR", default_value = "target/cadence")]
     out: PathBuf,
-    /// No progress
-    #[arg(long)]
-    quiet: bool,
 }
 
 impl CadenceArgs {
     fn settings(&self) -> Settings {
-        let Self { world, quick, seeds, no_lpips, publish, out, .. } = self;
-        let (world, seeds, out) = (world.clone(), seeds.clone(), out.clone());
-        Settings { world, seeds, quick: *quick, lpips: !no_lpips, publish: *publish, out }
+        self.experiment.settings(self.quick, &self.out)
     }
 }
 
@@ -62,7 +48,7 @@ impl Subcommand for CadenceArgs {
     }
 
     fn run(&self) -> Result<ExitCode> {
-        match cadence::run(&self.settings(), &progress(self.quiet), stop_on_interrupt()?) {
+        match cadence::run(&self.settings(), &progress(self.experiment.quiet), stop_on_interrupt()?) {
             Ok(outcome) => {
                 print_outcome(&outcome.text, &outcome.files);
                 Ok(ExitCode::SUCCESS)

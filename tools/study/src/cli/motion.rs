@@ -7,6 +7,7 @@ use cairn::Result;
 use cairn::world::GuidanceSource;
 use clap::Args;
 
+use super::experiment::ExperimentArgs;
 use super::{NOTHING_WRITTEN, Subcommand, interrupted, print_outcome, progress, stop_on_interrupt};
 use crate::motion::{self, Settings};
 
@@ -21,45 +22,30 @@ Examples:
   study motion --world waypoint.cairn --seeds 41,42,43,44 --check
       With the latents of a world of your own; fails where another source is better than the one that \"best\" names.
 
-Motion from latents as the paper has it and calibrated, from what looks alike in latents, from pictures, from the controls, and the
-truth's; each is held against the truth, and so are the frames made with it. The folder --out gets motion.md, motion.csv with every
-frame, and motion.png.
+Compares sources of motion with the true motion, and the frames made with each with the true frames: the paper's latent gradients, the
+same calibrated, optical flow between latents, optical flow between pictures, and the controls. The folder
+--out gets motion.md, motion.csv with every frame, and motion.png.
 
 Exit status: 0 well, 1 failed or, with --check, \"best\" is not the best, 2 wrong usage, 130 interrupted.";
 
 #[derive(Args)]
 pub(super) struct MotionArgs {
-    /// The world whose autoencoder makes latents: a folder or a .cairn file; without one, the one inside the library
-    #[arg(long, value_name = "BUNDLE")]
-    world: Option<PathBuf>,
+    #[command(flatten)]
+    experiment: ExperimentArgs,
     /// One place of each kind, two frames of each
     #[arg(long)]
     quick: bool,
-    /// Scene seeds, of those that are held out [default: 41, with --quick, else 41,42,43]
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    seeds: Vec<u64>,
-    /// Leave LPIPS out; its weights are fetched once otherwise (64 MB)
-    #[arg(long)]
-    no_lpips: bool,
     /// Fail where another source than the one that "best" names makes the better frames
     #[arg(long)]
     check: bool,
-    /// Write docs/motion.md and its picture as well: with the embedded world
-    #[arg(long, conflicts_with = "world")]
-    publish: bool,
     /// Folder for page, table and picture; earlier ones in it are replaced
     #[arg(long, value_name = "DIR", default_value = "target/motion")]
     out: PathBuf,
-    /// No progress
-    #[arg(long)]
-    quiet: bool,
 }
 
 impl MotionArgs {
     fn settings(&self) -> Settings {
-        let Self { world, quick, seeds, no_lpips, publish, out, .. } = self;
-        let (world, seeds, out) = (world.clone(), seeds.clone(), out.clone());
-        Settings { world, seeds, quick: *quick, lpips: !no_lpips, publish: *publish, out }
+        self.experiment.settings(self.quick, &self.out)
     }
 }
 
@@ -69,7 +55,7 @@ impl Subcommand for MotionArgs {
     }
 
     fn run(&self) -> Result<ExitCode> {
-        match motion::run(&self.settings(), &progress(self.quiet), stop_on_interrupt()?) {
+        match motion::run(&self.settings(), &progress(self.experiment.quiet), stop_on_interrupt()?) {
             Ok(outcome) => {
                 print_outcome(&outcome.text, &outcome.files);
                 Ok(ExitCode::from(u8::from(self.check && outcome.best != Some(GuidanceSource::BEST))))

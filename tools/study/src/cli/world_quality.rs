@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use cairn::Result;
 use clap::Args;
 
+use super::experiment::ExperimentArgs;
 use super::{NOTHING_WRITTEN, Subcommand, interrupted, print_outcome, progress, stop_on_interrupt};
-use crate::experiment;
 use crate::world_quality::{self, Settings};
 
 pub(super) const EXAMPLES: &str = "\
@@ -28,38 +28,22 @@ Exit status: 0 well, 1 failed, 2 wrong usage, 130 interrupted.";
 
 #[derive(Args)]
 pub(super) struct WorldQualityArgs {
-    /// The world: a folder or a .cairn file; without one, the one inside the library
-    #[arg(long, value_name = "BUNDLE")]
-    world: Option<PathBuf>,
+    #[command(flatten)]
+    experiment: ExperimentArgs,
     /// One place of each kind, five seconds, looks away of two seconds
     #[arg(long)]
     quick: bool,
-    /// Scene seeds, of those that are held out [default: 41, with --quick, else 41 to 48]
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    seeds: Vec<u64>,
-    /// Leave LPIPS out; its weights are fetched once otherwise (64 MB)
-    #[arg(long)]
-    no_lpips: bool,
     /// Leave the looks away out: what the world remembers
     #[arg(long)]
     no_memory: bool,
-    /// Write docs/world.md and its pictures as well: of the embedded world
-    #[arg(long, conflicts_with = "world")]
-    publish: bool,
     /// Folder for tables and pictures; earlier ones in it are replaced
     #[arg(long, value_name = "DIR", default_value = "target/world-quality")]
     out: PathBuf,
-    /// No progress
-    #[arg(long)]
-    quiet: bool,
 }
 
 impl WorldQualityArgs {
     fn settings(&self) -> Settings {
-        let Self { world, quick, seeds, no_lpips, no_memory, publish, out, .. } = self;
-        let (world, seeds, out) = (world.clone(), seeds.clone(), out.clone());
-        let common = experiment::Settings { world, seeds, quick: *quick, lpips: !no_lpips, publish: *publish, out };
-        Settings { common, memory: !no_memory }
+        Settings { common: self.experiment.settings(self.quick, &self.out), memory: !self.no_memory }
     }
 }
 
@@ -69,7 +53,7 @@ impl Subcommand for WorldQualityArgs {
     }
 
     fn run(&self) -> Result<ExitCode> {
-        match world_quality::run(&self.settings(), &progress(self.quiet), stop_on_interrupt()?) {
+        match world_quality::run(&self.settings(), &progress(self.experiment.quiet), stop_on_interrupt()?) {
             Ok(outcome) => {
                 print_outcome(&outcome.text, &outcome.files);
                 Ok(ExitCode::SUCCESS)

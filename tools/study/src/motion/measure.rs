@@ -248,7 +248,7 @@ impl Interval {
         motion: MotionField,
         pair: &Pair<'_>,
     ) -> Result<(Picture, Outcome)> {
-        let guidance = Guidance::from_parts(motion, extractors.depth(row.depth, pair)?)?;
+        let guidance = Guidance::from_parts(motion, extractors.depth(row.depth, pair)?, row.origin())?;
         let mut anchors = AnchorPair::new(pair.pictures[0], pair.pictures[1], &guidance)?;
         if row.depth == Depth::Truth {
             anchors = anchors.with_previous_depth(self.truth[0].depth())?;

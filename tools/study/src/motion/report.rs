@@ -77,7 +77,7 @@ fn table(records: &[Record], anchors: Anchors, rows: &[Row], with_depth: bool) -
     if with_depth {
         Table::new(2, &["motion", "depth", "PSNR, dB", "SSIM", "LPIPS"], lines)
     } else {
-        let head = ["motion", "off, pixels", "within 1, %", "PSNR, dB", "SSIM", "LPIPS", "given up"];
+        let head = ["motion", "error, pixels", "within 1, %", "PSNR, dB", "SSIM", "LPIPS", "cuts"];
         Table::new(1, &head, lines)
     }
 }
@@ -121,7 +121,7 @@ fn differences(records: &[Record], anchors: Anchors) -> Table {
         };
         vec![row.motion.name().to_owned(), of(PSNR, 2), of(SSIM, 4), of(LPIPS, 4)]
     });
-    Table::new(1, &["picture-flow less", "PSNR, dB", "SSIM", "LPIPS"], lines.collect())
+    Table::new(1, &["picture-flow minus", "PSNR, dB", "SSIM", "LPIPS"], lines.collect())
 }
 
 /// The result in one sentence.
@@ -130,11 +130,11 @@ fn verdict(records: &[Record]) -> String {
     let chosen = GuidanceSource::BEST;
     if best == chosen {
         format!(
-            "Of the sources that need nothing but anchors, `{best}` makes the frames nearest to the true ones: it is what `best` names."
+            "Of the sources that need anchors only, `{best}` gives the most accurate frames, and `best` selects it."
         )
     } else {
         format!(
-            "**Of the sources that need nothing but anchors, `{best}` makes the frames nearest to the true ones, and `best` names `{chosen}`.**"
+            "**Of the sources that need anchors only, `{best}` gives the most accurate frames, but `best` selects `{chosen}`.**"
         )
     }
 }
@@ -159,7 +159,7 @@ fn explained(records: &[Record]) -> String {
         .iter()
         .filter_map(|row| Some(format!("`{}` {} %", row.motion.name(), digits(100.0 * (1.0 - off(*row)? / none), 0))));
     format!(
-        "\nSaid plainly, of the {} pixels that no motion is off, this much is found: {}.\n",
+        "\nShare of the true motion that each source explains, as the reduction of the error of zero motion ({} pixels): {}.\n",
         digits(none, 2),
         known.collect::<Vec<_>>().join(", ")
     )
@@ -171,17 +171,17 @@ pub(super) fn page(measured: &Measurements<'_, Record>, scale: f32, caption: Opt
     let frames = records.iter().filter(|r| r.anchors == Anchors::Drawn && r.row == ROWS[0]).count();
     let mut out = format!(
         "# Which motion is best?\n\n\
-         Frames between anchors need to know how things move. Here every way that the library has to find that out is held against the scenes' \
-         [exact motion](scenes.md), and so is the frame that it leads to: half way between two anchors a fifteenth of a second apart, \
-         made by the `cpu` generator, against what the renderer draws of that moment.\n\n{}\n\n",
+         The frame generator needs motion between anchors. This page compares every source of motion in the library with the scenes' \
+         [exact motion](scenes.md). It also compares the frame that the `cpu` generator makes from each, half way between two anchors a \
+         fifteenth of a second apart, with the renderer's picture of that moment.\n\n{}\n\n",
         verdict(records)
     );
     for motion in MOTIONS {
         _ = writeln!(out, "- `{}`: {}", motion.name(), motion.description());
     }
-    out += "\n*Off* is the mean distance between the motion found and the true one, in pixels of the world's pictures, over the pixels that both anchors \
-            show; *within 1* the share that is off by a pixel at most. *Given up* counts frames whose motion explained so little that the \
-            generator took them for a cut and showed the nearer anchor.\n";
+    out += "\n*Error* is the mean end-point error in pixels of the world's pictures, over the pixels visible in both anchors; \
+            *within 1* is the share of pixels with an error of one pixel at most. *Cuts* counts frames whose motion explained so little that the \
+            generator detected a cut and repeated the nearer anchor.\n";
     if let Some(caption) = caption {
         _ = write!(out, "\n![every source's motion and frame](motion.png)\n\n*{caption}*\n");
     }
@@ -189,22 +189,22 @@ pub(super) fn page(measured: &Measurements<'_, Record>, scale: f32, caption: Opt
     out += &table(records, Anchors::Drawn, &ROWS[..SOURCES], false).markdown();
     _ = write!(
         out,
-        "\nThe calibrated factor is {} where the paper has {}: found by least squares over place {TUNING} of each kind, on which \
-         `picture_flow` was tuned as well; the constants of `latent_flow` were not tuned. No place of the tables was seen before.\n\n",
+        "\nThe calibrated factor is {}; the paper's is {}. It is a least-squares fit over place {TUNING} of each kind, on which \
+         `picture_flow` was tuned as well. The constants of `latent_flow` were not tuned. No place of the tables was used for tuning.\n\n",
         digits(f64::from(scale), 2),
         cairn::guidance::paper::COMPRESSION
     );
     out += &differences(records, Anchors::Drawn).markdown();
-    out += "\nMeans of places, and in brackets the 95 % bootstrap interval of the places' mean difference.\n";
+    out += "\nMeans over the places, with the 95 % bootstrap interval of the mean difference in brackets.\n";
     out += &explained(records);
-    out += "\n## By kind of place\n\nOff, in pixels:\n\n";
+    out += "\n## By kind of place\n\nError, in pixels:\n\n";
     out += &by_family(records, END_POINT, 2).markdown();
     out += "\nPSNR of the frames, in dB:\n\n";
     out += &by_family(records, PSNR, 2).markdown();
     out += "\n## Between the autoencoder's pictures\n\n\
-            A world shows no anchor of the renderer's but what its autoencoder makes of a latent. The same anchors, encoded one by one \
-            and decoded after the three before them; truth is still what the renderer draws, so the autoencoder's own blur is in every \
-            line, also in that of the truth's motion.\n\n";
+            A world's anchors are decoded latents. Here the same anchors are encoded one by one, and each is decoded after the three \
+            before it. The reference is still the renderer's picture, so every line contains the autoencoder's blur, even the one with the true \
+            motion.\n\n";
     out += &table(records, Anchors::Decoded, &ROWS[..SOURCES], false).markdown();
     out += "\n## What depth is worth\n\n";
     let depths: Vec<Row> = [1, 7, 5, 8, 9, 6, 10, 11].map(|n: usize| ROWS[n]).to_vec();
@@ -212,9 +212,9 @@ pub(super) fn page(measured: &Measurements<'_, Record>, scale: f32, caption: Opt
     _ = write!(
         out,
         "\n## How it was measured\n\n\
-         {frames} frames of {} places: {} of every kind, all held out from training, under the scripts of `samples/scripts`; latents of the \
-         world *{world}*, whose encoder is given each anchor as a still. The controls' eye knows the scenes' own turn of a \
-         count, speed, height and field of view, which no world tells. Every frame is in the CSV that the command leaves.\n\n\
+         {frames} frames of {} places: {} of every kind, all held out from training, under the scripts of `samples/scripts`; latents \
+         of the world *{world}*, whose encoder gets each anchor as a still picture. The camera of `controls` has the scenes' turn per mouse \
+         count, speed, height and field of view, which a world does not state. The command also writes a CSV with every frame.\n\n\
          ```sh\n{}\n```\n",
         scenes.len(),
         seed_list(seeds, ", "),

@@ -1,6 +1,8 @@
 //! Sources of motion and depth, and the pairs that are compared.
 
-use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, camera, latent_flow, paper, picture_flow};
+use cairn::guidance::{
+    DepthMap, Guidance, LatentView, MotionField, MotionOrigin, camera, latent_flow, paper, picture_flow,
+};
 use cairn::world::{ControlInput, ControlScript, GuidanceSource, WorldTime};
 use cairn::{Picture, Result};
 use scenes::{EASE, EYE, MAX_PITCH, RUN, TURN_PER_COUNT, WALK};
@@ -63,6 +65,14 @@ pub(super) const ROWS: [Row; 12] = [
     Row { motion: Motion::Truth, depth: Depth::Paper },
 ];
 
+impl Row {
+    /// The origin that generators are given: optical flow for motion without depth, whatever its source, so that rows of one depth differ
+    /// in motion only.
+    pub(super) fn origin(self) -> MotionOrigin {
+        if self.depth == Depth::Flat { MotionOrigin::OpticalFlow } else { MotionOrigin::Geometry }
+    }
+}
+
 impl Motion {
     /// Name in CSV files.
     pub(super) fn name(self) -> &'static str {
@@ -81,14 +91,14 @@ impl Motion {
     pub(super) fn description(self) -> &'static str {
         match self {
             Self::None => "Nothing moves: the two anchors are blended.",
-            Self::Paper => "`paper`, as published: the slope of the mean difference of two latents, times 8.",
-            Self::Calibrated => "The same times the factor that fits the truth best, found in other places.",
-            Self::Latents => "`latent_flow`: which place of the one latent each cell of the other looks like.",
+            Self::Paper => "`paper`, as published: the spatial gradient of the two latents' mean difference, times 8.",
+            Self::Calibrated => "The same with the factor that fits the true motion best, calibrated in other places.",
+            Self::Latents => "`latent_flow`: block matching between the cells of the two latents.",
             Self::Controls => {
-                "`camera`: how the controls move the eye, over level ground, with the scenes' own constants of the eye."
+                "`camera`: the camera that the controls move, over level ground, with the scenes' own camera constants."
             }
             Self::Pictures => "`picture_flow`: dense inverse search between the two pictures.",
-            Self::Truth => "What the renderer knows.",
+            Self::Truth => "The renderer's motion.",
         }
     }
 

@@ -294,7 +294,7 @@ fn tiled_guidance(given: &Guidance, tile: u32) -> Result<Guidance> {
     for (i, value) in depth.depth_mut().iter_mut().enumerate() {
         *value = given.depth().depth()[middle(i)];
     }
-    Guidance::from_parts(motion, depth)
+    Guidance::from_parts(motion, depth, given.origin())
 }
 
 fn line_of(lines: &[Line], operation: Operation) -> Option<&Line> {
@@ -394,6 +394,8 @@ impl Speed {
 mod tests {
     use half::f16;
 
+    use cairn::guidance::MotionOrigin;
+
     use super::*;
 
     #[test]
@@ -429,7 +431,7 @@ mod tests {
         let vectors = (0..width * height).map(|i| [f16::from_f32(i as f32), f16::ZERO]).collect();
         let motion = MotionField::from_vectors(width, height, vectors).unwrap();
         let depth = DepthMap::new(width, height, picture_flow::PROJECTION).unwrap();
-        let tiled = tiled_guidance(&Guidance::from_parts(motion, depth).unwrap(), 8).unwrap();
+        let tiled = tiled_guidance(&Guidance::from_parts(motion, depth, MotionOrigin::Geometry).unwrap(), 8).unwrap();
         let found: Vec<f32> = tiled.motion().vectors().iter().map(|v| v[0].to_f32()).collect();
         // Only the upper edge of the last row of tiles lies in the picture, and the left half of the last column.
         let middles = [(4, 4), (12, 4), (19, 4), (4, 8), (12, 8), (19, 8)];

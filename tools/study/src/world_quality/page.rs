@@ -10,18 +10,18 @@ use crate::media::{JpegQuality, encode_jpeg};
 const INTRODUCTION: &str = "\
 # The world inside the library
 
-A world model [as small as a game's texture](../samples/worlds/miniature/README.md), with Waypoint-1.5's architecture. It has learnt from walks through
-[procedural places](scenes.md), drawn with the controls that caused them. Here it is held against places and walks that it has never seen: it gets the first
-true picture and the controls, and makes all others itself. What it makes is compared with the pictures that a renderer draws of the same walk, and with two baselines: to
-go on showing the last true picture, and the autoencoder's reconstruction of that picture, which has the same blur as the world's own pictures.
+A world model [as small as a game's texture](../samples/worlds/miniature/README.md), with Waypoint-1.5's architecture. It was trained on walks through
+[procedural places](scenes.md), rendered with the controls that caused them. This page tests it on places and walks that it was not trained on: it
+gets the first true picture and the controls, and makes all other pictures. They are compared with rendered pictures of the same walk, and with two
+baselines: repeating the last true picture, and the autoencoder's reconstruction of that picture, which has the same blur as the world's own pictures.
 
-## Where it does best
+## Its best places
 
-Truth above, the world below: the places where it gains most over a picture that stands still.
+True pictures above, the world's below, in the places where it gains most over repeating the first picture.
 
 ![truth and the world's pictures, side by side](images/world-good.jpg)
 
-## And where it does worst
+## Its worst places
 
 ![truth and the world's pictures, side by side](images/world-bad.jpg)
 
@@ -29,12 +29,12 @@ Truth above, the world below: the places where it gains most over a picture that
 
 PSNR in dB, SSIM and LPIPS (AlexNet) are means over the places of a kind. Turning and tilting compare the mean motion of the world's pictures, as optical flow finds it, with the
 scene's own: correlation over all latent steps, size (1 is as far as in truth) and the share of steps in the same direction. Flicker is the mean change of brightness from
-picture to picture. The table by seconds says how a rollout lasts: brightness, contrast (standard deviation) and detail (difference of neighbours) of pictures of 64 x 36, the
+picture to picture. The table by seconds shows how long a rollout stays good: brightness, contrast (standard deviation) and detail (difference of neighbours) of pictures of 64 x 36, the
 mean over the second that ends there, over those of the truth; *farthest* and *least* are the worst place's, *±* is the standard error of the mean over the places.
-*True places* is how far the true pictures of that second differ in brightness from place to place (standard deviation): of a place that the walk has yet to come to
-nobody can know more, so that a world that keeps its brightness is off by as much in single places, and by nothing in their mean. Turning is that since the line
-above. For the last table the eye turns away by 120 degrees in the first place of each kind, waits, and turns back; *at most* is what the
-autoencoder could show of the place, *another place* what a wrong one would score.
+*True places* is the standard deviation of the true pictures' brightness from place to place: a world cannot predict places that the walk has not
+reached, so even one that keeps its mean brightness differs by this much in a single place. *Turning* is that since the line above. For the last table
+the camera turns away by 120 degrees in the first place of each kind, waits, and turns back; *at most* is the score of the autoencoder's
+reconstruction, *another place* that of a wrong place.
 
 ```text
 ";

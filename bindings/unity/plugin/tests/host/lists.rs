@@ -213,8 +213,8 @@ pub(super) fn submitted(list: &ID3D12CommandList, value: u64) {
                     tracker.states.insert(texture, after);
                 }
                 Command::Copy { to, from } => {
-                    tracker.expect("what is copied into", to, D3D12_RESOURCE_STATE_COPY_DEST);
-                    tracker.expect("what is copied", from, D3D12_RESOURCE_STATE_COPY_SOURCE);
+                    tracker.expect("the copy's destination", to, D3D12_RESOURCE_STATE_COPY_DEST);
+                    tracker.expect("the copy's source", from, D3D12_RESOURCE_STATE_COPY_SOURCE);
                     let until = tracker.used.entry(from).or_default();
                     *until = value.max(*until);
                 }

@@ -165,7 +165,7 @@ fn textures_in_other_states_are_refused() {
     unity.transition(&target, READ);
     unity.act(CallContext::Recording, || copy(&list(), &target, &from));
     unity.end_frame();
-    assert_violation(&unity, "what is copied into");
+    assert_violation(&unity, "the copy's destination");
     // The copy's source is still in the state in which it rests.
     unity.act(CallContext::Recording, || {
         into();
@@ -173,7 +173,7 @@ fn textures_in_other_states_are_refused() {
         unsafe { list().CopyResource(&target, &from) };
     });
     unity.end_frame();
-    assert_violation(&unity, "what is copied");
+    assert_violation(&unity, "the copy's source");
     // The texture is moved to another state: first Unity is not notified, then it is notified of a wrong state.
     unity.act(CallContext::Recording, || {
         into();
@@ -217,7 +217,7 @@ fn open_lists_and_wrong_states_are_refused() {
     let (silent, _silent) = record_copy(&unity, &target, &from);
     pass_to_unity(&unity, &silent, &[], true);
     unity.end_frame();
-    assert_violation(&unity, "what is copied into");
+    assert_violation(&unity, "the copy's destination");
     // The texture is passed with a wrong state after the list.
     let (other, _other) = record_copy(&unity, &target, &from);
     pass_to_unity(&unity, &other, &[state(&target, IS_WRITTEN, READ)], true);

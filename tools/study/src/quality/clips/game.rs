@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
-use cairn::guidance::{DepthMap, Guidance, MotionField, Projection};
+use cairn::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, Projection};
 use cairn::{Error, ErrorKind, Picture, Result};
 use half::f16;
 use provision::Progress;
@@ -201,7 +201,7 @@ impl Clip for Game {
         let projection = Projection::new(NEAR, FAR, vertical_fov as f32)?;
         let depth = distances.iter().map(|distance| projection.device_depth(distance.min(FAR))).collect();
         let depth = DepthMap::from_host(SIZE.0, SIZE.1, depth, Default::default(), projection)?;
-        Guidance::from_parts(motion, depth).map(Some)
+        Guidance::from_parts(motion, depth, MotionOrigin::Geometry).map(Some)
     }
 
     fn scored(&mut self, number: usize, _phase: Phase, store: &Store) -> Result<Option<Vec<bool>>> {

@@ -1,6 +1,6 @@
 //! Clips rendered from the procedural scenes, with known motion and depth at every time between anchors.
 
-use cairn::guidance::{DepthMap, Guidance, MotionField, Projection};
+use cairn::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, Projection};
 use cairn::world::ControlScript;
 use cairn::{Error, ErrorKind, Picture, Result};
 use half::f16;
@@ -128,7 +128,7 @@ impl Clip for SceneClip {
         let depth = values.chunks_exact(3).map(|v| v[2]).collect();
         let motion = MotionField::from_vectors(self.size.0, self.size.1, vectors)?;
         let depth = DepthMap::from_host(self.size.0, self.size.1, depth, Default::default(), projection)?;
-        Guidance::from_parts(motion, depth).map(Some)
+        Guidance::from_parts(motion, depth, MotionOrigin::Geometry).map(Some)
     }
 }
 
