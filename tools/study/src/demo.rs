@@ -9,14 +9,14 @@ use crate::reconstruct::ReconstructSettings;
 
 /// Printed before the demo starts.
 pub(crate) const WELCOME: &str = "\
-A world model dreams four seconds: 15 anchors a second, and a generated frame between every two of them.
-It is the small world inside the library, which has learnt walks through drawn scenes, in a place that it has never seen.
+Part 1: the small world inside the library generates four seconds of a walk, with 15 anchors a second and a generated frame after each.
+It was trained on walks through procedural scenes; it was not trained on this place.
 ";
 
 /// Printed before the frame generation part.
 pub(crate) const SECOND_PART: &str = "
-Now frame generation alone, in a place worth looking at: a walk drawn 15 times a second and shown 60 times,
-with every generated frame beside the one that would have been drawn.
+Part 2: frame generation alone, between sharp anchors: a walk rendered 15 times a second and shown 60 times,
+with every generated frame beside the rendered one of the same time.
 ";
 
 /// Folder of the frame generation part within that of the demo.
@@ -46,6 +46,6 @@ pub(crate) fn summary(outcome: &Outcome, out: &Path) -> String {
     if outcome.manifest.outputs.iter().any(|o| o.path == SHEET) {
         text += &format!("  {}   anchors, generated frames, motion, depth\n", of(SHEET));
     }
-    text += &format!("  {}   everything that is needed to make it again\n", of(MANIFEST));
+    text += &format!("  {}   all settings and checksums; `study replay` makes the same files from it\n", of(MANIFEST));
     text
 }

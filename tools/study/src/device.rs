@@ -146,7 +146,7 @@ fn d3d12(ort: &Ort, number: Option<u32>) -> Result<(Device, u32)> {
 /// Not available on this platform.
 #[cfg(not(windows))]
 fn d3d12(_: &Ort, _: Option<u32>) -> Result<(Device, u32)> {
-    Err(Error::new(ErrorKind::Unsupported, "Direct3D 12 is there on Windows only")
+    Err(Error::new(ErrorKind::Unsupported, "Direct3D 12 is available on Windows only")
         .field("--device")
         .remedy("Use cpu or auto"))
 }

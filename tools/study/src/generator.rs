@@ -89,7 +89,7 @@ impl GeneratorChoice {
         if !self.is_cpu() && !cfg!(windows) {
             return Err(Error::new(
                 ErrorKind::Unsupported,
-                format!("{self} needs Direct3D 12, which is there on Windows only"),
+                format!("{self} needs Direct3D 12, which is available on Windows only"),
             )
             .field("--generator")
             .remedy("Use cpu"));

@@ -53,7 +53,7 @@ impl UpscalerChoice {
             );
         }
         if !cfg!(windows) {
-            return refuse("fsr needs Direct3D 12, which is there on Windows only", "Use lanczos or catmull-rom");
+            return refuse("fsr needs Direct3D 12, which is available on Windows only", "Use lanczos or catmull-rom");
         }
         Ok(())
     }

@@ -75,7 +75,7 @@ impl Mp4Sink {
             self.write_header()?;
         }
         let number = self.chunks.len() as u32 + 1;
-        let mut unit = fragment_header(number, self.frames, self.format.rate.denominator(), &self.pending);
+        let mut unit = fragment_header(number, self.frames, self.format.rate.denominator(), &self.pending)?;
         let offset = self.file.end() + unit.len() as u64;
         unit.append(&mut self.data);
         let samples = std::mem::take(&mut self.pending);
@@ -90,10 +90,10 @@ impl Mp4Sink {
             Error::new(ErrorKind::Device, "the AV1 encoder made a frame without a sequence header").field("mp4")
         })?;
         let track = Track { format: self.format, header };
-        let mut unit = ftyp();
+        let mut unit = ftyp()?;
         let mdat_at = unit.len() as u64;
-        unit.extend(placeholder());
-        unit.extend(moov_for_fragments(&track));
+        unit.extend(placeholder()?);
+        unit.extend(moov_for_fragments(&track)?);
         self.file.append(&unit)?;
         self.mdat_at = mdat_at;
         self.track = Some(track);
@@ -103,13 +103,12 @@ impl Mp4Sink {
     /// Appends the index and hides the fragments' headers.
     fn write_index(&mut self, track: &Track) -> Result<()> {
         let end = self.file.end();
-        let indexed = self
-            .file
-            .append(&moov_for_chunks(track, &self.chunks))
+        let indexed = moov_for_chunks(track, &self.chunks)
+            .and_then(|index| self.file.append(&index))
             .and_then(|()| self.file.replace(self.mdat_at, &wide_mdat(end - self.mdat_at)));
         if indexed.is_err() {
             // Restores a valid fragmented file.
-            self.file.replace(self.mdat_at, &placeholder())?;
+            self.file.replace(self.mdat_at, &placeholder()?)?;
             self.file.cut(end)?;
         }
         indexed
