@@ -31,6 +31,25 @@ pub struct Frame {
     /// Motion of each pixel's centre, in pixels and y down: position of the same point in the previous picture minus its current position.
     /// Non-finite if the point was behind the eye.
     pub motion: Vec<Vec2>,
+    /// The part of [`motion`](Self::motion) that the camera alone causes: motion of a point that stands still in the world. Same units and sign.
+    pub camera_motion: Vec<Vec2>,
+    /// What each pixel's centre shows.
+    pub surfaces: Vec<SurfaceKind>,
+}
+
+/// What a pixel shows, as a game engine's renderer tells its passes apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum SurfaceKind {
+    /// Nothing but the sky.
+    Sky,
+    /// Geometry at rest in the world.
+    Still,
+    /// A rigid body that moves through the world.
+    Rigid,
+    /// Geometry that bends: limbs of a figure, wings, grass and leaves in the wind.
+    Skinned,
+    /// An item held in view, at rest relative to the camera except for its own sway.
+    Held,
 }
 
 /// Render quality.
@@ -94,26 +113,28 @@ pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: 
 
     let mut picture = vec![[0_u8; 4]; w * h];
     let mut depth = vec![1.0_f32; w * h];
-    let mut motion = vec![Vec2::ZERO; w * h];
-    picture.par_chunks_mut(w).zip(depth.par_chunks_mut(w)).zip(motion.par_chunks_mut(w)).enumerate().for_each(
-        |(y, ((colours, depths), motions))| {
-            for x in 0..w {
-                let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                let id = centres.ids[y * w + x];
-                let hit = painter.hit(id, at);
-                depths[x] = hit.as_ref().map_or(1.0, |h| device_depth(h.view.z));
-                motions[x] = painter.motion(hit.as_ref(), at);
-                let light = match &fine {
-                    None => tone_map(painter.light(hit.as_ref(), at)),
-                    Some(fine) => painter.mean(fine, x, y, s as usize),
-                };
-                colours[x] = srgb(light);
-            }
-        },
-    );
+    let mut motion = vec![[Vec2::ZERO; 2]; w * h];
+    let mut surfaces = vec![SurfaceKind::Sky; w * h];
+    let rows = picture.par_chunks_mut(w).zip(depth.par_chunks_mut(w)).zip(motion.par_chunks_mut(w));
+    rows.zip(surfaces.par_chunks_mut(w)).enumerate().for_each(|(y, (((colours, depths), motions), kinds))| {
+        for x in 0..w {
+            let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            let id = centres.ids[y * w + x];
+            let hit = painter.hit(id, at);
+            depths[x] = hit.as_ref().map_or(1.0, |h| device_depth(h.view.z));
+            motions[x] = [painter.motion(hit.as_ref(), at), painter.camera_motion(hit.as_ref(), at)];
+            kinds[x] = hit.as_ref().map_or(SurfaceKind::Sky, Hit::kind);
+            let light = match &fine {
+                None => tone_map(painter.light(hit.as_ref(), at)),
+                Some(fine) => painter.mean(fine, x, y, s as usize),
+            };
+            colours[x] = srgb(light);
+        }
+    });
     let rgba = picture.into_flattened();
     let picture = Picture::from_rgba(width, height, rgba).expect("the buffer has the size that was asked for");
-    Frame { picture, depth, motion }
+    let (motion, camera_motion) = motion.into_iter().map(|[all, camera]| (all, camera)).unzip();
+    Frame { picture, depth, motion, camera_motion, surfaces }
 }
 
 /// All triangles in front of the eye, in the scene's order.
@@ -166,6 +187,12 @@ struct Hit<'a> {
     position: Vec3,
 }
 
+impl Hit<'_> {
+    fn kind(&self) -> SurfaceKind {
+        if self.chunk.held { SurfaceKind::Held } else { SurfaceKind::Still }
+    }
+}
+
 struct FrameRenderer<'a> {
     scene: &'a Scene,
     view: View,
@@ -201,11 +228,24 @@ impl FrameRenderer<'_> {
 
     /// Motion of the point seen at `at`: previous minus current pixel position.
     fn motion(&self, hit: Option<&Hit<'_>>, at: Vec2) -> Vec2 {
+        match hit {
+            Some(h) if h.chunk.held => self.motion_from(self.old_pose.apply(h.position), at),
+            hit => self.camera_motion(hit, at),
+        }
+    }
+
+    /// Motion of the point seen at `at` if it stood still in the world.
+    fn camera_motion(&self, hit: Option<&Hit<'_>>, at: Vec2) -> Vec2 {
         let was = match hit {
             None => self.previous.rotate(self.view.to_world(self.view.ray(at))),
-            Some(h) if h.chunk.held => self.old_pose.apply(h.position),
+            Some(h) if h.chunk.held => self.previous.to_view(self.view.eye + self.view.to_world(h.view)),
             Some(h) => self.previous.to_view(h.position),
         };
+        self.motion_from(was, at)
+    }
+
+    /// Motion to `at` from `was` in the previous view.
+    fn motion_from(&self, was: Vec3, at: Vec2) -> Vec2 {
         if was.z <= 1e-4 { Vec2::NAN } else { self.previous.project(was) - at }
     }
 
