@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use cairn::world::GuidanceSource;
-use scenes::FAMILIES;
+use scenes::LANDSCAPES;
 
 use super::TUNING;
 use super::measure::{Anchors, Record};
@@ -85,11 +85,11 @@ fn table(records: &[Record], anchors: Anchors, rows: &[Row], with_depth: bool) -
 /// Table of sources by family: end-point error, or frames.
 fn by_family(records: &[Record], value: Value, decimals: usize) -> Table {
     let mut head = vec!["motion"];
-    head.extend(FAMILIES.map(|family| family.name()));
+    head.extend(LANDSCAPES.map(|family| family.name()));
     let lines = ROWS.iter().take(SOURCES).map(|row| {
         let values = by_scene(records, Anchors::Drawn, *row, value);
         let mut line = vec![row.motion.name().to_owned()];
-        line.extend(FAMILIES.map(|family| {
+        line.extend(LANDSCAPES.map(|family| {
             let of: Vec<f64> = values.iter().filter(|(scene, _)| scene.family == family).map(|(_, v)| *v).collect();
             number(estimate(&of), decimals)
         }));

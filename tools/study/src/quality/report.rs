@@ -62,7 +62,7 @@ pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&st
 
 /// One table of scenes and one of other clips.
 fn tables(out: &mut String, table: &Table, multiplier: u32) {
-    let is_scene = |group: &String| scenes::FAMILIES.iter().any(|family| family.name() == group);
+    let is_scene = |group: &String| scenes::LANDSCAPES.iter().any(|family| family.name() == group);
     let (scenes, films): (Vec<String>, Vec<String>) = table.groups(multiplier).into_iter().partition(is_scene);
     for (groups, what) in [(scenes, "scenes"), (films, "film and game")] {
         if groups.is_empty() {
@@ -108,7 +108,7 @@ fn number(i: usize, value: f64) -> String {
 
 /// Differences between our rows and the others, paired by clip, over the scenes.
 fn differences(out: &mut String, table: &Table) {
-    let groups: Vec<String> = scenes::FAMILIES.iter().map(|family| family.name().to_owned()).collect();
+    let groups: Vec<String> = scenes::LANDSCAPES.iter().map(|family| family.name().to_owned()).collect();
     let mut lines = String::new();
     for own in [Kind::Flow, Kind::Truth] {
         for other in table.rows(2).into_iter().filter(|row| *row != own && *row != Kind::Truth) {

@@ -51,7 +51,7 @@ fn of_family(results: &[SceneResult], family: Family) -> impl Iterator<Item = &S
 }
 
 fn families(results: &[SceneResult]) -> Vec<Family> {
-    scenes::FAMILIES.into_iter().filter(|family| of_family(results, *family).next().is_some()).collect()
+    scenes::LANDSCAPES.into_iter().filter(|family| of_family(results, *family).next().is_some()).collect()
 }
 
 /// How all scenes of a family follow the controls along an axis.

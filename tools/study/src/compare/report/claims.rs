@@ -1,7 +1,7 @@
 //! The paper's claims, and whether the results support them.
 
 use cairn::Result;
-use scenes::{FAMILIES, Family};
+use scenes::{Family, LANDSCAPES};
 
 use super::super::branch::Branch;
 use super::super::score::SceneScores;
@@ -32,35 +32,35 @@ const CLAIMS: [Claim; 9] = [
         value: |f| f.adjacent_lpips,
         of: MAIN,
         more: false,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
     },
     Claim {
         words: "Anchors change less, too: lower LPIPS at 15 Hz in every scene (Table 6)",
         value: |f| f.anchor_lpips,
         of: MAIN,
         more: false,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
     },
     Claim {
         words: "Presented frames are more alike: higher adjacent SSIM in every scene (Table 7)",
         value: |f| f.adjacent_ssim,
         of: MAIN,
         more: true,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
     },
     Claim {
         words: "The world stays coherent longer (section 7): a later horizon in every scene",
         value: |f| f.horizon,
         of: MAIN,
         more: true,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
     },
     Claim {
         words: "The gain grows over time (section 7): the distance from the truth grows less in every scene",
         value: |f| f.divergence,
         of: MAIN,
         more: false,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
     },
     Claim {
         words: "Reconstruction is not what fails first (section 2): generated frames are nearer to the truth than the baseline's of \
@@ -68,14 +68,14 @@ const CLAIMS: [Claim; 9] = [
         value: |f| f.odd_lpips,
         of: MAIN,
         more: false,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
     },
     Claim {
         words: "The baseline drifts in brightness (section 7): less drift in every scene",
         value: |f| f.brightness_drift.map(f64::abs),
         of: MAIN,
         more: false,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
     },
     Claim {
         words: "Turns are seen earlier (Table 8) in forest, desert and snow",
@@ -263,7 +263,7 @@ mod tests {
     }
 
     fn first_verdict(scored: &[SceneScores], seconds: f64, random: bool) -> String {
-        let lines = of_figures(&FAMILIES, scored, seconds, random);
+        let lines = of_figures(&LANDSCAPES, scored, seconds, random);
         assert_eq!(lines.len(), CLAIMS.len());
         lines[0][2].clone()
     }
@@ -272,7 +272,7 @@ mod tests {
     fn a_claim_holds_where_it_holds_in_every_scene() {
         let all = |worst: f64| -> Vec<SceneScores> {
             let value = |family| if family == Family::Snow { worst } else { 0.1 };
-            FAMILIES.into_iter().map(|family| scored(family, 41, value(family), 0.2)).collect()
+            LANDSCAPES.into_iter().map(|family| scored(family, 41, value(family), 0.2)).collect()
         };
         assert_eq!(first_verdict(&all(0.1), 15.0, false), "holds");
         assert_eq!(first_verdict(&all(0.3), 15.0, false), "does not hold");
