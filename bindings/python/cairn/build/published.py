@@ -25,10 +25,12 @@ class Point:
 
 
 _ENGINE = "`world_engine`, PyTorch"
-_CARD = "the model's page"
-_QUARK = "`quark`, docs/WAYPOINT_15.md"
+_CARD = "[the model's page](https://huggingface.co/Overworld/Waypoint-1.5-1B)"
+_QUARK = "[quark](https://github.com/Overworldai/quark), page WAYPOINT_15"
 _CUDA = "`worldmodel.cu`, CUDA, 8 past latents"
-_CUDA_PAGE = "its docs/cuda_w8a8_optimization.md"
+_REPOSITORY = "[its repository](https://github.com/Wimacs/worldmodel.cu)"
+_CUDA_PAGE = f"{_REPOSITORY}, page cuda_w8a8_optimization"
+_MSTAR = "[its repository](https://github.com/mstar-project/mstar), page OPTIMIZATION_BACKLOG"
 _NOTES = "a user's notes; no page to name"
 
 POINTS = (
@@ -36,10 +38,10 @@ POINTS = (
     Point("GeForce RTX 5090", "720p", 16, "bfloat16", _ENGINE, _QUARK, 7.6, decoder=False),
     Point("GeForce RTX 4080 Laptop", "360p", 16, "bfloat16", _ENGINE, _NOTES, 74 / 4),
     Point(
-        "GeForce RTX 4090 D", "360p", 16, "float16 weights", _CUDA, "its docs/cuda_cutlass_kernels.md", 102.2 / 4, latents=8
+        "GeForce RTX 4090 D", "360p", 16, "float16 weights", _CUDA, f"{_REPOSITORY}, page cuda_cutlass_kernels", 102.2 / 4, latents=8
     ),
     Point("GeForce RTX 4090 D", "360p", 16, "float16 weights", _CUDA, _CUDA_PAGE, 98.94 / 4, latents=8),
-    Point("GeForce RTX 4090 D", "720p", 16, "float16 weights", _CUDA, "its docs", 32 / 4, latents=8),
+    Point("GeForce RTX 4090 D", "720p", 16, "float16 weights", _CUDA, f"{_REPOSITORY}, an earlier version", 32 / 4, latents=8),
     Point("GeForce RTX 4090 D", "720p", 16, "float16 weights", _CUDA, _CUDA_PAGE, 29.10 / 4, latents=8),
     Point(
         "GeForce RTX 4090 D",
@@ -47,12 +49,12 @@ POINTS = (
         16,
         "float16 weights",
         "`worldmodel.cu`, Vulkan, 8 past latents",
-        "its docs/vulkan_optimization.md",
+        f"{_REPOSITORY}, page vulkan_optimization",
         42.25 / 4,
         latents=8,
     ),
-    Point("H100", "360p", 16, "bfloat16", "`mstar`, a server that streams pictures", "its docs/waypoint", 3.268 * 15),
-    Point("H100", "720p", 16, "bfloat16", "`mstar`, a server that streams pictures", "its docs/waypoint", 0.570 * 15),
+    Point("H100", "360p", 16, "bfloat16", "`mstar`, a server that streams pictures", _MSTAR, 3.268 * 15),
+    Point("H100", "720p", 16, "bfloat16", "`mstar`, a server that streams pictures", _MSTAR, 0.570 * 15),
     Point("GeForce RTX 5090", "720p", 8, "w8a8", _ENGINE, _CARD, 72 / 4),
     Point("GeForce RTX 3090", "720p", 8, "w8a8", _ENGINE, _CARD, 30 / 4),
     Point("GeForce RTX 5090", "720p", 8, "float8", "`quark`", _QUARK, 13.8, decoder=False),
