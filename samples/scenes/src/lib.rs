@@ -1,17 +1,23 @@
 //! Procedural scenes with ground truth: colour, device depth and exact motion, drawn on the CPU.
 //!
-//! A [`Scene`] is made from a [`Family`] and a seed. A [`Walker`] turns controls into a camera. [`render`] draws a [`Frame`]: colour, depth, and
+//! A [`Scene`] is made from a [`Family`], a seed and a [`Cast`]: the things that move in it. A [`Walker`] turns controls into a camera. [`render`] draws a [`Frame`]: colour, depth, and
 //! motion to the previous frame. Everything is deterministic and independent of the thread count.
 #![warn(missing_docs)]
 
+mod actors;
+mod animation;
 pub mod camera;
+mod cast;
 mod clip;
 mod family;
+mod lamp;
 mod light;
 mod material;
 mod mesh;
 mod noise;
 mod objects;
+mod placement;
+mod pose;
 mod raster;
 mod render;
 mod scene;
@@ -19,6 +25,7 @@ mod shadow;
 mod terrain;
 mod walk;
 
+pub use cast::Cast;
 pub use clip::{Clip, ClipOptions, MAX_RATE};
 pub use family::{Family, LANDSCAPES, Weather};
 pub use render::{Frame, Moment, Quality, SurfaceKind, render};
