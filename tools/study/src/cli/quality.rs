@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use cairn::Result;
 use clap::Args;
 
-use super::{Subcommand, progress, stop_on_interrupt};
-use crate::quality::{self, Settings};
+use super::{Subcommand, print_outcome, progress, stop_on_interrupt};
+use crate::quality::{self, FloorSettings, Settings};
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
@@ -16,6 +16,9 @@ Examples:
 
   study quality --seeds 4 --clips forest,snow --rows built-in
       While the generator is worked on. Seed 4 is there for that; 5 to 7 are kept for the table.
+
+  study quality --floors
+      A dozen small frames against the least scores that are committed, in seconds; with --write, these scores anew.
 
   study quality --clips none --speed --check
       Times alone, with the ratios that are claimed.
@@ -47,6 +50,13 @@ pub(super) struct QualityArgs {
     /// One scene at a small size and what needs no other program, to see that everything works
     #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "speed", "publish"])]
     smoke: bool,
+    /// A dozen fixed frames of each of our rows against the committed floors in tools/study/floors.csv, and the page's claims
+    /// against the same frames; fails where one is worse
+    #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "lpips", "smoke", "check", "speed", "fresh", "publish"])]
+    floors: bool,
+    /// Write the floors from what is made now, instead of comparing
+    #[arg(long, requires = "floors")]
+    write: bool,
     /// Hold the table against what is claimed, and fail where it does not bear a claim out
     #[arg(long)]
     check: bool,
@@ -79,12 +89,28 @@ impl QualityArgs {
     }
 }
 
+impl QualityArgs {
+    /// Compares with the floors, or writes them.
+    fn floors(&self) -> Result<ExitCode> {
+        let settings = FloorSettings { write: self.write, out: self.out.join("floors"), fetch: true };
+        let outcome = quality::floors(&settings, &progress(self.quiet), stop_on_interrupt()?)?;
+        if outcome.interrupted {
+            return Ok(ExitCode::from(130));
+        }
+        print_outcome(&outcome.lines.iter().map(|line| format!("{line}\n")).collect::<String>(), &outcome.files);
+        Ok(ExitCode::from(u8::from(outcome.failed > 0)))
+    }
+}
+
 impl Subcommand for QualityArgs {
     fn check(&self) -> Result<()> {
         self.settings().check()
     }
 
     fn run(&self) -> Result<ExitCode> {
+        if self.floors {
+            return self.floors();
+        }
         let outcome = quality::run(&self.settings(), &progress(self.quiet), stop_on_interrupt()?)?;
         for left_out in &outcome.left_out {
             eprintln!("left out: {left_out}");

@@ -12,7 +12,9 @@
 mod claims;
 mod clips;
 mod figure;
+mod floors;
 mod measure;
+mod published;
 mod report;
 mod rows;
 mod speed;
@@ -31,6 +33,7 @@ use crate::media::{describe_io, encode_png};
 use crate::metrics::{Lpips, Net};
 use crate::progress::Progress;
 use clips::Scale;
+pub use floors::{FloorSettings, FloorsOutcome, floors};
 use measure::{Measurements, Plan};
 use rows::program::not_provided;
 use store::Store;
@@ -105,7 +108,11 @@ fn net(name: &str) -> Result<Option<Net>> {
 /// Loads LPIPS. Missing weights are fetched if that is allowed.
 fn open_lpips(settings: &Settings, progress: &Progress) -> Result<Option<Lpips>> {
     let Some(net) = net(&settings.lpips)? else { return Ok(None) };
-    if settings.smoke { Lpips::find(net) } else { inputs::lpips(net, progress) }.map(Some)
+    open_lpips_of(net, !settings.smoke, progress).map(Some)
+}
+
+fn open_lpips_of(net: Net, fetch: bool, progress: &Progress) -> Result<Lpips> {
+    if fetch { inputs::lpips(net, progress) } else { Lpips::find(net) }
 }
 
 /// Result of the measurement.
