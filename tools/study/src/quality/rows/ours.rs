@@ -4,11 +4,15 @@ use std::fs;
 
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::framegen::{AnchorPair, FrameGenerator, Outcome};
-use cairn::guidance::{Guidance, picture_flow};
+use cairn::guidance::{DepthMap, Guidance, LatentView, MotionField, MotionOrigin, paper, picture_flow};
+use cairn::runtime::{CpuOptions, Device};
+use cairn::world::{OperatingPoint, Preset, Rollout, World, WorldOptions};
 use cairn::{Error, ErrorKind, Picture, Result};
 
 use super::{Interval, Row};
+use crate::inputs;
 use crate::media::describe_io;
+use crate::progress::Progress;
 use crate::quality::clips::Phase;
 use crate::quality::store::digest;
 
@@ -77,6 +81,99 @@ impl Row for Truth {
         if let Some(before) = interval.before {
             pair = pair.with_previous_depth(before.depth())?;
         }
+        generate(&mut self.generator, &pair, phases)
+    }
+}
+
+/// The generator with zero motion and constant depth.
+pub(super) struct NoMotion {
+    build: String,
+    generator: CpuGenerator,
+}
+
+impl NoMotion {
+    pub(super) fn new() -> Result<Self> {
+        Ok(Self { build: build()?, generator: CpuGenerator::new() })
+    }
+}
+
+impl Row for NoMotion {
+    fn version(&self) -> String {
+        "this program".into()
+    }
+
+    fn key(&self) -> String {
+        self.build.clone()
+    }
+
+    fn make(&mut self, interval: &Interval<'_>, phases: &[Phase]) -> Result<Vec<Picture>> {
+        let (width, height) = interval.current().size();
+        let mut depth = DepthMap::new(width, height, picture_flow::PROJECTION)?;
+        depth.fill(picture_flow::FLAT_DEPTH);
+        // Constant depth is what optical flow has, so that this row differs from `cairn-flow` in motion only.
+        let guidance = Guidance::from_parts(MotionField::new(width, height)?, depth, MotionOrigin::OpticalFlow)?;
+        let pair = AnchorPair::new(interval.previous(), interval.current(), &guidance)?;
+        generate(&mut self.generator, &pair, phases)
+    }
+}
+
+/// The generator with the paper's motion and depth, from the latents that the embedded world's encoder makes of the anchors.
+pub(super) struct Paper {
+    build: String,
+    /// Name of the world whose encoder makes the latents.
+    world: String,
+    rollout: Rollout,
+    /// Channels, rows and columns of a latent.
+    shape: [usize; 3],
+    extractor: paper::Extractor,
+    generator: CpuGenerator,
+}
+
+impl Paper {
+    /// Loads the embedded world on the processor; ONNX Runtime is fetched if it is missing.
+    ///
+    /// # Errors
+    /// No ONNX Runtime.
+    pub(super) fn open(progress: &Progress) -> Result<Self> {
+        let (ort, _) = inputs::onnxruntime(progress)?;
+        let (bundle, _) = inputs::world(None, progress)?;
+        let global = &bundle.geometry().global;
+        // Only the encoder matters here, so the world has the smallest declared window.
+        let window = global.window.min(global.max_window);
+        let point = OperatingPoint { global_window: window, ..Preset::Coherence.operating_point() };
+        let device = Device::cpu(&ort, CpuOptions { threads: None, deterministic: true })?;
+        let options = WorldOptions { global_window: Some(window), ..WorldOptions::default() };
+        let world = World::load(&device, &bundle, options)?;
+        let latent = bundle.manifest().geometry.latent;
+        let shape = [latent.channels, latent.height, latent.width].map(|n| n as usize);
+        Ok(Self {
+            build: build()?,
+            world: bundle.manifest().name.clone(),
+            rollout: Rollout::new(&world, &point, 0)?,
+            shape,
+            extractor: paper::Extractor::new(),
+            generator: CpuGenerator::new(),
+        })
+    }
+}
+
+impl Row for Paper {
+    fn version(&self) -> String {
+        format!("this program, with the encoder of the world `{}`", self.world)
+    }
+
+    fn key(&self) -> String {
+        self.build.clone()
+    }
+
+    fn make(&mut self, interval: &Interval<'_>, phases: &[Phase]) -> Result<Vec<Picture>> {
+        let (width, height) = interval.current().size();
+        let [before, now] = [self.rollout.encode(interval.previous())?, self.rollout.encode(interval.current())?];
+        let [c, h, w] = self.shape;
+        let [before, now] = [LatentView::new(c, h, w, &before)?, LatentView::new(c, h, w, &now)?];
+        let mut guidance = Guidance::new(width, height, paper::PROJECTION)?;
+        self.extractor.extract(before, now, (width, height), &mut guidance)?;
+        let pair = AnchorPair::new(interval.previous(), interval.current(), &guidance)?;
         generate(&mut self.generator, &pair, phases)
     }
 }
