@@ -6,7 +6,11 @@
 
 pub mod camera;
 mod clip;
+pub mod edit;
+pub mod engine;
 mod family;
+pub mod film;
+pub mod hud;
 mod light;
 mod material;
 mod mesh;
@@ -19,7 +23,7 @@ mod shadow;
 mod terrain;
 mod walk;
 
-pub use clip::{Clip, ClipOptions, MAX_RATE};
+pub use clip::{Clip, ClipFrame, ClipOptions, Effects, MAX_RATE, TAA_PHASES};
 pub use family::{Family, LANDSCAPES, Weather};
 pub use render::{Frame, Moment, Quality, SurfaceKind, render};
 pub use scene::Scene;

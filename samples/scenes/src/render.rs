@@ -19,6 +19,35 @@ pub struct Moment {
     pub walked: f32,
     /// Seconds since the start; a held item also moves slightly with time.
     pub time: f32,
+    /// Number of the shot, counted from 0. A camera cut begins another one, and no point has motion from one shot to another.
+    pub shot: u32,
+    /// Shift of the picture's content in pixels, right and down: the sub-pixel camera jitter of temporal anti-aliasing. Zero without jitter.
+    pub jitter: Vec2,
+}
+
+impl Moment {
+    /// The camera's view for a picture of `width` x `height` pixels, with the jitter.
+    pub fn view(&self, width: u32, height: u32) -> View {
+        let view = self.camera.view(width, height);
+        View { centre: view.centre + self.jitter, ..view }
+    }
+
+    /// A moment on the straight line from this one to `later` of the same shot: at share `part`, 0 to 1, of camera position, angles, walk and
+    /// time. Everything else is that of `later`.
+    pub fn towards(&self, later: &Self, part: f32) -> Self {
+        let mix = |from: f32, to: f32| from + (to - from) * part;
+        Self {
+            camera: Camera {
+                position: self.camera.position.lerp(later.camera.position, part),
+                yaw: mix(self.camera.yaw, later.camera.yaw),
+                pitch: mix(self.camera.pitch, later.camera.pitch),
+                ..later.camera
+            },
+            walked: mix(self.walked, later.walked),
+            time: mix(self.time, later.time),
+            ..*later
+        }
+    }
 }
 
 /// One picture with its ground truth.
@@ -28,8 +57,8 @@ pub struct Frame {
     pub picture: Picture,
     /// Device depth of each pixel's centre, 0 at [`NEAR`] and 1 at [`crate::camera::FAR`]; the sky is 1.
     pub depth: Vec<f32>,
-    /// Motion of each pixel's centre, in pixels and y down: position of the same point in the previous picture minus its current position.
-    /// Non-finite if the point was behind the eye.
+    /// Motion of each pixel's centre, in pixels and y down: position of the same point in the previous picture minus its current position,
+    /// each with its picture's jitter. Non-finite if the point was behind the eye, and everywhere if the previous picture is of another shot.
     pub motion: Vec<Vec2>,
     /// The part of [`motion`](Self::motion) that the camera alone causes: motion of a point that stands still in the world. Same units and sign.
     pub camera_motion: Vec<Vec2>,
@@ -98,7 +127,7 @@ impl Pose {
 /// Uses all threads of the current rayon pool; the result does not depend on their number.
 pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: u32, quality: Quality) -> Frame {
     let s = quality.samples.clamp(1, 8);
-    let view = now.camera.view(width, height);
+    let view = now.view(width, height);
     let pose = Pose::at(now);
     let triangles = project(scene, &view, &pose, width, height);
     let (w, h) = (width as usize, height as usize);
@@ -108,8 +137,7 @@ pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: 
         scaled.par_iter_mut().for_each(|t| t.at.iter_mut().for_each(|p| *p *= s as f32));
         Visibility::draw(w * s as usize, h * s as usize, 0.0, &scaled)
     });
-    let painter =
-        FrameRenderer { scene, view, pose, previous: before.camera.view(width, height), old_pose: Pose::at(before) };
+    let painter = FrameRenderer { scene, view, pose, previous: before.view(width, height), old_pose: Pose::at(before) };
 
     let mut picture = vec![[0_u8; 4]; w * h];
     let mut depth = vec![1.0_f32; w * h];
@@ -133,6 +161,9 @@ pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: 
     });
     let rgba = picture.into_flattened();
     let picture = Picture::from_rgba(width, height, rgba).expect("the buffer has the size that was asked for");
+    if now.shot != before.shot {
+        motion.fill([Vec2::NAN; 2]);
+    }
     let (motion, camera_motion) = motion.into_iter().map(|[all, camera]| (all, camera)).unzip();
     Frame { picture, depth, motion, camera_motion, surfaces }
 }
@@ -140,7 +171,8 @@ pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: 
 /// All triangles in front of the eye, in the scene's order.
 fn project(scene: &Scene, view: &View, pose: &Pose, width: u32, height: u32) -> Vec<ScreenTriangle> {
     // Slopes of the view's sides, and the lengths of their normals.
-    let slope = Vec2::new(width as f32, height as f32) * 0.5 / view.focal;
+    let size = Vec2::new(width as f32, height as f32);
+    let slope = (size * 0.5 + (view.centre - size * 0.5).abs()) / view.focal;
     let length = (slope * slope + Vec2::ONE).map(f32::sqrt);
     let seen = |c: &&Chunk| {
         if c.held {

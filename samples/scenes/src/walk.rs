@@ -1,5 +1,7 @@
 //! From controls to a camera: a walker on the path.
 
+use std::str::FromStr;
+
 use cairn::world::{ControlInput, Key};
 use glam::{Vec2, Vec3};
 
@@ -27,6 +29,25 @@ pub struct Start {
     pub at: Vec2,
     /// Direction of view in radians: 0 is north, positive turns to the east.
     pub yaw: f32,
+}
+
+impl Start {
+    /// Maximum distance of a start from the origin, east or north, in metres: the finely meshed ground.
+    pub const FARTHEST: f32 = 96.0;
+}
+
+impl FromStr for Start {
+    type Err = String;
+
+    /// From `EAST,NORTH,YAW`: metres from the origin, at most [`Start::FARTHEST`], and degrees from north to the east.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong =
+            || format!("{text} is no start. Write EAST,NORTH,YAW in metres, at most {}, and degrees", Self::FARTHEST);
+        let numbers: Vec<f32> = text.split(',').map(|t| t.parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
+        let &[east, north, yaw] = numbers.as_slice() else { return Err(wrong()) };
+        let inside = [east, north].iter().all(|metres| metres.abs() <= Self::FARTHEST) && yaw.is_finite();
+        inside.then(|| Self { at: Vec2::new(east, north), yaw: yaw.to_radians() }).ok_or_else(wrong)
+    }
 }
 
 /// Moves `at` to the edge of each obstacle that contains it.
@@ -76,6 +97,11 @@ impl Walker {
         }
     }
 
+    /// A walker who stands at `start` at this one's time.
+    pub(crate) fn jumped(&self, scene: &Scene, start: Start) -> Self {
+        Self { time: self.time, ..Self::starting_at(scene, start) }
+    }
+
     /// Advances by `seconds` with `input`: the mouse motion and the keys held during that time.
     ///
     /// W, A, S and D walk, shift runs, the mouse turns and tilts. Steps should be 1/60 s or shorter.
@@ -112,6 +138,22 @@ impl Walker {
             },
             walked: self.walked,
             time: self.time as f32,
+            shot: 0,
+            jitter: Vec2::ZERO,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_start_is_two_distances_and_an_angle() {
+        let found: Start = "-12.5,96,180".parse().unwrap();
+        assert_eq!((found.at.x, found.at.y, found.yaw), (-12.5, 96.0, std::f32::consts::PI));
+        for wrong in ["", "1,2", "1,2,3,4", "a,0,0", "97,0,0", "0,-97,0", "NaN,0,0", "0,0,inf"] {
+            assert!(wrong.parse::<Start>().is_err(), "{wrong}");
         }
     }
 }
