@@ -14,7 +14,9 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use scenes::edit::EditList;
 use scenes::engine::{Engine, EngineOptions, MotionFormat};
 use scenes::film::{FilmGrain, FilmOptions, MotionBlur};
-use scenes::{Clip, ClipFrame, ClipOptions, Effects, Family, Frame, LANDSCAPES, MAX_RATE, Quality, Scene, Start};
+use scenes::{
+    Cast, Clip, ClipFrame, ClipOptions, Effects, FAMILIES, Family, Frame, LANDSCAPES, MAX_RATE, Quality, Scene, Start,
+};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -34,7 +36,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// One picture of all four scenes, three moments of each.
+    /// One picture of the four landscapes or, with a cast, of all kinds of place; three moments of each.
     Sheet {
         /// The PNG to write.
         #[arg(long, default_value = "scenes.png")]
@@ -42,6 +44,9 @@ enum Command {
         /// Which place of each kind.
         #[arg(long, default_value_t = 1)]
         seed: u64,
+        /// What moves: all, none, or some of figures, birds, bodies, wind, doors, lights with commas between.
+        #[arg(long, default_value_t = Cast::none())]
+        cast: Cast,
     },
     /// A walk as numbered PNG files with depth and motion, or as raw RGB.
     Clip(Box<ClipArguments>),
@@ -49,12 +54,15 @@ enum Command {
 
 #[derive(Args)]
 struct ClipArguments {
-    /// forest, sword, desert or snow.
+    /// forest, sword, desert, snow, indoors or town.
     #[arg(long)]
     scene: Family,
     /// Which place of that kind.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// What moves: all, none, or some of figures, birds, bodies, wind, doors, lights with commas between.
+    #[arg(long, default_value_t = Cast::none())]
+    cast: Cast,
     /// The control script; without one, the scene's own.
     #[arg(long)]
     script: Option<PathBuf>,
@@ -232,19 +240,9 @@ fn size(text: &str) -> Result<(u32, u32), String> {
         .ok_or_else(|| format!("{text} is no size. Write WIDTHxHEIGHT, each 1 to 8192, such as 640x360"))
 }
 
-/// Script of a scene.
-fn own_script(family: Family) -> &'static str {
-    match family {
-        Family::Forest => include_str!("../../scripts/forest.txt"),
-        Family::Sword => include_str!("../../scripts/sword.txt"),
-        Family::Desert => include_str!("../../scripts/desert.txt"),
-        Family::Snow => include_str!("../../scripts/snow.txt"),
-    }
-}
-
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
-        Command::Sheet { out, seed } => sheet(&out, seed),
+        Command::Sheet { out, seed, cast } => sheet(&out, seed, cast),
         Command::Clip(arguments) => clip(&arguments),
     };
     match result {
@@ -261,15 +259,16 @@ fn save(path: &Path, picture: &Picture) -> Outcome<()> {
     Ok(image::save_buffer(path, &rgb, picture.width(), picture.height(), image::ColorType::Rgb8)?)
 }
 
-fn sheet(out: &Path, seed: u64) -> Outcome<()> {
+fn sheet(out: &Path, seed: u64, cast: Cast) -> Outcome<()> {
     const GAP: u32 = 6;
     let (w, h) = (384, 216);
-    let (columns, rows) = (3, LANDSCAPES.len() as u32);
+    let families = if cast == Cast::none() { &LANDSCAPES[..] } else { &FAMILIES[..] };
+    let (columns, rows) = (3, families.len() as u32);
     let mut sheet = Picture::new(columns * (w + GAP) - GAP, rows * (h + GAP) - GAP)?;
     let width = sheet.width() as usize;
-    for (row, family) in LANDSCAPES.into_iter().enumerate() {
-        let scene = Scene::new(family, seed);
-        let script = ControlScript::parse(own_script(family))?;
+    for (row, family) in families.iter().copied().enumerate() {
+        let scene = Scene::with_cast(family, seed, cast);
+        let script = ControlScript::parse(family.script())?;
         let options =
             ClipOptions { width: w, height: h, rate: 30, quality: Quality { samples: 3 }, ..Default::default() };
         let mut walk = Clip::new(&scene, &script, options).ok_or("30 pictures a second are in range")?;
@@ -298,7 +297,7 @@ fn clip(a: &ClipArguments) -> Outcome<()> {
             let bytes = fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
             ControlScript::parse_bytes(&bytes)?
         }
-        None => ControlScript::parse(own_script(a.scene))?,
+        None => ControlScript::parse(a.scene.script())?,
     };
     if !(0.0..=3600.0).contains(&a.seconds) {
         return Err("--seconds must be from 0 to 3600".into());
@@ -306,7 +305,7 @@ fn clip(a: &ClipArguments) -> Outcome<()> {
     if let Some(path) = &a.controls {
         fs::write(path, controls(&script, a.seconds)?).map_err(|e| format!("{}: {e}", path.display()))?;
     }
-    let scene = Scene::new(a.scene, a.seed);
+    let scene = Scene::with_cast(a.scene, a.seed, a.cast);
     let options = ClipOptions {
         width: a.size.0,
         height: a.size.1,

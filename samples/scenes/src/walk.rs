@@ -59,6 +59,24 @@ fn out_of_obstacles(scene: &Scene, mut at: Vec2) -> Vec2 {
             at = centre + away.normalize_or(Vec2::X) * room;
         }
     }
+    for &(low, high) in &scene.walls {
+        if low.y > EYE || high.y < 0.2 {
+            continue;
+        }
+        let room = 0.3;
+        let (low, high) = (Vec2::new(low.x, low.z) - room, Vec2::new(high.x, high.z) + room);
+        if at.cmpgt(low).all() && at.cmplt(high).all() {
+            // Out by the nearest side.
+            let sides = [at.x - low.x, high.x - at.x, at.y - low.y, high.y - at.y];
+            let nearest = (0..4).min_by(|a, b| sides[*a].total_cmp(&sides[*b]));
+            match nearest {
+                Some(0) => at.x = low.x,
+                Some(1) => at.x = high.x,
+                Some(2) => at.y = low.y,
+                _ => at.y = high.y,
+            }
+        }
+    }
     at
 }
 
