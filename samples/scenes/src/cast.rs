@@ -18,29 +18,52 @@ pub struct Cast {
     pub doors: bool,
     /// Moving lights: a headlamp, and a lantern in the hand of the first figure (with [`figures`](Self::figures)).
     pub lights: bool,
+    /// Smoke and sparks, and flakes or dust in the air: alpha-blended, without motion of their own.
+    pub particles: bool,
+    /// A weapon's muzzle that flashes in view, with its light on the surroundings.
+    pub flashes: bool,
+    /// A basin or puddles with rippling water that mirrors the scene.
+    pub water: bool,
 }
 
 /// Names of the members with access to their switches.
 type Member = (&'static str, fn(&mut Cast) -> &mut bool);
 
-const MEMBERS: [Member; 6] = [
+const MEMBERS: [Member; 9] = [
     ("figures", |cast| &mut cast.figures),
     ("birds", |cast| &mut cast.birds),
     ("bodies", |cast| &mut cast.bodies),
     ("wind", |cast| &mut cast.wind),
     ("doors", |cast| &mut cast.doors),
     ("lights", |cast| &mut cast.lights),
+    ("particles", |cast| &mut cast.particles),
+    ("flashes", |cast| &mut cast.flashes),
+    ("water", |cast| &mut cast.water),
 ];
 
 impl Cast {
     /// Nothing moves but the camera.
     pub const fn none() -> Self {
-        Self { figures: false, birds: false, bodies: false, wind: false, doors: false, lights: false }
+        Self::uniform(false)
     }
 
     /// Everything that can move does.
     pub const fn all() -> Self {
-        Self { figures: true, birds: true, bodies: true, wind: true, doors: true, lights: true }
+        Self::uniform(true)
+    }
+
+    const fn uniform(on: bool) -> Self {
+        Self {
+            figures: on,
+            birds: on,
+            bodies: on,
+            wind: on,
+            doors: on,
+            lights: on,
+            particles: on,
+            flashes: on,
+            water: on,
+        }
     }
 }
 

@@ -3,6 +3,9 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use crate::camera::View;
+use crate::material::Material;
+use crate::render::Frustum;
 use crate::scene::{Chunk, Scene};
 
 /// A bounding sphere: centre and radius in metres.
@@ -58,6 +61,12 @@ impl<'a> FrameGeometry<'a> {
     pub(crate) fn locate(&self, id: u32) -> (usize, usize) {
         let chunk = self.chunks.partition_point(|c| c.first <= id) - 1;
         (chunk, (id - self.chunks[chunk].first) as usize)
+    }
+
+    /// Whether water may be in view.
+    pub(crate) fn shows_water(&self, view: &View, frustum: &Frustum) -> bool {
+        let is_water = |chunk: &&Chunk| chunk.mesh.materials.first().is_some_and(|s| s.material == Material::Water);
+        self.chunks.iter().filter(is_water).any(|chunk| frustum.shows(view, chunk.ball().0, chunk.ball().1))
     }
 
     /// The chunk at both times, if it moves and is near.

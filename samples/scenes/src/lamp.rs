@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use crate::animation::{Animation, bone};
+use crate::particles;
 use crate::pose::Pose;
 use crate::render::Moment;
 use crate::scene::Chunk;
@@ -16,6 +17,8 @@ pub(crate) enum Mount {
     Lantern(usize),
     /// On the viewer's head, shining along the view.
     Headlamp,
+    /// At the muzzle of a weapon held in view; lit while it flashes.
+    Muzzle,
 }
 
 /// A lamp.
@@ -51,9 +54,14 @@ const CONE: [f32; 2] = [0.95, 0.84];
 impl Lamp {
     /// The lamp at `moment`.
     pub(crate) fn at(&self, moment: &Moment, chunks: &[Chunk], walls: &Walls) -> LitLamp {
+        let mut light = self.light;
         let (position, axis) = match self.mount {
             Mount::Fixed(at) => (at, None),
             Mount::Lantern(chunk) => (lantern(&chunks[chunk], moment.time), None),
+            Mount::Muzzle => {
+                light *= particles::flash(moment.time);
+                (particles::muzzle(&moment.camera.view(1, 1)), None)
+            }
             Mount::Headlamp => {
                 let view = moment.camera.view(1, 1);
                 (view.eye + view.axes[1] * 0.12, Some(view.axes[2]))
@@ -62,7 +70,7 @@ impl Lamp {
         let near = |(low, high): &&(Vec3, Vec3)| position.clamp(*low, *high).distance(position) < self.reach;
         LitLamp {
             position,
-            light: self.light,
+            light,
             reach: self.reach,
             axis,
             moves: !matches!(self.mount, Mount::Fixed(_)),
@@ -94,7 +102,7 @@ impl LitLamp {
             let t = ((-direction.dot(axis) - CONE[1]) / (CONE[0] - CONE[1])).clamp(0.0, 1.0);
             t * t
         });
-        if cone * fade <= 0.0 {
+        if cone * fade <= 0.0 || self.light == Vec3::ZERO {
             return None;
         }
         let from = p + normal * 0.02;

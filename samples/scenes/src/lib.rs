@@ -21,6 +21,7 @@ mod material;
 mod mesh;
 mod noise;
 mod objects;
+mod particles;
 mod placement;
 mod places;
 mod pose;
@@ -30,6 +31,7 @@ mod scene;
 mod shadow;
 mod terrain;
 mod walk;
+mod water;
 
 pub use cast::Cast;
 pub use clip::{Clip, ClipFrame, ClipOptions, Effects, MAX_RATE, TAA_PHASES};

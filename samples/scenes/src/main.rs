@@ -44,7 +44,7 @@ enum Command {
         /// Which place of each kind.
         #[arg(long, default_value_t = 1)]
         seed: u64,
-        /// What moves: all, none, or some of figures, birds, bodies, wind, doors, lights with commas between.
+        /// What moves: all, none, or some of figures, birds, bodies, wind, doors, lights, particles, flashes, water with commas between.
         #[arg(long, default_value_t = Cast::none())]
         cast: Cast,
     },
@@ -60,7 +60,7 @@ struct ClipArguments {
     /// Which place of that kind.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// What moves: all, none, or some of figures, birds, bodies, wind, doors, lights with commas between.
+    /// What moves: all, none, or some of figures, birds, bodies, wind, doors, lights, particles, flashes, water with commas between.
     #[arg(long, default_value_t = Cast::none())]
     cast: Cast,
     /// The control script; without one, the scene's own.

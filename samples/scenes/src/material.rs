@@ -65,6 +65,8 @@ pub enum Material {
     Asphalt,
     /// Glossy paint, in a colour by variant.
     Paint,
+    /// Still water, which mirrors.
+    Water,
 }
 
 /// Material properties at one point.
@@ -181,6 +183,7 @@ pub(crate) fn material_at(material: Material, variant: u8, p: Vec3, normal: Vec3
             MaterialSample { albedo: base * (1.0 + 0.4 * grain(11.0, 3)), gloss: 0.05, translucency: 0.0 }
         }
         Material::Glow => MaterialSample::matte(Vec3::splat(0.6)),
+        Material::Water => MaterialSample { albedo: Vec3::new(0.030, 0.055, 0.060), gloss: 1.0, translucency: 0.0 },
         Material::Plaster => {
             let base = PLASTER[usize::from(variant % 4)];
             MaterialSample::matte(base * (1.0 + 0.22 * grain(0.9, 3) + 0.22 * grain(9.0, 3)))

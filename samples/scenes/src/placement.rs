@@ -11,8 +11,10 @@ use crate::animation::{Animation, Bird, Body, Figure, Rig};
 use crate::cast::Cast;
 use crate::family::Family;
 use crate::lamp::{Lamp, Mount};
-use crate::mesh::Mesh;
+use crate::material::Material;
+use crate::mesh::{Mesh, Surface};
 use crate::noise::Rng;
+use crate::particles::{AirKind, Emitter};
 use crate::pose::Route;
 use crate::scene::{Chunk, Scene};
 use crate::terrain::Terrain;
@@ -63,6 +65,23 @@ pub(crate) fn populate(scene: &mut Scene, cast: Cast) {
     }
     if cast.doors {
         stage.gates(&mut rng(5));
+    }
+    if cast.water {
+        stage.water(&mut rng(6));
+    }
+    if cast.particles {
+        stage.fires(&mut rng(7));
+        let (kind, count) = match stage.scene.family {
+            Family::Snow => (AirKind::Snow, 1400),
+            Family::Town => (AirKind::Snow, 700),
+            _ => (AirKind::Dust, 500),
+        };
+        stage.scene.emitters.push(Emitter::Air { kind, count, seed: seed as u32 });
+    }
+    if cast.flashes {
+        let light = Vec3::new(1.0, 0.72, 0.36) * if stage.scene.family.is_dark() { 5.0 } else { 22.0 };
+        stage.scene.lamps.push(Lamp { mount: Mount::Muzzle, light, reach: 12.0 });
+        stage.scene.emitters.push(Emitter::Muzzle);
     }
     if cast.lights {
         let light = Vec3::new(1.0, 0.93, 0.80) * if stage.scene.family.is_dark() { 3.0 } else { 16.0 };
@@ -268,6 +287,83 @@ impl Stage<'_> {
         }
     }
 
+    /// Water beside the walk: a stone basin or, on a street, puddles. All of it lies at one height, so that one mirror image serves it.
+    fn water(&mut self, rng: &mut Rng) {
+        let surface = Surface { material: Material::Water, variant: 0 };
+        let mut mesh = Mesh::default();
+        if self.scene.family == Family::Town {
+            let height = 0.034;
+            for k in 0..14 {
+                let at = self.spot(k as f32).ahead(rng.range(3.0, 7.0), rng.range(-0.45, 0.45));
+                pool(&mut mesh, Vec3::new(at.x, height, at.y), rng.range(0.5, 1.3), 0.28, rng, surface);
+            }
+            self.scene.water = Some(height);
+        } else {
+            let radius = if self.scene.family == Family::Indoors { 1.1 } else { 2.0 };
+            let mut best: Option<(i32, Vec2)> = None;
+            for _ in 0..96 {
+                let spot = self.spot(rng.range(0.5, 12.0));
+                let at = spot.ahead(rng.range(4.0, 8.0), rng.range(-0.55, 0.55));
+                let bumps = self.times().filter(|(_, spot)| spot.at.distance(at) < radius + 0.8).count() as i32;
+                let score = self.meetings(|_| at) - 30 * i32::from(self.is_taken(at, radius + 0.3)) - 6 * bumps;
+                if best.is_none_or(|(least, _)| score > least) {
+                    best = Some((score, at));
+                }
+            }
+            let Some((_, at)) = best else { return };
+            let ring = (0..12).map(|n| Vec2::from_angle(n as f32 * TAU / 12.0) * radius + at);
+            let (low, high) = ring
+                .chain([at])
+                .map(|p| self.ground.mesh_height(p))
+                .fold((f32::MAX, f32::MIN), |(low, high), h| (low.min(h), high.max(h)));
+            let height = high + 0.24;
+            pool(&mut mesh, Vec3::new(at.x, height, at.y), radius, 0.0, rng, surface);
+            let mut rim = Mesh::default();
+            for n in 0..16 {
+                let turn = n as f32 * TAU / 16.0;
+                let mut stone = Mesh::default();
+                let half = radius * (TAU / 32.0).tan() * 1.02;
+                let block = Surface { material: Material::Rock, variant: (rng.bits() & 255) as u8 };
+                stone.block(
+                    Vec3::new(-half, low - height - 0.3, -0.16),
+                    Vec3::new(half, rng.range(0.09, 0.12), 0.16),
+                    block,
+                );
+                let centre = Vec2::new(turn.sin(), turn.cos()) * (radius + 0.1) + at;
+                rim.add_instance(&stone, Vec3::new(centre.x, height, centre.y), Mat3::from_rotation_y(turn), Vec3::ONE);
+            }
+            self.scene.chunks.push(Chunk::new(rim, false));
+            self.scene.obstacles.push((at, radius + 0.2));
+            self.scene.water = Some(height);
+        }
+        self.scene.chunks.push(Chunk::new(mesh, false));
+    }
+
+    /// Small fires beside the walk.
+    fn fires(&mut self, rng: &mut Rng) {
+        for k in 0..4 {
+            let spot = self.spot(1.0 + 3.5 * k as f32);
+            let mut best: Option<(i32, Vec2)> = None;
+            for _ in 0..32 {
+                let at = spot.ahead(rng.range(4.0, 8.0), rng.range(-0.55, 0.55));
+                let bumps = self.times().filter(|(_, spot)| spot.at.distance(at) < 1.0).count() as i32;
+                let score = self.meetings(|_| at) - 20 * i32::from(self.is_taken(at, 0.5)) - 4 * bumps;
+                if best.is_none_or(|(least, _)| score > least) {
+                    best = Some((score, at));
+                }
+            }
+            let Some((_, at)) = best else { continue };
+            let foot = Vec3::new(at.x, self.ground.mesh_height(at), at.y);
+            let mut bowl = Mesh::default();
+            let iron = Surface { material: Material::Leather, variant: 6 };
+            bowl.tube(&[(foot, 0.1), (foot + Vec3::Y * 0.35, 0.12), (foot + Vec3::Y * 0.55, 0.3)], 12, 0.0, 1, iron);
+            let ember = Surface { material: Material::Glow, variant: 0 };
+            bowl.block(foot + Vec3::new(-0.17, 0.55, -0.17), foot + Vec3::new(0.17, 0.69, 0.17), ember);
+            self.scene.chunks.push(Chunk::new(bowl, false));
+            self.scene.emitters.push(Emitter::Fire { at: foot + Vec3::Y * 0.65, seed: rng.bits() });
+        }
+    }
+
     /// Gates across the walk that open before the viewer.
     fn gates(&mut self, rng: &mut Rng) {
         if matches!(self.scene.family, Family::Indoors | Family::Town) {
@@ -293,5 +389,22 @@ impl Stage<'_> {
             let leaf = actors::gate_leaf(width, rng);
             self.push(leaf, Animation::Rigid(body));
         }
+    }
+}
+
+/// A level surface of about `radius` metres with an outline that varies by the fraction `rough`.
+fn pool(mesh: &mut Mesh, centre: Vec3, radius: f32, rough: f32, rng: &mut Rng, surface: Surface) {
+    const SIDES: u32 = 32;
+    let phases = [rng.range(0.0, TAU), rng.range(0.0, TAU)];
+    let middle = mesh.vertex(centre, Vec3::Y);
+    let rim: Vec<u32> = (0..SIDES)
+        .map(|n| {
+            let turn = n as f32 * TAU / SIDES as f32;
+            let out = radius * (1.0 + rough * ((2.0 * turn + phases[0]).sin() + 0.6 * (5.0 * turn + phases[1]).sin()));
+            mesh.vertex(centre + Vec3::new(turn.sin(), 0.0, turn.cos()) * out, Vec3::Y)
+        })
+        .collect();
+    for n in 0..rim.len() {
+        mesh.triangle([middle, rim[n], rim[(n + 1) % rim.len()]], surface);
     }
 }

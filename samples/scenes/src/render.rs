@@ -1,18 +1,22 @@
 //! Renders a scene: colour, device depth and exact motion.
 
+use std::sync::Arc;
+
 use cairn::Picture;
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::camera::{Camera, NEAR, View, device_depth};
+use crate::camera::{Camera, FAR, NEAR, View, device_depth};
 use crate::geometry::{FrameGeometry, MovedChunk};
 use crate::lamp::LitLamp;
 use crate::light::{SurfacePoint, srgb, tone_map};
 use crate::material::{Material, emission, material_at};
+use crate::particles::ParticleLayer;
 use crate::pose::Pose;
-use crate::raster::{SKY, ScreenTriangle, Visibility, clip_near};
+use crate::raster::{SKY, ScreenTriangle, Visibility, clip};
 use crate::scene::{Chunk, Scene};
 use crate::shadow::ShadowMap;
+use crate::water;
 
 /// Camera and walk state at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,6 +75,8 @@ pub struct Frame {
     /// Whether the colour at the pixel's centre may change without motion: a moving shadow or a moving lamp falls on it, or its surface mirrors what
     /// is around it (gloss above [`MIRRORS`]), which depends on the direction of view.
     pub changing_light: Vec<bool>,
+    /// Share of alpha-blended particles in each pixel's colour, 0 to 1.
+    pub particle_cover: Vec<f32>,
 }
 
 /// What a pixel shows, as a game engine's renderer tells its passes apart.
@@ -138,7 +144,7 @@ pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: 
             .collect();
         map.cast(&casters);
     }
-    let triangles = project(&geometry, &view, &frustum, &pose);
+    let triangles = project(&geometry, &view, &frustum, &pose, None);
     let (w, h) = (width as usize, height as usize);
     let centres = Visibility::draw(w, h, 0.0, &triangles);
     let fine = (s > 1).then(|| {
@@ -146,22 +152,32 @@ pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: 
         scaled.par_iter_mut().for_each(|t| t.at.iter_mut().for_each(|p| *p *= s as f32));
         Visibility::draw(w * s as usize, h * s as usize, 0.0, &scaled)
     });
-    let lamps = scene.lamps.iter().map(|lamp| lamp.at(now, &scene.chunks, &scene.walls)).collect();
-    let painter = FrameRenderer {
+    let lamps: Vec<LitLamp> = scene.lamps.iter().map(|lamp| lamp.at(now, &scene.chunks, &scene.walls)).collect();
+    let mut painter = FrameRenderer {
         scene,
         geometry: &geometry,
-        moving_shadow,
-        lamps,
+        moving_shadow: moving_shadow.as_ref(),
+        lamps: &lamps,
         view,
         pose,
         previous: before.view(width, height),
         old_pose: held_pose(before),
+        time: now.time,
+        reflection: None,
     };
+    if let Some(level) = scene.water.filter(|level| *level < view.eye.y && geometry.shows_water(&view, &frustum)) {
+        let mirrored = water::mirrored_view(&view, level);
+        let above = project(&geometry, &mirrored, &frustum, &pose, Some(level + ABOVE_WATER));
+        let renderer = FrameRenderer { view: mirrored, ..painter.clone() };
+        painter.reflection = Some(Arc::new(Reflection { seen: Visibility::draw(w, h, 0.0, &above), renderer }));
+    }
+    let particles = (!scene.emitters.is_empty())
+        .then(|| ParticleLayer::new(&scene.emitters, now, &view, height, |p| painter.particle_light(p)));
 
     let mut picture = vec![[0_u8; 4]; w * h];
     let mut depth = vec![1.0_f32; w * h];
     let mut motion = vec![[Vec2::ZERO; 2]; w * h];
-    let mut seen = vec![(SurfaceKind::Sky, false); w * h];
+    let mut seen = vec![(SurfaceKind::Sky, false, 0.0); w * h];
     let rows = picture.par_chunks_mut(w).zip(depth.par_chunks_mut(w)).zip(motion.par_chunks_mut(w));
     rows.zip(seen.par_chunks_mut(w)).enumerate().for_each(|(y, (((colours, depths), motions), seen))| {
         for x in 0..w {
@@ -170,12 +186,19 @@ pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: 
             let hit = painter.hit(id, at);
             depths[x] = hit.as_ref().map_or(1.0, |h| device_depth(h.view.z));
             motions[x] = [painter.motion(hit.as_ref(), at), painter.camera_motion(hit.as_ref(), at)];
-            seen[x] = hit.as_ref().map_or((SurfaceKind::Sky, false), |h| (h.kind(), painter.has_changing_light(h)));
-            let light = match &fine {
+            let mut light = match &fine {
                 None => tone_map(painter.light(hit.as_ref(), at)),
                 Some(fine) => painter.mean(fine, x, y, s as usize),
             };
+            let mut cover = 0.0;
+            if let Some(particles) = &particles {
+                (light, cover) = particles.over(light, at, hit.as_ref().map_or(FAR, |h| h.view.z));
+            }
             colours[x] = srgb(light);
+            seen[x] = match &hit {
+                None => (SurfaceKind::Sky, false, cover),
+                Some(h) => (h.kind(), painter.has_changing_light(h), cover),
+            };
         }
     });
     let rgba = picture.into_flattened();
@@ -184,15 +207,20 @@ pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: 
         motion.fill([Vec2::NAN; 2]);
     }
     let (motion, camera_motion) = motion.into_iter().map(|[all, camera]| (all, camera)).unzip();
-    let (surfaces, changing_light) = seen.into_iter().unzip();
-    Frame { picture, depth, motion, camera_motion, surfaces, changing_light }
+    let surfaces = seen.iter().map(|(kind, ..)| *kind).collect();
+    let changing_light = seen.iter().map(|(_, changes, _)| *changes).collect();
+    let particle_cover = seen.iter().map(|(.., cover)| *cover).collect();
+    Frame { picture, depth, motion, camera_motion, surfaces, changing_light, particle_cover }
 }
 
 /// Distance ahead of the viewer of the centre of the moving things' shadow map, in metres.
 const SHADOW_LEAD: f32 = 22.0;
 
+/// Height over the water from which on things are mirrored, in metres: what is level with it is not.
+const ABOVE_WATER: f32 = 0.004;
+
 /// The pyramid that a view shows.
-struct Frustum {
+pub(crate) struct Frustum {
     /// Slopes of the sides.
     slope: Vec2,
     /// Lengths of the sides' normals.
@@ -207,7 +235,7 @@ impl Frustum {
     }
 
     /// Whether a ball may be in view.
-    fn shows(&self, view: &View, centre: Vec3, radius: f32) -> bool {
+    pub(crate) fn shows(&self, view: &View, centre: Vec3, radius: f32) -> bool {
         let v = view.to_view(centre);
         v.z > NEAR - radius
             && v.x.abs() < v.z * self.slope.x + radius * self.length.x
@@ -215,23 +243,38 @@ impl Frustum {
     }
 }
 
-/// All triangles in front of the eye, in the scene's order.
-fn project(geometry: &FrameGeometry<'_>, view: &View, frustum: &Frustum, pose: &Pose) -> Vec<ScreenTriangle> {
+/// All triangles in front of the eye, in the scene's order. `above`: only what is higher than this, in metres, and not held.
+fn project(
+    geometry: &FrameGeometry<'_>,
+    view: &View,
+    frustum: &Frustum,
+    pose: &Pose,
+    above: Option<f32>,
+) -> Vec<ScreenTriangle> {
     let parts: Vec<Vec<ScreenTriangle>> = (geometry.chunks.par_iter().enumerate())
         .filter_map(|(n, chunk)| {
             let (positions, (centre, radius)) = geometry.placed(n)?;
-            if !chunk.held && !frustum.shows(view, centre, radius) {
+            if !chunk.held && !frustum.shows(view, centre, radius) || above.is_some() && chunk.held {
                 return None;
             }
+            let above = above.filter(|level| centre.y - radius < *level);
             let placed: Vec<Vec3> =
                 positions.iter().map(|&p| if chunk.held { pose.apply(p) } else { view.to_view(p) }).collect();
             let mut out = Vec::with_capacity(chunk.mesh.triangles.len());
             for (k, t) in chunk.mesh.triangles.iter().enumerate() {
-                clip_near(t.map(|i| placed[i as usize]), NEAR, |corners| {
-                    let at = corners.map(|p| view.project(p));
-                    let near = corners.map(|p| 1.0 / p.z);
-                    out.push(ScreenTriangle { at, near, id: chunk.first + k as u32 });
-                });
+                let mut add = |corners: [Vec3; 3]| {
+                    clip(corners, 2, NEAR, |corners| {
+                        let at = corners.map(|p| view.project(p));
+                        let near = corners.map(|p| 1.0 / p.z);
+                        out.push(ScreenTriangle { at, near, id: chunk.first + k as u32 });
+                    });
+                };
+                match above {
+                    None => add(t.map(|i| placed[i as usize])),
+                    Some(level) => {
+                        clip(t.map(|i| positions[i as usize]), 1, level, |parts| add(parts.map(|p| view.to_view(p))));
+                    }
+                }
             }
             Some(out)
         })
@@ -272,16 +315,27 @@ impl Hit<'_> {
     }
 }
 
+#[derive(Clone)]
 struct FrameRenderer<'a> {
     scene: &'a Scene,
     geometry: &'a FrameGeometry<'a>,
     /// Shadows of what moves near the viewer, if anything in the scene moves.
-    moving_shadow: Option<ShadowMap>,
-    lamps: Vec<LitLamp>,
+    moving_shadow: Option<&'a ShadowMap>,
+    lamps: &'a [LitLamp],
     view: View,
     pose: Pose,
     previous: View,
     old_pose: Pose,
+    /// Seconds since the start.
+    time: f32,
+    /// What water in view mirrors.
+    reflection: Option<Arc<Reflection<'a>>>,
+}
+
+/// The scene as water mirrors it, at the pixels at which it is mirrored.
+struct Reflection<'a> {
+    seen: Visibility,
+    renderer: FrameRenderer<'a>,
 }
 
 impl FrameRenderer<'_> {
@@ -369,7 +423,7 @@ impl FrameRenderer<'_> {
     }
 
     fn sun_past_moving(&self, world: Vec3, normal: Vec3) -> f32 {
-        let Some(map) = &self.moving_shadow else { return 1.0 };
+        let Some(map) = self.moving_shadow else { return 1.0 };
         let at_rest = || self.scene.rest_shadow.as_ref().map_or(1.0, |map| map.sun_at(world, normal));
         map.sun_within(world, normal).unwrap_or_else(at_rest)
     }
@@ -408,6 +462,9 @@ impl FrameRenderer<'_> {
         let slant = normal.dot(towards).abs().clamp(0.25, 1.0);
         let distance = hit.view.length();
         let footprint = distance * angle / slant;
+        if surface.material == Material::Water {
+            return self.water_light(hit, at, towards, footprint);
+        }
         let (mut sample, mut normal) = match surface.material {
             Material::Ground => {
                 let (ground, bumps) = self.scene.terrain.surface_at(hit.position, normal, footprint);
@@ -431,12 +488,42 @@ impl FrameRenderer<'_> {
         weather.shade(&point) * weather.exposure
     }
 
+    /// Light of water: what it mirrors, displaced by its ripples, and its own colour.
+    fn water_light(&self, hit: &Hit<'_>, at: Vec2, towards: Vec3, footprint: f32) -> Vec3 {
+        let weather = &self.scene.weather;
+        let slope = water::slope(hit.world, self.time, footprint);
+        let normal = Vec3::new(-slope.x, 1.0, -slope.y).normalize();
+        let share = water::mirrored_share(-towards.dot(normal));
+        let (lamps, _) = self.lamp_light(hit.world, normal, towards);
+        let sample = material_at(Material::Water, 0, hit.position, normal, footprint);
+        let sun = weather.sun_light * normal.dot(weather.sun).max(0.0) * self.sun(hit.world, normal);
+        let body = sample.albedo * (sun + weather.sky_light + lamps) * weather.exposure;
+        let Some(reflection) = &self.reflection else { return body };
+        // A slope turns the mirrored ray by twice its angle.
+        let tilt = Vec3::new(slope.x, 0.0, slope.y) * 2.0;
+        let shift = Vec2::new(tilt.dot(self.view.axes[0]), tilt.dot(self.view.axes[2])) * self.view.focal;
+        let seen = &reflection.seen;
+        let last = Vec2::new(seen.width() as f32, (seen.ids.len() / seen.width()) as f32) - 0.5;
+        let there = (at + shift).clamp(Vec2::splat(0.5), last);
+        let id = seen.ids[there.y as usize * seen.width() + there.x as usize];
+        let mirrored = reflection.renderer.light(reflection.renderer.hit(id, there).as_ref(), there);
+        body * (1.0 - share) + mirrored * share
+    }
+
+    /// Light that falls on a particle, with exposure applied.
+    fn particle_light(&self, p: Vec3) -> Vec3 {
+        let weather = &self.scene.weather;
+        let sun = weather.sun_light * (0.55 * self.sun(p, Vec3::Y));
+        let (lamps, _) = self.lamp_light(p, Vec3::Y, -Vec3::Y);
+        (sun + (weather.sky_light + weather.ground_light) * 0.5 + lamps) * weather.exposure
+    }
+
     /// Diffuse and mirrored light of all lamps at a point.
     fn lamp_light(&self, world: Vec3, normal: Vec3, towards: Vec3) -> (Vec3, Vec3) {
         let facing = if normal.dot(towards) > 0.0 { -normal } else { normal };
         let mirror = towards - normal * (2.0 * towards.dot(normal));
         let (mut diffuse, mut glints) = (Vec3::ZERO, Vec3::ZERO);
-        for lamp in &self.lamps {
+        for lamp in self.lamps {
             if let Some((light, direction)) = lamp.arriving(world, facing) {
                 diffuse += light * facing.dot(direction).max(0.0);
                 glints += light * mirror.dot(direction).max(0.0).powi(48) * 2.0;

@@ -14,6 +14,7 @@ use crate::material::Material;
 use crate::mesh::{Mesh, Surface};
 use crate::noise::{Rng, value2};
 use crate::objects::{self, Detail};
+use crate::particles::Emitter;
 use crate::placement;
 use crate::places::{self, Place};
 use crate::shadow::ShadowMap;
@@ -107,6 +108,9 @@ pub struct Scene {
     pub(crate) lamps: Vec<Lamp>,
     /// Boxes that neither a walker nor a lamp's light passes.
     pub(crate) walls: Walls,
+    pub(crate) emitters: Vec<Emitter>,
+    /// Height of all water in the scene, in metres.
+    pub(crate) water: Option<f32>,
     pub(crate) shadow: ShadowMap,
     /// Shadows of the plants that the wind bends, at rest: for what is too far away for a frame's own map.
     pub(crate) rest_shadow: Option<ShadowMap>,
@@ -240,6 +244,8 @@ impl Scene {
             cast,
             lamps: place.lamps,
             walls: place.walls,
+            emitters: Vec::new(),
+            water: None,
             shadow,
             rest_shadow: None,
         };

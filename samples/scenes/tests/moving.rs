@@ -34,23 +34,24 @@ fn pairs(scene: &Scene, seconds: &[u32]) -> Vec<(Frame, Frame)> {
     moments(scene, seconds).into_iter().map(draw).map(|[current, previous]| (current, previous)).collect()
 }
 
-/// Whether a pixel shows the same kind of surface in both pictures, and nothing changes its light.
+/// Whether a pixel shows the same kind of surface in both pictures, and nothing changes its colour.
 fn is_lit_alike(current: &Frame, previous: &Frame, k: usize, was: usize) -> bool {
-    !current.changing_light[k] && !previous.changing_light[was] && current.surfaces[k] == previous.surfaces[was]
+    let is_clear = |frame: &Frame, k: usize| !frame.changing_light[k] && frame.particle_cover[k] < 1e-3;
+    is_clear(current, k) && is_clear(previous, was) && current.surfaces[k] == previous.surfaces[was]
 }
 
 #[test]
 fn what_stands_still_among_moving_things_keeps_its_exact_motion() {
     for family in FAMILIES {
-        // A headlamp changes the light on everything near.
-        let scene = Scene::with_cast(family, 3, Cast { lights: false, ..Cast::all() });
+        // A headlamp and a muzzle's flash change the light on everything near.
+        let scene = Scene::with_cast(family, 3, Cast { lights: false, flashes: false, ..Cast::all() });
         let mut still = Reprojection::default();
         for (current, previous) in &pairs(&scene, &[2, 8]) {
             let is_still = |k: usize, was: usize| is_lit_alike(current, previous, k, was) && !moves(current, k);
             still.add(current, previous, &current.motion, is_still);
         }
         println!("{family}: {:.1} dB over {} pixels", still.psnr(), still.count);
-        assert!(still.count > 10_000, "{family}: only {} pixels compared", still.count);
+        assert!(still.count > 5000, "{family}: only {} pixels compared", still.count);
         assert!(still.psnr() >= 45.0, "{family}: re-projection is {:.1} dB", still.psnr());
     }
 }
@@ -71,7 +72,7 @@ fn motion_leads_to_the_same_point_of_a_moving_thing() {
             with_motion.count
         );
         // The light on a thing that turns or walks through shadows changes, so it is not as near as what stands still.
-        assert!(with_motion.count > 400, "{family}: only {} pixels compared", with_motion.count);
+        assert!(with_motion.count > 300, "{family}: only {} pixels compared", with_motion.count);
         assert!(
             found >= 30.0 && found >= camera + 3.0,
             "{family}: {found:.1} dB, with the camera's motion alone {camera:.1} dB"
@@ -96,7 +97,7 @@ fn every_member_of_the_cast_is_seen_and_moves() {
     for family in FAMILIES {
         // Plants bend slowly; what is far away moves by less than a tenth of a pixel in a thirtieth of a second.
         for (member, frames, least) in
-            [("figures", 4, 0.5), ("birds", 3, 0.5), ("bodies", 4, 0.5), ("wind", 4, 0.05), ("doors", 3, 0.25)]
+            [("figures", 4, 0.5), ("birds", 3, 0.5), ("bodies", 4, 0.5), ("wind", 4, 0.05), ("doors", 2, 0.25)]
         {
             if (family, member) == (Family::Indoors, "wind") {
                 continue;
@@ -130,6 +131,62 @@ fn every_member_of_the_cast_is_seen_and_moves() {
         // The lantern is one thing more to be seen.
         let untold = all.iter().filter(|k| !lit.changing_light[**k] && !moves(&lit, **k)).count();
         assert!(untold * 100 < all.len(), "{family}: {untold} of {} lit pixels count as unchanged", all.len());
+    }
+}
+
+#[test]
+fn particles_and_flashes_change_colours_and_nothing_else() {
+    for family in [Family::Snow, Family::Indoors, Family::Town] {
+        let frames = |cast: &str| -> Vec<Frame> {
+            let scene = Scene::with_cast(family, 6, cast.parse().expect("a cast"));
+            // A quarter of a second into a burst the muzzle flashes.
+            let at = moments(&scene, &[2, 4]).into_iter().map(|(now, before)| (Moment { time: 2.47, ..now }, before));
+            at.map(|(now, before)| render(&scene, &now, &before, 320, 180, Quality { samples: 1 })).collect()
+        };
+        let (with, without) = (frames("particles,flashes"), frames("none"));
+        let (mut changed, mut untold, mut covered, mut bowls) = (0, 0, 0, 0);
+        for (with, without) in with.iter().zip(&without) {
+            for k in 0..with.depth.len() {
+                // The bowls that the fires burn in are solid.
+                if with.depth[k].to_bits() != without.depth[k].to_bits() {
+                    bowls += 1;
+                    continue;
+                }
+                assert_eq!(with.motion[k].to_array().map(f32::to_bits), without.motion[k].to_array().map(f32::to_bits));
+                let differs = with.picture.pixels()[k] != without.picture.pixels()[k];
+                let is_told = with.changing_light[k] || with.particle_cover[k] > 0.0;
+                untold += u32::from(differs && !is_told);
+                changed += u32::from(differs);
+                covered += u32::from(with.particle_cover[k] > 0.05);
+            }
+        }
+        // The bowls' own shadows.
+        assert!(untold * 50 < changed, "{family}: {untold} of {changed} pixels differ without a reason");
+        println!("{family}: {changed} pixels change, {covered} behind particles, {bowls} of bowls");
+        assert!(changed > 10_000 && covered > 1000 && bowls < 8000, "{family}: {changed}, {covered}, {bowls}");
+    }
+}
+
+#[test]
+fn water_mirrors_what_is_above_it() {
+    for family in FAMILIES {
+        let scene = Scene::with_cast(family, 6, "water".parse().expect("a cast"));
+        let dry = Scene::with_cast(family, 6, Cast::none());
+        let (mut wet, mut mirrored) = (0, 0);
+        for (now, before) in moments(&scene, &[1, 3, 5, 7, 9, 11]) {
+            let frame = render(&scene, &now, &before, 320, 180, Quality { samples: 1 });
+            let without = render(&dry, &now, &before, 320, 180, Quality { samples: 1 });
+            let later = Moment { time: now.time + 0.4, ..now };
+            let rippled = render(&scene, &later, &before, 320, 180, Quality { samples: 1 });
+            for k in 0..frame.depth.len() {
+                let is_water = frame.changing_light[k] && frame.depth[k].to_bits() != without.depth[k].to_bits();
+                wet += u32::from(is_water);
+                mirrored += u32::from(is_water && frame.picture.pixels()[k] != rippled.picture.pixels()[k]);
+                assert!(!is_water || frame.depth[k].to_bits() == rippled.depth[k].to_bits(), "ripples have no depth");
+            }
+        }
+        println!("{family}: {wet} pixels of water, {mirrored} of them ripple");
+        assert!(wet > 100 && mirrored > 60, "{family}: {wet} pixels of water, {mirrored} of them ripple");
     }
 }
 

@@ -68,8 +68,8 @@ impl Reprojection {
         motion: &[Vec2],
         is_compared: impl Fn(usize, usize) -> bool,
     ) {
-        let (w, h) = (current.picture.width() as i32, current.picture.height() as i32);
-        for k in 0..(w * h) as usize {
+        let w = current.picture.width() as i32;
+        for (k, displacement) in motion.iter().enumerate() {
             let (x, y) = (k as i32 % w, k as i32 / w);
             let there = Vec2::new(x as f32, y as f32) + 0.5 + current.motion[k];
             if !there.is_finite() || !inside(current, x, y) {
@@ -86,7 +86,7 @@ impl Reprojection {
                 continue;
             }
             let p = current.picture.pixels()[k];
-            let at = Vec2::new(x as f32, y as f32) + 0.5 + motion[k];
+            let at = Vec2::new(x as f32, y as f32) + 0.5 + *displacement;
             let d = sample(previous, at) - Vec3::new(f32::from(p[0]), f32::from(p[1]), f32::from(p[2]));
             self.squares += f64::from(d.length_squared()) / 3.0;
             self.longest = self.longest.max(current.motion[k].length());
