@@ -115,9 +115,9 @@ impl Walker {
         }
     }
 
-    /// A walker who stands at `start` at this one's time.
+    /// A walker who stands at `start`, with this one's time and distance walked: a game's score does not fall at a cut.
     pub(crate) fn jumped(&self, scene: &Scene, start: Start) -> Self {
-        Self { time: self.time, ..Self::starting_at(scene, start) }
+        Self { time: self.time, walked: self.walked, ..Self::starting_at(scene, start) }
     }
 
     /// Advances by `seconds` with `input`: the mouse motion and the keys held during that time.

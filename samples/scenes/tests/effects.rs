@@ -59,6 +59,8 @@ fn a_cut_jumps_counts_the_shot_and_has_no_motion() {
     assert_eq!(frames[7].before, frames[6].now);
     // The script goes on: the new shot turns and walks.
     assert!(frames[8].now.camera.yaw > first.yaw + 0.01 && frames[8].now.walked > 0.0);
+    assert!(frames.is_sorted_by_key(|f| hud::HudValues::at(&f.now).score), "the score falls");
+    assert!(hud::HudValues::at(&frames[5].now).score > 0);
 }
 
 #[test]
