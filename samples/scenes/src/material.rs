@@ -177,9 +177,13 @@ pub(crate) fn material_at(material: Material, variant: u8, p: Vec3, normal: Vec3
             MaterialSample { albedo: base * (1.0 + 0.5 * bars) * (1.0 - 0.5 * tip), gloss: 0.03, translucency: 0.2 }
         }
         Material::Rubber => {
-            let panel = (p.x.atan2(p.y) * 6.0 / std::f32::consts::TAU).floor();
+            let panels = 6.0 / std::f32::consts::TAU;
             let (a, b) = (HUES[usize::from(variant % 8)], Vec3::new(0.75, 0.73, 0.68));
-            let base = if panel.rem_euclid(2.0) < 0.5 { a } else { b };
+            // Panels, from the middle of the nearest one of colour `a`; their edges are as soft as a pixel is wide.
+            let apart = ((p.x.atan2(p.y) * panels).rem_euclid(2.0) - 0.5).abs();
+            let apart = apart.min(2.0 - apart);
+            let soft = 1.5 * footprint * panels / p.x.hypot(p.y).max(1e-4);
+            let base = a.lerp(b, smooth(0.5 - soft, 0.5 + soft, apart));
             MaterialSample { albedo: base * (1.0 + 0.4 * grain(11.0, 3)), gloss: 0.05, translucency: 0.0 }
         }
         Material::Glow => MaterialSample::matte(Vec3::splat(0.6)),
