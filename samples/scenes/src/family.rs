@@ -16,7 +16,15 @@ pub enum Family {
     Desert,
     /// Tracks through bright snow and firs.
     Snow,
+    /// Corridors and rooms with furniture, windows and lamps.
+    Indoors,
+    /// A street at night: lit windows, street lamps, wet asphalt.
+    Town,
 }
+
+/// All kinds of place: the landscapes first.
+pub const FAMILIES: [Family; 6] =
+    [Family::Forest, Family::Sword, Family::Desert, Family::Snow, Family::Indoors, Family::Town];
 
 /// The four landscapes, in the order they are shown: the kinds of place of the paper's experiment and of the embedded world.
 pub const LANDSCAPES: [Family; 4] = [Family::Forest, Family::Sword, Family::Desert, Family::Snow];
@@ -97,7 +105,48 @@ impl Family {
                 clouds: 0.62,
                 exposure: 0.72,
             },
+            // Afternoon sun through the windows; the ambient light is what walls and ceilings give back.
+            Self::Indoors => Weather {
+                sun: sun(-70.0, 33.0),
+                sun_light: Vec3::new(3.4, 2.9, 2.2),
+                sky_light: Vec3::new(0.20, 0.20, 0.19),
+                ground_light: Vec3::new(0.19, 0.16, 0.13),
+                zenith: Vec3::new(0.25, 0.42, 0.72),
+                horizon: Vec3::new(0.62, 0.70, 0.78),
+                fog: 0.0,
+                clouds: 0.4,
+                exposure: 1.15,
+            },
+            // The moon; street lamps are fixed lamps of the place.
+            Self::Town => Weather {
+                sun: sun(35.0, 46.0),
+                sun_light: Vec3::new(0.30, 0.36, 0.50),
+                sky_light: Vec3::new(0.085, 0.10, 0.15),
+                ground_light: Vec3::new(0.06, 0.055, 0.05),
+                zenith: Vec3::new(0.02, 0.03, 0.07),
+                horizon: Vec3::new(0.10, 0.11, 0.16),
+                fog: 0.006,
+                clouds: 0.45,
+                exposure: 1.6,
+            },
         }
+    }
+
+    /// The control script that was written for it (`samples/scripts`, 15 s).
+    pub fn script(self) -> &'static str {
+        match self {
+            Self::Forest => include_str!("../../scripts/forest.txt"),
+            Self::Sword => include_str!("../../scripts/sword.txt"),
+            Self::Desert => include_str!("../../scripts/desert.txt"),
+            Self::Snow => include_str!("../../scripts/snow.txt"),
+            Self::Indoors => include_str!("../../scripts/indoors.txt"),
+            Self::Town => include_str!("../../scripts/town.txt"),
+        }
+    }
+
+    /// Whether lamps are its main light.
+    pub(crate) fn is_dark(self) -> bool {
+        matches!(self, Self::Indoors | Self::Town)
     }
 
     /// Its name, lower case.
@@ -107,6 +156,8 @@ impl Family {
             Self::Sword => "sword",
             Self::Desert => "desert",
             Self::Snow => "snow",
+            Self::Indoors => "indoors",
+            Self::Town => "town",
         }
     }
 }
@@ -121,9 +172,9 @@ impl FromStr for Family {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        LANDSCAPES
+        FAMILIES
             .into_iter()
             .find(|f| f.name() == text)
-            .ok_or_else(|| format!("{text} is no scene. Use forest, sword, desert or snow"))
+            .ok_or_else(|| format!("{text} is no scene. Use forest, sword, desert, snow, indoors or town"))
     }
 }

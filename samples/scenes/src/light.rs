@@ -20,6 +20,12 @@ pub struct SurfacePoint {
     pub distance: f32,
     /// Sun visibility, 0 to 1.
     pub sun: f32,
+    /// Diffuse light of lamps that arrives, linear RGB.
+    pub lamps: Vec3,
+    /// Mirrored light of lamps, before the material's gloss, linear RGB.
+    pub glints: Vec3,
+    /// Light that the surface gives by itself, linear RGB.
+    pub emission: Vec3,
 }
 
 impl Weather {
@@ -30,12 +36,13 @@ impl Weather {
         let through = self.sun_light * (-facing).max(0.0) * p.sun * p.material.translucency;
         let up = p.normal.y * 0.5 + 0.5;
         let ambient = self.sky_light * up + self.ground_light * (1.0 - up);
-        let mut light = p.material.albedo * (direct + through + ambient);
+        let mut light = p.material.albedo * (direct + through + ambient + p.lamps) + p.emission;
         if p.material.gloss > 0.0 {
             let mirror = p.towards - p.normal * (2.0 * p.towards.dot(p.normal));
             let spark = mirror.dot(self.sun).max(0.0).powi(48) * p.sun;
             let rim = 0.2 + 0.8 * (1.0 + p.towards.dot(p.normal)).clamp(0.0, 1.0).powi(4);
-            light += (self.gradient(mirror) * 0.8 * rim + self.sun_light * spark * 2.0) * p.material.gloss * 0.6;
+            light +=
+                (self.gradient(mirror) * 0.8 * rim + self.sun_light * spark * 2.0 + p.glints) * p.material.gloss * 0.6;
         }
         let left = (-self.fog * p.distance).exp();
         light * left + self.air(p.towards) * (1.0 - left)

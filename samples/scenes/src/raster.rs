@@ -127,9 +127,9 @@ fn fill(t: &ScreenTriangle, top: usize, width: usize, ids: &mut [u32], near: &mu
     }
 }
 
-/// Clips a view-space triangle at the plane z = `limit` and passes on the parts beyond it.
-pub(crate) fn clip_near(corners: [Vec3; 3], limit: f32, mut keep: impl FnMut([Vec3; 3])) {
-    let outside = corners.iter().filter(|p| p.z < limit).count();
+/// Clips a triangle at the plane on which the coordinate `axis` is `limit`, and passes on the parts beyond it.
+pub(crate) fn clip(corners: [Vec3; 3], axis: usize, limit: f32, mut keep: impl FnMut([Vec3; 3])) {
+    let outside = corners.iter().filter(|p| p[axis] < limit).count();
     match outside {
         0 => keep(corners),
         3 => {}
@@ -138,12 +138,12 @@ pub(crate) fn clip_near(corners: [Vec3; 3], limit: f32, mut keep: impl FnMut([Ve
             let mut n = 0;
             for k in 0..3 {
                 let (p, q) = (corners[k], corners[(k + 1) % 3]);
-                if p.z >= limit {
+                if p[axis] >= limit {
                     polygon[n] = p;
                     n += 1;
                 }
-                if (p.z < limit) != (q.z < limit) {
-                    polygon[n] = p + (q - p) * ((limit - p.z) / (q.z - p.z));
+                if (p[axis] < limit) != (q[axis] < limit) {
+                    polygon[n] = p + (q - p) * ((limit - p[axis]) / (q[axis] - p[axis]));
                     n += 1;
                 }
             }

@@ -1,21 +1,30 @@
 //! A scene: terrain, objects, light and atmosphere, generated from a family and a seed.
 
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::f32::consts::TAU;
 
 use glam::{Mat3, Vec2, Vec3};
 
+use crate::animation::{Animation, Flex};
+use crate::cast::Cast;
 use crate::family::{Family, Weather};
+use crate::lamp::{Lamp, Walls};
 use crate::material::Material;
 use crate::mesh::{Mesh, Surface};
 use crate::noise::{Rng, value2};
 use crate::objects::{self, Detail};
+use crate::particles::Emitter;
+use crate::placement;
+use crate::places::{self, Place};
 use crate::shadow::ShadowMap;
 use crate::terrain::{FINE, Terrain};
 
 /// A part of a scene that is drawn or culled as a whole.
 #[derive(Debug)]
 pub struct Chunk {
-    /// Its triangles, in world space or, for a held item, in view space.
+    /// Its triangles, in world space or, for a held item, in view space; at rest, or in the frames of its bones, if it moves
+    /// ([`positions_at`](Self::positions_at)).
     pub mesh: Mesh,
     /// Whether it is attached to the camera.
     pub held: bool,
@@ -23,20 +32,55 @@ pub struct Chunk {
     radius: f32,
     /// Index of its first triangle within the scene.
     pub first: u32,
+    pub(crate) animation: Animation,
 }
 
 impl Chunk {
-    fn new(mesh: Mesh, held: bool) -> Self {
+    pub(crate) fn new(mesh: Mesh, held: bool) -> Self {
         let (low, high) = mesh
             .positions
             .iter()
             .fold((Vec3::splat(f32::MAX), Vec3::splat(f32::MIN)), |(a, b), &p| (a.min(p), b.max(p)));
         let centre = (low + high) * 0.5;
         let radius = mesh.positions.iter().map(|p| p.distance(centre)).fold(0.0, f32::max);
-        Self { mesh, held, centre, radius, first: 0 }
+        Self { mesh, held, centre, radius, first: 0, animation: Animation::Still }
     }
 
-    /// Bounding sphere: centre and radius in metres.
+    /// A chunk that moves with time.
+    pub(crate) fn animated(mesh: Mesh, animation: Animation) -> Self {
+        Self { animation, ..Self::new(mesh, false) }
+    }
+
+    /// Positions of the mesh's vertices at `time` seconds, in metres, in world space; a held item's are in view space and do not change.
+    pub fn positions_at(&self, time: f32) -> Cow<'_, [Vec3]> {
+        if self.animation.is_still() {
+            Cow::Borrowed(&self.mesh.positions)
+        } else {
+            Cow::Owned(self.animation.positions(&self.mesh, time))
+        }
+    }
+
+    /// Unit normals of the vertices at `time` seconds, in world space; a held item's are in view space.
+    pub(crate) fn normals_at(&self, time: f32) -> Vec<Vec3> {
+        self.animation.normals(&self.mesh, time)
+    }
+
+    /// Whether it stands where its mesh lies, and only bends there.
+    pub(crate) fn is_rooted(&self) -> bool {
+        matches!(self.animation, Animation::Wind(_))
+    }
+
+    /// Whether it is one rigid body that moves.
+    pub(crate) fn is_rigid(&self) -> bool {
+        matches!(self.animation, Animation::Rigid(_))
+    }
+
+    /// Whether its vertices move through the world.
+    pub fn moves(&self) -> bool {
+        !self.animation.is_still()
+    }
+
+    /// Bounding sphere of the mesh: centre and radius in metres.
     pub fn ball(&self) -> (Vec3, f32) {
         (self.centre, self.radius)
     }
@@ -59,13 +103,32 @@ pub struct Scene {
     pub obstacles: Vec<(Vec2, f32)>,
     /// Number of placed objects, without grass and pebbles.
     pub objects: usize,
+    /// What moves.
+    pub cast: Cast,
+    pub(crate) lamps: Vec<Lamp>,
+    /// Boxes that neither a walker nor a lamp's light passes.
+    pub(crate) walls: Walls,
+    pub(crate) emitters: Vec<Emitter>,
+    /// Height of all water in the scene, in metres.
+    pub(crate) water: Option<f32>,
     pub(crate) shadow: ShadowMap,
+    /// Shadows of the plants that the wind bends, at rest: for what is too far away for a frame's own map.
+    pub(crate) rest_shadow: Option<ShadowMap>,
+}
+
+/// Plants of a cell, and how each of their vertices bends.
+#[derive(Default)]
+struct Plants {
+    mesh: Mesh,
+    flexes: Vec<Flex>,
 }
 
 /// Collects placed objects into square cells.
 struct SceneBuilder<'a> {
     terrain: &'a Terrain,
-    cells: std::collections::BTreeMap<(i32, i32), Mesh>,
+    cells: BTreeMap<(i32, i32), Mesh>,
+    /// Plants that bend, apart, if there is wind.
+    plants: Option<BTreeMap<(i32, i32), Plants>>,
     obstacles: Vec<(Vec2, f32)>,
     objects: usize,
 }
@@ -76,6 +139,12 @@ impl SceneBuilder<'_> {
     fn add(&mut self, mesh: &Mesh, at: Vec2, rotation: f32, scale: f32, sink: f32) {
         let position = self.terrain.on(at) - Vec3::Y * sink;
         let key = ((at.x / CELL).floor() as i32, (at.y / CELL).floor() as i32);
+        if let (Some(plants), Some(flexes)) = (&mut self.plants, flexes(mesh, scale)) {
+            let cell = plants.entry(key).or_default();
+            cell.mesh.add_instance(mesh, position, Mat3::from_rotation_y(rotation), Vec3::splat(scale));
+            cell.flexes.extend(flexes);
+            return;
+        }
         self.cells.entry(key).or_default().add_instance(
             mesh,
             position,
@@ -127,39 +196,107 @@ impl Scatter {
 }
 
 impl Scene {
-    /// Generates the scene of `family` for `seed`. Takes about a second, because the shadow map is rendered here.
+    /// Generates the scene of `family` for `seed` in which nothing moves. Takes about a second, because the shadow map is rendered here.
     pub fn new(family: Family, seed: u64) -> Self {
+        Self::with_cast(family, seed, Cast::none())
+    }
+
+    /// Generates the scene of `family` for `seed` with the moving things of `cast`. The place itself is the same for every cast.
+    pub fn with_cast(family: Family, seed: u64, cast: Cast) -> Self {
         let terrain = Terrain::new(family, seed);
         let mut rng = Rng::new(seed ^ (family as u64) << 40);
         let weather = family.weather(rng.range(-0.35, 0.35));
-        let mut builder =
-            SceneBuilder { terrain: &terrain, cells: Default::default(), obstacles: Vec::new(), objects: 0 };
+        let mut builder = SceneBuilder {
+            terrain: &terrain,
+            cells: BTreeMap::new(),
+            plants: cast.wind.then(BTreeMap::new),
+            obstacles: Vec::new(),
+            objects: 0,
+        };
+        let mut place = Place::default();
         match family {
             Family::Forest => forest(&mut builder, &mut rng),
             Family::Sword => hillside(&mut builder, &mut rng),
             Family::Desert => desert(&mut builder, &mut rng),
             Family::Snow => snow(&mut builder, &mut rng),
+            Family::Indoors => place = places::indoors(cast, &mut rng),
+            Family::Town => place = places::town(cast, &mut rng),
         }
-        let SceneBuilder { cells, obstacles, objects, .. } = builder;
+        let SceneBuilder { cells, plants, obstacles, objects, .. } = builder;
         let ground = Surface { material: Material::Ground, variant: 0 };
         let mut chunks: Vec<Chunk> =
             cells.into_values().chain(terrain.tiles(ground)).map(|mesh| Chunk::new(mesh, false)).collect();
         if family == Family::Sword {
             chunks.push(Chunk::new(objects::sword(), true));
         }
+        let wind = plants.into_iter().flat_map(BTreeMap::into_values);
+        chunks.extend(wind.map(|plants| Chunk::animated(plants.mesh, Animation::Wind(plants.flexes))));
+        chunks.extend(place.chunks);
+        let shadow = ShadowMap::around(Vec3::ZERO, weather.sun);
+        let mut scene = Self {
+            family,
+            seed,
+            terrain,
+            weather,
+            chunks,
+            obstacles: if place.obstacles.is_empty() { obstacles } else { place.obstacles },
+            objects: objects + place.objects,
+            cast,
+            lamps: place.lamps,
+            walls: place.walls,
+            emitters: Vec::new(),
+            water: None,
+            shadow,
+            rest_shadow: None,
+        };
+        if cast != Cast::none() {
+            placement::populate(&mut scene, cast);
+        }
         let mut first = 0;
-        for chunk in &mut chunks {
+        for chunk in &mut scene.chunks {
             chunk.first = first;
             first += chunk.mesh.triangles.len() as u32;
         }
-        let shadow = ShadowMap::new(&chunks, weather.sun);
-        Self { family, seed, terrain, weather, chunks, obstacles, objects, shadow }
+        scene.shadow = ShadowMap::new(&scene.chunks, weather.sun, |c| !c.held && !c.moves());
+        if scene.chunks.iter().any(Chunk::is_rooted) {
+            scene.rest_shadow = Some(ShadowMap::new(&scene.chunks, weather.sun, Chunk::is_rooted));
+        }
+        scene
     }
 
     /// Total number of triangles.
     pub fn triangles(&self) -> usize {
         self.chunks.iter().map(|c| c.mesh.triangles.len()).sum()
     }
+}
+
+/// How the wind bends each vertex of a plant of `scale` times its size; `None` for what does not bend.
+///
+/// A plant bends with the square of the height over its root: grass and bushes by a third of their height at the tip, trees, which have bark, by
+/// about one part in eighty, and their leaves flutter.
+pub(crate) fn flexes(mesh: &Mesh, scale: f32) -> Option<Vec<Flex>> {
+    let is_leaf = |m: Material| {
+        matches!(m, Material::Leaf | Material::Needle | Material::SnowyNeedle | Material::Grass | Material::Scrub)
+    };
+    let tall = scale * mesh.positions.iter().map(|p| p.y).fold(0.0, f32::max);
+    let has_bark = mesh.materials.iter().any(|s| s.material == Material::Bark);
+    // Moss on a fallen trunk does not bend.
+    if !mesh.materials.iter().any(|s| is_leaf(s.material)) || (has_bark && tall < 2.5) {
+        return None;
+    }
+    let give = if has_bark { 0.0007 } else { 0.34 / tall };
+    let mut all: Vec<Flex> = (mesh.positions.iter())
+        .map(|p| (p.y * scale).max(0.0))
+        .map(|h| Flex { reach: give * h * h, slope: 2.0 * give * h, flutter: 0.0 })
+        .collect();
+    if has_bark {
+        for (corners, surface) in mesh.triangles.iter().zip(&mesh.materials) {
+            if is_leaf(surface.material) {
+                corners.iter().for_each(|&i| all[i as usize].flutter = 0.022);
+            }
+        }
+    }
+    Some(all)
 }
 
 /// A few generated variants to choose from, to save memory and start-up time.

@@ -30,8 +30,10 @@ impl Terrain {
     pub fn new(family: Family, seed: u64) -> Self {
         let mut rng = Rng::new(seed ^ 0x7e44a1);
         // Bends of the path: amplitude in metres, angular frequency per metre, phase.
+        // The path runs straight between walls.
+        let curved = if matches!(family, Family::Indoors | Family::Town) { 0.0 } else { 1.0 };
         let bends = [(3.5, 0.045), (6.0, 0.021), (1.2, 0.11)].map(|(amplitude, frequency)| {
-            Vec3::new(amplitude * rng.range(0.5, 1.2), frequency * rng.range(0.8, 1.25), rng.range(0.0, TAU))
+            Vec3::new(amplitude * rng.range(0.5, 1.2) * curved, frequency * rng.range(0.8, 1.25), rng.range(0.0, TAU))
         });
         let mesas = match family {
             Family::Desert => (0..9)
@@ -65,6 +67,8 @@ impl Terrain {
             Family::Sword => 1.0,
             Family::Desert => 3.4,
             Family::Snow => 1.6,
+            Family::Indoors => 1.2,
+            Family::Town => 3.0,
         }
     }
 
@@ -75,6 +79,7 @@ impl Terrain {
             Family::Sword => (11.0, 1.6),
             Family::Desert => (4.0, 0.9),
             Family::Snow => (9.0, 0.8),
+            Family::Indoors | Family::Town => return 0.0,
         };
         let off = self.path_offset(at).abs();
         let wide = self.path_half_width();
@@ -94,6 +99,21 @@ impl Terrain {
         };
         let mountains = far * ridge * (0.55 + fractal2(at, 1.0 / 160.0, 4, 0.0, self.seed ^ 31)).max(0.0);
         hills + detail + bank + mountains + self.mesa(at)
+    }
+
+    /// Height of the fine mesh at (east, north): of the triangle over it, where things stand.
+    pub(crate) fn mesh_height(&self, at: Vec2) -> f32 {
+        let cell = (at / FINE_CELL).floor();
+        let f = at / FINE_CELL - cell;
+        let corner = |i: f32, j: f32| self.height((cell + Vec2::new(i, j)) * FINE_CELL);
+        let (low, high) = (corner(0.0, 0.0), corner(1.0, 1.0));
+        if f.y >= f.x {
+            let north = corner(0.0, 1.0);
+            low + (north - low) * f.y + (high - north) * f.x
+        } else {
+            let east = corner(1.0, 0.0);
+            low + (east - low) * f.x + (high - east) * f.y
+        }
     }
 
     fn mesa(&self, at: Vec2) -> f32 {
@@ -208,6 +228,8 @@ impl Terrain {
                 let drift = slope(0.10, 0.9) + Vec2::X * (track * 1.2 * (off.abs() - 0.75).signum() * off.signum());
                 (snow.lerp(packed, track * 0.8).lerp(stone, bare), drift)
             }
+            // Built over with floors and streets of their own.
+            Family::Indoors | Family::Town => (Vec3::new(0.16, 0.17, 0.12) * (1.0 + 0.5 * fine), Vec2::ZERO),
         };
         (
             MaterialSample { albedo: albedo.max(Vec3::splat(0.01)), gloss: 0.0, translucency: 0.0 },

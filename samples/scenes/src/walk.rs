@@ -1,5 +1,7 @@
 //! From controls to a camera: a walker on the path.
 
+use std::str::FromStr;
+
 use cairn::world::{ControlInput, Key};
 use glam::{Vec2, Vec3};
 
@@ -29,6 +31,25 @@ pub struct Start {
     pub yaw: f32,
 }
 
+impl Start {
+    /// Maximum distance of a start from the origin, east or north, in metres: the finely meshed ground.
+    pub const FARTHEST: f32 = 96.0;
+}
+
+impl FromStr for Start {
+    type Err = String;
+
+    /// From `EAST,NORTH,YAW`: metres from the origin, at most [`Start::FARTHEST`], and degrees from north to the east.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong =
+            || format!("{text} is no start. Write EAST,NORTH,YAW in metres, at most {}, and degrees", Self::FARTHEST);
+        let numbers: Vec<f32> = text.split(',').map(|t| t.parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
+        let &[east, north, yaw] = numbers.as_slice() else { return Err(wrong()) };
+        let inside = [east, north].iter().all(|metres| metres.abs() <= Self::FARTHEST) && yaw.is_finite();
+        inside.then(|| Self { at: Vec2::new(east, north), yaw: yaw.to_radians() }).ok_or_else(wrong)
+    }
+}
+
 /// Moves `at` to the edge of each obstacle that contains it.
 fn out_of_obstacles(scene: &Scene, mut at: Vec2) -> Vec2 {
     for &(centre, radius) in &scene.obstacles {
@@ -36,6 +57,24 @@ fn out_of_obstacles(scene: &Scene, mut at: Vec2) -> Vec2 {
         let room = radius + 0.25;
         if away.length_squared() < room * room {
             at = centre + away.normalize_or(Vec2::X) * room;
+        }
+    }
+    for &(low, high) in &scene.walls {
+        if low.y > EYE || high.y < 0.2 {
+            continue;
+        }
+        let room = 0.3;
+        let (low, high) = (Vec2::new(low.x, low.z) - room, Vec2::new(high.x, high.z) + room);
+        if at.cmpgt(low).all() && at.cmplt(high).all() {
+            // Out by the nearest side.
+            let sides = [at.x - low.x, high.x - at.x, at.y - low.y, high.y - at.y];
+            let nearest = (0..4).min_by(|a, b| sides[*a].total_cmp(&sides[*b]));
+            match nearest {
+                Some(0) => at.x = low.x,
+                Some(1) => at.x = high.x,
+                Some(2) => at.y = low.y,
+                _ => at.y = high.y,
+            }
         }
     }
     at
@@ -76,6 +115,11 @@ impl Walker {
         }
     }
 
+    /// A walker who stands at `start`, with this one's time and distance walked: a game's score does not fall at a cut.
+    pub(crate) fn jumped(&self, scene: &Scene, start: Start) -> Self {
+        Self { time: self.time, walked: self.walked, ..Self::starting_at(scene, start) }
+    }
+
     /// Advances by `seconds` with `input`: the mouse motion and the keys held during that time.
     ///
     /// W, A, S and D walk, shift runs, the mouse turns and tilts. Steps should be 1/60 s or shorter.
@@ -112,6 +156,22 @@ impl Walker {
             },
             walked: self.walked,
             time: self.time as f32,
+            shot: 0,
+            jitter: Vec2::ZERO,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_start_is_two_distances_and_an_angle() {
+        let found: Start = "-12.5,96,180".parse().unwrap();
+        assert_eq!((found.at.x, found.at.y, found.yaw), (-12.5, 96.0, std::f32::consts::PI));
+        for wrong in ["", "1,2", "1,2,3,4", "a,0,0", "97,0,0", "0,-97,0", "NaN,0,0", "0,0,inf"] {
+            assert!(wrong.parse::<Start>().is_err(), "{wrong}");
         }
     }
 }

@@ -31,8 +31,6 @@ mod scores;
 mod stream;
 pub(crate) mod walk;
 
-pub(crate) use walk::script as script_of;
-
 /// Anchors per second of world time.
 pub(crate) const ANCHOR_RATE: u32 = 15;
 /// Allowed presented frames per anchor, the anchor included.
@@ -247,7 +245,7 @@ pub struct ReconstructOutcome {
 /// The script of a scene, as an input.
 pub(crate) fn script_input(scene: &str) -> Option<Input> {
     let family: Family = scene.parse().ok()?;
-    let text = walk::script(family);
+    let text = family.script();
     Some(Input {
         path: format!("<built-in script of {family}>"),
         size: text.len() as u64,

@@ -19,6 +19,11 @@ impl SceneId {
     }
 }
 
+/// The landscape called `name`: the kinds of place of the paper and of the embedded world.
+pub(crate) fn landscape(name: &str) -> Option<Family> {
+    LANDSCAPES.into_iter().find(|family| family.name() == name)
+}
+
 impl fmt::Display for SceneId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {}", self.family, self.seed)

@@ -9,7 +9,6 @@ use cairn::{Error, Picture, Result};
 use crate::experiment::{Bench, missing_frame};
 use crate::metrics::Score;
 use crate::progress::check_stop;
-use crate::reconstruct::script_of;
 use crate::reconstruct::walk::{Walk, write_guidance};
 use crate::scene_id::SceneId;
 use crate::seed_picture;
@@ -237,7 +236,7 @@ impl Measurement<'_> {
     fn rollout(&self) -> Result<Vec<Picture>> {
         let (SceneId { family, seed }, point) = (self.scene, self.bench.point);
         let (width, height) = self.bench.world.render_size();
-        let script = ControlScript::parse(script_of(family))?;
+        let script = ControlScript::parse(family.script())?;
         let mut rollout = Rollout::new(self.bench.world, point, seed)?;
         rollout.append(&seed_picture::draw(family, seed, width, height)?)?;
         let read = |rollout: &mut Rollout, i: u32| {

@@ -5,11 +5,12 @@ use std::process::ExitCode;
 
 use cairn::{Error, ErrorKind, Result};
 use clap::Args;
-use scenes::{Family, LANDSCAPES};
+use scenes::LANDSCAPES;
 
 use super::{CELLS_KEPT, Subcommand, interrupted, progress, size, stop_on_interrupt};
 use crate::compare::{self, Settings};
 use crate::device::DeviceChoice;
+use crate::scene_id::landscape;
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
@@ -103,7 +104,7 @@ impl CompareArgs {
     fn settings(&self) -> Result<Settings> {
         let families = match self.scene.as_str() {
             "all" => LANDSCAPES.to_vec(),
-            name => vec![name.parse::<Family>().map_err(|_| {
+            name => vec![landscape(name).ok_or_else(|| {
                 Error::new(ErrorKind::InvalidArgument, format!("there is no scene {name:?}"))
                     .field("--scene")
                     .remedy("Use forest, sword, desert, snow or all")

@@ -17,7 +17,6 @@ use crate::manifest::{Manifest, sha256};
 use crate::media::{RealDisk, describe_io, encode_png, write_whole};
 use crate::output::LATENTS;
 use crate::progress::Progress;
-use crate::reconstruct::script_of;
 use crate::scene_id::SceneId;
 use crate::seed_picture;
 use crate::settings::Settings as Rollout;
@@ -109,7 +108,7 @@ pub(crate) fn prepare(scene: SceneId, out: &Path, [width, height]: [u32; 2]) -> 
     std::fs::create_dir_all(&folder).map_err(|e| describe_io("cannot be made", &folder, &e))?;
     let picture = encode_png(&seed_picture::draw(scene.family, scene.seed, width, height)?)?;
     write_if_other(&scene.seed_picture(out), &picture)?;
-    write_if_other(&scene.script(out, false), script_of(scene.family).as_bytes())
+    write_if_other(&scene.script(out, false), scene.family.script().as_bytes())
 }
 
 fn write_if_other(path: &Path, bytes: &[u8]) -> Result<()> {

@@ -14,7 +14,6 @@ use crate::manifest::{MANIFEST_VERSION, read_manifest, sha256, to_json};
 use crate::media::{RealDisk, describe_io, encode_png, write_whole};
 use crate::output::{FRAMES, MANIFEST};
 use crate::progress::Progress;
-use crate::reconstruct::script_of;
 use crate::scene_id::SceneId;
 
 /// Folder of the truth of the walk without the mouse.
@@ -67,7 +66,7 @@ pub(crate) fn draw(
 ) -> Result<PathBuf> {
     let folder = id.folder(settings.out).join(if straight { STRAIGHT } else { TRUTH });
     let path = folder.join(MANIFEST);
-    let script = if straight { walk::straight(id.family) } else { script_of(id.family).to_owned() };
+    let script = if straight { walk::straight(id.family) } else { id.family.script().to_owned() };
     let wanted = |files| Manifest {
         manifest_version: MANIFEST_VERSION,
         job: JOB.into(),

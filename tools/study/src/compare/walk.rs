@@ -4,8 +4,6 @@ use cairn::Result;
 use cairn::world::{ControlScript, WorldTime};
 use scenes::Family;
 
-use crate::reconstruct::script_of;
-
 /// Samples a second: the rate of the paper's presentation.
 pub(crate) const RATE: u32 = 30;
 /// Samples between two anchors: the paper compares anchors at 15 Hz.
@@ -20,7 +18,7 @@ const GRAIN: u32 = 60;
 /// # Errors
 /// Only for scripts that do not parse.
 pub(super) fn first_turn(family: Family) -> Result<Option<f64>> {
-    let script = ControlScript::parse(script_of(family))?;
+    let script = ControlScript::parse(family.script())?;
     let end = script.duration().whole_steps(GRAIN);
     for step in 0..end {
         let span = script.span(WorldTime::new(step, GRAIN), WorldTime::new(step + 1, GRAIN))?;
@@ -34,7 +32,7 @@ pub(super) fn first_turn(family: Family) -> Result<Option<f64>> {
 /// Script of a family without the mouse: the same walk, straight on.
 pub(super) fn straight(family: Family) -> String {
     let walks = |line: &&str| line.split_whitespace().nth(1) != Some("mouse");
-    script_of(family).lines().filter(walks).map(|line| format!("{line}\n")).collect()
+    family.script().lines().filter(walks).map(|line| format!("{line}\n")).collect()
 }
 
 /// Length of the straight walk in decimal seconds; `None` if no turn comes earlier than [`SECONDS_AFTER_TURN`] before the end of `seconds`.
@@ -60,7 +58,7 @@ mod tests {
             let walk = ControlScript::parse(&straight(family)).unwrap();
             let all = walk.span(WorldTime::ZERO, walk.duration()).unwrap();
             assert_eq!(all.mouse(), [0.0; 2], "{family}");
-            assert_eq!(walk.duration(), ControlScript::parse(script_of(family)).unwrap().duration());
+            assert_eq!(walk.duration(), ControlScript::parse(family.script()).unwrap().duration());
         }
         assert_eq!(straight_seconds(Family::Forest, "15").unwrap().as_deref(), Some("3.200"));
         assert_eq!(straight_seconds(Family::Forest, "3").unwrap(), None);

@@ -12,7 +12,6 @@ use super::sources::{ControlTracker, Depth, Extractors, MOTIONS, Motion, Pair, R
 use crate::experiment::{Bench, missing_frame};
 use crate::metrics::Score;
 use crate::progress::check_stop;
-use crate::reconstruct::script_of;
 use crate::reconstruct::walk::{Walk, write_guidance};
 use crate::scene_id::SceneId;
 
@@ -97,7 +96,7 @@ impl Walks<'_> {
         let targets = self.targets();
         let frames = targets.iter().max().map_or(0, |last| last * u64::from(RATE[1])) + 1;
         let walk = Walk::new(scene.family, scene.seed, size, RATE, frames)?;
-        let script = ControlScript::parse(script_of(scene.family))?;
+        let script = ControlScript::parse(scene.family.script())?;
         let start = walk.start().ok_or_else(missing_frame)?;
         let mut tracker = ControlTracker::new(script, start, RATE[0], size)?;
         let mut rollout = Rollout::new(self.bench.world, self.bench.point, scene.seed)?;

@@ -25,7 +25,7 @@ impl Walk {
         frames: u64,
     ) -> Result<Self> {
         let scene = Scene::new(family, seed);
-        let script = ControlScript::parse(script(family))?;
+        let script = ControlScript::parse(family.script())?;
         let rate = rate * multiplier;
         let aspect = size.0 as f32 / size.1 as f32;
         let options = ClipOptions { width: size.0, height: size.1, rate, aspect, ..ClipOptions::default() };
@@ -71,14 +71,4 @@ pub(crate) fn write_guidance(frame: &Frame, guidance: &mut Guidance) {
         *vector = [f16::from_f32(motion.x), f16::from_f32(motion.y)];
     }
     guidance.depth_mut().depth_mut().copy_from_slice(&frame.depth);
-}
-
-/// Script of a family.
-pub(crate) fn script(family: Family) -> &'static str {
-    match family {
-        Family::Forest => include_str!("../../../../samples/scripts/forest.txt"),
-        Family::Sword => include_str!("../../../../samples/scripts/sword.txt"),
-        Family::Desert => include_str!("../../../../samples/scripts/desert.txt"),
-        Family::Snow => include_str!("../../../../samples/scripts/snow.txt"),
-    }
 }

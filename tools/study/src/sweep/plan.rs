@@ -21,7 +21,7 @@ use crate::compare::walk::RATE;
 use crate::device::DeviceChoice;
 use crate::experiment::held_out;
 use crate::metrics::{Net, SSIM_WINDOW};
-use crate::scene_id::SceneId;
+use crate::scene_id::{SceneId, landscape};
 use crate::seed_picture::MAX_SIDE;
 use crate::settings::{Formats, Settings as Rollout};
 use crate::workers::check_jobs;
@@ -142,9 +142,16 @@ impl Settings {
             [] => LANDSCAPES.to_vec(),
             names => {
                 let read = |name: &String| {
-                    name.parse::<Family>().or_else(|_| {
-                        refused(format!("there is no scene {name:?}"), "scenes", "Use forest, sword, desert or snow")
-                    })
+                    landscape(name).map_or_else(
+                        || {
+                            refused(
+                                format!("there is no scene {name:?}"),
+                                "scenes",
+                                "Use forest, sword, desert or snow",
+                            )
+                        },
+                        Ok,
+                    )
                 };
                 names.iter().map(read).collect::<Result<_>>()?
             }

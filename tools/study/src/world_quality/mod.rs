@@ -18,7 +18,6 @@ use crate::experiment::files::Files;
 use crate::experiment::{self, Inputs, seed_list};
 use crate::media::encode_small_png;
 use crate::progress::Progress;
-use crate::reconstruct::script_of;
 use crate::scene_id::SceneId;
 use report::SceneResult;
 use walk::{Tools, Walk};
@@ -92,7 +91,7 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
         for (n, scene) in SceneId::all(settings.seeds()).into_iter().enumerate() {
             progress.phase(&format!("{scene} at g{window}"));
             if number == 0 {
-                let script = ControlScript::parse(script_of(scene.family))?;
+                let script = ControlScript::parse(scene.family.script())?;
                 let walked = Walk { scene, script: &script, seconds }.score(&world, &tools, &HORIZONS)?;
                 let stock = OperatingPoint { schedule: Schedule::Stock, ..point.clone() };
                 let tools = Tools { point: &stock, ..tools };

@@ -32,7 +32,7 @@ pub(in crate::quality) struct SceneClip {
 
 impl SceneClip {
     pub(in crate::quality) fn new(family: Family, seed: u64, scale: Scale) -> Result<Self> {
-        let text = script(family);
+        let text = family.script();
         let scene = Scene::new(family, seed);
         let (size, targets) = match scale {
             Scale::Full => ((640, 360), TARGETS.to_vec()),
@@ -129,15 +129,5 @@ impl Clip for SceneClip {
         let motion = MotionField::from_vectors(self.size.0, self.size.1, vectors)?;
         let depth = DepthMap::from_host(self.size.0, self.size.1, depth, Default::default(), projection)?;
         Guidance::from_parts(motion, depth, MotionOrigin::Geometry).map(Some)
-    }
-}
-
-/// Script of a family.
-fn script(family: Family) -> &'static str {
-    match family {
-        Family::Forest => include_str!("../../../../../samples/scripts/forest.txt"),
-        Family::Sword => include_str!("../../../../../samples/scripts/sword.txt"),
-        Family::Desert => include_str!("../../../../../samples/scripts/desert.txt"),
-        Family::Snow => include_str!("../../../../../samples/scripts/snow.txt"),
     }
 }
