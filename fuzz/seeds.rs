@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use study::fuzz_targets::seeds as study;
 use test_support::fuzz_targets::seeds;
 
 fn main() -> std::io::Result<()> {
@@ -11,6 +12,9 @@ fn main() -> std::io::Result<()> {
         ("onnx", seeds::onnx()),
         ("control_script", seeds::control_script()),
         ("calls", calls()),
+        ("y4m", study::y4m()),
+        ("seed_picture", study::seed_picture()),
+        ("lpips_weights", study::lpips_weights()),
     ] {
         let folder = corpus.join(target);
         std::fs::create_dir_all(&folder)?;

@@ -127,10 +127,13 @@ pub(crate) enum LabCommand {
 #[command(after_help = "With CI=true a skipped test that xtask/skips.toml does not allow counts as a failure.\n\
                         Logs are kept in target/xtask/.")]
 pub(crate) struct TestOptions {
-    /// Fuzz every target for a minute, and run every fault and the long soak as well
+    /// Run the thorough parts as well: fuzzing, every fault, soaks, all of DirectML; name one, as together they take hours
     #[arg(long)]
     pub(crate) thorough: bool,
-    /// Show the runners and what each does, and run none
+    /// Append the results of thorough parts, with date, commit and duration, to xtask/thorough.toml and docs/thorough.md
+    #[arg(long, requires = "thorough")]
+    pub(crate) record: bool,
+    /// Show the runners, what each does and how long the thorough parts take, and run none
     #[arg(long)]
     pub(crate) list: bool,
     /// Run only runners whose name holds one of these words

@@ -18,6 +18,7 @@ mod demo;
 mod experiment;
 mod interpolate;
 mod motion;
+mod pages;
 mod quality;
 mod reconstruct;
 mod replay;
@@ -101,6 +102,8 @@ enum Command {
     /// How near pictures are to the true ones: PSNR, SSIM and LPIPS
     #[command(after_help = score::EXAMPLES)]
     Score(score::ScoreArgs),
+    /// Which published pages were made by today's generator, and which by an older one
+    Pages(pages::PagesArgs),
     /// Writes the built-in seed picture, to paint over or to compare with
     SeedPicture(seed_picture::SeedPictureArgs),
 }
@@ -129,6 +132,7 @@ impl Command {
             Self::WorldQuality(args) => args,
             Self::Interpolate(args) => args,
             Self::Score(args) => args,
+            Self::Pages(args) => args,
             Self::SeedPicture(args) => args,
         }
     }

@@ -27,6 +27,8 @@ mod demo;
 mod device;
 mod document;
 pub mod experiment;
+#[doc(hidden)]
+pub mod fuzz_targets;
 mod generator;
 mod inputs;
 mod interpolate;

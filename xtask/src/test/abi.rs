@@ -22,7 +22,8 @@ pub(super) const STRICT: [&str; 4] = ["-Wall", "-Wextra", "-Wpedantic", "-Werror
 const PROGRAMS: &str = "tests/abi";
 
 /// Programs that have a longer form, enabled by `CAIRN_THOROUGH`.
-const LONGER: [&str; 2] = ["tests/abi/fail_nth.c", "tests/abi/fuzz_calls.c"];
+const FAULTS: &str = "tests/abi/fail_nth.c";
+const RANDOM_CALLS: &str = "tests/abi/fuzz_calls.c";
 
 /// The table of all functions that the hostile test programs call.
 const CALLS: &str = "tests/abi/calls.h";
@@ -55,18 +56,27 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 
     let library = library(context, log)?;
     tally.check(exports(&library, &declared)?);
-    programs(context, log, &work, &library, &mut tally, false)?;
+    programs(context, log, &work, &library, &mut tally, None)?;
     cpp::run(context, log, &work, &library, &declared, &mut tally)?;
     Ok(tally)
 }
 
-/// Runs the longer forms of the C programs that have one.
-pub(super) fn run_longer(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+/// Runs the longer form of the program that fails every call once.
+pub(super) fn run_faults(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    run_longer(context, log, FAULTS)
+}
+
+/// Runs the longer form of the program of random calls.
+pub(super) fn run_calls(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    run_longer(context, log, RANDOM_CALLS)
+}
+
+fn run_longer(context: &Context<'_>, log: &mut Log, program: &str) -> Result<Tally, String> {
     let work = context.workspace.target.join("xtask").join("abi");
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
     let mut tally = Tally::default();
     let library = library(context, log)?;
-    programs(context, log, &work, &library, &mut tally, true)?;
+    programs(context, log, &work, &library, &mut tally, Some(program))?;
     Ok(tally)
 }
 
@@ -211,7 +221,7 @@ fn is_row(row: &str, name: &str) -> bool {
     row.strip_prefix('(').and_then(|row| row.strip_prefix(name)).is_some_and(|rest| rest.starts_with([',', ')']))
 }
 
-/// Compiles and runs every C program against the library, and some of them also with an earlier header. Each
+/// Compiles and runs every C program against the library, and some of them also with an earlier header; or the longer form of one. Each
 /// prints one line per test, as Rust's test programs do.
 fn programs(
     context: &Context<'_>,
@@ -219,7 +229,7 @@ fn programs(
     work: &Path,
     library: &Path,
     tally: &mut Tally,
-    longer: bool,
+    longer: Option<&str>,
 ) -> Result<(), String> {
     let root = &context.workspace.root;
     let is_program = |file: &&String| {
@@ -246,8 +256,8 @@ fn programs(
             (name(&source), header.as_path(), source)
         }));
     }
-    if longer {
-        hosts.retain(|(name, ..)| LONGER.contains(&name.as_str()));
+    if let Some(longer) = longer {
+        hosts.retain(|(name, ..)| name == longer);
     }
     let folder = library.parent().unwrap_or(Path::new("."));
     for (number, (name, header, source)) in hosts.iter().enumerate() {
@@ -264,7 +274,7 @@ fn programs(
         }
         let mut command = Command::new(&program);
         command.current_dir(work).env("CAIRN_TEST_WORLD", context.bundle("tiny")?).env("CAIRN_TEST_SHIM", &shim);
-        if longer {
+        if longer.is_some() {
             command.env("CAIRN_THOROUGH", "1");
         }
         context.provide_worlds(&mut command)?;

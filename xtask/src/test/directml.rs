@@ -22,27 +22,52 @@ const SHORT_BUDGETS: [&str; 2] = [
 ];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    all(context, log, true)
-}
-
-pub(super) fn run_longer(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    all(context, log, false)
-}
-
-fn all(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally, String> {
     let mut tally = Tally::default();
-    if let Some(skip) = lab::skip_unless_possible("parity and saved states on DirectML")? {
-        tally.skips.push(skip);
-        return Ok(tally);
+    if !skip(&mut tally)? {
+        context.build_for_windows(log)?;
+        context.with_and_without_amd(&mut tally, |amd| {
+            let mut tally = tests(context, log, STATES, Some(&SHORT_STATES), amd)?;
+            tally.add(tests(context, log, BUDGETS, Some(&SHORT_BUDGETS), amd)?);
+            tally.add(parity(context, log, true, amd)?);
+            Ok(tally)
+        })?;
     }
-    context.build_for_windows(log)?;
-    context.with_and_without_amd(&mut tally, |amd| {
-        let mut tally = tests(context, log, STATES, is_short.then_some(&SHORT_STATES), amd)?;
-        tally.add(tests(context, log, BUDGETS, is_short.then_some(&SHORT_BUDGETS), amd)?);
-        tally.add(parity(context, log, is_short, amd)?);
-        Ok(tally)
-    })?;
     Ok(tally)
+}
+
+/// All tests of saved states.
+pub(super) fn run_states(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    run_longer(context, log, |log, amd| tests(context, log, STATES, None, amd))
+}
+
+/// All tests of budgets.
+pub(super) fn run_budgets(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    run_longer(context, log, |log, amd| tests(context, log, BUDGETS, None, amd))
+}
+
+/// All rollouts of the comparison with the oracle.
+pub(super) fn run_parity(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    run_longer(context, log, |log, amd| parity(context, log, false, amd))
+}
+
+fn run_longer(
+    context: &Context<'_>,
+    log: &mut Log,
+    mut run: impl FnMut(&mut Log, &Amd) -> Result<Tally, String>,
+) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    if !skip(&mut tally)? {
+        context.build_for_windows(log)?;
+        context.with_and_without_amd(&mut tally, |amd| run(log, amd))?;
+    }
+    Ok(tally)
+}
+
+/// Adds a skip if this machine cannot have the lab. Returns whether it did.
+fn skip(tally: &mut Tally) -> Result<bool, String> {
+    let skip = lab::skip_unless_possible("parity and saved states on DirectML")?;
+    tally.skips.extend(skip);
+    Ok(!tally.skips.is_empty())
 }
 
 /// Runs a test program of the library, or some of its tests for the short form. One at a time, as each has worlds of its own.

@@ -27,6 +27,7 @@ mod study;
 mod study_windows;
 mod tally;
 mod thorough;
+mod thorough_record;
 mod unity;
 mod unreal;
 mod wheels;
@@ -45,6 +46,7 @@ use crate::shell::Log;
 use crate::workspace::Workspace;
 use skips::Allowed;
 use tally::Tally;
+use thorough_record::Record;
 
 pub(crate) use cargo::DENY_VERSION;
 pub(crate) use lab::for_windows;
@@ -135,22 +137,76 @@ const RUNNERS: &[Runner] = &[
     Runner { name: "deny", what: "licences and sources of the dependencies", run: cargo::deny },
 ];
 
+/// A part of the thorough tests, of at most [`thorough_record::LONGEST`] minutes.
+struct Part {
+    runner: Runner,
+    /// Estimate for two cores, with the compiler's time; recorded durations replace it.
+    minutes: u32,
+}
+
 /// Run with `--thorough` only.
-const THOROUGH: &[Runner] = &[
-    Runner { name: "fuzz", what: "every fuzz target for a minute", run: thorough::fuzz },
-    Runner {
-        name: "faults",
-        what: "every fault at every place, and long random call sequences in C",
-        run: abi::run_longer,
+const THOROUGH: &[Part] = &[
+    Part { runner: Runner { name: "fuzz", what: "every fuzz target for a minute", run: thorough::fuzz }, minutes: 30 },
+    Part {
+        runner: Runner { name: "faults", what: "every fault at every call, in C", run: abi::run_faults },
+        minutes: 30,
     },
-    Runner {
-        name: "directml-all",
-        what: "parity, saved states and budgets on DirectML, all of it",
-        run: directml::run_longer,
+    Part {
+        runner: Runner { name: "calls", what: "long random call sequences in C", run: abi::run_calls },
+        minutes: 30,
     },
-    Runner { name: "cycles", what: "1,000 devices and 20 worlds on Direct3D 12 come and go", run: lab::run_cycles },
-    Runner { name: "dist-release", what: "two clones in two places make the same archives", run: dist::run_release },
-    Runner { name: "soak", what: "2,000 latents and 10,000 generated frames with flat memory", run: thorough::soak },
+    Part {
+        runner: Runner { name: "directml-states", what: "saved states on DirectML", run: directml::run_states },
+        minutes: 45,
+    },
+    Part {
+        runner: Runner { name: "directml-budgets", what: "budgets on DirectML", run: directml::run_budgets },
+        minutes: 45,
+    },
+    Part {
+        runner: Runner {
+            name: "directml-parity",
+            what: "parity with the oracle on DirectML",
+            run: directml::run_parity,
+        },
+        minutes: 60,
+    },
+    Part {
+        runner: Runner {
+            name: "cycles-devices",
+            what: "1,000 devices on Direct3D 12 come and go",
+            run: lab::run_device_cycles,
+        },
+        minutes: 45,
+    },
+    Part {
+        runner: Runner {
+            name: "cycles-worlds",
+            what: "20 worlds on Direct3D 12 come and go",
+            run: lab::run_world_cycles,
+        },
+        minutes: 45,
+    },
+    Part {
+        runner: Runner {
+            name: "dist-release",
+            what: "two clones in two places make the same archives",
+            run: dist::run_release,
+        },
+        minutes: 60,
+    },
+    Part {
+        runner: Runner { name: "soak-latents", what: "2,000 latents with flat memory", run: thorough::soak_latents },
+        minutes: 15,
+    },
+    Part {
+        runner: Runner {
+            name: "soak-frames",
+            what: "10,000 generated frames with flat memory",
+            run: thorough::soak_frames,
+        },
+        minutes: 15,
+    },
 ];
 
 /// Shared state of the runners: the workspace, and the libraries, worlds and environments that were fetched for them.
@@ -255,20 +311,23 @@ impl<'a> Context<'a> {
 
 /// Runs the runners that `options` choose; returns whether nothing failed.
 pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, String> {
-    let all = RUNNERS.iter().chain(if options.thorough || options.list { THOROUGH } else { &[] });
+    let parts = || THOROUGH.iter().map(|part| &part.runner);
     if options.list {
-        for runner in all {
-            println!("{:16}{}", runner.name, runner.what);
+        RUNNERS.iter().for_each(|runner| println!("{:18}{}", runner.name, runner.what));
+        println!("\nWith --thorough only:");
+        let record = Record::read(workspace)?;
+        for part in THOROUGH {
+            println!("{:18}{} ({})", part.runner.name, part.runner.what, record.duration(part));
         }
-        println!("\nfuzz, faults, directml-all, cycles, dist-release and soak run with --thorough only");
         return Ok(true);
     }
-    let all: Vec<&Runner> = all.collect();
+    let all: Vec<&Runner> = RUNNERS.iter().chain(parts().filter(|_| options.thorough)).collect();
     if let Some(filter) = options.filters.iter().find(|f| !all.iter().any(|runner| runner.name.contains(f.as_str()))) {
-        let names: Vec<_> = RUNNERS.iter().chain(THOROUGH).map(|runner| runner.name).collect();
-        let thorough = "fuzz, faults, directml-all, cycles, dist-release and soak need --thorough";
-        return Err(format!("no runner's name holds {filter:?}. There are {}; {thorough}", names.join(", ")));
+        let [names, thorough] = [RUNNERS.iter().collect::<Vec<_>>(), parts().collect()]
+            .map(|runners| runners.iter().map(|runner| runner.name).collect::<Vec<_>>().join(", "));
+        return Err(format!("no runner's name holds {filter:?}. There are {names}; with --thorough also {thorough}"));
     }
+    let commit = if options.record { Some(thorough_record::commit(workspace)?) } else { None };
     let is_chosen = |runner: &&Runner| {
         options.filters.is_empty() || options.filters.iter().any(|filter| runner.name.contains(filter.as_str()))
     };
@@ -295,8 +354,16 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
         if tally.is_empty() {
             tally = Tally::broken("it ran no test and no check");
         }
+        let (seconds, is_part) = (began.elapsed().as_secs(), parts().any(|part| part.name == runner.name));
+        if is_part && seconds > 60 * thorough_record::LONGEST {
+            let longest = thorough_record::LONGEST;
+            tally.failures.push(format!("it took {} minutes, and a part may take {longest}: split it", seconds / 60));
+        }
         if must_allow {
             tally.fail_skips_unless(|skip| allowed.covers(skip));
+        }
+        if let Some(commit) = commit.as_ref().filter(|_| is_part) {
+            thorough_record::append(workspace, runner.name, commit, seconds, &tally)?;
         }
         for failure in &tally.failures {
             log.line(&format!("failed: {failure}"))?;
@@ -308,16 +375,16 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
         for skip in &tally.skips {
             _ = writeln!(skipped, "  {}: {} ({})", runner.name, skip.name, skip.reason);
         }
-        lines.push(format!("{:16}{}{:>9.1} s", runner.name, tally.columns(), began.elapsed().as_secs_f64()));
+        lines.push(format!("{:18}{}{:>9.1} s", runner.name, tally.columns(), began.elapsed().as_secs_f64()));
         total.add(tally);
     }
 
     if !failures.is_empty() {
         println!("{failures}");
     }
-    println!("\n{:16}{}{:>11}", "runner", Tally::column_heads(), "time");
+    println!("\n{:18}{}{:>11}", "runner", Tally::column_heads(), "time");
     lines.iter().for_each(|line| println!("{line}"));
-    println!("{:16}{}", "all", total.columns());
+    println!("{:18}{}", "all", total.columns());
     if !skipped.is_empty() {
         println!("\nSkipped:\n{skipped}");
     }

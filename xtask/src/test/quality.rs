@@ -1,15 +1,21 @@
-//! A part of the runner `study`: the quality table at its smallest, through the program as a user starts it. The whole table is
-//! `study quality --publish`, which needs third-party programs and takes minutes.
+//! A part of the runner `study`: the quality table at its smallest, through the program as a user starts it; the floors of a dozen frames;
+//! and two frames by each third-party program. The whole table is `study quality --publish`, which takes minutes.
 
 use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 use super::Context;
-use super::tally::Tally;
+use super::tally::{Skip, Tally};
 use crate::shell::Log;
 
 /// Rows that need no third-party program; each is scored on two frames.
 const ROWS: [&str; 4] = ["repeat", "blend", "cairn-flow", "cairn-truth"];
+/// Rows that a third-party program makes, and the clip that one plays.
+const DRIVERS: [&str; 3] = ["minterpolate", "flowfps", "rife"];
+const GAME: &str = "vizdoom";
+/// What the program says of a package when there is no network.
+const UNREACHABLE: &str = "cannot reach the package index";
 const FRAMES: usize = 2;
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
@@ -19,12 +25,71 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
         _ => {}
     }
-    let mut quality = Command::new(context.workspace.program("debug", "study"));
-    quality.current_dir(&context.workspace.root).args(["quality", "--smoke", "--fresh", "--out"]).arg(&folder);
-    context.provide_lpips(&mut quality)?;
+    let mut tally = smoke(context, log, &folder)?;
+    tally.add(floors(context, log, &folder.join("floors"))?);
+    tally.add(drivers(context, log, &folder.join("drivers"))?);
+    Ok(tally)
+}
 
+/// `study quality` with an option that chooses a short form of it.
+fn quality(context: &Context<'_>, option: &str, out: &Path) -> Result<Command, String> {
+    let mut command = Command::new(context.workspace.program("debug", "study"));
+    command.current_dir(&context.workspace.root).args(["quality", option, "--out"]).arg(out);
+    context.provide_lpips(&mut command)?;
+    Ok(command)
+}
+
+/// Every frame and every claim that the program judges is a test.
+fn floors(context: &Context<'_>, log: &mut Log, folder: &Path) -> Result<Tally, String> {
+    let ended = log.run(quality(context, "--floors", folder)?.arg("--quiet"))?;
     let mut tally = Tally::default();
-    tally.test((!log.run(&mut quality)?.success).then(|| "the table could not be made".to_owned()));
+    for line in ended.output.lines() {
+        if line.starts_with("held ") {
+            tally.test(None);
+        } else if let Some(failure) = line.strip_prefix("FAILED ") {
+            tally.test(Some(failure.to_owned()));
+        }
+    }
+    if !ended.success && tally.failures.is_empty() {
+        tally.test(Some("the floors could not be compared".to_owned()));
+    }
+    // A dozen frames of two rows, at least.
+    tally.check((tally.passed + tally.failures.len() < 24).then(|| "not every floor was compared".to_owned()));
+    Ok(tally)
+}
+
+/// Two frames by each third-party program. One that cannot be fetched is skipped, which fails in continuous integration.
+fn drivers(context: &Context<'_>, log: &mut Log, folder: &Path) -> Result<Tally, String> {
+    let ended = log.run(quality(context, "--drivers", folder)?.arg("--fresh"))?;
+    let unavailable = |name: &str| {
+        let start = format!("left out: {name}: ");
+        ended.output.lines().find_map(|line| line.strip_prefix(&start).map(str::to_owned))
+    };
+    let frames = fs::read_to_string(folder.join("quality-frames.csv")).unwrap_or_default();
+    let game = unavailable(GAME);
+    let mut tally = Tally::default();
+    for row in DRIVERS {
+        match unavailable(row).or_else(|| game.clone()) {
+            Some(why) if why.contains(UNREACHABLE) => {
+                tally.skips.push(Skip { name: format!("{row} on {GAME}"), reason: why });
+            }
+            Some(why) => tally.test(Some(format!("{row} on {GAME} cannot be provided: {why}"))),
+            None => {
+                let scores = frames.lines().filter(|line| is_score(line, row)).count();
+                tally.test(
+                    (scores != FRAMES).then(|| format!("{row} has {scores} whole scores of {GAME}, not {FRAMES}")),
+                );
+            }
+        }
+    }
+    Ok(tally)
+}
+
+/// The quality table of the rows that need no third-party program.
+fn smoke(context: &Context<'_>, log: &mut Log, folder: &Path) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    let ended = log.run(quality(context, "--smoke", folder)?.arg("--fresh"))?;
+    tally.test((!ended.success).then(|| "the table could not be made".to_owned()));
     let read = |name: &str| fs::read_to_string(folder.join(name)).map_err(|e| format!("{name}: {e}"));
     let (page, frames) = (read("quality.md")?, read("quality-frames.csv")?);
     for row in ROWS {

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::Context;
 use super::tally::Tally;
+use super::thorough_record;
 use crate::shell::Log;
 use crate::workspace::Workspace;
 
@@ -47,6 +48,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         }
         tally.check((!violations.is_empty()).then(|| format!("{rule}: {}", violations.join("; "))));
     }
+    tally.check(thorough_record::page_differs(workspace)?);
     Ok(tally)
 }
 

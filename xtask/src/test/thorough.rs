@@ -35,16 +35,24 @@ pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
         command.arg(&program).args(["run", target, "--", &format!("-max_total_time={FUZZ_SECONDS}")]);
         command.current_dir(&context.workspace.root).env("CARGO_TARGET_DIR", context.workspace.target.join("fuzz"));
         context.provide_worlds(command.env("CAIRN_TEST_WORLD", context.bundle("tiny")?))?;
-        context.provide_worlds(command.env("CAIRN_TEST_WORLD", context.bundle("tiny")?))?;
         let ended = log.run(&mut command)?;
         tally.test((!ended.success).then(|| format!("fuzz target {target} does not build, or an input broke it")));
     }
     Ok(tally)
 }
 
-pub(super) fn soak(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+pub(super) fn soak_latents(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    soak(context, log, "soak", "CAIRN_SOAK_LATENTS", SOAK_LATENTS)
+}
+
+pub(super) fn soak_frames(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    soak(context, log, "soak_frames", "CAIRN_SOAK_FRAMES", SOAK_FRAMES)
+}
+
+/// Runs the test program `name` with its `variable` at the long run's number.
+fn soak(context: &Context<'_>, log: &mut Log, name: &str, variable: &str, number: &str) -> Result<Tally, String> {
     // The whole workspace is named so that the `cargo` runner's compiled code is reused.
-    let mut command = context.workspace.cargo(["test", "--workspace", "--test", "soak", "--test", "soak_frames"]);
+    let mut command = context.workspace.cargo(["test", "--workspace", "--test", name]);
     context.provide_worlds(&mut command)?;
-    Ok(cargo::count(&log.run(command.env("CAIRN_SOAK_LATENTS", SOAK_LATENTS).env("CAIRN_SOAK_FRAMES", SOAK_FRAMES))?))
+    Ok(cargo::count(&log.run(command.env(variable, number))?))
 }

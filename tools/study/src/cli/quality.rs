@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use cairn::Result;
 use clap::Args;
 
-use super::{Subcommand, progress, stop_on_interrupt};
-use crate::quality::{self, Settings};
+use super::{Subcommand, print_outcome, progress, stop_on_interrupt};
+use crate::quality::{self, FloorSettings, Settings};
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
@@ -16,6 +16,9 @@ Examples:
 
   study quality --seeds 4 --clips forest,snow --rows built-in
       While the generator is worked on. Seed 4 is there for that; 5 to 7 are kept for the table.
+
+  study quality --floors
+      A dozen small frames against the least scores that are committed, in seconds; with --write, these scores anew.
 
   study quality --clips none --speed --check
       Times alone, with the ratios that are claimed.
@@ -44,9 +47,19 @@ pub(super) struct QualityArgs {
     /// Network of LPIPS: alex, vgg or none; its weights are fetched once (64 MB)
     #[arg(long, value_name = "NET", default_value = "alex")]
     lpips: String,
-    /// One scene at a small size and what needs no other program, to see that everything works
-    #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "speed", "publish"])]
+    /// Two frames of one scene at a small size and what needs no other program, to see that everything works
+    #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "speed", "publish", "drivers"])]
     smoke: bool,
+    /// Two frames of the game's clip by every row that another program makes, to see that these programs work
+    #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "speed", "publish"])]
+    drivers: bool,
+    /// A dozen fixed frames of each of our rows against the committed floors in tools/study/floors.csv, and the page's claims
+    /// against the same frames; fails where one is worse
+    #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "lpips", "smoke", "drivers", "check", "speed", "fresh", "publish"])]
+    floors: bool,
+    /// Write the floors from what is made now, instead of comparing
+    #[arg(long, requires = "floors")]
+    write: bool,
     /// Hold the table against what is claimed, and fail where it does not bear a claim out
     #[arg(long)]
     check: bool,
@@ -71,11 +84,27 @@ impl QualityArgs {
     fn settings(&self) -> Settings {
         let (rows, clips, seeds) = if self.smoke {
             ("built-in".into(), "forest".into(), vec![4])
+        } else if self.drivers {
+            ("minterpolate,flowfps,rife".into(), "vizdoom".into(), vec![4])
         } else {
             (self.rows.clone(), self.clips.clone(), self.seeds.clone())
         };
-        let Self { smoke, speed, fresh, publish, .. } = *self;
+        let Self { speed, fresh, publish, .. } = *self;
+        let smoke = self.smoke || self.drivers;
         Settings { rows, clips, seeds, lpips: self.lpips.clone(), smoke, speed, fresh, publish, out: self.out.clone() }
+    }
+}
+
+impl QualityArgs {
+    /// Compares with the floors, or writes them.
+    fn floors(&self) -> Result<ExitCode> {
+        let settings = FloorSettings { write: self.write, out: self.out.join("floors"), fetch: true };
+        let outcome = quality::floors(&settings, &progress(self.quiet), stop_on_interrupt()?)?;
+        if outcome.interrupted {
+            return Ok(ExitCode::from(130));
+        }
+        print_outcome(&outcome.lines.iter().map(|line| format!("{line}\n")).collect::<String>(), &outcome.files);
+        Ok(ExitCode::from(u8::from(outcome.failed > 0)))
     }
 }
 
@@ -85,6 +114,9 @@ impl Subcommand for QualityArgs {
     }
 
     fn run(&self) -> Result<ExitCode> {
+        if self.floors {
+            return self.floors();
+        }
         let outcome = quality::run(&self.settings(), &progress(self.quiet), stop_on_interrupt()?)?;
         for left_out in &outcome.left_out {
             eprintln!("left out: {left_out}");

@@ -65,7 +65,7 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     let report = report::report(&found)?;
     files.extend(report.write(&settings.out, REPORT)?);
     if let Some(folder) = &settings.publish {
-        files.extend(report.write_compressed(folder, REPORT)?);
+        files.extend(report.stamped()?.write_compressed(folder, REPORT)?);
     }
     Ok(Outcome { text: report.markdown, files })
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use cairn::Result;
 
+use crate::experiment::provenance::stamped;
 use crate::media::{JpegQuality, RealDisk, describe_io, encode_jpeg, write_whole};
 use crate::table::Table;
 
@@ -109,6 +110,14 @@ impl Document {
             html: page::page(title, blocks),
             assets: assets.collect(),
         }
+    }
+
+    /// The same, with its [commit and generator](stamped) stated in the Markdown, as published.
+    ///
+    /// # Errors
+    /// `Io`.
+    pub(crate) fn stamped(&self) -> Result<Self> {
+        Ok(Self { markdown: stamped(&self.markdown)?, html: self.html.clone(), assets: self.assets.clone() })
     }
 
     /// Writes `NAME.md`, `NAME.html` and the assets into `folder`. Returns the written files.

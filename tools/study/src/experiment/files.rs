@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use cairn::{Picture, Result};
 
+use super::provenance::stamped;
 use crate::media::{JpegQuality, RealDisk, describe_io, encode_jpeg, write_whole};
 
 /// Folder of the pages' pictures, within the docs.
@@ -45,13 +46,20 @@ impl Files {
         write_all(self.0.iter().map(|file| (folder.join(&file.name), file.content.clone())).collect())
     }
 
-    /// Writes those of `names` that exist into the repository's docs, in that order. Returns their paths.
+    /// Writes those of `names` that exist into the repository's docs, in that order; pages state their [commit](stamped). Returns their
+    /// paths.
     ///
     /// # Errors
     /// `Io`.
     pub(crate) fn publish(&self, names: &[&str]) -> Result<Vec<PathBuf>> {
         let docs = docs();
-        write_all(self.published(names).into_iter().map(|(name, content)| (docs.join(name), content)).collect())
+        let mut files = Vec::new();
+        for (name, content) in self.published(names) {
+            let is_page = name.ends_with(".md");
+            let content = if is_page { stamped(&String::from_utf8_lossy(&content))?.into_bytes() } else { content };
+            files.push((docs.join(name), content));
+        }
+        write_all(files)
     }
 
     /// Paths within the docs, and contents. The pages link the published pictures.

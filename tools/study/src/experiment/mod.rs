@@ -11,6 +11,7 @@
 pub(crate) mod cells;
 pub(crate) mod files;
 pub(crate) mod held_out;
+pub(crate) mod provenance;
 pub(crate) mod tiles;
 
 use std::path::PathBuf;

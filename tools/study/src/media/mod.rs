@@ -25,4 +25,5 @@ pub(crate) use png::{JpegQuality, encode_jpeg};
 pub use png::{PngSink, encode_png, encode_small_png};
 pub use recorder::{Frame, Recorder, RecorderReport, Sink, WrittenFile};
 pub use y4m::Y4mSink;
+pub(crate) use y4m_reader::parse as y4m_header;
 pub use y4m_reader::{Y4M_MAGIC, Y4mHeader, Y4mReader};

@@ -19,6 +19,7 @@ mod ssim;
 use cairn::{Error, ErrorKind, Picture, Result};
 
 pub use lpips::{Features, Lpips, Net};
+pub(crate) use lpips::{check_weights, small_weights};
 pub use ms_ssim::{MS_SSIM_SIDE, ms_ssim};
 pub use psnr::{mean_squared_error, psnr};
 pub use score::{MAX_PSNR, Score};

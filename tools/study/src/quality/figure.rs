@@ -118,7 +118,7 @@ fn worst_place<'a>(truth: &Picture, pictures: impl Iterator<Item = &'a Picture>)
 }
 
 /// The absolute error of `picture`, brightened.
-fn error(truth: &Picture, picture: &Picture) -> Result<Picture> {
+pub(super) fn error(truth: &Picture, picture: &Picture) -> Result<Picture> {
     let mut out = truth.clone();
     for ((out, a), b) in out.pixels_mut().iter_mut().zip(truth.pixels()).zip(picture.pixels()) {
         for i in 0..3 {

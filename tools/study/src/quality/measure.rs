@@ -224,7 +224,7 @@ impl Measurements {
 }
 
 /// True motion and depth of the two anchors of an interval, if known.
-fn guidance(clip: &mut dyn Clip, anchor: usize, store: &Store) -> Result<[Option<Guidance>; 2]> {
+pub(super) fn guidance(clip: &mut dyn Clip, anchor: usize, store: &Store) -> Result<[Option<Guidance>; 2]> {
     // The first anchor has no predecessor and so no motion.
     let before = if anchor >= 2 { clip.guidance(anchor - 1, store)? } else { None };
     Ok([before, clip.guidance(anchor, store)?])

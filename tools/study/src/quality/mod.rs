@@ -12,8 +12,10 @@
 mod claims;
 mod clips;
 mod figure;
+mod floors;
 mod limits;
 mod measure;
+mod published;
 mod report;
 mod rows;
 mod speed;
@@ -32,6 +34,7 @@ use crate::media::{describe_io, encode_png};
 use crate::metrics::{Lpips, Net};
 use crate::progress::Progress;
 use clips::Scale;
+pub use floors::{FloorSettings, FloorsOutcome, floors};
 use measure::{Measurements, Plan};
 use rows::program::not_provided;
 use store::Store;
@@ -59,7 +62,7 @@ pub struct Settings {
     pub seeds: Vec<u64>,
     /// The network of LPIPS: alex, vgg or none.
     pub lpips: String,
-    /// Small clips, and only rows that need no other program.
+    /// Small clips of two scored frames, for a check that everything works.
     pub smoke: bool,
     /// Ignore stored scores and stored pictures of other programs.
     pub fresh: bool,
@@ -106,7 +109,11 @@ fn net(name: &str) -> Result<Option<Net>> {
 /// Loads LPIPS. Missing weights are fetched if that is allowed.
 fn open_lpips(settings: &Settings, progress: &Progress) -> Result<Option<Lpips>> {
     let Some(net) = net(&settings.lpips)? else { return Ok(None) };
-    if settings.smoke { Lpips::find(net) } else { inputs::lpips(net, progress) }.map(Some)
+    open_lpips_of(net, !settings.smoke, progress).map(Some)
+}
+
+fn open_lpips_of(net: Net, fetch: bool, progress: &Progress) -> Result<Lpips> {
+    if fetch { inputs::lpips(net, progress) } else { Lpips::find(net) }
 }
 
 /// Result of the measurement.

@@ -62,6 +62,14 @@ pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&st
     out
 }
 
+/// The parts of the text that the table alone decides: its tables, and the differences clip by clip.
+pub(super) fn of_table(table: &Table) -> String {
+    let mut out = String::new();
+    table.multipliers().into_iter().for_each(|multiplier| tables(&mut out, table, multiplier));
+    differences(&mut out, table);
+    out
+}
+
 /// One table of scenes and one of other clips.
 fn tables(out: &mut String, table: &Table, multiplier: u32) {
     let is_scene = |group: &String| scenes::LANDSCAPES.iter().any(|family| family.name() == group);

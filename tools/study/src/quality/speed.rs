@@ -43,6 +43,50 @@ const OTHER_FAMILIES: [Family; 3] = [Family::Sword, Family::Desert, Family::Snow
 /// Scene seed for tuning the generator.
 const SEED: u64 = 4;
 
+/// A claim about times: a ratio is at most or at least so much.
+struct SpeedBound {
+    what: &'static str,
+    bound: f64,
+    at_most: bool,
+}
+
+impl SpeedBound {
+    fn holds(&self, figure: f64) -> bool {
+        if self.at_most { figure <= self.bound } else { figure >= self.bound }
+    }
+}
+
+/// The claims about times, in the order of [`Speed::judge`].
+const BOUNDS: [SpeedBound; 5] = [
+    SpeedBound {
+        what: "motion in tiles: at most 8 times the plain average's time at 1920x1080",
+        bound: 8.0,
+        at_most: true,
+    },
+    SpeedBound {
+        what: "motion to every pixel: at most 24 times the plain average's time at 1920x1080",
+        bound: 24.0,
+        at_most: true,
+    },
+    SpeedBound {
+        what: "`picture_flow` and generation: at least 10 times as fast as minterpolate",
+        bound: 10.0,
+        at_most: false,
+    },
+    SpeedBound { what: "generation: a second core makes it at least 1.7 times as fast", bound: 1.7, at_most: false },
+    SpeedBound {
+        what: "`picture_flow` and generation: a second core makes it at least 1.7 times as fast",
+        bound: 1.7,
+        at_most: false,
+    },
+];
+
+/// Whether a claim about times holds by its figure in a page, such as `12.16 times`; `None` for another claim or figure.
+pub(super) fn verdict(what: &str, figure: &str) -> Option<bool> {
+    let figure = figure.strip_suffix(" times")?.parse().ok()?;
+    BOUNDS.iter().find(|bound| bound.what == what).map(|bound| bound.holds(figure))
+}
+
 /// Timed operations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Operation {
@@ -318,26 +362,23 @@ impl Speed {
 
     /// Verdicts on the claims about times, as far as they were measured.
     pub(super) fn judge(&self) -> Vec<Claim> {
-        let mut claims = Vec::new();
-        let mut claim = |what: &str, figure: Option<f64>, bound: f64, at_most: bool| {
-            let Some(figure) = figure else { return };
-            let held = if at_most { figure <= bound } else { figure >= bound };
-            claims.push(Claim { what: what.into(), held, figures: format!("{figure:.2} times") });
-        };
-        let plain = "plain average's time at 1920x1080";
-        let tiles = format!("motion in tiles: at most 8 times the {plain}");
-        claim(&tiles, self.times_average(Operation::Tiles(8)), 8.0, true);
-        let pixels = format!("motion to every pixel: at most 24 times the {plain}");
-        claim(&pixels, self.times_average(Operation::Pixels), 24.0, true);
         let both = self.line(Operation::Flow).zip(self.line(Operation::Minterpolate));
-        let ratio = both.map(|(own, other)| other.seconds / own.seconds);
-        claim("`picture_flow` and generation: at least 10 times as fast as minterpolate", ratio, 10.0, false);
-        for (operation, what) in [(Operation::Pixels, "generation"), (Operation::Flow, "`picture_flow` and generation")]
-        {
-            let gain = self.line(operation).and_then(|line| Some(line.alone? / line.seconds));
-            claim(&format!("{what}: a second core makes it at least 1.7 times as fast"), gain, 1.7, false);
-        }
-        claims
+        let gain = |operation| self.line(operation).and_then(|line| Some(line.alone? / line.seconds));
+        let figures = [
+            self.times_average(Operation::Tiles(8)),
+            self.times_average(Operation::Pixels),
+            both.map(|(own, other)| other.seconds / own.seconds),
+            gain(Operation::Pixels),
+            gain(Operation::Flow),
+        ];
+        let claim = |(bound, figure): (&SpeedBound, Option<f64>)| {
+            figure.map(|figure| Claim {
+                what: bound.what.into(),
+                held: bound.holds(figure),
+                figures: format!("{figure:.2} times"),
+            })
+        };
+        BOUNDS.iter().zip(figures).filter_map(claim).collect()
     }
 
     /// As Markdown.

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use cairn::{Error, ErrorKind, Result};
+
 use super::measure::Record;
 use super::rows;
 use crate::metrics::Score;
@@ -144,6 +146,21 @@ impl Table {
         Some(paired)
     }
 
+    /// Reads what [`csv`](Self::csv) wrote. Numbers have the digits of the file.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for another file.
+    pub(super) fn parse(csv: &str) -> Result<Self> {
+        let mut table = Self::default();
+        for line in csv.lines().skip(1) {
+            let cell = cell(line).ok_or_else(|| {
+                Error::new(ErrorKind::InvalidArgument, format!("\"{line}\" is no line of a table of quality"))
+            })?;
+            if cell.clip.is_some() { table.clips.push(cell) } else { table.groups.push(cell) }
+        }
+        Ok(table)
+    }
+
     /// All means as CSV: clips first, then groups, whose `clip` is empty.
     pub(super) fn csv(&self) -> String {
         let mut text = "multiplier,group,clip,row,count,psnr,ssim,lpips\n".to_owned();
@@ -155,6 +172,22 @@ impl Table {
         }
         text
     }
+}
+
+/// Reads a line of [`Table::csv`].
+fn cell(line: &str) -> Option<Cell> {
+    let [multiplier, group, clip, row, count, psnr, ssim, lpips] =
+        line.split(',').collect::<Vec<_>>().try_into().ok()?;
+    let number = |text: &str| text.parse::<f64>().ok();
+    let lpips = if lpips.is_empty() { None } else { Some(number(lpips)?) };
+    Some(Cell {
+        multiplier: multiplier.parse().ok()?,
+        group: group.to_owned(),
+        clip: (!clip.is_empty()).then(|| clip.to_owned()),
+        row: rows::KINDS.into_iter().find(|kind| kind.name() == row)?,
+        count: count.parse().ok()?,
+        score: Score { psnr: number(psnr)?, ssim: number(ssim)?, lpips },
+    })
 }
 
 /// The distinct values in order of first occurrence.
@@ -207,7 +240,10 @@ pub(super) mod tests {
         assert_eq!((cell.count, cell.score.psnr), (2, 30.0));
         assert!((cell.score.lpips.unwrap() - 0.2).abs() < 1e-12);
         assert_eq!(table.clip(2, "snow-6", kind).unwrap().count, 9);
-        assert_eq!(table.csv().lines().count(), 1 + 2 + 1);
+        let csv = table.csv();
+        assert_eq!(csv.lines().count(), 1 + 2 + 1);
+        assert_eq!(Table::parse(&csv).unwrap().csv(), csv);
+        assert!(Table::parse("head\n2,snow,,meadow,1,2,3,4").is_err());
         assert!(table.group(4, "snow", kind).is_none());
     }
 

@@ -91,7 +91,9 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     let document = report::document(&Sweep { settings, bundle: &bundle, found: &found, kept });
     let mut files = Vec::new();
     for folder in std::iter::once(&settings.out).chain(&settings.publish) {
-        files.extend(document.write(folder, &settings.name())?);
+        let is_published = settings.publish.as_ref() == Some(folder);
+        let written = if is_published { &document.stamped()? } else { &document };
+        files.extend(written.write(folder, &settings.name())?);
         let table = folder.join(format!("{}.csv", settings.name()));
         write_whole(&RealDisk, &table, report::csv(&found).as_bytes())?;
         files.push(table);

@@ -21,6 +21,8 @@ use std::path::Path;
 use cairn::{Error, ErrorKind, Picture, Result};
 use rayon::prelude::*;
 
+pub(crate) use pickle::{check as check_weights, sample as small_weights};
+
 use map::{Map, difference, normalise, zeros};
 use network::{Network, TapOutput};
 

@@ -8,6 +8,9 @@ use std::collections::BTreeMap;
 
 /// Maximum number of instructions; the known files have fewer than a thousand.
 const LONGEST: usize = 4096;
+/// Maximum length of an array's path, in bytes; the known files have at most 30. Without it, a key that is used at every depth would make
+/// paths that are longer than the file by a factor of [`LONGEST`].
+const LONGEST_NAME: usize = 1024;
 
 /// An array in the file: little-endian 32-bit floats, the last axis fastest.
 #[derive(Debug, Clone, PartialEq)]
@@ -226,7 +229,12 @@ impl<'a> Machine<'a> {
         let mut items = items.into_iter();
         while let Some(key) = items.next() {
             let Value::Text(key) = key else { return Err("a key is no text".into()) };
+            let is_too_long = |name: &str| key.len() + 1 + name.len() > LONGEST_NAME;
             match items.next() {
+                Some(Value::Array(_)) if is_too_long("") => return Err("a name is too long".into()),
+                Some(Value::Dictionary(inner)) if inner.keys().any(|name| is_too_long(name)) => {
+                    return Err("a name is too long".into());
+                }
                 Some(Value::Array(array)) => _ = dictionary.insert(key.to_owned(), array),
                 Some(Value::Dictionary(inner)) => {
                     dictionary.extend(inner.into_iter().map(|(name, array)| (format!("{key}/{name}"), array)));
@@ -238,26 +246,35 @@ impl<'a> Machine<'a> {
     }
 }
 
+/// `{"a": {"b": array([[1, 2]], dtype="<f4")}}` as numpy 1 and Python's protocol 3 write it: the seed of the tests and of the fuzz
+/// target.
+pub(crate) fn sample() -> Vec<u8> {
+    let mut bytes = b"\x80\x03}q\x00X\x01\x00\x00\x00aq\x01}q\x02X\x01\x00\x00\x00bq\x03".to_vec();
+    bytes.extend(
+        b"cnumpy.core.multiarray\n_reconstruct\nq\x04cnumpy\nndarray\nq\x05K\x00\x85q\x06C\x01bq\x07\x87q\x08R",
+    );
+    bytes.extend(b"q\x09(K\x01K\x01K\x02\x86q\x0acnumpy\ndtype\nq\x0bX\x02\x00\x00\x00f4q\x0c\x89\x88\x87q\x0dRq\x0e");
+    bytes
+        .extend(b"(K\x03X\x01\x00\x00\x00<q\x0fNNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\x00tq\x10b\x89B\x08\x00\x00\x00");
+    bytes.extend([1.0f32, 2.0].iter().flat_map(|v| v.to_le_bytes()));
+    bytes.extend(b"q\x11tq\x12bss.");
+    bytes
+}
+
+/// Checks that each array of an accepted file has as many bytes as its shape needs. Returns the number of arrays; `None` for a refused
+/// file.
+pub(crate) fn check(bytes: &[u8]) -> Option<usize> {
+    let arrays = read(bytes).ok()?;
+    for (name, array) in &arrays {
+        assert_eq!(Some(array.bytes.len()), array.shape.iter().try_fold(4usize, |size, side| size.checked_mul(*side)));
+        assert!(name.len() <= LONGEST_NAME);
+    }
+    Some(arrays.len())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// `{"a": {"b": array([[1, 2]], dtype="<f4")}}` as numpy 1 and Python's protocol 3 write it.
-    fn sample() -> Vec<u8> {
-        let mut bytes = b"\x80\x03}q\x00X\x01\x00\x00\x00aq\x01}q\x02X\x01\x00\x00\x00bq\x03".to_vec();
-        bytes.extend(
-            b"cnumpy.core.multiarray\n_reconstruct\nq\x04cnumpy\nndarray\nq\x05K\x00\x85q\x06C\x01bq\x07\x87q\x08R",
-        );
-        bytes.extend(
-            b"q\x09(K\x01K\x01K\x02\x86q\x0acnumpy\ndtype\nq\x0bX\x02\x00\x00\x00f4q\x0c\x89\x88\x87q\x0dRq\x0e",
-        );
-        bytes.extend(
-            b"(K\x03X\x01\x00\x00\x00<q\x0fNNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\x00tq\x10b\x89B\x08\x00\x00\x00",
-        );
-        bytes.extend([1.0f32, 2.0].iter().flat_map(|v| v.to_le_bytes()));
-        bytes.extend(b"q\x11tq\x12bss.");
-        bytes
-    }
 
     #[test]
     fn nested_arrays_are_found_by_their_path() {
@@ -289,6 +306,24 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_key_that_is_used_at_every_depth_makes_no_endless_name() {
+        // Protocol, 200 dictionaries each below a memoised key of 60 bytes, the sample's dictionary, and what sets each in its outer one.
+        let nested = |depth: usize| {
+            let mut bytes = b"\x80\x03X\x3c\x00\x00\x00".to_vec();
+            bytes.extend([b'k'; 60]);
+            bytes.extend(b"q\xf0");
+            (0..depth).for_each(|_| bytes.extend(b"}h\xf0"));
+            let whole = sample();
+            bytes.extend(&whole[2..whole.len() - 1]);
+            (0..depth).for_each(|_| bytes.push(b's'));
+            bytes.push(b'.');
+            bytes
+        };
+        assert_eq!(read(&nested(3)).unwrap().keys().next().unwrap().len(), 3 * 61 + 3);
+        assert!(read(&nested(200)).unwrap_err().contains("too long"));
     }
 
     #[test]

@@ -26,6 +26,10 @@ pub(super) struct Phase {
 impl Phase {
     /// The middle of the interval.
     pub(super) const HALF: Self = Self { part: 1, of: 2 };
+    /// The middle of the interval's first half.
+    pub(super) const QUARTER: Self = Self { part: 1, of: 4 };
+    /// The middle of its second half.
+    pub(super) const THREE_QUARTERS: Self = Self { part: 3, of: 4 };
 
     /// All phases that take a stream to `multiplier` times its rate, in order of time.
     pub(super) fn all(multiplier: u32) -> impl Iterator<Item = Self> {
@@ -190,6 +194,8 @@ pub(super) enum Scale {
     Full,
     /// Small pictures and two intervals, to check that everything works.
     Smoke,
+    /// Three intervals of a scene, for the [floors](super::floors()).
+    Floors,
     /// One interval of a scene at 1920x1080, timed and not scored.
     Timed,
 }

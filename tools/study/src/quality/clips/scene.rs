@@ -37,6 +37,7 @@ impl SceneClip {
         let (size, targets) = match scale {
             Scale::Full => ((640, 360), TARGETS.to_vec()),
             Scale::Smoke => ((160, 90), TARGETS[..2].to_vec()),
+            Scale::Floors => ((640, 360), TARGETS[..3].to_vec()),
             Scale::Timed => ((1920, 1080), TARGETS[1..2].to_vec()),
         };
         let options = ClipOptions { width: size.0, height: size.1, rate: RATE * STEPS, ..ClipOptions::default() };

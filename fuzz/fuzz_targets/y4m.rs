@@ -1,0 +1,5 @@
+#![no_main]
+
+use study::fuzz_targets;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| fuzz_targets::y4m(bytes));
