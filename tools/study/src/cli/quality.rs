@@ -26,6 +26,10 @@ Examples:
   study quality --speed --publish
       The page docs/quality.md, from the clips and seeds it is made of.
 
+  study quality --sealed --rows all --check
+      The sealed set, which every other command refuses: for a claim that is to be published, not while something is tuned.
+      Each run appends a line with date, commit and results to docs/sealed-ledger.csv, which is committed.
+
 What was made and scored once is kept in the user's cache and not made again while nothing it depends on changes, so a run
 that was ended goes on where it stopped. The folder --out gets quality.md, quality.csv, quality-frames.csv with every frame,
 and quality.png, the same place as every row shows it.
@@ -38,7 +42,8 @@ pub(super) struct QualityArgs {
     /// cairn-flow, cairn-truth
     #[arg(long, value_name = "LIST", default_value = "all")]
     rows: String,
-    /// What they are made from: all, scenes, real, or a list of forest, sword, desert, snow, bunny, vizdoom
+    /// What they are made from: all, scenes, real, or a list of forest, sword, desert, snow, bunny, bikes, vizdoom,
+    /// vizdoom-player; with --sealed, clips of the sealed set
     #[arg(long, value_name = "LIST", default_value = "all")]
     clips: String,
     /// Seeds of the scenes
@@ -60,6 +65,12 @@ pub(super) struct QualityArgs {
     /// Write the floors from what is made now, instead of comparing
     #[arg(long, requires = "floors")]
     write: bool,
+    /// Open the sealed set, and append the results to its ledger
+    #[arg(long, conflicts_with_all = ["seeds", "smoke", "speed"])]
+    sealed: bool,
+    /// A sealed set of your own in TOML, with its scripts and its ledger beside it: to try how --sealed works
+    #[arg(long, value_name = "FILE", requires = "sealed", conflicts_with = "publish")]
+    own_set: Option<PathBuf>,
     /// Hold the table against what is claimed, and fail where it does not bear a claim out
     #[arg(long)]
     check: bool,
@@ -89,9 +100,10 @@ impl QualityArgs {
         } else {
             (self.rows.clone(), self.clips.clone(), self.seeds.clone())
         };
-        let Self { speed, fresh, publish, .. } = *self;
+        let Self { speed, fresh, publish, sealed, .. } = *self;
         let smoke = self.smoke || self.drivers;
-        Settings { rows, clips, seeds, lpips: self.lpips.clone(), smoke, speed, fresh, publish, out: self.out.clone() }
+        let (lpips, own_set, out) = (self.lpips.clone(), self.own_set.clone(), self.out.clone());
+        Settings { rows, clips, seeds, lpips, smoke, speed, fresh, publish, sealed, own_set, out }
     }
 }
 
@@ -120,6 +132,9 @@ impl Subcommand for QualityArgs {
         let outcome = quality::run(&self.settings(), &progress(self.quiet), stop_on_interrupt()?)?;
         for left_out in &outcome.left_out {
             eprintln!("left out: {left_out}");
+        }
+        for note in &outcome.notes {
+            eprintln!("note: {note}");
         }
         if !self.quiet {
             println!("{} scores computed, {} kept from earlier runs", outcome.computed, outcome.kept);

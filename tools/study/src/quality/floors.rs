@@ -178,6 +178,7 @@ fn measure(settings: &FloorSettings, progress: &Progress, stop: &AtomicBool) -> 
             records.push(Record {
                 clip: clip.name().into(),
                 group: clip.group().into(),
+                is_rendered: true,
                 row: *kind,
                 anchor,
                 phase,

@@ -22,6 +22,8 @@ const SCORES: &str = "psnr, ssim 1";
 pub(super) struct Record {
     pub(super) clip: String,
     pub(super) group: String,
+    /// Whether the scenes rendered the clip.
+    pub(super) is_rendered: bool,
     pub(super) row: rows::Kind,
     /// Number of the anchor at the interval's end.
     pub(super) anchor: usize,
@@ -100,7 +102,7 @@ pub(super) fn run(
     for kind in &plan.clips {
         match kind.open(&plan.seeds, plan.scale, progress) {
             Ok(clips) => measured.clips.extend(clips),
-            Err(error) => measured.left_out.push(Unavailable { name: kind.name().into(), why: error.to_string() }),
+            Err(error) => measured.left_out.push(Unavailable { name: kind.name(), why: error.to_string() }),
         }
     }
     if !plan.clips.is_empty() && (measured.rows.is_empty() || measured.clips.is_empty()) {
@@ -177,6 +179,7 @@ impl Measurements {
                     records.extend(score.map(|score| Record {
                         clip: clip.name().into(),
                         group: clip.group().into(),
+                        is_rendered: clip.is_rendered(),
                         row: *kind,
                         anchor: target.anchor,
                         phase: truth.phase,

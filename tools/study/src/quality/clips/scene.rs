@@ -9,6 +9,7 @@ use scenes::{ClipOptions, Family, Frame, Moment, Quality, Scene, render};
 
 use super::{Clip, MARGIN, Phase, Scale, Target};
 use crate::quality::store::{Capture, Store};
+use crate::sets::{self, SealedScene, Set};
 
 /// Anchors per second of world time.
 const RATE: u32 = 15;
@@ -19,10 +20,11 @@ const TARGETS: [usize; 8] = [14, 41, 69, 97, 125, 152, 180, 208];
 /// Indices into [`TARGETS`] of the intervals that are also scored at 4 and 6 times the rate.
 const DENSE: [usize; 2] = [1, 5];
 
-/// A walk through a scene under the scene's own script.
+/// A walk through a scene under a control script.
 pub(in crate::quality) struct SceneClip {
     name: String,
-    family: Family,
+    group: String,
+    set: Set,
     scene: Scene,
     size: (u32, u32),
     moments: Vec<Moment>,
@@ -31,26 +33,14 @@ pub(in crate::quality) struct SceneClip {
 }
 
 impl SceneClip {
+    /// A walk under the scene's own script.
     pub(in crate::quality) fn new(family: Family, seed: u64, scale: Scale) -> Result<Self> {
-        let text = family.script();
-        let scene = Scene::new(family, seed);
         let (size, targets) = match scale {
             Scale::Full => ((640, 360), TARGETS.to_vec()),
             Scale::Smoke => ((160, 90), TARGETS[..2].to_vec()),
             Scale::Floors => ((640, 360), TARGETS[..3].to_vec()),
             Scale::Timed => ((1920, 1080), TARGETS[1..2].to_vec()),
         };
-        let options = ClipOptions { width: size.0, height: size.1, rate: RATE * STEPS, ..ClipOptions::default() };
-        let script = ControlScript::parse(text)?;
-        let mut walk = scenes::Clip::new(&scene, &script, options).ok_or_else(|| {
-            Error::new(
-                ErrorKind::InvalidArgument,
-                format!("scenes cannot be walked at {} steps a second", options.rate),
-            )
-        })?;
-        let anchors = targets.last().copied().unwrap_or(0) + MARGIN + 1;
-        let moments =
-            (0..=(anchors - 1) * STEPS as usize).map(|_| Ok(walk.advance()?.0)).collect::<Result<Vec<Moment>>>()?;
         let targets = targets
             .iter()
             .enumerate()
@@ -59,10 +49,53 @@ impl SceneClip {
                 Target { anchor, multipliers: if dense { vec![2, 4, 6] } else { vec![2] } }
             })
             .collect();
-        let name = format!("{family}-{seed}");
+        let clip = Self {
+            name: format!("{family}-{seed}"),
+            group: family.name().to_owned(),
+            set: sets::of_seed(seed),
+            scene: Scene::new(family, seed),
+            size,
+            moments: Vec::new(),
+            targets,
+            capture: Capture::of(""),
+        };
+        clip.walked(family.script())
+    }
+
+    /// A clip of the sealed set, which is a group of its own.
+    pub(in crate::quality) fn sealed(sealed: &SealedScene) -> Result<Self> {
+        let target = |&anchor: &usize| Target { anchor, multipliers: sealed.multipliers.clone() };
+        let clip = Self {
+            name: sealed.name(),
+            group: sealed.name(),
+            set: Set::Sealed,
+            scene: Scene::new(sealed.family, sealed.seed),
+            size: sealed.size,
+            moments: Vec::new(),
+            targets: sealed.anchors.iter().map(target).collect(),
+            capture: Capture::of(""),
+        };
+        clip.walked(&sealed.script)
+    }
+
+    /// With the moments of a walk under the control script `text`.
+    fn walked(mut self, text: &str) -> Result<Self> {
+        let options =
+            ClipOptions { width: self.size.0, height: self.size.1, rate: RATE * STEPS, ..ClipOptions::default() };
+        let script = ControlScript::parse(text)?;
+        let mut walk = scenes::Clip::new(&self.scene, &script, options).ok_or_else(|| {
+            Error::new(
+                ErrorKind::InvalidArgument,
+                format!("scenes cannot be walked at {} steps a second", options.rate),
+            )
+        })?;
+        let anchors = self.targets.iter().map(|target| target.anchor).max().unwrap_or(0) + MARGIN + 1;
+        self.moments =
+            (0..=(anchors - 1) * STEPS as usize).map(|_| Ok(walk.advance()?.0)).collect::<Result<Vec<Moment>>>()?;
         let samples = Quality::default().samples;
-        let capture = Capture::of_scenes(&format!("{name} {}x{} samples {samples}\n{text}", size.0, size.1))?;
-        Ok(Self { name, family, scene, size, moments, targets, capture })
+        let Self { name, size, .. } = &self;
+        self.capture = Capture::of_scenes(&format!("{name} {}x{} samples {samples}\n{text}", size.0, size.1))?;
+        Ok(self)
     }
 
     fn draw(&self, now: usize, before: usize) -> Frame {
@@ -81,7 +114,15 @@ impl Clip for SceneClip {
     }
 
     fn group(&self) -> &str {
-        self.family.name()
+        &self.group
+    }
+
+    fn set(&self) -> Set {
+        self.set
+    }
+
+    fn is_rendered(&self) -> bool {
+        true
     }
 
     fn description(&self) -> String {
