@@ -32,7 +32,7 @@ Exit status: 0 well, 1 failed or, with --check, a claim missed, 2 wrong usage, 1
 #[derive(Args)]
 pub(super) struct QualityArgs {
     /// Ways to make the frames: all, built-in, or a list of repeat, blend, minterpolate, flowfps, rife,
-    /// cairn-flow, cairn-truth
+    /// none, paper, cairn-flow, cairn-truth
     #[arg(long, value_name = "LIST", default_value = "all")]
     rows: String,
     /// What they are made from: all, scenes, real, or a list of forest, sword, desert, snow, bunny, vizdoom

@@ -9,9 +9,9 @@ mod simple;
 
 use cairn::guidance::Guidance;
 use cairn::{Error, ErrorKind, Picture, Result};
-use provision::Progress;
 
 use super::clips::Phase;
+use crate::progress::Progress;
 
 /// A method, in the order of the tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -21,13 +21,24 @@ pub(super) enum Kind {
     Minterpolate,
     FlowFps,
     Rife,
+    NoMotion,
+    Paper,
     Flow,
     Truth,
 }
 
 /// All methods, in the order of the tables.
-pub(super) const KINDS: [Kind; 7] =
-    [Kind::Repeat, Kind::Blend, Kind::Minterpolate, Kind::FlowFps, Kind::Rife, Kind::Flow, Kind::Truth];
+pub(super) const KINDS: [Kind; 9] = [
+    Kind::Repeat,
+    Kind::Blend,
+    Kind::Minterpolate,
+    Kind::FlowFps,
+    Kind::Rife,
+    Kind::NoMotion,
+    Kind::Paper,
+    Kind::Flow,
+    Kind::Truth,
+];
 
 impl Kind {
     /// Name in `--rows` and in CSV files.
@@ -38,6 +49,8 @@ impl Kind {
             Self::Minterpolate => "minterpolate",
             Self::FlowFps => "flowfps",
             Self::Rife => "rife",
+            Self::NoMotion => "none",
+            Self::Paper => "paper",
             Self::Flow => "cairn-flow",
             Self::Truth => "cairn-truth",
         }
@@ -51,6 +64,8 @@ impl Kind {
             Self::Minterpolate => "ffmpeg minterpolate",
             Self::FlowFps => "MVTools FlowFPS",
             Self::Rife => "RIFE HDv3",
+            Self::NoMotion => "Cairn's generator, no motion",
+            Self::Paper => "Cairn's generator, the paper's motion",
             Self::Flow => "**Cairn**, `picture_flow`",
             Self::Truth => "**Cairn**, true motion and depth",
         }
@@ -66,6 +81,11 @@ impl Kind {
             }
             Self::FlowFps => "Block motion in both directions, refined and made dense, with an occlusion mask.",
             Self::Rife => "A neural network of 3 million parameters that estimates flow and a mask; the middle only.",
+            Self::NoMotion => "The `cpu` generator with zero motion and constant depth.",
+            Self::Paper => {
+                "The `cpu` generator with `paper`: motion and depth as published, from the latents that the embedded world's \
+                 encoder makes of the two anchors."
+            }
             Self::Flow => "The `cpu` generator with motion found by `picture_flow` in the two anchors, and no depth.",
             Self::Truth => "The `cpu` generator with the clip's own motion and depth.",
         }
@@ -73,7 +93,7 @@ impl Kind {
 
     /// Whether it needs no other program.
     pub(super) fn is_built_in(self) -> bool {
-        matches!(self, Self::Repeat | Self::Blend | Self::Flow | Self::Truth)
+        matches!(self, Self::Repeat | Self::Blend | Self::NoMotion | Self::Paper | Self::Flow | Self::Truth)
     }
 
     /// Whether it can make a picture at `phase`.
@@ -98,13 +118,15 @@ impl Kind {
     ///
     /// # Errors
     /// Something that it needs is not available; the error has the reason and a remedy.
-    pub(super) fn open(self, progress: &dyn Progress) -> Result<Box<dyn Row>> {
+    pub(super) fn open(self, progress: &Progress) -> Result<Box<dyn Row>> {
         match self {
             Self::Repeat => Ok(Box::new(simple::Repeat)),
             Self::Blend => Ok(Box::new(simple::Blend)),
             Self::Minterpolate => Ok(Box::new(minterpolate::Minterpolate::open(progress)?)),
             Self::FlowFps => Ok(Box::new(flowfps::FlowFps::open(progress)?)),
             Self::Rife => Ok(Box::new(rife::Rife::open(progress)?)),
+            Self::NoMotion => Ok(Box::new(ours::NoMotion::new()?)),
+            Self::Paper => Ok(Box::new(ours::Paper::open(progress)?)),
             Self::Flow => Ok(Box::new(ours::Flow::new()?)),
             Self::Truth => Ok(Box::new(ours::Truth::new()?)),
         }
