@@ -16,7 +16,7 @@ pub enum MotionSource {
 }
 
 impl MotionSource {
-    /// The source whose generated frames are nearest to the true ones, as measured in `docs/motion.md`.
+    /// The source whose generated frames are nearest to the true ones on the scenes of this repository: `docs/motion.md`.
     pub const BEST: Self = Self::PictureFlow;
 }
 

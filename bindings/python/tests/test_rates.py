@@ -1,12 +1,14 @@
 """Estimated rates: their arithmetic, and that the pages show them."""
 
 import re
+from dataclasses import replace
 
 import pytest
 from conftest import ROOT, TINY
 
 from cairn.build import PRESETS, archive, rates
 from cairn.build.cli import main
+from cairn.build.published import POINTS
 from cairn.build.writer import build_graphs
 
 SHOWN = "samples/worlds/miniature.cairn --preset 360p --preset 720p"
@@ -67,8 +69,48 @@ def test_faster_memory_and_faster_arithmetic_each_help_where_they_are_short(worl
     assert world.limit(rates.Gpu("", 10, 2000, 24), stock) == world.limit(slow, stock)
     starved = rates.Gpu("starved", 1000, 10, 24)
     assert world.limit(rates.Gpu("", 1000, 20, 24), stock) > 1.9 * world.limit(starved, stock)
-    assert world.likely(slow, stock) < world.limit(slow, stock)
+    low, high = world.estimate(slow, stock)
+    assert 0 < low < high < world.limit(slow, stock)
     assert not world.fits(rates.Gpu("small", 1000, 1000, 3), stock)
+
+
+def test_sixteen_bit_points_lie_within_their_limits_and_bound_the_estimate():
+    of_16 = [point for point in POINTS if point.bits == 16]
+    reached = {point: point.rate / rates.limit_of(point) for point in of_16}
+    assert all(0 < share < 1 for share in reached.values()), reached
+    assert rates.shares() == (min(reached.values()), max(reached.values()))
+    # A published rate of a GPU and model of the page lies in its own range.
+    stock = rates.PRESETS_OF_THE_LIBRARY[0]
+    for point in of_16:
+        gpu = next(gpu for gpu in (*rates.GPUS, *rates.GPUS_OF_POINTS) if gpu.name == point.gpu)
+        low, high = rates.World(point.model, PRESETS[point.model][1]).estimate(gpu, stock)
+        assert low * 0.999 <= point.rate <= high * 1.05, point
+    assert rates.fast_kernel_seconds() < rates.SLOW_KERNEL_SECONDS
+
+
+def test_eight_bit_points_do_not_widen_the_range(monkeypatch):
+    before = rates.shares()
+    faster = replace(next(point for point in POINTS if point.bits == 8), rate=1000.0)
+    for extra, wanted in ((faster, before), (replace(faster, bits=16), (before[0], 1000.0 / rates.limit_of(faster)))):
+        monkeypatch.setattr(rates, "POINTS", (*POINTS, extra))
+        rates.shares.cache_clear()
+        assert rates.shares() == wanted
+    monkeypatch.undo()
+    rates.shares.cache_clear()
+
+
+def test_a_shorter_history_and_no_decoder_raise_the_limit():
+    point = next(point for point in POINTS if point.latents)
+    assert rates.limit_of(point) > rates.limit_of(replace(point, latents=0))
+    assert rates.limit_of(replace(point, decoder=False)) > rates.limit_of(point)
+
+
+def test_bold_needs_real_time_at_the_low_end(worlds):
+    rows = [line for line in rates.table(worlds).splitlines() if " to " in line]
+    assert len(rows) == len(worlds) * len(rates.GPUS)
+    for cell in (cell for row in rows for cell in row.split(" | ")[1:] if " to " in cell):
+        low = float(cell.strip("*| ").split(" to ")[0])
+        assert cell.startswith("**") == (low >= rates.REAL_TIME), cell
 
 
 def test_the_pages_show_the_estimates(worlds):
@@ -76,7 +118,16 @@ def test_the_pages_show_the_estimates(worlds):
     why = f"make it again: python -m cairn.build rates {SHOWN}"
     assert rates.table(worlds).strip() in page, why
     assert rates.summary(worlds) in readme, f"{why} --summary"
-    assert f"rates {SHOWN}" in page and f"{100 * rates.likely_share():.0f} %" in page
+    assert rates.evidence() in page, f"{why} --points"
+    worst, best = (f"{100 * share:.0f} %" for share in rates.shares())
+    assert f"rates {SHOWN}" in page and f"from {worst} to {best} of the limit" in page
+    assert f"{1e6 * rates.fast_kernel_seconds():.1f} microseconds" in page
+    stock, *_, slowest = rates.PRESETS_OF_THE_LIBRARY
+    in_time = [[bound >= rates.REAL_TIME for gpu in rates.GPUS for bound in world.estimate(gpu, stock)] for world in worlds[1:]]
+    lows, highs = ([sum(world[start::2]) for world in in_time] for start in (0, 1))
+    assert f"At the high end, {highs[0]} of the {len(rates.GPUS)} GPUs run the 360P model" in page
+    assert highs[1] == 0 and lows == [0, 0], "the sentence after it"
+    assert f"{1e6 / (rates.REAL_TIME * worlds[0].kernels(slowest)):.1f} microseconds" in page
 
 
 def test_the_command_names_what_is_missing(capsys, tiny):
@@ -84,3 +135,5 @@ def test_the_command_names_what_is_missing(capsys, tiny):
     assert "--preset 360p" in capsys.readouterr().err
     assert main(["rates", str(tiny), "--summary"]) == 0
     assert "GeForce" in capsys.readouterr().out
+    assert main(["rates", "--points"]) == 0
+    assert "H100" in capsys.readouterr().out

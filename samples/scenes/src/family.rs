@@ -18,8 +18,8 @@ pub enum Family {
     Snow,
 }
 
-/// All four, in the order they are shown.
-pub const FAMILIES: [Family; 4] = [Family::Forest, Family::Sword, Family::Desert, Family::Snow];
+/// The four landscapes, in the order they are shown: the kinds of place of the paper's experiment and of the embedded world.
+pub const LANDSCAPES: [Family; 4] = [Family::Forest, Family::Sword, Family::Desert, Family::Snow];
 
 /// Light and atmosphere of a scene. Colours are linear RGB.
 #[derive(Debug, Clone, Copy)]
@@ -121,7 +121,7 @@ impl FromStr for Family {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        FAMILIES
+        LANDSCAPES
             .into_iter()
             .find(|f| f.name() == text)
             .ok_or_else(|| format!("{text} is no scene. Use forest, sword, desert or snow"))

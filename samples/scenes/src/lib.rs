@@ -20,7 +20,7 @@ mod terrain;
 mod walk;
 
 pub use clip::{Clip, ClipOptions, MAX_RATE};
-pub use family::{FAMILIES, Family, Weather};
+pub use family::{Family, LANDSCAPES, Weather};
 pub use render::{Frame, Moment, Quality, SurfaceKind, render};
 pub use scene::Scene;
 pub use walk::{EASE, EYE, MAX_PITCH, RUN, Start, TURN_PER_COUNT, WALK, Walker};

@@ -10,7 +10,7 @@ use std::time::Instant;
 use cairn::Picture;
 use cairn::world::{ControlScript, Key, WorldTime};
 use clap::{Args, Parser, Subcommand};
-use scenes::{Clip, ClipOptions, FAMILIES, Family, Frame, MAX_RATE, Quality, Scene, Start};
+use scenes::{Clip, ClipOptions, Family, Frame, LANDSCAPES, MAX_RATE, Quality, Scene, Start};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -131,10 +131,10 @@ fn save(path: &Path, picture: &Picture) -> Outcome<()> {
 fn sheet(out: &Path, seed: u64) -> Outcome<()> {
     const GAP: u32 = 6;
     let (w, h) = (384, 216);
-    let (columns, rows) = (3, FAMILIES.len() as u32);
+    let (columns, rows) = (3, LANDSCAPES.len() as u32);
     let mut sheet = Picture::new(columns * (w + GAP) - GAP, rows * (h + GAP) - GAP)?;
     let width = sheet.width() as usize;
-    for (row, family) in FAMILIES.into_iter().enumerate() {
+    for (row, family) in LANDSCAPES.into_iter().enumerate() {
         let scene = Scene::new(family, seed);
         let script = ControlScript::parse(own_script(family))?;
         let options =

@@ -6,7 +6,7 @@ use cairn::guidance::{Guidance, picture_flow};
 use cairn::world::ControlScript;
 use glam::Vec2;
 use scenes::camera::view_distance;
-use scenes::{Clip, ClipOptions, FAMILIES, Frame, Moment, Quality, Scene, render};
+use scenes::{Clip, ClipOptions, Frame, LANDSCAPES, Moment, Quality, Scene, render};
 
 const SIZE: (u32, u32) = (640, 360);
 const SEEDS: [u64; 3] = [1, 2, 3];
@@ -50,7 +50,7 @@ fn motion_from_pictures_is_close_to_the_truth() {
     let mut extractor = picture_flow::Extractor::new();
     let mut guidance = Guidance::new(SIZE.0, SIZE.1, picture_flow::PROJECTION).expect("guidance");
     let quality = Quality { samples: 2 };
-    for family in FAMILIES {
+    for family in LANDSCAPES {
         for (name, number, least) in MOVES {
             let mut errors = Vec::new();
             let (mut lengths, mut taken) = (Vec::new(), 0.0);

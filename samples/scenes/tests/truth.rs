@@ -3,7 +3,7 @@
 use cairn::world::ControlScript;
 use glam::{Vec2, Vec3};
 use scenes::camera::{FAR, device_depth, view_distance};
-use scenes::{Clip, ClipOptions, FAMILIES, Family, Frame, Moment, Quality, Scene, render};
+use scenes::{Clip, ClipOptions, Family, Frame, LANDSCAPES, Moment, Quality, Scene, render};
 
 const SIZE: (u32, u32) = (480, 270);
 
@@ -62,7 +62,7 @@ fn inside(frame: &Frame, x: i32, y: i32) -> bool {
 
 #[test]
 fn motion_leads_to_the_same_point_of_the_previous_picture() {
-    for family in FAMILIES {
+    for family in LANDSCAPES {
         let scene = Scene::new(family, 3);
         let (now, before) = moments(&scene);
         let quality = Quality { samples: 4 };
@@ -164,7 +164,7 @@ fn a_frame_has_the_same_bits_whatever_the_thread_count() {
 
 #[test]
 fn every_place_has_two_hundred_things_and_no_two_seeds_are_alike() {
-    for family in FAMILIES {
+    for family in LANDSCAPES {
         let mut seen = Vec::new();
         for seed in [1, 2, 9] {
             let scene = Scene::new(family, seed);

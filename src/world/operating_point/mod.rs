@@ -45,7 +45,7 @@ pub enum GuidanceSource {
 }
 
 impl GuidanceSource {
-    /// The source with the best frame quality of those that need only anchors: `docs/motion.md`.
+    /// The source with the nearest frames on the scenes of this repository, of those that need only anchors: `docs/motion.md`.
     pub const BEST: Self = Self::PictureFlow;
 }
 

@@ -32,6 +32,7 @@ mod inputs;
 mod interpolate;
 mod job;
 mod latents;
+mod losses;
 mod machine;
 mod manifest;
 pub mod media;

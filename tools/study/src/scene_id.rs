@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use scenes::{FAMILIES, Family};
+use scenes::{Family, LANDSCAPES};
 
 /// One generated scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -15,7 +15,7 @@ pub(crate) struct SceneId {
 impl SceneId {
     /// Every family with every seed, family by family.
     pub(crate) fn all(seeds: &[u64]) -> Vec<Self> {
-        FAMILIES.into_iter().flat_map(|family| seeds.iter().map(move |&seed| Self { family, seed })).collect()
+        LANDSCAPES.into_iter().flat_map(|family| seeds.iter().map(move |&seed| Self { family, seed })).collect()
     }
 }
 

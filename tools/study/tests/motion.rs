@@ -35,7 +35,8 @@ fn a_quick_look_has_every_source_and_motion_makes_nearer_frames() {
     let out = tempfile::tempdir().unwrap();
     let (world, folder) = (tiny(), out.path().join("motion"));
     let (world, folder) = (world.to_str().unwrap(), folder.to_str().unwrap());
-    let (status, text) = study(&["--quick", "--no-lpips", "--quiet", "--check", "--world", world, "--out", folder]);
+    // Without --check: what this world's random autoencoder makes of the anchors says nothing about sources of motion.
+    let (status, text) = study(&["--quick", "--no-lpips", "--quiet", "--world", world, "--out", folder]);
     assert_eq!(status, 0, "{text}");
     assert!(text.contains("`picture` gives the most accurate frames, and `best` selects it"), "{text}");
 

@@ -32,8 +32,9 @@ examples:
 
 RATES_HELP = """\
 Estimates how many latents a second a world makes on common GPUs, at each preset of the library: from what its graphs do, the
-bytes that must move, and the makers' figures. Bold is real time, in brackets is the limit that no program passes, and a dash
-says that memory is too small. Nothing is measured; docs/rates.md says what the estimate rests on.
+bytes that must move, and the makers' figures. Each cell is a range, from the worst to the best share of the limit that anybody
+published. Bold is real time even at the low end, in brackets is the limit that no 16-bit program passes, and a dash says that
+memory is too small. Nothing is measured; docs/rates.md says what the estimate rests on.
 """
 
 CHECKPOINT_HELP = """\
@@ -101,6 +102,7 @@ def parser() -> argparse.ArgumentParser:
     of_rates.add_argument("bundles", type=Path, nargs="*", metavar="bundle", help="folders or .cairn files (or --preset)")
     of_rates.add_argument("--preset", choices=list(PRESETS), action="append", default=[], help="shapes instead; may come again")
     of_rates.add_argument("--summary", action="store_true", help="one short table: two presets, no limits")
+    of_rates.add_argument("--points", action="store_true", help="instead, the published rates that the ranges come from")
 
     pack = commands.add_parser("pack", help="folder to .cairn file, or back", formatter_class=raw)
     pack.add_argument("bundle", type=Path, help="a folder to pack, or a .cairn file to unpack")
@@ -264,6 +266,9 @@ def _describe(options: argparse.Namespace) -> int:
 
 
 def _rates(options: argparse.Namespace) -> int:
+    if options.points:
+        print(rates.evidence())
+        return 0
     worlds = [rates.World(bundle.stem, archive.read_geometry(bundle)) for bundle in options.bundles]
     worlds += [rates.World(name, PRESETS[name][1]) for name in options.preset]
     if not worlds:

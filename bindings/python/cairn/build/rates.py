@@ -3,21 +3,22 @@
     seconds of a run       max(2 x multiply-adds / peak, bytes / bandwidth)
     bytes of a pass        weights and past keys and values, read once, and the latent's own, written: fewer cannot move
     limit of a latent      passes of the preset x seconds of a pass + seconds of the decoder
-    likely for a latent    the larger of limit / share, and kernels x `KERNEL_SECONDS`
+    estimate of a latent   from the larger of limit / worst share, and nodes x `SLOW_KERNEL_SECONDS`
+                           to the larger of limit / best share, and nodes x `fast_kernel_seconds()`
 
-Data sheets do not say what share of its peak a GPU reaches. Two published rates have all that is needed to derive it, both of Waypoint-1.5 720P
-on a GeForce RTX 5090 in bfloat16 with the stock schedule: 14 latents per second with the decoder (the model's own page), and 7.6 without it
-(its engine in PyTorch). `likely_share` uses the second, since an engine's frames need the GPU as well.
+Data sheets do not say what share of its peak a GPU reaches. `published.py` lists every rate of Waypoint-1.5 that others published with the
+GPU's name; the worst and the best of those in 16 bits bound the estimate.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 from .geometry import PRESETS, Geometry
 from .graph import Graph
+from .published import POINTS, Point
 from .table import activation_peak, ring_bytes, slab_bytes, value_sizes, weight_bytes
 from .writer import build_graphs
 
@@ -34,6 +35,7 @@ class Gpu:
 
 # Matrix units: GeForce, twice float32's rate with float32 sums (as the white papers of Ada and Blackwell list them; Ampere's the
 # same); Radeon RX 7000, twice float32's; RX 9000, as listed ("peak half precision matrix"); Arc, half the listed int8 rate.
+# The page of estimates has a row for each of these.
 GPUS = (
     Gpu("Radeon 780M (in a laptop's processor)", 16.6, 90, 8),
     Gpu("Radeon RX 7600", 43.5, 288, 8),
@@ -49,9 +51,18 @@ GPUS = (
     Gpu("Arc B580", 116.5, 456, 12),
 )
 
+# GPUs of published rates only. 4080 Laptop: 7,424 cores at up to 2.28 GHz and 192 bits of GDDR6 (NVIDIA's page of laptops; at most, as a
+# laptop's maker may set fewer watts). 4090 D: 14,592 cores at 2.52 GHz. 3090: GA102 white paper. H100: data sheet, SXM; PCIe is slower.
+GPUS_OF_POINTS = (
+    Gpu("GeForce RTX 4080 Laptop", 67.7, 432, 12),
+    Gpu("GeForce RTX 4090 D", 147.1, 1008, 24),
+    Gpu("GeForce RTX 3090", 71.0, 936, 24),
+    Gpu("H100", 989.4, 3350, 80),
+)
 
-# Cost of a kernel launch without fusion: a few microseconds on any desktop. An assumption, not a measurement.
-KERNEL_SECONDS = 5e-6
+
+# Seconds of a node where each starts a kernel of its own, for the low end. An assumption, not a measurement.
+SLOW_KERNEL_SECONDS = 5e-6
 # Latents per second for real time: Waypoint-1.5's, and the miniature's.
 REAL_TIME = 15
 # GPU memory reserved for the game engine.
@@ -148,9 +159,13 @@ class World:
         """Latents per second that no program can exceed."""
         return 1.0 / (preset.passes * self.one_pass(preset.window).seconds(gpu) + self.decode.seconds(gpu))
 
-    def likely(self, gpu: Gpu, preset: Preset) -> float:
-        """Likely latents per second of a GPU that does nothing else."""
-        return min(likely_share() * self.limit(gpu, preset), 1.0 / (KERNEL_SECONDS * self.kernels(preset)))
+    def estimate(self, gpu: Gpu, preset: Preset) -> tuple[float, float]:
+        """Lowest and highest latents per second to expect of a GPU that does nothing else."""
+        limit, nodes, (worst, best) = self.limit(gpu, preset), self.kernels(preset), shares()
+        return (
+            min(worst * limit, 1.0 / (SLOW_KERNEL_SECONDS * nodes)),
+            min(best * limit, 1.0 / (fast_kernel_seconds() * nodes)),
+        )
 
     def fits(self, gpu: Gpu, preset: Preset) -> bool:
         """Whether it fits into the memory that an engine leaves."""
@@ -158,11 +173,49 @@ class World:
 
 
 @cache
-def likely_share() -> float:
-    """The share of a GPU's peak that the published rate implies, from the passes of a latent alone, at 7.6 latents per second."""
-    gpu = next(gpu for gpu in GPUS if gpu.name.endswith("5090"))
+def _world(model: str, latents: int) -> World:
+    """Waypoint-1.5's `model` at its stock window, or where the runtime keeps `latents` past latents in every layer."""
+    g = PRESETS[model][1]
+    if latents:
+        g = replace(g, local_window=latents, global_window=latents * g.global_dilation)
+    return World(model, g)
+
+
+@cache
+def limit_of(point: Point) -> float:
+    """Latents per second that no 16-bit program exceeds, for the GPU, model, history and stages of a published rate."""
+    gpu = next(gpu for gpu in (*GPUS, *GPUS_OF_POINTS) if gpu.name == point.gpu)
+    world, passes = _world(point.model, point.latents), len(PRESETS[point.model][1].schedule)
+    decoder = world.decode.seconds(gpu) if point.decoder else 0.0
+    return 1.0 / (passes * world.one_pass(world.geometry.global_window).seconds(gpu) + decoder)
+
+
+@cache
+def shares() -> tuple[float, float]:
+    """The worst and the best share of the limit among the published rates in 16 bits."""
+    reached = [point.rate / limit_of(point) for point in POINTS if point.bits == 16]
+    return min(reached), max(reached)
+
+
+@cache
+def fast_kernel_seconds() -> float:
+    """Seconds of a node at the published 16-bit rate that passes most nodes per second. Those programs fuse nodes or record them once."""
     stock = PRESETS_OF_THE_LIBRARY[0]
-    return 7.6 * stock.passes * World("720p", PRESETS["720p"][1]).one_pass(stock.window).seconds(gpu)
+    nodes_per_second = [point.rate * _world(point.model, 0).kernels(stock) for point in POINTS if point.bits == 16 and point.decoder]
+    return 1.0 / max(nodes_per_second)
+
+
+def evidence() -> str:
+    """The published rates and their shares of the limit, in Markdown."""
+    lines = ["| GPU | model | precision | program | latents a second | limit | share |", "|---|---|---|---|--:|--:|--:|"]
+    for point in sorted(POINTS, key=lambda point: (-point.bits, point.rate / limit_of(point))):
+        share = f"{100 * point.rate / limit_of(point):.0f} %" + ("" if point.bits == 16 else " *")
+        stages = "" if point.decoder else ", without the decoder"
+        lines.append(
+            f"| {point.gpu} | {point.model} | {point.precision} | {point.program}{stages} ({point.source}) "
+            f"| {point.rate:.1f} | {_short(limit_of(point))} | {share} |"
+        )
+    return "\n".join(lines)
 
 
 def table(worlds: list[World]) -> str:
@@ -197,9 +250,9 @@ def _markdown(columns: list[str], rows: list[tuple[str, list[str]]]) -> str:
 def _cell(world: World, gpu: Gpu, preset: Preset, limit: bool) -> str:
     if not world.fits(gpu, preset):
         return "-"
-    likely = world.likely(gpu, preset)
-    text = _short(likely) + (f" ({_short(world.limit(gpu, preset))})" if limit else "")
-    return f"**{text}**" if likely >= REAL_TIME else text
+    low, high = world.estimate(gpu, preset)
+    text = f"{_short(low)} to {_short(high)}" + (f" ({_short(world.limit(gpu, preset))})" if limit else "")
+    return f"**{text}**" if low >= REAL_TIME else text
 
 
 def _short(value: float) -> str:

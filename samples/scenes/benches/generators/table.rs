@@ -14,7 +14,7 @@ use cairn::world::{ControlScript, KeptAnchor};
 use cairn::{Colours, Picture};
 use half::f16;
 use scenes::camera::{FAR, NEAR};
-use scenes::{Clip, ClipOptions, FAMILIES, Family, Frame, Moment, Quality, Scene, render};
+use scenes::{Clip, ClipOptions, Family, Frame, LANDSCAPES, Moment, Quality, Scene, render};
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 
@@ -38,9 +38,9 @@ impl BenchSettings {
     fn from_arguments() -> Outcome<Self> {
         let arguments: Vec<String> = std::env::args().skip(1).collect();
         if !arguments.iter().any(|argument| argument == "--bench") {
-            return Ok(Self { size: (96, 64), pairs: 1, families: &FAMILIES[..1], is_measured: false });
+            return Ok(Self { size: (96, 64), pairs: 1, families: &LANDSCAPES[..1], is_measured: false });
         }
-        let mut settings = Self { size: (640, 360), pairs: 8, families: &FAMILIES, is_measured: true };
+        let mut settings = Self { size: (640, 360), pairs: 8, families: &LANDSCAPES, is_measured: true };
         for pair in arguments.windows(2) {
             match pair[0].as_str() {
                 "--size" => {

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use cairn::{Error, ErrorKind, Result};
 use clap::Args;
-use scenes::{FAMILIES, Family};
+use scenes::{Family, LANDSCAPES};
 
 use super::{CELLS_KEPT, Subcommand, interrupted, progress, size, stop_on_interrupt};
 use crate::compare::{self, Settings};
@@ -102,7 +102,7 @@ pub(super) struct CompareArgs {
 impl CompareArgs {
     fn settings(&self) -> Result<Settings> {
         let families = match self.scene.as_str() {
-            "all" => FAMILIES.to_vec(),
+            "all" => LANDSCAPES.to_vec(),
             name => vec![name.parse::<Family>().map_err(|_| {
                 Error::new(ErrorKind::InvalidArgument, format!("there is no scene {name:?}"))
                     .field("--scene")

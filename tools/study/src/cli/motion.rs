@@ -58,7 +58,8 @@ impl Subcommand for MotionArgs {
         match motion::run(&self.settings(), &progress(self.experiment.quiet), stop_on_interrupt()?) {
             Ok(outcome) => {
                 print_outcome(&outcome.text, &outcome.files);
-                Ok(ExitCode::from(u8::from(self.check && outcome.best != Some(GuidanceSource::BEST))))
+                let best = [outcome.best, outcome.best_decoded].iter().all(|best| *best == Some(GuidanceSource::BEST));
+                Ok(ExitCode::from(u8::from(self.check && !best)))
             }
             Err(error) => interrupted(error, NOTHING_WRITTEN),
         }

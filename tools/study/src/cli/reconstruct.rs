@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use cairn::{Error, ErrorKind, Result};
 use clap::{Args, ValueEnum};
-use scenes::FAMILIES;
+use scenes::LANDSCAPES;
 
 use super::{Subcommand, encoder_hint, progress, size, status, stop_on_interrupt};
 use crate::media::{ASSEMBLY, RealDisk};
@@ -115,7 +115,7 @@ impl ReconstructArgs {
         };
         let all = if self.scene == "all" {
             let scene = |name: &str| ReconstructSettings { scene: name.to_owned(), ..settings.clone() };
-            FAMILIES.iter().map(|family| (self.out.join(family.name()), scene(family.name()))).collect()
+            LANDSCAPES.iter().map(|family| (self.out.join(family.name()), scene(family.name()))).collect()
         } else {
             vec![(self.out.clone(), settings)]
         };

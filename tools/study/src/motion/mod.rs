@@ -33,8 +33,10 @@ pub struct Outcome {
     pub text: String,
     /// Files that were written.
     pub files: Vec<PathBuf>,
-    /// The best source by its generated frames, of those that need anchors only.
+    /// The best source by its generated frames, of those that need anchors only, between the renderer's anchors.
     pub best: Option<GuidanceSource>,
+    /// The source that is first in most measures between the autoencoder's pictures; `None` if there is none.
+    pub best_decoded: Option<GuidanceSource>,
 }
 
 /// Measures all sources.
@@ -44,7 +46,7 @@ pub struct Outcome {
 pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
     let (experiment::Outcome { text, files }, records) =
         experiment::run(&mut Motion { scale: 0.0 }, settings, progress, stop)?;
-    Ok(Outcome { text, files, best: report::best(&records) })
+    Ok(Outcome { text, files, best: report::best(&records), best_decoded: report::best_decoded(&records) })
 }
 
 /// The experiment.

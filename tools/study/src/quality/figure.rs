@@ -69,7 +69,7 @@ pub(super) fn draw(measured: &mut Measurements, store: &Store) -> Result<Option<
 
 /// The frame at half phase that one in ten exceeds in difficulty; from the scenes if there are any.
 fn hard(records: &[Record]) -> Option<&Record> {
-    let is_scene = |r: &&Record| scenes::FAMILIES.iter().any(|family| family.name() == r.group);
+    let is_scene = |r: &&Record| scenes::LANDSCAPES.iter().any(|family| family.name() == r.group);
     let of_scenes = records.iter().any(|r| is_scene(&r));
     let mut frames: Vec<(f64, &Record)> = Vec::new();
     for record in records.iter().filter(|r| r.phase == Phase::HALF && (!of_scenes || is_scene(r))) {

@@ -12,6 +12,7 @@
 mod claims;
 mod clips;
 mod figure;
+mod limits;
 mod measure;
 mod report;
 mod rows;

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::claims::MEASURES;
+use super::limits::LIMITS;
 use super::measure::Measurements;
 use super::rows::Kind;
 use super::table::{Table, is_better, measures};
@@ -17,6 +18,7 @@ pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&st
     let mut out = "# Picture quality\n\n".to_owned();
     out += "Cairn makes the frames between two pictures, the anchors. How good are they? Here the true frame between two anchors \
             is held back, made again in several ways, by Cairn and by others, and what was made is compared with the truth.\n";
+    _ = write!(out, "\n{LIMITS}");
     if settings.seeds.contains(&SEED_FOR_TUNING) {
         out += "\n**These are figures of work in progress**, on the scenes that the generator is tuned on.\n";
     }
@@ -29,7 +31,7 @@ pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&st
                 - **SSIM**: more is better, 1 is equal; whether shapes are where they should be.\n\
                 - **LPIPS**: less is better, 0 is equal; a neural network's guess of what people see.\n\n\
                 *Repeat* and *blend* are what costs nothing. *Minterpolate*, *FlowFPS* and *RIFE* see nothing but pictures, as \
-                Cairn does with `picture_flow`; with true motion and depth it is told what a game engine knows anyway.\n";
+                Cairn does with `picture_flow`; with true motion and depth it gets the renderer's, which are exact.\n";
     }
     for multiplier in table.multipliers() {
         tables(&mut out, table, multiplier);
@@ -62,7 +64,7 @@ pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&st
 
 /// One table of scenes and one of other clips.
 fn tables(out: &mut String, table: &Table, multiplier: u32) {
-    let is_scene = |group: &String| scenes::FAMILIES.iter().any(|family| family.name() == group);
+    let is_scene = |group: &String| scenes::LANDSCAPES.iter().any(|family| family.name() == group);
     let (scenes, films): (Vec<String>, Vec<String>) = table.groups(multiplier).into_iter().partition(is_scene);
     for (groups, what) in [(scenes, "scenes"), (films, "film and game")] {
         if groups.is_empty() {
@@ -108,7 +110,7 @@ fn number(i: usize, value: f64) -> String {
 
 /// Differences between our rows and the others, paired by clip, over the scenes.
 fn differences(out: &mut String, table: &Table) {
-    let groups: Vec<String> = scenes::FAMILIES.iter().map(|family| family.name().to_owned()).collect();
+    let groups: Vec<String> = scenes::LANDSCAPES.iter().map(|family| family.name().to_owned()).collect();
     let mut lines = String::new();
     for own in [Kind::Flow, Kind::Truth] {
         for other in table.rows(2).into_iter().filter(|row| *row != own && *row != Kind::Truth) {
@@ -174,7 +176,8 @@ fn method(out: &mut String, settings: &Settings) {
     let tuned = if settings.seeds.contains(&SEED_FOR_TUNING) {
         "The generator and `picture_flow` are tuned on seed 4 of the scenes, which is among these."
     } else {
-        "The generator and `picture_flow` were tuned on seed 4 of the scenes alone, and not on what is shown here."
+        "The constants of the generator and of `picture_flow` were tuned on seed 4 of the scenes alone. The clips shown here are \
+         development sets: their results were seen while rules were chosen."
     };
     _ = write!(
         out,

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use cairn::bundle::Bundle;
 use cairn::world::WorldTime;
 use cairn::{Error, Result};
-use scenes::{FAMILIES, Family};
+use scenes::{Family, LANDSCAPES};
 
 use super::file::{self, File};
 use super::measure::{Cost, Measure};
@@ -139,7 +139,7 @@ impl Settings {
     fn parse(text: &str, path: &Path) -> Result<Self> {
         let file = File::parse(text)?;
         let families = match file.scenes.as_slice() {
-            [] => FAMILIES.to_vec(),
+            [] => LANDSCAPES.to_vec(),
             names => {
                 let read = |name: &String| {
                     name.parse::<Family>().or_else(|_| {

@@ -15,6 +15,10 @@ A world model [as small as a game's texture](../samples/worlds/miniature/README.
 gets the first true picture and the controls, and makes all other pictures. They are compared with rendered pictures of the same walk, and with two
 baselines: repeating the last true picture, and the autoencoder's reconstruction of that picture, which has the same blur as the world's own pictures.
 
+**Where it loses:** the list below the first table names each kind of place and time at which a still picture is nearer to the truth than the world.
+By LPIPS most of that is the autoencoder's blur: the reconstruction of the last true picture is as far behind that picture as the world is. Nothing was
+done about it here, because the autoencoder was made small on purpose; a larger one would have to be trained.
+
 ## Its best places
 
 True pictures above, the world's below, in the places where it gains most over repeating the first picture.

@@ -51,7 +51,7 @@ fn of_family(results: &[SceneResult], family: Family) -> impl Iterator<Item = &S
 }
 
 fn families(results: &[SceneResult]) -> Vec<Family> {
-    scenes::FAMILIES.into_iter().filter(|family| of_family(results, *family).next().is_some()).collect()
+    scenes::LANDSCAPES.into_iter().filter(|family| of_family(results, *family).next().is_some()).collect()
 }
 
 /// How all scenes of a family follow the controls along an axis.
@@ -79,6 +79,7 @@ pub(super) fn text(results: &[SceneResult], horizons: &[f64], latents_per_second
                 writeln!(text, "{:8} {seconds:5}   {world:>23}   {repeat:>32}   {reconstruction:>38}", family.name());
         }
     }
+    text += &behind(&compared(results, horizons));
     text += &few_steps(results, horizons);
     text += "\nscene    turning: correlation  size  same way   tilting: correlation   flicker (true)\n";
     for family in families(results) {
@@ -191,15 +192,62 @@ fn few_steps(results: &[SceneResult], horizons: &[f64]) -> String {
 }
 
 /// Mean PSNR, SSIM and LPIPS at a horizon; `None` if no walk is that long.
+fn means<'a>(
+    walks: impl Iterator<Item = &'a WalkScores> + Clone,
+    seconds: f64,
+    of: fn(&Horizon) -> Score,
+) -> Option<[Option<f64>; 3]> {
+    let row = || walks.clone().flat_map(|walked| &walked.horizons).filter(|h| h.seconds == seconds).map(of);
+    let psnr = mean(row().map(|score| score.psnr))?;
+    Some([Some(psnr), mean(row().map(|score| score.ssim)), mean(row().filter_map(|score| score.lpips))])
+}
+
+/// The same as text.
 fn three<'a>(
     walks: impl Iterator<Item = &'a WalkScores> + Clone,
     seconds: f64,
     of: fn(&Horizon) -> Score,
 ) -> Option<String> {
-    let row = || walks.clone().flat_map(|walked| &walked.horizons).filter(|h| h.seconds == seconds).map(of);
-    let psnr = mean(row().map(|score| score.psnr))?;
-    let (ssim, lpips) = (mean(row().map(|score| score.ssim)), mean(row().filter_map(|score| score.lpips)));
-    Some(format!("{psnr:>6.2} {:>6} {:>6}", show(ssim, 3), show(lpips, 3)))
+    let [psnr, ssim, lpips] = means(walks, seconds, of)?;
+    Some(format!("{:>6} {:>6} {:>6}", show(psnr, 2), show(ssim, 3), show(lpips, 3)))
+}
+
+/// A line of the first table: its kind of place and time, and the scores of the world, the last picture and its reconstruction.
+type Line = (String, [[Option<f64>; 3]; 3]);
+
+/// The lines of the first table.
+fn compared(results: &[SceneResult], horizons: &[f64]) -> Vec<Line> {
+    let of: [fn(&Horizon) -> Score; 3] = [|h| h.world, |h| h.repeat, |h| h.reconstruction];
+    let lines = families(results).into_iter().flat_map(|family| horizons.iter().map(move |seconds| (family, *seconds)));
+    let line = |(family, seconds): (Family, f64)| {
+        let [world, repeat, reconstruction] =
+            of.map(|of| means(of_family(results, family).map(|p| &p.walked), seconds, of));
+        Some((format!("{} {seconds} s", family.name()), [world?, repeat?, reconstruction?]))
+    };
+    lines.filter_map(line).collect()
+}
+
+/// Where a still picture is nearer to the truth than the world, in the digits of the table.
+fn behind(lines: &[Line]) -> String {
+    let mut text = String::from("\nwhere a still picture is nearer to the truth than the world:\n");
+    for (other, name) in [(1, "last picture"), (2, "its reconstruction")] {
+        for (i, (measure, digits)) in [("PSNR", 2), ("SSIM", 3), ("LPIPS", 3)].into_iter().enumerate() {
+            let shown = |value: Option<f64>| show(value, digits).parse::<f64>().ok();
+            let lost = lines.iter().filter(|(_, scores)| match (shown(scores[0][i]), shown(scores[other][i])) {
+                (Some(world), Some(still)) if i == 2 => still < world,
+                (Some(world), Some(still)) => still > world,
+                _ => false,
+            });
+            let lost: Vec<&str> = lost.map(|(name, _)| name.as_str()).collect();
+            let which = match lost.len() {
+                0 => "nowhere".to_owned(),
+                all if all == lines.len() => "everywhere".to_owned(),
+                _ => lost.join(", "),
+            };
+            let _ = writeln!(text, "{name:18}  {measure:5}  {which}");
+        }
+    }
+    text
 }
 
 /// One line with every scene at the first horizon.
@@ -337,5 +385,22 @@ mod tests {
         assert_eq!(row[..10], ["snow", "1", "10.0", "%", "-", "%", "10.0", "%", "-", "%"], "{alone}");
         let csv = lasting_csv(&results, 15);
         assert!(csv.contains("\nsnow,42,1,0.9000,1.0000,1.0000,150.00\n"), "{csv}");
+    }
+
+    #[test]
+    fn the_page_says_where_the_world_is_behind_a_still_picture() {
+        let page = include_str!("../../../../docs/world.md");
+        let table =
+            page.split_once("its reconstruction: PSNR").unwrap().1.lines().skip(1).take_while(|l| !l.is_empty());
+        let lines: Vec<Line> = table
+            .map(|line| {
+                let cells: Vec<&str> = line.split_whitespace().collect();
+                let of = |n: usize| [0, 1, 2].map(|i| cells[2 + 3 * n + i].parse().ok());
+                (format!("{} {} s", cells[0], cells[1]), [of(0), of(1), of(2)])
+            })
+            .collect();
+        assert_eq!(lines.len(), 20);
+        assert!(page.contains(&behind(&lines)), "{}", behind(&lines));
+        assert!(behind(&lines[..1]).contains("last picture        PSNR   nowhere"), "{}", behind(&lines[..1]));
     }
 }

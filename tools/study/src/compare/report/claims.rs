@@ -1,7 +1,7 @@
 //! The paper's claims, and whether the results support them.
 
 use cairn::Result;
-use scenes::{FAMILIES, Family};
+use scenes::{Family, LANDSCAPES};
 
 use super::super::branch::Branch;
 use super::super::score::SceneScores;
@@ -22,9 +22,14 @@ struct Claim {
     more: bool,
     /// Families for which it is claimed.
     families: &'static [Family],
+    /// Whether the value depends on which pictures of a latent are shown. Then a difference counts only where it is larger than that
+    /// between [`SAME_LATENTS`].
+    depends_on_pictures: bool,
 }
 
 const MAIN: [Branch; 2] = [Branch::Coherence, Branch::Baseline];
+/// Two branches that show the same latents: one with generated frames, one with all decoded pictures.
+const SAME_LATENTS: [Branch; 2] = [Branch::Coherence, Branch::Decoded60];
 
 const CLAIMS: [Claim; 9] = [
     Claim {
@@ -32,35 +37,40 @@ const CLAIMS: [Claim; 9] = [
         value: |f| f.adjacent_lpips,
         of: MAIN,
         more: false,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
+        depends_on_pictures: false,
     },
     Claim {
         words: "Anchors change less, too: lower LPIPS at 15 Hz in every scene (Table 6)",
         value: |f| f.anchor_lpips,
         of: MAIN,
         more: false,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
+        depends_on_pictures: false,
     },
     Claim {
         words: "Presented frames are more alike: higher adjacent SSIM in every scene (Table 7)",
         value: |f| f.adjacent_ssim,
         of: MAIN,
         more: true,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
+        depends_on_pictures: false,
     },
     Claim {
-        words: "The world stays coherent longer (section 7): a later horizon in every scene",
+        words: "The world stays coherent longer (section 7): a later horizon in every scene, by more than that of decoded-60 differs",
         value: |f| f.horizon,
         of: MAIN,
         more: true,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
+        depends_on_pictures: true,
     },
     Claim {
         words: "The gain grows over time (section 7): the distance from the truth grows less in every scene",
         value: |f| f.divergence,
         of: MAIN,
         more: false,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
+        depends_on_pictures: false,
     },
     Claim {
         words: "Reconstruction is not what fails first (section 2): generated frames are nearer to the truth than the baseline's of \
@@ -68,14 +78,16 @@ const CLAIMS: [Claim; 9] = [
         value: |f| f.odd_lpips,
         of: MAIN,
         more: false,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
+        depends_on_pictures: false,
     },
     Claim {
         words: "The baseline drifts in brightness (section 7): less drift in every scene",
         value: |f| f.brightness_drift.map(f64::abs),
         of: MAIN,
         more: false,
-        families: &FAMILIES,
+        families: &LANDSCAPES,
+        depends_on_pictures: false,
     },
     Claim {
         words: "Turns are seen earlier (Table 8) in forest, desert and snow",
@@ -83,6 +95,7 @@ const CLAIMS: [Claim; 9] = [
         of: MAIN,
         more: false,
         families: &[Family::Forest, Family::Desert, Family::Snow],
+        depends_on_pictures: false,
     },
     Claim {
         words: "More is not always better (section 7.4): in the sword scene the heavy point is farther from the truth",
@@ -90,6 +103,7 @@ const CLAIMS: [Claim; 9] = [
         of: [Branch::Coherence, Branch::Heavy],
         more: false,
         families: &[Family::Sword],
+        depends_on_pictures: false,
     },
 ];
 
@@ -149,6 +163,14 @@ fn in_scene(advantage: Option<Estimate>) -> Verdict {
     }
 }
 
+/// Verdict for one family on an advantage that says something only beyond the difference between two ways to show the same latents.
+fn beyond(advantage: Option<Estimate>, same_latents: Option<Estimate>) -> Verdict {
+    match (advantage, same_latents) {
+        (Some(found), Some(same)) if found.mean.abs() > same.mean.abs() => in_scene(advantage),
+        _ => Verdict::CannotBeTold,
+    }
+}
+
 /// A claim about several scenes holds if it holds in each, and fails if it fails in one.
 fn overall(families: &[Verdict]) -> Verdict {
     if families.contains(&Verdict::DoesNot) {
@@ -200,11 +222,18 @@ fn budget_line([native, doubled]: [f64; 2]) -> Vec<String> {
 fn of_figures(families: &[Family], scored: &[SceneScores], seconds: f64, random: bool) -> Vec<Vec<String>> {
     let line = |claim: &Claim| {
         let asked: Vec<Family> = claim.families.iter().copied().filter(|f| families.contains(f)).collect();
-        let found: Vec<(Family, Verdict)> = asked
+        let found: Vec<(Family, Option<Estimate>, Verdict)> = asked
             .iter()
-            .map(|&family| (family, in_scene(advantage(scored, family, claim.of, claim.value, claim.more))))
+            .map(|&family| {
+                let of = |branches| advantage(scored, family, branches, claim.value, claim.more);
+                let found = of(claim.of);
+                let verdict = if claim.depends_on_pictures { beyond(found, of(SAME_LATENTS)) } else { in_scene(found) };
+                (family, found, verdict)
+            })
             .collect();
-        let verdicts: Vec<Verdict> = found.iter().map(|(_, verdict)| *verdict).collect();
+        let verdicts: Vec<Verdict> = found.iter().map(|(_, _, verdict)| *verdict).collect();
+        let one_place = found.iter().any(|(_, found, _)| matches!(found, Some(Estimate { interval: None, .. })));
+        let places = if one_place { " (one place, no interval)" } else { "" };
         let reason = if random {
             Some("random weights".to_owned())
         } else if seconds < LEAST_SECONDS {
@@ -216,17 +245,20 @@ fn of_figures(families: &[Family], scored: &[SceneScores], seconds: f64, random:
         };
         let verdict = match (&reason, overall(&verdicts)) {
             (Some(reason), _) => format!("cannot be told: {reason}"),
-            (None, Verdict::Holds) => "holds".into(),
-            (None, Verdict::DoesNot) => "does not hold".into(),
-            (None, Verdict::CannotBeTold) => "cannot be told".into(),
+            (None, Verdict::Holds) => format!("holds{places}"),
+            (None, Verdict::DoesNot) => format!("does not hold{places}"),
+            (None, Verdict::CannotBeTold) => format!("cannot be told{places}"),
         };
-        let families = found.iter().map(|(family, verdict)| {
+        let families = found.iter().map(|(family, found, verdict)| {
             let sign = match verdict {
                 Verdict::Holds => "yes",
                 Verdict::DoesNot => "no",
                 Verdict::CannotBeTold => "open",
             };
-            format!("{family} {sign}")
+            match found.and_then(|found| found.interval) {
+                Some([low, high]) => format!("{family} {sign} ({low:+.3} to {high:+.3})"),
+                None => format!("{family} {sign}"),
+            }
         });
         vec![claim.words.to_owned(), families.collect::<Vec<_>>().join(", "), verdict]
     };
@@ -263,7 +295,7 @@ mod tests {
     }
 
     fn first_verdict(scored: &[SceneScores], seconds: f64, random: bool) -> String {
-        let lines = of_figures(&FAMILIES, scored, seconds, random);
+        let lines = of_figures(&LANDSCAPES, scored, seconds, random);
         assert_eq!(lines.len(), CLAIMS.len());
         lines[0][2].clone()
     }
@@ -272,11 +304,11 @@ mod tests {
     fn a_claim_holds_where_it_holds_in_every_scene() {
         let all = |worst: f64| -> Vec<SceneScores> {
             let value = |family| if family == Family::Snow { worst } else { 0.1 };
-            FAMILIES.into_iter().map(|family| scored(family, 41, value(family), 0.2)).collect()
+            LANDSCAPES.into_iter().map(|family| scored(family, 41, value(family), 0.2)).collect()
         };
-        assert_eq!(first_verdict(&all(0.1), 15.0, false), "holds");
-        assert_eq!(first_verdict(&all(0.3), 15.0, false), "does not hold");
-        assert_eq!(first_verdict(&all(0.2), 15.0, false), "cannot be told", "a tie");
+        assert_eq!(first_verdict(&all(0.1), 15.0, false), "holds (one place, no interval)");
+        assert_eq!(first_verdict(&all(0.3), 15.0, false), "does not hold (one place, no interval)");
+        assert_eq!(first_verdict(&all(0.2), 15.0, false), "cannot be told (one place, no interval)", "a tie");
         assert!(first_verdict(&all(0.1), 15.0, true).contains("random"));
         assert!(first_verdict(&all(0.1), 1.0, false).contains("too short a walk, 1 s"));
         assert_eq!(first_verdict(&[], 15.0, false), "cannot be told");
@@ -302,5 +334,34 @@ mod tests {
         let scenes = [scored(Family::Snow, 41, 0.1, 0.2), scored(Family::Snow, 42, 0.1, 0.3)];
         let found = advantage(&scenes, Family::Snow, MAIN, |f| f.horizon, true);
         assert_eq!(in_scene(found), Verdict::Holds);
+    }
+
+    #[test]
+    fn several_places_show_their_interval_and_no_note() {
+        let places = LANDSCAPES
+            .into_iter()
+            .flat_map(|family| [(41, 0.2), (42, 0.3)].map(|(seed, b)| scored(family, seed, 0.1, b)));
+        let lines = of_figures(&LANDSCAPES, &places.collect::<Vec<_>>(), 15.0, false);
+        assert_eq!(lines[0][2], "holds");
+        assert!(lines[0][1].starts_with("forest yes (+0.100 to +0.200), sword yes"), "{}", lines[0][1]);
+    }
+
+    #[test]
+    fn a_horizon_counts_only_beyond_what_the_same_latents_differ_by() {
+        let line = |decoded: f64| {
+            let all = LANDSCAPES.into_iter().map(|family| {
+                let mut scored = scored(family, 41, -3.0, -1.0);
+                let figures = RolloutMetrics { horizon: Some(decoded), ..RolloutMetrics::default() };
+                scored.branches.push((Branch::Decoded60, figures));
+                scored
+            });
+            let lines = of_figures(&LANDSCAPES, &all.collect::<Vec<_>>(), 15.0, false);
+            let line = lines.iter().find(|line| line[0].contains("coherent longer")).unwrap();
+            line[2].clone()
+        };
+        assert_eq!(line(2.5), "holds (one place, no interval)");
+        // The same latents, shown in another way, differ by as much.
+        assert_eq!(line(1.0), "cannot be told (one place, no interval)");
+        assert_eq!(line(5.0), "cannot be told (one place, no interval)");
     }
 }

@@ -39,7 +39,8 @@ pub(super) fn table(settings: &Settings, scored: &[SceneScores]) -> Vec<Block> {
         Block::Table(Table::new(head.len(), &head, rows.collect())),
         Block::text(
             "The paper's words are of somebody who looked at its videos. Ours are read off the figures below: when a walk is \
-             lost, how near it is to the truth, and where its brightness or its colours go. Neither is measured by the other.",
+             lost, how near it is to the truth, and where its brightness or its colours go. Neither is measured by the other. A horizon \
+             depends on which pictures of a latent are shown, as decoded-60 shows under \"Against the renderer's truth\".",
         ),
     ]
 }

@@ -222,7 +222,9 @@ fn truth(settings: &Settings, scored: &[SceneScores]) -> Vec<Block> {
         Block::text(
             "Means over all frames of a walk, then over places. The horizon is the first second whose mean LPIPS to the truth \
              reaches what the stream's own first picture has, on average, to the second half of the walk; the whole length where \
-             that never comes. Drifts are those of the farthest second, in steps of 0 to 255: brightness, and red less blue. \
+             that never comes. It depends on which pictures are shown: coherence and decoded-60 are the same latents, so where their \
+             horizons differ, that says nothing about the world, and neither does a difference of that size between other branches. \
+             Drifts are those of the farthest second, in steps of 0 to 255: brightness, and red less blue. \
              Flicker is the mean change of brightness from frame to frame beyond the truth's.",
         ),
     ]

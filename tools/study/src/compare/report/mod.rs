@@ -68,8 +68,9 @@ pub(super) fn report(found: &Results<'_>) -> Result<Document> {
     blocks.push(Block::heading("What the paper claims"));
     blocks.push(Block::Table(Table::verdicts(&["claim", "scenes", "here"], claims::verdicts(found)?)));
     blocks.push(Block::text(
-        "A scene counts for a claim where the 95 % interval of its places lies on one side, or, with one place, by its sign \
-         alone. Another world, other pictures and another frame generator than the paper's: what holds here supports the \
+        "A scene counts for a claim where the 95 % interval of its places lies on one side; the interval is in brackets. With one \
+         place there is none: the verdict is by the sign alone, and another place may differ. coherence and decoded-60 show the same \
+         latents, so the world has lasted equally long in both: a horizon counts only where it differs by more than theirs. Another world, other pictures and another frame generator than the paper's: what holds here supports the \
          paper's strategy, and neither confirms nor refutes its figures.",
     ));
     blocks.push(Block::heading("Figure 1: from controls to frames"));

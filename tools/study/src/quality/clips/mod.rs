@@ -9,7 +9,7 @@ use std::fmt;
 use cairn::guidance::Guidance;
 use cairn::{Error, ErrorKind, Picture, Result};
 use provision::Progress;
-use scenes::FAMILIES;
+use scenes::LANDSCAPES;
 
 use super::store::Store;
 use film::Film;
@@ -140,7 +140,7 @@ pub(super) enum Kind {
 
 /// Every kind, in the order of the tables.
 pub(super) fn kinds() -> Vec<Kind> {
-    FAMILIES.into_iter().map(Kind::Scene).chain(REAL).collect()
+    LANDSCAPES.into_iter().map(Kind::Scene).chain(REAL).collect()
 }
 
 /// Captures that were not rendered by this program.
@@ -206,7 +206,7 @@ pub(super) fn parse(list: &str) -> Result<Vec<Kind>> {
     for name in list.split(',').map(str::trim) {
         let found: Vec<Kind> = match name {
             "all" => kinds(),
-            "scenes" => FAMILIES.into_iter().map(Kind::Scene).collect(),
+            "scenes" => LANDSCAPES.into_iter().map(Kind::Scene).collect(),
             "real" => REAL.to_vec(),
             name => kinds().into_iter().filter(|kind| kind.name() == name).collect(),
         };
