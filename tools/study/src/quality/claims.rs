@@ -31,9 +31,11 @@ pub(super) fn judge(table: &Table) -> Vec<Claim> {
     for group in table.groups(2) {
         let others: Vec<Kind> = table.rows(2).into_iter().filter(|row| *row != Kind::Truth).collect();
         claims.extend(better(table, &group, Kind::Truth, &others, &[0, 1, 2]));
-        let plain: Vec<Kind> = others.iter().copied().filter(|row| !matches!(row, Kind::Flow | Kind::Rife)).collect();
+        let learned = [Kind::Rife, Kind::Rife4];
+        let plain: Vec<Kind> =
+            others.iter().copied().filter(|row| *row != Kind::Flow && !learned.contains(row)).collect();
         claims.extend(better(table, &group, Kind::Flow, &plain, &[0, 1, 2]));
-        claims.extend(better(table, &group, Kind::Flow, &[Kind::Rife], &[0]));
+        claims.extend(better(table, &group, Kind::Flow, &learned, &[0]));
     }
     claims
 }

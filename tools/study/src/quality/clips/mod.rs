@@ -2,7 +2,7 @@
 
 mod film;
 mod game;
-mod scene;
+pub(super) mod scene;
 
 use std::fmt;
 

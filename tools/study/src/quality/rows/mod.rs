@@ -6,6 +6,7 @@ mod ours;
 pub(super) mod program;
 mod rife;
 mod simple;
+pub(super) mod tune;
 
 use cairn::guidance::Guidance;
 use cairn::{Error, ErrorKind, Picture, Result};
@@ -21,6 +22,7 @@ pub(super) enum Kind {
     Minterpolate,
     FlowFps,
     Rife,
+    Rife4,
     NoMotion,
     Paper,
     Flow,
@@ -28,12 +30,13 @@ pub(super) enum Kind {
 }
 
 /// All methods, in the order of the tables.
-pub(super) const KINDS: [Kind; 9] = [
+pub(super) const KINDS: [Kind; 10] = [
     Kind::Repeat,
     Kind::Blend,
     Kind::Minterpolate,
     Kind::FlowFps,
     Kind::Rife,
+    Kind::Rife4,
     Kind::NoMotion,
     Kind::Paper,
     Kind::Flow,
@@ -49,6 +52,7 @@ impl Kind {
             Self::Minterpolate => "minterpolate",
             Self::FlowFps => "flowfps",
             Self::Rife => "rife",
+            Self::Rife4 => "rife4",
             Self::NoMotion => "none",
             Self::Paper => "paper",
             Self::Flow => "cairn-flow",
@@ -64,6 +68,7 @@ impl Kind {
             Self::Minterpolate => "ffmpeg minterpolate",
             Self::FlowFps => "MVTools FlowFPS",
             Self::Rife => "RIFE HDv3",
+            Self::Rife4 => "RIFE 4.0",
             Self::NoMotion => "Cairn's generator, no motion",
             Self::Paper => "Cairn's generator, the paper's motion",
             Self::Flow => "**Cairn**, `picture_flow`",
@@ -81,6 +86,7 @@ impl Kind {
             }
             Self::FlowFps => "Block motion in both directions, refined and made dense, with an occlusion mask.",
             Self::Rife => "A neural network of 3 million parameters that estimates flow and a mask; the middle only.",
+            Self::Rife4 => "Its successor for any phase: four blocks, each run in both directions of time.",
             Self::NoMotion => "The `cpu` generator with zero motion and constant depth.",
             Self::Paper => {
                 "The `cpu` generator with `paper`: motion and depth as published, from the latents that the embedded world's \
@@ -125,6 +131,7 @@ impl Kind {
             Self::Minterpolate => Ok(Box::new(minterpolate::Minterpolate::open(progress)?)),
             Self::FlowFps => Ok(Box::new(flowfps::FlowFps::open(progress)?)),
             Self::Rife => Ok(Box::new(rife::Rife::open(progress)?)),
+            Self::Rife4 => Ok(Box::new(rife::Rife4::open(progress)?)),
             Self::NoMotion => Ok(Box::new(ours::NoMotion::new()?)),
             Self::Paper => Ok(Box::new(ours::Paper::open(progress)?)),
             Self::Flow => Ok(Box::new(ours::Flow::new()?)),
