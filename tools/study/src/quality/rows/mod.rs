@@ -82,7 +82,7 @@ impl Kind {
             Self::Repeat => "The nearer anchor once more; the earlier one in the middle.",
             Self::Blend => "The mean of both anchors, weighted by the phase.",
             Self::Minterpolate => {
-                "Block motion in both directions, overlapped blocks; given two anchors on either side."
+                "Block motion, found once for both directions, overlapped blocks; given two anchors on either side."
             }
             Self::FlowFps => "Block motion in both directions, refined and made dense, with an occlusion mask.",
             Self::Rife => "A neural network of 3 million parameters that estimates flow and a mask; the middle only.",

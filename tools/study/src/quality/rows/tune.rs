@@ -29,16 +29,16 @@ const MINTERPOLATE: [&str; 11] = [
     "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:me=umh",
     "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:me=esa:search_param=16",
     "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:me=esa:search_param=32",
-    "mi_mode=mci:mc_mode=aobmc:me_mode=bidir:vsbmc=1:mb_size=8:me=esa:search_param=16",
+    "mi_mode=mci:mc_mode=aobmc:me_mode=bilat:vsbmc=1:mb_size=8:me=esa:search_param=16",
 ];
 
 /// Changes to the settings at the top of `flowfps.py`.
 const FLOWFPS: [&str; 12] = [
     "{}",
-    r#"{"ANALYSE": {"blksize": 8, "overlap": 4}, "REFINE": {"blksize": 4, "overlap": 2}}"#,
+    r#"{"ANALYSE": {"blksize": 16, "overlap": 8}, "REFINE": {"blksize": 8, "overlap": 4}}"#,
     r#"{"ANALYSE": {"blksize": 32, "overlap": 16}, "REFINE": {"blksize": 8, "overlap": 4}}"#,
     r#"{"ANALYSE": {"blksize": 32, "overlap": 16}, "REFINE": {"blksize": 16, "overlap": 8}}"#,
-    r#"{"REFINE": {"blksize": 4, "overlap": 2}}"#,
+    r#"{"ANALYSE": {"blksize": 16, "overlap": 8}, "REFINE": {"blksize": 4, "overlap": 2}}"#,
     r#"{"ANALYSE": {"truemotion": false}, "REFINE": {"truemotion": false}}"#,
     r#"{"ANALYSE": {"searchparam": 16}, "REFINE": {"searchparam": 8}}"#,
     r#"{"ANALYSE": {"dct": 5}, "REFINE": {"dct": 5}}"#,
