@@ -52,6 +52,9 @@ const FLOWFPS: [&str; 12] = [
 const RIFE4: [&str; 4] =
     ["--ensemble --no-refine", "--no-ensemble --no-refine", "--no-ensemble --refine", "--ensemble --refine"];
 
+/// Settings, and the row that uses them.
+type Variant = (String, Box<dyn Row>);
+
 /// Scores every variant of the row called `name` on seed 4 of the scenes: a table, best PSNR first. The first variant of each
 /// list is the one in use.
 ///
@@ -100,7 +103,7 @@ pub(in crate::quality) fn table(
 }
 
 /// The row's variants with their settings.
-fn variants(name: &str, progress: &Progress) -> Result<(Kind, Vec<(String, Box<dyn Row>)>)> {
+fn variants(name: &str, progress: &Progress) -> Result<(Kind, Vec<Variant>)> {
     let owned = |settings: &str| settings.to_owned();
     match name {
         "minterpolate" => {
