@@ -20,11 +20,13 @@ use crate::media::describe_io;
 /// The repository's sets.
 const SETS: &str = include_str!("../sets.toml");
 /// The sealed control scripts by file name.
-const SCRIPTS: [(&str, &str); 4] = [
+const SCRIPTS: [(&str, &str); 6] = [
     ("forest.txt", include_str!("../../../samples/scripts/sealed/forest.txt")),
     ("sword.txt", include_str!("../../../samples/scripts/sealed/sword.txt")),
     ("desert.txt", include_str!("../../../samples/scripts/sealed/desert.txt")),
     ("snow.txt", include_str!("../../../samples/scripts/sealed/snow.txt")),
+    ("indoors.txt", include_str!("../../../samples/scripts/sealed/indoors.txt")),
+    ("town.txt", include_str!("../../../samples/scripts/sealed/town.txt")),
 ];
 /// What to use instead of a sealed seed.
 fn open_seeds() -> String {
@@ -82,13 +84,16 @@ pub(crate) struct SealedScene {
     pub(crate) anchors: Vec<usize>,
     /// Scored multiples of the anchors' rate, 2 first.
     pub(crate) multipliers: Vec<u32>,
+    /// Whether things move in it, under a head-up display.
+    pub(crate) moving: bool,
 }
 
 impl SealedScene {
     /// Name of its clip, such as `forest-901` or `forest-953-1080p`.
     pub(crate) fn name(&self) -> String {
         let size = if self.size.1 == 360 { String::new() } else { format!("-{}p", self.size.1) };
-        format!("{}-{}{size}", self.family, self.seed)
+        let moving = if self.moving { "moving-" } else { "" };
+        format!("{moving}{}-{}{size}", self.family, self.seed)
     }
 }
 
@@ -134,6 +139,8 @@ struct Scene {
     size: (u32, u32),
     anchors: Vec<usize>,
     multipliers: Vec<u32>,
+    #[serde(default)]
+    moving: bool,
 }
 
 /// A file with a sealed set of its own, for trials of the mechanism.
@@ -323,9 +330,9 @@ fn read(sealed: &Sealed, script: &dyn Fn(&str) -> Result<String>) -> Result<Seal
         if scene.multipliers.first() != Some(&2) || scene.multipliers.iter().any(|m| ![2, 4, 6].contains(m)) {
             return refused(format!("{} {}: multipliers are 2, 4 and 6, 2 first", family, scene.seed));
         }
-        let Scene { seed, size, .. } = *scene;
+        let Scene { seed, size, moving, .. } = *scene;
         let (anchors, multipliers) = (scene.anchors.clone(), scene.multipliers.clone());
-        Ok(SealedScene { family, seed, script: script(&scene.script)?, size, anchors, multipliers })
+        Ok(SealedScene { family, seed, script: script(&scene.script)?, size, anchors, multipliers, moving })
     };
     let scenes = sealed.scene.iter().map(scene).collect::<Result<Vec<_>>>()?;
     Ok(SealedSet { scenes, clips: sealed.clips.clone() })

