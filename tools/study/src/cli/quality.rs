@@ -102,7 +102,7 @@ impl QualityArgs {
         let (rows, clips, seeds) = if self.smoke {
             ("built-in".into(), "forest".into(), vec![4])
         } else if self.drivers {
-            ("minterpolate,flowfps,rife".into(), "vizdoom".into(), vec![4])
+            ("minterpolate,flowfps,rife,rife4".into(), "vizdoom".into(), vec![4])
         } else {
             (self.rows.clone(), self.clips.clone(), self.seeds.clone())
         };
