@@ -3,6 +3,7 @@
 use cairn::runtime::Device;
 use serde::{Deserialize, Serialize};
 
+use crate::experiment::provenance::Source;
 use crate::generator::GeneratorChoice;
 use crate::media;
 
@@ -11,6 +12,9 @@ use crate::media;
 pub struct Versions {
     /// Version of the library.
     pub cairn: String,
+    /// The sources that this program ran with. `None` away from the repository, and in manifests from before it was recorded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<Source>,
     /// Version of ONNX Runtime. `None` if no world runs; the same holds for the device and its threads.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub onnxruntime: Option<String>,
@@ -69,6 +73,7 @@ impl Versions {
     pub(crate) fn of_this_program() -> Self {
         Self {
             cairn: env!("CARGO_PKG_VERSION").into(),
+            source: Source::of_this_program(),
             onnxruntime: None,
             encoder: media::ENCODER.into(),
             encoder_assembly: media::ASSEMBLY,

@@ -133,8 +133,19 @@ fn a_sweep_is_made_once_and_nothing_whole_again() {
     assert_eq!(frames(&times(&sweep.cell(4))), frames(&before.0));
     assert_eq!(sweep.numbers(), numbers);
 
-    // What a newer program wrote is not replaced.
+    // A page names the commits that made its rollouts, which their manifests have, not the one that publishes it.
     let manifest = sweep.cell(4).join("manifest.json");
+    let mut kept: serde_json::Value = serde_json::from_slice(&fs::read(&manifest).unwrap()).unwrap();
+    let own = kept["versions"]["source"]["generator"].as_str().unwrap().to_owned();
+    kept["versions"]["source"] = serde_json::json!({"commit": "`0000001` of 2026-01-01", "generator": "0011"});
+    fs::write(&manifest, serde_json::to_vec_pretty(&kept).unwrap()).unwrap();
+    assert_eq!(sweep.made(&["--publish", published.to_str().unwrap()]), [2, 2]);
+    let page = fs::read_to_string(published.join("mine.md")).unwrap();
+    let line = page.lines().nth(2).unwrap();
+    assert!(line.starts_with("*Made at commit ") && line.contains("and at commit "), "{line}");
+    assert!(line.contains("`0000001` of 2026-01-01; generator sources `0011`") && line.contains(&own), "{line}");
+
+    // What a newer program wrote is not replaced.
     let newer = fs::read_to_string(&manifest).unwrap().replace("\"manifest_version\": 1", "\"manifest_version\": 2");
     fs::write(&manifest, &newer).unwrap();
     for more in [&[][..], &["--list-jobs"], &["--only", &format!("sword-41/{}", name(4))]] {

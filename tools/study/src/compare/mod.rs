@@ -62,10 +62,11 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     files.extend_from_slice(&videos);
     let found =
         report::Results { settings, bundle: &bundle, made: &made, budgets: &budgets, scored: &scored, videos: &videos };
-    let report = report::report(&found)?;
+    let rollouts = made.cells.iter().chain(&made.straight).map(|(_, manifest)| manifest);
+    let report = report::report(&found)?.stamped(rollouts);
     files.extend(report.write(&settings.out, REPORT)?);
     if let Some(folder) = &settings.publish {
-        files.extend(report.stamped()?.write_compressed(folder, REPORT)?);
+        files.extend(report.write_compressed(folder, REPORT)?);
     }
     Ok(Outcome { text: report.markdown, files })
 }

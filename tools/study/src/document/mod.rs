@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use cairn::Result;
 
-use crate::experiment::provenance::stamped;
+use crate::experiment::provenance::stamped_with;
+use crate::manifest::Manifest;
 use crate::media::{JpegQuality, RealDisk, describe_io, encode_jpeg, write_whole};
 use crate::table::Table;
 
@@ -112,12 +113,10 @@ impl Document {
         }
     }
 
-    /// The same, with its [commit and generator](stamped) stated in the Markdown, as published.
-    ///
-    /// # Errors
-    /// `Io`.
-    pub(crate) fn stamped(&self) -> Result<Self> {
-        Ok(Self { markdown: stamped(&self.markdown)?, html: self.html.clone(), assets: self.assets.clone() })
+    /// The same, with the commits and generators of the rollouts that it shows [stated](stamped_with) in the Markdown.
+    pub(crate) fn stamped<'a>(self, rollouts: impl IntoIterator<Item = &'a Manifest>) -> Self {
+        let sources = rollouts.into_iter().map(|manifest| &manifest.versions.source);
+        Self { markdown: stamped_with(&self.markdown, sources), ..self }
     }
 
     /// Writes `NAME.md`, `NAME.html` and the assets into `folder`. Returns the written files.

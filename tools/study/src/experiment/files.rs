@@ -56,7 +56,7 @@ impl Files {
         let mut files = Vec::new();
         for (name, content) in self.published(names) {
             let is_page = name.ends_with(".md");
-            let content = if is_page { stamped(&String::from_utf8_lossy(&content))?.into_bytes() } else { content };
+            let content = if is_page { stamped(&String::from_utf8_lossy(&content)).into_bytes() } else { content };
             files.push((docs.join(name), content));
         }
         write_all(files)

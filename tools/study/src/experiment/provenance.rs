@@ -3,12 +3,15 @@
 //! A commit may be rewritten by a merge, so the page also has a digest of the generator's sources: a test compares it with the sources of
 //! today. A page whose generator has changed since is made again, or says so.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::OnceLock;
 
 use cairn::Result;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::files::{docs, write_all};
@@ -38,16 +41,44 @@ const PAGES: [Page; 6] = [
 const START: &str = "*Made at commit ";
 /// Start of the digest within that line.
 const DIGEST: &str = "generator sources `";
+/// Commit and digest of rollouts whose manifests name none.
+const UNKNOWN: &str = "unknown";
 /// Part of the line once the generator has changed.
 const OLDER: &str = " The generator's sources have changed since.";
 
-/// `page`, with its commit and generator stated below its title.
-///
-/// # Errors
-/// `Io` if the sources cannot be read.
-pub(crate) fn stamped(page: &str) -> Result<String> {
-    let root = provision::repository();
-    Ok(with_line(page, &format!("{START}{}; {DIGEST}{}`.*", commit(root), digest(root)?)))
+/// The sources that made a rollout or a page.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Source {
+    /// The commit and its date as Markdown, such as `` `178771f` of 2026-11-23 ``; `unknown` without Git.
+    pub commit: String,
+    /// The first 16 hexadecimal digits of the SHA-256 of the generator's sources.
+    pub generator: String,
+}
+
+impl Source {
+    /// The sources of this program's repository, as they are when it is first called; `None` where the repository is not.
+    pub(crate) fn of_this_program() -> Option<Self> {
+        static SOURCE: OnceLock<Option<Source>> = OnceLock::new();
+        let read = || {
+            let root = provision::repository();
+            Some(Self { commit: commit(root), generator: digest(root).ok()? })
+        };
+        SOURCE.get_or_init(read).clone()
+    }
+}
+
+/// `page`, with this program's commit and generator stated below its title.
+pub(crate) fn stamped(page: &str) -> String {
+    stamped_with(page, [&Source::of_this_program()])
+}
+
+/// `page`, with the commits and generators of what it shows stated below its title. A part whose manifest has no sources is unknown.
+pub(crate) fn stamped_with<'a>(page: &str, sources: impl IntoIterator<Item = &'a Option<Source>>) -> String {
+    let unknown = || Source { commit: UNKNOWN.into(), generator: UNKNOWN.into() };
+    let sources: BTreeSet<Source> = sources.into_iter().map(|source| source.clone().unwrap_or_else(unknown)).collect();
+    let parts: Vec<String> =
+        sources.iter().map(|Source { commit, generator }| format!("{commit}; {DIGEST}{generator}`")).collect();
+    with_line(page, &format!("{START}{}.*", parts.join("; and at commit ")))
 }
 
 /// Inserts `line` as a paragraph below the title.
@@ -64,7 +95,7 @@ fn commit(root: &Path) -> String {
         let output = Command::new("git").arg("-C").arg(root).args(arguments).output().ok()?;
         output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
     };
-    let Some(commit) = git(&["show", "-s", "--format=`%h` of %cs"]) else { return "unknown".to_owned() };
+    let Some(commit) = git(&["show", "-s", "--format=`%h` of %cs"]) else { return UNKNOWN.to_owned() };
     let code = ["status", "--porcelain", "--", "src", "samples", "tools"];
     match git(&code) {
         Some(changes) if changes.is_empty() => commit,
@@ -126,11 +157,14 @@ enum State {
 
 fn state(page: &str, today: &str) -> State {
     let Some(line) = page.lines().find(|line| line.starts_with(START)) else { return State::Silent };
-    let digest = line.split_once(DIGEST).and_then(|(_, rest)| rest.split_once('`')).map(|(digest, _)| digest);
-    match (digest, line.contains(OLDER)) {
-        (None, _) => State::Silent,
-        (Some(digest), false) if digest == today => State::Current,
-        (Some(digest), true) if digest != today => State::SaysOlder,
+    let digests: Vec<&str> =
+        line.split(DIGEST).skip(1).map(|rest| rest.split('`').next().unwrap_or_default()).collect();
+    if digests.is_empty() || digests.contains(&UNKNOWN) {
+        return State::Silent;
+    }
+    match (digests.iter().all(|digest| *digest == today), line.contains(OLDER)) {
+        (true, false) => State::Current,
+        (false, true) => State::SaysOlder,
         _ => State::Wrong,
     }
 }
@@ -212,6 +246,22 @@ mod tests {
         assert_eq!((state(&older, "0012"), state(&older, "0011")), (State::SaysOlder, State::Wrong));
         assert_eq!(marked(&older, "0011"), page);
         assert_eq!(state("# Title\n\nText.\n", "0011"), State::Silent);
+    }
+
+    #[test]
+    fn a_page_of_kept_rollouts_names_all_their_sources() {
+        let [older, newer] = [("`178771f` of 2026-11-23", "0011"), ("`65cf61b` of 2026-11-24", "0012")]
+            .map(|(commit, generator)| Some(Source { commit: commit.into(), generator: generator.into() }));
+        let page = |sources: &[&Option<Source>]| stamped_with("# Title\n\nText.\n", sources.iter().copied());
+        let both = page(&[&newer, &older, &newer]);
+        assert_eq!(
+            both,
+            "# Title\n\n*Made at commit `178771f` of 2026-11-23; generator sources `0011`; and at commit `65cf61b` of 2026-11-24; \
+             generator sources `0012`.*\n\nText.\n"
+        );
+        assert_eq!((state(&both, "0012"), state(&marked(&both, "0012"), "0012")), (State::Wrong, State::SaysOlder));
+        assert_eq!(state(&page(&[&newer, &newer]), "0012"), State::Current);
+        assert_eq!(state(&page(&[&newer, &None]), "0012"), State::Silent);
     }
 
     #[test]

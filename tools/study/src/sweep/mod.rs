@@ -79,21 +79,20 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     }
     shared.prepare_all(progress)?;
     let complete = complete(&shared, settings.cells().collect(), settings.jobs, progress, stop)?;
-    let mut found = Vec::new();
+    let (mut found, mut rollouts) = (Vec::new(), Vec::new());
     for (cell, whole) in complete.cells {
         let [truth, stream] = &whole.series;
         let passes = cell.point.point.schedule.table(&bundle.manifest().sampler)?.passes();
         let passes = u32::try_from(passes).unwrap_or(u32::MAX);
         let budget = budget(&whole.manifest, &whole.manifest, &bundle)?;
         found.push(CellResult { cell, passes, budget, metrics: summarise(stream, truth) });
+        rollouts.push(whole.manifest);
     }
     let kept = complete.kept;
-    let document = report::document(&Sweep { settings, bundle: &bundle, found: &found, kept });
+    let document = report::document(&Sweep { settings, bundle: &bundle, found: &found, kept }).stamped(&rollouts);
     let mut files = Vec::new();
     for folder in std::iter::once(&settings.out).chain(&settings.publish) {
-        let is_published = settings.publish.as_ref() == Some(folder);
-        let written = if is_published { &document.stamped()? } else { &document };
-        files.extend(written.write(folder, &settings.name())?);
+        files.extend(document.write(folder, &settings.name())?);
         let table = folder.join(format!("{}.csv", settings.name()));
         write_whole(&RealDisk, &table, report::csv(&found).as_bytes())?;
         files.push(table);

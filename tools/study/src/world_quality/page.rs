@@ -53,7 +53,7 @@ pub(super) fn publish(command: &str, text: &str, good: &Picture, bad: &Picture) 
     let tables = text.trim_end();
     let page = format!("{INTRODUCTION}{tables}\n```\n\nThis page was written by:\n\n```sh\n{command}\n```\n");
     write_all(vec![
-        (docs.join("world.md"), stamped(&page)?.into_bytes()),
+        (docs.join("world.md"), stamped(&page).into_bytes()),
         (docs.join("images/world-good.jpg"), encode_jpeg(good, JpegQuality::Repository)?),
         (docs.join("images/world-bad.jpg"), encode_jpeg(bad, JpegQuality::Repository)?),
     ])
