@@ -277,7 +277,9 @@ fn pictures(
         });
     }
     let [before, guidance] = guidance.each_ref().map(Option::as_ref);
-    let interval = Interval { anchors: &anchors, at: anchor - 1 - first, guidance, before };
+    let overlay = if kind.needs_guidance() { clip.overlay(anchor) } else { None };
+    let interval =
+        Interval { anchors: &anchors, at: anchor - 1 - first, guidance, before, overlay: overlay.as_deref() };
     let made = row.make(&interval, phases)?;
     if made.len() != phases.len() || made.iter().any(|picture| picture.size() != ends.current.size()) {
         return Err(Error::new(

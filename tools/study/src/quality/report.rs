@@ -37,6 +37,7 @@ pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&st
                 *Repeat* and *blend* are what costs nothing. *Minterpolate*, *FlowFPS* and *RIFE* see nothing but pictures, as \
                 Cairn does with `picture_flow`; with true motion and depth it gets the renderer's, which are exact.\n";
     }
+    where_behind(&mut out, table);
     for multiplier in table.multipliers() {
         tables(&mut out, table, multiplier, &sets_of(measured));
     }
@@ -69,9 +70,45 @@ pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&st
 /// The parts of the text that the table alone decides: its tables, and the differences clip by clip.
 pub(super) fn of_table(table: &Table) -> String {
     let mut out = String::new();
+    where_behind(&mut out, table);
     table.multipliers().into_iter().for_each(|multiplier| tables(&mut out, table, multiplier, &[]));
     differences(&mut out, table);
     out
+}
+
+/// For our rows at twice the anchors' rate: on which clips or kinds of scene a row that sees pictures alone is nearer to the truth.
+fn where_behind(out: &mut String, table: &Table) {
+    let (multiplier, rows) = (2, table.rows(2));
+    let others: Vec<Kind> = rows.iter().copied().filter(|row| row.is_of_others()).collect();
+    let ours = [Kind::Flow, Kind::Engine, Kind::Truth].into_iter().filter(|row| rows.contains(row));
+    let groups = table.groups(multiplier);
+    let mut lines = String::new();
+    for row in ours {
+        for (i, measure) in MEASURES.into_iter().enumerate() {
+            let value = |group: &str, row: Kind| measures(&table.group(multiplier, group, row)?.score)[i];
+            let (mut behind, mut count) = (Vec::new(), 0);
+            for group in &groups {
+                let Some(own) = value(group, row) else { continue };
+                count += 1;
+                if others.iter().filter_map(|other| value(group, *other)).any(|other| is_better(i, other, own)) {
+                    behind.push(group.as_str());
+                }
+            }
+            if !behind.is_empty() {
+                _ = writeln!(
+                    lines,
+                    "| {} | {measure} | {} of {count} | {} |",
+                    row.label(),
+                    behind.len(),
+                    behind.join(", ")
+                );
+            }
+        }
+    }
+    if !lines.is_empty() {
+        out.push_str("\n## Where ours is behind\n\nAt twice the anchors' rate, a row of another maker is nearer to the truth on:\n\n| | | | |\n|---|---|---|---|\n");
+        out.push_str(&lines);
+    }
 }
 
 /// Whether scenes of the tuning set are among those that were asked for.
@@ -102,20 +139,30 @@ fn sets_of(measured: &Measurements) -> Vec<(String, Set)> {
 fn tables(out: &mut String, table: &Table, multiplier: u32, sets: &[(String, Set)]) {
     let groups = table.groups(multiplier);
     let is_family = |group: &String| scenes::LANDSCAPES.iter().any(|family| family.name() == group);
-    let (means, single): (Vec<String>, Vec<String>) = groups.into_iter().partition(is_family);
+    let moves = |group: &String| scenes::FAMILIES.iter().any(|family| *group == format!("moving-{family}"));
+    let (means, others): (Vec<String>, Vec<String>) = groups.into_iter().partition(is_family);
+    let (moving, single): (Vec<String>, Vec<String>) = others.into_iter().partition(moves);
     let (walks, films): (Vec<String>, Vec<String>) = single.into_iter().partition(|group| table.is_rendered(group));
-    kind_by_kind(out, table, multiplier, sets, &means);
+    kind_by_kind(out, table, multiplier, sets, &means, "Scenes");
+    kind_by_kind(out, table, multiplier, sets, &moving, "Scenes in which things move, under a head-up display,");
     clip_by_clip(out, table, multiplier, sets, &walks, "scenes");
     clip_by_clip(out, table, multiplier, sets, &films, "film and game");
 }
 
 /// A table with a column for each kind of scene, the mean over its clips.
-fn kind_by_kind(out: &mut String, table: &Table, multiplier: u32, sets: &[(String, Set)], groups: &[String]) {
+fn kind_by_kind(
+    out: &mut String,
+    table: &Table,
+    multiplier: u32,
+    sets: &[(String, Set)],
+    groups: &[String],
+    what: &str,
+) {
     if groups.is_empty() {
         return;
     }
     let clips: Vec<String> = groups.iter().flat_map(|group| table.clips(multiplier, group)).collect();
-    _ = write!(out, "\n## Scenes at {multiplier} times the anchors' rate\n\n{}| |", set_of(&clips, sets));
+    _ = write!(out, "\n## {what} at {multiplier} times the anchors' rate\n\n{}| |", set_of(&clips, sets));
     for group in groups {
         let clips = table.clips(multiplier, group).len();
         _ = write!(out, " {group}{} |", if clips > 1 { format!(" ({clips})") } else { String::new() });

@@ -132,6 +132,11 @@ pub(super) trait Clip {
     /// True motion from anchor `number` to the previous one, and its depth; `None` if unknown.
     fn guidance(&mut self, number: usize, store: &Store) -> Result<Option<Guidance>>;
 
+    /// Opacity of the head-up display over each pixel of anchor `number`, which an engine knows; `None` if there is none.
+    fn overlay(&self, _number: usize) -> Option<Vec<u8>> {
+        None
+    }
+
     /// As [`guidance`](Self::guidance), but motion and depth as a game engine gives them; `None` if no engine drew the clip.
     fn engine_guidance(&mut self, _number: usize) -> Result<Option<Guidance>> {
         Ok(None)

@@ -215,6 +215,12 @@ impl Clip for SceneClip {
         Guidance::from_parts(motion, depth, MotionOrigin::Geometry).map(Some)
     }
 
+    fn overlay(&self, number: usize) -> Option<Vec<u8>> {
+        let moment = self.moments.get(number * STEPS as usize).filter(|_| self.moving)?;
+        let mut blank = Picture::new(self.size.0, self.size.1).ok()?;
+        Some(hud::draw(&mut blank, &self.scene, moment))
+    }
+
     fn engine_guidance(&mut self, number: usize) -> Result<Option<Guidance>> {
         // Two frames an interval, and the frame before them, from which the first has its motion.
         let (last, half) = (number * STEPS as usize, STEPS as usize / 2);

@@ -99,9 +99,11 @@ impl Kind {
             Self::Flow => "The `cpu` generator with motion found by `picture_flow` in the two anchors, and no depth.",
             Self::Engine => {
                 "The `cpu` generator with motion and depth as an engine gives them: one-frame vectors in 16 bits, dilated and composed \
-                 over two frames, the camera's alone for what bends; reversed depth."
+                 over two frames, the camera's alone for what bends; reversed depth; the mask of the head-up display where there is one."
             }
-            Self::Truth => "The `cpu` generator with the clip's own motion and depth.",
+            Self::Truth => {
+                "The `cpu` generator with the clip's own motion and depth, and the mask of the head-up display where there is one."
+            }
         }
     }
 
@@ -111,6 +113,11 @@ impl Kind {
             self,
             Self::Repeat | Self::Blend | Self::NoMotion | Self::Paper | Self::Flow | Self::Engine | Self::Truth
         )
+    }
+
+    /// Whether another maker's program or network makes its pictures.
+    pub(super) fn is_of_others(self) -> bool {
+        !self.is_built_in()
     }
 
     /// Whether it can make a picture at `phase`.
@@ -186,6 +193,8 @@ pub(super) struct Interval<'a> {
     pub(super) guidance: Option<&'a Guidance>,
     /// The same of the earlier one, if it has a predecessor.
     pub(super) before: Option<&'a Guidance>,
+    /// Mask of the later anchor's head-up display: one byte per pixel, 0 where there is none.
+    pub(super) overlay: Option<&'a [u8]>,
 }
 
 impl Interval<'_> {

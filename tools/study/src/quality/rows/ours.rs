@@ -81,6 +81,9 @@ impl Row for Truth {
         if let Some(before) = interval.before {
             pair = pair.with_previous_depth(before.depth())?;
         }
+        if let Some(overlay) = interval.overlay {
+            pair = pair.with_overlay(overlay)?;
+        }
         generate(&mut self.generator, &pair, phases)
     }
 }
@@ -228,7 +231,7 @@ mod tests {
     }
 
     fn middle(row: &mut dyn Row, anchors: &[Picture; 2]) -> Picture {
-        let interval = Interval { anchors, at: 0, guidance: None, before: None };
+        let interval = Interval { anchors, at: 0, guidance: None, before: None, overlay: None };
         row.make(&interval, &[Phase::HALF]).unwrap().remove(0)
     }
 
