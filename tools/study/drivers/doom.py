@@ -1,6 +1,10 @@
 """A walk in ViZDoom: pictures, depth, what is no part of the world, and the camera, one of each for every tic.
 
-    python doom.py MAP FOLDER
+    python doom.py MAP VIEW WALK FOLDER
+
+MAP is a map of Freedoom 2, such as map02, or a scenario of ViZDoom, such as deadly_corridor.wad. VIEW is "world", the empty world without
+anything drawn over it, or "player", with monsters, weapon, HUD, messages and effects, as a player sees it. WALK is a list of stretches,
+SPEED:TURN:TICS with commas between: forward speed, degrees to the right for each tic, and number of tics.
 
 The pictures are drawn at 1920x1080 and reduced to a third by their mean. FOLDER gets, tic by tic,
 
@@ -19,10 +23,10 @@ from pathlib import Path
 import numpy as np
 import vizdoom
 
-MAPS = Path(vizdoom.__file__).parent / "freedoom2.wad"
+GAME = Path(vizdoom.__file__).parent
+MAPS = GAME / "freedoom2.wad"
 SEED = 1
-# Forward speed, degrees to the left and tics of every stretch of the walk.
-WALK = [(10, 0, 24), (10, 1.5, 24), (10, -2, 24), (10, 0, 12), (0, 2.5, 14), (10, 0, 14)]
+DRAWN_OVER = ("hud", "weapon", "crosshair", "decals", "particles", "messages", "screen_flashes", "effects_sprites")
 
 SHRINK = 3
 WIDTH, HEIGHT = 640, 360
@@ -37,27 +41,40 @@ SKY = 255
 FLAT, UPRIGHT = 1, 2
 
 
-def start(name: str) -> vizdoom.DoomGame:
-    """The game at the beginning of a map, without anything that is no part of it."""
+def start(name: str, player: bool) -> vizdoom.DoomGame:
+    """The game at the beginning of a map: as the player sees it, or without anything that is no part of the world."""
     game = vizdoom.DoomGame()
     game.set_doom_game_path(str(MAPS))
-    game.set_doom_map(name)
+    if name.endswith(".wad"):
+        game.set_doom_scenario_path(str(GAME / "scenarios" / name))
+        game.set_doom_map("map01")
+    else:
+        game.set_doom_map(name)
     game.set_screen_resolution(vizdoom.ScreenResolution.RES_1920X1080)
     game.set_screen_format(vizdoom.ScreenFormat.RGB24)
     game.set_depth_buffer_enabled(True)
     game.set_labels_buffer_enabled(True)
     game.set_sectors_info_enabled(True)
-    for what in ("hud", "weapon", "crosshair", "decals", "particles", "messages", "screen_flashes", "effects_sprites"):
-        getattr(game, f"set_render_{what}")(False)
+    for what in DRAWN_OVER:
+        getattr(game, f"set_render_{what}")(player)
     game.set_window_visible(False)
     game.set_sound_enabled(False)
     game.set_available_buttons([vizdoom.Button.MOVE_FORWARD_BACKWARD_DELTA, vizdoom.Button.TURN_LEFT_RIGHT_DELTA])
     variables = ("CAMERA_POSITION_X", "CAMERA_POSITION_Y", "CAMERA_POSITION_Z", "CAMERA_ANGLE")
     game.set_available_game_variables([getattr(vizdoom.GameVariable, name) for name in variables])
     game.set_seed(SEED)
-    game.add_game_args("-nomonsters +movebob 0 +stillbob 0")
+    # Without bobbing the camera is where the game says it is.
+    game.add_game_args("+movebob 0 +stillbob 0")
+    if player:
+        game.set_doom_skill(3)
+        # Damage shows on the HUD and kills nobody: the walk goes on.
+        game.add_game_args("+sv_cheats 1")
+    else:
+        game.add_game_args("-nomonsters")
     game.set_episode_timeout(100_000)
     game.init()
+    if player:
+        game.send_game_command("buddha")
     return game
 
 
@@ -139,11 +156,14 @@ def refine(values: np.ndarray, depth: np.ndarray, kind: np.ndarray) -> np.ndarra
 
 
 def main() -> None:
-    name, folder = sys.argv[1], Path(sys.argv[2])
-    game = start(name)
+    name, view, stretches, folder = sys.argv[1], sys.argv[2], sys.argv[3], Path(sys.argv[4])
+    walk = [[float(part) for part in stretch.split(":")] for stretch in stretches.split(",")]
+    game = start(name, view == "player")
     files = [(folder / file).open("wb") for file in ("pictures.rgb", "depth.f32", "world.u8", "camera.f64")]
-    for speed, turn, tics in WALK:
-        for _ in range(tics):
+    for speed, turn, tics in walk:
+        for _ in range(int(tics)):
+            if game.is_episode_finished():
+                sys.exit(f"{name} ended before the walk did")
             state = game.get_state()
             blocks = (HEIGHT, SHRINK, WIDTH, SHRINK)
             picture = state.screen_buffer.reshape(*blocks, 3).mean((1, 3))

@@ -1,11 +1,13 @@
 """Pictures between anchors, by MVTools' FlowFPS in VapourSynth.
 
-    python flowfps.py WIDTH HEIGHT MULTIPLIER INTERVAL IN OUT
+    python flowfps.py WIDTH HEIGHT MULTIPLIER INTERVAL IN OUT [SETTINGS]
 
 IN holds consecutive anchors as raw 8-bit RGB; OUT gets the MULTIPLIER - 1 pictures between anchors INTERVAL and
 INTERVAL + 1. MVTools works on YUV: here 4:4:4 of 16 bits, full range, so that nothing is lost by that.
+SETTINGS are changes to the constants below, as JSON: {"RENDER": {"mask": 0}}.
 """
 
+import json
 import sys
 from pathlib import Path
 
@@ -13,11 +15,11 @@ import numpy as np
 import vapoursynth as vs
 
 core = vs.core
-# The best of those that were tried on the scenes' seed for tuning: blocks of 16 with half overlap, searched again as
-# blocks of 8, exhaustively and at quarter pixels.
+# Chosen on the scenes' seed for tuning, see `study quality --tune flowfps`: blocks of 8 with half overlap, searched again as
+# blocks of 4, exhaustively and at quarter pixels.
 SUPER = {"pel": 4}
-ANALYSE = {"blksize": 16, "overlap": 8, "search": 3, "searchparam": 8}
-REFINE = {"blksize": 8, "overlap": 4, "search": 3, "searchparam": 4}
+ANALYSE = {"blksize": 8, "overlap": 4, "search": 3, "searchparam": 8}
+REFINE = {"blksize": 4, "overlap": 2, "search": 3, "searchparam": 4}
 RENDER = {"mask": 2}
 
 
@@ -37,6 +39,8 @@ def source(pictures: np.ndarray) -> vs.VideoNode:
 
 def main() -> None:
     width, height, multiplier, interval = map(int, sys.argv[1:5])
+    for name, changes in json.loads("".join(sys.argv[7:8]) or "{}").items():
+        {"ANALYSE": ANALYSE, "REFINE": REFINE, "RENDER": RENDER}[name].update(changes)
     clip = source(np.fromfile(sys.argv[5], np.uint8).reshape(-1, height, width, 3))
     yuv = core.resize.Bicubic(clip, format=vs.YUV444P16, matrix_s="709", range_s="full")
     pyramid = core.mv.Super(yuv, **SUPER)

@@ -14,6 +14,7 @@ use crate::metrics::{Lpips, Net};
 use crate::picture;
 use crate::progress::Progress;
 use crate::seed_picture;
+use crate::sets;
 use crate::settings::Settings;
 
 /// The default script.
@@ -55,6 +56,7 @@ pub(crate) fn load(settings: &Settings, progress: &Progress) -> Result<LoadedInp
         None => (DEMO_SCRIPT.as_bytes().to_vec(), "<built-in demo script>".into()),
     };
     let script = ControlScript::parse_bytes(&script_bytes).map_err(|e| in_file(&e, "--script", &script_path))?;
+    sets::require_unsealed_script(&script, "--script")?;
     let picture = match &settings.seed_picture {
         Some(path) => {
             let bytes = read_bounded(path, MAX_PICTURE)?;

@@ -48,6 +48,7 @@ mod reconstruct;
 mod replay;
 mod scene_id;
 mod seed_picture;
+mod sets;
 mod settings;
 mod sheet;
 mod statistics;

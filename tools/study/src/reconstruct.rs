@@ -21,6 +21,7 @@ use crate::metrics::Net;
 use crate::output::reconstruct::{COMPARISON, COMPARISON_VIDEO, RAW, TABLE, VIDEO};
 use crate::output::{Folder, MANIFEST, SHEET, sinks};
 use crate::progress::Progress;
+use crate::sets;
 use crate::settings::Formats;
 pub use scores::Summary;
 use stream::Stream;
@@ -127,6 +128,7 @@ impl ReconstructSettings {
                 format!("Use {} to {}", MULTIPLIERS.start(), MULTIPLIERS.end()),
             );
         }
+        sets::require_unsealed(&[self.seed], "--seed")?;
         self.generator.check_multiplier(self.multiplier)?;
         if self.formats == Formats::default() {
             return refused(

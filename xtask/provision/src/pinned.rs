@@ -11,6 +11,7 @@ use crate::{Error, Progress, Result, cache, process};
 pub(crate) struct Pinned {
     /// Pattern of the package's file name.
     pub(crate) package: &'static str,
+    /// Path inside the package. `!` follows the path of an archive inside it.
     pub(crate) inside: &'static str,
     pub(crate) name: &'static str,
     pub(crate) sha256: &'static str,
@@ -166,13 +167,16 @@ pub(crate) fn pinned_file(
     fetch: &dyn Fn(&Python, &Path) -> Result<()>,
     progress: &dyn Progress,
 ) -> Result<PathBuf> {
-    const SCRIPT: &str = "import pathlib, sys, tarfile, zipfile\n\
+    const SCRIPT: &str = "import io, pathlib, sys, tarfile, zipfile\n\
         folder, pattern, inside, target = pathlib.Path(sys.argv[1]), *sys.argv[2:]\n\
         (package,) = folder.glob(pattern)\n\
-        if zipfile.is_zipfile(package):\n\
-        \x20   data = zipfile.ZipFile(package).read(inside)\n\
-        else:\n\
-        \x20   data = tarfile.open(package).extractfile(inside).read()\n\
+        data = package.read_bytes()\n\
+        for path in inside.split('!'):\n\
+        \x20   archive = io.BytesIO(data)\n\
+        \x20   if zipfile.is_zipfile(archive):\n\
+        \x20       data = zipfile.ZipFile(archive).read(path)\n\
+        \x20   else:\n\
+        \x20       data = tarfile.open(fileobj=io.BytesIO(data)).extractfile(path).read()\n\
         (folder / 'file').mkdir()\n\
         (folder / 'file' / target).write_bytes(data)\n";
     let folder = cache::cache_dir()?.join(item);

@@ -10,9 +10,9 @@ use super::tally::{Skip, Tally};
 use crate::shell::Log;
 
 /// Rows that need no third-party program; each is scored on two frames.
-const ROWS: [&str; 4] = ["repeat", "blend", "cairn-flow", "cairn-truth"];
+const ROWS: [&str; 7] = ["repeat", "blend", "none", "paper", "cairn-flow", "cairn-engine", "cairn-truth"];
 /// Rows that a third-party program makes, and the clip that one plays.
-const DRIVERS: [&str; 3] = ["minterpolate", "flowfps", "rife"];
+const DRIVERS: [&str; 4] = ["minterpolate", "flowfps", "rife", "rife4"];
 const GAME: &str = "vizdoom";
 /// What the program says of a package when there is no network.
 const UNREACHABLE: &str = "cannot reach the package index";

@@ -23,8 +23,15 @@ Examples:
   study quality --clips none --speed --check
       Times alone, with the ratios that are claimed.
 
+  study quality --tune minterpolate
+      Settings of another program, compared on seed 4: is the row as good as it can be?
+
   study quality --speed --publish
       The page docs/quality.md, from the clips and seeds it is made of.
+
+  study quality --sealed --rows all --check
+      The sealed set, which every other command refuses: for a claim that is to be published, not while something is tuned.
+      Each run appends a line with date, commit and results to docs/sealed-ledger.csv, which is committed.
 
 What was made and scored once is kept in the user's cache and not made again while nothing it depends on changes, so a run
 that was ended goes on where it stopped. The folder --out gets quality.md, quality.csv, quality-frames.csv with every frame,
@@ -34,11 +41,12 @@ Exit status: 0 well, 1 failed or, with --check, a claim missed, 2 wrong usage, 1
 
 #[derive(Args)]
 pub(super) struct QualityArgs {
-    /// Ways to make the frames: all, built-in, or a list of repeat, blend, minterpolate, flowfps, rife,
-    /// cairn-flow, cairn-truth
+    /// Ways to make the frames: all, built-in, or a list of repeat, blend, minterpolate, flowfps, rife, rife4,
+    /// none, paper, cairn-flow, cairn-truth
     #[arg(long, value_name = "LIST", default_value = "all")]
     rows: String,
-    /// What they are made from: all, scenes, real, or a list of forest, sword, desert, snow, bunny, vizdoom
+    /// What they are made from: all, scenes, real, or a list of forest, sword, desert, snow, bunny, bikes, vizdoom,
+    /// vizdoom-player; with --sealed, clips of the sealed set
     #[arg(long, value_name = "LIST", default_value = "all")]
     clips: String,
     /// Seeds of the scenes
@@ -60,6 +68,12 @@ pub(super) struct QualityArgs {
     /// Write the floors from what is made now, instead of comparing
     #[arg(long, requires = "floors")]
     write: bool,
+    /// Open the sealed set, and append the results to its ledger
+    #[arg(long, conflicts_with_all = ["seeds", "smoke", "speed"])]
+    sealed: bool,
+    /// A sealed set of your own in TOML, with its scripts and its ledger beside it: to try how --sealed works
+    #[arg(long, value_name = "FILE", requires = "sealed", conflicts_with = "publish")]
+    own_set: Option<PathBuf>,
     /// Hold the table against what is claimed, and fail where it does not bear a claim out
     #[arg(long)]
     check: bool,
@@ -75,6 +89,9 @@ pub(super) struct QualityArgs {
     /// Folder for report, tables and figure; an earlier report in it is replaced
     #[arg(long, value_name = "DIR", default_value = "target/quality")]
     out: PathBuf,
+    /// Compare settings of one row, minterpolate, flowfps or rife4, on the scenes' seed 4, and print the table
+    #[arg(long, value_name = "ROW", conflicts_with_all = ["rows", "clips", "seeds", "smoke", "check", "speed", "publish"])]
+    tune: Option<String>,
     /// No progress, no summary
     #[arg(long)]
     quiet: bool,
@@ -85,13 +102,14 @@ impl QualityArgs {
         let (rows, clips, seeds) = if self.smoke {
             ("built-in".into(), "forest".into(), vec![4])
         } else if self.drivers {
-            ("minterpolate,flowfps,rife".into(), "vizdoom".into(), vec![4])
+            ("minterpolate,flowfps,rife,rife4".into(), "vizdoom".into(), vec![4])
         } else {
             (self.rows.clone(), self.clips.clone(), self.seeds.clone())
         };
-        let Self { speed, fresh, publish, .. } = *self;
+        let Self { speed, fresh, publish, sealed, .. } = *self;
         let smoke = self.smoke || self.drivers;
-        Settings { rows, clips, seeds, lpips: self.lpips.clone(), smoke, speed, fresh, publish, out: self.out.clone() }
+        let (lpips, own_set, out) = (self.lpips.clone(), self.own_set.clone(), self.out.clone());
+        Settings { rows, clips, seeds, lpips, smoke, speed, fresh, publish, sealed, own_set, out }
     }
 }
 
@@ -117,9 +135,16 @@ impl Subcommand for QualityArgs {
         if self.floors {
             return self.floors();
         }
+        if let Some(row) = &self.tune {
+            print!("{}", quality::tune(row, &self.lpips, &progress(self.quiet), stop_on_interrupt()?)?);
+            return Ok(ExitCode::SUCCESS);
+        }
         let outcome = quality::run(&self.settings(), &progress(self.quiet), stop_on_interrupt()?)?;
         for left_out in &outcome.left_out {
             eprintln!("left out: {left_out}");
+        }
+        for note in &outcome.notes {
+            eprintln!("note: {note}");
         }
         if !self.quiet {
             println!("{} scores computed, {} kept from earlier runs", outcome.computed, outcome.kept);

@@ -9,7 +9,7 @@ use scenes::Family;
 
 use super::{Subcommand, size};
 use crate::media::{RealDisk, encode_png, write_whole};
-use crate::seed_picture;
+use crate::{seed_picture, sets};
 
 #[derive(Args)]
 pub(super) struct SeedPictureArgs {
@@ -36,6 +36,7 @@ impl SeedPictureArgs {
 impl Subcommand for SeedPictureArgs {
     fn check(&self) -> Result<()> {
         self.family()?;
+        sets::require_unsealed(&[self.place], "--place")?;
         let [width, height] = size(&self.size)?;
         seed_picture::check(width, height).map_err(|e| e.field("--size"))
     }

@@ -22,6 +22,7 @@ use crate::metrics::{Net, SSIM_WINDOW};
 use crate::output::LATENTS;
 use crate::scene_id::SceneId;
 use crate::seed_picture::MAX_SIDE;
+use crate::sets;
 use crate::settings::{Formats, Settings as Rollout};
 use crate::workers::check_jobs;
 
@@ -164,7 +165,9 @@ impl Settings {
                 format!("Use a width and a height from {least} to {MAX_SIDE}, such as 640x360"),
             );
         }
-        held_out::require(&self.scenes().map(|scene| scene.seed).collect::<Vec<_>>())?;
+        let seeds: Vec<u64> = self.scenes().map(|scene| scene.seed).collect();
+        held_out::require(&seeds)?;
+        sets::require_unsealed(&seeds, "--seeds")?;
         for cell in self.cells() {
             cell.rollout(self).check()?;
         }

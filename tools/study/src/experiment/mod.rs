@@ -28,6 +28,7 @@ use crate::media::encode_small_png;
 use crate::metrics::{Lpips, Net};
 use crate::progress::Progress;
 use crate::scene_id::SceneId;
+use crate::sets;
 use files::Files;
 
 /// Scene seeds that an [`Experiment`] measures in each family by default.
@@ -63,9 +64,10 @@ impl Settings {
     /// Checks the settings; reads no file.
     ///
     /// # Errors
-    /// `InvalidArgument` for a scene seed that is not held out.
+    /// `InvalidArgument` for a scene seed that is not held out, or that is sealed.
     pub fn check(&self) -> Result<()> {
-        held_out::require(&self.seeds)
+        held_out::require(&self.seeds)?;
+        sets::require_unsealed(&self.seeds, "--seeds")
     }
 
     /// The scene seeds: those that were set, otherwise the first of `default` for a quick run, otherwise all of them.

@@ -9,6 +9,7 @@ use cairn::{Error, ErrorKind, Picture, Result};
 use super::ffmpeg;
 use super::folder;
 use crate::media::{FrameRate, Y4M_MAGIC, Y4mReader, describe_io};
+use crate::sets;
 
 /// Frames of one size in order of time.
 pub(super) trait Source: Send {
@@ -65,6 +66,9 @@ pub(super) fn open(path: &Path) -> Result<Input> {
         |cause: &str, remedy: &str| Err(Error::new(ErrorKind::InvalidArgument, cause).field(&*name).remedy(remedy));
     if head.is_empty() {
         return refused("it is empty", "Name a video, or a folder of pictures");
+    }
+    if data.is_file() {
+        sets::require_unsealed_film(path)?;
     }
     if head.starts_with(b"\x89PNG") || head.starts_with(b"\xff\xd8\xff") {
         return refused("it is one picture, and nothing lies between", "Name the folder that holds the pictures");

@@ -69,10 +69,9 @@ pub(super) fn draw(measured: &mut Measurements, store: &Store) -> Result<Option<
 
 /// The frame at half phase that one in ten exceeds in difficulty; from the scenes if there are any.
 fn hard(records: &[Record]) -> Option<&Record> {
-    let is_scene = |r: &&Record| scenes::LANDSCAPES.iter().any(|family| family.name() == r.group);
-    let of_scenes = records.iter().any(|r| is_scene(&r));
+    let of_scenes = records.iter().any(|r| r.is_rendered);
     let mut frames: Vec<(f64, &Record)> = Vec::new();
-    for record in records.iter().filter(|r| r.phase == Phase::HALF && (!of_scenes || is_scene(r))) {
+    for record in records.iter().filter(|r| r.phase == Phase::HALF && (!of_scenes || r.is_rendered)) {
         if frames.iter().all(|(_, r)| (&r.clip, r.anchor) != (&record.clip, record.anchor)) {
             let same =
                 records.iter().filter(|r| (&r.clip, r.anchor, r.phase) == (&record.clip, record.anchor, record.phase));

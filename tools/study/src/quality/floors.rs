@@ -170,7 +170,14 @@ fn measure(settings: &FloorSettings, progress: &Progress, stop: &AtomicBool) -> 
         let [before, given] = guidance(&mut clip, anchor, &store)?;
         let truth = clip.truth(anchor, phase, &store)?;
         let features = lpips.features(&truth)?;
-        let interval = Interval { anchors: &anchors, at: 0, guidance: given.as_ref(), before: before.as_ref() };
+        let overlay = clip.overlay(anchor);
+        let interval = Interval {
+            anchors: &anchors,
+            at: 0,
+            guidance: given.as_ref(),
+            before: before.as_ref(),
+            overlay: overlay.as_deref(),
+        };
         for (kind, row) in &mut rows {
             let made = row.make(&interval, &[phase])?.pop();
             let made = made.ok_or_else(|| Error::new(ErrorKind::InvalidState, "a row made no picture"))?;
@@ -178,6 +185,7 @@ fn measure(settings: &FloorSettings, progress: &Progress, stop: &AtomicBool) -> 
             records.push(Record {
                 clip: clip.name().into(),
                 group: clip.group().into(),
+                is_rendered: true,
                 row: *kind,
                 anchor,
                 phase,

@@ -2,15 +2,15 @@
 
 /// Paragraphs below the page's first one.
 pub(super) const LIMITS: &str = "\
-**What this is measured on.** Development sets: our own scenes, one animated film and one game, all seen while the generator was developed. In \
-the scenes only the camera and a held item move, and the motion and depth that Cairn gets are exact, which an engine's are not. No set that \
-nobody tuned on was measured yet, so nothing here says how good Cairn is on other footage. A cell is the mean of the few \
-clips that its head counts, and claims are judged by such means, without an interval.
+**What this is measured on.** Development sets: our own scenes, still ones and ones in which things move, film, and a game, all seen while the \
+generator was developed. What nobody tunes on is [the sealed set](quality-sealed.md). In the still scenes only the camera and a held item move, \
+and with true motion and depth Cairn gets what no engine gives: exact ones. A cell is the mean of the few clips that its head counts, and claims \
+are judged by such means, without an interval.
 
-**Where ours loses.** An outside measurement on footage not in this repository found Cairn behind others: with the motion and depth of a real \
+**Outside figures.** A measurement on footage that is not in this repository found Cairn behind others: with the motion and depth of a real \
 engine, behind RIFE, and behind AMD's FSR in PSNR and SSIM, and nearer without that depth than with it; on fast hand-held film, behind RIFE, \
 with smears that LPIPS rates worse than a blend of the anchors; around cuts and in fades, behind RIFE, and in fades by LPIPS behind a blend \
-too; on animated film, behind RIFE; on smoke, behind RIFE in PSNR and SSIM. It found Cairn ahead of RIFE in a first-person game with a HUD. Between a world's own pictures ours loses to \
-cheaper rows in places: [motion](motion.md#between-the-autoencoders-pictures), [cadence](cadence.md#between-the-worlds-own-pictures). \
-Nothing was done about these yet.
+too; on animated film, behind RIFE; on smoke, behind RIFE in PSNR and SSIM. It found Cairn ahead of RIFE in a first-person game with a HUD. \
+Between a world's own pictures ours loses to cheaper rows in places: [motion](motion.md#between-the-autoencoders-pictures), \
+[cadence](cadence.md#between-the-worlds-own-pictures). Nothing was done about these yet.
 ";

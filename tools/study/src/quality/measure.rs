@@ -22,6 +22,8 @@ const SCORES: &str = "psnr, ssim 1";
 pub(super) struct Record {
     pub(super) clip: String,
     pub(super) group: String,
+    /// Whether the scenes rendered the clip.
+    pub(super) is_rendered: bool,
     pub(super) row: rows::Kind,
     /// Number of the anchor at the interval's end.
     pub(super) anchor: usize,
@@ -100,7 +102,7 @@ pub(super) fn run(
     for kind in &plan.clips {
         match kind.open(&plan.seeds, plan.scale, progress) {
             Ok(clips) => measured.clips.extend(clips),
-            Err(error) => measured.left_out.push(Unavailable { name: kind.name().into(), why: error.to_string() }),
+            Err(error) => measured.left_out.push(Unavailable { name: kind.name(), why: error.to_string() }),
         }
     }
     if !plan.clips.is_empty() && (measured.rows.is_empty() || measured.clips.is_empty()) {
@@ -145,11 +147,17 @@ impl Measurements {
         let (previous, current) = (clip.anchor(target.anchor - 1, store)?, clip.anchor(target.anchor, store)?);
         let key = digest([digest_picture(&previous).as_bytes(), digest_picture(&current).as_bytes()]);
         let ends = IntervalEnds { previous, current, key };
-        let guidance = guidance(clip, target.anchor, store)?;
+        let exact = guidance(clip, target.anchor, store)?;
+        let of_engine = if rows.iter().any(|(kind, _)| *kind == rows::Kind::Engine) {
+            engine_guidance(clip, target.anchor)?
+        } else {
+            [None, None]
+        };
         let truths = target.phases().into_iter().map(|phase| Truth::new(clip, target.anchor, phase, store));
         let truths = truths.collect::<Result<Vec<_>>>()?;
 
         for (kind, row) in rows.iter_mut() {
+            let guidance = if *kind == rows::Kind::Engine { &of_engine } else { &exact };
             if !(kind.needs_guidance() && guidance[1].is_none()) {
                 let wanted: Vec<&Truth> = truths.iter().filter(|truth| kind.can_do(truth.phase)).collect();
                 let version = row.key();
@@ -164,7 +172,7 @@ impl Measurements {
                 *computed += missing.len();
                 if !missing.is_empty() {
                     let phases: Vec<Phase> = missing.iter().map(|i| wanted[*i].phase).collect();
-                    let made = pictures(*kind, row.as_mut(), clip, target.anchor, &ends, &guidance, &phases, store)?;
+                    let made = pictures(*kind, row.as_mut(), clip, target.anchor, &ends, guidance, &phases, store)?;
                     for (i, picture) in missing.into_iter().zip(made) {
                         let score = wanted[i].score(picture, lpips.as_ref())?;
                         store.store_line(&name(wanted[i]), &line(score))?;
@@ -177,6 +185,7 @@ impl Measurements {
                     records.extend(score.map(|score| Record {
                         clip: clip.name().into(),
                         group: clip.group().into(),
+                        is_rendered: clip.is_rendered(),
                         row: *kind,
                         anchor: target.anchor,
                         phase: truth.phase,
@@ -211,11 +220,12 @@ impl Measurements {
         let (previous, current) = (clip.anchor(anchor - 1, store)?, clip.anchor(anchor, store)?);
         let key = digest([digest_picture(&previous).as_bytes(), digest_picture(&current).as_bytes()]);
         let ends = IntervalEnds { previous, current, key };
-        let guidance = guidance(clip, anchor, store)?;
+        let (exact, of_engine) = (guidance(clip, anchor, store)?, engine_guidance(clip, anchor)?);
         let mut shown = vec![(None, clip.truth(anchor, phase, store)?)];
         for (kind, row) in rows.iter_mut() {
+            let guidance = if *kind == rows::Kind::Engine { &of_engine } else { &exact };
             if kind.can_do(phase) && !(kind.needs_guidance() && guidance[1].is_none()) {
-                let made = pictures(*kind, row.as_mut(), clip, anchor, &ends, &guidance, &[phase], store)?;
+                let made = pictures(*kind, row.as_mut(), clip, anchor, &ends, guidance, &[phase], store)?;
                 shown.extend(made.into_iter().map(|picture| (Some(*kind), picture)));
             }
         }
@@ -228,6 +238,12 @@ pub(super) fn guidance(clip: &mut dyn Clip, anchor: usize, store: &Store) -> Res
     // The first anchor has no predecessor and so no motion.
     let before = if anchor >= 2 { clip.guidance(anchor - 1, store)? } else { None };
     Ok([before, clip.guidance(anchor, store)?])
+}
+
+/// An engine's motion and depth of the two anchors of an interval, if one drew the clip.
+fn engine_guidance(clip: &mut dyn Clip, anchor: usize) -> Result<[Option<Guidance>; 2]> {
+    let before = if anchor >= 2 { clip.engine_guidance(anchor - 1)? } else { None };
+    Ok([before, clip.engine_guidance(anchor)?])
 }
 
 /// A row's pictures: stored ones are read, the others are made and stored.
@@ -261,7 +277,9 @@ fn pictures(
         });
     }
     let [before, guidance] = guidance.each_ref().map(Option::as_ref);
-    let interval = Interval { anchors: &anchors, at: anchor - 1 - first, guidance, before };
+    let overlay = if kind.needs_guidance() { clip.overlay(anchor) } else { None };
+    let interval =
+        Interval { anchors: &anchors, at: anchor - 1 - first, guidance, before, overlay: overlay.as_deref() };
     let made = row.make(&interval, phases)?;
     if made.len() != phases.len() || made.iter().any(|picture| picture.size() != ends.current.size()) {
         return Err(Error::new(

@@ -3,38 +3,43 @@
 use std::fmt::Write as _;
 
 use super::claims::MEASURES;
+use super::ledger::LEDGER;
 use super::limits::LIMITS;
 use super::measure::Measurements;
 use super::rows::Kind;
 use super::table::{Table, is_better, measures};
-use super::{FIGURE, FRAMES, Page, SUMMARY, Settings};
-
-/// The scenes' seed that may be used to tune the generator.
-const SEED_FOR_TUNING: u64 = 4;
+use super::{FIGURE, FRAMES, Opening, Page, Settings};
+use crate::sets::{self, Set};
 
 /// The whole text. It depends on the measurements only, so the page changes only when they do.
 pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&str>) -> String {
-    let Page { settings, table, claims, speed } = page;
-    let mut out = "# Picture quality\n\n".to_owned();
+    let Page { settings, table, claims, speed, .. } = page;
+    let title = if page.opening.is_some() { "Picture quality on the sealed set" } else { "Picture quality" };
+    let mut out = format!("# {title}\n\n");
     out += "Cairn makes the frames between two pictures, the anchors. How good are they? Here the true frame between two anchors \
             is held back, made again in several ways, by Cairn and by others, and what was made is compared with the truth.\n";
-    _ = write!(out, "\n{LIMITS}");
-    if settings.seeds.contains(&SEED_FOR_TUNING) {
+    if let Some(opening) = page.opening {
+        sealed(&mut out, opening);
+    } else {
+        _ = write!(out, "\n{LIMITS}");
+    }
+    if page.opening.is_none() && is_tuned(settings) {
         out += "\n**These are figures of work in progress**, on the scenes that the generator is tuned on.\n";
     }
     if let Some(caption) = caption {
         _ = write!(out, "\n![The same place as every row makes it]({FIGURE})\n\n*{caption}*\n");
     }
     if !table.multipliers().is_empty() {
-        out += "\n## How to read the tables\n\nEvery cell holds three measures, and the best of each column is bold:\n\n\
+        out += "\n## How to read the tables\n\nEvery cell holds three measures, and the best for each clip or kind of scene is bold:\n\n\
                 - **PSNR** in dB: more is better; 1 dB is a ninth less error, 6 dB half of it.\n\
                 - **SSIM**: more is better, 1 is equal; whether shapes are where they should be.\n\
                 - **LPIPS**: less is better, 0 is equal; a neural network's guess of what people see.\n\n\
                 *Repeat* and *blend* are what costs nothing. *Minterpolate*, *FlowFPS* and *RIFE* see nothing but pictures, as \
                 Cairn does with `picture_flow`; with true motion and depth it gets the renderer's, which are exact.\n";
     }
+    where_behind(&mut out, table);
     for multiplier in table.multipliers() {
-        tables(&mut out, table, multiplier);
+        tables(&mut out, table, multiplier, &sets_of(measured));
     }
     if !claims.is_empty() {
         let held = claims.iter().filter(|claim| claim.held).count();
@@ -58,43 +63,155 @@ pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&st
         clips(&mut out, measured);
     }
     left_out(&mut out, measured);
-    method(&mut out, settings);
+    method(&mut out, page);
     out
 }
 
 /// The parts of the text that the table alone decides: its tables, and the differences clip by clip.
 pub(super) fn of_table(table: &Table) -> String {
     let mut out = String::new();
-    table.multipliers().into_iter().for_each(|multiplier| tables(&mut out, table, multiplier));
+    where_behind(&mut out, table);
+    table.multipliers().into_iter().for_each(|multiplier| tables(&mut out, table, multiplier, &[]));
     differences(&mut out, table);
     out
 }
 
-/// One table of scenes and one of other clips.
-fn tables(out: &mut String, table: &Table, multiplier: u32) {
-    let is_scene = |group: &String| scenes::LANDSCAPES.iter().any(|family| family.name() == group);
-    let (scenes, films): (Vec<String>, Vec<String>) = table.groups(multiplier).into_iter().partition(is_scene);
-    for (groups, what) in [(scenes, "scenes"), (films, "film and game")] {
-        if groups.is_empty() {
-            continue;
-        }
-        _ = write!(out, "\n## {} at {multiplier} times the anchors' rate\n\n| |", capital(what));
-        for group in &groups {
-            let clips = table.clips(multiplier, group).len();
-            _ = write!(out, " {group}{} |", if clips > 1 { format!(" ({clips})") } else { String::new() });
-        }
-        _ = write!(out, "\n|---|{}\n", "---|".repeat(groups.len()));
-        for row in table.rows(multiplier) {
-            _ = write!(out, "| {} |", row.label());
+/// For our rows at twice the anchors' rate: on which clips or kinds of scene a row that sees pictures alone is nearer to the truth.
+fn where_behind(out: &mut String, table: &Table) {
+    let (multiplier, rows) = (2, table.rows(2));
+    let others: Vec<Kind> = rows.iter().copied().filter(|row| row.is_of_others()).collect();
+    let ours = [Kind::Flow, Kind::Engine, Kind::Truth].into_iter().filter(|row| rows.contains(row));
+    let groups = table.groups(multiplier);
+    let mut lines = String::new();
+    for row in ours {
+        for (i, measure) in MEASURES.into_iter().enumerate() {
+            let value = |group: &str, row: Kind| measures(&table.group(multiplier, group, row)?.score)[i];
+            let (mut behind, mut count) = (Vec::new(), 0);
             for group in &groups {
-                _ = write!(out, " {} |", cell(table, multiplier, group, row));
+                let Some(own) = value(group, row) else { continue };
+                count += 1;
+                if others.iter().filter_map(|other| value(group, *other)).any(|other| is_better(i, other, own)) {
+                    behind.push(group.as_str());
+                }
             }
-            out.push('\n');
+            if !behind.is_empty() {
+                _ = writeln!(
+                    lines,
+                    "| {} | {measure} | {} of {count} | {} |",
+                    row.label(),
+                    behind.len(),
+                    behind.join(", ")
+                );
+            }
         }
+    }
+    if !lines.is_empty() {
+        out.push_str("\n## Where ours is behind\n\nAt twice the anchors' rate, a row of another maker is nearer to the truth on:\n\n| | | | |\n|---|---|---|---|\n");
+        out.push_str(&lines);
     }
 }
 
-/// The three values of a cell; the best of each column is bold.
+/// Whether scenes of the tuning set are among those that were asked for.
+fn is_tuned(settings: &Settings) -> bool {
+    settings.seeds.iter().any(|seed| sets::of_seed(*seed) == Set::Tuning)
+}
+
+/// How the sealed set is kept, and this opening of it.
+fn sealed(out: &mut String, opening: &Opening) {
+    let date = opening.entry.date.strftime("%Y-%m-%d, %H:%M UTC");
+    let sources = &opening.entry.sources;
+    _ = write!(
+        out,
+        "\n**These clips are sealed.** Every command refuses their seeds, control scripts and films; `study quality --sealed` alone opens \
+         them. It shows means of clips only, no picture and no frame's score, and each time it appends date, commit and results to the \
+         ledger, [`{LEDGER}`](sealed-ledger.csv), before it shows anything. Lines of the ledger are never changed, and a test checks that.\n\n\
+         This is opening {} of the set: {date}, commit `{}`, work tree {}, sources of the generator `{}`.\n",
+        opening.number, sources.commit, sources.work_tree, sources.generator
+    );
+}
+
+/// The set of each clip.
+fn sets_of(measured: &Measurements) -> Vec<(String, Set)> {
+    measured.clips.iter().map(|clip| (clip.name().to_owned(), clip.set())).collect()
+}
+
+/// One table of scenes, and one of real clips in which each clip has a line of its own. On the sealed set all clips have.
+fn tables(out: &mut String, table: &Table, multiplier: u32, sets: &[(String, Set)]) {
+    let groups = table.groups(multiplier);
+    let is_family = |group: &String| scenes::LANDSCAPES.iter().any(|family| family.name() == group);
+    let moves = |group: &String| scenes::FAMILIES.iter().any(|family| *group == format!("moving-{family}"));
+    let (means, others): (Vec<String>, Vec<String>) = groups.into_iter().partition(is_family);
+    let (moving, single): (Vec<String>, Vec<String>) = others.into_iter().partition(moves);
+    let (walks, films): (Vec<String>, Vec<String>) = single.into_iter().partition(|group| table.is_rendered(group));
+    kind_by_kind(out, table, multiplier, sets, &means, "Scenes");
+    kind_by_kind(out, table, multiplier, sets, &moving, "Scenes in which things move, under a head-up display,");
+    clip_by_clip(out, table, multiplier, sets, &walks, "scenes");
+    clip_by_clip(out, table, multiplier, sets, &films, "film and game");
+}
+
+/// A table with a column for each kind of scene, the mean over its clips.
+fn kind_by_kind(
+    out: &mut String,
+    table: &Table,
+    multiplier: u32,
+    sets: &[(String, Set)],
+    groups: &[String],
+    what: &str,
+) {
+    if groups.is_empty() {
+        return;
+    }
+    let clips: Vec<String> = groups.iter().flat_map(|group| table.clips(multiplier, group)).collect();
+    _ = write!(out, "\n## {what} at {multiplier} times the anchors' rate\n\n{}| |", set_of(&clips, sets));
+    for group in groups {
+        let clips = table.clips(multiplier, group).len();
+        _ = write!(out, " {group}{} |", if clips > 1 { format!(" ({clips})") } else { String::new() });
+    }
+    _ = write!(out, "\n|---|{}\n", "---|".repeat(groups.len()));
+    for row in table.rows(multiplier) {
+        let cells: Vec<String> = groups.iter().map(|group| cell(table, multiplier, group, row)).collect();
+        _ = writeln!(out, "| {} | {} |", row.label(), cells.join(" | "));
+    }
+}
+
+/// A table with a line for each clip and a column for each row of the comparison.
+fn clip_by_clip(
+    out: &mut String,
+    table: &Table,
+    multiplier: u32,
+    sets: &[(String, Set)],
+    groups: &[String],
+    what: &str,
+) {
+    if groups.is_empty() {
+        return;
+    }
+    let rows = table.rows(multiplier);
+    let labels: Vec<&str> = rows.iter().map(|row| row.label()).collect();
+    _ = write!(
+        out,
+        "\n## {} at {multiplier} times the anchors' rate\n\n{}| | {} |\n|---|{}\n",
+        capital(what),
+        set_of(groups, sets),
+        labels.join(" | "),
+        "---|".repeat(rows.len())
+    );
+    for group in groups {
+        let cells: Vec<String> = rows.iter().map(|row| cell(table, multiplier, group, *row)).collect();
+        _ = writeln!(out, "| {group} | {} |", cells.join(" | "));
+    }
+}
+
+/// The sentence before a table that says which sets its clips are from; nothing if no set is known.
+fn set_of(clips: &[String], sets: &[(String, Set)]) -> String {
+    let mut found: Vec<Set> = sets.iter().filter(|(clip, _)| clips.contains(clip)).map(|(_, set)| *set).collect();
+    found.sort();
+    found.dedup();
+    found.iter().map(|set| format!("From the {set} set: {}.\n", set.meaning())).collect::<String>()
+        + if found.is_empty() { "" } else { "\n" }
+}
+
+/// The three values of a cell; the best of all rows is bold.
 fn cell(table: &Table, multiplier: u32, group: &str, row: Kind) -> String {
     let Some(own) = table.group(multiplier, group, row) else { return "–".into() };
     let all: Vec<_> = table
@@ -118,7 +235,7 @@ fn number(i: usize, value: f64) -> String {
 
 /// Differences between our rows and the others, paired by clip, over the scenes.
 fn differences(out: &mut String, table: &Table) {
-    let groups: Vec<String> = scenes::LANDSCAPES.iter().map(|family| family.name().to_owned()).collect();
+    let groups: Vec<String> = table.groups(2).into_iter().filter(|group| table.is_rendered(group)).collect();
     let mut lines = String::new();
     for own in [Kind::Flow, Kind::Truth] {
         for other in table.rows(2).into_iter().filter(|row| *row != own && *row != Kind::Truth) {
@@ -161,10 +278,10 @@ fn rows(out: &mut String, measured: &Measurements) {
 }
 
 fn clips(out: &mut String, measured: &Measurements) {
-    out.push_str("\n## The clips\n\n| clip | what it is | frames |\n|---|---|---|\n");
+    out.push_str("\n## The clips\n\n| clip | set | what it is | frames |\n|---|---|---|---|\n");
     for clip in &measured.clips {
         let frames: usize = clip.targets().iter().map(|target| target.phases().len()).sum();
-        _ = writeln!(out, "| {} | {} | {frames} |", clip.name(), clip.description());
+        _ = writeln!(out, "| {} | {} | {} | {frames} |", clip.name(), clip.set(), clip.description());
     }
 }
 
@@ -177,30 +294,38 @@ fn left_out(out: &mut String, measured: &Measurements) {
     }
 }
 
-fn method(out: &mut String, settings: &Settings) {
+fn method(out: &mut String, page: &Page<'_>) {
+    let settings = page.settings;
     let Settings { rows, clips, lpips, .. } = settings;
     let seeds: Vec<String> = settings.seeds.iter().map(ToString::to_string).collect();
     let speed = if settings.speed { " --speed" } else { "" };
-    let tuned = if settings.seeds.contains(&SEED_FOR_TUNING) {
-        "The generator and `picture_flow` are tuned on seed 4 of the scenes, which is among these."
+    let tuned = if page.opening.is_none() && is_tuned(settings) {
+        "The generator and `picture_flow` are tuned on seed 4 of the scenes, and seeds of the tuning set are among these."
     } else {
         "The constants of the generator and of `picture_flow` were tuned on seed 4 of the scenes alone. The clips shown here are \
          development sets: their results were seen while rules were chosen."
     };
+    let which = if page.opening.is_some() { "--sealed".to_owned() } else { format!("--seeds {}", seeds.join(",")) };
+    let frames = match page.opening {
+        Some(_) => "no frame's score is kept in a file".to_owned(),
+        None => format!("`{FRAMES}`, in the folder of the run, every frame"),
+    };
+    let summary = page.names().summary;
     _ = write!(
         out,
         "\n## How it was measured\n\nThis page was written by\n\n```sh\n\
-         cargo run --release -p study -- quality --rows {rows} --clips {clips} --seeds {} --lpips {lpips}{speed}\n```\n\n\
+         cargo run --release -p study -- quality {which} --rows {rows} --clips {clips} --lpips {lpips}{speed}\n```\n\n\
          - {tuned}\n\
          - PSNR over R, G and B; SSIM with a Gaussian window of 11x11, the mean of R, G and B; LPIPS v0.1 with the published \
          weights; all on 8-bit display values at full size.\n\
          - Frames of a clip are averaged first, then the clips of a kind of place; the unit of statistics is the clip. Equal \
          pictures count as 100 dB.\n\
-         - In ViZDoom, pixels of the true frame that show things instead of the world are made equal in every row before it is \
+         - `tools/study/sets.toml` names the sets. A real clip is a line of its own and is judged alone; a claim on a kind of scene is one on \
+         the mean, and names the clips on which it does not hold.\n\
+         - In ViZDoom without a player's view, pixels of the true frame that show things instead of the world are made equal in every row before it is \
          measured. Motion follows from depth and camera; the depth buffer's steps of 7 and 16 map units are refined by the \
          map's own lines and heights, and where the two contradict each other the buffer counts.\n\
-         - `{SUMMARY}` beside this page holds every mean; `{FRAMES}`, in the folder of the run, every frame.\n",
-        seeds.join(","),
+         - `{summary}` beside this page holds every mean; {frames}.\n",
     );
 }
 
@@ -234,6 +359,8 @@ mod tests {
             speed: true,
             fresh: false,
             publish: false,
+            sealed: false,
+            own_set: None,
             out: "out".into(),
         };
         let measured = Measurements {
@@ -246,7 +373,7 @@ mod tests {
             kept: 0,
             interrupted: false,
         };
-        let page = Page { settings: &settings, table: &table, claims: &claims, speed: None };
+        let page = Page { settings: &settings, table: &table, claims: &claims, speed: None, opening: None };
         let text = text(&page, &measured, Some("A place."));
         for part in [
             "](quality.png)",
@@ -254,14 +381,27 @@ mod tests {
             "| blend | 30.00 / 0.3000 / **0.1000** |",
             "| **Cairn**, `picture_flow` | **35.00** / **0.3500** / 0.2000 |",
             "## Film and game at 2 times",
-            "| blend | 31.00 / 0.3100 / – |",
+            "| | blend | **Cairn**, `picture_flow` |\n|---|---|---|\n| bunny-bird | 31.00 / 0.3100 / – | – |\n",
             "0 of 1 claims held",
             "| **missed** | snow: cairn-flow beats blend",
             "- `rife`: no network",
-            "quality --rows all --clips all --seeds 4,8 --lpips alex --speed\n",
+            "quality --seeds 4,8 --rows all --clips all --lpips alex --speed\n",
             "work in progress",
         ] {
             assert!(text.contains(part), "{part} is not in\n{text}");
         }
+    }
+
+    #[test]
+    fn each_table_names_the_sets_of_its_clips() {
+        let sets =
+            [("snow-4".to_owned(), Set::Tuning), ("snow-5".into(), Set::Development), ("city".into(), Set::Sealed)];
+        let of = |clips: &[&str]| set_of(&clips.iter().map(|clip| (*clip).to_owned()).collect::<Vec<_>>(), &sets);
+        assert!(of(&["snow-4"]).starts_with("From the tuning set: "));
+        let both = of(&["snow-5", "snow-4"]);
+        assert!(
+            both.contains("tuning set: ") && both.contains("\nFrom the development set: ") && both.ends_with("\n\n")
+        );
+        assert!(of(&["city"]).starts_with("From the sealed set: ") && of(&["other"]).is_empty());
     }
 }

@@ -41,15 +41,22 @@ impl Capture {
     /// A capture that depends on `description` and on the source code of the scenes.
     pub(super) fn of_scenes(description: &str) -> Result<Self> {
         let folder = provision::repository().join("samples").join("scenes").join("src");
+        Ok(Self { key: digest_of_sources(&[folder], &[description.as_bytes()])? })
+    }
+}
+
+/// Digest of `first` and then of the contents of all files in `folders`, each folder in the order of the paths.
+pub(super) fn digest_of_sources(folders: &[PathBuf], first: &[&[u8]]) -> Result<String> {
+    let mut sources: Vec<Vec<u8>> = first.iter().map(|part| part.to_vec()).collect();
+    for folder in folders {
         let mut files = Vec::new();
-        gather(&folder, &mut files).map_err(|e| describe_io("cannot be read", &folder, &e))?;
+        gather(folder, &mut files).map_err(|e| describe_io("cannot be read", folder, &e))?;
         files.sort();
-        let mut sources = vec![description.as_bytes().to_vec()];
         for file in files {
             sources.push(fs::read(&file).map_err(|e| describe_io("cannot be read", &file, &e))?);
         }
-        Ok(Self { key: digest(sources.iter().map(Vec::as_slice)) })
     }
+    Ok(digest(sources.iter().map(Vec::as_slice)))
 }
 
 fn gather(folder: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {

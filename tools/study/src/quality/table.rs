@@ -28,6 +28,8 @@ pub(super) struct Table {
     clips: Vec<Cell>,
     /// Means over clips, one per group, row and multiple.
     groups: Vec<Cell>,
+    /// Groups of clips that the scenes rendered.
+    rendered: Vec<String>,
 }
 
 /// Differences between two rows over clips, `a - b`.
@@ -52,7 +54,8 @@ pub(super) fn is_better(i: usize, a: f64, b: f64) -> bool {
 
 impl Table {
     pub(super) fn new(records: &[Record]) -> Self {
-        let mut table = Self::default();
+        let rendered = unique(records.iter().filter(|r| r.is_rendered).map(|r| r.group.clone()));
+        let mut table = Self { rendered, ..Self::default() };
         let of_record = |r: &Record| {
             let key = (r.group.clone(), r.clip.clone(), r.row);
             r.multipliers.iter().map(move |m| (*m, key.clone())).collect::<Vec<_>>()
@@ -91,6 +94,11 @@ impl Table {
     /// The groups that were scored at `multiplier`.
     pub(super) fn groups(&self, multiplier: u32) -> Vec<String> {
         unique(self.groups.iter().filter(|c| c.multiplier == multiplier).map(|c| c.group.clone()))
+    }
+
+    /// Whether the scenes rendered the clips of a group.
+    pub(super) fn is_rendered(&self, group: &str) -> bool {
+        self.rendered.iter().any(|rendered| rendered == group)
     }
 
     /// The rows that were scored at `multiplier`, in the order of the tables.
@@ -158,6 +166,11 @@ impl Table {
             })?;
             if cell.clip.is_some() { table.clips.push(cell) } else { table.groups.push(cell) }
         }
+        // Names of rendered groups contain that of their kind of scene: forest, moving-forest, forest-901.
+        let is_rendered =
+            |group: &String| group.split('-').any(|part| scenes::FAMILIES.iter().any(|family| family.name() == part));
+        table.rendered =
+            unique(table.groups.iter().map(|cell| cell.group.clone())).into_iter().filter(is_rendered).collect();
         Ok(table)
     }
 
@@ -217,11 +230,14 @@ pub(super) mod tests {
     use super::*;
     use crate::quality::clips::Phase;
 
-    /// A picture of `clip`, whose group is the part before its hyphen.
+    /// A picture of `clip`: of a scene, whose group is the part before its hyphen, or of a real clip, which is a group of its own.
     pub(in crate::quality) fn record(clip: &str, row: rows::Kind, psnr: f64, lpips: Option<f64>) -> Record {
+        let family = clip.split('-').next().unwrap_or_default();
+        let is_rendered = scenes::FAMILIES.iter().any(|known| known.name() == family);
         Record {
             clip: clip.into(),
-            group: clip.split('-').next().unwrap_or_default().into(),
+            group: if is_rendered { family } else { clip }.into(),
+            is_rendered,
             row,
             anchor: 1,
             phase: Phase::HALF,

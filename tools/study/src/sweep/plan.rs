@@ -23,6 +23,7 @@ use crate::experiment::held_out;
 use crate::metrics::{Net, SSIM_WINDOW};
 use crate::scene_id::{SceneId, landscape};
 use crate::seed_picture::MAX_SIDE;
+use crate::sets;
 use crate::settings::{Formats, Settings as Rollout};
 use crate::workers::check_jobs;
 
@@ -237,7 +238,9 @@ impl Settings {
         if self.budgets.iter().any(|budget| !(*budget > 0.0 && budget.is_finite())) {
             return refused("a budget is a positive number".into(), "budgets", "Leave others out");
         }
-        held_out::require(&self.scenes().map(|scene| scene.seed).collect::<Vec<_>>()).map_err(as_item)?;
+        let seeds: Vec<u64> = self.scenes().map(|scene| scene.seed).collect();
+        held_out::require(&seeds).map_err(as_item)?;
+        sets::require_unsealed(&seeds, "places")?;
         for point in &self.points {
             let named = |e: Error| {
                 let cause = format!("{point}: {}", e.cause());

@@ -50,7 +50,7 @@ impl Settings {
     /// Checks the settings; reads no file.
     ///
     /// # Errors
-    /// `InvalidArgument` for a scene seed that is not held out.
+    /// `InvalidArgument` for a scene seed that is not held out, or that is sealed.
     pub fn check(&self) -> Result<()> {
         self.common.check()
     }

@@ -13,11 +13,10 @@ use super::{Clip, Phase, Scale, Target, evenly};
 use crate::media::describe_io;
 use crate::quality::rows::program::{Scratch, not_provided, read_pictures, run};
 use crate::quality::store::{Capture, Store};
+use crate::sets::{self, Set};
 
 /// Python script that records a walk with exact depth.
 const DRIVER: &str = include_str!("../../../drivers/doom.py");
-/// Maps of Freedoom 2: a hall over water, an open yard, a stone vault.
-const MAPS: [&str; 3] = ["map02", "map04", "map15"];
 /// Size of the driver's pictures.
 const SIZE: (u32, u32) = (640, 360);
 const TICS: usize = 112;
@@ -28,10 +27,89 @@ const CENTRE: [f64; 2] = [319.5, 179.5];
 const NEAR: f32 = 4.0;
 const FAR: f32 = 65536.0;
 
-/// A walk. Anchors are every second tic, 17.5 a second.
+/// Recordings of the game under one name in `--clips`.
+#[derive(Debug)]
 pub(in crate::quality) struct Game {
+    /// Name in `--clips` and in `sets.toml`.
+    pub(in crate::quality) name: &'static str,
+    walks: &'static [WalkOf],
+}
+
+/// A walk of [`TICS`] tics.
+#[derive(Debug)]
+struct WalkOf {
+    name: &'static str,
+    /// A map of Freedoom 2, or the file of a scenario of ViZDoom.
     map: &'static str,
-    name: String,
+    view: View,
+    /// As the driver takes it.
+    walk: &'static str,
+}
+
+/// What a recording shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum View {
+    /// The empty world; things are not scored.
+    World,
+    /// What a player sees: monsters, weapon and HUD, all of which is scored. Motion and depth are those of the world.
+    Player,
+}
+
+/// Ahead, with looks to both sides.
+const STROLL: &str = "10:0:24,10:1.5:24,10:-2:24,10:0:12,0:2.5:14,10:0:14";
+
+/// All recordings. Of Freedoom 2: a hall over water, an open yard, a stone vault. Nobody looked at the sealed ones.
+pub(super) const GAMES: [Game; 4] = [
+    Game {
+        name: "vizdoom",
+        walks: &[
+            WalkOf { name: "vizdoom-map02", map: "map02", view: View::World, walk: STROLL },
+            WalkOf { name: "vizdoom-map04", map: "map04", view: View::World, walk: STROLL },
+            WalkOf { name: "vizdoom-map15", map: "map15", view: View::World, walk: STROLL },
+        ],
+    },
+    Game {
+        name: "vizdoom-player",
+        walks: &[
+            WalkOf {
+                name: "vizdoom-corridor",
+                map: "deadly_corridor.wad",
+                view: View::Player,
+                walk: "10:0:40,10:3:36,10:-3:36",
+            },
+            WalkOf { name: "vizdoom-spin", map: "map02", view: View::Player, walk: "10:12:56,10:-14:56" },
+        ],
+    },
+    Game {
+        name: "vizdoom-monsters",
+        walks: &[
+            WalkOf {
+                name: "vizdoom-center",
+                map: "defend_the_center.wad",
+                view: View::Player,
+                walk: "0:2:30,0:-4:52,0:5:30",
+            },
+            WalkOf { name: "vizdoom-map07", map: "map07", view: View::Player, walk: "10:0:60,10:2:52" },
+        ],
+    },
+    Game {
+        name: "vizdoom-gathering",
+        walks: &[
+            WalkOf {
+                name: "vizdoom-supreme",
+                map: "health_gathering_supreme.wad",
+                view: View::Player,
+                walk: "10:0:30,10:2:42,10:-1:40",
+            },
+            WalkOf { name: "vizdoom-whirl", map: "map11", view: View::Player, walk: "10:-11:40,0:15:32,10:9:40" },
+        ],
+    },
+];
+
+/// A recorded walk. Anchors are every second tic, 17.5 a second.
+pub(in crate::quality) struct Recorded {
+    game: &'static Game,
+    walk: &'static WalkOf,
     targets: Vec<Target>,
     python: PathBuf,
     capture: Capture,
@@ -57,29 +135,31 @@ struct Recording {
 }
 
 impl Game {
-    /// One walk through each map; through the first alone at [`Scale::Smoke`].
+    /// Its walks; the first alone at [`Scale::Smoke`].
     ///
     /// # Errors
     /// ViZDoom is not available.
-    pub(in crate::quality) fn walks(scale: Scale, progress: &dyn Progress) -> Result<Vec<Self>> {
+    pub(in crate::quality) fn open(&'static self, scale: Scale, progress: &dyn Progress) -> Result<Vec<Recorded>> {
         let python = provision::baselines::vizdoom(progress).map_err(|e| not_provided(&e))?;
-        let walk = |map: &&'static str| Self {
-            map,
-            name: format!("vizdoom-{map}"),
-            targets: evenly(TICS / 2, scale),
-            python: python.clone(),
-            capture: Capture::of(&format!("{map} {DRIVER}")),
+        let recorded = |walk: &'static WalkOf| {
+            let WalkOf { map, view, walk: stretches, .. } = walk;
+            let capture = Capture::of(&format!("{map} {view:?} {stretches} {DRIVER}"));
+            Recorded { game: self, walk, targets: evenly(TICS / 2, scale), python: python.clone(), capture }
         };
-        let maps = if scale == Scale::Smoke { 1 } else { MAPS.len() };
-        Ok(MAPS.iter().take(maps).map(walk).collect())
+        let count = if scale == Scale::Smoke { 1 } else { self.walks.len() };
+        Ok(self.walks.iter().take(count).map(recorded).collect())
     }
+}
 
+impl Recorded {
     fn record(&self) -> Result<Recording> {
         let scratch = Scratch::new()?;
         let mut command = Command::new(&self.python);
         // The game writes its settings to its working directory.
         let folder = scratch.path("");
-        command.current_dir(&folder).arg(scratch.text("doom.py", DRIVER)?).arg(self.map).arg(&folder);
+        let WalkOf { map, view, walk, .. } = self.walk;
+        let view = if *view == View::World { "world" } else { "player" };
+        command.current_dir(&folder).arg(scratch.text("doom.py", DRIVER)?).args([map, view, walk]).arg(&folder);
         run("ViZDoom", &mut command)?;
         let bytes = |name: &str| {
             let path = scratch.path(name);
@@ -99,7 +179,7 @@ impl Game {
         if counts == [TICS; 4] {
             return Ok(recording);
         }
-        Err(Error::new(ErrorKind::Unsupported, format!("it gave {tics} tics of {TICS} of {}", self.map))
+        Err(Error::new(ErrorKind::Unsupported, format!("it gave {tics} tics of {TICS} of {}", self.walk.name))
             .field("ViZDoom"))
     }
 
@@ -150,20 +230,31 @@ fn of_tic(values: &[f32], tic: usize) -> Vec<f32> {
     values.chunks_exact((SIZE.0 * SIZE.1) as usize).nth(tic).unwrap_or_default().to_vec()
 }
 
-impl Clip for Game {
+impl Clip for Recorded {
     fn name(&self) -> &str {
-        &self.name
+        self.walk.name
     }
 
-    fn group(&self) -> &'static str {
-        "vizdoom"
+    fn group(&self) -> &str {
+        self.walk.name
+    }
+
+    fn set(&self) -> Set {
+        sets::of_clips(self.game.name)
     }
 
     fn description(&self) -> String {
+        let WalkOf { map, view, .. } = self.walk;
+        let of = if map.ends_with(".wad") { "the scenario" } else { "Freedoom 2," };
+        let what = match view {
+            View::World => "motion by re-projection, scored where the world is static",
+            View::Player => {
+                "with monsters, weapon and HUD; motion by re-projection, of the world alone, scored everywhere"
+            }
+        };
         format!(
-            "ViZDoom 1.3.2, {} of Freedoom 2, drawn at 1920x1080 and reduced to {}x{}, every second tic of 35 a second; motion by \
-             re-projection, scored where the world is static",
-            self.map, SIZE.0, SIZE.1
+            "ViZDoom 1.3.2, {of} {map}, drawn at 1920x1080 and reduced to {}x{}, every second tic of 35 a second; {what}",
+            SIZE.0, SIZE.1
         )
     }
 
@@ -206,6 +297,9 @@ impl Clip for Game {
     }
 
     fn scored(&mut self, number: usize, _phase: Phase, store: &Store) -> Result<Option<Vec<bool>>> {
+        if self.walk.view == View::Player {
+            return Ok(None);
+        }
         self.cameras(store)?;
         let tic = 2 * number - 1;
         let world = self.plane("world", tic, store, || Ok(of_tic(&self.record()?.world, tic)))?;
@@ -256,6 +350,15 @@ mod tests {
         let from = [0, 1, 2].map(|i| point[i] - camera.position[i]);
         let [ahead, right] = camera.axes().map(|axis| from[0] * axis[0] + from[1] * axis[1]);
         [CENTRE[0] + FOCAL[0] * right / ahead, CENTRE[1] - FOCAL[1] * from[2] / ahead]
+    }
+
+    #[test]
+    fn every_walk_has_all_tics() {
+        for walk in GAMES.iter().flat_map(|game| game.walks) {
+            let stretches = walk.walk.split(',').map(|stretch| stretch.split(':').collect::<Vec<_>>());
+            let tics: usize = stretches.map(|stretch| stretch[2].parse::<usize>().unwrap()).sum();
+            assert_eq!(tics, TICS, "{}", walk.name);
+        }
     }
 
     #[test]

@@ -2,18 +2,19 @@
 
 mod film;
 mod game;
-mod scene;
+pub(super) mod scene;
 
 use std::fmt;
 
 use cairn::guidance::Guidance;
 use cairn::{Error, ErrorKind, Picture, Result};
 use provision::Progress;
-use scenes::LANDSCAPES;
+use scenes::{FAMILIES, LANDSCAPES};
 
 use super::store::Store;
-use film::Film;
-use game::Game;
+use crate::sets::{self, SealedScene, SealedSet, Set};
+use film::{FILMS, Film};
+use game::{GAMES, Game};
 pub(super) use scene::SceneClip;
 
 /// A time between two anchors, as a fraction of the interval in lowest terms.
@@ -102,8 +103,16 @@ pub(super) trait Clip {
     /// Short name, such as `forest-5`.
     fn name(&self) -> &str;
 
-    /// Group over which it is averaged: the family, or its own name.
+    /// Group over which it is averaged: the family of a scene. A real or a sealed clip is a group of its own.
     fn group(&self) -> &str;
+
+    /// The set that it belongs to.
+    fn set(&self) -> Set;
+
+    /// Whether the scenes rendered it; all others are real captures.
+    fn is_rendered(&self) -> bool {
+        false
+    }
 
     /// Description for the report.
     fn description(&self) -> String;
@@ -123,6 +132,16 @@ pub(super) trait Clip {
     /// True motion from anchor `number` to the previous one, and its depth; `None` if unknown.
     fn guidance(&mut self, number: usize, store: &Store) -> Result<Option<Guidance>>;
 
+    /// Opacity of the head-up display over each pixel of anchor `number`, which an engine knows; `None` if there is none.
+    fn overlay(&self, _number: usize) -> Option<Vec<u8>> {
+        None
+    }
+
+    /// As [`guidance`](Self::guidance), but motion and depth as a game engine gives them; `None` if no engine drew the clip.
+    fn engine_guidance(&mut self, _number: usize) -> Result<Option<Guidance>> {
+        Ok(None)
+    }
+
     /// Mask of the pixels of the true picture at `phase` that are scored, row by row; `None` for all.
     fn scored(&mut self, _number: usize, _phase: Phase, _store: &Store) -> Result<Option<Vec<bool>>> {
         Ok(None)
@@ -133,44 +152,67 @@ pub(super) trait Clip {
 const MARGIN: usize = 4;
 
 /// Values of `--clips`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub(super) enum Kind {
     Scene(scenes::Family),
-    /// Shots of Big Buck Bunny.
-    Film,
-    /// Walks in ViZDoom.
-    Game,
+    /// A scene in which everything that can move does, under a head-up display.
+    Moving(scenes::Family),
+    /// Shots of a film.
+    Film(&'static Film),
+    /// Walks recorded in a game.
+    Game(&'static Game),
+    /// A walk of the sealed set.
+    Sealed(SealedScene),
 }
 
-/// Every kind, in the order of the tables.
+/// Every kind that is not sealed, in the order of the tables.
 pub(super) fn kinds() -> Vec<Kind> {
-    LANDSCAPES.into_iter().map(Kind::Scene).chain(REAL).collect()
+    let scenes = LANDSCAPES.into_iter().map(Kind::Scene).chain(FAMILIES.into_iter().map(Kind::Moving));
+    scenes.chain(real().filter(|kind| kind.set() != Set::Sealed)).collect()
 }
 
-/// Captures that were not rendered by this program.
-const REAL: [Kind; 2] = [Kind::Film, Kind::Game];
+/// All captures that were not rendered by this program, those of the sealed set included.
+fn real() -> impl Iterator<Item = Kind> {
+    FILMS.iter().map(Kind::Film).chain(GAMES.iter().map(Kind::Game))
+}
 
 impl Kind {
     /// Name in `--clips`.
-    pub(super) fn name(self) -> &'static str {
+    pub(super) fn name(&self) -> String {
         match self {
-            Self::Scene(family) => family.name(),
-            Self::Film => "bunny",
-            Self::Game => "vizdoom",
+            Self::Scene(family) => family.name().to_owned(),
+            Self::Moving(family) => format!("moving-{family}"),
+            Self::Film(film) => film.name.to_owned(),
+            Self::Game(game) => game.name.to_owned(),
+            Self::Sealed(scene) => scene.name(),
         }
+    }
+
+    /// The set of real clips; scenes have one for each seed.
+    fn set(&self) -> Set {
+        if matches!(self, Self::Sealed(_)) { Set::Sealed } else { sets::of_clips(&self.name()) }
+    }
+
+    fn is_real(&self) -> bool {
+        matches!(self, Self::Film(_) | Self::Game(_))
     }
 
     /// Opens its clips, one per seed if it has seeds.
     ///
     /// # Errors
     /// The source is not available; the error has the reason and a remedy.
-    pub(super) fn open(self, seeds: &[u64], scale: Scale, progress: &dyn Progress) -> Result<Vec<Box<dyn Clip>>> {
+    pub(super) fn open(&self, seeds: &[u64], scale: Scale, progress: &dyn Progress) -> Result<Vec<Box<dyn Clip>>> {
         match self {
             Self::Scene(family) => {
-                seeds.iter().map(|seed| Ok(Box::new(SceneClip::new(family, *seed, scale)?) as Box<dyn Clip>)).collect()
+                seeds.iter().map(|seed| Ok(Box::new(SceneClip::new(*family, *seed, scale)?) as Box<dyn Clip>)).collect()
             }
-            Self::Film => Ok(boxed(Film::shots(scale, progress)?)),
-            Self::Game => Ok(boxed(Game::walks(scale, progress)?)),
+            Self::Moving(family) => {
+                let open = |seed: &u64| Ok(Box::new(SceneClip::moving(*family, *seed, scale)?) as Box<dyn Clip>);
+                seeds.iter().map(open).collect()
+            }
+            Self::Film(film) => Ok(boxed(film.open(scale, progress)?)),
+            Self::Game(game) => Ok(boxed(game.open(scale, progress)?)),
+            Self::Sealed(scene) => Ok(vec![Box::new(SceneClip::sealed(scene)?)]),
         }
     }
 }
@@ -200,31 +242,59 @@ pub(super) enum Scale {
     Timed,
 }
 
-/// Parses a list such as `forest,snow`; `all`, `scenes` and `real` stand for several, `none` for no clip.
+/// Parses a list such as `forest,snow`; `all`, `scenes`, `moving` and `real` stand for several, `none` for no clip.
 ///
 /// # Errors
-/// `InvalidArgument` for an unknown name.
+/// `InvalidArgument` for an unknown name, and for clips of the sealed set.
 pub(super) fn parse(list: &str) -> Result<Vec<Kind>> {
-    let mut chosen = Vec::new();
+    for name in list.split(',').map(str::trim) {
+        sets::require_unsealed_clips(name, "--clips")?;
+    }
+    select(list, &kinds())
+}
+
+/// Parses a list of clips of a sealed set, as [`parse`] does.
+///
+/// # Errors
+/// `InvalidArgument` for a clip that the set does not have.
+pub(super) fn parse_sealed(list: &str, set: &SealedSet) -> Result<Vec<Kind>> {
+    let mut all: Vec<Kind> = set.scenes.iter().cloned().map(Kind::Sealed).collect();
+    for name in &set.clips {
+        let found = real().find(|kind| kind.name() == *name);
+        all.push(found.ok_or_else(|| {
+            Error::new(ErrorKind::InvalidArgument, format!("there is no clip {name:?}")).field("sealed.clips")
+        })?);
+    }
+    select(list, &all)
+}
+
+/// Those of `all` that `list` names.
+fn select(list: &str, all: &[Kind]) -> Result<Vec<Kind>> {
+    let mut chosen: Vec<Kind> = Vec::new();
     if list.trim() == "none" {
         return Ok(chosen);
     }
     for name in list.split(',').map(str::trim) {
-        let found: Vec<Kind> = match name {
-            "all" => kinds(),
-            "scenes" => LANDSCAPES.into_iter().map(Kind::Scene).collect(),
-            "real" => REAL.to_vec(),
-            name => kinds().into_iter().filter(|kind| kind.name() == name).collect(),
+        let is_meant = |kind: &&Kind| match name {
+            "all" => true,
+            "scenes" => !kind.is_real(),
+            "moving" => kind.name().starts_with("moving-"),
+            "real" => kind.is_real(),
+            name => kind.name() == name,
         };
+        let found: Vec<&Kind> = all.iter().filter(is_meant).collect();
         if found.is_empty() {
-            let names: Vec<&str> = kinds().iter().map(|kind| kind.name()).collect();
+            let names: Vec<String> = all.iter().map(Kind::name).collect();
             return Err(Error::new(ErrorKind::InvalidArgument, format!("there is no clip {name:?}"))
                 .field("--clips")
-                .remedy(format!("Use all, scenes, real, or any of {}, with commas between", names.join(", "))));
+                .remedy(format!(
+                    "Use all, scenes, moving, real, or any of {}, with commas between",
+                    names.join(", ")
+                )));
         }
         for kind in found {
-            if !chosen.contains(&kind) {
-                chosen.push(kind);
+            if chosen.iter().all(|other| other.name() != kind.name()) {
+                chosen.push(kind.clone());
             }
         }
     }
@@ -258,15 +328,35 @@ mod tests {
 
     #[test]
     fn lists_of_clips_are_read_once_each_and_slips_are_named() {
-        assert_eq!(
-            parse("snow, forest,snow").unwrap().iter().map(|k| k.name()).collect::<Vec<_>>(),
-            ["snow", "forest"]
-        );
-        assert_eq!(parse("all").unwrap(), kinds());
-        assert_eq!([parse("scenes").unwrap(), parse("real").unwrap()].concat(), kinds());
-        assert_eq!(parse("none").unwrap(), []);
+        let names = |list: &str| parse(list).unwrap().iter().map(Kind::name).collect::<Vec<_>>();
+        let all: Vec<String> = kinds().iter().map(Kind::name).collect();
+        assert_eq!(names("snow, forest,snow"), ["snow", "forest"]);
+        assert_eq!(names("all"), all);
+        assert_eq!([names("scenes"), names("real")].concat(), all);
+        assert_eq!(names("none"), [""; 0]);
         let error = parse("forrest").unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidArgument);
         assert!(error.to_string().contains("forest"), "{error}");
+    }
+
+    #[test]
+    fn every_real_clip_is_in_a_set_and_sealed_ones_are_refused_by_name() {
+        let sealed: Vec<String> = real().filter(|kind| kind.set() == Set::Sealed).map(|kind| kind.name()).collect();
+        assert!(sealed.len() >= 2 && real().all(|kind| kind.set() != Set::Tuning));
+        for name in sealed {
+            let error = parse(&format!("snow,{name}")).unwrap_err();
+            assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidArgument, Some("--clips")));
+            assert!(error.to_string().contains("sealed") && error.to_string().contains("bunny"), "{error}");
+            assert!(["all", "real"].iter().all(|list| parse(list).unwrap().iter().all(|kind| kind.name() != name)));
+        }
+        // The repository's set names clips that there are.
+        let set = sets::sealed().unwrap();
+        let all = parse_sealed("all", &set).unwrap();
+        assert_eq!(all.len(), set.scenes.len() + set.clips.len());
+        assert!(all.iter().all(|kind| kind.set() == Set::Sealed));
+        let one = parse_sealed("forest-901", &set).unwrap();
+        assert_eq!(one.iter().map(Kind::name).collect::<Vec<_>>(), ["forest-901"]);
+        assert!(parse_sealed("bunny", &set).unwrap_err().to_string().contains("forest-901"));
+        assert!(parse_sealed("all", &SealedSet { scenes: Vec::new(), clips: vec!["none such".into()] }).is_err());
     }
 }

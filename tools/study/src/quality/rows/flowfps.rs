@@ -16,11 +16,19 @@ const DRIVER: &str = include_str!("../../../drivers/flowfps.py");
 
 pub(super) struct FlowFps {
     python: PathBuf,
+    /// Changes to the driver's settings, as JSON.
+    settings: String,
 }
 
 impl FlowFps {
     pub(super) fn open(progress: &dyn Progress) -> Result<Self> {
-        Ok(Self { python: provision::baselines::mvtools(progress).map_err(|e| not_provided(&e))? })
+        Self::with("{}", progress)
+    }
+
+    /// With changes to the driver's settings, as JSON: `{"RENDER": {"mask": 0}}`.
+    pub(super) fn with(settings: &str, progress: &dyn Progress) -> Result<Self> {
+        let python = provision::baselines::mvtools(progress).map_err(|e| not_provided(&e))?;
+        Ok(Self { python, settings: settings.to_owned() })
     }
 }
 
@@ -41,7 +49,7 @@ impl Row for FlowFps {
         let output = scratch.path("frames.rgb");
         let mut command = Command::new(&self.python);
         command.arg(scratch.text("flowfps.py", DRIVER)?).args(numbers);
-        command.arg(scratch.pictures("anchors.rgb", interval.anchors)?).arg(&output);
+        command.arg(scratch.pictures("anchors.rgb", interval.anchors)?).arg(&output).arg(&self.settings);
         run("MVTools", &mut command)?;
         super::at_phases("MVTools", &read_pictures(&output, (width, height))?, phases)
     }

@@ -6,12 +6,13 @@ mod ours;
 pub(super) mod program;
 mod rife;
 mod simple;
+pub(super) mod tune;
 
 use cairn::guidance::Guidance;
 use cairn::{Error, ErrorKind, Picture, Result};
-use provision::Progress;
 
 use super::clips::Phase;
+use crate::progress::Progress;
 
 /// A method, in the order of the tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -21,13 +22,28 @@ pub(super) enum Kind {
     Minterpolate,
     FlowFps,
     Rife,
+    Rife4,
+    NoMotion,
+    Paper,
     Flow,
+    Engine,
     Truth,
 }
 
 /// All methods, in the order of the tables.
-pub(super) const KINDS: [Kind; 7] =
-    [Kind::Repeat, Kind::Blend, Kind::Minterpolate, Kind::FlowFps, Kind::Rife, Kind::Flow, Kind::Truth];
+pub(super) const KINDS: [Kind; 11] = [
+    Kind::Repeat,
+    Kind::Blend,
+    Kind::Minterpolate,
+    Kind::FlowFps,
+    Kind::Rife,
+    Kind::Rife4,
+    Kind::NoMotion,
+    Kind::Paper,
+    Kind::Flow,
+    Kind::Engine,
+    Kind::Truth,
+];
 
 impl Kind {
     /// Name in `--rows` and in CSV files.
@@ -38,7 +54,11 @@ impl Kind {
             Self::Minterpolate => "minterpolate",
             Self::FlowFps => "flowfps",
             Self::Rife => "rife",
+            Self::Rife4 => "rife4",
+            Self::NoMotion => "none",
+            Self::Paper => "paper",
             Self::Flow => "cairn-flow",
+            Self::Engine => "cairn-engine",
             Self::Truth => "cairn-truth",
         }
     }
@@ -51,7 +71,11 @@ impl Kind {
             Self::Minterpolate => "ffmpeg minterpolate",
             Self::FlowFps => "MVTools FlowFPS",
             Self::Rife => "RIFE HDv3",
+            Self::Rife4 => "RIFE 4.0",
+            Self::NoMotion => "Cairn's generator, no motion",
+            Self::Paper => "Cairn's generator, the paper's motion",
             Self::Flow => "**Cairn**, `picture_flow`",
+            Self::Engine => "**Cairn**, an engine's motion and depth",
             Self::Truth => "**Cairn**, true motion and depth",
         }
     }
@@ -62,18 +86,38 @@ impl Kind {
             Self::Repeat => "The nearer anchor once more; the earlier one in the middle.",
             Self::Blend => "The mean of both anchors, weighted by the phase.",
             Self::Minterpolate => {
-                "Block motion in both directions, overlapped blocks; given two anchors on either side."
+                "Block motion, found once for both directions, overlapped blocks; given two anchors on either side."
             }
             Self::FlowFps => "Block motion in both directions, refined and made dense, with an occlusion mask.",
             Self::Rife => "A neural network of 3 million parameters that estimates flow and a mask; the middle only.",
+            Self::Rife4 => "Its successor for any phase: four blocks, each run in both directions of time.",
+            Self::NoMotion => "The `cpu` generator with zero motion and constant depth.",
+            Self::Paper => {
+                "The `cpu` generator with `paper`: motion and depth as published, from the latents that the embedded world's \
+                 encoder makes of the two anchors."
+            }
             Self::Flow => "The `cpu` generator with motion found by `picture_flow` in the two anchors, and no depth.",
-            Self::Truth => "The `cpu` generator with the clip's own motion and depth.",
+            Self::Engine => {
+                "The `cpu` generator with motion and depth as an engine gives them: one-frame vectors in 16 bits, dilated and composed \
+                 over two frames, the camera's alone for what bends; reversed depth; the mask of the head-up display where there is one."
+            }
+            Self::Truth => {
+                "The `cpu` generator with the clip's own motion and depth, and the mask of the head-up display where there is one."
+            }
         }
     }
 
     /// Whether it needs no other program.
     pub(super) fn is_built_in(self) -> bool {
-        matches!(self, Self::Repeat | Self::Blend | Self::Flow | Self::Truth)
+        matches!(
+            self,
+            Self::Repeat | Self::Blend | Self::NoMotion | Self::Paper | Self::Flow | Self::Engine | Self::Truth
+        )
+    }
+
+    /// Whether another maker's program or network makes its pictures.
+    pub(super) fn is_of_others(self) -> bool {
+        !self.is_built_in()
     }
 
     /// Whether it can make a picture at `phase`.
@@ -83,7 +127,7 @@ impl Kind {
 
     /// Whether it needs the true motion and depth of a clip.
     pub(super) fn needs_guidance(self) -> bool {
-        self == Self::Truth
+        matches!(self, Self::Engine | Self::Truth)
     }
 
     /// Number of anchors before and after the interval that it uses.
@@ -98,15 +142,18 @@ impl Kind {
     ///
     /// # Errors
     /// Something that it needs is not available; the error has the reason and a remedy.
-    pub(super) fn open(self, progress: &dyn Progress) -> Result<Box<dyn Row>> {
+    pub(super) fn open(self, progress: &Progress) -> Result<Box<dyn Row>> {
         match self {
             Self::Repeat => Ok(Box::new(simple::Repeat)),
             Self::Blend => Ok(Box::new(simple::Blend)),
             Self::Minterpolate => Ok(Box::new(minterpolate::Minterpolate::open(progress)?)),
             Self::FlowFps => Ok(Box::new(flowfps::FlowFps::open(progress)?)),
             Self::Rife => Ok(Box::new(rife::Rife::open(progress)?)),
+            Self::Rife4 => Ok(Box::new(rife::Rife4::open(progress)?)),
+            Self::NoMotion => Ok(Box::new(ours::NoMotion::new()?)),
+            Self::Paper => Ok(Box::new(ours::Paper::open(progress)?)),
             Self::Flow => Ok(Box::new(ours::Flow::new()?)),
-            Self::Truth => Ok(Box::new(ours::Truth::new()?)),
+            Self::Engine | Self::Truth => Ok(Box::new(ours::Truth::new()?)),
         }
     }
 }
@@ -146,6 +193,8 @@ pub(super) struct Interval<'a> {
     pub(super) guidance: Option<&'a Guidance>,
     /// The same of the earlier one, if it has a predecessor.
     pub(super) before: Option<&'a Guidance>,
+    /// Mask of the later anchor's head-up display: one byte per pixel, 0 where there is none.
+    pub(super) overlay: Option<&'a [u8]>,
 }
 
 impl Interval<'_> {
