@@ -15,6 +15,7 @@ fn main() -> std::io::Result<()> {
         ("y4m", study::y4m()),
         ("seed_picture", study::seed_picture()),
         ("lpips_weights", study::lpips_weights()),
+        ("saved_state", seeds::saved_state()),
     ] {
         let folder = corpus.join(target);
         std::fs::create_dir_all(&folder)?;

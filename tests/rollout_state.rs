@@ -6,6 +6,8 @@ use cairn::ErrorKind;
 use cairn::bundle::Precision;
 use cairn::world::{OperatingPoint, Rollout, World, WorldOptions};
 use sha2::{Digest, Sha256};
+use test_support::fuzz_targets::{self, seeds};
+use test_support::mutator::Mutator;
 use test_support::worlds::{self, controls, fingerprint, picture, point, seeded, world};
 
 /// Number of latents: both rings wrap, unless `CAIRN_TEST_SHORT` asks for a few.
@@ -178,4 +180,17 @@ fn states_of_another_world_are_refused() {
         assert_eq!((error.kind(), error.offending_field()), (ErrorKind::InvalidState, Some(field)), "{error}");
     }
     assert!(fingerprint(&mut rollout).expect("bits") == before);
+}
+
+#[test]
+fn seeded_mutations_of_states_are_refused_or_restored_whole() {
+    let seeds = seeds::saved_state();
+    let mut mutator = Mutator(1);
+    let mut refused = 0;
+    for seed in &seeds {
+        assert!(fuzz_targets::saved_state(seed), "a seed is a state of this world");
+        let mutations = if is_short() { 10 } else { 100 };
+        refused += (0..mutations).filter(|_| !fuzz_targets::saved_state(&mutator.mutate(seed, &seeds))).count();
+    }
+    assert!(refused > seeds.len(), "only {refused} mutations were refused");
 }

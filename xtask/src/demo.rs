@@ -106,5 +106,6 @@ pub(crate) fn fix(workspace: &Workspace) -> Result<(), String> {
         "--allow-staged",
     ]))?;
     pass_through(&mut workspace.cargo(["fmt", "--all"]))?;
+    pass_through(&mut workspace.cargo(["fmt", "--manifest-path", "fuzz/Cargo.toml"]))?;
     crate::abi::fix(workspace)
 }

@@ -10,6 +10,7 @@ pub mod d3d12;
 pub mod ffx;
 pub mod frame_cases;
 pub mod fuzz_targets;
+pub mod mutator;
 #[cfg(target_os = "linux")]
 pub mod process;
 pub mod trials;

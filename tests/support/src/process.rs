@@ -6,3 +6,57 @@ pub fn resident_memory() -> u64 {
     let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("its resident size");
     line.trim().trim_end_matches("kB").trim().parse::<u64>().expect("a number") * 1024
 }
+
+/// Bytes that the C library's allocator has handed out and that were not given back, on all threads. The global allocator and foreign code use it.
+/// Freed chunks that a thread keeps for itself count as handed out: a few KiB per thread.
+#[cfg(target_env = "gnu")]
+fn heap_memory() -> u64 {
+    // SAFETY: the function has no precondition.
+    let info = unsafe { libc::mallinfo2() };
+    (info.uordblks + info.hblkhd) as u64
+}
+
+/// Other C libraries do not count.
+#[cfg(not(target_env = "gnu"))]
+fn heap_memory() -> u64 {
+    0
+}
+
+/// What a soak allows.
+pub struct MemoryBounds {
+    /// Items in a window.
+    pub window: u64,
+    /// Growth of the heap in bytes per item, over each window and over the whole run.
+    pub heap_per_item: u64,
+    /// Growth of the resident memory in bytes in one window: memory from elsewhere than the heap, and the drift of the heap's arenas.
+    pub resident_per_window: u64,
+}
+
+impl MemoryBounds {
+    /// Makes the items of `range`, a window at a time, and returns the growth of heap and resident memory in each window.
+    ///
+    /// # Panics
+    /// In the first window that grew by more than is allowed, and at the end if the whole run did.
+    pub fn check(&self, range: std::ops::Range<u64>, mut item: impl FnMut(u64)) -> Vec<[u64; 2]> {
+        let memory = || [heap_memory(), resident_memory()];
+        let grown = |from: [u64; 2], to: [u64; 2]| [0, 1].map(|i| to[i].saturating_sub(from[i]));
+        let first = memory();
+        let (mut last, mut windows, mut at) = (first, Vec::new(), range.start);
+        while at < range.end {
+            let end = range.end.min(at + self.window);
+            (at..end).for_each(&mut item);
+            let now = memory();
+            let [heap, resident] = grown(last, now);
+            assert!(
+                heap <= self.heap_per_item * (end - at) && resident <= self.resident_per_window,
+                "items {at} to {end}: the heap grew by {heap} bytes and the resident memory by {resident}"
+            );
+            windows.push([heap, resident]);
+            (last, at) = (now, end);
+        }
+        let [heap, _] = grown(first, last);
+        let items = range.end - range.start;
+        assert!(heap <= self.heap_per_item * items.min(self.window), "the heap grew by {heap} bytes in {items} items");
+        windows
+    }
+}

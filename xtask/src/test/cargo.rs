@@ -9,10 +9,14 @@ use crate::shell::{CommandOutput, Log};
 /// The version of cargo-deny that `deny.toml` is written for.
 pub(crate) const DENY_VERSION: &str = "0.20.2";
 
+/// The fuzz targets' own workspace.
+const FUZZ: &str = "fuzz/Cargo.toml";
+
 pub(super) fn fmt(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     tools::rust_component("rustfmt", "rustfmt", &Console::new()).map_err(|e| e.to_string())?;
     let ended = log.run(&mut context.workspace.cargo(["fmt", "--all", "--check"]))?;
-    Ok(Tally::checked(ended.success, "files are not formatted; cargo xtask fix does it"))
+    let fuzz = log.run(&mut context.workspace.cargo(["fmt", "--manifest-path", FUZZ, "--check"]))?;
+    Ok(Tally::checked(ended.success && fuzz.success, "files are not formatted; cargo xtask fix does it"))
 }
 
 /// For this system and for Windows in one command, so that both processors have something to do.
@@ -25,7 +29,13 @@ pub(super) fn clippy(context: &Context<'_>, log: &mut Log) -> Result<Tally, Stri
         command.args(["--target", tools::WINDOWS_TARGET]);
     }
     let ended = log.run(command.args(["--", "-D", "warnings"]))?;
-    Ok(Tally::checked(ended.success, "clippy has something to say"))
+    let mut tally = Tally::checked(ended.success, "clippy has something to say");
+    // The fuzz targets are a workspace of their own. Only their instrumentation needs the nightly compiler.
+    let mut command = context.workspace.cargo(["clippy", "--manifest-path", FUZZ, "--all-targets"]);
+    command.env("CARGO_TARGET_DIR", context.workspace.target.join("fuzz")).args(["--", "-D", "warnings"]);
+    let ended = log.run(&mut command)?;
+    tally.check((!ended.success).then(|| "a fuzz target does not compile, or clippy has something to say".to_owned()));
+    Ok(tally)
 }
 
 pub(super) fn docs(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {

@@ -29,14 +29,19 @@ pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
             return Ok(tally);
         }
     };
+    let target = context.workspace.target.join("fuzz");
+    let mut seeds = context.workspace.cargo(["run", "--manifest-path", "fuzz/Cargo.toml", "--example", "seeds"]);
+    context.provide_worlds(seeds.env("CARGO_TARGET_DIR", &target))?;
+    let ended = log.run(&mut seeds)?;
+    tally.check((!ended.success).then(|| "the seed inputs could not be written".to_owned()));
     let program = tools::cargo_program("cargo-fuzz", CARGO_FUZZ_VERSION, &Console::new()).map_err(|e| e.to_string())?;
-    for target in targets {
+    for name in targets {
         let mut command = tools::rustup_run(toolchain);
-        command.arg(&program).args(["run", target, "--", &format!("-max_total_time={FUZZ_SECONDS}")]);
-        command.current_dir(&context.workspace.root).env("CARGO_TARGET_DIR", context.workspace.target.join("fuzz"));
+        command.arg(&program).args(["run", name, "--", &format!("-max_total_time={FUZZ_SECONDS}")]);
+        command.current_dir(&context.workspace.root).env("CARGO_TARGET_DIR", &target);
         context.provide_worlds(command.env("CAIRN_TEST_WORLD", context.bundle("tiny")?))?;
         let ended = log.run(&mut command)?;
-        tally.test((!ended.success).then(|| format!("fuzz target {target} does not build, or an input broke it")));
+        tally.test((!ended.success).then(|| format!("fuzz target {name} does not build, or an input broke it")));
     }
     Ok(tally)
 }

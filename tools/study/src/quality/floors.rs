@@ -1,7 +1,9 @@
-//! Floors: a dozen fixed frames of each of our rows may not become worse than the committed scores.
+//! Floors: two dozen fixed frames may not become worse than the committed scores.
 //!
-//! The table of [`quality`](super) takes minutes and other programs; the floors take seconds, so that every change of the generator is held
+//! The table of [`quality`](super) takes many minutes and other programs; the floors take two or three, so that every change of the generator is held
 //! against them. Their scenes have the seed that the generator is tuned on: they show that quality was lost, not how good it is.
+
+mod footage;
 
 use std::fmt;
 use std::fmt::Write as _;
@@ -24,6 +26,7 @@ use crate::media::{describe_io, encode_png};
 use crate::metrics::Score;
 use crate::picture::paste;
 use crate::progress::Progress;
+use footage::FOOTAGE;
 
 /// The committed scores, relative to the repository's root.
 const FILE: &str = "tools/study/floors.csv";
@@ -35,13 +38,46 @@ const SEED: u64 = 4;
 const PHASES: [Phase; 3] = [Phase::HALF, Phase::QUARTER, Phase::THREE_QUARTERS];
 /// Rows that are measured: those with floors, and those that the claims compare them with.
 const ROWS: [Kind; 4] = [Kind::Repeat, Kind::Blend, Kind::Flow, Kind::Truth];
-/// Rows with floors.
-const BOUND: [Kind; 2] = [Kind::Flow, Kind::Truth];
-/// How much worse than the written score a frame may be: PSNR in dB, SSIM, LPIPS. Processors round sums of floats differently, which moves
-/// a score in its fifth digit; the mildest fault that the floors are for moves it in its third.
-const MARGINS: [f64; 3] = [0.02, 0.0002, 0.0002];
+/// Inputs of the landscapes' frames, with the rows that make them.
+const LANDSCAPE_INPUTS: [Input; 2] = [Input::Flow, Input::Truth];
+/// How much worse than the written score a frame may be: PSNR in dB, SSIM, LPIPS. For other systems' sine and cosine, which the scenes are drawn with.
+/// On one machine nothing varied: no score changed in a second run, on one thread, or with the C library's functions for processors without AVX2
+/// and FMA, which drew all pictures anew.
+const MARGINS: [f64; 3] = [0.001, 0.000_01, 0.000_01];
 /// Decimal places of the file, by measure.
-const PLACES: [usize; 3] = [2, 4, 4];
+const PLACES: [usize; 3] = [4, 6, 6];
+
+/// Motion and depth that a frame is made from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Input {
+    /// Optical flow between the anchors.
+    Flow,
+    /// True motion and depth.
+    Truth,
+    /// Motion and depth as an engine gives them: quantised, dilated, composed over two frames, of the camera alone for skinned meshes.
+    Engine,
+    /// True motion of one pixel in 16 x 16, and true depth.
+    Tiles,
+}
+
+impl Input {
+    const ALL: [Self; 4] = [Self::Flow, Self::Truth, Self::Engine, Self::Tiles];
+
+    /// Name in the file, and of the row that makes the frame.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Flow => Kind::Flow.name(),
+            Self::Truth => Kind::Truth.name(),
+            Self::Engine => "cairn-engine",
+            Self::Tiles => "cairn-tiles",
+        }
+    }
+
+    /// The row that makes a frame of it: every given motion goes the way of the true one.
+    fn kind(self) -> Kind {
+        if self == Self::Flow { Kind::Flow } else { Kind::Truth }
+    }
+}
 
 /// Settings of the comparison with the floors.
 #[derive(Debug, Clone)]
@@ -72,14 +108,14 @@ pub struct FloorsOutcome {
 #[derive(Debug, Clone, PartialEq)]
 struct Floor {
     frame: String,
-    row: Kind,
+    row: Input,
     bounds: [f64; 3],
 }
 
 /// One measured frame.
 struct Measured {
     frame: String,
-    row: Kind,
+    row: Input,
     score: Score,
     truth: Picture,
     made: Picture,
@@ -157,7 +193,8 @@ fn measure(settings: &FloorSettings, progress: &Progress, stop: &AtomicBool) -> 
     let lpips = open_lpips_of(crate::metrics::Net::Alex, settings.fetch, progress)?;
     let mut rows = ROWS.into_iter().map(|kind| Ok((kind, kind.open(progress)?))).collect::<Result<Vec<_>>>()?;
     let (mut frames, mut records) = (Vec::new(), Vec::new());
-    progress.begin((scenes::LANDSCAPES.len() * PHASES.len()) as u64);
+    let landscapes = scenes::LANDSCAPES.len() * PHASES.len();
+    progress.begin((landscapes + FOOTAGE.len()) as u64);
     for (done, (family, number)) in
         scenes::LANDSCAPES.into_iter().flat_map(|family| (0..PHASES.len()).map(move |i| (family, i))).enumerate()
     {
@@ -193,12 +230,32 @@ fn measure(settings: &FloorSettings, progress: &Progress, stop: &AtomicBool) -> 
                 multipliers: vec![2],
                 score,
             });
-            if BOUND.contains(kind) {
+            if let Some(row) = LANDSCAPE_INPUTS.into_iter().find(|input| input.kind() == *kind) {
                 let frame = format!("{} {anchor} {phase}", clip.name());
-                frames.push(Measured { frame, row: *kind, score, truth: truth.clone(), made });
+                frames.push(Measured { frame, row, score, truth: truth.clone(), made });
             }
         }
         progress.frames(done as u64 + 1);
+    }
+    for (done, footage) in FOOTAGE.iter().enumerate() {
+        if stop.load(Ordering::SeqCst) {
+            break;
+        }
+        let walk = footage.walk()?;
+        let (anchors, truth) = (walk.anchors(&store)?, walk.truth(&store)?);
+        let features = lpips.features(&truth)?;
+        for &input in footage.inputs {
+            let [before, given] = walk.guidance(input, &store)?;
+            let interval = Interval { anchors: &anchors, at: 0, guidance: given.as_ref(), before: before.as_ref() };
+            let row = rows.iter_mut().find(|(kind, _)| *kind == input.kind());
+            let made =
+                row.map(|(_, row)| row.make(&interval, &[footage.phase])).transpose()?.and_then(|mut all| all.pop());
+            let made = made.ok_or_else(|| Error::new(ErrorKind::InvalidState, "a row made no picture"))?;
+            let score = Score::new(&truth, &made, Some(lpips.distance_to(&features, &made)?))?;
+            let frame = format!("{} {}", footage.name, footage.phase);
+            frames.push(Measured { frame, row: input, score, truth: truth.clone(), made });
+        }
+        progress.frames((landscapes + done) as u64 + 1);
     }
     progress.end();
     Ok((frames, records))
@@ -261,7 +318,7 @@ impl Floor {
 impl fmt::Display for Floor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [psnr, ssim, lpips] = self.bounds;
-        write!(f, "{},{},{psnr:.2},{ssim:.4},{lpips:.4}", self.frame, self.row.name())
+        write!(f, "{},{},{psnr:.4},{ssim:.6},{lpips:.6}", self.frame, self.row.name())
     }
 }
 
@@ -287,7 +344,7 @@ fn parse(text: &str) -> std::result::Result<Vec<Floor>, String> {
     }
     let floor = |line: &str| {
         let [frame, row, psnr, ssim, lpips] = line.split(',').collect::<Vec<_>>().try_into().ok()?;
-        let row = BOUND.into_iter().find(|kind| kind.name() == row)?;
+        let row = Input::ALL.into_iter().find(|input| input.name() == row)?;
         Some(Floor {
             frame: frame.to_owned(),
             row,
@@ -305,7 +362,7 @@ mod tests {
         let picture = Picture::new(16, 16).unwrap();
         Measured {
             frame: "forest-4 41 1/4".into(),
-            row: Kind::Flow,
+            row: Input::Flow,
             score: Score { psnr, ssim, lpips: Some(lpips) },
             truth: picture.clone(),
             made: picture,
@@ -314,30 +371,34 @@ mod tests {
 
     #[test]
     fn a_frame_holds_its_own_floor_and_a_worse_one_fails_in_the_measure_that_is_worse() {
-        let floor = Floor::of(&frame(38.1279, 0.98765, 0.01234)).unwrap();
-        assert_eq!(floor.to_string(), "forest-4 41 1/4,cairn-flow,38.10,0.9874,0.0126");
+        let floor = Floor::of(&frame(38.127_951, 0.987_654_4, 0.012_345_6)).unwrap();
+        assert_eq!(floor.to_string(), "forest-4 41 1/4,cairn-flow,38.1269,0.987644,0.012356");
         assert_eq!(parse(&csv(std::slice::from_ref(&floor))).unwrap(), std::slice::from_ref(&floor));
         let broken = |psnr, ssim, lpips| floor.broken_by(&frame(psnr, ssim, lpips).score);
-        assert_eq!(broken(38.1279, 0.98765, 0.01234), None);
-        assert_eq!(broken(38.1, 0.9874, 0.0126), None);
-        assert_eq!(broken(38.09, 0.99, 0.01).unwrap(), "PSNR 38.090 is below its floor 38.1");
-        assert_eq!(broken(39.0, 0.98, 0.01).unwrap(), "SSIM 0.98000 is below its floor 0.9874");
-        assert_eq!(broken(39.0, 0.99, 0.02).unwrap(), "LPIPS 0.02000 is above its floor 0.0126");
+        assert_eq!(broken(38.127_951, 0.987_654_4, 0.012_345_6), None);
+        assert_eq!(broken(38.1269, 0.987_644, 0.012_356), None);
+        assert_eq!(broken(38.126, 0.99, 0.01).unwrap(), "PSNR 38.12600 is below its floor 38.1269");
+        assert_eq!(broken(39.0, 0.9876, 0.01).unwrap(), "SSIM 0.9876000 is below its floor 0.987644");
+        assert_eq!(broken(39.0, 0.99, 0.0124).unwrap(), "LPIPS 0.0124000 is above its floor 0.012356");
         assert!(broken(f64::NAN, 0.99, 0.01).is_some());
         assert!(floor.broken_by(&Score { psnr: 39.0, ssim: 0.99, lpips: None }).unwrap().contains("not measured"));
     }
 
     #[test]
-    fn the_committed_floors_are_of_a_dozen_frames_of_each_row() {
+    fn the_committed_floors_are_of_every_frame_and_input() {
         let floors = read(&provision::repository().join(FILE)).unwrap();
-        for row in BOUND {
-            let mut frames: Vec<&str> = floors.iter().filter(|f| f.row == row).map(|f| f.frame.as_str()).collect();
+        let of = |input: Input| floors.iter().filter(|f| f.row == input).map(|f| f.frame.as_str()).collect::<Vec<_>>();
+        for input in Input::ALL {
+            let mut frames = of(input);
             frames.sort_unstable();
             frames.dedup();
-            assert_eq!(frames.len(), scenes::LANDSCAPES.len() * PHASES.len(), "{}", row.name());
+            let landscapes =
+                if LANDSCAPE_INPUTS.contains(&input) { scenes::LANDSCAPES.len() * PHASES.len() } else { 0 };
+            let footage = FOOTAGE.iter().filter(|footage| footage.inputs.contains(&input)).count();
+            assert_eq!(frames.len(), landscapes + footage, "{}", input.name());
         }
         // Floors that anything would hold bound nothing.
-        assert!(floors.iter().all(|f| f.bounds[0] > 20.0 && f.bounds[1] > 0.8 && f.bounds[2] < 0.2), "{floors:?}");
+        assert!(floors.iter().all(|f| f.bounds[0] > 18.0 && f.bounds[1] > 0.6 && f.bounds[2] < 0.3), "{floors:?}");
     }
 
     #[test]
