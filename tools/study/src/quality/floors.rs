@@ -170,7 +170,8 @@ fn measure(settings: &FloorSettings, progress: &Progress, stop: &AtomicBool) -> 
         let [before, given] = guidance(&mut clip, anchor, &store)?;
         let truth = clip.truth(anchor, phase, &store)?;
         let features = lpips.features(&truth)?;
-        let interval = Interval { anchors: &anchors, at: 0, guidance: given.as_ref(), before: before.as_ref() };
+        let interval =
+            Interval { anchors: &anchors, at: 0, guidance: given.as_ref(), before: before.as_ref(), history: &[] };
         for (kind, row) in &mut rows {
             let made = row.make(&interval, &[phase])?.pop();
             let made = made.ok_or_else(|| Error::new(ErrorKind::InvalidState, "a row made no picture"))?;

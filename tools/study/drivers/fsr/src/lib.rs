@@ -125,9 +125,10 @@ impl Request {
 /// # Errors
 /// `Io`.
 pub fn write_greeting(provider: &Result<String>, mut to: impl Write) -> Result<()> {
-    let text = provider.as_ref().map(String::clone).map_err(Error::to_string);
-    let (word, text) = text.map_or_else(|error| (FAILED, error), |text| (DONE, text));
-    write_text(word, &text, &mut to)
+    match provider {
+        Ok(version) => write_text(DONE, version, &mut to),
+        Err(error) => write_text(FAILED, &error.to_string(), &mut to),
+    }
 }
 
 /// Reads the greeting.
