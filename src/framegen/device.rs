@@ -11,7 +11,7 @@ use super::shader::{
     DESCRIPTORS, GuidanceTextures, ShaderGenerator, TexturePair, WORD_OF_CUT, WORD_OF_UNCOVERED, WORD_OF_UNEXPLAINED,
 };
 use super::{Anchor, AnchorId, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases};
-use crate::ffx::{Api, Choice};
+use crate::ffx::{Api, Choice, Version};
 use crate::gpu::compute::{CommandRing, ResourceWithState};
 use crate::gpu::{Gpu, Heap, MappedBuffer, read_buffer, read_texture, texture_from_picture, writable_texture};
 use crate::guidance::{DepthMap, Guidance, MotionOrigin};
@@ -38,8 +38,10 @@ struct Resources {
     fsr: Option<FsrGenerator>,
     frames: CommandRing,
     target: ID3D12Resource,
-    /// The later anchor of the last pair, and its index in the provider's sequence.
-    last: Option<(Picture, u64)>,
+    /// The later anchor of the last pair.
+    last: Option<Picture>,
+    /// Its index in the provider's sequence, which no later pair has again: the provider gives its last frame for its last index.
+    index: u64,
 }
 
 /// Anchors and their guidance in textures.
@@ -64,6 +66,11 @@ impl DeviceGenerator {
         Self { gpu: gpu.clone(), amd: Some((*api, choice)), interval_ms, resources: None }
     }
 
+    /// The provider of AMD's in use; `None` with the shaders, and before the first frame.
+    pub fn provider(&self) -> Option<&Version> {
+        self.resources.as_ref()?.fsr.as_ref().map(FsrGenerator::version)
+    }
+
     /// The resources for pictures of `size`, created if needed.
     fn resources(&mut self, size: (u32, u32)) -> Result<&mut Resources> {
         if self.resources.as_ref().is_none_or(|resources| resources.size != size) {
@@ -78,6 +85,7 @@ impl DeviceGenerator {
                 frames: CommandRing::new(gpu, gpu.frames(), DESCRIPTORS)?,
                 target: writable_texture(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, STATE)?,
                 last: None,
+                index: 0,
             });
         }
         self.resources.as_mut().ok_or_else(|| Error::new(ErrorKind::InvalidState, "nothing was made"))
@@ -150,16 +158,14 @@ impl FrameGenerator for DeviceGenerator {
         };
         if let Some(fsr) = resources.fsr.as_mut().filter(|_| !pair.is_cut()) {
             // A pair that follows the last one gets the next index; any other pair skips an index, so that the provider resets its history.
-            let index = resources
-                .last
-                .take()
-                .map_or(1, |(picture, index)| index + if picture == *pair.previous() { 1 } else { 2 });
-            let anchor = AnchorId { epoch: 0, index };
+            let follows = resources.last.take().is_some_and(|picture| picture == *pair.previous());
+            resources.index += if follows { 1 } else { 2 };
+            let anchor = AnchorId { epoch: 0, index: resources.index };
             let params = PairParams { anchor, projection: pair.guidance().depth().projection(), interval_ms };
             let (half_way, fence_point) = fsr.generate(&textures, &params)?;
             fence_point.wait()?;
             copy(&read_texture(&gpu, &half_way, STATE)?, out);
-            resources.last = Some((pair.current().clone(), index));
+            resources.last = Some(pair.current().clone());
             return Ok(GenerateReport { outcome: Outcome::Generated, uncovered: 0.0, unexplained: 0.0 });
         }
         let mut frame = resources.frames.begin()?;

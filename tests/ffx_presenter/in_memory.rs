@@ -115,6 +115,18 @@ fn pictures_in_memory_use_a_provider() {
         let cut = fsr.generate(&pair.with_cut(true), 0.5, &mut made).expect("an anchor");
         assert_eq!((cut.outcome, made == second), (Outcome::CutFallback, true));
     }
+    // The first pair after a reset is another one than the first pair before it.
+    let mut fsr = DeviceGenerator::of_amd(&gpu, api, Choice::Any, 1000.0 / 15.0);
+    assert!(fsr.provider().is_none());
+    for from in [0, 5 * STEP] {
+        let (first, second) = (moved(from), moved(from + STEP));
+        let pair = AnchorPair::new(&first, &second, &guidance).expect("a pair");
+        fsr.generate(&pair, 0.5, &mut made).expect("generated");
+        let error = off(made.rgba(), &moved(from + STEP / 2));
+        assert!(error <= 3, "from {from}: {error}");
+        fsr.reset();
+    }
+    assert_eq!(fsr.provider().map(|version| version.name.as_str()), Some("4.0.1"));
     let (first, second, mask) = (moved(0), moved(STEP), over_columns());
     let pair = AnchorPair::new(&first, &second, &guidance).expect("a pair").with_overlay(&mask).expect("a mask");
     fsr.generate(&pair, 0.5, &mut made).expect("generated");

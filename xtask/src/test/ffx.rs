@@ -11,7 +11,7 @@ use super::{lab, windows_build};
 use crate::shell::Log;
 
 /// The test programs.
-const PROGRAMS: [&str; 9] = [
+const PROGRAMS: [&str; 10] = [
     "ffx",
     "ffx_amd",
     "ffx_frames",
@@ -21,6 +21,7 @@ const PROGRAMS: [&str; 9] = [
     "ffx_swapchain",
     "ffx_swapchain_interface",
     "ffx_upscale",
+    "fsr_driver",
 ];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
@@ -44,13 +45,14 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 pub(super) const DOUBLE: &str = "ffx_double.dll";
 pub(super) const AMD: &str = "amd_fidelityfx_framegeneration_dx12.dll";
 
-/// Names of tests of two programs: what a presenter and the plugin for Unity do with AMD's libraries, including tests without
-/// them.
-const OVER_THE_DOUBLE: [&str; 4] = [
+/// Names of tests of three programs: what a presenter, the plugin for Unity and the study's driver do with AMD's libraries, including tests
+/// without them.
+const OVER_THE_DOUBLE: [&str; 5] = [
     "frames_continue_after_resizing_minimising_and_late_anchors",
     "small_anchors::shaders_generate_frames_too_small_for_amds_libraries",
     "a_device_time_budget_limits_generated_frames",
     "devices_come_and_go_and_nothing_of_them_is_kept",
+    "frames_are_halfway_at_the_start_of_a_clip_and_within_it",
 ];
 
 /// The release that the double emulates: the one in AMD's SDK 2.0.
@@ -67,7 +69,7 @@ fn with_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Resul
     fs::create_dir_all(&folder).map_err(failed)?;
     fs::copy(context.windows_programs().join(DOUBLE), folder.join(AMD)).map_err(failed)?;
     fs::write(folder.join(format!("{AMD}.txt")), ROLE).map_err(failed)?;
-    let mut command = context.windows_tests(["d3d12_presenter", "host"], log)?;
+    let mut command = context.windows_tests(["d3d12_presenter", "host", "fsr_driver"], log)?;
     context.provide_windows_worlds(&mut command)?;
     Amd::Double(folder.clone()).provide(&mut command);
     command.args(["--", "--exact"]).args(OVER_THE_DOUBLE);

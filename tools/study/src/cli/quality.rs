@@ -42,7 +42,7 @@ Exit status: 0 well, 1 failed or, with --check, a claim missed, 2 wrong usage, 1
 #[derive(Args)]
 pub(super) struct QualityArgs {
     /// Ways to make the frames: all, built-in, or a list of repeat, blend, minterpolate, flowfps, rife, rife4,
-    /// none, paper, cairn-flow, cairn-truth
+    /// fsr-flow, fsr-engine, fsr, none, paper, cairn-flow, cairn-engine, cairn-truth
     #[arg(long, value_name = "LIST", default_value = "all")]
     rows: String,
     /// What they are made from: all, scenes, real, or a list of forest, sword, desert, snow, bunny, bikes, vizdoom,

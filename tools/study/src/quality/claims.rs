@@ -25,22 +25,25 @@ impl fmt::Display for Claim {
 }
 
 /// All claims that the table can decide, at twice the anchors' rate: with true motion and depth the generator is better than every other row in
-/// every measure; with `picture_flow` it is better in every measure than the rows without a neural network, and better than RIFE in PSNR, where
-/// things move in SSIM too. There it is also better with an engine's motion and depth than the rows without a network.
+/// every measure; with `picture_flow` it is better in every measure than the rows without a neural network that get no more than pictures, and
+/// better than RIFE in PSNR, where things move in SSIM too. There it is also better with an engine's motion and depth than the rows without a
+/// network that get no better motion.
 pub(super) fn judge(table: &Table) -> Vec<Claim> {
     let mut claims = Vec::new();
     for group in table.groups(2) {
-        let given = [Kind::Engine, Kind::Truth];
-        let others: Vec<Kind> = table.rows(2).into_iter().filter(|row| !given.contains(row)).collect();
+        let own = [Kind::Engine, Kind::Truth];
+        let others: Vec<Kind> = table.rows(2).into_iter().filter(|row| !own.contains(row)).collect();
         claims.extend(better(table, &group, Kind::Truth, &others, &[0, 1, 2]));
         let learned = [Kind::Rife, Kind::Rife4];
-        let plain: Vec<Kind> =
+        let without_network: Vec<Kind> =
             others.iter().copied().filter(|row| *row != Kind::Flow && !learned.contains(row)).collect();
+        let plain: Vec<Kind> = without_network.iter().copied().filter(|row| !row.needs_guidance()).collect();
         claims.extend(better(table, &group, Kind::Flow, &plain, &[0, 1, 2]));
         let is_moving = group.starts_with("moving-");
         claims.extend(better(table, &group, Kind::Flow, &learned, if is_moving { &[0, 1] } else { &[0] }));
         if is_moving {
-            claims.extend(better(table, &group, Kind::Engine, &plain, &[0, 1, 2]));
+            let rivals: Vec<Kind> = without_network.into_iter().filter(|row| *row != Kind::Fsr).collect();
+            claims.extend(better(table, &group, Kind::Engine, &rivals, &[0, 1, 2]));
         }
     }
     claims
@@ -117,6 +120,22 @@ mod tests {
         );
         assert!(claims[0].figures.contains("LPIPS 0.0100, not better than 0.0050 of rife"), "{}", claims[0]);
         assert!(claims[1].to_string().starts_with("MISSED"), "{}", claims[1]);
+    }
+
+    #[test]
+    fn a_row_is_held_against_those_that_get_the_same_or_less() {
+        let kinds = [Kind::Blend, Kind::FsrFlow, Kind::FsrEngine, Kind::Fsr, Kind::Flow, Kind::Engine, Kind::Truth];
+        let records: Vec<_> = kinds.iter().map(|kind| record("moving-snow-5", *kind, 30.0, None)).collect();
+        let claims = judge(&Table::new(&records));
+        let told: Vec<&str> = claims.iter().map(|claim| claim.what.as_str()).collect();
+        assert_eq!(
+            told,
+            [
+                "moving-snow-5: cairn-truth beats blend, fsr-flow, fsr-engine, fsr, cairn-flow in PSNR, SSIM, LPIPS",
+                "moving-snow-5: cairn-flow beats blend, fsr-flow in PSNR, SSIM, LPIPS",
+                "moving-snow-5: cairn-engine beats blend, fsr-flow, fsr-engine in PSNR, SSIM, LPIPS",
+            ]
+        );
     }
 
     #[test]

@@ -207,8 +207,14 @@ fn measure(settings: &FloorSettings, progress: &Progress, stop: &AtomicBool) -> 
         let [before, given] = guidance(&mut clip, anchor, &store)?;
         let truth = clip.truth(anchor, phase, &store)?;
         let features = lpips.features(&truth)?;
-        let interval =
-            Interval { anchors: &anchors, at: 0, guidance: given.as_ref(), before: before.as_ref(), overlay: None };
+        let interval = Interval {
+            anchors: &anchors,
+            at: 0,
+            guidance: given.as_ref(),
+            before: before.as_ref(),
+            overlay: None,
+            history: &[],
+        };
         for (kind, row) in &mut rows {
             let made = row.make(&interval, &[phase])?.pop();
             let made = made.ok_or_else(|| Error::new(ErrorKind::InvalidState, "a row made no picture"))?;
@@ -241,8 +247,14 @@ fn measure(settings: &FloorSettings, progress: &Progress, stop: &AtomicBool) -> 
         for &input in footage.inputs {
             let [before, given] = walk.guidance(input, &store)?;
             // Without the mask of a head-up display, so that the floors see the rule that finds it.
-            let interval =
-                Interval { anchors: &anchors, at: 0, guidance: given.as_ref(), before: before.as_ref(), overlay: None };
+            let interval = Interval {
+                anchors: &anchors,
+                at: 0,
+                guidance: given.as_ref(),
+                before: before.as_ref(),
+                overlay: None,
+                history: &[],
+            };
             let row = rows.iter_mut().find(|(kind, _)| *kind == input.kind());
             let made =
                 row.map(|(_, row)| row.make(&interval, &[footage.phase])).transpose()?.and_then(|mut all| all.pop());

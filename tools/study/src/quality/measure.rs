@@ -148,7 +148,7 @@ impl Measurements {
         let key = digest([digest_picture(&previous).as_bytes(), digest_picture(&current).as_bytes()]);
         let ends = IntervalEnds { previous, current, key };
         let exact = guidance(clip, target.anchor, store)?;
-        let of_engine = if rows.iter().any(|(kind, _)| *kind == rows::Kind::Engine) {
+        let of_engine = if rows.iter().any(|(kind, _)| kind.needs_engine()) {
             engine_guidance(clip, target.anchor)?
         } else {
             [None, None]
@@ -157,10 +157,10 @@ impl Measurements {
         let truths = truths.collect::<Result<Vec<_>>>()?;
 
         for (kind, row) in rows.iter_mut() {
-            let guidance = if *kind == rows::Kind::Engine { &of_engine } else { &exact };
+            let guidance = if kind.needs_engine() { &of_engine } else { &exact };
             if !(kind.needs_guidance() && guidance[1].is_none()) {
                 let wanted: Vec<&Truth> = truths.iter().filter(|truth| kind.can_do(truth.phase)).collect();
-                let version = row.key();
+                let version = row_key(*kind, row.as_ref(), guidance);
                 let name = |truth: &Truth| {
                     digest([&measures, kind.name(), &version, &ends.key, &truth.key].map(str::as_bytes))
                 };
@@ -223,7 +223,7 @@ impl Measurements {
         let (exact, of_engine) = (guidance(clip, anchor, store)?, engine_guidance(clip, anchor)?);
         let mut shown = vec![(None, clip.truth(anchor, phase, store)?)];
         for (kind, row) in rows.iter_mut() {
-            let guidance = if *kind == rows::Kind::Engine { &of_engine } else { &exact };
+            let guidance = if kind.needs_engine() { &of_engine } else { &exact };
             if kind.can_do(phase) && !(kind.needs_guidance() && guidance[1].is_none()) {
                 let made = pictures(*kind, row.as_mut(), clip, anchor, &ends, guidance, &[phase], store)?;
                 shown.extend(made.into_iter().map(|picture| (Some(*kind), picture)));
@@ -246,6 +246,35 @@ fn engine_guidance(clip: &mut dyn Clip, anchor: usize) -> Result<[Option<Guidanc
     Ok([before, clip.engine_guidance(anchor)?])
 }
 
+/// Motion and depth of the anchors from `first` to the one before the interval's earlier one, without those before the last gap.
+fn history(kind: rows::Kind, clip: &mut dyn Clip, first: usize, anchor: usize, store: &Store) -> Result<Vec<Guidance>> {
+    let mut known = Vec::new();
+    // The first anchor of the clip and of the history have no predecessor there.
+    for number in (first + 1..anchor - 1).rev() {
+        let guidance = if kind.needs_engine() { clip.engine_guidance(number)? } else { clip.guidance(number, store)? };
+        let Some(guidance) = guidance else { break };
+        known.push(guidance);
+    }
+    known.reverse();
+    Ok(known)
+}
+
+/// Changes with everything besides the anchors that affects a row's pictures of an interval, the motion and depth that it gets among it. A row
+/// of this program changes with its build, which has the clips.
+fn row_key(kind: rows::Kind, row: &dyn Row, guidance: &[Option<Guidance>; 2]) -> String {
+    if !kind.needs_guidance() || kind.is_built_in() {
+        return row.key();
+    }
+    let mut parts = vec![row.key().into_bytes()];
+    for given in guidance.iter().flatten() {
+        let vectors = given.motion().vectors().iter().flatten();
+        parts.push(vectors.flat_map(|value| value.to_le_bytes()).collect());
+        parts.push(given.depth().depth().iter().flat_map(|value| value.to_le_bytes()).collect());
+        parts.push(format!("{:?}", given.depth().projection()).into_bytes());
+    }
+    digest(parts.iter().map(Vec::as_slice))
+}
+
 /// A row's pictures: stored ones are read, the others are made and stored.
 #[expect(clippy::too_many_arguments, reason = "one place that two callers share, with everything about one interval")]
 fn pictures(
@@ -258,7 +287,8 @@ fn pictures(
     phases: &[Phase],
     store: &Store,
 ) -> Result<Vec<Picture>> {
-    let name = |phase: &Phase| digest([&row.key(), &ends.key, &phase.to_string()].map(|part| part.as_bytes()));
+    let version = row_key(kind, row, guidance);
+    let name = |phase: &Phase| digest([&version, &ends.key, &phase.to_string()].map(|part| part.as_bytes()));
     let names: Vec<String> = phases.iter().map(name).collect();
     // This program makes its own pictures faster than it reads them, and they change with every build.
     if !kind.is_built_in() {
@@ -267,7 +297,8 @@ fn pictures(
             return Ok(kept);
         }
     }
-    let (first, last) = (anchor.saturating_sub(1 + kind.margin()), (anchor + kind.margin()).min(clip.anchors() - 1));
+    let before_it = kind.margin().max(kind.history());
+    let (first, last) = (anchor.saturating_sub(1 + before_it), (anchor + kind.margin()).min(clip.anchors() - 1));
     let mut anchors = Vec::new();
     for number in first..=last {
         anchors.push(match number {
@@ -276,10 +307,17 @@ fn pictures(
             n => clip.anchor(n, store)?,
         });
     }
+    let history = if kind.needs_guidance() { history(kind, clip, first, anchor, store)? } else { Vec::new() };
     let [before, guidance] = guidance.each_ref().map(Option::as_ref);
     let overlay = if kind.needs_guidance() { clip.overlay(anchor) } else { None };
-    let interval =
-        Interval { anchors: &anchors, at: anchor - 1 - first, guidance, before, overlay: overlay.as_deref() };
+    let interval = Interval {
+        anchors: &anchors,
+        at: anchor - 1 - first,
+        guidance,
+        before,
+        overlay: overlay.as_deref(),
+        history: &history,
+    };
     let made = row.make(&interval, phases)?;
     if made.len() != phases.len() || made.iter().any(|picture| picture.size() != ends.current.size()) {
         return Err(Error::new(
@@ -383,6 +421,35 @@ mod tests {
             assert_eq!(parse(&line(score)), Some(score));
         }
         assert_eq!((parse("31.5 0.9"), parse("31.5 x -"), parse("")), (None, None, None));
+    }
+
+    #[test]
+    fn another_programs_pictures_follow_the_motion_and_depth_that_it_gets() {
+        struct Other;
+        impl Row for Other {
+            fn version(&self) -> String {
+                "other 1".into()
+            }
+
+            fn make(&mut self, _interval: &Interval<'_>, _phases: &[Phase]) -> Result<Vec<Picture>> {
+                Ok(Vec::new())
+            }
+        }
+        let guidance = |depth: f32| {
+            let mut guidance = Guidance::new(2, 2, cairn::guidance::picture_flow::PROJECTION).unwrap();
+            guidance.depth_mut().fill(depth);
+            [None, Some(guidance)]
+        };
+        let key = |kind, depth| row_key(kind, &Other, &guidance(depth));
+        assert_eq!(key(rows::Kind::Fsr, 0.5), key(rows::Kind::Fsr, 0.5));
+        assert_ne!(key(rows::Kind::Fsr, 0.5), key(rows::Kind::Fsr, 0.25));
+        let mut moved = guidance(0.5);
+        moved[1].as_mut().unwrap().motion_mut().vectors_mut()[3] = [half::f16::ONE; 2];
+        assert_ne!(key(rows::Kind::Fsr, 0.5), row_key(rows::Kind::Fsr, &Other, &moved));
+        // These depend on pictures alone, or are this program's.
+        for kind in [rows::Kind::Rife, rows::Kind::FsrFlow, rows::Kind::Truth] {
+            assert_eq!(key(kind, 0.5), "other 1");
+        }
     }
 
     #[test]

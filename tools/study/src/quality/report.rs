@@ -35,7 +35,8 @@ pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&st
                 - **SSIM**: more is better, 1 is equal; whether shapes are where they should be.\n\
                 - **LPIPS**: less is better, 0 is equal; a neural network's guess of what people see.\n\n\
                 *Repeat* and *blend* are what costs nothing. *Minterpolate*, *FlowFPS* and *RIFE* see nothing but pictures, as \
-                Cairn does with `picture_flow`; with true motion and depth it gets the renderer's, which are exact.\n";
+                Cairn does with `picture_flow`; with true motion and depth it gets the renderer's, which are exact. *AMD FSR* gets motion \
+                and depth from the same three sources as Cairn; AMD recommends it for 30 anchors a second and more, and these are fewer.\n";
     }
     where_behind(&mut out, table);
     for multiplier in table.multipliers() {

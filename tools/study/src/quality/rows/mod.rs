@@ -1,6 +1,7 @@
 //! Rows of the comparison: methods to make pictures between two anchors.
 
 mod flowfps;
+mod fsr;
 pub(super) mod minterpolate;
 mod ours;
 pub(super) mod program;
@@ -23,6 +24,9 @@ pub(super) enum Kind {
     FlowFps,
     Rife,
     Rife4,
+    FsrFlow,
+    FsrEngine,
+    Fsr,
     NoMotion,
     Paper,
     Flow,
@@ -31,13 +35,16 @@ pub(super) enum Kind {
 }
 
 /// All methods, in the order of the tables.
-pub(super) const KINDS: [Kind; 11] = [
+pub(super) const KINDS: [Kind; 14] = [
     Kind::Repeat,
     Kind::Blend,
     Kind::Minterpolate,
     Kind::FlowFps,
     Kind::Rife,
     Kind::Rife4,
+    Kind::FsrFlow,
+    Kind::FsrEngine,
+    Kind::Fsr,
     Kind::NoMotion,
     Kind::Paper,
     Kind::Flow,
@@ -55,6 +62,9 @@ impl Kind {
             Self::FlowFps => "flowfps",
             Self::Rife => "rife",
             Self::Rife4 => "rife4",
+            Self::FsrFlow => "fsr-flow",
+            Self::FsrEngine => "fsr-engine",
+            Self::Fsr => "fsr",
             Self::NoMotion => "none",
             Self::Paper => "paper",
             Self::Flow => "cairn-flow",
@@ -72,6 +82,9 @@ impl Kind {
             Self::FlowFps => "MVTools FlowFPS",
             Self::Rife => "RIFE HDv3",
             Self::Rife4 => "RIFE 4.0",
+            Self::FsrFlow => "AMD FSR, `picture_flow`",
+            Self::FsrEngine => "AMD FSR, an engine's motion and depth",
+            Self::Fsr => "AMD FSR, true motion and depth",
             Self::NoMotion => "Cairn's generator, no motion",
             Self::Paper => "Cairn's generator, the paper's motion",
             Self::Flow => "**Cairn**, `picture_flow`",
@@ -91,6 +104,14 @@ impl Kind {
             Self::FlowFps => "Block motion in both directions, refined and made dense, with an occlusion mask.",
             Self::Rife => "A neural network of 3 million parameters that estimates flow and a mask; the middle only.",
             Self::Rife4 => "Its successor for any phase: four blocks, each run in both directions of time.",
+            Self::FsrFlow => {
+                "AMD's frame generation, its own DLLs called through Cairn, with motion found by `picture_flow` and constant depth; the \
+                 middle only."
+            }
+            Self::FsrEngine => {
+                "The same with motion and depth as an engine gives them, those of the row `cairn-engine`; the middle only."
+            }
+            Self::Fsr => "The same with the clip's own motion and depth; the middle only.",
             Self::NoMotion => "The `cpu` generator with zero motion and constant depth.",
             Self::Paper => {
                 "The `cpu` generator with `paper`: motion and depth as published, from the latents that the embedded world's \
@@ -122,18 +143,31 @@ impl Kind {
 
     /// Whether it can make a picture at `phase`.
     pub(super) fn can_do(self, phase: Phase) -> bool {
-        self != Self::Rife || phase == Phase::HALF
+        phase == Phase::HALF || !matches!(self, Self::Rife | Self::FsrFlow | Self::FsrEngine | Self::Fsr)
     }
 
-    /// Whether it needs the true motion and depth of a clip.
+    /// Whether it needs the motion and depth of a clip, true or as an engine gives them.
     pub(super) fn needs_guidance(self) -> bool {
-        matches!(self, Self::Engine | Self::Truth)
+        matches!(self, Self::FsrEngine | Self::Fsr | Self::Engine | Self::Truth)
+    }
+
+    /// Whether the motion and depth that it needs are those that an engine gives.
+    pub(super) fn needs_engine(self) -> bool {
+        matches!(self, Self::FsrEngine | Self::Engine)
     }
 
     /// Number of anchors before and after the interval that it uses.
     pub(super) fn margin(self) -> usize {
         match self {
             Self::Minterpolate | Self::FlowFps => 2,
+            _ => 0,
+        }
+    }
+
+    /// Number of anchors before the interval that it plays first, because it keeps a history.
+    pub(super) fn history(self) -> usize {
+        match self {
+            Self::FsrFlow | Self::FsrEngine | Self::Fsr => fsr::HISTORY,
             _ => 0,
         }
     }
@@ -150,6 +184,8 @@ impl Kind {
             Self::FlowFps => Ok(Box::new(flowfps::FlowFps::open(progress)?)),
             Self::Rife => Ok(Box::new(rife::Rife::open(progress)?)),
             Self::Rife4 => Ok(Box::new(rife::Rife4::open(progress)?)),
+            Self::FsrFlow => Ok(Box::new(fsr::Fsr::open(fsr::Motion::Found, progress)?)),
+            Self::FsrEngine | Self::Fsr => Ok(Box::new(fsr::Fsr::open(fsr::Motion::Given, progress)?)),
             Self::NoMotion => Ok(Box::new(ours::NoMotion::new()?)),
             Self::Paper => Ok(Box::new(ours::Paper::open(progress)?)),
             Self::Flow => Ok(Box::new(ours::Flow::new()?)),
@@ -195,6 +231,8 @@ pub(super) struct Interval<'a> {
     pub(super) before: Option<&'a Guidance>,
     /// Mask of the later anchor's head-up display: one byte per pixel, 0 where there is none.
     pub(super) overlay: Option<&'a [u8]>,
+    /// The same of each anchor before the earlier one, in order up to it, as far as the row's history needs and the clip knows them.
+    pub(super) history: &'a [Guidance],
 }
 
 impl Interval<'_> {
@@ -241,10 +279,22 @@ mod tests {
     use super::*;
 
     #[test]
+    fn amds_rows_are_of_another_program_that_makes_the_middle_after_earlier_anchors() {
+        for kind in KINDS.into_iter().filter(|kind| kind.name().starts_with("fsr")) {
+            assert!(!kind.is_built_in() && kind.history() > 0);
+            assert!(kind.can_do(Phase::HALF) && !kind.can_do(Phase::QUARTER));
+        }
+        let given =
+            [Kind::Fsr, Kind::FsrEngine, Kind::FsrFlow].map(|kind| (kind.needs_guidance(), kind.needs_engine()));
+        assert_eq!(given, [(true, false), (true, true), (false, false)]);
+    }
+
+    #[test]
     fn lists_of_rows_follow_the_tables_order_and_slips_are_named() {
         assert_eq!(parse("cairn-flow, blend,cairn-flow").unwrap(), [Kind::Blend, Kind::Flow]);
         assert_eq!(parse("all").unwrap(), KINDS);
         assert!(parse("built-in").unwrap().iter().all(|kind| kind.is_built_in()));
+        assert_eq!(parse("fsr,cairn-engine,fsr-flow").unwrap(), [Kind::FsrFlow, Kind::Fsr, Kind::Engine]);
         let error = parse("blend,best").unwrap_err();
         assert!(error.to_string().contains("cairn-truth"), "{error}");
     }

@@ -231,7 +231,7 @@ mod tests {
     }
 
     fn middle(row: &mut dyn Row, anchors: &[Picture; 2]) -> Picture {
-        let interval = Interval { anchors, at: 0, guidance: None, before: None, overlay: None };
+        let interval = Interval { anchors, at: 0, guidance: None, before: None, overlay: None, history: &[] };
         row.make(&interval, &[Phase::HALF]).unwrap().remove(0)
     }
 

@@ -46,7 +46,7 @@ mod tests {
     fn anchors_are_repeated_and_mixed_by_phase() {
         let grey = |v: u8| Picture::from_rgba(1, 1, vec![v, v, v, 255]).unwrap();
         let anchors = [grey(9), grey(100), grey(200)];
-        let interval = Interval { anchors: &anchors, at: 1, guidance: None, before: None, overlay: None };
+        let interval = Interval { anchors: &anchors, at: 1, guidance: None, before: None, overlay: None, history: &[] };
         let phases: Vec<Phase> = Phase::all(4).collect();
         let values = |row: &mut dyn Row| -> Vec<u8> {
             row.make(&interval, &phases).unwrap().iter().map(|p| p.rgba()[0]).collect()

@@ -81,8 +81,14 @@ pub(in crate::quality) fn table(
             let first = end - 1 - kind.margin();
             let anchors = (first..=end + kind.margin()).map(|number| clip.anchor(number, store));
             let anchors = anchors.collect::<Result<Vec<_>>>()?;
-            let interval =
-                Interval { anchors: &anchors, at: kind.margin(), guidance: None, before: None, overlay: None };
+            let interval = Interval {
+                anchors: &anchors,
+                at: kind.margin(),
+                guidance: None,
+                before: None,
+                overlay: None,
+                history: &[],
+            };
             let truth = clip.truth(end, Phase::HALF, store)?;
             let features = lpips.map(|lpips| lpips.features(&truth)).transpose()?;
             for ((_, row), sum) in rows.iter_mut().zip(&mut sums) {
