@@ -79,14 +79,15 @@ def render(renderer: Path, folder: Path, number: int, seconds: float, size: tupl
     return clip
 
 
-def draw(renderer: Path, clip: Clip, family: str, seed: int, script: Path, seconds: float, start: str | None = None) -> None:
-    """Runs the renderer for the clip's files. A file under the clip's name is complete."""
+def draw(renderer: Path, clip: Clip, family: str, seed: int, script: Path, seconds: float, start: str | None = None, level: bool = False) -> None:
+    """Runs the renderer for the clip's files; hills close a `level`. A file under the clip's name is complete."""
     partial = clip.path.with_suffix(".partial")
     rate = LATENTS_PER_SECOND * PICTURES_PER_LATENT
     command = [renderer, "clip", "--scene", family, "--seed", str(seed), "--script", script, "--seconds", str(seconds)]
     command += ["--rate", str(rate), "--size", f"{clip.width}x{clip.height}", "--raw", partial]
     command += ["--controls", clip.path.with_suffix(".controls")]
     command += ["--start", start] if start else []
+    command += ["--level"] if level else []
     subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
     os.replace(partial, clip.path.with_suffix(".rgb"))
 

@@ -1,6 +1,6 @@
 """Four fixed levels, one of each family, and walks through them.
 
-A level is the ground within `REACH` of a scene's origin. Walks are held out, not scenes: the walks for evaluation have
+A level is the ground within `REACH` of a scene's origin, closed by hills. Walks are held out, not scenes: the walks for evaluation have
 seeds of their own, and training refuses each of them by its SHA-256 (`held-out-walks.txt` beside this package).
 """
 
@@ -119,7 +119,7 @@ def render(renderer: Path, path: Path, walk: Walk, seconds: float, size: tuple[i
         path.parent.mkdir(parents=True, exist_ok=True)
         script = path.with_suffix(".txt")
         script.write_text(walk.script, encoding="utf-8")
-        draw(renderer, clip, walk.family, walk.seed, script, seconds, walk.start)
+        draw(renderer, clip, walk.family, walk.seed, script, seconds, walk.start, level=True)
     return clip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from cairn.build.geometry import Geometry
@@ -53,6 +53,7 @@ class AutoencoderPlan:
     adversary_from: int = 0  # step at which the discriminator starts to learn
     adversary_alone: int = 0  # steps after that until the decoder learns from it
     equivariance: float = 0.0  # weight of the difference between latents of shifted pictures and shifted latents
+    half: bool = False  # whether the networks compute in bfloat16, for a GPU
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,7 @@ class Stage:
     means: float = 0.0  # weight of the error of channel means, in frames that start from pure noise
     more_of: str = ""  # family whose windows are sampled more often
     times: float = 1.0  # how many times as often as those of another family
+    wide: bool = False  # all blocks at once and in bfloat16, for a GPU, which has the memory and no caches to spare
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,31 @@ class WorldPlan:
 
 
 @dataclass(frozen=True)
+class TimedPlan:
+    """How `timed` trains on one GPU: both networks, planned by time."""
+
+    renderers: int  # walks drawn at once
+    short: Walks  # drawn first
+    cycle: tuple[float, ...]  # lengths of the walks after these in seconds, in turn
+    first_clips: int  # walks that are there before a training begins
+    autoencoder: AutoencoderPlan
+    autoencoder_share: float  # of the whole time, at whose end the transformer's training begins
+    stages: tuple[tuple[float, Stage], ...]  # and their shares of the transformer's time
+    rate: float = 1.2e-3
+    muon_rate: float = 2.5e-3
+    decay: float = 0.05
+    draw_until: float = 45.0  # seconds before the end at which drawing ends
+    spare: float = 3.0  # seconds that the last write takes
+    compilers: int = 3  # programs compiled at once
+
+    def seconds_of(self, walk: int) -> float:
+        """Length of walk number `walk` in seconds."""
+        if walk < self.short.count:
+            return self.short.seconds
+        return self.cycle[(walk - self.short.count) % len(self.cycle)]
+
+
+@dataclass(frozen=True)
 class Preset:
     """Sizes and plans of one training."""
 
@@ -133,6 +160,8 @@ class Preset:
     first: int = 0
     # Whether the clips show the four fixed levels instead of a new scene each.
     levels: bool = False
+    # Plan of `timed`.
+    timed: TimedPlan | None = None
 
     @property
     def clips(self) -> range:
@@ -170,6 +199,35 @@ def further_still(steps: int, **taken: Any) -> Preset:
     none = AutoencoderPlan(clips=0, steps=0, batch=4, latents=3, crop=(128, 128), rate=1.5e-3)
     plan = WorldPlan(walks=(Walks(32, 18.0),), rate=0.3e-3, muon_rate=0.6e-3, decay=0.05, stages=(stage,))
     return Preset(WORLD, none, plan, first=300)
+
+
+# The autoencoder of the levels, sharp by LPIPS and a discriminator.
+SHARP = AutoencoderPlan(
+    clips=480,
+    steps=40_000,
+    batch=2,
+    latents=3,
+    crop=(128, 128),
+    rate=0.8e-3,
+    seconds=1.0,
+    perceptual=1.0,
+    adversary=0.3,
+    adversary_from=2500,
+    adversary_alone=500,
+    equivariance=0.05,
+)
+
+
+def timed(batches: tuple[int, ...], frames: tuple[int, ...], **taken: Any) -> TimedPlan:
+    """The plan of `timed` with these batches of the autoencoder and of each stage, and these lengths of the stages' windows."""
+    few = {"few_step": True, "means": 4.0, "windows": WINDOWS}
+    kinds = ((0.17, 4, {}), (0.23, 3, {}), (0.35, 2, few), (0.25, 2, few))
+    first, *others = batches
+    stages = tuple(
+        (share, Stage(steps=0, frames=length, batch=batch, noisy=noisy, together=batch, wide=True, **more))
+        for (share, noisy, more), batch, length in zip(kinds, others, frames)
+    )
+    return TimedPlan(autoencoder=replace(SHARP, batch=first, crop=(256, 128), half=True), autoencoder_share=0.42, stages=stages, **taken)
 
 
 PRESETS = {
@@ -221,22 +279,18 @@ PRESETS = {
     # Continues from a bundle with a wider autoencoder, for sharp pictures of the four levels.
     "levels": Preset(
         WORLD.with_(encoder_width=48, decoder_widths=(192, 96, 48, 32)),
-        AutoencoderPlan(
-            clips=480,
-            steps=40_000,
-            batch=2,
-            latents=3,
-            crop=(128, 128),
-            rate=0.8e-3,
-            seconds=1.0,
-            perceptual=1.0,
-            adversary=0.3,
-            adversary_from=2500,
-            adversary_alone=500,
-            equivariance=0.05,
-        ),
+        SHARP,
         WorldPlan(walks=(), rate=1.5e-3, decay=0.05, stages=()),
         levels=True,
+        timed=timed((8, 32, 12, 12, 3), (16, 64, 64, 256), renderers=14, short=Walks(120, 2.0), cycle=(8.0, 8.0, 20.0), first_clips=40),
+    ),
+    # The path of `timed` with networks of full size and the smallest batches.
+    "levels-smoke": Preset(
+        WORLD.with_(encoder_width=48, decoder_widths=(192, 96, 48, 32)),
+        SHARP,
+        WorldPlan(walks=(), rate=1.5e-3, decay=0.05, stages=()),
+        levels=True,
+        timed=timed((1, 1, 1, 1, 1), (16, 16, 16, 32), renderers=1, short=Walks(4, 2.2), cycle=(2.2, 2.4), first_clips=1),
     ),
     "smoke": Preset(
         SMOKE,
