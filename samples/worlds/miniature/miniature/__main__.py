@@ -16,7 +16,7 @@ runs them one after the other. A command that has done its work ends with status
 """
 UNFINISHED = 3
 # The world inside the library.
-PRESET_NAMES = ("cpu", "gpu", "further", "longer", "balanced", "levels", "levels-smoke", "smoke")
+PRESET_NAMES = ("cpu", "gpu", "further", "longer", "balanced", "levels", "levels-smoke", "levels-further", "levels-further-smoke", "smoke")
 SHIPPED = Path(__file__).resolve().parents[2] / "miniature.cairn"
 # Bytes of a piece of `result`.
 RESULT_PIECE = 15_500_000

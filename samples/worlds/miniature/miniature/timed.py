@@ -262,17 +262,18 @@ class Training:
         state, _ = store.load(path)
         if done.is_file():
             return store.mean_parameters(path)
-        settings = optimiser.Settings(rate=plan.rate, steps=POSITIONS, warm_up=POSITIONS // 40)
+        settings = optimiser.Settings(rate=plan.rate, steps=POSITIONS, warm_up=POSITIONS // 40, cool_down=self.plan.cool_down)
         weights = perceptual.load("alex") if plan.perceptual else None
         width, height = plan.crop
         shape = (plan.batch, plan.latents, 4, height, width, 3)
         arguments = (settings, plan, weights, state, jax.ShapeDtypeStruct(shape, np.uint8), jax.random.key(0), np.int32(0))
         program = self._compile("autoencoder", lambda: train_autoencoder.step.lower(*arguments))
         program = program.result()
-        self._compile_world()
+        if not self.plan.side_by_side:
+            self._compile_world()
         while len(self.renderers.clips) < self.plan.first_clips:
             time.sleep(0.2)
-        from_, until = self.clock.now, self.plan.autoencoder_share * (self.clock.end - self.clock.began)
+        from_, until = self.clock.now, self.plan.autoencoder_share * (self.clock.end - self.clock.began) - self.plan.spare
         self.tell(f"autoencoder: begins with {len(self.renderers.clips)} clips, ends at {until:.0f} s")
         batches = Prefetch(train_autoencoder.SEED, lambda rng: train_autoencoder.sample(rng, self.renderers.clips[:], plan), int(state.step))
         log, kept, number, key = Log(self.clock, self.say), time.time(), int(state.step), jax.random.key(train_autoencoder.SEED)
@@ -308,7 +309,7 @@ class Training:
         state, _ = store.load(self._state_path["world"])
         parameters = store.mean_parameters(self._state_path["autoencoder"])
         self.world_settings = optimiser.Settings(
-            rate=self.plan.rate, muon_rate=self.plan.muon_rate, decay=self.plan.decay, steps=POSITIONS, warm_up=POSITIONS // 50, cool_down=0.4
+            rate=self.plan.rate, muon_rate=self.plan.muon_rate, decay=self.plan.decay, steps=POSITIONS, warm_up=POSITIONS // 50, cool_down=self.plan.cool_down
         )
         g = self.geometry
         width, height = g.decoded
@@ -404,13 +405,27 @@ class Training:
 
         return make
 
+    def _say_errors(self, work: Callable[[], Any]) -> None:
+        """What goes wrong on a thread, in the log."""
+        try:
+            work()
+        except Exception:
+            self.say(traceback.format_exc())
+
     def run(self) -> None:
         """Trains to the end, or goes on where a training was killed."""
         if not all(path.is_file() for path in self._state_path.values()):
             begin.states(self.bundle, self.geometry, self.plan.autoencoder, *self._state_path.values())
             self.tell(f"begun with the weights of {self.bundle.name}")
-        parameters = self.autoencoder()
-        self.world(parameters)
+        if self.plan.side_by_side:
+            parameters = store.mean_parameters(self._state_path["autoencoder"])
+            self._compile_world()
+            decoder = threading.Thread(target=self._say_errors, args=(self.autoencoder,))
+            decoder.start()
+            self.world(parameters)
+            decoder.join()
+        else:
+            self.world(self.autoencoder())
         (self.folder / "done").write_text(json.dumps({"seconds": self.clock.now}))
 
 

@@ -130,6 +130,8 @@ def loss(
     networks = {name: value.astype(kind) for name, value in p.items() if not name.startswith(adversary.PREFIX)}
     encode = lambda rgb: autoencoder.encode(networks, rgb.astype(kind)).astype(jnp.float32)
     z = encode(rgb.reshape(n * L, frames, H, W, 3))
+    if plan.fixed_encoder:
+        z = lax.stop_gradient(z)
     mean, variance = z.mean((0, 1, 2)), z.var((0, 1, 2))
     unit = jnp.mean(mean**2) + jnp.mean(jnp.log(variance + 1e-6) ** 2)
     level_key, noise_key, lpips_key, discriminator_key, shift_key = jax.random.split(key, 5)
