@@ -309,7 +309,11 @@ fn clip(a: &ClipArguments) -> Outcome<()> {
         fs::write(path, controls(&script, a.seconds)?).map_err(|e| format!("{}: {e}", path.display()))?;
     }
     if a.level && !LANDSCAPES.contains(&a.scene) {
-        return Err(format!("--level closes landscapes, and {} has walls. Use it with forest, sword, desert or snow", a.scene).into());
+        return Err(format!(
+            "--level closes landscapes, and {} has walls. Use it with forest, sword, desert or snow",
+            a.scene
+        )
+        .into());
     }
     let make = if a.level { Scene::level } else { Scene::with_cast };
     let scene = make(a.scene, a.seed, a.cast);

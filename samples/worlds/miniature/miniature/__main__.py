@@ -40,7 +40,8 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--share", type=share, default=1.0, metavar="S", help="`checkpoint`: S of the trained weights, the rest of --bundle's (1)")
     top.add_argument("--minutes", type=float, default=float("inf"), help="stop training after so many minutes, to go on later")
     top.add_argument("--until", type=int, default=sys.maxsize, metavar="N", help="`autoencoder`, `world`: end at step N of the plan; `clips`: end with clip N (the last)")
-    top.add_argument("--walks", type=int, default=8, choices=range(1, 9), metavar="N", help="`score-autoencoder`: held-out walks of each level (8)")
+    top.add_argument("--walks", type=int, default=8, choices=range(1, 9), metavar="N", help="scores: held-out walks of each level (8)")
+    top.add_argument("--seconds", type=float, default=15.0, help="`score-world`: length of a walk, at most 60 (%(default)s)")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (_, what) in COMMANDS.items():
         commands.add_parser(name, help=what)
@@ -70,6 +71,7 @@ class Job:
         self.until: int = options.until
         self.share: float = options.share
         self.walks: int = options.walks
+        self.seconds: float = options.seconds
         self.preset = PRESETS[options.preset]
         self.geometry = self.preset.geometry
         self.autoencoder = self.folder / "autoencoder.npz"
@@ -129,6 +131,16 @@ def score_autoencoder(job: Job) -> bool:
     for family in dict.fromkeys(clip.family for clip in found):
         job.say(f"{family:8} {score.Scores.mean([figures[clip.path.name] for clip in found if clip.family == family])}")
     job.say(f"mean     {score.Scores.mean(list(figures.values()))}")
+    return True
+
+
+def score_world(job: Job) -> bool:
+    """Rolls the bundle out on held-out walks through the levels."""
+    from . import rollouts
+
+    bundle = job.folder / "bundle" if (job.folder / "bundle").is_dir() else job.bundle
+    job.say(f"{bundle}: {job.walks} held-out walks of each level, {job.seconds:g} s")
+    rollouts.held_out(bundle, job.renderer, job.folder / "rollouts", job.walks, job.seconds, job.say)
     return True
 
 
@@ -300,6 +312,7 @@ COMMANDS = {
 }
 # Commands that start from a bundle or transfer states; not part of `all`.
 MOVING = {
+    "score-world": (score_world, "roll the bundle out on held-out walks through the levels, with Cairn's library"),
     "begin": (begin, "take the weights of a bundle, to train them further with --preset further"),
     "timed": (train_timed, "train both networks on one GPU within --minutes: draws, encodes and trains at once"),
     "result": (write_result, "write what `timed` trained, in float16 and in pieces below 16 MB"),

@@ -3,9 +3,11 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from miniature import latents, optimiser, timed, train_world, transformer
-from miniature.shapes import PRESETS, SMOKE, Stage
+from miniature import autoencoder, latents, optimiser, rollouts, timed, train_autoencoder, train_world, transformer
+from miniature.shapes import PRESETS, SMOKE, AutoencoderPlan, Stage
 
+# These tests compile longer than they run.
+jax.config.update("jax_disable_most_optimizations", True)
 KEY = jax.random.key(3)
 
 
@@ -91,3 +93,38 @@ def test_a_killed_training_keeps_its_times(tmp_path):
     assert again.began == first.began and again.end == first.began + 50
     (tmp_path / "end").write_text("")
     assert again.end == first.began + 100
+
+
+def test_rollouts_are_scored_against_the_truth_and_the_first_picture():
+    rng = np.random.default_rng(2)
+    true = rng.integers(0, 200, (31, 12, 16, 3)).astype(np.uint8)
+    near = lambda picture: (picture.astype(int) + 4).astype(np.uint8)
+    found = rollouts.score(true, near, lambda q: near(true[q]))
+    assert set(found.psnr) == {1.0, 2.0} and len(found.shown) == 3
+    world, repeated, reconstruction = found.psnr[2.0]
+    assert abs(world - 20 * np.log10(255 / 4)) < 0.01 and repeated < 15 and reconstruction < 15
+    assert abs(found.detail[1.0] - 1) < 1e-6 and 1.02 < found.brightness[2.0] < 1.06
+    flat = rollouts.score(true, near, lambda q: np.full_like(true[q], true[q].mean()))
+    assert flat.detail[2.0] == 0 and abs(flat.brightness[1.0] - 1) < 0.02
+    assert rollouts.lines("forest", [found, flat])[1].startswith("forest      2 s  PSNR ")
+
+
+def test_a_fixed_encoder_learns_nothing_and_the_decoder_does():
+    g = SMOKE.with_(latent_height=4)
+    plan = AutoencoderPlan(clips=1, steps=4, batch=1, latents=2, crop=(64, 64), rate=1e-3, fixed_encoder=True)
+    state = train_autoencoder.start(autoencoder.initial(g, 1), plan)
+    before = {name: np.asarray(value) for name, value in state.parameters.items()}
+    pictures = np.random.default_rng(1).integers(0, 255, (1, 2, 4, 64, 64, 3)).astype(np.uint8)
+    settings = optimiser.Settings(rate=plan.rate, steps=4, warm_up=1)
+    state, _ = train_autoencoder.step(settings, plan, None, state, pictures, KEY, jnp.int32(2))
+    changed = {name for name, value in state.parameters.items() if (np.asarray(value) != before[name]).any()}
+    assert changed and all(name.startswith("decoder.") for name in changed)
+
+
+def test_mixed_copies_have_a_loss_of_their_own():
+    p, x, _, controls = window(16)
+    losses = []
+    for mixed in (0, 1):
+        stage = Stage(steps=0, frames=16, batch=1, noisy=2, few_step=True, mixed=mixed)
+        losses.append(float(train_world.loss(p, SMOKE, stage, jnp.int32(128), x[0], x[1], controls, KEY)[0]))
+    assert np.isfinite(losses).all() and losses[0] != losses[1]
