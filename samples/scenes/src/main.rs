@@ -63,6 +63,9 @@ struct ClipArguments {
     /// What moves: all, none, or some of figures, birds, bodies, wind, doors, lights, particles, flashes, water with commas between.
     #[arg(long, default_value_t = Cast::none())]
     cast: Cast,
+    /// Close the place by hills about 50 m from the origin, at which a walk stops. Landscapes only.
+    #[arg(long)]
+    level: bool,
     /// The control script; without one, the scene's own.
     #[arg(long)]
     script: Option<PathBuf>,
@@ -305,7 +308,15 @@ fn clip(a: &ClipArguments) -> Outcome<()> {
     if let Some(path) = &a.controls {
         fs::write(path, controls(&script, a.seconds)?).map_err(|e| format!("{}: {e}", path.display()))?;
     }
-    let scene = Scene::with_cast(a.scene, a.seed, a.cast);
+    if a.level && !LANDSCAPES.contains(&a.scene) {
+        return Err(format!(
+            "--level closes landscapes, and {} has walls. Use it with forest, sword, desert or snow",
+            a.scene
+        )
+        .into());
+    }
+    let make = if a.level { Scene::level } else { Scene::with_cast };
+    let scene = make(a.scene, a.seed, a.cast);
     let options = ClipOptions {
         width: a.size.0,
         height: a.size.1,
@@ -317,6 +328,8 @@ fn clip(a: &ClipArguments) -> Outcome<()> {
     let rate_out_of_range = || format!("--rate must be from 1 to {MAX_RATE}");
     let effects = a.effects.effects(a.rate.max(1))?;
     let mut engine = a.engine.engine()?;
+    // Raw pictures without effects need no depth and no motion.
+    let picture_only = a.raw.is_some() && effects == Effects::default();
     let mut walk = Clip::with_effects(&scene, &script, options, effects).ok_or_else(rate_out_of_range)?;
     let mut list = String::from("frame,seconds,shot,jitter_x,jitter_y,engine_reset\n");
     let mut raw: Option<Box<dyn Write>> = match &a.raw {
@@ -332,10 +345,14 @@ fn clip(a: &ClipArguments) -> Outcome<()> {
     let count = (a.seconds * f64::from(a.rate)).round() as u64 + 1;
     let start = Instant::now();
     for n in 0..count {
+        if let Some(raw) = raw.as_mut().filter(|_| picture_only) {
+            let (now, _) = walk.advance()?;
+            write_rgb(raw, &scenes::render_picture(&scene, &now, a.size.0, a.size.1, options.quality))?;
+            continue;
+        }
         let ClipFrame { frame, now, before, hud, .. } = walk.next_frame()?;
         if let Some(raw) = &mut raw {
-            let rgb: Vec<u8> = frame.picture.pixels().iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
-            raw.write_all(&rgb)?;
+            write_rgb(raw, &frame.picture)?;
         } else if let Some(out) = &a.out {
             write_frame(out, n, &frame)?;
             if let Some(mask) = hud {
@@ -390,6 +407,12 @@ fn controls(script: &ControlScript, seconds: f64) -> Outcome<String> {
         lines.push('\n');
     }
     Ok(lines)
+}
+
+/// Writes a picture's 8-bit RGB, row by row.
+fn write_rgb(out: &mut dyn Write, picture: &Picture) -> Outcome<()> {
+    let rgb: Vec<u8> = picture.pixels().iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+    Ok(out.write_all(&rgb)?)
 }
 
 fn write_frame(out: &Path, n: u64, frame: &Frame) -> Outcome<()> {

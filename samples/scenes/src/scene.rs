@@ -203,7 +203,17 @@ impl Scene {
 
     /// Generates the scene of `family` for `seed` with the moving things of `cast`. The place itself is the same for every cast.
     pub fn with_cast(family: Family, seed: u64, cast: Cast) -> Self {
-        let terrain = Terrain::new(family, seed);
+        Self::on(Terrain::new(family, seed), family, seed, cast)
+    }
+
+    /// As [`with_cast`](Self::with_cast), and closed: hills of the ground's own material rise about 50 m east, west, north and south of the origin, and
+    /// a walker stops at them. Within 40 m of the origin the ground and what stands on it are those of the scene that is not closed.
+    /// Walls close the kinds of place indoors and in the town; nothing changes there.
+    pub fn level(family: Family, seed: u64, cast: Cast) -> Self {
+        Self::on(Terrain::level(family, seed), family, seed, cast)
+    }
+
+    fn on(terrain: Terrain, family: Family, seed: u64, cast: Cast) -> Self {
         let mut rng = Rng::new(seed ^ (family as u64) << 40);
         let weather = family.weather(rng.range(-0.35, 0.35));
         let mut builder = SceneBuilder {

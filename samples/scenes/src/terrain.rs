@@ -15,6 +15,14 @@ pub(crate) const FINE: f32 = 96.0;
 pub(crate) const WHOLE: f32 = 640.0;
 const FINE_CELL: f32 = 1.5;
 const COARSE_CELL: f32 = 16.0;
+/// How far a walker gets from the origin in a level, in metres along an axis; see [`level_distance`].
+pub(crate) const LEVEL: f32 = 50.0;
+/// Distances at which the hills around a level begin and end to rise, in metres.
+const RIM: (f32, f32) = (47.0, 60.0);
+/// Half the side of the square in a level that the hills around it never reach, in metres.
+const CORE: f32 = 40.0;
+/// Height of the hills around a level, in metres.
+const RIM_HEIGHT: f32 = 11.0;
 
 /// The ground of one scene.
 #[derive(Debug, Clone)]
@@ -23,9 +31,22 @@ pub struct Terrain {
     seed: u32,
     bends: [Vec3; 3],
     mesas: Vec<(Vec2, f32, f32)>,
+    /// Whether hills close it around the origin.
+    closed: bool,
+}
+
+/// Distance from the origin by a norm whose circles are squares with round corners, in metres.
+fn level_distance(at: Vec2) -> f32 {
+    let powers = at.abs().powf(6.0);
+    (powers.x + powers.y).powf(1.0 / 6.0)
 }
 
 impl Terrain {
+    /// The ground of `family` for a seed, closed by hills about 50 m from the origin.
+    pub(crate) fn level(family: Family, seed: u64) -> Self {
+        Self { closed: true, ..Self::new(family, seed) }
+    }
+
     /// The ground of `family` for a seed.
     pub fn new(family: Family, seed: u64) -> Self {
         let mut rng = Rng::new(seed ^ 0x7e44a1);
@@ -45,7 +66,29 @@ impl Terrain {
                 .collect(),
             _ => Vec::new(),
         };
-        Self { family, seed: rng.bits(), bends, mesas }
+        Self { family, seed: rng.bits(), bends, mesas, closed: false }
+    }
+
+    /// Whether hills close it around the origin.
+    pub fn is_closed(&self) -> bool {
+        self.closed
+    }
+
+    /// The point of the level towards `at`, if that is outside: `at` itself in a scene that is not closed.
+    pub(crate) fn inside(&self, at: Vec2) -> Vec2 {
+        if !self.closed || at.abs().max_element() < CORE {
+            return at;
+        }
+        at * (LEVEL / level_distance(at)).min(1.0)
+    }
+
+    /// How far the hills around a level have risen at (east, north): 0 inside, 1 on their top.
+    fn rim(&self, at: Vec2) -> f32 {
+        if !self.closed || at.abs().max_element() < CORE {
+            return 0.0;
+        }
+        let ragged = 4.0 * fractal2(at, 1.0 / 15.0, 3, 0.0, self.seed ^ 51);
+        smooth(RIM.0, RIM.1, level_distance(at) + ragged)
     }
 
     /// East coordinate of the path's centre line at `north`.
@@ -98,7 +141,11 @@ impl Terrain {
             _ => 120.0,
         };
         let mountains = far * ridge * (0.55 + fractal2(at, 1.0 / 160.0, 4, 0.0, self.seed ^ 31)).max(0.0);
-        hills + detail + bank + mountains + self.mesa(at)
+        let open = hills + detail + bank + mountains + self.mesa(at);
+        match self.rim(at) {
+            0.0 => open,
+            rim => open + rim * RIM_HEIGHT * (1.0 + 0.5 * fractal2(at, 1.0 / 21.0, 3, 0.0, self.seed ^ 52)),
+        }
     }
 
     /// Height of the fine mesh at (east, north): of the triangle over it, where things stand.
@@ -186,7 +233,9 @@ impl Terrain {
     /// Material properties of the ground at `p`, and the slope (metres per metre) of its small bumps.
     pub fn surface_at(&self, p: Vec3, normal: Vec3, footprint: f32) -> (MaterialSample, Vec2) {
         let at = Vec2::new(p.x, p.z);
+        // The path ends at the foot of the hills around a level.
         let off = self.path_offset(at);
+        let off = off + (60.0 * self.rim(at)).copysign(off);
         let wide = self.path_half_width();
         let noise = |frequency: f32, octaves: u32, k: u32| fractal2(at, frequency, octaves, footprint, self.seed ^ k);
         let edge = noise(0.9, 3, 1) * 0.8;

@@ -50,8 +50,9 @@ impl FromStr for Start {
     }
 }
 
-/// Moves `at` to the edge of each obstacle that contains it.
-fn out_of_obstacles(scene: &Scene, mut at: Vec2) -> Vec2 {
+/// Moves `at` into a closed level, and to the edge of each obstacle that contains it.
+fn out_of_obstacles(scene: &Scene, at: Vec2) -> Vec2 {
+    let mut at = scene.terrain.inside(at);
     for &(centre, radius) in &scene.obstacles {
         let away = at - centre;
         let room = radius + 0.25;

@@ -66,7 +66,7 @@ impl Walk {
     fn new(family: Family, settings: &BenchSettings) -> Outcome<Self> {
         let (width, height) = settings.size;
         let scene = Scene::new(family, SEED);
-        let script = ControlScript::parse(script(family))?;
+        let script = ControlScript::parse(family.script())?;
         let options = ClipOptions { width, height, rate: RATE * STEPS as u32, ..ClipOptions::default() };
         let mut walk = Clip::new(&scene, &script, options).ok_or("the rate is in range")?;
         let last = (FIRST + settings.pairs) * STEPS;
@@ -224,13 +224,4 @@ fn psnr(made: &Picture, truth: &Picture) -> f64 {
     let sum: f64 = made.pixels().iter().zip(truth.pixels()).map(steps).sum();
     let mean = sum.max(1.0) / (3 * truth.pixels().len()) as f64;
     10.0 * (255.0 * 255.0 / mean).log10()
-}
-
-fn script(family: Family) -> &'static str {
-    match family {
-        Family::Forest => include_str!("../../../scripts/forest.txt"),
-        Family::Sword => include_str!("../../../scripts/sword.txt"),
-        Family::Desert => include_str!("../../../scripts/desert.txt"),
-        Family::Snow => include_str!("../../../scripts/snow.txt"),
-    }
 }

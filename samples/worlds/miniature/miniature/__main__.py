@@ -16,8 +16,10 @@ runs them one after the other. A command that has done its work ends with status
 """
 UNFINISHED = 3
 # The world inside the library.
-PRESET_NAMES = ("cpu", "gpu", "further", "longer", "balanced", "levels", "smoke")
+PRESET_NAMES = ("cpu", "gpu", "further", "longer", "balanced", "levels", "levels-smoke", "levels-further", "levels-further-smoke", "smoke")
 SHIPPED = Path(__file__).resolve().parents[2] / "miniature.cairn"
+# Bytes of a piece of `result`.
+RESULT_PIECE = 15_500_000
 # Number of walks that are rendered in parallel.
 DRAWN_AT_ONCE = 3
 
@@ -38,7 +40,8 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--share", type=share, default=1.0, metavar="S", help="`checkpoint`: S of the trained weights, the rest of --bundle's (1)")
     top.add_argument("--minutes", type=float, default=float("inf"), help="stop training after so many minutes, to go on later")
     top.add_argument("--until", type=int, default=sys.maxsize, metavar="N", help="`autoencoder`, `world`: end at step N of the plan; `clips`: end with clip N (the last)")
-    top.add_argument("--walks", type=int, default=8, choices=range(1, 9), metavar="N", help="`score-autoencoder`: held-out walks of each level (8)")
+    top.add_argument("--walks", type=int, default=8, choices=range(1, 9), metavar="N", help="scores: held-out walks of each level (8)")
+    top.add_argument("--seconds", type=float, default=15.0, help="`score-world`: length of a walk, at most 60 (%(default)s)")
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (_, what) in COMMANDS.items():
         commands.add_parser(name, help=what)
@@ -68,6 +71,7 @@ class Job:
         self.until: int = options.until
         self.share: float = options.share
         self.walks: int = options.walks
+        self.seconds: float = options.seconds
         self.preset = PRESETS[options.preset]
         self.geometry = self.preset.geometry
         self.autoencoder = self.folder / "autoencoder.npz"
@@ -127,6 +131,16 @@ def score_autoencoder(job: Job) -> bool:
     for family in dict.fromkeys(clip.family for clip in found):
         job.say(f"{family:8} {score.Scores.mean([figures[clip.path.name] for clip in found if clip.family == family])}")
     job.say(f"mean     {score.Scores.mean(list(figures.values()))}")
+    return True
+
+
+def score_world(job: Job) -> bool:
+    """Rolls the bundle out on held-out walks through the levels."""
+    from . import rollouts
+
+    bundle = job.folder / "bundle" if (job.folder / "bundle").is_dir() else job.bundle
+    job.say(f"{bundle}: {job.walks} held-out walks of each level, {job.seconds:g} s")
+    rollouts.held_out(bundle, job.renderer, job.folder / "rollouts", job.walks, job.seconds, job.say)
     return True
 
 
@@ -216,6 +230,55 @@ def begin(job: Job) -> bool:
     return True
 
 
+def train_timed(job: Job) -> bool:
+    """Trains both networks on one GPU within --minutes, or until the time in the folder's file `end`."""
+    import jax
+
+    from . import timed
+
+    if job.preset.timed is None:
+        raise SystemExit("error: this preset has no plan by time. Use --preset levels")
+    if not 0 < job.minutes < float("inf"):
+        raise SystemExit("error: `timed` needs --minutes")
+    job.say(f"devices: {jax.devices()}, JAX {jax.__version__}, {os.cpu_count()} cores")
+    timed.train(job.folder, job.renderer, job.bundle, job.preset, 60 * job.minutes, job.say)
+    return True
+
+
+def write_result(job: Job) -> bool:
+    """Writes the mean parameters of both networks in float16, in pieces."""
+    import numpy as np
+
+    from . import pieces, store
+
+    arrays = {}
+    for part, state in (("autoencoder", job.autoencoder), ("world", job.world)):
+        if state.is_file():
+            arrays |= {f"{part}/{name}": value.astype(np.float16) for name, value in store.mean_parameters(state).items()}
+    path = job.folder / "result.npz"
+    np.savez(path, **arrays)
+    print(f"{len(pieces.split(path, job.folder / 'result', RESULT_PIECE))} pieces in {job.folder / 'result'}")
+    return True
+
+
+def take_result(job: Job) -> bool:
+    """Writes states with the parameters that `result` wrote."""
+    import numpy as np
+
+    from . import optimiser, pieces, store, train_world
+
+    path = job.folder / "result.npz"
+    pieces.join(job.folder / "result", path)
+    with np.load(path) as file:
+        for part, state, by_muon in (("autoencoder", job.autoencoder, lambda _: False), ("world", job.world, train_world.by_muon)):
+            names = [key for key in file.files if key.startswith(f"{part}/")]
+            found = {key.partition("/")[2]: file[key].astype(np.float32) for key in names}
+            if found:
+                store.save(state, optimiser.start(found, by_muon), {"seconds": 0.0, "flops": 0.0})
+                print(f"{state}: {len(found)} tensors")
+    return True
+
+
 def cut(job: Job) -> bool:
     """Splits both states into the folder `pieces`."""
     from . import pieces
@@ -249,7 +312,11 @@ COMMANDS = {
 }
 # Commands that start from a bundle or transfer states; not part of `all`.
 MOVING = {
+    "score-world": (score_world, "roll the bundle out on held-out walks through the levels, with Cairn's library"),
     "begin": (begin, "take the weights of a bundle, to train them further with --preset further"),
+    "timed": (train_timed, "train both networks on one GPU within --minutes: draws, encodes and trains at once"),
+    "result": (write_result, "write what `timed` trained, in float16 and in pieces below 16 MB"),
+    "take": (take_result, "make states of what `result` wrote"),
     "pieces": (cut, "cut the training states into pieces below 15 MiB"),
     "join": (put_together, "put the training states together of such pieces"),
 }

@@ -25,6 +25,8 @@ from .scripts import random_script
 FAMILIES = ("forest", "sword", "desert", "snow")
 LATENTS_PER_SECOND = 15
 PICTURES_PER_LATENT = 4
+# Pictures per second.
+RATE = LATENTS_PER_SECOND * PICTURES_PER_LATENT
 BUTTONS = 256
 
 
@@ -79,14 +81,14 @@ def render(renderer: Path, folder: Path, number: int, seconds: float, size: tupl
     return clip
 
 
-def draw(renderer: Path, clip: Clip, family: str, seed: int, script: Path, seconds: float, start: str | None = None) -> None:
-    """Runs the renderer for the clip's files. A file under the clip's name is complete."""
+def draw(renderer: Path, clip: Clip, family: str, seed: int, script: Path, seconds: float, start: str | None = None, level: bool = False, rate: int = RATE) -> None:
+    """Runs the renderer for the clip's files, `rate` pictures a second; hills close a `level`. A file under the clip's name is complete."""
     partial = clip.path.with_suffix(".partial")
-    rate = LATENTS_PER_SECOND * PICTURES_PER_LATENT
     command = [renderer, "clip", "--scene", family, "--seed", str(seed), "--script", script, "--seconds", str(seconds)]
     command += ["--rate", str(rate), "--size", f"{clip.width}x{clip.height}", "--raw", partial]
     command += ["--controls", clip.path.with_suffix(".controls")]
     command += ["--start", start] if start else []
+    command += ["--level"] if level else []
     subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
     os.replace(partial, clip.path.with_suffix(".rgb"))
 

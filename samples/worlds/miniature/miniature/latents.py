@@ -1,7 +1,7 @@
 """Training data of the transformer: clips as latents, with the controls that caused them.
 
-A file holds one walk, as it is and mirrored: `moving` `[2, N, h, w, C]`, the latents of steps 1 to N; `still`
-`[2, N // STILL_EVERY + 1, h, w, C]`, the latents of stills, as a rollout's seed is one, at the ends of steps 0, STILL_EVERY and so on;
+A file holds one walk, as it is and mirrored (walks through a level only as they are: a mirrored level is another place): `moving`
+`[2, N, h, w, C]`, the latents of steps 1 to N; `still` `[2, N // STILL_EVERY + 1, h, w, C]`, the latents of stills, as a rollout's seed is one, at the ends of steps 0, STILL_EVERY and so on;
 and `controls` `[2, N, 3 + 256]`. float16.
 """
 
@@ -24,6 +24,7 @@ LEFT, RIGHT = 65, 68
 STILL_EVERY = 4
 # Clips of four pictures that are encoded at once.
 AT_ONCE = 16
+Arrays = dict[str, np.ndarray]
 
 
 def mirrored(controls: np.ndarray) -> np.ndarray:
@@ -35,38 +36,54 @@ def mirrored(controls: np.ndarray) -> np.ndarray:
     return out
 
 
+@jax.jit
+def _encode(parameters: dict, rgb: jax.Array) -> jax.Array:
+    return autoencoder.encode(parameters, rgb.astype(jnp.float32) / 255).astype(jnp.float16)
+
+
 class Encoder:
     """Encodes clips with one set of parameters."""
 
-    def __init__(self, parameters: dict):
-        self._run: Callable = jax.jit(lambda rgb: autoencoder.encode(parameters, rgb.astype(jnp.float32) / 255).astype(jnp.float16))
+    def __init__(self, parameters: dict, at_once: int = AT_ONCE):
+        self._parameters = {name: jnp.asarray(value) for name, value in parameters.items()}
+        self._at_once = at_once
 
     def __call__(self, quads: np.ndarray) -> np.ndarray:
         """`[n, 4, H, W, 3]` uint8 -> `[n, h, w, C]` float16."""
-        n = len(quads)
-        padded = np.concatenate([quads, np.repeat(quads[-1:], -n % AT_ONCE, 0)])
-        parts = [np.asarray(self._run(padded[i : i + AT_ONCE])) for i in range(0, len(padded), AT_ONCE)]
+        n, step = len(quads), self._at_once
+        parts = []
+        for i in range(0, n, step):
+            part = quads[i : i + step]
+            if len(part) < step:
+                part = np.concatenate([part, np.repeat(part[-1:], step - len(part), 0)])
+            parts.append(np.asarray(_encode(self._parameters, part)))
         return np.concatenate(parts)[:n]
 
 
-def encode_clip(encoder: Encoder, clip: Clip, path: Path) -> None:
-    """Writes the latents of a clip, whole or not at all."""
+def encode(encoder: Encoder, clip: Clip, mirror: bool = True) -> Arrays:
+    """The latents of a clip, as a file holds them."""
     pictures = clip.pictures()
     steps = (len(pictures) - 1) // PICTURES_PER_LATENT
     controls = clip.controls()
     if len(controls) != steps:
         raise ValueError(f"{clip.path} has {steps} steps of pictures and {len(controls)} of controls")
     moving, still = [], []
-    for turn in (1, -1):
+    for turn in (1, -1) if mirror else (1,):
         turned = pictures[:, :, ::turn]
         quads = turned[1:].reshape(steps, PICTURES_PER_LATENT, *pictures.shape[1:])
         moving.append(encoder(quads))
         still.append(encoder(np.repeat(turned[:: PICTURES_PER_LATENT * STILL_EVERY, None], PICTURES_PER_LATENT, 1)))
+    sides = [controls, mirrored(controls)] if mirror else [controls]
+    return {"moving": np.stack(moving), "still": np.stack(still), "controls": np.stack(sides).astype(np.float16)}
+
+
+def encode_clip(encoder: Encoder, clip: Clip, path: Path, mirror: bool = True) -> None:
+    """Writes the latents of a clip, whole or not at all."""
+    arrays = encode(encoder, clip, mirror)
     partial = path.with_name(path.name + ".partial")
     path.parent.mkdir(parents=True, exist_ok=True)
-    both = np.stack([controls, mirrored(controls)]).astype(np.float16)
     with partial.open("wb") as file:
-        np.savez(file, moving=np.stack(moving), still=np.stack(still), controls=both)
+        np.savez(file, **arrays)
     os.replace(partial, path)
 
 
@@ -105,7 +122,7 @@ class Walks:
         share = share * [times if self.names[walk].partition("-")[0] == more_of else 1.0 for walk in long_enough]
         chosen = rng.choice(len(long_enough), p=share / share.sum())
         walk = self.walks[long_enough[chosen]]
-        side, start = rng.integers(2), int(rng.integers(starts[chosen]))
+        side, start = rng.integers(len(walk["moving"])), int(rng.integers(starts[chosen]))
         at = start * STILL_EVERY
         latents = np.concatenate([walk["still"][side, start : start + 1], walk["moving"][side, at : at + frames - 1]])
         controls = walk["controls"][side, at : at + frames - 1]

@@ -1,6 +1,6 @@
 """Four fixed levels, one of each family, and walks through them.
 
-A level is the ground within `REACH` of a scene's origin. Walks are held out, not scenes: the walks for evaluation have
+A level is the ground within `REACH` of a scene's origin, closed by hills. Walks are held out, not scenes: the walks for evaluation have
 seeds of their own, and training refuses each of them by its SHA-256 (`held-out-walks.txt` beside this package).
 """
 
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .clips import FAMILIES, Clip, draw
+from .clips import FAMILIES, RATE, Clip, draw
 from .scripts import random_script
 
 # Scene seed of each level.
@@ -112,14 +112,14 @@ def require_trainable(clips: list[Clip]) -> list[Clip]:
     return clips
 
 
-def render(renderer: Path, path: Path, walk: Walk, seconds: float, size: tuple[int, int]) -> Clip:
-    """Renders the first `seconds` of a walk to `path`, unless the file exists."""
+def render(renderer: Path, path: Path, walk: Walk, seconds: float, size: tuple[int, int], rate: int = RATE) -> Clip:
+    """Renders the first `seconds` of a walk to `path`, `rate` pictures a second, unless the file exists."""
     clip = Clip(path, *size)
     if not clip.path.with_suffix(".rgb").is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         script = path.with_suffix(".txt")
         script.write_text(walk.script, encoding="utf-8")
-        draw(renderer, clip, walk.family, walk.seed, script, seconds, walk.start)
+        draw(renderer, clip, walk.family, walk.seed, script, seconds, walk.start, level=True, rate=rate)
     return clip
 
 

@@ -72,15 +72,31 @@ def orthogonal(x: Array) -> Array:
     return wide if x.shape[0] <= x.shape[1] else wide.T
 
 
-def update(s: Settings, state: State, gradient: Parameters) -> tuple[State, Array]:
-    """The next state, and the norm of the gradient. A gradient that is not finite counts as zero."""
+def orthogonal_by_shape(matrices: Parameters) -> Parameters:
+    """`orthogonal` of every matrix; those of one shape are computed together, which spares a GPU hundreds of small kernels."""
+    shapes: dict[tuple[int, ...], list[str]] = {}
+    for name, x in matrices.items():
+        shapes.setdefault(x.shape, []).append(name)
+    out = {}
+    for names in shapes.values():
+        out |= zip(names, jax.vmap(orthogonal)(jnp.stack([matrices[name] for name in names])))
+    return out
+
+
+def update(s: Settings, state: State, gradient: Parameters, at: Array | None = None) -> tuple[State, Array]:
+    """The next state, and the norm of the gradient. A gradient that is not finite counts as zero. The learning rate is that of step `at`,
+    the state's own unless given: a training that is planned by time has no number of steps.
+    """
     norm = jnp.sqrt(sum(jnp.sum(jnp.square(g)) for g in gradient.values()))
     good = jnp.isfinite(norm)
     scale = jnp.where(good, jnp.minimum(1.0, s.clip / (norm + 1e-9)), 0.0)
     gradient = jax.tree.map(lambda g: jnp.where(good, g, 0.0) * scale, gradient)
     n = state.step + 1
-    now = rate_factor(s, state.step)
+    now = rate_factor(s, state.step if at is None else at)
     parameters, first, second = {}, {}, {}
+    by_muon = [name for name, p in state.parameters.items() if state.second[name].shape != p.shape]
+    momenta = {name: s.muon_momentum * state.first[name] + gradient[name] for name in by_muon}
+    directions = orthogonal_by_shape({name: gradient[name] + s.muon_momentum * m for name, m in momenta.items()})
     for name, p in state.parameters.items():
         g, m, v = gradient[name], state.first[name], state.second[name]
         if v.shape == p.shape:
@@ -88,8 +104,8 @@ def update(s: Settings, state: State, gradient: Parameters) -> tuple[State, Arra
             m, v = b1 * m + (1 - b1) * g, b2 * v + (1 - b2) * g * g
             direction, speed = (m / (1 - b1**n)) / (jnp.sqrt(v / (1 - b2**n)) + 1e-8), s.rate
         else:
-            m = s.muon_momentum * m + g
-            direction, speed = 0.2 * max(p.shape) ** 0.5 * orthogonal(g + s.muon_momentum * m), s.muon_rate
+            m = momenta[name]
+            direction, speed = 0.2 * max(p.shape) ** 0.5 * directions[name], s.muon_rate
         parameters[name] = p - now * speed * (direction + (s.decay * p if p.ndim > 1 else 0.0))
         first[name], second[name] = m, v
     # At first the mean follows fast, so that it forgets the initial parameters.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from cairn.build.geometry import Geometry
@@ -53,6 +53,8 @@ class AutoencoderPlan:
     adversary_from: int = 0  # step at which the discriminator starts to learn
     adversary_alone: int = 0  # steps after that until the decoder learns from it
     equivariance: float = 0.0  # weight of the difference between latents of shifted pictures and shifted latents
+    half: bool = False  # whether the networks compute in bfloat16, for a GPU
+    fixed_encoder: bool = False  # whether the decoder alone learns, so that latents stay what they are
 
 
 @dataclass(frozen=True)
@@ -66,9 +68,11 @@ class Stage:
     windows: tuple[int, ...] = (128,)  # global windows g to train for
     together: int = 1  # windows computed side by side: on a CPU one, whose activations stay in its caches
     few_step: bool = False  # noisy frames come from sampler steps of the schedules, not from mixing truth and noise
+    mixed: int = 0  # noisy copies of a few-step stage that are mixtures of truth and noise all the same, which keeps details
     means: float = 0.0  # weight of the error of channel means, in frames that start from pure noise
     more_of: str = ""  # family whose windows are sampled more often
     times: float = 1.0  # how many times as often as those of another family
+    wide: bool = False  # all blocks at once and in bfloat16, for a GPU, which has the memory and no caches to spare
 
 
 @dataclass(frozen=True)
@@ -123,6 +127,33 @@ class WorldPlan:
 
 
 @dataclass(frozen=True)
+class TimedPlan:
+    """How `timed` trains on one GPU: both networks, planned by time."""
+
+    renderers: int  # walks drawn at once
+    short: Walks  # drawn first
+    cycle: tuple[float, ...]  # lengths of the walks after these in seconds, in turn
+    first_clips: int  # walks that are there before a training begins
+    autoencoder: AutoencoderPlan
+    autoencoder_share: float  # of the whole time, at whose end the transformer's training begins
+    stages: tuple[tuple[float, Stage], ...]  # and their shares of the transformer's time
+    rate: float = 1.2e-3
+    muon_rate: float = 2.5e-3
+    decay: float = 0.05
+    draw_until: float = 45.0  # seconds before the end at which drawing ends
+    cool_down: float = 0.4  # share of a training over which its rate falls to zero
+    spare: float = 3.0  # seconds that the last write takes
+    compilers: int = 3  # programs compiled at once
+    side_by_side: bool = False  # whether both networks train at once, on latents of the autoencoder that they begin with
+
+    def seconds_of(self, walk: int) -> float:
+        """Length of walk number `walk` in seconds."""
+        if walk < self.short.count:
+            return self.short.seconds
+        return self.cycle[(walk - self.short.count) % len(self.cycle)]
+
+
+@dataclass(frozen=True)
 class Preset:
     """Sizes and plans of one training."""
 
@@ -133,6 +164,8 @@ class Preset:
     first: int = 0
     # Whether the clips show the four fixed levels instead of a new scene each.
     levels: bool = False
+    # Plan of `timed`.
+    timed: TimedPlan | None = None
 
     @property
     def clips(self) -> range:
@@ -170,6 +203,56 @@ def further_still(steps: int, **taken: Any) -> Preset:
     none = AutoencoderPlan(clips=0, steps=0, batch=4, latents=3, crop=(128, 128), rate=1.5e-3)
     plan = WorldPlan(walks=(Walks(32, 18.0),), rate=0.3e-3, muon_rate=0.6e-3, decay=0.05, stages=(stage,))
     return Preset(WORLD, none, plan, first=300)
+
+
+# The autoencoder of the levels, sharp by LPIPS and a discriminator.
+SHARP = AutoencoderPlan(
+    clips=480,
+    steps=40_000,
+    batch=2,
+    latents=3,
+    crop=(128, 128),
+    rate=0.8e-3,
+    seconds=1.0,
+    perceptual=1.0,
+    adversary=0.3,
+    adversary_from=2500,
+    adversary_alone=500,
+    equivariance=0.05,
+)
+
+
+def timed(batches: tuple[int, ...], frames: tuple[int, ...], **taken: Any) -> TimedPlan:
+    """The plan of `timed` with these batches of the autoencoder and of each stage, and these lengths of the stages' windows."""
+    few = {"few_step": True, "means": 4.0, "windows": WINDOWS}
+    kinds = ((0.17, 4, {}), (0.23, 3, {}), (0.35, 2, few), (0.25, 2, few))
+    first, *others = batches
+    stages = tuple(
+        (share, Stage(steps=0, frames=length, batch=batch, noisy=noisy, together=batch, wide=True, **more))
+        for (share, noisy, more), batch, length in zip(kinds, others, frames)
+    )
+    return TimedPlan(autoencoder=replace(SHARP, batch=first, crop=(256, 128), half=True), autoencoder_share=0.42, stages=stages, **taken)
+
+
+def further_by_time(batch: int, frames: int, windows: int) -> TimedPlan:
+    """The plan of a second, short training of the levels; the batch of the decoder, and the length and number of windows of the transformer."""
+    decoder = replace(SHARP, batch=batch, crop=(256, 128), half=True, fixed_encoder=True, equivariance=0.0)
+    decoder = replace(decoder, rate=0.5e-3, adversary=0.5, adversary_from=0, adversary_alone=4000)
+    stage = Stage(steps=0, frames=frames, batch=windows, noisy=3, together=windows, wide=True, few_step=True, mixed=2, means=4.0, windows=WINDOWS)
+    return TimedPlan(
+        renderers=15,
+        short=Walks(15, 1.0),
+        cycle=(6.6,),
+        first_clips=24,
+        autoencoder=decoder,
+        autoencoder_share=1.0,
+        stages=((1.0, stage),),
+        rate=0.8e-3,
+        muon_rate=1.6e-3,
+        cool_down=0.7,
+        draw_until=20.0,
+        side_by_side=True,
+    )
 
 
 PRESETS = {
@@ -221,22 +304,33 @@ PRESETS = {
     # Continues from a bundle with a wider autoencoder, for sharp pictures of the four levels.
     "levels": Preset(
         WORLD.with_(encoder_width=48, decoder_widths=(192, 96, 48, 32)),
-        AutoencoderPlan(
-            clips=480,
-            steps=40_000,
-            batch=2,
-            latents=3,
-            crop=(128, 128),
-            rate=0.8e-3,
-            seconds=1.0,
-            perceptual=1.0,
-            adversary=0.3,
-            adversary_from=2500,
-            adversary_alone=500,
-            equivariance=0.05,
-        ),
+        SHARP,
         WorldPlan(walks=(), rate=1.5e-3, decay=0.05, stages=()),
         levels=True,
+        timed=timed((8, 32, 12, 12, 3), (16, 64, 64, 256), renderers=14, short=Walks(120, 2.0), cycle=(8.0, 8.0, 20.0), first_clips=40),
+    ),
+    # Goes on from what `levels` trained: the decoder and the transformer side by side, whose latents stay what they are.
+    "levels-further": Preset(
+        WORLD.with_(encoder_width=48, decoder_widths=(192, 96, 48, 32)),
+        SHARP,
+        WorldPlan(walks=(), rate=1.5e-3, decay=0.05, stages=()),
+        levels=True,
+        timed=further_by_time(8, 96, 8),
+    ),
+    "levels-further-smoke": Preset(
+        WORLD.with_(encoder_width=48, decoder_widths=(192, 96, 48, 32)),
+        SHARP,
+        WorldPlan(walks=(), rate=1.5e-3, decay=0.05, stages=()),
+        levels=True,
+        timed=replace(further_by_time(1, 16, 1), renderers=1, short=Walks(400, 1.6), first_clips=2),
+    ),
+    # The path of `timed` with networks of full size and the smallest batches.
+    "levels-smoke": Preset(
+        WORLD.with_(encoder_width=48, decoder_widths=(192, 96, 48, 32)),
+        SHARP,
+        WorldPlan(walks=(), rate=1.5e-3, decay=0.05, stages=()),
+        levels=True,
+        timed=timed((1, 1, 1, 1, 1), (16, 16, 16, 32), renderers=1, short=Walks(4, 2.2), cycle=(2.2, 2.4), first_clips=1),
     ),
     "smoke": Preset(
         SMOKE,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -93,7 +94,7 @@ def consecutive(pictures: Array, key: Array) -> Array:
     return jax.vmap(lambda sequence, start: lax.dynamic_slice_in_dim(sequence, start, adversary.PICTURES))(flat, at)
 
 
-def equivariance(p: dict[str, Array], rgb: Array, z: Array, key: Array) -> Array:
+def equivariance(encode: Callable[[Array], Array], rgb: Array, z: Array, key: Array) -> Array:
     """Squared difference between the latent of a shifted picture and the shifted latent, for one latent of the batch; shifts are below a cell."""
     n, L, frames, H, W, _ = rgb.shape
     cell = H // z.shape[2]
@@ -103,7 +104,7 @@ def equivariance(p: dict[str, Array], rgb: Array, z: Array, key: Array) -> Array
     quad = lax.dynamic_index_in_dim(rgb.reshape(n * L, frames, H, W, 3), chosen)
     whole = lax.dynamic_index_in_dim(z.reshape(n * L, *z.shape[2:]), chosen)
     cut = lax.dynamic_slice(quad, (0, 0, down, right, 0), (1, frames, H - cell, W - cell, 3))
-    found = autoencoder.encode(p, cut)
+    found = encode(cut)
     y, x = down / cell, right / cell
     rows = (1 - y) * whole[:, :-1] + y * whole[:, 1:]
     expected = (1 - x) * rows[:, :, :-1] + x * rows[:, :, 1:]
@@ -125,13 +126,18 @@ def loss(
     """
     n, L, frames, H, W, _ = pictures.shape
     rgb = pictures.astype(jnp.float32) / 255
-    z = autoencoder.encode(p, rgb.reshape(n * L, frames, H, W, 3))
+    kind = jnp.bfloat16 if plan.half else jnp.float32
+    networks = {name: value.astype(kind) for name, value in p.items() if not name.startswith(adversary.PREFIX)}
+    encode = lambda rgb: autoencoder.encode(networks, rgb.astype(kind)).astype(jnp.float32)
+    z = encode(rgb.reshape(n * L, frames, H, W, 3))
+    if plan.fixed_encoder:
+        z = lax.stop_gradient(z)
     mean, variance = z.mean((0, 1, 2)), z.var((0, 1, 2))
     unit = jnp.mean(mean**2) + jnp.mean(jnp.log(variance + 1e-6) ** 2)
     level_key, noise_key, lpips_key, discriminator_key, shift_key = jax.random.split(key, 5)
     level = jax.random.uniform(level_key, (n * L, 1, 1, 1), maxval=MAX_NOISE)
     noisy = (z + level * jax.random.normal(noise_key, z.shape)).reshape(n, L, *z.shape[1:])
-    made = autoencoder.decode(p, noisy).reshape(rgb.shape)
+    made = autoencoder.decode(networks, noisy.astype(kind)).astype(jnp.float32).reshape(rgb.shape)
 
     def differences(made: Array) -> tuple[Array, Array]:
         if weights is None:
@@ -157,7 +163,7 @@ def loss(
         differing, lpips = differences(made)
     total = differing + NORMALISATION_WEIGHT * unit
     if plan.equivariance:
-        figures["shift"] = equivariance(p, rgb, z.reshape(n, L, *z.shape[1:]), shift_key)
+        figures["shift"] = equivariance(encode, rgb, z.reshape(n, L, *z.shape[1:]), shift_key)
         total += plan.equivariance * figures["shift"]
     psnr = -10 * jnp.log10(jnp.mean((jnp.clip(made[:, 1:], 0, 1) - rgb[:, 1:]) ** 2))
     if weights is not None:
@@ -167,11 +173,11 @@ def loss(
 
 
 @partial(jax.jit, static_argnums=(0, 1), donate_argnums=3)
-def step(settings: optimiser.Settings, plan: AutoencoderPlan, weights: perceptual.Weights | None, state: optimiser.State, pictures: Array, key: Array):
-    """One training step on one batch."""
+def step(settings: optimiser.Settings, plan: AutoencoderPlan, weights: perceptual.Weights | None, state: optimiser.State, pictures: Array, key: Array, at: Array | None = None):
+    """One training step on one batch; rate and discriminator are those of step `at`, the state's own unless given."""
     gradient_of = jax.value_and_grad(loss, has_aux=True)
-    (_, figures), gradient = gradient_of(state.parameters, plan, weights, pictures, key, state.step)
-    state, norm = optimiser.update(settings, state, gradient)
+    (_, figures), gradient = gradient_of(state.parameters, plan, weights, pictures, key, state.step if at is None else at)
+    state, norm = optimiser.update(settings, state, gradient, at)
     return state, {**figures, "gradient": norm}
 
 

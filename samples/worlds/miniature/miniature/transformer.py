@@ -98,12 +98,12 @@ def rms(x: Array) -> Array:
     return (wide / jnp.sqrt(jnp.mean(wide * wide, -1, keepdims=True) + RMS_EPSILON)).astype(x.dtype)
 
 
-def velocity(p: Parameters, g: Geometry, x: Array, sigma: Array, controls: Array, window: int | Array) -> Array:
+def velocity(p: Parameters, g: Geometry, x: Array, sigma: Array, controls: Array, window: int | Array, wide: bool = False) -> Array:
     """Velocities of all frames of all copies of a window.
 
     `x` `[copies, F, h, w, C]`, `sigma` `[copies, F]`, `controls` `[F, 2 + buttons + 1]`; the result is shaped as `x`. F is at most
     the local window, or a multiple of it. `window` is the global window g in latents; as an array it is not a
-    compile-time constant.
+    compile-time constant. `wide` computes all blocks at once and keeps all activations, for a GPU.
     """
     copies, F = sigma.shape
     rows, columns = g.grid
@@ -132,7 +132,7 @@ def velocity(p: Parameters, g: Geometry, x: Array, sigma: Array, controls: Array
     rope = tuple(table.reshape(F // B, B, T, -1) for table in rope_tables(g, F))
     first_value = None
     for i in range(g.layers):
-        h, first_value = _layer(_layer_parameters(p, i), g, i, h, [m[i] for m in modulations], ctrl, first_value, rope, window)
+        h, first_value = _layer(_layer_parameters(p, i), g, i, h, [m[i] for m in modulations], ctrl, first_value, rope, window, wide)
 
     scale, shift = jnp.split((jax.nn.silu(cond) @ p["out_norm.fc.weight"])[..., None, :], 2, -1)
     y = jax.nn.silu(rms(h) * (1 + scale) + shift)
@@ -156,15 +156,16 @@ def _noise_condition(p: Parameters, sigma: Array) -> Array:
     return jax.nn.silu(waves.astype(first.dtype) @ first) @ p["denoise_step_emb.mlp.fc2.weight"]
 
 
-def _layer(p, g: Geometry, i: int, h: Array, modulation: list[Array], ctrl: Array, first_value, rope, window: int | Array):
+def _layer(p, g: Geometry, i: int, h: Array, modulation: list[Array], ctrl: Array, first_value, rope, window: int | Array, wide: bool):
     """One layer of the transformer. Returns its tokens `[F / B, copies, B, T, D]`, and layer 0's values."""
     blocks, _, B, T, _ = h.shape
     d = g.head_width
     s0, b0, g0, s1, b1, g1 = modulation  # [F / B, copies, B, 1, D] each
     # The rotary embedding pairs even with odd columns. With the even columns of every head first, the two are halves of an axis.
     q, k = (_even_first(p[f"attn.{name}_proj.weight"], heads) for name, heads in (("q", g.heads), ("k", g.kv_heads)))
-    inwards = _with_transpose(jnp.concatenate([q, k, p["attn.v_proj.weight"]], 1))
-    matrices = {name: _with_transpose(value) for name, value in p.items() if value.ndim > 1}
+    turned = (lambda w: w) if wide else _with_transpose
+    inwards = turned(jnp.concatenate([q, k, p["attn.v_proj.weight"]], 1))
+    matrices = {name: turned(value) for name, value in p.items() if value.ndim > 1}
 
     def project(h, s, b, first, cos, sin):
         """Queries `[kv, B, group, T, d]`, keys and values `[kv, B, T, d]` of a block of one copy."""
@@ -176,7 +177,7 @@ def _layer(p, g: Geometry, i: int, h: Array, modulation: list[Array], ctrl: Arra
         q = (_rotate(q, cos, sin) * d**-0.5).reshape(B, T, g.kv_heads, g.group, d).transpose(2, 0, 3, 1, 4)
         return q, _rotate(k, cos, sin).transpose(2, 0, 1, 3), v
 
-    q, k, v = _each_block(project, (h, s0, b0, first_value), rope)
+    q, k, v = _each_block(project, (h, s0, b0, first_value), rope, wide)
     first_value = v if first_value is None else first_value
     past = _kept_keys_and_values(g, i, k[:, 0], v[:, 0], window)
     control_bias = ctrl @ p["ctrl_mlpfusion.fc1_c.weight"] if g.sees_controls(i) else None
@@ -191,11 +192,13 @@ def _layer(p, g: Geometry, i: int, h: Array, modulation: list[Array], ctrl: Arra
         y = jax.nn.silu(_matmul(rms(h) * (1 + s1) + b1, matrices["mlp.fc1.weight"]))
         return h + g1 * checkpoint_name(_matmul(y, matrices["mlp.fc2.weight"]), KEPT)
 
-    return _each_block(mix, (h, q, k, v, g0, s1, b1, g1), (*past, control_bias)), first_value
+    return _each_block(mix, (h, q, k, v, g0, s1, b1, g1), (*past, control_bias), wide), first_value
 
 
-def _each_block(f: Callable, own: tuple, shared: tuple):
+def _each_block(f: Callable, own: tuple, shared: tuple, wide: bool):
     """`f(*own, *shared)` of every block `[F / B]` and copy `[copies]`: `own` has both axes, `shared` the first."""
+    if wide:
+        return jax.vmap(lambda own, shared: jax.vmap(lambda own: f(*own, *shared))(own))(own, shared)
     policy = jax.checkpoint_policies.save_only_these_names(KEPT)
 
     def of_copies(block):
@@ -278,9 +281,13 @@ def _with_transpose(w: Array) -> tuple[Array, Array]:
     return w, jax.lax.optimization_barrier(jax.lax.stop_gradient(w).T)
 
 
+def _matmul(x: Array, w: Array | tuple[Array, Array]) -> Array:
+    """`x` times a matrix, which may be one of `_with_transpose`."""
+    return _turned_matmul(x, w) if isinstance(w, tuple) else x @ w
+
+
 @jax.custom_vjp
-def _matmul(x: Array, w: tuple[Array, Array]) -> Array:
-    """`x` times a matrix of `_with_transpose`."""
+def _turned_matmul(x: Array, w: tuple[Array, Array]) -> Array:
     return x @ w[0]
 
 
@@ -295,4 +302,4 @@ def _matmul_backward(kept, change):
     return change @ transposed, (x.reshape(-1, x.shape[-1]).T @ change.reshape(-1, change.shape[-1]), None)
 
 
-_matmul.defvjp(_matmul_forward, _matmul_backward)
+_turned_matmul.defvjp(_matmul_forward, _matmul_backward)
