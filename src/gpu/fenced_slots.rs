@@ -52,7 +52,7 @@ impl<M> FencedSlots<M> {
     }
 
     /// Records that a list reads the slot until `until` is reached.
-    pub(crate) fn read_until(&mut self, slot: usize, until: &FencePoint) {
+    pub(crate) fn mark_in_use_until(&mut self, slot: usize, until: &FencePoint) {
         let readers = &mut self.slots[slot].readers;
         readers.retain(|reader| !reader.reached());
         match readers.iter_mut().find(|reader| reader.fence() == until.fence()) {

@@ -96,9 +96,9 @@ impl Uploads {
     }
 
     /// Records that the list of the last copy has run when `until` is reached.
-    pub fn read_until(&mut self, until: &FencePoint) {
+    pub fn mark_in_use_until(&mut self, until: &FencePoint) {
         if let Some((slot, _)) = self.last {
-            self.slots.read_until(slot, until);
+            self.slots.mark_in_use_until(slot, until);
         }
     }
 
@@ -129,7 +129,7 @@ impl Uploads {
 
 impl PendingUpload<'_> {
     /// Writes the picture, which has the checked size, and records its copy. `is_repeated`: it is the picture of the previous copy, and
-    /// is not written again. Call [`read_until`](Uploads::read_until) afterwards with the fence point at which the list has run.
+    /// is not written again. Call [`mark_in_use_until`](Uploads::mark_in_use_until) afterwards with the fence point at which the list has run.
     pub fn record(self, picture: &Picture, is_repeated: bool) -> Result<()> {
         let Self { uploads, mut slot, list, target, layout, content } = self;
         assert_eq!(picture.size(), content.size, "the size that was checked");

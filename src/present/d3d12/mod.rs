@@ -333,7 +333,7 @@ impl CpuRenderer {
         let Some(info) = info else { return Ok(RenderResult::NotReady) };
         let fence_point = own.map(|frame| frame.submit(uploads.gpu().frames())).transpose()?;
         let until = list.map(|(_, until)| until).or(fence_point.as_ref());
-        until.into_iter().for_each(|until| uploads.read_until(until));
+        until.into_iter().for_each(|until| uploads.mark_in_use_until(until));
         Ok(RenderResult::Frame(info, fence_point))
     }
 }

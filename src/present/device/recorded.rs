@@ -73,7 +73,7 @@ impl RecordedFrames {
         let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: format.rows(self.size) };
         // A buffer is in the state COMMON when a list starts and is promoted implicitly on first use.
         target.record_copy(list, self.slots.memory(slot), rows);
-        self.slots.read_until(slot, until);
+        self.slots.mark_in_use_until(slot, until);
     }
 
     /// Number of slots that lists may still read.

@@ -31,10 +31,10 @@ pub(super) fn clippy(context: &Context<'_>, log: &mut Log) -> Result<Tally, Stri
     let ended = log.run(command.args(["--", "-D", "warnings"]))?;
     let mut tally = Tally::checked(ended.success, "clippy has something to say");
     // The fuzz targets are a workspace of their own. Only their instrumentation needs the nightly compiler.
-    let mut command = context.workspace.cargo(["clippy", "--manifest-path", FUZZ, "--all-targets"]);
+    let mut command = context.workspace.cargo(["clippy", "--locked", "--manifest-path", FUZZ, "--all-targets"]);
     command.env("CARGO_TARGET_DIR", context.workspace.target.join("fuzz")).args(["--", "-D", "warnings"]);
     let ended = log.run(&mut command)?;
-    tally.check((!ended.success).then(|| "a fuzz target does not compile, or clippy has something to say".to_owned()));
+    tally.check((!ended.success).then(|| "a fuzz target does not compile, clippy has something to say, or fuzz/Cargo.lock is not that of its manifest".to_owned()));
     Ok(tally)
 }
 
