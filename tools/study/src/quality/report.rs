@@ -36,7 +36,9 @@ pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&st
                 - **LPIPS**: less is better, 0 is equal; a neural network's guess of what people see.\n\n\
                 *Repeat* and *blend* are what costs nothing. *Minterpolate*, *FlowFPS* and *RIFE* see nothing but pictures, as \
                 Cairn does with `picture_flow`; with true motion and depth it gets the renderer's, which are exact. *AMD FSR* gets motion \
-                and depth from the same three sources as Cairn; AMD recommends it for 30 anchors a second and more, and these are fewer.\n";
+                and depth from the same three sources as Cairn; AMD recommends it for 30 anchors a second and more, and these are \
+                fewer. Where there is a head-up display, AMD's rows get it within the picture and Cairn's a mask of it; a game gives AMD its interface \
+                apart, so that their figures there are lower than a game would see.\n";
     }
     where_behind(&mut out, table);
     for multiplier in table.multipliers() {
