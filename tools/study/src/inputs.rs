@@ -9,6 +9,7 @@ use cairn::world::ControlScript;
 use cairn::{Error, ErrorKind, LibrarySearch, Picture, Result};
 
 use crate::latents::Latents;
+use crate::level;
 use crate::manifest::{Input, Inputs, absolute, digest_file, read_bounded, sha256};
 use crate::metrics::{Lpips, Net};
 use crate::picture;
@@ -73,8 +74,8 @@ pub(crate) fn load(settings: &Settings, progress: &Progress) -> Result<LoadedInp
     let (seed, seed_picture) = match picture {
         Some((picture, input)) => (picture::cover(&picture, render.into())?, input),
         None => {
-            let picture = seed_picture::draw(seed_picture::FAMILY, seed_picture::SEED, render[0], render[1])?;
-            let input = describe(format!("<{} {}>", seed_picture::FAMILY, seed_picture::SEED), picture.rgba());
+            let picture = seed_picture::draw(&level::scene(seed_picture::FAMILY), render[0], render[1])?;
+            let input = describe(format!("<level of {}>", seed_picture::FAMILY), picture.rgba());
             (picture, input)
         }
     };

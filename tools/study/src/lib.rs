@@ -34,6 +34,7 @@ mod inputs;
 mod interpolate;
 mod job;
 mod latents;
+mod level;
 mod losses;
 mod machine;
 mod manifest;

@@ -4,10 +4,8 @@ use cairn::world::ControlScript;
 use cairn::{Error, ErrorKind, Picture, Result};
 use scenes::{Clip, ClipOptions, Family, Scene};
 
-/// The family of the scene that the built-in seed picture shows.
+/// The family of the level whose start the built-in seed picture shows.
 pub(crate) const FAMILY: Family = Family::Desert;
-/// Seed of that scene; the embedded world was not trained on it.
-pub(crate) const SEED: u64 = 41;
 /// The largest side that is rendered.
 pub(crate) const MAX_SIDE: u32 = 8192;
 
@@ -23,16 +21,15 @@ pub(crate) fn check(width: u32, height: u32) -> Result<()> {
         .remedy(format!("Use a width and a height from 1 to {MAX_SIDE}, such as 1280x720")))
 }
 
-/// Renders the start of a walk through scene `number` of `family`: `width` x `height` pixels that show 16:9. The same bytes on every
-/// machine.
+/// Renders the start of a walk through `scene`: `width` x `height` pixels that show 16:9. The same bytes on every machine.
 ///
 /// # Errors
 /// As [`check`].
-pub(crate) fn draw(family: Family, number: u64, width: u32, height: u32) -> Result<Picture> {
+pub(crate) fn draw(scene: &Scene, width: u32, height: u32) -> Result<Picture> {
     check(width, height)?;
-    let (scene, still) = (Scene::new(family, number), ControlScript::parse("cairn-controls 1\n1 end\n")?);
+    let still = ControlScript::parse("cairn-controls 1\n1 end\n")?;
     let options = ClipOptions { width, height, ..ClipOptions::default() };
-    let mut clip = Clip::new(&scene, &still, options)
+    let mut clip = Clip::new(scene, &still, options)
         .ok_or_else(|| Error::new(ErrorKind::InvalidArgument, "the usual rate is none of a walk"))?;
     Ok(clip.frame()?.picture)
 }
@@ -40,22 +37,23 @@ pub(crate) fn draw(family: Family, number: u64, width: u32, height: u32) -> Resu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::level;
 
     #[test]
     fn it_is_the_first_picture_of_any_walk() {
-        let (scene, script) =
-            (Scene::new(FAMILY, SEED), ControlScript::parse("cairn-controls 1\n0..1 hold W\n1 end\n"));
+        let (scene, script) = (level::scene(FAMILY), ControlScript::parse("cairn-controls 1\n0..1 hold W\n1 end\n"));
         let script = script.unwrap();
         let options = ClipOptions { width: 160, height: 90, rate: 15, ..ClipOptions::default() };
         let walked = Clip::new(&scene, &script, options).unwrap().frame().unwrap().picture;
-        assert_eq!(draw(FAMILY, SEED, 160, 90).unwrap().rgba(), walked.rgba());
-        assert_ne!(draw(FAMILY, SEED + 1, 160, 90).unwrap().rgba(), walked.rgba());
+        assert_eq!(draw(&scene, 160, 90).unwrap().rgba(), walked.rgba());
+        assert_ne!(draw(&Scene::new(FAMILY, level::SEED + 1), 160, 90).unwrap().rgba(), walked.rgba());
     }
 
     #[test]
     fn sides_are_checked() {
         for (width, height) in [(0, 90), (160, MAX_SIDE + 1)] {
-            assert_eq!(draw(FAMILY, SEED, width, height).unwrap_err().kind(), ErrorKind::InvalidArgument);
+            let scene = Scene::new(FAMILY, 41);
+            assert_eq!(draw(&scene, width, height).unwrap_err().kind(), ErrorKind::InvalidArgument);
         }
     }
 }

@@ -32,10 +32,30 @@ pub(crate) struct Estimate {
     pub(crate) interval: Option<[f64; 2]>,
 }
 
+impl Estimate {
+    /// In another unit.
+    pub(crate) fn times(self, factor: f64) -> Self {
+        Self { mean: self.mean * factor, interval: self.interval.map(|ends| ends.map(|end| end * factor)) }
+    }
+}
+
 /// Mean over scenes with a percentile bootstrap over scenes, bit-identical on every machine. `None` without values.
 pub(crate) fn estimate(values: &[f64]) -> Option<Estimate> {
+    bootstrap(values, |drawn| drawn.iter().sum::<f64>() / drawn.len() as f64)
+}
+
+/// As [`estimate`], of the median: of an even number of values the mean of the middle two.
+pub(crate) fn estimate_median(values: &[f64]) -> Option<Estimate> {
+    bootstrap(values, |drawn| {
+        drawn.sort_by(f64::total_cmp);
+        let n = drawn.len();
+        (drawn[(n - 1) / 2] + drawn[n / 2]) / 2.0
+    })
+}
+
+/// A statistic with a percentile bootstrap; `None` without values. The statistic may change the order of its values.
+fn bootstrap(values: &[f64], statistic: impl Fn(&mut [f64]) -> f64) -> Option<Estimate> {
     let n = values.len();
-    let mean_of = |sum: f64| sum / n as f64;
     let interval = (n > 1 && values.iter().all(|value| value.is_finite())).then(|| {
         let mut state = 0x9e37_79b9_7f4a_7c15_u64;
         let mut pick = || {
@@ -45,12 +65,18 @@ pub(crate) fn estimate(values: &[f64]) -> Option<Estimate> {
             let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
             values[((z ^ (z >> 31)) % n as u64) as usize]
         };
-        let mut means: Vec<f64> = (0..RESAMPLINGS).map(|_| mean_of((0..n).map(|_| pick()).sum())).collect();
+        let mut drawn = vec![0.0; n];
+        let mut means: Vec<f64> = (0..RESAMPLINGS)
+            .map(|_| {
+                drawn.fill_with(&mut pick);
+                statistic(&mut drawn)
+            })
+            .collect();
         means.sort_by(f64::total_cmp);
         let at = |share: f64| means[((RESAMPLINGS - 1) as f64 * share).round() as usize];
         [at((1.0 - CONFIDENCE) / 2.0), at((1.0 + CONFIDENCE) / 2.0)]
     });
-    (n > 0).then(|| Estimate { mean: mean_of(values.iter().sum()), interval })
+    (n > 0).then(|| Estimate { mean: statistic(&mut values.to_vec()), interval })
 }
 
 #[cfg(test)]
@@ -71,6 +97,14 @@ mod tests {
         let [tight_low, tight_high] = estimate(&many).unwrap().interval.unwrap();
         // Standard error of the mean of 100: 1.118 / 10.
         assert!((tight_high - tight_low - 2.0 * 1.96 * 0.1118).abs() < 0.06, "{tight_low} {tight_high}");
+    }
+
+    #[test]
+    fn a_median_ignores_how_far_the_farthest_is() {
+        assert_eq!(estimate_median(&[3.0, 1.0, 100.0]).unwrap().mean, 3.0);
+        let even = estimate_median(&[3.0, 1.0, 100.0, 4.0]).unwrap();
+        assert_eq!((even.mean, even.times(10.0).mean), (3.5, 35.0));
+        assert_eq!(even.times(2.0).interval, even.interval.map(|ends| ends.map(|end| 2.0 * end)));
     }
 
     #[test]

@@ -79,7 +79,9 @@ fn the_seed_picture_can_be_had() {
     let picture = |path| image::open(path).unwrap().into_rgb8();
     let usual = picture(make("seed.png", &[]));
     assert_eq!(usual.dimensions(), (160, 90));
-    assert_ne!(picture(make("snow.png", &["--scene", "snow", "--place", "42"])), usual);
+    let snow = picture(make("snow.png", &["--scene", "snow"]));
+    assert_ne!(snow, usual);
+    assert_ne!(picture(make("place.png", &["--scene", "snow", "--place", "42"])), snow, "another place than the level");
     let plain = std::fs::read(make("seed.ppm", &[])).unwrap();
     assert_eq!(plain, [&b"P6\n160 90\n255\n"[..], usual.as_raw()].concat(), "the same for those who cannot read PNG");
 }

@@ -218,6 +218,14 @@ def build_bundle(job: Job) -> bool:
     return cli.main(arguments) == 0
 
 
+def write_held_out_walks(job: Job) -> bool:
+    """Writes the scripts of the held-out walks beside the package."""
+    from . import levels
+
+    print(f"{len(levels.write_held_out_walks())} scripts in {levels.SCRIPTS}")
+    return True
+
+
 def begin(job: Job) -> bool:
     """Writes initial states with a bundle's weights."""
     from . import begin
@@ -313,6 +321,7 @@ COMMANDS = {
 # Commands that start from a bundle or transfer states; not part of `all`.
 MOVING = {
     "score-world": (score_world, "roll the bundle out on held-out walks through the levels, with Cairn's library"),
+    "held-out-walks": (write_held_out_walks, "write the scripts of the held-out walks, which `study world-quality` reads"),
     "begin": (begin, "take the weights of a bundle, to train them further with --preset further"),
     "timed": (train_timed, "train both networks on one GPU within --minutes: draws, encodes and trains at once"),
     "result": (write_result, "write what `timed` trained, in float16 and in pieces below 16 MB"),

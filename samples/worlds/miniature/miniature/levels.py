@@ -26,6 +26,8 @@ FIRST_LOOK = 0.3
 # Held-out walks of each level, and their length in seconds.
 HELD_OUT, HELD_OUT_SECONDS = 8, 60.0
 LIST = Path(__file__).resolve().parent.parent / "held-out-walks.txt"
+# Their scripts, for programs that cannot draw numpy's random numbers.
+SCRIPTS = LIST.parent / "held-out-walks"
 _TRAINING, _EVALUATION = 1, 2
 
 
@@ -80,6 +82,17 @@ def training_walk(number: int, seconds: float) -> Walk:
 def held_out_walk(family: str, number: int) -> Walk:
     """Held-out walk `number` of a level."""
     return _walk(family, np.random.default_rng([_EVALUATION, FAMILIES.index(family), number]), HELD_OUT_SECONDS)
+
+
+def write_held_out_walks(folder: Path = SCRIPTS) -> list[Path]:
+    """Writes the script of every held-out walk to `FAMILY-NUMBER.txt` in `folder`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for family in FAMILIES:
+        for number in range(HELD_OUT):
+            written.append(folder / f"{family}-{number}.txt")
+            written[-1].write_bytes(held_out_walk(family, number).script.encode())
+    return written
 
 
 def _walk(family: str, rng: np.random.Generator, seconds: float) -> Walk:

@@ -55,6 +55,12 @@ def test_the_list_names_every_held_out_walk_and_no_training_walk():
     assert 0.98 * plan.clips < len(trained) and not trained & levels.held_out_list()
 
 
+def test_the_scripts_in_the_repository_are_the_held_out_walks(tmp_path):
+    for written in levels.write_held_out_walks(tmp_path):
+        assert (levels.SCRIPTS / written.name).read_bytes() == written.read_bytes(), written.name
+    assert len(list(levels.SCRIPTS.iterdir())) == 32
+
+
 def test_training_walks_start_all_over_their_level():
     walks = [levels.training_walk(number, 1.0) for number in range(400)]
     starts = np.array([[float(n) for n in walk.start.split(",")] for walk in walks if walk.start])

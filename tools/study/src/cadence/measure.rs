@@ -5,6 +5,7 @@ use cairn::framegen::{AnchorPair, FrameGenerator};
 use cairn::guidance::{Guidance, picture_flow};
 use cairn::world::{ControlScript, Rollout};
 use cairn::{Error, Picture, Result};
+use scenes::Scene;
 
 use crate::experiment::{Bench, missing_frame};
 use crate::metrics::Score;
@@ -238,7 +239,7 @@ impl Measurement<'_> {
         let (width, height) = self.bench.world.render_size();
         let script = ControlScript::parse(family.script())?;
         let mut rollout = Rollout::new(self.bench.world, point, seed)?;
-        rollout.append(&seed_picture::draw(family, seed, width, height)?)?;
+        rollout.append(&seed_picture::draw(&Scene::new(family, seed), width, height)?)?;
         let read = |rollout: &mut Rollout, i: u32| {
             let mut picture = Picture::new(width, height)?;
             rollout.read_picture(i, &mut picture)?;

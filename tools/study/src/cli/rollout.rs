@@ -19,7 +19,7 @@ pub(super) struct RolloutArgs {
     /// World bundle, a folder or a .cairn file [default: the one inside the library]
     #[arg(long, value_name = "BUNDLE")]
     world: Option<PathBuf>,
-    /// PNG or JPEG of any size; what does not fit the world's aspect is cut off [default: a place of the scenes, desert 41]
+    /// PNG or JPEG of any size; what does not fit the world's aspect is cut off [default: the start of the level of desert]
     #[arg(long, value_name = "FILE")]
     seed_picture: Option<PathBuf>,
     /// Control script [default: four seconds of walking and looking round]

@@ -5,11 +5,11 @@ use std::process::ExitCode;
 
 use cairn::{Error, ErrorKind, Picture, Result};
 use clap::Args;
-use scenes::Family;
+use scenes::{Family, Scene};
 
 use super::{Subcommand, size};
 use crate::media::{RealDisk, encode_png, write_whole};
-use crate::{seed_picture, sets};
+use crate::{level, seed_picture, sets};
 
 #[derive(Args)]
 pub(super) struct SeedPictureArgs {
@@ -19,9 +19,9 @@ pub(super) struct SeedPictureArgs {
     /// What kind of place: forest, sword, desert or snow
     #[arg(long, value_name = "SCENE", default_value = seed_picture::FAMILY.name())]
     scene: String,
-    /// Which place of that kind; the embedded world has learnt from those from 1000 on
-    #[arg(long, value_name = "N", default_value_t = seed_picture::SEED)]
-    place: u64,
+    /// Another scene of that kind, by its seed [default: the level that the embedded world knows]
+    #[arg(long, value_name = "N")]
+    place: Option<u64>,
     /// Its width and height; 16:9 is shown
     #[arg(long, value_name = "WxH", default_value = "1280x720")]
     size: String,
@@ -36,7 +36,7 @@ impl SeedPictureArgs {
 impl Subcommand for SeedPictureArgs {
     fn check(&self) -> Result<()> {
         self.family()?;
-        sets::require_unsealed(&[self.place], "--place")?;
+        sets::require_unsealed(self.place.as_slice(), "--place")?;
         let [width, height] = size(&self.size)?;
         seed_picture::check(width, height).map_err(|e| e.field("--size"))
     }
@@ -44,7 +44,9 @@ impl Subcommand for SeedPictureArgs {
     fn run(&self) -> Result<ExitCode> {
         self.check()?;
         let [width, height] = size(&self.size)?;
-        let picture = seed_picture::draw(self.family()?, self.place, width, height)?;
+        let family = self.family()?;
+        let scene = self.place.map_or_else(|| level::scene(family), |seed| Scene::new(family, seed));
+        let picture = seed_picture::draw(&scene, width, height)?;
         let ppm = self.out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ppm"));
         write_whole(&RealDisk, &self.out, &if ppm { as_ppm(&picture) } else { encode_png(&picture)? })?;
         println!("{}", self.out.display());

@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 use cairn::Result;
 use cairn::bundle::Bundle;
 use cairn::world::OperatingPoint;
+use scenes::Scene;
 
 use super::plan::{Cell, Settings};
 use super::resume::{CellState, Digests, expect_rollout, find_rollout};
@@ -106,7 +107,7 @@ impl Cells for Plan<'_> {
 pub(crate) fn prepare(scene: SceneId, out: &Path, [width, height]: [u32; 2]) -> Result<()> {
     let folder = scene.folder(out);
     std::fs::create_dir_all(&folder).map_err(|e| describe_io("cannot be made", &folder, &e))?;
-    let picture = encode_png(&seed_picture::draw(scene.family, scene.seed, width, height)?)?;
+    let picture = encode_png(&seed_picture::draw(&Scene::new(scene.family, scene.seed), width, height)?)?;
     write_if_other(&scene.seed_picture(out), &picture)?;
     write_if_other(&scene.script(out, false), scene.family.script().as_bytes())
 }

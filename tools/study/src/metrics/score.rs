@@ -1,6 +1,7 @@
 //! The three measures of one picture together.
 
 use cairn::{Picture, Result};
+use serde::{Deserialize, Serialize};
 
 use super::{psnr, ssim};
 
@@ -8,7 +9,7 @@ use super::{psnr, ssim};
 pub const MAX_PSNR: f64 = 100.0;
 
 /// PSNR, SSIM and LPIPS of a picture against the true one.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     /// In dB.
     pub psnr: f64,

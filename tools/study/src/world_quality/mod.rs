@@ -1,121 +1,185 @@
-//! Scores a world against the truth: walks through held-out scenes with held-out scripts, starting from the first picture and using only the
-//! controls.
+//! Scores a world against the truth: held-out walks through the levels that it knows, and walks through places that it has never seen. A
+//! rollout starts from the first true picture and gets only the controls.
+//!
+//! ```text
+//! gallery (true pictures from everywhere in a level) -> probe (classifiers), search of poses
+//! place -> walk (rollout beside the truth) + memory -> store (kept walks) -> figures -> report, page
+//! ```
 
+mod discrepancy;
 mod endurance;
+mod figures;
+mod gallery;
 mod memory;
 mod page;
+mod place;
+mod probe;
 mod report;
 mod response;
+mod store;
 mod walk;
 
 use std::sync::atomic::AtomicBool;
 
-use cairn::Result;
 use cairn::bundle::Bundle;
-use cairn::world::{ControlScript, OperatingPoint, Preset, Schedule};
+use cairn::world::{OperatingPoint, Preset, Schedule};
+use cairn::{Error, ErrorKind, Result};
 
 use crate::experiment::files::Files;
 use crate::experiment::{self, Inputs, seed_list};
+use crate::level::{HELD_OUT_SECONDS, HELD_OUT_WALKS};
 use crate::media::encode_small_png;
 use crate::progress::Progress;
-use crate::scene_id::SceneId;
-use report::SceneResult;
-use walk::{Tools, Walk};
+use figures::{PlaceResult, Results};
+use place::Place;
+use store::Store;
+use walk::{Judges, Tools};
 
 pub use crate::experiment::Outcome;
 
-/// Horizons in seconds after the last true picture.
-const HORIZONS: [f64; 5] = [0.5, 1.0, 2.0, 5.0, 15.0];
-/// Scene seeds that are walked, in each family.
-const SEEDS: [u64; 8] = [41, 42, 43, 44, 45, 46, 47, 48];
+/// Scene seeds of the places that were never seen.
+const SEEDS: [u64; 2] = [41, 42];
+/// Held-out walks of each level, and places that were never seen, of the published page.
+pub const WALKS: u32 = 2;
+/// Seconds of a walk of the published page.
+pub const SECONDS: u32 = 15;
 /// Seconds turned away in the memory test.
 const AWAY: [f64; 3] = [2.0, 4.0, 8.0];
-/// Context windows compared in the memory test.
-const WINDOWS: [u32; 2] = [384, 112];
 /// Seconds for which the stock schedule is compared with the refined one.
 const FEW_STEPS_SECONDS: f64 = 2.0;
-/// Seconds of a walk with `--quick`, which also uses one scene of each family and the shortest time away.
-const QUICK_SECONDS: f64 = 5.0;
+/// Seconds of a walk with `--quick`, which also uses one walk of each level, the shortest time away and fewer true pictures.
+const QUICK_SECONDS: u32 = 5;
+/// How many times as sparse the grid of true pictures is with `--quick`.
+const QUICK_SPACING: f32 = 4.0;
 
 /// Settings of the measurement.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// A quick run uses one scene of each family, short walks, and the shortest time away.
+    /// The seeds are those of the places that were never seen.
     pub common: experiment::Settings,
-    /// Whether the memory test runs.
-    pub memory: bool,
+    /// Held-out walks of each level, 1 to 8, and the number of places that were never seen. A quick run uses one.
+    pub walks: u32,
+    /// Length of a walk in seconds, 1 to 60. A quick run uses 5.
+    pub seconds: u32,
+    /// Walks of each level in which the memory test runs; 0 to leave it out.
+    pub looks_away: u32,
 }
 
 impl Settings {
     /// Checks the settings; reads no file.
     ///
     /// # Errors
-    /// `InvalidArgument` for a scene seed that is not held out, or that is sealed.
+    /// `InvalidArgument` for a scene seed that is not held out, or that is sealed, and for walks that do not exist.
     pub fn check(&self) -> Result<()> {
-        self.common.check()
+        self.common.check()?;
+        let limits = [("--walks", self.walks, HELD_OUT_WALKS), ("--seconds", self.seconds, HELD_OUT_SECONDS)];
+        for (option, value, most) in limits {
+            if !(1..=most).contains(&value) {
+                return Err(Error::new(ErrorKind::InvalidArgument, format!("{value} is not from 1 to {most}"))
+                    .field(option)
+                    .remedy(format!(
+                        "There are {HELD_OUT_WALKS} held-out walks of {HELD_OUT_SECONDS} s in each level"
+                    )));
+            }
+        }
+        Ok(())
     }
 
     /// The command line that measures the same.
     fn command(&self) -> String {
-        let memory = if self.memory { "" } else { " --no-memory" };
-        self.common.command("world-quality") + memory
+        let mut command = self.common.command("world-quality");
+        for (option, value, default) in
+            [("walks", self.walks, WALKS), ("seconds", self.seconds, SECONDS), ("looks-away", self.looks_away, 1)]
+        {
+            if value != default {
+                command += &format!(" --{option} {value}");
+            }
+        }
+        command
     }
 
-    fn seeds(&self) -> &[u64] {
-        self.common.seeds(&SEEDS)
+    fn walks(&self) -> u32 {
+        if self.common.quick { 1 } else { self.walks }
+    }
+
+    fn seconds(&self) -> u32 {
+        if self.common.quick { QUICK_SECONDS } else { self.seconds }
+    }
+
+    /// Seconds turned away in the memory test of a place.
+    fn away(&self, place: Place) -> &'static [f64] {
+        match place {
+            Place::Level(_, number) if number < self.looks_away => {
+                &AWAY[..if self.common.quick { 1 } else { AWAY.len() }]
+            }
+            _ => &[],
+        }
     }
 }
 
-/// Measures a world.
+/// Measures a world. Finished walks are kept in the output folder's folder `walks` and measured once.
 ///
 /// # Errors
-/// An unusable world, missing weights of LPIPS, and errors of making latents.
+/// Invalid settings, an unusable world, missing weights of LPIPS, errors of making latents; `Cancelled` when `stop` was set.
 pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
+    settings.check()?;
     let inputs = Inputs::open(&settings.common, progress)?;
-    let (bundle, lpips) = (&inputs.bundle, &inputs.lpips);
-    let seconds = if settings.common.quick { QUICK_SECONDS } else { HORIZONS[HORIZONS.len() - 1] };
-    let away = match (settings.memory, settings.common.quick) {
-        (false, _) => &[][..],
-        (true, true) => &AWAY[..1],
-        (true, false) => &AWAY,
-    };
+    let (bundle, lpips) = (&inputs.bundle, inputs.lpips.as_ref());
+    let preset = Preset::Coherence.operating_point();
+    let point = OperatingPoint { global_window: window(bundle, preset.global_window), ..preset };
+    point.check_for(bundle.geometry())?;
+    let stock = OperatingPoint { schedule: Schedule::Stock, ..point.clone() };
+    let spacing = if settings.common.quick { QUICK_SPACING } else { 1.0 };
 
+    let (mut judges, mut world) = (None, None);
     let mut results = Vec::new();
-    // Further windows are used by the memory test only.
-    let windows = windows(bundle).into_iter().take(if settings.memory { usize::MAX } else { 1 });
-    for (number, window) in windows.enumerate() {
-        let point = OperatingPoint { global_window: window, ..Preset::Coherence.operating_point() };
-        point.check_for(bundle.geometry())?;
-        let world = inputs.load(&point)?;
-        let tools = Tools { point: &point, lpips: lpips.as_ref(), stop };
-        for (n, scene) in SceneId::all(settings.seeds()).into_iter().enumerate() {
-            progress.phase(&format!("{scene} at g{window}"));
-            if number == 0 {
-                let script = ControlScript::parse(scene.family.script())?;
-                let walked = Walk { scene, script: &script, seconds }.score(&world, &tools, &HORIZONS)?;
-                let stock = OperatingPoint { schedule: Schedule::Stock, ..point.clone() };
-                let tools = Tools { point: &stock, ..tools };
-                let few_steps = Walk { scene, script: &script, seconds: FEW_STEPS_SECONDS };
-                let few_steps = few_steps.score(&world, &tools, &HORIZONS)?;
-                results.push(SceneResult { scene, walked, few_steps, remembered: Vec::new() });
+    for place in Place::all(settings.walks(), settings.common.seeds(&SEEDS)) {
+        let seconds = match place {
+            Place::Level(..) => settings.seconds(),
+            // The scripts of the scenes are this long.
+            Place::Unseen(..) => settings.seconds().min(SECONDS),
+        };
+        let measured = [
+            format!("world {:?}", bundle.digest()),
+            format!("{point:?}, {seconds} s, away {:?}", settings.away(place)),
+            format!("lpips {}, spacing {spacing}", lpips.is_some()),
+        ];
+        let store = Store::new(settings.common.out.join("walks"), &measured);
+        let (walked, shown) = match store.find(place)? {
+            Some(kept) => kept,
+            None => {
+                let judges = match &judges {
+                    Some(judges) => judges,
+                    None => judges.insert(Judges::new(lpips, spacing, progress, stop)?),
+                };
+                let world = match &world {
+                    Some(world) => world,
+                    None => world.insert(inputs.load(&point)?),
+                };
+                progress.phase(&place.to_string());
+                let course = place.course()?;
+                let tools = Tools { point: &point, lpips, judges, stop };
+                let (mut walked, shown) = walk::score(place, &course, seconds.into(), world, &tools)?;
+                let few = Tools { point: &stock, ..tools };
+                walked.few_steps =
+                    walk::scores_alone(place, &course, FEW_STEPS_SECONDS.min(seconds.into()), world, &few)?;
+                walked.remembered = memory::turn_away_and_back(place, &course, settings.away(place), world, &tools)?;
+                store.keep(place, &walked, &shown)?;
+                (walked, shown)
             }
-            // The memory test takes long, so it uses one scene of each family.
-            for &away in away.iter().filter(|_| settings.seeds().first() == Some(&scene.seed)) {
-                let remembered = memory::turn_away_and_back(scene, away, &world, &tools)?;
-                results[n].remembered.push(remembered);
-            }
-        }
+        };
+        results.push(PlaceResult { place, walked, shown });
     }
 
-    let rate = Preset::Coherence.operating_point().latents_per_second;
-    let mut text = head(settings, bundle);
-    text += &report::text(&results, &HORIZONS, rate);
-    let [good, bad] = report::extremes(&results).map(|results| report::sheet(&results));
+    let results = Results { all: results, latents_per_second: point.latents_per_second };
+    let text = head(settings, bundle, &point) + &report::text(&results);
+    let [good, bad] = figures::extremes(&results.all, report::SHOWN).map(|results| report::sheet(&results));
     let (good, bad) = (good?, bad?);
     let mut files = Files::default();
     files.add("world-quality.txt", text.as_str());
     files.add("world-quality.csv", report::csv(&results));
-    files.add("world-quality-lasting.csv", report::lasting_csv(&results, rate));
+    files.add("world-quality-lasting.csv", report::lasting_csv(&results));
+    files.add("world-quality-poses.csv", report::poses_csv(&results));
     files.add("world-quality-good.png", encode_small_png(&good)?);
     files.add("world-quality-bad.png", encode_small_png(&bad)?);
     let mut files = files.write(&settings.common.out)?;
@@ -125,23 +189,68 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     Ok(Outcome { text, files })
 }
 
-/// Context windows for the memory test that the world declares; the world's own if it declares none of them.
-fn windows(bundle: &Bundle) -> Vec<u32> {
+/// The context window: `wanted` if the world declares it, otherwise the world's own.
+fn window(bundle: &Bundle, wanted: u32) -> u32 {
     let global = bundle.geometry().global;
-    let declared = |g: &u32| *g <= global.max_window && g.is_multiple_of(global.dilation);
-    let all: Vec<u32> = WINDOWS.into_iter().filter(declared).collect();
-    if all.is_empty() { vec![global.window] } else { all }
+    let is_declared = wanted <= global.max_window && wanted.is_multiple_of(global.dilation);
+    if is_declared { wanted } else { global.window }
 }
 
-/// Heading with the world and the scenes.
-fn head(settings: &Settings, bundle: &Bundle) -> String {
+/// Heading with the world and the walks.
+fn head(settings: &Settings, bundle: &Bundle, point: &OperatingPoint) -> String {
     let manifest = bundle.manifest();
-    let mut text = format!("{}, {}\n", manifest.name, Preset::Coherence.name());
+    let mut text = format!("{}, {}, g{}\n", manifest.name, Preset::Coherence.name(), point.global_window);
     if manifest.provenance.get("weights").is_some_and(|weights| weights.starts_with("random")) {
         text += "This world has random weights: its figures say nothing.\n";
     }
+    let (walks, seconds) = (settings.walks(), settings.seconds());
     text + &format!(
-        "places {}: all on the held-out list, which training refuses; scripts of samples/scripts\n\n",
-        seed_list(settings.seeds(), ", ")
+        "levels: {walks} of {HELD_OUT_WALKS} held-out walks of each, {seconds} of {HELD_OUT_SECONDS} s: training refuses them\n\
+         unseen: {walks} of the places {}, in turn of each kind, with the scripts of samples/scripts: all on the held-out list\n\n",
+        seed_list(settings.common.seeds(&SEEDS), ", ")
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use scenes::Family;
+
+    use super::*;
+
+    fn settings() -> Settings {
+        let common = experiment::Settings {
+            world: None,
+            seeds: Vec::new(),
+            quick: false,
+            lpips: true,
+            publish: true,
+            out: PathBuf::from("out"),
+        };
+        Settings { common, walks: WALKS, seconds: SECONDS, looks_away: 1 }
+    }
+
+    #[test]
+    fn the_command_measures_the_same() {
+        assert_eq!(settings().command(), "cargo run --release -p study -- world-quality --publish");
+        let all = Settings { walks: 8, seconds: 60, looks_away: 0, ..settings() };
+        assert!(all.command().ends_with(" --publish --walks 8 --seconds 60 --looks-away 0"), "{}", all.command());
+        all.check().unwrap();
+        for wrong in [
+            Settings { walks: 9, ..settings() },
+            Settings { walks: 0, ..settings() },
+            Settings { seconds: 61, ..settings() },
+        ] {
+            assert_eq!(wrong.check().unwrap_err().kind(), ErrorKind::InvalidArgument);
+        }
+    }
+
+    #[test]
+    fn looks_away_are_those_of_the_first_walks() {
+        let settings = settings();
+        assert_eq!(settings.away(Place::Level(Family::Snow, 0)), AWAY);
+        assert!(settings.away(Place::Level(Family::Snow, 1)).is_empty());
+        assert!(settings.away(Place::Unseen(Family::Snow, 41)).is_empty());
+    }
 }

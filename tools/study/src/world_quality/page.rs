@@ -11,35 +11,48 @@ use crate::media::{JpegQuality, encode_jpeg};
 const INTRODUCTION: &str = "\
 # The world inside the library
 
-A world model [as small as a game's texture](../samples/worlds/miniature/README.md), with Waypoint-1.5's architecture. It was trained on walks through
-[procedural places](scenes.md), rendered with the controls that caused them. This page tests it on places and walks that it was not trained on: it
-gets the first true picture and the controls, and makes all other pictures. They are compared with rendered pictures of the same walk, and with two
-baselines: repeating the last true picture, and the autoencoder's reconstruction of that picture, which has the same blur as the world's own pictures.
+**The world knows four levels, and is judged on walks through them that it has not seen.** A level is [a procedural place](scenes.md) of 100 m by
+100 m that hills close: a forest, a meadow seen over a sword, a desert and a snowfield. Training refused the held-out walks by their SHA-256. A fifth
+row, *unseen*, shows places that the world has never seen, as they are: what comes there is guesswork.
 
-**Where it loses:** the list below the first table names each kind of place and time at which a still picture is nearer to the truth than the world.
-By LPIPS most of that is the autoencoder's blur: the reconstruction of the last true picture is as far behind that picture as the world is. Nothing was
-done about it here, because the autoencoder was made small on purpose; a larger one would have to be trained.
+The world is [as small as a game's texture](../samples/worlds/miniature/README.md), with Waypoint-1.5's architecture, trained on one GPU for twelve
+minutes. It gets the first true picture and the controls, and makes all other pictures. They are compared with rendered pictures of the same
+walk, and with two baselines: repeating the last true picture, and the autoencoder's reconstruction of that picture.
 
-## Its best places
+**Where it loses:** the first table says which goals it misses, and by how much. The list below the second names each row and time at
+which a still picture is nearer to the truth than the world. Pictures blur after the first second, and after some seconds they show the right
+kind of place, but seldom the right spot. Only twelve minutes of a GPU could be used; walks that it was trained on blur as much as held-out ones, so that
+more training is the first thing to try.
 
-True pictures above, the world's below, in the places where it gains most over repeating the first picture.
+## Its best walks
+
+True pictures above, the world's below, in the walks where it gains most over repeating the first picture.
 
 ![truth and the world's pictures, side by side](images/world-good.jpg)
 
-## Its worst places
+## Its worst walks
 
 ![truth and the world's pictures, side by side](images/world-bad.jpg)
 
 ## Figures
 
-PSNR in dB, SSIM and LPIPS (AlexNet) are means over the places of a kind. Turning and tilting compare the mean motion of the world's pictures, as optical flow finds it, with the
-scene's own: correlation over all latent steps, size (1 is as far as in truth) and the share of steps in the same direction. Flicker is the mean change of brightness from
-picture to picture. The table by seconds shows how long a rollout stays good: brightness, contrast (standard deviation) and detail (difference of neighbours) of pictures of 64 x 36, the
-mean over the second that ends there, over those of the truth; *farthest* and *least* are the worst place's, *±* is the standard error of the mean over the places.
-*True places* is the standard deviation of the true pictures' brightness from place to place: a world cannot predict places that the walk has not
-reached, so even one that keeps its mean brightness differs by this much in a single place. *Turning* is that since the line above. For the last table
-the camera turns away by 120 degrees in the first place of each kind, waits, and turns back; *at most* is the score of the autoencoder's
-reconstruction, *another place* that of a wrong place.
+A figure is the mean over the walks of a row, *levels* over those of all four; in brackets is its 95 % interval, a bootstrap over walks. PSNR is in
+dB, LPIPS is that of AlexNet.
+
+- **By second**: brightness, colour, contrast (standard deviation) and detail (difference of neighbouring pixels) over the second that ends there. Colour is off by
+  the largest difference of the mean red, green or blue, in units of a byte; contrast and detail are those of the world over the truth's. The last picture and its
+  reconstruction have the detail of the walk's start.
+- **Kind and patch**: linear classifiers (ridge regression on the features of LPIPS's network) learnt from true pictures of the levels, taken every 5 m in
+  twelve directions: which kind of place it is, and on which of the level's 16 patches of 25 m the walker stands. The shares are those of three pictures a second since the line above.
+- **Discrepancy**: squared maximum mean discrepancy, with a Gaussian kernel, between the world's pictures and the true ones of the same seconds of the same walk,
+  in the means of the features of LPIPS's network; 0 is the same distribution. Beside it: the true pictures of another walk through the same level.
+- **Pose**: a search over the renderer's poses finds the one whose true picture is nearest. *World* is its distance from where the
+  controls lead, *truth* the same for the true picture, so the search's own error, and *start* the distance of the walk's start, which is where repeating the first picture stays.
+  Then: PSNR of the picture against the true picture of the pose found for it. Distances are medians.
+- **Memory**: the camera turns away by 120 degrees at the walk's start, waits, and turns back. The place is right if the picture is nearer, by LPIPS, to the true one than to the
+  starts of the level's other held-out walks and to the view while turned away. *At most* is the score of the reconstruction.
+- **Controls**: mean motion of the world's pictures, as optical flow finds it, against the scene's own: across (turning), down (tilting), and out of the centre (walking);
+  correlation over all latent steps, and size, 1 is as far. *Standing* is the mean length of the motion while the true walker stands still. Flicker is the mean change of brightness from picture to picture.
 
 ```text
 ";

@@ -3,245 +3,209 @@
 use std::fmt::Write as _;
 
 use cairn::{Picture, Result};
-use scenes::Family;
 
-use super::endurance::{self, Second, second};
-use super::memory::MemoryScore;
-use super::response::{ControlFit, Response, following};
-use super::walk::{Horizon, WalkScores};
+use super::endurance::second;
+use super::figures::{PlaceResult, Results, Row, extremes, show, show_mean};
+use super::place::Group;
+use super::response::{Axis, standing_speed};
+use super::walk::{HORIZONS, Horizon};
 use crate::metrics::Score;
 use crate::picture::{paste, shrink};
-use crate::scene_id::SceneId;
+use crate::statistics::Estimate;
 use crate::text::{SMALL, fit, write};
 
-/// Measurements of one scene.
-#[derive(Debug)]
-pub(super) struct SceneResult {
-    pub(super) scene: SceneId,
-    pub(super) walked: WalkScores,
-    /// The start of the same walk with the stock schedule.
-    pub(super) few_steps: WalkScores,
-    pub(super) remembered: Vec<MemoryScore>,
+/// Tables for the terminal and the page; the last line is the summary.
+pub(super) fn text(results: &Results) -> String {
+    let parts = [
+        goals(results),
+        scores(results),
+        behind(&compared(results)),
+        stock(results),
+        seconds(results),
+        recognised(results),
+        distribution(results),
+        poses(results),
+        remembered(results),
+        controls(results),
+        ranking(results),
+        summary(results) + "\n",
+    ];
+    let text = parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("\n");
+    text.lines().map(str::trim_end).flat_map(|line| [line, "\n"]).collect()
 }
 
-/// Mean over scenes; `None` without values.
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), value| (sum + value, count + 1));
-    (count > 0).then(|| sum / f64::from(count))
+/// A line of [`goals`]: what is to be reached, what was, and whether it was.
+type Goal = (&'static str, String, Option<bool>);
+
+/// A figure as the table shows it, which is what counts.
+fn rounded(value: f64, digits: usize) -> f64 {
+    let scale = 10_f64.powi(digits as i32);
+    (value * scale).round() / scale
 }
 
-/// Mean and sample standard deviation over scenes; `None` for fewer than two.
-fn spread(values: impl Iterator<Item = f64> + Clone) -> Option<[f64; 2]> {
-    let (mean, count) = (mean(values.clone())?, values.clone().count());
-    let squares: f64 = values.map(|value| (value - mean).powi(2)).sum();
-    (count > 1).then(|| [mean, (squares / (count - 1) as f64).sqrt()])
+/// The figures beside what they are to reach, over all levels.
+fn goals(results: &Results) -> String {
+    let all = Row::Levels;
+    let ends = results.ends();
+    let worst = |of: &dyn Fn(u32) -> Option<Estimate>, distance: &dyn Fn(f64) -> f64, digits: usize| {
+        let found = ends.iter().filter_map(|end| Some((*end, of(*end)?)));
+        let (end, estimate) = found.max_by(|a, b| distance(a.1.mean).total_cmp(&distance(b.1.mean)))?;
+        Some((
+            format!("{} in second {end}", show(Some(estimate), digits)),
+            rounded(distance(rounded(estimate.mean, digits)), digits),
+        ))
+    };
+    let within = |found: Option<(String, f64)>, limit: f64| {
+        let met = found.as_ref().map(|(_, distance)| *distance <= limit);
+        (found.map_or_else(|| "-".into(), |(text, _)| text), met)
+    };
+    let plain = |estimate: Option<Estimate>, digits: usize, is_met: &dyn Fn(f64) -> bool| {
+        (show(estimate, digits), estimate.map(|e| is_met(rounded(e.mean, digits))))
+    };
+    let line = |name: &'static str, (text, met): (String, Option<bool>)| -> Goal { (name, text, met) };
+    let first = HORIZONS[0];
+    let percent = |estimate: Option<Estimate>| estimate.map(|e| e.times(100.0));
+    let gain = results.horizon(all, first, |h| Some(h.world.psnr - h.repeat.psnr));
+    let mut goals = vec![
+        line("at 0.5 s: PSNR at least 2 dB above the last picture", plain(gain, 2, &|v| v >= 2.0)),
+        line("at 0.5 s: LPIPS at most 0.25", plain(results.horizon(all, first, |h| h.world.lpips), 3, &|v| v <= 0.25)),
+        line(
+            "detail 0.85 to 1.15 of the truth's in every second",
+            within(worst(&|end| results.second(all, end, |s| s.detail), &|v| (v - 1.0).abs(), 2), 0.15),
+        ),
+        line(
+            "brightness within 4 %",
+            within(worst(&|end| percent(results.second(all, end, |s| (s.brightness - 1.0).abs())), &|v| v, 1), 4.0),
+        ),
+        line("colour within 3 units", within(worst(&|end| results.second(all, end, |s| s.colour), &|v| v, 1), 3.0)),
+        line(
+            "the kind of place is recognised in 99 % of the pictures",
+            within(
+                worst(
+                    &|end| percent(results.recognised(all, end, |_, kind, s| s.recognised[0].kind == kind)),
+                    &|v| -v,
+                    1,
+                ),
+                -99.0,
+            ),
+        ),
+    ];
+    let late = ends.last().filter(|end| **end > 5).and_then(|end| results.discrepancy(all, *end));
+    if let (Some(early), Some(late)) = (results.discrepancy(all, 5), late) {
+        let text = format!("{} to {}", show(Some(early), 3), show(Some(late), 3));
+        let grows = late.interval.map_or(late.mean, |i| i[0]) > early.interval.map_or(early.mean, |i| i[1]);
+        goals.push(("the pictures' distribution goes no farther away after 5 s", text, Some(!grows)));
+    }
+    let latest = [15.0, 5.0].into_iter().find(|s| results.pose(all, *s, |p| p.psnr[0]).is_some());
+    if let Some(latest) = latest {
+        let psnr = results.pose(all, latest, |p| p.psnr[0]);
+        goals.push(line(
+            "picture against that of the nearest true pose: at least 20 dB",
+            plain(psnr, 1, &|v| v >= 20.0),
+        ));
+    }
+    for away in results.away() {
+        let name = match away {
+            2.0 => "the right place after 2 s away in 95 % of the walks",
+            4.0 => "the right place after 4 s away in 95 % of the walks",
+            _ => "the right place after 8 s away in 95 % of the walks",
+        };
+        let share = percent(results.memory(all, away, |m| f64::from(u8::from(m.is_right))));
+        goals.push(line(name, plain(share, 0, &|v| v >= 95.0)));
+    }
+    goals.push(line(
+        "turning: correlation with the truth's at least 0.95",
+        plain(results.control(all, Axis::Turning, |f| f.correlation), 2, &|v| v >= 0.95),
+    ));
+    goals.push(line(
+        "turning: 0.9 to 1.1 as far",
+        plain(results.control(all, Axis::Turning, |f| f.slope), 2, &|v| (0.9..=1.1).contains(&v)),
+    ));
+    let mut text = format!("{:61} {:36} reached\n", "goal, over the walks of all levels", "here");
+    for (name, figure, met) in goals {
+        let met = met.map_or("-", |met| if met { "yes" } else { "no" });
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{name:61} {figure:36} {met}");
+    }
+    text
 }
 
-fn show(value: Option<f64>, digits: usize) -> String {
-    value.map_or_else(|| "-".into(), |value| format!("{value:.digits$}"))
-}
-
-/// Mean frame-to-frame change of brightness: the world's and the truth's.
-fn flicker(walked: &WalkScores) -> [Option<f64>; 2] {
-    [0, 1].map(|i| mean(walked.statistics.windows(2).map(|pair| (pair[1][i].brightness - pair[0][i].brightness).abs())))
-}
-
-fn of_family(results: &[SceneResult], family: Family) -> impl Iterator<Item = &SceneResult> + Clone {
-    results.iter().filter(move |result| result.scene.family == family)
-}
-
-fn families(results: &[SceneResult]) -> Vec<Family> {
-    scenes::LANDSCAPES.into_iter().filter(|family| of_family(results, *family).next().is_some()).collect()
-}
-
-/// How all scenes of a family follow the controls along an axis.
-fn follows(results: &[SceneResult], family: Family, axis: usize) -> Option<ControlFit> {
-    let responses: Vec<Response> =
-        of_family(results, family).flat_map(|p| p.walked.responses.iter().copied()).collect();
-    following(responses.iter(), axis)
-}
-
-/// Tables for the terminal; the last line is the summary.
-pub(super) fn text(results: &[SceneResult], horizons: &[f64], latents_per_second: u32) -> String {
-    let mut text = String::from(
-        "scene    at, s   world: PSNR  SSIM   LPIPS    last picture: PSNR  SSIM   LPIPS    its reconstruction: PSNR  SSIM   LPIPS\n",
+/// Table of scores at the horizons.
+fn scores(results: &Results) -> String {
+    let mut text = format!(
+        "{:8} {:>5}   {:24} {:>6} {:22} {:>32} {:>38}\n",
+        "row",
+        "at, s",
+        "world: PSNR",
+        "SSIM",
+        "LPIPS",
+        "last picture: PSNR   SSIM  LPIPS",
+        "its reconstruction: PSNR   SSIM  LPIPS"
     );
-    for family in families(results) {
-        for &seconds in horizons {
-            let of: [fn(&Horizon) -> Score; 3] = [|h| h.world, |h| h.repeat, |h| h.reconstruction];
-            let [Some(world), Some(repeat), Some(reconstruction)] =
-                of.map(|of| three(of_family(results, family).map(|p| &p.walked), seconds, of))
-            else {
-                continue;
+    for row in Row::all() {
+        for seconds in HORIZONS {
+            let of = |measure: fn(&Score) -> Option<f64>, of: fn(&Horizon) -> &Score| {
+                results.horizon(row, seconds, |h| measure(of(h)))
             };
-            // Writing to a string cannot fail.
-            let _ =
-                writeln!(text, "{:8} {seconds:5}   {world:>23}   {repeat:>32}   {reconstruction:>38}", family.name());
-        }
-    }
-    text += &behind(&compared(results, horizons));
-    text += &few_steps(results, horizons);
-    text += "\nscene    turning: correlation  size  same way   tilting: correlation   flicker (true)\n";
-    for family in families(results) {
-        let [turn, tilt] = [0, 1].map(|axis| follows(results, family, axis));
-        let [made, true_] = [0, 1].map(|i| mean(of_family(results, family).filter_map(|p| flicker(&p.walked)[i])));
-        let _ = writeln!(
-            text,
-            "{:8} {:>20} {:>5} {:>9}   {:>20}   {} ({})",
-            family.name(),
-            show(turn.map(|f| f.correlation), 2),
-            show(turn.map(|f| f.slope), 2),
-            show(turn.map(|f| f.same_sign), 2),
-            show(tilt.map(|f| f.correlation), 2),
-            show(made, 2),
-            show(true_, 2)
-        );
-    }
-    text += &lasting(results, latents_per_second);
-    text += &remembered(results);
-    let names =
-        |results: &[&SceneResult]| results.iter().map(|result| result.scene.to_string()).collect::<Vec<_>>().join(", ");
-    let [best, worst] = extremes(results);
-    let _ = writeln!(text, "\nbest: {}\nworst: {}", names(&best), names(&worst));
-    text + "\n" + &summary(results, horizons) + "\n"
-}
-
-/// Table of global picture properties, second by second.
-fn lasting(results: &[SceneResult], latents_per_second: u32) -> String {
-    let mut text = String::from(
-        "\nscene    second   brightness: mean       ±   farthest   true places   contrast: mean  least   detail: mean  least   turning: correlation\n",
-    );
-    for family in families(results) {
-        for (n, end) in endurance::ENDS.into_iter().enumerate() {
-            let walks = || of_family(results, family).map(|p| &p.walked);
-            let seconds: Vec<Second> = walks().filter_map(|w| second(w, end, latents_per_second)).collect();
-            let all = |of: fn(&Second) -> f64| seconds.iter().map(of);
-            let Some(brightness) = mean(all(|s| s.brightness - 1.0)) else { continue };
-            // Standard error of the mean, and the spread of the truth: true scenes of a family differ in brightness.
-            let error = spread(all(|s| s.brightness)).map(|[_, sd]| sd / (seconds.len() as f64).sqrt());
-            let variation = spread(all(|s| s.true_brightness)).map(|[mean, sd]| sd / mean);
-            let percent = |value: Option<f64>| show(value.map(|v| 100.0 * v), 1);
-            let farthest = all(|s| s.brightness - 1.0).max_by(|a, b| a.abs().total_cmp(&b.abs()));
-            let least = |of| all(of).min_by(f64::total_cmp);
-            // Turning is measured since the previous row's second, because a single second may contain no turn.
-            let since = end - if n == 0 { 0 } else { endurance::ENDS[n - 1] };
-            // Writing to a string cannot fail.
-            let _ = writeln!(
-                text,
-                "{:8} {end:>6} {:>16.1} % {:>5} % {:>8} % {:>11} % {:>16} {:>6} {:>14} {:>6} {:>22}",
-                family.name(),
-                100.0 * brightness,
-                percent(error),
-                percent(farthest),
-                percent(variation),
-                show(mean(all(|s| s.contrast)), 2),
-                show(least(|s: &Second| s.contrast), 2),
-                show(mean(all(|s| s.detail)), 2),
-                show(least(|s: &Second| s.detail), 2),
-                show(endurance::turning(walks(), end, since, latents_per_second), 2)
-            );
-        }
-    }
-    text
-}
-
-/// Table of the memory test; empty if it did not run.
-fn remembered(results: &[SceneResult]) -> String {
-    if results.iter().all(|result| result.remembered.is_empty()) {
-        return String::new();
-    }
-    let mut text = String::from("\nscene    away, s  window   back: PSNR  SSIM   at most   another place\n");
-    for result in results {
-        for r in &result.remembered {
-            let _ = writeln!(
-                text,
-                "{:8} {:7}  g{:<6} {:>11.2} {:>5.3} {:>9.2} {:>15.2}",
-                result.scene.family.name(),
-                r.away,
-                r.window,
-                r.psnr,
-                r.ssim,
-                r.most,
-                r.elsewhere
-            );
-        }
-    }
-    text
-}
-
-/// Table of the stock schedule beside the refined one.
-fn few_steps(results: &[SceneResult], horizons: &[f64]) -> String {
-    let mut text = String::from(
-        "\nscene    at, s   stock schedule: PSNR  SSIM   LPIPS    refined: PSNR  SSIM   LPIPS    turning, stock: correlation\n",
-    );
-    for family in families(results) {
-        let walks = || of_family(results, family).map(|p| &p.few_steps);
-        let responses: Vec<Response> = walks().flat_map(|walked| walked.responses.iter().copied()).collect();
-        let correlation = show(following(responses.iter(), 0).map(|f| f.correlation), 2);
-        for &seconds in horizons {
-            let stock = three(walks(), seconds, |h| h.world);
-            let refined = three(of_family(results, family).map(|p| &p.walked), seconds, |h| h.world);
-            if let (Some(stock), Some(refined)) = (stock, refined) {
-                // Writing to a string cannot fail.
-                let _ =
-                    writeln!(text, "{:8} {seconds:5}   {stock:>32}   {refined:>27}   {correlation:>30}", family.name());
+            let measures: [fn(&Score) -> Option<f64>; 3] = [|s| Some(s.psnr), |s| Some(s.ssim), |s| s.lpips];
+            let [psnr, ssim, lpips] = measures.map(|measure| of(measure, |h| &h.world));
+            if psnr.is_none() {
+                continue;
             }
+            let still = |score: fn(&Horizon) -> &Score| {
+                let [psnr, ssim, lpips] = measures.map(|measure| of(measure, score));
+                format!("{:>6} {:>6} {:>6}", show_mean(psnr, 2), show_mean(ssim, 3), show_mean(lpips, 3))
+            };
+            let _ = writeln!(
+                text,
+                "{:8} {seconds:5}   {:24} {:>6} {:22} {:>32} {:>38}",
+                row.name(),
+                show(psnr, 2),
+                show_mean(ssim, 3),
+                show(lpips, 3),
+                still(|h| &h.repeat),
+                still(|h| &h.reconstruction)
+            );
         }
     }
     text
 }
 
-/// Mean PSNR, SSIM and LPIPS at a horizon; `None` if no walk is that long.
-fn means<'a>(
-    walks: impl Iterator<Item = &'a WalkScores> + Clone,
-    seconds: f64,
-    of: fn(&Horizon) -> Score,
-) -> Option<[Option<f64>; 3]> {
-    let row = || walks.clone().flat_map(|walked| &walked.horizons).filter(|h| h.seconds == seconds).map(of);
-    let psnr = mean(row().map(|score| score.psnr))?;
-    Some([Some(psnr), mean(row().map(|score| score.ssim)), mean(row().filter_map(|score| score.lpips))])
-}
-
-/// The same as text.
-fn three<'a>(
-    walks: impl Iterator<Item = &'a WalkScores> + Clone,
-    seconds: f64,
-    of: fn(&Horizon) -> Score,
-) -> Option<String> {
-    let [psnr, ssim, lpips] = means(walks, seconds, of)?;
-    Some(format!("{:>6} {:>6} {:>6}", show(psnr, 2), show(ssim, 3), show(lpips, 3)))
-}
-
-/// A line of the first table: its kind of place and time, and the scores of the world, the last picture and its reconstruction.
+/// A line of the list of losses: row and time, and the scores of the world, the last picture and its reconstruction.
 type Line = (String, [[Option<f64>; 3]; 3]);
 
-/// The lines of the first table.
-fn compared(results: &[SceneResult], horizons: &[f64]) -> Vec<Line> {
-    let of: [fn(&Horizon) -> Score; 3] = [|h| h.world, |h| h.repeat, |h| h.reconstruction];
-    let lines = families(results).into_iter().flat_map(|family| horizons.iter().map(move |seconds| (family, *seconds)));
-    let line = |(family, seconds): (Family, f64)| {
-        let [world, repeat, reconstruction] =
-            of.map(|of| means(of_family(results, family).map(|p| &p.walked), seconds, of));
-        Some((format!("{} {seconds} s", family.name()), [world?, repeat?, reconstruction?]))
+/// The lines of the table of scores.
+fn compared(results: &Results) -> Vec<Line> {
+    let of: [fn(&Horizon) -> &Score; 3] = [|h| &h.world, |h| &h.repeat, |h| &h.reconstruction];
+    let measures: [fn(&Score) -> Option<f64>; 3] = [|s| Some(s.psnr), |s| Some(s.ssim), |s| s.lpips];
+    let rows = Row::all().into_iter().filter(|row| *row != Row::Levels);
+    let cells = rows.flat_map(|row| HORIZONS.map(|seconds| (row, seconds)));
+    let line = |(row, seconds): (Row, f64)| {
+        let scores = of.map(|of| {
+            measures.map(|measure| results.horizon(row, seconds, |h| measure(of(h))).map(|estimate| estimate.mean))
+        });
+        scores[0][0].map(|_| (format!("{} {seconds} s", row.name()), scores))
     };
-    lines.filter_map(line).collect()
+    cells.filter_map(line).collect()
 }
 
 /// Where a still picture is nearer to the truth than the world, in the digits of the table.
 fn behind(lines: &[Line]) -> String {
-    let mut text = String::from("\nwhere a still picture is nearer to the truth than the world:\n");
+    let mut text = String::from("where a still picture is nearer to the truth than the world:\n");
     for (other, name) in [(1, "last picture"), (2, "its reconstruction")] {
         for (i, (measure, digits)) in [("PSNR", 2), ("SSIM", 3), ("LPIPS", 3)].into_iter().enumerate() {
-            let shown = |value: Option<f64>| show(value, digits).parse::<f64>().ok();
-            let lost = lines.iter().filter(|(_, scores)| match (shown(scores[0][i]), shown(scores[other][i])) {
-                (Some(world), Some(still)) if i == 2 => still < world,
-                (Some(world), Some(still)) => still > world,
-                _ => false,
-            });
+            let shown = |value: Option<f64>| value.map(|value| format!("{value:.digits$}"))?.parse::<f64>().ok();
+            let is_lost = |scores: &[[Option<f64>; 3]; 3]| {
+                let (world, still) = (shown(scores[0][i])?, shown(scores[other][i])?);
+                Some(if measure == "LPIPS" { still < world } else { still > world })
+            };
+            let known = lines.iter().filter(|(_, scores)| is_lost(scores).is_some()).count();
+            let lost = lines.iter().filter(|(_, scores)| is_lost(scores) == Some(true));
             let lost: Vec<&str> = lost.map(|(name, _)| name.as_str()).collect();
             let which = match lost.len() {
+                _ if known == 0 => continue,
                 0 => "nowhere".to_owned(),
-                all if all == lines.len() => "everywhere".to_owned(),
+                all if all == known => "everywhere".to_owned(),
                 _ => lost.join(", "),
             };
             let _ = writeln!(text, "{name:18}  {measure:5}  {which}");
@@ -250,63 +214,332 @@ fn behind(lines: &[Line]) -> String {
     text
 }
 
-/// One line with every scene at the first horizon.
-fn summary(results: &[SceneResult], horizons: &[f64]) -> String {
-    let first = horizons.first().copied().unwrap_or_default();
-    let scene = |family: &Family| {
-        let row = || of_family(results, *family).flat_map(|p| &p.walked.horizons).filter(|h| h.seconds == first);
-        format!(
+/// Table of the stock schedule beside the refined one.
+fn stock(results: &Results) -> String {
+    let mut text =
+        format!("{:8} {:>5}   {:32} {:32}\n", "row", "at, s", "stock schedule: PSNR   LPIPS", "refined: PSNR   LPIPS");
+    for row in Row::all() {
+        for seconds in HORIZONS {
+            let psnr = results.stock(row, seconds, |s| Some(s.psnr));
+            if psnr.is_none() {
+                continue;
+            }
+            let pair = |psnr, lpips| format!("{} {:>7}", show_mean(psnr, 2), show_mean(lpips, 3));
+            let stock = pair(psnr, results.stock(row, seconds, |s| s.lpips));
+            let refined = pair(
+                results.horizon(row, seconds, |h| Some(h.world.psnr)),
+                results.horizon(row, seconds, |h| h.world.lpips),
+            );
+            let _ = writeln!(text, "{:8} {seconds:5}   {stock:>28} {refined:>25}", row.name());
+        }
+    }
+    text
+}
+
+/// Table of global picture properties, second by second.
+fn seconds(results: &Results) -> String {
+    let mut text = format!(
+        "{:8} {:>6}   {:22} {:22} {:22} {:22} {:>12} {:>15}\n",
+        "row",
+        "second",
+        "brightness off by, %",
+        "colour off by",
+        "contrast",
+        "detail: world",
+        "last picture",
+        "reconstruction"
+    );
+    for row in Row::all() {
+        for end in results.ends() {
+            let of = |measure: &dyn Fn(&super::endurance::Second) -> f64, digits| {
+                show(results.second(row, end, measure), digits)
+            };
+            if results.second(row, end, |s| s.detail).is_none() {
+                continue;
+            }
+            let still = |i: usize| show_mean(results.second(row, end, |s| s.still_detail[i]), 2);
+            let _ = writeln!(
+                text,
+                "{:8} {end:>6}   {:22} {:22} {:22} {:22} {:>12} {:>15}",
+                row.name(),
+                of(&|s| 100.0 * (s.brightness - 1.0).abs(), 1),
+                of(&|s| s.colour, 1),
+                of(&|s| s.contrast, 2),
+                of(&|s| s.detail, 2),
+                still(0),
+                still(1)
+            );
+        }
+    }
+    text
+}
+
+/// Table of what classifiers see; empty without them.
+fn recognised(results: &Results) -> String {
+    let mut text = format!(
+        "{:8} {:>6}   {:24} {:>6} {:>14}   {:24} {:>6} {:>14}\n",
+        "row",
+        "until",
+        "kind right, %: world",
+        "truth",
+        "last picture",
+        "patch right, %: world",
+        "truth",
+        "last picture"
+    );
+    let mut lines = 0;
+    for row in Row::all() {
+        for end in results.ends() {
+            let share = |is_right: &dyn Fn(&super::walk::WalkScores, usize, &super::walk::Sample) -> bool| {
+                results.recognised(row, end, is_right).map(|e| e.times(100.0))
+            };
+            let kinds = [0, 1].map(|i| share(&|_, kind, s| s.recognised[i].kind == kind));
+            if kinds[0].is_none() {
+                continue;
+            }
+            let still = share(&|walked, kind, _| walked.still_recognised.is_some_and(|still| still[0].kind == kind));
+            let patches = [0, 1].map(|i| share(&|_, _, s| s.recognised[i].patch == s.patch));
+            let still_patch =
+                share(&|walked, _, s| walked.still_recognised.is_some_and(|still| still[0].patch == s.patch));
+            let has_patches = row != Row::Group(Group::Unseen);
+            let patch = |estimate: Option<Estimate>| estimate.filter(|_| has_patches);
+            let _ = writeln!(
+                text,
+                "{:8} {end:>6}   {:24} {:>6} {:>14}   {:24} {:>6} {:>14}",
+                row.name(),
+                show(kinds[0], 1),
+                show_mean(kinds[1], 1),
+                show_mean(still, 1),
+                show(patch(patches[0]), 1),
+                show_mean(patch(patches[1]), 1),
+                show_mean(patch(still_patch), 1)
+            );
+            lines += 1;
+        }
+    }
+    if lines > 0 { text } else { String::new() }
+}
+
+/// Table of the distance of distributions; empty without features.
+fn distribution(results: &Results) -> String {
+    let mut text = format!("{:8} {:>6}   {:28} {:28}\n", "row", "until", "discrepancy: world", "another walk's truth");
+    let mut lines = 0;
+    for row in Row::all() {
+        for end in results.ends() {
+            let world = results.discrepancy(row, end);
+            if world.is_none() {
+                continue;
+            }
+            let other = show(results.discrepancy_of_walks(row, end), 3);
+            let _ = writeln!(text, "{:8} {end:>6}   {:28} {other:28}", row.name(), show(world, 3));
+            lines += 1;
+        }
+    }
+    if lines > 0 { text } else { String::new() }
+}
+
+/// Table of the nearest true poses.
+fn poses(results: &Results) -> String {
+    let mut text = format!(
+        "{:8} {:>5}   {:24} {:>8} {:>6}   {:24} {:>8} {:>6}   {:22} {:>6}\n",
+        "row",
+        "at, s",
+        "median m off: world",
+        "truth",
+        "start",
+        "median degrees off: world",
+        "truth",
+        "start",
+        "against its pose, dB",
+        "truth"
+    );
+    let mut lines = 0;
+    for row in Row::all() {
+        for seconds in HORIZONS {
+            let of = |measure: &dyn Fn(&super::walk::PoseScore) -> f64| results.pose(row, seconds, measure);
+            if of(&|p| p.world[0]).is_none() {
+                continue;
+            }
+            let cells = |i: usize, digits: usize| {
+                let world = show(of(&|p| p.world[i]), digits);
+                let [truth, start] = [of(&|p| p.truth[i]), of(&|p| p.repeat[i])].map(|e| show_mean(e, digits));
+                format!("{world:24} {truth:>8} {start:>6}")
+            };
+            let psnr = [0, 1].map(|i| of(&|p| p.psnr[i]));
+            let _ = writeln!(
+                text,
+                "{:8} {seconds:5}   {}   {}    {:22} {:>6}",
+                row.name(),
+                cells(0, 1),
+                cells(1, 0),
+                show(psnr[0], 1),
+                show_mean(psnr[1], 1)
+            );
+            lines += 1;
+        }
+    }
+    if lines > 0 { text } else { String::new() }
+}
+
+/// Table of the memory test; empty if it did not run.
+fn remembered(results: &Results) -> String {
+    let mut text = format!(
+        "{:8} {:>7}   {:20} {:24} {:>6} {:>8} {:>16}\n",
+        "row", "away, s", "right place, %", "back: PSNR", "SSIM", "at most", "another place"
+    );
+    let all_away = results.away();
+    if all_away.is_empty() {
+        return String::new();
+    }
+    for row in Row::all() {
+        for away in all_away.iter().copied() {
+            let of = |measure: &dyn Fn(&super::memory::MemoryScore) -> f64| results.memory(row, away, measure);
+            let right = of(&|m| 100.0 * f64::from(u8::from(m.is_right)));
+            if right.is_none() {
+                continue;
+            }
+            let _ = writeln!(
+                text,
+                "{:8} {away:7}   {:20} {:24} {:>6} {:>8} {:>16}",
+                row.name(),
+                show(right, 0),
+                show(of(&|m| m.psnr), 2),
+                show_mean(of(&|m| m.ssim), 3),
+                show_mean(of(&|m| m.most), 2),
+                show_mean(of(&|m| m.elsewhere), 2)
+            );
+        }
+    }
+    text
+}
+
+/// Table of the response to the controls.
+fn controls(results: &Results) -> String {
+    let mut text = format!(
+        "{:8} {:26} {:22} {:>8}   {:26} {:22} {:>20}   {:22} {:>14}\n",
+        "row",
+        "turning: correlation",
+        "size",
+        "same way",
+        "walking: correlation",
+        "size",
+        "tilting: correlation",
+        "standing: pixels a step",
+        "flicker (true)"
+    );
+    for row in Row::all() {
+        let turning = |of: fn(&super::response::ControlFit) -> f64| results.control(row, Axis::Turning, of);
+        let walking = |of: fn(&super::response::ControlFit) -> f64| results.control(row, Axis::Walking, of);
+        let flicker = [0, 1].map(|i| {
+            results.walk(row, |walked| {
+                let changes: Vec<f64> = walked
+                    .statistics
+                    .windows(2)
+                    .map(|pair| (pair[1][i].brightness - pair[0][i].brightness).abs())
+                    .collect();
+                (!changes.is_empty()).then(|| changes.iter().sum::<f64>() / changes.len() as f64)
+            })
+        });
+        if flicker[0].is_none() {
+            continue;
+        }
+        let _ = writeln!(
+            text,
+            "{:8} {:26} {:22} {:>8}   {:26} {:22} {:>20}   {:22} {:>14}",
+            row.name(),
+            show(turning(|f| f.correlation), 2),
+            show(turning(|f| f.slope), 2),
+            show_mean(turning(|f| f.same_sign), 2),
+            show(walking(|f| f.correlation), 2),
+            show(walking(|f| f.slope), 2),
+            show_mean(results.control(row, Axis::Tilting, |f| f.correlation), 2),
+            show(results.walk(row, |walked| standing_speed(&walked.responses)), 2),
+            format!("{} ({})", show_mean(flicker[0], 2), show_mean(flicker[1], 2))
+        );
+    }
+    text
+}
+
+fn ranking(results: &Results) -> String {
+    let names = |results: &[&PlaceResult]| results.iter().map(|r| r.place.to_string()).collect::<Vec<_>>().join(", ");
+    let [best, worst] = extremes(&results.all, SHOWN);
+    format!("best: {}\nworst: {}\n", names(&best), names(&worst))
+}
+
+/// One line with every row at the first horizon.
+fn summary(results: &Results) -> String {
+    let first = HORIZONS[0];
+    let row = |row: Row| {
+        let psnr = |of: fn(&Horizon) -> &Score| show_mean(results.horizon(row, first, |h| Some(of(h).psnr)), 2);
+        results.horizon(row, first, |h| Some(h.world.psnr))?;
+        Some(format!(
             "{} {} dB (last picture {}, reconstruction {}), correlation {}",
-            family.name(),
-            show(mean(row().map(|h| h.world.psnr)), 2),
-            show(mean(row().map(|h| h.repeat.psnr)), 2),
-            show(mean(row().map(|h| h.reconstruction.psnr)), 2),
-            show(follows(results, *family, 0).map(|f| f.correlation), 2)
-        )
+            row.name(),
+            psnr(|h| &h.world),
+            psnr(|h| &h.repeat),
+            psnr(|h| &h.reconstruction),
+            show_mean(results.control(row, Axis::Turning, |f| f.correlation), 2)
+        ))
     };
-    format!("at {first} s: {}", families(results).iter().map(scene).collect::<Vec<_>>().join("; "))
+    format!("at {first} s: {}", Row::all().into_iter().filter_map(row).collect::<Vec<_>>().join("; "))
 }
 
 /// CSV with a line for each score.
-pub(super) fn csv(results: &[SceneResult]) -> String {
-    let mut text = String::from("scene,seed,seconds,what,psnr_db,ssim,lpips_alex\n");
-    for result in results {
-        let mut line = |seconds: f64, what: &str, score: Score| {
+pub(super) fn csv(results: &Results) -> String {
+    let mut text = String::from("place,seconds,what,psnr_db,ssim,lpips_alex\n");
+    for PlaceResult { place, walked, .. } in &results.all {
+        let mut line = |seconds: f64, what: &str, score: &Score| {
             let lpips = score.lpips.map(|value| format!("{value:.6}")).unwrap_or_default();
-            let SceneId { family, seed } = result.scene;
-            // Writing to a string cannot fail.
-            let _ = writeln!(text, "{family},{seed},{seconds},{what},{:.4},{:.6},{lpips}", score.psnr, score.ssim);
+            let _ = writeln!(text, "{},{seconds},{what},{:.4},{:.6},{lpips}", place.key(), score.psnr, score.ssim);
         };
-        for h in &result.walked.horizons {
-            line(h.seconds, "world", h.world);
-            line(h.seconds, "repeat", h.repeat);
-            line(h.seconds, "reconstruction", h.reconstruction);
+        for h in &walked.horizons {
+            line(h.seconds, "world", &h.world);
+            line(h.seconds, "repeat", &h.repeat);
+            line(h.seconds, "reconstruction", &h.reconstruction);
         }
-        for h in &result.few_steps.horizons {
-            line(h.seconds, "stock", h.world);
-        }
-    }
-    text
-}
-
-/// CSV with a line for each scene and second: brightness, contrast and detail relative to the truth, and the truth's brightness.
-pub(super) fn lasting_csv(results: &[SceneResult], latents_per_second: u32) -> String {
-    let mut text = String::from("scene,seed,second,brightness,contrast,detail,true_luma\n");
-    for SceneResult { scene, walked, .. } in results {
-        let SceneId { family, seed } = scene;
-        for end in endurance::ENDS {
-            let Some(s) = second(walked, end, latents_per_second) else { continue };
-            let Second { brightness, true_brightness, contrast, detail } = s;
-            // Writing to a string cannot fail.
-            let _ =
-                writeln!(text, "{family},{seed},{end},{brightness:.4},{contrast:.4},{detail:.4},{true_brightness:.2}");
+        for (seconds, score) in &walked.few_steps {
+            line(*seconds, "stock", score);
         }
     }
     text
 }
 
-/// Number of scenes on each sheet.
-const SHOWN: usize = 4;
+/// CSV with a line for each walk and second: brightness, colour, contrast and detail relative to the truth.
+pub(super) fn lasting_csv(results: &Results) -> String {
+    let mut text = String::from("place,second,brightness,colour,contrast,detail\n");
+    for PlaceResult { place, walked, .. } in &results.all {
+        for end in results.ends() {
+            let Some(s) = second(walked, end, results.latents_per_second) else { continue };
+            let _ = writeln!(
+                text,
+                "{},{end},{:.4},{:.2},{:.4},{:.4}",
+                place.key(),
+                s.brightness,
+                s.colour,
+                s.contrast,
+                s.detail
+            );
+        }
+    }
+    text
+}
+
+/// CSV with a line for each pose that was searched for.
+pub(super) fn poses_csv(results: &Results) -> String {
+    let mut text = String::from(
+        "place,seconds,metres,degrees,truth_metres,truth_degrees,start_metres,start_degrees,psnr_db,truth_psnr_db\n",
+    );
+    for PlaceResult { place, walked, .. } in &results.all {
+        for p in &walked.poses {
+            let numbers = [p.world, p.truth, p.repeat].concat().into_iter().chain(p.psnr).map(|v| format!("{v:.2}"));
+            let _ = writeln!(text, "{},{},{}", place.key(), p.seconds, numbers.collect::<Vec<_>>().join(","));
+        }
+    }
+    text
+}
+
+/// Number of walks on each sheet.
+pub(super) const SHOWN: usize = 4;
 const TILE: (u32, u32) = (240, 135);
 const GAP: u32 = 8;
 const LEFT: u32 = 128;
@@ -314,35 +547,26 @@ const TOP: u32 = 32;
 const GROUND: [u8; 3] = [24, 26, 30];
 const BRIGHT: [u8; 3] = [235, 235, 230];
 
-/// The best scenes, best first, and the worst, worst first, ranked by PSNR gain over repeating the last true picture. At most half of all scenes
-/// and at most [`SHOWN`] each.
-pub(super) fn extremes(results: &[SceneResult]) -> [Vec<&SceneResult>; 2] {
-    let gain = |result: &SceneResult| mean(result.walked.horizons.iter().map(|h| h.world.psnr - h.repeat.psnr));
-    let mut ranked: Vec<&SceneResult> = results.iter().collect();
-    ranked.sort_by(|a, b| gain(b).unwrap_or_default().total_cmp(&gain(a).unwrap_or_default()));
-    let (best, worst) = (ranked.len().div_ceil(2).min(SHOWN), (ranked.len() / 2).min(SHOWN));
-    [ranked[..best].to_vec(), ranked.iter().rev().take(worst).copied().collect()]
-}
-
-/// Sheet with a column per horizon and two rows per scene, truth above the world's pictures, in the given order.
-pub(super) fn sheet(results: &[&SceneResult]) -> Result<Picture> {
-    let columns = results.iter().map(|p| p.walked.horizons.len()).max().unwrap_or(0).max(1) as u32;
+/// Sheet with a column per horizon and two rows per walk, truth above the world's pictures, in the given order.
+pub(super) fn sheet(results: &[&PlaceResult]) -> Result<Picture> {
+    let columns = results.iter().map(|p| p.shown.len()).max().unwrap_or(0).max(1) as u32;
     let rows = 2 * results.len().max(1) as u32;
     let mut sheet = Picture::new(LEFT + columns * (TILE.0 + GAP) + GAP, TOP + rows * (TILE.1 + GAP))?;
     sheet.pixels_mut().iter_mut().for_each(|px| px[..3].copy_from_slice(&GROUND));
     for (result, row) in results.iter().zip((0..).step_by(2)) {
         let y = |row: u32| TOP + row * (TILE.1 + GAP);
-        for (n, line) in [result.scene.to_string(), "truth".into()].iter().enumerate() {
+        for (n, line) in [result.place.to_string(), "truth".into()].iter().enumerate() {
             write(&mut sheet, &fit(line, LEFT - 24, SMALL), (16, y(row) + 4 + 18 * n as u32), SMALL, BRIGHT);
         }
         write(&mut sheet, "world", (16, y(row + 1) + 4), SMALL, BRIGHT);
-        for (h, column) in result.walked.horizons.iter().zip(0..) {
+        let horizons = result.walked.horizons.iter().zip(&result.shown);
+        for ((h, [truth, picture]), column) in horizons.zip(0..) {
             let x = LEFT + column * (TILE.0 + GAP);
             if row == 0 {
                 write(&mut sheet, &format!("{} s", h.seconds), (x, 8), SMALL, BRIGHT);
             }
-            paste(&mut sheet, &shrink(&h.truth_picture, TILE)?, (x, y(row)));
-            paste(&mut sheet, &shrink(&h.picture, TILE)?, (x, y(row + 1)));
+            paste(&mut sheet, &shrink(truth, TILE)?, (x, y(row)));
+            paste(&mut sheet, &shrink(picture, TILE)?, (x, y(row + 1)));
         }
     }
     Ok(sheet)
@@ -350,57 +574,106 @@ pub(super) fn sheet(results: &[&SceneResult]) -> Result<Picture> {
 
 #[cfg(test)]
 mod tests {
+    use scenes::Family;
+
     use super::*;
     use crate::world_quality::endurance::PictureStatistics;
+    use crate::world_quality::place::{Place, Recognised};
+    use crate::world_quality::response::{Flow, Response};
+    use crate::world_quality::walk::{PoseScore, Sample, WalkScores};
 
-    /// Two scenes with the given brightness of the world's pictures and the true ones.
-    fn results(brightness: [[f64; 2]; 2]) -> Vec<SceneResult> {
-        let walked = |brightness: [f64; 2]| WalkScores {
-            horizons: Vec::new(),
-            responses: Vec::new(),
-            statistics: vec![
-                brightness.map(|brightness| PictureStatistics { brightness, contrast: 20.0, detail: 5.0 });
-                16
+    /// A second of a walk whose pictures have the given detail, where the truth has 5, and half of which are taken for snow.
+    fn walk(place: Place, detail: f64) -> PlaceResult {
+        let look =
+            |detail: f64| PictureStatistics { brightness: 100.0, colour: [90.0, 100.0, 110.0], contrast: 20.0, detail };
+        let score = |psnr: f64| Score { psnr, ssim: 0.5, lpips: Some(1.0 - psnr / 100.0) };
+        let flow = |turn: f64| Flow { mean: [turn, 0.0], expansion: 0.0, speed: turn.abs() };
+        let turns = [1.0, -2.0, 3.0, -4.0, 0.0].into_iter().cycle().take(15);
+        let sample = |step: u64| Sample {
+            step,
+            recognised: [
+                Recognised { kind: if step < 10 { 3 } else { 0 }, patch: 7 },
+                Recognised { kind: 3, patch: 1 },
             ],
+            patch: 1,
+            features: [vec![step as u16 * 900, 100], vec![step as u16 * 900, 90]],
         };
-        let result = |(seed, brightness)| SceneResult {
-            scene: SceneId { family: Family::Snow, seed },
-            walked: walked(brightness),
-            few_steps: walked(brightness),
-            remembered: Vec::new(),
+        let walked = WalkScores {
+            horizons: vec![Horizon {
+                seconds: 0.5,
+                world: score(24.0),
+                repeat: score(21.0),
+                reconstruction: score(25.0),
+            }],
+            responses: turns.map(|turn| Response { seen: flow(0.5 * turn), meant: flow(turn) }).collect(),
+            statistics: vec![[look(detail), look(5.0)]; 16],
+            samples: (1..=15).map(sample).collect(),
+            poses: vec![PoseScore {
+                seconds: 5.0,
+                world: [3.0, 10.0],
+                truth: [0.5, 1.0],
+                repeat: [9.0, 90.0],
+                psnr: [19.94, 30.0],
+            }],
+            ..WalkScores::empty(look(5.0))
         };
-        (41..).zip(brightness).map(result).collect()
+        PlaceResult { place, walked, shown: Vec::new() }
+    }
+
+    fn results(details: [f64; 2]) -> Results {
+        let all = (0..).zip(details).map(|(number, detail)| walk(Place::Level(Family::Snow, number), detail));
+        Results { all: all.collect(), latents_per_second: 15 }
+    }
+
+    /// The cells of the line that begins with `start`, without intervals.
+    fn cells(text: &str, start: &str) -> Vec<String> {
+        let line = text.lines().find(|line| line.starts_with(start)).unwrap_or_else(|| panic!("{start}: {text}"));
+        without_intervals(line).split_whitespace().map(str::to_owned).collect()
+    }
+
+    fn without_intervals(line: &str) -> String {
+        let parts = line.split('[').enumerate();
+        parts.map(|(i, part)| if i == 0 { part } else { part.split_once(']').map_or("", |(_, rest)| rest) }).collect()
     }
 
     #[test]
-    fn a_mean_has_its_error_and_what_the_truth_differs_by() {
-        let results = results([[110.0, 100.0], [135.0, 150.0]]);
-        // 10 % too bright and 10 % too dark: 0 % on average, give or take 14.1 % / sqrt 2; the truth differs by 35.4 of 125.
-        let text = lasting(&results, 15);
-        let row: Vec<&str> = text.lines().nth(2).unwrap().split_whitespace().collect();
-        assert_eq!(row[..10], ["snow", "1", "0.0", "%", "10.0", "%", "10.0", "%", "28.3", "%"], "{text}");
-        // A single scene gives no standard error.
-        let alone = lasting(&results[..1], 15);
-        let row: Vec<&str> = alone.lines().nth(2).unwrap().split_whitespace().collect();
-        assert_eq!(row[..10], ["snow", "1", "10.0", "%", "-", "%", "10.0", "%", "-", "%"], "{alone}");
-        let csv = lasting_csv(&results, 15);
-        assert!(csv.contains("\nsnow,42,1,0.9000,1.0000,1.0000,150.00\n"), "{csv}");
+    fn goals_are_judged_by_the_digits_that_are_shown() {
+        let text = goals(&results([4.5, 4.0]));
+        for (goal, figure, verdict) in [
+            ("at 0.5 s: PSNR", "3.00 [3.00, 3.00]", "yes"),
+            ("at 0.5 s: LPIPS", "0.760 [0.760, 0.760]", "no"),
+            ("detail", "0.85 [0.80, 0.90] in second 1", "yes"),
+            ("brightness", "0.0 [0.0, 0.0] in second 1", "yes"),
+            ("the kind", "60.0 [60.0, 60.0] in second 1", "no"),
+            // 19.94 dB are shown as 19.9.
+            ("picture against", "19.9 [19.9, 19.9]", "no"),
+            ("turning: correlation", "1.00 [1.00, 1.00]", "yes"),
+            ("turning: 0.9", "0.50 [0.50, 0.50]", "no"),
+        ] {
+            let line = text.lines().find(|line| line.starts_with(goal)).unwrap_or_else(|| panic!("{goal}: {text}"));
+            assert!(line.contains(figure) && line.ends_with(&format!(" {verdict}")), "{line}");
+        }
+        let worse = goals(&results([4.2, 4.2]));
+        assert!(worse.lines().any(|line| line.starts_with("detail") && line.ends_with(" no")), "{worse}");
     }
 
     #[test]
-    fn the_page_says_where_the_world_is_behind_a_still_picture() {
-        let page = include_str!("../../../../docs/world.md");
-        let table =
-            page.split_once("its reconstruction: PSNR").unwrap().1.lines().skip(1).take_while(|l| !l.is_empty());
-        let lines: Vec<Line> = table
-            .map(|line| {
-                let cells: Vec<&str> = line.split_whitespace().collect();
-                let of = |n: usize| [0, 1, 2].map(|i| cells[2 + 3 * n + i].parse().ok());
-                (format!("{} {} s", cells[0], cells[1]), [of(0), of(1), of(2)])
-            })
-            .collect();
-        assert_eq!(lines.len(), 20);
-        assert!(page.contains(&behind(&lines)), "{}", behind(&lines));
-        assert!(behind(&lines[..1]).contains("last picture        PSNR   nowhere"), "{}", behind(&lines[..1]));
+    fn tables_have_a_line_for_each_row_with_walks() {
+        let results = results([4.5, 4.0]);
+        assert_eq!(
+            cells(&scores(&results), "snow"),
+            ["snow", "0.5", "24.00", "0.500", "0.760", "21.00", "0.500", "0.790", "25.00", "0.500", "0.750"]
+        );
+        assert_eq!(cells(&seconds(&results), "levels"), ["levels", "1", "0.0", "0.0", "1.00", "0.85", "1.00", "1.00"]);
+        assert_eq!(cells(&recognised(&results), "snow"), ["snow", "1", "60.0", "100.0", "0.0", "0.0", "100.0", "0.0"]);
+        assert_eq!(
+            cells(&poses(&results), "snow"),
+            ["snow", "5", "3.0", "0.5", "9.0", "10", "1", "90", "19.9", "30.0"]
+        );
+        let distribution = cells(&distribution(&results), "snow");
+        // Both walks have the same features, so that another walk is as near as chance has it.
+        assert!(distribution[2].parse::<f64>().unwrap().abs() < 0.2 && distribution.len() == 4, "{distribution:?}");
+        assert!(!text(&results).contains("forest"), "no walk went through the forest");
+        assert_eq!(remembered(&results), "");
     }
 }

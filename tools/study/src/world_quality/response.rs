@@ -1,28 +1,64 @@
 //! Response to the controls: mean motion of the world's pictures against the truth's.
 
-/// Mean motion of one latent step, in render pixels from the current picture to the previous one, y down.
-#[derive(Debug, Clone, Copy, PartialEq)]
+use serde::{Deserialize, Serialize};
+
+/// Mean motion of one latent step, in render pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Flow {
+    /// Right and down, from the current picture to the previous one.
+    pub(super) mean: [f64; 2],
+    /// Away from the picture's centre, from the previous picture to the current one: positive when walking ahead.
+    pub(super) expansion: f64,
+    /// Length of the motion.
+    pub(super) speed: f64,
+}
+
+impl Flow {
+    /// Means over all pixels' motions, row by row, each from the current picture to the previous one; values that are not finite are left out.
+    pub(super) fn new(motions: impl Iterator<Item = [f64; 2]>, (width, height): (u32, u32)) -> Self {
+        let (mut sum, mut expansion, mut speed, mut count) = ([0.0; 2], 0.0, 0.0, 0_u32);
+        let centre = [f64::from(width) / 2.0, f64::from(height) / 2.0];
+        for (i, [x, y]) in motions.enumerate().filter(|(_, m)| m.iter().all(|v| v.is_finite())) {
+            let (column, row) = (i as u32 % width, i as u32 / width);
+            let away = [f64::from(column) + 0.5 - centre[0], f64::from(row) + 0.5 - centre[1]];
+            sum = [sum[0] + x, sum[1] + y];
+            expansion -= (x * away[0] + y * away[1]) / away[0].hypot(away[1]).max(1.0);
+            speed += x.hypot(y);
+            count += 1;
+        }
+        let count = f64::from(count.max(1));
+        Self { mean: sum.map(|s| s / count), expansion: expansion / count, speed: speed / count }
+    }
+}
+
+/// Motion of one latent step.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Response {
-    /// Mean optical flow of the world's pictures.
-    pub(super) seen: [f64; 2],
-    /// Mean exact motion of the scene.
-    pub(super) meant: [f64; 2],
+    /// Optical flow of the world's pictures.
+    pub(super) seen: Flow,
+    /// Exact motion of the scene.
+    pub(super) meant: Flow,
 }
 
-impl Response {
-    /// Means over all pixels' motions; values that are not finite are left out.
-    pub(super) fn new(seen: impl Iterator<Item = [f64; 2]>, meant: impl Iterator<Item = [f64; 2]>) -> Self {
-        Self { seen: mean(seen), meant: mean(meant) }
-    }
+/// A component of the motion, which one kind of control causes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Axis {
+    /// Motion across: the mouse to the left and right.
+    Turning,
+    /// Motion up and down: the mouse ahead and back.
+    Tilting,
+    /// Expansion: the keys for walking.
+    Walking,
 }
 
-fn mean(motions: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
-    let (mut sum, mut count) = ([0.0; 2], 0_u32);
-    for [x, y] in motions.filter(|m| m.iter().all(|v| v.is_finite())) {
-        sum = [sum[0] + x, sum[1] + y];
-        count += 1;
+impl Axis {
+    fn of(self, flow: &Flow) -> f64 {
+        match self {
+            Self::Turning => flow.mean[0],
+            Self::Tilting => flow.mean[1],
+            Self::Walking => flow.expansion,
+        }
     }
-    sum.map(|s| s / f64::from(count.max(1)))
 }
 
 /// How well the motion along one axis follows the truth.
@@ -38,11 +74,13 @@ pub(super) struct ControlFit {
 
 /// Smaller true motions, in pixels, are not used for the sign comparison.
 const STILL: f64 = 0.5;
+/// True speed in pixels a step below which a walker stands still.
+const STANDING: f64 = 0.1;
 
-/// How the steps follow along `axis` (0 is x: turning; 1 is y: tilting). None where the truth does not move.
-pub(super) fn following<'a>(steps: impl Iterator<Item = &'a Response> + Clone, axis: usize) -> Option<ControlFit> {
-    let pairs = || steps.clone().map(|r| (r.seen[axis], r.meant[axis]));
-    let n = pairs().count() as f64;
+/// How the steps follow along `axis`. None where the truth does not move.
+pub(super) fn following(steps: &[Response], axis: Axis) -> Option<ControlFit> {
+    let pairs = || steps.iter().map(|r| (axis.of(&r.seen), axis.of(&r.meant)));
+    let n = steps.len() as f64;
     let (seen_sum, meant_sum) = pairs().fold((0.0, 0.0), |(a, b), (s, m)| (a + s, b + m));
     let (seen_mean, meant_mean) = (seen_sum / n, meant_sum / n);
     let centred = |f: fn(f64, f64) -> f64| pairs().map(|(s, m)| f(s - seen_mean, m - meant_mean)).sum::<f64>();
@@ -60,40 +98,71 @@ pub(super) fn following<'a>(steps: impl Iterator<Item = &'a Response> + Clone, a
     })
 }
 
+/// Mean speed of the world's pictures in pixels a step, over the steps in which the true walker stands still; `None` if there are none.
+pub(super) fn standing_speed(steps: &[Response]) -> Option<f64> {
+    let standing = || steps.iter().filter(|r| r.meant.speed < STANDING);
+    let count = standing().count();
+    (count > 0).then(|| standing().map(|r| r.seen.speed).sum::<f64>() / count as f64)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn flow(turn: f64) -> Flow {
+        Flow { mean: [turn, 0.0], expansion: 0.0, speed: turn.abs() }
+    }
+
     fn steps(pairs: &[(f64, f64)]) -> Vec<Response> {
-        pairs.iter().map(|&(seen, meant)| Response { seen: [seen, 0.0], meant: [meant, 0.0] }).collect()
+        pairs.iter().map(|&(seen, meant)| Response { seen: flow(seen), meant: flow(meant) }).collect()
     }
 
     #[test]
     fn half_the_motion_correlates_fully_and_is_called_half() {
         let half = steps(&[(0.0, 0.0), (2.0, 4.0), (-1.0, -2.0), (0.5, 1.0)]);
-        let found = following(half.iter(), 0).unwrap();
+        let found = following(&half, Axis::Turning).unwrap();
         assert!((found.correlation - 1.0).abs() < 1e-12 && (found.slope - 0.5).abs() < 1e-12, "{found:?}");
         assert_eq!(found.same_sign, 1.0);
+        assert_eq!(following(&half, Axis::Tilting), None);
+        assert_eq!(following(&half, Axis::Walking), None);
     }
 
     #[test]
     fn the_wrong_way_and_no_way_are_told_apart() {
-        let wrong = following(steps(&[(-3.0, 3.0), (1.0, -1.0), (0.2, -0.1)]).iter(), 0).unwrap();
+        let wrong = following(&steps(&[(-3.0, 3.0), (1.0, -1.0), (0.2, -0.1)]), Axis::Turning).unwrap();
         assert!(wrong.correlation < -0.99 && wrong.slope < -0.9 && wrong.same_sign == 0.0, "{wrong:?}");
-        let frozen = following(steps(&[(0.0, 3.0), (0.0, -1.0)]).iter(), 0).unwrap();
+        let frozen = following(&steps(&[(0.0, 3.0), (0.0, -1.0)]), Axis::Turning).unwrap();
         assert_eq!((frozen.correlation, frozen.slope, frozen.same_sign), (0.0, 0.0, 0.0));
     }
 
     #[test]
-    fn a_truth_that_stands_still_says_nothing() {
-        assert_eq!(following(steps(&[(1.0, 0.0), (2.0, 0.0)]).iter(), 0), None);
-        assert_eq!(following(steps(&[]).iter(), 0), None);
+    fn a_truth_that_stands_still_says_nothing_but_how_still_the_world_is() {
+        let restless = steps(&[(1.0, 0.0), (2.0, 0.0), (9.0, 5.0)]);
+        assert_eq!(following(&restless[..2], Axis::Turning), None);
+        assert_eq!(following(&[], Axis::Turning), None);
+        assert_eq!((standing_speed(&restless), standing_speed(&restless[2..])), (Some(1.5), None));
     }
 
     #[test]
     fn what_is_behind_the_eye_does_not_count() {
         let nan = [f64::NAN, 0.0];
-        let response = Response::new([[1.0, 2.0], nan, [3.0, 4.0]].into_iter(), [nan].into_iter());
-        assert_eq!(response, Response { seen: [2.0, 3.0], meant: [0.0, 0.0] });
+        let of = |motions: [[f64; 2]; 3]| Flow::new(motions.into_iter(), (3, 1));
+        assert_eq!(of([[1.0, 2.0], nan, [3.0, 4.0]]).mean, [2.0, 3.0]);
+        assert_eq!(of([nan; 3]), Flow { mean: [0.0; 2], expansion: 0.0, speed: 0.0 });
+    }
+
+    #[test]
+    fn a_picture_that_grows_expands_and_one_that_shifts_does_not() {
+        // Motion points to the previous picture: towards the centre while walking ahead.
+        let of = |motion: fn(f64, f64) -> [f64; 2]| {
+            let centred = |i: u32| [f64::from(i % 8) - 3.5, f64::from(i / 8) - 3.5];
+            Flow::new((0..64).map(|i| motion(centred(i)[0], centred(i)[1])), (8, 8))
+        };
+        let ahead = of(|x, y| [-0.1 * x, -0.1 * y]);
+        assert!(ahead.expansion > 0.2 && ahead.mean.iter().all(|m| m.abs() < 1e-9), "{ahead:?}");
+        // Everything moves outwards, so that the whole motion is expansion but for the four pixels in the middle.
+        assert!((ahead.speed - ahead.expansion).abs() < 0.01 * ahead.speed, "{ahead:?}");
+        let turned = of(|_, _| [5.0, 0.0]);
+        assert!(turned.expansion.abs() < 1e-9 && turned.mean == [5.0, 0.0], "{turned:?}");
     }
 }

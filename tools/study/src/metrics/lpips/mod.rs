@@ -98,6 +98,29 @@ impl Lpips {
         Ok(features)
     }
 
+    /// Mean of each channel over the whole picture, tap after tap, of vectors that are normalised as for the distance: 1152 numbers with
+    /// AlexNet, 0 to 1. They say what a picture shows, and little about where.
+    ///
+    /// # Errors
+    /// As [`features`](Self::features).
+    pub fn channel_means(&self, picture: &Picture) -> Result<Vec<f32>> {
+        let shapes = self.network.shapes(picture.size())?;
+        let mut sums: Vec<Vec<f64>> = shapes.iter().map(|[_, _, channels]| vec![0.0; *channels]).collect();
+        self.network.run([picture], &mut |TapOutput { tap, rows, maps: [map] }| {
+            for y in rows {
+                for pixel in unit_row(map, y).chunks_exact(map.channels) {
+                    sums[tap].iter_mut().zip(pixel).for_each(|(sum, value)| *sum += f64::from(*value));
+                }
+            }
+            Ok(())
+        })?;
+        let means = sums.iter().zip(&shapes).flat_map(|(sums, [width, height, _])| {
+            let pixels = *width as f64 * *height as f64;
+            sums.iter().map(move |sum| (sum / pixels) as f32)
+        });
+        Ok(means.collect())
+    }
+
     /// Distance of two pictures given by their features.
     ///
     /// # Errors
