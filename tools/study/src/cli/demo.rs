@@ -4,10 +4,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use cairn::Result;
+use cairn::world::{GuidanceSource, OperatingPoint, Presentation, Preset};
 use clap::Args;
 
-use super::{Subcommand, reconstruct, rollout, size};
-use crate::demo;
+use super::{Subcommand, interrupted, progress, reconstruct, rollout, size, stop_on_interrupt};
+use crate::demo::{self, levels::LevelsFilm};
 use crate::settings::Settings;
 
 #[derive(Args)]
@@ -18,7 +19,7 @@ pub(super) struct DemoArgs {
     /// World bundle [default: the one inside the library]
     #[arg(long, value_name = "BUNDLE")]
     world: Option<PathBuf>,
-    /// World time of the rollout
+    /// World time of the rollout, and of the walk through each level
     #[arg(long, default_value = "4")]
     seconds: String,
     /// Size of the rollout's presented frames
@@ -41,10 +42,21 @@ pub(super) struct DemoArgs {
     quiet: bool,
 }
 
+/// What an interruption leaves of the film.
+const FILM_LEFT: &str = "the film ends where it was stopped";
+
 impl DemoArgs {
     /// What the options ask for.
     fn settings(&self) -> Result<Settings> {
+        let point = Preset::Coherence.operating_point();
+        // The preset's own motion is the paper's.
+        let presentation = match point.presentation {
+            Presentation::Generated { rate, .. } => Presentation::Generated { rate, guidance: GuidanceSource::BEST },
+            native => native,
+        };
         Ok(Settings {
+            preset: None,
+            operating_point: OperatingPoint { presentation, ..point }.to_string(),
             world: self.world.clone(),
             seconds: self.seconds.clone(),
             size: size(&self.size)?,
@@ -67,12 +79,22 @@ impl Subcommand for DemoArgs {
         if !self.quiet {
             println!("{}", demo::WELCOME);
         }
+        let seconds = settings.check()?.duration.seconds();
+        let film = LevelsFilm { world: settings.world.as_deref(), device: settings.device, seconds, out: &self.out };
+        match film.make(&progress(self.quiet), stop_on_interrupt()?) {
+            Ok(files) if !self.quiet => files.iter().for_each(|file| println!("  {}", file.display())),
+            Ok(_) => {}
+            Err(error) => return interrupted(error, FILM_LEFT),
+        }
+        if !self.quiet {
+            println!("{}", demo::SECOND_PART);
+        }
         let ended = rollout::make(&settings, &self.out, true, self.quiet)?;
         if ended != ExitCode::SUCCESS {
             return Ok(ended);
         }
         if !self.quiet {
-            println!("{}", demo::SECOND_PART);
+            println!("{}", demo::THIRD_PART);
         }
         reconstruct::make(&demo::reconstruct(), &self.out.join(demo::RECONSTRUCT), true, self.quiet)
     }

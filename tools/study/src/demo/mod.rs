@@ -1,4 +1,7 @@
-//! The first demonstration after cloning the repository: four seconds of a world, and two seconds of frame generation compared with the truth.
+//! The first demonstration after cloning the repository: walks through the four levels, a rollout that can be made again, and two seconds of
+//! frame generation compared with the truth.
+
+pub(crate) mod levels;
 
 use std::path::Path;
 
@@ -9,13 +12,18 @@ use crate::reconstruct::ReconstructSettings;
 
 /// Printed before the demo starts.
 pub(crate) const WELCOME: &str = "\
-Part 1: the small world inside the library generates four seconds of a walk, with 15 anchors a second and a generated frame after each.
-It was trained on walks through procedural scenes; it was not trained on this place.
+Part 1: a walk through each of the four levels that the small world inside the library knows. It gets one picture and the controls.
+Left, it makes all 60 frames a second; right, it makes 15 anchors a second and frames are generated between them.
+";
+
+/// Printed before the rollout.
+pub(crate) const SECOND_PART: &str = "
+Part 2: the same world as a rollout with a manifest: 15 anchors a second and a generated frame after each, from optical flow.
 ";
 
 /// Printed before the frame generation part.
-pub(crate) const SECOND_PART: &str = "
-Part 2: frame generation alone, between sharp anchors: a walk rendered 15 times a second and shown 60 times,
+pub(crate) const THIRD_PART: &str = "
+Part 3: frame generation alone, between sharp anchors: a walk rendered 15 times a second and shown 60 times,
 with every generated frame beside the rendered one of the same time.
 ";
 

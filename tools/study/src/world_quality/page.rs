@@ -20,9 +20,10 @@ minutes. It gets the first true picture and the controls, and makes all other pi
 walk, and with two baselines: repeating the last true picture, and the autoencoder's reconstruction of that picture.
 
 **Where it loses:** the first table says which goals it misses, and by how much. The list below the second names each row and time at
-which a still picture is nearer to the truth than the world. Pictures blur after the first second, and after some seconds they show the right
-kind of place, but seldom the right spot. Only twelve minutes of a GPU could be used; walks that it was trained on blur as much as held-out ones, so that
-more training is the first thing to try.
+which a still picture is nearer to the truth than the world. Pictures are softer than the true ones from the start, also because the network decodes 256 x 128
+pixels of the 320 x 180 that are shown. Within seconds brightness and colour drift where the walk comes to what it has not shown; then the place is mostly of the right
+kind, but seldom the right spot, and after a look away it is another one. No more than twelve minutes of a GPU could be used; walks that it was trained on blur as
+much as held-out ones, so that more training is the first thing to try.
 
 ## Its best walks
 
