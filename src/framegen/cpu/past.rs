@@ -15,6 +15,8 @@ use crate::tasks::{Parallel, ParallelSliceMut};
 const OTHER: f32 = 1.125;
 /// What is as far away differs by no more than this part.
 const AS_FAR: f32 = 1.0 / 32.0;
+/// The same for a segment, whose depth is a mean.
+const AS_FAR_SEGMENT: f32 = 1.0 / 4.0;
 /// Tiles ahead of the one that is uncovered whose keys are asked for.
 const AHEAD: usize = 2;
 
@@ -272,7 +274,7 @@ impl<'a> Past<'a> {
     }
 
     /// What a pixel of the previous anchor claims if it is at rest, or [`EMPTY`]. What is farthest claims nothing.
-    #[cfg(test)]
+    #[inline(always)]
     pub(super) fn claim(&self, at: [usize; 2]) -> Key {
         claim_of(&self.back, self.limit, at, self.near(at))
     }
@@ -348,6 +350,14 @@ impl<'a> Past<'a> {
         is_carried(claim, self.near(at), found)
     }
 
+    /// Whether a pixel of the previous anchor is part of the same thing as the pixel `there`, which moves with `found`: the anchor's depth is
+    /// the same in both, and not far from what the current anchor has.
+    #[inline(always)]
+    pub(super) fn is_one_thing(&self, at: [usize; 2], there: [usize; 2], found: Key) -> bool {
+        let near = self.near(at);
+        (self.near(there) - near).abs() <= AS_FAR * near && (nearness(found) - near).abs() <= AS_FAR_SEGMENT * near
+    }
+
     /// How near something in the previous anchor is at least that is not what claims a pixel there.
     #[inline(always)]
     pub(super) fn other(&self, key: Key, at: [usize; 2]) -> f32 {
@@ -380,6 +390,12 @@ impl<'a> Past<'a> {
                 self.uncover_tile(level, [column, row], field, &mut tiles[column], &mut keys[column]);
             }
         });
+    }
+
+    /// The least of [`Self::other`] for any pixel.
+    #[inline(always)]
+    pub(super) fn least_other(&self, key: Key) -> f32 {
+        OTHER * nearness(key) / (1.0 + self.perspective.most)
     }
 
     #[inline(never)]
