@@ -15,8 +15,6 @@ use crate::tasks::{Parallel, ParallelSliceMut};
 const OTHER: f32 = 1.125;
 /// What is as far away differs by no more than this part.
 const AS_FAR: f32 = 1.0 / 32.0;
-/// The same for a segment, whose depth is a mean.
-const AS_FAR_SEGMENT: f32 = 1.0 / 4.0;
 /// Tiles ahead of the one that is uncovered whose keys are asked for.
 const AHEAD: usize = 2;
 
@@ -350,12 +348,18 @@ impl<'a> Past<'a> {
         is_carried(claim, self.near(at), found)
     }
 
-    /// Whether a pixel of the previous anchor is part of the same thing as the pixel `there`, which moves with `found`: the anchor's depth is
-    /// the same in both, and not far from what the current anchor has.
+    /// Whether a pixel of the previous anchor is part of the same thing as the pixel `there`, which moves with `found`: where that leads to, the
+    /// current anchor has something as far away.
     #[inline(always)]
-    pub(super) fn is_one_thing(&self, at: [usize; 2], there: [usize; 2], found: Key) -> bool {
+    pub(super) fn is_one_thing(&self, current: &DepthMap, at: [usize; 2], there: [usize; 2], found: Key) -> bool {
+        let grid = Grid::new(current.size());
+        let vector = layer::vector(found);
+        let spot = std::array::from_fn(|c| 64 * there[c] as i32 - vector[c]);
+        let Some([x, y]) = grid.nearest(spot) else { return false };
+        let shift = current.tile().trailing_zeros();
         let near = self.near(at);
-        (self.near(there) - near).abs() <= AS_FAR * near && (nearness(found) - near).abs() <= AS_FAR_SEGMENT * near
+        let shown = nearness_of(current.depth()[(y >> shift) * current.columns() as usize + (x >> shift)]);
+        (shown - near).abs() <= AS_FAR * near
     }
 
     /// How near something in the previous anchor is at least that is not what claims a pixel there.

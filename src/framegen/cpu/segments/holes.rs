@@ -14,6 +14,7 @@ use super::super::sized;
 use super::field::cluster;
 use super::tiles::{SLOTS, Segment, Segments, TilesMut, each, inside};
 use crate::Result;
+use crate::guidance::DepthMap;
 use crate::tasks::{Parallel, ParallelSliceMut};
 
 /// Surfaces are looked for up to this many pixels away.
@@ -82,6 +83,8 @@ pub(super) struct Evidence<'a, P> {
     pub(super) field: &'a Segments,
     /// From the current anchor to this time.
     pub(super) way: Way,
+    /// The current anchor's depth.
+    pub(super) depth: &'a DepthMap,
     /// The anchor of this time, if it is one.
     pub(super) shown: Option<Source<'a, P>>,
     /// The previous anchor's depth, if it is known.
@@ -145,7 +148,7 @@ impl<P: Colour> Evidence<'_, P> {
             keys[pixel] = match self.past {
                 Some(past) => {
                     let known = self.known(past, at);
-                    if known != EMPTY && (alike(found, known) || !past.is_one_thing(at, there, found)) {
+                    if known != EMPTY && (alike(found, known) || !past.is_one_thing(self.depth, at, there, found)) {
                         known
                     } else {
                         found

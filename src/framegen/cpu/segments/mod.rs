@@ -131,7 +131,8 @@ impl SegmentGenerator {
         }
         let leaving = if past.is_none() { Some(&self.leaving) } else { None };
         let shown = Some(previous);
-        let evidence = Evidence { field: &self.field, way, shown, past: past.as_ref(), leaving, level };
+        let evidence =
+            Evidence { field: &self.field, way, depth: guidance.depth(), shown, past: past.as_ref(), leaving, level };
         if let Some(past) = &past {
             evidence.uncover(past, &mut self.visible);
         }
@@ -145,7 +146,15 @@ impl SegmentGenerator {
         let passes = [Pass { segments: &self.field, way, is_of_pass: |_| true }, orphans];
         warp(&passes[..if self.covers.holes() > 0 { 2 } else { 1 }], is_tiled, &self.bands, &mut self.visible)?;
         self.covers.find(&self.visible)?;
-        let evidence = Evidence::<P> { field: &self.field, way, shown: None, past: None, leaving: None, level };
+        let evidence = Evidence::<P> {
+            field: &self.field,
+            way,
+            depth: guidance.depth(),
+            shown: None,
+            past: None,
+            leaving: None,
+            level,
+        };
         evidence.fill(&self.visible, &self.covers, &mut self.shown)?;
 
         sized(&mut self.hidden, grid.tiles(), 0)?;
