@@ -40,7 +40,7 @@ pub use crate::experiment::Outcome;
 /// Scene seeds of the places that were never seen.
 const SEEDS: [u64; 2] = [41, 42];
 /// Held-out walks of each level, and places that were never seen, of the published page.
-pub const WALKS: u32 = 2;
+pub const WALKS: u32 = 3;
 /// Seconds of a walk of the published page.
 pub const SECONDS: u32 = 15;
 /// Seconds turned away in the memory test.
