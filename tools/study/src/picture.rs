@@ -84,6 +84,16 @@ pub(crate) fn cover(picture: &Picture, size: (u32, u32)) -> Result<Picture> {
     Picture::from_rgba(size.0, size.1, scaled.into_raw())
 }
 
+/// An opaque picture of one colour to draw on.
+///
+/// # Errors
+/// As [`Picture::new`].
+pub(crate) fn canvas((width, height): (u32, u32), [red, green, blue]: [u8; 3]) -> Result<Picture> {
+    let mut canvas = Picture::new(width, height)?;
+    canvas.pixels_mut().fill([red, green, blue, 255]);
+    Ok(canvas)
+}
+
 /// Copies `tile` to `at`.
 pub(crate) fn paste(out: &mut Picture, tile: &Picture, at: (u32, u32)) {
     let width = out.width() as usize;

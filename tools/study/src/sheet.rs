@@ -3,7 +3,7 @@
 use cairn::guidance::{DepthMap, Guidance, MotionField, visual};
 use cairn::{Picture, Result};
 
-use crate::picture::{paste, shrink};
+use crate::picture::{canvas, paste, shrink};
 use crate::text::{LARGE, SMALL, fit, write};
 
 /// Maximum number of columns; a shorter rollout has as many as it has pairs of anchors.
@@ -93,8 +93,7 @@ impl Sheet {
         let columns = shown.len().max(1) as u32;
         let width = (LEFT + columns * (tile_width + GAP) + GAP).max(900);
         let height = TOP + 4 * (tile_height + GAP) + BOTTOM;
-        let mut sheet = Picture::new(width, height)?;
-        sheet.pixels_mut().iter_mut().for_each(|px| px[..3].copy_from_slice(&GROUND));
+        let mut sheet = canvas((width, height), GROUND)?;
         let room = width - 2 * GAP - 8;
         write(&mut sheet, &fit(title, room, LARGE), (16, 14), LARGE, BRIGHT);
         write(&mut sheet, &fit(subtitle, room, SMALL), (16, 42), SMALL, DIM);

@@ -9,7 +9,7 @@ use super::layout::{TRUTH, frame};
 use super::plan::Settings;
 use super::walk::{RATE, STRIDE};
 use crate::manifest::read_bounded;
-use crate::picture::{decode, paste, shrink};
+use crate::picture::{canvas, decode, paste, shrink};
 use crate::scene_id::SceneId;
 use crate::text::{SMALL, fit, write};
 
@@ -72,12 +72,6 @@ fn tile(settings: &Settings, width: u32) -> (u32, u32) {
     (width, (u64::from(width) * u64::from(height) / u64::from(full)).max(16) as u32 & !1)
 }
 
-fn ground(width: u32, height: u32) -> Result<Picture> {
-    let mut picture = Picture::new(width, height)?;
-    picture.pixels_mut().iter_mut().for_each(|px| px[..3].copy_from_slice(&GROUND));
-    Ok(picture)
-}
-
 fn seconds(sample: u64) -> String {
     format!("{:.1} s", sample as f64 / f64::from(RATE))
 }
@@ -91,7 +85,8 @@ pub(super) fn grid(
     settings: &Settings,
 ) -> Result<Picture> {
     let tile = tile(settings, width);
-    let mut out = ground(SIDE + columns.len() as u32 * (tile.0 + GAP), LABEL + samples.len() as u32 * (tile.1 + GAP))?;
+    let mut out =
+        canvas((SIDE + columns.len() as u32 * (tile.0 + GAP), LABEL + samples.len() as u32 * (tile.1 + GAP)), GROUND)?;
     for (column, x) in columns.iter().zip((SIDE..).step_by((tile.0 + GAP) as usize)) {
         write(&mut out, &fit(column.name(), tile.0, SMALL), (x, 4), SMALL, BRIGHT);
         for (&sample, y) in samples.iter().zip((LABEL..).step_by((tile.1 + GAP) as usize)) {
@@ -107,7 +102,7 @@ pub(super) fn sheet(scene: SceneId, count: u64, settings: &Settings) -> Result<P
     let tile = tile(settings, 240);
     let side = 2 * SIDE + GAP;
     let rows: Vec<StreamId> = StreamId::all().collect();
-    let mut out = ground(side + MOMENTS as u32 * (tile.0 + GAP), LABEL + rows.len() as u32 * (tile.1 + GAP))?;
+    let mut out = canvas((side + MOMENTS as u32 * (tile.0 + GAP), LABEL + rows.len() as u32 * (tile.1 + GAP)), GROUND)?;
     for (row, y) in rows.into_iter().zip((LABEL..).step_by((tile.1 + GAP) as usize)) {
         write(&mut out, &fit(row.name(), side - GAP, SMALL), (4, y + 4), SMALL, BRIGHT);
         for (moment, x) in (0..MOMENTS).zip((side..).step_by((tile.0 + GAP) as usize)) {
@@ -124,7 +119,7 @@ pub(super) fn sheet(scene: SceneId, count: u64, settings: &Settings) -> Result<P
 /// The seed pictures of `scenes`, side by side.
 pub(super) fn seeds(scenes: &[SceneId], settings: &Settings) -> Result<Picture> {
     let tile = tile(&Settings { size: [1920, 1080], ..settings.clone() }, 300);
-    let mut out = ground(scenes.len().max(1) as u32 * (tile.0 + GAP), LABEL + tile.1 + GAP)?;
+    let mut out = canvas((scenes.len().max(1) as u32 * (tile.0 + GAP), LABEL + tile.1 + GAP), GROUND)?;
     for (scene, x) in scenes.iter().zip((GAP / 2..).step_by((tile.0 + GAP) as usize)) {
         write(&mut out, &fit(&scene.to_string(), tile.0, SMALL), (x, 4), SMALL, BRIGHT);
         paste(&mut out, &shrink(&read(&scene.seed_picture(&settings.out))?, tile)?, (x, LABEL));

@@ -15,7 +15,7 @@ use scenes::{Family, LANDSCAPES};
 use crate::device::DeviceChoice;
 use crate::experiment::files::write_all;
 use crate::media::{FrameRate, Mp4Sink, RealDisk, Recorder, VideoFormat, describe_io, encode_small_png};
-use crate::picture::{paste, shrink};
+use crate::picture::{canvas, paste, shrink};
 use crate::progress::{Progress, check_stop};
 use crate::text::{LARGE, SMALL, write};
 use crate::{device, inputs, level, seed_picture};
@@ -192,7 +192,7 @@ struct Frames<'a> {
 
 impl Frames<'_> {
     fn push(&mut self, left: &Picture, right: &Picture) -> Result<()> {
-        let mut frame = ground(SIZE)?;
+        let mut frame = canvas(SIZE, GROUND)?;
         write(&mut frame, title(self.family), (GAP, 4), SMALL, BRIGHT);
         for (column, picture, caption) in [(0, left, LEFT), (1, right, RIGHT)] {
             let x = GAP + column * (TILE.0 + GAP);
@@ -212,15 +212,9 @@ fn push(recorder: &Recorder, frame: Picture) -> Result<()> {
     }
 }
 
-fn ground(size: (u32, u32)) -> Result<Picture> {
-    let mut picture = Picture::new(size.0, size.1)?;
-    picture.pixels_mut().iter_mut().for_each(|px| px[..3].copy_from_slice(&GROUND));
-    Ok(picture)
-}
-
 /// The title card: what is given, and what is made by the world and by frame generation.
 fn title_card(family: Family, seed: &Picture) -> Result<Picture> {
-    let mut card = ground(SIZE)?;
+    let mut card = canvas(SIZE, GROUND)?;
     write(&mut card, title(family), (GAP, 16), LARGE, BRIGHT);
     for (line, text) in (0..).zip(CARD) {
         write(&mut card, text, (GAP, 56 + 20 * line), SMALL, BRIGHT);
@@ -236,7 +230,7 @@ struct Sheet(Picture);
 impl Sheet {
     fn new() -> Result<Self> {
         let (columns, rows) = (SHOWN.len() as u32, LANDSCAPES.len() as u32);
-        ground((GAP + columns * (SMALL_TILE.0 + GAP), GAP + rows * (SMALL_TILE.1 + HEAD))).map(Self)
+        canvas((GAP + columns * (SMALL_TILE.0 + GAP), GAP + rows * (SMALL_TILE.1 + HEAD)), GROUND).map(Self)
     }
 
     fn add(&mut self, row: u32, column: u32, family: Family, picture: &Picture) -> Result<()> {

@@ -2,7 +2,7 @@
 
 use cairn::{Picture, Result};
 
-use crate::picture::{paste, shrink};
+use crate::picture::{canvas, paste, shrink};
 use crate::text::{SMALL, fit, write};
 
 /// Height of the line of column labels.
@@ -34,8 +34,8 @@ impl Tiles {
     /// `OutOfMemory`.
     pub(crate) fn new(layout: Layout, columns: &[String], rows: u32) -> Result<Self> {
         let Layout { tile, gap, left } = layout;
-        let mut out = Picture::new(left + columns.len() as u32 * (tile.0 + gap), TOP + rows * (tile.1 + gap))?;
-        out.pixels_mut().fill([BACKGROUND[0], BACKGROUND[1], BACKGROUND[2], 255]);
+        let size = (left + columns.len() as u32 * (tile.0 + gap), TOP + rows * (tile.1 + gap));
+        let mut out = canvas(size, BACKGROUND)?;
         for (label, column) in columns.iter().zip(0..) {
             write(&mut out, label, (left + column * (tile.0 + gap), 8), SMALL, BRIGHT);
         }

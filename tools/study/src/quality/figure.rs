@@ -9,7 +9,7 @@ use super::measure::{Measurements, Record};
 use super::rows;
 use super::store::Store;
 use super::table::mean;
-use crate::picture::{paste, shrink};
+use crate::picture::{canvas, paste, shrink};
 use crate::text::{SMALL, fit, write};
 
 /// Columns of the figure.
@@ -162,8 +162,7 @@ fn arrange(tiles: &[(String, Picture, Picture)]) -> Result<Picture> {
     let tile = (PLACE.0 * ENLARGED, PLACE.1 * ENLARGED);
     let lines = (tiles.len() as u32).div_ceil(COLUMNS);
     let line = LABEL + 2 * (tile.1 + GAP) + GAP;
-    let mut out = Picture::new(COLUMNS * (tile.0 + GAP) + GAP, lines * line + GAP)?;
-    out.pixels_mut().fill([GROUND[0], GROUND[1], GROUND[2], 255]);
+    let mut out = canvas((COLUMNS * (tile.0 + GAP) + GAP, lines * line + GAP), GROUND)?;
     for (i, (label, upper, lower)) in tiles.iter().enumerate() {
         let (left, top) = (GAP + i as u32 % COLUMNS * (tile.0 + GAP), GAP + i as u32 / COLUMNS * line);
         write(&mut out, &fit(label, tile.0, SMALL), (left, top + 4), SMALL, BRIGHT);

@@ -10,7 +10,7 @@ use super::place::Group;
 use super::response::{Axis, standing_speed};
 use super::walk::{HORIZONS, Horizon};
 use crate::metrics::Score;
-use crate::picture::{paste, shrink};
+use crate::picture::{canvas, paste, shrink};
 use crate::statistics::Estimate;
 use crate::text::{SMALL, fit, write};
 
@@ -551,8 +551,7 @@ const BRIGHT: [u8; 3] = [235, 235, 230];
 pub(super) fn sheet(results: &[&PlaceResult]) -> Result<Picture> {
     let columns = results.iter().map(|p| p.shown.len()).max().unwrap_or(0).max(1) as u32;
     let rows = 2 * results.len().max(1) as u32;
-    let mut sheet = Picture::new(LEFT + columns * (TILE.0 + GAP) + GAP, TOP + rows * (TILE.1 + GAP))?;
-    sheet.pixels_mut().iter_mut().for_each(|px| px[..3].copy_from_slice(&GROUND));
+    let mut sheet = canvas((LEFT + columns * (TILE.0 + GAP) + GAP, TOP + rows * (TILE.1 + GAP)), GROUND)?;
     for (result, row) in results.iter().zip((0..).step_by(2)) {
         let y = |row: u32| TOP + row * (TILE.1 + GAP);
         for (n, line) in [result.place.to_string(), "truth".into()].iter().enumerate() {
