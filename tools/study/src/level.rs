@@ -3,7 +3,8 @@
 use cairn::world::ControlScript;
 use cairn::{Error, ErrorKind, Result};
 use scenes::{Cast, Family, Scene, Start};
-use sha2::{Digest, Sha256};
+
+use crate::manifest::sha256;
 
 /// Scene seed of every level, as in `samples/worlds/miniature/miniature/levels.py`.
 pub(crate) const SEED: u64 = 1001;
@@ -72,8 +73,7 @@ pub(crate) fn held_out_walk(family: Family, number: u32) -> Result<HeldOutWalk> 
 
 /// Fails for a walk through a level that the trainer's list does not have.
 fn require_held_out(family: Family, script: &str) -> Result<()> {
-    let digest = Sha256::digest(format!("{family} {SEED}\n{script}"));
-    let digest: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+    let digest = sha256(format!("{family} {SEED}\n{script}").as_bytes());
     if LIST.lines().any(|line| line.split_whitespace().next() == Some(digest.as_str())) {
         return Ok(());
     }

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use cairn::{Picture, Result};
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use super::place::Place;
 use super::walk::{Shown, WalkScores};
 use crate::experiment::files::write_all;
+use crate::manifest::sha256;
 use crate::media::{describe_io, encode_png};
 use crate::picture::{decode, paste};
 
@@ -33,8 +33,7 @@ pub(super) struct Store {
 impl Store {
     /// Walks in `folder` that were measured with exactly the inputs that `parts` describe.
     pub(super) fn new(folder: PathBuf, parts: &[String]) -> Self {
-        let key = Sha256::digest(format!("{VERSION}\n{}", parts.join("\n")));
-        Self { folder, key: key.iter().map(|byte| format!("{byte:02x}")).collect() }
+        Self { folder, key: sha256(format!("{VERSION}\n{}", parts.join("\n")).as_bytes()) }
     }
 
     fn path(&self, place: Place, extension: &str) -> PathBuf {
