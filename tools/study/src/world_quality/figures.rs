@@ -62,7 +62,7 @@ impl Results {
     }
 
     /// Mean over walks of a value that some of them have.
-    fn mean<'a>(&'a self, row: Row, of: impl Fn(&'a WalkScores) -> Option<f64>) -> Option<Estimate> {
+    pub(super) fn mean<'a>(&'a self, row: Row, of: impl Fn(&'a WalkScores) -> Option<f64>) -> Option<Estimate> {
         estimate(&self.walks(row).filter_map(of).collect::<Vec<_>>())
     }
 
@@ -180,11 +180,6 @@ impl Results {
     /// Mean of a value of how each walk follows its controls.
     pub(super) fn control(&self, row: Row, axis: Axis, of: impl Fn(&ControlFit) -> f64) -> Option<Estimate> {
         self.mean(row, |walked| following(&walked.responses, axis).as_ref().map(&of))
-    }
-
-    /// Mean of each walk's value.
-    pub(super) fn walk(&self, row: Row, of: impl Fn(&WalkScores) -> Option<f64>) -> Option<Estimate> {
-        self.mean(row, of)
     }
 }
 
