@@ -6,6 +6,7 @@
 //! place -> walk (rollout beside the truth) + memory -> store (kept walks) -> figures -> report, page
 //! ```
 
+mod csv;
 mod discrepancy;
 mod endurance;
 mod figures;
@@ -16,6 +17,7 @@ mod place;
 mod probe;
 mod report;
 mod response;
+mod sheet;
 mod store;
 mod walk;
 
@@ -173,13 +175,13 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
 
     let results = Results { all: results, latents_per_second: point.latents_per_second };
     let text = head(settings, bundle, &point) + &report::text(&results);
-    let [good, bad] = figures::extremes(&results.all, report::SHOWN).map(|results| report::sheet(&results));
+    let [good, bad] = figures::extremes(&results.all, sheet::SHOWN).map(|results| sheet::draw(&results));
     let (good, bad) = (good?, bad?);
     let mut files = Files::default();
     files.add("world-quality.txt", text.as_str());
-    files.add("world-quality.csv", report::csv(&results));
-    files.add("world-quality-lasting.csv", report::lasting_csv(&results));
-    files.add("world-quality-poses.csv", report::poses_csv(&results));
+    files.add("world-quality.csv", csv::scores(&results));
+    files.add("world-quality-lasting.csv", csv::seconds(&results));
+    files.add("world-quality-poses.csv", csv::poses(&results));
     files.add("world-quality-good.png", encode_small_png(&good)?);
     files.add("world-quality-bad.png", encode_small_png(&bad)?);
     let mut files = files.write(&settings.common.out)?;

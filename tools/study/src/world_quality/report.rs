@@ -1,18 +1,14 @@
-//! Results as text, as CSV, and as pictures side by side.
+//! Results as text.
 
 use std::fmt::Write as _;
 
-use cairn::{Picture, Result};
-
-use super::endurance::second;
 use super::figures::{PlaceResult, Results, Row, extremes, show, show_mean};
 use super::place::Group;
 use super::response::{Axis, standing_speed};
+use super::sheet::SHOWN;
 use super::walk::{HORIZONS, Horizon};
 use crate::metrics::Score;
-use crate::picture::{canvas, paste, shrink};
 use crate::statistics::Estimate;
-use crate::text::{SMALL, fit, write};
 
 /// Tables for the terminal and the page; the last line is the summary.
 pub(super) fn text(results: &Results) -> String {
@@ -478,93 +474,6 @@ fn summary(results: &Results) -> String {
         ))
     };
     format!("at {first} s: {}", Row::all().into_iter().filter_map(row).collect::<Vec<_>>().join("; "))
-}
-
-/// CSV with a line for each score.
-pub(super) fn csv(results: &Results) -> String {
-    let mut text = String::from("place,seconds,what,psnr_db,ssim,lpips_alex\n");
-    for PlaceResult { place, walked, .. } in &results.all {
-        let mut line = |seconds: f64, what: &str, score: &Score| {
-            let lpips = score.lpips.map(|value| format!("{value:.6}")).unwrap_or_default();
-            let _ = writeln!(text, "{},{seconds},{what},{:.4},{:.6},{lpips}", place.key(), score.psnr, score.ssim);
-        };
-        for h in &walked.horizons {
-            line(h.seconds, "world", &h.world);
-            line(h.seconds, "repeat", &h.repeat);
-            line(h.seconds, "reconstruction", &h.reconstruction);
-        }
-        for (seconds, score) in &walked.few_steps {
-            line(*seconds, "stock", score);
-        }
-    }
-    text
-}
-
-/// CSV with a line for each walk and second: brightness, colour, contrast and detail relative to the truth.
-pub(super) fn lasting_csv(results: &Results) -> String {
-    let mut text = String::from("place,second,brightness,colour,contrast,detail\n");
-    for PlaceResult { place, walked, .. } in &results.all {
-        for end in results.ends() {
-            let Some(s) = second(walked, end, results.latents_per_second) else { continue };
-            let _ = writeln!(
-                text,
-                "{},{end},{:.4},{:.2},{:.4},{:.4}",
-                place.key(),
-                s.brightness,
-                s.colour,
-                s.contrast,
-                s.detail
-            );
-        }
-    }
-    text
-}
-
-/// CSV with a line for each pose that was searched for.
-pub(super) fn poses_csv(results: &Results) -> String {
-    let mut text = String::from(
-        "place,seconds,metres,degrees,truth_metres,truth_degrees,start_metres,start_degrees,psnr_db,truth_psnr_db\n",
-    );
-    for PlaceResult { place, walked, .. } in &results.all {
-        for p in &walked.poses {
-            let numbers = [p.world, p.truth, p.repeat].concat().into_iter().chain(p.psnr).map(|v| format!("{v:.2}"));
-            let _ = writeln!(text, "{},{},{}", place.key(), p.seconds, numbers.collect::<Vec<_>>().join(","));
-        }
-    }
-    text
-}
-
-/// Number of walks on each sheet.
-pub(super) const SHOWN: usize = 4;
-const TILE: (u32, u32) = (240, 135);
-const GAP: u32 = 8;
-const LEFT: u32 = 160;
-const TOP: u32 = 32;
-const GROUND: [u8; 3] = [24, 26, 30];
-const BRIGHT: [u8; 3] = [235, 235, 230];
-
-/// Sheet with a column per horizon and two rows per walk, truth above the world's pictures, in the given order.
-pub(super) fn sheet(results: &[&PlaceResult]) -> Result<Picture> {
-    let columns = results.iter().map(|p| p.shown.len()).max().unwrap_or(0).max(1) as u32;
-    let rows = 2 * results.len().max(1) as u32;
-    let mut sheet = canvas((LEFT + columns * (TILE.0 + GAP) + GAP, TOP + rows * (TILE.1 + GAP)), GROUND)?;
-    for (result, row) in results.iter().zip((0..).step_by(2)) {
-        let y = |row: u32| TOP + row * (TILE.1 + GAP);
-        for (n, line) in [result.place.to_string(), "truth".into()].iter().enumerate() {
-            write(&mut sheet, &fit(line, LEFT - 24, SMALL), (16, y(row) + 4 + 18 * n as u32), SMALL, BRIGHT);
-        }
-        write(&mut sheet, "world", (16, y(row + 1) + 4), SMALL, BRIGHT);
-        let horizons = result.walked.horizons.iter().zip(&result.shown);
-        for ((h, [truth, picture]), column) in horizons.zip(0..) {
-            let x = LEFT + column * (TILE.0 + GAP);
-            if row == 0 {
-                write(&mut sheet, &format!("{} s", h.seconds), (x, 8), SMALL, BRIGHT);
-            }
-            paste(&mut sheet, &shrink(truth, TILE)?, (x, y(row)));
-            paste(&mut sheet, &shrink(picture, TILE)?, (x, y(row + 1)));
-        }
-    }
-    Ok(sheet)
 }
 
 #[cfg(test)]
