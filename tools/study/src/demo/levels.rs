@@ -10,7 +10,7 @@ use cairn::guidance::{Guidance, picture_flow};
 use cairn::present::upscale::{Filter, Upscaler};
 use cairn::world::{ControlScript, OperatingPoint, Preset, Rollout, World, WorldOptions};
 use cairn::{Error, ErrorKind, Picture, Result};
-use scenes::{Family, LANDSCAPES};
+use scenes::Family;
 
 use crate::device::DeviceChoice;
 use crate::experiment::files::write_all;
@@ -38,21 +38,18 @@ const TITLE_SECONDS: f64 = 2.0;
 const GROUND: [u8; 3] = [24, 26, 30];
 const BRIGHT: [u8; 3] = [235, 235, 230];
 const DIM: [u8; 3] = [150, 152, 156];
-/// Moments of the contact sheet: shares of a walk.
+/// Columns of the contact sheet, as shares of a walk.
 const SHOWN: [f64; 4] = [0.0, 0.25, 0.5, 1.0];
 /// Size of a picture on the contact sheet.
 const SMALL_TILE: (u32, u32) = (320, 180);
 
-/// What a level is called on its title card.
-fn title(family: Family) -> &'static str {
-    match family {
-        Family::Forest => "The forest",
-        Family::Sword => "The meadow, over a sword",
-        Family::Desert => "The desert",
-        Family::Snow => "The snowfield",
-        Family::Indoors | Family::Town => "A place",
-    }
-}
+/// The levels with their titles, in the film's order.
+const LEVELS: [(Family, &str); 4] = [
+    (Family::Forest, "The forest"),
+    (Family::Sword, "The meadow, over a sword"),
+    (Family::Desert, "The desert"),
+    (Family::Snow, "The snowfield"),
+];
 
 /// Size of the given picture on a title card.
 const GIVEN: (u32, u32) = (288, 162);
@@ -69,7 +66,7 @@ const CARD: [&str; 4] = [
     "from their optical flow.",
 ];
 
-/// What the film needs.
+/// Settings of the film.
 pub(crate) struct LevelsFilm<'a> {
     /// The bundle; `None` for the library's own.
     pub(crate) world: Option<&'a Path>,
@@ -102,9 +99,9 @@ impl LevelsFilm<'_> {
         let recorder = Recorder::start(vec![Box::new(sink)], SIZE)?;
         let mut sheet = Sheet::new()?;
         let mut made = Ok(());
-        for (row, family) in (0..).zip(LANDSCAPES) {
-            progress.phase(title(family));
-            let walk = LevelWalk { family, point: &point, seconds: self.seconds, row };
+        for (row, (family, title)) in (0..).zip(LEVELS) {
+            progress.phase(title);
+            let walk = LevelWalk { family, title, point: &point, seconds: self.seconds, row };
             made = walk.film(&world, &recorder, &mut sheet, stop);
             if made.is_err() {
                 break;
@@ -123,6 +120,7 @@ impl LevelsFilm<'_> {
 /// One walk of the film.
 struct LevelWalk<'a> {
     family: Family,
+    title: &'static str,
     point: &'a OperatingPoint,
     seconds: f64,
     /// Row of the contact sheet.
@@ -134,7 +132,7 @@ impl LevelWalk<'_> {
         let (width, height) = world.render_size();
         let point = self.point;
         let seed = seed_picture::draw(&level::scene(self.family), width, height)?;
-        let card = title_card(self.family, &seed)?;
+        let card = title_card(self.title, &seed)?;
         for _ in 0..(TITLE_SECONDS * f64::from(RATE)) as u32 {
             push(recorder, card.clone())?;
         }
@@ -151,10 +149,10 @@ impl LevelWalk<'_> {
         let mut guidance = Guidance::new(width, height, picture_flow::PROJECTION)?;
         let (mut flow, mut generator) = (picture_flow::Extractor::new(), CpuGenerator::new());
         let mut upscaler = Upscaler::new((width, height), TILE, Filter::Lanczos3)?;
-        let mut frames = Frames { recorder, upscaler: &mut upscaler, family: self.family };
+        let mut frames = Frames { recorder, upscaler: &mut upscaler, title: self.title };
         frames.push(&before, &before)?;
         let steps = (self.seconds * f64::from(point.latents_per_second)).round() as u64;
-        sheet.add(self.row, 0, self.family, &before)?;
+        sheet.add(self.row, 0, self.title, &before)?;
         for q in 1..=steps {
             check_stop(stop)?;
             let (start, end) = point.span_of_latent(q);
@@ -174,7 +172,7 @@ impl LevelWalk<'_> {
             }
             for (column, share) in (0..).zip(SHOWN) {
                 if column > 0 && (share * steps as f64).round() as u64 == q {
-                    sheet.add(self.row, column, self.family, &anchor)?;
+                    sheet.add(self.row, column, self.title, &anchor)?;
                 }
             }
             before = anchor;
@@ -187,13 +185,13 @@ impl LevelWalk<'_> {
 struct Frames<'a> {
     recorder: &'a Recorder,
     upscaler: &'a mut Upscaler,
-    family: Family,
+    title: &'static str,
 }
 
 impl Frames<'_> {
     fn push(&mut self, left: &Picture, right: &Picture) -> Result<()> {
         let mut frame = canvas(SIZE, GROUND)?;
-        write(&mut frame, title(self.family), (GAP, 4), SMALL, BRIGHT);
+        write(&mut frame, self.title, (GAP, 4), SMALL, BRIGHT);
         for (column, picture, caption) in [(0, left, LEFT), (1, right, RIGHT)] {
             let x = GAP + column * (TILE.0 + GAP);
             let mut tile = Picture::new(TILE.0, TILE.1)?;
@@ -212,10 +210,10 @@ fn push(recorder: &Recorder, frame: Picture) -> Result<()> {
     }
 }
 
-/// The title card: what is given, and what is made by the world and by frame generation.
-fn title_card(family: Family, seed: &Picture) -> Result<Picture> {
+/// Title card: shows the given picture, and says which frames the world makes and which Cairn generates.
+fn title_card(title: &str, seed: &Picture) -> Result<Picture> {
     let mut card = canvas(SIZE, GROUND)?;
-    write(&mut card, title(family), (GAP, 16), LARGE, BRIGHT);
+    write(&mut card, title, (GAP, 16), LARGE, BRIGHT);
     for (line, text) in (0..).zip(CARD) {
         write(&mut card, text, (GAP, 56 + 20 * line), SMALL, BRIGHT);
     }
@@ -229,14 +227,14 @@ struct Sheet(Picture);
 
 impl Sheet {
     fn new() -> Result<Self> {
-        let (columns, rows) = (SHOWN.len() as u32, LANDSCAPES.len() as u32);
+        let (columns, rows) = (SHOWN.len() as u32, LEVELS.len() as u32);
         canvas((GAP + columns * (SMALL_TILE.0 + GAP), GAP + rows * (SMALL_TILE.1 + HEAD)), GROUND).map(Self)
     }
 
-    fn add(&mut self, row: u32, column: u32, family: Family, picture: &Picture) -> Result<()> {
+    fn add(&mut self, row: u32, column: u32, title: &str, picture: &Picture) -> Result<()> {
         let (x, y) = (GAP + column * (SMALL_TILE.0 + GAP), GAP + row * (SMALL_TILE.1 + HEAD));
         if column == 0 {
-            write(&mut self.0, title(family), (x, y), SMALL, BRIGHT);
+            write(&mut self.0, title, (x, y), SMALL, BRIGHT);
         }
         paste(&mut self.0, &shrink(picture, SMALL_TILE)?, (x, y + 20));
         Ok(())
@@ -260,7 +258,7 @@ mod tests {
     fn a_title_card_shows_the_given_picture_below_the_title() {
         let mut seed = Picture::new(320, 180).unwrap();
         seed.pixels_mut().iter_mut().for_each(|px| *px = [200, 10, 10, 255]);
-        let card = title_card(Family::Snow, &seed).unwrap();
+        let card = title_card("The snowfield", &seed).unwrap();
         assert_eq!(card.size(), SIZE);
         let reds = card.pixels().iter().filter(|px| px[0] > 150 && px[1] < 60).count();
         assert_eq!(reds as u32, GIVEN.0 * GIVEN.1);
