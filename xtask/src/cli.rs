@@ -34,7 +34,7 @@ pub(crate) enum Command {
         #[arg(long)]
         all: bool,
     },
-    /// Set up, then make four seconds of a world and two of frame generation; says which files to open
+    /// Set up, then film the world's four levels, make four seconds of a rollout and two of frame generation; says which files to open
     Demo {
         /// Handed on to `study demo`
         #[arg(last = true)]

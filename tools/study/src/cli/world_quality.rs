@@ -39,7 +39,7 @@ pub(super) struct WorldQualityArgs {
     /// Length of a walk, 1 to 60
     #[arg(long, value_name = "SECONDS", default_value_t = world_quality::SECONDS)]
     seconds: u32,
-    /// Walks of each level in which the camera looks away: what the world remembers; 0 for none
+    /// Walks of each level in which the memory test runs: the camera turns away and back; 0 leaves it out
     #[arg(long, value_name = "N", default_value_t = 1)]
     looks_away: u32,
     /// Folder for tables and pictures; earlier ones in it are replaced

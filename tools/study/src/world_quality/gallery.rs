@@ -17,7 +17,7 @@ const DIRECTIONS: u32 = 12;
 pub(super) const SIZE: (u32, u32) = (80, 45);
 /// Size of the pictures of the search's first stage, as columns and rows.
 const SMALL: (usize, usize) = (20, 11);
-/// Largest shift down and across, in pixels of [`SMALL`]: 4 rows are 24 degrees of tilt, and 3 columns about half of what lies between two
+/// Largest shift down and across, in pixels of [`SMALL`]: 4 rows are 24 degrees of tilt; 3 columns are about half the angle between neighbouring
 /// directions.
 const MAX_SHIFT: [isize; 2] = [4, 3];
 /// Poses of the first stage that are refined; fewer where there are fewer positions.

@@ -12,8 +12,8 @@ const INTRODUCTION: &str = "\
 # The world inside the library
 
 **The world knows four levels, and is judged on walks through them that it has not seen.** A level is [a procedural place](scenes.md) of 100 m by
-100 m that hills close: a forest, a meadow seen over a sword, a desert and a snowfield. Training refused the held-out walks by their SHA-256. A fifth
-row, *unseen*, shows places that the world has never seen, as they are: what comes there is guesswork.
+100 m that hills close: a forest, a meadow seen over a sword, a desert and a snowfield. Training refused the held-out walks by their SHA-256. The row
+*unseen* is for places outside the levels, which the world was not trained on: it can only guess what a walk comes to there.
 
 The world is [as small as a game's texture](../samples/worlds/miniature/README.md), with Waypoint-1.5's architecture, trained on one GPU for twelve
 minutes. It gets the first true picture and the controls, and makes all other pictures. They are compared with rendered pictures of the same

@@ -1,4 +1,4 @@
-//! What a world is walked through: held-out walks of the levels that it knows, and places that it has never seen.
+//! Walks that a world is judged on: held-out walks through the levels that it knows, and walks through places outside them.
 
 use std::fmt;
 
@@ -143,7 +143,7 @@ impl Course {
     }
 }
 
-/// What a classifier takes a picture for.
+/// Result of the classifiers for a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Recognised {
     /// Number of a family in [`LANDSCAPES`].

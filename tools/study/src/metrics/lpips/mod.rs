@@ -99,7 +99,7 @@ impl Lpips {
     }
 
     /// Mean of each channel over the whole picture, tap after tap, of vectors that are normalised as for the distance: 1152 numbers with
-    /// AlexNet, 0 to 1. They say what a picture shows, and little about where.
+    /// AlexNet, 0 to 1. They depend on what a picture shows, and hardly on where in it.
     ///
     /// # Errors
     /// As [`features`](Self::features).
