@@ -309,7 +309,7 @@ fn pictures(
     }
     let history = if kind.needs_guidance() { history(kind, clip, first, anchor, store)? } else { Vec::new() };
     let [before, guidance] = guidance.each_ref().map(Option::as_ref);
-    let overlay = if kind.needs_guidance() { clip.overlay(anchor) } else { None };
+    let overlay = if kind.needs_guidance() { clip.overlay(anchor, store)? } else { None };
     let interval = Interval {
         anchors: &anchors,
         at: anchor - 1 - first,

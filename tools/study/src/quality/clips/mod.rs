@@ -133,8 +133,8 @@ pub(super) trait Clip {
     fn guidance(&mut self, number: usize, store: &Store) -> Result<Option<Guidance>>;
 
     /// Opacity of the head-up display over each pixel of anchor `number`, which an engine knows; `None` if there is none.
-    fn overlay(&self, _number: usize) -> Option<Vec<u8>> {
-        None
+    fn overlay(&mut self, _number: usize, _store: &Store) -> Result<Option<Vec<u8>>> {
+        Ok(None)
     }
 
     /// As [`guidance`](Self::guidance), but motion and depth as a game engine gives them; `None` if no engine drew the clip.

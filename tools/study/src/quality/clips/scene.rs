@@ -215,10 +215,10 @@ impl Clip for SceneClip {
         Guidance::from_parts(motion, depth, MotionOrigin::Geometry).map(Some)
     }
 
-    fn overlay(&self, number: usize) -> Option<Vec<u8>> {
-        let moment = self.moments.get(number * STEPS as usize).filter(|_| self.moving)?;
-        let mut blank = Picture::new(self.size.0, self.size.1).ok()?;
-        Some(hud::draw(&mut blank, &self.scene, moment))
+    fn overlay(&mut self, number: usize, _store: &Store) -> Result<Option<Vec<u8>>> {
+        let Some(moment) = self.moments.get(number * STEPS as usize).filter(|_| self.moving) else { return Ok(None) };
+        let mut blank = Picture::new(self.size.0, self.size.1)?;
+        Ok(Some(hud::draw(&mut blank, &self.scene, moment)))
     }
 
     fn engine_guidance(&mut self, number: usize) -> Result<Option<Guidance>> {
