@@ -28,7 +28,8 @@ struct Column {
     time: f64,
     anchor: Picture,
     between: Option<(f32, Picture)>,
-    guidance: Option<(MotionField, Picture)>,
+    /// Motion, and a picture of the depth; `None` where motion was found in pictures, which have none.
+    guidance: Option<(MotionField, Option<Picture>)>,
 }
 
 /// Collects columns during a rollout and draws them at the end.
@@ -56,7 +57,12 @@ impl Sheet {
     /// Keeps an anchor, and motion and depth from the one before it.
     pub(crate) fn add(&mut self, latent: u64, time: f64, anchor: &Picture, guidance: Option<&Guidance>) -> Result<()> {
         let anchor = shrink(anchor, self.tile)?;
-        let guidance = guidance.map(|g| Ok((g.motion().clone(), depth_tile(g.depth(), self.tile)?))).transpose()?;
+        let with_depth = |guidance: &Guidance| {
+            let has_depth = !guidance.origin().is_optical_flow();
+            let depth = has_depth.then(|| depth_tile(guidance.depth(), self.tile)).transpose()?;
+            Ok((guidance.motion().clone(), depth))
+        };
+        let guidance = guidance.map(with_depth).transpose()?;
         // The seed's own latent has no pair: it is shown only if it is the only one.
         self.columns.retain(|column| column.latent > 0);
         if self.columns.len() >= KEPT {
@@ -92,7 +98,11 @@ impl Sheet {
         let shown = self.displayed_columns();
         let columns = shown.len().max(1) as u32;
         let width = (LEFT + columns * (tile_width + GAP) + GAP).max(900);
-        let height = TOP + 4 * (tile_height + GAP) + BOTTOM;
+        let has_depth = shown.iter().any(|column| matches!(column.guidance, Some((_, Some(_)))));
+        let names = [&["anchor"][..], &["frame", "between"], &["motion"], &["depth"]];
+        let names = &names[..if has_depth { 4 } else { 3 }];
+        let rows = names.len() as u32;
+        let height = TOP + rows * (tile_height + GAP) + BOTTOM;
         let mut sheet = canvas((width, height), GROUND)?;
         let room = width - 2 * GAP - 8;
         write(&mut sheet, &fit(title, room, LARGE), (16, 14), LARGE, BRIGHT);
@@ -102,7 +112,7 @@ impl Sheet {
         }
         let scale = full_scale(shown.iter().filter_map(|c| c.guidance.as_ref()).map(|(motion, _)| motion));
         let row = |i: u32| TOP + i * (tile_height + GAP);
-        for (i, lines) in [&["anchor"][..], &["frame", "between"], &["motion"], &["depth"]].into_iter().enumerate() {
+        for (i, lines) in names.iter().enumerate() {
             for (n, line) in lines.iter().enumerate() {
                 write(&mut sheet, line, (16, row(i as u32) + 4 + 18 * n as u32), SMALL, BRIGHT);
             }
@@ -122,18 +132,20 @@ impl Sheet {
             match &column.guidance {
                 Some((motion, depth)) => {
                     paste(&mut sheet, &motion_tile(motion, scale, self.tile)?, (x, row(2)));
-                    paste(&mut sheet, depth, (x, row(3)));
+                    if let Some(depth) = depth {
+                        paste(&mut sheet, depth, (x, row(3)));
+                    }
                 }
-                None => (2..4).for_each(|r| fill(&mut sheet, (x, row(r)), self.tile, NOTHING)),
+                None => (2..rows).for_each(|r| fill(&mut sheet, (x, row(r)), self.tile, NOTHING)),
             }
         }
-        legend(&mut sheet, row(4) + 8, scale)?;
+        legend(&mut sheet, row(rows) + 8, scale, has_depth)?;
         Ok(sheet)
     }
 }
 
 /// The colour wheel of motion and its explanation, from line `y` on.
-fn legend(sheet: &mut Picture, y: u32, scale: f32) -> Result<()> {
+fn legend(sheet: &mut Picture, y: u32, scale: f32, has_depth: bool) -> Result<()> {
     let wheel = visual::wheel(72)?;
     for (i, px) in wheel.pixels().iter().enumerate().filter(|(_, px)| px[3] > 0) {
         let (x, y) = (LEFT + i as u32 % 72, y + i as u32 / 72);
@@ -145,7 +157,12 @@ fn legend(sheet: &mut Picture, y: u32, scale: f32) -> Result<()> {
     let lines = [
         format!("motion: from this picture back to the one before; the rim is {} render pixels or more", number(scale)),
         "white: at rest    red: right    yellow-green: down    cyan: left    blue-violet: up".into(),
-        "depth: white is near, black is far".into(),
+        if has_depth {
+            "depth: white is near, black is far"
+        } else {
+            "motion was found in the pictures; they have no depth"
+        }
+        .into(),
     ];
     for (line, n) in lines.iter().zip(0..) {
         write(sheet, line, (LEFT + 88, y + 9 + 18 * n), SMALL, DIM);
@@ -203,6 +220,8 @@ fn tag(sheet: &mut Picture, text: &str, (x, below): (u32, u32)) {
 
 #[cfg(test)]
 mod tests {
+    use cairn::guidance::{MotionOrigin, Projection};
+
     use super::*;
 
     fn latents_shown(made: u64) -> Vec<u64> {
@@ -231,6 +250,20 @@ mod tests {
     fn a_sheet_without_columns_can_be_drawn() {
         let sheet = Sheet::new((128, 72), "latent").draw("title", "subtitle", Some("warning")).unwrap();
         assert!(sheet.pixels().iter().any(|px| px[..3] == BRIGHT) && sheet.pixels().iter().any(|px| px[..3] == WARN));
+    }
+
+    #[test]
+    fn a_row_of_depth_is_drawn_where_there_is_depth() {
+        let drawn_with = |origin| {
+            let mut sheet = Sheet::new((64, 36), "latent");
+            let blank = Guidance::new(64, 36, Projection::new(0.1, 100.0, 1.0).unwrap()).unwrap();
+            let (motion, depth) = (blank.motion().clone(), blank.depth().clone());
+            let guidance = Guidance::from_parts(motion, depth, origin).unwrap();
+            sheet.add(1, 0.0, &Picture::new(64, 36).unwrap(), Some(&guidance)).unwrap();
+            sheet.draw("title", "subtitle", None).unwrap().height()
+        };
+        let row = TILE * 36 / 64 + GAP;
+        assert_eq!(drawn_with(MotionOrigin::Geometry), drawn_with(MotionOrigin::OpticalFlow) + row);
     }
 
     #[test]
