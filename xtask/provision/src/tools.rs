@@ -59,6 +59,14 @@ pub fn cmake(progress: &dyn Progress) -> Option<PathBuf> {
     })
 }
 
+/// Xvfb, an X server without a display, from the PATH or by apt when root; else `None`.
+pub fn xvfb(progress: &dyn Progress) -> Option<PathBuf> {
+    on_path("Xvfb").or_else(|| {
+        apt("xvfb", progress).ok()?;
+        on_path("Xvfb")
+    })
+}
+
 /// debootstrap, which installs a Debian into a folder, from the PATH or by apt when root.
 pub(crate) fn debootstrap(progress: &dyn Progress) -> Result<PathBuf> {
     const NAME: &str = "debootstrap";
