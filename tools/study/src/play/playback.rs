@@ -128,6 +128,11 @@ impl Playback {
         Ok(())
     }
 
+    /// Number of the last anchor that arrived.
+    pub(super) fn last(&self) -> Option<u64> {
+        self.current.as_ref().map(|current| current.anchor.number())
+    }
+
     /// The frame that is due.
     pub(super) fn query(&self, now: u64) -> Option<FrameInfo> {
         self.presenter.query(now)

@@ -469,13 +469,14 @@ impl ApplicationHandler<Message> for App<'_> {
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         let now = self.now();
         let due = self.playback.query(now);
-        let last = due.is_some_and(|due| due.previous == due.current && due.due.until_ns <= now);
-        if self.ended && last {
+        let shown = due.map(|due| (due.previous, due.current, due.t.to_bits()));
+        let drawn = self.drawn.map(|(_, key)| key);
+        let is_last = due.is_some_and(|due| due.previous == due.current && Some(due.current) == self.playback.last());
+        if self.ended && is_last && drawn == shown {
             event_loop.exit();
             return;
         }
-        let shown = due.map(|due| (due.previous, due.current, due.t.to_bits()));
-        if shown.is_some() && shown != self.drawn.map(|(_, key)| key) {
+        if shown.is_some() && shown != drawn {
             self.redraw();
         }
         let wait = due.map_or(IDLE, |due| Duration::from_nanos(due.due.until_ns.saturating_sub(now)));
