@@ -19,6 +19,7 @@ mod experiment;
 mod interpolate;
 mod motion;
 mod pages;
+mod play;
 mod quality;
 mod reconstruct;
 mod replay;
@@ -75,6 +76,9 @@ enum Command {
     Replay(replay::ReplayArgs),
     /// Four seconds at 1920x1080 on the embedded world, and a short reconstruct
     Demo(demo::DemoArgs),
+    /// A window in which you walk through the world by mouse and keyboard
+    #[command(after_help = play::EXAMPLES)]
+    Play(play::PlayArgs),
     /// The paper's experiment: the same walks, run fewer and better, more often, and in three other ways
     #[command(after_help = compare::EXAMPLES)]
     Compare(compare::CompareArgs),
@@ -123,6 +127,7 @@ impl Command {
             Self::Rollout(args) => args.as_ref(),
             Self::Replay(args) => args,
             Self::Demo(args) => args,
+            Self::Play(args) => args,
             Self::Compare(args) => args,
             Self::Reconstruct(args) => args,
             Self::Quality(args) => args,
@@ -269,10 +274,11 @@ mod tests {
             sweep::EXAMPLES,
             interpolate::EXAMPLES,
             score::EXAMPLES,
+            play::EXAMPLES,
         ];
         let joined = all.join("\n").replace("\\\n", " ");
         let examples: Vec<&str> = joined.lines().map(str::trim).filter(|l| l.starts_with("study ")).collect();
-        assert!(examples.len() >= 21);
+        assert!(examples.len() >= 24);
         for example in examples {
             let parsed = Cli::try_parse_from(example.split_whitespace()).unwrap_or_else(|e| panic!("{example}: {e}"));
             parsed.command.inner().check().unwrap_or_else(|e| panic!("{example}: {e}"));

@@ -10,7 +10,8 @@
 //! | [`compare`], [`sweep`] | operating points against each other, in rollouts that worker processes make |
 //!
 //! Rollouts are [`Job`]s, which [`replay`](replay()) makes again from their [`Manifest`]; [`reconstruct`](reconstruct()) and
-//! [`interpolate`](interpolate()) make the frames between anchors of a scene and of an existing video. [`run`] is the command line.
+//! [`interpolate`](interpolate()) make the frames between anchors of a scene and of an existing video. `study play` is in the private module `play`:
+//! a window in which one walks through a world. [`run`] is the command line.
 //!
 //! ```text
 //! cli -> settings -> job -> media, latents, sheet -> manifest
@@ -43,6 +44,7 @@ pub mod metrics;
 pub mod motion;
 mod output;
 mod picture;
+mod play;
 mod progress;
 pub mod quality;
 mod reconstruct;

@@ -59,6 +59,34 @@ pub fn cmake(progress: &dyn Progress) -> Option<PathBuf> {
     })
 }
 
+/// Libraries that a window on X11 loads, and their packages in Debian.
+const WINDOW_LIBRARIES: [(&str, &str); 4] = [
+    ("libX11-xcb.so.1", "libx11-xcb1"),
+    ("libXcursor.so.1", "libxcursor1"),
+    ("libXi.so.6", "libxi6"),
+    ("libxkbcommon-x11.so.0", "libxkbcommon-x11-0"),
+];
+
+/// Xvfb, an X server without a display, with the libraries that a window on it loads: from the system or by apt when root; else `None`.
+pub fn xvfb(progress: &dyn Progress) -> Option<PathBuf> {
+    if on_path("Xvfb").is_none() {
+        apt("xvfb", progress).ok()?;
+    }
+    for (library, package) in WINDOW_LIBRARIES {
+        if !is_loadable(library) {
+            apt(package, progress).ok()?;
+        }
+    }
+    on_path("Xvfb")
+}
+
+/// Whether the dynamic linker's cache names a library.
+fn is_loadable(library: &str) -> bool {
+    let known =
+        |program| process::run(Command::new(program).arg("-p"), |_| {}).is_ok_and(|o| o.stdout.contains(library));
+    known("ldconfig") || known("/sbin/ldconfig")
+}
+
 /// debootstrap, which installs a Debian into a folder, from the PATH or by apt when root.
 pub(crate) fn debootstrap(progress: &dyn Progress) -> Result<PathBuf> {
     const NAME: &str = "debootstrap";
