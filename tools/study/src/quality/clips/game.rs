@@ -11,6 +11,7 @@ use provision::Progress;
 
 use super::{Clip, Phase, Scale, Target, evenly};
 use crate::media::describe_io;
+use crate::quality::rows::MAX_HISTORY;
 use crate::quality::rows::program::{Scratch, not_provided, read_pictures, run};
 use crate::quality::store::{Capture, Store};
 use crate::sets::{self, Set};
@@ -249,7 +250,8 @@ impl Recorded {
         };
         for target in &self.targets {
             put(Plane::World, 2 * target.anchor - 1)?;
-            for tic in [2 * target.anchor - 2, 2 * target.anchor] {
+            for anchor in target.anchor.saturating_sub(1 + MAX_HISTORY)..=target.anchor {
+                let tic = 2 * anchor;
                 for plane in [Plane::Depth, Plane::Thing, Plane::Steps, Plane::Overlay] {
                     put(plane, tic)?;
                 }

@@ -52,6 +52,9 @@ pub(super) const KINDS: [Kind; 14] = [
     Kind::Truth,
 ];
 
+/// Largest [`Kind::history`].
+pub(super) const MAX_HISTORY: usize = fsr::HISTORY;
+
 impl Kind {
     /// Name in `--rows` and in CSV files.
     pub(super) fn name(self) -> &'static str {
