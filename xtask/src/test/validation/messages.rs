@@ -55,7 +55,7 @@ pub(super) fn separate(output: &str) -> Result<(String, Vec<Message>), String> {
     Ok((rest, messages))
 }
 
-/// `d3d12_shaders` of `tests/d3d12_shaders.rs (target/...)` and of `tests/d3d12_shaders/main.rs (target/...)`.
+/// `d3d12_shaders` of `tests/d3d12_shaders.rs (target/...)`, and `d3d12_generator` of `tests/d3d12_generator/main.rs (target/...)`.
 fn program_of(source: &str) -> String {
     let path = source.split(" (").next().unwrap_or_default().replace('\\', "/");
     let path = path.strip_suffix("/main.rs").or_else(|| path.strip_suffix(".rs")).unwrap_or(&path);
@@ -78,13 +78,13 @@ mod tests {
         let output = format!(
             "{MESSAGE}     Running tests/d3d12_shaders.rs (target/deps/d3d12_shaders-1.exe)\n\nrunning 2 tests\n\
              test a ... ok\ntest b::c ... {MESSAGE}{MESSAGE}ok\n\ntest result: ok. 2 passed;\n     \
-             Running tests/d3d12_flow/main.rs (target/deps/d3d12_flow-1.exe)\ntest d ... {MESSAGE}FAILED\n"
+             Running tests/d3d12_generator/main.rs (target/deps/d3d12_generator-1.exe)\ntest d ... {MESSAGE}FAILED\n"
         );
         let (rest, messages) = separate(&output).unwrap();
         assert_eq!(rest, output.replace(MESSAGE, ""));
         assert!(rest.contains("test b::c ... ok\n") && rest.contains("test d ... FAILED\n"), "{rest}");
         let tests: Vec<_> = messages.iter().map(|message| message.test.as_str()).collect();
-        assert_eq!(tests, ["", "d3d12_shaders b::c", "d3d12_shaders b::c", "d3d12_flow d"]);
+        assert_eq!(tests, ["", "d3d12_shaders b::c", "d3d12_shaders b::c", "d3d12_generator d"]);
         let expected = ("SYNC-HAZARD", "vkCmdDispatch", "a hazard {0}\nin two lines");
         assert!(messages.iter().all(|m| (m.id.as_str(), m.function.as_str(), m.text.as_str()) == expected));
     }
