@@ -108,7 +108,7 @@ fn two_devices_work_side_by_side() {
                     buffers.upload(text);
                     let queue = if round % 2 == 0 { gpu.frames() } else { gpu.anchors() };
                     let lists = [List::new(gpu.device(), queue.kind()), List::new(gpu.device(), queue.kind())];
-                    let both = [lists[0].copy(&buffers, 0, 1), lists[1].copy(&buffers, 1, 2)];
+                    let both = [lists[0].copy(&buffers, 0, 1), lists[1].copy_written(&buffers, 1, 2)];
                     queue.submit(&both).expect("a submission").wait().expect("it is done");
                     assert_eq!(&bytes(&buffers.read), text);
                 }

@@ -193,7 +193,9 @@ fn invalid_arguments_are_refused_by_name() {
     let mut frames = CommandRing::new(&gpu, gpu.frames(), 4).expect("a ring");
     let source = upload_buffer(&gpu, &[0; 4 * 3 * 6]);
     let common = D3D12_RESOURCE_STATE_COMMON;
-    let good = writable_texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, common);
+    // Refused calls state another state than the texture's own.
+    let good = writable_texture(&gpu, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_RENDER_TARGET);
+    let good = TestResource { state: common, ..good };
     let foreign =
         (upload_buffer(&other, &[0; 72]), writable_texture(&other, (4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, common));
     let unwritable = texture_desc((4, 4), DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_FLAG_NONE);

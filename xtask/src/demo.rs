@@ -41,7 +41,8 @@ pub(crate) fn provide_all(workspace: &Workspace, progress: &dyn Progress) -> Res
     provision::training_env(progress).map_err(text)?;
     _ = (provision::mono(progress), provision::dotnet(progress));
     if provision::lab::possible().is_ok() {
-        provision::lab::lab(progress).map_err(text)?;
+        let lab = provision::lab::lab(progress).map_err(text)?;
+        lab.validation_layer(progress).map_err(text)?;
         _ = provision::dotnet_for_windows(progress);
     }
     if cfg!(all(target_os = "linux", target_arch = "x86_64")) {

@@ -40,16 +40,17 @@ impl Kernel {
 
 /// Parameter 0: root constants. Parameter 1: one descriptor table, inputs first.
 fn root_signature(gpu: &Gpu, shape: Shape) -> Result<ID3D12RootSignature> {
-    let range = |kind, count| D3D12_DESCRIPTOR_RANGE {
+    // A range for each descriptor: Vulkan's synchronisation validation below Direct3D ignores ranges of several.
+    let range = |kind, register| D3D12_DESCRIPTOR_RANGE {
         RangeType: kind,
-        NumDescriptors: count,
+        NumDescriptors: 1,
+        BaseShaderRegister: register,
         OffsetInDescriptorsFromTableStart: D3D12_DESCRIPTOR_RANGE_OFFSET_APPEND,
         ..Default::default()
     };
-    let ranges =
-        [range(D3D12_DESCRIPTOR_RANGE_TYPE_SRV, shape.inputs), range(D3D12_DESCRIPTOR_RANGE_TYPE_UAV, shape.outputs)];
-    // A range must not be empty.
-    let ranges = &ranges[usize::from(shape.inputs == 0)..];
+    let inputs = (0..shape.inputs).map(|register| range(D3D12_DESCRIPTOR_RANGE_TYPE_SRV, register));
+    let outputs = (0..shape.outputs).map(|register| range(D3D12_DESCRIPTOR_RANGE_TYPE_UAV, register));
+    let ranges: Vec<_> = inputs.chain(outputs).collect();
     let table =
         D3D12_ROOT_DESCRIPTOR_TABLE { NumDescriptorRanges: ranges.len() as u32, pDescriptorRanges: ranges.as_ptr() };
     let parameters = [

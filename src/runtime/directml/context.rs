@@ -135,6 +135,8 @@ pub(super) struct Bound {
     pub(super) graph: Arc<Graph>,
     pub(super) outputs: Vec<BufferId>,
     pub(super) capture: CaptureState,
+    /// Reached when the device has executed the last submission of the capture's command lists.
+    captured_lists_run_until: Option<FencePoint>,
     /// Timing category of its runs; all bindings of one graph share it.
     kind: WorkKind,
 }
@@ -192,7 +194,23 @@ impl DirectMlContext {
     /// Runs a binding by its capture; the first run with a capture name records the capture.
     pub(super) fn run_named(&mut self, id: BindingId, name: &CaptureRunOptions) -> Result<()> {
         self.recorder.get_mut().submit()?;
-        self.run_with(id, name.ptr())
+        self.wait_for_captured_lists(id)?;
+        self.run_with(id, name.ptr())?;
+        self.mark_captured_lists(id)
+    }
+
+    /// Waits until the device has executed the command lists of a binding's capture, which ONNX Runtime submits again without a check.
+    fn wait_for_captured_lists(&self, id: BindingId) -> Result<()> {
+        match &self.bindings[id.0].captured_lists_run_until {
+            Some(fence_point) if !fence_point.reached() => self.wait_for(fence_point),
+            _ => Ok(()),
+        }
+    }
+
+    /// Records that the command lists of a binding's capture were submitted.
+    fn mark_captured_lists(&mut self, id: BindingId) -> Result<()> {
+        self.bindings[id.0].captured_lists_run_until = Some(self.gpu.anchors().signal()?);
+        Ok(())
     }
 
     fn run_timed(&mut self, id: BindingId, options: *const ort::sys::OrtRunOptions) -> Result<()> {
@@ -260,13 +278,19 @@ impl DirectMlContext {
         of.iter().for_each(|graph| graph.directml().weights().release(&self.gpu));
     }
 
-    /// Waits until `fence_point` is reached, and adds the time to `waited`.
+    /// Waits until `fence_point`, which follows all submitted work, is reached, and adds the time to `waited`.
     pub(super) fn wait(&self, fence_point: &FencePoint) -> Result<()> {
+        let reached = self.wait_for(fence_point);
+        self.throttle.clear();
+        reached
+    }
+
+    /// Waits until `fence_point` is reached, and adds the time to `waited`.
+    fn wait_for(&self, fence_point: &FencePoint) -> Result<()> {
         let start = Instant::now();
         let reached = fence_point.wait();
         let nanoseconds = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
         self.waited.fetch_add(nanoseconds, Ordering::Relaxed);
-        self.throttle.clear();
         reached
     }
 
@@ -318,7 +342,8 @@ impl ExecutionContext for DirectMlContext {
         if !matches!(capture, CaptureState::Never(_)) && self.uncaptured_options.is_none() {
             self.uncaptured_options = Some(CaptureRunOptions::none()?);
         }
-        self.bindings.push(Bound { binding, graph: graph.clone(), outputs, capture, kind });
+        let (graph, captured_lists_run_until) = (graph.clone(), None);
+        self.bindings.push(Bound { binding, graph, outputs, capture, captured_lists_run_until, kind });
         Ok(BindingId(self.bindings.len() - 1))
     }
 
@@ -417,7 +442,9 @@ impl ExecutionContext for DirectMlContext {
             CaptureState::Untried | CaptureState::Checked(..) => self.run_and_compare(binding),
             CaptureState::Used(name) => {
                 let options = name.ptr();
-                self.run_timed(binding, options)
+                self.wait_for_captured_lists(binding)?;
+                self.run_timed(binding, options)?;
+                self.mark_captured_lists(binding)
             }
         }
     }

@@ -30,6 +30,7 @@ mod thorough;
 mod thorough_record;
 mod unity;
 mod unreal;
+mod validation;
 mod wheels;
 mod windows_build;
 
@@ -94,6 +95,11 @@ const RUNNERS: &[Runner] = &[
     },
     Runner { name: "shaders", what: "compiled shaders are what their sources compile to", run: shaders::run },
     Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
+    Runner {
+        name: "validation",
+        what: "Direct3D 12 over Vulkan's validation layer, which must find mutants; some of its tests",
+        run: validation::run,
+    },
     Runner {
         name: "directml",
         what: "parity with the oracle, saved states and budgets on DirectML, in short",
@@ -170,6 +176,14 @@ const THOROUGH: &[Part] = &[
             run: directml::run_parity,
         },
         minutes: 60,
+    },
+    Part {
+        runner: Runner {
+            name: "validation-all",
+            what: "the other tests of Direct3D 12 over Vulkan's validation layer, worlds included",
+            run: validation::run_all,
+        },
+        minutes: 20,
     },
     Part {
         runner: Runner {

@@ -10,7 +10,7 @@ use provision::{Console, tools};
 
 use super::tally::Tally;
 use super::{Context, cargo, lab};
-use crate::shell::Log;
+use crate::shell::{CommandOutput, Log};
 
 /// Everything that runs on Windows; `xtask` needs packages that only building on this machine needs.
 const EVERYTHING: [&str; 3] = ["--workspace", "--exclude", "xtask"];
@@ -66,11 +66,15 @@ impl Context<'_> {
 
 /// Runs one of these commands. A name in `named` that matches no test is a failure.
 pub(super) fn run(command: &mut Command, named: &[&str], log: &mut Log) -> Result<Tally, String> {
-    let ended = log.run(command)?;
-    let mut tally = cargo::count_named(&ended, named);
+    Ok(judge(&log.run(command)?, named))
+}
+
+/// The counts of one of these commands that has run.
+pub(super) fn judge(ended: &CommandOutput, named: &[&str]) -> Tally {
+    let mut tally = cargo::count_named(ended, named);
     // Counted only if it fails: runners compare the number of tests with the expected one.
     tally.failures.extend(compiled_again(&ended.output));
-    Ok(tally)
+    tally
 }
 
 /// The error if cargo compiled something, which [`Context::build_for_windows`] should have built.

@@ -86,6 +86,16 @@ impl List {
         Self { list, _allocator: allocator }
     }
 
+    /// Records a barrier for a buffer of the default heap that an earlier list of the same submission has written, then as
+    /// [`copy`](Self::copy).
+    pub fn copy_written(&self, buffers: &Buffers, from: usize, to: usize) -> ID3D12CommandList {
+        let (before, after) = (D3D12_RESOURCE_STATE_COPY_DEST, D3D12_RESOURCE_STATE_COPY_SOURCE);
+        let barrier = cairn::gpu::compute::transition(&buffers.chain[from], before, after);
+        // SAFETY: an open list and a live buffer.
+        unsafe { self.list.ResourceBarrier(&[barrier]) };
+        self.copy(buffers, from, to)
+    }
+
     /// Records a copy between two buffers of the chain, by their indices, and closes the list.
     pub fn copy(&self, buffers: &Buffers, from: usize, to: usize) -> ID3D12CommandList {
         // SAFETY: live buffers, which the test keeps until the list has run.

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use super::{PACKAGES, PREFIX, RELEASE, WANTED, WINE, isolated_command};
+use super::{LAYER, PACKAGES, PREFIX, RELEASE, WANTED, WINE, isolated_command};
 use crate::{Error, Progress, Result, cache, process, tools};
 
 /// Files in Debian that are replaced, and their names in the build folder.
@@ -57,6 +57,13 @@ pub(super) fn build(folder: &Path, progress: &dyn Progress) -> Result<()> {
     cache::remove(&archives)
 }
 
+/// Copies Vulkan's validation layer from a package of the Debian of the lab in `folder` into the folder `to`.
+pub(super) fn copy_layer(folder: &Path, to: &Path, progress: &dyn Progress) -> Result<()> {
+    let mut command = isolated_command();
+    command.args(["sh", "-euc", LAYER, "sh"]).args([folder, to]);
+    BuildSteps { folder, progress }.run(clean(&mut command)).map(drop)
+}
+
 /// The steps of one build.
 struct BuildSteps<'a> {
     folder: &'a Path,
@@ -95,13 +102,17 @@ fn in_debian(root: &Path, script: &str, arguments: &[&str]) -> Command {
         "mount -t proc proc \"$0/proc\"; mount --rbind /dev \"$0/dev\"; exec chroot \"$0\" sh -euc \"$@\"";
     let mut command = isolated_command();
     command.args(["sh", "-euc", MOUNTS]).arg(root).args([script, "sh"]).args(arguments);
-    // The user's environment variables do not apply inside it.
+    clean(&mut command);
+    command
+}
+
+/// Gives a command the environment variables of the Debian, where the user's do not apply.
+fn clean(command: &mut Command) -> &mut Command {
     command.env("PATH", "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin").env("HOME", "/root");
     for name in ["LD_PRELOAD", "LD_LIBRARY_PATH", "MAKEFLAGS", "CFLAGS", "CROSSCFLAGS", "CC", "CROSSCC", "TMPDIR"] {
         command.env_remove(name);
     }
-    command.env("LC_ALL", "C.UTF-8");
-    command
+    command.env("LC_ALL", "C.UTF-8")
 }
 
 /// The Debian mirror that the machine's own apt uses, else the one of `CAIRN_DEBIAN_MIRROR`.

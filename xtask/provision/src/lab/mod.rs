@@ -22,6 +22,7 @@ const WINE: &str = include_str!("wine.sh");
 const PREFIX: &str = include_str!("prefix.sh");
 const ENTER: &str = include_str!("enter.sh");
 const INSIDE: &str = include_str!("inside.sh");
+const LAYER: &str = include_str!("layer.sh");
 
 /// Value of `Error::wanted` in every error here.
 const WANTED: &str = "the Windows lab";
@@ -55,6 +56,37 @@ impl Lab {
         command.args(["sh", "-euc", ENTER, "sh"]).arg(&self.folder).arg(program).env("LAB_INSIDE", INSIDE);
         Ok(command)
     }
+
+    /// The folder of Vulkan's validation layer, for programs in the lab: its manifest and its library. It is fetched on first use (6 MB)
+    /// and kept in the lab's folder, so that a lab of an earlier version gets it without being built again.
+    ///
+    /// # Errors
+    /// As [`possible`], an unreachable mirror, or a package without the layer, with the last words of what failed.
+    pub fn validation_layer(&self, progress: &dyn Progress) -> Result<PathBuf> {
+        let item = format!("layer-{}", key(&[LAYER]));
+        let folder = self.folder.join(&item);
+        if folder.is_dir() {
+            return Ok(folder);
+        }
+        possible()?;
+        let held = cache::lock(&item, progress)?;
+        if folder.is_dir() {
+            return Ok(folder);
+        }
+        progress.start("the lab: fetching Vulkan's validation layer");
+        let scratch = cache::scratch(&item, &held)?;
+        build::copy_layer(&self.folder, &scratch, progress)?;
+        cache::publish(&scratch, &folder)?;
+        progress.done("the lab: fetching Vulkan's validation layer: done");
+        Ok(folder)
+    }
+}
+
+/// A key of what something is made from, for its name in the cache.
+fn key(parts: &[&str]) -> String {
+    let mut hash = Sha256::new();
+    parts.iter().for_each(|part| hash.update(part));
+    cache::hex(&hash.finalize())[..12].to_owned()
 }
 
 /// The first part of a command with mount and process namespaces of its own: its mounts and processes end with it, and it ends with the
@@ -104,11 +136,7 @@ pub fn possible() -> Result<()> {
 /// # Errors
 /// As [`possible`], an unreachable mirror, or a step that failed, with its last words.
 pub fn lab(progress: &dyn Progress) -> Result<Lab> {
-    let mut key = Sha256::new();
-    for part in [RELEASE, PACKAGES, WINE, PREFIX] {
-        key.update(part);
-    }
-    let item = format!("lab-{}", &cache::hex(&key.finalize())[..12]);
+    let item = format!("lab-{}", key(&[RELEASE, PACKAGES, WINE, PREFIX]));
     let folder = cache::cache_dir()?.join(&item);
     let lab = Lab { folder };
     let complete = lab.folder.join("complete");

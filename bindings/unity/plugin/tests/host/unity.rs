@@ -476,6 +476,8 @@ impl UnityHandle {
                 unsafe { unity.engine.device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
             // SAFETY: a live queue and fence.
             unsafe { unity.engine.direct.Wait(&fence, 1) }.expect("it waits");
+            // SAFETY: as above. The queue tells that it no longer needs the fence.
+            unsafe { unity.engine.direct.Signal(&fence, 2) }.expect("it takes a signal");
             Gate(fence)
         })
     }
@@ -583,6 +585,10 @@ impl Drop for Gate {
     fn drop(&mut self) {
         // SAFETY: a live fence.
         unsafe { self.0.Signal(1) }.expect("it takes a signal");
+        // SAFETY: a live fence.
+        while unsafe { self.0.GetCompletedValue() } < 2 {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
     }
 }
 
