@@ -19,7 +19,7 @@ use crate::tasks::{self, Parallel, ParallelSliceMut};
 
 #[cfg(test)]
 pub(super) use matching::{distance, match_of};
-use matching::{fitting, mark_matches};
+pub(super) use matching::{fitting, mark_matches};
 
 /// A tile whose vectors differ by no more than this, in 1/64 px, is smooth: three quarters of a pixel.
 pub(super) const SMOOTH: i32 = 48;
@@ -109,7 +109,7 @@ impl Preparation {
 }
 
 /// Whether depth says nothing: all ranks are the same.
-fn is_flat(level: Level, depth: &DepthMap) -> bool {
+pub(super) fn is_flat(level: Level, depth: &DepthMap) -> bool {
     if depth.uniform_value().is_some() {
         return true;
     }

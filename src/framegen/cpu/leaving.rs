@@ -62,9 +62,22 @@ impl Leaving {
         margin: f32,
         rim: usize,
     ) -> Result<()> {
+        self.look(&|x, y| owners.owner(x, y), [previous, current], margin, rim)?;
+        self.each(|x, y| owners.free(x, y));
+        Ok(())
+    }
+
+    /// Finds what leaves, given what claims each pixel of the previous anchor.
+    pub(super) fn look<P: Colour>(
+        &mut self,
+        owner: &(impl Fn(usize, usize) -> Key + Sync),
+        [previous, current]: [Source<'_, P>; 2],
+        margin: f32,
+        rim: usize,
+    ) -> Result<()> {
         let size = [previous.width, previous.height];
         self.reserve(size)?;
-        let edge = Edge { owners, previous, current, margin };
+        let edge = Edge { owner, previous, current, margin };
         let (rows, columns) = self.runs.split_at_mut(size[1]);
         for (axis, lines) in [&mut *rows, &mut *columns].into_iter().enumerate() {
             lines.par_iter_mut().with_min_len(64).enumerate().for_each(|(line, runs)| {
@@ -72,17 +85,24 @@ impl Leaving {
             });
         }
         for (axis, lines) in [rows, columns].into_iter().enumerate() {
-            for end in 0..2 {
-                join(lines, end, axis, rim);
-                for (line, runs) in lines.iter().enumerate() {
-                    for step in 0..runs[end].len {
-                        let [x, y] = place(size, line, axis, end == 1, step);
-                        owners.free(x, y);
+            (0..2).for_each(|end| join(lines, end, axis, rim));
+        }
+        Ok(())
+    }
+
+    /// Calls `visit` for each pixel of what leaves; for some more than once.
+    pub(super) fn each(&self, mut visit: impl FnMut(usize, usize)) {
+        let (rows, columns) = self.runs.split_at(self.size[1]);
+        for (axis, lines) in [rows, columns].into_iter().enumerate() {
+            for (line, runs) in lines.iter().enumerate() {
+                for (end, run) in runs.iter().enumerate() {
+                    for step in 0..run.len {
+                        let [x, y] = place(self.size, line, axis, end == 1, step);
+                        visit(x, y);
                     }
                 }
             }
         }
-        Ok(())
     }
 
     /// Whether anything that leaves may be in a tile.
@@ -143,21 +163,21 @@ fn join(lines: &mut [[Run; 2]], end: usize, axis: usize, rim: usize) {
 }
 
 /// The previous anchor, where its edges are looked at.
-struct Edge<'a, P> {
-    owners: &'a Layer,
+struct Edge<'a, P, O> {
+    owner: &'a O,
     previous: Source<'a, P>,
     current: Source<'a, P>,
     margin: f32,
 }
 
-impl<P: Colour> Edge<'_, P> {
+impl<P: Colour, O: Fn(usize, usize) -> Key> Edge<'_, P, O> {
     /// What leaves over one end of a line; it claims to move with what it covers.
     fn run(&self, line: usize, axis: usize, is_far: bool) -> Run {
         let size = [self.previous.width, self.previous.height];
         let (mut len, mut signs, mut gap, mut last, mut behind) = (0, 0, 0, 0.0, EMPTY);
         for step in 0..(size[axis] / FARTHEST).min(LONGEST as usize / 64) {
             let [x, y] = place(size, line, axis, is_far, step);
-            let (owner, shown) = (self.owners.owner(x, y), self.previous.pixels[y * size[0] + x]);
+            let (owner, shown) = ((self.owner)(x, y), self.previous.pixels[y * size[0] + x]);
             if owner == EMPTY {
                 if len == step && step > 0 && (shown.luma() - last).abs() <= ALIKE {
                     (len, last) = (step + 1, shown.luma());

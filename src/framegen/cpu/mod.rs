@@ -41,6 +41,8 @@ mod overlay;
 mod past;
 mod perspective;
 mod render;
+#[doc(hidden)]
+pub mod segments;
 mod soften;
 mod standing;
 #[cfg(test)]

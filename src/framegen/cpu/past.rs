@@ -272,7 +272,7 @@ impl<'a> Past<'a> {
     }
 
     /// What a pixel of the previous anchor claims if it is at rest, or [`EMPTY`]. What is farthest claims nothing.
-    #[cfg(test)]
+    #[inline(always)]
     pub(super) fn claim(&self, at: [usize; 2]) -> Key {
         claim_of(&self.back, self.limit, at, self.near(at))
     }
@@ -348,6 +348,20 @@ impl<'a> Past<'a> {
         is_carried(claim, self.near(at), found)
     }
 
+    /// Whether a pixel of the previous anchor is part of the same thing as the pixel `there`, which moves with `found`: where that leads to, the
+    /// current anchor has something as far away.
+    #[inline(always)]
+    pub(super) fn is_one_thing(&self, current: &DepthMap, at: [usize; 2], there: [usize; 2], found: Key) -> bool {
+        let grid = Grid::new(current.size());
+        let vector = layer::vector(found);
+        let spot = std::array::from_fn(|c| 64 * there[c] as i32 - vector[c]);
+        let Some([x, y]) = grid.nearest(spot) else { return false };
+        let shift = current.tile().trailing_zeros();
+        let near = self.near(at);
+        let shown = nearness_of(current.depth()[(y >> shift) * current.columns() as usize + (x >> shift)]);
+        (shown - near).abs() <= AS_FAR * near
+    }
+
     /// How near something in the previous anchor is at least that is not what claims a pixel there.
     #[inline(always)]
     pub(super) fn other(&self, key: Key, at: [usize; 2]) -> f32 {
@@ -380,6 +394,12 @@ impl<'a> Past<'a> {
                 self.uncover_tile(level, [column, row], field, &mut tiles[column], &mut keys[column]);
             }
         });
+    }
+
+    /// The least of [`Self::other`] for any pixel.
+    #[inline(always)]
+    pub(super) fn least_other(&self, key: Key) -> f32 {
+        OTHER * nearness(key) / (1.0 + self.perspective.most)
     }
 
     #[inline(never)]

@@ -8,7 +8,7 @@ use super::RIM;
 at_every_level! {
     /// Which of the pixels of a tile at `corner` that are asked for (bit `8 j + i`) the nearest claim fits better than
     /// their own.
-    pub(super) fn fitting<P: Colour>(
+    pub(in crate::framegen::cpu) fn fitting<P: Colour>(
         previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], asked: u64, nearest: &[Key; BLOCK],
         own: &[Key; BLOCK],
     ) -> u64 = fitting_one_by_one | fitting_side_by_side
@@ -127,7 +127,7 @@ fn distances<P: Colour>(
 
 at_every_level! {
     /// Marks the claims of the pixels of a tile at `corner` with how badly they match, see [`match_of`].
-    pub(super) fn mark_matches<P: Colour>(
+    pub(in crate::framegen::cpu) fn mark_matches<P: Colour>(
         previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], keys: &mut [Key; BLOCK],
     ) = mark_one_by_one | mark_side_by_side
 }

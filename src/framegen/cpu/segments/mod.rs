@@ -1,0 +1,184 @@
+//! Frame generation on tile segments.
+//!
+//! 1. `field`: the current anchor's motion becomes segments.
+//! 2. `warp` to the previous anchor; what has no segment there is visible in the previous anchor only, and `holes` finds its motion.
+//! 3. `warp` of both to phase t; `holes` once more.
+//! 4. `render`: colours from the two anchors.
+
+mod field;
+mod holes;
+mod render;
+mod tiles;
+mod warp;
+
+use field::{Given, Ranges};
+use holes::{Covers, Evidence};
+use render::Between;
+use tiles::Segments;
+use warp::{Bands, Pass, warp};
+
+use super::colour::Colour;
+use super::cut::CutDetector;
+use super::inpaint::Inpainter;
+use super::kernels::Level;
+use super::layer::{EMPTY, ORPHAN, WHOLE};
+use super::leaving::Leaving;
+use super::overlay::Stills;
+use super::past::Past;
+use super::perspective::{Moment, Seen, Way};
+use super::standing::Standing;
+use super::{bars::Inside, foreign, sized, source};
+use crate::framegen::{AnchorPair, GenerateReport, Outcome};
+use crate::tasks::PoolLease;
+use crate::{Raster, Result};
+
+/// Generates frames on tile segments.
+#[derive(Debug)]
+pub struct SegmentGenerator {
+    level: Level,
+    cut: CutDetector,
+    ranges: Ranges,
+    field: Segments,
+    visible: Segments,
+    owners: Segments,
+    shown: Segments,
+    bands: Bands,
+    covers: Covers,
+    leaving: Leaving,
+    stills: Stills,
+    inpainter: Inpainter,
+    hidden: Vec<u64>,
+    _threads: PoolLease,
+}
+
+impl Default for SegmentGenerator {
+    fn default() -> Self {
+        Self {
+            level: Level::detect(),
+            cut: CutDetector::default(),
+            ranges: Ranges::default(),
+            field: Segments::default(),
+            visible: Segments::default(),
+            owners: Segments::default(),
+            shown: Segments::default(),
+            bands: Bands::default(),
+            covers: Covers::default(),
+            leaving: Leaving::default(),
+            stills: Stills::default(),
+            inpainter: Inpainter::default(),
+            hidden: Vec::new(),
+            _threads: PoolLease::new(),
+        }
+    }
+}
+
+impl SegmentGenerator {
+    /// As [`FrameGenerator::generate`](crate::framegen::FrameGenerator::generate).
+    ///
+    /// # Errors
+    /// `OutOfMemory`.
+    pub fn generate<P: Colour>(
+        &mut self,
+        pair: &AnchorPair<'_, P>,
+        t: f32,
+        out: &mut Raster<P>,
+    ) -> Result<GenerateReport> {
+        let (previous, current) = (pair.previous(), pair.current());
+        let unexplained = self.cut.unexplained(self.level, previous, current, pair.guidance().motion())?;
+        if pair.is_cut() || self.cut.is_cut() {
+            let nearer = if t < 0.5 { previous } else { current };
+            out.pixels_mut().copy_from_slice(nearer.pixels());
+            return Ok(GenerateReport { outcome: Outcome::CutFallback, uncovered: 0.0, unexplained });
+        }
+        let phase = ((t * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE - 1);
+        let uncovered = self.between(pair, phase, out)?;
+        Ok(GenerateReport { outcome: Outcome::Generated, uncovered, unexplained })
+    }
+
+    fn between<P: Colour>(&mut self, pair: &AnchorPair<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
+        let level = self.level;
+        let (previous, current) = (source(pair.previous()), source(pair.current()));
+        let guidance = pair.guidance();
+        let is_optical_flow = guidance.origin().is_optical_flow();
+        let is_tiled = guidance.motion().tile() > 1;
+        let inside = Inside::find(level, previous, current);
+        let standing = Standing::new(Some(&inside), pair.overlay(), current.width);
+        let is_flat = super::field::is_flat(level, guidance.depth());
+        let given = Given { level, guidance, anchors: Some([previous, current]), standing, is_flat };
+        let can_widen = !is_flat && guidance.motion().tile() == 1;
+        if can_widen {
+            given.segment(&mut self.ranges, &mut self.visible)?;
+            given.widen(&self.visible, &mut self.field)?;
+        } else {
+            given.segment(&mut self.ranges, &mut self.field)?;
+        }
+        let grid = self.field.grid;
+        self.bands.reserve(grid)?;
+        self.inpainter.reserve(grid)?;
+
+        let way = Way::from_current(Moment::previous());
+        let pass = Pass { segments: &self.field, way, is_of_pass: |_| true };
+        warp(&[pass], is_tiled, &self.bands, &mut self.visible)?;
+        let seen = Seen::find(guidance, &standing);
+        let past = Past::new(&seen, pair.previous_depth(), guidance.depth());
+        let margin = foreign::margin(previous, current);
+        if past.is_none() {
+            let visible = &self.visible;
+            let owner = |x, y| visible.at([x, y]).map_or(EMPTY, |segment| segment.key());
+            self.leaving.look(&owner, [previous, current], margin, is_optical_flow.into())?;
+            let (leaving, visible) = (&self.leaving, &mut self.visible);
+            leaving.each(|x, y| visible.remove(x, y));
+        }
+        let leaving = if past.is_none() { Some(&self.leaving) } else { None };
+        let shown = Some(previous);
+        let evidence =
+            Evidence { field: &self.field, way, depth: guidance.depth(), shown, past: past.as_ref(), leaving, level };
+        if let Some(past) = &past {
+            evidence.uncover(past, &mut self.visible);
+        }
+        self.covers.find(&self.visible)?;
+        evidence.fill(&self.visible, &self.covers, &mut self.owners)?;
+
+        let moment = Moment::new(phase, seen.perspective);
+        let way = Way::from_current(moment);
+        let orphans =
+            Pass { segments: &self.owners, way: Way::from_previous(moment), is_of_pass: |s| s.mark == ORPHAN };
+        let passes = [Pass { segments: &self.field, way, is_of_pass: |_| true }, orphans];
+        warp(&passes[..if self.covers.holes() > 0 { 2 } else { 1 }], is_tiled, &self.bands, &mut self.visible)?;
+        self.covers.find(&self.visible)?;
+        let evidence = Evidence::<P> {
+            field: &self.field,
+            way,
+            depth: guidance.depth(),
+            shown: None,
+            past: None,
+            leaving: None,
+            level,
+        };
+        evidence.fill(&self.visible, &self.covers, &mut self.shown)?;
+
+        sized(&mut self.hidden, grid.tiles(), 0)?;
+        self.stills.reserve(grid)?;
+        let (shown, field, owners, stills) = (&self.shown, &self.field, &self.owners, &self.stills);
+        let between = Between {
+            level,
+            previous,
+            current,
+            shown,
+            field,
+            owners,
+            phase,
+            motion: guidance.motion(),
+            moment,
+            margin,
+            past: past.as_ref(),
+            stills,
+            is_optical_flow,
+        };
+        let rendered = between.render(out, &mut self.hidden);
+        if rendered.hidden > 0 {
+            self.inpainter.paint(grid, &self.hidden, out)?;
+        }
+        Ok(rendered.uncovered as f32 / (grid.width * grid.height) as f32)
+    }
+}
