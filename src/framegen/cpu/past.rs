@@ -289,23 +289,47 @@ impl<'a> Past<'a> {
         asked: u64,
         claims: &mut [Key; BLOCK],
     ) -> u64 {
-        claims_of(level, &self.back, self.limit, corner, nears, claims);
-        let mut places = [0; BLOCK];
-        let [mut can_be, mut inside] = lead(level, claims, asked, corner, field.grid, &mut places);
-        while inside != 0 {
-            let place = inside.trailing_zeros() as usize;
-            inside &= inside - 1;
-            let (tile, at) = (places[place] as usize / BLOCK, places[place] as usize % BLOCK);
+        self.visible_claims(level, field.grid, corner, nears, asked, claims, |tile, at, claim| {
             let shown = match field.tiles[tile].kind {
                 Kind::Smooth => field.tiles[tile].key,
                 Kind::Rough => field.keys[tile][at],
             };
-            if is_shown(shown, claims[place]) {
+            is_shown(shown, claim)
+        })
+    }
+
+    /// The same, given whether the current anchor shows a claim at a place of a tile.
+    #[expect(clippy::too_many_arguments, reason = "where, what is known of it, and the result")]
+    #[inline(always)]
+    pub(super) fn visible_claims(
+        &self,
+        level: Level,
+        grid: Grid,
+        corner: [usize; 2],
+        nears: &[f32; BLOCK],
+        asked: u64,
+        claims: &mut [Key; BLOCK],
+        is_shown: impl Fn(usize, usize, Key) -> bool,
+    ) -> u64 {
+        claims_of(level, &self.back, self.limit, corner, nears, claims);
+        let mut places = [0; BLOCK];
+        let [mut can_be, mut inside] = lead(level, claims, asked, corner, grid, &mut places);
+        while inside != 0 {
+            let place = inside.trailing_zeros() as usize;
+            inside &= inside - 1;
+            let (tile, at) = (places[place] as usize / BLOCK, places[place] as usize % BLOCK);
+            if is_shown(tile, at, claims[place]) {
                 claims[place] = EMPTY;
                 can_be &= !(1 << place);
             }
         }
         can_be
+    }
+
+    /// Which pixels of a tile show something nearer than what claims them, and by more than it comes nearer: bit `8 j + i`.
+    #[inline(always)]
+    pub(super) fn others(&self, level: Level, corner: [usize; 2], keys: &[Key; BLOCK], nears: &[f32; BLOCK]) -> u64 {
+        others_of(level, &self.perspective, corner, keys, nears)
     }
 
     /// Which of the pixels of a tile that are asked for (bit `8 j + i`) may go with some of what is beside them, although what

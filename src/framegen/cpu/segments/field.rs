@@ -6,7 +6,8 @@ use half::f16;
 use super::super::colour::Colour;
 use super::super::field::{fitting, mark_matches};
 use super::super::kernels::{
-    BLOCK, Landing, Level, RankRange, Source, TILE, VectorRange, claim_tile, depth_ranges, land, motion_ranges,
+    BLOCK, Landing, Level, RankRange, Source, TILE, VectorRange, at_every_level, claim_tile, depth_ranges, land,
+    motion_ranges,
 };
 use super::super::layer::{self, ALIKE, EMPTY, Grid, Key, LONGEST, ONE_SURFACE, is_nearer};
 use super::super::sized;
@@ -204,7 +205,7 @@ impl<P: Colour> Given<'_, P> {
             made[0] = Segment { mask: static_pixels, ..Segment::default() };
             count = 1;
         }
-        cluster(&keys, inside & !static_pixels, made, count)
+        cluster(self.level, &keys, inside & !static_pixels, made, count)
     }
 
     /// Pixels of a tile that a static overlay covers.
@@ -268,11 +269,16 @@ impl<P: Colour> Given<'_, P> {
     }
 }
 
-/// Groups the pixels of `mask` by motion, depth and matching error, after `first` segments in `made`; returns the number of all.
-///
-/// A segment begins with the nearest pixel that is left. Where the segments of a tile would be too many, they are made wider.
-#[inline(never)]
-pub(super) fn cluster(keys: &[Key; BLOCK], mask: u64, made: &mut [Segment; SLOTS], first: usize) -> usize {
+at_every_level! {
+    /// Groups the pixels of `mask` by motion, depth and matching error, after `first` segments in `made`; returns the number of all.
+    ///
+    /// A segment begins with the nearest pixel that is left. Where the segments of a tile would be too many, they are made wider.
+    pub(super) fn cluster(keys: &[Key; BLOCK], mask: u64, made: &mut [Segment; SLOTS], first: usize) -> usize
+        = cluster_side_by_side | cluster_side_by_side
+}
+
+#[inline(always)]
+fn cluster_side_by_side(keys: &[Key; BLOCK], mask: u64, made: &mut [Segment; SLOTS], first: usize) -> usize {
     let (mut x, mut y, mut rank, mut mark) = ([0; BLOCK], [0; BLOCK], [0; BLOCK], [0; BLOCK]);
     for i in 0..BLOCK {
         let [vx, vy] = layer::vector(keys[i]);

@@ -91,6 +91,12 @@ impl Segments {
         first.iter().chain(more)
     }
 
+    /// Pixels of a tile that some segment has.
+    #[inline(always)]
+    pub(super) fn covered(&self, tile: usize) -> u64 {
+        self.of(tile).fold(0, |all, segment| all | segment.mask)
+    }
+
     /// The segment that has a pixel.
     #[inline(always)]
     pub(super) fn at(&self, [x, y]: [usize; 2]) -> Option<&Segment> {
