@@ -5,23 +5,24 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::super::colour::Colour;
 use super::super::foreign::is_foreign;
-use super::super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
-use super::super::layer::{self, ALIKE, HOLE, ORPHAN, WHOLE, is_nearer, part, slopes};
+use super::super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE, at_every_level};
+use super::super::layer::{self, HOLE, ORPHAN, WHOLE, is_nearer, part, slopes};
 use super::super::overlay::{Overlays, Stills, Which};
 use super::super::perspective::Moment;
 use super::super::render::{AGREE, DISTINCT, RIM, STRICT, apart, careful, unseen};
 use super::super::soften::{TORN, soften};
-use super::tiles::{FRONTS, Front, Segment, Segments, each, inside, place};
+use super::tiles::{FRONTS, Front, Segment, Segments, block, each, inside, place};
 use crate::Raster;
-use crate::guidance::MotionField;
 use crate::tasks::{Parallel, ParallelSliceMut};
 
 /// Segments of one surface differ by no more than this along an axis, in 1/64 px: their vectors are means.
 const SURFACE: i32 = 160;
 /// Levels within which both anchors agree on a pixel of which it is not known that both show it.
-const AGREEING: f32 = 24.0;
+const AGREEING: u8 = 24;
 /// The same where it seems that neither shows it.
-const PLAUSIBLE: f32 = 30.0;
+const PLAUSIBLE: u8 = 30;
+/// So many pixels take as long sampled one by one as all of a tile.
+const TOGETHER: u32 = 10;
 
 /// What a picture is made of.
 pub(super) struct Between<'a, P> {
@@ -36,12 +37,9 @@ pub(super) struct Between<'a, P> {
     pub(super) owners: &'a Segments,
     /// Phase of [`WHOLE`].
     pub(super) phase: i32,
-    /// The motion of the current anchor's pixels.
-    pub(super) motion: &'a MotionField,
     pub(super) moment: Moment,
     /// See [`foreign::margin`](super::super::foreign::margin).
     pub(super) margin: f32,
-    pub(super) past: Option<&'a super::super::past::Past<'a>>,
     pub(super) stills: &'a Stills,
     pub(super) is_optical_flow: bool,
 }
@@ -52,16 +50,15 @@ pub(super) struct Rendered {
     pub(super) hidden: usize,
 }
 
-/// A segment of a tile, and where the anchors show the tile if all of it moves like that.
-#[derive(Clone, Copy, Default)]
-struct Seen {
-    segment: Segment,
+/// Where the anchors show a tile that moves as a whole.
+#[derive(Clone, Copy)]
+struct Placed {
     /// First pixel's position in the previous anchor and in the current one, in 1/64 px.
     at: [[i32; 2]; 2],
+    /// The nearest pixels.
+    pixel: [[i32; 2]; 2],
     /// Pixels of the tile that lie on each anchor.
     on: [u64; 2],
-    /// Pixels that each anchor shows.
-    visible: [u64; 2],
 }
 
 impl<P: Colour> Between<'_, P> {
@@ -89,29 +86,35 @@ impl<P: Colour> Between<'_, P> {
 
     /// Where the anchors show a tile that moves like `segment`.
     #[inline(always)]
-    fn see(&self, segment: &Segment, corner: [usize; 2]) -> Seen {
-        let key = segment.key();
-        let phase = self.moment.phase_of_tile(key, corner);
+    fn place(&self, segment: &Segment, corner: [usize; 2]) -> Placed {
+        let phase = self.moment.phase_of_tile(segment.key(), corner);
         let before: [i32; 2] = std::array::from_fn(|c| 64 * corner[c] as i32 + part(segment.vector[c], phase));
         let after = std::array::from_fn(|c| before[c] - segment.vector[c]);
         let at = [before, after];
         let pixel = at.map(|at| at.map(|v| (v + 32) >> 6));
+        Placed { at, pixel, on: pixel.map(|at| self.on_picture(at)) }
+    }
+
+    /// Pixels of a tile that each anchor shows if the tile moves like `segment`.
+    #[inline(always)]
+    fn visible(&self, segment: &Segment, placed: &Placed) -> [u64; 2] {
+        let key = segment.key();
         let is_whole = segment.mask == u64::MAX;
         let is_alike = |other: &Segment| {
             other.moves_within(segment, SURFACE) || is_whole && other.mask == u64::MAX && slopes(other.key(), key)
         };
-        let on = pixel.map(|at| self.on_picture(at));
-        let is_orphan = segment.mark == ORPHAN;
-        let before = if is_orphan {
-            on[0]
+        let before = if segment.mark == ORPHAN {
+            placed.on[0]
         } else {
-            self.owners
-                .matching(pixel[0], |other| is_alike(other) || other.mark == ORPHAN && !is_nearer(other.key(), key))
+            self.owners.matching(placed.pixel[0], |other| {
+                is_alike(other) || other.mark == ORPHAN && !is_nearer(other.key(), key)
+            })
         };
         let can_be_behind = segment.mark < ORPHAN;
-        let after =
-            self.field.matching(pixel[1], |other| is_alike(other) || can_be_behind && is_nearer(key, other.key()));
-        Seen { segment: *segment, at, on, visible: [before, after] }
+        let after = self
+            .field
+            .matching(placed.pixel[1], |other| is_alike(other) || can_be_behind && is_nearer(key, other.key()));
+        [before, after]
     }
 
     /// The pixels of an 8 x 8 block that lie on the picture.
@@ -142,41 +145,114 @@ impl<P: Colour> Between<'_, P> {
         let grid = self.shown.grid;
         let tile = row * grid.columns + column;
         let corner = [column * TILE, row * TILE];
-        let inside = inside(grid.extent(column, row));
-        if self.shown.count(tile) == 1 && inside == u64::MAX && self.shown.first(tile).mask == u64::MAX {
-            let seen = self.see(self.shown.first(tile), corner);
-            if seen.visible == [u64::MAX; 2] {
-                let [a, b] = seen.at;
+        if self.shown.is_whole(tile) {
+            let segment = self.shown.first(tile);
+            let placed = self.place(segment, corner);
+            let visible = self.visible(segment, &placed);
+            if visible == [u64::MAX; 2] && segment.mark < ORPHAN {
+                let [a, b] = placed.at;
                 let doubtful = P::tile(self.level, self.previous, a, self.current, b, rule, pixels, grid.width);
-                return if doubtful == 0 { 0 } else { self.settle_doubtful(&seen, corner, doubtful, rule, pixels) };
+                if doubtful != 0 {
+                    self.settle_doubtful(segment, &placed, [column, row], doubtful, rule, work, pixels);
+                }
+                return 0;
             }
         }
+        let inside = inside(grid.extent(column, row));
         self.render_mixed([column, row], inside, rule, work, pixels, loose)
     }
 
-    /// Looks again at pixels of a uniform tile where the anchors differ; returns those that neither shows.
+    /// Looks again at pixels of a uniform tile where the anchors differ, although both show it.
+    #[expect(clippy::too_many_arguments, reason = "a tile, what it shows, and where it goes")]
     #[inline(never)]
-    fn settle_doubtful(&self, seen: &Seen, corner: [usize; 2], doubtful: u64, rule: &Rule, pixels: &mut [P]) -> u64 {
-        let mut hidden = 0;
+    fn settle_doubtful(
+        &self,
+        segment: &Segment,
+        placed: &Placed,
+        at: [usize; 2],
+        doubtful: u64,
+        rule: &Rule,
+        work: &mut Work<P>,
+        pixels: &mut [P],
+    ) {
+        let corner = at.map(|at| at * TILE);
+        let mut visible = [u64::MAX; 2];
+        let mut still = 0;
+        self.find_overlays(segment, placed, at, doubtful, &mut visible, &mut still);
+        let width = self.shown.grid.width;
+        self.sample(0, placed.at[0], doubtful & visible[0], &mut work.block.before);
         each(doubtful, |p| {
             let [i, j] = place(p);
-            let to = &mut pixels[j * self.shown.grid.width + i];
-            let spots = seen.at.map(|[x, y]| [x + 64 * i as i32, y + 64 * j as i32]);
-            match self.decide(seen, p, corner, true, None, self.exact(seen, p)) {
-                Choice::Merged => {}
-                Choice::Before => *to = P::sample(self.previous, spots[0]),
-                Choice::After => *to = P::sample(self.current, spots[1]),
-                Choice::Still => *to = self.still([corner[0] + i, corner[1] + j], rule),
-                Choice::Neither => hidden |= 1 << p,
+            let spot = [placed.at[1][0] + 64 * i as i32, placed.at[1][1] + 64 * j as i32];
+            let to = &mut pixels[j * width + i];
+            match [still, visible[0], visible[1]].map(|mask| mask >> p & 1 == 1) {
+                [true, ..] => *to = self.still([corner[0] + i, corner[1] + j], rule),
+                [false, true, true] if is_foreign(work.block.before[p], self.current, spot, self.margin) => {
+                    *to = P::sample(self.current, spot);
+                }
+                [false, true, false] => *to = work.block.before[p],
+                [false, false, true] => *to = P::sample(self.current, spot),
+                [false, false, false] | [false, true, true] => {}
             }
         });
-        hidden
+    }
+
+    /// Samples those pixels of a tile that are `wanted` from an anchor, the first one at `at`.
+    #[inline(always)]
+    fn sample(&self, anchor: usize, at: [i32; 2], wanted: u64, samples: &mut [P; BLOCK]) {
+        let source = if anchor == 0 { self.previous } else { self.current };
+        if wanted.count_ones() < TOGETHER {
+            if wanted != 0 {
+                P::pixels_of_one(self.level, source, &positions(at), wanted, samples);
+            }
+        } else {
+            P::tile_of_one(self.level, source, at, samples, TILE);
+        }
+    }
+
+    /// Of the pixels `asked`, finds those that show a static overlay in the picture, and takes those from `visible` over which an anchor has one.
+    #[inline(never)]
+    fn find_overlays(
+        &self,
+        segment: &Segment,
+        placed: &Placed,
+        at: [usize; 2],
+        asked: u64,
+        visible: &mut [u64; 2],
+        still: &mut u64,
+    ) {
+        let vector = segment.vector;
+        if vector == [0; 2] {
+            return;
+        }
+        let grid = self.shown.grid;
+        let overlays = Overlays { previous: self.previous, current: self.current };
+        let of_tile = |at: [usize; 2]| self.stills.of_tile(self.level, &overlays, at);
+        let is_over = |which, at| self.stills.is_over(self.level, &overlays, which, at, vector);
+        let corner = at.map(|at| at * TILE);
+        each(asked & of_tile(at), |p| {
+            let [i, j] = place(p);
+            *still |= u64::from(is_over(Which::Current, [corner[0] + i, corner[1] + j])) << p;
+        });
+        for (anchor, which) in [Which::Previous, Which::Current].into_iter().enumerate() {
+            let asked = asked & !*still & visible[anchor] & placed.on[anchor];
+            if asked == 0 {
+                continue;
+            }
+            let stills = block(grid, placed.pixel[anchor], |column, row| of_tile([column, row]));
+            each(asked & stills, |p| {
+                let [i, j] = place(p);
+                let [x, y] = placed.pixel[anchor];
+                let is_over = is_over(which, [(x + i as i32) as usize, (y + j as i32) as usize]);
+                visible[anchor] &= !(u64::from(is_over) << p);
+            });
+        }
     }
 
     #[inline(never)]
     fn render_mixed(
         &self,
-        [column, row]: [usize; 2],
+        at: [usize; 2],
         inside: u64,
         rule: &Rule,
         work: &mut Work<P>,
@@ -184,172 +260,148 @@ impl<P: Colour> Between<'_, P> {
         loose: &mut usize,
     ) -> u64 {
         let grid = self.shown.grid;
-        let corner = [column * TILE, row * TILE];
-        let tile = row * grid.columns + column;
-        let strict = Rule { careful: STRICT, ..*rule };
-        let Work { block, rim, result } = work;
+        let corner = at.map(|at| at * TILE);
+        let tile = at[1] * grid.columns + at[0];
         let (mut hidden, mut soft, mut fixed) = (0, 0, 0);
         let mut bounds = [[i32::MAX; 2], [i32::MIN; 2]];
-        let mut fronts = [Front::default(); FRONTS];
-        let front_count = self.shown.around([column, row], &mut fronts);
-        for segment in self.shown.of(tile).filter(|segment| segment.mask & inside != 0) {
-            let seen = self.see(segment, corner);
+        let mut fronts = None;
+        for segment in self.shown.of(tile) {
             let mask = segment.mask & inside;
-            bounds = [0, 1].map(|end| {
-                std::array::from_fn(|c| {
-                    let v = segment.vector[c];
-                    if end == 0 { bounds[0][c].min(v) } else { bounds[1][c].max(v) }
-                })
-            });
+            if mask == 0 {
+                continue;
+            }
+            for c in 0..2 {
+                bounds[0][c] = bounds[0][c].min(segment.vector[c]);
+                bounds[1][c] = bounds[1][c].max(segment.vector[c]);
+            }
             let is_loose = segment.mark >= ORPHAN;
             if is_loose {
                 *loose += mask.count_ones() as usize;
                 soft |= mask;
             }
-            let is_on = seen.on.map(|on| on & mask != 0);
-            let mut at = seen.at.map(positions);
-            let mut vectors = [segment.vector; BLOCK];
-            self.refine(&seen, corner, mask, &mut at, &mut vectors);
-            if is_on[0] {
-                P::pixels_of_one(self.level, self.previous, &at[0], mask, &mut block.before);
+            let placed = self.place(segment, corner);
+            let on_both = placed.on[0] & placed.on[1];
+            let block = &mut work.block;
+            self.sample(0, placed.at[0], placed.on[0] & mask, &mut block.before);
+            self.sample(1, placed.at[1], placed.on[1] & mask, &mut block.after);
+            let apart_by = |levels: u8, block: &mut Block<P>| match mask & on_both {
+                0 => 0,
+                _ => P::merge_block(self.level, &Rule { careful: levels, ..*rule }, block),
+            };
+            let mut asked = mask & (!on_both | apart_by(STRICT, block));
+            if is_loose {
+                asked = mask;
             }
-            if is_on[1] {
-                P::pixels_of_one(self.level, self.current, &at[1], mask, &mut block.after);
+            select(self.level, mask & !asked, &block.merged, &mut work.result);
+            if asked == 0 {
+                continue;
             }
-            let differing = if is_on == [true; 2] { P::merge_block(self.level, &strict, block) } else { 0 };
-            let both = seen.visible[0] & seen.visible[1] & seen.on[0] & seen.on[1];
-            let asked = (if is_loose { mask } else { 0 } | differing | !(seen.on[0] & seen.on[1])) & mask;
-            each(mask & !asked, |p| {
-                result[p] = block.merged[p];
-            });
-            let mut left = asked;
+            let visible = self.visible(segment, &placed);
+            let mut sees = [0, 1].map(|anchor| visible[anchor] & placed.on[anchor]);
             // A pixel at the edge of something in front may be a mixture with that.
-            for front in &fronts[..front_count] {
-                let zone = front.zone & left;
-                if zone == 0 || !self.can_be_in_front(&front.segment, segment) {
-                    continue;
-                }
-                let over = self.see(&front.segment, corner);
-                let zone = zone & over.on[0] & over.on[1];
-                if zone == 0 {
-                    continue;
-                }
-                P::pixels_of_one(self.level, self.previous, &positions(over.at[0]), zone, &mut rim.before);
-                P::pixels_of_one(self.level, self.current, &positions(over.at[1]), zone, &mut rim.after);
-                P::merge_block(self.level, &strict, rim);
-                each(zone, |p| {
-                    let of_rim = apart(rim.before[p], rim.after[p]);
-                    let own = if both >> p & 1 == 1 {
-                        apart(block.before[p], block.after[p])
-                    } else {
-                        unseen(self.is_optical_flow)
-                    };
-                    if of_rim <= RIM && of_rim < own {
-                        result[p] = rim.merged[p];
-                        left &= !(1 << p);
-                    }
-                });
+            let fronts = fronts.get_or_insert_with(|| {
+                let mut fronts = [Front::default(); FRONTS];
+                let count = self.shown.around(at, &mut fronts);
+                (fronts, count)
+            });
+            let own = Own { segment, both: sees[0] & sees[1] & on_both, block };
+            let left = asked
+                & !self.take_fronts(&own, &fronts.0[..fronts.1], corner, asked, rule, &mut work.rim, &mut work.result);
+            if left == 0 {
+                continue;
             }
-            each(left, |p| {
-                let is_doubtful = is_loose
-                    || (seen.on[0] & seen.on[1]) >> p & 1 == 0
-                    || P::merge(block.before[p], block.after[p], rule).1;
-                match self.decide(&seen, p, corner, is_doubtful, Some(block.before[p]), vectors[p]) {
-                    Choice::Merged => result[p] = block.merged[p],
-                    Choice::Before => result[p] = block.before[p],
-                    Choice::After => result[p] = block.after[p],
-                    Choice::Still => {
-                        let [i, j] = place(p);
-                        result[p] = self.still([corner[0] + i, corner[1] + j], rule);
-                        fixed |= 1 << p;
-                    }
-                    Choice::Neither => hidden |= 1 << p,
+            let block = &mut work.block;
+            let mut doubtful = left & (!on_both | apart_by(rule.careful, block));
+            if is_loose {
+                doubtful = left;
+            }
+            let mut still = 0;
+            let unsure = doubtful & (!(sees[0] ^ sees[1]) | !on_both);
+            if unsure != 0 {
+                self.find_overlays(segment, &placed, at, unsure, &mut sees, &mut still);
+                each(still, |p| {
+                    let [i, j] = place(p);
+                    work.result[p] = self.still([corner[0] + i, corner[1] + j], rule);
+                });
+                fixed |= still;
+            }
+            let left = left & !still;
+            let [both, neither] = [sees[0] & sees[1], !(sees[0] | sees[1])];
+            let mut merged = left & both;
+            if !is_loose && left & !both != 0 {
+                merged |= left & on_both & !apart_by(AGREEING, block);
+            }
+            if left & neither & !merged & on_both != 0 {
+                merged |= left & neither & on_both & !apart_by(PLAUSIBLE, block);
+            }
+            each(merged & both & doubtful, |p| {
+                let [i, j] = place(p);
+                let spot = [placed.at[1][0] + 64 * i as i32, placed.at[1][1] + 64 * j as i32];
+                if is_foreign(block.before[p], self.current, spot, self.margin) {
+                    merged &= !(1 << p);
+                    sees[0] &= !(1 << p);
                 }
             });
+            let one = left & !merged & !neither;
+            select(self.level, merged, &block.merged, &mut work.result);
+            select(self.level, one & sees[0], &block.before, &mut work.result);
+            select(self.level, one & sees[1], &block.after, &mut work.result);
+            hidden |= left & !merged & neither;
         }
         if self.is_optical_flow && inside == u64::MAX {
             let is_torn = (0..2).any(|c| bounds[1][c] - bounds[0][c] > TORN);
             let soft = if is_torn { u64::MAX } else { soft };
             if soft & !fixed != 0 {
-                soften(result, soft & !fixed, hidden);
+                soften(&mut work.result, soft & !fixed, hidden);
             }
         }
-        let [across, down] = grid.extent(column, row);
+        let [across, down] = grid.extent(at[0], at[1]);
         for j in 0..down {
-            pixels[j * grid.width..][..across].copy_from_slice(&result[j * TILE..][..across]);
+            pixels[j * grid.width..][..across].copy_from_slice(&work.result[j * TILE..][..across]);
         }
         hidden
     }
 
-    /// The vector of a pixel itself, if that is near its segment's.
-    fn exact(&self, seen: &Seen, p: usize) -> [i32; 2] {
-        let [i, j] = place(p);
-        let vector = seen.segment.vector;
-        let [x, y] = [seen.at[1][0] + 64 * i as i32, seen.at[1][1] + 64 * j as i32].map(|v| (v + 32) >> 6);
-        if self.motion.tile() > 1
-            || seen.segment.mark >= ORPHAN
-            || x < 0
-            || y < 0
-            || x >= self.motion.width() as i32
-            || y >= self.motion.height() as i32
-        {
-            return vector;
-        }
-        let own = self.motion.vectors()[y as usize * self.motion.width() as usize + x as usize]
-            .map(|v| (v.to_f32() * 64.0).round_ties_even() as i32);
-        if (0..2).all(|c| own[c].saturating_sub(vector[c]).abs() <= 64) { own } else { vector }
-    }
-
-    /// Moves the positions of pixels by their own vectors instead of the segment's.
+    /// Gives pixels that are `asked` for to segments in front, where the anchors agree better on those. Returns which.
+    #[expect(clippy::too_many_arguments, reason = "two surfaces, and the colours of both")]
     #[inline(always)]
-    fn refine(
+    fn take_fronts(
         &self,
-        seen: &Seen,
+        own: &Own<'_, P>,
+        fronts: &[Front],
         corner: [usize; 2],
-        mask: u64,
-        at: &mut [Positions; 2],
-        vectors: &mut [[i32; 2]; BLOCK],
-    ) {
-        if seen.segment.mark == ORPHAN {
-            if let Some(past) = self.past {
-                let phase = self.moment.phase_of_tile(seen.segment.key(), corner);
-                each(mask & seen.on[0], |p| {
-                    let from = [at[0].x[p], at[0].y[p]].map(|v| ((v + 32) >> 6) as usize);
-                    if self.owners.at(from).is_none_or(|owner| owner.mark != ORPHAN) {
-                        return;
-                    }
-                    let own = layer::vector(past.claim(from));
-                    let vector = seen.segment.vector;
-                    if (0..2).all(|c| (own[c] - vector[c]).abs() <= ALIKE) {
-                        let [i, j] = place(p);
-                        let to = [64 * (corner[0] + i) as i32, 64 * (corner[1] + j) as i32];
-                        let before: [i32; 2] = std::array::from_fn(|c| to[c] + part(own[c], phase));
-                        (at[0].x[p], at[0].y[p]) = (before[0], before[1]);
-                        (at[1].x[p], at[1].y[p]) = (before[0] - own[0], before[1] - own[1]);
-                        vectors[p] = own;
-                    }
-                });
+        asked: u64,
+        rule: &Rule,
+        rim: &mut Block<P>,
+        result: &mut [P; BLOCK],
+    ) -> u64 {
+        let mut taken = 0;
+        for front in fronts {
+            let zone = front.zone & asked & !taken;
+            if zone == 0 || !self.can_be_in_front(&front.segment, own.segment) {
+                continue;
             }
-            return;
-        }
-        if self.motion.tile() > 1 || seen.segment.mark >= ORPHAN {
-            return;
-        }
-        let phase = self.moment.phase_of_tile(seen.segment.key(), corner);
-        let width = self.motion.width() as usize;
-        each(mask & seen.on[1], |p| {
-            let [x, y] = [at[1].x[p], at[1].y[p]].map(|v| ((v + 32) >> 6) as usize);
-            let own = self.motion.vectors()[y * width + x].map(|v| (v.to_f32() * 64.0).round_ties_even() as i32);
-            let vector = seen.segment.vector;
-            if (0..2).all(|c| own[c].saturating_sub(vector[c]).abs() <= ALIKE) {
-                let [i, j] = place(p);
-                let to = [64 * (corner[0] + i) as i32, 64 * (corner[1] + j) as i32];
-                let before: [i32; 2] = std::array::from_fn(|c| to[c] + part(own[c], phase));
-                (at[0].x[p], at[0].y[p]) = (before[0], before[1]);
-                (at[1].x[p], at[1].y[p]) = (before[0] - own[0], before[1] - own[1]);
-                vectors[p] = own;
+            let over = self.place(&front.segment, corner);
+            let zone = zone & over.on[0] & over.on[1];
+            if zone == 0 {
+                continue;
             }
-        });
+            self.sample(0, over.at[0], zone, &mut rim.before);
+            self.sample(1, over.at[1], zone, &mut rim.after);
+            let zone = zone & !P::merge_block(self.level, &Rule { careful: RIM as u8, ..*rule }, rim);
+            each(zone, |p| {
+                let of_own = if own.both >> p & 1 == 1 {
+                    apart(own.block.before[p], own.block.after[p])
+                } else {
+                    unseen(self.is_optical_flow)
+                };
+                if apart(rim.before[p], rim.after[p]) < of_own {
+                    result[p] = rim.merged[p];
+                    taken |= 1 << p;
+                }
+            });
+        }
+        taken
     }
 
     /// Whether `front` may cover pixels of `own`: it is nearer, or nobody knows which is.
@@ -359,57 +411,37 @@ impl<P: Colour> Between<'_, P> {
         is_nearer && !front.moves_within(own, DISTINCT) && front.mark < ORPHAN
     }
 
-    /// What to show of a pixel where the anchors differ or one does not show it.
-    #[inline(never)]
-    fn decide(
-        &self,
-        seen: &Seen,
-        p: usize,
-        corner: [usize; 2],
-        is_doubtful: bool,
-        before: Option<P>,
-        vector: [i32; 2],
-    ) -> Choice {
-        let [i, j] = place(p);
-        let grid = self.shown.grid;
-        let at = [corner[0] + i, corner[1] + j];
-        let spots = seen.at.map(|[x, y]| [x + 64 * i as i32, y + 64 * j as i32]);
-        let (from, to) = (grid.nearest(spots[0]), grid.nearest(spots[1]));
-        let mut is_seen = [0, 1].map(|anchor| (seen.visible[anchor] & seen.on[anchor]) >> p & 1 == 1);
-        if is_doubtful && (is_seen[0] == is_seen[1] || from.is_none() || to.is_none()) {
-            let overlays = Overlays { previous: self.previous, current: self.current };
-            let is_over = |which, at| self.stills.is_over(self.level, &overlays, which, at, vector);
-            if is_over(Which::Current, at) {
-                return Choice::Still;
-            }
-            is_seen[0] &= !from.is_some_and(|from| is_over(Which::Previous, from));
-            is_seen[1] &= !to.is_some_and(|to| is_over(Which::Current, to));
-        }
-        let before = || before.unwrap_or_else(|| P::sample(self.previous, spots[0]));
-        let is_on = (seen.on[0] & seen.on[1]) >> p & 1 == 1;
-        let do_agree = |limit: f32| is_on && apart(before(), P::sample(self.current, spots[1])) <= limit;
-        if is_seen != [true; 2] && seen.segment.mark < ORPHAN && do_agree(AGREEING) {
-            return Choice::Merged;
-        }
-        match is_seen {
-            [true, true] if is_doubtful && is_foreign(before(), self.current, spots[1], self.margin) => Choice::After,
-            [true, true] => Choice::Merged,
-            [true, false] => Choice::Before,
-            [false, true] => Choice::After,
-            [false, false] => {
-                if do_agree(PLAUSIBLE) {
-                    Choice::Merged
-                } else {
-                    Choice::Neither
-                }
-            }
-        }
-    }
-
     /// A pixel of something that stands still.
     fn still(&self, [x, y]: [usize; 2], rule: &Rule) -> P {
         let at = y * self.previous.width + x;
         P::merge(self.previous.pixels[at], self.current.pixels[at], rule).0
+    }
+}
+
+/// A surface of a tile, and its colours.
+struct Own<'a, P> {
+    segment: &'a Segment,
+    /// Pixels that both anchors show.
+    both: u64,
+    block: &'a Block<P>,
+}
+
+at_every_level! {
+    /// Copies the pixels of a mask.
+    fn select<P: Colour>(mask: u64, from: &[P; BLOCK], to: &mut [P; BLOCK]) = select_side_by_side | select_side_by_side
+}
+
+#[inline(always)]
+fn select_side_by_side<P: Colour>(mask: u64, from: &[P; BLOCK], to: &mut [P; BLOCK]) {
+    if mask == u64::MAX {
+        *to = *from;
+        return;
+    }
+    if mask == 0 {
+        return;
+    }
+    for p in 0..BLOCK {
+        to[p] = if mask >> p & 1 == 1 { from[p] } else { to[p] };
     }
 }
 
@@ -422,17 +454,6 @@ fn positions([x, y]: [i32; 2]) -> Positions {
         (at.x[p], at.y[p]) = (x + 64 * i as i32, y + 64 * j as i32);
     }
     at
-}
-
-/// Where a pixel comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Choice {
-    Merged,
-    Before,
-    After,
-    /// Both anchors, at the pixel's own position: a static overlay.
-    Still,
-    Neither,
 }
 
 /// Working memory of one row.

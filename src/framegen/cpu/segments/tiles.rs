@@ -137,23 +137,45 @@ impl Segments {
 
     /// Which pixels of the 8 x 8 block at the pixel `at`, which may lie partly outside, belong to segments that `is` accepts.
     #[inline(always)]
-    pub(super) fn matching(&self, [x, y]: [i32; 2], mut is: impl FnMut(&Segment) -> bool) -> u64 {
-        let [column, row] = [x >> 3, y >> 3];
-        let [s, t] = [(x & 7) as u32, (y & 7) as u32];
-        let mut mask = 0;
-        for (dy, dx) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            let ([column, row], is_used) = ([column + dx, row + dy], (dx == 0 || s > 0) && (dy == 0 || t > 0));
-            let is_inside = (column as u32 as usize) < self.grid.columns && (row as u32 as usize) < self.grid.rows;
-            if !is_used || !is_inside {
-                continue;
+    pub(super) fn matching(&self, at: [i32; 2], is: impl Fn(&Segment) -> bool) -> u64 {
+        block(self.grid, at, |column, row| {
+            let tile = row * self.grid.columns + column;
+            let count = self.count(tile);
+            let mut mask = if count > 0 && is(&self.first[tile]) { self.first[tile].mask } else { 0 };
+            if count > 1 {
+                for segment in &self.more[tile][..count - 1] {
+                    mask |= if is(segment) { segment.mask } else { 0 };
+                }
             }
-            let tile = row as usize * self.grid.columns + column as usize;
-            let found = self.of(tile).fold(0, |all, segment| if is(segment) { all | segment.mask } else { all });
-            let across = if dx == 0 { shifted_left(found, s) } else { shifted_right(found, 8 - s) };
-            mask |= if dy == 0 { across >> (8 * t) } else { across << (8 * (8 - t)) };
-        }
-        mask
+            mask
+        })
     }
+
+    /// Whether a tile is one segment.
+    #[inline(always)]
+    pub(super) fn is_whole(&self, tile: usize) -> bool {
+        self.count(tile) == 1 && self.first(tile).mask == u64::MAX
+    }
+}
+
+/// The mask of the 8 x 8 block at the pixel `at`, which may lie partly outside, given those of the tiles of a grid.
+#[inline(always)]
+pub(super) fn block(grid: Grid, [x, y]: [i32; 2], mut of_tile: impl FnMut(usize, usize) -> u64) -> u64 {
+    let [column, row] = [x >> 3, y >> 3];
+    let [s, t] = [(x & 7) as u32, (y & 7) as u32];
+    let mut mask = 0;
+    for (dy, dx) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+        let ([column, row], is_used) = ([column + dx, row + dy], (dx == 0 || s > 0) && (dy == 0 || t > 0));
+        // As unsigned numbers, negative ones fail the check.
+        let is_inside = (column as u32 as usize) < grid.columns && (row as u32 as usize) < grid.rows;
+        if !is_used || !is_inside {
+            continue;
+        }
+        let found = of_tile(column as usize, row as usize);
+        let across = if dx == 0 { shifted_left(found, s) } else { shifted_right(found, 8 - s) };
+        mask |= if dy == 0 { across >> (8 * t) } else { across << (8 * (8 - t)) };
+    }
+    mask
 }
 
 /// A segment in or around a tile.
