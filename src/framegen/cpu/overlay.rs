@@ -149,6 +149,39 @@ impl Stills {
         fits_better_at_rest(here, there, [x, y], vector)
     }
 
+    /// [`Self::is_over`] for those pixels of an 8 x 8 block that are `asked` for (bit `8 j + i`), all of them on the picture.
+    #[inline(never)]
+    pub(super) fn over_block<P: Colour>(
+        &self,
+        level: Level,
+        anchors: &Overlays<'_, P>,
+        which: Which,
+        [x, y]: [i32; 2],
+        vector: [i32; 2],
+        asked: u64,
+    ) -> u64 {
+        let (here, there, way) = match which {
+            Which::Previous => (anchors.previous, anchors.current, vector.map(|v| -v)),
+            Which::Current => (anchors.current, anchors.previous, vector),
+        };
+        let moved = [0, 1].map(|c| ([x, y][c] - 1) + (way[c] >> 6));
+        let is_inner = [[x - 1, y - 1], moved].into_iter().all(|[x, y]| {
+            // Lines are read whole.
+            x >= 0 && y >= 0 && x as usize + 2 * TILE <= here.width && y as usize + TILE + 3 <= here.height
+        });
+        if is_inner && asked.count_ones() > 1 && vector != [0; 2] {
+            return asked & rest_fits(level, here, there, [x, y].map(|v| v as usize), way);
+        }
+        let (mut over, mut left) = (0, asked);
+        while left != 0 {
+            let place = left.trailing_zeros() as usize;
+            left &= left - 1;
+            let at = [x as usize + place % TILE, y as usize + place / TILE];
+            over |= u64::from(self.is_over(level, anchors, which, at, vector)) << place;
+        }
+        over
+    }
+
     /// The pixels of a tile that stand still: bit `8 j + i`.
     #[inline(always)]
     pub(super) fn of_tile<P: Colour>(&self, level: Level, anchors: &Overlays<'_, P>, at: [usize; 2]) -> u64 {
@@ -184,6 +217,84 @@ at_every_level! {
     /// The pixels of the tile at `corner` of one anchor that are steady: bit `8 j + i`.
     fn steady_of_tile<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, corner: [usize; 2]) -> u64
         = steady_one_by_one | steady_side_by_side
+}
+
+at_every_level! {
+    /// [`fits_better_at_rest`] for the pixels of the block at `corner`: bit `8 j + i`. It and where `vector` leads to lie inside the pictures with a
+    /// pixel around, and lines of 16 pixels.
+    fn rest_fits<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, corner: [usize; 2], vector: [i32; 2]) -> u64
+        = rest_fits_one_by_one | rest_fits_side_by_side
+}
+
+fn rest_fits_one_by_one<P: Colour>(
+    here: Source<'_, P>,
+    there: Source<'_, P>,
+    [x, y]: [usize; 2],
+    vector: [i32; 2],
+) -> u64 {
+    let places = (0..TILE).flat_map(|j| (0..TILE).map(move |i| (i, j)));
+    places.fold(0, |all, (i, j)| {
+        all | u64::from(fits_better_at_rest(here, there, [x + i, y + j], vector)) << (TILE * j + i)
+    })
+}
+
+#[inline(always)]
+fn rest_fits_side_by_side<P: Colour>(
+    here: Source<'_, P>,
+    there: Source<'_, P>,
+    [x, y]: [usize; 2],
+    vector: [i32; 2],
+) -> u64 {
+    let row = |source: Source<'_, P>, x: usize, y: usize| -> Line {
+        source.pixels[y * source.width + x..].first_chunk().map_or([0.0; 2 * TILE], P::lumas_of)
+    };
+    let [u, v] = [64 * (x as i32 - 1) + vector[0], 64 * (y as i32 - 1) + vector[1]];
+    let [fx, fy] = [u, v].map(|at| (at & 63) as f32 / 64.0);
+    let [u, v] = [u, v].map(|at| (at >> 6) as usize);
+    let across = |j: usize| {
+        let line = row(there, u, v + j);
+        let after = next(&line);
+        let mut across: Line = [0.0; 2 * TILE];
+        for i in 0..2 * TILE {
+            across[i] = line[i] + (after[i] - line[i]) * fx;
+        }
+        across
+    };
+    // By time: at rest, moved.
+    let (mut above, mut least_above): ([Line; 2], [Line; 2]) = ([[0.0; 2 * TILE]; 2], [[0.0; 2 * TILE]; 2]);
+    let (mut fits, mut upper) = ([0; TILE], across(0));
+    for j in 0..TILE + 2 {
+        let (own, lower) = (row(here, x - 1, y - 1 + j), across(j + 1));
+        let mut between: Line = [0.0; 2 * TILE];
+        for i in 0..2 * TILE {
+            between[i] = upper[i] + (lower[i] - upper[i]) * fy;
+        }
+        upper = lower;
+        let mut least_of: [Line; 2] = [[0.0; 2 * TILE]; 2];
+        for (time, other) in [row(there, x - 1, y - 1 + j), between].iter().enumerate() {
+            let apart = apart_in_line(&own, other);
+            let (next_above, next_apart) = (next(&above[time]), next(&apart));
+            let mut squares: Line = [0.0; 2 * TILE];
+            for i in 0..2 * TILE {
+                squares[i] = above[time][i] + next_above[i] + apart[i] + next_apart[i];
+            }
+            let next_squares = next(&squares);
+            for i in 0..2 * TILE {
+                least_of[time][i] = squares[i].min(next_squares[i]);
+            }
+            above[time] = apart;
+        }
+        if j > 1 {
+            // What is judged is the row above.
+            for i in 0..TILE {
+                let [still, moved] = [0, 1].map(|time: usize| least_above[time][i].min(least_of[time][i]) / 4.0);
+                let is_fit = (moved >= MARGIN * BETTER) & ((still + MARGIN) * BETTER <= moved);
+                fits[i] |= u64::from(is_fit) << (TILE * (j - 2) + i);
+            }
+        }
+        least_above = least_of;
+    }
+    fits.into_iter().fold(0, |all, bits| all | bits)
 }
 
 fn stills_one_by_one<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2]) -> u64 {
@@ -538,6 +649,16 @@ mod tests {
                             stills | u64::from(stills_of.holds(level, &anchors, at)) << place
                         });
                         assert_eq!(stills_of.from(level, &anchors, [x, y]), stills);
+                        for vector in [[40, -130], [-300, 9], [20, 5], [0, 0]] {
+                            for which in [Which::Previous, Which::Current] {
+                                let at = |p: usize| [x + p % TILE, y + p / TILE];
+                                let is_over = |p: usize| stills_of.is_over(level, &anchors, which, at(p), vector);
+                                let over = (0..BLOCK).fold(0, |over, p| over | u64::from(is_over(p)) << p);
+                                let corner = [x as i32, y as i32];
+                                let block = stills_of.over_block(level, &anchors, which, corner, vector, stills);
+                                assert_eq!(block, over, "({x}, {y}), {vector:?}, {}", level.name());
+                            }
+                        }
                     }
                     for vector in [[0, 0], [64, -130], [-700, 9], [20, 5], [0, -64], [90, 3000]] {
                         let is_over = |which| stills_of.is_over(level, &anchors, which, [x, y], vector);

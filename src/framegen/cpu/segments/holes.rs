@@ -8,7 +8,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::super::colour::Colour;
-use super::super::kernels::{BLOCK, Level, Source, TILE};
+use super::super::kernels::{BLOCK, Level, Source, TILE, at_every_level};
 use super::super::layer::{self, EMPTY, Grid, HOLE, Key, ORPHAN, alike, is_nearer, key, part, slopes};
 use super::super::leaving::Leaving;
 use super::super::past::Past;
@@ -23,13 +23,13 @@ use crate::tasks::{Parallel, ParallelSliceMut};
 /// Surfaces are looked for in this many tiles to each side.
 const FARTHEST: usize = 32;
 /// Distance in pixels of two pixels of one surface with a crack between them.
-const CRACK: usize = 3;
+const CRACK: u16 = 3;
 /// Different keys that the pixels in and beside a tile can have.
 const KEYS: usize = SLOTS + SIDES * TILE;
 /// Left, right, above, below.
 const SIDES: usize = 4;
 /// Added to the order of a candidate that the current anchor contradicts.
-const CONTRADICTED: u64 = 1 << 60;
+const CONTRADICTED: u32 = 1 << 30;
 
 /// The pixels of every tile that some segment covers; keeps its memory.
 #[derive(Debug, Default)]
@@ -165,21 +165,53 @@ impl Keys {
     }
 }
 
-/// A covered pixel.
+/// The nearest covered pixel to one side of each pixel of a tile. A pixel without one has a step of [`NO_STEP`].
 #[derive(Clone, Copy)]
-struct Candidate {
+struct Beside {
     /// In [`Keys`].
-    number: u8,
-    luma: f32,
-    at: [usize; 2],
+    numbers: [u8; BLOCK],
+    /// [`layer::rank`].
+    ranks: [u16; BLOCK],
+    lumas: [f32; BLOCK],
+    /// Distance in pixels.
+    steps: [u16; BLOCK],
 }
 
-/// The surface that a pixel continues.
+const NO_STEP: u16 = u16::MAX;
+
+impl Beside {
+    const NOTHING: Self = Self { numbers: [0; BLOCK], ranks: [0; BLOCK], lumas: [0.0; BLOCK], steps: [NO_STEP; BLOCK] };
+
+    /// Writes a candidate of a pixel, and how much farther away it is than its own step.
+    #[inline(always)]
+    fn set(&mut self, pixel: usize, candidate: &Candidate, step: usize) {
+        self.numbers[pixel] = candidate.number;
+        self.ranks[pixel] = candidate.rank;
+        self.lumas[pixel] = candidate.luma;
+        self.steps[pixel] = candidate.step.saturating_add(step as u16);
+    }
+
+    /// Writes the candidates of all pixels of a tile that has none itself.
+    #[inline(always)]
+    fn spread(&mut self, side: usize, rims: &[Candidate; TILE]) {
+        for j in 0..TILE {
+            for i in 0..TILE {
+                let rim = &rims[if side < 2 { j } else { i }];
+                let place = if side < 2 { i } else { j };
+                self.set(TILE * j + i, rim, if side % 2 == 0 { place } else { TILE - 1 - place });
+            }
+        }
+    }
+}
+
+/// A covered pixel beside a tile.
 #[derive(Clone, Copy)]
-struct Found {
-    candidate: Option<Candidate>,
-    /// Whether it lies in a crack of that surface.
-    is_crack: bool,
+struct Candidate {
+    number: u8,
+    rank: u16,
+    luma: f32,
+    /// Distance in pixels from the nearest pixel of the tile.
+    step: u16,
 }
 
 impl<P: Colour> Evidence<'_, P> {
@@ -187,20 +219,34 @@ impl<P: Colour> Evidence<'_, P> {
         if self.shown.is_some() { ORPHAN } else { HOLE }
     }
 
-    /// Finds segments for what `from` does not cover, and writes all segments to `to`.
-    pub(super) fn fill(&self, from: &Segments, covers: &Covers, to: &mut Segments) -> Result<()> {
-        let grid = from.grid;
-        to.reserve(grid)?;
-        to.par_rows_mut(1).enumerate().for_each(|(row, mut tiles)| {
+    /// Finds segments for what `segments` do not cover, and adds them. `added` gets those alone, but for cracks, and is to be read where it has
+    /// some; it is not written where nothing is missing.
+    pub(super) fn fill(&self, segments: &mut Segments, covers: &Covers, added: &mut Segments) -> Result<()> {
+        let grid = segments.grid;
+        added.reserve(grid)?;
+        let from = &*segments;
+        added.par_rows_mut(1).enumerate().for_each(|(row, mut tiles)| {
             for column in 0..grid.columns {
-                let tile = row * grid.columns + column;
-                tiles.copy(column, from, tile);
-                let holes = inside(grid.extent(column, row)) & !covers.of(tile);
+                tiles.set(column, &[]);
+                let holes = inside(grid.extent(column, row)) & !covers.of(row * grid.columns + column);
                 if holes != 0 {
                     self.fill_tile([column, row], holes, from, covers, column, &mut tiles);
                 }
             }
             tiles.find_spans();
+        });
+        let added = &*added;
+        segments.par_rows_mut(1).enumerate().for_each(|(row, mut tiles)| {
+            for column in 0..grid.columns {
+                let tile = row * grid.columns + column;
+                for segment in added.of(tile) {
+                    if segment.mark == self.mark() {
+                        tiles.add(column, *segment);
+                    } else {
+                        tiles.join(column, *segment);
+                    }
+                }
+            }
         });
         Ok(())
     }
@@ -229,64 +275,80 @@ impl<P: Colour> Evidence<'_, P> {
                 each(segment.mask, |pixel| numbers[pixel] = number);
             }
         }
-        let mut sides = [[None; TILE]; SIDES];
-        let rims = [
+        let nothing = Candidate { number: 0, rank: 0, luma: 0.0, step: NO_STEP };
+        let mut rims = [[nothing; TILE]; SIDES];
+        let needed = [
             (holes & COLUMN).wrapping_mul(0x0102_0408_1020_4080) >> 56,
             (holes >> 7 & COLUMN).wrapping_mul(0x0102_0408_1020_4080) >> 56,
             holes & 0xff,
             holes >> 56,
         ];
         for side in 0..SIDES {
-            covers.beside(grid, at, side, rims[side], |line, [x, y]| {
+            covers.beside(grid, at, side, needed[side], |line, [x, y]| {
                 let (tile, pixel) = grid.place(x, y);
                 let segment = from.of(tile).find(|segment| segment.mask >> pixel & 1 == 1);
                 let number = keys.number(segment.map_or(EMPTY, Segment::key));
                 let luma = self.shown.map_or(0.0, |shown| shown.pixels[y * grid.width + x].luma());
-                sides[side][line] = Some(Candidate { number, luma, at: [x, y] });
+                let step = match side {
+                    0 => corner[0] - x,
+                    1 => x + 1 - corner[0] - TILE,
+                    2 => corner[1] - y,
+                    _ => y + 1 - corner[1] - TILE,
+                };
+                rims[side][line] = Candidate { number, rank: segment.map_or(0, |s| s.rank), luma, step: step as u16 };
             });
         }
+        let mut beside = [const { Beside::NOTHING }; SIDES];
+        if covered == 0 {
+            (0..SIDES).for_each(|side| beside[side].spread(side, &rims[side]));
+        } else {
+            for side in 0..SIDES {
+                let beside = &mut beside[side];
+                each(holes, |pixel| {
+                    // The nearest covered pixel of the tile, in this row or column, before or after.
+                    let (line, place) =
+                        if side < 2 { (pixel / TILE, pixel % TILE) } else { (pixel % TILE, pixel / TILE) };
+                    let of_line = if side < 2 { covered >> (TILE * line) & 0xff } else { covered >> line & COLUMN };
+                    let first = if side < 2 { place } else { TILE * place };
+                    let of_side =
+                        if side % 2 == 0 { of_line & ((1 << first) - 1) } else { of_line & (u64::MAX << first) };
+                    if of_side == 0 {
+                        beside.set(pixel, &rims[side][line], if side % 2 == 0 { place } else { TILE - 1 - place });
+                        return;
+                    }
+                    let found =
+                        if side % 2 == 0 { 63 - of_side.leading_zeros() } else { of_side.trailing_zeros() } as usize;
+                    let step = if side < 2 { found.abs_diff(place) } else { (found / TILE).abs_diff(place) };
+                    let found = if side < 2 { TILE * line + found } else { found + line };
+                    let number = numbers[found];
+                    let rank = layer::rank(keys.keys[usize::from(number)]);
+                    beside.set(pixel, &Candidate { number, rank, luma: lumas[found], step: 0 }, step);
+                });
+            }
+        }
+        let (cracks, chosen) = self.choose(corner, holes, &lumas, &beside, &mut keys);
 
         let mut known = [EMPTY; BLOCK];
         let known_mask = self.past.map_or(0, |past| self.known(past, corner, extent, holes, &mut known));
-        let (mut cracks, mut of_none, mut of_known) = (0, 0, 0);
+        let (mut cracks, mut of_known) = (cracks, 0);
+        if let Some(past) = self.past {
+            each(known_mask, |pixel| {
+                let side = usize::from(chosen[pixel]);
+                let is_of_found = side < SIDES && {
+                    let key = keys.keys[usize::from(beside[side].numbers[pixel])];
+                    let at = [corner[0] + pixel % TILE, corner[1] + pixel / TILE];
+                    let there = stepped(at, side, beside[side].steps[pixel].into());
+                    !alike(key, known[pixel]) && past.is_one_thing(self.depth, at, there, key)
+                };
+                of_known |= u64::from(!is_of_found) << pixel;
+            });
+            cracks &= !of_known;
+        }
         let mut given = [0; KEYS];
-        each(holes, |pixel| {
-            let at = [corner[0] + pixel % TILE, corner[1] + pixel / TILE];
-            let beside = |side: usize| {
-                // The nearest covered pixel of the tile, in this row or column, before or after.
-                let (line, place) = if side < 2 { (pixel / TILE, pixel % TILE) } else { (pixel % TILE, pixel / TILE) };
-                let of_line = if side < 2 { covered >> (TILE * line) & 0xff } else { covered >> line & COLUMN };
-                let first = if side < 2 { place } else { TILE * place };
-                let of_side = if side % 2 == 0 { of_line & ((1 << first) - 1) } else { of_line & (u64::MAX << first) };
-                if of_side == 0 {
-                    return sides[side][line];
-                }
-                let found =
-                    if side % 2 == 0 { 63 - of_side.leading_zeros() } else { of_side.trailing_zeros() } as usize;
-                let found = if side < 2 { TILE * line + found } else { found + line };
-                let at = [corner[0] + found % TILE, corner[1] + found / TILE];
-                Some(Candidate { number: numbers[found], luma: lumas[found], at })
-            };
-            let found = self.choose(at, pixel, lumas[pixel], std::array::from_fn(beside), &mut keys, corner);
-            if known_mask >> pixel & 1 == 1
-                && let Some(past) = self.past
-            {
-                let is_of_found = found.candidate.is_some_and(|found| {
-                    let key = keys.keys[usize::from(found.number)];
-                    !alike(key, known[pixel]) && past.is_one_thing(self.depth, at, found.at, key)
-                });
-                if !is_of_found {
-                    of_known |= 1 << pixel;
-                    return;
-                }
-            }
-            match found.candidate {
-                Some(Candidate { number, .. }) if found.is_crack => {
-                    cracks |= 1 << pixel;
-                    given[usize::from(number)] |= 1 << pixel;
-                }
-                Some(Candidate { number, .. }) => given[usize::from(number)] |= 1 << pixel,
-                None => of_none |= 1 << pixel,
+        each(holes & !of_known, |pixel| {
+            let side = usize::from(chosen[pixel]);
+            if side < SIDES {
+                given[usize::from(beside[side].numbers[pixel])] |= 1 << pixel;
             }
         });
         let segment = |key: Key, mask: u64| Segment {
@@ -299,7 +361,7 @@ impl<P: Colour> Evidence<'_, P> {
         let mut left = holes & !cracks;
         if cracks != 0 {
             for (key, mask) in keys.iter().zip(given).filter(|(_, mask)| mask & cracks != 0) {
-                to.join(to_tile, segment(*key, mask & cracks));
+                to.add(to_tile, segment(*key, mask & cracks));
             }
         }
         if let Some(leaving) = self.leaving.filter(|leaving| leaving.is_in(corner, extent)) {
@@ -341,56 +403,64 @@ impl<P: Colour> Evidence<'_, P> {
         }
     }
 
-    /// The surface that a pixel continues.
+    /// For each hole of a tile the side of the surface that it continues, or [`SIDES`]; and the holes in cracks of one surface.
     #[inline(always)]
     fn choose(
         &self,
-        at: [usize; 2],
-        pixel: usize,
-        own: f32,
-        beside: [Option<Candidate>; SIDES],
-        keys: &mut Keys,
         corner: [usize; 2],
-    ) -> Found {
-        let steps =
-            beside.map(|candidate| candidate.map_or(usize::MAX, |c| c.at[0].abs_diff(at[0]) + c.at[1].abs_diff(at[1])));
-        for [a, b] in [[0, 1], [2, 3]] {
-            if steps[a].saturating_add(steps[b]) <= CRACK
-                && let (Some(one), Some(other)) = (beside[a], beside[b])
-            {
-                let [first, second] = [one, other].map(|c| keys.keys[usize::from(c.number)]);
-                if slopes(first, second) {
-                    let candidate = Some(if steps[a] < steps[b] { one } else { other });
-                    return Found { candidate, is_crack: true };
+        holes: u64,
+        lumas: &[f32; BLOCK],
+        beside: &[Beside; SIDES],
+        keys: &mut Keys,
+    ) -> (u64, [u8; BLOCK]) {
+        let mut orders = [[u32::MAX; BLOCK]; SIDES];
+        order(self.level, beside, lumas, self.shown.is_some(), &mut orders);
+        let mut best = [u32::MAX; BLOCK];
+        loop {
+            least(self.level, &orders, &mut best);
+            let mut chosen = [0; KEYS];
+            each(holes, |pixel| {
+                if best[pixel] < CONTRADICTED {
+                    chosen[usize::from(beside[(best[pixel] & 3) as usize].numbers[pixel])] |= 1 << pixel;
+                }
+            });
+            let mut is_settled = true;
+            for number in 0..keys.count {
+                if chosen[number] == 0 || keys.is_found[number] {
+                    continue;
+                }
+                keys.is_found[number] = true;
+                keys.contradicted[number] = self.contradicted(corner, keys.keys[number]) & holes;
+                is_settled &= chosen[number] & keys.contradicted[number] == 0;
+                each(keys.contradicted[number], |pixel| {
+                    for side in 0..SIDES {
+                        let is_it =
+                            usize::from(beside[side].numbers[pixel]) == number && orders[side][pixel] != u32::MAX;
+                        orders[side][pixel] |= if is_it { CONTRADICTED } else { 0 };
+                    }
+                });
+            }
+            if is_settled {
+                break;
+            }
+        }
+        let (mut cracks, mut chosen) = (0, [SIDES as u8; BLOCK]);
+        each(holes, |pixel| {
+            if best[pixel] != u32::MAX {
+                chosen[pixel] = (best[pixel] & 3) as u8;
+            }
+            for [a, b] in [[0, 1], [2, 3]] {
+                let steps = [a, b].map(|side| beside[side].steps[pixel]);
+                if cracks >> pixel & 1 == 0 && steps[0].saturating_add(steps[1]) <= CRACK {
+                    let [first, second] = [a, b].map(|side: usize| keys.keys[usize::from(beside[side].numbers[pixel])]);
+                    if slopes(first, second) {
+                        cracks |= 1 << pixel;
+                        chosen[pixel] = if steps[0] < steps[1] { a } else { b } as u8;
+                    }
                 }
             }
-        }
-        let (mut best, mut least) = (None, u64::MAX);
-        for side in 0..SIDES {
-            let Some(candidate) = beside[side] else { continue };
-            let number = usize::from(candidate.number);
-            let far = u64::from(u16::MAX - layer::rank(keys.keys[number]));
-            let step = steps[side] as u64;
-            let order = match self.shown {
-                Some(_) => ((candidate.luma - own).abs() as u64 + step) << 16 | far,
-                None => far << 16 | step,
-            };
-            let mut order = order << 2 | side as u64;
-            if order >= least {
-                continue;
-            }
-            if !keys.is_found[number] {
-                keys.contradicted[number] = self.contradicted(corner, keys.keys[number]);
-                keys.is_found[number] = true;
-            }
-            if keys.contradicted[number] >> pixel & 1 == 1 {
-                order |= CONTRADICTED;
-            }
-            if order < least {
-                (best, least) = (Some(candidate), order);
-            }
-        }
-        Found { candidate: best, is_crack: false }
+        });
+        (cracks, chosen)
     }
 
     /// Which pixels of a tile would be seen in the current anchor if they moved like this: they are neither hidden there nor outside.
@@ -440,6 +510,50 @@ impl<P: Colour> Evidence<'_, P> {
                 }
             }
         });
+    }
+}
+
+at_every_level! {
+    /// Orders the candidates of a tile's pixels: of less order is better, and the lowest two bits are the side. With `by_luma`, similar and near ones are
+    /// better, and of those the ones farther from the camera; else far ones, and of those the nearest on the screen.
+    fn order(
+        beside: &[Beside; SIDES], own: &[f32; BLOCK], by_luma: bool,
+        orders: &mut [[u32; BLOCK]; SIDES],
+    ) = order_side_by_side | order_side_by_side
+}
+
+#[inline(always)]
+fn order_side_by_side(beside: &[Beside; SIDES], own: &[f32; BLOCK], by_luma: bool, orders: &mut [[u32; BLOCK]; SIDES]) {
+    for side in 0..SIDES {
+        let (Beside { ranks, lumas, steps, .. }, orders) = (&beside[side], &mut orders[side]);
+        for p in 0..BLOCK {
+            let (far, step) = (u32::from(u16::MAX - ranks[p]), u32::from(steps[p]));
+            let apart = (lumas[p] - own[p]).abs().min(255.0) as i32 as u32;
+            let order = if by_luma { (apart + step) << 16 | far } else { far << 11 | step };
+            orders[p] = if steps[p] == NO_STEP { u32::MAX } else { order << 2 | side as u32 };
+        }
+    }
+}
+
+at_every_level! {
+    /// The least order of each pixel.
+    fn least(orders: &[[u32; BLOCK]; SIDES], least: &mut [u32; BLOCK]) = least_side_by_side | least_side_by_side
+}
+
+#[inline(always)]
+fn least_side_by_side(orders: &[[u32; BLOCK]; SIDES], least: &mut [u32; BLOCK]) {
+    for p in 0..BLOCK {
+        least[p] = orders[0][p].min(orders[1][p]).min(orders[2][p].min(orders[3][p]));
+    }
+}
+
+/// The pixel so many steps to one side.
+fn stepped([x, y]: [usize; 2], side: usize, step: usize) -> [usize; 2] {
+    match side {
+        0 => [x - step, y],
+        1 => [x + step, y],
+        2 => [x, y - step],
+        _ => [x, y + step],
     }
 }
 

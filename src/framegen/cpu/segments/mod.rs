@@ -39,7 +39,7 @@ pub struct SegmentGenerator {
     cut: CutDetector,
     ranges: Ranges,
     field: Segments,
-    visible: Segments,
+    added: Segments,
     owners: Segments,
     shown: Segments,
     bands: Bands,
@@ -58,7 +58,7 @@ impl Default for SegmentGenerator {
             cut: CutDetector::default(),
             ranges: Ranges::default(),
             field: Segments::default(),
-            visible: Segments::default(),
+            added: Segments::default(),
             owners: Segments::default(),
             shown: Segments::default(),
             bands: Bands::default(),
@@ -107,8 +107,8 @@ impl SegmentGenerator {
         let given = Given { level, guidance, anchors: Some([previous, current]), standing, is_flat };
         let can_widen = !is_flat && guidance.motion().tile() == 1;
         if can_widen {
-            given.segment(&mut self.ranges, &mut self.visible)?;
-            given.widen(&self.visible, &mut self.field)?;
+            given.segment(&mut self.ranges, &mut self.shown)?;
+            given.widen(&self.shown, &mut self.field)?;
         } else {
             given.segment(&mut self.ranges, &mut self.field)?;
         }
@@ -118,34 +118,33 @@ impl SegmentGenerator {
 
         let way = Way::from_current(Moment::previous());
         let pass = Pass { segments: &self.field, way, is_of_pass: |_| true };
-        warp(&[pass], is_tiled, &self.bands, &mut self.visible)?;
+        warp(&[pass], is_tiled, &self.bands, &mut self.owners)?;
         let seen = Seen::find(guidance, &standing);
         let past = Past::new(&seen, pair.previous_depth(), guidance.depth());
         let margin = foreign::margin(previous, current);
         if past.is_none() {
-            let visible = &self.visible;
-            let owner = |x, y| visible.at([x, y]).map_or(EMPTY, |segment| segment.key());
+            let owners = &self.owners;
+            let owner = |x, y| owners.at([x, y]).map_or(EMPTY, |segment| segment.key());
             self.leaving.look(&owner, [previous, current], margin, is_optical_flow.into())?;
-            let (leaving, visible) = (&self.leaving, &mut self.visible);
-            leaving.each(|x, y| visible.remove(x, y));
+            let (leaving, owners) = (&self.leaving, &mut self.owners);
+            leaving.each(|x, y| owners.remove(x, y));
         }
         let leaving = if past.is_none() { Some(&self.leaving) } else { None };
         let shown = Some(previous);
         let evidence =
             Evidence { field: &self.field, way, depth: guidance.depth(), shown, past: past.as_ref(), leaving, level };
         if let Some(past) = &past {
-            evidence.uncover(past, &mut self.visible);
+            evidence.uncover(past, &mut self.owners);
         }
-        self.covers.find(&self.visible)?;
-        evidence.fill(&self.visible, &self.covers, &mut self.owners)?;
+        self.covers.find(&self.owners)?;
+        evidence.fill(&mut self.owners, &self.covers, &mut self.added)?;
 
         let moment = Moment::new(phase, seen.perspective);
         let way = Way::from_current(moment);
-        let orphans =
-            Pass { segments: &self.owners, way: Way::from_previous(moment), is_of_pass: |s| s.mark == ORPHAN };
+        let orphans = Pass { segments: &self.added, way: Way::from_previous(moment), is_of_pass: |s| s.mark == ORPHAN };
         let passes = [Pass { segments: &self.field, way, is_of_pass: |_| true }, orphans];
-        warp(&passes[..if self.covers.holes() > 0 { 2 } else { 1 }], is_tiled, &self.bands, &mut self.visible)?;
-        self.covers.find(&self.visible)?;
+        warp(&passes[..if self.covers.holes() > 0 { 2 } else { 1 }], is_tiled, &self.bands, &mut self.shown)?;
+        self.covers.find(&self.shown)?;
         let evidence = Evidence::<P> {
             field: &self.field,
             way,
@@ -155,7 +154,7 @@ impl SegmentGenerator {
             leaving: None,
             level,
         };
-        evidence.fill(&self.visible, &self.covers, &mut self.shown)?;
+        evidence.fill(&mut self.shown, &self.covers, &mut self.added)?;
 
         sized(&mut self.hidden, grid.tiles(), 0)?;
         self.stills.reserve(grid)?;

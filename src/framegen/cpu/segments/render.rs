@@ -228,24 +228,18 @@ impl<P: Colour> Between<'_, P> {
         let grid = self.shown.grid;
         let overlays = Overlays { previous: self.previous, current: self.current };
         let of_tile = |at: [usize; 2]| self.stills.of_tile(self.level, &overlays, at);
-        let is_over = |which, at| self.stills.is_over(self.level, &overlays, which, at, vector);
-        let corner = at.map(|at| at * TILE);
-        each(asked & of_tile(at), |p| {
-            let [i, j] = place(p);
-            *still |= u64::from(is_over(Which::Current, [corner[0] + i, corner[1] + j])) << p;
-        });
+        let over = |which, at, asked| self.stills.over_block(self.level, &overlays, which, at, vector, asked);
+        let here = asked & of_tile(at);
+        *still |= if here == 0 { 0 } else { over(Which::Current, at.map(|at| (at * TILE) as i32), here) };
         for (anchor, which) in [Which::Previous, Which::Current].into_iter().enumerate() {
             let asked = asked & !*still & visible[anchor] & placed.on[anchor];
             if asked == 0 {
                 continue;
             }
-            let stills = block(grid, placed.pixel[anchor], |column, row| of_tile([column, row]));
-            each(asked & stills, |p| {
-                let [i, j] = place(p);
-                let [x, y] = placed.pixel[anchor];
-                let is_over = is_over(which, [(x + i as i32) as usize, (y + j as i32) as usize]);
-                visible[anchor] &= !(u64::from(is_over) << p);
-            });
+            let there = asked & block(grid, placed.pixel[anchor], |column, row| of_tile([column, row]));
+            if there != 0 {
+                visible[anchor] &= !over(which, placed.pixel[anchor], there);
+            }
         }
     }
 
