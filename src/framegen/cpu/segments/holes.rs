@@ -351,17 +351,11 @@ impl<P: Colour> Evidence<'_, P> {
                 given[usize::from(beside[side].numbers[pixel])] |= 1 << pixel;
             }
         });
-        let segment = |key: Key, mask: u64| Segment {
-            mask,
-            vector: layer::vector(key),
-            rank: layer::rank(key),
-            mark: layer::mark(key),
-        };
         let keys = &keys.keys[..keys.count];
         let mut left = holes & !cracks;
         if cracks != 0 {
             for (key, mask) in keys.iter().zip(given).filter(|(_, mask)| mask & cracks != 0) {
-                to.add(to_tile, segment(*key, mask & cracks));
+                to.add(to_tile, Segment::new(*key, mask & cracks));
             }
         }
         if let Some(leaving) = self.leaving.filter(|leaving| leaving.is_in(corner, extent)) {
@@ -377,7 +371,7 @@ impl<P: Colour> Evidence<'_, P> {
         }
         let mark = self.mark();
         if let Some(number) = given.iter().position(|&mask| mask == left) {
-            to.add(to_tile, segment(layer::marked(keys[number], mark), left));
+            to.add(to_tile, Segment::new(layer::marked(keys[number], mark), left));
             return;
         }
         let mut all = [key(u16::MAX, mark, [0; 2]); BLOCK];

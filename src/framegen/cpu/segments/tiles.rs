@@ -28,6 +28,12 @@ pub(super) struct Segment {
 }
 
 impl Segment {
+    /// A segment of all that `key` says.
+    #[inline(always)]
+    pub(super) fn new(key: Key, mask: u64) -> Self {
+        Self { mask, vector: layer::vector(key), rank: layer::rank(key), mark: layer::mark(key) }
+    }
+
     /// All that orders segments, in one number: the nearest first.
     #[inline(always)]
     pub(super) fn key(&self) -> Key {

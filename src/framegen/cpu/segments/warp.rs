@@ -4,7 +4,7 @@
 use parking_lot::Mutex;
 
 use super::super::kernels::TILE;
-use super::super::layer::{self, Grid, ONE_SURFACE, SLOPE, landed};
+use super::super::layer::{self, Grid, Key, ONE_SURFACE, SLOPE, landed};
 use super::super::perspective::Way;
 use super::super::sized;
 use super::tiles::{SLOTS, Segment, Segments, inside, split};
@@ -27,26 +27,32 @@ pub(super) struct Pass<'a> {
     pub(super) is_of_pass: fn(&Segment) -> bool,
 }
 
+/// A part of a segment that has arrived in a tile. The key is all of the segment but its mask.
+#[derive(Debug, Clone, Copy, Default)]
+struct Arrival {
+    key: Key,
+    mask: u64,
+}
+
 /// What has arrived in a tile, the nearest first.
 #[derive(Debug, Clone)]
 struct Arrivals {
     count: usize,
-    segments: [Segment; ARRIVALS],
+    parts: [Arrival; ARRIVALS],
 }
 
 impl Arrivals {
-    /// Adds a segment. The order of calls does not matter: equal segments are joined, and the nearest distinct ones are kept.
+    /// Adds a part. The order of calls does not matter: parts with equal keys are joined, and the nearest distinct ones are kept.
     #[inline(always)]
-    fn add(&mut self, segment: Segment) {
-        let key = segment.key();
+    fn add(&mut self, part: Arrival) {
         let mut at = self.count;
         while at > 0 {
-            let other = self.segments[at - 1].key();
-            if other == key {
-                self.segments[at - 1].mask |= segment.mask;
+            let other = self.parts[at - 1].key;
+            if other == part.key {
+                self.parts[at - 1].mask |= part.mask;
                 return;
             }
-            if other < key {
+            if other < part.key {
                 break;
             }
             at -= 1;
@@ -55,8 +61,10 @@ impl Arrivals {
             return;
         }
         let end = self.count.min(ARRIVALS - 1);
-        self.segments.copy_within(at..end, at + 1);
-        self.segments[at] = segment;
+        for i in (at..end).rev() {
+            self.parts[i + 1] = self.parts[i];
+        }
+        self.parts[at] = part;
         self.count = end + 1;
     }
 }
@@ -75,7 +83,7 @@ impl Bands {
             self.of_threads.resize_with(threads, Mutex::default);
         }
         for band in &mut self.of_threads {
-            let empty = Arrivals { count: 0, segments: [Segment::default(); ARRIVALS] };
+            let empty = Arrivals { count: 0, parts: [Arrival::default(); ARRIVALS] };
             sized(band.get_mut(), BAND * grid.columns, empty)?;
         }
         Ok(())
@@ -136,7 +144,8 @@ impl Band {
             for column in 0..self.grid.columns {
                 let corner = [column * TILE, row * TILE];
                 for segment in segments.of(row * self.grid.columns + column).filter(|s| s.mask != 0 && is_of_pass(s)) {
-                    let reach = way.reach_of_tile(segment.key(), corner);
+                    let key = segment.key();
+                    let reach = way.reach_of_tile(key, corner);
                     let u = landed(corner[0] as i32, segment.vector[0], reach);
                     let v = landed(corner[1] as i32, segment.vector[1], reach);
                     let (across, down) = (u >> 3, (v >> 3) - self.first as i32);
@@ -147,7 +156,7 @@ impl Band {
                     for (part, [dx, dy]) in parts.into_iter().zip([[0, 0], [1, 0], [0, 1], [1, 1]]) {
                         let [x, y] = [across + dx, down + dy];
                         if part != 0 && (0..columns).contains(&x) && (0..self.rows as i32).contains(&y) {
-                            arrivals[(y * columns + x) as usize].add(Segment { mask: part, ..*segment });
+                            arrivals[(y * columns + x) as usize].add(Arrival { key, mask: part });
                         }
                     }
                 }
@@ -167,7 +176,8 @@ struct Joined {
 #[inline(always)]
 fn resolve(arrivals: &Arrivals, inside: u64, is_tiled: bool, visible: &mut [Segment; SLOTS]) -> usize {
     if arrivals.count == 1 {
-        visible[0] = Segment { mask: arrivals.segments[0].mask & inside, ..arrivals.segments[0] };
+        let Arrival { key, mask } = arrivals.parts[0];
+        visible[0] = Segment::new(key, mask & inside);
         return 1;
     }
     resolve_several(arrivals, inside, is_tiled, visible)
@@ -176,11 +186,12 @@ fn resolve(arrivals: &Arrivals, inside: u64, is_tiled: bool, visible: &mut [Segm
 fn resolve_several(arrivals: &Arrivals, inside: u64, is_tiled: bool, visible: &mut [Segment; SLOTS]) -> usize {
     let mut joined = [Joined::default(); SLOTS];
     let (mut count, mut left) = (0, inside);
-    for arrival in &arrivals.segments[..arrivals.count] {
-        let mask = arrival.mask & left;
+    for part in &arrivals.parts[..arrivals.count] {
+        let mask = part.mask & left;
         if mask == 0 {
             continue;
         }
+        let arrival = &Segment::new(part.key, 0);
         left &= !mask;
         let can_join = |joined: &Joined| {
             let other = &joined.segment;
