@@ -9,7 +9,7 @@ use super::super::kernels::{
     BLOCK, Landing, Level, RankRange, Source, TILE, VectorRange, at_every_level, claim_tile, depth_ranges, land,
     motion_ranges,
 };
-use super::super::layer::{self, ALIKE, EMPTY, Grid, Key, LONGEST, ONE_SURFACE, is_nearer};
+use super::super::layer::{self, ALIKE, EMPTY, Grid, Key, LONGEST, ONE_SURFACE, alike, is_nearer};
 use super::super::sized;
 use super::super::standing::Standing;
 use super::tiles::{FRONTS, Front, SLOTS, Segment, Segments, TilesMut, each, inside};
@@ -93,15 +93,16 @@ impl<P: Colour> Given<'_, P> {
         }
         let corner = at.map(|at| at * TILE);
         let mut fronts = [Front::default(); FRONTS];
-        let count = from.around(at, &mut fronts);
+        let farthest = from.of(tile).map(Segment::key).max().unwrap_or(0);
+        let count = from.around(at, u64::MAX, farthest, &mut fronts);
         let mut taken = 0;
         for front in &fronts[..count] {
-            let front_key = front.segment.key();
+            let front_key = front.key;
             let (mut own, mut asked) = ([EMPTY; BLOCK], 0);
             for segment in from.of(tile) {
                 let key = segment.key();
-                if is_nearer(front_key, key) && !segment.moves_within(&front.segment, ALIKE) {
-                    let zone = front.zone & segment.mask & !taken;
+                let zone = front.zone & segment.mask & !taken;
+                if zone != 0 && is_nearer(front_key, key) && !alike(key, front_key) {
                     asked |= zone;
                     each(zone, |pixel| own[pixel] = key);
                 }
@@ -113,7 +114,7 @@ impl<P: Colour> Given<'_, P> {
             if fitting != 0 {
                 taken |= fitting;
                 to.remove(to_tile, fitting);
-                to.join(to_tile, Segment { mask: fitting, ..front.segment });
+                to.join(to_tile, Segment::new(front_key, fitting));
             }
         }
     }

@@ -144,11 +144,10 @@ pub(super) struct Evidence<'a, P> {
     pub(super) level: Level,
 }
 
-/// Keys of the pixels in and beside a tile, each once, and which pixels of the tile cannot have them.
+/// Keys of the pixels in and beside a tile, each once, and whether it is known which pixels of the tile cannot have them.
 struct Keys {
     keys: [Key; KEYS],
     count: usize,
-    contradicted: [u64; KEYS],
     is_found: [bool; KEYS],
 }
 
@@ -202,6 +201,16 @@ impl Beside {
             }
         }
     }
+}
+
+/// The surfaces that the holes of a tile continue.
+struct Chosen {
+    /// Holes in cracks of one surface.
+    cracks: u64,
+    /// For each key its holes.
+    masks: [u64; KEYS],
+    /// The side on which each hole's surface is.
+    sides: [u8; BLOCK],
 }
 
 /// A covered pixel beside a tile.
@@ -265,7 +274,7 @@ impl<P: Colour> Evidence<'_, P> {
         let tile = at[1] * grid.columns + at[0];
         let (corner, extent) = (at.map(|at| at * TILE), grid.extent(at[0], at[1]));
         let covered = covers.of(tile);
-        let mut keys = Keys { keys: [EMPTY; KEYS], count: 0, contradicted: [0; KEYS], is_found: [false; KEYS] };
+        let mut keys = Keys { keys: [EMPTY; KEYS], count: 0, is_found: [false; KEYS] };
         let mut lumas = [0.0; BLOCK];
         self.read_lumas(corner, extent, &mut lumas);
         let mut numbers = [0; BLOCK];
@@ -326,31 +335,27 @@ impl<P: Colour> Evidence<'_, P> {
                 });
             }
         }
-        let (cracks, chosen) = self.choose(corner, holes, &lumas, &beside, &mut keys);
+        let mut chosen = Chosen { cracks: 0, masks: [0; KEYS], sides: [SIDES as u8; BLOCK] };
+        self.choose(corner, holes, &lumas, &beside, &mut keys, &mut chosen);
+        let Chosen { mut cracks, masks: mut given, sides } = chosen;
 
-        let mut known = [EMPTY; BLOCK];
-        let known_mask = self.past.map_or(0, |past| self.known(past, corner, extent, holes, &mut known));
-        let (mut cracks, mut of_known) = (cracks, 0);
+        let (mut known, mut of_known) = ([EMPTY; BLOCK], 0);
         if let Some(past) = self.past {
-            each(known_mask, |pixel| {
-                let side = usize::from(chosen[pixel]);
-                let is_of_found = side < SIDES && {
-                    let key = keys.keys[usize::from(beside[side].numbers[pixel])];
+            of_known = self.known(past, corner, extent, holes, &mut known);
+            for (key, mask) in keys.keys[..keys.count].iter().zip(&mut given) {
+                each(*mask & of_known, |pixel| {
+                    if alike(*key, known[pixel]) {
+                        return;
+                    }
+                    let side = usize::from(sides[pixel]);
                     let at = [corner[0] + pixel % TILE, corner[1] + pixel / TILE];
                     let there = stepped(at, side, beside[side].steps[pixel].into());
-                    !alike(key, known[pixel]) && past.is_one_thing(self.depth, at, there, key)
-                };
-                of_known |= u64::from(!is_of_found) << pixel;
-            });
+                    of_known &= !(u64::from(past.is_one_thing(self.depth, at, there, *key)) << pixel);
+                });
+                *mask &= !of_known;
+            }
             cracks &= !of_known;
         }
-        let mut given = [0; KEYS];
-        each(holes & !of_known, |pixel| {
-            let side = usize::from(chosen[pixel]);
-            if side < SIDES {
-                given[usize::from(beside[side].numbers[pixel])] |= 1 << pixel;
-            }
-        });
         let keys = &keys.keys[..keys.count];
         let mut left = holes & !cracks;
         if cracks != 0 {
@@ -397,7 +402,7 @@ impl<P: Colour> Evidence<'_, P> {
         }
     }
 
-    /// For each hole of a tile the side of the surface that it continues, or [`SIDES`]; and the holes in cracks of one surface.
+    /// For each hole of a tile the surface that it continues, if there is one.
     #[inline(always)]
     fn choose(
         &self,
@@ -406,27 +411,30 @@ impl<P: Colour> Evidence<'_, P> {
         lumas: &[f32; BLOCK],
         beside: &[Beside; SIDES],
         keys: &mut Keys,
-    ) -> (u64, [u8; BLOCK]) {
+        chosen: &mut Chosen,
+    ) {
         let mut orders = [[u32::MAX; BLOCK]; SIDES];
-        order(self.level, beside, lumas, self.shown.is_some(), &mut orders);
+        let between = holes & order(self.level, beside, lumas, self.shown.is_some(), &mut orders);
         let mut best = [u32::MAX; BLOCK];
+        let Chosen { cracks, masks, sides } = chosen;
         loop {
-            least(self.level, &orders, &mut best);
-            let mut chosen = [0; KEYS];
+            least(self.level, &orders, &mut best, sides);
+            masks[..keys.count].fill(0);
             each(holes, |pixel| {
-                if best[pixel] < CONTRADICTED {
-                    chosen[usize::from(beside[(best[pixel] & 3) as usize].numbers[pixel])] |= 1 << pixel;
+                if best[pixel] != u32::MAX {
+                    let side = usize::from(sides[pixel]);
+                    masks[usize::from(beside[side].numbers[pixel])] |= 1 << pixel;
                 }
             });
             let mut is_settled = true;
             for number in 0..keys.count {
-                if chosen[number] == 0 || keys.is_found[number] {
+                if masks[number] == 0 || keys.is_found[number] {
                     continue;
                 }
                 keys.is_found[number] = true;
-                keys.contradicted[number] = self.contradicted(corner, keys.keys[number]) & holes;
-                is_settled &= chosen[number] & keys.contradicted[number] == 0;
-                each(keys.contradicted[number], |pixel| {
+                let contradicted = self.contradicted(corner, keys.keys[number]) & holes;
+                is_settled &= masks[number] & contradicted == 0;
+                each(contradicted, |pixel| {
                     for side in 0..SIDES {
                         let is_it =
                             usize::from(beside[side].numbers[pixel]) == number && orders[side][pixel] != u32::MAX;
@@ -438,23 +446,21 @@ impl<P: Colour> Evidence<'_, P> {
                 break;
             }
         }
-        let (mut cracks, mut chosen) = (0, [SIDES as u8; BLOCK]);
-        each(holes, |pixel| {
-            if best[pixel] != u32::MAX {
-                chosen[pixel] = (best[pixel] & 3) as u8;
-            }
+        each(between, |pixel| {
             for [a, b] in [[0, 1], [2, 3]] {
                 let steps = [a, b].map(|side| beside[side].steps[pixel]);
-                if cracks >> pixel & 1 == 0 && steps[0].saturating_add(steps[1]) <= CRACK {
-                    let [first, second] = [a, b].map(|side: usize| keys.keys[usize::from(beside[side].numbers[pixel])]);
-                    if slopes(first, second) {
-                        cracks |= 1 << pixel;
-                        chosen[pixel] = if steps[0] < steps[1] { a } else { b } as u8;
+                if *cracks >> pixel & 1 == 0 && steps[0].saturating_add(steps[1]) <= CRACK {
+                    let numbers = [a, b].map(|side: usize| usize::from(beside[side].numbers[pixel]));
+                    if slopes(keys.keys[numbers[0]], keys.keys[numbers[1]]) {
+                        *cracks |= 1 << pixel;
+                        masks[usize::from(beside[usize::from(sides[pixel])].numbers[pixel])] &= !(1 << pixel);
+                        let is_first = steps[0] < steps[1];
+                        sides[pixel] = if is_first { a } else { b } as u8;
+                        masks[if is_first { numbers[0] } else { numbers[1] }] |= 1 << pixel;
                     }
                 }
             }
         });
-        (cracks, chosen)
     }
 
     /// Which pixels of a tile would be seen in the current anchor if they moved like this: they are neither hidden there nor outside.
@@ -510,14 +516,19 @@ impl<P: Colour> Evidence<'_, P> {
 at_every_level! {
     /// Orders the candidates of a tile's pixels: of less order is better, and the lowest two bits are the side. With `by_luma`, similar and near ones are
     /// better, and of those the ones farther from the camera; else far ones, and of those the nearest on the screen.
+    /// Returns which pixels lie close between two candidates.
     fn order(
-        beside: &[Beside; SIDES], own: &[f32; BLOCK], by_luma: bool,
-        orders: &mut [[u32; BLOCK]; SIDES],
-    ) = order_side_by_side | order_side_by_side
+        beside: &[Beside; SIDES], own: &[f32; BLOCK], by_luma: bool, orders: &mut [[u32; BLOCK]; SIDES],
+    ) -> u64 = order_side_by_side | order_side_by_side
 }
 
 #[inline(always)]
-fn order_side_by_side(beside: &[Beside; SIDES], own: &[f32; BLOCK], by_luma: bool, orders: &mut [[u32; BLOCK]; SIDES]) {
+fn order_side_by_side(
+    beside: &[Beside; SIDES],
+    own: &[f32; BLOCK],
+    by_luma: bool,
+    orders: &mut [[u32; BLOCK]; SIDES],
+) -> u64 {
     for side in 0..SIDES {
         let (Beside { ranks, lumas, steps, .. }, orders) = (&beside[side], &mut orders[side]);
         for p in 0..BLOCK {
@@ -527,17 +538,26 @@ fn order_side_by_side(beside: &[Beside; SIDES], own: &[f32; BLOCK], by_luma: boo
             orders[p] = if steps[p] == NO_STEP { u32::MAX } else { order << 2 | side as u32 };
         }
     }
+    let mut between = 0;
+    for p in 0..BLOCK {
+        let [left, right, above, below] = [0, 1, 2, 3].map(|side: usize| beside[side].steps[p]);
+        let is_close = (left.saturating_add(right) <= CRACK) | (above.saturating_add(below) <= CRACK);
+        between |= u64::from(is_close) << p;
+    }
+    between
 }
 
 at_every_level! {
-    /// The least order of each pixel.
-    fn least(orders: &[[u32; BLOCK]; SIDES], least: &mut [u32; BLOCK]) = least_side_by_side | least_side_by_side
+    /// The least order of each pixel, and its side.
+    fn least(orders: &[[u32; BLOCK]; SIDES], least: &mut [u32; BLOCK], sides: &mut [u8; BLOCK])
+        = least_side_by_side | least_side_by_side
 }
 
 #[inline(always)]
-fn least_side_by_side(orders: &[[u32; BLOCK]; SIDES], least: &mut [u32; BLOCK]) {
+fn least_side_by_side(orders: &[[u32; BLOCK]; SIDES], least: &mut [u32; BLOCK], sides: &mut [u8; BLOCK]) {
     for p in 0..BLOCK {
         least[p] = orders[0][p].min(orders[1][p]).min(orders[2][p].min(orders[3][p]));
+        sides[p] = (least[p] & 3) as u8;
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use super::super::colour::Colour;
 use super::super::foreign::is_foreign;
 use super::super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE, at_every_level};
-use super::super::layer::{self, HOLE, ORPHAN, WHOLE, is_nearer, part, slopes};
+use super::super::layer::{self, EMPTY, HOLE, ORPHAN, WHOLE, is_nearer, part, slopes};
 use super::super::overlay::{Overlays, Stills, Which};
 use super::super::perspective::Moment;
 use super::super::render::{AGREE, DISTINCT, RIM, STRICT, apart, careful, unseen};
@@ -258,7 +258,6 @@ impl<P: Colour> Between<'_, P> {
         let tile = at[1] * grid.columns + at[0];
         let (mut hidden, mut soft, mut fixed) = (0, 0, 0);
         let mut bounds = [[i32::MAX; 2], [i32::MIN; 2]];
-        let mut fronts = None;
         for segment in self.shown.of(tile) {
             let mask = segment.mask & inside;
             if mask == 0 {
@@ -293,14 +292,12 @@ impl<P: Colour> Between<'_, P> {
             let visible = self.visible(segment, &placed);
             let mut sees = [0, 1].map(|anchor| visible[anchor] & placed.on[anchor]);
             // A pixel at the edge of something in front may be a mixture with that.
-            let fronts = fronts.get_or_insert_with(|| {
-                let mut fronts = [Front::default(); FRONTS];
-                let count = self.shown.around(at, &mut fronts);
-                (fronts, count)
-            });
+            let behind = if self.is_optical_flow { EMPTY } else { segment.key() };
+            let mut fronts = [Front::default(); FRONTS];
+            let count = self.shown.around(at, asked, behind, &mut fronts);
             let own = Own { segment, both: sees[0] & sees[1] & on_both, block };
-            let left = asked
-                & !self.take_fronts(&own, &fronts.0[..fronts.1], corner, asked, rule, &mut work.rim, &mut work.result);
+            let left =
+                asked & !self.take_fronts(&own, &fronts[..count], corner, asked, rule, &mut work.rim, &mut work.result);
             if left == 0 {
                 continue;
             }
@@ -372,10 +369,11 @@ impl<P: Colour> Between<'_, P> {
         let mut taken = 0;
         for front in fronts {
             let zone = front.zone & asked & !taken;
-            if zone == 0 || !self.can_be_in_front(&front.segment, own.segment) {
+            let segment = Segment::new(front.key, 0);
+            if zone == 0 || segment.mark >= ORPHAN || segment.moves_within(own.segment, DISTINCT) {
                 continue;
             }
-            let over = self.place(&front.segment, corner);
+            let over = self.place(&segment, corner);
             let zone = zone & over.on[0] & over.on[1];
             if zone == 0 {
                 continue;
@@ -396,13 +394,6 @@ impl<P: Colour> Between<'_, P> {
             });
         }
         taken
-    }
-
-    /// Whether `front` may cover pixels of `own`: it is nearer, or nobody knows which is.
-    #[inline(always)]
-    fn can_be_in_front(&self, front: &Segment, own: &Segment) -> bool {
-        let is_nearer = front.key() < own.key() || self.is_optical_flow;
-        is_nearer && !front.moves_within(own, DISTINCT) && front.mark < ORPHAN
     }
 
     /// A pixel of something that stands still.

@@ -187,14 +187,25 @@ pub(super) fn block(grid: Grid, [x, y]: [i32; 2], mut of_tile: impl FnMut(usize,
 /// A segment in or around a tile.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Front {
-    pub(super) segment: Segment,
+    /// [`Segment::key`].
+    pub(super) key: Key,
     /// Pixels of the tile within one pixel of it.
     pub(super) zone: u64,
 }
 
+/// What of a key is not depth.
+const BUT_RANK: Key = (1 << 48) - 1;
+
 impl Segments {
-    /// The segments in and around a tile, the nearest first, with the pixels of the tile that lie within one pixel of them; returns their number.
-    pub(super) fn around(&self, [column, row]: [usize; 2], fronts: &mut [Front; FRONTS]) -> usize {
+    /// The segments in and around a tile that come within one pixel of pixels `asked` for, the nearest first. Only of those that are in front of `behind`;
+    /// returns their number.
+    pub(super) fn around(
+        &self,
+        [column, row]: [usize; 2],
+        asked: u64,
+        behind: Key,
+        fronts: &mut [Front; FRONTS],
+    ) -> usize {
         let mut count = 0;
         for v in row.saturating_sub(1)..(row + 2).min(self.grid.rows) {
             for u in column.saturating_sub(1)..(column + 2).min(self.grid.columns) {
@@ -211,19 +222,14 @@ impl Segments {
                         Ordering::Equal => mask | mask << 8 | mask >> 8,
                         Ordering::Greater => mask << 56,
                     };
-                    if zone == 0 {
+                    let key = segment.key();
+                    if zone & asked == 0 || key >= behind {
                         continue;
                     }
-                    let is_same = |front: &&mut Front| {
-                        front.segment.vector == segment.vector && front.segment.mark == segment.mark
-                    };
-                    match fronts[..count].iter_mut().find(is_same) {
-                        Some(front) => {
-                            front.zone |= zone;
-                            front.segment.rank = front.segment.rank.min(segment.rank);
-                        }
+                    match fronts[..count].iter_mut().find(|front| (front.key ^ key) & BUT_RANK == 0) {
+                        Some(front) => *front = Front { key: front.key.min(key), zone: front.zone | zone },
                         None if count < FRONTS => {
-                            fronts[count] = Front { segment: *segment, zone };
+                            fronts[count] = Front { key, zone };
                             count += 1;
                         }
                         None => {}
@@ -231,7 +237,15 @@ impl Segments {
                 }
             }
         }
-        fronts[..count].sort_unstable_by_key(|front| front.segment.key());
+        for end in 1..count {
+            let front = fronts[end];
+            let mut at = end;
+            while at > 0 && fronts[at - 1].key > front.key {
+                fronts[at] = fronts[at - 1];
+                at -= 1;
+            }
+            fronts[at] = front;
+        }
         count
     }
 }
