@@ -117,6 +117,14 @@ impl<P: Colour> Between<'_, P> {
         [before, after]
     }
 
+    /// Pixels of a tile that something nearer than `segment` covers in both anchors if the tile moves like that.
+    fn covered(&self, segment: &Segment, placed: &Placed) -> u64 {
+        let is_in_front = |other: &Segment| is_nearer(other.key(), segment.key());
+        let of_previous = self.owners.matching(placed.pixel[0], is_in_front);
+        let of_current = self.field.matching(placed.pixel[1], is_in_front);
+        if std::env::var("COR").is_ok() { of_previous | of_current } else { of_previous & of_current }
+    }
+
     /// The pixels of an 8 x 8 block that lie on the picture.
     #[inline(always)]
     fn on_picture(&self, at: [i32; 2]) -> u64 {
@@ -322,8 +330,10 @@ impl<P: Colour> Between<'_, P> {
             if !is_loose && left & !both != 0 {
                 merged |= left & on_both & !apart_by(AGREEING, block);
             }
-            if left & neither & !merged & on_both != 0 {
-                merged |= left & neither & on_both & !apart_by(PLAUSIBLE, block);
+            let plausible = left & neither & !merged & on_both;
+            if plausible != 0 {
+                let plausible = plausible & !apart_by(PLAUSIBLE, block);
+                merged |= if plausible == 0 { 0 } else { plausible & !self.covered(segment, &placed) };
             }
             each(merged & both & doubtful, |p| {
                 let [i, j] = place(p);
