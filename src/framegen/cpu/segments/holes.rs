@@ -24,6 +24,8 @@ use crate::tasks::{Parallel, ParallelSliceMut};
 const FARTHEST: usize = 32;
 /// Distance in pixels of two pixels of one surface with a crack between them.
 const CRACK: u16 = 3;
+/// Pixels within which a surface carries along what is as far away.
+const CARRIED: u16 = 24;
 /// Different keys that the pixels in and beside a tile can have.
 const KEYS: usize = SLOTS + SIDES * TILE;
 /// Left, right, above, below.
@@ -344,10 +346,10 @@ impl<P: Colour> Evidence<'_, P> {
             of_known = self.known(past, corner, extent, holes, &mut known);
             for (key, mask) in keys.keys[..keys.count].iter().zip(&mut given) {
                 each(*mask & of_known, |pixel| {
-                    if alike(*key, known[pixel]) {
+                    let side = usize::from(sides[pixel]);
+                    if alike(*key, known[pixel]) || beside[side].steps[pixel] > CARRIED {
                         return;
                     }
-                    let side = usize::from(sides[pixel]);
                     let at = [corner[0] + pixel % TILE, corner[1] + pixel / TILE];
                     let there = stepped(at, side, beside[side].steps[pixel].into());
                     of_known &= !(u64::from(past.is_one_thing(self.depth, at, there, *key)) << pixel);

@@ -17,10 +17,8 @@ use crate::tasks::{Parallel, ParallelSliceMut};
 
 /// Segments of one surface differ by no more than this along an axis, in 1/64 px: their vectors are means.
 const SURFACE: i32 = 160;
-/// Levels within which both anchors agree on a pixel of which it is not known that both show it.
-const AGREEING: u8 = 24;
-/// The same where it seems that neither shows it.
-const PLAUSIBLE: u8 = 30;
+/// The same where motion was given in tiles, and each vector is that of the tile's centre.
+const TILED_SURFACE: i32 = 320;
 /// So many pixels take as long sampled one by one as all of a tile.
 const TOGETHER: u32 = 10;
 
@@ -42,6 +40,8 @@ pub(super) struct Between<'a, P> {
     pub(super) margin: f32,
     pub(super) stills: &'a Stills,
     pub(super) is_optical_flow: bool,
+    /// Whether motion was given in tiles.
+    pub(super) is_tiled: bool,
 }
 
 /// Pixels without a colour or without a segment of their own.
@@ -100,8 +100,9 @@ impl<P: Colour> Between<'_, P> {
     fn visible(&self, segment: &Segment, placed: &Placed) -> [u64; 2] {
         let key = segment.key();
         let is_whole = segment.mask == u64::MAX;
+        let surface = if self.is_tiled { TILED_SURFACE } else { SURFACE };
         let is_alike = |other: &Segment| {
-            other.moves_within(segment, SURFACE) || is_whole && other.mask == u64::MAX && slopes(other.key(), key)
+            other.moves_within(segment, surface) || is_whole && other.mask == u64::MAX && slopes(other.key(), key)
         };
         let before = if segment.mark == ORPHAN {
             placed.on[0]
@@ -115,14 +116,6 @@ impl<P: Colour> Between<'_, P> {
             .field
             .matching(placed.pixel[1], |other| is_alike(other) || can_be_behind && is_nearer(key, other.key()));
         [before, after]
-    }
-
-    /// Pixels of a tile that something nearer than `segment` covers in both anchors if the tile moves like that.
-    fn covered(&self, segment: &Segment, placed: &Placed) -> u64 {
-        let is_in_front = |other: &Segment| is_nearer(other.key(), segment.key());
-        let of_previous = self.owners.matching(placed.pixel[0], is_in_front);
-        let of_current = self.field.matching(placed.pixel[1], is_in_front);
-        if std::env::var("COR").is_ok() { of_previous | of_current } else { of_previous & of_current }
     }
 
     /// The pixels of an 8 x 8 block that lie on the picture.
@@ -327,14 +320,6 @@ impl<P: Colour> Between<'_, P> {
             let left = left & !still;
             let [both, neither] = [sees[0] & sees[1], !(sees[0] | sees[1])];
             let mut merged = left & both;
-            if !is_loose && left & !both != 0 {
-                merged |= left & on_both & !apart_by(AGREEING, block);
-            }
-            let plausible = left & neither & !merged & on_both;
-            if plausible != 0 {
-                let plausible = plausible & !apart_by(PLAUSIBLE, block);
-                merged |= if plausible == 0 { 0 } else { plausible & !self.covered(segment, &placed) };
-            }
             each(merged & both & doubtful, |p| {
                 let [i, j] = place(p);
                 let spot = [placed.at[1][0] + 64 * i as i32, placed.at[1][1] + 64 * j as i32];
