@@ -159,8 +159,20 @@ impl SegmentGenerator {
         sized(&mut self.hidden, grid.tiles(), 0)?;
         self.stills.reserve(grid)?;
         let (shown, field, owners, stills) = (&self.shown, &self.field, &self.owners, &self.stills);
-        let between =
-            Between { level, previous, current, shown, field, owners, phase, moment, margin, stills, is_optical_flow };
+        let between = Between {
+            level,
+            previous,
+            current,
+            shown,
+            field,
+            owners,
+            phase,
+            moment,
+            margin,
+            stills,
+            is_optical_flow,
+            is_tiled,
+        };
         let rendered = between.render(out, &mut self.hidden);
         if rendered.hidden > 0 {
             self.inpainter.paint(grid, &self.hidden, out)?;

@@ -4,10 +4,10 @@
 use parking_lot::Mutex;
 
 use super::super::kernels::TILE;
-use super::super::layer::{self, Grid, Key, ONE_SURFACE, SLOPE, landed};
+use super::super::layer::{self, Grid, Key, ONE_SURFACE, SLOPE, is_nearer, landed, slopes};
 use super::super::perspective::Way;
 use super::super::sized;
-use super::tiles::{SLOTS, Segment, Segments, inside, split};
+use super::tiles::{SLOTS, Segment, Segments, inside, shifted_left, shifted_right, split};
 use crate::Result;
 use crate::tasks::{self, Parallel};
 
@@ -222,7 +222,33 @@ fn resolve_several(arrivals: &Arrivals, inside: u64, is_tiled: bool, visible: &m
         let vector = joined.sum.map(|sum| (2 * sum + area).div_euclid(2 * area) as i32);
         *to = Segment { vector, ..joined.segment };
     }
+    if count > 1 {
+        close_cracks(&mut visible[..count]);
+    }
     count
+}
+
+/// Gives pixels between two of a surface to that, where something farther shows through: a surface that comes nearer tears otherwise.
+fn close_cracks(visible: &mut [Segment]) {
+    for front in 0..visible.len() {
+        let (key, mask) = (visible[front].key(), visible[front].mask);
+        if !visible[front + 1..].iter().any(|other| is_nearer(key, other.key())) {
+            continue;
+        }
+        let of_surface = |other: &&Segment| slopes(key, other.key());
+        let surface = visible.iter().filter(of_surface).fold(0, |all, other| all | other.mask);
+        let beside = |mask: u64| [shifted_right(mask, 1), shifted_left(mask, 1), mask << 8, mask >> 8];
+        let [left, right, above, below] = beside(surface);
+        let crack = (left & right | above & below) & !surface & beside(mask).into_iter().fold(0, |all, m| all | m);
+        if crack == 0 {
+            continue;
+        }
+        for other in front + 1..visible.len() {
+            let taken = if is_nearer(key, visible[other].key()) { visible[other].mask & crack } else { 0 };
+            visible[other].mask &= !taken;
+            visible[front].mask |= taken;
+        }
+    }
 }
 
 /// What a mark says of a segment, without its matching error.
