@@ -176,7 +176,7 @@ impl Stills {
         while left != 0 {
             let place = left.trailing_zeros() as usize;
             left &= left - 1;
-            let at = [x as usize + place % TILE, y as usize + place / TILE];
+            let at = [(x + (place % TILE) as i32) as usize, (y + (place / TILE) as i32) as usize];
             over |= u64::from(self.is_over(level, anchors, which, at, vector)) << place;
         }
         over

@@ -5,3 +5,5 @@ mod oracle;
 mod reference;
 mod scenes;
 pub(super) mod world;
+
+use super::CpuGenerator as Generator;

@@ -408,7 +408,7 @@ struct Own<'a, P> {
 
 at_every_level! {
     /// Copies the pixels of a mask.
-    fn select<P: Colour>(mask: u64, from: &[P; BLOCK], to: &mut [P; BLOCK]) = select_side_by_side | select_side_by_side
+    pub(super) fn select<P: Colour>(mask: u64, from: &[P; BLOCK], to: &mut [P; BLOCK]) = select_side_by_side | select_side_by_side
 }
 
 #[inline(always)]

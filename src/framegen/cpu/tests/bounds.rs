@@ -2,8 +2,8 @@
 
 use half::f16;
 
+use super::Generator;
 use super::world::{draw, generate, guide, landscape, noise, texture, unlike, worst};
-use crate::framegen::cpu::CpuGenerator;
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
 use crate::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, paper};
 use crate::tasks::Pool;
@@ -12,7 +12,7 @@ use crate::{ErrorKind, Picture, PictureF16};
 fn extrapolate(anchor: &Anchor<'_>, t: f32) -> (Picture, Outcome) {
     let (width, height) = anchor.picture().size();
     let mut out = Picture::new(width, height).unwrap();
-    let report = CpuGenerator::new().extrapolate(anchor, t, &mut out).unwrap();
+    let report = Generator::new().extrapolate(anchor, t, &mut out).unwrap();
     (out, report.outcome)
 }
 
@@ -36,7 +36,7 @@ fn every_size_works_and_a_still_picture_stays_as_it_is() {
 
 #[test]
 fn a_generator_takes_sizes_in_any_order() {
-    let mut generator = CpuGenerator::new();
+    let mut generator = Generator::new();
     for (width, height) in [(64, 40), (8, 8), (80, 64), (1, 1), (64, 40)] {
         let (before, after) = (draw(width, height, texture), draw(width, height, |x, y| texture(x - 2.0, y)));
         let guidance = guide(width, height, |_, _| ([-2.0, 0.0], 0.5));
@@ -124,7 +124,7 @@ fn half_floats_that_are_no_numbers_stay_where_they_are() {
         }
         let mut out = PictureF16::new(width, height).unwrap();
         let pair = AnchorPair::new(&before, &after, &guidance).unwrap();
-        assert_eq!(CpuGenerator::new().generate(&pair, 0.5, &mut out).unwrap().outcome, Outcome::Generated);
+        assert_eq!(Generator::new().generate(&pair, 0.5, &mut out).unwrap().outcome, Outcome::Generated);
         out
     };
     let clean = made(None);
@@ -202,7 +202,7 @@ fn a_stated_cut_is_believed() {
     let pair = AnchorPair::new(&picture, &other, &guidance).unwrap().with_cut(true);
     let mut out = Picture::new(32, 24).unwrap();
     for (t, nearer) in [(0.4, &picture), (0.6, &other)] {
-        let report = CpuGenerator::new().generate(&pair, t, &mut out).unwrap();
+        let report = Generator::new().generate(&pair, t, &mut out).unwrap();
         assert_eq!((report.outcome, &out), (Outcome::CutFallback, nearer));
     }
 }
@@ -220,7 +220,7 @@ fn wrong_sizes_and_phases_are_refused() {
     assert_eq!(field(pair.with_previous_depth(small_guidance.depth()).unwrap_err()), bad("previous_depth"));
     assert_eq!(field(Anchor::new(&picture, &small_guidance).unwrap_err()), bad("guidance"));
 
-    let mut generator = CpuGenerator::new();
+    let mut generator = Generator::new();
     assert_eq!((generator.name(), generator.phases()), ("cpu", Phases::Any));
     let pair = AnchorPair::new(&picture, &picture, &guidance).unwrap();
     let anchor = Anchor::new(&picture, &guidance).unwrap();
@@ -241,7 +241,7 @@ fn the_number_of_threads_and_earlier_calls_change_no_bit() {
     let (before, after) = (draw(90, 70, texture), draw(90, 70, |x, y| texture(x * 0.97 - 3.0, y + 2.0)));
     // Vectors that collide, part and leave the picture, so that the order of ranks decides many places.
     let guidance = guide(90, 70, |x, y| ([(y * 0.7).sin() * 9.0 - x * 0.1, (x * 0.5).cos() * 7.0], 0.5));
-    let mut generator = CpuGenerator::new();
+    let mut generator = Generator::new();
     let mut pictures = Vec::new();
     for threads in [1, 2, 5] {
         let pool = Pool::new(threads).unwrap();

@@ -2,8 +2,9 @@
 
 use half::f16;
 
+use super::Generator;
 use crate::Picture;
-use crate::framegen::{AnchorPair, FrameGenerator, GenerateReport, cpu::CpuGenerator};
+use crate::framegen::{AnchorPair, FrameGenerator, GenerateReport};
 use crate::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, paper};
 
 /// Draws a picture by a rule for each pixel.
@@ -70,7 +71,7 @@ pub(in crate::framegen::cpu) fn generate(
 ) -> (Picture, GenerateReport) {
     let mut out = Picture::new(current.width(), current.height()).unwrap();
     let pair = AnchorPair::new(previous, current, guidance).unwrap();
-    let report = CpuGenerator::new().generate(&pair, t, &mut out).unwrap();
+    let report = Generator::new().generate(&pair, t, &mut out).unwrap();
     (out, report)
 }
 
