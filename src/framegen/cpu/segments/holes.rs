@@ -24,6 +24,8 @@ use crate::tasks::{Parallel, ParallelSliceMut};
 const FARTHEST: usize = 32;
 /// Distance in pixels of two pixels of one surface with a crack between them.
 const CRACK: u16 = 3;
+/// Where nothing shows the colour, a surface farther away on the screen than this many pixels is only taken if there is no other.
+const REMOTE: u16 = 24;
 /// Pixels within which a surface carries along what is as far away.
 const CARRIED: u16 = 24;
 /// Different keys that the pixels in and beside a tile can have.
@@ -381,7 +383,9 @@ impl<P: Colour> Evidence<'_, P> {
             to.add(to_tile, Segment::new(layer::marked(keys[number], mark), left));
             return;
         }
-        let mut all = [key(u16::MAX, mark, [0; 2]); BLOCK];
+        // A pixel with nothing in its row and column continues the farthest surface of the tile.
+        let farthest = keys.iter().copied().max().unwrap_or(key(u16::MAX, mark, [0; 2]));
+        let mut all = [layer::marked(farthest, mark); BLOCK];
         for (key, mask) in keys.iter().zip(given) {
             each(mask & left, |pixel| all[pixel] = layer::marked(*key, mark));
         }
@@ -536,7 +540,8 @@ fn order_side_by_side(
         for p in 0..BLOCK {
             let (far, step) = (u32::from(u16::MAX - ranks[p]), u32::from(steps[p]));
             let apart = (lumas[p] - own[p]).abs().min(255.0) as i32 as u32;
-            let order = if by_luma { (apart + step) << 16 | far } else { far << 11 | step };
+            let is_remote = u32::from(steps[p] > REMOTE);
+            let order = if by_luma { (apart + step) << 16 | far } else { is_remote << 27 | far << 11 | step };
             orders[p] = if steps[p] == NO_STEP { u32::MAX } else { order << 2 | side as u32 };
         }
     }
