@@ -272,7 +272,7 @@ impl<'a> Past<'a> {
     }
 
     /// What a pixel of the previous anchor claims if it is at rest, or [`EMPTY`]. What is farthest claims nothing.
-    #[inline(always)]
+    #[cfg(test)]
     pub(super) fn claim(&self, at: [usize; 2]) -> Key {
         claim_of(&self.back, self.limit, at, self.near(at))
     }

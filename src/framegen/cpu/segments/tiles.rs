@@ -345,12 +345,6 @@ impl TilesMut<'_> {
         self.more[tile].iter_mut().for_each(|segment| segment.mask &= !mask);
     }
 
-    /// Pixels of a tile that some segment has.
-    #[inline(always)]
-    pub(super) fn covered(&self, tile: usize) -> u64 {
-        self.of(tile).fold(0, |all, segment| all | segment.mask)
-    }
-
     /// Finds the vertical span of every row.
     pub(super) fn find_spans(&mut self) {
         for row in 0..self.rows() {
