@@ -194,8 +194,8 @@ impl<P: Colour> Given<'_, P> {
             mark_matches(self.level, previous, current, corner, &mut keys);
             for key in keys.iter_mut().filter(|key| **key != EMPTY) {
                 let error = match layer::mark(*key) {
-                    ..=GOOD => GOOD / 2,
-                    ..=FAIR => FAIR / 2,
+                    mark if mark <= GOOD => GOOD / 2,
+                    mark if mark <= FAIR => FAIR / 2,
                     _ => layer::WORST_MATCH,
                 };
                 *key = layer::marked(*key, error);

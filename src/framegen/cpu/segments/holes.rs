@@ -83,10 +83,10 @@ impl Covers {
         mut visit: impl FnMut(usize, [usize; 2]),
     ) {
         let (at, end) = if side < 2 { (column, grid.columns) } else { (row, grid.rows) };
-        let room = if side % 2 == 0 { at } else { end - 1 - at };
+        let room = if side.is_multiple_of(2) { at } else { end - 1 - at };
         let mut step = 1;
         while needed != 0 && step <= room.min(FARTHEST) {
-            let there = if side % 2 == 0 { at - step } else { at + step };
+            let there = if side.is_multiple_of(2) { at - step } else { at + step };
             let [u, v] = if side < 2 { [there, row] } else { [column, there] };
             let mask = self.masks[v * grid.columns + u];
             step += 1;
@@ -96,8 +96,8 @@ impl Covers {
             let lines = if side < 2 { rows_of(mask) } else { columns_of(mask) };
             each(lines & needed, |line| {
                 let of_line = if side < 2 { mask >> (TILE * line) & 0xff } else { mask >> line & COLUMN };
-                let pixel =
-                    if side % 2 == 0 { 63 - of_line.leading_zeros() } else { of_line.trailing_zeros() } as usize;
+                let pixel = if side.is_multiple_of(2) { 63 - of_line.leading_zeros() } else { of_line.trailing_zeros() }
+                    as usize;
                 visit(
                     line,
                     if side < 2 {
@@ -201,7 +201,7 @@ impl Beside {
             for i in 0..TILE {
                 let rim = &rims[if side < 2 { j } else { i }];
                 let place = if side < 2 { i } else { j };
-                self.set(TILE * j + i, rim, if side % 2 == 0 { place } else { TILE - 1 - place });
+                self.set(TILE * j + i, rim, if side.is_multiple_of(2) { place } else { TILE - 1 - place });
             }
         }
     }
@@ -323,14 +323,22 @@ impl<P: Colour> Evidence<'_, P> {
                         if side < 2 { (pixel / TILE, pixel % TILE) } else { (pixel % TILE, pixel / TILE) };
                     let of_line = if side < 2 { covered >> (TILE * line) & 0xff } else { covered >> line & COLUMN };
                     let first = if side < 2 { place } else { TILE * place };
-                    let of_side =
-                        if side % 2 == 0 { of_line & ((1 << first) - 1) } else { of_line & (u64::MAX << first) };
+                    let of_side = if side.is_multiple_of(2) {
+                        of_line & ((1 << first) - 1)
+                    } else {
+                        of_line & (u64::MAX << first)
+                    };
                     if of_side == 0 {
-                        beside.set(pixel, &rims[side][line], if side % 2 == 0 { place } else { TILE - 1 - place });
+                        beside.set(
+                            pixel,
+                            &rims[side][line],
+                            if side.is_multiple_of(2) { place } else { TILE - 1 - place },
+                        );
                         return;
                     }
                     let found =
-                        if side % 2 == 0 { 63 - of_side.leading_zeros() } else { of_side.trailing_zeros() } as usize;
+                        if side.is_multiple_of(2) { 63 - of_side.leading_zeros() } else { of_side.trailing_zeros() }
+                            as usize;
                     let step = if side < 2 { found.abs_diff(place) } else { (found / TILE).abs_diff(place) };
                     let found = if side < 2 { TILE * line + found } else { found + line };
                     let number = numbers[found];
@@ -433,13 +441,13 @@ impl<P: Colour> Evidence<'_, P> {
                 }
             });
             let mut is_settled = true;
-            for number in 0..keys.count {
-                if masks[number] == 0 || keys.is_found[number] {
+            for (number, mask) in masks.iter().copied().enumerate().take(keys.count) {
+                if mask == 0 || keys.is_found[number] {
                     continue;
                 }
                 keys.is_found[number] = true;
                 let contradicted = self.contradicted(corner, keys.keys[number]) & holes;
-                is_settled &= masks[number] & contradicted == 0;
+                is_settled &= mask & contradicted == 0;
                 each(contradicted, |pixel| {
                     for side in 0..SIDES {
                         let is_it =

@@ -264,10 +264,9 @@ impl<P: Colour> Between<'_, P> {
             if mask == 0 {
                 continue;
             }
-            for c in 0..2 {
-                bounds[0][c] = bounds[0][c].min(segment.vector[c]);
-                bounds[1][c] = bounds[1][c].max(segment.vector[c]);
-            }
+            let [low, high] = bounds;
+            let vector = segment.vector;
+            bounds = [[0, 1].map(|c: usize| low[c].min(vector[c])), [0, 1].map(|c: usize| high[c].max(vector[c]))];
             let is_loose = segment.mark >= ORPHAN;
             if is_loose {
                 *loose += mask.count_ones() as usize;

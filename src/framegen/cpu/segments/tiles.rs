@@ -362,19 +362,19 @@ impl TilesMut<'_> {
 /// The pixels of a tile of `extent` that lie on the picture.
 #[inline(always)]
 pub(super) fn inside([across, down]: [usize; 2]) -> u64 {
-    (0xff >> (TILE - across)) * COLUMN & u64::MAX >> (TILE * (TILE - down))
+    ((0xff >> (TILE - across)) * COLUMN) & (u64::MAX >> (TILE * (TILE - down)))
 }
 
 /// `mask` with every pixel moved to the right by 0 to 8 pixels; what leaves the tile is dropped.
 #[inline(always)]
 pub(super) fn shifted_right(mask: u64, by: u32) -> u64 {
-    if by > 7 { 0 } else { mask << by & COLUMN * (0xff << by & 0xff) }
+    if by > 7 { 0 } else { (mask << by) & (COLUMN * (0xff << by & 0xff)) }
 }
 
 /// The same to the left.
 #[inline(always)]
 pub(super) fn shifted_left(mask: u64, by: u32) -> u64 {
-    if by > 7 { 0 } else { mask >> by & COLUMN * (0xff >> by) }
+    if by > 7 { 0 } else { (mask >> by) & (COLUMN * (0xff >> by)) }
 }
 
 /// The parts of `mask` in four tiles after a move by `s` and `t` of 0 to 7 pixels to the right and down: own tile, right, below, below right.
