@@ -1,4 +1,4 @@
-//! Mutants of the library's calls to Direct3D: each breaks one rule of Direct3D in what the library records, and nothing else.
+//! Mutants: each changes one kind of call that the library makes to Direct3D 12, so that the call breaks one rule.
 
 use std::cell::Cell;
 use std::ffi::c_void;

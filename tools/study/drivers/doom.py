@@ -181,14 +181,14 @@ class Things:
         axis = np.array([np.cos(turn), np.sin(turn)])
         distances, steps, places = np.full(256, np.nan), np.zeros((256, 3)), {}
         for label in labels:
-            place = np.array([getattr(label, f"object_position_{axis}") for axis in "xyz"])
-            speed = np.array([getattr(label, f"object_velocity_{axis}") for axis in "xyz"])
+            place = np.array([getattr(label, f"object_position_{name}") for name in "xyz"])
+            velocity = np.array([getattr(label, f"object_velocity_{name}") for name in "xyz"])
             if label.value in (WORLD, VIEW):
                 continue
             places[label.object_id] = place
             distances[label.value] = (place[:2] - camera[:2]) @ axis
-            # What was out of sight two tics ago went on as it does now.
-            steps[label.value] = place - self.before[0].get(label.object_id, place - 2 * speed)
+            # A thing that was not visible two tics ago is taken to have moved at its present velocity.
+            steps[label.value] = place - self.before[0].get(label.object_id, place - 2 * velocity)
         self.before = [self.before[1], places]
         return distances, steps
 

@@ -155,7 +155,7 @@ mod game {
         assert!(inputs.iter().any(|input| input.mouse()[0] > 0.0), "{recorded}");
         assert!(recorded.contains("# level snow\n"), "{recorded}");
 
-        // What the window showed are the pictures that the library makes with these controls.
+        // Every picture in the window is one that the library makes with these controls.
         let made = anchors(&script, &first_picture(folder.path(), (width, height)), latents);
         let found = seen.iter().filter(|picture| made.contains(picture)).count();
         assert_eq!(found, seen.len(), "pictures in the window that are the world's");
@@ -172,7 +172,7 @@ mod game {
         assert!(text.contains("NOT the same"), "{text}");
     }
 
-    /// Keys change what is drawn: help, views, frames between anchors.
+    /// Keys switch help and views.
     pub(super) fn keys_change_the_view() {
         let folder = tempfile::tempdir().unwrap();
         let display = Display::start();

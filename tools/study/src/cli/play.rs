@@ -144,7 +144,7 @@ impl Subcommand for PlayArgs {
     }
 
     fn run(&self) -> Result<ExitCode> {
-        let replay = self.replay.as_deref().map(play::read_walk).transpose()?;
+        let replay = self.replay.as_deref().map(play::WalkFile::read).transpose()?;
         play::run(self.options(replay)?).map(|()| ExitCode::SUCCESS)
     }
 }

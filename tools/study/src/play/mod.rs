@@ -14,9 +14,8 @@ mod walk_file;
 mod window;
 mod worker;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use cairn::Result;
 use cairn::world::OperatingPoint;
 use scenes::Family;
 
@@ -51,12 +50,4 @@ pub(crate) struct PlayOptions {
     pub(crate) plain: bool,
     /// Show anchors only at first.
     pub(crate) anchors: bool,
-}
-
-/// Reads a recorded walk or any control script.
-///
-/// # Errors
-/// As [`WalkFile`]'s.
-pub(crate) fn read_walk(path: &Path) -> Result<WalkFile> {
-    WalkFile::read(path)
 }

@@ -1,4 +1,4 @@
-//! What is drawn over the picture: status, help, messages and the graph of frame times.
+//! Text and graph over the picture: status, help, messages and frame times.
 
 use std::collections::VecDeque;
 
@@ -79,10 +79,8 @@ pub(super) struct Overlay<'a> {
 }
 
 /// The keys in one line.
-pub(super) fn help_line() -> String {
-    "W A S D walk   Shift run   mouse look   1-4 level   F + - frames   G view   T graph   R record   H all keys"
-        .to_owned()
-}
+const HELP_LINE: &str =
+    "W A S D walk   Shift run   mouse look   1-4 level   F + - frames   G view   T graph   R record   H all keys";
 
 impl Overlay<'_> {
     /// Draws it.
@@ -97,7 +95,7 @@ impl Overlay<'_> {
             Help::Line => {
                 let top = height.saturating_sub(SMALL.height + 8);
                 band(out, (0, top), (width, SMALL.height + 8));
-                write(out, &fit(&help_line(), room, SMALL), (MARGIN, top + 4), SMALL, DIM);
+                write(out, &fit(HELP_LINE, room, SMALL), (MARGIN, top + 4), SMALL, DIM);
             }
             Help::Keys => keys(out),
             Help::Nothing => {}
@@ -216,7 +214,7 @@ mod tests {
         assert!(count(&line, BRIGHT) > 100 && count(&line, DIM) > 500);
         let keys = drawn(&overlay(Help::Keys), (1280, 720));
         assert!(count(&keys, DIM) > 2 * count(&line, DIM), "all keys have more text than the line");
-        assert!(help_line().len() as u32 * SMALL.width <= 1280 - 2 * MARGIN);
+        assert!(HELP_LINE.len() as u32 * SMALL.width <= 1280 - 2 * MARGIN);
     }
 
     #[test]

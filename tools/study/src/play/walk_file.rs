@@ -48,7 +48,7 @@ impl WalkFile {
     /// Reads a text; any control script is one.
     ///
     /// # Errors
-    /// `InvalidArgument` for what is no control script or has an unreadable comment.
+    /// `InvalidArgument` if the text is not a control script, or a comment of a recording cannot be read.
     pub(crate) fn parse(text: &str) -> Result<Self> {
         let comment = |name: &str| {
             let found = text.lines().find_map(|line| line.strip_prefix("# ")?.strip_prefix(name)?.strip_prefix(' '));

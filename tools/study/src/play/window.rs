@@ -105,6 +105,8 @@ struct App<'a> {
     began: Instant,
     level: Family,
     view: View,
+    /// Whether the motion that was drawn last has depth.
+    has_depth: bool,
     help: Help,
     graph: bool,
     times: FrameTimes,
@@ -131,6 +133,10 @@ struct Display {
 
 /// Which frame of which walk a drawing shows.
 type FrameKey = (u64, u64, u32);
+
+fn frame_key(info: &FrameInfo) -> FrameKey {
+    (info.previous, info.current, info.t.to_bits())
+}
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Mouse {
@@ -165,6 +171,7 @@ impl<'a> App<'a> {
             began: Instant::now(),
             level: options.level,
             view: View::Picture,
+            has_depth: false,
             help: if options.plain { Help::Nothing } else { Help::Line },
             graph: !options.plain,
             times: FrameTimes::default(),
@@ -300,7 +307,8 @@ impl<'a> App<'a> {
         let view = match self.view {
             View::Picture => "",
             View::Motion => " | motion to the anchor before",
-            View::Depth => " | depth, near is white",
+            View::Depth if self.has_depth => " | depth, near is white",
+            View::Depth => " | no depth: motion was found in the pictures",
         };
         let recording = if self.recording { " | RECORDING" } else { "" };
         let pictures = self.options.point.pictures_per_latent;
@@ -337,7 +345,10 @@ impl<'a> App<'a> {
         {
             match (self.playback.guidance(info), self.view) {
                 (Some(guidance), View::Motion) => visual::motion(guidance.motion(), FULL_SCALE, source)?,
-                (Some(guidance), _) => visual::depth(guidance.depth(), source)?,
+                (Some(guidance), _) => {
+                    self.has_depth = !guidance.origin().is_optical_flow();
+                    visual::depth(guidance.depth(), source)?;
+                }
                 (None, _) => source.pixels_mut().fill([0, 0, 0, 255]),
             }
         }
@@ -385,7 +396,7 @@ impl<'a> App<'a> {
     /// Adds a new frame to the graph.
     fn count(&mut self, info: Option<&FrameInfo>) {
         let Some(info) = info else { return };
-        let key = (info.previous, info.current, info.t.to_bits());
+        let key = frame_key(info);
         let since = self.drawn.map(|(at, last)| (at.elapsed(), last == key));
         match since {
             Some((_, true)) => return,
@@ -469,7 +480,7 @@ impl ApplicationHandler<Message> for App<'_> {
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         let now = self.now();
         let due = self.playback.query(now);
-        let shown = due.map(|due| (due.previous, due.current, due.t.to_bits()));
+        let shown = due.as_ref().map(frame_key);
         let drawn = self.drawn.map(|(_, key)| key);
         let is_last = due.is_some_and(|due| due.previous == due.current && Some(due.current) == self.playback.last());
         if self.ended && is_last && drawn == shown {

@@ -34,7 +34,7 @@ pub(super) enum Message {
     Failed(Error),
 }
 
-/// What the window asks of the worker.
+/// Requests of the window to the worker.
 #[derive(Default)]
 pub(super) struct Requests {
     pub(super) input: Input,
@@ -106,7 +106,7 @@ struct Stepper<'a> {
     input: FileInput,
 }
 
-/// What has happened since the start of a level.
+/// A walk since the start of its level.
 struct Walk {
     family: Family,
     script: ScriptRecorder,
@@ -116,7 +116,7 @@ struct Walk {
     recording: bool,
 }
 
-/// What the window wants next.
+/// The worker's next action.
 enum Next {
     Step(ControlInput),
     Level(Family),

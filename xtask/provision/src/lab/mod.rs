@@ -61,7 +61,7 @@ impl Lab {
     /// and kept in the lab's folder, so that a lab of an earlier version gets it without being built again.
     ///
     /// # Errors
-    /// As [`possible`], an unreachable mirror, or a package without the layer, with the last words of what failed.
+    /// As [`possible`]; the mirror cannot be reached; the package does not contain the layer. The error has the last lines of output.
     pub fn validation_layer(&self, progress: &dyn Progress) -> Result<PathBuf> {
         let item = format!("layer-{}", key(&[LAYER]));
         let folder = self.folder.join(&item);

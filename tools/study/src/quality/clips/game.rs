@@ -56,12 +56,12 @@ struct WalkOf {
 enum View {
     /// The empty world; things are not scored.
     World,
-    /// What a player sees: monsters, weapon and HUD, all of which is scored. The game knows where its monsters are, and what of the
-    /// picture is status bar and messages.
+    /// The player's view with monsters, weapon and HUD, all of which is scored. Monsters have their own motion, the weapon has none, and
+    /// status bar and messages are masked.
     Player,
 }
 
-/// What the driver writes for every tic beside the picture; see there.
+/// Data that the driver writes for each tic besides the picture; it describes them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Plane {
     Depth,
