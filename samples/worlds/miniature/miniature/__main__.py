@@ -16,7 +16,7 @@ runs them one after the other. A command that has done its work ends with status
 """
 UNFINISHED = 3
 # The world inside the library.
-PRESET_NAMES = ("cpu", "gpu", "further", "longer", "balanced", "levels", "levels-smoke", "levels-further", "levels-further-smoke", "smoke")
+PRESET_NAMES = ("cpu", "gpu", "further", "longer", "balanced", "levels", "levels-smoke", "levels-further", "levels-further-smoke", "levels-longer", "levels-longer-smoke", "smoke")
 SHIPPED = Path(__file__).resolve().parents[2] / "miniature.cairn"
 # Bytes of a piece of `result`.
 RESULT_PIECE = 15_500_000
@@ -112,22 +112,23 @@ def score_autoencoder(job: Job) -> bool:
     """Scores the autoencoder on held-out scenes, or on held-out walks through the levels."""
     from . import levels, perceptual, score, store
 
-    parameters, folder, size = store.mean_parameters(job.autoencoder), job.folder / "held-out", job.geometry.decoded
+    shown = job.preset.timed and job.preset.timed.shown
+    parameters, folder, size = store.mean_parameters(job.autoencoder), job.folder / "held-out", shown or job.geometry.decoded
     if job.preset.levels:
         found = levels.held_out_clips(job.renderer, folder, job.walks, score.WALK_SECONDS, size)
-        shown = f"{job.walks} held-out walks of each level, {score.WALK_SECONDS:g} s"
+        what = f"{job.walks} held-out walks of each level, {score.WALK_SECONDS:g} s, at {size[0]}x{size[1]}"
     else:
         found = score.held_out_clips(job.renderer, folder, size)
-        shown = f"held-out seed {score.SEED}"
+        what = f"held-out seed {score.SEED}"
     networks = {}
     try:
         if min(size) >= perceptual.SMALLEST:
             networks = {name: perceptual.load(name) for name in perceptual.NETWORKS}
     except perceptual.MissingWeights as error:
         job.say(f"no LPIPS: {error}")
-    scorer = score.Scorer(parameters, networks)
+    scorer = score.Scorer(parameters, networks, job.geometry.decoded)
     figures = {clip.path.name: scorer.scores(clip) for clip in found}
-    job.say(f"autoencoder, {shown}")
+    job.say(f"autoencoder, {what}")
     for family in dict.fromkeys(clip.family for clip in found):
         job.say(f"{family:8} {score.Scores.mean([figures[clip.path.name] for clip in found if clip.family == family])}")
     job.say(f"mean     {score.Scores.mean(list(figures.values()))}")
@@ -146,7 +147,7 @@ def score_world(job: Job) -> bool:
 
 def encode_walks(job: Job) -> bool:
     """Renders and encodes the walks of the transformer, and deletes the pictures."""
-    from . import clips, latents, store
+    from . import clips, latents, levels, store
 
     parameters = store.mean_parameters(job.autoencoder)
     digest = hashlib.sha256(b"".join(parameters[name].tobytes() for name in sorted(parameters))).hexdigest()
@@ -162,6 +163,16 @@ def encode_walks(job: Job) -> bool:
         if not path.is_file():
             latents.encode_clip(encoder, clip, path)
     def draw(walk: int) -> tuple[clips.Clip, Path] | None:
+        if job.preset.levels:
+            number = job.preset.first + walk
+            drawn = levels.training_walk(number, plan.seconds_of(walk))
+            path = folder / f"{drawn.family}-{drawn.seed}-{number}.npz"
+            path.with_suffix(".txt").write_text(drawn.script, encoding="utf-8")
+            if path.is_file():
+                return None
+            clip = levels.draw_training_clip(job.renderer, job.folder / "walks", number, plan.seconds_of(walk), job.geometry.decoded)
+            levels.require_trainable([clip])
+            return clip, path
         number = job.preset.clips.stop + walk
         family, seed = clips.clip_name(number)
         path = folder / f"{family}-{seed}.npz"
@@ -178,7 +189,7 @@ def encode_walks(job: Job) -> bool:
                 coming.append(pool.submit(draw, walk + DRAWN_AT_ONCE))
             if drawn is not None:
                 clip, path = drawn
-                latents.encode_clip(encoder, clip, path)
+                latents.encode_clip(encoder, clip, path, mirror=not job.preset.levels)
                 clips.remove(clip)
                 job.say(f"walk {walk + 1}/{plan.count}: {path.stem}")
     return True

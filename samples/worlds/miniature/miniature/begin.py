@@ -12,7 +12,7 @@ from cairn.build.weights import DECODER_GROWTH, ENCODER_POOLING, Placed, autoenc
 from cairn.build.writer import layouts
 
 from . import autoencoder as networks
-from . import optimiser, store, train_autoencoder, train_world
+from . import latent_adversary, optimiser, store, train_autoencoder, train_world
 from .shapes import AutoencoderPlan
 
 
@@ -78,12 +78,13 @@ def _kept_channels(narrow: int, wide: int, parts: int) -> np.ndarray:
     return np.concatenate([part * (wide // parts) + np.arange(narrow // parts) for part in range(parts)])
 
 
-def states(bundle: Path, g: Geometry, plan: AutoencoderPlan, autoencoder: Path, world: Path) -> None:
-    """Writes initial states with the parameters of `bundle`."""
+def states(bundle: Path, g: Geometry, plan: AutoencoderPlan, autoencoder: Path, world: Path, judged: bool = False) -> None:
+    """Writes initial states with the parameters of `bundle`; `judged` adds a discriminator of latents."""
     transformer, pictures = weights(bundle, g)
     facts = {"seconds": 0.0, "flops": 0.0, "begun": bundle.name}
     store.save(autoencoder, train_autoencoder.start(pictures, plan), facts)
-    store.save(world, optimiser.start(transformer, train_world.by_muon), facts)
+    judge = latent_adversary.initial(g.latent_channels, train_world.SEED) if judged else {}
+    store.save(world, optimiser.start(transformer | judge, train_world.by_muon), facts)
 
 
 def _read(folder: Path, placed: Placed) -> np.ndarray:

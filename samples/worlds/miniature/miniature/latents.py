@@ -95,10 +95,12 @@ class Walks:
         self.steps = np.array([w["moving"].shape[1] for w in self.walks])
 
     @classmethod
-    def read(cls, folder: Path) -> "Walks":
-        """Reads all walks of a folder."""
+    def read(cls, folder: Path, checked: Callable[[list[Path]], object] = list) -> "Walks":
+        """Reads all walks of a folder; `checked` raises for files that must not be among them."""
         walks = {}
-        for path in sorted(folder.glob("*.npz")):
+        paths = sorted(folder.glob("*.npz"))
+        checked(paths)
+        for path in paths:
             with np.load(path) as file:
                 walks[path.stem] = {name: file[name] for name in ("moving", "still", "controls")}
         if not walks:

@@ -114,15 +114,20 @@ def held_out_list(path: Path = LIST) -> frozenset[str]:
 
 def require_trainable(clips: list[Clip]) -> list[Clip]:
     """`clips`, unless one of them is a held-out walk, or has no script that says which walk it is."""
-    refused = held_out_list()
-    for clip in clips:
-        script = clip.path.with_suffix(".txt")
-        if not script.is_file():
-            raise HeldOutWalk(f"{clip.path.name} has no script: nothing shows that it is not a held-out walk. Draw it again.")
-        family, seed, *_ = clip.path.name.split("-")
-        if digest(family, int(seed), script.read_text(encoding="utf-8")) in refused:
-            raise HeldOutWalk(f"{clip.path.name} is held out for evaluation ({LIST.name}). Remove it from the training clips")
+    require_trainable_latents([clip.path for clip in clips])
     return clips
+
+
+def require_trainable_latents(paths: list[Path]) -> None:
+    """Refuses files of held-out walks, or of a walk without a script beside it that says which one it is."""
+    refused = held_out_list()
+    for path in paths:
+        script = path.with_suffix(".txt")
+        if not script.is_file():
+            raise HeldOutWalk(f"{path.name} has no script: nothing shows that it is not a held-out walk. Draw it again.")
+        family, seed, *_ = path.stem.split("-")
+        if digest(family, int(seed), script.read_text(encoding="utf-8")) in refused:
+            raise HeldOutWalk(f"{path.name} is held out for evaluation ({LIST.name}). Remove it from the training clips")
 
 
 def render(renderer: Path, path: Path, walk: Walk, seconds: float, size: tuple[int, int], rate: int = RATE) -> Clip:

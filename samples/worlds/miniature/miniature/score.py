@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from . import autoencoder, perceptual
+from .train_autoencoder import resized
 from .clips import FAMILIES, PICTURES_PER_LATENT, Clip, draw
 from .held_out import held_out_seeds
 
@@ -60,10 +61,13 @@ def held_out_clips(renderer: Path, folder: Path, size: tuple[int, int]) -> list[
 class Scorer:
     """Scores one autoencoder."""
 
-    def __init__(self, parameters: dict, networks: dict[str, perceptual.Weights]):
-        """`networks` are the networks for LPIPS: `alex`, `vgg`, both or none."""
-        self._encode: Callable = jax.jit(lambda rgb: autoencoder.encode(parameters, rgb.astype(jnp.float32) / 255))
-        self._decode: Callable = jax.jit(lambda z: autoencoder.decode(parameters, z))
+    def __init__(self, parameters: dict, networks: dict[str, perceptual.Weights], decoded: tuple[int, int]):
+        """`networks` are the networks for LPIPS: `alex`, `vgg`, both or none; `decoded` is the width and height that the autoencoder computes.
+        Pictures of another size are resized before it and after it, as the library does.
+        """
+        width, height = decoded
+        self._encode: Callable = jax.jit(lambda rgb: autoencoder.encode(parameters, resized(rgb.astype(jnp.float32) / 255, height, width)))
+        self._decode: Callable = jax.jit(lambda z, *size: resized(jnp.clip(autoencoder.decode(parameters, z), 0, 1), *size), static_argnums=(1, 2))
         self._distances: dict[str, Callable] = {
             # One pair at a time: VGG16's activations of a picture are large.
             name: jax.jit(lambda true, made, name=name, weights=weights: perceptual.distance(weights, name, true[None], made[None])[0])
@@ -90,10 +94,10 @@ class Scorer:
         for at in range(before, len(latents), piece):
             part = latents[at - before : at + piece]
             padded = np.concatenate([part, np.repeat(part[-1:], before + piece - len(part), 0)])
-            pictures_ = np.asarray(self._decode(padded[None]))[0]
+            pictures_ = np.asarray(self._decode(padded[None], *pictures.shape[1:3]))[0]
             made.append(pictures_[PICTURES_PER_LATENT * before : PICTURES_PER_LATENT * len(part)])
         true = quads.reshape(-1, *pictures.shape[1:]).astype(np.float32) / 255
-        return true, np.clip(np.concatenate(made), 0, 1)
+        return true, np.concatenate(made)
 
 
 def psnr(a: np.ndarray, b: np.ndarray) -> float:

@@ -20,6 +20,8 @@ WORLD = Geometry(
     decoder_widths=(96, 64, 32, 32),
 )
 
+# Width and height in square pixels, at which pictures are shown.
+SHOWN = (320, 180)
 # Length of the clips that the autoencoder is trained on.
 CLIP_SECONDS = 2.0
 
@@ -55,6 +57,7 @@ class AutoencoderPlan:
     equivariance: float = 0.0  # weight of the difference between latents of shifted pictures and shifted latents
     half: bool = False  # whether the networks compute in bfloat16, for a GPU
     fixed_encoder: bool = False  # whether the decoder alone learns, so that latents stay what they are
+    decoded: tuple[int, int] | None = None  # width and height that the networks compute, where `crop` has the size of shown pictures
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,8 @@ class Stage:
     more_of: str = ""  # family whose windows are sampled more often
     times: float = 1.0  # how many times as often as those of another family
     wide: bool = False  # all blocks at once and in bfloat16, for a GPU, which has the memory and no caches to spare
+    # Norm of the gradient of a discriminator of latents, over that of the other losses; at 0 the discriminator alone learns. None has none.
+    adversary: float | None = None
 
 
 @dataclass(frozen=True)
@@ -145,6 +150,13 @@ class TimedPlan:
     spare: float = 3.0  # seconds that the last write takes
     compilers: int = 3  # programs compiled at once
     side_by_side: bool = False  # whether both networks train at once, on latents of the autoencoder that they begin with
+    first_number: int = 0  # of the first walk that is drawn
+    shown: tuple[int, int] | None = None  # size of the short walks, which then are the autoencoder's alone, if it is not the decoded one
+
+    @property
+    def judged(self) -> bool:
+        """Whether a discriminator judges latents."""
+        return any(stage.adversary is not None for _, stage in self.stages)
 
     def seconds_of(self, walk: int) -> float:
         """Length of walk number `walk` in seconds."""
@@ -255,6 +267,37 @@ def further_by_time(batch: int, frames: int, windows: int) -> TimedPlan:
     )
 
 
+def longer_by_time(batches: tuple[int, int, int, int], frames: tuple[int, int, int]) -> TimedPlan:
+    """The plan of a third training of the levels: the decoder for pictures as they are shown, and beside it the transformer in windows at all
+    noise levels, then in few steps with a discriminator of latents, then in long windows; the batch of the decoder, and the batch and
+    the length of the windows of each stage.
+    """
+    decode, *batches = batches
+    decoder = replace(SHARP, batch=decode, crop=SHOWN, decoded=WORLD.decoded, half=True, fixed_encoder=True, equivariance=0.0)
+    decoder = replace(decoder, rate=0.5e-3, adversary=0.6, adversary_from=0, adversary_alone=4000)
+    few = {"few_step": True, "mixed": 2, "means": 4.0, "adversary": 0.3}
+    kinds = ((0.35, {"adversary": 0.0}), (0.4, few), (0.25, few))
+    stages = tuple(
+        (share, Stage(steps=0, frames=length, batch=batch, noisy=3, together=batch, wide=True, windows=WINDOWS, **more))
+        for (share, more), batch, length in zip(kinds, batches, frames)
+    )
+    return TimedPlan(
+        renderers=12,
+        short=Walks(160, 1.0),
+        cycle=(8.0, 8.0, 20.0),
+        first_clips=24,
+        autoencoder=decoder,
+        autoencoder_share=0.45,
+        stages=stages,
+        cool_down=0.6,
+        draw_until=20.0,
+        side_by_side=True,
+        first_number=10_000,
+        shown=SHOWN,
+        compilers=5,
+    )
+
+
 PRESETS = {
     "gpu": GPU,
     "cpu": Preset(
@@ -316,6 +359,23 @@ PRESETS = {
         WorldPlan(walks=(), rate=1.5e-3, decay=0.05, stages=()),
         levels=True,
         timed=further_by_time(8, 96, 8),
+    ),
+    # Goes on from what `levels-further` trained: a decoder for pictures as they are shown, and a transformer whose predictions are judged.
+    "levels-longer": Preset(
+        WORLD.with_(encoder_width=48, decoder_widths=(192, 96, 48, 32)),
+        SHARP,
+        WorldPlan(walks=(Walks(32, 20.8),), rate=1.5e-3, decay=0.05, stages=()),
+        first=1000,
+        levels=True,
+        timed=longer_by_time((8, 12, 8, 2), (64, 96, 256)),
+    ),
+    "levels-longer-smoke": Preset(
+        WORLD.with_(encoder_width=48, decoder_widths=(192, 96, 48, 32)),
+        SHARP,
+        WorldPlan(walks=(Walks(2, 2.2),), rate=1.5e-3, decay=0.05, stages=()),
+        first=1000,
+        levels=True,
+        timed=replace(longer_by_time((1, 2, 1, 1), (16, 16, 32)), renderers=1, short=Walks(2, 1.0), cycle=(2.2, 2.4), first_clips=1),
     ),
     "levels-further-smoke": Preset(
         WORLD.with_(encoder_width=48, decoder_widths=(192, 96, 48, 32)),

@@ -81,6 +81,8 @@ class Renderers:
         self._until, self._say = until, say
         self._numbers = itertools.count()
         self._lock = threading.Lock()
+        self._first = plan.first_number
+        self._short = plan.shown or size
         self.clips: list[Clip] = []
         self.failed = 0
         self._threads = [threading.Thread(target=self._draw, daemon=True) for _ in range(plan.renderers)]
@@ -91,8 +93,9 @@ class Renderers:
         while time.time() < self._until():
             with self._lock:
                 number = next(self._numbers)
+            size = self._short if number < self._plan.short.count else self._size
             try:
-                clip = levels.draw_training_clip(self._renderer, self._folder, number, self._plan.seconds_of(number), self._size)
+                clip = levels.draw_training_clip(self._renderer, self._folder, self._first + number, self._plan.seconds_of(number), size)
                 levels.require_trainable([clip])
                 with self._lock:
                     self.clips.append(clip)
@@ -169,13 +172,15 @@ class Log:
 
 
 class Encoded:
-    """Latents of all walks that were drawn, encoded by threads as they come."""
+    """Latents of all walks that were drawn, encoded by threads as they come, and of those that were there before."""
 
-    def __init__(self, parameters: dict, clips: Callable[[], list[Clip]], say: Callable[[str], None], threads: int = 4):
+    def __init__(
+        self, parameters: dict, clips: Callable[[], list[Clip]], say: Callable[[str], None], found: dict[str, dict] | None = None, threads: int = 4
+    ):
         self._encoder, self._clips, self._say = latents.Encoder(parameters, AT_ONCE), clips, say
         self._begun: set[Path] = set()
         self._lock, self._stopped = threading.Lock(), False
-        self._found: dict[str, dict] = {}
+        self._found: dict[str, dict] = dict(found or {})
         for _ in range(threads):
             threading.Thread(target=self._run, daemon=True).start()
 
@@ -223,6 +228,8 @@ class Training:
         self._compiler = ThreadPoolExecutor(self.plan.compilers)
         self._saving = threading.Lock()
         self._state_path = {"autoencoder": folder / "autoencoder.npz", "world": folder / "world.npz"}
+        # States at the ends of stages, to compare.
+        self._state_path |= {f"after-{number}": folder / f"after-{number}.npz" for number in range(len(self.plan.stages))}
 
     def tell(self, line: str) -> None:
         """A line of the log with its time."""
@@ -255,6 +262,11 @@ class Training:
 
     # -- the autoencoder
 
+    def _pictures(self) -> list[Clip]:
+        """The clips that the autoencoder is trained on."""
+        clips = self.renderers.clips[:]
+        return [clip for clip in clips if (clip.width, clip.height) == self.plan.shown] if self.plan.shown else clips
+
     def autoencoder(self) -> dict[str, np.ndarray]:
         """Trains the autoencoder and returns its mean parameters."""
         done = self.folder / "autoencoder.done"
@@ -271,18 +283,18 @@ class Training:
         program = program.result()
         if not self.plan.side_by_side:
             self._compile_world()
-        while len(self.renderers.clips) < self.plan.first_clips:
+        while len(self._pictures()) < self.plan.first_clips:
             time.sleep(0.2)
         from_, until = self.clock.now, self.plan.autoencoder_share * (self.clock.end - self.clock.began) - self.plan.spare
-        self.tell(f"autoencoder: begins with {len(self.renderers.clips)} clips, ends at {until:.0f} s")
-        batches = Prefetch(train_autoencoder.SEED, lambda rng: train_autoencoder.sample(rng, self.renderers.clips[:], plan), int(state.step))
+        self.tell(f"autoencoder: begins with {len(self._pictures())} clips, ends at {until:.0f} s")
+        batches = Prefetch(train_autoencoder.SEED, lambda rng: train_autoencoder.sample(rng, self._pictures(), plan), int(state.step))
         log, kept, number, key = Log(self.clock, self.say), time.time(), int(state.step), jax.random.key(train_autoencoder.SEED)
         began = self._first_second("autoencoder", from_)
         while (now := self.clock.now) < until:
             at = np.int32(POSITIONS * min(1.0, (now - began) / (until - began)))
             state, figures = program(weights, state, next(batches), jax.random.fold_in(key, number), at)
             number += 1
-            log.add(figures, "autoencoder", number, f"  {len(self.renderers.clips)} clips")
+            log.add(figures, "autoencoder", number, f"  {len(self._pictures())} clips")
             if time.time() - kept > KEEP_EVERY:
                 self._keep("autoencoder", state)
                 kept = time.time()
@@ -343,7 +355,9 @@ class Training:
         if not hasattr(self, "_programs"):
             self._compile_world()
         path = self._state_path["world"]
-        encoded = Encoded(parameters, lambda: self.renderers.clips[:], self.tell)
+        found = latents.Walks.read(self.folder / "latents", levels.require_trainable_latents) if (self.folder / "latents").is_dir() else None
+        decoded = lambda: [clip for clip in self.renderers.clips[:] if (clip.width, clip.height) == self.geometry.decoded]
+        encoded = Encoded(parameters, decoded, self.tell, dict(zip(found.names, found.walks)) if found else None)
         while len(encoded) < self.plan.first_clips:
             time.sleep(0.2)
         while not any(program.done() and not program.exception() for program in self._programs):
@@ -370,6 +384,8 @@ class Training:
             if time.time() - looked > LOOK_EVERY:
                 self._walks, looked = encoded.walks(), time.time()
             if stage_number != current:
+                if current >= 0:
+                    self._save(f"after-{current}", jax.device_get(state))
                 if batches is not None:
                     batches.stop()
                 batches = Prefetch(train_world.SEED, self._maker(stage), number)
@@ -414,8 +430,9 @@ class Training:
 
     def run(self) -> None:
         """Trains to the end, or goes on where a training was killed."""
-        if not all(path.is_file() for path in self._state_path.values()):
-            begin.states(self.bundle, self.geometry, self.plan.autoencoder, *self._state_path.values())
+        networks = self._state_path["autoencoder"], self._state_path["world"]
+        if not all(path.is_file() for path in networks):
+            begin.states(self.bundle, self.geometry, self.plan.autoencoder, *networks, self.plan.judged)
             self.tell(f"begun with the weights of {self.bundle.name}")
         if self.plan.side_by_side:
             parameters = store.mean_parameters(self._state_path["autoencoder"])

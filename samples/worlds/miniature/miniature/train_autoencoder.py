@@ -70,6 +70,15 @@ def pixel_loss(made: Array, rgb: Array) -> Array:
     return SQUARED * jnp.mean(weight * error**2) + ABSOLUTE * jnp.mean(weight * jnp.abs(error)) + EDGES * edges
 
 
+def resized(pictures: Array, height: int, width: int) -> Array:
+    """`[..., H, W, 3]` at another size, as the library resizes pictures: bilinear, half-pixel centres, no antialiasing."""
+    *more, H, W, channels = pictures.shape
+    if (H, W) == (height, width):
+        return pictures
+    flat = jax.image.resize(pictures.reshape(-1, H, W, channels), (pictures.size // (H * W * channels), height, width, channels), "linear", antialias=False)
+    return flat.reshape(*more, height, width, channels)
+
+
 def perceptual_loss(weights: perceptual.Weights, made: Array, rgb: Array, key: Array) -> Array:
     """LPIPS of some pictures of every latent, at a random offset to AlexNet's grid."""
     n, L, frames, H, W, _ = rgb.shape
@@ -129,7 +138,8 @@ def loss(
     kind = jnp.bfloat16 if plan.half else jnp.float32
     networks = {name: value.astype(kind) for name, value in p.items() if not name.startswith(adversary.PREFIX)}
     encode = lambda rgb: autoencoder.encode(networks, rgb.astype(kind)).astype(jnp.float32)
-    z = encode(rgb.reshape(n * L, frames, H, W, 3))
+    width, height = plan.decoded or (W, H)
+    z = encode(resized(rgb.reshape(n * L, frames, H, W, 3), height, width))
     if plan.fixed_encoder:
         z = lax.stop_gradient(z)
     mean, variance = z.mean((0, 1, 2)), z.var((0, 1, 2))
@@ -137,7 +147,10 @@ def loss(
     level_key, noise_key, lpips_key, discriminator_key, shift_key = jax.random.split(key, 5)
     level = jax.random.uniform(level_key, (n * L, 1, 1, 1), maxval=MAX_NOISE)
     noisy = (z + level * jax.random.normal(noise_key, z.shape)).reshape(n, L, *z.shape[1:])
-    made = autoencoder.decode(networks, noisy.astype(kind)).astype(jnp.float32).reshape(rgb.shape)
+    made = autoencoder.decode(networks, noisy.astype(kind)).astype(jnp.float32).reshape(n, L, frames, height, width, 3)
+    if plan.decoded:
+        # The library clamps before it resizes; here the gradient ignores that.
+        made = resized(made + lax.stop_gradient(jnp.clip(made, 0, 1) - made), H, W)
 
     def differences(made: Array) -> tuple[Array, Array]:
         if weights is None:
@@ -203,7 +216,8 @@ def train(path: Path, g: Geometry, plan: AutoencoderPlan, clips: list[Clip], min
 def flops(g: Geometry, plan: AutoencoderPlan) -> float:
     """Floating-point operations of one step: three times those of the forward pass."""
     e, (a, b, c, d) = g.encoder_width, g.decoder_widths
-    cells = plan.crop[0] * plan.crop[1] // 256
+    width, height = plan.decoded or plan.crop
+    cells = width * height // 256
     # Multiplications per latent cell, by resolution: grids of 4, 16 and 64 positions per cell, times frames.
     encoder = 4 * 64 * 108 * e + 2 * 64 * 2 * e * e + 32 * 9 * e * e + 3 * 32 * 36 * e * e
     encoder += 16 * 2 * e * e + 4 * 9 * e * e + 3 * 4 * 36 * e * e + e * e + 9 * e * e + 3 * 36 * e * e + 9 * e * g.latent_channels

@@ -28,6 +28,8 @@ from jax.ad_checkpoint import checkpoint_name
 Parameters = dict[str, Array]
 # Range of the initial scale of one mouse count.
 MOUSE_SCALES = (0.01, 0.05)
+# Frames in a block of `wide`: the shorter, the fewer frames that its masks hide from all of a block's queries.
+WIDE_BLOCK = 4
 # Name of the activations that are stored for the backward pass, besides a block's input: small, and slow to recompute.
 KEPT = "kept"
 
@@ -102,7 +104,7 @@ def velocity(p: Parameters, g: Geometry, x: Array, sigma: Array, controls: Array
     """Velocities of all frames of all copies of a window.
 
     `x` `[copies, F, h, w, C]`, `sigma` `[copies, F]`, `controls` `[F, 2 + buttons + 1]`; the result is shaped as `x`. F is at most
-    the local window, or a multiple of it. `window` is the global window g in latents; as an array it is not a
+    the local window (of `wide`, `WIDE_BLOCK`), or a multiple of it. `window` is the global window g in latents; as an array it is not a
     compile-time constant. `wide` computes all blocks at once and keeps all activations, for a GPU.
     """
     copies, F = sigma.shape
@@ -112,8 +114,8 @@ def velocity(p: Parameters, g: Geometry, x: Array, sigma: Array, controls: Array
     assert x.shape == (copies, F, g.latent_height, g.latent_width, g.latent_channels), x.shape
     kind = x.dtype
     p = {name: value.astype(kind) for name, value in p.items()} if kind != jnp.float32 else p
-    B = min(F, g.local_window)
-    assert F % B == 0, f"{F} frames are not blocks of {B}"
+    B = min(F, WIDE_BLOCK if wide else g.local_window)
+    assert F % B == 0 and (B == F or g.local_window % B == 0), f"{F} frames are not blocks of {B}"
 
     def blocks(frames: Array) -> Array:
         """`[copies, F, ...]` -> `[F / B, copies, B, ...]`."""
@@ -218,13 +220,13 @@ def _kept_keys_and_values(g: Geometry, i: int, k: Array, v: Array, window: int |
         kept = (a.swapaxes(0, 1).reshape(kv, -1, T, d)[:, ::step] for a in (k, v))
         table = jnp.asarray(global_table(blocks * B, window, step)).reshape(blocks, B, -1)
         return *(jnp.broadcast_to(a, (blocks, *a.shape)) for a in kept), table
-    if blocks == 1:
-        return k, v, jnp.asarray(local_table(B, g.local_window))[None]
-    # A block is as long as the window, so it and the block before hold all visible frames.
-    k, v = (jnp.concatenate([jnp.concatenate([jnp.zeros_like(a[:1]), a[:-1]]), a], 2) for a in (k, v))
-    table = local_table(2 * B, g.local_window)[B:]
+    # A block and so many before it hold all visible frames.
+    earlier = min(blocks - 1, g.local_window // B)
+    at = lambda a, ago: jnp.concatenate([jnp.zeros_like(a[:ago]), a[: blocks - ago]])
+    k, v = (jnp.concatenate([at(a, ago) for ago in range(earlier, -1, -1)], 2) for a in (k, v))
+    table = local_table((earlier + 1) * B, g.local_window)[-B:]
     # There are no frames before the first block.
-    there = (np.arange(blocks) > 0)[:, None, None] | (np.arange(2 * B) >= B)
+    there = np.arange(blocks)[:, None, None] * B >= earlier * B - np.arange((earlier + 1) * B)
     return k, v, jnp.asarray(table & there)
 
 

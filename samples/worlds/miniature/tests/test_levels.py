@@ -183,7 +183,7 @@ def test_a_discriminator_tells_blur_from_truth_and_what_moves_from_what_stands()
 
 
 def test_the_score_of_a_perfect_and_of_a_blurred_reconstruction(drawn, monkeypatch):
-    scorer = score.Scorer(autoencoder.initial(SQUARE, 1), {"alex": perceptual.load("alex")})
+    scorer = score.Scorer(autoencoder.initial(SQUARE, 1), {"alex": perceptual.load("alex")}, SQUARE.decoded)
     clip = drawn[0]
     true = np.random.default_rng(3).uniform(0, 0.9, (32, 64, 64, 3)).astype(np.float32)
     blurred = (true + np.roll(true, 1, 2)) / 2

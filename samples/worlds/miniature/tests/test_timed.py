@@ -3,7 +3,8 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from miniature import autoencoder, latents, optimiser, rollouts, timed, train_autoencoder, train_world, transformer
+import pytest
+from miniature import adversary, autoencoder, latent_adversary, latents, levels, optimiser, rollouts, timed, train_autoencoder, train_world, transformer
 from miniature.shapes import PRESETS, SMOKE, AutoencoderPlan, Stage
 
 # These tests compile longer than they run.
@@ -70,6 +71,29 @@ def test_short_walks_come_first_and_every_stage_has_its_share():
     assert stages == [0, 1, 2, 3]
 
 
+def test_the_plan_of_pictures_as_shown_fits_its_walks():
+    preset = PRESETS["levels-longer"]
+    plan, width, height = preset.timed, *preset.timed.shown
+    assert abs(sum(share for share, _ in plan.stages) - 1) < 1e-9 and plan.judged
+    assert max(plan.cycle) * 15 + 1 >= max(stage.frames for _, stage in plan.stages)
+    # Walks that were encoded before are other ones than those drawn during the training.
+    assert preset.first + preset.world.count <= plan.first_number
+    assert plan.autoencoder.crop == (width, height) and width * 9 == height * 16 and plan.autoencoder.decoded == preset.geometry.decoded
+
+
+def test_latents_of_held_out_walks_are_refused(tmp_path):
+    held_out, training = levels.held_out_walk("snow", 1), levels.training_walk(3, 2.2)
+    (tmp_path / "snow-1001-3.npz").touch()
+    (tmp_path / "snow-1001-3.txt").write_text(training.script)
+    levels.require_trainable_latents([tmp_path / "snow-1001-3.npz"])
+    (tmp_path / "snow-1001-3.txt").write_text(held_out.script)
+    with pytest.raises(levels.HeldOutWalk, match="is held out"):
+        levels.require_trainable_latents([tmp_path / "snow-1001-3.npz"])
+    (tmp_path / "snow-1001-3.txt").unlink()
+    with pytest.raises(levels.HeldOutWalk, match="no script"):
+        levels.require_trainable_latents([tmp_path / "snow-1001-3.npz"])
+
+
 def test_a_walk_that_is_not_mirrored_has_one_side():
     rng = np.random.default_rng(1)
     walk = {
@@ -128,3 +152,64 @@ def test_mixed_copies_have_a_loss_of_their_own():
         stage = Stage(steps=0, frames=16, batch=1, noisy=2, few_step=True, mixed=mixed)
         losses.append(float(train_world.loss(p, SMOKE, stage, jnp.int32(128), x[0], x[1], controls, KEY)[0]))
     assert np.isfinite(losses).all() and losses[0] != losses[1]
+
+
+def test_pictures_are_resized_as_by_the_library():
+    rng = np.random.default_rng(4)
+    picture = rng.uniform(0, 1, (2, 9, 12, 3)).astype(np.float32)
+
+    def along(values: np.ndarray, axis: int, size: int) -> np.ndarray:
+        length = values.shape[axis]
+        at = np.clip((np.arange(size) + 0.5) * length / size - 0.5, 0, length - 1)
+        low = np.minimum(at.astype(int), length - 2)
+        share = (at - low).reshape([-1 if n == axis else 1 for n in range(values.ndim)])
+        return np.take(values, low, axis) * (1 - share) + np.take(values, low + 1, axis) * share
+
+    for height, width in ((18, 20), (5, 7), (9, 12)):
+        np.testing.assert_allclose(train_autoencoder.resized(jnp.asarray(picture), height, width), along(along(picture, 1, height), 2, width), atol=1e-6)
+
+
+def test_a_decoder_learns_for_pictures_of_another_size():
+    plan = AutoencoderPlan(clips=1, steps=4, batch=1, latents=2, crop=(80, 45), decoded=SMOKE.decoded, rate=1e-3, fixed_encoder=True)
+    state = train_autoencoder.start(autoencoder.initial(SMOKE, 1), plan)
+    before = {name: np.asarray(value) for name, value in state.parameters.items()}
+    pictures = np.random.default_rng(1).integers(0, 255, (1, 2, 4, 45, 80, 3)).astype(np.uint8)
+    state, figures = train_autoencoder.step(optimiser.Settings(rate=plan.rate, steps=4, warm_up=1), plan, None, state, pictures, KEY, jnp.int32(2))
+    changed = {name for name, value in state.parameters.items() if (np.asarray(value) != before[name]).any()}
+    assert changed and all(name.startswith("decoder.") for name in changed) and np.isfinite(float(figures["loss"]))
+
+
+def judged(pull: float | None, few_step: bool):
+    """Gradient and figures of a window with a discriminator."""
+    p, x, _, controls = window(16)
+    p |= {name: jnp.asarray(value) for name, value in latent_adversary.initial(SMOKE.latent_channels, 1).items()}
+    stage = Stage(steps=0, frames=16, batch=1, noisy=2, few_step=few_step, mixed=int(few_step), adversary=pull)
+    (_, figures), gradient = jax.value_and_grad(train_world.loss, has_aux=True)(p, SMOKE, stage, jnp.int32(128), x[0], x[1], controls, KEY)
+    norm = lambda of: float(jnp.sqrt(sum(jnp.sum(jnp.square(g)) for name, g in gradient.items() if name.startswith(adversary.PREFIX) == of)))
+    return {name: g for name, g in gradient.items() if not name.startswith(adversary.PREFIX)}, norm(False), norm(True), figures
+
+
+def test_the_discriminator_of_latents_learns_alone_and_then_pulls():
+    for few_step in (False, True):
+        (without, norm, none, _), (alone, _, learns, figures), (pulled, _, again, _) = (judged(pull, few_step) for pull in (None, 0.0, 0.5))
+        assert none == 0 and 0 < learns < 0.1 * norm and again == pytest.approx(learns, rel=1e-4)
+        assert 0.5 < float(figures["adversary"]) < 8 and float(figures["detail"]) > 0
+        for name, gradient in without.items():
+            np.testing.assert_allclose(alone[name], gradient, atol=1e-6 * norm, err_msg=name)
+        moved = np.sqrt(sum(float(jnp.sum(jnp.square(pulled[name] - gradient))) for name, gradient in without.items()))
+        assert 0.02 * norm < moved < 2 * norm
+
+
+def test_the_discriminator_of_latents_tells_a_blur():
+    rng = np.random.default_rng(1)
+    before, sharp = (jnp.asarray(rng.standard_normal((8, 4, 8, 8)), jnp.float32) for _ in range(2))
+    blurred = (sharp + jnp.roll(sharp, 1, 2)) / 2
+    state = optimiser.start(latent_adversary.initial(8, 1))
+    settings = optimiser.Settings(rate=2e-3, steps=60, warm_up=1, cool_down=0.01)
+    loss = lambda p: latent_adversary.discriminator_loss(p, before, sharp, blurred, jnp.float32)
+    step = jax.jit(lambda state: optimiser.update(settings, state, jax.grad(loss)(state.parameters))[0])
+    first = loss(state.parameters)
+    for _ in range(40):
+        state = step(state)
+    assert loss(state.parameters) < 0.5 * first
+    assert float(latent_adversary.detail(blurred)) < 0.9 * float(latent_adversary.detail(sharp))
