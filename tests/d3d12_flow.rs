@@ -176,6 +176,31 @@ fn motion_equals_the_processors() {
 }
 
 #[test]
+fn a_small_object_that_moves_far_is_found_as_on_the_processor() {
+    let gpu = gpu();
+    let size = (320, 180);
+    let object = |x: f32, y: f32| ground(1.7 * y, 1.7 * x).map(|v| 255.0 - v);
+    let draw = |shift: [f32; 2]| {
+        picture(size, |x, y| {
+            let [u, v] = [x + shift[0], y + shift[1]];
+            let is_object = (150.0..182.0).contains(&u) && (70.0..102.0).contains(&v);
+            if is_object { object(u, v) } else { ground(x, y).map(|v| 0.5 * v + 20.0) }
+        })
+    };
+    let (previous, current) = (draw([0.0; 2]), draw([27.0, -15.0]));
+    let mut extraction = Extraction::new(&gpu, size, DXGI_FORMAT_R16G16_FLOAT, 8);
+    compare(&mut extraction, &previous, &current, "a small object");
+    let (found, wanted) = (extraction.vectors([&previous, &current]), expected(&previous, &current));
+    for y in 91..111 {
+        for x in 129..149 {
+            let [u, v] = found[y * 320 + x];
+            assert!((u - 27.0).hypot(v + 15.0) < 0.2, "({x}, {y}): {u} {v}");
+            assert_eq!([u, v], wanted[y * 320 + x], "({x}, {y})");
+        }
+    }
+}
+
+#[test]
 fn motion_equals_the_processors_at_unusual_sizes() {
     let gpu = gpu();
     let sizes = [(1, 1), (1, 50), (50, 1), (7, 9), (23, 200), (24, 24), (25, 47), (131, 33)];
