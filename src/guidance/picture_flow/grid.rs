@@ -181,7 +181,7 @@ impl Grid {
             }
         }
         self.model =
-            MotionModel::fit(&self.samples, [self.across, self.down].map(|cells| (cells * self.stride) as f64));
+            MotionModel::fit(&self.samples, [self.across, self.down].map(|cells| (cells * self.stride) as f32));
         Ok(())
     }
 
