@@ -14,7 +14,7 @@ const RADIUS: i32 = 8;
 /// Motions along one axis.
 const DIAMETER: usize = 2 * RADIUS as usize + 1;
 /// A patch with at most this residual keeps its match, in squared code values.
-pub(super) const POOR: f32 = 60.0;
+pub(super) const POOR: f32 = 200.0;
 /// A match is replaced by one with less than this fraction of its residual.
 const MAX_RATIO: f32 = 0.6;
 /// The residual must also be less than this fraction of that of every motion more than a pixel away: where texture repeats, none is.
