@@ -9,6 +9,8 @@
 //!          adjacent cells, the global model, and zero
 //! search   min over u of the sum of ((Y1(x + u) - mean) - (Y0(x) - mean))^2 by inverse-compositional steps
 //!          u -= H^-1 b, H = sum of g g^T once per patch, g the centred gradient of Y0
+//! widen    on small levels, where the match is poor: all motions of whole pixels within 8; one that matches clearly better than the
+//!          others, in both directions, is taken
 //! smooth   min over u of the sum of (u - u_p)^T H_p (u - u_p) / (residual + noise), plus squared differences between
 //!          neighbours, weighted by similarity of their luma and motion
 //! model    robust fit of one motion to the grid: a plane in front of a moving camera
@@ -35,6 +37,7 @@ mod grid;
 mod model;
 mod patch;
 mod pyramid;
+mod wide;
 
 use std::time::{Duration, Instant};
 
@@ -59,7 +62,8 @@ pub const PROJECTION: Projection = paper::PROJECTION;
 pub const FLAT_DEPTH: f32 = 0.5;
 /// Repeated searches on a level of at most [`SMALL_LEVEL`] pixels.
 const ROUNDS: usize = 4;
-/// Largest level that gets [`ROUNDS`] repetitions: correct motion has far to spread there, and repetitions are cheap.
+/// Largest level that gets [`ROUNDS`] repetitions and the search over all motions nearby: correct motion has far to spread there, and
+/// both are cheap.
 const SMALL_LEVEL: usize = 1 << 14;
 /// Pixels of a row that are written at a time.
 const SEGMENT: usize = 32;

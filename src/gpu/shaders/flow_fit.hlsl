@@ -1,5 +1,6 @@
 // The motion of the whole picture: that of a plane before a moving camera, on which most of the grid agrees. One group to a
-// direction; least squares, again and again, each sample counting the less the farther it was off.
+// direction; least squares, again and again, each sample counting the less the farther it was off. The order of operations is that of
+// the processor.
 
 #include "flow.hlsli"
 
@@ -32,9 +33,9 @@ static const uint PLACES[N * N] =
 // Solves the positive definite system that the sums make; none where nothing is in it.
 bool solved()
 {
-    float rows[N * N];
-    float right[N];
-    float trace = 0;
+    precise float rows[N * N];
+    precise float right[N];
+    precise float trace = 0;
     [unroll]
     for (uint row = 0; row < N; row++)
     {
@@ -47,19 +48,19 @@ bool solved()
         right[row] = Totals[13 + row];
         trace += rows[row * N + row];
     }
-    float ridge = RIDGE / N * trace;
+    precise float ridge = RIDGE / N * trace;
     bool is_known = true;
     [unroll]
     for (uint i = 0; i < N; i++)
     {
-        float pivot = rows[i * N + i] + ridge;
+        precise float pivot = rows[i * N + i] + ridge;
         rows[i * N + i] = pivot;
         // Not a number fails this too.
         is_known = is_known && pivot > 0;
         [unroll]
         for (uint j = i + 1; j < N; j++)
         {
-            float part = rows[i * N + j] / pivot;
+            precise float part = rows[i * N + j] / pivot;
             [unroll]
             for (uint k = j; k < N; k++)
             {
@@ -90,7 +91,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     uint direction = Direction + group.z;
     uint2 samples = (Cells + Step - 1) / Step;
     uint2 size = Cells * Stride;
-    float unit = 2 / float(max(size.x, size.y));
+    precise float unit = 2 / float(max(size.x, size.y));
     if (thread < N)
     {
         Numbers[thread] = 0;
@@ -104,7 +105,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     for (uint round = 0; round < ROUNDS; round++)
     {
         float inverse = round == 0 ? 0 : round == 1 ? 0.25 : round == 2 ? 1 : 4;
-        float sums[SUMS];
+        precise float sums[SUMS];
         {
             [unroll]
             for (uint s = 0; s < SUMS; s++)
@@ -121,19 +122,21 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
             float residual = asfloat(Work.Load(place + 12));
             float3 hessian = asfloat(Work.Load3(place + 16));
             float2 v = motion_at(of_two(AtFlow, direction), number);
-            float information = (hessian.x + hessian.z) / (residual + NOISE);
-            float2 p = ((float2(cell) + 0.5) * float(Stride) - 0.5 * float2(size)) * unit;
-            float bend = Numbers[6] * p.x + Numbers[7] * p.y;
-            float2 of_model = float2(Numbers[0] + Numbers[1] * p.x + Numbers[2] * p.y, Numbers[3] + Numbers[4] * p.x + Numbers[5] * p.y) + bend * p;
-            float2 apart = v - of_model;
-            float off = 1 + dot(apart, apart) * inverse;
-            float w = information / (information + KNOWN) / (off * off);
+            precise float information = (hessian.x + hessian.z) / (residual + NOISE);
+            precise float2 p = ((float2(cell) + 0.5) * float(Stride) - 0.5 * float2(size)) * unit;
+            precise float bend = Numbers[6] * p.x + Numbers[7] * p.y;
+            precise float2 plane =
+                float2(Numbers[0] + Numbers[1] * p.x + Numbers[2] * p.y, Numbers[3] + Numbers[4] * p.x + Numbers[5] * p.y);
+            precise float2 of_model = plane + bend * p;
+            precise float2 apart = v - of_model;
+            precise float off = 1 + (apart.x * apart.x + apart.y * apart.y) * inverse;
+            precise float w = information / (information + KNOWN) / (off * off);
             float x = p.x;
             float y = p.y;
-            float xx = x * x;
-            float xy = x * y;
-            float yy = y * y;
-            float terms[SUMS] =
+            precise float xx = x * x;
+            precise float xy = x * y;
+            precise float yy = y * y;
+            precise float terms[SUMS] =
             {
                 1, x, y, xx, xy, yy, x * xx, x * xy, x * yy, y * yy, xx * (xx + yy), xy * (xx + yy), yy * (xx + yy),
                 v.x, x * v.x, y * v.x, v.y, x * v.y, y * v.y, xx * v.x + xy * v.y, xy * v.x + yy * v.y
@@ -152,7 +155,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
         GroupMemoryBarrierWithGroupSync();
         if (thread < SUMS)
         {
-            float total = 0;
+            precise float total = 0;
             [loop]
             for (uint other = 0; other < THREADS; other++)
             {

@@ -1,9 +1,9 @@
 //! Motion from two pictures on a Direct3D device: the same algorithm, from anchors in textures into textures.
 //!
-//! The shaders are `flow_*.hlsl`; `flow.hlsli` holds shared code. They keep the CPU's order of sums, so only division and the fit of the
-//! global model, which is in single precision, differ. Both directions run in one dispatch. Eight threads search a patch, one per
-//! column. Smoothing iterations stay in group-shared memory; where the grid does not fit into one group, each group also computes a
-//! halo of cells around its own.
+//! The shaders are `flow_*.hlsl`; `flow.hlsli` holds shared code. They do the CPU's operations in the CPU's order, so the result is equal to
+//! the bit on a device that rounds quotients correctly; Direct3D allows an error of one unit in the last place. Both directions run in one
+//! dispatch. Eight threads search a patch, one per column. Smoothing iterations stay in group-shared memory; where the grid does not fit into
+//! one group, each group also computes a halo of cells around its own.
 
 mod kernels;
 mod layout;
@@ -29,9 +29,9 @@ const TILES: [u32; 3] = [1, 8, 16];
 const MOTION: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32G32_FLOAT];
 const DEPTH: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R32_FLOAT, DXGI_FORMAT_R16_FLOAT];
 
-/// The extractor for pictures of one size. For 99 of 100 pixels of pictures of one scene its result is within a quarter of a pixel of
-/// [`Extractor`](super::Extractor)'s, and as a rule equal. Working memory is about 40 bytes per pixel, at most 10 for pictures of more
-/// than a megapixel. It and the pipelines are created with the extractor; recording creates nothing.
+/// The extractor for pictures of one size. On a device that rounds quotients correctly its result is [`Extractor`](super::Extractor)'s; on
+/// others 99 of 100 pixels of pictures of one scene are within a quarter of a pixel of that. Working memory is about 40 bytes per pixel, at
+/// most 10 for pictures of more than a megapixel. It and the pipelines are created with the extractor; recording creates nothing.
 ///
 /// Threads: one at a time; may move between them.
 pub struct GpuExtractor {

@@ -6,7 +6,7 @@ use fearless_simd::{Level, Simd, dispatch, f32x8};
 use super::model::{MotionModel, Sample};
 use super::patch::{PatchMatch, SAME_START, SIDE, Template};
 use super::pyramid::Plane;
-use super::reserve;
+use super::{SMALL_LEVEL, reserve, wide};
 use crate::tasks::{Parallel, ParallelSliceMut};
 use crate::{Error, ErrorKind, Result};
 
@@ -181,7 +181,7 @@ impl Grid {
             }
         }
         self.model =
-            MotionModel::fit(&self.samples, [self.across, self.down].map(|cells| (cells * self.stride) as f64));
+            MotionModel::fit(&self.samples, [self.across, self.down].map(|cells| (cells * self.stride) as f32));
         Ok(())
     }
 
@@ -302,12 +302,17 @@ fn search_row<S: Simd>(
     row: &mut [PatchMatch],
 ) {
     let margin = (SIDE - stride) as i32 / 2;
+    let is_small = from.luma.len() <= SMALL_LEVEL;
     for (i, found) in row.iter_mut().enumerate() {
-        let template = Template::new(simd, from, [(i * stride) as i32 - margin, (j * stride) as i32 - margin]);
+        let origin = [i, j].map(|k| (k * stride) as i32 - margin);
+        let template = Template::new(simd, from, origin);
         *found = match coarse {
             Some(coarse) => template.search(simd, to, &coarse.starts(i, j, stride)),
             None => template.search(simd, to, &[[0.0; 2]]),
         };
+        if is_small && found.residual > wide::POOR {
+            wide::search(simd, from, to, origin, found);
+        }
     }
 }
 

@@ -12,19 +12,36 @@
 
 /// Parameters of the model.
 const N: usize = 8;
-/// Residual scale of each reweighting round, in pixels: samples with larger residuals lose weight.
-const SCALES: [f64; 5] = [f64::INFINITY, 2.0, 1.0, 0.5, 0.5];
+/// Reciprocal of the squared residual scale of each reweighting round, in 1/px²: samples with larger residuals lose weight.
+const INVERSE_SQUARED_SCALES: [f32; 5] = [0.0, 0.25, 1.0, 4.0, 4.0];
 /// Regularisation: this fraction of the mean diagonal is added to the diagonal, so that little data still gives a model.
-const RIDGE: f64 = 1e-5;
+const RIDGE: f32 = 1e-5;
+/// Samples are summed in this many parts, and then the parts: the order in which the shader's threads sum.
+const PARTS: usize = 64;
+/// Different sums of the normal equations: 13 of the matrix and 8 of the right side.
+const SUMS: usize = MATRIX_SUMS + N;
+const MATRIX_SUMS: usize = 13;
+/// For each entry of the upper half of the matrix its sum; [`ZERO`] where it is 0.
+const ENTRIES: [[usize; N]; N] = [
+    [0, 1, 2, ZERO, ZERO, ZERO, 3, 4],
+    [ZERO, 3, 4, ZERO, ZERO, ZERO, 6, 7],
+    [ZERO, ZERO, 5, ZERO, ZERO, ZERO, 7, 8],
+    [ZERO, ZERO, ZERO, 0, 1, 2, 4, 5],
+    [ZERO, ZERO, ZERO, ZERO, 3, 4, 7, 8],
+    [ZERO, ZERO, ZERO, ZERO, ZERO, 5, 8, 9],
+    [ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, 10, 11],
+    [ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, 12],
+];
+const ZERO: usize = SUMS;
 
 /// A motion for every position in a picture.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MotionModel {
-    coefficients: [f64; N],
+    coefficients: [f32; N],
     /// Origin of x and y: the picture's centre, in pixels.
-    centre: [f64; 2],
+    centre: [f32; 2],
     /// Scale from pixels to x and y.
-    unit: f64,
+    unit: f32,
 }
 
 /// Motion measured at one position.
@@ -40,36 +57,48 @@ pub(super) struct Sample {
 impl MotionModel {
     /// The model that most `samples` agree on, in a picture of `size` pixels. Iteratively reweighted least squares. `None` if the
     /// samples carry no weight or are not finite.
-    pub(super) fn fit(samples: &[Sample], size: [f64; 2]) -> Option<Self> {
-        let centre = size.map(|s| 0.5 * s);
-        let mut model = Self { coefficients: [0.0; N], centre, unit: 2.0 / size[0].max(size[1]) };
-        for scale in SCALES {
-            let (mut matrix, mut right) = ([[0.0; N]; N], [0.0; N]);
-            for sample in samples {
-                let [u, v] = sample.flow.map(f64::from);
-                let [model_u, model_v] = model.exact(sample.position);
-                let off = ((u - model_u).powi(2) + (v - model_v).powi(2)) / (scale * scale);
-                let weight = f64::from(sample.weight) / ((1.0 + off) * (1.0 + off));
-                let [x, y] = model.relative(sample.position);
-                let across = [(0, 1.0), (1, x), (2, y), (6, x * x), (7, x * y)];
-                let down = [(3, 1.0), (4, x), (5, y), (6, x * y), (7, y * y)];
-                for (row, value) in [(across, u), (down, v)] {
-                    for (n, (i, a)) in row.into_iter().enumerate() {
-                        for &(j, b) in &row[n..] {
-                            matrix[i][j] += weight * a * b;
-                        }
-                        right[i] += weight * a * value;
-                    }
-                }
+    ///
+    /// All operations are those of `flow_fit.hlsl`, in the same order: where the match is poor, starts that differ in the last bit lead
+    /// patches to different motion.
+    pub(super) fn fit(samples: &[Sample], size: [f32; 2]) -> Option<Self> {
+        let mut model =
+            Self { coefficients: [0.0; N], centre: size.map(|s| 0.5 * s), unit: 2.0 / size[0].max(size[1]) };
+        for inverse in INVERSE_SQUARED_SCALES {
+            let mut parts = [[0.0; SUMS]; PARTS];
+            for samples in samples.chunks(PARTS) {
+                samples.iter().zip(&mut parts).for_each(|(sample, part)| model.add(sample, inverse, part));
             }
-            model.coefficients = solve(matrix, right)?;
+            let mut sums = [0.0; SUMS];
+            for part in parts {
+                sums.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+            }
+            model.coefficients = solve(&sums)?;
         }
         Some(model)
     }
 
+    /// Adds a sample to the sums of the normal equations.
+    #[inline(always)]
+    fn add(&self, sample: &Sample, inverse: f32, sums: &mut [f32; SUMS]) {
+        let ([u, v], [model_u, model_v]) = (sample.flow, self.at(sample.position));
+        let apart = [u - model_u, v - model_v];
+        let off = 1.0 + (apart[0] * apart[0] + apart[1] * apart[1]) * inverse;
+        let weight = sample.weight / (off * off);
+        let [x, y] = self.relative(sample.position);
+        let (xx, xy, yy) = (x * x, x * y, y * y);
+        let square = xx + yy;
+        let matrix = [1.0, x, y, xx, xy, yy, x * xx, x * xy, x * yy, y * yy, xx * square, xy * square, yy * square];
+        let right = [u, x * u, y * u, v, x * v, y * v, xx * u + xy * v, xy * u + yy * v];
+        let (of_matrix, of_right) = sums.split_at_mut(MATRIX_SUMS);
+        of_matrix.iter_mut().zip(matrix).for_each(|(sum, term)| *sum += weight * term);
+        of_right.iter_mut().zip(right).for_each(|(sum, term)| *sum += weight * term);
+    }
+
     /// Motion at a position in pixels.
     pub(super) fn at(&self, position: [f32; 2]) -> [f32; 2] {
-        self.exact(position).map(|v| v as f32)
+        let ([x, y], a) = (self.relative(position), &self.coefficients);
+        let bend = a[6] * x + a[7] * y;
+        [a[0] + a[1] * x + a[2] * y + bend * x, a[3] + a[4] * x + a[5] * y + bend * y]
     }
 
     /// The same motion in a picture of twice the size.
@@ -81,20 +110,16 @@ impl MotionModel {
         }
     }
 
-    fn relative(&self, position: [f32; 2]) -> [f64; 2] {
-        [0, 1].map(|axis| (f64::from(position[axis]) - self.centre[axis]) * self.unit)
-    }
-
-    fn exact(&self, position: [f32; 2]) -> [f64; 2] {
-        let ([x, y], a) = (self.relative(position), &self.coefficients);
-        let bend = a[6] * x + a[7] * y;
-        [a[0] + a[1] * x + a[2] * y + bend * x, a[3] + a[4] * x + a[5] * y + bend * y]
+    fn relative(&self, position: [f32; 2]) -> [f32; 2] {
+        [0, 1].map(|axis| (position[axis] - self.centre[axis]) * self.unit)
     }
 }
 
-/// Solves a symmetric positive definite system given by the upper half of `matrix`; `None` if it is singular or not finite.
-fn solve(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
-    let ridge = RIDGE / N as f64 * (0..N).map(|i| matrix[i][i]).sum::<f64>();
+/// Solves the positive definite system of these sums; `None` if it is singular or not finite.
+fn solve(sums: &[f32; SUMS]) -> Option<[f32; N]> {
+    let mut matrix = ENTRIES.map(|row| row.map(|entry| sums.get(entry).copied().unwrap_or(0.0)));
+    let mut right: [f32; N] = std::array::from_fn(|i| sums[MATRIX_SUMS + i]);
+    let ridge = RIDGE / N as f32 * (0..N).map(|i| matrix[i][i]).fold(0.0, |sum, v| sum + v);
     for i in 0..N {
         matrix[i][i] += ridge;
         // Written so that NaN is refused as well.
@@ -112,8 +137,10 @@ fn solve(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> Option<[f64; N]> {
         }
     }
     for i in (0..N).rev() {
-        let known: f64 = (i + 1..N).map(|j| matrix[i][j] * right[j]).sum();
-        right[i] = (right[i] - known) / matrix[i][i];
+        for j in i + 1..N {
+            right[i] -= matrix[i][j] * right[j];
+        }
+        right[i] /= matrix[i][i];
     }
     right.iter().all(|v| v.is_finite()).then_some(right)
 }

@@ -298,7 +298,7 @@ fn sum_of<S: Simd>(lanes: f32x8<S>) -> f32 {
 
 /// Mean over a whole patch; see [`sum_of`].
 #[inline(always)]
-fn mean_of<S: Simd>(lanes: f32x8<S>) -> f32 {
+pub(super) fn mean_of<S: Simd>(lanes: f32x8<S>) -> f32 {
     sum_of(lanes) * (1.0 / AREA as f32)
 }
 

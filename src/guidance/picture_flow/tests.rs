@@ -133,6 +133,30 @@ fn a_square_moves_over_a_static_ground() {
 }
 
 #[test]
+fn a_small_square_that_moves_far_is_found() {
+    // On the level where it moves less than a patch's side it is smaller than a patch.
+    let ground = |x: f32, y: f32| 0.5 * texture(x, y) + 20.0;
+    let held = |x: f32, y: f32| (150.0..182.0).contains(&x) && (70.0..102.0).contains(&y);
+    let other = |x: f32, y: f32| 0.8 * texture(1.7 * y, 1.7 * x) + 40.0;
+    let draw = |shift: [f32; 2]| {
+        picture(320, 180, move |x, y| {
+            let (x, y) = (x + shift[0], y + shift[1]);
+            if held(x, y) { other(x, y) } else { ground(x - shift[0], y - shift[1]) }
+        })
+    };
+    // It moves 27 pixels to the left and 15 down.
+    let out = flow(&draw([0.0; 2]), &draw([27.0, -15.0]));
+    for (x, y) in [(139, 101), (133, 95), (145, 107)] {
+        let [u, v] = vector(&out, x, y);
+        assert!((u - 27.0).abs() < 0.1 && (v + 15.0).abs() < 0.1, "({x}, {y}): {u} {v}");
+    }
+    for (x, y) in [(60, 60), (250, 120), (139, 40)] {
+        let [u, v] = vector(&out, x, y);
+        assert!(u.hypot(v) < 0.1, "({x}, {y}): {u} {v}");
+    }
+}
+
+#[test]
 fn inconsistent_motion_is_replaced_from_neighbours_of_similar_colour() {
     // Dark left of column 16, light from there on; each half has its own motion, and columns 12 to 19 are given a wrong one.
     let half = |x: usize| if x < 16 { [0.0, 1.0] } else { [-3.0, 0.0] };

@@ -37,14 +37,18 @@ impl Steps<'_, '_> {
         for level in (finest..levels.len()).rev() {
             let directions = if level < checked { 1 } else { BOTH };
             self.search(level, 0, directions);
+            let [width, height] = levels[level].size;
+            let is_small = width as usize * height as usize <= SMALL_LEVEL;
+            if is_small {
+                self.dispatch(&self.kernels.wide, self.of(level), levels[level].cells, 1, directions);
+            }
             self.smooth(level, directions);
             if level == finest {
                 continue;
             }
             // The finest level of a direction is searched once.
             let directions = if level > checked { BOTH } else { 1 };
-            let [width, height] = levels[level].size;
-            let rounds = if width as usize * height as usize <= SMALL_LEVEL { ROUNDS } else { 1 };
+            let rounds = if is_small { ROUNDS } else { 1 };
             for _ in 0..rounds {
                 self.fit(level, directions);
                 self.search(level, 1, directions);

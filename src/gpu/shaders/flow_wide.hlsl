@@ -1,0 +1,181 @@
+// For patches whose search ended in a poor match: all whole-pixel motions around it. One that matches clearly better than the rest, in
+// both directions, is taken. A group to a patch; each thread compares the whole patch at some of the motions.
+
+#include "flow.hlsli"
+
+static const uint THREADS = 64;
+static const int SIDE = 8;
+static const float AREA = 64;
+static const int RADIUS = 8;
+static const int DIAMETER = 2 * RADIUS + 1;
+static const uint MOTIONS = DIAMETER * DIAMETER;
+static const int REGION = SIDE + 2 * RADIUS;
+static const float POOR = 200;
+static const float MAX_RATIO = 0.6;
+static const float MAX_RATIO_TO_SECOND = 0.7;
+static const int MAX_RETURN_ERROR = 1;
+// More than any residual; stands for one of a motion that leads out of the picture.
+static const float NONE = 3.0e38;
+
+groupshared float Own[SIDE * SIDE];
+groupshared float Region[REGION * REGION];
+groupshared float Residuals[MOTIONS];
+groupshared float Least[THREADS];
+groupshared uint LeastAt[THREADS];
+
+struct Best
+{
+    int2 motion;
+    float residual;
+    float brightening;
+    float second; // the least residual of motions more than a pixel away
+};
+
+bool is_patch_inside(int2 at)
+{
+    return all(at >= 0) && all(at + SIDE <= int2(Level));
+}
+
+// The sum over a patch of the sums of its columns, in a tree.
+float tree(float columns[8])
+{
+    precise float even = (columns[0] + columns[4]) + (columns[2] + columns[6]);
+    precise float odd = (columns[1] + columns[5]) + (columns[3] + columns[7]);
+    precise float sum = even + odd;
+    return sum;
+}
+
+// Mean square of the differences between the patch and the one at (column, row) of the region, their mean removed; also their mean.
+float residual_at(int column, int row, out float mean)
+{
+    float sums[8];
+    float squares[8];
+    [unroll]
+    for (int x = 0; x < SIDE; x++)
+    {
+        sums[x] = 0;
+        squares[x] = 0;
+    }
+    [loop]
+    for (int y = 0; y < SIDE; y++)
+    {
+        [unroll]
+        for (int i = 0; i < SIDE; i++)
+        {
+            precise float apart = Region[(row + y) * REGION + column + i] - Own[y * SIDE + i];
+            precise float sum = sums[i] + apart;
+            precise float square = squares[i] + apart * apart;
+            sums[i] = sum;
+            squares[i] = square;
+        }
+    }
+    precise float middle = tree(sums) * (1 / AREA);
+    precise float variance = tree(squares) * (1 / AREA) - middle * middle;
+    mean = middle;
+    return max(variance, 0);
+}
+
+// The best motion of the patch at `origin` within RADIUS of `start`. All threads of a group must call it, and get the same.
+Best best_near(uint thread, bool is_wanted, uint from, uint to, int2 origin, int2 start)
+{
+    int2 corner = origin + start - RADIUS;
+    GroupMemoryBarrierWithGroupSync();
+    [branch]
+    if (is_wanted)
+    {
+        Own[thread] = luma_at(from, origin + int2(thread & 7, thread >> 3));
+        [loop]
+        for (uint k = thread; k < uint(REGION * REGION); k += THREADS)
+        {
+            Region[k] = luma_at(to, corner + int2(k % uint(REGION), k / uint(REGION)));
+        }
+    }
+    GroupMemoryBarrierWithGroupSync();
+    float least = NONE;
+    uint at = 0;
+    [branch]
+    if (is_wanted)
+    {
+        [loop]
+        for (uint k = thread; k < MOTIONS; k += THREADS)
+        {
+            int2 offset = int2(k % uint(DIAMETER), k / uint(DIAMETER));
+            float residual = NONE;
+            [branch]
+            if (is_patch_inside(corner + offset))
+            {
+                float mean;
+                residual = residual_at(offset.x, offset.y, mean);
+            }
+            Residuals[k] = residual;
+            bool is_less = residual < least;
+            least = is_less ? residual : least;
+            at = is_less ? k : at;
+        }
+    }
+    Least[thread] = least;
+    LeastAt[thread] = at;
+    GroupMemoryBarrierWithGroupSync();
+    // Of equal ones the first in the order of the processor, rows from the top.
+    [loop]
+    for (uint other = 0; other < THREADS; other++)
+    {
+        bool is_before = Least[other] < least || Least[other] == least && LeastAt[other] < at;
+        least = is_before ? Least[other] : least;
+        at = is_before ? LeastAt[other] : at;
+    }
+    int2 place = int2(at % uint(DIAMETER), at / uint(DIAMETER));
+    float apart = NONE;
+    [branch]
+    if (is_wanted)
+    {
+        [loop]
+        for (uint k = thread; k < MOTIONS; k += THREADS)
+        {
+            int2 away = abs(int2(k % uint(DIAMETER), k / uint(DIAMETER)) - place);
+            apart = max(away.x, away.y) > 1 ? min(apart, Residuals[k]) : apart;
+        }
+    }
+    GroupMemoryBarrierWithGroupSync();
+    Least[thread] = apart;
+    GroupMemoryBarrierWithGroupSync();
+    [loop]
+    for (uint another = 0; another < THREADS; another++)
+    {
+        apart = min(apart, Least[another]);
+    }
+    Best best;
+    best.motion = start - RADIUS + place;
+    best.residual = least;
+    best.second = apart;
+    best.brightening = 0;
+    [branch]
+    if (is_wanted && least < NONE)
+    {
+        residual_at(place.x, place.y, best.brightening);
+    }
+    return best;
+}
+
+[numthreads(THREADS, 1, 1)]
+void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
+{
+    uint direction = Direction + group.z;
+    uint from = of_two(AtLuma, start_of(direction));
+    uint to = of_two(AtLuma, 1 - start_of(direction));
+    int2 origin = int2(group.xy * Stride) - int((uint(SIDE) - Stride) / 2);
+    uint place = of_two(AtFound, direction) + 32 * (group.y * Cells.x + group.x);
+    float4 found = asfloat(Work.Load4(place));
+    int2 start = int2(floor(min(max(found.xy + 0.5, -FAR), FAR)));
+    bool is_wanted = found.w > POOR && is_patch_inside(origin);
+    Best best = best_near(thread, is_wanted, from, to, origin, start);
+    precise float least_of_found = MAX_RATIO * found.w;
+    precise float least_of_second = MAX_RATIO_TO_SECOND * best.second;
+    bool is_better = is_wanted && best.residual < min(least_of_found, least_of_second);
+    Best back = best_near(thread, is_better, to, from, is_better ? origin + best.motion : 0, is_better ? -best.motion : 0);
+    int2 missed = abs(best.motion + back.motion);
+    if (is_better && max(missed.x, missed.y) <= MAX_RETURN_ERROR && thread == 0)
+    {
+        Work.Store4(place, asuint(float4(float2(best.motion), best.brightening, best.residual)));
+    }
+}
