@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from miniature import __main__, autoencoder, clips, held_out, latents, optimiser, pieces, schedules, scripts, store
+from miniature import __main__, autoencoder, clips, held_out, latent_adversary, latents, optimiser, pieces, schedules, scripts, store
 from miniature import train_autoencoder, train_world, transformer
 from miniature.shapes import PRESETS, SMOKE, AutoencoderPlan, Stage, Walks, WorldPlan
 
@@ -244,8 +244,8 @@ def test_windows_side_by_side_are_windows_one_by_one(walks):
     batch = train_world.batch(np.random.default_rng(1), walks, Stage(1, frames=4, batch=4, noisy=2))
     figures = []
     for together in (1, 2, 4):
-        stage = Stage(1, frames=4, batch=4, noisy=2, together=together, few_step=True, means=16.0)
-        state = optimiser.start(transformer.initial(g, 1))
+        stage = Stage(1, frames=4, batch=4, noisy=2, together=together, few_step=True, means=16.0, adversary=0.5)
+        state = optimiser.start(transformer.initial(g, 1) | latent_adversary.initial(g.latent_channels, 1))
         figures.append(train_world.step(settings, g, stage, 128, state, *batch, KEY)[1])
     for name, value in figures[0].items():
         assert np.allclose([f[name] for f in figures], value, rtol=1e-4) and value > 0, name
