@@ -1,7 +1,7 @@
 //! Search over all whole-pixel motions nearby, for patches whose descent ended in a poor match.
 //!
-//! A descent finds motion of a few pixels around its start. What is small and fast has no start near its motion: on the levels where
-//! it moves little it is too small to be seen.
+//! A descent finds a motion within a few pixels of its start, which comes from the next smaller level. A small object that moves fast is
+//! invisible on the levels where its motion is that short, so no start is near it.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, f32x8};

@@ -47,12 +47,21 @@ def features(p: dict[str, Array], pictures: Array) -> list[Array]:
 
 def discriminator_loss(p: dict[str, Array], true: Array, made: Array) -> Array:
     """Hinge loss of the discriminator."""
-    both = features(p, jnp.concatenate([true, made]))[-1]
-    return jnp.mean(jax.nn.relu(1 - both[: len(true)])) + jnp.mean(jax.nn.relu(1 + both[len(true) :]))
+    return hinge(features(p, jnp.concatenate([true, made])))
 
 
 def generator_loss(p: dict[str, Array], true: Array, made: Array) -> Array:
     """Loss of the decoder: the negative mean of the logits, and the distance of the discriminator's features from those of the truth."""
-    both = features(p, jnp.concatenate([true, made]))
-    matching = sum(jnp.mean(jnp.abs(f[len(true) :] - lax.stop_gradient(f[: len(true)]))) for f in both[:-1])
-    return matching - jnp.mean(both[-1][len(true) :])
+    return fooling(features(p, jnp.concatenate([true, made])))
+
+
+def hinge(both: list[Array]) -> Array:
+    """Hinge loss of a discriminator, from its activations of true samples and as many made ones after them."""
+    true, made = jnp.split(both[-1], 2)
+    return jnp.mean(jax.nn.relu(1 - true)) + jnp.mean(jax.nn.relu(1 + made))
+
+
+def fooling(both: list[Array]) -> Array:
+    """Loss of what a discriminator judges, from the same activations: the logits' negative mean, and the features' distance from the truth's."""
+    pairs = [jnp.split(f, 2) for f in both]
+    return sum(jnp.mean(jnp.abs(made - lax.stop_gradient(true))) for true, made in pairs[:-1]) - jnp.mean(pairs[-1][1])

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from .adversary import LEAK, PREFIX
+from .adversary import LEAK, PREFIX, fooling, hinge
 
 # Width of each layer; kernels of 3 x 3, so that each logit sees 9 x 9 tokens.
 WIDTHS = (128, 128, 128, 1)
@@ -44,17 +44,9 @@ def features(p: dict[str, Array], before: Array, frames: Array, kind: jnp.dtype)
 
 def discriminator_loss(p: dict[str, Array], before: Array, true: Array, made: Array, kind: jnp.dtype) -> Array:
     """Hinge loss of the discriminator."""
-    both = features(p, jnp.concatenate([before, before]), jnp.concatenate([true, made]), kind)[-1]
-    return jnp.mean(jax.nn.relu(1 - both[: len(true)])) + jnp.mean(jax.nn.relu(1 + both[len(true) :]))
+    return hinge(features(p, jnp.concatenate([before, before]), jnp.concatenate([true, made]), kind))
 
 
 def generator_loss(p: dict[str, Array], before: Array, true: Array, made: Array, kind: jnp.dtype) -> Array:
     """Loss of the transformer: the negative mean of the logits, and the distance of the discriminator's features from those of the truth."""
-    both = features(p, jnp.concatenate([before, before]), jnp.concatenate([true, made]), kind)
-    matching = sum(jnp.mean(jnp.abs(f[len(true) :] - lax.stop_gradient(f[: len(true)]))) for f in both[:-1])
-    return matching - jnp.mean(both[-1][len(true) :])
-
-
-def detail(frames: Array) -> Array:
-    """Mean absolute difference of neighbouring tokens of `[..., h, w, C]`."""
-    return jnp.mean(jnp.abs(jnp.diff(frames, axis=-3))) + jnp.mean(jnp.abs(jnp.diff(frames, axis=-2)))
+    return fooling(features(p, jnp.concatenate([before, before]), jnp.concatenate([true, made]), kind))

@@ -20,7 +20,7 @@ from . import latent_adversary, optimiser, schedules, store, transformer
 from .clips import clip_name
 from .latents import Walks
 from .shapes import Stage, WorldPlan
-from .train_autoencoder import DISCRIMINATOR_SCALE
+from .train_autoencoder import DISCRIMINATOR_SCALE, detail
 
 SEED = 2
 # Maximum level of the drift that is added to a window's past after the seed, with noise level 0 as input, because the past of a rollout
@@ -195,7 +195,7 @@ def judge(
     predicted = lambda v: (noisy - s * v).reshape(true.shape)
     made = jax.lax.stop_gradient(predicted(v))
     figures = {"adversary": latent_adversary.discriminator_loss(p, before, true, made, kind)}
-    figures["detail"] = latent_adversary.detail(made) / latent_adversary.detail(true)
+    figures["detail"] = detail(made) / detail(true)
     more = DISCRIMINATOR_SCALE * figures["adversary"]
     if stage.adversary:
         fixed, at = jax.lax.stop_gradient(p), jax.lax.stop_gradient(v)

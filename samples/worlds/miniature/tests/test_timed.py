@@ -212,4 +212,4 @@ def test_the_discriminator_of_latents_tells_a_blur():
     for _ in range(40):
         state = step(state)
     assert loss(state.parameters) < 0.5 * first
-    assert float(latent_adversary.detail(blurred)) < 0.9 * float(latent_adversary.detail(sharp))
+    assert float(train_autoencoder.detail(blurred)) < 0.9 * float(train_autoencoder.detail(sharp))
