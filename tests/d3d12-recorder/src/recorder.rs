@@ -53,6 +53,8 @@ struct Object {
     kind: ObjectKind,
     label: String,
     stack: Option<Backtrace>,
+    /// Whether another object, such as a swap chain, keeps it when the program has released it.
+    is_kept: bool,
 }
 
 /// Type of the heap that has a resource.
@@ -140,6 +142,13 @@ enum Command {
     Work { function: &'static str, uses: Vec<Use>, tables: Vec<BoundTable> },
 }
 
+/// A command with the code address that recorded it.
+#[derive(Debug, Clone)]
+struct Recorded {
+    command: Command,
+    caller: usize,
+}
+
 /// Value of a root parameter.
 #[derive(Debug, Clone)]
 enum Argument {
@@ -163,12 +172,14 @@ struct List {
     /// Resets of the allocator when the list was opened.
     allocator_resets: u64,
     is_open: bool,
-    commands: Vec<Command>,
+    commands: Vec<Recorded>,
     used: HashSet<Id>,
     heaps: Vec<Id>,
     root: Option<Id>,
     arguments: Vec<Argument>,
     pipeline: Option<Id>,
+    /// Render targets and depth buffer.
+    targets: Vec<Use>,
     /// Queue and number of its last submission.
     submitted: Option<(usize, u64)>,
 }
@@ -182,13 +193,19 @@ struct InFlight {
     slots: Vec<Slots>,
 }
 
-type Submission = Vec<Command>;
+type Submission = Vec<Recorded>;
+
+/// Fence values that the processor may have waited for since the last call.
+type Completions = Box<dyn FnMut() -> Vec<(Id, u64)> + Send>;
 
 /// The recorder of a process.
 #[derive(Default)]
 pub struct Recorder {
     last_id: Id,
     findings: Vec<Finding>,
+    /// Code address of the call that is told, or 0.
+    caller: usize,
+    completions: Option<Completions>,
     objects: HashMap<Id, Object>,
     resources: HashMap<Id, Resource>,
     /// Buffers by their address for shaders.
@@ -210,8 +227,19 @@ impl Recorder {
         std::mem::take(&mut self.findings)
     }
 
+    /// The code address that makes the calls which follow. Findings have it.
+    pub fn set_caller(&mut self, caller: usize) {
+        self.caller = caller;
+    }
+
+    /// Asks `completions` for fence values before work counts as unfinished. A program can wait for a fence by an event, which no call to
+    /// Direct3D shows.
+    pub fn set_completions(&mut self, completions: impl FnMut() -> Vec<(Id, u64)> + Send + 'static) {
+        self.completions = Some(Box::new(completions));
+    }
+
     fn find(&mut self, rule: Rule, function: &'static str, text: impl Into<String>) {
-        self.findings.push(Finding { rule, function, text: text.into() });
+        self.findings.push(Finding { rule, function, text: text.into(), caller: self.caller });
     }
 
     fn label(&self, id: Id) -> String {
@@ -226,8 +254,15 @@ impl Recorder {
     /// A new object; returns its number.
     pub fn create(&mut self, kind: ObjectKind, label: impl Into<String>, stack: Option<Backtrace>) -> Id {
         self.last_id += 1;
-        self.objects.insert(self.last_id, Object { kind, label: label.into(), stack });
+        self.objects.insert(self.last_id, Object { kind, label: label.into(), stack, is_kept: false });
         self.last_id
+    }
+
+    /// The object was made by something else than a call, such as a swap chain, which keeps it: that it is released and alive is no fault.
+    pub fn keep(&mut self, id: Id) {
+        if let Some(object) = self.objects.get_mut(&id) {
+            object.is_kept = true;
+        }
     }
 
     /// The object is a queue.
@@ -278,11 +313,12 @@ impl Recorder {
         self.allocators.insert(allocator, Allocator { kind, resets: 0, recording: None });
     }
 
-    /// The object is an open list.
-    pub fn create_list(&mut self, list: Id, kind: ListKind, allocator: Id, pipeline: Option<Id>) {
+    /// The object is a list: open where it has an allocator.
+    pub fn create_list(&mut self, list: Id, kind: ListKind, allocator: Option<Id>, pipeline: Option<Id>) {
         let empty = List {
             kind,
-            allocator,
+            // No object has this number.
+            allocator: allocator.unwrap_or(0),
             allocator_resets: 0,
             is_open: false,
             commands: Vec::new(),
@@ -291,19 +327,22 @@ impl Recorder {
             root: None,
             arguments: Vec::new(),
             pipeline: None,
+            targets: Vec::new(),
             submitted: None,
         };
         self.lists.insert(list, empty);
-        self.open(list, allocator, pipeline, "ID3D12Device::CreateCommandList");
+        if let Some(allocator) = allocator {
+            self.open(list, allocator, pipeline, "ID3D12Device::CreateCommandList");
+        }
     }
 
     /// The last reference of an object was released.
     pub fn release(&mut self, id: Id) {
-        let Some(kind) = self.objects.get(&id).map(|object| object.kind) else { return };
-        self.retire();
+        let Some(object) = self.objects.get(&id).filter(|object| !object.is_kept) else { return };
+        let kind = object.kind;
         // A list's commands are in its allocator, and queues keep what they need of fences.
         let is_kept = matches!(kind, ObjectKind::List | ObjectKind::Fence | ObjectKind::Queue | ObjectKind::Device);
-        if !is_kept && self.in_flight.iter().any(|work| work.used.contains(&id)) {
+        if !is_kept && self.is_in_flight(|work| work.used.contains(&id)) {
             let text = format!("{} is released while queued commands use it", self.label(id));
             self.find(Rule::DeletedInUse, "IUnknown::Release", text);
         }
@@ -330,7 +369,8 @@ impl Recorder {
 
     /// Reports the objects that are alive, at the end of a program.
     pub fn report_live(&mut self) {
-        let mut ids: Vec<Id> = self.objects.keys().copied().collect();
+        let alive = self.objects.iter().filter(|(_, object)| !object.is_kept);
+        let mut ids: Vec<Id> = alive.map(|(&id, _)| id).collect();
         ids.sort_unstable();
         for id in ids {
             let object = &self.objects[&id];
@@ -345,6 +385,7 @@ impl Recorder {
 
     /// `ID3D12CommandQueue::Signal`.
     pub fn signal(&mut self, queue: Id, fence: Id, value: u64) {
+        self.complete();
         if let Some(&(queue, _)) = self.queues.get(&queue) {
             self.timeline.signal(queue, fence, value);
             self.advance();
@@ -353,6 +394,7 @@ impl Recorder {
 
     /// `ID3D12CommandQueue::Wait`.
     pub fn wait(&mut self, queue: Id, fence: Id, value: u64) {
+        self.complete();
         if let Some(&(queue, _)) = self.queues.get(&queue) {
             self.timeline.wait(queue, fence, value);
             self.advance();
@@ -370,10 +412,23 @@ impl Recorder {
         self.timeline.observe(fence, value);
     }
 
-    /// Forgets submissions that the processor knows to be complete.
-    fn retire(&mut self) {
+    /// Observes fence values that the processor may have waited for by an event.
+    fn complete(&mut self) {
+        let values = self.completions.as_mut().map(|completions| completions()).unwrap_or_default();
+        for (fence, value) in values {
+            self.timeline.observe(fence, value);
+        }
+    }
+
+    /// Whether a submission may still run, as far as the processor knows, that is like this.
+    fn is_in_flight(&mut self, is_like: impl Fn(&InFlight) -> bool) -> bool {
+        if !self.in_flight.iter().any(&is_like) {
+            return false;
+        }
+        self.complete();
         let timeline = &self.timeline;
         self.in_flight.retain(|work| !timeline.is_complete(work.queue, work.index));
+        self.in_flight.iter().any(is_like)
     }
 
     // Descriptors.
@@ -381,11 +436,15 @@ impl Recorder {
     /// A view is written.
     pub fn write_view(&mut self, function: &'static str, address: u64, view: View) {
         let Some(slot) = self.descriptors.by_cpu(address) else {
-            return self.find(Rule::DescriptorHandleInvalid, function, format!("no heap has the descriptor at {address:#x}"));
+            return self.find(
+                Rule::DescriptorHandleInvalid,
+                function,
+                format!("no heap has the descriptor at {address:#x}"),
+            );
         };
-        self.retire();
-        if self.in_flight.iter().any(|work| work.slots.iter().any(|slots| slots.has(slot))) {
-            let text = format!("descriptor {} of {} is written while queued commands use it", slot.1, self.label(slot.0));
+        if self.is_in_flight(|work| work.slots.iter().any(|slots| slots.has(slot))) {
+            let text =
+                format!("descriptor {} of {} is written while queued commands use it", slot.1, self.label(slot.0));
             self.find(Rule::DescriptorInUse, function, text);
         }
         self.descriptors.write(slot, view);
@@ -394,7 +453,11 @@ impl Recorder {
     /// A descriptor is copied.
     pub fn copy_view(&mut self, function: &'static str, to: u64, from: u64) {
         let Some((heap, index)) = self.descriptors.by_cpu(from) else {
-            return self.find(Rule::DescriptorHandleInvalid, function, format!("no heap has the descriptor at {from:#x}"));
+            return self.find(
+                Rule::DescriptorHandleInvalid,
+                function,
+                format!("no heap has the descriptor at {from:#x}"),
+            );
         };
         if let Some(view) = self.descriptors.read(heap, index).cloned() {
             self.write_view(function, to, view);
@@ -410,8 +473,9 @@ impl Recorder {
 
     /// `Evict`.
     pub fn evict(&mut self, function: &'static str, object: Id) {
-        self.retire();
-        if self.in_flight.iter().any(|work| work.used.contains(&object) || self.uses_heap(work, object)) {
+        let placed = |found: &Resource| found.desc.heap == Some(object);
+        let parts: HashSet<Id> = self.resources.iter().filter(|(_, found)| placed(found)).map(|(&id, _)| id).collect();
+        if self.is_in_flight(|work| work.used.contains(&object) || !work.used.is_disjoint(&parts)) {
             let text = format!("{} is evicted while queued commands use it", self.label(object));
             self.find(Rule::EvictedInUse, function, text);
         }
@@ -427,10 +491,6 @@ impl Recorder {
         self.resources.get(&resource)?.desc.heap
     }
 
-    fn uses_heap(&self, work: &InFlight, heap: Id) -> bool {
-        work.used.iter().any(|&id| self.heap_of(id) == Some(heap))
-    }
-
     // Memory of the processor.
 
     /// `ID3D12Resource::Map`. `read` is the range that is read; `None` for all of it.
@@ -444,15 +504,24 @@ impl Recorder {
             return self.find(Rule::MapInvalidHeap, FUNCTION, format!("{label} is in a default heap"));
         }
         if subresource as usize >= count {
-            return self.find(Rule::MapInvalidSubresource, FUNCTION, format!("{label} has no subresource {subresource}"));
+            return self.find(
+                Rule::MapInvalidSubresource,
+                FUNCTION,
+                format!("{label} has no subresource {subresource}"),
+            );
         }
-        if let Some(read) = read.as_ref().filter(|read| read.start > read.end || desc.is_buffer && read.end > desc.bytes) {
+        if let Some(read) =
+            read.as_ref().filter(|read| read.start > read.end || desc.is_buffer && read.end > desc.bytes)
+        {
             self.find(Rule::MapInvalidRange, FUNCTION, format!("{label} is read at {read:?}"));
         }
-        self.retire();
         let reads = read.is_none_or(|read| read.start < read.end) && desc.memory == Memory::Readback;
-        if reads && self.in_flight.iter().any(|work| work.written.contains(&resource)) {
-            self.find(Rule::MapInUse, FUNCTION, format!("{label} is mapped for reading while queued commands write it"));
+        if reads && self.is_in_flight(|work| work.written.contains(&resource)) {
+            self.find(
+                Rule::MapInUse,
+                FUNCTION,
+                format!("{label} is mapped for reading while queued commands write it"),
+            );
         }
     }
 
@@ -467,7 +536,8 @@ impl Recorder {
         if !was_mapped {
             return self.find(Rule::UnmapNotMapped, FUNCTION, format!("{label} is not mapped"));
         }
-        if let Some(range) = written.filter(|range| range.start > range.end || desc.is_buffer && range.end > desc.bytes) {
+        if let Some(range) = written.filter(|range| range.start > range.end || desc.is_buffer && range.end > desc.bytes)
+        {
             self.find(Rule::UnmapInvalidRange, FUNCTION, format!("{label} was written at {range:?}"));
         }
     }
@@ -477,7 +547,6 @@ impl Recorder {
     /// `ID3D12CommandAllocator::Reset`.
     pub fn reset_allocator(&mut self, allocator: Id) {
         const FUNCTION: &str = "ID3D12CommandAllocator::Reset";
-        self.retire();
         let label = self.label(allocator);
         let Some(found) = self.allocators.get_mut(&allocator) else { return };
         found.resets += 1;
@@ -485,7 +554,7 @@ impl Recorder {
             let text = format!("{label} is reset while {} is recorded", self.label(list));
             self.find(Rule::AllocatorRecording, FUNCTION, text);
         }
-        if self.in_flight.iter().any(|work| work.used.contains(&allocator)) {
+        if self.is_in_flight(|work| work.used.contains(&allocator)) {
             self.find(Rule::AllocatorInUse, FUNCTION, format!("{label} is reset while its commands may still run"));
         }
     }
@@ -505,8 +574,9 @@ impl Recorder {
         let Some(found) = self.lists.get_mut(&list) else { return };
         let Some(memory) = self.allocators.get_mut(&allocator) else { return };
         let (kind, other) = (memory.kind, memory.recording.replace(list));
+        let own = found.kind;
         *found = List {
-            kind: found.kind,
+            kind: own,
             allocator,
             allocator_resets: memory.resets,
             is_open: true,
@@ -516,11 +586,12 @@ impl Recorder {
             root: None,
             arguments: Vec::new(),
             pipeline,
+            targets: Vec::new(),
             submitted: None,
         };
         found.used.extend(pipeline);
-        if kind != found.kind {
-            let text = format!("{label} is of type {:?}, {} of {kind:?}", found.kind, self.label(allocator));
+        if kind != own {
+            let text = format!("{label} is of type {own:?}, {} of {kind:?}", self.label(allocator));
             self.find(Rule::AllocatorType, function, text);
         }
         if let Some(other) = other.filter(|other| *other != list) {
@@ -562,6 +633,14 @@ impl Recorder {
         self.lists.get_mut(&list)
     }
 
+    /// Adds a command to an open list.
+    fn push(&mut self, list: Id, command: Command) {
+        let caller = self.caller;
+        if let Some(list) = self.lists.get_mut(&list) {
+            list.commands.push(Recorded { command, caller });
+        }
+    }
+
     /// A command without effects here that only lists of a type have, such as a draw.
     pub fn command(&mut self, list: Id, function: &'static str, kind: ListKind) {
         _ = self.record(list, function, kind);
@@ -581,7 +660,7 @@ impl Recorder {
         let Some(found) = self.record(list, FUNCTION, ListKind::Copy) else { return };
         let kind = found.kind;
         found.used.insert(resource);
-        found.commands.push(Command::Transition { resource, subresource, before, after, part });
+        self.push(list, Command::Transition { resource, subresource, before, after, part });
         let Some(found) = self.resources.get(&resource) else { return };
         let (desc, count, behaviour) = (found.desc.clone(), found.states.count(), found.states.behaviour());
         let change = format!("{label}: a barrier from {before:?} to {after:?}");
@@ -610,7 +689,7 @@ impl Recorder {
     pub fn uav_barrier(&mut self, list: Id, resource: Option<Id>) {
         if let Some(found) = self.record(list, "ID3D12GraphicsCommandList::ResourceBarrier", ListKind::Compute) {
             found.used.extend(resource);
-            found.commands.push(Command::UavBarrier(resource));
+            self.push(list, Command::UavBarrier(resource));
         }
     }
 
@@ -619,15 +698,17 @@ impl Recorder {
         if let Some(found) = self.record(list, function, kind) {
             found.used.extend(uses.iter().map(|one| one.resource));
             found.used.extend(others);
-            found.commands.push(Command::Work { function, uses, tables: Vec::new() });
+            self.push(list, Command::Work { function, uses, tables: Vec::new() });
         }
     }
 
     /// `CopyBufferRegion`.
     pub fn copy_buffer(&mut self, list: Id, to: (Id, u64), from: (Id, u64), bytes: u64) {
         const FUNCTION: &str = "ID3D12GraphicsCommandList::CopyBufferRegion";
-        let sides =
-            [(to, State::COPY_DEST, Rule::CopyDestinationOutOfBounds), (from, State::COPY_SOURCE, Rule::CopySourceOutOfBounds)];
+        let sides = [
+            (to, State::COPY_DEST, Rule::CopyDestinationOutOfBounds),
+            (from, State::COPY_SOURCE, Rule::CopySourceOutOfBounds),
+        ];
         let mut uses = Vec::new();
         for ((resource, start), state, rule) in sides {
             let end = start.saturating_add(bytes);
@@ -652,10 +733,30 @@ impl Recorder {
 
     /// A command that uses the resource of a descriptor which lists read at once: a render target, or a view to clear.
     pub fn use_view(&mut self, list: Id, function: &'static str, address: u64, state: State, kind: ListKind) {
-        let view = self.descriptors.by_cpu(address).and_then(|(heap, index)| self.descriptors.read(heap, index));
-        let used = view.and_then(|view| view.resource.clone());
-        let uses = used.into_iter().map(|(resource, region)| Use { resource, region, state }).collect();
+        let uses = self.use_of_view(address, state).into_iter().collect();
         self.work(list, function, kind, uses, &[]);
+    }
+
+    /// What lists read at once of the descriptor at an address, for a use in a state.
+    fn use_of_view(&self, address: u64, state: State) -> Option<Use> {
+        let (heap, index) = self.descriptors.by_cpu(address)?;
+        let (resource, region) = self.descriptors.read(heap, index)?.resource.clone()?;
+        Some(Use { resource, region, state })
+    }
+
+    /// `OMSetRenderTargets`: addresses of descriptors, each with the state that draws need.
+    pub fn set_targets(&mut self, list: Id, targets: &[(u64, State)]) {
+        let function = "ID3D12GraphicsCommandList::OMSetRenderTargets";
+        let uses = targets.iter().filter_map(|&(address, state)| self.use_of_view(address, state)).collect();
+        if let Some(found) = self.record(list, function, ListKind::Direct) {
+            found.targets = uses;
+        }
+    }
+
+    /// A draw. Of what it uses, only render targets and the depth buffer are checked.
+    pub fn draw(&mut self, list: Id, function: &'static str) {
+        let targets = self.lists.get(&list).map(|list| list.targets.clone()).unwrap_or_default();
+        self.work(list, function, ListKind::Direct, targets, &[]);
     }
 
     // Bindings.
@@ -760,8 +861,22 @@ impl Recorder {
         }
     }
 
+    /// The buffer that has an address for shaders, and its bytes from there on.
+    pub fn buffer_at(&self, address: u64) -> Option<(Id, Range<u64>)> {
+        let (&start, &id) = self.addresses.range(..=address).next_back()?;
+        let bytes = self.resources.get(&id)?.desc.bytes;
+        (address - start < bytes).then_some((id, address - start..bytes))
+    }
+
     /// `SetComputeRootConstantBufferView` and the others.
-    pub fn set_root_view(&mut self, list: Id, function: &'static str, parameter: u32, kind: DescriptorKind, address: u64) {
+    pub fn set_root_view(
+        &mut self,
+        list: Id,
+        function: &'static str,
+        parameter: u32,
+        kind: DescriptorKind,
+        address: u64,
+    ) {
         let (rule, state) = match kind {
             DescriptorKind::Cbv => (Rule::SetRootCbvInvalid, State::CONSTANT_BUFFER),
             DescriptorKind::Uav => (Rule::SetRootUavInvalid, State::UNORDERED_ACCESS),
@@ -770,11 +885,9 @@ impl Recorder {
         if self.parameter(list, parameter) != Some(&Parameter::Descriptor(kind)) {
             return self.find(rule, function, format!("parameter {parameter} is no root {kind:?}"));
         }
-        let found = self.addresses.range(..=address).next_back().map(|(&start, &id)| (id, address - start));
-        let bytes = |id: Id| self.resources.get(&id).map_or(0, |found| found.desc.bytes);
-        match found.filter(|&(id, start)| start < bytes(id)) {
-            Some((resource, start)) => {
-                let one = Use { resource, region: Region::Bytes(start..bytes(resource)), state };
+        match self.buffer_at(address) {
+            Some((resource, bytes)) => {
+                let one = Use { resource, region: Region::Bytes(bytes), state };
                 self.set_argument(list, function, parameter, Argument::Descriptor(one));
             }
             None => self.find(rule, function, format!("no buffer has the address {address:#x}")),
@@ -783,22 +896,33 @@ impl Recorder {
 
     /// `Dispatch`.
     pub fn dispatch(&mut self, list: Id) {
-        const FUNCTION: &str = "ID3D12GraphicsCommandList::Dispatch";
-        let Some(found) = self.record(list, FUNCTION, ListKind::Compute) else { return };
+        self.dispatch_with(list, "ID3D12GraphicsCommandList::Dispatch", Vec::new());
+    }
+
+    /// A dispatch by `ExecuteIndirect`, which reads its arguments from a buffer, and their number from another.
+    pub fn dispatch_indirect(&mut self, list: Id, arguments: Id, count: Option<Id>) {
+        let state = State::INDIRECT_ARGUMENT;
+        let uses = [Some(arguments), count].into_iter().flatten();
+        let uses = uses.map(|resource| Use { resource, region: Region::All, state }).collect();
+        self.dispatch_with(list, "ID3D12GraphicsCommandList::ExecuteIndirect", uses);
+    }
+
+    fn dispatch_with(&mut self, list: Id, function: &'static str, mut uses: Vec<Use>) {
+        let Some(found) = self.record(list, function, ListKind::Compute) else { return };
         let (root, pipeline, arguments) = (found.root, found.pipeline, found.arguments.clone());
         let label = self.label(list);
         let Some(pipeline) = pipeline else {
-            return self.find(Rule::PipelineNotSet, FUNCTION, format!("{label} has no pipeline"));
+            return self.find(Rule::PipelineNotSet, function, format!("{label} has no pipeline"));
         };
         let Some(signature) = root.and_then(|root| self.roots.get(&root)).cloned() else {
-            return self.find(Rule::RootSignatureNotSet, FUNCTION, format!("{label} has no root signature"));
+            return self.find(Rule::RootSignatureNotSet, function, format!("{label} has no root signature"));
         };
         let of_pipeline = self.pipelines.get(&pipeline).copied().flatten().and_then(|root| self.roots.get(&root));
         if of_pipeline.is_some_and(|other| *other != signature) {
             let text = format!("{} has another root signature", self.label(pipeline));
-            self.find(Rule::RootSignatureMismatch, FUNCTION, text);
+            self.find(Rule::RootSignatureMismatch, function, text);
         }
-        let (mut uses, mut tables) = (Vec::new(), Vec::new());
+        let mut tables = Vec::new();
         for (number, (parameter, argument)) in signature.parameters.iter().zip(arguments).enumerate() {
             let missing = match (parameter, argument) {
                 (Parameter::Table(_), Argument::Table(heap, first)) => {
@@ -819,12 +943,12 @@ impl Recorder {
                 (Parameter::Descriptor(_), _) => Some(Rule::RootSrvNotSet),
             };
             if let Some(rule) = missing {
-                self.find(rule, FUNCTION, format!("root parameter {number} of {label} is not set"));
+                self.find(rule, function, format!("root parameter {number} of {label} is not set"));
             }
         }
         if let Some(found) = self.lists.get_mut(&list) {
             found.used.extend(uses.iter().map(|one| one.resource));
-            found.commands.push(Command::Work { function: FUNCTION, uses, tables });
+            self.push(list, Command::Work { function, uses, tables });
         }
     }
 
@@ -834,11 +958,11 @@ impl Recorder {
     pub fn execute(&mut self, queue: Id, lists: &[Id]) {
         const FUNCTION: &str = "ID3D12CommandQueue::ExecuteCommandLists";
         let Some(&(queue, queue_kind)) = self.queues.get(&queue) else { return };
-        self.retire();
+        self.complete();
+        let caller = self.caller;
         let index = self.timeline.next_submission(queue);
         let mut commands = Vec::new();
-        let mut work =
-            InFlight { queue, index, used: HashSet::new(), written: HashSet::new(), slots: Vec::new() };
+        let mut work = InFlight { queue, index, used: HashSet::new(), written: HashSet::new(), slots: Vec::new() };
         for &id in lists {
             let label = self.label(id);
             let Some(list) = self.lists.get_mut(&id) else { continue };
@@ -857,13 +981,18 @@ impl Recorder {
                 self.find(Rule::ListInUse, FUNCTION, format!("{label} may still run"));
             }
             if self.allocators.get(&allocator).is_some_and(|allocator| allocator.resets != resets) {
-                self.find(Rule::AllocatorReset, FUNCTION, format!("the allocator of {label} was reset since it was closed"));
+                self.find(
+                    Rule::AllocatorReset,
+                    FUNCTION,
+                    format!("the allocator of {label} was reset since it was closed"),
+                );
             }
             work.used.extend(used);
             commands.extend(recorded);
         }
         for command in &mut commands {
-            if let Command::Work { function, uses, tables } = command {
+            if let Command::Work { function, uses, tables } = &mut command.command {
+                self.caller = command.caller;
                 for table in std::mem::take(tables) {
                     self.resolve(function, &table, uses, &mut work);
                 }
@@ -871,6 +1000,7 @@ impl Recorder {
                 work.written.extend(uses.iter().filter(|one| one.state.writes()).map(|one| one.resource));
             }
         }
+        self.caller = caller;
         let mut used: Vec<Id> = work.used.iter().copied().collect();
         used.sort_unstable();
         for id in used {
@@ -928,19 +1058,23 @@ impl Recorder {
 
     /// Runs the submissions that no fence holds back.
     fn advance(&mut self) {
+        let caller = self.caller;
         for Executed { queue, index, clock, work } in self.timeline.advance() {
             self.run(queue, index, &clock, &work);
+            self.caller = caller;
         }
     }
 
-    fn run(&mut self, queue: usize, index: u64, clock: &Clock, commands: &[Command]) {
+    fn run(&mut self, queue: usize, index: u64, clock: &Clock, commands: &[Recorded]) {
         const BARRIER: &str = "ID3D12GraphicsCommandList::ResourceBarrier";
-        let kind = self.queues.values().find(|(number, _)| *number == queue).map_or(ListKind::Direct, |(_, kind)| *kind);
+        let kind =
+            self.queues.values().find(|(number, _)| *number == queue).map_or(ListKind::Direct, |(_, kind)| *kind);
         // Accesses through unordered access views since the last barrier.
         let mut unordered: HashMap<Id, Vec<Region>> = HashMap::new();
         let mut touched: HashSet<Id> = HashSet::new();
         let mut accesses: HashSet<(Id, Region, bool)> = HashSet::new();
-        for command in commands {
+        for Recorded { command, caller } in commands {
+            self.caller = *caller;
             match command {
                 Command::UavBarrier(None) => unordered.clear(),
                 Command::UavBarrier(Some(resource)) => _ = unordered.remove(resource),
@@ -965,7 +1099,8 @@ impl Recorder {
                         touched.insert(*resource);
                         accesses.insert((*resource, region.clone(), state.writes()));
                         if *state == State::UNORDERED_ACCESS {
-                            if unordered.get(resource).is_some_and(|earlier| earlier.iter().any(|r| r.overlaps(region))) {
+                            if unordered.get(resource).is_some_and(|earlier| earlier.iter().any(|r| r.overlaps(region)))
+                            {
                                 let text = format!("{} is used again", self.label(*resource));
                                 self.find(Rule::UavWithoutBarrier, function, text);
                             }
@@ -1005,8 +1140,7 @@ impl Recorder {
                     && past.region.overlaps(&region)
             };
             let other = found.accesses.iter().find(|past| conflicts(past)).map(|past| (past.queue, past.index));
-            let is_same =
-                |past: &PastAccess| past.queue == queue && past.writes == writes && past.region == region;
+            let is_same = |past: &PastAccess| past.queue == queue && past.writes == writes && past.region == region;
             match found.accesses.iter_mut().find(|past| is_same(past)) {
                 Some(past) => past.index = index,
                 None => found.accesses.push(PastAccess { queue, index, region, writes }),

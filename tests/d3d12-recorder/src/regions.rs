@@ -46,8 +46,7 @@ impl Region {
             Self::All | Self::Bytes(_) => (0..levels, 0..slices),
         };
         let number = |plane: u32, slice: u32, level: u32| (level + levels * (slice + slices * plane)) as usize;
-        let of_slice =
-            |plane, slice| chosen_levels.clone().map(move |level| (plane, slice, level)).collect::<Vec<_>>();
+        let of_slice = |plane, slice| chosen_levels.clone().map(move |level| (plane, slice, level)).collect::<Vec<_>>();
         let of_plane = |plane| chosen_slices.clone().flat_map(move |slice| of_slice(plane, slice)).collect::<Vec<_>>();
         (0..planes).flat_map(of_plane).map(|(plane, slice, level)| number(plane, slice, level)).collect()
     }

@@ -195,6 +195,8 @@ pub struct Finding {
     pub function: &'static str,
     /// The objects and values.
     pub text: String,
+    /// Code address that made the call, or recorded the command; 0 if it is not known.
+    pub caller: usize,
 }
 
 impl Finding {

@@ -97,7 +97,8 @@ impl fmt::Debug for State {
         if *self == Self::COMMON {
             return f.write_str("COMMON");
         }
-        let named = NAMES.iter().enumerate().filter(|(bit, _)| self.0 >> bit & 1 == 1).map(|(_, name)| (*name).to_owned());
+        let named =
+            NAMES.iter().enumerate().filter(|(bit, _)| self.0 >> bit & 1 == 1).map(|(_, name)| (*name).to_owned());
         let unnamed = self.0 >> NAMES.len() << NAMES.len();
         let parts: Vec<String> = named.chain((unnamed != 0).then(|| format!("{unnamed:#x}"))).collect();
         f.write_str(&parts.join("|"))
@@ -183,12 +184,18 @@ impl ResourceStates {
                     broken.push((Rule::BarrierUnmatchedEnd, format!("subresource {number}: no such barrier began")));
                 }
             } else if current.split.is_some() {
-                broken.push((Rule::BarrierUnmatchedBegin, format!("subresource {number}: a split barrier has not ended")));
+                broken.push((
+                    Rule::BarrierUnmatchedBegin,
+                    format!("subresource {number}: a split barrier has not ended"),
+                ));
             }
             if current.state != before {
                 broken.push((
                     Rule::BarrierBeforeMismatch,
-                    format!("subresource {number}: a barrier from {before:?} to {after:?}, but it is in {:?}", current.state),
+                    format!(
+                        "subresource {number}: a barrier from {before:?} to {after:?}, but it is in {:?}",
+                        current.state
+                    ),
                 ));
             }
             *current = match part {
@@ -221,8 +228,10 @@ impl ResourceStates {
                 current.is_promoted = true;
                 continue;
             }
-            broken =
-                Some((Rule::InvalidState, format!("subresource {number}: needs {needed:?}, but is in {:?}", current.state)));
+            broken = Some((
+                Rule::InvalidState,
+                format!("subresource {number}: needs {needed:?}, but is in {:?}", current.state),
+            ));
         }
         broken
     }
@@ -255,7 +264,10 @@ mod tests {
         let mut states = ResourceStates::new(Behaviour::Texture, 2, State::COMMON);
         let (common, write) = (State::COMMON, State::UNORDERED_ACCESS);
         assert_eq!(states.transition(&[1], common, write, BarrierPart::Whole), []);
-        assert_eq!(rules(&states.transition(&[0, 1], write, common, BarrierPart::Whole)), [Rule::BarrierBeforeMismatch]);
+        assert_eq!(
+            rules(&states.transition(&[0, 1], write, common, BarrierPart::Whole)),
+            [Rule::BarrierBeforeMismatch]
+        );
         assert_eq!(states.require(&[0], State::NON_PIXEL_SHADER_RESOURCE), None);
     }
 

@@ -1,0 +1,94 @@
+//! The functions of `d3d12.dll`, passed on to Windows' own.
+
+use std::ffi::c_void;
+use std::sync::OnceLock;
+
+use windows::Win32::Foundation::HMODULE;
+use windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryW};
+use windows::core::{BOOL, GUID, HRESULT, PCSTR, s, w};
+
+use super::device;
+
+/// Windows' own library.
+fn library() -> HMODULE {
+    static LIBRARY: OnceLock<usize> = OnceLock::new();
+    // SAFETY: Windows' own library. By its whole path, since the name alone is this library's.
+    let load =
+        || unsafe { LoadLibraryW(w!("C:\\windows\\system32\\d3d12.dll")) }.expect("Windows' d3d12.dll").0 as usize;
+    HMODULE(*LIBRARY.get_or_init(load) as *mut c_void)
+}
+
+/// A function of Windows' own library.
+///
+/// # Safety
+/// `F` is the type of the function with that name.
+unsafe fn original<F: Copy>(name: PCSTR) -> F {
+    assert_eq!(size_of::<F>(), size_of::<usize>(), "a function");
+    // SAFETY: a live library, and a name that ends.
+    let found = unsafe { GetProcAddress(library(), name) }.expect("a function of d3d12.dll");
+    // SAFETY: the caller's promise; both are addresses of functions.
+    unsafe { std::mem::transmute_copy(&found) }
+}
+
+/// `D3D12CreateDevice`: the device's calls are recorded.
+///
+/// # Safety
+/// As the original.
+#[unsafe(no_mangle)]
+pub(super) unsafe extern "system" fn D3D12CreateDevice(
+    adapter: *mut c_void,
+    level: i32,
+    id: *const GUID,
+    device: *mut *mut c_void,
+) -> HRESULT {
+    type Create = unsafe extern "system" fn(*mut c_void, i32, *const GUID, *mut *mut c_void) -> HRESULT;
+    // SAFETY: the caller's own arguments, passed on.
+    let result = unsafe { original::<Create>(s!("D3D12CreateDevice"))(adapter, level, id, device) };
+    if result.is_ok() && !device.is_null() {
+        // SAFETY: a device that was just created.
+        unsafe { device::record(*device) };
+    }
+    result
+}
+
+/// Functions that make no device.
+macro_rules! passed_on {
+    ($($name:ident($($argument:ident: $kind:ty),*);)*) => {$(
+        /// Passed on.
+        ///
+        /// # Safety
+        /// As the original.
+        #[unsafe(no_mangle)]
+        pub(super) unsafe extern "system" fn $name($($argument: $kind),*) -> HRESULT {
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe {
+                original::<unsafe extern "system" fn($($kind),*) -> HRESULT>(PCSTR(concat!(stringify!($name), "\0").as_ptr()))($($argument),*)
+            }
+        }
+    )*};
+}
+
+passed_on! {
+    D3D12GetDebugInterface(id: *const GUID, made: *mut *mut c_void);
+    D3D12GetInterface(class: *const GUID, id: *const GUID, made: *mut *mut c_void);
+    D3D12EnableExperimentalFeatures(count: u32, features: *const GUID, settings: *mut c_void, sizes: *mut u32);
+    D3D12SerializeRootSignature(desc: *const c_void, version: i32, made: *mut *mut c_void, error: *mut *mut c_void);
+    D3D12SerializeVersionedRootSignature(desc: *const c_void, made: *mut *mut c_void, error: *mut *mut c_void);
+    D3D12CreateRootSignatureDeserializer(bytes: *const c_void, size: usize, id: *const GUID, made: *mut *mut c_void);
+    D3D12CreateVersionedRootSignatureDeserializer(bytes: *const c_void, size: usize, id: *const GUID, made: *mut *mut c_void);
+}
+
+const PROCESS_DETACH: u32 = 0;
+
+/// At the end of the process, objects that are alive are reported.
+///
+/// # Safety
+/// Called by Windows.
+#[unsafe(no_mangle)]
+pub(super) unsafe extern "system" fn DllMain(_: HMODULE, reason: u32, reserved: *mut c_void) -> BOOL {
+    // Null if the library alone is unloaded.
+    if reason == PROCESS_DETACH && !reserved.is_null() {
+        super::report_live();
+    }
+    true.into()
+}

@@ -1,0 +1,133 @@
+//! The calls of this process.
+
+mod device;
+mod exports;
+mod hooks;
+mod list;
+mod queue;
+mod resource;
+mod views;
+
+use std::backtrace::Backtrace;
+use std::collections::HashMap;
+use std::ffi::c_void;
+use std::io::Write;
+
+use parking_lot::Mutex;
+use windows::Win32::Foundation::{CloseHandle, HANDLE, HMODULE, WAIT_OBJECT_0};
+use windows::Win32::System::LibraryLoader::{
+    GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT, GetModuleFileNameW,
+    GetModuleHandleExW,
+};
+use windows::Win32::System::Threading::WaitForSingleObject;
+use windows::core::PCWSTR;
+
+use crate::recorder::{ObjectKind, Recorder};
+use crate::rules::Finding;
+use crate::timeline::Id;
+
+/// The recorder, and the numbers of live objects.
+struct Calls {
+    recorder: Recorder,
+    /// By address.
+    ids: HashMap<usize, Id>,
+}
+
+static CALLS: Mutex<Option<Calls>> = Mutex::new(None);
+
+/// An event of our own that a fence sets when it has a value, for which the program has an event as well.
+struct FenceEvent {
+    event: HANDLE,
+    fence: Id,
+    value: u64,
+}
+
+// SAFETY: a handle is a number.
+unsafe impl Send for FenceEvent {}
+
+impl Drop for FenceEvent {
+    fn drop(&mut self) {
+        // SAFETY: our own event, closed once.
+        _ = unsafe { CloseHandle(self.event) };
+    }
+}
+
+static EVENTS: Mutex<Vec<FenceEvent>> = Mutex::new(Vec::new());
+
+/// Fence values whose events are set.
+fn reached() -> Vec<(Id, u64)> {
+    // SAFETY: an event that lives during the call.
+    let is_set = |one: &mut FenceEvent| unsafe { WaitForSingleObject(one.event, 0) } == WAIT_OBJECT_0;
+    EVENTS.lock().extract_if(.., is_set).map(|one| (one.fence, one.value)).collect()
+}
+
+/// Reports to the recorder what the code at `caller` calls.
+fn report<T>(caller: usize, event: impl FnOnce(&mut Calls) -> T) -> T {
+    let mut calls = CALLS.lock();
+    let calls = calls.get_or_insert_with(|| {
+        let mut recorder = Recorder::default();
+        recorder.set_completions(reached);
+        Calls { recorder, ids: HashMap::new() }
+    });
+    calls.recorder.set_caller(caller);
+    let result = event(calls);
+    print(calls.recorder.take_findings());
+    result
+}
+
+/// Reports the objects that are alive; for the end of the process, when no other thread runs.
+fn report_live() {
+    // A thread that was ended could hold it.
+    let Some(mut calls) = CALLS.try_lock() else { return };
+    if let Some(calls) = calls.as_mut() {
+        calls.recorder.set_caller(0);
+        calls.recorder.report_live();
+        print(calls.recorder.take_findings());
+    }
+}
+
+/// Each finding in one piece, since other threads print as well.
+fn print(findings: Vec<Finding>) {
+    for mut finding in findings {
+        if let Some(module) = module_of(finding.caller) {
+            finding.text = format!("{} [{module}]", finding.text);
+        }
+        let mut out = std::io::stdout().lock();
+        _ = out.write_all(finding.to_json().as_bytes()).and_then(|()| out.flush());
+    }
+}
+
+/// File name of the module that has a code address.
+fn module_of(address: usize) -> Option<String> {
+    let mut module = HMODULE::default();
+    let flags = GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS | GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT;
+    // SAFETY: by these flags the address is no string, and a variable that lives during the call.
+    unsafe { GetModuleHandleExW(flags, PCWSTR(address as *const u16), &mut module) }.ok()?;
+    let mut path = [0; 512];
+    // SAFETY: a live module.
+    let length = unsafe { GetModuleFileNameW(Some(module), &mut path) } as usize;
+    let path = String::from_utf16_lossy(&path[..length]);
+    Some(path.rsplit('\\').next()?.to_owned())
+}
+
+impl Calls {
+    /// Number of the live object at an address.
+    fn id(&self, object: *mut c_void) -> Option<Id> {
+        self.ids.get(&(object as usize)).copied()
+    }
+
+    /// A new object.
+    fn add(&mut self, object: *mut c_void, kind: ObjectKind, label: impl Into<String>) -> Id {
+        let id = self.recorder.create(kind, label, Some(Backtrace::force_capture()));
+        self.ids.insert(object as usize, id);
+        id
+    }
+
+    /// Number of an object before its release.
+    fn released(&mut self, object: usize, id: Id) {
+        if self.ids.get(&object) == Some(&id) {
+            self.ids.remove(&object);
+        }
+        self.recorder.release(id);
+    }
+}

@@ -1,0 +1,127 @@
+//! `ID3D12CommandQueue`, `ID3D12Fence` and `ID3D12CommandAllocator`.
+
+/// Queues.
+pub(super) mod queues {
+    use std::ffi::c_void;
+
+    use windows::Win32::Graphics::Direct3D12::ID3D12CommandQueue_Vtbl;
+    use windows::core::HRESULT;
+
+    use super::super::hooks::{caller, hooks};
+    use super::super::report;
+
+    hooks! { ID3D12CommandQueue_Vtbl;
+        fn ExecuteCommandLists[original](this, count: u32, lists: *const *mut c_void) {
+            let caller = caller();
+            // SAFETY: the caller's own lists.
+            let given = unsafe { std::slice::from_raw_parts(lists, count as usize) };
+            report(caller, |calls| {
+                let lists: Vec<_> = given.iter().filter_map(|list| calls.id(*list)).collect();
+                if let Some(queue) = calls.id(this) {
+                    calls.recorder.execute(queue, &lists);
+                }
+            });
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe { original(this, count, lists) }
+        }
+        fn Signal[original](this, fence: *mut c_void, value: u64) -> HRESULT {
+            report(caller(), |calls| {
+                if let (Some(queue), Some(fence)) = (calls.id(this), calls.id(fence)) {
+                    calls.recorder.signal(queue, fence, value);
+                }
+            });
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe { original(this, fence, value) }
+        }
+        fn Wait[original](this, fence: *mut c_void, value: u64) -> HRESULT {
+            report(caller(), |calls| {
+                if let (Some(queue), Some(fence)) = (calls.id(this), calls.id(fence)) {
+                    calls.recorder.wait(queue, fence, value);
+                }
+            });
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe { original(this, fence, value) }
+        }
+    }
+}
+
+/// Fences.
+pub(super) mod fences {
+    use std::ffi::c_void;
+
+    use windows::Win32::Foundation::HANDLE;
+    use windows::Win32::Graphics::Direct3D12::ID3D12Fence_Vtbl;
+    use windows::Win32::System::Threading::CreateEventW;
+    use windows::core::{HRESULT, PCWSTR};
+
+    use super::super::hooks::{caller, hooks};
+    use super::super::{EVENTS, FenceEvent, report};
+
+    /// The processor found a value, or waited for it.
+    fn observe(fence: *mut c_void, value: u64) {
+        report(0, |calls| {
+            if let Some(fence) = calls.id(fence) {
+                calls.recorder.observe(fence, value);
+            }
+        });
+    }
+
+    hooks! { ID3D12Fence_Vtbl;
+        fn GetCompletedValue[original](this) -> u64 {
+            // SAFETY: the caller's own argument, passed on.
+            let value = unsafe { original(this) };
+            observe(this, value);
+            value
+        }
+        fn SetEventOnCompletion[original](this, value: u64, event: HANDLE) -> HRESULT {
+            // SAFETY: the caller's own arguments, passed on.
+            let result = unsafe { original(this, value, event) };
+            if result.is_err() {
+                return result;
+            }
+            if event.is_invalid() {
+                // It has waited.
+                observe(this, value);
+            } else if let Some(fence) = report(0, |calls| calls.id(this)) {
+                // SAFETY: no attributes and no name.
+                let own = unsafe { CreateEventW(None, true, false, PCWSTR::null()) }.expect("an event");
+                // SAFETY: the caller's own fence, and an event that lives until it was set.
+                unsafe { original(this, value, own) }.ok().expect("a second event");
+                EVENTS.lock().push(FenceEvent { event: own, fence, value });
+            }
+            result
+        }
+        fn Signal[original](this, value: u64) -> HRESULT {
+            report(caller(), |calls| {
+                if let Some(fence) = calls.id(this) {
+                    calls.recorder.signal_by_host(fence, value);
+                }
+            });
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe { original(this, value) }
+        }
+    }
+}
+
+/// Allocators.
+pub(super) mod allocators {
+    use std::ffi::c_void;
+
+    use windows::Win32::Graphics::Direct3D12::ID3D12CommandAllocator_Vtbl;
+    use windows::core::HRESULT;
+
+    use super::super::hooks::{caller, hooks};
+    use super::super::report;
+
+    hooks! { ID3D12CommandAllocator_Vtbl;
+        fn Reset[original](this) -> HRESULT {
+            report(caller(), |calls| {
+                if let Some(allocator) = calls.id(this) {
+                    calls.recorder.reset_allocator(allocator);
+                }
+            });
+            // SAFETY: the caller's own argument, passed on.
+            unsafe { original(this) }
+        }
+    }
+}
