@@ -447,6 +447,18 @@ impl Recorder {
                 format!("descriptor {} of {} is written while queued commands use it", slot.1, self.label(slot.0));
             self.find(Rule::DescriptorInUse, function, text);
         }
+        if let Some((resource, region)) = &view.resource
+            && let Some(found) = self.resources.get(resource)
+            && !region.is_within(found.desc.bytes, found.desc.shape)
+        {
+            let rule = match view.kind {
+                DescriptorKind::Uav => Rule::UavOutOfBounds,
+                DescriptorKind::Cbv => Rule::CbvOutOfBounds,
+                _ => Rule::SrvOutOfBounds,
+            };
+            let text = format!("{region:?} of {}", self.label(*resource));
+            self.find(rule, function, text);
+        }
         self.descriptors.write(slot, view);
     }
 

@@ -25,6 +25,17 @@ impl Region {
         Self::Subresources { levels: level..level + 1, slices: slice..slice + 1 }
     }
 
+    /// Whether a resource of these bytes, or of a shape of levels, slices and planes, has it. Subresources without an end are those that
+    /// there are.
+    pub fn is_within(&self, bytes: u64, [levels, slices, _]: [u32; 3]) -> bool {
+        let has = |range: &Range<u32>, count: u32| range.start < count && (range.end <= count || range.end == u32::MAX);
+        match self {
+            Self::All => true,
+            Self::Bytes(range) => range.end <= bytes,
+            Self::Subresources { levels: l, slices: s } => has(l, levels) && has(s, slices),
+        }
+    }
+
     /// Whether both have something in common.
     pub fn overlaps(&self, other: &Self) -> bool {
         fn meet<T: Ord>(a: &Range<T>, b: &Range<T>) -> bool {

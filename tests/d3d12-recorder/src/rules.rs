@@ -135,6 +135,12 @@ rules! {
         DescriptorTypeMismatch = D3D12_MESSAGE_ID_GPU_BASED_VALIDATION_DESCRIPTOR_TYPE_MISMATCH, 939;
         /// A view is written outside of every heap.
         DescriptorHandleInvalid = D3D12_MESSAGE_ID_INVALID_DESCRIPTOR_HANDLE, 646;
+        /// A shader resource view has bytes or subresources that its resource has not.
+        SrvOutOfBounds = D3D12_MESSAGE_ID_CREATESHADERRESOURCEVIEW_INVALIDDIMENSIONS, 31;
+        /// An unordered access view has bytes or subresources that its resource has not.
+        UavOutOfBounds = D3D12_MESSAGE_ID_CREATEUNORDEREDACCESSVIEW_INVALIDDIMENSIONS, 345;
+        /// A constant buffer view ends behind its buffer.
+        CbvOutOfBounds = D3D12_MESSAGE_ID_CREATE_CONSTANT_BUFFER_VIEW_INVALID_DESC, 650;
         /// A copy reads behind the end of its source.
         CopySourceOutOfBounds = D3D12_MESSAGE_ID_COPYBUFFERREGION_SRCRANGEOUTOFBOUNDS, 844;
         /// A copy writes behind the end of its destination.

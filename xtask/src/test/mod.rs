@@ -20,6 +20,7 @@ mod nightly;
 mod python;
 mod quality;
 mod readme;
+mod recorder;
 mod repository;
 mod shaders;
 mod skips;
@@ -99,6 +100,11 @@ const RUNNERS: &[Runner] = &[
         name: "validation",
         what: "Direct3D 12 over Vulkan's validation layer, which must find mutants; some of its tests",
         run: validation::run,
+    },
+    Runner {
+        name: "recorder",
+        what: "Direct3D 12 through a recorder of its calls, which must find misuse and mutants; some of its tests",
+        run: recorder::run,
     },
     Runner {
         name: "directml",
@@ -182,6 +188,14 @@ const THOROUGH: &[Part] = &[
             name: "validation-all",
             what: "the other tests of Direct3D 12 over Vulkan's validation layer, worlds included",
             run: validation::run_all,
+        },
+        minutes: 20,
+    },
+    Part {
+        runner: Runner {
+            name: "recorder-all",
+            what: "the other tests of Direct3D 12 through the recorder of its calls, worlds included",
+            run: recorder::run_all,
         },
         minutes: 20,
     },

@@ -74,22 +74,27 @@ pub(super) mod fences {
             value
         }
         fn SetEventOnCompletion[original](this, value: u64, event: HANDLE) -> HRESULT {
-            // SAFETY: the caller's own arguments, passed on.
-            let result = unsafe { original(this, value, event) };
-            if result.is_err() {
+            if event.is_invalid() {
+                // SAFETY: the caller's own arguments, passed on.
+                let result = unsafe { original(this, value, event) };
+                if result.is_ok() {
+                    // It has waited.
+                    observe(this, value);
+                }
                 return result;
             }
-            if event.is_invalid() {
-                // It has waited.
-                observe(this, value);
-            } else if let Some(fence) = report(0, |calls| calls.id(this)) {
+            // Our own event first: it is set before the program can go on.
+            if let Some(fence) = report(0, |calls| calls.id(this)) {
                 // SAFETY: no attributes and no name.
                 let own = unsafe { CreateEventW(None, true, false, PCWSTR::null()) }.expect("an event");
+                let own = FenceEvent { event: own, fence, value };
                 // SAFETY: the caller's own fence, and an event that lives until it was set.
-                unsafe { original(this, value, own) }.ok().expect("a second event");
-                EVENTS.lock().push(FenceEvent { event: own, fence, value });
+                if unsafe { original(this, value, own.event) }.is_ok() {
+                    EVENTS.lock().push(own);
+                }
             }
-            result
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe { original(this, value, event) }
         }
         fn Signal[original](this, value: u64) -> HRESULT {
             report(caller(), |calls| {

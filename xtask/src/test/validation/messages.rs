@@ -4,18 +4,18 @@ use serde::Deserialize;
 
 /// A message of the layer.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-pub(super) struct Message {
+pub(in crate::test) struct Message {
     /// Identifier of the broken rule, such as `VUID-VkImageMemoryBarrier-oldLayout-01197`.
     #[serde(rename = "VUID")]
-    pub(super) id: String,
+    pub(in crate::test) id: String,
     /// The Vulkan function whose call is reported.
     #[serde(rename = "Function")]
-    pub(super) function: String,
+    pub(in crate::test) function: String,
     #[serde(rename = "MainMessage")]
-    pub(super) text: String,
+    pub(in crate::test) text: String,
     /// The test that ran, `PROGRAM TEST`; empty before the first.
     #[serde(skip)]
-    pub(super) test: String,
+    pub(in crate::test) test: String,
 }
 
 /// Start of a message, as the layer writes it as JSON.
@@ -26,7 +26,7 @@ const START: &str = "{\n\t\"Severity\"";
 ///
 /// # Errors
 /// A message is not the JSON that the layer writes.
-pub(super) fn separate(output: &str) -> Result<(String, Vec<Message>), String> {
+pub(in crate::test) fn separate(output: &str) -> Result<(String, Vec<Message>), String> {
     let (mut rest, mut messages) = (String::new(), Vec::new());
     let mut left = output;
     let (mut program, mut test) = (String::new(), String::new());

@@ -2,7 +2,7 @@
 //! not cause is a failure. Mutants of the library's calls must cause such messages.
 
 mod known;
-mod messages;
+pub(super) mod messages;
 
 use std::fs;
 use std::path::PathBuf;

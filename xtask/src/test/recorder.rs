@@ -1,0 +1,168 @@
+//! The recorder of Direct3D 12 calls: test programs run with `tests/d3d12-recorder` beside them as their `d3d12.dll`, and each broken rule of
+//! Direct3D is a failure unless a test breaks it on purpose. The program `recorder` shows that the recorder finds each rule, and mutants of the
+//! library's calls.
+
+use std::fs;
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::amd::Amd;
+use super::tally::{Skip, Tally};
+use super::validation::messages::{Message, separate};
+use super::{Context, windows_build};
+use crate::shell::{CommandOutput, Log};
+
+/// Rules that tests break on purpose.
+const LIST: &str = "xtask/recorder.toml";
+
+/// Programs of every run: the recorder's own, and those whose tests load no world.
+const SHORT: [&str; 8] = [
+    "recorder",
+    "d3d12",
+    "d3d12_drawer",
+    "d3d12_flow",
+    "d3d12_generator",
+    "d3d12_prepare",
+    "d3d12_presenter",
+    "d3d12_shaders",
+];
+
+/// More programs.
+const LONG: [&str; 7] =
+    ["d3d12_interface", "d3d12_libraries", "d3d12_lifecycle", "d3d12_memory", "d3d12_residency", "directml", "host"];
+
+/// Makes Windows load a `d3d12.dll` that is beside a program, and Wine's own by its whole path.
+const OVERRIDES: &str = "mscoree,mshtml=;d3d12=n,b";
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    run_programs(context, &SHORT, log)
+}
+
+/// The programs that the short form leaves out.
+pub(super) fn run_all(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    run_programs(context, &LONG, log)
+}
+
+fn run_programs(context: &Context<'_>, programs: &[&str], log: &mut Log) -> Result<Tally, String> {
+    if let Err(why) = provision::lab::possible() {
+        let skip = Skip { name: "Direct3D 12 through the recorder".to_owned(), reason: format!("needs lab: {why}") };
+        return Ok(Tally { skips: vec![skip], ..Tally::default() });
+    }
+    let intended = Intended::parse(&context.workspace.read(LIST)?)?;
+    // One test at a time, so that a finding follows the name of its test.
+    let mut command = context.windows_tests(programs.iter().copied(), log)?;
+    command.args(["--", "--test-threads=1"]);
+    context.provide_windows_worlds(&mut command)?;
+    Amd::None.provide(&mut command);
+    command.env("WINEDLLOVERRIDES", OVERRIDES);
+    let built = context.windows_programs();
+    let CommandOutput { success, output } =
+        beside(&built.join("d3d12_recorder.dll"), &built.join("deps"), || log.run(&mut command))?;
+    let (output, messages) = separate(&output)?;
+    let mut tally = windows_build::judge(&CommandOutput { success, output }, &[]);
+    tally.failures.extend(intended.others(&messages));
+    tally.failures.extend(intended.missing(&messages, programs));
+    Ok(tally)
+}
+
+/// Runs something while the recorder is in a folder as `d3d12.dll`.
+fn beside<T>(recorder: &Path, folder: &Path, run: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    let library = folder.join("d3d12.dll");
+    fs::copy(recorder, &library).map_err(|e| format!("{}: {e}", recorder.display()))?;
+    let ran = run();
+    fs::remove_file(&library).map_err(|e| format!("{}: {e}", library.display()))?;
+    ran
+}
+
+/// Broken rules that tests intend.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Intended {
+    #[serde(default, rename = "finding")]
+    entries: Vec<Entry>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    id: String,
+    /// Program and test.
+    test: String,
+    reason: String,
+}
+
+impl Intended {
+    fn parse(text: &str) -> Result<Self, String> {
+        let list: Self = toml::from_str(text).map_err(|e| format!("{LIST}: {e}"))?;
+        let is_empty = |text: &String| text.trim().is_empty();
+        match list.entries.iter().find(|entry| [&entry.id, &entry.test, &entry.reason].into_iter().any(is_empty)) {
+            Some(entry) => Err(format!("{LIST}: the entry \"{}\" needs an id, a test and a reason", entry.id)),
+            None => Ok(list),
+        }
+    }
+
+    /// One line per test, rule and function of findings that are not intended, with the first text.
+    fn others(&self, messages: &[Message]) -> Vec<String> {
+        let mut groups: Vec<(&Message, usize)> = Vec::new();
+        for message in messages.iter().filter(|message| !self.entries.iter().any(|entry| entry.covers(message))) {
+            let key = |m: &Message| (m.test.clone(), m.id.clone(), m.function.clone());
+            match groups.iter_mut().find(|(first, _)| key(first) == key(message)) {
+                Some((_, count)) => *count += 1,
+                None => groups.push((message, 1)),
+            }
+        }
+        let line = |(m, count): (&Message, usize)| format!("{}: {} in {}, {count} times: {}", m.test, m.id, m.function, m.text);
+        groups.into_iter().map(line).collect()
+    }
+
+    /// Entries of these programs that nothing breaks any more.
+    fn missing(&self, messages: &[Message], programs: &[&str]) -> Vec<String> {
+        let ran = |entry: &&Entry| entry.test.split(' ').next().is_some_and(|program| programs.contains(&program));
+        let unneeded = self.entries.iter().filter(ran).filter(|entry| !messages.iter().any(|m| entry.covers(m)));
+        unneeded.map(|entry| format!("{LIST}: {} no longer breaks {}, or the recorder was not loaded", entry.test, entry.id)).collect()
+    }
+}
+
+impl Entry {
+    fn covers(&self, message: &Message) -> bool {
+        message.id == self.id && message.test == self.test
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "[[finding]]\nid = \"OPEN\"\ntest = \"d3d12 removed\"\nreason = \"to remove the device\"\n";
+
+    fn message(id: &str, test: &str) -> Message {
+        Message { id: id.into(), function: "Execute".into(), text: "list 1".into(), test: test.into() }
+    }
+
+    #[test]
+    fn only_the_rule_and_the_test_of_an_entry_are_intended() {
+        let list = Intended::parse(TEXT).unwrap();
+        let intended = message("OPEN", "d3d12 removed");
+        assert_eq!(list.others(std::slice::from_ref(&intended)), [""; 0]);
+        let other = [message("OPEN", "d3d12 other"), message("OPEN", "d3d12 other"), message("SYNC", "d3d12 removed"), intended];
+        assert_eq!(
+            list.others(&other),
+            ["d3d12 other: OPEN in Execute, 2 times: list 1", "d3d12 removed: SYNC in Execute, 1 times: list 1"]
+        );
+    }
+
+    #[test]
+    fn an_entry_that_nothing_breaks_is_reported_if_its_program_ran() {
+        let list = Intended::parse(TEXT).unwrap();
+        assert_eq!(list.missing(&[], &["d3d12_flow"]), [""; 0]);
+        assert_eq!(list.missing(&[], &["d3d12"]).len(), 1);
+        assert_eq!(list.missing(&[message("OPEN", "d3d12 removed")], &["d3d12"]), [""; 0]);
+    }
+
+    #[test]
+    fn the_committed_list_is_readable_and_an_entry_without_a_reason_is_refused() {
+        assert!(!Intended::parse(include_str!("../../recorder.toml")).unwrap().entries.is_empty());
+        assert!(Intended::parse(&TEXT.replace("to remove the device", " ")).is_err());
+    }
+}
