@@ -207,6 +207,8 @@ pub struct Recorder {
     caller: usize,
     completions: Option<Completions>,
     objects: HashMap<Id, Object>,
+    /// Objects that were reported to be alive.
+    reported: HashSet<Id>,
     resources: HashMap<Id, Resource>,
     /// Buffers by their address for shaders.
     addresses: BTreeMap<u64, Id>,
@@ -367,9 +369,10 @@ impl Recorder {
         self.evicted.remove(&id);
     }
 
-    /// Reports the objects that are alive, at the end of a program.
+    /// Reports the objects that are alive, at the end of a program; each object once.
     pub fn report_live(&mut self) {
-        let alive = self.objects.iter().filter(|(_, object)| !object.is_kept);
+        let is_new = |id: &Id, object: &Object| !object.is_kept && !self.reported.contains(id);
+        let alive = self.objects.iter().filter(|(id, object)| is_new(id, object));
         let mut ids: Vec<Id> = alive.map(|(&id, _)| id).collect();
         ids.sort_unstable();
         for id in ids {
@@ -378,6 +381,7 @@ impl Recorder {
             let stack = object.stack.as_ref().map_or_else(String::new, |stack| format!("; created at\n{stack}"));
             let text = format!("{} is alive at the end{stack}", self.label(id));
             self.find(rule, "IUnknown::Release", text);
+            self.reported.insert(id);
         }
     }
 

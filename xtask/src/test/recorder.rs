@@ -112,7 +112,9 @@ impl Intended {
                 None => groups.push((message, 1)),
             }
         }
-        let line = |(m, count): (&Message, usize)| format!("{}: {} in {}, {count} times: {}", m.test, m.id, m.function, m.text);
+        let line = |(m, count): (&Message, usize)| {
+            format!("{}: {} in {}, {count} times: {}", m.test, m.id, m.function, m.text)
+        };
         groups.into_iter().map(line).collect()
     }
 
@@ -120,7 +122,11 @@ impl Intended {
     fn missing(&self, messages: &[Message], programs: &[&str]) -> Vec<String> {
         let ran = |entry: &&Entry| entry.test.split(' ').next().is_some_and(|program| programs.contains(&program));
         let unneeded = self.entries.iter().filter(ran).filter(|entry| !messages.iter().any(|m| entry.covers(m)));
-        unneeded.map(|entry| format!("{LIST}: {} no longer breaks {}, or the recorder was not loaded", entry.test, entry.id)).collect()
+        unneeded
+            .map(|entry| {
+                format!("{LIST}: {} no longer breaks {}, or the recorder was not loaded", entry.test, entry.id)
+            })
+            .collect()
     }
 }
 
@@ -145,7 +151,12 @@ mod tests {
         let list = Intended::parse(TEXT).unwrap();
         let intended = message("OPEN", "d3d12 removed");
         assert_eq!(list.others(std::slice::from_ref(&intended)), [""; 0]);
-        let other = [message("OPEN", "d3d12 other"), message("OPEN", "d3d12 other"), message("SYNC", "d3d12 removed"), intended];
+        let other = [
+            message("OPEN", "d3d12 other"),
+            message("OPEN", "d3d12 other"),
+            message("SYNC", "d3d12 removed"),
+            intended,
+        ];
         assert_eq!(
             list.others(&other),
             ["d3d12 other: OPEN in Execute, 2 times: list 1", "d3d12 removed: SYNC in Execute, 1 times: list 1"]

@@ -92,3 +92,32 @@ pub(super) unsafe extern "system" fn DllMain(_: HMODULE, reason: u32, reserved: 
     }
     true.into()
 }
+
+/// Receives the identifier and the text of a finding, in UTF-8, with a value of the caller's.
+type Receive =
+    unsafe extern "system" fn(context: *mut c_void, id: *const u8, id_size: usize, text: *const u8, text_size: usize);
+
+/// From now on findings are kept rather than printed.
+#[unsafe(no_mangle)]
+pub(super) extern "system" fn RecorderKeepFindings() {
+    super::keep_findings();
+}
+
+/// Hands over the findings that were kept. Later ones are printed.
+///
+/// # Safety
+/// `receive` takes `context`.
+#[unsafe(no_mangle)]
+pub(super) unsafe extern "system" fn RecorderTakeFindings(receive: Receive, context: *mut c_void) {
+    for finding in super::take_kept() {
+        let (id, text) = (finding.rule.id(), &finding.text);
+        // SAFETY: the caller's promise; texts that live during the call.
+        unsafe { receive(context, id.as_ptr(), id.len(), text.as_ptr(), text.len()) };
+    }
+}
+
+/// Reports the objects that are alive.
+#[unsafe(no_mangle)]
+pub(super) extern "system" fn RecorderReportLive() {
+    super::report_live();
+}

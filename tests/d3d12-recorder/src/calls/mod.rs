@@ -86,8 +86,27 @@ fn report_live() {
     }
 }
 
-/// Each finding in one piece, since other threads print as well.
+/// Findings, while they are kept for the program.
+static KEPT: Mutex<Option<Vec<Finding>>> = Mutex::new(None);
+
+/// Keeps findings from now on.
+fn keep_findings() {
+    KEPT.lock().get_or_insert_default();
+}
+
+/// The kept findings, and no more are kept.
+fn take_kept() -> Vec<Finding> {
+    KEPT.lock().take().unwrap_or_default()
+}
+
+/// Prints findings unless they are kept: each in one piece, since other threads print as well.
 fn print(findings: Vec<Finding>) {
+    if findings.is_empty() {
+        return;
+    }
+    if let Some(kept) = KEPT.lock().as_mut() {
+        return kept.extend(findings);
+    }
     for mut finding in findings {
         if let Some(module) = module_of(finding.caller) {
             finding.text = format!("{} [{module}]", finding.text);

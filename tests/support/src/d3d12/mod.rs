@@ -6,5 +6,6 @@ pub mod engine;
 pub mod function_tables;
 pub mod hazards;
 pub mod object_counts;
+pub mod recorder;
 pub mod resources;
 pub mod textures;

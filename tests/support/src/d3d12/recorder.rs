@@ -1,0 +1,77 @@
+//! The recorder of Direct3D 12 calls, where it is this program's `d3d12.dll` (`cargo xtask test recorder`).
+
+use std::ffi::c_void;
+
+use cairn::gpu::windows::Win32::Foundation::HMODULE;
+use cairn::gpu::windows::core::{PCSTR, s};
+
+#[link(name = "kernel32")]
+unsafe extern "system" {
+    fn GetModuleHandleA(name: PCSTR) -> HMODULE;
+    fn GetProcAddress(module: HMODULE, name: PCSTR) -> *const c_void;
+}
+
+/// A broken rule.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finding {
+    /// The identifier of Microsoft's debug layer, or the recorder's own.
+    pub id: String,
+    /// The objects and values.
+    pub text: String,
+}
+
+/// A function of the recorder.
+///
+/// # Panics
+/// The recorder is not loaded.
+///
+/// # Safety
+/// `F` is the type of the function with that name.
+unsafe fn function<F: Copy>(name: PCSTR) -> F {
+    assert_eq!(size_of::<F>(), size_of::<usize>(), "a function");
+    // SAFETY: names that end; a module that lives as long as the process.
+    let found = unsafe { GetProcAddress(GetModuleHandleA(s!("d3d12.dll")), name) };
+    assert!(!found.is_null(), "the recorder is this program's d3d12.dll: run it by `cargo xtask test recorder`");
+    // SAFETY: the caller's promise; both are addresses of functions.
+    unsafe { std::mem::transmute_copy(&found) }
+}
+
+/// The rules that this process breaks during `work`. They are not printed.
+pub fn findings_of(work: impl FnOnce()) -> Vec<Finding> {
+    type Receive = unsafe extern "system" fn(*mut c_void, *const u8, usize, *const u8, usize);
+    unsafe extern "system" fn receive(
+        to: *mut c_void,
+        id: *const u8,
+        id_size: usize,
+        text: *const u8,
+        text_size: usize,
+    ) {
+        let text_of = |start, size| {
+            // SAFETY: the recorder's text.
+            String::from_utf8_lossy(unsafe { std::slice::from_raw_parts(start, size) }).into_owned()
+        };
+        // SAFETY: the vector below.
+        unsafe { &mut *to.cast::<Vec<Finding>>() }
+            .push(Finding { id: text_of(id, id_size), text: text_of(text, text_size) });
+    }
+    // SAFETY: the recorder's functions.
+    let (keep, take) = unsafe {
+        (
+            function::<extern "system" fn()>(s!("RecorderKeepFindings")),
+            function::<unsafe extern "system" fn(Receive, *mut c_void)>(s!("RecorderTakeFindings")),
+        )
+    };
+    keep();
+    work();
+    let mut findings: Vec<Finding> = Vec::new();
+    // SAFETY: a vector that lives during the call.
+    unsafe { take(receive, (&raw mut findings).cast()) };
+    findings
+}
+
+/// Reports the objects that are alive now.
+pub fn report_live() {
+    // SAFETY: the recorder's function.
+    let report = unsafe { function::<extern "system" fn()>(s!("RecorderReportLive")) };
+    report();
+}
