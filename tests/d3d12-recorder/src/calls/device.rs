@@ -7,7 +7,7 @@ use windows::core::{GUID, HRESULT, Interface};
 
 use super::hooks::{self, Inside, caller, hooks};
 use super::queue::{allocators, fences, queues};
-use super::{Calls, list, report, resource, views};
+use super::{Calls, faults, list, report, resource, views};
 use crate::descriptors::{HeapDesc, View};
 use crate::recorder::{Memory, ObjectKind};
 use crate::regions::Region;
@@ -26,6 +26,7 @@ pub(super) unsafe fn record(device: *mut c_void) {
     unsafe {
         let borrowed = ID3D12Device::from_raw_borrowed(&device).expect("a device");
         install(Interface::vtable(borrowed));
+        faults::install(Interface::vtable(borrowed));
         if let Ok(fourth) = borrowed.cast::<ID3D12Device4>() {
             fourth::install(Interface::vtable(&fourth));
         }

@@ -121,3 +121,16 @@ pub(super) unsafe extern "system" fn RecorderTakeFindings(receive: Receive, cont
 pub(super) extern "system" fn RecorderReportLive() {
     super::report_live();
 }
+
+/// While armed, makes call number `call`, from 1 on, fail: once for lack of memory, or with all later ones since the device is removed. 0 for no
+/// call. Calls are counted anew.
+#[unsafe(no_mangle)]
+pub(super) extern "system" fn RecorderFailCall(call: u64, is_removal: BOOL) {
+    super::faults::fail(call, is_removal.as_bool());
+}
+
+/// Arms the failing call, or disarms it; returns the number of calls that were counted while armed.
+#[unsafe(no_mangle)]
+pub(super) extern "system" fn RecorderArmFailure(is_armed: BOOL) -> u64 {
+    super::faults::arm(is_armed.as_bool())
+}

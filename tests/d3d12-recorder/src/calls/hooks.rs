@@ -81,7 +81,7 @@ pub(super) unsafe fn replace<F: Copy>(place: *const F, original: &OnceLock<F>, h
 }
 
 /// Declares hooks of one table, and `install`, which puts them into it. `original` is the replaced function, which a hook has to call. Calls
-/// that Direct3D makes from inside of a hooked function go to the original directly.
+/// that Direct3D makes from inside of a hooked function go to the original directly, and calls that fail on purpose do not reach the hook.
 macro_rules! hooks {
     ($table:ident; $(fn $name:ident[$original:ident]($this:ident $(, $argument:ident: $kind:ty)* $(,)?) $(-> $result:ty)? $body:block)*) => {
         #[allow(non_upper_case_globals, reason = "Direct3D's names")]
@@ -96,7 +96,12 @@ macro_rules! hooks {
             $(pub(super) unsafe extern "system" fn $name($this: *mut c_void $(, $argument: $kind)*) $(-> $result)? {
                 let $original = *originals::$name.get().expect("the original function");
                 match $crate::calls::hooks::Inside::enter() {
-                    Some(_inside) => $body,
+                    Some(_inside) => {
+                        if let Some(failure) = $crate::calls::faults::Outcome::injected() {
+                            return failure;
+                        }
+                        $body
+                    }
                     // SAFETY: the caller's own arguments, passed on.
                     None => unsafe { $original($this $(, $argument)*) },
                 }

@@ -2,6 +2,7 @@
 
 mod device;
 mod exports;
+mod faults;
 mod hooks;
 mod list;
 mod queue;

@@ -75,3 +75,33 @@ pub fn report_live() {
     let report = unsafe { function::<extern "system" fn()>(s!("RecorderReportLive")) };
     report();
 }
+
+/// A call to Direct3D that fails on purpose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Failure {
+    /// This call, from 1 on, for lack of memory.
+    Once(u64),
+    /// This call and all later ones, since the device is removed.
+    Removal(u64),
+}
+
+/// Calls to Direct3D fail as `failure` says while [`while_failing`] runs something. Calls are counted anew.
+pub fn set_failure(failure: Option<Failure>) {
+    let (call, is_removal) = match failure {
+        None => (0, false),
+        Some(Failure::Once(call)) => (call, false),
+        Some(Failure::Removal(call)) => (call, true),
+    };
+    // SAFETY: the recorder's function.
+    let fail = unsafe { function::<extern "system" fn(u64, i32)>(s!("RecorderFailCall")) };
+    fail(call, is_removal.into());
+}
+
+/// Runs something with failing calls; returns its result, and the number of counted calls so far.
+pub fn while_failing<T>(work: impl FnOnce() -> T) -> (T, u64) {
+    // SAFETY: the recorder's function.
+    let arm = unsafe { function::<extern "system" fn(i32) -> u64>(s!("RecorderArmFailure")) };
+    arm(1);
+    let result = work();
+    (result, arm(0))
+}

@@ -1,0 +1,96 @@
+//! Calls that fail on purpose, without reaching Direct3D.
+
+use std::ffi::c_void;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use windows::Win32::Foundation::E_OUTOFMEMORY;
+use windows::Win32::Graphics::Direct3D12::ID3D12Device_Vtbl;
+use windows::Win32::Graphics::Dxgi::DXGI_ERROR_DEVICE_REMOVED;
+use windows::core::HRESULT;
+
+use super::hooks::replace;
+
+/// Whether calls are counted, and fail when it is their turn.
+static IS_ARMED: AtomicBool = AtomicBool::new(false);
+/// Calls so far that could fail.
+static COUNT: AtomicU64 = AtomicU64::new(0);
+/// Number of the call that fails, from 1; 0 for none.
+static FAILING: AtomicU64 = AtomicU64::new(0);
+/// Whether all later calls fail too, because the device is removed.
+static IS_REMOVAL: AtomicBool = AtomicBool::new(false);
+
+/// From now on, while armed, call number `call` fails for lack of memory; or it and all later ones, since the device is removed.
+pub(super) fn fail(call: u64, is_removal: bool) {
+    COUNT.store(0, Ordering::SeqCst);
+    IS_REMOVAL.store(is_removal, Ordering::SeqCst);
+    FAILING.store(call, Ordering::SeqCst);
+}
+
+/// Arms or disarms; returns the number of calls that were counted.
+pub(super) fn arm(is_armed: bool) -> u64 {
+    IS_ARMED.store(is_armed, Ordering::SeqCst);
+    COUNT.load(Ordering::SeqCst)
+}
+
+fn is_removed() -> bool {
+    let failing = FAILING.load(Ordering::SeqCst);
+    let has_failed = failing > 0 && COUNT.load(Ordering::SeqCst) >= failing;
+    IS_ARMED.load(Ordering::SeqCst) && IS_REMOVAL.load(Ordering::SeqCst) && has_failed
+}
+
+/// What a function returns.
+pub(super) trait Outcome: Sized {
+    /// The failure of this call, if it fails on purpose.
+    fn injected() -> Option<Self>;
+}
+
+impl Outcome for () {
+    fn injected() -> Option<Self> {
+        None
+    }
+}
+
+impl Outcome for u64 {
+    fn injected() -> Option<Self> {
+        // A removed device's fences have the highest value.
+        is_removed().then_some(u64::MAX)
+    }
+}
+
+impl Outcome for HRESULT {
+    fn injected() -> Option<Self> {
+        if !IS_ARMED.load(Ordering::SeqCst) {
+            return None;
+        }
+        let (call, failing) = (COUNT.fetch_add(1, Ordering::SeqCst) + 1, FAILING.load(Ordering::SeqCst));
+        if failing == 0 || call < failing {
+            return None;
+        }
+        match IS_REMOVAL.load(Ordering::SeqCst) {
+            true => Some(DXGI_ERROR_DEVICE_REMOVED),
+            false => (call == failing).then_some(E_OUTOFMEMORY),
+        }
+    }
+}
+
+static REASON: OnceLock<unsafe extern "system" fn(*mut c_void) -> HRESULT> = OnceLock::new();
+
+/// `ID3D12Device::GetDeviceRemovedReason`, which names the removal that is simulated. It cannot fail.
+unsafe extern "system" fn removed_reason(this: *mut c_void) -> HRESULT {
+    if is_removed() {
+        return DXGI_ERROR_DEVICE_REMOVED;
+    }
+    let original = REASON.get().expect("the original function");
+    // SAFETY: the caller's own argument, passed on.
+    unsafe { original(this) }
+}
+
+/// Puts the hook into the table of all devices, once.
+///
+/// # Safety
+/// The table is live.
+pub(super) unsafe fn install(table: *const ID3D12Device_Vtbl) {
+    // SAFETY: the caller's promise.
+    unsafe { replace(&raw const (*table).GetDeviceRemovedReason, &REASON, removed_reason) };
+}
