@@ -24,7 +24,7 @@ cbuffer Constants : register(b0)
     uint Pitch;         // bytes of a row of what is written
     uint NearerIsCurrent; // 1: of the two anchors that nearer in time is the current one
     uint CutShowsCurrent; // 1: it is shown across a cut
-    uint IsEven;        // 1: depth is known to be one everywhere, as beside motion that was found in pictures
+    uint IsOpticalFlow; // 1: motion was found in pictures, and depth is one everywhere
     // Where things lie in `Small`, in bytes.
     uint AtGivenTiles;  // tiles of the guidance: key, kind, places that nothing claims
     uint AtFieldTiles;  // of the current anchor's motion

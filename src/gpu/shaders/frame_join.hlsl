@@ -47,7 +47,7 @@ void main(uint thread : SV_DispatchThreadID)
         return;
     }
     // Of motion that was found in pictures with its rim, which is mixed with what it covers.
-    int over = 64 * int(longest + IsEven);
+    int over = 64 * int(longest + IsOpticalFlow);
     uint3 known = Small.Load3(AtRuns + from + 32 * first);
     int after = first;
     uint3 next = known;

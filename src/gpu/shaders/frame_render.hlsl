@@ -107,7 +107,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
         bool has_to = nearest(after, to);
         uint mark = mark_of(key);
         is_loose = mark == HOLE || mark == ORPHAN;
-        bool is_doubtful = differ(of_previous, of_current, IsEven != 0 ? CAREFUL_IF_FOUND : CAREFUL) || is_loose || !has_from || !has_to;
+        bool is_doubtful = differ(of_previous, of_current, IsOpticalFlow != 0 ? CAREFUL_IF_FOUND : CAREFUL) || is_loose || !has_from || !has_to;
         bool is_settled = !is_doubtful && (is_clear || !differ(of_previous, of_current, STRICT));
         [branch]
         if (!is_settled && !is_clear)
@@ -122,7 +122,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
                 for (int x = max(at.x - 1, 0); x <= min(at.x + 1, int(Size.x) - 1); x++)
                 {
                     uint2 beside = claim_at(int2(x, y));
-                    bool can_show = IsEven == 0 || moves_otherwise(beside, v);
+                    bool can_show = IsOpticalFlow == 0 || moves_otherwise(beside, v);
                     front = can_show ? nearer_of(front, beside) : front;
                 }
             }
@@ -131,7 +131,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
             int2 front_after = front_before - of_front;
             int2 unused;
             [branch]
-            if ((IsEven != 0 ? !is_empty(front) : is_nearer(front, key)) && moves_otherwise(front, v) && nearest(front_before, unused) && nearest(front_after, unused))
+            if ((IsOpticalFlow != 0 ? !is_empty(front) : is_nearer(front, key)) && moves_otherwise(front, v) && nearest(front_before, unused) && nearest(front_after, unused))
             {
                 float4 a, b;
                 sample_both(front_before, front_after, a, b);
@@ -140,7 +140,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
                 {
                     is_seen = alike(owner_at(from), key) && alike(own_of_field(to), key);
                 }
-                float own = is_seen ? apart_by(of_previous, of_current) : IsEven != 0 ? UNSEEN_IF_FOUND : UNSEEN;
+                float own = is_seen ? apart_by(of_previous, of_current) : IsOpticalFlow != 0 ? UNSEEN_IF_FOUND : UNSEEN;
                 float apart = apart_by(a, b);
                 if (apart <= RIM && apart < own)
                 {
@@ -213,7 +213,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
         // Across a cut, the nearer anchor.
         colour = stored(CutShowsCurrent != 0 ? CURRENT : PREVIOUS, at);
     }
-    if (IsEven != 0)
+    if (IsOpticalFlow != 0)
     {
         bool is_rough = is_live && tile.z != SMOOTH && all(extent(group.xy) == uint2(TILE, TILE));
         colour = softened(index, key, is_rough, is_hidden, stands_still, colour);
