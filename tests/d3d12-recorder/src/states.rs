@@ -189,7 +189,11 @@ impl ResourceStates {
                     format!("subresource {number}: a split barrier has not ended"),
                 ));
             }
-            if current.state != before {
+            // A barrier of a buffer in COMMON promotes it as a use does: DirectML's own lists start with such barriers.
+            let is_promoted = self.behaviour == Behaviour::Simultaneous
+                && current.state == State::COMMON
+                && before.0 & State::DEPTH == 0;
+            if current.state != before && !is_promoted {
                 broken.push((
                     Rule::BarrierBeforeMismatch,
                     format!(
@@ -296,8 +300,13 @@ mod tests {
         let (write, read) = (State::UNORDERED_ACCESS, State::COPY_SOURCE);
         assert_eq!(states.transition(&[0], write, read, BarrierPart::Whole), []);
         assert_eq!(states.require(&[0], State::NON_PIXEL_SHADER_RESOURCE).unwrap().0, Rule::InvalidState);
+        assert_eq!(rules(&states.transition(&[0], write, read, BarrierPart::Whole)), [Rule::BarrierBeforeMismatch]);
         states.decay(ListKind::Compute);
-        assert_eq!(rules(&states.transition(&[0], read, write, BarrierPart::Whole)), [Rule::BarrierBeforeMismatch]);
+        assert_eq!(
+            states.transition(&[0], read, write, BarrierPart::Whole),
+            [],
+            "a barrier in COMMON promotes as well"
+        );
     }
 
     #[test]

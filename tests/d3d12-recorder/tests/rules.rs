@@ -420,6 +420,16 @@ fn an_event_that_is_set_completes_work_and_one_that_is_not_does_not() {
 }
 
 #[test]
+fn objects_of_a_removed_device_may_be_released() {
+    let mut scene = Scene::new();
+    scene.copy(scene.buffer, scene.upload);
+    scene.submit();
+    scene.recorder.remove_device();
+    scene.recorder.release(scene.upload);
+    assert_eq!(scene.rules(), []);
+}
+
+#[test]
 fn a_kept_object_may_be_released_in_use_and_be_alive_at_the_end() {
     let mut scene = Scene::new();
     let back_buffer = scene.new_resource(resource(false, Memory::Default, COMMON));

@@ -13,7 +13,7 @@ use super::validation::messages::{Message, separate};
 use super::{Context, windows_build};
 use crate::shell::{CommandOutput, Log};
 
-/// Rules that tests break on purpose.
+/// Broken rules that are no faults.
 const LIST: &str = "xtask/recorder.toml";
 
 /// Programs of every run: the recorder's own, and those whose tests load no world.
@@ -49,7 +49,7 @@ fn run_programs(context: &Context<'_>, programs: &[&str], log: &mut Log) -> Resu
         let skip = Skip { name: "Direct3D 12 through the recorder".to_owned(), reason: format!("needs lab: {why}") };
         return Ok(Tally { skips: vec![skip], ..Tally::default() });
     }
-    let intended = Intended::parse(&context.workspace.read(LIST)?)?;
+    let known = KnownFindings::parse(&context.workspace.read(LIST)?)?;
     // One test at a time, so that a finding follows the name of its test.
     let mut command = context.windows_tests(programs.iter().copied(), log)?;
     command.args(["--", "--test-threads=1"]);
@@ -61,8 +61,8 @@ fn run_programs(context: &Context<'_>, programs: &[&str], log: &mut Log) -> Resu
         beside(&built.join("d3d12_recorder.dll"), &built.join("deps"), || log.run(&mut command))?;
     let (output, messages) = separate(&output)?;
     let mut tally = windows_build::judge(&CommandOutput { success, output }, &[]);
-    tally.failures.extend(intended.others(&messages));
-    tally.failures.extend(intended.missing(&messages, programs));
+    tally.failures.extend(known.others(&messages));
+    tally.failures.extend(known.missing(&messages, programs));
     Ok(tally)
 }
 
@@ -75,10 +75,10 @@ fn beside<T>(recorder: &Path, folder: &Path, run: impl FnOnce() -> Result<T, Str
     ran
 }
 
-/// Broken rules that tests intend.
+/// Broken rules that are no faults of the library.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Intended {
+struct KnownFindings {
     #[serde(default, rename = "finding")]
     entries: Vec<Entry>,
 }
@@ -87,22 +87,28 @@ struct Intended {
 #[serde(deny_unknown_fields)]
 struct Entry {
     id: String,
-    /// Program and test.
-    test: String,
+    /// A part of the text.
+    #[serde(default)]
+    text: String,
+    /// Program and test that break the rule.
+    shown_by: String,
+    /// Whether other tests may break it as well.
+    #[serde(default)]
+    everywhere: bool,
     reason: String,
 }
 
-impl Intended {
+impl KnownFindings {
     fn parse(text: &str) -> Result<Self, String> {
         let list: Self = toml::from_str(text).map_err(|e| format!("{LIST}: {e}"))?;
         let is_empty = |text: &String| text.trim().is_empty();
-        match list.entries.iter().find(|entry| [&entry.id, &entry.test, &entry.reason].into_iter().any(is_empty)) {
+        match list.entries.iter().find(|entry| [&entry.id, &entry.shown_by, &entry.reason].into_iter().any(is_empty)) {
             Some(entry) => Err(format!("{LIST}: the entry \"{}\" needs an id, a test and a reason", entry.id)),
             None => Ok(list),
         }
     }
 
-    /// One line per test, rule and function of findings that are not intended, with the first text.
+    /// One line per test, rule and function of findings that are not in the list, with the first text.
     fn others(&self, messages: &[Message]) -> Vec<String> {
         let mut groups: Vec<(&Message, usize)> = Vec::new();
         for message in messages.iter().filter(|message| !self.entries.iter().any(|entry| entry.covers(message))) {
@@ -118,21 +124,23 @@ impl Intended {
         groups.into_iter().map(line).collect()
     }
 
-    /// Entries of these programs that nothing breaks any more.
+    /// Entries of these programs that are no longer needed.
     fn missing(&self, messages: &[Message], programs: &[&str]) -> Vec<String> {
-        let ran = |entry: &&Entry| entry.test.split(' ').next().is_some_and(|program| programs.contains(&program));
-        let unneeded = self.entries.iter().filter(ran).filter(|entry| !messages.iter().any(|m| entry.covers(m)));
-        unneeded
-            .map(|entry| {
-                format!("{LIST}: {} no longer breaks {}, or the recorder was not loaded", entry.test, entry.id)
-            })
-            .collect()
+        let has_run =
+            |entry: &&Entry| entry.shown_by.split(' ').next().is_some_and(|program| programs.contains(&program));
+        let is_shown = |entry: &&Entry| messages.iter().any(|m| m.test == entry.shown_by && entry.covers(m));
+        let unneeded = self.entries.iter().filter(has_run).filter(|entry| !is_shown(entry));
+        let line = |entry: &Entry| {
+            format!("{LIST}: {} no longer breaks {}, or the recorder was not loaded", entry.shown_by, entry.id)
+        };
+        unneeded.map(line).collect()
     }
 }
 
 impl Entry {
     fn covers(&self, message: &Message) -> bool {
-        message.id == self.id && message.test == self.test
+        let is_there = self.everywhere || message.test == self.shown_by;
+        message.id == self.id && message.text.contains(&self.text) && is_there
     }
 }
 
@@ -140,15 +148,15 @@ impl Entry {
 mod tests {
     use super::*;
 
-    const TEXT: &str = "[[finding]]\nid = \"OPEN\"\ntest = \"d3d12 removed\"\nreason = \"to remove the device\"\n";
+    const TEXT: &str = "[[finding]]\nid = \"OPEN\"\nshown_by = \"d3d12 removed\"\nreason = \"to remove the device\"\n";
 
     fn message(id: &str, test: &str) -> Message {
         Message { id: id.into(), function: "Execute".into(), text: "list 1".into(), test: test.into() }
     }
 
     #[test]
-    fn only_the_rule_and_the_test_of_an_entry_are_intended() {
-        let list = Intended::parse(TEXT).unwrap();
+    fn only_the_rule_and_the_test_of_an_entry_are_known() {
+        let list = KnownFindings::parse(TEXT).unwrap();
         let intended = message("OPEN", "d3d12 removed");
         assert_eq!(list.others(std::slice::from_ref(&intended)), [""; 0]);
         let other = [
@@ -164,8 +172,16 @@ mod tests {
     }
 
     #[test]
+    fn an_entry_for_every_test_still_needs_its_text() {
+        let list = KnownFindings::parse(&format!("{TEXT}text = \"list 1\"\neverywhere = true\n")).unwrap();
+        let other = message("OPEN", "d3d12_flow pairs");
+        assert_eq!(list.others(std::slice::from_ref(&other)), [""; 0]);
+        assert_eq!(list.others(&[Message { text: "list 2".into(), ..other }]).len(), 1);
+    }
+
+    #[test]
     fn an_entry_that_nothing_breaks_is_reported_if_its_program_ran() {
-        let list = Intended::parse(TEXT).unwrap();
+        let list = KnownFindings::parse(TEXT).unwrap();
         assert_eq!(list.missing(&[], &["d3d12_flow"]), [""; 0]);
         assert_eq!(list.missing(&[], &["d3d12"]).len(), 1);
         assert_eq!(list.missing(&[message("OPEN", "d3d12 removed")], &["d3d12"]), [""; 0]);
@@ -173,7 +189,7 @@ mod tests {
 
     #[test]
     fn the_committed_list_is_readable_and_an_entry_without_a_reason_is_refused() {
-        assert!(!Intended::parse(include_str!("../../recorder.toml")).unwrap().entries.is_empty());
-        assert!(Intended::parse(&TEXT.replace("to remove the device", " ")).is_err());
+        assert!(!KnownFindings::parse(include_str!("../../recorder.toml")).unwrap().entries.is_empty());
+        assert!(KnownFindings::parse(&TEXT.replace("to remove the device", " ")).is_err());
     }
 }

@@ -10,6 +10,7 @@ use windows::Win32::Graphics::Dxgi::DXGI_ERROR_DEVICE_REMOVED;
 use windows::core::HRESULT;
 
 use super::hooks::replace;
+use super::report;
 
 /// Whether calls are counted, and fail when it is their turn.
 static IS_ARMED: AtomicBool = AtomicBool::new(false);
@@ -68,7 +69,10 @@ impl Outcome for HRESULT {
             return None;
         }
         match IS_REMOVAL.load(Ordering::SeqCst) {
-            true => Some(DXGI_ERROR_DEVICE_REMOVED),
+            true => {
+                report(0, |calls| calls.recorder.remove_device());
+                Some(DXGI_ERROR_DEVICE_REMOVED)
+            }
             false => (call == failing).then_some(E_OUTOFMEMORY),
         }
     }
@@ -83,7 +87,11 @@ unsafe extern "system" fn removed_reason(this: *mut c_void) -> HRESULT {
     }
     let original = REASON.get().expect("the original function");
     // SAFETY: the caller's own argument, passed on.
-    unsafe { original(this) }
+    let reason = unsafe { original(this) };
+    if reason.is_err() {
+        report(0, |calls| calls.recorder.remove_device());
+    }
+    reason
 }
 
 /// Puts the hook into the table of all devices, once.

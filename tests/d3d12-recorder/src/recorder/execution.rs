@@ -156,9 +156,9 @@ impl Recorder {
                         touched.insert(*resource);
                         accesses.insert((*resource, region.clone(), state.writes()));
                         if *state == State::UNORDERED_ACCESS {
-                            if unordered.get(resource).is_some_and(|earlier| earlier.iter().any(|r| r.overlaps(region)))
-                            {
-                                let text = format!("{} is used again", self.label(*resource));
+                            let earlier = unordered.get(resource).into_iter().flatten();
+                            if let Some(earlier) = earlier.into_iter().find(|earlier| earlier.overlaps(region)) {
+                                let text = format!("{}: {region:?} after {earlier:?}", self.label(*resource));
                                 self.find(Rule::UavWithoutBarrier, function, text);
                             }
                             now.push((*resource, region.clone()));

@@ -418,6 +418,11 @@ impl Recorder {
         self.timeline.observe(fence, value);
     }
 
+    /// The device is removed, as the processor knows: nothing that was submitted runs any more.
+    pub fn remove_device(&mut self) {
+        self.timeline.complete_all();
+    }
+
     /// Observes fence values that the processor may have waited for by an event.
     fn complete(&mut self) {
         let values = self.completions.as_mut().map(|completions| completions()).unwrap_or_default();

@@ -1,6 +1,7 @@
 //! The recorder of Direct3D 12 calls, where it is this program's `d3d12.dll` (`cargo xtask test recorder`).
 
 use std::ffi::c_void;
+use std::sync::OnceLock;
 
 use cairn::gpu::windows::Win32::Foundation::HMODULE;
 use cairn::gpu::windows::core::{PCSTR, s};
@@ -29,8 +30,12 @@ pub struct Finding {
 /// `F` is the type of the function with that name.
 unsafe fn function<F: Copy>(name: PCSTR) -> F {
     assert_eq!(size_of::<F>(), size_of::<usize>(), "a function");
-    // SAFETY: names that end; a module that lives as long as the process.
-    let found = unsafe { GetProcAddress(GetModuleHandleA(s!("d3d12.dll")), name) };
+    // Found once: the name is Windows' own library's when DirectML has loaded that.
+    static MODULE: OnceLock<usize> = OnceLock::new();
+    // SAFETY: a name that ends.
+    let module = *MODULE.get_or_init(|| unsafe { GetModuleHandleA(s!("d3d12.dll")) }.0 as usize);
+    // SAFETY: a name that ends; a module that lives as long as the process.
+    let found = unsafe { GetProcAddress(HMODULE(module as *mut c_void), name) };
     assert!(!found.is_null(), "the recorder is this program's d3d12.dll: run it by `cargo xtask test recorder`");
     // SAFETY: the caller's promise; both are addresses of functions.
     unsafe { std::mem::transmute_copy(&found) }
