@@ -34,6 +34,9 @@ pub(super) fn arm(is_armed: bool) -> u64 {
     COUNT.load(Ordering::SeqCst)
 }
 
+/// Functions that fail on removed devices only: ONNX Runtime waits for ever for a signal that it took for queued.
+const REMOVAL_ONLY: [&str; 2] = ["Signal", "Wait"];
+
 fn is_removed() -> bool {
     let failing = FAILING.load(Ordering::SeqCst);
     let has_failed = failing > 0 && COUNT.load(Ordering::SeqCst) >= failing;
@@ -42,25 +45,25 @@ fn is_removed() -> bool {
 
 /// What a function returns.
 pub(super) trait Outcome: Sized {
-    /// The failure of this call, if it fails on purpose.
-    fn injected() -> Option<Self>;
+    /// The failure of this call of a function, if it fails on purpose.
+    fn injected(function: &str) -> Option<Self>;
 }
 
 impl Outcome for () {
-    fn injected() -> Option<Self> {
+    fn injected(_: &str) -> Option<Self> {
         None
     }
 }
 
 impl Outcome for u64 {
-    fn injected() -> Option<Self> {
+    fn injected(_: &str) -> Option<Self> {
         // A removed device's fences have the highest value.
         is_removed().then_some(u64::MAX)
     }
 }
 
 impl Outcome for HRESULT {
-    fn injected() -> Option<Self> {
+    fn injected(function: &str) -> Option<Self> {
         if !IS_ARMED.load(Ordering::SeqCst) {
             return None;
         }
@@ -73,7 +76,7 @@ impl Outcome for HRESULT {
                 report(0, |calls| calls.recorder.remove_device());
                 Some(DXGI_ERROR_DEVICE_REMOVED)
             }
-            false => (call == failing).then_some(E_OUTOFMEMORY),
+            false => (call == failing && !REMOVAL_ONLY.contains(&function)).then_some(E_OUTOFMEMORY),
         }
     }
 }

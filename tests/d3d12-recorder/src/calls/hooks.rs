@@ -97,7 +97,7 @@ macro_rules! hooks {
                 let $original = *originals::$name.get().expect("the original function");
                 match $crate::calls::hooks::Inside::enter() {
                     Some(_inside) => {
-                        if let Some(failure) = $crate::calls::faults::Outcome::injected() {
+                        if let Some(failure) = $crate::calls::faults::Outcome::injected(stringify!($name)) {
                             return failure;
                         }
                         $body
