@@ -33,9 +33,41 @@ pub(super) struct Signed {
 /// # Errors
 /// `RuntimeMissing` for a file that is not signed, was altered, or whose signer is not trusted or not AMD.
 pub(super) fn check(path: &Path) -> Result<Signed> {
+    let held = open(path)?;
+    match verify(path, &held) {
+        (0, Some(signer)) if signer.starts_with(AMD) => Ok(Signed { signer, _held: held }),
+        (0, signer) => Err(refused(path, &format!("it is signed by {}", signer.as_deref().unwrap_or("nobody known")))),
+        (code, signer) => {
+            let whose = signer.map_or(String::new(), |signer| format!(", signed by {signer}"));
+            Err(refused(path, &format!("{} ({code:#010x}{whose})", meaning(code))))
+        }
+    }
+}
+
+/// The signer of any file with an Authenticode signature inside it that this machine trusts. Files of Windows itself are signed by
+/// catalogues instead, and have none. Needs no network. Threads: any. Windows only.
+///
+/// # Errors
+/// `Io` for a file that cannot be read, `RuntimeMissing` for one that is not signed, was altered, or whose signer is not trusted.
+pub fn signer_of(path: &Path) -> Result<String> {
+    match verify(path, &open(path)?) {
+        (0, Some(signer)) => Ok(signer),
+        (0, None) => Ok("a signer without a name".to_owned()),
+        (code, _) => Err(Error::new(ErrorKind::RuntimeMissing, format!("{} ({code:#010x})", meaning(code)))
+            .field(path.display().to_string())
+            .remedy("Use the file as its maker publishes it")),
+    }
+}
+
+/// Opens the file without sharing it for writing.
+fn open(path: &Path) -> Result<File> {
     const SHARE_READ: u32 = 1;
     let held = OpenOptions::new().read(true).share_mode(SHARE_READ).open(path);
-    let held = held.map_err(|e| Error::new(ErrorKind::Io, e.to_string()).field(path.display().to_string()))?;
+    held.map_err(|e| Error::new(ErrorKind::Io, e.to_string()).field(path.display().to_string()))
+}
+
+/// Verifies the signature: the result code, which is 0 if it holds, and the first signer's name.
+fn verify(path: &Path, held: &File) -> (i32, Option<String>) {
     let name = wide(path);
     let mut file = WINTRUST_FILE_INFO {
         cbStruct: size_of::<WINTRUST_FILE_INFO>() as u32,
@@ -54,24 +86,17 @@ pub(super) fn check(path: &Path) -> Result<Signed> {
         dwProvFlags: WTD_CACHE_ONLY_URL_RETRIEVAL,
         ..Default::default()
     };
-    let verify = |data: &mut WINTRUST_DATA| {
+    let call = |data: &mut WINTRUST_DATA| {
         let mut action = WINTRUST_ACTION_GENERIC_VERIFY_V2;
         let data: *mut WINTRUST_DATA = data;
         // SAFETY: both structs state their size, and all they point to lives during the call.
         unsafe { WinVerifyTrust(HWND::default(), &mut action, data.cast::<c_void>()) }
     };
-    let code = verify(&mut data);
+    let code = call(&mut data);
     let signer = signer(data.hWVTStateData);
     data.dwStateAction = WTD_STATEACTION_CLOSE;
-    verify(&mut data);
-    match (code, signer) {
-        (0, Some(signer)) if signer.starts_with(AMD) => Ok(Signed { signer, _held: held }),
-        (0, signer) => Err(refused(path, &format!("it is signed by {}", signer.as_deref().unwrap_or("nobody known")))),
-        (code, signer) => {
-            let whose = signer.map_or(String::new(), |signer| format!(", signed by {signer}"));
-            Err(refused(path, &format!("{} ({code:#010x}{whose})", meaning(code))))
-        }
-    }
+    call(&mut data);
+    (code, signer)
 }
 
 /// The first signer's name.
