@@ -15,7 +15,15 @@ pub(crate) struct Comparison {
 
 /// Compares B with A. A figure is worse if it differs by more than `tolerance`, a fraction, for the worse.
 pub(crate) fn compare(a: &Report, b: &Report, tolerance: f64) -> Comparison {
-    let mut text = format!("A  {}, Cairn {}, {}\nB  {}, Cairn {}, {}\n\n", a.started, a.cairn, a.summary(), b.started, b.cairn, b.summary());
+    let mut text = format!(
+        "A  {}, Cairn {}, {}\nB  {}, Cairn {}, {}\n\n",
+        a.started,
+        a.cairn,
+        a.summary(),
+        b.started,
+        b.cairn,
+        b.summary()
+    );
     let (mut compared, mut worse) = (0, 0);
     let measured = !a.short && !b.short;
     for line in &b.lines {

@@ -70,6 +70,7 @@ impl Outcome {
         self
     }
 
+    #[cfg(windows)]
     #[must_use]
     pub(crate) fn with_facts(mut self, facts: impl IntoIterator<Item = Fact>) -> Self {
         self.facts.extend(facts);
@@ -101,7 +102,8 @@ impl From<Error> for Outcome {
             }
             kind => Self::fail(
                 format!("{found} ({kind:?})"),
-                remedy.unwrap_or_else(|| "Update the graphics driver and run this again; if it stays, report it".into()),
+                remedy
+                    .unwrap_or_else(|| "Update the graphics driver and run this again; if it stays, report it".into()),
             ),
         }
     }

@@ -122,7 +122,8 @@ mod tests {
     #[test]
     fn figures_have_four_digits() {
         let of = |value| shown(&Figure { name: String::new(), value, unit: "ms".into(), better: Better::Lower });
-        for (value, text) in [(0.01234, "0.012 ms"), (12.345_6, "12.35 ms"), (1234.5, "1234 ms"), (99999.0, "99999 ms")] {
+        for (value, text) in [(0.01234, "0.012 ms"), (12.345_6, "12.35 ms"), (1234.5, "1234 ms"), (99999.0, "99999 ms")]
+        {
             assert_eq!(of(value), text);
         }
     }

@@ -76,7 +76,8 @@ impl Report {
     /// Text with cause and remedy.
     pub(crate) fn read(path: &Path) -> Result<Self, String> {
         let shown = path.display();
-        let text = std::fs::read_to_string(path).map_err(|e| format!("{shown}: {e}. Give the path of a report.json"))?;
+        let text =
+            std::fs::read_to_string(path).map_err(|e| format!("{shown}: {e}. Give the path of a report.json"))?;
         #[derive(Deserialize)]
         struct Version {
             schema: u32,

@@ -20,6 +20,7 @@ impl Settings {
     }
 
     /// One of two values, by whether the run is short.
+    #[cfg(windows)]
     pub(crate) fn pick<T>(&self, whole: T, short: T) -> T {
         if self.short { short } else { whole }
     }

@@ -29,9 +29,7 @@ pub(super) fn list(_: &Settings) -> Result<Outcome> {
     let hardware = all.iter().filter(|adapter| !adapter.software).count();
     let outcome = match (hardware, all.first()) {
         (0, None) => Outcome::fail("no adapter has Direct3D 12", DRIVER),
-        (0, Some(first)) => {
-            Outcome::cannot_tell(format!("only software adapters: {}", described(first)), DRIVER)
-        }
+        (0, Some(first)) => Outcome::cannot_tell(format!("only software adapters: {}", described(first)), DRIVER),
         _ => {
             let names: Vec<String> = all.iter().filter(|adapter| !adapter.software).map(described).collect();
             Outcome::pass(names.join("; "))
@@ -110,9 +108,12 @@ pub(super) fn features(settings: &Settings) -> Result<Outcome> {
         .figure("clock of the GPU", clock as f64 / 1e6, "MHz", Better::Neither);
     if let Some(budget) = gpu.budget()? {
         let mebibytes = |bytes: u64| bytes as f64 / f64::from(1 << 20);
-        outcome = outcome
-            .figure("memory budget", mebibytes(budget.granted), "MiB", Better::Neither)
-            .figure("memory used", mebibytes(budget.used), "MiB", Better::Neither);
+        outcome = outcome.figure("memory budget", mebibytes(budget.granted), "MiB", Better::Neither).figure(
+            "memory used",
+            mebibytes(budget.used),
+            "MiB",
+            Better::Neither,
+        );
     }
     Ok(outcome)
 }

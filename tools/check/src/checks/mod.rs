@@ -7,6 +7,33 @@ mod walk;
 
 #[cfg(windows)]
 mod adapters;
+#[cfg(windows)]
+mod clock;
+#[cfg(windows)]
+mod directml;
+#[cfg(windows)]
+mod frames;
+#[cfg(windows)]
+mod fsr;
+#[cfg(windows)]
+mod pace;
+#[cfg(windows)]
+mod shaders;
+#[cfg(windows)]
+mod times;
+#[cfg(windows)]
+mod validation;
+
+// What the library's own tests compare its shaders with the processor by. The crate `test-support` has all of it, and much that a program
+// for users must not contain.
+#[cfg(windows)]
+#[path = "../../../../tests/support/src/frame_cases.rs"]
+#[allow(dead_code, unreachable_pub, reason = "the crate exports it")]
+mod frame_cases;
+#[cfg(windows)]
+#[path = "../../../../tests/support/src/d3d12/resources.rs"]
+#[allow(dead_code, unreachable_pub, reason = "the crate exports it")]
+mod resources;
 
 use std::time::Duration;
 
@@ -20,6 +47,7 @@ use crate::settings::Settings;
 pub(crate) enum Group {
     There,
     Correct,
+    Figures,
 }
 
 impl Group {
@@ -28,6 +56,7 @@ impl Group {
         match self {
             Self::There => "there",
             Self::Correct => "correct",
+            Self::Figures => "figures",
         }
     }
 
@@ -36,6 +65,7 @@ impl Group {
         match self {
             Self::There => "What is there",
             Self::Correct => "Results",
+            Self::Figures => "Figures",
         }
     }
 }
@@ -99,4 +129,22 @@ pub(crate) const CHECKS: &[Check] = &[
     check(Group::There, "fsr-libraries", "AMD's libraries for FSR", 20, direct3d!(libraries::fsr)),
     check(Group::Correct, "cpu-generator", "Frames of the processor against true frames", 60, processor::generator),
     check(Group::Correct, "cpu-world", "The embedded world on the processor", 60, processor::world),
+    check(Group::Correct, "shader-resize", "Resized pictures against the processor", 30, direct3d!(shaders::resize)),
+    check(Group::Correct, "shader-flow", "Optical flow against the processor", 30, direct3d!(shaders::flow)),
+    check(Group::Correct, "shader-frames", "Generated frames against the processor", 30, direct3d!(shaders::generator)),
+    check(Group::Correct, "frames", "Frames of the adapter against true frames", 60, direct3d!(frames::quality)),
+    check(Group::Correct, "formats", "Frames in every format of a target", 30, direct3d!(frames::formats)),
+    check(Group::Correct, "world-parity", "The embedded world against the processor", 60, direct3d!(directml::parity)),
+    check(Group::Correct, "world-state", "Repeated and restored steps", 60, direct3d!(directml::repeat)),
+    check(Group::Correct, "captured-passes", "Captured passes", 60, direct3d!(directml::captured)),
+    check(Group::Correct, "fsr", "Frames of AMD's FSR against true frames", 60, direct3d!(fsr::quality)),
+    check(Group::Correct, "removal", "Removal of the device, and recovery", 30, direct3d!(frames::removal)),
+    check(Group::Correct, "lives", "Devices that come and go", 60, direct3d!(frames::lives)),
+    check(Group::Correct, "validation", "Shaders under the debug layer", 60, direct3d!(validation::run)),
+    check(Group::Figures, "latent", "A latent by stage", 30, direct3d!(pace::latent)),
+    check(Group::Figures, "generator", "The generator by size and rate", 60, direct3d!(times::generator)),
+    check(Group::Figures, "fsr-beside", "AMD's FSR beside the generator", 60, direct3d!(times::fsr_beside)),
+    check(Group::Figures, "first-frame", "The first frame", 30, direct3d!(times::first_frame)),
+    check(Group::Figures, "memory", "Memory against the budget", 30, direct3d!(pace::memory)),
+    check(Group::Figures, "engine", "An engine's frames beside latents", 60, direct3d!(pace::engine)),
 ];

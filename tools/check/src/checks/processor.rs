@@ -2,9 +2,7 @@
 
 use cairn::bundle::{Bundle, OpenOptions};
 use cairn::runtime::{CpuOptions, Device, Ort};
-use cairn::world::{
-    CacheMode, ControlInput, KeySet, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions,
-};
+use cairn::world::{CacheMode, ControlInput, KeySet, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions};
 use cairn::{LibrarySearch, Picture, Result};
 
 use super::walk::{self, Walk};
