@@ -144,7 +144,7 @@ pub struct ResourceStates {
     subresources: Vec<Current>,
 }
 
-/// A broken rule, and what is known of it.
+/// A broken rule, and its description.
 type Broken = (Rule, String);
 
 /// Half of a split barrier, or a whole one.

@@ -1,4 +1,4 @@
-//! Order of work on queues: by their fences, and by what the processor knows to be complete.
+//! Order of work on queues: by fences, and by the fence values that the processor has observed.
 
 use std::collections::{HashMap, VecDeque};
 

@@ -43,7 +43,7 @@ fn is_removed() -> bool {
     IS_ARMED.load(Ordering::SeqCst) && IS_REMOVAL.load(Ordering::SeqCst) && has_failed
 }
 
-/// What a function returns.
+/// Return value of a hooked function.
 pub(super) trait Outcome: Sized {
     /// The failure of this call of a function, if it fails on purpose.
     fn injected(function: &str) -> Option<Self>;

@@ -62,7 +62,7 @@ fn reached() -> Vec<(Id, u64)> {
     EVENTS.lock().extract_if(.., is_set).map(|one| (one.fence, one.value)).collect()
 }
 
-/// Reports to the recorder what the code at `caller` calls.
+/// Reports a call of the code at `caller` to the recorder.
 fn report<T>(caller: usize, event: impl FnOnce(&mut Calls) -> T) -> T {
     let mut calls = CALLS.lock();
     let calls = calls.get_or_insert_with(|| {

@@ -1,4 +1,4 @@
-//! `ID3D12Resource`: what a new one is, and its mapped memory.
+//! `ID3D12Resource`: new resources, and their mapped memory.
 
 use std::ffi::c_void;
 

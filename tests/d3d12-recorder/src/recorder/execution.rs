@@ -73,12 +73,12 @@ impl Recorder {
         self.advance();
     }
 
-    /// Adds what a table's descriptors use.
+    /// Adds the uses of a table's descriptors.
     fn resolve(&mut self, function: &'static str, table: &BoundTable, uses: &mut Vec<Use>, work: &mut InFlight) {
         let Some(Parameter::Table(ranges)) = table.root.parameters.get(table.parameter) else { return };
         let size = self.descriptors.desc(table.heap).map_or(0, |desc| desc.count);
         for range in ranges {
-            // What a shader uses of a range without a limit is not known.
+            // The descriptors that a shader accesses in an unbounded range are unknown.
             let Some(count) = range.count else { continue };
             let start = table.first.saturating_add(range.offset);
             let end = start.saturating_add(count);

@@ -218,7 +218,7 @@ impl Recorder {
         }
     }
 
-    /// A draw. Of what it uses, only render targets and the depth buffer are checked.
+    /// A draw. Only its render targets and depth buffer are checked.
     pub fn draw(&mut self, list: Id, function: &'static str) {
         let targets = self.lists.get(&list).map(|list| list.targets.clone()).unwrap_or_default();
         self.work(list, function, ListKind::Direct, targets, &[]);

@@ -1,4 +1,4 @@
-//! The recorder: it is told each call, with numbers for objects, and finds the rules that the calls break.
+//! The recorder: a method for each call, with numbers for objects. It finds the rules that the calls break.
 
 mod bindings;
 mod execution;
@@ -188,7 +188,7 @@ struct List {
     submitted: Option<(usize, u64)>,
 }
 
-/// A submission, for what the processor must not change until it is complete.
+/// A submission, and the objects that the processor must not change until it is complete.
 struct InFlight {
     queue: usize,
     index: u64,
@@ -207,7 +207,7 @@ type Completions = Box<dyn FnMut() -> Vec<(Id, u64)> + Send>;
 pub struct Recorder {
     last_id: Id,
     findings: Vec<Finding>,
-    /// Code address of the call that is told, or 0.
+    /// Code address that makes the current call, or 0.
     caller: usize,
     completions: Option<Completions>,
     objects: HashMap<Id, Object>,
