@@ -27,6 +27,9 @@ pub(super) unsafe fn record(device: *mut c_void) {
         let borrowed = ID3D12Device::from_raw_borrowed(&device).expect("a device");
         install(Interface::vtable(borrowed));
         faults::install(Interface::vtable(borrowed));
+        if let Ok(third) = borrowed.cast::<ID3D12Device3>() {
+            third::install(Interface::vtable(&third));
+        }
         if let Ok(fourth) = borrowed.cast::<ID3D12Device4>() {
             fourth::install(Interface::vtable(&fourth));
         }
@@ -440,6 +443,31 @@ hooks! { ID3D12Device_Vtbl;
                 }
             });
             original(this, count, objects)
+        }
+    }
+}
+
+/// `ID3D12Device3`.
+mod third {
+    use super::*;
+
+    hooks! { ID3D12Device3_Vtbl;
+        fn EnqueueMakeResident[original](
+            this, flags: D3D12_RESIDENCY_FLAGS, count: u32, objects: *const *mut c_void, fence: *mut c_void, value: u64,
+        ) -> HRESULT {
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe {
+                let result = original(this, flags, count, objects, fence, value);
+                if result.is_ok() {
+                    report(caller(), |calls| {
+                        calls.pageable(count, objects).into_iter().for_each(|id| calls.recorder.make_resident(id));
+                        if let Some(fence) = calls.id(fence) {
+                            calls.recorder.signal_by_host(fence, value);
+                        }
+                    });
+                }
+                result
+            }
         }
     }
 }
