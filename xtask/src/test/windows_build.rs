@@ -16,8 +16,18 @@ use crate::shell::{CommandOutput, Log};
 const EVERYTHING: [&str; 3] = ["--workspace", "--exclude", "xtask"];
 
 /// The packages whose unit tests run on Windows, with those that need the same features as everything together.
-const WITH_UNIT_TESTS: [&str; 8] =
-    ["--package", "study", "--package", "cairn-unity", "--package", "ffx-double", "--package", "parity-trace"];
+const WITH_UNIT_TESTS: [&str; 10] = [
+    "--package",
+    "study",
+    "--package",
+    "cairn-unity",
+    "--package",
+    "ffx-double",
+    "--package",
+    "parity-trace",
+    "--package",
+    "d3d12-recorder",
+];
 
 impl Context<'_> {
     /// Builds libraries, programs, tests and the example that shows a picture in the Unity test host, once; returns what cargo printed.
