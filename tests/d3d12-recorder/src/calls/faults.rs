@@ -3,11 +3,14 @@
 use std::ffi::c_void;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
 
 use windows::Win32::Foundation::E_OUTOFMEMORY;
-use windows::Win32::Graphics::Direct3D12::ID3D12Device_Vtbl;
+use windows::Win32::Graphics::Direct3D12::{
+    D3D12_FENCE_FLAG_NONE, ID3D12CommandQueue, ID3D12Device, ID3D12Device_Vtbl, ID3D12Fence,
+};
 use windows::Win32::Graphics::Dxgi::DXGI_ERROR_DEVICE_REMOVED;
-use windows::core::HRESULT;
+use windows::core::{HRESULT, Interface};
 
 use super::hooks::replace;
 use super::report;
@@ -73,10 +76,36 @@ impl Outcome for HRESULT {
         }
         match IS_REMOVAL.load(Ordering::SeqCst) {
             true => {
+                if call == failing {
+                    finish_work();
+                }
                 report(0, |calls| calls.recorder.remove_device());
                 Some(DXGI_ERROR_DEVICE_REMOVED)
             }
             false => (call == failing && !REMOVAL_ONLY.contains(&function)).then_some(E_OUTOFMEMORY),
+        }
+    }
+}
+
+/// Longest wait for a queue, which may wait for a signal that is never queued.
+const LONGEST_WAIT: Duration = Duration::from_secs(5);
+
+/// Waits until all queues are done. A device that is removed in truth runs nothing any more, so that the program may release everything; the
+/// driver beneath this simulation would still use it.
+fn finish_work() {
+    for queue in report(0, |calls| calls.queues()) {
+        // SAFETY: a live queue, which is not released here. These calls come from inside of a hook, so that they are not recorded.
+        unsafe {
+            let queue = ID3D12CommandQueue::from_raw_borrowed(&queue).expect("a queue");
+            let mut device: Option<ID3D12Device> = None;
+            queue.GetDevice(&mut device).expect("its device");
+            let fence: ID3D12Fence =
+                device.expect("its device").CreateFence(0, D3D12_FENCE_FLAG_NONE).expect("a fence");
+            queue.Signal(&fence, 1).expect("a signal");
+            let began = Instant::now();
+            while fence.GetCompletedValue() < 1 && began.elapsed() < LONGEST_WAIT {
+                std::thread::sleep(Duration::from_millis(1));
+            }
         }
     }
 }

@@ -52,7 +52,7 @@ pub(super) struct Inside(());
 impl Inside {
     /// `None` if the thread is in a hook already.
     pub(super) fn enter() -> Option<Self> {
-        (!IS_INSIDE.replace(true)).then_some(Self(()))
+        (!IS_INSIDE.replace(true)).then(|| Self(()))
     }
 }
 

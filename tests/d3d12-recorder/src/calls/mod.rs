@@ -136,6 +136,12 @@ impl Calls {
         self.ids.get(&(object as usize)).copied()
     }
 
+    /// Addresses of live queues.
+    fn queues(&self) -> Vec<*mut c_void> {
+        let is_queue = |id: &Id| self.recorder.kind(*id) == Some(ObjectKind::Queue);
+        self.ids.iter().filter(|(_, id)| is_queue(id)).map(|(address, _)| *address as *mut c_void).collect()
+    }
+
     /// A new object.
     fn add(&mut self, object: *mut c_void, kind: ObjectKind, label: impl Into<String>) -> Id {
         let id = self.recorder.create(kind, label, Some(Backtrace::force_capture()));

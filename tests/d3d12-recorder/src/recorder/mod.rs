@@ -264,6 +264,11 @@ impl Recorder {
         self.last_id
     }
 
+    /// Kind of a live object.
+    pub fn kind(&self, id: Id) -> Option<ObjectKind> {
+        self.objects.get(&id).map(|object| object.kind)
+    }
+
     /// The object was made by something else than a call, such as a swap chain, which keeps it: that it is released and alive is no fault.
     pub fn keep(&mut self, id: Id) {
         if let Some(object) = self.objects.get_mut(&id) {
