@@ -122,7 +122,7 @@ macro_rules! hooks {
             use super::*;
             $(pub(super) unsafe extern "system" fn $name($this: *mut c_void $(, $argument: $kind)*) $(-> $result)? {
                 let $original = *originals::$name.get().expect("the original function");
-                // SAFETY: the caller's own arguments, or what a mutant makes of them.
+                // SAFETY: the caller's own arguments, or those altered by a mutant.
                 unsafe { $body }
             })*
         }

@@ -110,7 +110,7 @@ impl Scene {
         self.recorder.write_view("view", CPU + index * STEP, view);
     }
 
-    /// Sets all that a dispatch needs but what is left out.
+    /// Sets the pipeline and every root argument that a dispatch needs, except the parameter `without`.
     fn bind(&mut self, without: Option<u32>) {
         let (list, r) = (self.list, &mut self.recorder);
         r.set_heaps(list, vec![self.heap]);
