@@ -5,10 +5,6 @@
 //! Without `--bench`, as under `cargo test`, it does nothing, because a world on DirectML takes gigabytes.
 
 #[cfg(windows)]
-#[path = "gpu/blend.rs"]
-#[allow(dead_code, reason = "the other bench uses all of it")]
-mod blend;
-#[cfg(windows)]
 #[path = "anchors/lines.rs"]
 mod lines;
 

@@ -8,9 +8,6 @@
 //! Without `--bench`, as under `cargo test`, everything runs once at a tiny size and nothing is measured.
 
 #[cfg(windows)]
-#[path = "gpu/blend.rs"]
-mod blend;
-#[cfg(windows)]
 #[path = "gpu/lines.rs"]
 mod lines;
 

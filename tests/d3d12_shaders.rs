@@ -1,15 +1,14 @@
 //! The library's compute shaders compared with the processor's results, and the command ring that records them. On Windows, or in the lab.
 #![cfg(windows)]
 
+use cairn::ErrorKind;
 use cairn::gpu::compute::{CommandRing, FRAMES_IN_FLIGHT, ResourceWithState};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::{FencePoint, Gpu, Planes, Resize};
-use cairn::guidance::paper::{self, GpuExtractor, LatentBuffer};
-use cairn::guidance::{Guidance, LatentView};
-use cairn::world::Bilinear;
-use cairn::{ErrorKind, Picture};
-use half::f16;
+use cairn::guidance::paper::{GpuExtractor, LatentBuffer};
+use gpu_testing::resize::planes;
+use gpu_testing::{paper_guidance, resize};
 use test_support::allocations::{CountingAllocator, allocations};
 use test_support::d3d12::engine::reference_count;
 use test_support::d3d12::resources::{
@@ -21,20 +20,6 @@ static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 fn gpu() -> Gpu {
     Gpu::on_adapter(None).expect("a device")
-}
-
-/// Values without a pattern, some outside [0, 1].
-fn numbers(len: usize) -> Vec<f32> {
-    let mut state = 7_u64;
-    let mut next = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 40) as f32 / (1 << 24) as f32 * 1.2 - 0.1
-    };
-    (0..len).map(|_| next()).collect()
-}
-
-fn planes(buffer: &TestResource, size: (u32, u32), half: bool, picture: u32) -> Planes<'_> {
-    Planes { buffer: buffer.with_state(), picture, size, half }
 }
 
 /// A fence without a signal, and the fence point at which it is signalled.
@@ -53,74 +38,7 @@ fn open(gate: &ID3D12Fence) {
 
 #[test]
 fn a_decoded_picture_is_resized_as_the_processor_does() {
-    let gpu = gpu();
-    let resize = Resize::new(&gpu).expect("the shader");
-    let mut frames = CommandRing::new(&gpu, gpu.frames(), 2).expect("a ring");
-    let rests = [
-        D3D12_RESOURCE_STATE_COMMON,
-        D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE,
-        D3D12_RESOURCE_STATE_UNORDERED_ACCESS,
-    ];
-    let (mut bytes, mut off) = (0, 0);
-    for (case, (from, to)) in
-        [((7, 5), (7, 5)), ((20, 12), (37, 23)), ((64, 36), (19, 40)), ((1, 1), (9, 3)), ((45, 80), (256, 144))]
-            .into_iter()
-            .enumerate()
-    {
-        let half = case % 2 == 1;
-        let len = 3 * (from.0 * from.1) as usize;
-        // Only the second of two pictures in the buffer.
-        let mut values = numbers(2 * len);
-        let contents: Vec<u8> = if half {
-            let halves: Vec<f16> = values.iter().map(|v| f16::from_f32(*v)).collect();
-            values = halves.iter().map(|v| v.to_f32()).collect();
-            halves.iter().flat_map(|v| v.to_le_bytes()).collect()
-        } else {
-            values.iter().flat_map(|v| v.to_le_bytes()).collect()
-        };
-        let mut expected = Picture::new(to.0, to.1).expect("a picture");
-        Bilinear::new(from, to).to_picture(&values[len..], &mut expected);
-        let buffer = upload_buffer(&gpu, &contents);
-        let row = to.0 as usize;
-        let mut resized = |format, size: usize| {
-            let target = writable_texture(&gpu, to, format, rests[case % rests.len()]);
-            let mut frame = frames.begin().expect("a frame");
-            if let Err(refused) = resize.record(&mut frame, &planes(&buffer, from, half, 1), &target.with_state()) {
-                // Not every device supports UAV stores in every format.
-                assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("texture")));
-                return None;
-            }
-            frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
-            Some(read_texture(&gpu, &target, row * size))
-        };
-        let rgba = resized(DXGI_FORMAT_R8G8B8A8_UNORM, 4).expect("every device writes it");
-        if let Some(bgra) = resized(DXGI_FORMAT_B8G8R8A8_UNORM, 4) {
-            let bgra = bgra.chunks(4).flat_map(|p| [p[2], p[1], p[0], p[3]]);
-            assert!(bgra.eq(rgba.iter().copied()), "the order of channels is all that differs");
-        }
-        for (found, wanted) in rgba.iter().zip(expected.rgba()) {
-            assert!(found.abs_diff(*wanted) <= 1, "{found} for {wanted} from {from:?} to {to:?}");
-            bytes += 1;
-            off += usize::from(found != wanted);
-        }
-        // Half floats match the value before it is rounded to 8 bits.
-        let halves = resized(DXGI_FORMAT_R16G16B16A16_FLOAT, 8).expect("every device writes it");
-        let ten = resized(DXGI_FORMAT_R10G10B10A2_UNORM, 4).expect("this one too");
-        let pixels = halves.chunks_exact(8).zip(ten.chunks_exact(4)).zip(expected.pixels());
-        for ((halves, ten), wanted) in pixels {
-            let ten = u32::from_le_bytes([ten[0], ten[1], ten[2], ten[3]]);
-            assert_eq!((&halves[6..], ten >> 30), (&f16::ONE.to_le_bytes()[..], 3), "it is opaque");
-            for channel in 0..3 {
-                let half = f16::from_le_bytes([halves[2 * channel], halves[2 * channel + 1]]).to_f32();
-                let ten = (ten >> (10 * channel) & 1023) as f32 / 1023.0;
-                let wanted = f32::from(wanted[channel]) / 255.0;
-                // The sum of half a step of each format.
-                assert!((half - wanted).abs() <= 0.5 / 255.0 + 0.001, "{half} for {wanted}");
-                assert!((half - ten).abs() <= 0.5 / 1023.0 + 0.001, "{ten} for {half}");
-            }
-        }
-    }
-    assert!(off * 1000 <= bytes, "{off} of {bytes} bytes are not the processor's own");
+    resize::compare(&gpu());
 }
 
 #[test]
@@ -274,82 +192,15 @@ fn a_removed_device_is_reported_by_every_call_and_all_is_released() {
     }
 }
 
-/// The number of half float steps between two values; those near 0 count as neighbours of the smallest normal half float.
-fn half_steps(a: f32, b: f32) -> f32 {
-    let size = a.abs().max(b.abs()).max(f16::MIN_POSITIVE.to_f32());
-    (a - b).abs() / (size.log2().floor() - 10.0).exp2()
+#[test]
+fn the_papers_guidance_equals_the_processors_within_two_half_float_steps() {
+    paper_guidance::compare(&gpu());
 }
 
 #[test]
-fn the_papers_guidance_equals_the_processors_within_two_half_float_steps() {
+fn latents_and_textures_that_do_not_fit_are_refused_by_name() {
     let gpu = gpu();
     let mut frames = CommandRing::new(&gpu, gpu.frames(), 6).expect("a ring");
-    let bytes = |values: &[f32], half: bool| -> Vec<u8> {
-        if half {
-            values.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect()
-        } else {
-            values.iter().flat_map(|v| v.to_le_bytes()).collect()
-        }
-    };
-    for (case, (shape, render)) in
-        [([16, 9, 16], (128, 72)), ([32, 20, 33], (77, 123)), ([3, 1, 5], (20, 1)), ([1, 4, 4], (2, 3))]
-            .into_iter()
-            .enumerate()
-    {
-        for (kind, change) in [
-            // Latents with a small relative difference, with NaN among them, and with the largest values.
-            (|v: f32, _: usize| v * 50.0 + 1e-3) as fn(f32, usize) -> f32,
-            |v, i| {
-                if i % 37 == 5 { [f32::NAN, f32::INFINITY, -f32::INFINITY][i % 3] } else { v + (i % 7) as f32 * 0.1 }
-            },
-            |v, i| if i % 2 == 0 { v * 3e38 } else { -v * 1e30 },
-            |v, _| v,
-        ]
-        .into_iter()
-        .enumerate()
-        {
-            let half = (case + kind) % 2 == 1 && kind != 2;
-            let len: usize = shape.iter().product();
-            let as_stored = |v: f32| if half { f16::from_f32(v).to_f32() } else { v };
-            let z0: Vec<f32> = numbers(len).into_iter().map(|v| as_stored(v * 50.0)).collect();
-            let z1: Vec<f32> = numbers(len).into_iter().enumerate().map(|(i, v)| as_stored(change(v, i))).collect();
-            let mut expected = Guidance::new(render.0, render.1, paper::PROJECTION).expect("guidance");
-            let view = |z| LatentView::new(shape[0], shape[1], shape[2], z).expect("a latent");
-            paper::extract(view(&z0), view(&z1), render, &mut expected).expect("an extraction");
-
-            // Both in one buffer, the current one first.
-            let both = upload_buffer(&gpu, &[bytes(&z1, half), bytes(&z0, half)].concat());
-            let latent = |first: usize| LatentBuffer { buffer: both.with_state(), first: first as u32 };
-            let motion =
-                writable_texture(&gpu, render, DXGI_FORMAT_R16G16_FLOAT, D3D12_RESOURCE_STATE_PIXEL_SHADER_RESOURCE);
-            let depth = writable_texture(&gpu, render, DXGI_FORMAT_R32_FLOAT, D3D12_RESOURCE_STATE_COMMON);
-            let extractor = GpuExtractor::new(&gpu, shape, half).expect("the shaders");
-            let mut frame = frames.begin().expect("a frame");
-            extractor
-                .record(&mut frame, &latent(len), &latent(0), &motion.with_state(), &depth.with_state())
-                .expect("recorded");
-            frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
-
-            let row = render.0 as usize * 4;
-            let found = read_texture(&gpu, &motion, row);
-            let wanted = expected.motion().vectors().iter().flatten();
-            for (i, (found, wanted)) in found.chunks_exact(2).zip(wanted).enumerate() {
-                let (found, wanted) = (f16::from_le_bytes([found[0], found[1]]).to_f32(), wanted.to_f32());
-                assert!(
-                    half_steps(found, wanted) <= 2.0,
-                    "motion {found} for {wanted} at {i} of {shape:?}, kind {kind}"
-                );
-            }
-            let found = read_texture(&gpu, &depth, row);
-            for (i, (found, wanted)) in found.chunks_exact(4).zip(expected.depth().depth()).enumerate() {
-                let found = f32::from_le_bytes([found[0], found[1], found[2], found[3]]);
-                assert!(
-                    half_steps(found, *wanted) <= 2.0,
-                    "depth {found} for {wanted} at {i} of {shape:?}, kind {kind}"
-                );
-            }
-        }
-    }
     for shape in [[0, 4, 4], [1, 0, 4], [1, 4, 20_000], [usize::MAX, 2, 2]] {
         assert_eq!(GpuExtractor::new(&gpu, shape, false).expect_err("no latent").offending_field(), Some("latent"));
     }

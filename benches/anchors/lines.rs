@@ -16,7 +16,7 @@ use cairn::world::{
 };
 use cairn::{LibrarySearch, Picture};
 
-use crate::blend::Blend;
+use gpu_testing::blend::Blend;
 use test_support::d3d12::resources::{self, upload_texture, writable_texture};
 
 /// Steps before the measurement, in which passes are captured and verified.

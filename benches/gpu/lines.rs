@@ -9,7 +9,7 @@ use cairn::guidance::MotionOrigin;
 use cairn::guidance::picture_flow::{self, GpuExtractor};
 use half::f16;
 
-use crate::blend::{Blend, Clock};
+use gpu_testing::blend::{Blend, Clock};
 use test_support::d3d12::resources::{TestResource, upload_texture, writable_texture};
 
 /// Turns of each line.

@@ -8,7 +8,7 @@ fn wrong_pixels(order: impl Fn(&mut Vec<usize>)) -> Vec<usize> {
     let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     let size = (96, 64);
-    let mut both = Both::new(&gpu, size, &options(MotionSource::PictureFlow));
+    let mut both = PresenterPair::new(&gpu, size, &options(MotionSource::PictureFlow));
     let mut held = Vec::new();
     for number in 0..4 {
         let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 2 + 3 * number), number, false));
@@ -104,7 +104,7 @@ fn an_unfinished_anchor_is_late_and_no_queue_waits_for_it() {
     }
     let latent = anchors[0].latent_shape();
     for motion in [MotionSource::PictureFlow, MotionSource::Paper] {
-        let mut both = Both::of_latents(&gpu, anchors[0].size(), &options(motion), latent);
+        let mut both = PresenterPair::of_latents(&gpu, anchors[0].size(), &options(motion), latent);
         let _opens = OpensOnFailure(&gate);
         (0..2).for_each(|i| both.push(&anchors[i], None, i as u64 * INTERVAL));
         for quarter in 4..12 {

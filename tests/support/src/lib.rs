@@ -1,5 +1,6 @@
 //! Code that several test programs use. Unit tests of the library cannot use this crate: it links the library itself, and its types would be
-//! those of a second copy. They include two files of it as modules instead: `worlds.rs` and `frame_cases.rs`.
+//! those of a second copy. They include files as modules instead: `worlds.rs`, and `frame_cases.rs` of
+//! `tests/gpu-testing`.
 
 pub mod allocations;
 pub mod bundles;
@@ -8,10 +9,11 @@ pub mod c_interface;
 pub mod d3d12;
 #[cfg(windows)]
 pub mod ffx;
-pub mod frame_cases;
 pub mod fuzz_targets;
 pub mod mutator;
 #[cfg(target_os = "linux")]
 pub mod process;
 pub mod trials;
 pub mod worlds;
+
+pub use gpu_testing::frame_cases;

@@ -14,7 +14,7 @@ use cases::{Random, guidance, overlay, pictures, previous_depth};
 
 // The compute shaders are compared on the same cases. The crate `test-support` cannot be used here: its types are those of another copy of
 // this library.
-#[path = "../../../../tests/support/src/frame_cases.rs"]
+#[path = "../../../../tests/gpu-testing/src/frame_cases.rs"]
 #[allow(unreachable_pub, reason = "the crate exports it")]
 mod cases;
 

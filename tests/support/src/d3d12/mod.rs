@@ -2,10 +2,9 @@
 
 pub mod amd;
 pub mod buffers;
-pub mod engine;
 pub mod function_tables;
 pub mod hazards;
 pub mod object_counts;
 pub mod recorder;
-pub mod resources;
-pub mod textures;
+
+pub use gpu_testing::{engine, resources, textures};

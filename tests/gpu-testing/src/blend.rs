@@ -7,13 +7,13 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D::ID3DBlob;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_SAMPLE_DESC};
 
-use test_support::d3d12::resources::{TestResource, create_resource, run_list};
+use crate::resources::{TestResource, create_resource, run_list};
 
 /// Width and height of its thread groups.
 const GROUP: u32 = 8;
 
 /// The shader with two pictures and a target for their mean.
-pub(crate) struct Blend {
+pub struct Blend {
     root: ID3D12RootSignature,
     pipeline: ID3D12PipelineState,
     heap: ID3D12DescriptorHeap,
@@ -21,7 +21,8 @@ pub(crate) struct Blend {
 }
 
 impl Blend {
-    pub(crate) fn new(gpu: &Gpu, [before, after, mean]: [&TestResource; 3], size: (u32, u32)) -> Self {
+    /// The mean of two pictures of `size`.
+    pub fn new(gpu: &Gpu, [before, after, mean]: [&TestResource; 3], size: (u32, u32)) -> Self {
         let device = gpu.device();
         let range = |kind, count| D3D12_DESCRIPTOR_RANGE {
             RangeType: kind,
@@ -51,7 +52,7 @@ impl Blend {
         let bytes = unsafe { std::slice::from_raw_parts(address.cast::<u8>(), length) };
         // SAFETY: a live device and bytes that live during the call.
         let root: ID3D12RootSignature = unsafe { device.CreateRootSignature(0, bytes) }.expect("a root signature");
-        let code = include_bytes!("compiled/blend.dxbc");
+        let code = include_bytes!("../../../benches/gpu/compiled/blend.dxbc");
         let wanted = D3D12_COMPUTE_PIPELINE_STATE_DESC {
             pRootSignature: ManuallyDrop::new(Some(root.clone())),
             CS: D3D12_SHADER_BYTECODE { pShaderBytecode: code.as_ptr().cast(), BytecodeLength: code.len() },
@@ -90,7 +91,7 @@ impl Blend {
     }
 
     /// Records it; the pictures stay in states in which shaders read and write them.
-    pub(crate) fn record(&self, list: &ID3D12GraphicsCommandList) {
+    pub fn record(&self, list: &ID3D12GraphicsCommandList) {
         // SAFETY: an open list; everything lives until it has run.
         unsafe {
             list.SetDescriptorHeaps(&[Some(self.heap.clone())]);
@@ -103,7 +104,7 @@ impl Blend {
 }
 
 /// Measures time on the device.
-pub(crate) struct Clock {
+pub struct Clock {
     queries: ID3D12QueryHeap,
     results: ID3D12Resource,
     /// Ticks per second.
@@ -111,7 +112,8 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    pub(crate) fn new(gpu: &Gpu) -> Self {
+    /// A clock of the queue for frames.
+    pub fn new(gpu: &Gpu) -> Self {
         let wanted = D3D12_QUERY_HEAP_DESC { Type: D3D12_QUERY_HEAP_TYPE_TIMESTAMP, Count: 2, NodeMask: 0 };
         let mut queries: Option<ID3D12QueryHeap> = None;
         // SAFETY: the description and the variable live during the call.
@@ -133,7 +135,7 @@ impl Clock {
     }
 
     /// Runs the recorded commands and returns their time in seconds.
-    pub(crate) fn time(&self, gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> f64 {
+    pub fn time(&self, gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> f64 {
         run_list(gpu, |list| {
             // SAFETY: an open list; the queries live until it has run.
             unsafe { list.EndQuery(&self.queries, D3D12_QUERY_TYPE_TIMESTAMP, 0) };

@@ -10,10 +10,10 @@ use cairn::guidance::{DepthMap, Guidance, MotionOrigin};
 use cairn::{Pixel, Raster};
 use half::f16;
 
-use test_support::d3d12::resources::{TestResource, create_resource, texture_desc, upload_texture};
+use crate::resources::{TestResource, create_resource, texture_desc, upload_texture};
 
 /// A pixel format that frames are compared in.
-pub(crate) trait ComparablePixel: Pixel + bytemuck::Pod + Debug {
+pub trait ComparablePixel: Pixel + bytemuck::Pod + Debug {
     /// The texture format of such pixels.
     const FORMAT: DXGI_FORMAT;
 
@@ -48,24 +48,24 @@ impl ComparablePixel for [f16; 4] {
 }
 
 /// A picture with these levels of 255.
-pub(crate) fn raster<P: ComparablePixel>(size: (u32, u32), levels: &[[f32; 4]]) -> Raster<P> {
+pub fn raster<P: ComparablePixel>(size: (u32, u32), levels: &[[f32; 4]]) -> Raster<P> {
     let mut picture = Raster::new(size.0, size.1).expect("a picture");
     picture.pixels_mut().iter_mut().zip(levels).for_each(|(pixel, &levels)| *pixel = P::from_levels(levels));
     picture
 }
 
 /// The picture in a texture.
-pub(crate) fn upload_picture<P: ComparablePixel>(gpu: &Gpu, picture: &Raster<P>) -> TestResource {
+pub fn upload_picture<P: ComparablePixel>(gpu: &Gpu, picture: &Raster<P>) -> TestResource {
     upload_texture(gpu, picture.size(), P::FORMAT, bytemuck::cast_slice(picture.pixels()))
 }
 
 /// The depth map in a texture.
-pub(crate) fn depth_texture(gpu: &Gpu, depth: &DepthMap) -> TestResource {
+pub fn depth_texture(gpu: &Gpu, depth: &DepthMap) -> TestResource {
     upload_texture(gpu, (depth.columns(), depth.rows()), DXGI_FORMAT_R32_FLOAT, bytemuck::cast_slice(depth.depth()))
 }
 
 /// Guidance in textures.
-pub(crate) struct DeviceGuidance {
+pub struct DeviceGuidance {
     motion: TestResource,
     depth: TestResource,
     tiles: [u32; 2],
@@ -73,7 +73,8 @@ pub(crate) struct DeviceGuidance {
 }
 
 impl DeviceGuidance {
-    pub(crate) fn new(gpu: &Gpu, guidance: &Guidance) -> Self {
+    /// Uploads the guidance.
+    pub fn new(gpu: &Gpu, guidance: &Guidance) -> Self {
         let (field, depth) = (guidance.motion(), guidance.depth());
         let size = (field.columns(), field.vectors().len() as u32 / field.columns());
         let motion = upload_texture(gpu, size, DXGI_FORMAT_R16G16_FLOAT, bytemuck::cast_slice(field.vectors()));
@@ -85,7 +86,8 @@ impl DeviceGuidance {
         }
     }
 
-    pub(crate) fn textures(&self) -> GuidanceTextures<'_> {
+    /// The textures without an overlay mask.
+    pub fn textures(&self) -> GuidanceTextures<'_> {
         GuidanceTextures {
             motion: self.motion.with_state(),
             motion_tile: self.tiles[0],
@@ -98,23 +100,26 @@ impl DeviceGuidance {
 }
 
 /// A render target that shaders cannot write.
-pub(crate) fn target(gpu: &Gpu, size: (u32, u32), format: DXGI_FORMAT) -> TestResource {
+pub fn target(gpu: &Gpu, size: (u32, u32), format: DXGI_FORMAT) -> TestResource {
     let state = D3D12_RESOURCE_STATE_RENDER_TARGET;
     let wanted = texture_desc(size, format, D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET);
     TestResource { resource: create_resource(gpu, D3D12_HEAP_TYPE_DEFAULT, &wanted, state), state }
 }
 
 /// Numbers of compared pixels, of pixels that are not equal, and of pixels that differ by more than a level.
-#[derive(Default, Debug)]
-pub(crate) struct Differences {
-    pub(crate) pixels: usize,
-    unequal: usize,
-    pub(crate) far: usize,
+#[derive(Default, Debug, Clone, Copy)]
+pub struct Differences {
+    /// Compared pixels.
+    pub pixels: usize,
+    /// Pixels that are not equal.
+    pub unequal: usize,
+    /// Pixels that differ by more than a level of 255.
+    pub far: usize,
 }
 
 impl Differences {
     /// Compares a frame in bytes with a picture.
-    pub(crate) fn compare<P: ComparablePixel>(&mut self, found: &[u8], wanted: &Raster<P>, what: &str) {
+    pub fn compare<P: ComparablePixel>(&mut self, found: &[u8], wanted: &Raster<P>, what: &str) {
         let found: &[P] = bytemuck::cast_slice(found);
         let mut this = Self::default();
         for (&found, &wanted) in found.iter().zip(wanted.pixels()) {

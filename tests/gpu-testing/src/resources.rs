@@ -6,6 +6,8 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::core::Interface;
 
+use crate::fault;
+
 /// A resource with its state between uses.
 pub struct TestResource {
     /// The resource.
@@ -187,7 +189,10 @@ pub fn read_texture(gpu: &Gpu, texture: &TestResource, row: usize) -> Vec<u8> {
     unsafe { back.Map(0, None, Some(&mut address)) }.expect("a mapping");
     // SAFETY: the mapping is as long as the buffer and the device is done with it.
     let all = unsafe { std::slice::from_raw_parts(address.cast::<u8>(), bytes as usize) };
-    (0..rows).flat_map(|y| all[y * place.Footprint.RowPitch as usize..][..row].to_vec()).collect()
+    let mut read: Vec<u8> =
+        (0..rows).flat_map(|y| all[y * place.Footprint.RowPitch as usize..][..row].to_vec()).collect();
+    fault::alter(&mut read);
+    read
 }
 
 /// Records a transition barrier if the states differ.

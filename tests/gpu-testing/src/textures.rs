@@ -6,6 +6,8 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::core::Interface;
 
+use crate::fault;
+
 /// Description of a two-dimensional texture in the default heap.
 #[derive(Clone, Copy)]
 pub struct TextureDesc {
@@ -206,7 +208,10 @@ pub fn read(
     // SAFETY: the mapping is as long as the buffer, and the device is done with it.
     let all = unsafe { std::slice::from_raw_parts(place.cast::<u8>(), bytes as usize) };
     let pitch = layout.Footprint.RowPitch as usize;
-    all.chunks(pitch).take(rows as usize).flat_map(|line| &line[..row as usize]).copied().collect()
+    let mut pixels: Vec<u8> =
+        all.chunks(pitch).take(rows as usize).flat_map(|line| &line[..row as usize]).copied().collect();
+    fault::alter(&mut pixels);
+    pixels
 }
 
 /// A resource as a parameter that holds no reference.

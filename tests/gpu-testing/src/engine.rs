@@ -1,5 +1,6 @@
 //! An engine's device with two queues, and their reference counts.
 
+use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D::D3D_FEATURE_LEVEL_11_0;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::{IUnknown, Interface};
@@ -23,6 +24,13 @@ impl Engine {
         let device = device.expect("a device");
         let direct = queue(&device, D3D12_COMMAND_LIST_TYPE_DIRECT);
         let compute = queue(&device, D3D12_COMMAND_LIST_TYPE_COMPUTE);
+        Self { device, direct, compute }
+    }
+
+    /// The device and the queues of `gpu`.
+    pub fn of(gpu: &Gpu) -> Self {
+        let (device, direct, compute) =
+            (gpu.device().clone(), gpu.frames().d3d12().clone(), gpu.anchors().d3d12().clone());
         Self { device, direct, compute }
     }
 }
