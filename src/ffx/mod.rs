@@ -39,7 +39,7 @@ pub use context::{Context, Provider};
 pub use generator::{Camera, Frame, FrameParams, Generator};
 pub use library::LibraryKind;
 #[cfg(windows)]
-pub use library::{File, FileVersion, Library, LoadOptions, allow_unsigned_in_host};
+pub use library::{File, FileVersion, Library, LoadOptions, allow_unsigned_in_host, signer_of};
 pub use memory_usage::{ReportsMemory, memory_needed};
 #[cfg(windows)]
 pub use pass_through_detector::GenerationCheck;

@@ -13,6 +13,7 @@ pub use search::LibraryKind;
 pub use {
     loading::{File, Library, LoadOptions, allow_unsigned_in_host},
     module::FileVersion,
+    signature::signer_of,
 };
 
 #[cfg(windows)]

@@ -33,6 +33,34 @@ pub(super) struct Signed {
 /// # Errors
 /// `RuntimeMissing` for a file that is not signed, was altered, or whose signer is not trusted or not AMD.
 pub(super) fn check(path: &Path) -> Result<Signed> {
+    let (code, signer, held) = verify(path)?;
+    match (code, signer) {
+        (0, Some(signer)) if signer.starts_with(AMD) => Ok(Signed { signer, _held: held }),
+        (0, signer) => Err(refused(path, &format!("it is signed by {}", signer.as_deref().unwrap_or("nobody known")))),
+        (code, signer) => {
+            let whose = signer.map_or(String::new(), |signer| format!(", signed by {signer}"));
+            Err(refused(path, &format!("{} ({code:#010x}{whose})", meaning(code))))
+        }
+    }
+}
+
+/// Checks the signature in a library's file, whoever signed it, and returns the signer's name. Looks at no catalogue: files of Windows itself
+/// are signed in one, and have no signature of their own. Uses no network. Windows only.
+///
+/// # Errors
+/// `RuntimeMissing` for a file that is not signed, was altered, or whose signer is not trusted; `Io` for one that cannot be read.
+pub fn signer_of(path: &Path) -> Result<String> {
+    let (code, signer, _) = verify(path)?;
+    let whose = signer.clone().map_or(String::new(), |signer| format!(", signed by {signer}"));
+    signer.filter(|_| code == 0).ok_or_else(|| {
+        Error::new(ErrorKind::RuntimeMissing, format!("{} ({code:#010x}{whose})", meaning(code)))
+            .field(path.display().to_string())
+            .remedy("Use the signed file of its maker")
+    })
+}
+
+/// The result of the check of a signature, 0 for a right one, with the signer's name and the file, which cannot be altered while it is held.
+fn verify(path: &Path) -> Result<(i32, Option<String>, File)> {
     const SHARE_READ: u32 = 1;
     let held = OpenOptions::new().read(true).share_mode(SHARE_READ).open(path);
     let held = held.map_err(|e| Error::new(ErrorKind::Io, e.to_string()).field(path.display().to_string()))?;
@@ -64,14 +92,7 @@ pub(super) fn check(path: &Path) -> Result<Signed> {
     let signer = signer(data.hWVTStateData);
     data.dwStateAction = WTD_STATEACTION_CLOSE;
     verify(&mut data);
-    match (code, signer) {
-        (0, Some(signer)) if signer.starts_with(AMD) => Ok(Signed { signer, _held: held }),
-        (0, signer) => Err(refused(path, &format!("it is signed by {}", signer.as_deref().unwrap_or("nobody known")))),
-        (code, signer) => {
-            let whose = signer.map_or(String::new(), |signer| format!(", signed by {signer}"));
-            Err(refused(path, &format!("{} ({code:#010x}{whose})", meaning(code))))
-        }
-    }
+    Ok((code, signer, held))
 }
 
 /// The first signer's name.

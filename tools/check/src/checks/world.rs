@@ -1,0 +1,136 @@
+//! The embedded world on DirectML.
+
+use std::sync::Arc;
+
+use cairn::bundle::Precision;
+use cairn::runtime::{CpuOptions, Device, DirectMlOptions, Ort};
+use cairn::world::{Rollout, World};
+
+use super::{DRIVER, Settings, seed};
+use crate::finding::{Checked, Finding};
+
+/// The largest relative error of a latent in the L2 norm, in single precision and in half floats.
+const BOUNDS: [(Precision, &str, f64); 2] =
+    [(Precision::F32, "single precision", 1e-3), (Precision::F16, "half floats", 3e-2)];
+
+/// The device of the judged adapter for worlds.
+pub(super) fn device(settings: &Settings, options: DirectMlOptions) -> Result<Device, Finding> {
+    let ort = Ort::find(&settings.libraries())?;
+    Ok(Device::directml(&ort, &settings.gpu()?, options)?)
+}
+
+fn deterministic() -> DirectMlOptions {
+    DirectMlOptions { deterministic: true, ..DirectMlOptions::default() }
+}
+
+fn latent(world: &Arc<World>) -> Result<(Vec<f32>, cairn::Picture), Finding> {
+    let mut rollout = seed::rollout(world)?;
+    seed::walk(&mut rollout, 0..1)?;
+    let picture = seed::picture(&mut rollout)?;
+    let mut latent = rollout.latent()?.to_vec();
+    if gpu_testing::fault::is_on() {
+        latent.iter_mut().step_by(16).for_each(|v| *v = 2.0 - *v);
+    }
+    Ok((latent, picture))
+}
+
+/// A latent by DirectML beside the processor's.
+pub(super) fn parity(settings: &Settings) -> Checked {
+    let device = device(settings, deterministic())?;
+    let ort = Ort::find(&settings.libraries())?;
+    let processor = Device::cpu(&ort, CpuOptions { threads: None, deterministic: true })?;
+    let wanted = {
+        let world = seed::world(&processor, Precision::F32)?;
+        let mut rollout = seed::rollout(&world)?;
+        seed::walk(&mut rollout, 0..1)?;
+        (rollout.latent()?.to_vec(), seed::picture(&mut rollout)?)
+    };
+    let mut errors = Vec::new();
+    let mut shown = None;
+    for (precision, name, bound) in BOUNDS {
+        let (found, picture) = latent(&seed::world(&device, precision)?)?;
+        errors.push((name, error(&found, &wanted.0), bound));
+        shown = Some(picture);
+    }
+    let is_right = errors.iter().all(|(_, error, bound)| error <= bound);
+    let text: Vec<String> =
+        errors.iter().map(|(name, error, bound)| format!("{error:.1e} in {name} (at most {bound:.0e})")).collect();
+    let sentence = format!(
+        "The embedded world's latent by DirectML, relative to the processor's, has an error of {}",
+        text.join(" and of ")
+    );
+    let mut finding = Finding::judge(is_right, sentence, DRIVER);
+    for (name, error, _) in errors {
+        finding = finding.figure(format!("relative error, {name}"), error, "");
+    }
+    if let Some(picture) = &shown {
+        finding = finding.picture("by DirectML, half floats", picture);
+    }
+    Ok(finding.picture("by the processor", &wanted.1))
+}
+
+/// Relative error in the L2 norm.
+fn error(found: &[f32], truth: &[f32]) -> f64 {
+    let square = |v: f32| f64::from(v) * f64::from(v);
+    let apart: f64 = found.iter().zip(truth).map(|(a, b)| square(a - b)).sum();
+    (apart / truth.iter().map(|v| square(*v)).sum::<f64>()).sqrt()
+}
+
+/// A saved state goes on with the same bits.
+pub(super) fn states(settings: &Settings) -> Checked {
+    let world = seed::world(&device(settings, deterministic())?, Precision::F16)?;
+    let mut first = seed::rollout(&world)?;
+    seed::walk(&mut first, 0..1)?;
+    let saved = first.save()?;
+    seed::walk(&mut first, 1..3)?;
+    let wanted = seed::unaltered_bits(&mut first)?;
+    let mut again = seed::rollout(&world)?;
+    seed::walk(&mut again, 0..3)?;
+    let repeats = seed::bits(&mut again)? == wanted;
+    let mut restored = Rollout::new(&world, &seed::point(&world), 1)?;
+    restored.restore(&saved)?;
+    seed::walk(&mut restored, 1..3)?;
+    let goes_on = seed::bits(&mut restored)? == wanted;
+    let sentence = match (repeats, goes_on) {
+        (true, true) => "Three latents by DirectML repeat bit for bit, also from a saved state of the first",
+        (false, _) => "The same three latents, made twice by DirectML, have other bits",
+        (true, false) => "Latents made from a saved state have other bits",
+    };
+    Ok(Finding::judge(repeats && goes_on, sentence, DRIVER).figure("a saved state", saved.len() as f64 / 1024.0, "KiB"))
+}
+
+/// Captured passes give the bits of normal ones.
+pub(super) fn captured(settings: &Settings) -> Checked {
+    let device = device(settings, DirectMlOptions::default())?;
+    let run = |captured_passes| -> Result<_, Finding> {
+        device.set_directml_options(DirectMlOptions { captured_passes, ..DirectMlOptions::default() })?;
+        let world = seed::world(&device, Precision::F16)?;
+        let mut rollout = seed::rollout(&world)?;
+        seed::walk(&mut rollout, 0..5)?;
+        let bits = if captured_passes == 0 { seed::unaltered_bits(&mut rollout)? } else { seed::bits(&mut rollout)? };
+        Ok((bits, rollout.capture_statistics().unwrap_or_default()))
+    };
+    let (wanted, _) = run(0)?;
+    let (found, statistics) = run(16)?;
+    let figures = |finding: Finding| {
+        finding.figure("passes that run by capture", statistics.used as f64, "").figure(
+            "passes that do not",
+            (statistics.unused + statistics.unproven) as f64,
+            "",
+        )
+    };
+    if found != wanted {
+        return Ok(figures(Finding::fail("Rollouts with captured passes have other bits than without", DRIVER)));
+    }
+    if statistics.used == 0 {
+        let reason = statistics.reason.clone().unwrap_or_else(|| "none ran often enough".to_owned());
+        return Ok(figures(Finding::cannot_tell(
+            format!("No pass runs by capture: {reason}"),
+            "Nothing needs to be done: passes are then run anew, and take more of the processor's time",
+        )));
+    }
+    Ok(figures(Finding::pass(format!(
+        "{} passes run by capture, each compared with normal ones on the device, and five latents have the same bits",
+        statistics.used
+    ))))
+}
