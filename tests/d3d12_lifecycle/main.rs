@@ -10,11 +10,11 @@ use cairn::gpu::Gpu;
 use cairn::runtime::{Device, DirectMlOptions};
 use cairn::world::{Rollout, World, WorldOptions};
 use cairn::{ErrorKind, Picture, Result};
+use gpu_testing::memory::{Memory, memory};
+use gpu_testing::system_calls;
 use test_support::d3d12::buffers::List;
 use test_support::d3d12::engine::{Engine, reference_count, wait_for_counts};
 use test_support::worlds::{bundle, controls, ort, picture, point, seeded};
-
-mod system_calls;
 
 /// Allowed growth of Cairn's part of the process in the median of [`TURNS`].
 const DRIFT: i64 = 1 << 20;
@@ -38,41 +38,6 @@ fn cycles(name: &str, few: u64) -> u64 {
 fn alone() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Memory of this process, or its growth, in bytes.
-#[derive(Debug, Clone, Copy, Default)]
-struct Memory {
-    /// Private memory: without mapped files, whose resident part depends on the machine's other programs.
-    private: i64,
-    /// All resident memory.
-    resident: i64,
-}
-
-/// Memory of this process.
-fn memory() -> Memory {
-    #[repr(C)]
-    #[derive(Default)]
-    struct Counters {
-        size: u32,
-        page_faults: u32,
-        peak_working_set: usize,
-        working_set: usize,
-        pools: [usize; 4],
-        page_file: usize,
-        peak_page_file: usize,
-    }
-    #[link(name = "kernel32")]
-    unsafe extern "system" {
-        fn GetCurrentProcess() -> *mut std::ffi::c_void;
-        fn K32GetProcessMemoryInfo(process: *mut std::ffi::c_void, counters: *mut Counters, size: u32) -> i32;
-    }
-    let mut counters = Counters { size: size_of::<Counters>() as u32, ..Counters::default() };
-    // SAFETY: the process's create_device handle, and a struct of the given size.
-    let succeeded =
-        unsafe { K32GetProcessMemoryInfo(GetCurrentProcess(), &mut counters, size_of::<Counters>() as u32) };
-    assert!(succeeded != 0 && counters.working_set > 0 && counters.page_file > 0, "the process's size is known");
-    Memory { private: counters.page_file.cast_signed() as i64, resident: counters.working_set.cast_signed() as i64 }
 }
 
 /// A Cairn device on an engine's device, for worlds.

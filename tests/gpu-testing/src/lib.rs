@@ -18,6 +18,8 @@ pub mod generator;
 #[cfg(windows)]
 pub mod high_dynamic_range;
 #[cfg(windows)]
+pub mod memory;
+#[cfg(windows)]
 pub mod paper_guidance;
 #[cfg(windows)]
 pub mod presenters;
@@ -25,5 +27,7 @@ pub mod presenters;
 pub mod resize;
 #[cfg(windows)]
 pub mod resources;
+#[cfg(windows)]
+pub mod system_calls;
 #[cfg(windows)]
 pub mod textures;

@@ -35,10 +35,12 @@ pub fn without_adapters() -> Machine {
 #[cfg(windows)]
 pub fn adapters() -> Vec<Adapter> {
     let all = cairn::gpu::adapters().unwrap_or_default().into_iter();
+    // Wine gives adapters that it does not know the name of another.
+    let by = if cairn::gpu::System::current().wine.is_some() { " (by Wine, which may invent the name)" } else { "" };
     all.map(|adapter| {
         let gpu = cairn::gpu::Gpu::on_adapter(Some(adapter.luid)).ok();
         Adapter {
-            name: adapter.description,
+            name: format!("{}{by}", adapter.description),
             ids: [adapter.vendor, adapter.device],
             memory: adapter.memory,
             driver: adapter.driver,

@@ -21,7 +21,11 @@ mod seed;
 mod shaders;
 #[cfg(windows)]
 mod there;
+#[cfg(windows)]
+mod times;
 mod truth;
+#[cfg(windows)]
+mod window;
 #[cfg(windows)]
 mod world;
 
@@ -39,11 +43,13 @@ pub enum Group {
     Right,
     /// What Direct3D's debug layer says.
     Validation,
+    /// Times and memory.
+    Times,
 }
 
 impl Group {
     /// Every group.
-    pub const ALL: [Self; 4] = [Self::There, Self::Processor, Self::Right, Self::Validation];
+    pub const ALL: [Self; 5] = [Self::There, Self::Processor, Self::Right, Self::Validation, Self::Times];
 
     /// Its name on the command line and in the report.
     pub fn name(self) -> &'static str {
@@ -52,6 +58,7 @@ impl Group {
             Self::Processor => "processor",
             Self::Right => "right",
             Self::Validation => "validation",
+            Self::Times => "times",
         }
     }
 
@@ -62,6 +69,7 @@ impl Group {
             Self::Processor => "Right on the processor",
             Self::Right => "Right on this adapter",
             Self::Validation => "By Direct3D's debug layer",
+            Self::Times => "Times and memory",
         }
     }
 }
@@ -121,6 +129,30 @@ impl Settings {
             onnxruntime: runtime.filter(|_| !is_named("CAIRN_ONNXRUNTIME")),
             ffx: in_archive("amd").filter(has_library).filter(|_| !is_named("CAIRN_FFX_DIR")),
             ..LibrarySearch::for_tools()
+        }
+    }
+
+    /// Why times on the judged adapter are not those of a graphics adapter, if that is known.
+    #[cfg(windows)]
+    pub fn emulation(&self, gpu: &cairn::gpu::Gpu) -> Option<&'static str> {
+        if cairn::gpu::System::current().wine.is_some() {
+            return Some("Wine runs it, and does not say whether a processor emulates the adapter");
+        }
+        gpu.adapter().is_ok_and(|adapter| adapter.software).then_some("a processor emulates the adapter")
+    }
+
+    /// A finding about times: one that passed shows nothing where the adapter may be emulated.
+    #[cfg(windows)]
+    pub fn about_times(&self, gpu: &cairn::gpu::Gpu, finding: Finding) -> Finding {
+        use crate::finding::Verdict;
+        match self.emulation(gpu) {
+            Some(why) if finding.verdict != Verdict::CannotTell => Finding {
+                verdict: Verdict::CannotTell,
+                sentence: format!("{}. Of a graphics adapter this shows nothing: {why}", finding.sentence),
+                remedy: Some("Run it on Windows, on a graphics adapter".to_owned()),
+                ..finding
+            },
+            _ => finding,
         }
     }
 
@@ -211,4 +243,17 @@ pub static ALL: &[CheckDefinition] = &[
         180,
         on_windows!(debug_layer::gpu_based_validation),
     ),
+    check("latents", Group::Times, "A latent by stage", 60, on_windows!(times::latents)),
+    check("generator", Group::Times, "The generator at 1080p to 4K, 2x to 6x", 60, on_windows!(times::generator)),
+    check("fsr-times", Group::Times, "AMD FSR on the same pictures", 60, on_windows!(times::fsr)),
+    check("first-frame", Group::Times, "The first frame", 60, on_windows!(times::first_frame)),
+    check("memory", Group::Times, "Memory against the budget", 60, on_windows!(times::memory)),
+    check(
+        "engine",
+        Group::Times,
+        "An engine at 60 and 120 Hz, with and without latents",
+        90,
+        on_windows!(times::engine),
+    ),
+    check("window", Group::Times, "From present to present in a window", 60, on_windows!(window::presents)),
 ];

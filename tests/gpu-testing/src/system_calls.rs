@@ -15,17 +15,17 @@ use cairn::gpu::windows::Win32::System::LibraryLoader::{GetModuleHandleW, GetPro
 use cairn::gpu::windows::Win32::System::Threading::{CreateEventW, INFINITE, WaitForSingleObject};
 use cairn::gpu::windows::core::{GUID, HRESULT, Interface, s, w};
 
-use test_support::d3d12::engine::Engine;
+use crate::engine::Engine;
 
 /// Shaders of a device, with the numbers of their root constants, of their input buffers and of their output buffers.
 const SHADERS: [(&[u8], u32, u32, u32); 2] = [
-    (include_bytes!("../../src/gpu/shaders/compiled/finite.dxbc"), 4, 1, 1),
-    (include_bytes!("../../src/gpu/shaders/compiled/equal.dxbc"), 2, 2, 1),
+    (include_bytes!("../../../src/gpu/shaders/compiled/finite.dxbc"), 4, 1, 1),
+    (include_bytes!("../../../src/gpu/shaders/compiled/equal.dxbc"), 2, 2, 1),
 ];
 
 /// A part of a Cairn device.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Part {
+pub enum Part {
     /// The adapter's name.
     Adapter,
     /// DirectML's device.
@@ -37,11 +37,11 @@ pub(crate) enum Part {
 }
 
 /// All parts.
-pub(crate) const ALL: [Part; 4] = [Part::Adapter, Part::DirectMl, Part::Shaders, Part::Fences];
+pub const ALL: [Part; 4] = [Part::Adapter, Part::DirectMl, Part::Shaders, Part::Fences];
 
 impl Part {
     /// Creates this part on an engine's device, and releases it.
-    pub(crate) fn create_and_release(self, engine: &Engine) {
+    pub fn create_and_release(self, engine: &Engine) {
         match self {
             Self::Adapter => adapter(),
             Self::DirectMl => drop(directml(engine)),
