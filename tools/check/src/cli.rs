@@ -9,7 +9,7 @@ use clap::{Parser, Subcommand};
 
 use crate::checks::{self, CheckDefinition, Settings};
 use crate::report::{Report, SCHEMA};
-use crate::runner::{Runner, run_one};
+use crate::runner::{PATIENCE_WITH_EMULATION, Runner, run_one};
 use crate::summary::{Progress, totals};
 use crate::{compare, page};
 
@@ -120,13 +120,18 @@ fn check(arguments: &Arguments, prefix: &[OsString]) -> Result<u8, String> {
     let start = Instant::now();
     let out = &arguments.out;
     std::fs::create_dir_all(out).map_err(|e| format!("{}: {e}; choose another with --out", out.display()))?;
-    let runner = Runner {
+    let mut runner = Runner {
         program: std::env::current_exe().map_err(|e| format!("this program's own file: {e}"))?,
         arguments: prefix.to_vec(),
         settings: arguments.settings.clone(),
         deadline: start + Duration::from_secs(60 * u64::from(arguments.minutes)),
+        patience: 1,
         folder: out.clone(),
     };
+    let machine = runner.describe();
+    if machine.emulated {
+        runner.patience = PATIENCE_WITH_EMULATION;
+    }
     let mut report = Report {
         schema: SCHEMA,
         cairn: env!("CARGO_PKG_VERSION").to_owned(),
@@ -134,7 +139,7 @@ fn check(arguments: &Arguments, prefix: &[OsString]) -> Result<u8, String> {
         quick: arguments.settings.quick,
         seconds: 0.0,
         verdict: Report::worst(&[]),
-        machine: runner.describe(),
+        machine,
         checks: Vec::new(),
     };
     let progress = Progress::new(chosen.len());

@@ -43,6 +43,8 @@ pub struct Machine {
     pub memory: u64,
     /// Every adapter with Direct3D 12, the system's first choice first.
     pub adapters: Vec<Adapter>,
+    /// Whether a processor may emulate the judged adapter: it is a software adapter, or Wine's.
+    pub emulated: bool,
     /// Index in `adapters` of the one that was judged; none without one.
     pub judged: Option<usize>,
 }
@@ -176,7 +178,7 @@ pub(crate) mod tests {
     pub(crate) fn check(name: &str, verdict: Verdict, figures: &[(&str, f64)]) -> Check {
         Check {
             name: name.to_owned(),
-            group: "figures".to_owned(),
+            group: "times".to_owned(),
             title: format!("the title of {name}"),
             verdict,
             sentence: format!("what {name} saw"),

@@ -11,6 +11,8 @@ use crate::finding::{Finding, Verdict};
 use crate::privacy::{known_folders, without_folders};
 use crate::report::{Check, Machine};
 
+/// Factor of the checks' limits where a processor emulates the adapter.
+pub(crate) const PATIENCE_WITH_EMULATION: u32 = 8;
 /// Interval at which a process's end is polled.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Time for the description of the machine.
@@ -29,6 +31,8 @@ pub struct Runner {
     pub settings: Settings,
     /// When the whole run must be over.
     pub deadline: Instant,
+    /// Factor of the checks' limits.
+    pub patience: u32,
     /// Folder for the processes' results; they are removed.
     pub folder: PathBuf,
 }
@@ -44,7 +48,7 @@ impl Runner {
                 format!("Run it alone: cairn-check --only {}", check.name),
             )
         } else {
-            self.run_process(check, left.min(Duration::from_secs(check.seconds)))
+            self.run_process(check, left.min(self.limit(check)))
         };
         line(check, finding, start.elapsed())
     }
@@ -70,6 +74,11 @@ impl Runner {
         command
     }
 
+    /// Time after which a check is taken to hang.
+    fn limit(&self, check: &CheckDefinition) -> Duration {
+        Duration::from_secs(check.seconds) * self.patience
+    }
+
     fn run_process(&self, check: &CheckDefinition, limit: Duration) -> Finding {
         let result = self.folder.join(format!("{}-{}.tmp", check.name, std::process::id()));
         let mut command = self.command("run-one", &result);
@@ -80,12 +89,15 @@ impl Runner {
         let finding = text.and_then(|text| serde_json::from_str::<Finding>(&text).ok());
         match (ended, finding) {
             (Err(e), _) => Finding::cannot_tell(format!("its process did not start: {e}"), "Start the program again"),
-            (Ok((None, _)), _) if limit < Duration::from_secs(check.seconds) => Finding::cannot_tell(
+            (Ok((None, _)), _) if limit < self.limit(check) => Finding::cannot_tell(
                 "the time of this run was used up before it ended",
                 format!("Run it alone: cairn-check --only {}", check.name),
             ),
             (Ok((None, _)), _) => Finding::fail(
-                format!("it hung: it did not end within {} s, and was ended", limit.as_secs()),
+                format!(
+                    "it did not end within {} s, and was ended: it hung, or the adapter is too slow by far",
+                    limit.as_secs()
+                ),
                 crate::checks::DRIVER,
             ),
             (Ok((Some(_), _)), Some(finding)) => finding,

@@ -9,7 +9,20 @@ pub fn describe(settings: &Settings) -> Machine {
     let first =
         adapters.iter().position(|adapter| !adapter.software).or(if adapters.is_empty() { None } else { Some(0) });
     let judged = settings.adapter.filter(|index| *index < adapters.len()).or(first);
-    Machine { adapters, judged, ..without_adapters() }
+    let emulated = judged.is_some_and(|index| adapters[index].software) || is_wine();
+    Machine { adapters, judged, emulated, ..without_adapters() }
+}
+
+/// Whether Wine runs the program.
+#[cfg(windows)]
+fn is_wine() -> bool {
+    cairn::gpu::System::current().wine.is_some()
+}
+
+/// Not on other systems.
+#[cfg(not(windows))]
+fn is_wine() -> bool {
+    false
 }
 
 /// The machine as the system describes it.
@@ -36,7 +49,7 @@ pub fn without_adapters() -> Machine {
 pub fn adapters() -> Vec<Adapter> {
     let all = cairn::gpu::adapters().unwrap_or_default().into_iter();
     // Wine gives adapters that it does not know the name of another.
-    let by = if cairn::gpu::System::current().wine.is_some() { " (by Wine, which may invent the name)" } else { "" };
+    let by = if is_wine() { " (by Wine, which may invent the name)" } else { "" };
     all.map(|adapter| {
         let gpu = cairn::gpu::Gpu::on_adapter(Some(adapter.luid)).ok();
         Adapter {
