@@ -12,20 +12,39 @@ use libtest_mimic::{Arguments, Failed, Trial};
 /// First argument of this program as a `cairn-check` whose results from the device are altered.
 const FAULTY: &str = "--as-faulty-check";
 
+/// First argument of this program as a `cairn-check` whose checks end their processes.
+const CRASHING: &str = "--as-crashing-check";
+
+/// Checks of an adapter's results that need no other libraries.
+const ALTERED: [&str; 6] = ["resize", "guidance", "flow", "frames", "truth", "formats"];
+
 fn main() -> ExitCode {
     let mut arguments = std::env::args_os();
-    if arguments.nth(1).is_some_and(|first| first == FAULTY) {
+    let first = arguments.nth(1);
+    if first.as_ref().is_some_and(|first| first == CRASHING) {
+        if arguments.next().is_some_and(|verb| verb == "run-one") {
+            std::process::abort();
+        }
+        let all = std::env::args_os().enumerate().filter(|(index, _)| *index != 1).map(|(_, argument)| argument);
+        return cairn_check::run_as(all, &[CRASHING.into()]);
+    }
+    if first.is_some_and(|first| first == FAULTY) {
         gpu_testing::fault::turn_on();
         let all = std::iter::once(OsString::from("cairn-check")).chain(arguments);
         return cairn_check::run_as(all, &[FAULTY.into()]);
     }
-    let trials = vec![
-        Trial::test("the_help_teaches", || the_help_teaches()),
-        Trial::test("what_a_machine_lacks_has_a_cause_and_a_remedy", || what_a_machine_lacks()),
-        Trial::test("an_unknown_name_is_refused", || unknown_names()),
-        Trial::test("a_fault_on_purpose_fails_on_the_processor", || fault_fails(&["cpu-frames"])),
-        Trial::test("reports_are_compared", || reports_are_compared()),
+    let mut trials = vec![
+        Trial::test("the_help_teaches", the_help_teaches),
+        Trial::test("what_a_machine_lacks_has_a_cause_and_a_remedy", what_a_machine_lacks),
+        Trial::test("an_unknown_name_is_refused", unknown_names),
+        Trial::test("a_check_that_ends_its_process_is_a_failed_line", crashes_are_lines),
+        Trial::test("altered_results_of_the_processor_fail", || fault_fails(&["cpu-frames"])),
+        Trial::test("reports_are_compared", reports_are_compared),
     ];
+    if cfg!(windows) {
+        trials.push(Trial::test("altered_results_of_the_adapter_fail", || fault_fails(&ALTERED)));
+        trials.push(Trial::test("results_of_the_adapter_are_right", results_are_right));
+    }
     libtest_mimic::run(&Arguments::from_args(), trials).exit_code()
 }
 
@@ -119,6 +138,27 @@ fn fault_fails(names: &[&str]) -> Tested {
     let (report, status) = run(&own, &[FAULTY], &names.join(","), &folder);
     ensure(report.checks.len() == names.len() && status == Some(1), &report.checks)?;
     ensure(report.checks.iter().all(|check| check.verdict == Verdict::Fail), &report.checks)
+}
+
+/// A process that ends without a finding is a failed line, and the next check runs.
+fn crashes_are_lines() -> Tested {
+    let folder = Folder::new("crash");
+    let own = std::env::current_exe().expect("this program");
+    let (report, status) = run(&own, &[CRASHING], "cpu-frames,cpu-world", &folder);
+    ensure(report.checks.len() == 2 && status == Some(1), &report.checks)?;
+    let is_crash = |check: &cairn_check::report::Check| {
+        check.verdict == Verdict::Fail && check.sentence.starts_with("its process ended with")
+    };
+    ensure(report.checks.iter().all(is_crash), &report.checks)
+}
+
+/// The same checks pass when nothing is altered.
+fn results_are_right() -> Tested {
+    let folder = Folder::new("right");
+    let (report, _) = run(Path::new(env!("CARGO_BIN_EXE_cairn-check")), &[], &ALTERED.join(","), &folder);
+    ensure(report.checks.len() == ALTERED.len() && report.verdict == Verdict::Pass, &report.checks)?;
+    let page = std::fs::read_to_string(folder.0.join("report.html")).expect("the page");
+    ensure(page.matches("data:image/png;base64,").count() >= 2, "generated and true frames are shown")
 }
 
 fn reports_are_compared() -> Tested {
