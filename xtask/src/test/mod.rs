@@ -7,6 +7,7 @@ mod blocks;
 mod book;
 mod browser;
 mod cargo;
+mod check;
 mod cpp;
 mod csharp;
 mod directml;
@@ -116,6 +117,11 @@ const RUNNERS: &[Runner] = &[
         what: "the study on Windows, and its comparison on DirectML by shaders and by a double of AMD's library",
         run: study_windows::run,
     },
+    Runner {
+        name: "cairn-check",
+        what: "cairn-check in the lab: altered results must fail, right ones pass, and its window is on the display",
+        run: check::run,
+    },
     Runner { name: "host-d3d12", what: "samples/host-d3d12 shows a world on a display", run: host::run_windows },
     Runner {
         name: "unreal",
@@ -182,6 +188,14 @@ const THOROUGH: &[Part] = &[
             run: directml::run_parity,
         },
         minutes: 60,
+    },
+    Part {
+        runner: Runner {
+            name: "cairn-check-all",
+            what: "every check of cairn-check on an adapter that a processor emulates",
+            run: check::run_all,
+        },
+        minutes: 20,
     },
     Part {
         runner: Runner {

@@ -13,10 +13,10 @@ pub(super) struct Video {
 }
 
 /// A PPM picture: red, green and blue of each pixel, rows from top to bottom.
-pub(super) struct Ppm {
-    pub(super) width: usize,
-    pub(super) height: usize,
-    pub(super) pixels: Vec<u8>,
+pub(in crate::test) struct Ppm {
+    pub(in crate::test) width: usize,
+    pub(in crate::test) height: usize,
+    pub(in crate::test) pixels: Vec<u8>,
 }
 
 /// Red, green and blue of each pixel with more than eight bits, rows from top to bottom.
@@ -81,7 +81,7 @@ impl Ppm {
         }
     }
 
-    pub(super) fn write(&self, path: &Path) -> Result<(), String> {
+    pub(in crate::test) fn write(&self, path: &Path) -> Result<(), String> {
         let mut bytes = format!("P6\n{} {}\n255\n", self.width, self.height).into_bytes();
         bytes.extend(&self.pixels);
         fs::write(path, bytes).map_err(|e| format!("{}: {e}", path.display()))

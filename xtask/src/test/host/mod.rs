@@ -3,7 +3,7 @@
 mod frames;
 mod loader;
 mod sample;
-mod screen;
+pub(super) mod screen;
 mod windows;
 
 use std::fs;

@@ -34,7 +34,7 @@ impl Rectangle {
 }
 
 /// Reads the root window; `None` for a display that is just starting or ending.
-pub(super) fn read(path: &Path) -> Option<Ppm> {
+pub(in crate::test) fn read(path: &Path) -> Option<Ppm> {
     parse(&std::fs::read(path).ok()?)
 }
 

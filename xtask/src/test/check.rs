@@ -1,0 +1,136 @@
+//! `cairn-check` on Windows or in the lab: its own tests, which alter results on purpose, and a run whose report and window are looked at.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::sleep;
+use std::time::Duration;
+
+use serde_json::Value;
+
+use super::host::screen;
+use super::tally::Tally;
+use super::{Context, lab, windows_build};
+use crate::shell::Log;
+
+/// Its test program.
+const TESTS: &str = "check";
+/// The window's place on the display and its size, as the program opens it.
+const WINDOW: [usize; 4] = [40, 40, 640, 360];
+/// Interval at which the display is read.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
+
+/// Checks that pass in the lab, apart from those that the tests of the program run.
+const RIGHT: [&str; 2] = ["adapters", "libraries"];
+/// Those with worlds, and many devices.
+const RIGHT_OF_WORLDS: [&str; 6] = ["cpu-world", "directml", "states", "captured", "removal", "lives"];
+/// Checks of times: of an emulated adapter they show nothing.
+const TIMES: [&str; 2] = ["first-frame", "window"];
+const TIMES_OF_WORLDS: [&str; 4] = ["latents", "generator", "memory", "engine"];
+/// Checks that need what the lab lacks: the debug layer.
+const MISSING: [&str; 3] = ["debug-layer", "layer", "layer-on-gpu"];
+
+pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    if let Some(skip) = lab::skip_unless_possible("cairn-check on Windows")? {
+        tally.skips.push(skip);
+        return Ok(tally);
+    }
+    let mut command = context.windows_tests([TESTS], log)?;
+    context.provide_windows_tools(&mut command)?;
+    tally.add(windows_build::run(&mut command, &[], log)?);
+    report(context, log, &[&RIGHT], &[&TIMES, &MISSING], &mut tally)?;
+    Ok(tally)
+}
+
+/// Every check.
+pub(super) fn run_all(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    if let Some(skip) = lab::skip_unless_possible("every check of cairn-check on Windows")? {
+        tally.skips.push(skip);
+        return Ok(tally);
+    }
+    context.build_for_windows(log)?;
+    report(context, log, &[&RIGHT, &RIGHT_OF_WORLDS], &[&TIMES, &TIMES_OF_WORLDS, &MISSING], &mut tally)?;
+    Ok(tally)
+}
+
+/// Runs checks, and requires those in `right` to pass. On a Windows with an adapter and a debug layer those in `unknown` may pass too.
+fn report(
+    context: &Context<'_>,
+    log: &mut Log,
+    right: &[&[&str]],
+    unknown: &[&[&str]],
+    tally: &mut Tally,
+) -> Result<(), String> {
+    let work = context.workspace.target.join("xtask").join("cairn-check");
+    let failed = |e: std::io::Error| format!("{}: {e}", work.display());
+    match fs::remove_dir_all(&work) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(failed(e)),
+        _ => fs::create_dir_all(&work).map_err(failed)?,
+    }
+    let [right, unknown] = [right, unknown].map(|names| names.concat());
+    let mut command = lab::lab_run()?;
+    command.arg(context.windows_programs().join("cairn-check.exe")).args(["--quick", "--minutes", "60", "--only"]);
+    command.arg([&*right, &*unknown].concat().join(",")).arg("--out").arg(&work).env("CAIRN_LAB_SCREEN", &work);
+    context.provide_windows_tools(&mut command)?;
+    let (is_over, display) = (AtomicBool::new(false), work.join("Xvfb_screen0"));
+    let (ended, seen) = std::thread::scope(|scope| {
+        let watch = scope.spawn(|| window_moves(&display, &work, &is_over));
+        let ended = log.run(&mut command);
+        is_over.store(true, Ordering::Relaxed);
+        (ended, watch.join())
+    });
+    ended?;
+    let text = fs::read_to_string(work.join("report.json")).map_err(failed)?;
+    let report: Value = serde_json::from_str(&text).map_err(|e| format!("report.json: {e}"))?;
+    let verdict_of = |name: &str| {
+        let checks = report["checks"].as_array().into_iter().flatten();
+        checks
+            .clone()
+            .find(|check| check["name"] == name)
+            .and_then(|check| check["verdict"].as_str())
+            .unwrap_or("no line")
+    };
+    for name in &right {
+        let verdict = verdict_of(name);
+        tally.test((verdict != "pass").then(|| format!("cairn-check, {name}: {verdict}")));
+    }
+    for name in &unknown {
+        let verdict = verdict_of(name);
+        let fits = verdict == "cannot-tell" || cfg!(windows) && verdict == "pass";
+        tally.test((!fits).then(|| format!("cairn-check, {name}: {verdict}")));
+    }
+    if !cfg!(windows) {
+        let seen = seen.map_err(|_| "the display cannot be watched")?;
+        tally.test((!seen).then(|| "the window of cairn-check shows no moving picture on the display".to_owned()));
+    }
+    Ok(())
+}
+
+/// Waits until two different pictures were in the window's place on the display, and writes the second screen into `work`; `false` if the run is
+/// over before.
+fn window_moves(display: &Path, work: &Path, is_over: &AtomicBool) -> bool {
+    let mut first: Option<Vec<u8>> = None;
+    while !is_over.load(Ordering::Relaxed) {
+        if let Some(screen) = screen::read(display).filter(|screen| screen.width > 700 && screen.height > 400) {
+            let [left, top, width, height] = WINDOW;
+            let row = |y: usize| &screen.pixels[(y * screen.width + left) * 3..][..width * 3];
+            let inside = (top..top + height).flat_map(row).copied().collect::<Vec<u8>>();
+            // An empty display, and a window that was not drawn, have one colour.
+            let differing = inside.windows(6).step_by(3).filter(|two| two[..3] != two[3..]).count();
+            if differing > width * height / 4 {
+                match &first {
+                    Some(before) if *before != inside => {
+                        let file: PathBuf = work.join("screen.ppm");
+                        return screen.write(&file).is_ok();
+                    }
+                    Some(_) => {}
+                    None => first = Some(inside),
+                }
+            }
+        }
+        sleep(POLL_INTERVAL);
+    }
+    false
+}
