@@ -81,9 +81,12 @@ pub fn text(a: &Report, b: &Report) -> String {
     text
 }
 
-/// A value with three significant digits at least.
+/// A value with about three significant digits.
 pub(crate) fn number(value: f64) -> String {
     let size = value.abs();
+    if size > 0.0 && size < 1e-3 {
+        return format!("{value:.1e}");
+    }
     let digits = if size >= 100.0 || value == value.trunc() {
         0
     } else if size >= 10.0 {
@@ -136,5 +139,6 @@ mod tests {
     #[test]
     fn numbers_have_three_digits() {
         assert_eq!([0.123_45, 1.234, 12.34, 123.4, 5.0].map(number), ["0.123", "1.23", "12.3", "123", "5"]);
+        assert_eq!([0.0, 9.4e-7].map(number), ["0", "9.4e-7"]);
     }
 }

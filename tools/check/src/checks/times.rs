@@ -389,7 +389,10 @@ pub(super) fn engine(settings: &Settings) -> Checked {
         let [[_, alone_99, _], [_, beside_99, _]] = [&alone, &beside].map(|times| statistics(times));
         let limit = ms(interval);
         parts.push(format!("at {rate} Hz 99 of 100 frames take {alone_99:.1} ms alone and {beside_99:.1} ms beside {latents:.1} latents a second, of {limit:.1} ms"));
-        if alone_99 <= limit && beside_99 > limit {
+        if latents == 0.0 {
+            finding.verdict = finding.verdict.max(Verdict::CannotTell);
+            finding.remedy = Some("Use an adapter that makes a latent within seconds".to_owned());
+        } else if alone_99 <= limit && beside_99 > limit {
             finding.verdict = Verdict::Fail;
             finding.remedy = Some("Fewer latents a second, or a budget: docs/performance.md".to_owned());
         }
