@@ -8,6 +8,8 @@ use std::time::Duration;
 
 use serde_json::Value;
 
+use super::amd::Amd;
+use super::ffx::{AMD, DOUBLE};
 use super::host::screen;
 use super::tally::Tally;
 use super::{Context, lab, windows_build};
@@ -27,6 +29,11 @@ const RIGHT_OF_WORLDS: [&str; 6] = ["cpu-world", "directml", "states", "captured
 /// Checks of times: of an emulated adapter they show nothing.
 const TIMES: [&str; 2] = ["first-frame", "window"];
 const TIMES_OF_WORLDS: [&str; 4] = ["latents", "generator", "memory", "engine"];
+/// Checks of AMD's frame generation, and of its times.
+const FSR: [&str; 2] = ["fsr", "fsr-truth"];
+const FSR_TIMES: [&str; 1] = ["fsr-times"];
+/// What the double emulates: the provider that computes its frames as AMD's analytic one does.
+const ROLE: &str = "sdk 2.1\noffers 0xf600000000c01006 3.1.6\n";
 /// Checks that need what the lab lacks: the debug layer.
 const MISSING: [&str; 3] = ["debug-layer", "layer", "layer-on-gpu"];
 
@@ -40,7 +47,55 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     context.provide_windows_tools(&mut command)?;
     tally.add(windows_build::run(&mut command, &[], log)?);
     report(context, log, &[&RIGHT], &[&TIMES, &MISSING], &mut tally)?;
+    by_double(context, log, &mut tally)?;
     Ok(tally)
+}
+
+/// The checks of AMD's frame generation, with the test double of its library.
+fn by_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    let work = context.workspace.target.join("xtask").join("cairn-check-amd");
+    let failed = |e: std::io::Error| format!("{}: {e}", work.display());
+    fs::create_dir_all(&work).map_err(failed)?;
+    fs::copy(context.windows_programs().join(DOUBLE), work.join(AMD)).map_err(failed)?;
+    fs::write(work.join(format!("{AMD}.txt")), ROLE).map_err(failed)?;
+    let mut command = lab::lab_run()?;
+    command.arg(context.windows_programs().join("cairn-check.exe")).args(["--quick", "--minutes", "60", "--only"]);
+    command.arg([&FSR[..], &FSR_TIMES].concat().join(",")).arg("--out").arg(&work);
+    context.provide_windows_tools(&mut command)?;
+    Amd::Double(work.clone()).provide(&mut command);
+    log.run(&mut command)?;
+    let verdicts = Verdicts::read(&work)?;
+    verdicts.require(&FSR, &FSR_TIMES, tally);
+    Ok(())
+}
+
+/// The verdicts of a `report.json`.
+struct Verdicts(Value);
+
+impl Verdicts {
+    fn read(folder: &Path) -> Result<Self, String> {
+        let path = folder.join("report.json");
+        let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        serde_json::from_str(&text).map(Self).map_err(|e| format!("{}: {e}", path.display()))
+    }
+
+    fn of(&self, name: &str) -> &str {
+        let mut checks = self.0["checks"].as_array().into_iter().flatten();
+        checks.find(|check| check["name"] == name).and_then(|check| check["verdict"].as_str()).unwrap_or("no line")
+    }
+
+    /// Requires the checks in `right` to pass, and those in `unknown` to say that they cannot tell; on Windows itself the latter may pass.
+    fn require(&self, right: &[&str], unknown: &[&str], tally: &mut Tally) {
+        for name in right {
+            let verdict = self.of(name);
+            tally.test((verdict != "pass").then(|| format!("cairn-check, {name}: {verdict}")));
+        }
+        for name in unknown {
+            let verdict = self.of(name);
+            let fits = verdict == "cannot-tell" || cfg!(windows) && verdict == "pass";
+            tally.test((!fits).then(|| format!("cairn-check, {name}: {verdict}")));
+        }
+    }
 }
 
 /// Every check.
@@ -82,25 +137,7 @@ fn report(
         (ended, watch.join())
     });
     ended?;
-    let text = fs::read_to_string(work.join("report.json")).map_err(failed)?;
-    let report: Value = serde_json::from_str(&text).map_err(|e| format!("report.json: {e}"))?;
-    let verdict_of = |name: &str| {
-        let checks = report["checks"].as_array().into_iter().flatten();
-        checks
-            .clone()
-            .find(|check| check["name"] == name)
-            .and_then(|check| check["verdict"].as_str())
-            .unwrap_or("no line")
-    };
-    for name in &right {
-        let verdict = verdict_of(name);
-        tally.test((verdict != "pass").then(|| format!("cairn-check, {name}: {verdict}")));
-    }
-    for name in &unknown {
-        let verdict = verdict_of(name);
-        let fits = verdict == "cannot-tell" || cfg!(windows) && verdict == "pass";
-        tally.test((!fits).then(|| format!("cairn-check, {name}: {verdict}")));
-    }
+    Verdicts::read(&work)?.require(&right, &unknown, tally);
     if !cfg!(windows) {
         let seen = seen.map_err(|_| "the display cannot be watched")?;
         tally.test((!seen).then(|| "the window of cairn-check shows no moving picture on the display".to_owned()));

@@ -9,10 +9,18 @@ use super::{DRIVER, Settings, truth};
 use crate::finding::{Checked, Finding};
 use crate::report::Figure;
 
-/// AMD's library of frame generation, which stays loaded.
+/// AMD's libraries. They stay loaded. Only signed ones are used, unless `CAIRN_FFX_UNSIGNED` is 1.
+pub(super) fn library(settings: &Settings) -> cairn::Result<Library> {
+    let mut options = LoadOptions::from_environment();
+    if let Some(folder) = settings.libraries().ffx {
+        options.directory = Some(folder);
+    }
+    Library::load(&options)
+}
+
+/// AMD's frame generation.
 pub(super) fn api(settings: &Settings) -> Result<Api, Finding> {
-    let library = Library::load(&LoadOptions::of_host(&settings.libraries()))?;
-    Ok(*library.api(Effect::FrameGeneration)?)
+    Ok(*library(settings)?.api(Effect::FrameGeneration)?)
 }
 
 /// The provider that the library prefers, with the test that it must pass.

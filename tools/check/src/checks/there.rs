@@ -3,14 +3,14 @@
 use std::ffi::c_void;
 use std::path::Path;
 
-use cairn::ffx::{Library, LoadOptions, signer_of};
+use cairn::ffx::signer_of;
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D::*;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::runtime::{Device, DirectMlOptions, Ort, loaded_libraries};
 
 use super::debug_layer::debug_interface;
-use super::{Settings, machine};
+use super::{Settings, fsr, machine};
 use crate::finding::{Checked, Finding};
 
 /// Calls `CheckFeatureSupport`; `None` if the runtime does not know the feature, or a value in `data`.
@@ -82,7 +82,7 @@ pub(super) fn libraries(settings: &Settings) -> Checked {
     let search = settings.libraries();
     let device = Ort::find(&search).and_then(|ort| Device::directml(&ort, &gpu, DirectMlOptions::default()));
     // Loads what is signed; the list below has what was loaded.
-    let amd = Library::load(&LoadOptions::of_host(&search));
+    let amd = fsr::library(settings);
     let mut lines = Vec::new();
     for library in loaded_libraries() {
         let version = library.version.unwrap_or_else(|| "no version".to_owned());
