@@ -156,7 +156,7 @@ fn window_moves(display: &Path, work: &Path, is_over: &AtomicBool) -> bool {
             let inside = (top..top + height).flat_map(row).copied().collect::<Vec<u8>>();
             // An empty display, and a window that was not drawn, have one colour.
             let differing = inside.windows(6).step_by(3).filter(|two| two[..3] != two[3..]).count();
-            if differing > width * height / 4 {
+            if differing > width * height / 10 {
                 match &first {
                     Some(before) if *before != inside => {
                         let file: PathBuf = work.join("screen.ppm");
