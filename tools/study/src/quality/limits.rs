@@ -12,5 +12,6 @@ engine, behind RIFE, and behind AMD's FSR in PSNR and SSIM, and nearer without t
 with smears that LPIPS rates worse than a blend of the anchors; around cuts and in fades, behind RIFE, and in fades by LPIPS behind a blend \
 too; on animated film, behind RIFE; on smoke, behind RIFE in PSNR and SSIM. It found Cairn ahead of RIFE in a first-person game with a HUD. \
 Between a world's own pictures ours loses to cheaper rows in places: [motion](motion.md#between-the-autoencoders-pictures), \
-[cadence](cadence.md#between-the-worlds-own-pictures). Nothing was done about these yet.
+[cadence](cadence.md#between-the-worlds-own-pictures). Since then `picture_flow` searches farther where pictures match poorly, forwards and \
+back, which is meant for fast film; that footage was not measured again. Nothing was done about the other places yet.
 ";
