@@ -1,5 +1,5 @@
-//! Components that compilers add to a library besides crates: Rust's standard library, and the linked parts of the C library and the
-//! unwinder. They are read from the library's symbols, so that none goes unnamed.
+//! Components that compilers add to a library or program besides crates: Rust's standard library, and the linked parts of the C library and
+//! the unwinder. They are read from its symbols, so that none goes unnamed.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -26,7 +26,7 @@ pub(super) fn rust_notices(workspace: &Workspace) -> Result<Vec<u8>, String> {
     fs::read(&page).map_err(|e| format!("{}: {e}. Take Rust by rustup, which brings that page along", page.display()))
 }
 
-/// A library's runtime parts, from the symbols in its `debug` file: the library itself is stripped.
+/// The runtime parts of a library or program, from the symbols in `debug`: its debug file, or the file before it was stripped.
 pub(super) fn parts(workspace: &Workspace, platform: Platform, debug: &[u8]) -> Result<Vec<Part>, String> {
     let mut parts = vec![standard_library(workspace)?];
     match platform {
