@@ -81,6 +81,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.check(unlisted_parts(root, LIBRARY_LISTS, &["rust-std", linked[0], linked[1]])?);
         tally.check(unlisted_parts(root, CHECK_LISTS, &["rust-std", linked[0], "clap", "image"])?);
     }
+    tally.check(unlisted_parts(&linux, CHECK_LISTS, &["glibc-start"])?);
     for file in ["lib/libcairn.so", "debug/libcairn.so.debug", "bin/cairn-check"] {
         tally.check(build_specific_text(&linux.join(file))?);
     }
