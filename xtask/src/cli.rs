@@ -71,7 +71,7 @@ pub(crate) enum Command {
     Book,
     /// Compile the library's shaders to the DXBC that it carries, with Microsoft's compiler in the lab or on Windows
     Shaders,
-    /// Pack the library with headers, bindings, samples and licences: archives and Python wheels that a project takes it from
+    /// Pack the library with headers, bindings, samples, licences and `cairn-check`: archives and Python wheels that a project takes it from
     Dist(DistOptions),
     /// Format the code, apply what clippy can mend by itself, and write the C headers, abi.txt and C#'s declarations anew
     Fix {

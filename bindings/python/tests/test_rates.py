@@ -1,13 +1,15 @@
-"""Estimated rates: their arithmetic, and that the pages show them."""
+"""Estimated rates and those measured in reports: their arithmetic, and that the pages show them."""
 
+import json
 import re
 from dataclasses import replace
 
 import pytest
 from conftest import ROOT, TINY
 
-from cairn.build import PRESETS, archive, rates
+from cairn.build import PRESETS, archive, measured, rates
 from cairn.build.cli import main
+from cairn.build.errors import BuildError
 from cairn.build.published import POINTS
 from cairn.build.writer import build_graphs
 
@@ -116,11 +118,11 @@ def test_bold_needs_real_time_at_the_low_end(worlds):
 def test_the_pages_show_the_estimates(worlds):
     page, readme = ((ROOT / name).read_text(encoding="utf-8") for name in ("docs/rates.md", "README.md"))
     why = f"make it again: python -m cairn.build rates {SHOWN}"
-    assert rates.table(worlds).strip() in page, why
+    assert rates.table(worlds, measured.read(ROOT / "hardware")).strip() in page, f"{why} --reports hardware"
     assert rates.summary(worlds) in readme, f"{why} --summary"
     assert rates.evidence() in page, f"{why} --points"
     worst, best = (f"{100 * share:.0f} %" for share in rates.shares())
-    assert f"rates {SHOWN}" in page and f"from {worst} to {best} of the limit" in page
+    assert f"rates {SHOWN} --reports hardware" in page and f"from {worst} to {best} of the limit" in page
     assert f"{1e6 * rates.fast_kernel_seconds():.1f} microseconds" in page
     stock, *_, slowest = rates.PRESETS_OF_THE_LIBRARY
     in_time = [[bound >= rates.REAL_TIME for gpu in rates.GPUS for bound in world.estimate(gpu, stock)] for world in worlds[1:]]
@@ -137,3 +139,117 @@ def test_the_command_names_what_is_missing(capsys, tiny):
     assert "GeForce" in capsys.readouterr().out
     assert main(["rates", "--points"]) == 0
     assert "H100" in capsys.readouterr().out
+
+
+def report(adapter="NVIDIA GeForce RTX 4070", memory=12, captured=10.0, anew=12.5, **changes):
+    """A made-up report of a graphics adapter, with milliseconds of a latent step."""
+    judged = {"name": adapter, "ids": [1, 2], "memory": memory * 2**30, "driver": "32.0.1", "software": False}
+    machine = {"system": "Windows 10", "adapters": [{**judged, "name": "other"}, judged], "judged": 1, "emulated": False}
+    steps = zip(measured.STEPS.values(), (captured, anew), strict=True)
+    figures = [{"name": name, "value": value, "unit": "ms"} for name, value in steps]
+    check = {"name": "latents", "group": "times", "verdict": "pass", "figures": figures}
+    return {"schema": 1, "optimised": True, "quick": False, "machine": machine, "checks": [check]} | changes
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Writes reports into a folder, and returns it."""
+
+    def write(**reports):
+        for name, content in reports.items():
+            text = content if isinstance(content, str) else json.dumps(content)
+            (tmp_path / f"{name.replace('_', '-')}.json").write_text(text, encoding="utf-8")
+        return tmp_path
+
+    return write
+
+
+def test_reports_measure_what_the_estimate_is_of(worlds):
+    checks = ROOT / "tools" / "check" / "src" / "checks"
+    times, seed = ((checks / name).read_text(encoding="utf-8") for name in ("times.rs", "seed.rs"))
+    assert "Schedule::Stock" in seed and "seed::world(&device, Precision::F16)" in times
+    assert 'figures_of(&format!("{name}: a step"), &walls)' in times and '["median", "99th percentile", "longest"]' in times
+    assert measured.STEPS == {how: f"{how}: a step, median" for how in re.findall(r'\("([a-z ]*passes[a-z ]*)", \d+\)', times)}
+    assert worlds[0].name == measured.WORLD and worlds[0].geometry.global_window == rates.preset_of_reports().window
+    assert "window: world.global_window()" in seed
+
+
+def test_measured_rates_stand_beside_estimates_with_how_far_off_they_are(worlds, folder):
+    low, high = worlds[0].estimate(next(gpu for gpu in rates.GPUS if gpu.name == "GeForce RTX 4070"), rates.preset_of_reports())
+    within, slow, fast = (low + high) / 2, low / 2, 3 * high
+    reports = measured.read(
+        folder(
+            within=report(captured=1e3 / within, anew=1e3),
+            slow=report("AMD Radeon RX 7600", 8, captured=1e3, anew=1e3 / slow),
+            fast=report("NVIDIA GeForce RTX 4090 | D", 24, captured=1e3 / fast),
+        )
+    )
+    text = rates.table(worlds, reports)
+    miniature, rest = text.split("### 360p", 1)
+    head = next(line for line in miniature.splitlines() if "stock<br>g128" in line).split(" | ")
+    assert head[2] == "stock<br>measured" and "measured" not in rest.split("### Measured")[0]
+    cells = {line.split(" | ")[0].strip("| "): line.split(" | ")[2] for line in miniature.splitlines() if line.startswith("| ")}
+    assert cells["GeForce RTX 4070"] == f"{within:.0f}: in the range, {within / high:.2f} of the high end"
+    assert cells["Radeon RX 7600"] == f"{slow:.0f}: 2.0 times slower than the low end"
+    assert cells["GeForce RTX 4090"] == "" and cells["TFLOP a latent"] == ""
+    rows = [line for line in rest.split("### Measured")[1].splitlines() if "`hardware/" in line]
+    assert [row.count(" | ") for row in rows] == [6, 6, 6]
+    assert "captured passes" in rows[2] and f"| {within:.0f} | in the range" in rows[2] and "| 61 to 135 |" in rows[2]
+    assert "passes run anew" in rows[1] and "2.0 times slower than the low end |" in rows[1]
+    assert "4090 \\| D" in rows[0] and "| - | " in rows[0] and "no data sheet" in rows[0]
+    assert rates.how_far_off(low, high, fast) == "3.0 times faster than the high end"
+
+
+def test_gpus_are_the_same_by_name_and_memory():
+    def found(adapter, memory):
+        gpu = rates.gpu_of(measured.Measured("a.json", adapter, "1", memory, 1.0, "captured passes"))
+        return gpu and gpu.name
+
+    assert found("NVIDIA GeForce RTX 4070", 11.8) == "GeForce RTX 4070"
+    assert found("NVIDIA GeForce RTX 4080 Laptop GPU", 12) == "GeForce RTX 4080 Laptop"
+    assert found("AMD Radeon RX 9060 XT", 15.9) == "Radeon RX 9060 XT 16 GB"
+    assert found("AMD Radeon(TM) 780M Graphics", 0.5) == "Radeon 780M (in a laptop's processor)"
+    assert found("Intel(R) Arc(TM) B580 Graphics", 11.9) == "Arc B580"
+    for other, memory in (
+        ("NVIDIA GeForce RTX 4070 Laptop GPU", 8),
+        ("NVIDIA GeForce RTX 4070 SUPER", 12),
+        ("NVIDIA GeForce RTX 3060", 8),
+        ("AMD Radeon RX 9060 XT", 8),
+        ("AMD Radeon RX 7900 XT", 20),
+    ):
+        assert found(other, memory) is None, other
+
+
+def test_reports_that_say_nothing_of_a_gpu_are_not_used(worlds, folder):
+    emulated, software = report(), report()
+    emulated["machine"]["emulated"] = True
+    software["machine"]["adapters"][1]["software"] = True
+    failed, without, nobody = report(), report(), report()
+    failed["checks"][0]["verdict"] = "fail"
+    without["checks"] = []
+    nobody["machine"]["judged"] = None
+    quick, slow = report(quick=True), report(optimised=False)
+    reports = measured.read(
+        folder(emulated=emulated, failed=failed, nobody=nobody, quick=quick, slow=slow, software=software, without=without)
+    )
+    assert not reports.measured and len(reports.unused) == 7
+    text = rates.table(worlds, reports)
+    assert "<br>measured" not in text and "No report of a graphics adapter has been sent yet" in text
+    assert "`hardware/emulated.json`, a processor may emulate the adapter" in text and "`hardware/quick.json`, a short run" in text
+
+
+def test_files_that_are_no_reports_are_named(folder, capsys):
+    bundle = str(ROOT / "samples" / "worlds" / "miniature.cairn")
+    for text in ("no", "[]", json.dumps({"schema": 1}), json.dumps(report(schema=2)), json.dumps(report(captured=0))):
+        with pytest.raises(BuildError) as error:
+            measured.read(folder(wrong=text))
+        assert error.value.field.endswith("wrong.json") and "cairn-check" in error.value.remedy
+    reports = str(folder(wrong="no"))
+    assert main(["rates", bundle, "--reports", reports]) == 2
+    assert "wrong.json" in capsys.readouterr().err
+    assert main(["rates", bundle, "--reports", reports + "-not-there"]) == 2
+    assert "--reports hardware" in capsys.readouterr().err
+    assert main(["rates", "--preset", "tiny", "--reports", str(ROOT / "hardware")]) == 2
+    assert "samples/worlds/miniature.cairn" in capsys.readouterr().err
+    assert main(["rates", bundle, "--summary", "--reports", reports]) == 2
+    assert "--summary" in capsys.readouterr().err

@@ -11,7 +11,7 @@ use crate::checks::{self, CheckDefinition, Settings};
 use crate::report::{Report, SCHEMA};
 use crate::runner::{PATIENCE_WITH_EMULATION, Runner, run_one};
 use crate::summary::{Progress, totals};
-use crate::{compare, page};
+use crate::{compare, hardware, page};
 
 /// Exit status of a command line or a file that cannot be used.
 const UNUSABLE: u8 = 2;
@@ -50,6 +50,14 @@ enum Command {
         /// The second report
         b: PathBuf,
     },
+    /// Make the page of published reports, and refuse files that may not be published
+    Hardware {
+        /// Folder of the reports
+        folder: PathBuf,
+        /// File for the page, in Markdown; without it the page is printed
+        #[arg(long, value_name = "FILE")]
+        page: Option<PathBuf>,
+    },
     /// Run a check in this process
     #[command(hide = true)]
     RunOne {
@@ -87,6 +95,7 @@ pub fn run_as(arguments: impl IntoIterator<Item = OsString>, prefix: &[OsString]
             Ok(0)
         }
         Some(Command::Compare { a, b }) => compare_files(&a, &b),
+        Some(Command::Hardware { folder, page }) => publish(&folder, page.as_deref()),
         Some(Command::RunOne { name, result, settings }) => match checks::ALL.iter().find(|check| check.name == name) {
             Some(check) => run_one(check, &settings, &result).map(|()| 0),
             None => Err(format!("there is no check {name}; cairn-check list has their names")),
@@ -191,6 +200,18 @@ fn compare_files(a: &Path, b: &Path) -> Result<u8, String> {
     };
     let (a, b) = (read(a)?, read(b)?);
     print!("{}", compare::text(&a, &b));
+    Ok(0)
+}
+
+/// Writes or prints the page of a folder's reports.
+fn publish(folder: &Path, page: Option<&Path>) -> Result<u8, String> {
+    let text = hardware::page(&hardware::read(folder)?);
+    match page {
+        Some(path) => {
+            std::fs::write(path, text).map_err(|e| format!("{}: {e}; choose another with --page", path.display()))?;
+        }
+        None => print!("{text}"),
+    }
     Ok(0)
 }
 

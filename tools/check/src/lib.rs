@@ -8,6 +8,7 @@ pub mod checks;
 mod cli;
 pub mod compare;
 pub mod finding;
+pub mod hardware;
 pub mod page;
 pub mod privacy;
 pub mod report;

@@ -205,6 +205,27 @@ pub(crate) mod tests {
         }
     }
 
+    /// A report of one adapter on Windows.
+    pub(crate) fn of_adapter(name: &str, mut report: Report) -> Report {
+        let adapter = Adapter {
+            name: name.to_owned(),
+            ids: [0x1002, 0x7480],
+            memory: 8 << 30,
+            driver: Some("1.2.3".to_owned()),
+            software: false,
+            feature_level: Some("12_1".to_owned()),
+            shader_model: None,
+        };
+        report.machine = Machine {
+            system: "Windows 10".to_owned(),
+            processor: "a processor".to_owned(),
+            adapters: vec![adapter],
+            judged: Some(0),
+            ..Machine::default()
+        };
+        report
+    }
+
     #[test]
     fn a_report_is_read_as_it_was_written_without_its_pictures() {
         let mut written = report(vec![check("a", Verdict::Pass, &[("time", 2.0)]), check("b", Verdict::Fail, &[])]);

@@ -27,19 +27,21 @@ pub(super) fn build_time(workspace: &Workspace) -> Result<Timestamp, String> {
     build_time.ok_or_else(|| format!("{EPOCH} is {text:?}, and not a number of seconds since 1970"))
 }
 
-/// Everyone may read, the owner may write.
-const MODE: u32 = 0o644;
+/// Permissions of an entry: everyone may read it, and execute it if it is a program; the owner may write.
+fn mode(tree: &Tree, path: &str) -> u32 {
+    if tree.is_program(path) { 0o755 } else { 0o644 }
+}
 
 /// A ZIP file.
 pub(super) fn zip(tree: &Tree, build_time: Timestamp) -> Result<Vec<u8>, String> {
     let failed = |e: zip::result::ZipError| format!("{}: {e}", tree.name());
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
-        .last_modified_time(zip_time(build_time))
-        .unix_permissions(MODE);
+        .last_modified_time(zip_time(build_time));
     let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
     for (path, bytes) in tree.files() {
-        writer.start_file(path, options).map_err(failed)?;
+        let mode = mode(tree, &path);
+        writer.start_file(path, options.unix_permissions(mode)).map_err(failed)?;
         writer.write_all(bytes).map_err(|e| format!("{}: {e}", tree.name()))?;
     }
     Ok(writer.finish().map_err(failed)?.into_inner())
@@ -63,7 +65,7 @@ pub(super) fn tar_gz(tree: &Tree, build_time: Timestamp) -> Result<Vec<u8>, Stri
     for (path, bytes) in tree.files() {
         let mut header = tar::Header::new_gnu();
         header.set_size(bytes.len() as u64);
-        header.set_mode(MODE);
+        header.set_mode(mode(tree, &path));
         header.set_mtime(u64::try_from(build_time.as_second()).unwrap_or(0));
         header.set_uid(0);
         header.set_gid(0);
@@ -107,5 +109,20 @@ mod tests {
             "the time of the files is in it"
         );
         assert!(zips[0].starts_with(b"PK") && tars[0].starts_with(&[0x1f, 0x8b]));
+    }
+
+    #[test]
+    fn programs_and_nothing_else_may_be_executed() {
+        let mut tree = Tree::new("a-1".to_owned());
+        tree.add("a", "text").unwrap();
+        tree.add_program("bin/b", "code").unwrap();
+        let packed = tar_gz(&tree, Timestamp::UNIX_EPOCH).unwrap();
+        let mut archive = tar::Archive::new(flate2::read::GzDecoder::new(packed.as_slice()));
+        let modes = archive.entries().unwrap().map(|entry| entry.unwrap().header().mode().unwrap());
+        assert_eq!(modes.collect::<Vec<_>>(), [0o644, 0o755]);
+        let packed = zip(&tree, Timestamp::UNIX_EPOCH).unwrap();
+        let mut archive = zip::ZipArchive::new(Cursor::new(packed)).unwrap();
+        let modes = ["a-1/a", "a-1/bin/b"].map(|name| archive.by_name(name).unwrap().unix_mode().unwrap() & 0o777);
+        assert_eq!(modes, [0o644, 0o755]);
     }
 }

@@ -5,14 +5,14 @@ use std::path::Path;
 
 use provision::Console;
 
-use super::Platform;
-use super::dependencies::{self, Part};
+use super::dependencies;
 use super::library::{self, BuiltLibrary};
 use super::runtime;
 use super::sbom;
 use super::tree::{self, Tree};
 use super::unity;
 use super::unreal;
+use super::{Components, Platform};
 use crate::book;
 use crate::workspace::Workspace;
 
@@ -30,16 +30,17 @@ const PKG_CONFIG: &str = include_str!("pages/cairn.pc");
 /// Licence files that accompany every copy of the library, also where one folder of the archive is copied out: its own and its parts'.
 pub(crate) const TERMS: [&str; 4] = ["LICENSE-APACHE", "LICENSE-MIT", dependencies::PAGE, runtime::RUST_NOTICES];
 
-/// The archive of a platform; with `slim` without Microsoft's libraries. `None` if the slim archive would be the same as the full one.
+/// The archive of a platform, with the components of its library and of `cairn-check`; with `slim` without Microsoft's libraries. `None` if
+/// the slim archive would be the same as the full one.
 pub(super) fn archive_tree(
     workspace: &Workspace,
     platform: Platform,
     built: &BuiltLibrary,
-    parts: &[Part],
-    bill: &[u8],
+    of_library: &Components,
+    of_check: &Components,
     slim: bool,
 ) -> Result<Option<Tree>, String> {
-    let version = &parts.first().ok_or("a library of no parts")?.version;
+    let version = &of_library.parts.first().ok_or("a library of no parts")?.version;
     let runtimes = platform == Platform::Windows;
     if slim && !runtimes {
         return Ok(None);
@@ -61,14 +62,18 @@ pub(super) fn archive_tree(
     for file in book_files(workspace)? {
         tree.add_file(file.clone(), &workspace.root.join(&file))?;
     }
-    tree.add(dependencies::PAGE, dependencies::page(parts))?;
+    tree.add(dependencies::PAGE, dependencies::page("the library", &of_library.parts))?;
+    tree.add(dependencies::PAGE_OF_CHECK, dependencies::page("`cairn-check`", &of_check.parts))?;
     tree.add(runtime::RUST_NOTICES, runtime::rust_notices(workspace)?)?;
-    tree.add(sbom::NAME, bill)?;
+    tree.add(sbom::NAME, of_library.bill.as_slice())?;
+    tree.add(sbom::NAME_OF_CHECK, of_check.bill.as_slice())?;
 
     let [name, debug] = library::names(platform);
     tree.add(format!("debug/{debug}"), built.debug.as_slice())?;
     tree.add("lib/cmake/Cairn/CairnConfig.cmake", CMAKE)?;
     tree.add("lib/cmake/Cairn/CairnConfigVersion.cmake", fill(CMAKE_VERSION))?;
+    // Its parent folder has `runtime` and `amd`, in which it looks for libraries.
+    tree.add_program(format!("bin/{}", library::check_name(platform)), built.check.stripped.as_slice())?;
     match platform {
         Platform::Linux => {
             tree.add("README.md", fill(LINUX))?;

@@ -1,4 +1,4 @@
-//! The crates that the library is built from, their licences, and the page that names every part.
+//! The crates that the library, or a program, is built from, their licences, and the page that names every part.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -36,7 +36,7 @@ impl Kind {
     }
 }
 
-/// A component of the library.
+/// A component of the library or of a program.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Part {
     pub(super) kind: Kind,
@@ -59,16 +59,23 @@ impl Part {
     pub(super) fn reference(&self) -> String {
         reference(self.kind, &self.name, &self.version)
     }
+
+    /// Whether it is one of this repository's crates, whose licences the archive has already.
+    fn is_own(&self) -> bool {
+        self.kind == Kind::Crate && self.sha256.is_none()
+    }
 }
 
-/// File name in an archive of the page that names every part.
+/// File name in an archive of the page that names every part of the library.
 pub(super) const PAGE: &str = "THIRD-PARTY.md";
+/// The same for `cairn-check`.
+pub(super) const PAGE_OF_CHECK: &str = "THIRD-PARTY-CHECK.md";
 
 /// Prefixes of the names of licence files, in capitals.
 const LICENCE_FILES: [&str; 6] = ["LICENSE", "LICENCE", "COPYING", "COPYRIGHT", "NOTICE", "UNLICENSE"];
 
-/// All crates of the library for a platform, the library's own first.
-pub(super) fn crates(workspace: &Workspace, platform: Platform) -> Result<Vec<Part>, String> {
+/// All crates of a `package` of the workspace for a platform, its own first.
+pub(super) fn crates(workspace: &Workspace, platform: Platform, package: &str) -> Result<Vec<Part>, String> {
     let filter = ["--locked", "--filter-platform", platform.triple()].map(str::to_owned);
     let metadata = MetadataCommand::new()
         .cargo_path(tools::cargo())
@@ -79,7 +86,8 @@ pub(super) fn crates(workspace: &Workspace, platform: Platform) -> Result<Vec<Pa
     let lock = workspace.read("Cargo.lock")?;
     let sums = sums(&lock)?;
     let links = links(&metadata)?;
-    let root = metadata.root_package().ok_or("cargo metadata names no root package")?;
+    let root = metadata.workspace_packages().into_iter().find(|found| found.name == package);
+    let root = root.ok_or_else(|| format!("cargo metadata names no package {package}"))?;
     let mut crates = Vec::new();
     for id in reachable(&root.id, &links) {
         let package = &metadata[&id];
@@ -92,8 +100,8 @@ pub(super) fn crates(workspace: &Workspace, platform: Platform) -> Result<Vec<Pa
         crates.push(Part {
             kind: Kind::Crate,
             uses: uses.collect(),
-            // The archive has the library's own licence files as they are.
-            texts: if id == root.id { BTreeMap::new() } else { texts(package.manifest_path.parent())? },
+            // The archive has our own licence files as they are.
+            texts: if package.source.is_none() { BTreeMap::new() } else { texts(package.manifest_path.parent())? },
             sha256: sums.get(&(name.clone(), version.clone())).cloned(),
             description: package.description.as_ref().map(|text| text.split_whitespace().collect::<Vec<_>>().join(" ")),
             repository: package.repository.clone(),
@@ -156,12 +164,13 @@ fn texts(folder: Option<&Utf8Path>) -> Result<BTreeMap<String, String>, String> 
     Ok(texts)
 }
 
-/// A page with every part that is not our own, its licence, and each distinct licence text once.
-pub(super) fn page(parts: &[Part]) -> String {
-    let others = || parts.iter().skip(1);
-    let mut page = "# What is in the library besides our own work\n\nThe licence of each part, as its authors state it, and the texts \
-                    that they give.\n\n| part | licence | where it is developed |\n|---|---|---|\n"
-        .to_owned();
+/// A page with every part of `what` that is not our own, its licence, and each distinct licence text once.
+pub(super) fn page(what: &str, parts: &[Part]) -> String {
+    let others = || parts.iter().filter(|part| !part.is_own());
+    let mut page = format!(
+        "# What is in {what} besides our own work\n\nThe licence of each part, as its authors state it, and the texts \
+         that they give.\n\n| part | licence | where it is developed |\n|---|---|---|\n"
+    );
     for part in others() {
         let repository = part.repository.as_deref().unwrap_or("https://crates.io");
         _ = writeln!(page, "| {} {} | {} | {repository} |", part.name, part.version, part.licence);
@@ -188,7 +197,8 @@ pub(super) fn page(parts: &[Part]) -> String {
 mod tests {
     use super::*;
 
-    fn part(name: &str, text: &str) -> Part {
+    /// A part from outside, or with an empty checksum one of our own.
+    fn part(name: &str, sha256: &str, text: &str) -> Part {
         Part {
             kind: Kind::Crate,
             name: name.to_owned(),
@@ -196,7 +206,7 @@ mod tests {
             licence: "MIT".to_owned(),
             description: None,
             repository: None,
-            sha256: None,
+            sha256: Some(sha256.to_owned()).filter(|sum| !sum.is_empty()),
             uses: Vec::new(),
             texts: BTreeMap::from([("LICENSE".to_owned(), text.to_owned())]),
         }
@@ -204,10 +214,13 @@ mod tests {
 
     #[test]
     fn equal_licence_texts_appear_once_with_all_their_parts() {
-        let page = page(&[part("own", "ours"), part("a", "one\n"), part("b", "two"), part("c", "one")]);
+        let own = [part("own", "", "ours"), part("other", "", "ours")];
+        let others = [part("a", "1", "one\n"), part("b", "2", "two"), part("c", "3", "one")];
+        let page = page("a program", &[own.as_slice(), &others].concat());
         assert_eq!(page.matches("\none\n").count(), 1, "{page}");
         assert!(page.contains("## a 1.0.0, c 1.0.0\n") && page.contains("## b 1.0.0\n"), "{page}");
-        assert!(!page.contains("ours") && page.contains("| b 1.0.0 | MIT |"), "{page}");
+        assert!(page.starts_with("# What is in a program besides our own work\n"), "{page}");
+        assert!(!page.contains("ours") && !page.contains("other") && page.contains("| b 1.0.0 | MIT |"), "{page}");
         assert!(page.find("\none\n") < page.find("\ntwo\n"), "what most have comes first");
     }
 

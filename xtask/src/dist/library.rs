@@ -1,4 +1,5 @@
-//! Builds the library for an archive: the shared library, the import libraries, and the debug information as a separate file.
+//! Builds the binaries of an archive: the shared library with its import libraries and its debug information as a separate file, the plugin
+//! for Unity, and `cairn-check`.
 
 use std::fs;
 use std::io::Cursor;
@@ -36,6 +37,16 @@ pub(super) struct BuiltLibrary {
     pub(super) import: Option<Import>,
     /// The same library with Unity's entry points, for Windows.
     pub(super) unity: Option<Vec<u8>>,
+    /// The program `cairn-check`.
+    pub(super) check: BuiltProgram,
+}
+
+/// A program, as bytes.
+pub(super) struct BuiltProgram {
+    /// Without symbols and debug information.
+    pub(super) stripped: Vec<u8>,
+    /// With symbols.
+    pub(super) with_symbols: Vec<u8>,
 }
 
 /// The two kinds of import libraries.
@@ -51,6 +62,14 @@ pub(super) fn names(platform: Platform) -> [&'static str; 2] {
     match platform {
         Platform::Windows => ["cairn.dll", "cairn.dll.debug"],
         Platform::Linux => ["libcairn.so", "libcairn.so.debug"],
+    }
+}
+
+/// File name of `cairn-check`.
+pub(super) fn check_name(platform: Platform) -> &'static str {
+    match platform {
+        Platform::Windows => "cairn-check.exe",
+        Platform::Linux => "cairn-check",
     }
 }
 
@@ -92,6 +111,7 @@ pub(super) fn build(
         }
         Platform::Linux => None,
     };
+    let check = strip_program(platform, &folder.join(check_name(platform)), &work, build_time)?;
     let unity = match platform {
         Platform::Windows => {
             let stripped = work.join(UNITY);
@@ -102,10 +122,10 @@ pub(super) fn build(
         }
         Platform::Linux => None,
     };
-    Ok(BuiltLibrary { library: read(work.join(library))?, debug: read(work.join(debug))?, import, unity })
+    Ok(BuiltLibrary { library: read(work.join(library))?, debug: read(work.join(debug))?, import, unity, check })
 }
 
-/// Compiles the library for release; returns the output folder.
+/// Compiles library and programs for release; returns the output folder.
 fn compile(workspace: &Workspace, platform: Platform, build_time: Timestamp) -> Result<PathBuf, String> {
     let console = Console::new();
     // It has other flags than all other builds, and would replace their files.
@@ -117,6 +137,8 @@ fn compile(workspace: &Workspace, platform: Platform, build_time: Timestamp) -> 
         Platform::Linux => ("zigbuild", format!("{}.{GLIBC}", platform.triple())),
     };
     let mut command = workspace.cargo([verb, "--release", "--package", "cairn", "--lib", "--target", &target]);
+    // In one command with the library: by itself it would compile the library again, with other features of shared dependencies.
+    command.args(["--package", "cairn-check", "--bin", "cairn-check"]);
     command.arg("--target-dir").arg(&target_dir).env("CARGO_ENCODED_RUSTFLAGS", flags(workspace)?);
     command.env(EPOCH, build_time.as_second().to_string());
     match platform {
@@ -135,7 +157,7 @@ fn compile(workspace: &Workspace, platform: Platform, build_time: Timestamp) -> 
 /// A library that re-exports all of Cairn: a `cdylib` made of an `rlib` also exports the `rlib`'s C functions.
 const REEXPORT: &str = "extern crate cairn as _;\n";
 
-/// Links the `rlib` that tests have compiled as [`compile`] links it; returns the output folder. Compiled code does not depend on the C
+/// Links the `rlib`s that tests have compiled as [`compile`] links them; returns the output folder. Compiled code does not depend on the C
 /// library's version, so only the link step differs.
 fn link(workspace: &Workspace, work: &Path) -> Result<PathBuf, String> {
     let write = |name: &str, text: &str| {
@@ -147,18 +169,27 @@ fn link(workspace: &Workspace, work: &Path) -> Result<PathBuf, String> {
         &format!("#!/bin/sh\nexec cargo-zigbuild zig cc -- -target x86_64-linux-gnu.{GLIBC} \"$@\"\n"),
     )?;
     executable(&linker).map_err(|e| format!("{}: {e}", linker.display()))?;
-    let source = write("nothing.rs", REEXPORT)?;
+    let library = write("nothing.rs", REEXPORT)?;
+    let program = workspace.root.join("tools/check/src/main.rs");
     let linked = work.join("linked");
     fs::create_dir_all(&linked).map_err(|e| format!("{}: {e}", linked.display()))?;
     let compiled = workspace.target.join("debug");
-    let mut command = Command::new("rustc");
-    command.args(["--edition=2024", "--crate-name=cairn", "--crate-type=cdylib", "-Copt-level=1"]);
-    command.arg("-Clinker-flavor=gcc").arg(format!("-Clinker={}", linker.display())).arg("--extern");
-    command.arg(format!("cairn={}", compiled.join("libcairn.rlib").display()));
-    command.arg("-L").arg(format!("dependency={}", compiled.join("deps").display()));
-    command.arg("--out-dir").arg(&linked).arg(source).current_dir(&workspace.root);
-    tools::by_zig(&mut command, &Console::new()).map_err(|e| e.to_string())?;
-    pass_through(&mut command)?;
+    let crates =
+        [("cairn", "cdylib", "cairn", &library), (check_name(Platform::Linux), "bin", "cairn_check", &program)];
+    for (name, kind, uses, source) in crates {
+        let mut command = Command::new("rustc");
+        command.args(["--edition=2024", "-Copt-level=1"]).arg(format!("--crate-type={kind}"));
+        command.arg(format!("--crate-name={}", name.replace('-', "_")));
+        command.arg("-Clinker-flavor=gcc").arg(format!("-Clinker={}", linker.display())).arg("--extern");
+        command.arg(format!("{uses}={}", compiled.join(format!("lib{uses}.rlib")).display()));
+        command.arg("-L").arg(format!("dependency={}", compiled.join("deps").display()));
+        match kind {
+            "bin" => command.arg("-o").arg(linked.join(name)),
+            _ => command.arg("--out-dir").arg(&linked),
+        };
+        tools::by_zig(command.arg(source).current_dir(&workspace.root), &Console::new()).map_err(|e| e.to_string())?;
+        pass_through(&mut command)?;
+    }
     Ok(linked)
 }
 
@@ -217,6 +248,16 @@ fn split_debug_information(
     run(&["--only-keep-debug"], &[library, Path::new(debug)])?;
     let link = format!("--add-gnu-debuglink={debug}");
     run(&["--strip-debug", &link], &[library, Path::new(name)])
+}
+
+/// The program in `file`, stripped into `work`.
+fn strip_program(platform: Platform, file: &Path, work: &Path, build_time: Timestamp) -> Result<BuiltProgram, String> {
+    let stripped = work.join(check_name(platform));
+    let mut command = Command::new(objcopy(platform));
+    command.arg("--strip-all").arg(file).arg(&stripped).env(EPOCH, build_time.as_second().to_string());
+    pass_through(&mut command)?;
+    let read = |path: &Path| fs::read(path).map_err(|e| format!("{}: {e}", path.display()));
+    Ok(BuiltProgram { stripped: read(&stripped)?, with_symbols: read(file)? })
 }
 
 /// An import library of all that a DLL exports.

@@ -22,7 +22,9 @@ use crate::cli::DistOptions;
 use crate::workspace::Workspace;
 
 pub(crate) use contents::TERMS;
+use dependencies::Part;
 pub(crate) use library::{Source, exports};
+use sbom::Classification;
 use tree::Tree;
 pub(crate) use unreal::{PLUGIN as UNREAL, assemble as assemble_unreal};
 
@@ -106,11 +108,12 @@ pub(crate) fn make(
     let build_time = archive::build_time(workspace)?;
     let mut made = Vec::new();
     for &platform in platforms {
-        console.start(&format!("{}: building the library", platform.name()));
+        console.start(&format!("{}: building the library and cairn-check", platform.name()));
         let built = library::build(workspace, platform, source, build_time)?;
         console.start(&format!("{}: licences of what is in it", platform.name()));
-        let inside = parts_of(workspace, platform, &built.debug)?;
-        let bill = sbom::write(&inside, build_time)?;
+        let library = listed(workspace, platform, "cairn", &built.debug, Classification::Library, build_time)?;
+        let symbols = &built.check.with_symbols;
+        let check = listed(workspace, platform, "cairn-check", symbols, Classification::Application, build_time)?;
         let mut write = |tree: &Tree, pack: fn(&Tree, Timestamp) -> Result<Vec<u8>, String>, ending: &str| {
             console.start(&format!("packing {}", tree.name()));
             let path = folder.join(format!("{}{ending}", tree.name()));
@@ -123,9 +126,8 @@ pub(crate) fn make(
         };
         if parts != Parts::Wheels {
             for slim in [false, true] {
-                let Some(tree) = contents::archive_tree(workspace, platform, &built, &inside, &bill, slim)? else {
-                    continue;
-                };
+                let tree = contents::archive_tree(workspace, platform, &built, &library, &check, slim)?;
+                let Some(tree) = tree else { continue };
                 match platform {
                     Platform::Windows => write(&tree, archive::zip, ".zip")?,
                     Platform::Linux => write(&tree, archive::tar_gz, ".tar.gz")?,
@@ -133,7 +135,8 @@ pub(crate) fn make(
             }
         }
         if parts != Parts::Archives {
-            write(&wheel::wheel_tree(workspace, platform, &built, &inside, &bill)?, archive::zip, "")?;
+            let tree = wheel::wheel_tree(workspace, platform, &built, &library.parts, &library.bill)?;
+            write(&tree, archive::zip, "")?;
         }
     }
     let lines: String =
@@ -143,14 +146,28 @@ pub(crate) fn make(
     Ok(made)
 }
 
-/// The components of a library, itself first: crates, and the compilers' runtime parts, which are found in its `debug` information.
-fn parts_of(workspace: &Workspace, platform: Platform, debug: &[u8]) -> Result<Vec<dependencies::Part>, String> {
-    let mut parts = dependencies::crates(workspace, platform)?;
+/// The components of a library or program, and their bill of materials.
+struct Components {
+    /// Itself first.
+    parts: Vec<Part>,
+    bill: Vec<u8>,
+}
+
+/// The components of a `package`: crates, and the compilers' runtime parts, which are found in its `debug` information.
+fn listed(
+    workspace: &Workspace,
+    platform: Platform,
+    package: &str,
+    debug: &[u8],
+    class: Classification,
+    build_time: Timestamp,
+) -> Result<Components, String> {
+    let mut parts = dependencies::crates(workspace, platform, package)?;
     let runtimes = runtime::parts(workspace, platform, debug)?;
-    let own = parts.first_mut().ok_or("a library of no crates")?;
-    own.uses.extend(runtimes.iter().map(dependencies::Part::reference));
+    let own = parts.first_mut().ok_or("a package of no crates")?;
+    own.uses.extend(runtimes.iter().map(Part::reference));
     parts.extend(runtimes);
-    Ok(parts)
+    Ok(Components { bill: sbom::write(&parts, class, build_time)?, parts })
 }
 
 fn file_name(path: &Path) -> String {

@@ -1,5 +1,5 @@
-//! Components that compilers add to a library besides crates: Rust's standard library, and the linked parts of the C library and the
-//! unwinder. They are read from the library's symbols, so that none goes unnamed.
+//! Components that compilers add to a library or program besides crates: Rust's standard library, and the linked parts of the C library and
+//! the unwinder. They are read from its symbols, so that none goes unnamed.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -26,7 +26,7 @@ pub(super) fn rust_notices(workspace: &Workspace) -> Result<Vec<u8>, String> {
     fs::read(&page).map_err(|e| format!("{}: {e}. Take Rust by rustup, which brings that page along", page.display()))
 }
 
-/// A library's runtime parts, from the symbols in its `debug` file: the library itself is stripped.
+/// The runtime parts of a library or program, from the symbols in `debug`: its debug file, or the file before it was stripped.
 pub(super) fn parts(workspace: &Workspace, platform: Platform, debug: &[u8]) -> Result<Vec<Part>, String> {
     let mut parts = vec![standard_library(workspace)?];
     match platform {
@@ -67,26 +67,40 @@ struct Origin {
     repository: &'static str,
     /// Folder of the sources.
     folder: &'static str,
+    /// The only files of that folder under this licence; without it all that no origin before it has.
+    files: Option<&'static [&'static str]>,
     /// The licence file; without one, every source states its licence in its first comment.
     licence_file: Option<&'static str>,
     /// Text that the licence must contain, to recognise it.
     marker: &'static str,
 }
 
-const ORIGINS: [Origin; 2] = [
+const ORIGINS: [Origin; 3] = [
     Origin {
         name: "llvm-libunwind",
         licence: "Apache-2.0 WITH LLVM-exception",
         repository: "https://github.com/llvm/llvm-project",
         folder: "libunwind/src",
+        files: None,
         licence_file: Some("libunwind/LICENSE.TXT"),
         marker: "LLVM Exceptions to the Apache 2.0 License",
+    },
+    // A constant, the only start file without the exception below. Every program that glibc starts contains it; libraries do not.
+    Origin {
+        name: "glibc-start",
+        licence: "LGPL-2.1-or-later",
+        repository: "https://sourceware.org/glibc/",
+        folder: "libc/glibc/csu",
+        files: Some(&["init.c"]),
+        licence_file: None,
+        marker: "GNU Lesser General Public\nLicense as published by the Free Software Foundation; either\nversion 2.1 of the License, or (at your option) any later version.",
     },
     Origin {
         name: "glibc-nonshared",
         licence: "LGPL-2.1-or-later WITH GCC-exception-2.0-note",
         repository: "https://sourceware.org/glibc/",
         folder: "libc/glibc",
+        files: None,
         licence_file: None,
         marker: "permission to link the compiled version of this file with other\nprograms, and to distribute those programs without any restriction",
     },
@@ -98,7 +112,9 @@ fn parts_from_zig(sources: &BTreeSet<String>, zig: &Path) -> Result<Vec<Part>, S
     let mut known = BTreeSet::new();
     for origin in &ORIGINS {
         let mut files = Vec::new();
-        find(&zig.join(origin.folder), sources, &mut files)?;
+        let is_wanted = |name: &&String| origin.files.is_none_or(|files| files.contains(&name.as_str()));
+        let wanted = sources.difference(&known).filter(is_wanted).cloned().collect();
+        find(&zig.join(origin.folder), &wanted, &mut files)?;
         if files.is_empty() {
             continue;
         }
@@ -203,6 +219,7 @@ mod tests {
             ("libunwind/src/libunwind.cpp", "// code"),
             ("libunwind/LICENSE.TXT", "---- LLVM Exceptions to the Apache 2.0 License ----\n"),
             ("libc/glibc/io/stat64-2.32.c", glibc),
+            ("libc/glibc/csu/init.c", START),
         ] {
             let path = folder.join(file);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -235,6 +252,21 @@ mod tests {
         assert!(parts_from_zig(&named(&[]), &folder).unwrap().is_empty());
         let unknown = parts_from_zig(&named(&["libunwind.cpp", "inflate.c"]), &folder).unwrap_err();
         assert!(unknown.contains("inflate.c") && !unknown.contains("libunwind.cpp"), "{unknown}");
+        fs::remove_dir_all(folder).unwrap();
+    }
+
+    const START: &str = "/* Special startup support.\n   The GNU C Library is free software; you can redistribute it under the terms of the GNU Lesser General Public\n   \
+                         License as published by the Free Software Foundation; either\n   version 2.1 of the License, or (at your option) any later \
+                         version.  */\nconst int a = 1;\n";
+
+    #[test]
+    fn the_start_file_of_programs_is_named_apart() {
+        let folder = zig("start", EXCEPTION);
+        let parts = parts_from_zig(&named(&["init.c", "stat64-2.32.c"]), &folder).unwrap();
+        let found: Vec<_> = parts.iter().map(|part| (part.name.as_str(), part.licence.as_str())).collect();
+        assert_eq!(found[0], ("glibc-start", "LGPL-2.1-or-later"));
+        assert_eq!(found[1].0, "glibc-nonshared");
+        assert!(found.len() == 2 && parts[0].texts.values().all(|text| text.contains("Lesser General Public")));
         fs::remove_dir_all(folder).unwrap();
     }
 

@@ -1,7 +1,7 @@
 //! The bill of materials, as CycloneDX 1.5 <https://cyclonedx.org/docs/1.5/json/>.
 
 use cyclonedx_bom::external_models::uri::Uri as Address;
-use cyclonedx_bom::models::component::Classification;
+pub(super) use cyclonedx_bom::models::component::Classification;
 use cyclonedx_bom::models::dependency::{Dependencies, Dependency};
 use cyclonedx_bom::models::external_reference::{ExternalReference, ExternalReferenceType, ExternalReferences, Uri};
 use cyclonedx_bom::models::hash::{Hash, HashAlgorithm, HashValue, Hashes};
@@ -15,24 +15,28 @@ use sha2::{Digest, Sha256};
 
 use super::dependencies::Part;
 
-/// File name in an archive.
+/// File name in an archive of the library's bill.
 pub(super) const NAME: &str = "cairn.cdx.json";
+/// The same for `cairn-check`.
+pub(super) const NAME_OF_CHECK: &str = "cairn-check.cdx.json";
 
 const VERSION: SpecVersion = SpecVersion::V1_5;
 
-/// The bill of `parts`, the first of which is the library itself. The serial number is computed from the parts, so the same parts make
-/// the same bill.
-pub(super) fn write(parts: &[Part], build_time: Timestamp) -> Result<Vec<u8>, String> {
+/// The bill of `parts`, the first of which is the library or program itself, of class `own_class`. The serial number is computed from the
+/// parts, so the same parts make the same bill.
+pub(super) fn write(parts: &[Part], own_class: Classification, build_time: Timestamp) -> Result<Vec<u8>, String> {
     let failed = |e: &dyn std::fmt::Display| format!("the bill of materials: {e}");
-    let (own, others) = parts.split_first().ok_or("a library of no parts")?;
+    let (own, others) = parts.split_first().ok_or("a bill of no parts")?;
     let mut bom = Bom {
         serial_number: Some(UrnUuid::new(number(parts)).map_err(|e| format!("{NAME}: {e:?}"))?),
         metadata: Some(Metadata {
             timestamp: Some(DateTime::try_from(build_time.to_string()).map_err(|e| failed(&e))?),
-            component: Some(component(own)?),
+            component: Some(component(own, own_class)?),
             ..Metadata::default()
         }),
-        components: Some(Components(others.iter().map(component).collect::<Result<_, _>>()?)),
+        components: Some(Components(
+            others.iter().map(|part| component(part, Classification::Library)).collect::<Result<_, _>>()?,
+        )),
         ..Bom::default()
     };
     bom.spec_version = VERSION;
@@ -51,9 +55,9 @@ pub(super) fn write(parts: &[Part], build_time: Timestamp) -> Result<Vec<u8>, St
     Ok(bytes)
 }
 
-fn component(part: &Part) -> Result<Component, String> {
+fn component(part: &Part, class: Classification) -> Result<Component, String> {
     let failed = |e: &dyn std::fmt::Display| format!("the bill of materials, {} {}: {e}", part.name, part.version);
-    let mut component = Component::new(Classification::Library, &part.name, &part.version, Some(part.reference()));
+    let mut component = Component::new(class, &part.name, &part.version, Some(part.reference()));
     let url = Purl::new(part.kind.package_type(), &part.name, &part.version);
     component.purl = Some(url.map_err(|e| failed(&e))?);
     component.description = part.description.as_deref().map(NormalizedString::new);
@@ -116,14 +120,16 @@ mod tests {
             part(Kind::Runtime, "b", "Apache-2.0 WITH LLVM-exception", &[]),
         ];
         let build_time: Timestamp = "2024-02-29T12:00:00Z".parse().unwrap();
-        let bytes = write(&parts, build_time).unwrap();
-        assert_eq!(bytes, write(&parts, build_time).unwrap());
+        let write = |parts: &[Part]| super::write(parts, Classification::Application, build_time);
+        let bytes = write(&parts).unwrap();
+        assert_eq!(bytes, write(&parts).unwrap());
         let bill: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
         assert_eq!((&bill["bomFormat"], &bill["specVersion"]), (&"CycloneDX".into(), &"1.5".into()));
         assert_eq!(bill["metadata"]["component"]["name"], "own");
+        assert_eq!(bill["metadata"]["component"]["type"], "application");
         assert_eq!(bill["metadata"]["timestamp"], "2024-02-29T12:00:00Z");
         let only = &bill["components"][0];
-        assert_eq!(only["purl"], "pkg:cargo/a@1.2.3");
+        assert_eq!((&only["purl"], &only["type"]), (&"pkg:cargo/a@1.2.3".into(), &"library".into()));
         assert_eq!(only["licenses"][0]["expression"], "Zlib");
         assert_eq!(only["hashes"][0]["content"], "ab".repeat(32));
         assert_eq!(bill["components"].as_array().map(Vec::len), Some(2));
@@ -131,13 +137,15 @@ mod tests {
         assert_eq!(bill["components"][1]["licenses"][0]["expression"], "Apache-2.0 WITH LLVM-exception");
         let [first, second] = uses.map(serde_json::Value::from);
         assert_eq!(bill["dependencies"][0]["dependsOn"], serde_json::Value::from([first, second].to_vec()));
-        let refused = write(&parts[..1], build_time).unwrap_err();
+        let refused = write(&parts[..1]).unwrap_err();
         assert!(refused.contains("pkg:cargo/a@1.2.3"), "who is used must be there: {refused}");
     }
 
     #[test]
     fn an_invalid_licence_expression_is_refused() {
-        let refused = write(&[part(Kind::Crate, "own", "free for all", &[])], Timestamp::UNIX_EPOCH).unwrap_err();
+        let refused =
+            write(&[part(Kind::Crate, "own", "free for all", &[])], Classification::Library, Timestamp::UNIX_EPOCH)
+                .unwrap_err();
         assert!(refused.contains("own 1.2.3"), "{refused}");
     }
 }

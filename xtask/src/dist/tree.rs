@@ -1,6 +1,6 @@
 //! The files of an archive, in memory.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
@@ -13,17 +13,19 @@ pub(super) struct Tree {
     /// Prefix of every path.
     folder: String,
     files: BTreeMap<String, Vec<u8>>,
+    /// Paths of the files that may be executed.
+    programs: BTreeSet<String>,
 }
 
 impl Tree {
     /// An empty tree with a top folder of that name.
     pub(super) fn new(name: String) -> Self {
-        Self { folder: format!("{name}/"), name, files: BTreeMap::new() }
+        Self { folder: format!("{name}/"), name, files: BTreeMap::new(), programs: BTreeSet::new() }
     }
 
     /// An empty tree of that name, without a top folder.
     pub(super) fn without_folder(name: String) -> Self {
-        Self { folder: String::new(), name, files: BTreeMap::new() }
+        Self { folder: String::new(), name, files: BTreeMap::new(), programs: BTreeSet::new() }
     }
 
     /// Name of the top folder, and so of the archive without its extension; without a top folder the whole file name.
@@ -38,6 +40,13 @@ impl Tree {
             None => Ok(()),
             Some(_) => Err(format!("{path} is in {} twice", self.name)),
         }
+    }
+
+    /// Adds a file that may be executed.
+    pub(super) fn add_program(&mut self, path: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Result<(), String> {
+        let path = path.into();
+        self.programs.insert(path.clone());
+        self.add(path, bytes)
     }
 
     /// Adds a file from this machine's disk.
@@ -99,6 +108,11 @@ impl Tree {
     /// All files in order: path with the top folder, and contents.
     pub(super) fn files(&self) -> impl Iterator<Item = (String, &[u8])> {
         self.files.iter().map(|(path, bytes)| (format!("{}{path}", self.folder), bytes.as_slice()))
+    }
+
+    /// Whether a file, named as by [`Tree::files`], may be executed.
+    pub(super) fn is_program(&self, path: &str) -> bool {
+        path.strip_prefix(&self.folder).is_some_and(|path| self.programs.contains(path))
     }
 }
 

@@ -62,7 +62,7 @@ pub(super) fn wheel_tree(
     for file in licences {
         tree.add_file(format!("{info}/licenses/{file}"), &workspace.root.join(file))?;
     }
-    tree.add(format!("{info}/licenses/{}", dependencies::PAGE), dependencies::page(parts))?;
+    tree.add(format!("{info}/licenses/{}", dependencies::PAGE), dependencies::page("the library", parts))?;
     tree.add(format!("{info}/licenses/{RUST_NOTICES}"), runtime::rust_notices(workspace)?)?;
     tree.add(format!("{info}/sboms/{}", sbom::NAME), bill)?;
     // A wheel has none of the files that the page links to.

@@ -56,8 +56,7 @@ fn by_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<
     let work = context.workspace.target.join("xtask").join("cairn-check-amd");
     let failed = |e: std::io::Error| format!("{}: {e}", work.display());
     fs::create_dir_all(&work).map_err(failed)?;
-    fs::copy(context.windows_programs().join(DOUBLE), work.join(AMD)).map_err(failed)?;
-    fs::write(work.join(format!("{AMD}.txt")), ROLE).map_err(failed)?;
+    place_double(context, &work)?;
     let mut command = lab::lab_run()?;
     command.arg(context.windows_programs().join("cairn-check.exe")).args(["--quick", "--minutes", "60", "--only"]);
     command.arg([&FSR[..], &FSR_TIMES].concat().join(",")).arg("--out").arg(&work);
@@ -69,23 +68,30 @@ fn by_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<
     Ok(())
 }
 
+/// Puts the double into a folder, under the name of AMD's library.
+pub(super) fn place_double(context: &Context<'_>, folder: &Path) -> Result<(), String> {
+    let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
+    fs::copy(context.windows_programs().join(DOUBLE), folder.join(AMD)).map_err(failed)?;
+    fs::write(folder.join(format!("{AMD}.txt")), ROLE).map_err(failed)
+}
+
 /// The verdicts of a `report.json`.
-struct Verdicts(Value);
+pub(super) struct Verdicts(Value);
 
 impl Verdicts {
-    fn read(folder: &Path) -> Result<Self, String> {
+    pub(super) fn read(folder: &Path) -> Result<Self, String> {
         let path = folder.join("report.json");
         let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         serde_json::from_str(&text).map(Self).map_err(|e| format!("{}: {e}", path.display()))
     }
 
-    fn of(&self, name: &str) -> &str {
+    pub(super) fn of(&self, name: &str) -> &str {
         let mut checks = self.0["checks"].as_array().into_iter().flatten();
         checks.find(|check| check["name"] == name).and_then(|check| check["verdict"].as_str()).unwrap_or("no line")
     }
 
     /// Requires the checks in `right` to pass, and those in `unknown` to say that they cannot tell; on Windows itself the latter may pass.
-    fn require(&self, right: &[&str], unknown: &[&str], tally: &mut Tally) {
+    pub(super) fn require(&self, right: &[&str], unknown: &[&str], tally: &mut Tally) {
         for name in right {
             let verdict = self.of(name);
             tally.test((verdict != "pass").then(|| format!("cairn-check, {name}: {verdict}")));

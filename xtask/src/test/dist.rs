@@ -1,4 +1,5 @@
-//! Archives: packing twice gives the same bytes, they contain what their pages list, and hosts are built and run from them alone.
+//! Archives: packing twice gives the same bytes, they contain what their pages list, hosts are built and run from them alone, and their
+//! `cairn-check` judges this machine.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,6 +9,7 @@ use provision::{Console, tools};
 
 use super::Context;
 use super::archive;
+use super::archive_check;
 use super::host;
 use super::lab;
 use super::tally::{Skip, Tally};
@@ -76,12 +78,15 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.check(dead_links(root)?);
     }
     for (root, linked) in [(&windows, ["mingw-w64", "libgcc"]), (&linux, ["llvm-libunwind", "glibc-nonshared"])] {
-        tally.check(unlisted_parts(root, &["rust-std", linked[0], linked[1]])?);
+        tally.check(unlisted_parts(root, LIBRARY_LISTS, &["rust-std", linked[0], linked[1]])?);
+        tally.check(unlisted_parts(root, CHECK_LISTS, &["rust-std", linked[0], "clap", "image"])?);
     }
-    for file in ["lib/libcairn.so", "debug/libcairn.so.debug"] {
+    tally.check(unlisted_parts(&linux, CHECK_LISTS, &["glibc-start"])?);
+    for file in ["lib/libcairn.so", "debug/libcairn.so.debug", "bin/cairn-check"] {
         tally.check(build_specific_text(&linux.join(file))?);
     }
-    for file in ["bin/cairn.dll", "debug/cairn.dll.debug", "unity/com.cairn.unity/Plugins/x86_64/cairn_unity.dll"] {
+    let unity = "unity/com.cairn.unity/Plugins/x86_64/cairn_unity.dll";
+    for file in ["bin/cairn.dll", "debug/cairn.dll.debug", "bin/cairn-check.exe", unity] {
         tally.check(build_specific_text(&windows.join(file))?);
     }
     tally.check((!windows.join("runtime/DirectML.dll").is_file()).then(|| "the runtimes are missing".to_owned()));
@@ -89,9 +94,13 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 
     let builds = HostBuilds { context, work: &work, cmake: &cmake };
     builds.on_linux(log, &linux, &cc, &mut tally)?;
-    match lab::skip_unless_possible("hosts from the Windows archive")? {
+    archive_check::on_linux(context, log, &linux, &work, &mut tally)?;
+    match lab::skip_unless_possible("hosts and cairn-check from the Windows archive")? {
         Some(skip) => tally.skips.push(skip),
-        None => builds.on_windows(log, &windows, &mut tally)?,
+        None => {
+            builds.on_windows(log, &windows, &mut tally)?;
+            archive_check::on_windows(context, log, [&windows, &slim], &work, &mut tally)?;
+        }
     }
     Ok(tally)
 }
@@ -219,17 +228,21 @@ fn dead_links(root: &Path) -> Result<Option<String>, String> {
     Ok((!dead.is_empty()).then(|| format!("links in {} lead to nothing: {}", root.display(), dead.join(", "))))
 }
 
-/// Parts of the library that the page of licences or the bill of materials does not name.
-fn unlisted_parts(root: &Path, parts: &[&str]) -> Result<Option<String>, String> {
+/// Names of the page of licences and of the bill of materials: of the library, and of `cairn-check`.
+const LIBRARY_LISTS: [&str; 2] = ["THIRD-PARTY.md", "cairn.cdx.json"];
+const CHECK_LISTS: [&str; 2] = ["THIRD-PARTY-CHECK.md", "cairn-check.cdx.json"];
+
+/// Parts of the library or of `cairn-check` that the page of licences or the bill of materials does not name.
+fn unlisted_parts(root: &Path, lists: [&str; 2], parts: &[&str]) -> Result<Option<String>, String> {
     let read = |name: &str| fs::read_to_string(root.join(name)).map_err(|e| format!("{name}: {e}"));
-    let (page, bill) = (read("THIRD-PARTY.md")?, read("cairn.cdx.json")?);
-    let is_named =
-        |part: &&&str| page.contains(&format!("\n| {part} ")) && bill.contains(&format!("\"pkg:generic/{part}@"));
+    let (page, bill) = (read(lists[0])?, read(lists[1])?);
+    let in_bill = |part: &str| ["generic", "cargo"].iter().any(|kind| bill.contains(&format!("\"pkg:{kind}/{part}@")));
+    let is_named = |part: &&&str| page.contains(&format!("\n| {part} ")) && in_bill(part);
     let missing: Vec<_> = parts.iter().filter(|part| !is_named(part)).copied().collect();
     if !read("THIRD-PARTY-RUST.html")?.contains("Copyright notices for The Rust Standard Library") {
         return Ok(Some("the archive has no notices of Rust's standard library".to_owned()));
     }
-    Ok((!missing.is_empty()).then(|| format!("the archive's licences do not name {}", missing.join(", "))))
+    Ok((!missing.is_empty()).then(|| format!("{} and {} do not name {}", lists[0], lists[1], missing.join(", "))))
 }
 
 /// The first string in a library or its debug information that would differ in another build: the path of this machine's cache, rustc's

@@ -3,6 +3,7 @@
 mod abi;
 mod amd;
 mod archive;
+mod archive_check;
 mod blocks;
 mod book;
 mod browser;

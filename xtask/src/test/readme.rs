@@ -63,6 +63,9 @@ fn check(context: &Context<'_>, log: &mut Log, line: &str) -> Result<Option<Stri
             help.args(["-m", module]).env("PYTHONPATH", provision::python_path());
             knows(log, help, arguments)
         }
+        ["cairn-check", arguments @ ..] => {
+            run_of_a_package(context, log, &[&["-p", "cairn-check", "--"], arguments].concat())
+        }
         [python, "-m", "venv" | "pip" | "pytest", ..] if is_python(python) => Ok(None),
         ["cargo", "build", "--release"] | ["cargo", "build", "--release", "--target", WINDOWS_TARGET] => Ok(None),
         // The runners `host` and `host-d3d12` build and run these, and `blocks` the programs of pages.

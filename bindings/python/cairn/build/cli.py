@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from . import archive, rates, table
+from . import archive, measured, rates, table
 from .checkpoint import open_checkpoint
 from .errors import BuildError
 from .geometry import PRESETS, Geometry
@@ -34,7 +34,8 @@ RATES_HELP = """\
 Estimates how many latents a second a world makes on common GPUs, at each preset of the library: from what its graphs do, the
 bytes that must move, and the makers' figures. Each cell is a range, from the worst to the best share of the limit that anybody
 published. Bold is real time even at the low end, in brackets is the limit that no 16-bit program passes, and a dash says that
-memory is too small. Nothing is measured; docs/rates.md says what the estimate rests on.
+memory is too small. Nothing is measured here; docs/rates.md says what the estimate rests on. --reports puts rates that
+cairn-check measured beside the estimates, and says how far off these were.
 """
 
 CHECKPOINT_HELP = """\
@@ -103,6 +104,10 @@ def parser() -> argparse.ArgumentParser:
     of_rates.add_argument("--preset", choices=list(PRESETS), action="append", default=[], help="shapes instead; may come again")
     of_rates.add_argument("--summary", action="store_true", help="one short table: two presets, no limits")
     of_rates.add_argument("--points", action="store_true", help="instead, the published rates that the ranges come from")
+
+    of_rates.add_argument(
+        "--reports", type=Path, metavar="FOLDER", help="reports of cairn-check, with measured rates of samples/worlds/miniature.cairn"
+    )
 
     pack = commands.add_parser("pack", help="folder to .cairn file, or back", formatter_class=raw)
     pack.add_argument("bundle", type=Path, help="a folder to pack, or a .cairn file to unpack")
@@ -273,7 +278,18 @@ def _rates(options: argparse.Namespace) -> int:
     worlds += [rates.World(name, PRESETS[name][1]) for name in options.preset]
     if not worlds:
         raise BuildError("no world is named", field="bundle", remedy="Name a bundle, or shapes: --preset 360p --preset 720p.")
-    print((rates.summary if options.summary else rates.table)(worlds))
+    if options.reports is None:
+        print((rates.summary if options.summary else rates.table)(worlds))
+        return 0
+    if options.summary:
+        raise BuildError("the short table has no measured rates", field="--reports", remedy="Leave out --summary.")
+    if not any(world.name == measured.WORLD for world in worlds):
+        raise BuildError(
+            f"the reports are of the world {measured.WORLD}, which is not named",
+            field="--reports",
+            remedy="Name samples/worlds/miniature.cairn as well.",
+        )
+    print(rates.table(worlds, measured.read(options.reports)))
     return 0
 
 

@@ -7,7 +7,8 @@
                            to the larger of limit / best share, and nodes x `fast_kernel_seconds()`
 
 Data sheets do not say what share of its peak a GPU reaches. `published.py` lists every rate of Waypoint-1.5 that others published with the
-GPU's name; the worst and the best of those in 16 bits bound the estimate.
+GPU's name; the worst and the best of those in 16 bits bound the estimate. Rates that were measured with Cairn come from reports
+(`measured.py`).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from functools import cache
 
 from .geometry import PRESETS, Geometry
 from .graph import Graph
+from .measured import PRESET, WORLD, Measured, Reports, is_same
 from .published import POINTS, Point
 from .table import activation_peak, ring_bytes, slab_bytes, value_sizes, weight_bytes
 from .writer import build_graphs
@@ -31,13 +33,14 @@ class Gpu:
     teraflops: float  # dense float16 products with float32 sums, on matrix units where there are any, 1e12 a second
     bandwidth: float  # of its memory, 1e9 bytes a second
     memory: float  # GiB; of one without memory of its own, what a game may well use
+    shares_memory: bool = False  # has no memory of its own
 
 
 # Matrix units: GeForce, twice float32's rate with float32 sums (as the white papers of Ada and Blackwell list them; Ampere's the
 # same); Radeon RX 7000, twice float32's; RX 9000, as listed ("peak half precision matrix"); Arc, half the listed int8 rate.
 # The page of estimates has a row for each of these.
 GPUS = (
-    Gpu("Radeon 780M (in a laptop's processor)", 16.6, 90, 8),
+    Gpu("Radeon 780M (in a laptop's processor)", 16.6, 90, 8, shares_memory=True),
     Gpu("Radeon RX 7600", 43.5, 288, 8),
     Gpu("Radeon RX 7900 XTX", 122.8, 960, 24),
     Gpu("Radeon RX 9060 XT 16 GB", 103, 322, 16),
@@ -218,8 +221,9 @@ def evidence() -> str:
     return "\n".join(lines)
 
 
-def table(worlds: list[World]) -> str:
-    """Latents per second of every GPU, world and preset, in Markdown."""
+def table(worlds: list[World], reports: Reports | None = None) -> str:
+    """Latents per second of every GPU, world and preset, in Markdown; measured ones from `reports`, which need the world
+    that these are of, beside the estimates and in a list."""
     out = []
     for world in worlds:
         width, height = world.geometry.decoded
@@ -231,8 +235,67 @@ def table(worlds: list[World]) -> str:
             ("memory, GiB", [f"{world.memory(p.window):.2g}" for p in PRESETS_OF_THE_LIBRARY]),
             *((gpu.name, [_cell(world, gpu, p, limit=True) for p in PRESETS_OF_THE_LIBRARY]) for gpu in GPUS),
         ]
+        if reports is not None and reports.measured and world.name == WORLD:
+            at = 1 + PRESETS_OF_THE_LIBRARY.index(preset_of_reports())
+            columns.insert(at, f"{PRESET}<br>measured")
+            for name, cells in rows:
+                cells.insert(at, _measured_cell(world, name, reports))
         out += [_markdown(columns, rows), ""]
+    if reports is not None:
+        out += ["### Measured", "", measured_list(next(world for world in worlds if world.name == WORLD), reports), ""]
     return "\n".join(out)
+
+
+def preset_of_reports() -> Preset:
+    """The preset that reports measure."""
+    return next(preset for preset in PRESETS_OF_THE_LIBRARY if preset.name == PRESET)
+
+
+def gpu_of(measured: Measured) -> Gpu | None:
+    """The GPU with a data sheet here that a report is of."""
+    same = (
+        gpu
+        for gpu in (*GPUS, *GPUS_OF_POINTS)
+        if is_same(gpu.name, gpu.memory, gpu.shares_memory, measured.adapter, measured.memory)
+    )
+    return next(same, None)
+
+
+def how_far_off(low: float, high: float, rate: float) -> str:
+    """How far a measured rate is from the estimated range."""
+    if rate < low:
+        return f"{low / rate:.1f} times slower than the low end"
+    if rate > high:
+        return f"{rate / high:.1f} times faster than the high end"
+    return f"in the range, {rate / high:.2f} of the high end"
+
+
+def _measured_cell(world: World, gpu: str, reports: Reports) -> str:
+    low_high = {gpu.name: world.estimate(gpu, preset_of_reports()) for gpu in GPUS}
+    of_gpu = [measured for measured in reports.measured if (found := gpu_of(measured)) is not None and found.name == gpu]
+    return "<br>".join(f"{_short(one.rate)}: {how_far_off(*low_high[gpu], one.rate)}" for one in of_gpu)
+
+
+def measured_list(world: World, reports: Reports) -> str:
+    """The measured rates of `world`, each beside its estimate, and the reports that have none, in Markdown."""
+    lines = []
+    if reports.measured:
+        lines += ["| GPU | driver | report | passes | estimated | measured | the estimate |", "|---|---|---|---|--:|--:|---|"]
+    else:
+        lines += ["No report of a graphics adapter has been sent yet. [Reports](hardware.md#send-a-report) says how to send one."]
+    for one in reports.measured:
+        gpu = gpu_of(one)
+        estimated, off = "-", "none: no data sheet of this GPU is in the tables"
+        if gpu is not None:
+            low, high = world.estimate(gpu, preset_of_reports())
+            estimated, off = f"{_short(low)} to {_short(high)}", how_far_off(low, high, one.rate)
+        adapter, driver = (text.replace("|", "\\|") for text in (one.adapter, one.driver))
+        lines.append(
+            f"| {adapter} | {driver} | `hardware/{one.file}` | {one.passes} | {estimated} | {_short(one.rate)} | {off} |"
+        )
+    if reports.unused:
+        lines += ["", "Not used: " + "; ".join(f"`hardware/{file}`, {why}" for file, why in reports.unused) + "."]
+    return "\n".join(lines)
 
 
 def summary(worlds: list[World]) -> str:
