@@ -145,6 +145,8 @@ rules! {
         CopySourceOutOfBounds = D3D12_MESSAGE_ID_COPYBUFFERREGION_SRCRANGEOUTOFBOUNDS, 844;
         /// A copy writes behind the end of its destination.
         CopyDestinationOutOfBounds = D3D12_MESSAGE_ID_COPYBUFFERREGION_DSTRANGEOUTOFBOUNDS, 841;
+        /// `DiscardResource` names subresources that its resource has not.
+        DiscardOutOfBounds = D3D12_MESSAGE_ID_DISCARD_INVALID_SUBRESOURCE_RANGE, 995;
         /// A resource is mapped whose heap the processor cannot access.
         MapInvalidHeap = D3D12_MESSAGE_ID_MAP_INVALIDHEAP, 822;
         /// A subresource is mapped that does not exist.
@@ -187,6 +189,11 @@ rules! {
         DescriptorInUse = "RECORDER_DESCRIPTOR_WRITTEN_WHILE_IN_USE";
         /// Memory is mapped for reading while queued commands write it.
         MapInUse = "RECORDER_MAPPED_WHILE_WRITTEN";
+        /// A submission uses memory of a heap through two resources without an aliasing barrier between them.
+        AliasingBarrierMissing = "RECORDER_ALIASING_BARRIER_MISSING";
+        /// The first use of a placed or reserved render target or depth buffer, or the first after another resource used its memory, is no
+        /// clear, discard or copy of whole subresources.
+        PlacedNotInitialized = "RECORDER_PLACED_RESOURCE_NOT_INITIALIZED";
         /// A command is recorded into a list of a type that has no such command.
         CommandListType = "RECORDER_COMMAND_NOT_IN_LIST_TYPE";
     }

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use d3d12_recorder::descriptors::{HeapDesc, View};
-use d3d12_recorder::recorder::{Memory, ObjectKind, Recorder, ResourceDesc};
+use d3d12_recorder::recorder::{HeapRange, Memory, ObjectKind, Recorder, ResourceDesc, Use};
 use d3d12_recorder::regions::Region;
 use d3d12_recorder::root_signature::{DescriptorKind, Parameter, Range, RootSignature};
 use d3d12_recorder::rules::Rule;
@@ -49,7 +49,7 @@ fn resource(is_buffer: bool, memory: Memory, state: State) -> ResourceDesc {
         is_simultaneous: false,
         allowed: WRITE,
         state,
-        heap: None,
+        placed: None,
         address: None,
     }
 }
@@ -196,6 +196,25 @@ impl Scene {
         id
     }
 
+    /// Two resources in the same bytes of a heap.
+    fn aliases(&mut self, desc: &ResourceDesc) -> [Id; 2] {
+        let heap = self.recorder.create(ObjectKind::Heap, "heap", None);
+        let placed = Some(HeapRange { heap, bytes: 0..BYTES });
+        [(); 2].map(|()| self.new_resource(ResourceDesc { placed: placed.clone(), ..desc.clone() }))
+    }
+
+    /// A render target in a heap.
+    fn placed_target(&mut self) -> Id {
+        let allowed = State::RENDER_TARGET;
+        self.aliases(&ResourceDesc { allowed, ..resource(false, Memory::Default, allowed) })[0]
+    }
+
+    /// A draw to a render target, or another command that writes it.
+    fn draw(&mut self, target: Id, initialises: bool) {
+        let one = Use { initialises, ..Use::new(target, Region::All, State::RENDER_TARGET) };
+        self.recorder.work(self.list, "draw", ListKind::Direct, vec![one], &[]);
+    }
+
     fn rules(&mut self) -> Vec<Rule> {
         self.recorder.take_findings().into_iter().map(|finding| finding.rule).collect()
     }
@@ -316,6 +335,7 @@ const BREAKS: &[(Rule, Break)] = &[
     }),
     (Rule::CopySourceOutOfBounds, |s| s.recorder.copy_buffer(s.list, (s.buffer, 0), (s.upload, BYTES), 1)),
     (Rule::CopyDestinationOutOfBounds, |s| s.recorder.copy_buffer(s.list, (s.buffer, u64::MAX), (s.upload, 0), 1)),
+    (Rule::DiscardOutOfBounds, |s| s.recorder.discard(s.list, s.texture, 1..3, true)),
     (Rule::MapInvalidHeap, |s| s.recorder.map(s.buffer, 0, None)),
     (Rule::MapInvalidSubresource, |s| s.recorder.map(s.upload, 1, None)),
     (Rule::MapInvalidRange, |s| s.recorder.map(s.readback, 0, Some(0..BYTES + 1))),
@@ -343,6 +363,13 @@ const BREAKS: &[(Rule, Break)] = &[
     }),
     (Rule::DescriptorInUse, |s| { s.dispatch_table(); s.submit(); s.view(1, DescriptorKind::Uav, s.buffer); }),
     (Rule::MapInUse, |s| { s.copy(s.readback, s.buffer); s.submit(); s.recorder.map(s.readback, 0, None); }),
+    (Rule::AliasingBarrierMissing, |s| {
+        let [one, other] = s.aliases(&resource(true, Memory::Default, COMMON));
+        s.copy(one, s.upload);
+        s.copy(other, s.upload);
+        s.submit();
+    }),
+    (Rule::PlacedNotInitialized, |s| { let target = s.placed_target(); s.draw(target, false); s.submit(); }),
     (Rule::CommandListType, |s| {
         let (_, list) = s.other_queue(ListKind::Copy);
         s.recorder.dispatch(list);
@@ -392,6 +419,101 @@ fn correct_frames_break_no_rule() {
         scene.reset();
     }
     assert_eq!(scene.rules(), []);
+}
+
+#[test]
+fn aliasing_barriers_and_submissions_separate_uses_of_the_same_memory() {
+    for (is_before_named, is_after_named) in [(false, false), (false, true), (true, false), (true, true)] {
+        let mut scene = Scene::new();
+        let [one, other] = scene.aliases(&resource(true, Memory::Default, COMMON));
+        scene.copy(one, scene.upload);
+        let (before, after) = (is_before_named.then_some(one), is_after_named.then_some(other));
+        scene.recorder.aliasing_barrier(scene.list, before, after);
+        scene.copy(other, scene.upload);
+        scene.submit();
+        scene.wait();
+        scene.reset();
+        scene.copy(one, scene.upload);
+        scene.submit();
+        assert_eq!(scene.rules(), []);
+    }
+}
+
+#[test]
+fn an_aliasing_barrier_of_other_resources_separates_nothing() {
+    let mut scene = Scene::new();
+    let [one, other] = scene.aliases(&resource(true, Memory::Default, COMMON));
+    scene.copy(one, scene.upload);
+    scene.recorder.aliasing_barrier(scene.list, Some(other), Some(one));
+    scene.copy(other, scene.upload);
+    scene.submit();
+    assert_eq!(scene.rules(), [Rule::AliasingBarrierMissing]);
+}
+
+#[test]
+fn resources_side_by_side_in_a_heap_need_no_aliasing_barrier() {
+    let mut scene = Scene::new();
+    let heap = scene.recorder.create(ObjectKind::Heap, "heap", None);
+    let [one, other] = [0..BYTES, BYTES..2 * BYTES].map(|bytes| {
+        let placed = Some(HeapRange { heap, bytes });
+        scene.new_resource(ResourceDesc { placed, ..resource(true, Memory::Default, COMMON) })
+    });
+    scene.copy(one, scene.upload);
+    scene.copy(other, scene.upload);
+    scene.submit();
+    assert_eq!(scene.rules(), []);
+}
+
+#[test]
+fn a_placed_target_is_initialised_once_and_again_after_another_resource_used_its_memory() {
+    let mut scene = Scene::new();
+    let allowed = State::RENDER_TARGET;
+    let [target, other] = scene.aliases(&ResourceDesc { allowed, ..resource(false, Memory::Default, allowed) });
+    scene.draw(target, true);
+    scene.draw(target, false);
+    scene.recorder.aliasing_barrier(scene.list, None, Some(other));
+    scene.recorder.discard(scene.list, other, 0..1, true);
+    scene.draw(other, false);
+    scene.recorder.aliasing_barrier(scene.list, None, Some(target));
+    scene.draw(target, true);
+    scene.submit();
+    assert_eq!(scene.rules(), []);
+    scene.wait();
+    scene.reset();
+    scene.draw(other, false);
+    scene.submit();
+    assert_eq!(scene.rules(), [Rule::PlacedNotInitialized]);
+}
+
+#[test]
+fn a_discard_of_rectangles_initialises_nothing() {
+    let mut scene = Scene::new();
+    let target = scene.placed_target();
+    scene.recorder.discard(scene.list, target, 0..1, false);
+    scene.submit();
+    assert_eq!(scene.rules(), [Rule::PlacedNotInitialized]);
+}
+
+#[test]
+fn reserved_resources_have_the_memory_of_their_tiles() {
+    const TILE: u64 = 64 * 1024;
+    let mut scene = Scene::new();
+    let heap = scene.recorder.create(ObjectKind::Heap, "heap", None);
+    let [one, other] = [(); 2].map(|()| scene.new_resource(resource(true, Memory::Default, COMMON)));
+    let tile = |number: u64| Some(HeapRange { heap, bytes: TILE * number..TILE * (number + 1) });
+    scene.recorder.map_tiles(one, vec![(0, tile(0)), (1, tile(1))]);
+    scene.recorder.map_tiles(other, vec![(0, tile(1)), (1, tile(2))]);
+    let use_both = |scene: &mut Scene| {
+        scene.copy(one, scene.upload);
+        scene.copy(other, scene.upload);
+        scene.submit();
+        scene.wait();
+        scene.reset();
+        scene.rules()
+    };
+    assert_eq!(use_both(&mut scene), [Rule::AliasingBarrierMissing]);
+    scene.recorder.map_tiles(other, vec![(0, None)]);
+    assert_eq!(use_both(&mut scene), []);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use super::hooks::{self, Inside, caller, hooks};
 use super::queue::{allocators, fences, queues};
 use super::{Calls, faults, list, report, resource, views};
 use crate::descriptors::{HeapDesc, View};
-use crate::recorder::{Memory, ObjectKind};
+use crate::recorder::{HeapRange, Memory, ObjectKind};
 use crate::regions::Region;
 use crate::root_signature::{DescriptorKind, RootSignature};
 use crate::states::ListKind;
@@ -60,6 +60,17 @@ unsafe fn made(result: HRESULT, made: *mut *mut c_void) -> Option<*mut c_void> {
     (result.is_ok() && !made.is_null()).then(|| unsafe { *made }).filter(|object| !object.is_null())
 }
 
+/// Bytes that a live resource takes in a heap.
+fn allocated_bytes(object: *mut c_void) -> u64 {
+    // SAFETY: a live resource, which is not released here.
+    let resource = unsafe { ID3D12Resource::from_raw_borrowed(&object) }.expect("a resource");
+    let mut device: Option<ID3D12Device> = None;
+    // SAFETY: a live resource, and a variable that lives during the call.
+    unsafe { resource.GetDevice(&mut device) }.expect("its device");
+    // SAFETY: a live device and a live resource.
+    unsafe { device.expect("its device").GetResourceAllocationInfo(0, &[resource.GetDesc()]) }.SizeInBytes
+}
+
 impl Calls {
     fn write_view(
         &mut self,
@@ -100,16 +111,16 @@ impl Calls {
         self.add_resource(object, memory, state, None);
     }
 
-    /// A resource in a heap.
-    fn add_placed(&mut self, object: *mut c_void, heap: *mut c_void, state: D3D12_RESOURCE_STATES) {
+    /// A resource in a heap, from a byte of it on.
+    fn add_placed(&mut self, object: *mut c_void, heap: *mut c_void, start: u64, state: D3D12_RESOURCE_STATES) {
         // SAFETY: a live heap, which is not released here.
         let memory = match unsafe { ID3D12Heap::from_raw_borrowed(&heap) } {
             // SAFETY: a live heap.
             Some(heap) => resource::memory(&unsafe { heap.GetDesc() }.Properties),
             None => Memory::Default,
         };
-        let heap = self.id(heap);
-        self.add_resource(object, memory, state, heap);
+        let placed = self.id(heap).map(|heap| HeapRange { heap, bytes: start..start + allocated_bytes(object) });
+        self.add_resource(object, memory, state, placed);
     }
 
     fn add_heap(&mut self, object: *mut c_void) {
@@ -385,7 +396,7 @@ hooks! { ID3D12Device_Vtbl;
         // SAFETY: the caller's own arguments, passed on.
         unsafe {
             let result = original(this, heap, at, desc, state, clear, id, made);
-            created(result, made, |calls, object| calls.add_placed(object, heap, state));
+            created(result, made, |calls, object| calls.add_placed(object, heap, at, state));
             result
         }
     }

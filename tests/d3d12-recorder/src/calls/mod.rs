@@ -7,6 +7,7 @@ mod hooks;
 mod list;
 mod queue;
 mod resource;
+mod tiles;
 mod views;
 
 use std::backtrace::Backtrace;

@@ -8,7 +8,7 @@ use windows::core::{HRESULT, Interface};
 
 use super::hooks::{self, caller};
 use super::{Calls, report};
-use crate::recorder::{Memory, ObjectKind, ResourceDesc};
+use crate::recorder::{HeapRange, Memory, ObjectKind, ResourceDesc};
 use crate::states::State;
 use crate::timeline::Id;
 
@@ -42,7 +42,7 @@ impl Calls {
         object: *mut c_void,
         memory: Memory,
         state: D3D12_RESOURCE_STATES,
-        heap: Option<Id>,
+        placed: Option<HeapRange>,
     ) -> Id {
         // SAFETY: a live resource, which is not released here.
         let resource = unsafe { ID3D12Resource::from_raw_borrowed(&object) }.expect("a resource");
@@ -73,7 +73,7 @@ impl Calls {
             is_simultaneous: desc.Flags.contains(D3D12_RESOURCE_FLAG_ALLOW_SIMULTANEOUS_ACCESS),
             allowed: State(allowed),
             state: State(state.0 as u32),
-            heap,
+            placed,
             address,
         };
         self.recorder.create_resource(id, described);

@@ -2,6 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use super::aliasing::AliasedUses;
 use super::{BoundTable, Command, InFlight, PastAccess, Recorded, Recorder, Use};
 use crate::descriptors::Slots;
 use crate::regions::Region;
@@ -108,7 +109,7 @@ impl Recorder {
                     DescriptorKind::Cbv => State::CONSTANT_BUFFER,
                     DescriptorKind::Sampler | DescriptorKind::Target => continue,
                 };
-                uses.extend(resource.map(|(resource, region)| Use { resource, region, state }));
+                uses.extend(resource.map(|(resource, region)| Use::new(resource, region, state)));
             }
         }
     }
@@ -128,6 +129,7 @@ impl Recorder {
             self.queues.values().find(|(number, _)| *number == queue).map_or(ListKind::Direct, |(_, kind)| *kind);
         // Accesses through unordered access views since the last barrier.
         let mut unordered: HashMap<Id, Vec<Region>> = HashMap::new();
+        let mut aliased = AliasedUses::default();
         let mut touched: HashSet<Id> = HashSet::new();
         let mut accesses: HashSet<(Id, Region, bool)> = HashSet::new();
         for Recorded { command, caller } in commands {
@@ -135,6 +137,7 @@ impl Recorder {
             match command {
                 Command::UavBarrier(None) => unordered.clear(),
                 Command::UavBarrier(Some(resource)) => _ = unordered.remove(resource),
+                &Command::AliasingBarrier { before, after } => self.separate(&mut aliased, before, after),
                 &Command::Transition { resource, subresource, before, after, part } => {
                     unordered.remove(&resource);
                     touched.insert(resource);
@@ -152,7 +155,9 @@ impl Recorder {
                 }
                 Command::Work { function, uses, .. } => {
                     let mut now: Vec<(Id, Region)> = Vec::new();
-                    for Use { resource, region, state } in uses {
+                    for one in uses {
+                        self.use_memory(&mut aliased, function, one);
+                        let Use { resource, region, state, .. } = one;
                         touched.insert(*resource);
                         accesses.insert((*resource, region.clone(), state.writes()));
                         if *state == State::UNORDERED_ACCESS {
