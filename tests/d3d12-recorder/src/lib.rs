@@ -10,6 +10,7 @@
 #[cfg(windows)]
 mod calls;
 pub mod descriptors;
+pub mod layouts;
 pub mod recorder;
 pub mod regions;
 pub mod root_signature;

@@ -3,6 +3,8 @@
 use std::collections::HashSet;
 
 use d3d12_recorder::descriptors::{HeapDesc, View};
+use d3d12_recorder::layouts::{Access, EnhancedBarrier, Layout, Side, Sync};
+use d3d12_recorder::recorder::enhanced::Subresources;
 use d3d12_recorder::recorder::{HeapRange, Memory, ObjectKind, Recorder, ResourceDesc, Use};
 use d3d12_recorder::regions::Region;
 use d3d12_recorder::root_signature::{DescriptorKind, Parameter, Range, RootSignature};
@@ -13,6 +15,22 @@ use d3d12_recorder::timeline::Id;
 const COMMON: State = State::COMMON;
 const WRITE: State = State::UNORDERED_ACCESS;
 const READ: State = State::NON_PIXEL_SHADER_RESOURCE;
+
+/// Sides of enhanced barriers of the texture.
+const ANY: Side = Side { sync: Sync::ALL, access: Access::COMMON, layout: Layout::COMMON };
+const WRITTEN: Side =
+    Side { sync: Sync::COMPUTE_SHADING, access: Access::UNORDERED_ACCESS, layout: Layout::UNORDERED_ACCESS };
+const READ_BY_SHADERS: Side =
+    Side { sync: Sync::COMPUTE_SHADING, access: Access::SHADER_RESOURCE, layout: Layout::SHADER_RESOURCE };
+const NOTHING: Side = Side { sync: Sync::NONE, access: Access::NO_ACCESS, layout: Layout::UNDEFINED };
+
+/// A side of an enhanced barrier of a buffer.
+const fn of_buffer(sync: Sync, access: Access) -> Side {
+    Side { sync, access, layout: Layout::UNDEFINED }
+}
+const COPIED_TO: Side = of_buffer(Sync::COPY, Access::COPY_DEST);
+const COPIED_FROM: Side = of_buffer(Sync::COPY, Access::COPY_SOURCE);
+const BUFFER_WRITTEN: Side = of_buffer(Sync::COMPUTE_SHADING, Access::UNORDERED_ACCESS);
 
 /// Addresses of the descriptor heap, for the processor and for shaders, and its descriptors.
 const CPU: u64 = 0x1000;
@@ -50,6 +68,7 @@ fn resource(is_buffer: bool, memory: Memory, state: State) -> ResourceDesc {
         allowed: WRITE,
         state,
         placed: None,
+        layout: None,
         address: None,
     }
 }
@@ -159,6 +178,23 @@ impl Scene {
         self.recorder.transition(self.list, resource, None, states, BarrierPart::Whole);
     }
 
+    /// An enhanced barrier of all of a texture.
+    fn enhanced(&mut self, resource: Id, before: Side, after: Side) {
+        let barrier = EnhancedBarrier { before, after };
+        self.recorder.texture_barrier(self.list, resource, &Subresources::All, barrier, false);
+    }
+
+    /// An enhanced barrier of a buffer.
+    fn enhanced_of_buffer(&mut self, resource: Id, before: Side, after: Side) {
+        self.recorder.buffer_barrier(self.list, resource, (0, u64::MAX), EnhancedBarrier { before, after });
+    }
+
+    /// A command that uses the texture.
+    fn use_texture(&mut self, state: State) {
+        let one = Use::new(self.texture, Region::All, state);
+        self.recorder.work(self.list, "use", ListKind::Compute, vec![one], &[]);
+    }
+
     fn copy(&mut self, to: Id, from: Id) {
         self.recorder.copy_buffer(self.list, (to, 0), (from, 0), BYTES);
     }
@@ -245,6 +281,44 @@ const BREAKS: &[(Rule, Break)] = &[
         s.recorder.transition(s.list, s.texture, None, (COMMON, READ), BarrierPart::Begin);
         s.dispatch_table();
         s.submit();
+    }),
+    (Rule::BarrierInteropState, |s| {
+        s.barrier(s.texture, (COMMON, READ));
+        s.enhanced(s.texture, ANY, WRITTEN);
+        s.submit();
+    }),
+    (Rule::BarrierInteropLayout, |s| {
+        s.enhanced(s.texture, ANY, WRITTEN);
+        s.barrier(s.texture, (WRITE, READ));
+        s.submit();
+    }),
+    (Rule::BarrierLayoutMismatch, |s| { s.enhanced(s.texture, WRITTEN, READ_BY_SHADERS); s.submit(); }),
+    (Rule::BarrierAccessMismatch, |s| {
+        s.copy(s.buffer, s.upload);
+        s.enhanced_of_buffer(s.buffer, BUFFER_WRITTEN, COPIED_FROM);
+        s.submit();
+    }),
+    (Rule::BarrierIncompatibleValues, |s| s.enhanced(s.texture, ANY, Side { sync: Sync::COPY, ..WRITTEN })),
+    (Rule::BarrierType, |s| s.enhanced(s.buffer, ANY, WRITTEN)),
+    (Rule::BarrierSubresources, |s| {
+        let barrier = EnhancedBarrier { before: ANY, after: WRITTEN };
+        s.recorder.texture_barrier(s.list, s.texture, &Subresources::One(2), barrier, false);
+    }),
+    (Rule::BarrierBufferRange, |s| {
+        let barrier = EnhancedBarrier { before: COPIED_TO, after: COPIED_FROM };
+        s.recorder.buffer_barrier(s.list, s.buffer, (1, BYTES - 1), barrier);
+    }),
+    (Rule::LayoutIncompatible, |s| { s.enhanced(s.texture, ANY, WRITTEN); s.use_texture(READ); s.submit(); }),
+    (Rule::AccessWithoutBarrier, |s| {
+        s.enhanced_of_buffer(s.buffer, COPIED_TO, COPIED_FROM);
+        s.copy(s.buffer, s.upload);
+        s.submit();
+    }),
+    (Rule::EnhancedBarrierListType, |s| {
+        let (_, list) = s.other_queue(ListKind::Compute);
+        let after = Side { sync: Sync::PIXEL_SHADING, ..READ_BY_SHADERS };
+        let barrier = EnhancedBarrier { before: ANY, after };
+        s.recorder.texture_barrier(list, s.texture, &Subresources::All, barrier, false);
     }),
     (Rule::InvalidState, |s| { s.barrier(s.texture, (COMMON, WRITE)); s.dispatch_table(); s.submit(); }),
     (Rule::AllocatorRecording, |s| s.recorder.reset_allocator(s.allocator)),
@@ -387,7 +461,7 @@ fn calls_that_break_a_rule_are_found_and_every_rule_is_tried() {
         // Live objects are reported together, and a mismatch of root signatures leaves arguments unset.
         let allowed = |other: &Rule| {
             format!("{other:?}").starts_with("Live")
-                || *rule == Rule::BarrierInvalidListType
+                || [Rule::BarrierInvalidListType, Rule::EnhancedBarrierListType].contains(rule)
                 || *rule == Rule::CommandListType
                 || other == rule
         };
@@ -514,6 +588,131 @@ fn reserved_resources_have_the_memory_of_their_tiles() {
     assert_eq!(use_both(&mut scene), [Rule::AliasingBarrierMissing]);
     scene.recorder.map_tiles(other, vec![(0, None)]);
     assert_eq!(use_both(&mut scene), []);
+}
+
+#[test]
+fn correct_enhanced_barriers_break_no_rule() {
+    let mut scene = Scene::new();
+    for _ in 0..2 {
+        scene.enhanced(scene.texture, ANY, WRITTEN);
+        scene.use_texture(WRITE);
+        scene.enhanced(scene.texture, WRITTEN, WRITTEN);
+        scene.use_texture(WRITE);
+        scene.enhanced(scene.texture, WRITTEN, READ_BY_SHADERS);
+        scene.use_texture(READ);
+        scene.enhanced(scene.texture, READ_BY_SHADERS, ANY);
+        // Back in COMMON, the other kind of barrier may follow.
+        scene.barrier(scene.texture, (COMMON, READ));
+        scene.use_texture(READ);
+        scene.barrier(scene.texture, (READ, COMMON));
+        scene.copy(scene.buffer, scene.upload);
+        scene.enhanced_of_buffer(scene.buffer, COPIED_TO, BUFFER_WRITTEN);
+        scene.enhanced_of_buffer(scene.buffer, BUFFER_WRITTEN, COPIED_FROM);
+        scene.copy(scene.readback, scene.buffer);
+        scene.submit();
+        scene.wait();
+        scene.reset();
+    }
+    assert_eq!(scene.rules(), []);
+}
+
+#[test]
+fn layouts_stay_between_submissions_and_each_subresource_has_its_own() {
+    let mut scene = Scene::new();
+    let (list, texture) = (scene.list, scene.texture);
+    let to_written = EnhancedBarrier { before: ANY, after: WRITTEN };
+    scene.recorder.texture_barrier(list, texture, &Subresources::One(1), to_written, false);
+    scene.submit();
+    scene.wait();
+    scene.reset();
+    let to_read = EnhancedBarrier { before: WRITTEN, after: READ_BY_SHADERS };
+    let second = Subresources::Ranges { levels: 1..2, slices: 0..1, planes: 0..1 };
+    scene.recorder.texture_barrier(list, texture, &second, to_read, false);
+    let first = Subresources::Ranges { levels: 0..1, slices: 0..1, planes: 0..1 };
+    scene.recorder.texture_barrier(list, texture, &first, to_written, false);
+    scene.submit();
+    assert_eq!(scene.rules(), []);
+}
+
+#[test]
+fn a_resource_that_was_created_with_a_layout_is_in_it() {
+    let mut scene = Scene::new();
+    let layout = Some(Layout::UNORDERED_ACCESS);
+    let texture = scene.new_resource(ResourceDesc { layout, ..resource(false, Memory::Default, COMMON) });
+    scene.enhanced(texture, WRITTEN, READ_BY_SHADERS);
+    scene.submit();
+    assert_eq!(scene.rules(), []);
+    scene.wait();
+    scene.reset();
+    let other = scene.new_resource(ResourceDesc { layout, ..resource(false, Memory::Default, COMMON) });
+    scene.barrier(other, (WRITE, READ));
+    scene.submit();
+    assert_eq!(scene.rules(), [Rule::BarrierInteropLayout]);
+}
+
+#[test]
+fn enhanced_barriers_separate_unordered_accesses_if_they_name_them() {
+    for (before, found) in [(BUFFER_WRITTEN, None), (COPIED_TO, Some(Rule::UavWithoutBarrier))] {
+        for is_global in [false, true] {
+            let mut scene = Scene::new();
+            let barrier = EnhancedBarrier { before, after: BUFFER_WRITTEN };
+            scene.dispatch_table();
+            match is_global {
+                true => scene.recorder.global_barrier(scene.list, barrier),
+                false => scene.recorder.buffer_barrier(scene.list, scene.buffer, (0, BYTES), barrier),
+            }
+            scene.dispatch_table();
+            scene.submit();
+            let rules = scene.rules();
+            assert_eq!(rules.contains(&Rule::UavWithoutBarrier), found.is_some(), "{before:?}: {rules:?}");
+        }
+    }
+}
+
+#[test]
+fn a_global_barrier_finishes_writes_of_buffers() {
+    let mut scene = Scene::new();
+    scene.copy(scene.buffer, scene.upload);
+    scene.recorder.global_barrier(scene.list, EnhancedBarrier { before: COPIED_TO, after: COPIED_FROM });
+    scene.copy(scene.readback, scene.buffer);
+    scene.submit();
+    assert_eq!(scene.rules(), []);
+}
+
+#[test]
+fn split_enhanced_barriers_are_paired() {
+    let split = |side: Side| Side { sync: Sync::SPLIT, ..side };
+    let mut scene = Scene::new();
+    scene.enhanced(scene.texture, ANY, split(WRITTEN));
+    scene.enhanced(scene.texture, split(ANY), WRITTEN);
+    scene.submit();
+    assert_eq!(scene.rules(), []);
+    scene.wait();
+    scene.reset();
+    scene.enhanced(scene.texture, split(WRITTEN), READ_BY_SHADERS);
+    scene.submit();
+    assert_eq!(scene.rules(), [Rule::BarrierUnmatchedEnd; 2], "one of each subresource");
+}
+
+#[test]
+fn enhanced_barriers_take_the_place_of_aliasing_barriers_and_of_discards() {
+    let written = Side { sync: Sync::RENDER_TARGET, access: Access::RENDER_TARGET, layout: Layout::RENDER_TARGET };
+    let allowed = State::RENDER_TARGET;
+    let desc = ResourceDesc { allowed, layout: Some(Layout::COMMON), ..resource(false, Memory::Default, COMMON) };
+    for discards in [true, false] {
+        let mut scene = Scene::new();
+        let [one, other] = scene.aliases(&desc);
+        let first = EnhancedBarrier { before: NOTHING, after: written };
+        scene.recorder.texture_barrier(scene.list, one, &Subresources::All, first, true);
+        scene.draw(one, false);
+        scene.enhanced(one, written, NOTHING);
+        let second = EnhancedBarrier { before: NOTHING, after: written };
+        scene.recorder.texture_barrier(scene.list, other, &Subresources::All, second, discards);
+        scene.draw(other, false);
+        scene.submit();
+        let expected: &[Rule] = if discards { &[] } else { &[Rule::PlacedNotInitialized] };
+        assert_eq!(scene.rules(), expected);
+    }
 }
 
 #[test]

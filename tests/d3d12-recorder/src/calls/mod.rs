@@ -1,5 +1,6 @@
 //! The calls of this process.
 
+mod barriers;
 mod device;
 mod exports;
 mod faults;

@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use super::aliasing::AliasedUses;
 use super::{BoundTable, Command, InFlight, PastAccess, Recorded, Recorder, Use};
 use crate::descriptors::Slots;
+use crate::layouts::Access;
 use crate::regions::Region;
 use crate::root_signature::{DescriptorKind, Parameter};
 use crate::rules::Rule;
@@ -137,6 +138,22 @@ impl Recorder {
             match command {
                 Command::UavBarrier(None) => unordered.clear(),
                 Command::UavBarrier(Some(resource)) => _ = unordered.remove(resource),
+                Command::EnhancedBarrier { resource: None, barrier, .. } => {
+                    self.run_global_barrier(barrier, &touched, &mut unordered, &mut aliased);
+                }
+                Command::EnhancedBarrier { resource: Some(resource), numbers, barrier, discards } => {
+                    touched.insert(*resource);
+                    if barrier.before.access.may_be(Access::UNORDERED_ACCESS) {
+                        unordered.remove(resource);
+                    }
+                    let has_layout = self.run_enhanced_barrier(*resource, numbers, barrier);
+                    if has_layout && !barrier.keeps_layout() {
+                        accesses.extend(
+                            numbers.iter().map(|&number| (*resource, self.subresource(*resource, number as u32), true)),
+                        );
+                    }
+                    self.alias_by_barrier(&mut aliased, *resource, numbers, barrier, *discards);
+                }
                 &Command::AliasingBarrier { before, after } => self.separate(&mut aliased, before, after),
                 &Command::Transition { resource, subresource, before, after, part } => {
                     unordered.remove(&resource);

@@ -2,6 +2,7 @@
 
 mod aliasing;
 mod bindings;
+pub mod enhanced;
 mod execution;
 mod lists;
 mod memory;
@@ -13,6 +14,7 @@ use std::sync::Arc;
 
 use self::aliasing::Backing;
 use crate::descriptors::{Descriptors, HeapDesc, Slots};
+use crate::layouts::{EnhancedBarrier, Layout};
 use crate::regions::Region;
 use crate::root_signature::RootSignature;
 use crate::rules::{Finding, Rule};
@@ -109,6 +111,8 @@ pub struct ResourceDesc {
     pub allowed: State,
     /// State after creation.
     pub state: State,
+    /// Layout after creation, where the resource has one instead of a state.
+    pub layout: Option<Layout>,
     /// Its memory, where it is placed in a heap.
     pub placed: Option<HeapRange>,
     /// Address of a buffer for shaders.
@@ -169,10 +173,30 @@ struct BoundTable {
 
 #[derive(Debug, Clone)]
 enum Command {
-    Transition { resource: Id, subresource: Option<u32>, before: State, after: State, part: BarrierPart },
+    Transition {
+        resource: Id,
+        subresource: Option<u32>,
+        before: State,
+        after: State,
+        part: BarrierPart,
+    },
     UavBarrier(Option<Id>),
-    AliasingBarrier { before: Option<Id>, after: Option<Id> },
-    Work { function: &'static str, uses: Vec<Use>, tables: Vec<BoundTable> },
+    /// An enhanced barrier of subresources; without a resource, of everything.
+    EnhancedBarrier {
+        resource: Option<Id>,
+        numbers: Vec<usize>,
+        barrier: EnhancedBarrier,
+        discards: bool,
+    },
+    AliasingBarrier {
+        before: Option<Id>,
+        after: Option<Id>,
+    },
+    Work {
+        function: &'static str,
+        uses: Vec<Use>,
+        tables: Vec<BoundTable>,
+    },
 }
 
 /// A command with the code address that recorded it.
@@ -344,7 +368,10 @@ impl Recorder {
         let count = desc.shape.iter().product::<u32>() as usize;
         // Buffers are created in COMMON whatever the caller asks for.
         let state = if behaviour == Behaviour::Simultaneous && desc.is_buffer { State::COMMON } else { desc.state };
-        let states = ResourceStates::new(behaviour, count, state);
+        let mut states = ResourceStates::new(behaviour, count, state);
+        if let Some(layout) = desc.layout {
+            states.set_layout(layout);
+        }
         let placed = desc.placed.clone();
         let (accesses, backing) = (Vec::new(), Backing::default());
         self.resources.insert(resource, Resource { desc, states, accesses, mapped: 0, backing });
