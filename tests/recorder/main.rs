@@ -8,6 +8,7 @@ mod faults;
 mod frames;
 mod mutants;
 mod placed;
+mod present;
 use mutants::Mutant;
 
 /// Identifiers of Microsoft's debug layer, without their common start.

@@ -765,6 +765,50 @@ fn a_kept_object_may_be_released_in_use_and_be_alive_at_the_end() {
 }
 
 #[test]
+fn a_buffer_is_presented_in_common_when_its_queue_comes_to_it() {
+    let target = State::RENDER_TARGET;
+    let present = |is_back: bool, is_held: bool| {
+        let mut scene = Scene::new();
+        let buffer = scene.new_resource(ResourceDesc { allowed: target, ..resource(false, Memory::Default, COMMON) });
+        if is_held {
+            scene.recorder.wait(scene.queue, scene.fence, 1);
+        }
+        scene.barrier(buffer, (COMMON, target));
+        scene.draw(buffer, false);
+        if is_back {
+            scene.barrier(buffer, (target, COMMON));
+        }
+        scene.recorder.close(scene.list);
+        scene.recorder.execute(scene.queue, &[scene.list]);
+        scene.recorder.present(scene.queue, buffer);
+        scene.recorder.signal_by_host(scene.fence, 1);
+        scene.rules()
+    };
+    for is_held in [false, true] {
+        assert_eq!(present(true, is_held), []);
+        assert_eq!(present(false, is_held), [Rule::InvalidState]);
+    }
+}
+
+#[test]
+fn a_buffer_is_presented_after_what_another_queue_writes_only_if_a_fence_orders_them() {
+    for is_ordered in [true, false] {
+        let mut scene = Scene::new();
+        let buffer = scene.new_resource(resource(false, Memory::Default, COMMON));
+        scene.copy(buffer, scene.upload);
+        scene.barrier(buffer, (State::COPY_DEST, COMMON));
+        scene.submit();
+        let (queue, _) = scene.other_queue(ListKind::Direct);
+        if is_ordered {
+            scene.recorder.wait(queue, scene.fence, scene.signalled);
+        }
+        scene.recorder.present(queue, buffer);
+        let expected: &[Rule] = if is_ordered { &[] } else { &[Rule::QueuesNotOrdered] };
+        assert_eq!(scene.rules(), expected);
+    }
+}
+
+#[test]
 fn a_finding_has_the_address_of_the_code_that_recorded_the_command() {
     let mut scene = Scene::new();
     scene.recorder.set_caller(1);

@@ -153,7 +153,7 @@ mod tests {
         recorder.create_queue(queue, ListKind::Direct);
         recorder.create_allocator(allocator, ListKind::Direct);
         recorder.create_list(list, ListKind::Direct, Some(allocator), None);
-        (Calls { recorder, ids: HashMap::from([(TEXTURE, texture), (BUFFER, buffer)]) }, list)
+        (Calls { recorder, ids: HashMap::from([(TEXTURE, texture), (BUFFER, buffer)]), chains: HashMap::new() }, list)
     }
 
     fn to_written() -> D3D12_TEXTURE_BARRIER {

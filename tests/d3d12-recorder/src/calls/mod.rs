@@ -8,6 +8,7 @@ mod hooks;
 mod list;
 mod queue;
 mod resource;
+mod swapchain;
 mod tiles;
 mod views;
 
@@ -25,6 +26,7 @@ use windows::Win32::System::LibraryLoader::{
 use windows::Win32::System::Threading::WaitForSingleObject;
 use windows::core::PCWSTR;
 
+use self::swapchain::SwapChain;
 use crate::recorder::{ObjectKind, Recorder};
 use crate::rules::Finding;
 use crate::timeline::Id;
@@ -34,6 +36,8 @@ struct Calls {
     recorder: Recorder,
     /// By address.
     ids: HashMap<usize, Id>,
+    /// Live swap chains by address.
+    chains: HashMap<usize, SwapChain>,
 }
 
 static CALLS: Mutex<Option<Calls>> = Mutex::new(None);
@@ -70,7 +74,7 @@ fn report<T>(caller: usize, event: impl FnOnce(&mut Calls) -> T) -> T {
     let calls = calls.get_or_insert_with(|| {
         let mut recorder = Recorder::default();
         recorder.set_completions(reached);
-        Calls { recorder, ids: HashMap::new() }
+        Calls { recorder, ids: HashMap::new(), chains: HashMap::new() }
     });
     calls.recorder.set_caller(caller);
     let result = event(calls);
@@ -153,6 +157,9 @@ impl Calls {
 
     /// Number of an object before its release.
     fn released(&mut self, object: usize, id: Id) {
+        if self.is_buffer(object) {
+            return;
+        }
         if self.ids.get(&object) == Some(&id) {
             self.ids.remove(&object);
         }

@@ -75,6 +75,15 @@ impl Recorder {
         self.advance();
     }
 
+    /// `IDXGISwapChain::Present` of a buffer, on the swap chain's queue.
+    pub fn present(&mut self, queue: Id, buffer: Id) {
+        let Some(&(queue, _)) = self.queues.get(&queue) else { return };
+        self.complete();
+        let command = Recorded { command: Command::Present(buffer), caller: self.caller };
+        self.timeline.execute(queue, vec![command]);
+        self.advance();
+    }
+
     /// Adds the uses of a table's descriptors.
     fn resolve(&mut self, function: &'static str, table: &BoundTable, uses: &mut Vec<Use>, work: &mut InFlight) {
         let Some(Parameter::Table(ranges)) = table.root.parameters.get(table.parameter) else { return };
@@ -138,6 +147,15 @@ impl Recorder {
             match command {
                 Command::UavBarrier(None) => unordered.clear(),
                 Command::UavBarrier(Some(resource)) => _ = unordered.remove(resource),
+                &Command::Present(buffer) => {
+                    const FUNCTION: &str = "IDXGISwapChain::Present";
+                    accesses.insert((buffer, Region::All, false));
+                    let found = self.resources.get(&buffer).and_then(|found| found.states.not_common());
+                    if let Some(state) = found {
+                        let text = format!("{} is presented in {state}", self.label(buffer));
+                        self.find(Rule::InvalidState, FUNCTION, text);
+                    }
+                }
                 Command::EnhancedBarrier { resource: None, barrier, .. } => {
                     self.run_global_barrier(barrier, &touched, &mut unordered, &mut aliased);
                 }

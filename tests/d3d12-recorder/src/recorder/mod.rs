@@ -181,6 +181,8 @@ enum Command {
         part: BarrierPart,
     },
     UavBarrier(Option<Id>),
+    /// A swap chain presents a buffer.
+    Present(Id),
     /// An enhanced barrier of subresources; without a resource, of everything.
     EnhancedBarrier {
         resource: Option<Id>,
