@@ -8,6 +8,7 @@ use cairn::framegen::shader::DESCRIPTORS;
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
+use test_support::d3d12::engine::closed_list;
 use test_support::d3d12::function_tables::replace_function;
 
 /// The variable that names a mutant.
@@ -71,15 +72,7 @@ pub(crate) fn install(mutant: Mutant, gpu: &Gpu) {
     // SAFETY: a live device.
     let step = unsafe { device.GetDescriptorHandleIncrementSize(D3D12_DESCRIPTOR_HEAP_TYPE_CBV_SRV_UAV) };
     FRAME.set((step * DESCRIPTORS_OF_FRAME) as usize);
-    // SAFETY: a live device; a list without commands is closed at once.
-    let list = unsafe {
-        let allocator: ID3D12CommandAllocator =
-            device.CreateCommandAllocator(D3D12_COMMAND_LIST_TYPE_DIRECT).expect("an allocator");
-        let list: ID3D12GraphicsCommandList =
-            device.CreateCommandList(0, D3D12_COMMAND_LIST_TYPE_DIRECT, &allocator, None).expect("a list");
-        list.Close().expect("it is empty");
-        list
-    };
+    let list = closed_list(device);
     let (device, list) = (Interface::vtable(device), Interface::vtable(&list));
     replace_function(&raw const list.ResourceBarrier, &RESOURCE_BARRIER, resource_barrier);
     replace_function(&raw const list.SetDescriptorHeaps, &SET_HEAPS, set_heaps);

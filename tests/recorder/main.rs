@@ -7,6 +7,8 @@ use test_support::d3d12::recorder::{Finding, findings_of, report_live};
 mod faults;
 mod frames;
 mod mutants;
+mod placed;
+mod present;
 use mutants::Mutant;
 
 /// Identifiers of Microsoft's debug layer, without their common start.

@@ -8,7 +8,7 @@ use std::time::Duration;
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::{HRESULT, Interface};
-use test_support::d3d12::engine::fence;
+use test_support::d3d12::engine::{closed_list, fence};
 use test_support::d3d12::function_tables::replace_function;
 use test_support::d3d12::textures::readback;
 
@@ -129,15 +129,7 @@ macro_rules! hooks {
         /// Puts the hooks, which do nothing without a mutant, into the tables of all devices' objects.
         pub(crate) fn install(gpu: &Gpu) {
             let device = gpu.device();
-            // SAFETY: a live device; a list without commands is closed at once.
-            let list = unsafe {
-                let allocator: ID3D12CommandAllocator =
-                    device.CreateCommandAllocator(D3D12_COMMAND_LIST_TYPE_DIRECT).expect("an allocator");
-                let list: ID3D12GraphicsCommandList =
-                    device.CreateCommandList(0, D3D12_COMMAND_LIST_TYPE_DIRECT, &allocator, None).expect("a list");
-                list.Close().expect("it is empty");
-                list
-            };
+            let list = closed_list(device);
             let (fence, resource) = (fence(device), readback(device, 4));
             let queue = gpu.frames().d3d12();
             let tables = Tables {

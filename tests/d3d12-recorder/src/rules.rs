@@ -71,6 +71,24 @@ rules! {
         BarrierUnmatchedEnd = D3D12_MESSAGE_ID_RESOURCE_BARRIER_UNMATCHED_END, 534;
         /// A split barrier begins twice, or the resource is used before its end.
         BarrierUnmatchedBegin = D3D12_MESSAGE_ID_RESOURCE_BARRIER_UNMATCHED_BEGIN, 535;
+        /// An enhanced barrier of a subresource that another kind of barrier, or its creation, put into a state other than COMMON.
+        BarrierInteropState = D3D12_MESSAGE_ID_BARRIER_INTEROP_INVALID_STATE, 1351;
+        /// A transition barrier of a subresource that enhanced barriers left in another layout than COMMON, or with unfinished writes.
+        BarrierInteropLayout = D3D12_MESSAGE_ID_BARRIER_INTEROP_INVALID_LAYOUT, 1350;
+        /// An enhanced barrier's layout before is not the layout of the subresource.
+        BarrierLayoutMismatch = D3D12_MESSAGE_ID_INCOMPATIBLE_BARRIER_LAYOUT, 1334;
+        /// An enhanced barrier's accesses before are not those since the last barrier.
+        BarrierAccessMismatch = D3D12_MESSAGE_ID_INCOMPATIBLE_BARRIER_ACCESS, 1332;
+        /// Scope, access and layout on one side of an enhanced barrier do not go together.
+        BarrierIncompatibleValues = D3D12_MESSAGE_ID_INCOMPATIBLE_BARRIER_VALUES, 1331;
+        /// A texture barrier of a buffer, or a buffer barrier of a texture.
+        BarrierType = D3D12_MESSAGE_ID_INCOMPATIBLE_BARRIER_TYPE, 1335;
+        /// A texture barrier names subresources that its texture has not.
+        BarrierSubresources = D3D12_MESSAGE_ID_TEXTURE_BARRIER_SUBRESOURCES_OUT_OF_BOUNDS, 1355;
+        /// A buffer barrier is not of the whole buffer.
+        BarrierBufferRange = D3D12_MESSAGE_ID_BUFFER_BARRIER_SUBREGION_OUT_OF_BOUNDS, 1340;
+        /// A command uses a texture whose layout does not allow that.
+        LayoutIncompatible = D3D12_MESSAGE_ID_GPU_BASED_VALIDATION_INCOMPATIBLE_TEXTURE_LAYOUT, 1358;
         /// A command uses a subresource that is not in the state for it.
         InvalidState = D3D12_MESSAGE_ID_INVALID_SUBRESOURCE_STATE, 538;
         /// An allocator is reset while one of its lists is recorded.
@@ -145,6 +163,8 @@ rules! {
         CopySourceOutOfBounds = D3D12_MESSAGE_ID_COPYBUFFERREGION_SRCRANGEOUTOFBOUNDS, 844;
         /// A copy writes behind the end of its destination.
         CopyDestinationOutOfBounds = D3D12_MESSAGE_ID_COPYBUFFERREGION_DSTRANGEOUTOFBOUNDS, 841;
+        /// `DiscardResource` names subresources that its resource has not.
+        DiscardOutOfBounds = D3D12_MESSAGE_ID_DISCARD_INVALID_SUBRESOURCE_RANGE, 995;
         /// A resource is mapped whose heap the processor cannot access.
         MapInvalidHeap = D3D12_MESSAGE_ID_MAP_INVALIDHEAP, 822;
         /// A subresource is mapped that does not exist.
@@ -187,6 +207,15 @@ rules! {
         DescriptorInUse = "RECORDER_DESCRIPTOR_WRITTEN_WHILE_IN_USE";
         /// Memory is mapped for reading while queued commands write it.
         MapInUse = "RECORDER_MAPPED_WHILE_WRITTEN";
+        /// A submission uses memory of a heap through two resources without an aliasing barrier between them.
+        AliasingBarrierMissing = "RECORDER_ALIASING_BARRIER_MISSING";
+        /// The first use of a placed or reserved render target or depth buffer, or the first after another resource used its memory, is no
+        /// clear, discard or copy of whole subresources.
+        PlacedNotInitialized = "RECORDER_PLACED_RESOURCE_NOT_INITIALIZED";
+        /// A command accesses a resource in a way that the last enhanced barrier does not allow, or after a write of another kind.
+        AccessWithoutBarrier = "RECORDER_ACCESS_WITHOUT_BARRIER";
+        /// Lists of this type have no such layout, access or scope.
+        EnhancedBarrierListType = "RECORDER_ENHANCED_BARRIER_NOT_IN_LIST_TYPE";
         /// A command is recorded into a list of a type that has no such command.
         CommandListType = "RECORDER_COMMAND_NOT_IN_LIST_TYPE";
     }

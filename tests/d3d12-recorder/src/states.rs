@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::layouts::{Access, EnhancedBarrier, Layout, Sync};
 use crate::rules::Rule;
 
 /// `D3D12_RESOURCE_STATES`.
@@ -134,7 +135,50 @@ struct Current {
     /// Whether the state comes from a use in `COMMON`, not from a barrier.
     is_promoted: bool,
     /// Begun split barrier.
-    split: Option<(State, State)>,
+    split: Option<Split>,
+    /// Set where an enhanced barrier came last, or the resource was created with a layout. `state` has no meaning then.
+    enhanced: Option<Enhanced>,
+}
+
+/// The first half of a split barrier, which its second half repeats.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Split {
+    States(State, State),
+    Layouts([Layout; 2], [Access; 2]),
+}
+
+/// What enhanced barriers say of a subresource.
+#[derive(Debug, Clone, Copy)]
+struct Enhanced {
+    /// COMMON where there are no layouts: in buffers, and textures with simultaneous access.
+    layout: Layout,
+    /// Accesses that are allowed until the next barrier.
+    access: Access,
+    /// Writes since the last barrier.
+    written: Access,
+}
+
+impl Enhanced {
+    fn new(layout: Layout) -> Self {
+        Self { layout, access: Access::COMMON, written: Access(0) }
+    }
+
+    /// The rule that a command breaks by these accesses, of which it needs one.
+    fn check(&mut self, needed: Access, has_layout: bool) -> Option<(Rule, String)> {
+        let allowed = if has_layout { self.layout.accesses() } else { Access::SIMULTANEOUS };
+        if allowed.0 & needed.0 == 0 {
+            return Some((Rule::LayoutIncompatible, format!("needs {needed:?}, but has the layout {:?}", self.layout)));
+        }
+        let is_second_access = self.written.0 != 0 && self.written.0 & needed.0 == 0;
+        let before = self.written;
+        self.written.0 |= needed.written().0;
+        if !self.access.may_be(needed) || is_second_access {
+            let text =
+                format!("needs {needed:?}, but the last barrier allows {:?}, and {before:?} followed", self.access);
+            return Some((Rule::AccessWithoutBarrier, text));
+        }
+        None
+    }
 }
 
 /// States of a resource's subresources.
@@ -161,7 +205,26 @@ pub enum BarrierPart {
 impl ResourceStates {
     /// States of `count` subresources, all in `state`.
     pub fn new(behaviour: Behaviour, count: usize, state: State) -> Self {
-        Self { behaviour, subresources: vec![Current { state, is_promoted: false, split: None }; count] }
+        let current = Current { state, is_promoted: false, split: None, enhanced: None };
+        Self { behaviour, subresources: vec![current; count] }
+    }
+
+    /// The resource was created with a layout instead of a state.
+    pub fn set_layout(&mut self, layout: Layout) {
+        if self.behaviour == Behaviour::Texture {
+            for current in &mut self.subresources {
+                current.enhanced = Some(Enhanced::new(layout));
+            }
+        }
+    }
+
+    /// States of the first subresource that is neither in COMMON nor in the layout of that state.
+    pub fn not_common(&self) -> Option<String> {
+        let text = |current: &Current| match current.enhanced {
+            Some(Enhanced { layout, .. }) => (layout != Layout::COMMON).then(|| format!("the layout {layout:?}")),
+            None => (current.state != State::COMMON).then(|| format!("{:?}", current.state)),
+        };
+        self.subresources.iter().find_map(text)
     }
 
     /// Number of subresources.
@@ -179,8 +242,21 @@ impl ResourceStates {
         let mut broken = Vec::new();
         for &number in numbers {
             let Some(current) = self.subresources.get_mut(number) else { continue };
+            if let Some(enhanced) = current.enhanced.take() {
+                let has_layout = self.behaviour == Behaviour::Texture;
+                if has_layout && enhanced.layout != Layout::COMMON || enhanced.written.0 != 0 {
+                    let (layout, written) = (enhanced.layout, enhanced.written);
+                    let text =
+                        format!("subresource {number} has the layout {layout:?} and unfinished writes {written:?}");
+                    broken.push((Rule::BarrierInteropLayout, text));
+                    current.state = before;
+                } else {
+                    current.state = State::COMMON;
+                }
+                current.is_promoted = false;
+            }
             if part == BarrierPart::End {
-                if current.split.take() != Some((before, after)) {
+                if current.split.take() != Some(Split::States(before, after)) {
                     broken.push((Rule::BarrierUnmatchedEnd, format!("subresource {number}: no such barrier began")));
                 }
             } else if current.split.is_some() {
@@ -203,11 +279,88 @@ impl ResourceStates {
                 ));
             }
             *current = match part {
-                BarrierPart::Begin => Current { state: before, is_promoted: false, split: Some((before, after)) },
-                BarrierPart::Whole | BarrierPart::End => Current { state: after, is_promoted: false, split: None },
+                BarrierPart::Begin => {
+                    let split = Some(Split::States(before, after));
+                    Current { state: before, is_promoted: false, split, enhanced: None }
+                }
+                BarrierPart::Whole | BarrierPart::End => {
+                    Current { state: after, is_promoted: false, split: None, enhanced: None }
+                }
             };
         }
         broken
+    }
+
+    /// An enhanced barrier of some subresources. After a wrong one the layout is the one that the caller wants.
+    pub fn enhanced_barrier(&mut self, numbers: &[usize], barrier: &EnhancedBarrier) -> Vec<Broken> {
+        let (before, after) = (barrier.before, barrier.after);
+        let mut broken = Vec::new();
+        for &number in numbers {
+            let Some(current) = self.subresources.get_mut(number) else { continue };
+            let known = current.enhanced.unwrap_or_else(|| {
+                // A use that promoted the state left the layout as it was.
+                if self.behaviour != Behaviour::Fixed && !current.is_promoted && current.state != State::COMMON {
+                    let text = format!("subresource {number} is in {:?} by another kind of barrier", current.state);
+                    broken.push((Rule::BarrierInteropState, text));
+                    return Enhanced::new(before.layout);
+                }
+                let written = if current.is_promoted { Access::of(current.state).written() } else { Access(0) };
+                Enhanced { written, ..Enhanced::new(Layout::COMMON) }
+            });
+            let split = Split::Layouts([before.layout, after.layout], [before.access, after.access]);
+            if before.sync == Sync::SPLIT {
+                if current.split.take() != Some(split) {
+                    broken.push((Rule::BarrierUnmatchedEnd, format!("subresource {number}: no such barrier began")));
+                }
+            } else if current.split.is_some() {
+                broken.push((
+                    Rule::BarrierUnmatchedBegin,
+                    format!("subresource {number}: a split barrier has not ended"),
+                ));
+            }
+            let has_layout = self.behaviour == Behaviour::Texture && before.layout != Layout::UNDEFINED;
+            if has_layout && before.layout != known.layout {
+                let text = format!("subresource {number}: {barrier:?}, but its layout is {:?}", known.layout);
+                broken.push((Rule::BarrierLayoutMismatch, text));
+            }
+            let discards = before.layout == Layout::UNDEFINED && after.layout != Layout::UNDEFINED;
+            let is_known = match known.access {
+                Access::COMMON => true,
+                Access::NO_ACCESS => before.access == Access::NO_ACCESS,
+                access => before.access == Access::NO_ACCESS || before.access.may_be(access),
+            };
+            if !discards && (!is_known || !before.access.includes(known.written)) {
+                let text = format!(
+                    "subresource {number}: {barrier:?}, but since the last barrier {:?} was allowed, and {:?} done",
+                    known.access, known.written
+                );
+                broken.push((Rule::BarrierAccessMismatch, text));
+            }
+            let begins = after.sync == Sync::SPLIT;
+            let layout = if begins || barrier.keeps_layout() { known.layout } else { after.layout };
+            *current = Current {
+                state: State::COMMON,
+                is_promoted: false,
+                split: begins.then_some(split),
+                enhanced: Some(Enhanced { access: after.access, ..Enhanced::new(layout) }),
+            };
+        }
+        broken
+    }
+
+    /// A global barrier: layouts and explicit states stay, and accesses before it are finished.
+    pub fn global_barrier(&mut self, before: Access) {
+        for current in &mut self.subresources {
+            let known = match current.enhanced {
+                None if current.is_promoted => {
+                    Some(Enhanced { written: Access::of(current.state).written(), ..Enhanced::new(Layout::COMMON) })
+                }
+                enhanced => enhanced.filter(|enhanced| enhanced.access != Access::NO_ACCESS),
+            };
+            if let Some(known) = known.filter(|known| before.includes(known.written)) {
+                current.enhanced = Some(Enhanced::new(known.layout));
+            }
+        }
     }
 
     /// A use of some subresources that needs `needed`, with implicit promotion.
@@ -222,6 +375,11 @@ impl ResourceStates {
             let Some(current) = self.subresources.get_mut(number) else { continue };
             if current.split.is_some() {
                 broken = Some((Rule::BarrierUnmatchedBegin, format!("subresource {number}: used in a split barrier")));
+            }
+            if let Some(enhanced) = &mut current.enhanced {
+                let check = enhanced.check(Access::of(needed), self.behaviour == Behaviour::Texture);
+                broken = check.map(|(rule, text)| (rule, format!("subresource {number}: {text}"))).or(broken);
+                continue;
             }
             if current.state.includes(needed) {
                 continue;
@@ -243,13 +401,19 @@ impl ResourceStates {
     /// The end of `ExecuteCommandLists` on a queue.
     pub fn decay(&mut self, queue: ListKind) {
         for current in &mut self.subresources {
+            if let Some(enhanced) = &mut current.enhanced
+                && self.behaviour == Behaviour::Texture
+            {
+                *enhanced = Enhanced::new(enhanced.layout);
+                continue;
+            }
             let decays = match self.behaviour {
                 Behaviour::Simultaneous => true,
                 Behaviour::Texture => queue == ListKind::Copy || current.is_promoted && !current.state.writes(),
                 Behaviour::Fixed => false,
             };
             if decays && current.split.is_none() {
-                *current = Current { state: State::COMMON, is_promoted: false, split: None };
+                *current = Current { state: State::COMMON, is_promoted: false, split: None, enhanced: None };
             }
         }
     }

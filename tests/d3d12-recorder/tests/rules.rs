@@ -3,7 +3,9 @@
 use std::collections::HashSet;
 
 use d3d12_recorder::descriptors::{HeapDesc, View};
-use d3d12_recorder::recorder::{Memory, ObjectKind, Recorder, ResourceDesc};
+use d3d12_recorder::layouts::{Access, EnhancedBarrier, Layout, Side, Sync};
+use d3d12_recorder::recorder::enhanced::Subresources;
+use d3d12_recorder::recorder::{HeapRange, Memory, ObjectKind, Recorder, ResourceDesc, Use};
 use d3d12_recorder::regions::Region;
 use d3d12_recorder::root_signature::{DescriptorKind, Parameter, Range, RootSignature};
 use d3d12_recorder::rules::Rule;
@@ -13,6 +15,22 @@ use d3d12_recorder::timeline::Id;
 const COMMON: State = State::COMMON;
 const WRITE: State = State::UNORDERED_ACCESS;
 const READ: State = State::NON_PIXEL_SHADER_RESOURCE;
+
+/// Sides of enhanced barriers of the texture.
+const ANY: Side = Side { sync: Sync::ALL, access: Access::COMMON, layout: Layout::COMMON };
+const WRITTEN: Side =
+    Side { sync: Sync::COMPUTE_SHADING, access: Access::UNORDERED_ACCESS, layout: Layout::UNORDERED_ACCESS };
+const READ_BY_SHADERS: Side =
+    Side { sync: Sync::COMPUTE_SHADING, access: Access::SHADER_RESOURCE, layout: Layout::SHADER_RESOURCE };
+const NOTHING: Side = Side { sync: Sync::NONE, access: Access::NO_ACCESS, layout: Layout::UNDEFINED };
+
+/// A side of an enhanced barrier of a buffer.
+const fn of_buffer(sync: Sync, access: Access) -> Side {
+    Side { sync, access, layout: Layout::UNDEFINED }
+}
+const COPIED_TO: Side = of_buffer(Sync::COPY, Access::COPY_DEST);
+const COPIED_FROM: Side = of_buffer(Sync::COPY, Access::COPY_SOURCE);
+const BUFFER_WRITTEN: Side = of_buffer(Sync::COMPUTE_SHADING, Access::UNORDERED_ACCESS);
 
 /// Addresses of the descriptor heap, for the processor and for shaders, and its descriptors.
 const CPU: u64 = 0x1000;
@@ -49,7 +67,8 @@ fn resource(is_buffer: bool, memory: Memory, state: State) -> ResourceDesc {
         is_simultaneous: false,
         allowed: WRITE,
         state,
-        heap: None,
+        placed: None,
+        layout: None,
         address: None,
     }
 }
@@ -159,6 +178,23 @@ impl Scene {
         self.recorder.transition(self.list, resource, None, states, BarrierPart::Whole);
     }
 
+    /// An enhanced barrier of all of a texture.
+    fn enhanced(&mut self, resource: Id, before: Side, after: Side) {
+        let barrier = EnhancedBarrier { before, after };
+        self.recorder.texture_barrier(self.list, resource, &Subresources::All, barrier, false);
+    }
+
+    /// An enhanced barrier of a buffer.
+    fn enhanced_of_buffer(&mut self, resource: Id, before: Side, after: Side) {
+        self.recorder.buffer_barrier(self.list, resource, (0, u64::MAX), EnhancedBarrier { before, after });
+    }
+
+    /// A command that uses the texture.
+    fn use_texture(&mut self, state: State) {
+        let one = Use::new(self.texture, Region::All, state);
+        self.recorder.work(self.list, "use", ListKind::Compute, vec![one], &[]);
+    }
+
     fn copy(&mut self, to: Id, from: Id) {
         self.recorder.copy_buffer(self.list, (to, 0), (from, 0), BYTES);
     }
@@ -196,6 +232,25 @@ impl Scene {
         id
     }
 
+    /// Two resources in the same bytes of a heap.
+    fn aliases(&mut self, desc: &ResourceDesc) -> [Id; 2] {
+        let heap = self.recorder.create(ObjectKind::Heap, "heap", None);
+        let placed = Some(HeapRange { heap, bytes: 0..BYTES });
+        [(); 2].map(|()| self.new_resource(ResourceDesc { placed: placed.clone(), ..desc.clone() }))
+    }
+
+    /// A render target in a heap.
+    fn placed_target(&mut self) -> Id {
+        let allowed = State::RENDER_TARGET;
+        self.aliases(&ResourceDesc { allowed, ..resource(false, Memory::Default, allowed) })[0]
+    }
+
+    /// A draw to a render target, or another command that writes it.
+    fn draw(&mut self, target: Id, initialises: bool) {
+        let one = Use { initialises, ..Use::new(target, Region::All, State::RENDER_TARGET) };
+        self.recorder.work(self.list, "draw", ListKind::Direct, vec![one], &[]);
+    }
+
     fn rules(&mut self) -> Vec<Rule> {
         self.recorder.take_findings().into_iter().map(|finding| finding.rule).collect()
     }
@@ -226,6 +281,44 @@ const BREAKS: &[(Rule, Break)] = &[
         s.recorder.transition(s.list, s.texture, None, (COMMON, READ), BarrierPart::Begin);
         s.dispatch_table();
         s.submit();
+    }),
+    (Rule::BarrierInteropState, |s| {
+        s.barrier(s.texture, (COMMON, READ));
+        s.enhanced(s.texture, ANY, WRITTEN);
+        s.submit();
+    }),
+    (Rule::BarrierInteropLayout, |s| {
+        s.enhanced(s.texture, ANY, WRITTEN);
+        s.barrier(s.texture, (WRITE, READ));
+        s.submit();
+    }),
+    (Rule::BarrierLayoutMismatch, |s| { s.enhanced(s.texture, WRITTEN, READ_BY_SHADERS); s.submit(); }),
+    (Rule::BarrierAccessMismatch, |s| {
+        s.copy(s.buffer, s.upload);
+        s.enhanced_of_buffer(s.buffer, BUFFER_WRITTEN, COPIED_FROM);
+        s.submit();
+    }),
+    (Rule::BarrierIncompatibleValues, |s| s.enhanced(s.texture, ANY, Side { sync: Sync::COPY, ..WRITTEN })),
+    (Rule::BarrierType, |s| s.enhanced(s.buffer, ANY, WRITTEN)),
+    (Rule::BarrierSubresources, |s| {
+        let barrier = EnhancedBarrier { before: ANY, after: WRITTEN };
+        s.recorder.texture_barrier(s.list, s.texture, &Subresources::One(2), barrier, false);
+    }),
+    (Rule::BarrierBufferRange, |s| {
+        let barrier = EnhancedBarrier { before: COPIED_TO, after: COPIED_FROM };
+        s.recorder.buffer_barrier(s.list, s.buffer, (1, BYTES - 1), barrier);
+    }),
+    (Rule::LayoutIncompatible, |s| { s.enhanced(s.texture, ANY, WRITTEN); s.use_texture(READ); s.submit(); }),
+    (Rule::AccessWithoutBarrier, |s| {
+        s.enhanced_of_buffer(s.buffer, COPIED_TO, COPIED_FROM);
+        s.copy(s.buffer, s.upload);
+        s.submit();
+    }),
+    (Rule::EnhancedBarrierListType, |s| {
+        let (_, list) = s.other_queue(ListKind::Compute);
+        let after = Side { sync: Sync::PIXEL_SHADING, ..READ_BY_SHADERS };
+        let barrier = EnhancedBarrier { before: ANY, after };
+        s.recorder.texture_barrier(list, s.texture, &Subresources::All, barrier, false);
     }),
     (Rule::InvalidState, |s| { s.barrier(s.texture, (COMMON, WRITE)); s.dispatch_table(); s.submit(); }),
     (Rule::AllocatorRecording, |s| s.recorder.reset_allocator(s.allocator)),
@@ -316,6 +409,7 @@ const BREAKS: &[(Rule, Break)] = &[
     }),
     (Rule::CopySourceOutOfBounds, |s| s.recorder.copy_buffer(s.list, (s.buffer, 0), (s.upload, BYTES), 1)),
     (Rule::CopyDestinationOutOfBounds, |s| s.recorder.copy_buffer(s.list, (s.buffer, u64::MAX), (s.upload, 0), 1)),
+    (Rule::DiscardOutOfBounds, |s| s.recorder.discard(s.list, s.texture, 1..3, true)),
     (Rule::MapInvalidHeap, |s| s.recorder.map(s.buffer, 0, None)),
     (Rule::MapInvalidSubresource, |s| s.recorder.map(s.upload, 1, None)),
     (Rule::MapInvalidRange, |s| s.recorder.map(s.readback, 0, Some(0..BYTES + 1))),
@@ -343,6 +437,13 @@ const BREAKS: &[(Rule, Break)] = &[
     }),
     (Rule::DescriptorInUse, |s| { s.dispatch_table(); s.submit(); s.view(1, DescriptorKind::Uav, s.buffer); }),
     (Rule::MapInUse, |s| { s.copy(s.readback, s.buffer); s.submit(); s.recorder.map(s.readback, 0, None); }),
+    (Rule::AliasingBarrierMissing, |s| {
+        let [one, other] = s.aliases(&resource(true, Memory::Default, COMMON));
+        s.copy(one, s.upload);
+        s.copy(other, s.upload);
+        s.submit();
+    }),
+    (Rule::PlacedNotInitialized, |s| { let target = s.placed_target(); s.draw(target, false); s.submit(); }),
     (Rule::CommandListType, |s| {
         let (_, list) = s.other_queue(ListKind::Copy);
         s.recorder.dispatch(list);
@@ -360,7 +461,7 @@ fn calls_that_break_a_rule_are_found_and_every_rule_is_tried() {
         // Live objects are reported together, and a mismatch of root signatures leaves arguments unset.
         let allowed = |other: &Rule| {
             format!("{other:?}").starts_with("Live")
-                || *rule == Rule::BarrierInvalidListType
+                || [Rule::BarrierInvalidListType, Rule::EnhancedBarrierListType].contains(rule)
                 || *rule == Rule::CommandListType
                 || other == rule
         };
@@ -392,6 +493,226 @@ fn correct_frames_break_no_rule() {
         scene.reset();
     }
     assert_eq!(scene.rules(), []);
+}
+
+#[test]
+fn aliasing_barriers_and_submissions_separate_uses_of_the_same_memory() {
+    for (is_before_named, is_after_named) in [(false, false), (false, true), (true, false), (true, true)] {
+        let mut scene = Scene::new();
+        let [one, other] = scene.aliases(&resource(true, Memory::Default, COMMON));
+        scene.copy(one, scene.upload);
+        let (before, after) = (is_before_named.then_some(one), is_after_named.then_some(other));
+        scene.recorder.aliasing_barrier(scene.list, before, after);
+        scene.copy(other, scene.upload);
+        scene.submit();
+        scene.wait();
+        scene.reset();
+        scene.copy(one, scene.upload);
+        scene.submit();
+        assert_eq!(scene.rules(), []);
+    }
+}
+
+#[test]
+fn an_aliasing_barrier_of_other_resources_separates_nothing() {
+    let mut scene = Scene::new();
+    let [one, other] = scene.aliases(&resource(true, Memory::Default, COMMON));
+    scene.copy(one, scene.upload);
+    scene.recorder.aliasing_barrier(scene.list, Some(other), Some(one));
+    scene.copy(other, scene.upload);
+    scene.submit();
+    assert_eq!(scene.rules(), [Rule::AliasingBarrierMissing]);
+}
+
+#[test]
+fn resources_side_by_side_in_a_heap_need_no_aliasing_barrier() {
+    let mut scene = Scene::new();
+    let heap = scene.recorder.create(ObjectKind::Heap, "heap", None);
+    let [one, other] = [0..BYTES, BYTES..2 * BYTES].map(|bytes| {
+        let placed = Some(HeapRange { heap, bytes });
+        scene.new_resource(ResourceDesc { placed, ..resource(true, Memory::Default, COMMON) })
+    });
+    scene.copy(one, scene.upload);
+    scene.copy(other, scene.upload);
+    scene.submit();
+    assert_eq!(scene.rules(), []);
+}
+
+#[test]
+fn a_placed_target_is_initialised_once_and_again_after_another_resource_used_its_memory() {
+    let mut scene = Scene::new();
+    let allowed = State::RENDER_TARGET;
+    let [target, other] = scene.aliases(&ResourceDesc { allowed, ..resource(false, Memory::Default, allowed) });
+    scene.draw(target, true);
+    scene.draw(target, false);
+    scene.recorder.aliasing_barrier(scene.list, None, Some(other));
+    scene.recorder.discard(scene.list, other, 0..1, true);
+    scene.draw(other, false);
+    scene.recorder.aliasing_barrier(scene.list, None, Some(target));
+    scene.draw(target, true);
+    scene.submit();
+    assert_eq!(scene.rules(), []);
+    scene.wait();
+    scene.reset();
+    scene.draw(other, false);
+    scene.submit();
+    assert_eq!(scene.rules(), [Rule::PlacedNotInitialized]);
+}
+
+#[test]
+fn a_discard_of_rectangles_initialises_nothing() {
+    let mut scene = Scene::new();
+    let target = scene.placed_target();
+    scene.recorder.discard(scene.list, target, 0..1, false);
+    scene.submit();
+    assert_eq!(scene.rules(), [Rule::PlacedNotInitialized]);
+}
+
+#[test]
+fn reserved_resources_have_the_memory_of_their_tiles() {
+    const TILE: u64 = 64 * 1024;
+    let mut scene = Scene::new();
+    let heap = scene.recorder.create(ObjectKind::Heap, "heap", None);
+    let [one, other] = [(); 2].map(|()| scene.new_resource(resource(true, Memory::Default, COMMON)));
+    let tile = |number: u64| Some(HeapRange { heap, bytes: TILE * number..TILE * (number + 1) });
+    scene.recorder.map_tiles(one, vec![(0, tile(0)), (1, tile(1))]);
+    scene.recorder.map_tiles(other, vec![(0, tile(1)), (1, tile(2))]);
+    let use_both = |scene: &mut Scene| {
+        scene.copy(one, scene.upload);
+        scene.copy(other, scene.upload);
+        scene.submit();
+        scene.wait();
+        scene.reset();
+        scene.rules()
+    };
+    assert_eq!(use_both(&mut scene), [Rule::AliasingBarrierMissing]);
+    scene.recorder.map_tiles(other, vec![(0, None)]);
+    assert_eq!(use_both(&mut scene), []);
+}
+
+#[test]
+fn correct_enhanced_barriers_break_no_rule() {
+    let mut scene = Scene::new();
+    for _ in 0..2 {
+        scene.enhanced(scene.texture, ANY, WRITTEN);
+        scene.use_texture(WRITE);
+        scene.enhanced(scene.texture, WRITTEN, WRITTEN);
+        scene.use_texture(WRITE);
+        scene.enhanced(scene.texture, WRITTEN, READ_BY_SHADERS);
+        scene.use_texture(READ);
+        scene.enhanced(scene.texture, READ_BY_SHADERS, ANY);
+        // Back in COMMON, the other kind of barrier may follow.
+        scene.barrier(scene.texture, (COMMON, READ));
+        scene.use_texture(READ);
+        scene.barrier(scene.texture, (READ, COMMON));
+        scene.copy(scene.buffer, scene.upload);
+        scene.enhanced_of_buffer(scene.buffer, COPIED_TO, BUFFER_WRITTEN);
+        scene.enhanced_of_buffer(scene.buffer, BUFFER_WRITTEN, COPIED_FROM);
+        scene.copy(scene.readback, scene.buffer);
+        scene.submit();
+        scene.wait();
+        scene.reset();
+    }
+    assert_eq!(scene.rules(), []);
+}
+
+#[test]
+fn layouts_stay_between_submissions_and_each_subresource_has_its_own() {
+    let mut scene = Scene::new();
+    let (list, texture) = (scene.list, scene.texture);
+    let to_written = EnhancedBarrier { before: ANY, after: WRITTEN };
+    scene.recorder.texture_barrier(list, texture, &Subresources::One(1), to_written, false);
+    scene.submit();
+    scene.wait();
+    scene.reset();
+    let to_read = EnhancedBarrier { before: WRITTEN, after: READ_BY_SHADERS };
+    let second = Subresources::Ranges { levels: 1..2, slices: 0..1, planes: 0..1 };
+    scene.recorder.texture_barrier(list, texture, &second, to_read, false);
+    let first = Subresources::Ranges { levels: 0..1, slices: 0..1, planes: 0..1 };
+    scene.recorder.texture_barrier(list, texture, &first, to_written, false);
+    scene.submit();
+    assert_eq!(scene.rules(), []);
+}
+
+#[test]
+fn a_resource_that_was_created_with_a_layout_is_in_it() {
+    let mut scene = Scene::new();
+    let layout = Some(Layout::UNORDERED_ACCESS);
+    let texture = scene.new_resource(ResourceDesc { layout, ..resource(false, Memory::Default, COMMON) });
+    scene.enhanced(texture, WRITTEN, READ_BY_SHADERS);
+    scene.submit();
+    assert_eq!(scene.rules(), []);
+    scene.wait();
+    scene.reset();
+    let other = scene.new_resource(ResourceDesc { layout, ..resource(false, Memory::Default, COMMON) });
+    scene.barrier(other, (WRITE, READ));
+    scene.submit();
+    assert_eq!(scene.rules(), [Rule::BarrierInteropLayout]);
+}
+
+#[test]
+fn enhanced_barriers_separate_unordered_accesses_if_they_name_them() {
+    for (before, found) in [(BUFFER_WRITTEN, None), (COPIED_TO, Some(Rule::UavWithoutBarrier))] {
+        for is_global in [false, true] {
+            let mut scene = Scene::new();
+            let barrier = EnhancedBarrier { before, after: BUFFER_WRITTEN };
+            scene.dispatch_table();
+            match is_global {
+                true => scene.recorder.global_barrier(scene.list, barrier),
+                false => scene.recorder.buffer_barrier(scene.list, scene.buffer, (0, BYTES), barrier),
+            }
+            scene.dispatch_table();
+            scene.submit();
+            let rules = scene.rules();
+            assert_eq!(rules.contains(&Rule::UavWithoutBarrier), found.is_some(), "{before:?}: {rules:?}");
+        }
+    }
+}
+
+#[test]
+fn a_global_barrier_finishes_writes_of_buffers() {
+    let mut scene = Scene::new();
+    scene.copy(scene.buffer, scene.upload);
+    scene.recorder.global_barrier(scene.list, EnhancedBarrier { before: COPIED_TO, after: COPIED_FROM });
+    scene.copy(scene.readback, scene.buffer);
+    scene.submit();
+    assert_eq!(scene.rules(), []);
+}
+
+#[test]
+fn split_enhanced_barriers_are_paired() {
+    let split = |side: Side| Side { sync: Sync::SPLIT, ..side };
+    let mut scene = Scene::new();
+    scene.enhanced(scene.texture, ANY, split(WRITTEN));
+    scene.enhanced(scene.texture, split(ANY), WRITTEN);
+    scene.submit();
+    assert_eq!(scene.rules(), []);
+    scene.wait();
+    scene.reset();
+    scene.enhanced(scene.texture, split(WRITTEN), READ_BY_SHADERS);
+    scene.submit();
+    assert_eq!(scene.rules(), [Rule::BarrierUnmatchedEnd; 2], "one of each subresource");
+}
+
+#[test]
+fn enhanced_barriers_take_the_place_of_aliasing_barriers_and_of_discards() {
+    let written = Side { sync: Sync::RENDER_TARGET, access: Access::RENDER_TARGET, layout: Layout::RENDER_TARGET };
+    let allowed = State::RENDER_TARGET;
+    let desc = ResourceDesc { allowed, layout: Some(Layout::COMMON), ..resource(false, Memory::Default, COMMON) };
+    for discards in [true, false] {
+        let mut scene = Scene::new();
+        let [one, other] = scene.aliases(&desc);
+        let first = EnhancedBarrier { before: NOTHING, after: written };
+        scene.recorder.texture_barrier(scene.list, one, &Subresources::All, first, true);
+        scene.draw(one, false);
+        scene.enhanced(one, written, NOTHING);
+        let second = EnhancedBarrier { before: NOTHING, after: written };
+        scene.recorder.texture_barrier(scene.list, other, &Subresources::All, second, discards);
+        scene.draw(other, false);
+        scene.submit();
+        let expected: &[Rule] = if discards { &[] } else { &[Rule::PlacedNotInitialized] };
+        assert_eq!(scene.rules(), expected);
+    }
 }
 
 #[test]
@@ -441,6 +762,50 @@ fn a_kept_object_may_be_released_in_use_and_be_alive_at_the_end() {
     scene.recorder.report_live();
     let texts: Vec<_> = scene.recorder.take_findings().into_iter().map(|finding| finding.text).collect();
     assert!(!texts.iter().any(|text| text.starts_with("new")), "{texts:?}");
+}
+
+#[test]
+fn a_buffer_is_presented_in_common_when_its_queue_comes_to_it() {
+    let target = State::RENDER_TARGET;
+    let present = |is_back: bool, is_held: bool| {
+        let mut scene = Scene::new();
+        let buffer = scene.new_resource(ResourceDesc { allowed: target, ..resource(false, Memory::Default, COMMON) });
+        if is_held {
+            scene.recorder.wait(scene.queue, scene.fence, 1);
+        }
+        scene.barrier(buffer, (COMMON, target));
+        scene.draw(buffer, false);
+        if is_back {
+            scene.barrier(buffer, (target, COMMON));
+        }
+        scene.recorder.close(scene.list);
+        scene.recorder.execute(scene.queue, &[scene.list]);
+        scene.recorder.present(scene.queue, buffer);
+        scene.recorder.signal_by_host(scene.fence, 1);
+        scene.rules()
+    };
+    for is_held in [false, true] {
+        assert_eq!(present(true, is_held), []);
+        assert_eq!(present(false, is_held), [Rule::InvalidState]);
+    }
+}
+
+#[test]
+fn a_buffer_is_presented_after_what_another_queue_writes_only_if_a_fence_orders_them() {
+    for is_ordered in [true, false] {
+        let mut scene = Scene::new();
+        let buffer = scene.new_resource(resource(false, Memory::Default, COMMON));
+        scene.copy(buffer, scene.upload);
+        scene.barrier(buffer, (State::COPY_DEST, COMMON));
+        scene.submit();
+        let (queue, _) = scene.other_queue(ListKind::Direct);
+        if is_ordered {
+            scene.recorder.wait(queue, scene.fence, scene.signalled);
+        }
+        scene.recorder.present(queue, buffer);
+        let expected: &[Rule] = if is_ordered { &[] } else { &[Rule::QueuesNotOrdered] };
+        assert_eq!(scene.rules(), expected);
+    }
 }
 
 #[test]

@@ -48,6 +48,19 @@ pub fn fence(device: &ID3D12Device) -> ID3D12Fence {
     unsafe { device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence")
 }
 
+/// A closed direct list without commands, whose table of functions is that of all lists.
+pub fn closed_list(device: &ID3D12Device) -> ID3D12GraphicsCommandList {
+    let kind = D3D12_COMMAND_LIST_TYPE_DIRECT;
+    // SAFETY: a live device.
+    let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }.expect("an allocator");
+    // SAFETY: a live device and allocator.
+    let list: ID3D12GraphicsCommandList =
+        unsafe { device.CreateCommandList(0, kind, &allocator, None) }.expect("a list");
+    // SAFETY: an open list.
+    unsafe { list.Close() }.expect("it is empty");
+    list
+}
+
 /// The object's reference count, including the caller's.
 pub fn reference_count(object: &impl Interface) -> u32 {
     let unknown = std::mem::ManuallyDrop::new(object.cast::<IUnknown>().expect("IUnknown"));

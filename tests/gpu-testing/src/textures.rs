@@ -215,7 +215,7 @@ pub fn read(
 }
 
 /// A resource as a parameter that holds no reference.
-fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
+pub fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
     // SAFETY: the same pointer, not released by this copy.
     unsafe { std::mem::transmute_copy(resource) }
 }

@@ -7,9 +7,10 @@ use windows::core::{GUID, HRESULT, Interface};
 
 use super::hooks::{self, Inside, caller, hooks};
 use super::queue::{allocators, fences, queues};
-use super::{Calls, faults, list, report, resource, views};
+use super::resource::Start;
+use super::{Calls, barriers, faults, list, report, resource, views};
 use crate::descriptors::{HeapDesc, View};
-use crate::recorder::{Memory, ObjectKind};
+use crate::recorder::{HeapRange, Memory, ObjectKind};
 use crate::regions::Region;
 use crate::root_signature::{DescriptorKind, RootSignature};
 use crate::states::ListKind;
@@ -32,6 +33,12 @@ pub(super) unsafe fn record(device: *mut c_void) {
         }
         if let Ok(fourth) = borrowed.cast::<ID3D12Device4>() {
             fourth::install(Interface::vtable(&fourth));
+        }
+        if let Ok(eighth) = borrowed.cast::<ID3D12Device8>() {
+            eighth::install(Interface::vtable(&eighth));
+        }
+        if let Ok(tenth) = borrowed.cast::<ID3D12Device10>() {
+            tenth::install(Interface::vtable(&tenth));
         }
         hooks::device::install(device);
     }
@@ -60,6 +67,17 @@ unsafe fn made(result: HRESULT, made: *mut *mut c_void) -> Option<*mut c_void> {
     (result.is_ok() && !made.is_null()).then(|| unsafe { *made }).filter(|object| !object.is_null())
 }
 
+/// Bytes that a live resource takes in a heap.
+fn allocated_bytes(object: *mut c_void) -> u64 {
+    // SAFETY: a live resource, which is not released here.
+    let resource = unsafe { ID3D12Resource::from_raw_borrowed(&object) }.expect("a resource");
+    let mut device: Option<ID3D12Device> = None;
+    // SAFETY: a live resource, and a variable that lives during the call.
+    unsafe { resource.GetDevice(&mut device) }.expect("its device");
+    // SAFETY: a live device and a live resource.
+    unsafe { device.expect("its device").GetResourceAllocationInfo(0, &[resource.GetDesc()]) }.SizeInBytes
+}
+
 impl Calls {
     fn write_view(
         &mut self,
@@ -85,31 +103,29 @@ impl Calls {
             hooks::list::install(object);
             let list = ID3D12GraphicsCommandList::from_raw_borrowed(&object).expect("a list");
             list::install(Interface::vtable(list));
+            if let Ok(seventh) = list.cast::<ID3D12GraphicsCommandList7>() {
+                barriers::install(Interface::vtable(&seventh));
+            }
         }
     }
 
     /// A resource from a heap's properties and flags.
-    fn add_committed(
-        &mut self,
-        object: *mut c_void,
-        properties: *const D3D12_HEAP_PROPERTIES,
-        state: D3D12_RESOURCE_STATES,
-    ) {
+    fn add_committed(&mut self, object: *mut c_void, properties: *const D3D12_HEAP_PROPERTIES, start: Start) {
         // SAFETY: the description of a call that succeeded.
         let memory = resource::memory(unsafe { &*properties });
-        self.add_resource(object, memory, state, None);
+        self.add_resource_with(object, memory, start, None);
     }
 
-    /// A resource in a heap.
-    fn add_placed(&mut self, object: *mut c_void, heap: *mut c_void, state: D3D12_RESOURCE_STATES) {
+    /// A resource in a heap, from a byte of it on.
+    fn add_placed(&mut self, object: *mut c_void, heap: *mut c_void, at: u64, start: Start) {
         // SAFETY: a live heap, which is not released here.
         let memory = match unsafe { ID3D12Heap::from_raw_borrowed(&heap) } {
             // SAFETY: a live heap.
             Some(heap) => resource::memory(&unsafe { heap.GetDesc() }.Properties),
             None => Memory::Default,
         };
-        let heap = self.id(heap);
-        self.add_resource(object, memory, state, heap);
+        let placed = self.id(heap).map(|heap| HeapRange { heap, bytes: at..at + allocated_bytes(object) });
+        self.add_resource_with(object, memory, start, placed);
     }
 
     fn add_heap(&mut self, object: *mut c_void) {
@@ -366,7 +382,7 @@ hooks! { ID3D12Device_Vtbl;
         // SAFETY: the caller's own arguments, passed on.
         unsafe {
             let result = original(this, properties, flags, desc, state, clear, id, made);
-            created(result, made, |calls, object| calls.add_committed(object, properties, state));
+            created(result, made, |calls, object| calls.add_committed(object, properties, Start::State(state)));
             result
         }
     }
@@ -385,7 +401,7 @@ hooks! { ID3D12Device_Vtbl;
         // SAFETY: the caller's own arguments, passed on.
         unsafe {
             let result = original(this, heap, at, desc, state, clear, id, made);
-            created(result, made, |calls, object| calls.add_placed(object, heap, state));
+            created(result, made, |calls, object| calls.add_placed(object, heap, at, Start::State(state)));
             result
         }
     }
@@ -495,7 +511,7 @@ mod fourth {
             // SAFETY: the caller's own arguments, passed on.
             unsafe {
                 let result = original(this, properties, flags, desc, state, clear, session, id, made);
-                created(result, made, |calls, object| calls.add_committed(object, properties, state));
+                created(result, made, |calls, object| calls.add_committed(object, properties, Start::State(state)));
                 result
             }
         }
@@ -506,6 +522,85 @@ mod fourth {
             unsafe {
                 let result = original(this, desc, session, id, made);
                 created(result, made, |calls, object| calls.add_heap(object));
+                result
+            }
+        }
+    }
+}
+
+/// `ID3D12Device8`.
+mod eighth {
+    use super::*;
+
+    hooks! { ID3D12Device8_Vtbl;
+        fn CreateCommittedResource2[original](
+            this, properties: *const D3D12_HEAP_PROPERTIES, flags: D3D12_HEAP_FLAGS, desc: *const D3D12_RESOURCE_DESC1,
+            state: D3D12_RESOURCE_STATES, clear: *const D3D12_CLEAR_VALUE, session: *mut c_void, id: *const GUID,
+            made: *mut *mut c_void,
+        ) -> HRESULT {
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe {
+                let result = original(this, properties, flags, desc, state, clear, session, id, made);
+                created(result, made, |calls, object| calls.add_committed(object, properties, Start::State(state)));
+                result
+            }
+        }
+        fn CreatePlacedResource1[original](
+            this, heap: *mut c_void, at: u64, desc: *const D3D12_RESOURCE_DESC1, state: D3D12_RESOURCE_STATES,
+            clear: *const D3D12_CLEAR_VALUE, id: *const GUID, made: *mut *mut c_void,
+        ) -> HRESULT {
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe {
+                let result = original(this, heap, at, desc, state, clear, id, made);
+                created(result, made, |calls, object| calls.add_placed(object, heap, at, Start::State(state)));
+                result
+            }
+        }
+    }
+}
+
+/// `ID3D12Device10`: resources with a layout.
+mod tenth {
+    use windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT;
+
+    use super::*;
+
+    hooks! { ID3D12Device10_Vtbl;
+        fn CreateCommittedResource3[original](
+            this, properties: *const D3D12_HEAP_PROPERTIES, flags: D3D12_HEAP_FLAGS, desc: *const D3D12_RESOURCE_DESC1,
+            layout: D3D12_BARRIER_LAYOUT, clear: *const D3D12_CLEAR_VALUE, session: *mut c_void, count: u32,
+            formats: *const DXGI_FORMAT, id: *const GUID, made: *mut *mut c_void,
+        ) -> HRESULT {
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe {
+                let result =
+                    original(this, properties, flags, desc, layout, clear, session, count, formats, id, made);
+                created(result, made, |calls, object| calls.add_committed(object, properties, Start::Layout(layout)));
+                result
+            }
+        }
+        fn CreatePlacedResource2[original](
+            this, heap: *mut c_void, at: u64, desc: *const D3D12_RESOURCE_DESC1, layout: D3D12_BARRIER_LAYOUT,
+            clear: *const D3D12_CLEAR_VALUE, count: u32, formats: *const DXGI_FORMAT, id: *const GUID,
+            made: *mut *mut c_void,
+        ) -> HRESULT {
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe {
+                let result = original(this, heap, at, desc, layout, clear, count, formats, id, made);
+                created(result, made, |calls, object| calls.add_placed(object, heap, at, Start::Layout(layout)));
+                result
+            }
+        }
+        fn CreateReservedResource2[original](
+            this, desc: *const D3D12_RESOURCE_DESC, layout: D3D12_BARRIER_LAYOUT, clear: *const D3D12_CLEAR_VALUE,
+            session: *mut c_void, count: u32, formats: *const DXGI_FORMAT, id: *const GUID, made: *mut *mut c_void,
+        ) -> HRESULT {
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe {
+                let result = original(this, desc, layout, clear, session, count, formats, id, made);
+                created(result, made, |calls, object| {
+                    _ = calls.add_resource_with(object, Memory::Default, Start::Layout(layout), None);
+                });
                 result
             }
         }

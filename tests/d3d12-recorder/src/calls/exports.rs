@@ -7,7 +7,7 @@ use windows::Win32::Foundation::HMODULE;
 use windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryW};
 use windows::core::{BOOL, GUID, HRESULT, PCSTR, s, w};
 
-use super::device;
+use super::{device, swapchain};
 
 /// Windows' own library.
 fn library() -> HMODULE {
@@ -42,6 +42,8 @@ pub(super) unsafe extern "system" fn D3D12CreateDevice(
     device: *mut *mut c_void,
 ) -> HRESULT {
     type Create = unsafe extern "system" fn(*mut c_void, i32, *const GUID, *mut *mut c_void) -> HRESULT;
+    // SAFETY: the caller's own adapter.
+    unsafe { swapchain::record_factories(adapter) };
     // SAFETY: the caller's own arguments, passed on.
     let result = unsafe { original::<Create>(s!("D3D12CreateDevice"))(adapter, level, id, device) };
     if result.is_ok() && !device.is_null() {

@@ -39,7 +39,43 @@ fn side(calls: &mut Calls, location: &D3D12_TEXTURE_COPY_LOCATION, state: State)
         // SAFETY: the member that the type names.
         _ => calls.recorder.subresource(resource, unsafe { location.Anonymous.SubresourceIndex }),
     };
-    Some(Use { resource, region, state })
+    Some(Use::new(resource, region, state))
+}
+
+/// Width, height and depth of what a location of a copy has.
+///
+/// # Safety
+/// Its union has the member of its type, and its resource is live.
+unsafe fn extent(location: &D3D12_TEXTURE_COPY_LOCATION) -> Option<[u32; 3]> {
+    if location.Type == D3D12_TEXTURE_COPY_TYPE_PLACED_FOOTPRINT {
+        // SAFETY: the member that the type names.
+        let of = unsafe { location.Anonymous.PlacedFootprint }.Footprint;
+        return Some([of.Width, of.Height, of.Depth]);
+    }
+    let resource = location.pResource.as_ref()?;
+    // SAFETY: a live resource, and the member that the type names.
+    let (desc, number) = unsafe { (resource.GetDesc(), location.Anonymous.SubresourceIndex) };
+    let level = number % u32::from(desc.MipLevels).max(1);
+    let depth = if desc.Dimension == D3D12_RESOURCE_DIMENSION_TEXTURE3D { u32::from(desc.DepthOrArraySize) } else { 1 };
+    Some([desc.Width as u32, desc.Height, depth].map(|size| (size >> level).max(1)))
+}
+
+/// Whether a copy to the origin of `to` covers it.
+///
+/// # Safety
+/// As [`extent`].
+unsafe fn covers(
+    to: Option<&D3D12_TEXTURE_COPY_LOCATION>,
+    from: Option<&D3D12_TEXTURE_COPY_LOCATION>,
+    part: Option<&D3D12_BOX>,
+) -> bool {
+    // SAFETY: the caller's promise.
+    let (to, from) = unsafe { (to.and_then(|to| extent(to)), from.and_then(|from| extent(from))) };
+    let copied = match part {
+        Some(part) => Some([part.right - part.left, part.bottom - part.top, part.back - part.front]),
+        None => from,
+    };
+    to.is_some() && to == copied
 }
 
 /// # Safety
@@ -61,6 +97,13 @@ unsafe fn barrier(calls: &mut Calls, list: Id, barrier: &D3D12_RESOURCE_BARRIER)
             let states = (State(of.StateBefore.0 as u32), State(of.StateAfter.0 as u32));
             calls.recorder.transition(list, resource, subresource, states, part);
         }
+        D3D12_RESOURCE_BARRIER_TYPE_ALIASING => {
+            // SAFETY: the caller's promise.
+            let of = unsafe { &barrier.Anonymous.Aliasing };
+            let mut id = |resource: &Option<ID3D12Resource>| calls.resource(resource.as_ref()?.as_raw());
+            let (before, after) = (id(&of.pResourceBefore), id(&of.pResourceAfter));
+            calls.recorder.aliasing_barrier(list, before, after);
+        }
         D3D12_RESOURCE_BARRIER_TYPE_UAV => {
             // SAFETY: the caller's promise.
             let of = unsafe { &barrier.Anonymous.UAV };
@@ -73,7 +116,7 @@ unsafe fn barrier(calls: &mut Calls, list: Id, barrier: &D3D12_RESOURCE_BARRIER)
 
 /// A use of a whole resource.
 fn whole(calls: &mut Calls, object: *mut c_void, state: State) -> Option<Use> {
-    Some(Use { resource: calls.resource(object)?, region: Region::All, state })
+    Some(Use::new(calls.resource(object)?, Region::All, state))
 }
 
 hooks! { ID3D12GraphicsCommandList_Vtbl;
@@ -135,7 +178,10 @@ hooks! { ID3D12GraphicsCommandList_Vtbl;
         recorded(this, |calls, list| {
             // SAFETY: the caller's own locations.
             let (to, from) = unsafe { (to.as_ref(), from.as_ref()) };
+            // SAFETY: the caller's own locations and part, and live resources.
+            let is_whole = unsafe { (x, y, z) == (0, 0, 0) && covers(to, from, part.as_ref()) };
             let to = to.and_then(|to| side(calls, to, State::COPY_DEST));
+            let to = to.map(|to| Use { initialises: is_whole, ..to });
             let from = from.and_then(|from| side(calls, from, State::COPY_SOURCE));
             let uses = [to, from].into_iter().flatten().collect();
             calls.recorder.work(list, "ID3D12GraphicsCommandList::CopyTextureRegion", ListKind::Copy, uses, &[]);
@@ -145,7 +191,8 @@ hooks! { ID3D12GraphicsCommandList_Vtbl;
     }
     fn CopyResource[original](this, to: *mut c_void, from: *mut c_void) {
         recorded(this, |calls, list| {
-            let uses = [whole(calls, to, State::COPY_DEST), whole(calls, from, State::COPY_SOURCE)];
+            let to = whole(calls, to, State::COPY_DEST).map(|to| Use { initialises: true, ..to });
+            let uses = [to, whole(calls, from, State::COPY_SOURCE)];
             let uses = uses.into_iter().flatten().collect();
             calls.recorder.work(list, "ID3D12GraphicsCommandList::CopyResource", ListKind::Copy, uses, &[]);
         });
@@ -158,7 +205,7 @@ hooks! { ID3D12GraphicsCommandList_Vtbl;
             let mut uses = Vec::new();
             for (object, number, state) in sides {
                 if let Some(resource) = calls.resource(object) {
-                    uses.push(Use { resource, region: calls.recorder.subresource(resource, number), state });
+                    uses.push(Use::new(resource, calls.recorder.subresource(resource, number), state));
                 }
             }
             calls.recorder.work(list, "ID3D12GraphicsCommandList::ResolveSubresource", ListKind::Direct, uses, &[]);
@@ -171,7 +218,7 @@ hooks! { ID3D12GraphicsCommandList_Vtbl;
             let heap = calls.id(heap);
             let resource = calls.resource(to);
             let region = Region::Bytes(offset..offset + 8 * u64::from(count));
-            let uses = resource.map(|resource| Use { resource, region, state: State::COPY_DEST }).into_iter().collect();
+            let uses = resource.map(|resource| Use::new(resource, region, State::COPY_DEST)).into_iter().collect();
             let function = "ID3D12GraphicsCommandList::ResolveQueryData";
             calls.recorder.work(list, function, ListKind::Copy, uses, heap.as_slice());
         });
@@ -274,8 +321,8 @@ hooks! { ID3D12GraphicsCommandList_Vtbl;
         this, view: D3D12_CPU_DESCRIPTOR_HANDLE, flags: D3D12_CLEAR_FLAGS, depth: f32, stencil: u8, count: u32, parts: *const RECT,
     ) {
         let function = "ID3D12GraphicsCommandList::ClearDepthStencilView";
-        let (address, state) = (view.ptr as u64, State::DEPTH_WRITE);
-        recorded(this, |calls, list| calls.recorder.use_view(list, function, address, state, ListKind::Direct));
+        let (address, how) = (view.ptr as u64, (State::DEPTH_WRITE, ListKind::Direct));
+        recorded(this, |calls, list| calls.recorder.clear(list, function, address, how, count == 0));
         // SAFETY: the caller's own arguments, passed on.
         unsafe { original(this, view, flags, depth, stencil, count, parts) }
     }
@@ -283,18 +330,34 @@ hooks! { ID3D12GraphicsCommandList_Vtbl;
         this, view: D3D12_CPU_DESCRIPTOR_HANDLE, colour: *const f32, count: u32, parts: *const RECT,
     ) {
         let function = "ID3D12GraphicsCommandList::ClearRenderTargetView";
-        let (address, state) = (view.ptr as u64, State::RENDER_TARGET);
-        recorded(this, |calls, list| calls.recorder.use_view(list, function, address, state, ListKind::Direct));
+        let (address, how) = (view.ptr as u64, (State::RENDER_TARGET, ListKind::Direct));
+        recorded(this, |calls, list| calls.recorder.clear(list, function, address, how, count == 0));
         // SAFETY: the caller's own arguments, passed on.
         unsafe { original(this, view, colour, count, parts) }
+    }
+    fn DiscardResource[original](this, resource: *mut c_void, region: *const D3D12_DISCARD_REGION) {
+        recorded(this, |calls, list| {
+            let Some(resource) = calls.resource(resource) else { return };
+            // SAFETY: the caller's own region, or null.
+            let (parts, is_whole) = match unsafe { region.as_ref() } {
+                Some(region) => {
+                    let end = region.FirstSubresource.saturating_add(region.NumSubresources);
+                    (region.FirstSubresource..end, region.NumRects == 0)
+                }
+                None => (0..calls.recorder.subresources(resource), true),
+            };
+            calls.recorder.discard(list, resource, parts, is_whole);
+        });
+        // SAFETY: the caller's own arguments, passed on.
+        unsafe { original(this, resource, region) }
     }
     fn ClearUnorderedAccessViewUint[original](
         this, table: D3D12_GPU_DESCRIPTOR_HANDLE, view: D3D12_CPU_DESCRIPTOR_HANDLE, resource: *mut c_void, values: *const u32,
         count: u32, parts: *const RECT,
     ) {
         let function = "ID3D12GraphicsCommandList::ClearUnorderedAccessViewUint";
-        let (address, state) = (view.ptr as u64, State::UNORDERED_ACCESS);
-        recorded(this, |calls, list| calls.recorder.use_view(list, function, address, state, ListKind::Compute));
+        let (address, how) = (view.ptr as u64, (State::UNORDERED_ACCESS, ListKind::Compute));
+        recorded(this, |calls, list| calls.recorder.clear(list, function, address, how, count == 0));
         // SAFETY: the caller's own arguments, passed on.
         unsafe { original(this, table, view, resource, values, count, parts) }
     }
@@ -303,8 +366,8 @@ hooks! { ID3D12GraphicsCommandList_Vtbl;
         count: u32, parts: *const RECT,
     ) {
         let function = "ID3D12GraphicsCommandList::ClearUnorderedAccessViewFloat";
-        let (address, state) = (view.ptr as u64, State::UNORDERED_ACCESS);
-        recorded(this, |calls, list| calls.recorder.use_view(list, function, address, state, ListKind::Compute));
+        let (address, how) = (view.ptr as u64, (State::UNORDERED_ACCESS, ListKind::Compute));
+        recorded(this, |calls, list| calls.recorder.clear(list, function, address, how, count == 0));
         // SAFETY: the caller's own arguments, passed on.
         unsafe { original(this, table, view, resource, values, count, parts) }
     }

@@ -1,5 +1,6 @@
 //! The calls of this process.
 
+mod barriers;
 mod device;
 mod exports;
 mod faults;
@@ -7,9 +8,12 @@ mod hooks;
 mod list;
 mod queue;
 mod resource;
+mod swapchain;
+mod tiles;
 mod views;
 
 use std::backtrace::Backtrace;
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::ffi::c_void;
 use std::io::Write;
@@ -23,6 +27,7 @@ use windows::Win32::System::LibraryLoader::{
 use windows::Win32::System::Threading::WaitForSingleObject;
 use windows::core::PCWSTR;
 
+use self::swapchain::SwapChain;
 use crate::recorder::{ObjectKind, Recorder};
 use crate::rules::Finding;
 use crate::timeline::Id;
@@ -32,6 +37,8 @@ struct Calls {
     recorder: Recorder,
     /// By address.
     ids: HashMap<usize, Id>,
+    /// Live swap chains by address.
+    chains: HashMap<usize, SwapChain>,
 }
 
 static CALLS: Mutex<Option<Calls>> = Mutex::new(None);
@@ -62,16 +69,27 @@ fn reached() -> Vec<(Id, u64)> {
     EVENTS.lock().extract_if(.., is_set).map(|one| (one.fence, one.value)).collect()
 }
 
+thread_local! {
+    static IS_REPORTING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether this thread is in [`report`]: a reference that is released then was taken there, and is not the last one.
+fn is_reporting() -> bool {
+    IS_REPORTING.get()
+}
+
 /// Reports a call of the code at `caller` to the recorder.
 fn report<T>(caller: usize, event: impl FnOnce(&mut Calls) -> T) -> T {
     let mut calls = CALLS.lock();
     let calls = calls.get_or_insert_with(|| {
         let mut recorder = Recorder::default();
         recorder.set_completions(reached);
-        Calls { recorder, ids: HashMap::new() }
+        Calls { recorder, ids: HashMap::new(), chains: HashMap::new() }
     });
     calls.recorder.set_caller(caller);
+    IS_REPORTING.set(true);
     let result = event(calls);
+    IS_REPORTING.set(false);
     print(calls.recorder.take_findings());
     result
 }
@@ -151,6 +169,9 @@ impl Calls {
 
     /// Number of an object before its release.
     fn released(&mut self, object: usize, id: Id) {
+        if self.is_buffer(object) {
+            return;
+        }
         if self.ids.get(&object) == Some(&id) {
             self.ids.remove(&object);
         }

@@ -4,13 +4,31 @@
 pub(super) mod queues {
     use std::ffi::c_void;
 
-    use windows::Win32::Graphics::Direct3D12::ID3D12CommandQueue_Vtbl;
+    use windows::Win32::Graphics::Direct3D12::*;
     use windows::core::HRESULT;
 
     use super::super::hooks::{caller, hooks};
-    use super::super::report;
+    use super::super::{report, tiles};
 
     hooks! { ID3D12CommandQueue_Vtbl;
+        fn UpdateTileMappings[original](
+            this, resource: *mut c_void, regions: u32, starts: *const D3D12_TILED_RESOURCE_COORDINATE,
+            sizes: *const D3D12_TILE_REGION_SIZE, heap: *mut c_void, ranges: u32, range_flags: *const D3D12_TILE_RANGE_FLAGS,
+            heap_starts: *const u32, counts: *const u32, flags: D3D12_TILE_MAPPING_FLAGS,
+        ) {
+            let update = tiles::Update { regions, starts, sizes, ranges, flags: range_flags, heap_starts, counts };
+            report(caller(), |calls| {
+                let heap = calls.id(heap);
+                if let Some(id) = calls.resource(resource) {
+                    // SAFETY: the caller's own arguments.
+                    calls.recorder.map_tiles(id, unsafe { tiles::mappings(resource, heap, &update) });
+                }
+            });
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe {
+                original(this, resource, regions, starts, sizes, heap, ranges, range_flags, heap_starts, counts, flags)
+            }
+        }
         fn ExecuteCommandLists[original](this, count: u32, lists: *const *mut c_void) {
             let caller = caller();
             // SAFETY: the caller's own lists.

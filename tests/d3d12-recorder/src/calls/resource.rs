@@ -8,7 +8,8 @@ use windows::core::{HRESULT, Interface};
 
 use super::hooks::{self, caller};
 use super::{Calls, report};
-use crate::recorder::{Memory, ObjectKind, ResourceDesc};
+use crate::layouts::Layout;
+use crate::recorder::{HeapRange, Memory, ObjectKind, ResourceDesc};
 use crate::states::State;
 use crate::timeline::Id;
 
@@ -35,15 +36,37 @@ fn planes(format: DXGI_FORMAT) -> u32 {
     }
 }
 
+/// What a resource is in after its creation.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Start {
+    State(D3D12_RESOURCE_STATES),
+    Layout(D3D12_BARRIER_LAYOUT),
+}
+
 impl Calls {
-    /// A new resource, whose calls are recorded.
+    /// A new resource in a state.
     pub(super) fn add_resource(
         &mut self,
         object: *mut c_void,
         memory: Memory,
         state: D3D12_RESOURCE_STATES,
-        heap: Option<Id>,
+        placed: Option<HeapRange>,
     ) -> Id {
+        self.add_resource_with(object, memory, Start::State(state), placed)
+    }
+
+    /// A new resource, whose calls are recorded.
+    pub(super) fn add_resource_with(
+        &mut self,
+        object: *mut c_void,
+        memory: Memory,
+        start: Start,
+        placed: Option<HeapRange>,
+    ) -> Id {
+        let (state, layout) = match start {
+            Start::State(state) => (State(state.0 as u32), None),
+            Start::Layout(layout) => (State::COMMON, Some(Layout(layout.0 as u32))),
+        };
         // SAFETY: a live resource, which is not released here.
         let resource = unsafe { ID3D12Resource::from_raw_borrowed(&object) }.expect("a resource");
         // SAFETY: a live resource.
@@ -72,8 +95,9 @@ impl Calls {
             memory,
             is_simultaneous: desc.Flags.contains(D3D12_RESOURCE_FLAG_ALLOW_SIMULTANEOUS_ACCESS),
             allowed: State(allowed),
-            state: State(state.0 as u32),
-            heap,
+            state,
+            layout,
+            placed,
             address,
         };
         self.recorder.create_resource(id, described);

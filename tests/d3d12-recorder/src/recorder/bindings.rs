@@ -136,7 +136,7 @@ impl Recorder {
         }
         match self.buffer_at(address) {
             Some((resource, bytes)) => {
-                let one = Use { resource, region: Region::Bytes(bytes), state };
+                let one = Use::new(resource, Region::Bytes(bytes), state);
                 self.set_argument(list, function, parameter, Argument::Descriptor(one));
             }
             None => self.find(rule, function, format!("no buffer has the address {address:#x}")),
@@ -152,7 +152,7 @@ impl Recorder {
     pub fn dispatch_indirect(&mut self, list: Id, arguments: Id, count: Option<Id>) {
         let state = State::INDIRECT_ARGUMENT;
         let uses = [Some(arguments), count].into_iter().flatten();
-        let uses = uses.map(|resource| Use { resource, region: Region::All, state }).collect();
+        let uses = uses.map(|resource| Use::new(resource, Region::All, state)).collect();
         self.dispatch_with(list, "ID3D12GraphicsCommandList::ExecuteIndirect", uses);
     }
 

@@ -2,8 +2,10 @@
 
 use std::collections::{HashMap, HashSet};
 
+use super::aliasing::AliasedUses;
 use super::{BoundTable, Command, InFlight, PastAccess, Recorded, Recorder, Use};
 use crate::descriptors::Slots;
+use crate::layouts::Access;
 use crate::regions::Region;
 use crate::root_signature::{DescriptorKind, Parameter};
 use crate::rules::Rule;
@@ -73,6 +75,15 @@ impl Recorder {
         self.advance();
     }
 
+    /// `IDXGISwapChain::Present` of a buffer, on the swap chain's queue.
+    pub fn present(&mut self, queue: Id, buffer: Id) {
+        let Some(&(queue, _)) = self.queues.get(&queue) else { return };
+        self.complete();
+        let command = Recorded { command: Command::Present(buffer), caller: self.caller };
+        self.timeline.execute(queue, vec![command]);
+        self.advance();
+    }
+
     /// Adds the uses of a table's descriptors.
     fn resolve(&mut self, function: &'static str, table: &BoundTable, uses: &mut Vec<Use>, work: &mut InFlight) {
         let Some(Parameter::Table(ranges)) = table.root.parameters.get(table.parameter) else { return };
@@ -108,7 +119,7 @@ impl Recorder {
                     DescriptorKind::Cbv => State::CONSTANT_BUFFER,
                     DescriptorKind::Sampler | DescriptorKind::Target => continue,
                 };
-                uses.extend(resource.map(|(resource, region)| Use { resource, region, state }));
+                uses.extend(resource.map(|(resource, region)| Use::new(resource, region, state)));
             }
         }
     }
@@ -128,6 +139,7 @@ impl Recorder {
             self.queues.values().find(|(number, _)| *number == queue).map_or(ListKind::Direct, |(_, kind)| *kind);
         // Accesses through unordered access views since the last barrier.
         let mut unordered: HashMap<Id, Vec<Region>> = HashMap::new();
+        let mut aliased = AliasedUses::default();
         let mut touched: HashSet<Id> = HashSet::new();
         let mut accesses: HashSet<(Id, Region, bool)> = HashSet::new();
         for Recorded { command, caller } in commands {
@@ -135,6 +147,32 @@ impl Recorder {
             match command {
                 Command::UavBarrier(None) => unordered.clear(),
                 Command::UavBarrier(Some(resource)) => _ = unordered.remove(resource),
+                &Command::Present(buffer) => {
+                    const FUNCTION: &str = "IDXGISwapChain::Present";
+                    accesses.insert((buffer, Region::All, false));
+                    let found = self.resources.get(&buffer).and_then(|found| found.states.not_common());
+                    if let Some(state) = found {
+                        let text = format!("{} is presented in {state}", self.label(buffer));
+                        self.find(Rule::InvalidState, FUNCTION, text);
+                    }
+                }
+                Command::EnhancedBarrier { resource: None, barrier, .. } => {
+                    self.run_global_barrier(barrier, &touched, &mut unordered, &mut aliased);
+                }
+                Command::EnhancedBarrier { resource: Some(resource), numbers, barrier, discards } => {
+                    touched.insert(*resource);
+                    if barrier.before.access.may_be(Access::UNORDERED_ACCESS) {
+                        unordered.remove(resource);
+                    }
+                    let has_layout = self.run_enhanced_barrier(*resource, numbers, barrier);
+                    if has_layout && !barrier.keeps_layout() {
+                        accesses.extend(
+                            numbers.iter().map(|&number| (*resource, self.subresource(*resource, number as u32), true)),
+                        );
+                    }
+                    self.alias_by_barrier(&mut aliased, *resource, numbers, barrier, *discards);
+                }
+                &Command::AliasingBarrier { before, after } => self.separate(&mut aliased, before, after),
                 &Command::Transition { resource, subresource, before, after, part } => {
                     unordered.remove(&resource);
                     touched.insert(resource);
@@ -152,7 +190,9 @@ impl Recorder {
                 }
                 Command::Work { function, uses, .. } => {
                     let mut now: Vec<(Id, Region)> = Vec::new();
-                    for Use { resource, region, state } in uses {
+                    for one in uses {
+                        self.use_memory(&mut aliased, function, one);
+                        let Use { resource, region, state, .. } = one;
                         touched.insert(*resource);
                         accesses.insert((*resource, region.clone(), state.writes()));
                         if *state == State::UNORDERED_ACCESS {

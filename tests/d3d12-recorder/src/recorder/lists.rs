@@ -1,6 +1,7 @@
 //! Allocators, and the commands of lists.
 
 use std::collections::HashSet;
+use std::ops::Range;
 
 use super::{Command, List, Recorded, Recorder, Use};
 use crate::regions::Region;
@@ -181,9 +182,14 @@ impl Recorder {
                 let text = format!("bytes {start}..{end} of {}", self.label(resource));
                 self.find(rule, FUNCTION, text);
             }
-            uses.push(Use { resource, region: Region::Bytes(start..end), state });
+            uses.push(Use::new(resource, Region::Bytes(start..end), state));
         }
         self.work(list, FUNCTION, ListKind::Copy, uses, &[]);
+    }
+
+    /// Number of a resource's subresources.
+    pub fn subresources(&self, resource: Id) -> u32 {
+        self.resources.get(&resource).map_or(0, |found| found.states.count() as u32)
     }
 
     /// The region of one subresource of a resource.
@@ -196,17 +202,44 @@ impl Recorder {
         }
     }
 
-    /// A command that uses the resource of a descriptor which lists read at once: a render target, or a view to clear.
-    pub fn use_view(&mut self, list: Id, function: &'static str, address: u64, state: State, kind: ListKind) {
-        let uses = self.use_of_view(address, state).into_iter().collect();
-        self.work(list, function, kind, uses, &[]);
+    /// A clear of a descriptor's resource: of all of its part, or of rectangles in it.
+    pub fn clear(
+        &mut self,
+        list: Id,
+        function: &'static str,
+        address: u64,
+        (state, kind): (State, ListKind),
+        is_whole: bool,
+    ) {
+        let uses = self.use_of_view(address, state).map(|one| Use { initialises: is_whole, ..one });
+        self.work(list, function, kind, uses.into_iter().collect(), &[]);
+    }
+
+    /// `DiscardResource` of these subresources, or of rectangles in them.
+    pub fn discard(&mut self, list: Id, resource: Id, subresources: Range<u32>, is_whole: bool) {
+        const FUNCTION: &str = "ID3D12GraphicsCommandList::DiscardResource";
+        let kind = self.lists.get(&list).map_or(ListKind::Direct, |list| list.kind);
+        let Some(found) = self.resources.get(&resource) else { return };
+        let (allowed, count) = (found.desc.allowed, found.states.count());
+        let state = match kind {
+            ListKind::Direct if allowed.includes(State::RENDER_TARGET) => State::RENDER_TARGET,
+            ListKind::Direct if allowed.includes(State::DEPTH_WRITE) => State::DEPTH_WRITE,
+            _ => State::UNORDERED_ACCESS,
+        };
+        if subresources.start > subresources.end || subresources.end as usize > count {
+            let text = format!("subresources {subresources:?} of {}, which has {count}", self.label(resource));
+            return self.find(Rule::DiscardOutOfBounds, FUNCTION, text);
+        }
+        let parts = subresources.map(|number| self.subresource(resource, number));
+        let uses = parts.map(|region| Use { initialises: is_whole, ..Use::new(resource, region, state) }).collect();
+        self.work(list, FUNCTION, ListKind::Compute, uses, &[]);
     }
 
     /// What lists read at once of the descriptor at an address, for a use in a state.
     fn use_of_view(&self, address: u64, state: State) -> Option<Use> {
         let (heap, index) = self.descriptors.by_cpu(address)?;
         let (resource, region) = self.descriptors.read(heap, index)?.resource.clone()?;
-        Some(Use { resource, region, state })
+        Some(Use::new(resource, region, state))
     }
 
     /// `OMSetRenderTargets`: addresses of descriptors, each with the state that draws need.

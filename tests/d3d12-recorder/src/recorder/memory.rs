@@ -62,7 +62,7 @@ impl Recorder {
 
     /// `Evict`.
     pub fn evict(&mut self, function: &'static str, object: Id) {
-        let placed = |found: &Resource| found.desc.heap == Some(object);
+        let placed = |found: &Resource| found.desc.placed.as_ref().is_some_and(|placed| placed.heap == object);
         let parts: HashSet<Id> = self.resources.iter().filter(|(_, found)| placed(found)).map(|(&id, _)| id).collect();
         if self.is_in_flight(|work| work.used.contains(&object) || !work.used.is_disjoint(&parts)) {
             let text = format!("{} is evicted while queued commands use it", self.label(object));
@@ -77,7 +77,7 @@ impl Recorder {
     }
 
     pub(super) fn heap_of(&self, resource: Id) -> Option<Id> {
-        self.resources.get(&resource)?.desc.heap
+        Some(self.resources.get(&resource)?.desc.placed.as_ref()?.heap)
     }
 
     // Memory of the processor.

@@ -1,15 +1,20 @@
 //! The recorder: a method for each call, with numbers for objects. It finds the rules that the calls break.
 
+mod aliasing;
 mod bindings;
+pub mod enhanced;
 mod execution;
 mod lists;
 mod memory;
 
 use std::backtrace::Backtrace;
 use std::collections::{BTreeMap, HashMap, HashSet};
+use std::ops::Range;
 use std::sync::Arc;
 
+use self::aliasing::Backing;
 use crate::descriptors::{Descriptors, HeapDesc, Slots};
+use crate::layouts::{EnhancedBarrier, Layout};
 use crate::regions::Region;
 use crate::root_signature::RootSignature;
 use crate::rules::{Finding, Rule};
@@ -74,6 +79,21 @@ pub enum Memory {
     Custom,
 }
 
+/// Memory of a heap.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct HeapRange {
+    /// The heap.
+    pub heap: Id,
+    /// Its bytes.
+    pub bytes: Range<u64>,
+}
+
+impl HeapRange {
+    fn overlaps(&self, other: &Self) -> bool {
+        self.heap == other.heap && self.bytes.start < other.bytes.end && other.bytes.start < self.bytes.end
+    }
+}
+
 /// Description of a new resource.
 #[derive(Debug, Clone)]
 pub struct ResourceDesc {
@@ -91,8 +111,10 @@ pub struct ResourceDesc {
     pub allowed: State,
     /// State after creation.
     pub state: State,
-    /// The heap that it is placed in.
-    pub heap: Option<Id>,
+    /// Layout after creation, where the resource has one instead of a state.
+    pub layout: Option<Layout>,
+    /// Its memory, where it is placed in a heap.
+    pub placed: Option<HeapRange>,
     /// Address of a buffer for shaders.
     pub address: Option<u64>,
 }
@@ -110,6 +132,7 @@ struct Resource {
     states: ResourceStates,
     accesses: Vec<PastAccess>,
     mapped: u32,
+    backing: Backing,
 }
 
 impl Resource {
@@ -128,6 +151,15 @@ pub struct Use {
     pub region: Region,
     /// The state that is needed.
     pub state: State,
+    /// Whether it writes the whole part without regard to what was in it: a clear, a discard or a copy.
+    pub initialises: bool,
+}
+
+impl Use {
+    /// A use of what is in a part of a resource.
+    pub fn new(resource: Id, region: Region, state: State) -> Self {
+        Self { resource, region, state, initialises: false }
+    }
 }
 
 /// A descriptor table that a dispatch uses. Its descriptors are read when the list is executed.
@@ -141,9 +173,32 @@ struct BoundTable {
 
 #[derive(Debug, Clone)]
 enum Command {
-    Transition { resource: Id, subresource: Option<u32>, before: State, after: State, part: BarrierPart },
+    Transition {
+        resource: Id,
+        subresource: Option<u32>,
+        before: State,
+        after: State,
+        part: BarrierPart,
+    },
     UavBarrier(Option<Id>),
-    Work { function: &'static str, uses: Vec<Use>, tables: Vec<BoundTable> },
+    /// A swap chain presents a buffer.
+    Present(Id),
+    /// An enhanced barrier of subresources; without a resource, of everything.
+    EnhancedBarrier {
+        resource: Option<Id>,
+        numbers: Vec<usize>,
+        barrier: EnhancedBarrier,
+        discards: bool,
+    },
+    AliasingBarrier {
+        before: Option<Id>,
+        after: Option<Id>,
+    },
+    Work {
+        function: &'static str,
+        uses: Vec<Use>,
+        tables: Vec<BoundTable>,
+    },
 }
 
 /// A command with the code address that recorded it.
@@ -315,8 +370,14 @@ impl Recorder {
         let count = desc.shape.iter().product::<u32>() as usize;
         // Buffers are created in COMMON whatever the caller asks for.
         let state = if behaviour == Behaviour::Simultaneous && desc.is_buffer { State::COMMON } else { desc.state };
-        let states = ResourceStates::new(behaviour, count, state);
-        self.resources.insert(resource, Resource { desc, states, accesses: Vec::new(), mapped: 0 });
+        let mut states = ResourceStates::new(behaviour, count, state);
+        if let Some(layout) = desc.layout {
+            states.set_layout(layout);
+        }
+        let placed = desc.placed.clone();
+        let (accesses, backing) = (Vec::new(), Backing::default());
+        self.resources.insert(resource, Resource { desc, states, accesses, mapped: 0, backing });
+        self.place(resource, placed);
     }
 
     /// The object is an allocator.
@@ -358,6 +419,7 @@ impl Recorder {
             self.find(Rule::DeletedInUse, "IUnknown::Release", text);
         }
         self.objects.remove(&id);
+        self.leave_memory(id);
         if let Some(resource) = self.resources.remove(&id)
             && let Some(address) = resource.desc.address
             && self.addresses.get(&address) == Some(&id)

@@ -9,6 +9,7 @@ use std::sync::OnceLock;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::{HRESULT, Interface};
 
+use super::engine::closed_list;
 use super::function_tables::replace_function;
 
 /// Checks one command list at a time.
@@ -149,16 +150,7 @@ macro_rules! reporting {
             })*
         }
         fn install(device: &ID3D12Device) {
-            // SAFETY: a live device; a list without commands is closed at once.
-            let list = unsafe {
-                let allocator: ID3D12CommandAllocator =
-                    device.CreateCommandAllocator(D3D12_COMMAND_LIST_TYPE_DIRECT).expect("an allocator");
-                let list: ID3D12GraphicsCommandList = device
-                    .CreateCommandList(0, D3D12_COMMAND_LIST_TYPE_DIRECT, &allocator, None)
-                    .expect("a list");
-                list.Close().expect("it is empty");
-                list
-            };
+            let list = closed_list(device);
             let (device, list) = (Interface::vtable(device), Interface::vtable(&list));
             $(replace_function(&raw const $table!(device, list).$name, &originals::$name, hooks::$name);)*
         }
