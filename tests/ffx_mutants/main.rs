@@ -8,9 +8,10 @@ use cairn::ffx::bindings::{
 };
 use cairn::ffx::{Api, Camera, Choice, Family, Frame, FrameParams, Generator, LibraryKind};
 use cairn::gpu::Gpu;
-use cairn::gpu::windows::Win32::Graphics::Direct3D12::{ID3D12CommandAllocator, ID3D12GraphicsCommandList};
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
 use test_support::d3d12::resources::TestResource;
+use test_support::d3d12::textures::borrowed;
 use test_support::ffx::double_folder::{ANALYTIC_20, DoubleFolder, ML};
 use test_support::ffx::frame_textures::Textures;
 
@@ -101,6 +102,8 @@ impl Scene {
         self.run(|list| {
             let resource = |kept: &TestResource| Resource::of(&kept.resource, ResourceState::UNORDERED_ACCESS);
             for number in 0..2 {
+                // Both frames write the same texture.
+                write_barrier(list, &self.output.resource);
                 let frame = self.textures.frame(list, number == 0);
                 let frame = Frame {
                     color: resource(&self.shown[number]),
@@ -203,4 +206,17 @@ fn every_changed_field_is_detected_or_has_no_effect() {
     let stale: Vec<_> = listed.filter(|entry| !report.missed.iter().any(|name| name.ends_with(entry))).collect();
     assert!(stale.is_empty(), "these are noticed: {stale:?}");
     assert!(scene.gpu.removed().is_none());
+}
+
+/// Separates accesses of a texture that dispatches before and after it write.
+fn write_barrier(list: &ID3D12GraphicsCommandList, texture: &ID3D12Resource) {
+    let barrier = D3D12_RESOURCE_BARRIER {
+        Type: D3D12_RESOURCE_BARRIER_TYPE_UAV,
+        Anonymous: D3D12_RESOURCE_BARRIER_0 {
+            UAV: std::mem::ManuallyDrop::new(D3D12_RESOURCE_UAV_BARRIER { pResource: borrowed(texture) }),
+        },
+        ..Default::default()
+    };
+    // SAFETY: an open list and a live texture.
+    unsafe { list.ResourceBarrier(&[barrier]) };
 }

@@ -1,6 +1,6 @@
 //! Records the calls of a program to Direct3D 12, and checks them against the rules that Direct3D has and Vulkan has not: states of
-//! resources with promotion and decay, hazards between dispatches and between queues, lifetimes of descriptors, allocators and objects, root
-//! arguments, and mapped ranges. Each broken rule is a [`rules::Finding`] with the identifier of Microsoft's debug layer where it has one.
+//! resources with promotion and decay, layouts of enhanced barriers, memory that resources share, hazards between dispatches and between queues,
+//! lifetimes of descriptors, allocators and objects, root arguments, and mapped ranges. Each broken rule is a [`rules::Finding`] with the identifier of Microsoft's debug layer where it has one.
 //!
 //! [`recorder::Recorder`] has no Direct3D in it: each of its methods stands for a call, with numbers for objects, on any system. On Windows
 //! the library is a `d3d12.dll`: beside a program it is loaded instead of Windows' own, which it loads. It replaces functions in the tables

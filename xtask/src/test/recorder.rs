@@ -4,13 +4,14 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use serde::Deserialize;
 
 use super::amd::Amd;
 use super::tally::{Skip, Tally};
 use super::validation::messages::{Message, separate};
-use super::{Context, windows_build};
+use super::{Context, study_windows, windows_build};
 use crate::shell::{CommandOutput, Log};
 
 /// Broken rules that are no faults.
@@ -32,38 +33,92 @@ const SHORT: [&str; 8] = [
 const LONG: [&str; 7] =
     ["d3d12_interface", "d3d12_libraries", "d3d12_lifecycle", "d3d12_memory", "d3d12_residency", "directml", "host"];
 
+/// Programs of every run with test doubles of AMD's libraries, which they bring themselves.
+const SHORT_AMD: [&str; 2] = ["ffx_interface", "ffx_upscale"];
+
+/// More of these. Those with a swap chain are left out: the double's reads motion and depth after the host's list, and states are the host's
+/// again.
+const LONG_AMD: [&str; 4] = ["ffx", "ffx_frames", "ffx_mutants", "ffx_presenter"];
+
+/// The study's comparison, as findings name it.
+const COMPARISON: &str = "study compare";
+
 /// Makes Windows load a `d3d12.dll` that is beside a program, and Wine's own by its whole path.
 const OVERRIDES: &str = "mscoree,mshtml=;d3d12=n,b";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    run_programs(context, &SHORT, log)
+    run_programs(
+        context,
+        &[
+            (&SHORT, |context, command| context.provide_windows_worlds(command)),
+            (&SHORT_AMD, |context, command| context.provide_windows_tools(command)),
+        ],
+        log,
+    )
 }
 
 /// The programs that the short form leaves out.
 pub(super) fn run_all(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    run_programs(context, &LONG, log)
+    let mut tally = run_programs(
+        context,
+        &[
+            (&LONG, |context, command| context.provide_windows_worlds(command)),
+            (&LONG_AMD, |context, command| context.provide_windows_tools(command)),
+        ],
+        log,
+    )?;
+    if tally.skips.is_empty() {
+        run_comparison(context, log, &mut tally)?;
+    }
+    Ok(tally)
 }
 
-fn run_programs(context: &Context<'_>, programs: &[&str], log: &mut Log) -> Result<Tally, String> {
+/// Gives a command its variables.
+type Provide = for<'a, 'b, 'c> fn(&'a Context<'b>, &'c mut Command) -> Result<(), String>;
+
+/// Names of test programs, and what gives their command its variables.
+type Programs<'a> = (&'a [&'a str], Provide);
+
+fn run_programs(context: &Context<'_>, groups: &[Programs<'_>], log: &mut Log) -> Result<Tally, String> {
     if let Err(why) = provision::lab::possible() {
         let skip = Skip { name: "Direct3D 12 through the recorder".to_owned(), reason: format!("needs lab: {why}") };
         return Ok(Tally { skips: vec![skip], ..Tally::default() });
     }
     let known = KnownFindings::parse(&context.workspace.read(LIST)?)?;
-    // One test at a time, so that a finding follows the name of its test.
-    let mut command = context.windows_tests(programs.iter().copied(), log)?;
-    command.args(["--", "--test-threads=1"]);
-    context.provide_windows_worlds(&mut command)?;
-    Amd::None.provide(&mut command);
+    let mut tally = Tally::default();
+    for (programs, provide) in groups {
+        // One test at a time, so that a finding follows the name of its test.
+        let mut command = context.windows_tests(programs.iter().copied(), log)?;
+        command.args(["--", "--test-threads=1"]);
+        provide(context, &mut command)?;
+        Amd::None.provide(&mut command);
+        command.env("WINEDLLOVERRIDES", OVERRIDES);
+        let built = context.windows_programs();
+        let CommandOutput { success, output } =
+            beside(&built.join("d3d12_recorder.dll"), &built.join("deps"), || log.run(&mut command))?;
+        let (output, messages) = separate(&output)?;
+        tally.add(windows_build::judge(&CommandOutput { success, output }, &[]));
+        tally.failures.extend(known.others(&messages));
+        tally.failures.extend(known.missing(&messages, programs));
+    }
+    Ok(tally)
+}
+
+/// The study's comparison on DirectML: its program makes the worlds' frames and those between them. The study's own tests start it as a
+/// process whose output they keep.
+fn run_comparison(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    let known = KnownFindings::parse(&context.workspace.read(LIST)?)?;
+    let mut command = study_windows::comparison_by_shaders(context, "study-recorder")?;
     command.env("WINEDLLOVERRIDES", OVERRIDES);
     let built = context.windows_programs();
-    let CommandOutput { success, output } =
-        beside(&built.join("d3d12_recorder.dll"), &built.join("deps"), || log.run(&mut command))?;
-    let (output, messages) = separate(&output)?;
-    let mut tally = windows_build::judge(&CommandOutput { success, output }, &[]);
+    let ended = beside(&built.join("d3d12_recorder.dll"), &built, || log.run(&mut command))?;
+    let (_, mut messages) = separate(&ended.output)?;
+    messages.iter_mut().for_each(|message| COMPARISON.clone_into(&mut message.test));
+    tally.test((!ended.success).then(|| "the study's comparison fails with the recorder".to_owned()));
+    // DirectML's own calls are in the list, so that their absence shows that nothing was recorded.
+    tally.test(messages.is_empty().then(|| "the recorder was not loaded by the study's program".to_owned()));
     tally.failures.extend(known.others(&messages));
-    tally.failures.extend(known.missing(&messages, programs));
-    Ok(tally)
+    Ok(())
 }
 
 /// Runs something while the recorder is in a folder as `d3d12.dll`.

@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::time::SystemTime;
 
 use serde_json::Value;
@@ -60,6 +61,16 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
+/// The comparison by shaders in a folder of this name, which is made anew: for runs that look at its calls instead of its results.
+pub(super) fn comparison_by_shaders(context: &Context<'_>, folder: &str) -> Result<Command, String> {
+    let folder = context.workspace.target.join("xtask").join(folder);
+    match fs::remove_dir_all(&folder) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
+        _ => {}
+    }
+    Comparison::new(context, &folder)?.command("shader", &Amd::None)
+}
+
 /// The study's tests of itself.
 fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, String> {
     let mut tally = Tally::default();
@@ -95,15 +106,20 @@ impl<'a> Comparison<'a> {
         Ok(Self { context, program: built.join("study.exe"), out: folder.join("compare"), amd: Amd::Double(amd) })
     }
 
-    /// Runs the comparison with these libraries of AMD's.
-    fn run(&self, generator: &str, amd: &Amd, log: &mut Log) -> Result<CommandOutput, String> {
+    /// The comparison with these libraries of AMD's.
+    fn command(&self, generator: &str, amd: &Amd) -> Result<Command, String> {
         let mut command = lab::lab_run()?;
         command.arg(&self.program).arg("compare").args(SHORT).args(["--quiet", "--generator", generator]);
         command.arg("--out").arg(&self.out).current_dir(&self.context.workspace.root);
         amd.provide(&mut command);
         self.context.provide_windows_tools(&mut command)?;
         self.context.provide_lpips(&mut command)?;
-        log.run(&mut command)
+        Ok(command)
+    }
+
+    /// Runs the comparison with these libraries of AMD's.
+    fn run(&self, generator: &str, amd: &Amd, log: &mut Log) -> Result<CommandOutput, String> {
+        log.run(&mut self.command(generator, amd)?)
     }
 
     /// Runs it, requires success, and returns its output.

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 use windows::Win32::System::Memory::{PAGE_PROTECTION_FLAGS, PAGE_READWRITE, VirtualProtect};
 use windows::core::IUnknown_Vtbl;
 
-use super::report;
+use super::{is_reporting, report};
 
 #[link(name = "ntdll")]
 unsafe extern "system" {
@@ -129,9 +129,13 @@ macro_rules! releases {
             static ORIGINAL: OnceLock<unsafe extern "system" fn(*mut c_void) -> u32> = OnceLock::new();
 
             unsafe extern "system" fn hook(this: *mut c_void) -> u32 {
+                let original = ORIGINAL.get().expect("the original function");
+                if is_reporting() {
+                    // SAFETY: the caller's own argument, passed on.
+                    return unsafe { original(this) };
+                }
                 // Before the release: afterwards the address may be another object's.
                 let id = report(0, |calls| calls.id(this));
-                let original = ORIGINAL.get().expect("the original function");
                 // SAFETY: the caller's own argument, passed on.
                 let count = unsafe { original(this) };
                 if let (0, Some(id)) = (count, id) {

@@ -13,6 +13,7 @@ mod tiles;
 mod views;
 
 use std::backtrace::Backtrace;
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::ffi::c_void;
 use std::io::Write;
@@ -68,6 +69,15 @@ fn reached() -> Vec<(Id, u64)> {
     EVENTS.lock().extract_if(.., is_set).map(|one| (one.fence, one.value)).collect()
 }
 
+thread_local! {
+    static IS_REPORTING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether this thread is in [`report`]: a reference that is released then was taken there, and is not the last one.
+fn is_reporting() -> bool {
+    IS_REPORTING.get()
+}
+
 /// Reports a call of the code at `caller` to the recorder.
 fn report<T>(caller: usize, event: impl FnOnce(&mut Calls) -> T) -> T {
     let mut calls = CALLS.lock();
@@ -77,7 +87,9 @@ fn report<T>(caller: usize, event: impl FnOnce(&mut Calls) -> T) -> T {
         Calls { recorder, ids: HashMap::new(), chains: HashMap::new() }
     });
     calls.recorder.set_caller(caller);
+    IS_REPORTING.set(true);
     let result = event(calls);
+    IS_REPORTING.set(false);
     print(calls.recorder.take_findings());
     result
 }

@@ -9,7 +9,7 @@ use windows::Win32::Graphics::Dxgi::*;
 use windows::core::{HRESULT, IUnknown_Vtbl, Interface};
 
 use super::hooks::{self, Inside, caller};
-use super::{Calls, report};
+use super::{Calls, is_reporting, report};
 use crate::timeline::Id;
 
 /// A live swap chain.
@@ -260,7 +260,7 @@ mod release {
         let original = ORIGINAL.get().expect("the original function");
         // SAFETY: the caller's own argument, passed on.
         let count = unsafe { original(this) };
-        if count == 0 {
+        if count == 0 && !is_reporting() {
             report(caller(), |calls| {
                 calls.end_buffers(this);
                 calls.chains.remove(&(this as usize));
