@@ -233,3 +233,59 @@ pub(crate) fn bench(workspace: &Workspace, is_published: bool) -> Result<(), Str
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the test program writes of a step of two passes, with this many multiply-adds of the transformer.
+    fn run(multiply_adds: u64) -> String {
+        let event = |events: u64, dispatches: u64| format!("{{\"events\": {events}, \"dispatches\": {dispatches}}}");
+        format!(
+            "{{\"device\": \"DirectML on a GPU\", \"window\": 16, \"passes\": 2,
+            \"step\": {{\"Cairn: transformer\": {}, \"Cairn: decoder\": {}, \"Cairn: look for numbers\": {}, \"Cairn: commit\": {}, \"\": {}}},
+            \"operators\": {{\"transformer\": [[\"y_dmlEp_0\", \"GEMM\"], [\"y_dmlEp_1\", \"CAST\"]], \"decoder\": []}},
+            \"costs\": {{\"transformer\": {{\"multiply_adds\": {multiply_adds}, \"bytes\": 12}}}}}}",
+            event(2, 10),
+            event(1, 3),
+            event(1, 1),
+            event(1, 0),
+            event(0, 0),
+        )
+    }
+
+    /// What the builder prints: a product in a layer, and a node outside.
+    fn costs() -> String {
+        let world = r#"{"window": 16, "graphs": {"transformer": [["blocks.1.q/MatMul", "MatMul", "y", 8, 6, 2], ["sigma/Mul", "Mul", "s", 0, 3, 1]], "decoder": []}}"#;
+        format!("{{\"{MINIATURE}\": {world}, \"{PRESET}\": {world}}}")
+    }
+
+    #[test]
+    fn passes_are_divided_and_operators_follow_the_nodes_whose_values_they_compute() {
+        let counts = counts(&run(8), &costs()).unwrap();
+        let row = |table, name: &str| {
+            let found = counts.table(MINIATURE, table).find(|row| row.name == name);
+            found.unwrap_or_else(|| panic!("{name} in {counts:?}")).values.clone()
+        };
+        let values =
+            |list: &[(&str, u64)]| list.iter().map(|(name, n)| ((*name).to_owned(), *n)).collect::<BTreeMap<_, _>>();
+        let sums = [("nodes", 2), ("multiply_adds", 8), ("bytes_read", 9), ("bytes_written", 3)];
+        assert_eq!(row(Table::Parts, "pass"), values(&[&[("dispatches", 5), ("operators", 2)], &sums[..]].concat()));
+        assert_eq!(row(Table::Parts, "decode")["dispatches"], 3);
+        let in_layer = [("nodes", 1), ("multiply_adds", 8), ("bytes_read", 6), ("bytes_written", 2), ("operators", 2)];
+        assert_eq!(row(Table::PassByLayer, "blocks.1"), values(&in_layer));
+        assert_eq!(row(Table::PassByLayer, "outside")["nodes"], 1);
+        assert_eq!(row(Table::PassByOperatorType, "GEMM"), values(&[("operators", 1)]));
+        assert_eq!(counts.runtime, "DirectML");
+    }
+
+    #[test]
+    fn counts_on_which_library_and_builder_disagree_are_refused() {
+        let why = counts(&run(9), &costs()).unwrap_err();
+        assert!(why.starts_with("the transformer: the library counts") && why.contains("multiply_adds: 9"), "{why}");
+        let why = counts(&run(8).replace("\"window\": 16", "\"window\": 8"), &costs()).unwrap_err();
+        assert!(why.contains("window 8, not at 16"), "{why}");
+        let why = counts(&run(8).replace("Cairn: decoder", "Cairn: else"), &costs()).unwrap_err();
+        assert!(why.contains("Cairn: decoder"), "{why}");
+    }
+}

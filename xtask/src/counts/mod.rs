@@ -37,7 +37,6 @@ pub(crate) struct Counts {
     runtime: String,
     /// Passes of the step.
     passes: u64,
-    #[serde(rename = "row")]
     rows: Vec<Row>,
 }
 
@@ -91,14 +90,15 @@ impl Counts {
     /// As the record.
     fn text(&self) -> String {
         let mut text = format!(
-            "# What a latent step really runs; `{COMMAND}` writes it.\n\nruntime = \"{}\"\npasses = {}\n",
+            "# What a latent step really runs; `{COMMAND}` writes it.\n\nruntime = \"{}\"\npasses = {}\nrows = [\n",
             self.runtime, self.passes
         );
         for Row { world, table, name, values } in &self.rows {
-            _ = write!(text, "\n[[row]]\nworld = \"{world}\"\ntable = \"{}\"\nname = \"{name}\"\n", table.name());
-            values.iter().for_each(|(count, value)| _ = writeln!(text, "{count} = {value}"));
+            _ = write!(text, "  {{ world = \"{world}\", table = \"{}\", name = \"{name}\"", table.name());
+            values.iter().for_each(|(count, value)| _ = write!(text, ", {count} = {value}"));
+            text += " },\n";
         }
-        text
+        text + "]\n"
     }
 
     fn table(&self, world: &str, table: Table) -> impl Iterator<Item = &Row> {
