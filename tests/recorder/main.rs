@@ -4,6 +4,7 @@
 
 use test_support::d3d12::recorder::{Finding, findings_of, report_live};
 
+mod counts;
 mod faults;
 mod frames;
 mod mutants;

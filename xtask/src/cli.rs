@@ -47,8 +47,14 @@ pub(crate) enum Command {
         /// Measure the compute shaders and latent steps on Direct3D 12 instead, in the lab or on Windows
         #[arg(long)]
         lab: bool,
+        /// Count instead what a latent step of the world inside the library runs, below DirectML, and print the tables of docs/counts.md
+        #[arg(long, requires = "lab")]
+        count: bool,
+        /// Write the counts to xtask/counts.toml and docs/counts.md; `test recorder` fails where one rises by 2 % or more
+        #[arg(long, requires = "count")]
+        publish: bool,
         /// Handed on to the bench program
-        #[arg(last = true)]
+        #[arg(last = true, conflicts_with = "count")]
         arguments: Vec<String>,
     },
     /// Make a Windows with Direct3D 12 and DirectML on this Linux machine, and run programs in it

@@ -3,6 +3,7 @@
 mod abi;
 mod book;
 mod cli;
+mod counts;
 mod demo;
 mod dist;
 mod lab;
@@ -31,8 +32,9 @@ fn main() -> ExitCode {
         Command::Setup { all } => demo::setup(&workspace, all).map(|()| true),
         Command::Demo { arguments } => demo::run(&workspace, &arguments).map(|()| true),
         Command::Test(options) => test::run(&workspace, &options),
-        Command::Bench { lab: false, arguments } => demo::bench(&workspace, &arguments).map(|()| true),
-        Command::Bench { lab: true, arguments } => demo::bench_in_lab(&workspace, &arguments).map(|()| true),
+        Command::Bench { count: true, publish, .. } => counts::bench(&workspace, publish).map(|()| true),
+        Command::Bench { lab: false, arguments, .. } => demo::bench(&workspace, &arguments).map(|()| true),
+        Command::Bench { lab: true, arguments, .. } => demo::bench_in_lab(&workspace, &arguments).map(|()| true),
         Command::Dist(options) => dist::run(&workspace, &options).map(|()| true),
         Command::Book => book::run(&workspace).map(|()| true),
         Command::Shaders => shaders::compile(&workspace).map(|()| true),

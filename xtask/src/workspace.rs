@@ -45,6 +45,12 @@ impl Workspace {
         self.target.join(profile).join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
     }
 
+    /// Cargo's folder of programs for Windows; test programs are in its folder `deps`.
+    pub(crate) fn windows_programs(&self) -> PathBuf {
+        let target = if cfg!(windows) { self.target.clone() } else { self.target.join(tools::WINDOWS_TARGET) };
+        target.join("debug")
+    }
+
     /// The tracked and the new files of the repository, with `/`, relative to its root.
     pub(crate) fn files(&self) -> Result<Vec<String>, String> {
         let mut git = Command::new("git");

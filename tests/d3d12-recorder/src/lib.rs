@@ -9,6 +9,7 @@
 
 #[cfg(windows)]
 mod calls;
+pub mod counts;
 pub mod descriptors;
 pub mod layouts;
 pub mod recorder;

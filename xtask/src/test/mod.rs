@@ -54,6 +54,7 @@ use thorough_record::Record;
 
 pub(crate) use cargo::DENY_VERSION;
 pub(crate) use lab::for_windows;
+pub(crate) use recorder::with_recorder;
 
 /// A named part of the tests. Its tally is counted; an error instead of a tally counts as one failure.
 struct Runner {
@@ -331,8 +332,7 @@ impl<'a> Context<'a> {
 
     /// Cargo's folder of programs for Windows; test programs are in its folder `deps`.
     fn windows_programs(&self) -> PathBuf {
-        let target = &self.workspace.target;
-        if cfg!(windows) { target.join("debug") } else { target.join(provision::tools::WINDOWS_TARGET).join("debug") }
+        self.workspace.windows_programs()
     }
 
     /// Sets a command's variable for the weights of LPIPS.

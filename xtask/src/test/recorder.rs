@@ -3,7 +3,7 @@
 //! library's calls.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde::Deserialize;
@@ -12,6 +12,7 @@ use super::amd::Amd;
 use super::tally::{Skip, Tally};
 use super::validation::messages::{Message, separate};
 use super::{Context, study_windows, windows_build};
+use crate::counts::{self, Counts};
 use crate::shell::{CommandOutput, Log};
 
 /// Broken rules that are no faults.
@@ -47,14 +48,39 @@ const COMPARISON: &str = "study compare";
 const OVERRIDES: &str = "mscoree,mshtml=;d3d12=n,b";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    run_programs(
+    // That of an earlier run.
+    _ = fs::remove_file(counts_file(context));
+    let mut tally = run_programs(
         context,
         &[
-            (&SHORT, |context, command| context.provide_windows_worlds(command)),
+            (&SHORT, |context, command| {
+                command.env(counts::FILE_VARIABLE, counts_file(context));
+                context.provide_windows_worlds(command)
+            }),
             (&SHORT_AMD, |context, command| context.provide_windows_tools(command)),
         ],
         log,
-    )
+    )?;
+    if tally.skips.is_empty() {
+        compare_counts(context, log, &mut tally)?;
+    }
+    Ok(tally)
+}
+
+/// Where the program `recorder` writes the counts of a latent step.
+fn counts_file(context: &Context<'_>) -> PathBuf {
+    context.workspace.target.join("xtask").join("counts.json")
+}
+
+/// Compares the counts of a latent step with the record.
+fn compare_counts(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
+    let recorded = Counts::read(context.workspace)?;
+    let differences = match counts::from_run(context.workspace, &counts_file(context), context.python()?, log) {
+        Ok(counted) => Counts::differences(&recorded, &counted),
+        Err(why) => vec![why],
+    };
+    tally.test((!differences.is_empty()).then(|| format!("what a latent step runs: {}", differences.join("; "))));
+    Ok(())
 }
 
 /// The programs that the short form leaves out.
@@ -92,10 +118,8 @@ fn run_programs(context: &Context<'_>, groups: &[Programs<'_>], log: &mut Log) -
         command.args(["--", "--test-threads=1"]);
         provide(context, &mut command)?;
         Amd::None.provide(&mut command);
-        command.env("WINEDLLOVERRIDES", OVERRIDES);
-        let built = context.windows_programs();
         let CommandOutput { success, output } =
-            beside(&built.join("d3d12_recorder.dll"), &built.join("deps"), || log.run(&mut command))?;
+            with_recorder(&context.windows_programs(), &mut command, |command| log.run(command))?;
         let (output, messages) = separate(&output)?;
         tally.add(windows_build::judge(&CommandOutput { success, output }, &[]));
         tally.failures.extend(known.others(&messages));
@@ -119,6 +143,16 @@ fn run_comparison(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Re
     tally.test(messages.is_empty().then(|| "the recorder was not loaded by the study's program".to_owned()));
     tally.failures.extend(known.others(&messages));
     Ok(())
+}
+
+/// Runs a command of cargo that runs test programs, with the recorder in cargo's folder of programs for Windows.
+pub(crate) fn with_recorder<T>(
+    built: &Path,
+    command: &mut Command,
+    run: impl FnOnce(&mut Command) -> Result<T, String>,
+) -> Result<T, String> {
+    command.env("WINEDLLOVERRIDES", OVERRIDES);
+    beside(&built.join("d3d12_recorder.dll"), &built.join("deps"), || run(command))
 }
 
 /// Runs something while the recorder is in a folder as `d3d12.dll`.

@@ -7,6 +7,7 @@ use std::path::Path;
 use super::Context;
 use super::tally::Tally;
 use super::thorough_record;
+use crate::counts;
 use crate::shell::Log;
 use crate::workspace::Workspace;
 
@@ -49,6 +50,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.check((!violations.is_empty()).then(|| format!("{rule}: {}", violations.join("; "))));
     }
     tally.check(thorough_record::page_differs(workspace)?);
+    tally.check(counts::page_differs(workspace)?);
     Ok(tally)
 }
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
 from pathlib import Path
 
-from . import archive, measured, rates, table
+from . import archive, costs, measured, rates, table
 from .checkpoint import open_checkpoint
 from .errors import BuildError
 from .geometry import PRESETS, Geometry
@@ -27,6 +28,7 @@ examples:
   python -m cairn.build describe --preset 720p
   python -m cairn.build describe worlds/demo
   python -m cairn.build rates waypoint.cairn
+  python -m cairn.build costs --preset 360p
   python -m cairn.build pack worlds/demo --out worlds/demo.cairn
 """
 
@@ -36,6 +38,12 @@ bytes that must move, and the makers' figures. Each cell is a range, from the wo
 published. Bold is real time even at the low end, in brackets is the limit that no 16-bit program passes, and a dash says that
 memory is too small. Nothing is measured here; docs/rates.md says what the estimate rests on. --reports puts rates that
 cairn-check measured beside the estimates, and says how far off these were.
+"""
+
+COSTS_HELP = """\
+Prints what one run of each node of a world's graphs costs, in float16 and at the stock window, as JSON: for each world and graph a
+list of [name, operator, output, multiply-adds, bytes read, bytes written]. Nothing runs. Nodes that are computed when a graph is loaded are
+left out.
 """
 
 CHECKPOINT_HELP = """\
@@ -104,10 +112,15 @@ def parser() -> argparse.ArgumentParser:
     of_rates.add_argument("--preset", choices=list(PRESETS), action="append", default=[], help="shapes instead; may come again")
     of_rates.add_argument("--summary", action="store_true", help="one short table: two presets, no limits")
     of_rates.add_argument("--points", action="store_true", help="instead, the published rates that the ranges come from")
-
     of_rates.add_argument(
         "--reports", type=Path, metavar="FOLDER", help="reports of cairn-check, with measured rates of samples/worlds/miniature.cairn"
     )
+
+    of_nodes = commands.add_parser(
+        "costs", help="what each node of the graphs costs", description=COSTS_HELP, formatter_class=raw
+    )
+    of_nodes.add_argument("bundles", type=Path, nargs="*", metavar="bundle", help="folders or .cairn files (or --preset)")
+    of_nodes.add_argument("--preset", choices=list(PRESETS), action="append", default=[], help="shapes instead; may come again")
 
     pack = commands.add_parser("pack", help="folder to .cairn file, or back", formatter_class=raw)
     pack.add_argument("bundle", type=Path, help="a folder to pack, or a .cairn file to unpack")
@@ -274,10 +287,7 @@ def _rates(options: argparse.Namespace) -> int:
     if options.points:
         print(rates.evidence())
         return 0
-    worlds = [rates.World(bundle.stem, archive.read_geometry(bundle)) for bundle in options.bundles]
-    worlds += [rates.World(name, PRESETS[name][1]) for name in options.preset]
-    if not worlds:
-        raise BuildError("no world is named", field="bundle", remedy="Name a bundle, or shapes: --preset 360p --preset 720p.")
+    worlds = [rates.World(name, g) for name, g in _named_worlds(options)]
     if options.reports is None:
         print((rates.summary if options.summary else rates.table)(worlds))
         return 0
@@ -293,6 +303,20 @@ def _rates(options: argparse.Namespace) -> int:
     return 0
 
 
+def _named_worlds(options: argparse.Namespace) -> list[tuple[str, Geometry]]:
+    """Names and shapes of the bundles and presets."""
+    worlds = [(bundle.stem, archive.read_geometry(bundle)) for bundle in options.bundles]
+    worlds += [(name, PRESETS[name][1]) for name in options.preset]
+    if not worlds:
+        raise BuildError("no world is named", field="bundle", remedy="Name a bundle, or shapes: --preset 360p --preset 720p.")
+    return worlds
+
+
+def _costs(options: argparse.Namespace) -> int:
+    print(json.dumps({name: costs.world_costs(g) for name, g in _named_worlds(options)}))
+    return 0
+
+
 def _pack(options: argparse.Namespace) -> int:
     if options.bundle.is_dir():
         archive.pack(options.bundle, options.out, options.replace)
@@ -302,4 +326,11 @@ def _pack(options: argparse.Namespace) -> int:
     return 0
 
 
-_COMMANDS = {"checkpoint": _checkpoint, "random": _random, "describe": _describe, "rates": _rates, "pack": _pack}
+_COMMANDS = {
+    "checkpoint": _checkpoint,
+    "random": _random,
+    "describe": _describe,
+    "rates": _rates,
+    "costs": _costs,
+    "pack": _pack,
+}

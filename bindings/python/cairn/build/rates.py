@@ -17,11 +17,12 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache
 
+from .costs import node_costs
 from .geometry import PRESETS, Geometry
 from .graph import Graph
 from .measured import PRESET, WORLD, Measured, Reports, is_same
 from .published import POINTS, Point
-from .table import activation_peak, ring_bytes, slab_bytes, value_sizes, weight_bytes
+from .table import activation_peak, ring_bytes, slab_bytes, weight_bytes
 from .writer import build_graphs
 
 
@@ -93,17 +94,7 @@ PRESETS_OF_THE_LIBRARY = (
 
 def multiply_adds(graph: Graph, dimensions: dict[str, int]) -> int:
     """Multiply-adds of `MatMul` and `Conv` in one run, which `Bundle::cost` counts in Rust."""
-    model, sizes = value_sizes(graph, dimensions)
-    shapes = {name: shape for name, (shape, _) in sizes.items()}
-    shapes |= {value.name: [d.dim_value for d in value.type.tensor_type.shape.dim] for value in model.graph.input}
-    shapes |= {tensor.name: list(tensor.dims) for tensor in model.graph.initializer}
-    total = 0
-    for node in model.graph.node:
-        if node.op_type == "MatMul":
-            total += math.prod(shapes[node.output[0]]) * shapes[node.input[0]][-1]
-        elif node.op_type == "Conv":
-            total += math.prod(shapes[node.output[0]]) * math.prod(shapes[node.input[1]][1:])
-    return total
+    return sum(node.multiply_adds for node in node_costs(graph, dimensions))
 
 
 @dataclass(frozen=True)

@@ -100,6 +100,7 @@ hooks! { ID3D12GraphicsCommandList7_Vtbl;
     fn Barrier[original](this, count: u32, groups: *const D3D12_BARRIER_GROUP) {
         report(caller(), |calls| {
             let Some(list) = calls.id(this) else { return };
+            calls.recorder.barrier_call(list);
             for i in 0..count as usize {
                 // SAFETY: the caller's own groups.
                 unsafe { report_group(calls, list, &*groups.add(i)) };

@@ -7,7 +7,8 @@ use windows::Win32::Foundation::HMODULE;
 use windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryW};
 use windows::core::{BOOL, GUID, HRESULT, PCSTR, s, w};
 
-use super::{device, swapchain};
+use super::{device, report, swapchain};
+use crate::counts::to_json;
 
 /// Windows' own library.
 fn library() -> HMODULE {
@@ -122,6 +123,20 @@ pub(super) unsafe extern "system" fn RecorderTakeFindings(receive: Receive, cont
 #[unsafe(no_mangle)]
 pub(super) extern "system" fn RecorderReportLive() {
     super::report_live();
+}
+
+/// Receives a text in UTF-8, with a value of the caller's.
+type ReceiveText = unsafe extern "system" fn(context: *mut c_void, text: *const u8, size: usize);
+
+/// Hands over the counts of the work that was executed since the last call, as JSON (`counts::to_json`).
+///
+/// # Safety
+/// `receive` takes `context`.
+#[unsafe(no_mangle)]
+pub(super) unsafe extern "system" fn RecorderTakeCounts(receive: ReceiveText, context: *mut c_void) {
+    let text = to_json(&report(0, |calls| calls.recorder.take_counts()));
+    // SAFETY: the caller's promise; a text that lives during the call.
+    unsafe { receive(context, text.as_ptr(), text.len()) };
 }
 
 /// While armed, makes call number `call`, from 1 on, fail: once for lack of memory, or with all later ones since the device is removed. 0 for no

@@ -236,6 +236,7 @@ hooks! { ID3D12GraphicsCommandList_Vtbl;
     }
     fn ResourceBarrier[original](this, count: u32, barriers: *const D3D12_RESOURCE_BARRIER) {
         recorded(this, |calls, list| {
+            calls.recorder.barrier_call(list);
             for i in 0..count as usize {
                 // SAFETY: the caller's own barriers.
                 unsafe { barrier(calls, list, &*barriers.add(i)) };

@@ -10,6 +10,22 @@ pub(super) mod queues {
     use super::super::hooks::{caller, hooks};
     use super::super::{report, tiles};
 
+    /// Metadata value of an event whose name is a string of bytes.
+    const BYTES: u32 = 1;
+
+    /// Name of an event; of one in another form than a string of bytes its number.
+    ///
+    /// # Safety
+    /// `data` has `size` bytes.
+    unsafe fn event_name(kind: u32, data: *const c_void, size: u32) -> String {
+        if kind != BYTES || data.is_null() {
+            return format!("event of kind {kind}");
+        }
+        // SAFETY: the caller's promise.
+        let bytes = unsafe { std::slice::from_raw_parts(data.cast::<u8>(), size as usize) };
+        String::from_utf8_lossy(bytes).trim_end_matches('\0').to_owned()
+    }
+
     hooks! { ID3D12CommandQueue_Vtbl;
         fn UpdateTileMappings[original](
             this, resource: *mut c_void, regions: u32, starts: *const D3D12_TILED_RESOURCE_COORDINATE,
@@ -41,6 +57,26 @@ pub(super) mod queues {
             });
             // SAFETY: the caller's own arguments, passed on.
             unsafe { original(this, count, lists) }
+        }
+        fn BeginEvent[original](this, kind: u32, data: *const c_void, size: u32) {
+            // SAFETY: the caller's own bytes.
+            let name = unsafe { event_name(kind, data, size) };
+            report(0, |calls| {
+                if let Some(queue) = calls.id(this) {
+                    calls.recorder.begin_event(queue, &name);
+                }
+            });
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe { original(this, kind, data, size) }
+        }
+        fn EndEvent[original](this) {
+            report(0, |calls| {
+                if let Some(queue) = calls.id(this) {
+                    calls.recorder.end_event(queue);
+                }
+            });
+            // SAFETY: the caller's own argument, passed on.
+            unsafe { original(this) }
         }
         fn Signal[original](this, fence: *mut c_void, value: u64) -> HRESULT {
             report(caller(), |calls| {

@@ -4,6 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::aliasing::AliasedUses;
 use super::{BoundTable, Command, InFlight, PastAccess, Recorded, Recorder, Use};
+use crate::counts::Counts;
 use crate::descriptors::Slots;
 use crate::layouts::Access;
 use crate::regions::Region;
@@ -16,9 +17,11 @@ impl Recorder {
     /// `ExecuteCommandLists`.
     pub fn execute(&mut self, queue: Id, lists: &[Id]) {
         const FUNCTION: &str = "ID3D12CommandQueue::ExecuteCommandLists";
+        let id_of_queue = queue;
         let Some(&(queue, queue_kind)) = self.queues.get(&queue) else { return };
         self.complete();
         let caller = self.caller;
+        let mut counts = Counts { submissions: 1, ..Counts::default() };
         let index = self.timeline.next_submission(queue);
         let mut commands = Vec::new();
         let mut work = InFlight { queue, index, used: HashSet::new(), written: HashSet::new(), slots: Vec::new() };
@@ -26,6 +29,7 @@ impl Recorder {
             let label = self.label(id);
             let Some(list) = self.lists.get_mut(&id) else { continue };
             let (is_open, kind, allocator) = (list.is_open, list.kind, list.allocator);
+            let barrier_calls = list.barrier_calls;
             let before = list.submitted.replace((queue, index));
             let (recorded, used, resets) = (list.commands.clone(), list.used.clone(), list.allocator_resets);
             if is_open {
@@ -46,6 +50,8 @@ impl Recorder {
                     format!("the allocator of {label} was reset since it was closed"),
                 );
             }
+            counts.lists += 1;
+            counts.barrier_calls += barrier_calls;
             work.used.extend(used);
             commands.extend(recorded);
         }
@@ -59,6 +65,8 @@ impl Recorder {
                 work.written.extend(uses.iter().filter(|one| one.state.writes()).map(|one| one.resource));
             }
         }
+        commands.iter().for_each(|recorded| self.count(&recorded.command, &mut counts));
+        self.counts.of(id_of_queue).add(&counts);
         self.caller = caller;
         let mut used: Vec<Id> = work.used.iter().copied().collect();
         used.sort_unstable();
@@ -73,6 +81,43 @@ impl Recorder {
         self.in_flight.push(work);
         self.timeline.execute(queue, commands);
         self.advance();
+    }
+
+    /// Adds a command whose tables are resolved.
+    fn count(&self, command: &Command, to: &mut Counts) {
+        match command {
+            Command::Transition { .. } => to.transitions += 1,
+            Command::UavBarrier(_) => to.uav_barriers += 1,
+            Command::AliasingBarrier { .. } | Command::EnhancedBarrier { .. } => to.other_barriers += 1,
+            Command::Present(_) => {}
+            Command::Work { function, uses, .. } => {
+                let bytes = |writes: bool| {
+                    let chosen = uses.iter().filter(|one| one.state.writes() == writes);
+                    chosen.map(|one| self.bytes_of(one)).sum::<u64>()
+                };
+                match function.rsplit(':').next().unwrap_or_default() {
+                    "Dispatch" | "ExecuteIndirect" => {
+                        to.dispatches += 1;
+                        to.read_views += bytes(false);
+                        to.write_views += bytes(true);
+                    }
+                    "CopyBufferRegion" | "CopyTextureRegion" | "CopyResource" | "CopyTiles" => {
+                        to.copies += 1;
+                        to.copied_bytes += bytes(true);
+                    }
+                    _ => to.others += 1,
+                }
+            }
+        }
+    }
+
+    /// Bytes of a use of a buffer; 0 for a texture.
+    fn bytes_of(&self, one: &Use) -> u64 {
+        match (&one.region, self.resources.get(&one.resource)) {
+            (Region::Bytes(range), _) => range.end - range.start,
+            (Region::All, Some(found)) if found.desc.is_buffer => found.desc.bytes,
+            _ => 0,
+        }
     }
 
     /// `IDXGISwapChain::Present` of a buffer, on the swap chain's queue.

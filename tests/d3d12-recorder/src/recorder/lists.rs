@@ -53,6 +53,7 @@ impl Recorder {
             arguments: Vec::new(),
             pipeline,
             targets: Vec::new(),
+            barrier_calls: 0,
             submitted: None,
         };
         found.used.extend(pipeline);
@@ -110,6 +111,13 @@ impl Recorder {
     /// A command without effects here that only lists of a type have, such as a draw.
     pub fn command(&mut self, list: Id, function: &'static str, kind: ListKind) {
         _ = self.record(list, function, kind);
+    }
+
+    /// A call that records barriers, whatever their number.
+    pub fn barrier_call(&mut self, list: Id) {
+        if let Some(found) = self.lists.get_mut(&list) {
+            found.barrier_calls += 1;
+        }
     }
 
     /// A transition barrier; without a subresource, of all of them.

@@ -13,6 +13,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use self::aliasing::Backing;
+use crate::counts::{Counts, EventCounts};
 use crate::descriptors::{Descriptors, HeapDesc, Slots};
 use crate::layouts::{EnhancedBarrier, Layout};
 use crate::regions::Region;
@@ -239,6 +240,8 @@ struct List {
     pipeline: Option<Id>,
     /// Render targets and depth buffer.
     targets: Vec<Use>,
+    /// Calls that recorded barriers.
+    barrier_calls: u64,
     /// Queue and number of its last submission.
     submitted: Option<(usize, u64)>,
 }
@@ -280,12 +283,28 @@ pub struct Recorder {
     evicted: HashSet<Id>,
     timeline: Timeline<Submission>,
     in_flight: Vec<InFlight>,
+    counts: EventCounts,
 }
 
 impl Recorder {
     /// Findings since the last call.
     pub fn take_findings(&mut self) -> Vec<Finding> {
         std::mem::take(&mut self.findings)
+    }
+
+    /// Counts of the work that was executed since the last call, by the name of its event; outside of events an empty name.
+    pub fn take_counts(&mut self) -> BTreeMap<String, Counts> {
+        self.counts.take()
+    }
+
+    /// `ID3D12CommandQueue::BeginEvent`.
+    pub fn begin_event(&mut self, queue: Id, name: &str) {
+        self.counts.begin(queue, name);
+    }
+
+    /// `ID3D12CommandQueue::EndEvent`.
+    pub fn end_event(&mut self, queue: Id) {
+        self.counts.end(queue);
     }
 
     /// The code address that makes the calls which follow. Findings have it.
@@ -400,6 +419,7 @@ impl Recorder {
             arguments: Vec::new(),
             pipeline: None,
             targets: Vec::new(),
+            barrier_calls: 0,
             submitted: None,
         };
         self.lists.insert(list, empty);

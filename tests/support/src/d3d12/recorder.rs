@@ -1,5 +1,6 @@
 //! The recorder of Direct3D 12 calls, where it is this program's `d3d12.dll` (`cargo xtask test recorder`).
 
+use std::collections::BTreeMap;
 use std::ffi::c_void;
 use std::sync::OnceLock;
 
@@ -72,6 +73,22 @@ pub fn findings_of(work: impl FnOnce()) -> Vec<Finding> {
     // SAFETY: a vector that lives during the call.
     unsafe { take(receive, (&raw mut findings).cast()) };
     findings
+}
+
+/// Counts of the work that this process's queues executed since the last call: by the name of the event in which it was submitted, an empty
+/// one for work outside of events, and by the names of `d3d12_recorder::counts::Counts`.
+pub fn take_counts() -> BTreeMap<String, BTreeMap<String, u64>> {
+    type Receive = unsafe extern "system" fn(*mut c_void, *const u8, usize);
+    unsafe extern "system" fn receive(to: *mut c_void, text: *const u8, size: usize) {
+        // SAFETY: the recorder's text, and the vector below.
+        unsafe { (*to.cast::<Vec<u8>>()).extend_from_slice(std::slice::from_raw_parts(text, size)) };
+    }
+    // SAFETY: the recorder's function.
+    let take = unsafe { function::<unsafe extern "system" fn(Receive, *mut c_void)>(s!("RecorderTakeCounts")) };
+    let mut text: Vec<u8> = Vec::new();
+    // SAFETY: a vector that lives during the call.
+    unsafe { take(receive, (&raw mut text).cast()) };
+    serde_json::from_slice(&text).expect("the recorder's counts")
 }
 
 /// Reports the objects that are alive now.

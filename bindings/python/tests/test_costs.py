@@ -1,0 +1,55 @@
+"""The cost of each node: its arithmetic, and the command."""
+
+import json
+import math
+
+import pytest
+from conftest import TINY
+
+from cairn.build.cli import main
+from cairn.build.costs import node_costs
+from cairn.build.writer import build_graphs
+
+
+@pytest.fixture(scope="module")
+def transformer():
+    """Costs of the tiny world's transformer by the names of its nodes."""
+    return {n.name: n for n in node_costs(build_graphs(TINY, "f16")["transformer"], TINY.dimensions(TINY.global_window))}
+
+
+def test_a_product_reads_its_operands_and_writes_its_result(transformer):
+    g = TINY
+    query = transformer["blocks.0.attn.q/MatMul"]
+    assert query.multiply_adds == g.tokens * g.width * g.width
+    assert (query.read, query.written) == (2 * (g.tokens * g.width + g.width * g.width), 2 * g.tokens * g.width)
+    keys = g.past_tokens(0, g.global_window) + g.tokens
+    softmax = transformer["blocks.0.attn.shares/Softmax"]
+    # Scores are in float32.
+    assert (softmax.multiply_adds, softmax.read) == (0, 4 * g.heads * g.tokens * keys)
+
+
+def test_a_reshape_moves_nothing(transformer):
+    reshapes = [n for n in transformer.values() if n.operator == "Reshape"]
+    assert reshapes and all((n.read, n.written, n.multiply_adds) == (0, 0, 0) for n in reshapes)
+
+
+def test_nodes_of_weights_alone_do_not_run(transformer):
+    graph = build_graphs(TINY, "f16")["transformer"].model().graph
+    weights = {tensor.name for tensor in graph.initializer}
+    casts = {node.name for node in graph.node if node.op_type == "Cast" and node.input[0] in weights}
+    assert casts and not casts & transformer.keys()
+    assert transformer.keys() == {node.name for node in graph.node} - casts
+
+
+def test_the_command_prints_every_graph_of_every_world(capsys):
+    assert main(["costs", "--preset", "tiny"]) == 0
+    world = json.loads(capsys.readouterr().out)["tiny"]
+    assert world["window"] == TINY.global_window and world["graphs"].keys() == {"transformer", "encoder", "decoder"}
+    name, operator, output, multiply_adds, read, written = world["graphs"]["decoder"][0]
+    assert name.endswith(f"/{operator}") and output and multiply_adds >= 0
+    assert math.prod((read, written)) > 0 or operator == "Reshape"
+
+
+def test_a_command_without_a_world_is_refused(capsys):
+    assert main(["costs"]) == 2
+    assert "no world is named" in capsys.readouterr().err
