@@ -168,11 +168,12 @@ impl Counts {
              ## A latent step\n\n\
              A step of {passes} passes, with passes that are not captured:\n\n{parts}\n\
              - **Dispatches, barriers, submissions, lists and copies** are counted below DirectML and ONNX Runtime, in the function tables of \
-             Direct3D 12, when a list is executed ([the recorder](lab.md#a-recorder-of-direct3d-12-calls)). On a GPU whose driver has metacommands \
-             DirectML dispatches others; the lab's has none.\n\
+             Direct3D 12, when a list is executed ([the recorder](lab.md#a-recorder-of-direct3d-12-calls)). A GPU's driver may have metacommands, \
+             which DirectML runs in place of some of its dispatches; the lab's has none.\n\
              - **DirectML operators** are the operator nodes of the graphs that ONNX Runtime gives to `IDMLDevice1::CompileGraph`. DirectML compiles \
              each of the three graphs as one operator. Its dispatches have no names, so they are counted for a whole pass and not for its layers. \
-             By layer, an operator belongs to the node whose value it computes: ONNX Runtime has fused a `Relu` with the `Conv` before it.\n\
+             In the tables an operator belongs to the node whose value it computes; one that ONNX Runtime fuses from a `Conv` and its `Relu` belongs to \
+             the `Relu`.\n\
              - **Bound by dispatches** is the sum of the ranges of buffers that dispatches have descriptors of: a range that several dispatches read or \
              write counts for each, and DirectML does not say which it reads and which it writes.\n\
              - **Nodes, bytes and operations** are those of the ONNX graphs: each node reads its inputs, weights included, and writes its outputs; a \

@@ -5,14 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import astuple, dataclass
 
-import onnx
-
 from .geometry import Geometry
 from .graph import Graph
-from .table import value_sizes
+from .table import ITEM_BYTES, value_sizes
 from .writer import build_graphs
-
-_ITEM = {onnx.TensorProto.FLOAT: 4, onnx.TensorProto.FLOAT16: 2, onnx.TensorProto.INT64: 8}
 
 
 @dataclass(frozen=True)
@@ -35,12 +31,12 @@ def node_costs(graph: Graph, dimensions: dict[str, int]) -> list[NodeCost]:
     constants = set()
     for tensor in model.graph.initializer:
         shapes[tensor.name] = list(tensor.dims)
-        bytes_of[tensor.name] = math.prod(tensor.dims) * _ITEM[tensor.data_type]
+        bytes_of[tensor.name] = math.prod(tensor.dims) * ITEM_BYTES[tensor.data_type]
         constants.add(tensor.name)
     for value in model.graph.input:
         tensor = value.type.tensor_type
         shapes[value.name] = [d.dim_value for d in tensor.shape.dim]
-        bytes_of[value.name] = math.prod(shapes[value.name]) * _ITEM[tensor.elem_type]
+        bytes_of[value.name] = math.prod(shapes[value.name]) * ITEM_BYTES[tensor.elem_type]
     costs = []
     for node in model.graph.node:
         inputs = [name for name in node.input if name]

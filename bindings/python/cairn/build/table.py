@@ -15,7 +15,8 @@ from .writer import build_graphs
 # The paper's context windows; the table shows those that the world's dilation and largest window allow.
 WINDOWS = (112, 128, 384, 512)
 _BYTES = {"f32": 4, "f16": 2}
-_ITEM = {onnx.TensorProto.FLOAT: 4, onnx.TensorProto.FLOAT16: 2, onnx.TensorProto.INT64: 8}
+# Bytes of one number by its ONNX type.
+ITEM_BYTES = {onnx.TensorProto.FLOAT: 4, onnx.TensorProto.FLOAT16: 2, onnx.TensorProto.INT64: 8}
 
 
 def windows(g: Geometry) -> list[int]:
@@ -47,7 +48,7 @@ def value_sizes(graph: Graph, dimensions: dict[str, int]) -> tuple[onnx.ModelPro
     for value in [*inferred.graph.value_info, *inferred.graph.output]:
         tensor = value.type.tensor_type
         shape = [d.dim_value for d in tensor.shape.dim]
-        sizes[value.name] = (shape, math.prod(shape) * _ITEM[tensor.elem_type])
+        sizes[value.name] = (shape, math.prod(shape) * ITEM_BYTES[tensor.elem_type])
     return inferred, sizes
 
 
