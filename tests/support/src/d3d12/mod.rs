@@ -5,7 +5,6 @@ pub mod buffers;
 pub mod engine;
 pub mod frame_scene;
 pub mod function_tables;
-pub mod hazards;
 pub mod object_counts;
 pub mod recorder;
 pub mod resources;
