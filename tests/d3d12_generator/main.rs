@@ -15,33 +15,13 @@ use cairn::{ErrorKind, Picture, Raster};
 use gpu_testing::comparison::{ComparablePixel, DeviceGuidance, raster, target};
 use half::f16;
 use test_support::allocations::{CountingAllocator, allocations};
-use test_support::d3d12::hazards;
 use test_support::d3d12::resources::{TestResource, read_texture, read_words, run_list, upload_texture};
 use test_support::frame_cases::{self, Random};
 
-mod barrier_checker;
 mod colours;
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
-
-#[test]
-fn no_dispatch_uses_memory_that_an_earlier_one_may_still_write() {
-    let gpu = Gpu::on_adapter(None).expect("a device");
-    let (mut generator, scene) = (ShaderGenerator::new(&gpu, SIZE).expect("a generator"), Scene::new(&gpu));
-    let anchors = scene.anchors(&gpu, DXGI_FORMAT_R8G8B8A8_UNORM, bytes_of_levels);
-    let out = target(&gpu, SIZE, DXGI_FORMAT_R8G8B8A8_UNORM);
-    let checker = hazards::checked(gpu.device(), || {
-        generated(&gpu, &mut generator, &scene.pair(&anchors), 0.4, &out, 4);
-        let mut frames = CommandRing::new(&gpu, gpu.frames(), DESCRIPTORS).expect("a ring");
-        let mut frame = frames.begin().expect("a frame");
-        let (current, guidance) = (anchors[1].with_state(), scene.guided.textures());
-        generator.extrapolate(&mut frame, &current, &guidance, false, 0.3, &out.with_state()).expect("it is recorded");
-        frame.submit(gpu.frames()).expect("a submission").wait().expect("it is done");
-    });
-    assert_eq!(checker.faults, [""; 0]);
-    assert!(checker.dispatches > 30, "{}", checker.dispatches);
-}
 
 /// Compares frames of random cases with the processor's.
 fn compare<P: ComparablePixel>(cases: Range<u64>)

@@ -808,6 +808,33 @@ fn a_buffer_is_presented_after_what_another_queue_writes_only_if_a_fence_orders_
     }
 }
 
+/// Two dispatches: the first writes a texture, and the second writes or reads it after `between`.
+fn dispatches(second: State, between: impl FnOnce(&mut Scene)) -> Vec<Rule> {
+    let mut scene = Scene::new();
+    let desc = ResourceDesc { state: WRITE, ..resource(false, Memory::Default, WRITE) };
+    scene.texture = scene.new_resource(desc);
+    scene.use_texture(WRITE);
+    between(&mut scene);
+    scene.use_texture(second);
+    scene.submit();
+    scene.rules()
+}
+
+#[test]
+fn each_missing_barrier_between_dispatches_is_found() {
+    let barrier = |states| move |s: &mut Scene| s.barrier(s.texture, states);
+    assert_eq!(dispatches(WRITE, |_| {}), [Rule::UavWithoutBarrier], "written twice");
+    let of_another = dispatches(WRITE, |s| s.recorder.uav_barrier(s.list, Some(s.buffer)));
+    assert_eq!(of_another, [Rule::UavWithoutBarrier], "a barrier for something else");
+    assert_eq!(dispatches(WRITE, |s| s.recorder.uav_barrier(s.list, Some(s.texture))), []);
+    assert_eq!(dispatches(WRITE, |s| s.recorder.uav_barrier(s.list, None)), []);
+    assert_eq!(dispatches(READ, |_| {}), [Rule::InvalidState], "read after it was written");
+    assert_eq!(dispatches(READ, barrier((WRITE, READ))), []);
+    assert_eq!(dispatches(WRITE, barrier((WRITE, READ))), [Rule::InvalidState], "written as it is to be read");
+    let twice = dispatches(READ, |s| (0..2).for_each(|_| s.barrier(s.texture, (WRITE, READ))));
+    assert_eq!(twice, [Rule::BarrierBeforeMismatch], "a barrier from a state that it is not in");
+}
+
 #[test]
 fn a_finding_has_the_address_of_the_code_that_recorded_the_command() {
     let mut scene = Scene::new();

@@ -217,6 +217,14 @@ const THOROUGH: &[Part] = &[
     },
     Part {
         runner: Runner {
+            name: "recorder-amd",
+            what: "programs with doubles of AMD's libraries, and the study's comparison, through the recorder",
+            run: recorder::run_amd_and_study,
+        },
+        minutes: 40,
+    },
+    Part {
+        runner: Runner {
             name: "cycles-devices",
             what: "1,000 devices on Direct3D 12 come and go",
             run: lab::run_device_cycles,

@@ -85,14 +85,13 @@ fn compare_counts(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Re
 
 /// The programs that the short form leaves out.
 pub(super) fn run_all(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let mut tally = run_programs(
-        context,
-        &[
-            (&LONG, |context, command| context.provide_windows_worlds(command)),
-            (&LONG_AMD, |context, command| context.provide_windows_tools(command)),
-        ],
-        log,
-    )?;
+    run_programs(context, &[(&LONG, |context, command| context.provide_windows_worlds(command))], log)
+}
+
+/// Programs with doubles of AMD's libraries that the short form leaves out, and the study's comparison.
+pub(super) fn run_amd_and_study(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally =
+        run_programs(context, &[(&LONG_AMD, |context, command| context.provide_windows_tools(command))], log)?;
     if tally.skips.is_empty() {
         run_comparison(context, log, &mut tally)?;
     }

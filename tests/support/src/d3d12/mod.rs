@@ -4,7 +4,6 @@ pub mod amd;
 pub mod buffers;
 pub mod frame_scene;
 pub mod function_tables;
-pub mod hazards;
 pub mod object_counts;
 pub mod recorder;
 
