@@ -35,6 +35,99 @@ fn insert_node(m: &mut Model, operator: &str, attributes: Vec<Message>) {
     m.nodes.insert(0, node(operator, &["x"], &["added"], attributes));
 }
 
+/// Version of the domain of ONNX Runtime's own operators.
+fn contrib() -> (String, i64) {
+    ("com.microsoft".to_owned(), 1)
+}
+
+/// Adds a node that multiplies the first layer's queries by its keys, in `domain`.
+fn add_scores(m: &mut Model, domain: Option<String>) {
+    m.opsets.push(contrib());
+    let attributes = vec![float("alpha", 0.125), int("transB", 1)];
+    m.nodes.push(Node { domain, ..node("FusedMatMul", &["q.0", "keys.0"], &["added"], attributes) });
+}
+
+/// Adds a norm of the first layer's queries, with a gain of `width`.
+fn add_norm(m: &mut Model, width: i64, attributes: Vec<Message>) {
+    m.tensors.push(inside_floats("gain", &[width], &vec![1.0; width as usize]));
+    m.nodes.push(node("SimplifiedLayerNormalization", &["q.0", "gain"], &["added"], attributes));
+}
+
+/// Adds a rotation of the first layer's queries from position `start` on, by a table of the dimensions `table`.
+fn add_rotation(m: &mut Model, start: i64, table: &[i64], attributes: Vec<Message>) {
+    m.opsets.push(contrib());
+    m.tensors.push(inside_ints("start", &[start]));
+    m.tensors.push(inside_ints("table.shape", table));
+    for name in ["rope_cos", "rope_sin"] {
+        m.nodes.push(node("Reshape", &[name, "table.shape"], &[&format!("{name}.table")], vec![]));
+    }
+    let inputs = ["q.0", "start", "rope_cos.table", "rope_sin.table"];
+    let domain = Some(contrib().0);
+    m.nodes.push(Node { domain, ..node("RotaryEmbedding", &inputs, &["added"], attributes) });
+}
+
+#[test]
+fn onnx_runtimes_operators_are_read_in_the_forms_of_the_format() {
+    let forms: [fn(&mut Model); 5] = [
+        |m| add_scores(m, Some(contrib().0)),
+        |m| add_norm(m, 8, vec![float("epsilon", 1e-6), int("axis", -1)]),
+        |m| add_norm(m, 8, vec![int("axis", 3)]),
+        |m| add_rotation(m, 0, &[1, 4], vec![int("interleaved", 0)]),
+        |m| m.opsets.push(contrib()),
+    ];
+    for (i, change) in forms.into_iter().enumerate() {
+        let mut toy = ToyBundle::new();
+        change(toy.model(TRANSFORMER));
+        Bundle::from_memory(toy.files()).unwrap_or_else(|e| panic!("form {i}: {e}"));
+    }
+    check(&[
+        ("a gain of another width", TRANSFORMER, |m| add_norm(m, 4, vec![]), "with a gain [4]"),
+        ("a norm over more axes", TRANSFORMER, |m| add_norm(m, 8, vec![int("axis", 2)]), "normalises axis 2"),
+        ("an endless epsilon", TRANSFORMER, |m| add_norm(m, 8, vec![float("epsilon", f32::NAN)]), "epsilon"),
+        ("more outputs of a norm", TRANSFORMER, |m| add_norm(m, 8, vec![int("stash_type", 1)]), "attribute"),
+        ("a table of more tokens", TRANSFORMER, |m| add_rotation(m, 0, &[2, 2], vec![]), "by a table [2, 2]"),
+        ("a table of another rank", TRANSFORMER, |m| add_rotation(m, 0, &[4], vec![]), "by a table [4]"),
+        ("a rotation behind the table", TRANSFORMER, |m| add_rotation(m, 1, &[1, 4], vec![]), "position 0"),
+        ("neighbours", TRANSFORMER, |m| add_rotation(m, 0, &[1, 4], vec![int("interleaved", 1)]), "neighbours"),
+        (
+            "a position that is no constant",
+            TRANSFORMER,
+            |m| {
+                add_rotation(m, 0, &[1, 4], vec![]);
+                m.nodes.last_mut().unwrap().inputs[1] = "sigma".into();
+            },
+            "input 1",
+        ),
+        (
+            "keys that are not turned",
+            TRANSFORMER,
+            |m| {
+                add_scores(m, Some(contrib().0));
+                m.node("FusedMatMul").attributes.pop();
+            },
+            "FusedMatMul multiplies",
+        ),
+        (
+            "transB 2",
+            TRANSFORMER,
+            |m| {
+                add_scores(m, Some(contrib().0));
+                m.node("FusedMatMul").attributes[1] = int("transB", 2);
+            },
+            "transB 2",
+        ),
+        (
+            "an endless factor",
+            TRANSFORMER,
+            |m| {
+                add_scores(m, Some(contrib().0));
+                m.node("FusedMatMul").attributes[0] = float("alpha", f32::INFINITY);
+            },
+            "alpha",
+        ),
+    ]);
+}
+
 #[test]
 fn control_flow_functions_and_domains_are_refused() {
     check(&[
@@ -63,12 +156,33 @@ fn control_flow_functions_and_domains_are_refused() {
         (
             "custom domain on a node",
             TRANSFORMER,
-            |m| m.node("Softmax").domain = Some("com.microsoft".into()),
+            |m| m.node("Softmax").domain = Some("com.example".into()),
             "custom domain",
         ),
-        ("custom opset", ENCODER, |m| m.opsets.push(("com.microsoft".into(), 1)), "default domain alone"),
-        ("two default opsets", ENCODER, |m| m.opsets.push(("ai.onnx".into(), 18)), "default domain alone"),
-        ("no opset", ENCODER, |m| m.opsets.clear(), "default domain alone"),
+        (
+            "an operator of the default domain in ONNX Runtime's",
+            TRANSFORMER,
+            |m| {
+                m.opsets.push(contrib());
+                m.node("Softmax").domain = Some(contrib().0);
+            },
+            "wrong domain",
+        ),
+        ("an operator of ONNX Runtime's in the default domain", TRANSFORMER, |m| add_scores(m, None), "wrong domain"),
+        (
+            "a domain that the model does not name",
+            TRANSFORMER,
+            |m| {
+                add_scores(m, Some(contrib().0));
+                m.opsets.pop();
+            },
+            "does not name",
+        ),
+        ("another custom opset", ENCODER, |m| m.opsets.push(("com.example".into(), 1)), "the default domain, 17"),
+        ("another version of it", ENCODER, |m| m.opsets.push((contrib().0, 2)), "the default domain, 17"),
+        ("it alone", ENCODER, |m| m.opsets = vec![contrib()], "the default domain, 17"),
+        ("two default opsets", ENCODER, |m| m.opsets.push(("ai.onnx".into(), 18)), "the default domain, 17"),
+        ("no opset", ENCODER, |m| m.opsets.clear(), "the default domain, 17"),
         ("opset 16", ENCODER, |m| m.opsets[0].1 = 16, "17 to 20"),
         ("opset 21", ENCODER, |m| m.opsets[0].1 = 21, "17 to 20"),
         ("IR 7", DECODER, |m| m.ir_version = 7, "IR version"),

@@ -6,10 +6,12 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import onnx
+from onnx import helper, numpy_helper
 
 
-def without_value_residual(graph: onnx.GraphProto) -> int:
+def without_value_residual(graph: onnx.GraphProto, kv_heads: int) -> int:
     """Removes the value residual: nodes that read `v + lamb * (v0 - v)` read v instead."""
     makers = {name: node for node in graph.node for name in node.output}
     mixers = [node for node in graph.node if any(name.endswith("attn.v_lamb") for name in _origins(node, makers))]
@@ -22,23 +24,36 @@ def without_value_residual(graph: onnx.GraphProto) -> int:
     return len(sums)
 
 
-def keys_before_their_norm(graph: onnx.GraphProto) -> int:
-    """Removes the norm of keys: nodes that read the norm's result read its input instead."""
-    makers = {name: node for node in graph.node for name in node.output}
-    projections = [node for node in graph.node if any(n.endswith("attn.k_proj.weight") for n in _origins(node, makers))]
+def keys_before_their_norm(graph: onnx.GraphProto, kv_heads: int) -> int:
+    """Removes the norm of keys: the heads of keys are turned as they were before it."""
     done = 0
-    for projection in (node for node in projections if node.op_type == "MatMul"):
-        node = projection
-        while node.op_type != "Div":
-            # The norm divides the heads by their root mean square: the only Div between projection and use.
-            onward = ("Reshape", "Transpose", "Cast", "Div")
-            node = next(user for user in _users(graph, node.output[0]) if user.op_type in onward)
-        _replace(graph, node.output[0], node.input[0])
+    for rotation in [node for node in graph.node if node.op_type == "RotaryEmbedding"]:
+        (norm,) = [node for node in graph.node if rotation.input[0] in node.output]
+        assert norm.op_type == "SimplifiedLayerNormalization"
+        # Queries and keys are normed at once, along axis 1; the keys are the last heads.
+        stem = f"fault.{done}"
+        bounds = {"first": -kv_heads, "last": np.iinfo(np.int64).max, "all": 0, "axis": 1}
+        for name, value in bounds.items():
+            graph.initializer.append(numpy_helper.from_array(np.array([value]), f"{stem}.{name}"))
+
+        def part(of: str, start: str, end: str, name: str) -> onnx.NodeProto:
+            inputs = [of, *(f"{stem}.{bound}" for bound in (start, end, "axis"))]
+            return helper.make_node("Slice", inputs, [f"{stem}.{name}"], name=f"{stem}.{name}")
+
+        added = [
+            part(norm.output[0], "all", "first", "queries"),
+            part(norm.input[0], "first", "last", "keys"),
+            helper.make_node("Concat", [f"{stem}.queries", f"{stem}.keys"], [stem], name=stem, axis=1),
+        ]
+        at = list(graph.node).index(rotation)
+        rotation.input[0] = stem
+        for node in reversed(added):
+            graph.node.insert(at, node)
         done += 1
     return done
 
 
-FAULTS: dict[str, Callable[[onnx.GraphProto], int]] = {
+FAULTS: dict[str, Callable[[onnx.GraphProto, int], int]] = {
     "value residual dropped": without_value_residual,
     "K before its norm": keys_before_their_norm,
 }
@@ -50,7 +65,7 @@ def faulty_bundle(bundle: Path, fault: str, out: Path) -> Path:
     manifest = json.loads((out / "cairn-world.json").read_text(encoding="utf-8"))
     path = manifest["graphs"]["f32"]["transformer"]
     model = onnx.load(out / path, load_external_data=False)
-    assert FAULTS[fault](model.graph) > 0, f"{fault}: the graph has no such place"
+    assert FAULTS[fault](model.graph, manifest["geometry"]["kv_heads"]) > 0, f"{fault}: the graph has no such place"
     _drop_unused(model.graph)
     contents = model.SerializeToString()
     (out / path).write_bytes(contents)

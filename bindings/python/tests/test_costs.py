@@ -19,13 +19,14 @@ def transformer():
 
 def test_a_product_reads_its_operands_and_writes_its_result(transformer):
     g = TINY
-    query = transformer["blocks.0.attn.q/MatMul"]
-    assert query.multiply_adds == g.tokens * g.width * g.width
-    assert (query.read, query.written) == (2 * (g.tokens * g.width + g.width * g.width), 2 * g.tokens * g.width)
+    out = transformer["blocks.0.attn.out/MatMul"]
+    assert out.multiply_adds == g.tokens * g.width * g.width
+    assert (out.read, out.written) == (2 * (g.tokens * g.width + g.width * g.width), 2 * g.tokens * g.width)
     keys = g.past_tokens(0, g.global_window) + g.tokens
     softmax = transformer["blocks.0.attn.shares/Softmax"]
-    # Scores are in float32.
-    assert (softmax.multiply_adds, softmax.read) == (0, 4 * g.heads * g.tokens * keys)
+    assert (softmax.multiply_adds, softmax.read) == (0, 2 * g.heads * g.tokens * keys)
+    scores = transformer["blocks.0.attn.scores/FusedMatMul"]
+    assert scores.multiply_adds == g.heads * g.tokens * keys * g.head_width
 
 
 def test_a_reshape_moves_nothing(transformer):

@@ -65,14 +65,18 @@ fn parse(onnx: &[u8]) -> Check<Model<'_>> {
     proto::model(onnx)
 }
 
+/// The version of the default domain. ONNX Runtime's domain may follow it.
 fn opset(model: &Model<'_>) -> Check<i64> {
     match model.opsets.as_slice() {
-        [("" | "ai.onnx", version)] if OPSETS.contains(version) => Ok(*version),
+        [("" | "ai.onnx", version)] | [("" | "ai.onnx", version), (proto::CONTRIB, 1)] if OPSETS.contains(version) => {
+            Ok(*version)
+        }
         other => {
             let list: Vec<String> = other.iter().map(|(domain, v)| format!("{} {v}", quoted(domain))).collect();
             Err(Fault::new(format!(
-                "the opsets are [{}]; the default domain alone, 17 to 20, is allowed",
-                list.join(", ")
+                "the opsets are [{}]; the default domain, 17 to 20, is allowed, and after it {} 1",
+                list.join(", "),
+                proto::CONTRIB
             )))
         }
     }
@@ -84,8 +88,9 @@ fn inspect(onnx: &[u8], context: ModelContext<'_>) -> Check<ExternalData> {
         return Err(Fault::new(format!("the IR version is {}, 8 to 10 are allowed", model.ir_version)));
     }
     opset(&model)?;
+    let has_contrib = model.opsets.len() > 1;
     for node in &model.graph.nodes {
-        check_node(node).map_err(|fault| fault.within(&format!("node {}", quoted(node.name))))?;
+        check_node(node, has_contrib).map_err(|fault| fault.within(&format!("node {}", quoted(node.name))))?;
     }
     Interface::of(context.kind, context.precision, context.manifest)
         .check(&model.graph.inputs, &model.graph.outputs)?;

@@ -1,6 +1,7 @@
 //! The operators that a bundle may use, and the rule by which each output's shape follows from the inputs.
 //!
-//! Meaning of every operator: <https://onnx.ai/onnx/operators/>, opsets 17 to 20. A rule accepts only forms whose shape can be inferred
+//! Meaning of every operator: <https://onnx.ai/onnx/operators/>, opsets 17 to 20, and for ONNX Runtime's own
+//! <https://github.com/microsoft/onnxruntime/blob/main/docs/ContribOperators.md>. A rule accepts only forms whose shape can be inferred
 //! without running the graph, so bounds, axes and scales must be constants inside the model.
 
 use super::proto::{Attribute, Node};
@@ -23,6 +24,7 @@ pub(super) struct Call<'a> {
 
 #[derive(Clone, Copy)]
 enum Kind {
+    Float,
     Int,
     Ints,
     Text,
@@ -53,6 +55,7 @@ const TABLE: &[Operator] = &[
     Operator { name: "Cos", inputs: (1, 1), outputs: 1, attributes: &[], rule: same },
     Operator { name: "DepthToSpace", inputs: (1, 1), outputs: 1, attributes: &[("blocksize", Kind::Int), ("mode", Kind::Text)], rule: depth_to_space },
     Operator { name: "Div", inputs: (2, 2), outputs: 1, attributes: &[], rule: broadcast },
+    Operator { name: "FusedMatMul", inputs: (2, 2), outputs: 1, attributes: &[("alpha", Kind::Float), ("transB", Kind::Int)], rule: fused_matmul },
     Operator { name: "MatMul", inputs: (2, 2), outputs: 1, attributes: &[], rule: matmul },
     Operator { name: "Mul", inputs: (2, 2), outputs: 1, attributes: &[], rule: broadcast },
     Operator { name: "ReduceMean", inputs: (1, 2), outputs: 1, attributes: &[
@@ -63,7 +66,9 @@ const TABLE: &[Operator] = &[
     Operator { name: "Resize", inputs: (3, 3), outputs: 1, attributes: &[
         ("mode", Kind::Text), ("coordinate_transformation_mode", Kind::Text), ("nearest_mode", Kind::Text),
     ], rule: resize },
+    Operator { name: "RotaryEmbedding", inputs: (4, 4), outputs: 1, attributes: &[("interleaved", Kind::Int)], rule: rotary_embedding },
     Operator { name: "Sigmoid", inputs: (1, 1), outputs: 1, attributes: &[], rule: same },
+    Operator { name: "SimplifiedLayerNormalization", inputs: (2, 2), outputs: 1, attributes: &[("axis", Kind::Int), ("epsilon", Kind::Float)], rule: rms_norm },
     Operator { name: "Sin", inputs: (1, 1), outputs: 1, attributes: &[], rule: same },
     Operator { name: "Slice", inputs: (3, 5), outputs: 1, attributes: &[], rule: slice },
     Operator { name: "Softmax", inputs: (1, 1), outputs: 1, attributes: &[("axis", Kind::Int)], rule: softmax },
@@ -73,6 +78,9 @@ const TABLE: &[Operator] = &[
     Operator { name: "Tanh", inputs: (1, 1), outputs: 1, attributes: &[], rule: same },
     Operator { name: "Transpose", inputs: (1, 1), outputs: 1, attributes: &[("perm", Kind::Ints)], rule: transpose },
 ];
+
+/// Those of [`proto::CONTRIB`](super::proto::CONTRIB); all others are of the default domain.
+const CONTRIB_OPERATORS: [&str; 2] = ["FusedMatMul", "RotaryEmbedding"];
 
 /// The names of the operators a bundle's graphs may use, in order.
 pub fn operators() -> impl Iterator<Item = &'static str> {
@@ -86,9 +94,13 @@ fn operator(name: &str) -> Check<&'static Operator> {
         .ok_or_else(|| Fault::new(format!("the operator {} is not on the list", quoted(name))))
 }
 
-/// Checks everything about a node that needs no shapes: operator, counts, attributes.
-pub(super) fn check_node(node: &Node<'_>) -> Check<()> {
+/// Checks everything about a node that needs no shapes: operator, domain, counts, attributes. `has_contrib` says whether the model names
+/// ONNX Runtime's domain.
+pub(super) fn check_node(node: &Node<'_>, has_contrib: bool) -> Check<()> {
     let operator = operator(node.operator)?;
+    if node.is_contrib != CONTRIB_OPERATORS.contains(&node.operator) || node.is_contrib && !has_contrib {
+        return Err(Fault::new(format!("{} is of the wrong domain, or of one that the model does not name", node.operator)));
+    }
     let (min, max) = operator.inputs;
     let given = node.inputs.iter().take(min).filter(|name| !name.is_empty()).count();
     // Only `Resize` may omit one of its first inputs: the region of interest, which must be omitted.
@@ -106,7 +118,8 @@ pub(super) fn check_node(node: &Node<'_>) -> Check<()> {
         let kind = operator.attributes.iter().find(|(known, _)| known == name).map(|(_, kind)| *kind);
         let fits = matches!(
             (kind, value),
-            (Some(Kind::Int), Attribute::Int(_))
+            (Some(Kind::Float), Attribute::Float(_))
+                | (Some(Kind::Int), Attribute::Int(_))
                 | (Some(Kind::Ints), Attribute::Ints(_))
                 | (Some(Kind::Text), Attribute::Text(_))
         );
@@ -169,6 +182,15 @@ impl<'a> Call<'a> {
 
     fn attribute(&self, name: &str) -> Option<&'a Attribute<'a>> {
         self.node.attributes.iter().find(|(known, _)| *known == name).map(|(_, value)| value)
+    }
+
+    /// A finite number.
+    fn float(&self, name: &str, default: f32) -> Check<f32> {
+        match self.attribute(name) {
+            Some(Attribute::Float(value)) if value.is_finite() => Ok(*value),
+            None => Ok(default),
+            Some(value) => Err(self.fault(format!("has the {name} {value:?}"))),
+        }
     }
 
     fn int(&self, name: &str) -> Option<i64> {
@@ -271,15 +293,63 @@ fn broadcast(call: &Call<'_>) -> Check<Vec<Shape>> {
 
 fn matmul(call: &Call<'_>) -> Check<Vec<Shape>> {
     let (a, b) = float_inputs(call)?;
-    let ([batch_a @ .., m, k], [batch_b @ .., k2, n]) = (a.dims.as_slice(), b.dims.as_slice()) else {
+    product(call, a, &a.dims, &b.dims)
+}
+
+/// Matrices of the dimensions `a` and `b` multiplied, with the element type of `like`.
+fn product(call: &Call<'_>, like: &Shape, a: &[u64], b: &[u64]) -> Check<Vec<Shape>> {
+    let ([batch_a @ .., m, k], [batch_b @ .., k2, n]) = (a, b) else {
         return Err(call.fault("has an operand of fewer than two dimensions"));
     };
     if k != k2 {
-        return Err(call.fault(format!("multiplies {:?} by {:?}", a.dims, b.dims)));
+        return Err(call.fault(format!("multiplies {a:?} by {b:?}")));
     }
     let mut dims = broadcast_dims(call, batch_a, batch_b)?;
     dims.extend([*m, *n]);
-    Call::one(a, dims)
+    Call::one(like, dims)
+}
+
+/// `alpha * a b`, or `alpha * a b^T` where `transB` is 1.
+fn fused_matmul(call: &Call<'_>) -> Check<Vec<Shape>> {
+    call.float("alpha", 1.0)?;
+    let (a, b) = float_inputs(call)?;
+    let mut turned = b.dims.clone();
+    match (call.int("transB").unwrap_or(0), turned.as_mut_slice()) {
+        (0, _) => {}
+        (1, [.., rows, columns]) => std::mem::swap(rows, columns),
+        (trans, dims) => return Err(call.fault(format!("has the transB {trans} for {dims:?}"))),
+    }
+    product(call, a, &a.dims, &turned)
+}
+
+/// Normalises the last axis by its root mean square, and multiplies it by a gain.
+fn rms_norm(call: &Call<'_>) -> Check<Vec<Shape>> {
+    let (x, gain) = float_inputs(call)?;
+    call.float("epsilon", 1e-5)?;
+    let axis = call.axis(call.int("axis").unwrap_or(-1), x.dims.len())?;
+    if axis + 1 != x.dims.len() || gain.dims != x.dims[axis..] {
+        return Err(call.fault(format!("normalises axis {axis} of {:?} with a gain {:?}", x.dims, gain.dims)));
+    }
+    same(call)
+}
+
+/// Rotates pairs j and P + j of heads `[batch, heads, tokens, 2 P]` by a table that starts at the first token: `[tokens, P]` each.
+fn rotary_embedding(call: &Call<'_>) -> Check<Vec<Shape>> {
+    let x = call.tensor(0)?;
+    if call.int("interleaved").unwrap_or(0) != 0 || call.constant_ints(1)? != [0] {
+        return Err(call.fault("pairs neighbours, or does not start at position 0"));
+    }
+    for i in [2, 3] {
+        let table = call.tensor(i)?;
+        let fits = match *x.dims.as_slice() {
+            [_, _, tokens, width] => width % 2 == 0 && table.dims == [tokens, width / 2],
+            _ => false,
+        };
+        if !fits || table.element != x.element {
+            return Err(call.fault(format!("turns {:?} by a table {:?}", x.dims, table.dims)));
+        }
+    }
+    same(call)
 }
 
 fn concat(call: &Call<'_>) -> Check<Vec<Shape>> {

@@ -18,6 +18,8 @@ const MAX_ATTRIBUTES: usize = 16;
 const MAX_INTS: usize = 64;
 /// The highest rank of a tensor.
 pub(super) const MAX_RANK: usize = 8;
+/// The domain of ONNX Runtime's own operators.
+pub(super) const CONTRIB: &str = "com.microsoft";
 
 pub(super) struct Model<'a> {
     pub(super) ir_version: i64,
@@ -39,6 +41,8 @@ pub(super) struct Graph<'a> {
 pub(super) struct Node<'a> {
     pub(super) name: &'a str,
     pub(super) operator: &'a str,
+    /// Whether it is of ONNX Runtime's domain, [`CONTRIB`], and not of the default one.
+    pub(super) is_contrib: bool,
     pub(super) inputs: Vec<&'a str>,
     pub(super) outputs: Vec<&'a str>,
     pub(super) attributes: Vec<(&'a str, Attribute<'a>)>,
@@ -163,6 +167,10 @@ fn node<'a>(mut fields: Fields<'a>) -> Check<Node<'a>> {
     node.operator = operator.unwrap_or("");
     match domain.unwrap_or("") {
         "" | "ai.onnx" => Ok(node),
+        CONTRIB => {
+            node.is_contrib = true;
+            Ok(node)
+        }
         other => Err(Fault::new(format!("node {} is of the custom domain {}", quoted(node.name), quoted(other)))),
     }
 }

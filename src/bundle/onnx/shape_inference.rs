@@ -156,7 +156,7 @@ impl<'a> SizeInference<'a> {
         let dims = |n: usize| read.get(n).map_or(&[][..], |&v| &self.values[v].shape.dims);
         // Multiplications for one element of the output.
         let terms = match node.operator {
-            "MatMul" => dims(0).last().copied().unwrap_or(0),
+            "MatMul" | "FusedMatMul" => dims(0).last().copied().unwrap_or(0),
             "Conv" => dims(1).iter().skip(1).fold(1_u64, |all, &n| all.saturating_mul(n)),
             _ => 0,
         };

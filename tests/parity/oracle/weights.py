@@ -1,6 +1,8 @@
 """The weights of a bundle's f32 models, by name, in float64.
 
-A bundle stores matrices as `[in, out]`. Here they are transposed to `[out, in]`, as papers write them, and are used as `x @ W.T`.
+A bundle stores matrices as `[in, out]`. Here they are transposed to `[out, in]`, as papers write them, and are used as `x @ W.T`. It stores
+queries, keys and values as one matrix, with the first elements of all rotation pairs of a head before the second ones; here they are three,
+with the elements of a pair side by side, as in a checkpoint.
 """
 
 import json
@@ -93,9 +95,9 @@ class Weights:
     @classmethod
     def read(cls, bundle: Path) -> "Weights":
         manifest = json.loads((bundle / "cairn-world.json").read_text(encoding="utf-8"))
-        graphs, layers = manifest["graphs"]["f32"], manifest["geometry"]["layers"]
+        graphs, geometry = manifest["graphs"]["f32"], manifest["geometry"]
         return cls(
-            transformer=_transformer(_tensors(bundle, graphs["transformer"]), layers),
+            transformer=_transformer(_tensors(bundle, graphs["transformer"]), geometry),
             encoder=_encoder(_tensors(bundle, graphs["encoder"])),
             decoder=_decoder(_tensors(bundle, graphs["decoder"])),
         )
@@ -107,16 +109,27 @@ def _tensors(bundle: Path, model: str) -> dict[str, np.ndarray]:
     return {t.name: numpy_helper.to_array(t).astype(np.float64) for t in graph.initializer}
 
 
-def _transformer(t: dict[str, np.ndarray], layers: int) -> TransformerWeights:
+def _side_by_side(rows: np.ndarray, head_width: int) -> np.ndarray:
+    """Rows of heads whose pairs are elements j and P + j, with pairs at 2j and 2j + 1 instead."""
+    halves = rows.reshape(-1, 2, head_width // 2, rows.shape[1])
+    return halves.swapaxes(1, 2).reshape(rows.shape)
+
+
+def _transformer(t: dict[str, np.ndarray], geometry: dict) -> TransformerWeights:
+    width = geometry["head_width"]
+    queries, keys = geometry["heads"] * width, geometry["kv_heads"] * width
+
     def block(i: int) -> BlockWeights:
+        joined = t[f"blocks.{i}.attn.qkv_proj.weight"].T
+
         def matrix(name: str) -> np.ndarray | None:
             stored = t.get(f"blocks.{i}.{name}.weight")
             return None if stored is None else stored.T
 
         return BlockWeights(
-            q=matrix("attn.q_proj"),
-            k=matrix("attn.k_proj"),
-            v=matrix("attn.v_proj"),
+            q=_side_by_side(joined[:queries], width),
+            k=_side_by_side(joined[queries : queries + keys], width),
+            v=joined[queries + keys :],
             out=matrix("attn.out_proj"),
             # Layer 0 mixes its values with themselves, whatever the factor.
             value_mix=t[f"blocks.{i}.attn.v_lamb"].item() if i > 0 else 0.0,
@@ -134,8 +147,8 @@ def _transformer(t: dict[str, np.ndarray], layers: int) -> TransformerWeights:
         noise_fc2=t["denoise_step_emb.mlp.fc2.weight"].T,
         control_fc1=t["ctrl_emb.mlp.fc1.weight"].T,
         control_fc2=t["ctrl_emb.mlp.fc2.weight"].T,
-        condition=[t[f"cond_head.cond_proj.{j}.weight"].T for j in range(6)],
-        blocks=[block(i) for i in range(layers)],
+        condition=[matrix.T for matrix in t["cond_head.cond_proj.weight"]],
+        blocks=[block(i) for i in range(geometry["layers"])],
         out_norm=t["out_norm.fc.weight"].T,
         unpatchify=t["unpatchify.weight"].T,
         unpatchify_bias=t["unpatchify.bias"],

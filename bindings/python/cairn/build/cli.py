@@ -14,6 +14,7 @@ from .errors import BuildError
 from .geometry import PRESETS, Geometry
 from .manifest import Licence
 from .random_weights import RandomWeights
+from .stored import rebuild
 from .writer import build_bundle
 
 HELP = """\
@@ -44,6 +45,11 @@ COSTS_HELP = """\
 Prints what one run of each node of a world's graphs costs, in float16 and at the stock window, as JSON: for each world and graph a
 list of [name, operator, output, multiply-adds, bytes read, bytes written]. Nothing runs. Nodes that are computed when a graph is loaded are
 left out.
+"""
+
+REBUILD_HELP = """\
+Writes a bundle again with the graphs of this version of the builder, which may run faster than those it was built with. The numbers of its
+weights stay the same; the files of weights may hold them in another order.
 """
 
 CHECKPOINT_HELP = """\
@@ -121,6 +127,14 @@ def parser() -> argparse.ArgumentParser:
     )
     of_nodes.add_argument("bundles", type=Path, nargs="*", metavar="bundle", help="folders or .cairn files (or --preset)")
     of_nodes.add_argument("--preset", choices=list(PRESETS), action="append", default=[], help="shapes instead; may come again")
+
+    again = commands.add_parser(
+        "rebuild", help="an existing bundle again, with this version's graphs", description=REBUILD_HELP, formatter_class=raw
+    )
+    again.add_argument("bundle", type=Path, help="a folder or a .cairn file")
+    again.add_argument("--out", type=Path, required=True, help="the folder, or the file *.cairn, to write")
+    again.add_argument("--replace", action="store_true", help="replace the bundle that is there, once the new one is complete")
+    again.add_argument("--quiet", action="store_true", help="no progress")
 
     pack = commands.add_parser("pack", help="folder to .cairn file, or back", formatter_class=raw)
     pack.add_argument("bundle", type=Path, help="a folder to pack, or a .cairn file to unpack")
@@ -317,6 +331,15 @@ def _costs(options: argparse.Namespace) -> int:
     return 0
 
 
+def _rebuild(options: argparse.Namespace) -> int:
+    progress = Printer(options.quiet)
+    rebuild(options.bundle, options.out, progress=progress, replace=options.replace)
+    progress.close()
+    if not options.quiet:
+        print(f"wrote {options.out}")
+    return 0
+
+
 def _pack(options: argparse.Namespace) -> int:
     if options.bundle.is_dir():
         archive.pack(options.bundle, options.out, options.replace)
@@ -332,5 +355,6 @@ _COMMANDS = {
     "describe": _describe,
     "rates": _rates,
     "costs": _costs,
+    "rebuild": _rebuild,
     "pack": _pack,
 }

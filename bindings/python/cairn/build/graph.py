@@ -13,9 +13,12 @@ IR_VERSION = 8
 PRODUCER = "cairn.build"
 # Operators allowed in a graph of a bundle: `docs/bundle.md`, section 4. All of them run on DirectML.
 OPERATORS = (
-    "Add Cast Clip Concat Conv Cos DepthToSpace Div MatMul Mul ReduceMean Relu Reshape Resize Sigmoid Sin Slice Softmax "
-    "Split Sqrt Sub Tanh Transpose"
+    "Add Cast Clip Concat Conv Cos DepthToSpace Div FusedMatMul MatMul Mul ReduceMean Relu Reshape Resize RotaryEmbedding "
+    "Sigmoid SimplifiedLayerNormalization Sin Slice Softmax Split Sqrt Sub Tanh Transpose"
 ).split()
+# Those of ONNX Runtime's own domain. `SimplifiedLayerNormalization` is its own, too, but it keeps it in the default domain.
+CONTRIB_DOMAIN = "com.microsoft"
+CONTRIB_OPERATORS = ("FusedMatMul", "RotaryEmbedding")
 ONNX_TYPE = {"f32": TensorProto.FLOAT, "f16": TensorProto.FLOAT16}
 NUMPY_TYPE = {"f32": np.float32, "f16": np.float16}
 
@@ -95,7 +98,8 @@ class Graph:
             raise AssertionError(f"{operator} is no operator of the bundle format")
         stem = self._unique(label)
         names = [stem] if outputs == 1 else [f"{stem}.{i}" for i in range(outputs)]
-        self._nodes.append(helper.make_node(operator, inputs, names, name=f"{stem}/{operator}", **attributes))
+        domain = CONTRIB_DOMAIN if operator in CONTRIB_OPERATORS else None
+        self._nodes.append(helper.make_node(operator, inputs, names, name=f"{stem}/{operator}", domain=domain, **attributes))
         if kind is None:
             kind = self._kinds[inputs[0]]
         for name in names:
@@ -137,6 +141,12 @@ class Graph:
         """The matrix product."""
         return self._binary("MatMul", a, b, label)
 
+    def matmul_turned(self, a: str, b: str, scale: float, label: str) -> str:
+        """scale * a b^T over the last two axes."""
+        if self._kinds[a] != self._kinds[b]:
+            raise AssertionError(f"{label}: {a} is {self._kinds[a]}, {b} is {self._kinds[b]}")
+        return self.node("FusedMatMul", [a, b], label, alpha=scale, transB=1)
+
     def linear(self, x: str, name: str, label: str) -> str:
         """x times the stored matrix `name`, in x's kind."""
         return self.matmul(x, self.weight(f"{name}.weight", self._kinds[x]), label)
@@ -169,6 +179,11 @@ class Graph:
         bounds = [self.constant(f"at.{v}", np.array([v], np.int64)) for v in (start, end, axis)]
         return self.node("Slice", [x, *bounds], label)
 
+    def split_sizes(self, x: str, sizes: list[int], axis: int, label: str) -> list[str]:
+        """Splits into parts of these sizes along an axis."""
+        target = self.constant("sizes." + "x".join(str(s) for s in sizes), np.array(sizes, np.int64))
+        return self.node("Split", [x, target], label, outputs=len(sizes), axis=axis)
+
     def _unique(self, label: str) -> str:
         name, n = label, 1
         while name in self._names:
@@ -184,6 +199,9 @@ class Graph:
             node.output[:] = [self._renamed.get(name, name) for name in node.output]
         self._renamed = {}
         graph = helper.make_graph(self._nodes, self.name, self._inputs, self._outputs, self._initializers)
-        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name=PRODUCER)
+        opsets = [helper.make_opsetid("", OPSET)]
+        if any(node.domain == CONTRIB_DOMAIN for node in self._nodes):
+            opsets.append(helper.make_opsetid(CONTRIB_DOMAIN, 1))
+        model = helper.make_model(graph, opset_imports=opsets, producer_name=PRODUCER)
         model.ir_version = IR_VERSION
         return model

@@ -7,6 +7,7 @@ import math
 import onnx
 from onnx import shape_inference
 
+from . import contrib
 from .geometry import Geometry
 from .graph import Graph
 from .weights import autoencoder_weights, transformer_weights
@@ -38,6 +39,7 @@ def slab_bytes(g: Geometry, precision: str) -> int:
 
 def value_sizes(graph: Graph, dimensions: dict[str, int]) -> tuple[onnx.ModelProto, dict[str, tuple[list[int], int]]]:
     """The model with its symbolic dimensions fixed, and the shape and size in bytes of every node's output."""
+    contrib.register()
     model = graph.model()
     for value in [*model.graph.input, *model.graph.output]:
         for d in value.type.tensor_type.shape.dim:

@@ -1,7 +1,7 @@
 """The Waypoint-1.5 transformer as an ONNX graph: `docs/bundle.md`, section 4.
 
 T tokens of width D, H query heads over G key/value heads of width d, P = d / 2 rotation pairs. In a float16 graph the
-noise conditioner, the control embedding, RMS norms with their modulation, RoPE, softmax and the Euler step stay in float32.
+noise conditioner, the control embedding, RMS norms with their modulation, RoPE and the Euler step stay in float32.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ RMS_EPSILON = float(np.finfo(np.float32).eps)
 # No intermediate value may exceed this at the largest declared window, in float32.
 INTERMEDIATE_LIMIT = 256 << 20
 SIGMA_SCALE = 1000.0
+# Elements of one constant of ones: data in a model is at most 64 KiB.
+ONES_LIMIT = 16384
 FOURIER_BASE = 10000.0
 
 
@@ -65,15 +67,14 @@ class _Transformer:
         x = o.input("x", F, latent)
         sigma = o.input("sigma", "f32", [1])
         dsigma = o.input("dsigma", "f32", [1])
-        self.cos = o.input("rope_cos", "f32", [1, 1, T, P])
-        self.sin = o.input("rope_sin", "f32", [1, 1, T, P])
+        tables = [o.input(f"rope_{n}", "f32", [1, 1, T, P]) for n in ("cos", "sin")]
         controls = o.input("controls", "f32", [1, g.control_width])
-        masks = {wide: o.input(f"{n}_mask", F, [1, 1, 1, f"{n}_keys"]) for wide, n in ((False, "local"), (True, "global"))}
+        self.masks = {wide: o.input(f"{n}_mask", F, [1, 1, 1, f"{n}_keys"]) for wide, n in ((False, "local"), (True, "global"))}
         past = []
         for i in range(g.layers):
             shape = [1, g.kv_heads, "global_past" if g.is_global(i) else "local_past", g.head_width]
             past.append((o.input(f"past.{i}.k", F, shape), o.input(f"past.{i}.v", F, shape)))
-        self.masks = {wide: o.cast(mask, "f32") for wide, mask in masks.items()}
+        self.cos, self.sin = (o.reshape(table, [T, P], f"{table}.table") for table in tables)
 
         cond = self.noise_conditioner(sigma, fourier_rounding)  # [1, D] f32
         modulations = self.modulations(cond)  # per layer six [1, D] f32
@@ -88,19 +89,18 @@ class _Transformer:
         )  # [1, D, rows, columns]
         h = o.transpose(o.reshape(h, [1, D, T], "patchify.flat"), [0, 2, 1], "tokens")  # [1, T, D]
 
-        first_value = None
         presents = []
         for i in range(g.layers):
-            s0, b0, g0, s1, b1, g1 = modulations[i]
             block = f"blocks.{i}"
-            y, k, v, first_value = self.attention(i, self.modulated_norm(h, s0, b0, f"{block}.attn.norm"), past[i], first_value)
+            s0, b0, g0, s1, b1, g1 = modulations[i]
+            y, k, v = self.attention(i, self.modulated_norm(h, s0, b0, f"{block}.attn.norm"), past[i])
             presents.append((k, v))
-            h = o.add(h, o.mul(y, o.cast(g0, F), f"{block}.attn.gated"), f"{block}.attn.sum")
+            h = o.add(h, o.mul(y, g0, f"{block}.attn.gated"), f"{block}.attn.sum")
             if g.sees_controls(i):
                 h = o.add(h, self.control_fusion(block, h, ctrl), f"{block}.ctrl.sum")
             y = o.linear(self.modulated_norm(h, s1, b1, f"{block}.mlp.norm"), f"{block}.mlp.fc1", f"{block}.mlp.hidden")
             y = o.linear(o.silu(y, f"{block}.mlp.act"), f"{block}.mlp.fc2", f"{block}.mlp.out")
-            h = o.add(h, o.mul(y, o.cast(g1, F), f"{block}.mlp.gated"), f"{block}.mlp.sum")
+            h = o.add(h, o.mul(y, g1, f"{block}.mlp.gated"), f"{block}.mlp.sum")
 
         v = self.velocity(h, cond)  # [1, C, h, w]
         step = o.mul(dsigma, o.cast(v, "f32"), "step")
@@ -124,85 +124,84 @@ class _Transformer:
         return o.linear(hidden, "denoise_step_emb.mlp.fc2", "cond")
 
     def modulations(self, cond: str) -> list[list[str]]:
-        """Scale, shift and gate of both sublayers for every layer, each [1, D] f32.
+        """Scale plus one, shift and gate of both sublayers for every layer: [D] f32, [1, 1, D] f32 and [1, 1, D] F.
 
-        The six matrices are shared by all layers, so each multiplies all layers' vectors at once: [L, D] x [D, D].
+        The six matrices are shared by all layers, so that one product gives all vectors: [L, D] x [6, D, D].
         """
         g, o = self.g, self.graph
+        L, D, n = g.layers, g.width, len(MODULATIONS)
         biased = o.add(cond, o.weight("cond_head.bias_in", "f32"), "cond.biased")  # [L, D]
         h = o.cast(o.silu(biased, "cond.act"), o.precision)
-        columns = []
-        for j, meaning in enumerate(MODULATIONS):
-            label = "cond." + meaning.replace(" ", ".")
-            m = o.cast(o.linear(h, f"cond_head.cond_proj.{j}", label), "f32")
-            columns.append(o.split(m, g.layers, 0, f"{label}.layer"))
-        return [[column[i] for column in columns] for i in range(g.layers)]
+        all_gates = o.matmul(h, o.weight("cond_head.cond_proj.weight"), "cond.modulations")  # [6, L, D]
+        is_scale = np.array([m.endswith("scale") for m in MODULATIONS], np.float32)
+        one = o.constant("scale.one", is_scale[:, None, None])
+        all_norms = o.add(o.cast(all_gates, "f32"), one, "cond.gains")
+
+        def vectors(j: int) -> list[str]:
+            label = "cond." + MODULATIONS[j].replace(" ", ".")
+            meaning = o.slice(all_gates if MODULATIONS[j].endswith("gate") else all_norms, j, j + 1, 0, label)
+            parts = o.split(meaning, L, 1, f"{label}.layer")
+            return [o.reshape(part, [D], f"{label}.vector") for part in parts] if is_scale[j] else parts
+
+        columns = [vectors(j) for j in range(n)]
+        return [[column[i] for column in columns] for i in range(L)]
 
     def control_embedding(self, controls: str) -> str:
         """Mouse, buttons and scroll -> one normalised vector [1, D]. In float32, because mouse counts have no bound."""
         o = self.graph
         hidden = o.silu(o.linear(controls, "ctrl_emb.mlp.fc1", "ctrl.hidden"), "ctrl.act")
-        return o.cast(self.rms_norm(o.linear(hidden, "ctrl_emb.mlp.fc2", "ctrl.emb"), "ctrl.norm"), o.precision)
+        embedding = o.linear(hidden, "ctrl_emb.mlp.fc2", "ctrl.emb")
+        return o.cast(self.rms_norm(embedding, self.ones(self.g.width), "ctrl.norm"), o.precision)
 
-    def rms_norm(self, x: str, label: str) -> str:
-        """x / sqrt(mean(x^2) + eps) over the last axis, in float32, without a gain."""
+    def rms_norm(self, x: str, gain: str, label: str) -> str:
+        """gain * x / sqrt(mean(x^2) + eps) over the last axis, in float32: squares could overflow in float16."""
         o = self.graph
-        x = o.cast(x, "f32")
-        axes = o.constant("axes.last", np.array([-1], np.int64))
-        mean = o.node("ReduceMean", [o.mul(x, x, f"{label}.square"), axes], f"{label}.mean", keepdims=1)
-        root = o.node("Sqrt", [o.add(mean, o.number(RMS_EPSILON, "f32"), f"{label}.eps")], f"{label}.root")
-        return o.div(x, root, label)
+        return o.node("SimplifiedLayerNormalization", [o.cast(x, "f32"), gain], label, axis=-1, epsilon=RMS_EPSILON)
 
-    def modulated_norm(self, x: str, scale: str, shift: str, label: str) -> str:
-        """rms_norm(x) * (1 + scale) + shift, in the graph's precision."""
+    def ones(self, width: int) -> str:
+        """The gain of a norm without one: [width] f32."""
         o = self.graph
-        gain = o.add(scale, o.number(1.0, "f32"), f"{label}.gain")
-        y = o.add(o.mul(self.rms_norm(x, f"{label}.rms"), gain, f"{label}.scaled"), shift, f"{label}.shifted")
-        return o.cast(y, o.precision)
+        parts = [min(width - start, ONES_LIMIT) for start in range(0, width, ONES_LIMIT)]
+        return o.concat([o.constant(f"ones.{n}", np.ones(n, np.float32)) for n in parts], 0, "ones")
 
-    def heads(self, x: str, count: int, label: str) -> str:
-        """[1, T, count * d] -> [1, count, T, d]."""
-        g, o = self.g, self.graph
-        split = o.reshape(x, [1, g.tokens, count, g.head_width], f"{label}.split")
-        return o.transpose(split, [0, 2, 1, 3], label)
+    def modulated_norm(self, x: str, gain: str, shift: str, label: str) -> str:
+        """rms_norm(x) * gain + shift, in the graph's precision."""
+        o = self.graph
+        return o.cast(o.add(self.rms_norm(x, gain, f"{label}.scaled"), shift, f"{label}.shifted"), o.precision)
 
-    def rope(self, x: str, heads: int, label: str) -> str:
-        """Rotates interleaved pairs and stores the halves side by side, in the released engine's order."""
-        g, o = self.g, self.graph
-        P = g.head_width // 2
-        pairs = o.reshape(x, [1, heads, g.tokens, P, 2], f"{label}.pairs")
-        halves = o.split(pairs, 2, 4, f"{label}.half")
-        a, b = (o.reshape(half, [1, heads, g.tokens, P], f"{label}.{n}") for half, n in zip(halves, "ab"))
-        y0 = o.sub(o.mul(a, self.cos, f"{label}.a.cos"), o.mul(b, self.sin, f"{label}.b.sin"), f"{label}.y0")
-        y1 = o.add(o.mul(b, self.cos, f"{label}.b.cos"), o.mul(a, self.sin, f"{label}.a.sin"), f"{label}.y1")
-        return o.concat([y0, y1], 3, label)
-
-    def attention(self, layer: int, x: str, past: tuple[str, str], first_value: str | None):
-        """One layer's attention over its ring and the current frame: (output [1, T, D], k, v, layer 0's v)."""
+    def attention(self, layer: int, x: str, past: tuple[str, str]):
+        """One layer's attention over its ring and the current frame: (output [1, T, D], k, v)."""
         g, o, F = self.g, self.graph, self.graph.precision
+        H, G, T, d = g.heads, g.kv_heads, g.tokens, g.head_width
         name = f"blocks.{layer}.attn"
-        q = self.heads(o.linear(x, f"{name}.q_proj", f"{name}.q"), g.heads, f"{name}.q.heads")
-        k = self.heads(o.linear(x, f"{name}.k_proj", f"{name}.k"), g.kv_heads, f"{name}.k.heads")
-        v = o.linear(x, f"{name}.v_proj", f"{name}.v")  # [1, T, G d]
-        if first_value is None:
-            first_value = v
-        else:
-            toward = o.mul(o.weight(f"{name}.v_lamb"), o.sub(first_value, v, f"{name}.v.from0"), f"{name}.v.lamb")
-            v = o.add(v, toward, f"{name}.v.mixed")
-        v = self.heads(v, g.kv_heads, f"{name}.v.heads")
-        q = self.rope(self.rms_norm(q, f"{name}.q.norm"), g.heads, f"{name}.q.rope")
-        k = o.cast(self.rope(self.rms_norm(k, f"{name}.k.norm"), g.kv_heads, f"{name}.k.rope"), F)
+        rows = o.reshape(o.linear(x, f"{name}.qkv_proj", f"{name}.qkv"), [1, T, H + 2 * G, d], f"{name}.qkv.heads")
+        heads = o.transpose(rows, [0, 2, 1, 3], f"{name}.heads")  # [1, H + 2 G, T, d]
+        turning, v = o.split_sizes(heads, [H + G, G], 1, f"{name}.part")
+        v = self.mixed_values(layer, v)
+        turning = self.rms_norm(turning, self.ones(d), f"{name}.qk.norm")
+        # Pairs of elements j and P + j, as the weights are stored. From position 0: the tables are of this frame's tokens.
+        start = o.constant("rope.start", np.zeros(1, np.int64))
+        turned = o.node("RotaryEmbedding", [turning, start, self.cos, self.sin], f"{name}.qk.rope", interleaved=0)
+        q, k = (o.cast(part, F) for part in o.split_sizes(turned, [H, G], 1, f"{name}.turned"))
 
-        # The queries of one group become adjacent rows, so that K and V need not be repeated; scaled by d^-1/2.
-        q = o.mul(q, o.number(float(g.head_width**-0.5), "f32"), f"{name}.q.scaled")
-        q = o.cast(o.reshape(q, [1, g.kv_heads, g.group * g.tokens, g.head_width], f"{name}.q.rows"), F)
+        # The queries of one group become adjacent rows, so that K and V need not be repeated.
+        q = o.reshape(q, [1, G, g.group * T, d], f"{name}.q.rows")
         y = self.attend(layer, q, (k, v), past, name)
-        y = o.reshape(y, [1, g.heads, g.tokens, g.head_width], f"{name}.y.heads")
-        y = o.reshape(o.transpose(y, [0, 2, 1, 3], f"{name}.y.tokens"), [1, g.tokens, g.width], f"{name}.y")
-        return o.linear(y, f"{name}.out_proj", f"{name}.out"), k, v, first_value
+        y = o.reshape(y, [1, H, T, d], f"{name}.y.heads")
+        y = o.reshape(o.transpose(y, [0, 2, 1, 3], f"{name}.y.tokens"), [1, T, g.width], f"{name}.y")
+        return o.linear(y, f"{name}.out_proj", f"{name}.out"), k, v
+
+    def mixed_values(self, layer: int, v: str) -> str:
+        """v + lamb (v0 - v), where v0 is layer 0's v: [1, G, T, d]."""
+        o, name = self.graph, f"blocks.{layer}.attn"
+        if layer == 0:
+            self.first_value = v
+            return v
+        toward = o.mul(o.weight(f"{name}.v_lamb"), o.sub(self.first_value, v, f"{name}.v.from0"), f"{name}.v.lamb")
+        return o.add(v, toward, f"{name}.v.mixed")
 
     def attend(self, layer: int, q: str, current: tuple[str, str], past: tuple[str, str], name: str) -> str:
-        """softmax(q K^T + mask) V, where K and V are the past followed by the current frame, in parts: [1, G, rows, d]."""
+        """softmax(d^-1/2 q K^T + mask) V, where K and V are the past followed by the current frame, in parts: [1, G, rows, d]."""
         g, o = self.g, self.graph
         head_parts, row_parts = attention_chunks(g, layer)
         mask = self.masks[g.is_global(layer)]
@@ -213,12 +212,12 @@ class _Transformer:
         outputs = []
         parts = zip(cut(q, "q"), cut(past[0], "past.k"), cut(current[0], "k"), cut(past[1], "past.v"), cut(current[1], "v"))
         for q_part, past_k, k, past_v, v in parts:
-            keys = o.transpose(o.concat([past_k, k], 2, f"{name}.keys"), [0, 1, 3, 2], f"{name}.keys.turned")
+            keys = o.concat([past_k, k], 2, f"{name}.keys")
             values = o.concat([past_v, v], 2, f"{name}.values")
             rows = []
             for row in o.split(q_part, row_parts, 2, f"{name}.q.row"):
-                scores = o.add(o.cast(o.matmul(row, keys, f"{name}.scores"), "f32"), mask, f"{name}.masked")
-                shares = o.cast(o.node("Softmax", [scores], f"{name}.shares", axis=-1), o.precision)
+                scores = o.matmul_turned(row, keys, g.head_width**-0.5, f"{name}.scores")
+                shares = o.node("Softmax", [o.add(scores, mask, f"{name}.masked")], f"{name}.shares", axis=-1)
                 rows.append(o.matmul(shares, values, f"{name}.mix"))
             outputs.append(o.concat(rows, 2, f"{name}.mix.rows"))
         return o.concat(outputs, 1, f"{name}.mix.heads")
@@ -226,7 +225,7 @@ class _Transformer:
     def control_fusion(self, block: str, h: str, ctrl: str) -> str:
         """fc2(silu(fc1_x rms(h) + fc1_c rms(ctrl))): [1, T, D], added without a gate."""
         o, name = self.graph, f"{block}.ctrl_mlpfusion"
-        normed = o.cast(self.rms_norm(h, f"{block}.ctrl.norm"), o.precision)
+        normed = o.cast(self.rms_norm(h, self.ones(self.g.width), f"{block}.ctrl.norm"), o.precision)
         mixed = o.add(
             o.linear(normed, f"{name}.fc1_x", f"{block}.ctrl.x"),
             o.linear(ctrl, f"{name}.fc1_c", f"{block}.ctrl.c"),
@@ -239,7 +238,8 @@ class _Transformer:
         g, o = self.g, self.graph
         act = o.cast(o.silu(cond, "out.cond"), o.precision)
         scale, shift = o.split(o.cast(o.linear(act, "out_norm.fc", "out.modulation"), "f32"), 2, 1, "out.part")
-        y = o.silu(self.modulated_norm(h, scale, shift, "out.norm"), "out.act")
+        gain = o.reshape(o.add(scale, o.number(1.0, "f32"), "out.gain"), [g.width], "out.gain.vector")
+        y = o.silu(self.modulated_norm(h, gain, shift, "out.norm"), "out.act")
         y = o.add(o.linear(y, "unpatchify", "unpatchify.cells"), o.weight("unpatchify.bias"), "unpatchify.biased")
         rows, columns = g.grid
         # A token's values are ordered (c, row in patch, column in patch).

@@ -1,13 +1,16 @@
-"""The tensors that a bundle stores, their order and layout, and their positions in the file.
+"""The tensors of a world, how a bundle stores them, and their positions in the file.
 
-Names are the released checkpoint's, shortened where the checkpoint has copies. Matrices are stored `[in, out]`, as MatMul takes them: the
-transpose of the checkpoint's `[out, in]`. Convolution kernels stay `[out, in, rows, columns]`.
+Names are the released checkpoint's, shortened where the checkpoint has copies. Matrices are `[in, out]`, as MatMul takes them: the
+transpose of the checkpoint's `[out, in]`. Convolution kernels stay `[out, in, rows, columns]`. Tensors that the graph reads together are stored
+as one (`Packed`), with the same numbers in another order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+
+import numpy as np
 
 from .geometry import AUTOENCODER_PATCH, CONDITIONER_RATIO, FOURIER_WIDTH, MEMORIES_PER_STAGE, STAGES, Geometry
 
@@ -35,12 +38,30 @@ class Weight:
 
 
 @dataclass(frozen=True)
-class Placed:
-    """A weight and the position of its float16 bytes."""
+class Packed:
+    """A tensor as it is stored: one weight, or several that one product or one norm reads together.
 
-    weight: Weight
+    `pack` makes its numbers from those of its parts, and `unpack` those of the parts from it.
+    """
+
+    whole: Weight
+    parts: tuple[Weight, ...]
+    pack: Callable[[list[np.ndarray]], np.ndarray]
+    unpack: Callable[[np.ndarray], list[np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A stored tensor and the position of its float16 bytes."""
+
+    packed: Packed
     file: str
     offset: int
+
+    @property
+    def weight(self) -> Weight:
+        """The tensor as it is stored."""
+        return self.packed.whole
 
     @property
     def length(self) -> int:
@@ -65,7 +86,7 @@ def _memory_block(name: str, width: int) -> Iterator[Weight]:
 
 
 def transformer_weights(g: Geometry) -> list[Weight]:
-    """The transformer's tensors in file order. `cond_proj`, which all layers share, is stored once."""
+    """The transformer's tensors. `cond_proj`, which all layers share, is stored once. `stored_transformer` says how they are stored."""
     D, hidden = g.width, g.width * g.mlp_ratio
     out = [
         Weight("patchify.weight", (D, g.latent_channels, *g.patch), g.patch_width),
@@ -99,7 +120,7 @@ def transformer_weights(g: Geometry) -> list[Weight]:
 
 
 def autoencoder_weights(g: Geometry) -> list[Weight]:
-    """TAEHV-1.5's tensors in file order, encoder first, with its own names."""
+    """TAEHV-1.5's tensors, encoder first, with its own names."""
     e, shuffled = g.encoder_width, 3 * AUTOENCODER_PATCH**2
     out = list(_conv("encoder.0", shuffled, e, 3, True))
     for stage, frames in enumerate(ENCODER_POOLING):
@@ -128,12 +149,68 @@ ENCODER_POOLING = (2, 2, 1)
 DECODER_GROWTH = (1, 2, 2)
 
 
-def place(weights: list[Weight], file: str) -> dict[str, Placed]:
-    """Assigns each weight a position in one file, at a multiple of `ALIGNMENT`."""
+def _alone(weight: Weight) -> Packed:
+    return Packed(weight, (weight,), lambda parts: parts[0], lambda whole: [whole])
+
+
+def _stacked(name: str, weights: list[Weight], shape: tuple[int, ...]) -> Packed:
+    """Equal tensors, one after the other, with the shape `shape`."""
+    whole = Weight(name, shape, weights[0].fan_in)
+
+    def unpack(array: np.ndarray) -> list[np.ndarray]:
+        return [part.reshape(w.shape) for part, w in zip(array.reshape(len(weights), -1), weights)]
+
+    return Packed(whole, tuple(weights), lambda parts: np.stack(parts).reshape(shape), unpack)
+
+
+def rotation_order(g: Geometry) -> np.ndarray:
+    """The elements of a head in stored order: the first elements of all rotation pairs, then the second ones."""
+    return np.arange(g.head_width).reshape(-1, 2).T.reshape(-1)
+
+
+def _attention(g: Geometry, block: str, parts: tuple[Weight, ...]) -> Packed:
+    """Queries, keys and values of one layer as one matrix [D, (H + 2 G) d]; heads of queries and keys in `rotation_order`."""
+    order = rotation_order(g)
+    back = np.argsort(order)
+    sizes = np.cumsum([w.shape[1] for w in parts])
+
+    def turned(array: np.ndarray, by: np.ndarray) -> np.ndarray:
+        return array.reshape(g.width, -1, g.head_width)[:, :, by].reshape(g.width, -1)
+
+    def pack(arrays: list[np.ndarray]) -> np.ndarray:
+        q, k, v = arrays
+        return np.concatenate([turned(q, order), turned(k, order), v], axis=1)
+
+    def unpack(whole: np.ndarray) -> list[np.ndarray]:
+        q, k, v = np.split(whole, sizes[:-1], axis=1)
+        return [turned(q, back), turned(k, back), v]
+
+    return Packed(Weight(f"{block}.attn.qkv_proj.weight", (g.width, int(sizes[-1])), g.width), parts, pack, unpack)
+
+
+def stored_transformer(g: Geometry) -> list[Packed]:
+    """The transformer's tensors as they are stored, in file order."""
+    weights = {w.name: w for w in transformer_weights(g)}
+    shared = [weights[f"cond_head.cond_proj.{j}.weight"] for j in range(len(MODULATIONS))]
+    first = {shared[0].name: _stacked("cond_head.cond_proj.weight", shared, (len(shared), g.width, g.width))}
+    for i in range(g.layers):
+        parts = tuple(weights[f"blocks.{i}.attn.{n}_proj.weight"] for n in "qkv")
+        first[parts[0].name] = _attention(g, f"blocks.{i}", parts)
+    packed = {w.name for p in first.values() for w in p.parts}
+    return [first[name] if name in first else _alone(w) for name, w in weights.items() if name in first or name not in packed]
+
+
+def stored_autoencoder(g: Geometry) -> list[Packed]:
+    """The autoencoder's tensors as they are stored, in file order."""
+    return [_alone(weight) for weight in autoencoder_weights(g)]
+
+
+def place(tensors: list[Packed], file: str) -> dict[str, Placed]:
+    """Assigns each stored tensor a position in one file, at a multiple of `ALIGNMENT`."""
     placed, offset = {}, 0
-    for weight in weights:
-        placed[weight.name] = Placed(weight, file, offset)
-        offset += -(-2 * weight.count // ALIGNMENT) * ALIGNMENT
+    for packed in tensors:
+        placed[packed.whole.name] = Placed(packed, file, offset)
+        offset += -(-2 * packed.whole.count // ALIGNMENT) * ALIGNMENT
     return placed
 
 

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 import onnx
 
-from . import archive
+from . import archive, contrib
 from .autoencoder import build_decoder, build_encoder
 from .errors import BuildError
 from .files import check_free, fresh_folder
@@ -26,9 +26,9 @@ from .weights import (
     TRANSFORMER_FILE,
     Placed,
     Weight,
-    autoencoder_weights,
     place,
-    transformer_weights,
+    stored_autoencoder,
+    stored_transformer,
 )
 
 # Called with the current step, the bytes of weights written so far, and their total.
@@ -44,7 +44,7 @@ class WeightSource(Protocol):
 
 def layouts(g: Geometry) -> tuple[dict[str, Placed], dict[str, Placed]]:
     """Positions of the transformer's and the autoencoder's weights in their files."""
-    return place(transformer_weights(g), TRANSFORMER_FILE), place(autoencoder_weights(g), AUTOENCODER_FILE)
+    return place(stored_transformer(g), TRANSFORMER_FILE), place(stored_autoencoder(g), AUTOENCODER_FILE)
 
 
 def build_graphs(g: Geometry, precision: str, fourier_rounding: str = "none") -> dict[str, Graph]:
@@ -96,6 +96,7 @@ def _write(folder, g, source, name, provenance, licence, rounding, precisions, p
     done = 0
     for group in placed:
         done = _write_weights(folder, group, source, files, progress, done, total)
+    contrib.register()
     graphs: dict[str, dict[str, str]] = {}
     for precision in precisions:
         progress(f"graphs, {precision}", done, total + 1)
@@ -122,7 +123,8 @@ def _write_weights(folder, group, source, files, progress, done: int, total: int
     with open(folder / file, "wb") as sink:
         for p in group.values():
             progress(f"{file}: {p.weight.name}", done, total)
-            data = checked(source.get(p.weight), p.weight).tobytes()
+            parts = [checked(source.get(weight), weight) for weight in p.packed.parts]
+            data = np.ascontiguousarray(p.packed.pack(parts)).tobytes()
             data += bytes(-len(data) % ALIGNMENT)
             digest.update(data)
             sink.write(data)

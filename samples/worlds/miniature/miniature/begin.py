@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from cairn.build import archive
 from cairn.build.geometry import MEMORIES_PER_STAGE, Geometry
-from cairn.build.weights import DECODER_GROWTH, ENCODER_POOLING, Placed, autoencoder_weights
-from cairn.build.writer import layouts
+from cairn.build.stored import StoredWeights
+from cairn.build.weights import DECODER_GROWTH, ENCODER_POOLING, autoencoder_weights, transformer_weights
 
 from . import autoencoder as networks
 from . import latent_adversary, optimiser, store, train_autoencoder, train_world
@@ -33,7 +33,9 @@ def weights(bundle: Path, g: Geometry) -> tuple[Parameters, Parameters]:
         raise OtherShapes(f"{bundle} has a wider autoencoder than this preset: {found}, not {g}")
     with tempfile.TemporaryDirectory() as name:
         folder = bundle if bundle.is_dir() else archive.unpack(bundle, Path(name) / "bundle")
-        transformer, pictures = ({name: _read(folder, placed) for name, placed in group.items()} for group in layouts(found))
+        source = StoredWeights(found, folder)
+        named = (transformer_weights(found), autoencoder_weights(found))
+        transformer, pictures = ({w.name: source.get(w).astype(np.float32) for w in group} for group in named)
     # The bundle has the last bias for each pixel of a patch, training for each channel.
     transformer["unpatchify.bias"] = transformer["unpatchify.bias"][:: g.patch[0] * g.patch[1]]
     return transformer, widened(pictures, g)
@@ -85,9 +87,3 @@ def states(bundle: Path, g: Geometry, plan: AutoencoderPlan, autoencoder: Path, 
     store.save(autoencoder, train_autoencoder.start(pictures, plan), facts)
     judge = latent_adversary.initial(g.latent_channels, train_world.SEED) if judged else {}
     store.save(world, optimiser.start(transformer | judge, train_world.by_muon), facts)
-
-
-def _read(folder: Path, placed: Placed) -> np.ndarray:
-    """One tensor, float32."""
-    halves = np.fromfile(folder / placed.file, "<f2", placed.weight.count, offset=placed.offset)
-    return halves.reshape(placed.weight.shape).astype(np.float32)
