@@ -12,15 +12,16 @@ from onnx import helper, numpy_helper
 
 
 def without_value_residual(graph: onnx.GraphProto, kv_heads: int) -> int:
-    """Removes the value residual: nodes that read `v + lamb * (v0 - v)` read v instead."""
+    """Removes the value residual: `v + lamb * (v0 - v)` becomes v, in this frame and in its slab."""
     makers = {name: node for node in graph.node for name in node.output}
     mixers = [node for node in graph.node if any(name.endswith("attn.v_lamb") for name in _origins(node, makers))]
+    scaled = {mixer.output[0] for mixer in mixers}
     sums = [user for mixer in mixers for user in _users(graph, mixer.output[0])]
     for node in sums:
         assert node.op_type == "Add"
-        scaled = {mixer.output[0] for mixer in mixers}
         (own,) = [name for name in node.input if name not in scaled]
-        _replace(graph, node.output[0], own)
+        # The sum may be the slab itself, so its name stays: a cast to the type that it has.
+        node.CopyFrom(helper.make_node("Cast", [own], list(node.output), name=node.name, to=onnx.TensorProto.FLOAT))
     return len(sums)
 
 
@@ -89,11 +90,6 @@ def _origins(node: onnx.NodeProto, makers: dict[str, onnx.NodeProto]) -> list[st
 
 def _users(graph: onnx.GraphProto, name: str) -> list[onnx.NodeProto]:
     return [node for node in graph.node if name in node.input]
-
-
-def _replace(graph: onnx.GraphProto, old: str, new: str) -> None:
-    for node in graph.node:
-        node.input[:] = [new if name == old else name for name in node.input]
 
 
 def _drop_unused(graph: onnx.GraphProto) -> None:

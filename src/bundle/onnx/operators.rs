@@ -99,7 +99,10 @@ fn operator(name: &str) -> Check<&'static Operator> {
 pub(super) fn check_node(node: &Node<'_>, has_contrib: bool) -> Check<()> {
     let operator = operator(node.operator)?;
     if node.is_contrib != CONTRIB_OPERATORS.contains(&node.operator) || node.is_contrib && !has_contrib {
-        return Err(Fault::new(format!("{} is of the wrong domain, or of one that the model does not name", node.operator)));
+        return Err(Fault::new(format!(
+            "{} is of the wrong domain, or of one that the model does not name",
+            node.operator
+        )));
     }
     let (min, max) = operator.inputs;
     let given = node.inputs.iter().take(min).filter(|name| !name.is_empty()).count();
