@@ -3,8 +3,7 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::sync::{Condvar, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
 use clap::{Parser, Subcommand};
@@ -14,9 +13,6 @@ use crate::report::{Machine, Report, SCHEMA};
 use crate::runner::{PATIENCE_WITH_EMULATION, Runner, run_one};
 use crate::summary::{Progress, totals};
 use crate::{compare, hardware, page};
-
-/// Bytes of memory that two checks at a time need: a world on an emulated adapter takes some 6 GB.
-const MEMORY_FOR_TWO: u64 = 16 << 30;
 
 /// Exit status of a command line or a file that cannot be used.
 const UNUSABLE: u8 = 2;
@@ -159,14 +155,16 @@ fn check(arguments: &Arguments, prefix: &[OsString]) -> Result<u8, String> {
         checks: Vec::new(),
     };
     let progress = Progress::new(chosen.len());
-    let (next, lines) = (AtomicUsize::new(0), mpsc::channel());
+    let (queue, lines) = (CheckQueue::new(&chosen), mpsc::channel());
     std::thread::scope(|scope| -> Result<(), String> {
         for _ in 0..at_once {
-            let (to, runner, chosen, next, progress) = (lines.0.clone(), &runner, &chosen, &next, &progress);
+            let (to, runner, queue, progress) = (lines.0.clone(), &runner, &queue, &progress);
             scope.spawn(move || {
-                while let Some(check) = chosen.get(next.fetch_add(1, Ordering::Relaxed)) {
+                while let Some(check) = queue.next() {
                     progress.start(check);
-                    if to.send(runner.run(check)).is_err() {
+                    let line = runner.run(check);
+                    queue.ended(check);
+                    if to.send(line).is_err() {
                         break;
                     }
                 }
@@ -191,10 +189,60 @@ fn check(arguments: &Arguments, prefix: &[OsString]) -> Result<u8, String> {
 }
 
 /// Number of checks that run at a time: one, so that none disturbs another's times; two where a processor emulates the adapter, since times
-/// show nothing there, if the machine has the memory of two worlds.
+/// show nothing there.
 fn checks_at_once(machine: &Machine) -> usize {
-    let is_able = machine.emulated && machine.threads > 1 && machine.memory >= MEMORY_FOR_TWO;
-    if is_able { 2 } else { 1 }
+    if machine.emulated && machine.threads > 1 { 2 } else { 1 }
+}
+
+/// Checks that have not started, in their order. Of two that run at a time only one may load a world, for which memory could be too small.
+struct CheckQueue {
+    state: Mutex<QueueState>,
+    changed: Condvar,
+}
+
+struct QueueState {
+    remaining: Vec<&'static CheckDefinition>,
+    has_world: bool,
+}
+
+impl QueueState {
+    /// Takes the first check that may start.
+    fn take(&mut self) -> Option<&'static CheckDefinition> {
+        let may_start = |check: &&CheckDefinition| !(self.has_world && check.has_world());
+        let at = self.remaining.iter().position(may_start)?;
+        let check = self.remaining.remove(at);
+        self.has_world |= check.has_world();
+        Some(check)
+    }
+}
+
+impl CheckQueue {
+    fn new(checks: &[&'static CheckDefinition]) -> Self {
+        let state = QueueState { remaining: checks.to_vec(), has_world: false };
+        Self { state: Mutex::new(state), changed: Condvar::new() }
+    }
+
+    /// The next check that may start, after a wait if there is none yet; `None` if all have started.
+    fn next(&self) -> Option<&'static CheckDefinition> {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            if let Some(check) = state.take() {
+                return Some(check);
+            }
+            if state.remaining.is_empty() {
+                return None;
+            }
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// A check has ended.
+    fn ended(&self, check: &CheckDefinition) {
+        if check.has_world() {
+            self.state.lock().unwrap_or_else(PoisonError::into_inner).has_world = false;
+            self.changed.notify_all();
+        }
+    }
 }
 
 fn write(report: &Report, folder: &Path) -> Result<(), String> {
@@ -264,6 +312,24 @@ mod tests {
         assert_eq!(count(&["adapters"]), Ok(1));
         assert!(count(&["there"]).is_ok_and(|found| found > 1));
         assert!(count(&["adapters", "nothing"]).is_err_and(|why| why.contains("no check or group nothing")));
+    }
+
+    #[test]
+    fn one_world_is_loaded_at_a_time_and_other_checks_run_beside_it() {
+        let chosen = chosen(&["directml", "states", "window"].map(str::to_owned)).expect("checks");
+        let queue = CheckQueue::new(&chosen);
+        let name = |check: Option<&CheckDefinition>| check.map(|check| check.name);
+        let first = queue.next().expect("a check");
+        assert_eq!(first.name, "directml");
+        assert_eq!(name(queue.next()), Some("window"));
+        assert!(queue.state.lock().expect("no panic").take().is_none());
+        queue.ended(first);
+        assert_eq!((name(queue.next()), name(queue.next())), (Some("states"), None));
+    }
+
+    #[test]
+    fn worlds_are_in_checks_that_exist() {
+        assert_eq!(checks::ALL.iter().filter(|check| check.has_world()).count(), 8);
     }
 
     #[test]
