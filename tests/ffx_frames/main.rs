@@ -347,6 +347,20 @@ fn a_target_that_shaders_cannot_write_and_textures_in_any_state_are_left_as_they
     let pictures = GenerationTextures { depth: depth.with_state(), ..of(&textures) };
     let found = pair(&mut generator, &textures, &pictures, &FrameParams::of(SIZE));
     assert!(off(&found, INNER, moved(HALF)) <= 2);
+    // The library copies the picture, so its barriers begin with the state that it was told.
+    let color = writable_texture(
+        &gpu,
+        (SIZE.width, SIZE.height),
+        DXGI_FORMAT_R8G8B8A8_UNORM,
+        D3D12_RESOURCE_STATE_ALL_SHADER_RESOURCE,
+    );
+    let pictures = GenerationTextures { color: color.with_state(), ..of(&textures) };
+    for number in [0, 1] {
+        textures.fill(&color, moved(STEP * number));
+        let params = FrameParams { reset: number == 0, ..FrameParams::of(SIZE) };
+        generator.generate(&pictures, &params).expect("generated").wait().expect("it has run");
+    }
+    assert!(off(&textures.generated(), INNER, moved(HALF)) <= 2);
     assert!(gpu.removed().is_none());
     assert_eq!(double.violations(), [""; 0]);
 }

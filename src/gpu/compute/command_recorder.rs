@@ -259,7 +259,8 @@ impl<'a> CommandRecorder<'a> {
     /// `InvalidArgument` for a resource in a state that the queue does not know, or given in two states.
     pub(crate) fn transition_to(&mut self, given: &ResourceWithState<'_>, state: D3D12_RESOURCE_STATES) -> Result<()> {
         self.check_state(given)?;
-        self.require_state(given, state);
+        // Exactly that state, not one that contains it: the other code may record barriers that begin with it.
+        self.require(given, state, true);
         self.flush();
         Ok(())
     }
@@ -302,6 +303,11 @@ impl<'a> CommandRecorder<'a> {
 
     /// Collects a barrier for the state that the next command needs.
     fn require_state(&mut self, given: &ResourceWithState<'_>, needed: D3D12_RESOURCE_STATES) {
+        self.require(given, needed, false);
+    }
+
+    /// Collects a barrier for a state. Unless `is_exact`, a combined read state that contains the needed one will do.
+    fn require(&mut self, given: &ResourceWithState<'_>, needed: D3D12_RESOURCE_STATES, is_exact: bool) {
         let at = self.index_of_tracked(given.resource).unwrap_or_else(|| {
             let (resource, final_state) = (given.resource.clone(), given.state);
             self.slot.tracked.push(TrackedResource { resource, final_state, current: final_state });
@@ -309,8 +315,8 @@ impl<'a> CommandRecorder<'a> {
         });
         let FrameSlot { tracked, barriers, .. } = &mut *self.slot;
         let known = &mut tracked[at];
-        // A combined read state that contains the needed one needs no transition: above all GENERIC_READ of upload heaps.
-        let is_read = needed == SHADER_READ || needed == D3D12_RESOURCE_STATE_COPY_SOURCE;
+        // Above all GENERIC_READ of upload heaps.
+        let is_read = !is_exact && (needed == SHADER_READ || needed == D3D12_RESOURCE_STATE_COPY_SOURCE);
         if known.current == SHADER_WRITE && needed == SHADER_WRITE {
             barriers.push(uav_barrier(&known.resource));
         } else if !(is_read && known.current.contains(needed)) && known.current != needed {

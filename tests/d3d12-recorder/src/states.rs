@@ -227,6 +227,13 @@ impl ResourceStates {
         self.subresources.iter().find_map(text)
     }
 
+    /// The state of all subresources, if they have the same one and no layout.
+    pub fn common_state(&self) -> Option<State> {
+        let state = self.subresources.first()?.state;
+        let has = |current: &Current| current.state == state && current.enhanced.is_none();
+        self.subresources.iter().all(has).then_some(state)
+    }
+
     /// Number of subresources.
     pub fn count(&self) -> usize {
         self.subresources.len()

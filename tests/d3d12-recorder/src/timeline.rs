@@ -144,6 +144,11 @@ impl<T> Timeline<T> {
         }
     }
 
+    /// Whether no queue waits for a fence.
+    pub fn is_idle(&self) -> bool {
+        self.queues.iter().all(|queue| queue.operations.is_empty())
+    }
+
     /// Whether the processor knows that a submission is complete.
     pub fn is_complete(&self, queue: usize, submission: u64) -> bool {
         self.host.get(queue) >= submission
@@ -280,8 +285,9 @@ mod tests {
         let (mut timeline, a, _) = two_queues();
         timeline.wait(a, FENCE, 1);
         timeline.execute(a, "gated");
-        assert!(timeline.advance().is_empty());
+        assert!(timeline.advance().is_empty() && !timeline.is_idle());
         timeline.signal_by_host(FENCE, 1);
         assert_eq!(timeline.advance().len(), 1);
+        assert!(timeline.is_idle());
     }
 }

@@ -575,8 +575,8 @@ fn reserved_resources_have_the_memory_of_their_tiles() {
     let heap = scene.recorder.create(ObjectKind::Heap, "heap", None);
     let [one, other] = [(); 2].map(|()| scene.new_resource(resource(true, Memory::Default, COMMON)));
     let tile = |number: u64| Some(HeapRange { heap, bytes: TILE * number..TILE * (number + 1) });
-    scene.recorder.map_tiles(one, vec![(0, tile(0)), (1, tile(1))]);
-    scene.recorder.map_tiles(other, vec![(0, tile(1)), (1, tile(2))]);
+    scene.recorder.map_tiles(scene.queue, one, vec![(0, tile(0)), (1, tile(1))]);
+    scene.recorder.map_tiles(scene.queue, other, vec![(0, tile(1)), (1, tile(2))]);
     let use_both = |scene: &mut Scene| {
         scene.copy(one, scene.upload);
         scene.copy(other, scene.upload);
@@ -586,8 +586,48 @@ fn reserved_resources_have_the_memory_of_their_tiles() {
         scene.rules()
     };
     assert_eq!(use_both(&mut scene), [Rule::AliasingBarrierMissing]);
-    scene.recorder.map_tiles(other, vec![(0, None)]);
+    scene.recorder.map_tiles(scene.queue, other, vec![(0, None)]);
     assert_eq!(use_both(&mut scene), []);
+    scene.recorder.copy_tile_mappings(scene.queue, other, one, vec![(0, 1)]);
+    assert_eq!(use_both(&mut scene), [Rule::AliasingBarrierMissing]);
+    // Tile 5 has no memory.
+    scene.recorder.copy_tile_mappings(scene.queue, other, one, vec![(0, 5)]);
+    assert_eq!(use_both(&mut scene), []);
+}
+
+#[test]
+fn tiles_change_when_the_queue_reaches_the_call() {
+    let mut scene = Scene::new();
+    let heap = scene.recorder.create(ObjectKind::Heap, "heap", None);
+    let [one, other] = [(); 2].map(|()| scene.new_resource(resource(true, Memory::Default, COMMON)));
+    let tile = Some(HeapRange { heap, bytes: 0..64 * 1024 });
+    scene.recorder.map_tiles(scene.queue, one, vec![(0, tile.clone())]);
+    scene.copy(one, scene.upload);
+    scene.copy(other, scene.upload);
+    let gate = scene.recorder.create(ObjectKind::Fence, "gate", None);
+    scene.recorder.create_fence(gate, 0);
+    scene.recorder.wait(scene.queue, gate, 1);
+    scene.submit();
+    // The queued copies use memory that only later is both resources'.
+    scene.recorder.map_tiles(scene.queue, other, vec![(0, tile)]);
+    scene.recorder.signal_by_host(gate, 1);
+    assert_eq!(scene.rules(), []);
+}
+
+#[test]
+fn the_state_of_a_resource_is_known_unless_a_queue_waits() {
+    let mut scene = Scene::new();
+    assert_eq!(scene.recorder.state_of(scene.texture), Some(COMMON));
+    assert!(scene.recorder.is_open(scene.list));
+    scene.barrier(scene.texture, (COMMON, READ));
+    let gate = scene.recorder.create(ObjectKind::Fence, "gate", None);
+    scene.recorder.create_fence(gate, 0);
+    scene.recorder.wait(scene.queue, gate, 1);
+    scene.submit();
+    assert!(!scene.recorder.is_open(scene.list));
+    assert_eq!(scene.recorder.state_of(scene.texture), None);
+    scene.recorder.signal_by_host(gate, 1);
+    assert_eq!(scene.recorder.state_of(scene.texture), Some(READ));
 }
 
 #[test]

@@ -13,6 +13,7 @@ use windows::core::{IUnknown, Interface};
 
 use crate::config::Sdk;
 use crate::field_access::get;
+use crate::prepared_inputs::PrepareRequest;
 use crate::shader_work::{self, CONSTANTS, Pictures, TextureArg};
 use crate::swapchain::{FakeSwapchain, Settings, find_by_address};
 
@@ -69,6 +70,8 @@ pub(crate) struct GeneratorState {
     presented_by: Option<Arc<FakeSwapchain>>,
     /// Parameters of the prepare call.
     prepare_params: Option<PrepareParams>,
+    /// Copies of its motion and depth, once recorded.
+    prepared_inputs: Option<[TextureArg; 2]>,
     /// The previous frame's jitter.
     jitter_before: [f32; 2],
     /// Ids of the current frame's configure and prepare calls, once made.
@@ -81,8 +84,6 @@ pub(crate) struct GeneratorState {
 /// Parameters of a prepare call.
 #[derive(Debug, Clone, Copy)]
 struct PrepareParams {
-    motion: TextureArg,
-    depth: TextureArg,
     size: [u32; 2],
     jitter: [f32; 2],
     scale: [f32; 2],
@@ -100,6 +101,12 @@ pub(crate) struct PictureRequest {
     pub(crate) constants: [u32; CONSTANTS],
 }
 
+/// What a checked call records.
+pub(crate) enum Request {
+    Prepare(PrepareRequest),
+    Picture(PictureRequest),
+}
+
 impl GeneratorState {
     pub(crate) fn new(made: CreationParams) -> Self {
         Self {
@@ -110,6 +117,7 @@ impl GeneratorState {
             is_async: false,
             presented_by: None,
             prepare_params: None,
+            prepared_inputs: None,
             jitter_before: [0.0; 2],
             settings: None,
             prepared: None,
@@ -126,7 +134,7 @@ impl GeneratorState {
         self.presented_by.as_ref()
     }
 
-    /// Checks one call and reports violations to `fault`. Returns the work to record if the call generates a picture.
+    /// Checks one call and reports violations to `fault`. Returns the work to record, if the call records some.
     ///
     /// # Safety
     /// A chain of structs whose types match their ids.
@@ -136,7 +144,7 @@ impl GeneratorState {
         context: usize,
         chain: &[(u64, *const u8)],
         fault: &mut dyn FnMut(String),
-    ) -> Option<PictureRequest> {
+    ) -> Option<Request> {
         let (first, head) = chain[0];
         let may_follow = match first {
             CONFIGURE => &[DISTORTION][..],
@@ -158,14 +166,16 @@ impl GeneratorState {
         unsafe {
             match first {
                 CONFIGURE => self.settings(context, head, chain.get(1).map(|(_, at)| *at), fault),
-                PREPARE | PREPARE_V2 => self.prepare(head, first == PREPARE_V2, chain, sdk, fault),
+                PREPARE | PREPARE_V2 => {
+                    return self.prepare(head, first == PREPARE_V2, chain, sdk, fault).map(Request::Prepare);
+                }
                 _ => {
                     let request = self.picture(head, fault);
                     // A rejected call does not count as a frame.
                     if faults > 0 {
                         self.last = before;
                     }
-                    return request;
+                    return request.map(Request::Picture);
                 }
             }
         }
@@ -254,7 +264,7 @@ impl GeneratorState {
         chain: &[(u64, *const u8)],
         sdk: Sdk,
         fault: &mut dyn FnMut(String),
-    ) {
+    ) -> Option<PrepareRequest> {
         if is_v2 != (sdk >= Sdk::V21) {
             fault(format!("motion and depth are told as another release than {sdk:?} wants"));
         }
@@ -318,13 +328,18 @@ impl GeneratorState {
         }
         // SAFETY: as above.
         let pictures = unsafe { [88, 136].map(|at| texture_arg(head, at)) };
-        if let [Some(depth), Some(motion)] = pictures {
-            let [a, b, c, d, ..] = numbers;
-            let reset = is_v2.then_some(reset);
-            self.jitter_before = self.prepare_params.map_or([0.0; 2], |prepare_params| prepare_params.jitter);
-            self.prepare_params = Some(PrepareParams { motion, depth, size, jitter: [a, b], scale: [c, d], reset });
-        }
-        self.prepared = Some(id);
+        (self.prepared, self.prepared_inputs) = (Some(id), None);
+        let [Some(depth), Some(motion)] = pictures else { return None };
+        let [a, b, c, d, ..] = numbers;
+        let reset = is_v2.then_some(reset);
+        self.jitter_before = self.prepare_params.map_or([0.0; 2], |prepare_params| prepare_params.jitter);
+        self.prepare_params = Some(PrepareParams { size, jitter: [a, b], scale: [c, d], reset });
+        Some(PrepareRequest { list, motion, depth })
+    }
+
+    /// Sets the recorded copies of motion and depth.
+    pub(crate) fn set_prepared_inputs(&mut self, inputs: [TextureArg; 2]) {
+        self.prepared_inputs = Some(inputs);
     }
 
     unsafe fn picture(&mut self, head: *const u8, fault: &mut dyn FnMut(String)) -> Option<PictureRequest> {
@@ -373,18 +388,10 @@ impl GeneratorState {
         self.last = Some(id);
         // SAFETY: the struct has resources there.
         let (shown, output) = unsafe { (texture_arg(head, 24)?, texture_arg(head, 72)?) };
-        let prepare_params = self.prepare_params?;
+        let (prepare_params, [motion, depth]) = (self.prepare_params?, self.prepared_inputs?);
         // Missing textures are replaced by others, which the shader does not read.
         let source = self.hudless.unwrap_or(shown);
-        let inputs = [
-            shown,
-            source,
-            shown,
-            prepare_params.motion,
-            prepare_params.depth,
-            self.distortion.unwrap_or(prepare_params.motion),
-            shown,
-        ];
+        let inputs = [shown, source, shown, motion, depth, self.distortion.unwrap_or(motion), shown];
         let pictures = Pictures { inputs, motion: 3, output, kept: Some(1) };
         let [left, top, width, height] = rect;
         let [columns, rows] = self.made.shown.map(u32::cast_signed);

@@ -16,6 +16,7 @@ mod field_access;
 mod generation;
 mod library;
 mod parameter_log;
+mod prepared_inputs;
 mod proxy;
 mod queries;
 mod shader_work;

@@ -11,8 +11,9 @@ use windows::core::{IUnknown, Interface};
 use crate::config::{Config, Sdk};
 use crate::effect_library::EffectLibrary;
 use crate::field_access::{get, links};
-use crate::generation::{CONFIGURE, CreationParams, GeneratorState, PICTURE, PREPARE, PREPARE_V2};
+use crate::generation::{CONFIGURE, CreationParams, GeneratorState, PICTURE, PREPARE, PREPARE_V2, Request};
 use crate::parameter_log;
+use crate::prepared_inputs::PreparedInputs;
 use crate::shader_work::{CONSTANTS, RESET, ShaderWork};
 use crate::swapchain::{self, SwapchainContext};
 use crate::swapchain_config;
@@ -85,6 +86,8 @@ pub(crate) struct EffectContext {
     work: Option<ShaderWork>,
     /// The same for reactive masks.
     mask: Option<ShaderWork>,
+    /// A generator's motion and depth.
+    inputs: PreparedInputs,
 }
 
 /// The kind of a context, with its state.
@@ -355,7 +358,8 @@ impl Library {
                     jitter: [0.0; 2],
                 }),
             };
-            self.effect_contexts.insert(made as usize, EffectContext { kind, device, work: None, mask: None });
+            let inputs = PreparedInputs::default();
+            self.effect_contexts.insert(made as usize, EffectContext { kind, device, work: None, mask: None, inputs });
         }
         self.contexts.insert(made as usize, provider);
         // SAFETY: the caller's memory.
@@ -389,12 +393,12 @@ impl Library {
                 self.report_violation("destroy", &why, OK);
             }
         }
-        if let Some(EffectContext { work: Some(work), .. }) = self.effect_contexts.remove(&known)
+        if let Some(EffectContext { work: Some(work), inputs, .. }) = self.effect_contexts.remove(&known)
             && work.in_flight() > 0
         {
             self.report_violation("destroy", &format!("{} frames are under way", work.in_flight()), OK);
-            // The device may still use it, so it is leaked.
-            std::mem::forget(work);
+            // The device may still use both, so they are leaked.
+            std::mem::forget((work, inputs));
         }
         if self.contexts.remove(&known).is_none() {
             return self.report_violation("destroy", "there is no such context", PARAMETER);
@@ -485,8 +489,12 @@ impl Library {
                 (ContextKind::Generator(generator), _) if chain[0].0 != UPSCALE => {
                     generator.check(self.config.sdk, context, chain, &mut fault)
                 }
-                (ContextKind::Upscaler(upscaler), [(UPSCALE, head)]) => upscaler.check(*head, &mut fault),
-                (ContextKind::Upscaler(upscaler), [(MASK, head)]) => upscaler.check_mask(*head, &mut fault),
+                (ContextKind::Upscaler(upscaler), [(UPSCALE, head)]) => {
+                    upscaler.check(*head, &mut fault).map(Request::Picture)
+                }
+                (ContextKind::Upscaler(upscaler), [(MASK, head)]) => {
+                    upscaler.check_mask(*head, &mut fault).map(Request::Picture)
+                }
                 _ => return UNKNOWN_STRUCT,
             }
         };
@@ -500,7 +508,19 @@ impl Library {
         if !faults.is_empty() {
             return PARAMETER;
         }
-        let Some(mut request) = request else { return OK };
+        let mut request = match (request, &mut effect.kind) {
+            (None, _) => return OK,
+            (Some(Request::Picture(request)), _) => request,
+            (Some(Request::Prepare(request)), ContextKind::Generator(generator)) => {
+                // SAFETY: list and resources were checked.
+                let recorded = unsafe { effect.inputs.record(&effect.device, &request) };
+                return recorded.map_or(RUNTIME, |inputs| {
+                    generator.set_prepared_inputs(inputs);
+                    OK
+                });
+            }
+            (Some(Request::Prepare(_)), ContextKind::Upscaler(_)) => return UNKNOWN_STRUCT,
+        };
         if self.config.fails_from.is_some_and(|first| self.pictures + 1 >= first) {
             return RUNTIME;
         }

@@ -33,7 +33,7 @@ pub(crate) const UPSIDE_DOWN: u32 = 128;
 pub(crate) const FARTHEST: u32 = 256;
 pub(crate) const WRONG_JITTER: u32 = 512;
 
-const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
+pub(crate) const READ: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE;
 const WRITTEN: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
 
 /// ffx-api's resource states with their Direct3D 12 values.
@@ -304,7 +304,7 @@ pub(crate) fn state(arg: u32) -> D3D12_RESOURCE_STATES {
 
 /// # Safety
 /// An open list, and live resources in the states before.
-unsafe fn record_barriers(list: &ID3D12GraphicsCommandList, barriers: &[D3D12_RESOURCE_BARRIER]) {
+pub(crate) unsafe fn record_barriers(list: &ID3D12GraphicsCommandList, barriers: &[D3D12_RESOURCE_BARRIER]) {
     if !barriers.is_empty() {
         // SAFETY: the caller's promise.
         unsafe { list.ResourceBarrier(barriers) };

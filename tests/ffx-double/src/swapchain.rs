@@ -22,8 +22,10 @@ use crate::library::Library;
 use crate::proxy::Proxy;
 use crate::shader_work::{TextureArg, committed, state, transition};
 
-/// Resting state of the host's buffers, and of the generated texture while it is copied from.
+/// Resting state of the host's buffers.
 const REST: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_COMMON;
+/// Resting state of the generated texture, as AMD's swap chain has it.
+const GENERATED_REST: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
 /// ffx-api's value for the presentation state.
 const PRESENT: u32 = 128;
 const WRITTEN: u32 = 2;
@@ -330,10 +332,10 @@ impl FakeSwapchain {
                 let mut now = self.state();
                 (now.starts, now.last) = (false, settings.frame);
                 drop(now);
-                self.show(&generated, "generated", settings.frame)?;
+                self.show((&generated, GENERATED_REST), "generated", settings.frame)?;
             }
         }
-        self.show(&color, "real", settings.map_or(0, |settings| settings.frame))?;
+        self.show((&color, REST), "real", settings.map_or(0, |settings| settings.frame))?;
         let mut now = self.state();
         now.next = (now.next + 1) % now.buffers.len() as u32;
         Ok(())
@@ -404,9 +406,9 @@ impl FakeSwapchain {
         }
     }
 
-    /// Presents a picture with the interface drawn over it.
-    fn show(&self, picture: &ID3D12Resource, what: &str, frame: u64) -> Result<()> {
-        let mut pixels = self.read(picture, REST)?;
+    /// Presents a picture, which rests in a state, with the interface drawn over it.
+    fn show(&self, picture: (&ID3D12Resource, D3D12_RESOURCE_STATES), what: &str, frame: u64) -> Result<()> {
+        let mut pixels = self.read(picture.0, picture.1)?;
         let interface = self.state().interface;
         if let Some((arg, premultiplied)) = interface
             // SAFETY: checked to be a resource, which the host keeps until it sets another.
@@ -560,9 +562,8 @@ pub(crate) fn textures(
         Flags: D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET | D3D12_RESOURCE_FLAG_ALLOW_UNORDERED_ACCESS,
         ..Default::default()
     };
-    let rests = [D3D12_RESOURCE_STATE_UNORDERED_ACCESS, REST];
     let made = |rests| committed(device, D3D12_HEAP_TYPE_DEFAULT, &wanted, rests);
-    Ok(((0..count).map(|_| made(REST)).collect::<Result<_>>()?, made(rests[0])?))
+    Ok(((0..count).map(|_| made(REST)).collect::<Result<_>>()?, made(GENERATED_REST)?))
 }
 
 fn whole(resource: &ID3D12Resource) -> D3D12_TEXTURE_COPY_LOCATION {

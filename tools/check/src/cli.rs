@@ -3,12 +3,13 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::{Condvar, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
 use clap::{Parser, Subcommand};
 
 use crate::checks::{self, CheckDefinition, Settings};
-use crate::report::{Report, SCHEMA};
+use crate::report::{Machine, Report, SCHEMA};
 use crate::runner::{PATIENCE_WITH_EMULATION, Runner, run_one};
 use crate::summary::{Progress, totals};
 use crate::{compare, hardware, page};
@@ -18,7 +19,7 @@ const UNUSABLE: u8 = 2;
 
 /// Judges this machine's graphics adapter for Cairn: what is there, whether results on it are right, and how long they take.
 ///
-/// Without options it runs every check in at most five minutes, writes report.html and report.json, and ends with status 0 if all passed, 1 if one
+/// Without options it runs every check in at most five minutes (on an emulated adapter as with --quick), writes report.html and report.json, and ends with status 0 if all passed, 1 if one
 /// failed, and 3 if none failed but some could not tell. Nothing is installed or sent; the report names adapter, drivers, processor and system, and
 /// neither users nor folders. Each check runs in a process of its own, so that a driver that crashes or hangs is a line of the report.
 #[derive(Debug, Parser)]
@@ -140,32 +141,108 @@ fn check(arguments: &Arguments, prefix: &[OsString]) -> Result<u8, String> {
     let machine = runner.describe();
     if machine.emulated {
         runner.patience = PATIENCE_WITH_EMULATION;
+        runner.settings.quick = true;
     }
+    let at_once = checks_at_once(&machine);
     let mut report = Report {
         schema: SCHEMA,
         cairn: env!("CARGO_PKG_VERSION").to_owned(),
         optimised: !cfg!(debug_assertions),
-        quick: arguments.settings.quick,
+        quick: runner.settings.quick,
         seconds: 0.0,
         verdict: Report::worst(&[]),
         machine,
         checks: Vec::new(),
     };
     let progress = Progress::new(chosen.len());
-    for check in chosen {
-        progress.start(check);
-        let line = runner.run(check);
-        progress.done(&line);
-        report.checks.push(line);
-        report.verdict = Report::worst(&report.checks);
-        report.seconds = start.elapsed().as_secs_f64();
-        // Written after each check: the user may end the program before the last.
-        write(&report, out)?;
-    }
+    let (queue, lines) = (CheckQueue::new(&chosen), mpsc::channel());
+    std::thread::scope(|scope| -> Result<(), String> {
+        for _ in 0..at_once {
+            let (to, runner, queue, progress) = (lines.0.clone(), &runner, &queue, &progress);
+            scope.spawn(move || {
+                while let Some(check) = queue.next() {
+                    progress.start(check);
+                    let line = runner.run(check);
+                    queue.ended(check);
+                    if to.send(line).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop(lines.0);
+        for line in lines.1 {
+            progress.done(&line);
+            report.checks.push(line);
+            report.checks.sort_by_key(|line| chosen.iter().position(|check| check.name == line.name));
+            report.verdict = Report::worst(&report.checks);
+            report.seconds = start.elapsed().as_secs_f64();
+            // Written after each check: the user may end the program before the last.
+            write(&report, out)?;
+        }
+        Ok(())
+    })?;
     progress.finish();
     println!("\n{}", totals(&report));
     println!("{} and report.json beside it", out.join("report.html").display());
     Ok(report.verdict.exit_status())
+}
+
+/// Number of checks that run at a time: one, so that none disturbs another's times; two where a processor emulates the adapter, since times
+/// show nothing there.
+fn checks_at_once(machine: &Machine) -> usize {
+    if machine.emulated && machine.threads > 1 { 2 } else { 1 }
+}
+
+/// Checks that have not started, in their order. Of two that run at a time only one may load a world, for which memory could be too small.
+struct CheckQueue {
+    state: Mutex<QueueState>,
+    changed: Condvar,
+}
+
+struct QueueState {
+    remaining: Vec<&'static CheckDefinition>,
+    has_world: bool,
+}
+
+impl QueueState {
+    /// Takes the first check that may start.
+    fn take(&mut self) -> Option<&'static CheckDefinition> {
+        let may_start = |check: &&CheckDefinition| !(self.has_world && check.has_world());
+        let at = self.remaining.iter().position(may_start)?;
+        let check = self.remaining.remove(at);
+        self.has_world |= check.has_world();
+        Some(check)
+    }
+}
+
+impl CheckQueue {
+    fn new(checks: &[&'static CheckDefinition]) -> Self {
+        let state = QueueState { remaining: checks.to_vec(), has_world: false };
+        Self { state: Mutex::new(state), changed: Condvar::new() }
+    }
+
+    /// The next check that may start, after a wait if there is none yet; `None` if all have started.
+    fn next(&self) -> Option<&'static CheckDefinition> {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            if let Some(check) = state.take() {
+                return Some(check);
+            }
+            if state.remaining.is_empty() {
+                return None;
+            }
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// A check has ended.
+    fn ended(&self, check: &CheckDefinition) {
+        if check.has_world() {
+            self.state.lock().unwrap_or_else(PoisonError::into_inner).has_world = false;
+            self.changed.notify_all();
+        }
+    }
 }
 
 fn write(report: &Report, folder: &Path) -> Result<(), String> {
@@ -235,6 +312,24 @@ mod tests {
         assert_eq!(count(&["adapters"]), Ok(1));
         assert!(count(&["there"]).is_ok_and(|found| found > 1));
         assert!(count(&["adapters", "nothing"]).is_err_and(|why| why.contains("no check or group nothing")));
+    }
+
+    #[test]
+    fn one_world_is_loaded_at_a_time_and_other_checks_run_beside_it() {
+        let chosen = chosen(&["directml", "states", "window"].map(str::to_owned)).expect("checks");
+        let queue = CheckQueue::new(&chosen);
+        let name = |check: Option<&CheckDefinition>| check.map(|check| check.name);
+        let first = queue.next().expect("a check");
+        assert_eq!(first.name, "directml");
+        assert_eq!(name(queue.next()), Some("window"));
+        assert!(queue.state.lock().expect("no panic").take().is_none());
+        queue.ended(first);
+        assert_eq!((name(queue.next()), name(queue.next())), (Some("states"), None));
+    }
+
+    #[test]
+    fn worlds_are_in_checks_that_exist() {
+        assert_eq!(checks::ALL.iter().filter(|check| check.has_world()).count(), 8);
     }
 
     #[test]

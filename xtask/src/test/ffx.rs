@@ -7,7 +7,7 @@ use provision::Console;
 use super::Context;
 use super::amd::Amd;
 use super::tally::Tally;
-use super::{lab, windows_build};
+use super::{lab, recorder, windows_build};
 use crate::shell::Log;
 
 /// The test programs.
@@ -75,7 +75,8 @@ fn with_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Resul
     context.provide_windows_worlds(&mut command)?;
     Amd::Double(folder.clone()).provide(&mut command);
     command.args(["--", "--exact"]).args(OVER_THE_DOUBLE);
-    let mut counted = windows_build::run(&mut command, &[], log)?;
+    // Unity's test double uses the recorder's rules. The list's entries are for all tests of a program.
+    let mut counted = recorder::run_tests(context, log, &mut command, &[])?;
     let mut driver = context.windows_tests([DRIVER], log)?;
     Amd::Double(folder.clone()).provide(&mut driver);
     counted.add(windows_build::run(&mut driver, &[], log)?);

@@ -12,7 +12,7 @@ use provision::{Console, tools};
 use super::Context;
 use super::amd::Amd;
 use super::tally::{Skip, Tally};
-use super::windows_build;
+use super::{recorder, windows_build};
 use crate::shell::Log;
 
 /// Time limit for a program to start and, after its end was requested, to exit.
@@ -47,14 +47,25 @@ pub(super) fn lab_run() -> Result<Command, String> {
 
 /// The library's tests of Direct3D 12 and DirectML, and the plugin's in the Unity test host, built for Windows.
 fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, String> {
-    let mut command = context.windows_tests(["d3d12*", "directml", "host", "hostile"], log)?;
+    let mut command = context.windows_tests(["d3d12*", "directml", "hostile"], log)?;
     context.provide_windows_worlds(&mut command)?;
     amd.provide(&mut command);
-    // Folder of the test programs, where the plugin linked into one of them looks for AMD's libraries.
+    // Folder of the test programs, where the plugin linked into two of them looks for AMD's libraries.
     let programs = context.windows_programs().join("deps");
     fs::create_dir_all(&programs).map_err(|e| format!("{}: {e}", programs.display()))?;
-    amd.beside(&programs, || windows_build::run(&mut command, &[], log))
+    let mut in_unity = context.windows_tests([IN_UNITY], log)?;
+    context.provide_windows_worlds(&mut in_unity)?;
+    amd.provide(&mut in_unity);
+    in_unity.arg("--");
+    amd.beside(&programs, || {
+        let mut tally = windows_build::run(&mut command, &[], log)?;
+        tally.add(recorder::run_tests(context, log, &mut in_unity, &[IN_UNITY])?);
+        Ok(tally)
+    })
 }
+
+/// The plugin's tests in Unity's test double, which uses the rules of the recorder of Direct3D's calls.
+const IN_UNITY: &str = "host";
 
 /// A command that runs a program as [`lab_run`] does, with only Windows' own variables in its environment.
 pub(super) fn with_empty_environment(program: &Path) -> Result<Command, String> {

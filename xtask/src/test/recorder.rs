@@ -30,16 +30,23 @@ const SHORT: [&str; 8] = [
     "d3d12_shaders",
 ];
 
-/// More programs.
-const LONG: [&str; 7] =
-    ["d3d12_interface", "d3d12_libraries", "d3d12_lifecycle", "d3d12_memory", "d3d12_residency", "directml", "host"];
+/// More programs. `host`, Unity's test double, always runs with the recorder: in the runners `lab` and `ffx`.
+const LONG: [&str; 7] = [
+    "d3d12_interface",
+    "d3d12_libraries",
+    "d3d12_lifecycle",
+    "d3d12_memory",
+    "d3d12_residency",
+    "d3d12_validation",
+    "directml",
+];
 
 /// Programs of every run with test doubles of AMD's libraries, which they bring themselves.
 const SHORT_AMD: [&str; 2] = ["ffx_interface", "ffx_upscale"];
 
-/// More of these. Those with a swap chain are left out: the double's reads motion and depth after the host's list, and states are the host's
-/// again.
-const LONG_AMD: [&str; 4] = ["ffx", "ffx_frames", "ffx_mutants", "ffx_presenter"];
+/// More of these.
+const LONG_AMD: [&str; 6] =
+    ["ffx", "ffx_frames", "ffx_mutants", "ffx_presenter", "ffx_swapchain", "ffx_swapchain_interface"];
 
 /// The study's comparison, as findings name it.
 const COMPARISON: &str = "study compare";
@@ -109,39 +116,65 @@ fn run_programs(context: &Context<'_>, groups: &[Programs<'_>], log: &mut Log) -
         let skip = Skip { name: "Direct3D 12 through the recorder".to_owned(), reason: format!("needs lab: {why}") };
         return Ok(Tally { skips: vec![skip], ..Tally::default() });
     }
-    let known = KnownFindings::parse(&context.workspace.read(LIST)?)?;
     let mut tally = Tally::default();
     for (programs, provide) in groups {
-        // One test at a time, so that a finding follows the name of its test.
         let mut command = context.windows_tests(programs.iter().copied(), log)?;
-        command.args(["--", "--test-threads=1"]);
+        command.arg("--");
         provide(context, &mut command)?;
         Amd::None.provide(&mut command);
-        let CommandOutput { success, output } =
-            with_recorder(&context.windows_programs(), &mut command, |command| log.run(command))?;
-        let (output, messages) = separate(&output)?;
-        tally.add(windows_build::judge(&CommandOutput { success, output }, &[]));
-        tally.failures.extend(known.others(&messages));
-        tally.failures.extend(known.missing(&messages, programs));
+        tally.add(run_tests(context, log, &mut command, programs)?);
     }
+    Ok(tally)
+}
+
+/// Runs a command of cargo, which ends in arguments of test programs, with the recorder. Each broken rule that is not in the list is a
+/// failure, and each entry for these programs that is not needed.
+pub(super) fn run_tests(
+    context: &Context<'_>,
+    log: &mut Log,
+    command: &mut Command,
+    programs: &[&str],
+) -> Result<Tally, String> {
+    let known = KnownFindings::parse(&context.workspace.read(LIST)?)?;
+    // One test at a time, so that a finding follows the name of its test.
+    command.arg("--test-threads=1");
+    let CommandOutput { success, output } =
+        with_recorder(&context.windows_programs(), command, |command| log.run(command))?;
+    let (output, messages) = separate(&output)?;
+    let mut tally = windows_build::judge(&CommandOutput { success, output }, &[]);
+    tally.failures.extend(known.others(&messages));
+    tally.failures.extend(known.missing(&messages, programs));
     Ok(tally)
 }
 
 /// The study's comparison on DirectML: its program makes the worlds' frames and those between them. The study's own tests start it as a
 /// process whose output they keep.
 fn run_comparison(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
-    let known = KnownFindings::parse(&context.workspace.read(LIST)?)?;
     let mut command = study_windows::comparison_by_shaders(context, "study-recorder")?;
-    command.env("WINEDLLOVERRIDES", OVERRIDES);
-    let built = context.windows_programs();
-    let ended = beside(&built.join("d3d12_recorder.dll"), &built, || log.run(&mut command))?;
-    let (_, mut messages) = separate(&ended.output)?;
-    messages.iter_mut().for_each(|message| COMPARISON.clone_into(&mut message.test));
+    let (ended, failures, count) = run_program(context, log, &mut command, &context.windows_programs(), COMPARISON)?;
     tally.test((!ended.success).then(|| "the study's comparison fails with the recorder".to_owned()));
     // DirectML's own calls are in the list, so that their absence shows that nothing was recorded.
-    tally.test(messages.is_empty().then(|| "the recorder was not loaded by the study's program".to_owned()));
-    tally.failures.extend(known.others(&messages));
+    tally.test((count == 0).then(|| "the recorder was not loaded by the study's program".to_owned()));
+    tally.failures.extend(failures);
     Ok(())
+}
+
+/// Runs a program that is no test program, and is in `folder`, with the recorder. Returns its output, a line for each group of broken rules
+/// that are not in the list, and the number of all broken rules. Entries of the list name it `name`.
+pub(super) fn run_program(
+    context: &Context<'_>,
+    log: &mut Log,
+    command: &mut Command,
+    folder: &Path,
+    name: &str,
+) -> Result<(CommandOutput, Vec<String>, usize), String> {
+    let known = KnownFindings::parse(&context.workspace.read(LIST)?)?;
+    command.env("WINEDLLOVERRIDES", OVERRIDES);
+    let CommandOutput { success, output } =
+        beside(&context.windows_programs().join("d3d12_recorder.dll"), folder, || log.run(command))?;
+    let (output, mut messages) = separate(&output)?;
+    messages.iter_mut().for_each(|message| name.clone_into(&mut message.test));
+    Ok((CommandOutput { success, output }, known.others(&messages), messages.len()))
 }
 
 /// Runs a command of cargo that runs test programs, with the recorder in cargo's folder of programs for Windows.

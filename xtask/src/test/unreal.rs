@@ -1,5 +1,6 @@
 //! `bindings/unreal`: Clang compiles the plugin, and the code on its pages, for each version of the engine, against declarations of its
-//! public interface; its build rules are applied; and a small test engine in the lab runs it on a Direct3D 12 device.
+//! public interface; its build rules are applied; and a small test engine in the lab runs it on a Direct3D 12 device, through the recorder of
+//! Direct3D's calls.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,6 +14,7 @@ use super::amd::Amd;
 use super::blocks;
 use super::csharp;
 use super::lab;
+use super::recorder;
 use super::tally::{Skip, Tally};
 use crate::abi::declarations;
 use crate::abi::header;
@@ -31,6 +33,9 @@ const VERSIONS: [u32; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
 
 /// The versions that the test engine is built as: one for each way to get command lists and write barriers, and the newest.
 const ENGINE_VERSIONS: [u32; 4] = [4, 5, 6, 8];
+
+/// Name of the test engine in the list of broken rules.
+const RECORDED: &str = "unreal play";
 
 /// Folder of the assembled plugin: its name has a space and a letter that is not Latin.
 const FOLDER: &str = "a folder Ж";
@@ -289,10 +294,13 @@ impl PluginTests<'_> {
                 let mut command = in_lab(&program, amd)?;
                 command.env_remove("CAIRN_ONNXRUNTIME");
                 command.arg(&plugin).arg("play").current_dir(&self.work);
-                let ended = amd.beside(&plugin.join(LIBRARY).with_file_name(""), || log.run(&mut command))?;
+                let (ended, broken_rules, _) = amd.beside(&plugin.join(LIBRARY).with_file_name(""), || {
+                    recorder::run_program(self.context, log, &mut command, &self.work, RECORDED)
+                })?;
                 let mut tally = Tally::default();
                 let failed = || format!("the plugin in Unreal Engine 5.{version}: {}", ended.output);
                 tally.test((!ended.success).then(failed));
+                tally.failures.extend(broken_rules);
                 Ok(tally)
             })?;
             newest = program;

@@ -5,10 +5,6 @@
 //! ```
 
 #[cfg(windows)]
-#[path = "../tests/host/lists.rs"]
-#[allow(dead_code, reason = "each program uses its part")]
-mod lists;
-#[cfg(windows)]
 #[path = "../tests/host/unity.rs"]
 #[allow(dead_code, reason = "each program uses its part")]
 mod unity;

@@ -151,3 +151,16 @@ pub(super) extern "system" fn RecorderFailCall(call: u64, is_removal: BOOL) {
 pub(super) extern "system" fn RecorderArmFailure(is_armed: BOOL) -> u64 {
     super::faults::arm(is_armed.as_bool())
 }
+
+/// The state of a resource after everything that was submitted; -1 where its subresources differ, or while a queue waits for a fence.
+#[unsafe(no_mangle)]
+pub(super) extern "system" fn RecorderStateOf(resource: *mut c_void) -> i64 {
+    let state = report(0, |calls| calls.resource(resource).and_then(|resource| calls.recorder.state_of(resource)));
+    state.map_or(-1, |state| i64::from(state.0))
+}
+
+/// Whether a command list is being recorded.
+#[unsafe(no_mangle)]
+pub(super) extern "system" fn RecorderIsOpen(list: *mut c_void) -> BOOL {
+    report(0, |calls| calls.id(list).is_some_and(|list| calls.recorder.is_open(list))).into()
+}

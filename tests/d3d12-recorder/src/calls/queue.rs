@@ -35,15 +35,31 @@ pub(super) mod queues {
             let update = tiles::Update { regions, starts, sizes, ranges, flags: range_flags, heap_starts, counts };
             report(caller(), |calls| {
                 let heap = calls.id(heap);
-                if let Some(id) = calls.resource(resource) {
+                if let (Some(queue), Some(id)) = (calls.id(this), calls.resource(resource)) {
                     // SAFETY: the caller's own arguments.
-                    calls.recorder.map_tiles(id, unsafe { tiles::mappings(resource, heap, &update) });
+                    calls.recorder.map_tiles(queue, id, unsafe { tiles::mappings(resource, heap, &update) });
                 }
             });
             // SAFETY: the caller's own arguments, passed on.
             unsafe {
                 original(this, resource, regions, starts, sizes, heap, ranges, range_flags, heap_starts, counts, flags)
             }
+        }
+        fn CopyTileMappings[original](
+            this, to: *mut c_void, to_start: *const D3D12_TILED_RESOURCE_COORDINATE, from: *mut c_void,
+            from_start: *const D3D12_TILED_RESOURCE_COORDINATE, size: *const D3D12_TILE_REGION_SIZE,
+            flags: D3D12_TILE_MAPPING_FLAGS,
+        ) {
+            report(caller(), |calls| {
+                let ids = (calls.id(this), calls.resource(to), calls.resource(from));
+                if let (Some(queue), Some(to_id), Some(from_id)) = ids {
+                    let copy = tiles::MappingCopy { to, to_start, from, from_start, size };
+                    // SAFETY: the caller's own arguments.
+                    calls.recorder.copy_tile_mappings(queue, to_id, from_id, unsafe { tiles::copies(&copy) });
+                }
+            });
+            // SAFETY: the caller's own arguments, passed on.
+            unsafe { original(this, to, to_start, from, from_start, size, flags) }
         }
         fn ExecuteCommandLists[original](this, count: u32, lists: *const *mut c_void) {
             let caller = caller();

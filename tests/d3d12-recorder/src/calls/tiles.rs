@@ -126,3 +126,25 @@ pub(super) unsafe fn mappings(resource: *mut c_void, heap: Option<Id>, update: &
     }
     mappings
 }
+
+/// Arguments of `CopyTileMappings`.
+pub(super) struct MappingCopy {
+    pub(super) to: *mut c_void,
+    pub(super) to_start: *const D3D12_TILED_RESOURCE_COORDINATE,
+    pub(super) from: *mut c_void,
+    pub(super) from_start: *const D3D12_TILED_RESOURCE_COORDINATE,
+    pub(super) size: *const D3D12_TILE_REGION_SIZE,
+}
+
+/// The tiles that get another's memory, each with that other one.
+///
+/// # Safety
+/// Live reserved resources, and structs as `CopyTileMappings` requires.
+pub(super) unsafe fn copies(copy: &MappingCopy) -> Vec<(u32, u32)> {
+    // SAFETY: the caller's promise.
+    let region = |resource, start: *const D3D12_TILED_RESOURCE_COORDINATE| unsafe {
+        Some(Tiling::of(resource)?.region(start.as_ref()?, copy.size.as_ref()?))
+    };
+    let (to, from) = (region(copy.to, copy.to_start), region(copy.from, copy.from_start));
+    to.unwrap_or_default().into_iter().zip(from.unwrap_or_default()).collect()
+}

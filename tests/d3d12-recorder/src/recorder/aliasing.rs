@@ -51,9 +51,25 @@ impl Recorder {
         }
     }
 
-    /// `UpdateTileMappings`: tiles of a reserved resource get other memory, or none. It counts from this call on, also for submissions that
-    /// wait for a fence.
-    pub fn map_tiles(&mut self, resource: Id, mappings: Vec<(u32, Option<HeapRange>)>) {
+    /// `UpdateTileMappings`: tiles of a reserved resource get other memory, or none, after the queue's earlier work.
+    pub fn map_tiles(&mut self, queue: Id, resource: Id, mappings: Vec<(u32, Option<HeapRange>)>) {
+        self.queue_command(queue, Command::MapTiles { resource, mappings });
+    }
+
+    /// `CopyTileMappings`: tiles of a reserved resource get the memory of another's, after the queue's earlier work. Pairs are of destination
+    /// and source.
+    pub fn copy_tile_mappings(&mut self, queue: Id, to: Id, from: Id, tiles: Vec<(u32, u32)>) {
+        self.queue_command(queue, Command::CopyTileMappings { to, from, tiles });
+    }
+
+    /// The memory of a resource's tiles, for others.
+    pub(super) fn copied_tiles(&self, from: Id, tiles: &[(u32, u32)]) -> Vec<(u32, Option<HeapRange>)> {
+        let Some(found) = self.resources.get(&from) else { return Vec::new() };
+        tiles.iter().map(|(to, from)| (*to, found.backing.tiles.get(from).cloned())).collect()
+    }
+
+    /// Tiles of a reserved resource have other memory, or none, from now on.
+    pub(super) fn set_tiles(&mut self, resource: Id, mappings: Vec<(u32, Option<HeapRange>)>) {
         let Some(found) = self.resources.get_mut(&resource) else { return };
         found.backing.initialised.fill(false);
         for (tile, memory) in mappings {

@@ -89,7 +89,7 @@ impl Recorder {
             Command::Transition { .. } => to.transitions += 1,
             Command::UavBarrier(_) => to.uav_barriers += 1,
             Command::AliasingBarrier { .. } | Command::EnhancedBarrier { .. } => to.other_barriers += 1,
-            Command::Present(_) => {}
+            Command::Present(_) | Command::MapTiles { .. } | Command::CopyTileMappings { .. } => {}
             Command::Work { function, uses, .. } => {
                 let bytes = |writes: bool| {
                     let chosen = uses.iter().filter(|one| one.state.writes() == writes);
@@ -122,10 +122,14 @@ impl Recorder {
 
     /// `IDXGISwapChain::Present` of a buffer, on the swap chain's queue.
     pub fn present(&mut self, queue: Id, buffer: Id) {
+        self.queue_command(queue, Command::Present(buffer));
+    }
+
+    /// A command that is in no list.
+    pub(super) fn queue_command(&mut self, queue: Id, command: Command) {
         let Some(&(queue, _)) = self.queues.get(&queue) else { return };
         self.complete();
-        let command = Recorded { command: Command::Present(buffer), caller: self.caller };
-        self.timeline.execute(queue, vec![command]);
+        self.timeline.execute(queue, vec![Recorded { command, caller: self.caller }]);
         self.advance();
     }
 
@@ -218,6 +222,11 @@ impl Recorder {
                     self.alias_by_barrier(&mut aliased, *resource, numbers, barrier, *discards);
                 }
                 &Command::AliasingBarrier { before, after } => self.separate(&mut aliased, before, after),
+                Command::MapTiles { resource, mappings } => self.set_tiles(*resource, mappings.clone()),
+                Command::CopyTileMappings { to, from, tiles } => {
+                    let mappings = self.copied_tiles(*from, tiles);
+                    self.set_tiles(*to, mappings);
+                }
                 &Command::Transition { resource, subresource, before, after, part } => {
                     unordered.remove(&resource);
                     touched.insert(resource);

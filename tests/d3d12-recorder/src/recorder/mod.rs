@@ -195,6 +195,17 @@ enum Command {
         before: Option<Id>,
         after: Option<Id>,
     },
+    /// Tiles of a reserved resource get other memory, or none.
+    MapTiles {
+        resource: Id,
+        mappings: Vec<(u32, Option<HeapRange>)>,
+    },
+    /// Tiles of a reserved resource get the memory of another's, by pairs of destination and source.
+    CopyTileMappings {
+        to: Id,
+        from: Id,
+        tiles: Vec<(u32, u32)>,
+    },
     Work {
         function: &'static str,
         uses: Vec<Use>,
@@ -316,6 +327,17 @@ impl Recorder {
     /// Direct3D shows.
     pub fn set_completions(&mut self, completions: impl FnMut() -> Vec<(Id, u64)> + Send + 'static) {
         self.completions = Some(Box::new(completions));
+    }
+
+    /// The one state of all subresources after everything that was submitted; `None` where they differ, where enhanced barriers gave them a
+    /// layout, or while a queue waits for a fence.
+    pub fn state_of(&self, resource: Id) -> Option<State> {
+        self.resources.get(&resource).filter(|_| self.timeline.is_idle())?.states.common_state()
+    }
+
+    /// Whether a list is being recorded.
+    pub fn is_open(&self, list: Id) -> bool {
+        self.lists.get(&list).is_some_and(|list| list.is_open)
     }
 
     fn find(&mut self, rule: Rule, function: &'static str, text: impl Into<String>) {

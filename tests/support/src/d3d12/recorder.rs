@@ -5,7 +5,10 @@ use std::ffi::c_void;
 use std::sync::OnceLock;
 
 use cairn::gpu::windows::Win32::Foundation::HMODULE;
-use cairn::gpu::windows::core::{PCSTR, s};
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::{
+    D3D12_RESOURCE_STATES, ID3D12GraphicsCommandList, ID3D12Resource,
+};
+use cairn::gpu::windows::core::{Interface, PCSTR, s};
 
 #[link(name = "kernel32")]
 unsafe extern "system" {
@@ -22,6 +25,21 @@ pub struct Finding {
     pub text: String,
 }
 
+/// Address of a function of the recorder; null if it is not loaded.
+fn find(name: PCSTR) -> *const c_void {
+    // Found once: the name is Windows' own library's when DirectML has loaded that.
+    static MODULE: OnceLock<usize> = OnceLock::new();
+    // SAFETY: a name that ends.
+    let module = *MODULE.get_or_init(|| unsafe { GetModuleHandleA(s!("d3d12.dll")) }.0 as usize);
+    // SAFETY: a name that ends; a module that lives as long as the process.
+    unsafe { GetProcAddress(HMODULE(module as *mut c_void), name) }
+}
+
+/// Whether the recorder is this program's `d3d12.dll`.
+pub fn is_loaded() -> bool {
+    !find(s!("RecorderStateOf")).is_null()
+}
+
 /// A function of the recorder.
 ///
 /// # Panics
@@ -31,12 +49,7 @@ pub struct Finding {
 /// `F` is the type of the function with that name.
 unsafe fn function<F: Copy>(name: PCSTR) -> F {
     assert_eq!(size_of::<F>(), size_of::<usize>(), "a function");
-    // Found once: the name is Windows' own library's when DirectML has loaded that.
-    static MODULE: OnceLock<usize> = OnceLock::new();
-    // SAFETY: a name that ends.
-    let module = *MODULE.get_or_init(|| unsafe { GetModuleHandleA(s!("d3d12.dll")) }.0 as usize);
-    // SAFETY: a name that ends; a module that lives as long as the process.
-    let found = unsafe { GetProcAddress(HMODULE(module as *mut c_void), name) };
+    let found = find(name);
     assert!(!found.is_null(), "the recorder is this program's d3d12.dll: run it by `cargo xtask test recorder`");
     // SAFETY: the caller's promise; both are addresses of functions.
     unsafe { std::mem::transmute_copy(&found) }
@@ -89,6 +102,20 @@ pub fn take_counts() -> BTreeMap<String, BTreeMap<String, u64>> {
     // SAFETY: a vector that lives during the call.
     unsafe { take(receive, (&raw mut text).cast()) };
     serde_json::from_slice(&text).expect("the recorder's counts")
+}
+
+/// The state of a resource after everything that was submitted; `None` where its subresources differ, or while a queue waits for a fence.
+pub fn state_of(resource: &ID3D12Resource) -> Option<D3D12_RESOURCE_STATES> {
+    // SAFETY: the recorder's function.
+    let state = unsafe { function::<extern "system" fn(*mut c_void) -> i64>(s!("RecorderStateOf")) };
+    i32::try_from(state(resource.as_raw())).ok().filter(|state| *state >= 0).map(D3D12_RESOURCE_STATES)
+}
+
+/// Whether a list is being recorded.
+pub fn is_open(list: &ID3D12GraphicsCommandList) -> bool {
+    // SAFETY: the recorder's function.
+    let is_open = unsafe { function::<extern "system" fn(*mut c_void) -> i32>(s!("RecorderIsOpen")) };
+    is_open(list.as_raw()) != 0
 }
 
 /// Reports the objects that are alive now.

@@ -89,6 +89,16 @@ pub struct CheckDefinition {
     pub run: fn(&Settings) -> Checked,
 }
 
+/// Checks that load a world on the adapter.
+const WITH_WORLDS: [&str; 8] = ["directml", "states", "captured", "removal", "lives", "latents", "memory", "engine"];
+
+impl CheckDefinition {
+    /// Whether it loads a world on the adapter, which takes 5 GB of memory and more where a processor emulates it.
+    pub fn has_world(&self) -> bool {
+        WITH_WORLDS.contains(&self.name)
+    }
+}
+
 /// What every check gets.
 #[derive(Debug, Clone, Default, Args)]
 pub struct Settings {

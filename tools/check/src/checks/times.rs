@@ -33,13 +33,19 @@ use crate::report::Figure;
 const SIZES: [(&str, (u32, u32)); 3] = [("1080p", (1920, 1080)), ("1440p", (2560, 1440)), ("4K", (3840, 2160))];
 /// The size for quick runs.
 const SMALL: (&str, (u32, u32)) = ("360p", (640, 360));
+/// The size for quick runs where a processor may emulate the adapter.
+const SMALLEST: (&str, (u32, u32)) = ("180p", (320, 180));
 /// A frame at 60 Hz, in milliseconds: what a hitch must not reach.
 const HITCH: f64 = 1000.0 / 60.0;
 /// Anchors a second of the world.
 const RATE: u32 = 15;
 
-fn sizes(settings: &Settings) -> &'static [(&'static str, (u32, u32))] {
-    if settings.quick { std::slice::from_ref(&SMALL) } else { &SIZES }
+fn sizes(settings: &Settings, gpu: &Gpu) -> &'static [(&'static str, (u32, u32))] {
+    match settings.quick {
+        true if settings.emulation(gpu).is_some() => std::slice::from_ref(&SMALLEST),
+        true => std::slice::from_ref(&SMALL),
+        false => &SIZES,
+    }
 }
 
 fn ms(time: Duration) -> f64 {
@@ -65,7 +71,7 @@ pub(super) fn figures_of(what: &str, times: &[f64]) -> Vec<Figure> {
 pub(super) fn latents(settings: &Settings) -> Checked {
     let gpu = settings.gpu()?;
     let device = Device::directml(&Ort::find(&settings.libraries())?, &gpu, DirectMlOptions::default())?;
-    let steps = if settings.quick { 4 } else { 60 };
+    let (warm_up, steps) = if settings.quick { (2, 2) } else { (4, 60) };
     let mut figures = Vec::new();
     let (mut fastest, mut is_consistent) = (f64::INFINITY, true);
     for (name, captured_passes) in [("passes run anew", 0), ("captured passes", 16)] {
@@ -73,7 +79,7 @@ pub(super) fn latents(settings: &Settings) -> Checked {
         let world = seed::world(&device, Precision::F16)?;
         let mut rollout = seed::rollout(&world)?;
         // Passes are captured and verified meanwhile.
-        seed::walk(&mut rollout, 0..4)?;
+        seed::walk(&mut rollout, 0..warm_up)?;
         rollout.latent()?;
         let before = rollout.device_times().unwrap_or_default();
         let (start, mut walls) = (Instant::now(), Vec::new());
@@ -166,10 +172,10 @@ impl Inputs {
 pub(super) fn generator(settings: &Settings) -> Checked {
     let gpu = settings.gpu()?;
     let clock = Clock::new(&gpu);
-    let turns = if settings.quick { 2 } else { 9 };
+    let turns = if settings.quick { 1 } else { 9 };
     let mut figures = Vec::new();
     let (mut is_consistent, mut shown) = (true, String::new());
-    for (name, size) in sizes(settings) {
+    for (name, size) in sizes(settings, &gpu) {
         let inputs = Inputs::new(&gpu, *size);
         let (pair, out) = (inputs.pair(), inputs.out.with_state());
         let mut generator = ShaderGenerator::new(&gpu, *size)?;
@@ -223,7 +229,7 @@ pub(super) fn fsr(settings: &Settings) -> Checked {
     let count = if settings.quick { 4 } else { 30 };
     let mut figures = Vec::new();
     let mut version = String::new();
-    for (name, size) in sizes(settings) {
+    for (name, size) in sizes(settings, &gpu) {
         let inputs = Inputs::new(&gpu, *size);
         let mut generator = fsr::generator(&gpu, &api, *size)?;
         version.clone_from(&generator.version().name);
@@ -255,7 +261,7 @@ pub(super) fn fsr(settings: &Settings) -> Checked {
 pub(super) fn first_frame(settings: &Settings) -> Checked {
     let gpu = settings.gpu()?;
     let engine = Engine::of(&gpu);
-    let (name, size) = sizes(settings)[0];
+    let (name, size) = sizes(settings, &gpu)[0];
     let presenter = Presenter::new(options(MotionSource::PictureFlow), None)?;
     let push = |number: u64| -> cairn::Result<bool> {
         let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
@@ -306,7 +312,7 @@ pub(super) fn memory(settings: &Settings) -> Checked {
     let mut rollout = seed::rollout(&world)?;
     seed::walk(&mut rollout, 0..1)?;
     let with_world = gpu.budget()?.ok_or_else(unknown)?;
-    let (name, size) = sizes(settings)[0];
+    let (name, size) = sizes(settings, &gpu)[0];
     let inputs = Inputs::new(&gpu, size);
     let mut generator = ShaderGenerator::new(&gpu, size)?;
     let mut ring = CommandRing::new(&gpu, gpu.frames(), shader::DESCRIPTORS)?;
@@ -369,9 +375,9 @@ pub(super) fn engine(settings: &Settings) -> Checked {
     };
     let device = Device::directml(&Ort::find(&settings.libraries())?, &gpu, options)?;
     let world = seed::world(&device, Precision::F16)?;
-    let size = SMALL.1;
+    let size = if settings.emulation(&gpu).is_some() { SMALLEST.1 } else { SMALL.1 };
     let inputs = Inputs::new(&gpu, size);
-    let duration = Duration::from_secs(if settings.quick { 2 } else { 8 });
+    let (duration, warm_up) = if settings.quick { (Duration::from_secs(1), 1) } else { (Duration::from_secs(8), 4) };
     let mut finding = Finding::pass("");
     let mut parts = Vec::new();
     for rate in [60, 120] {
@@ -385,7 +391,7 @@ pub(super) fn engine(settings: &Settings) -> Checked {
         let blends = ((interval.as_secs_f64() / 3.0 / one.max(1e-7)) as usize).clamp(1, 20_000);
         let engine = SyntheticEngine { gpu: &gpu, blend, blends, interval };
         let alone = engine.frames(duration);
-        let (beside, latents) = beside_latents(&world, || engine.frames(duration))?;
+        let (beside, latents) = beside_latents(&world, warm_up, || engine.frames(duration))?;
         let [[_, alone_99, _], [_, beside_99, _]] = [&alone, &beside].map(|times| statistics(times));
         let limit = ms(interval);
         parts.push(format!("at {rate} Hz 99 of 100 frames take {alone_99:.1} ms alone and {beside_99:.1} ms beside {latents:.1} latents a second, of {limit:.1} ms"));
@@ -405,10 +411,14 @@ pub(super) fn engine(settings: &Settings) -> Checked {
     Ok(settings.about_times(&gpu, finding))
 }
 
-/// Calls `frames` while a rollout makes latents at its rate, or as fast as it can; also returns the latents a second.
-fn beside_latents(world: &Arc<World>, frames: impl FnOnce() -> Vec<f64>) -> Result<(Vec<f64>, f64), Finding> {
+/// After `warm_up` latents, calls `frames` while a rollout makes latents at its rate, or as fast as it can; also returns the latents a second.
+fn beside_latents(
+    world: &Arc<World>,
+    warm_up: u64,
+    frames: impl FnOnce() -> Vec<f64>,
+) -> Result<(Vec<f64>, f64), Finding> {
     let mut rollout = seed::rollout(world)?;
-    seed::walk(&mut rollout, 0..4)?;
+    seed::walk(&mut rollout, 0..warm_up)?;
     let (is_over, steps) = (AtomicBool::new(false), AtomicU64::new(0));
     std::thread::scope(|scope| {
         let stepping = scope.spawn(|| -> cairn::Result<()> {

@@ -79,22 +79,23 @@ fn error(found: &[f32], truth: &[f32]) -> f64 {
 /// A saved state goes on with the same bits.
 pub(super) fn states(settings: &Settings) -> Checked {
     let world = seed::world(&device(settings, deterministic())?, Precision::F16)?;
+    let count = if settings.quick { 2 } else { 3 };
     let mut first = seed::rollout(&world)?;
     seed::walk(&mut first, 0..1)?;
     let saved = first.save()?;
-    seed::walk(&mut first, 1..3)?;
+    seed::walk(&mut first, 1..count)?;
     let wanted = seed::unaltered_bits(&mut first)?;
     let mut again = seed::rollout(&world)?;
-    seed::walk(&mut again, 0..3)?;
+    seed::walk(&mut again, 0..count)?;
     let repeats = seed::bits(&mut again)? == wanted;
     let mut restored = Rollout::new(&world, &seed::point(&world), 1)?;
     restored.restore(&saved)?;
-    seed::walk(&mut restored, 1..3)?;
+    seed::walk(&mut restored, 1..count)?;
     let goes_on = seed::bits(&mut restored)? == wanted;
     let sentence = match (repeats, goes_on) {
-        (true, true) => "Three latents by DirectML repeat bit for bit, also from a saved state of the first",
-        (false, _) => "The same three latents, made twice by DirectML, have other bits",
-        (true, false) => "Latents made from a saved state have other bits",
+        (true, true) => format!("{count} latents by DirectML repeat bit for bit, also from a saved state of the first"),
+        (false, _) => format!("The same {count} latents, made twice by DirectML, have other bits"),
+        (true, false) => "Latents made from a saved state have other bits".to_owned(),
     };
     Ok(Finding::judge(repeats && goes_on, sentence, DRIVER).figure("a saved state", saved.len() as f64 / 1024.0, "KiB"))
 }
@@ -102,11 +103,12 @@ pub(super) fn states(settings: &Settings) -> Checked {
 /// Captured passes give the bits of normal ones.
 pub(super) fn captured(settings: &Settings) -> Checked {
     let device = device(settings, DirectMlOptions::default())?;
+    let count = if settings.quick { 3 } else { 5 };
     let run = |captured_passes| -> Result<_, Finding> {
         device.set_directml_options(DirectMlOptions { captured_passes, ..DirectMlOptions::default() })?;
         let world = seed::world(&device, Precision::F16)?;
         let mut rollout = seed::rollout(&world)?;
-        seed::walk(&mut rollout, 0..5)?;
+        seed::walk(&mut rollout, 0..count)?;
         let bits = if captured_passes == 0 { seed::unaltered_bits(&mut rollout)? } else { seed::bits(&mut rollout)? };
         Ok((bits, rollout.capture_statistics().unwrap_or_default()))
     };
@@ -130,7 +132,7 @@ pub(super) fn captured(settings: &Settings) -> Checked {
         )));
     }
     Ok(figures(Finding::pass(format!(
-        "{} passes run by capture, each compared with normal ones on the device, and five latents have the same bits",
+        "{} passes run by capture, each compared with normal ones on the device, and {count} latents have the same bits",
         statistics.used
     ))))
 }

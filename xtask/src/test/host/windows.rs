@@ -16,9 +16,11 @@ use crate::shell::Log;
 use crate::test::abi::STRICT;
 use crate::test::amd::Amd;
 use crate::test::tally::{Skip, Tally};
-use crate::test::{Context, lab};
+use crate::test::{Context, lab, recorder};
 
 const SAMPLE: &str = "samples/host-d3d12";
+/// Its name in the list of broken rules.
+const RECORDED: &str = "host-d3d12 record";
 const SCRIPT: &str = "samples/scripts/walk.txt";
 const RENDERER: &str = "tests/host/renderer.c";
 const INPUT_SENDER: &str = "tests/host/hands.c";
@@ -149,14 +151,18 @@ impl Host<'_> {
     }
 }
 
-/// Records frames without a window, with the anchors they are made from.
+/// Records frames without a window, with the anchors they are made from, through the recorder of Direct3D's calls.
 fn recorded_frames(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let frames = FRAMES.to_string();
     let script = host.script();
     let arguments = ["--headless", &frames, "--record", "walk", "--anchors", "cpu", "--script", &script];
-    if !log.run(&mut host.command(&arguments)?)?.success {
+    let mut command = host.command(&arguments)?;
+    let folder = host.program.with_file_name("");
+    let (ended, broken_rules, _) = recorder::run_program(host.context, log, &mut command, &folder, RECORDED)?;
+    if !ended.success {
         return Err("the sample does not record".to_owned());
     }
+    tally.failures.extend(broken_rules);
     let read = |name, count| (0..count).map(|i| host.picture("walk", name, i)).collect::<Result<Vec<_>, _>>();
     let (frames, anchors) = (read("frame", FRAMES)?, read("anchor", FRAMES.div_ceil(MULTIPLIER))?);
     let table =

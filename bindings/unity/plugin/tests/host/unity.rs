@@ -1,6 +1,6 @@
 //! A stand-in for Unity over a real device: the registry, one version of the Direct3D 12 interface, and a frame loop with a render thread and a
-//! submission thread. It is as strict as the interface allows: it records each rule that the plugin breaks, by where it is called or by what
-//! it records, and tests check that list.
+//! submission thread. It is as strict as the interface allows: it notes each rule of the interface that the plugin breaks, and tests check that
+//! list. The rules of Direct3D are checked by the recorder where it is this program's `d3d12.dll`, as in the runners `lab`, `ffx` and `recorder`.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
@@ -12,9 +12,9 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
 use cairn_unity::interfaces::Guid;
 
-use super::lists;
 use super::plugin::{self, UnityPluginLoad, UnityPluginUnload};
 use test_support::d3d12::engine::Engine;
+use test_support::d3d12::recorder;
 use test_support::d3d12::textures::{self, Recording};
 
 /// The first number of the plugin's events.
@@ -69,8 +69,8 @@ fn on_thread(place: CallContext, work: impl FnOnce() + Send) {
 
 /// Jobs of the submission thread, done in order.
 enum Job {
-    /// Submits a closed list to the queue. The number is that of its frame.
-    List(ID3D12CommandList, u64),
+    /// Submits a closed list to the queue.
+    List(ID3D12CommandList),
     /// Calls the plugin, with an event's number and data.
     Event(c_int, usize),
     /// Ends a frame: signals the frame fence with the value.
@@ -131,11 +131,7 @@ impl Unity {
 
     /// The list that Unity is recording.
     fn list(&mut self) -> &Recording {
-        self.open.get_or_insert_with(|| {
-            let made = Recording::on(&self.engine.device, &self.engine.direct);
-            lists::register(made.list());
-            made
-        })
+        self.open.get_or_insert_with(|| Recording::on(&self.engine.device, &self.engine.direct))
     }
 
     fn state_of(&self, resource: &ID3D12Resource) -> D3D12_RESOURCE_STATES {
@@ -154,8 +150,7 @@ impl Unity {
         let Some(open) = self.open.take() else { return };
         // SAFETY: an open list.
         unsafe { open.list().Close() }.expect("a list that can be closed");
-        lists::recorded(open.list(), self.next);
-        self.pending.push_back(Job::List(open.list().cast().expect("a command list"), self.next));
+        self.pending.push_back(Job::List(open.list().cast().expect("a command list")));
         self.alive.push(open);
     }
 }
@@ -165,8 +160,7 @@ fn submit(delay: u64) {
     loop {
         let is_due = |unity: &Unity| unity.next - 1 - unity.submitted > delay;
         match with(|unity| is_due(unity).then(|| unity.pending.pop_front()).flatten()) {
-            Some(Job::List(list, frame)) => with(|unity| {
-                lists::submitted(&list, frame);
+            Some(Job::List(list)) => with(|unity| {
                 // SAFETY: a closed list, which is kept until it has executed.
                 unsafe { unity.engine.direct.ExecuteCommandLists(&[Some(list)]) };
             }),
@@ -243,9 +237,11 @@ unsafe extern "system" fn execute_command_list(list: *mut c_void, count: c_int, 
         if kind != D3D12_COMMAND_LIST_TYPE_DIRECT {
             unity.wrong.push("ExecuteCommandList is called with a list that is not direct".to_owned());
         }
-        lists::passed_to_unity(list, unity.next);
+        if recorder::is_loaded() && recorder::is_open(list) {
+            unity.wrong.push("ExecuteCommandList is called with a list that is not closed".to_owned());
+        }
         // It executes at the end of the frame, not now.
-        unity.pending.push_back(Job::List(list.cast().expect("a command list"), unity.next));
+        unity.pending.push_back(Job::List(list.cast().expect("a command list")));
         unity.states.extend(after);
         unity.next
     })
@@ -419,7 +415,6 @@ impl UnityHandle {
         let engine = Engine::create();
         // SAFETY: a live device.
         let fence = unsafe { engine.device.CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
-        lists::begin(&engine.device, &fence);
         *UNITY.lock().unwrap_or_else(|e| e.into_inner()) = Some(Unity {
             engine,
             version,
@@ -492,7 +487,6 @@ impl UnityHandle {
 
     /// Registers a texture as Unity's, in the given state.
     pub(crate) fn own(&self, texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) {
-        lists::set_state(texture, state);
         with(|unity| {
             unity.textures.push(texture.clone());
             unity.states.insert(texture.as_raw().addr(), state);
@@ -542,8 +536,13 @@ impl UnityHandle {
         submit(delay);
         with(|unity| {
             // While lists wait for submission, the assumed states are ahead of the queue's, so they are not compared.
-            for (texture, state) in unity.states.iter().filter(|_| unity.pending.is_empty()) {
-                lists::compare(*texture, *state);
+            let is_known = recorder::is_loaded() && unity.pending.is_empty();
+            let textures = if is_known { unity.textures.as_slice() } else { &[] };
+            for texture in textures {
+                let (assumed, known) = (unity.state_of(texture), recorder::state_of(texture));
+                if let Some(state) = known.filter(|state| *state != assumed) {
+                    unity.wrong.push(format!("what Unity was told: a texture is in {state:?}, not {assumed:?}"));
+                }
             }
         });
     }
@@ -567,14 +566,7 @@ impl UnityHandle {
 
     /// Takes the violations found since the last call.
     pub(crate) fn take_violations(&self) -> Vec<String> {
-        let mut wrong = with(|unity| std::mem::take(&mut unity.wrong));
-        wrong.extend(lists::take_violations());
-        wrong
-    }
-
-    /// Number of textures that lists copied from and that were freed.
-    pub(crate) fn freed(&self) -> usize {
-        lists::freed()
+        with(|unity| std::mem::take(&mut unity.wrong))
     }
 }
 
@@ -600,6 +592,5 @@ impl Drop for UnityHandle {
         if let Some(unity) = unity {
             textures::wait(&unity.engine.device, &unity.engine.direct);
         }
-        lists::end();
     }
 }
