@@ -151,3 +151,17 @@ pub(super) extern "system" fn RecorderFailCall(call: u64, is_removal: BOOL) {
 pub(super) extern "system" fn RecorderArmFailure(is_armed: BOOL) -> u64 {
     super::faults::arm(is_armed.as_bool())
 }
+
+/// Receives numbers, with a value of the caller's.
+type ReceiveNumbers = unsafe extern "system" fn(context: *mut c_void, numbers: *const u64, count: usize);
+
+/// Hands over a number for each call that was counted since `RecorderFailCall(0, ..)`: the same for calls of the same place in the program.
+///
+/// # Safety
+/// `receive` takes `context`.
+#[unsafe(no_mangle)]
+pub(super) unsafe extern "system" fn RecorderTakeSites(receive: ReceiveNumbers, context: *mut c_void) {
+    let sites = super::faults::sites();
+    // SAFETY: the caller's promise; numbers that live during the call.
+    unsafe { receive(context, sites.as_ptr(), sites.len()) };
+}
