@@ -34,6 +34,9 @@ pub mod gpu;
 
 pub mod tasks;
 
+#[doc(hidden)]
+pub mod locks;
+
 mod error;
 mod libraries;
 mod object_count;

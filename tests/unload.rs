@@ -16,7 +16,7 @@ use cairn::abi::threads::{cairn_job, cairn_scheduler, cairn_thread_options};
 #[cfg(feature = "embedded-world")]
 use cairn::abi::world::cairn_world_options;
 #[cfg(windows)]
-use test_support::d3d12::engine::Engine;
+use test_support::d3d12::engine::{Engine, reference_count, wait_for_counts};
 #[cfg(windows)]
 use test_support::d3d12::textures;
 
@@ -174,9 +174,9 @@ fn world(library: &libloading::Library) -> Vec<u8> {
     pixels
 }
 
-/// A generated frame in a texture of an engine's device.
+/// A generated frame in a texture of an engine's device. Unless `is_waited_for`, the device may still work on it at the end.
 #[cfg(windows)]
-fn device_frame(library: &libloading::Library, engine: &Engine) {
+fn device_frame(library: &libloading::Library, engine: &Engine, is_waited_for: bool) {
     use cairn::gpu::windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_FLAG_ALLOW_RENDER_TARGET, ID3D12Fence};
     use cairn::gpu::windows::core::Interface;
 
@@ -209,8 +209,10 @@ fn device_frame(library: &libloading::Library, engine: &Engine) {
         );
         // SAFETY: a fence whose reference the call passed to us.
         let fence = unsafe { ID3D12Fence::from_raw(fence.cast()) };
-        // SAFETY: without an event it waits.
-        unsafe { fence.SetEventOnCompletion(value, Default::default()) }.expect("the frame is there");
+        if is_waited_for {
+            // SAFETY: without an event it waits.
+            unsafe { fence.SetEventOnCompletion(value, Default::default()) }.expect("the frame is there");
+        }
     }
     assert_eq!(
         (frame.source, frame.flags),
@@ -310,8 +312,11 @@ fn the_library_can_be_unloaded_and_loaded_again() {
     #[cfg(windows)]
     {
         let engine = Engine::create();
-        for _ in 0..3 {
-            load_and_run(|library| device_frame(library, &engine));
+        let references = || [reference_count(&engine.device), reference_count(&engine.direct)];
+        let before = references();
+        for is_waited_for in [true, false, true, false] {
+            load_and_run(|library| device_frame(library, &engine, is_waited_for));
+            wait_for_counts(references, before);
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::ThreadId;
 
-use parking_lot::{Condvar, Mutex};
+use crate::locks::{Condvar, Mutex};
 
 /// The calls that are using an object, by thread. Its lock is never held while foreign code runs.
 #[derive(Debug, Default)]

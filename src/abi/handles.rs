@@ -12,7 +12,7 @@ use std::hash::BuildHasher;
 use std::ops::Deref;
 use std::sync::Arc;
 
-use parking_lot::{Mutex, MutexGuard, RwLock};
+use crate::locks::{Mutex, MutexGuard, RwLock};
 
 use super::gate::Gate;
 use super::results::{

@@ -1,6 +1,6 @@
 //! Records live input as a control script.
 
-use parking_lot::Mutex;
+use crate::locks::Mutex;
 
 use super::boundary::call;
 use super::controls::{cairn_controls, read_controls};

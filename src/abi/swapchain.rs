@@ -2,7 +2,7 @@
 
 use std::ffi::c_void;
 
-use parking_lot::Mutex;
+use crate::locks::Mutex;
 
 use super::boundary::call;
 use super::d3d12::{ID3D12GraphicsCommandList, ID3D12Resource, check_not_null};

@@ -1,6 +1,7 @@
 //! A context: one effect of one provider, on one device.
 
 use std::ffi::{CStr, c_void};
+use std::mem::ManuallyDrop;
 use std::ptr::null_mut;
 
 use super::api::Failure;
@@ -31,7 +32,7 @@ pub struct Provider {
 pub struct Context<Head: Creates> {
     api: Api,
     raw: RawContext,
-    chain: Chain<Head>,
+    chain: ManuallyDrop<Chain<Head>>,
     provider: Provider,
 }
 
@@ -92,7 +93,7 @@ impl<Head: Creates> Context<Head> {
         let raw = made.map_err(|failure| failure.error())?;
         crate::object_count::count_object();
         let provider = Provider { version: expected, verified: false, dialect, offered: Vec::new() };
-        let mut context = Self { api: *api, raw, chain: links, provider };
+        let mut context = Self { api: *api, raw, chain: ManuallyDrop::new(links), provider };
         register_message_callback(api, raw, effect);
         context.query_provider(effect, dialect)?;
         if let Choice::Require(family) = choice
@@ -213,8 +214,11 @@ impl<Head: Creates> Drop for Context<Head> {
     fn drop(&mut self) {
         // SAFETY: our own context, used for the last time; by the contract of `dispatch` the device no longer uses it.
         if let Err(failure) = unsafe { self.api.destroy(self.raw) } {
-            log::error!(target: "cairn::ffx", "a context is lost: {failure}");
+            log::error!(target: "cairn::ffx", "a context is lost, with its memory: {failure}");
+            return;
         }
+        // SAFETY: dropped once, here. A context that is lost keeps it.
+        unsafe { ManuallyDrop::drop(&mut self.chain) };
     }
 }
 

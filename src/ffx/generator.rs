@@ -329,6 +329,18 @@ impl Generator {
         self.has_history = false;
     }
 
+    /// Id of the last frame.
+    #[cfg(windows)]
+    pub(super) fn last_id(&self) -> u64 {
+        self.last
+    }
+
+    /// Makes ids of frames go on after `id`: a swap chain does not present the same id twice, also of another generator.
+    #[cfg(windows)]
+    pub(super) fn continue_after(&mut self, id: u64) {
+        self.last = id;
+    }
+
     /// Whether the next frame uses the history.
     #[cfg(windows)]
     pub(super) fn has_history(&self) -> bool {

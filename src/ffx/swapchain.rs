@@ -11,9 +11,9 @@ mod takeover;
 use std::cell::Cell;
 use std::ffi::c_void;
 use std::ptr::null_mut;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
-use parking_lot::ReentrantMutex;
+use crate::locks::ReentrantMutex;
 use windows::Win32::Graphics::Direct3D12::{D3D12_COMMAND_LIST_TYPE_DIRECT, ID3D12GraphicsCommandList, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::{
     DXGI_SWAP_CHAIN_DESC, DXGI_SWAP_CHAIN_DESC1, DXGI_SWAP_CHAIN_FULLSCREEN_DESC, IDXGISwapChain4,
@@ -64,6 +64,10 @@ pub struct Swapchain {
     /// HUD-less pictures of this frame and the previous one, which `Present` may still read.
     hudless: [Option<ID3D12Resource>; 2],
     is_on: bool,
+    /// Id of the last frame of the generators before.
+    last_id: u64,
+    /// Generation was turned off, and frames from before may not be on the screen.
+    must_wait: bool,
 }
 
 /// Structs that the creation chain of the pacing context points to.
@@ -89,6 +93,8 @@ struct CallbackData {
     generated: AtomicU64,
     /// Return code of the last failed generation; 0 if none failed.
     failed: AtomicU32,
+    /// A generation has failed since the last prepared frame, so that the history has a gap.
+    has_gap: AtomicBool,
 }
 
 // SAFETY: the context is only used under its lock.
@@ -153,6 +159,7 @@ unsafe extern "C" fn generate(request: *mut DispatchFrameGeneration, user: *mut 
         callback_data.generated.fetch_add(1, Ordering::Relaxed);
     } else {
         callback_data.failed.store(code.0, Ordering::Relaxed);
+        callback_data.has_gap.store(true, Ordering::Relaxed);
     }
     code
 }
@@ -208,6 +215,7 @@ impl Swapchain {
             reset: AtomicU64::new(0),
             generated: AtomicU64::new(0),
             failed: AtomicU32::new(0),
+            has_gap: AtomicBool::new(false),
         });
         let (presented, ring) =
             (PresentFence::new(gpu)?, CommandRing::new(gpu, gpu.frames(), SanitisedMotion::DESCRIPTORS)?);
@@ -234,6 +242,8 @@ impl Swapchain {
             interface: None,
             hudless: [None, None],
             is_on: false,
+            last_id: 0,
+            must_wait: false,
         })
     }
 
@@ -359,6 +369,9 @@ impl Swapchain {
             ..Default::default()
         };
         let lock = self.callback_data.context.lock();
+        if self.callback_data.has_gap.swap(false, Ordering::Relaxed) {
+            generator.drop_history();
+        }
         // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame or
         // by `self`; the swap chain and the callback's data outlive generation, which is turned off first.
         let (id, reset) = unsafe { generator.prepare(&request, settings) }?;
@@ -377,12 +390,14 @@ impl Swapchain {
     /// # Errors
     /// The library's own errors.
     pub fn pause(&mut self) -> Result<()> {
-        let Some(generator) = self.generator.as_mut().filter(|_| self.is_on) else { return Ok(()) };
-        // Without the lock: the library may wait here for a frame that its callback is generating.
-        // SAFETY: a live swap chain of the library's.
-        unsafe { generator.turn_off(self.swapchain.as_raw()) }?;
-        self.is_on = false;
-        self.wait()
+        if let Some(generator) = self.generator.as_mut().filter(|_| self.is_on) {
+            // Without the lock: the library may wait here for a frame that its callback is generating.
+            // SAFETY: a live swap chain of the library's.
+            unsafe { generator.turn_off(self.swapchain.as_raw()) }?;
+            (self.is_on, self.must_wait) = (false, true);
+        }
+        // Also where an earlier call could not wait.
+        if self.must_wait { self.wait() } else { Ok(()) }
     }
 
     /// Waits until all frames passed to `Present` are on the screen.
@@ -393,7 +408,9 @@ impl Swapchain {
         let pacer = &self.pacer;
         // SAFETY: our own context; the chain has one struct.
         unsafe { pacer.api().dispatch(pacer.raw(), &mut Chain::new(DispatchWait::default())) }
-            .map_err(|failure| failure.error())
+            .map_err(|failure| failure.error())?;
+        self.must_wait = false;
+        Ok(())
     }
 
     /// Sets the interface that is drawn over frames from the next `Present` on; None for none. Waits for frames that show the
@@ -471,7 +488,8 @@ impl Swapchain {
         self.end_generator()?;
         let options = SwapchainOptions { self_test: false, ..self.options };
         let head = head_of(&options, (size.width, size.height), format);
-        let made = generator(&self.gpu, &self.api, &options, head)?;
+        let mut made = generator(&self.gpu, &self.api, &options, head)?;
+        made.continue_after(self.last_id);
         self.callback_data.context.lock().set(made.context().raw());
         self.generator = Some(made);
         Ok(())
@@ -485,7 +503,9 @@ impl Swapchain {
         self.gpu.frames().signal()?.wait()?;
         self.ring.finish()?;
         self.callback_data.context.lock().set(null_mut());
-        self.generator = None;
+        if let Some(generator) = self.generator.take() {
+            self.last_id = generator.last_id();
+        }
         self.hudless = [None, None];
         off
     }

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use parking_lot::Mutex;
+use crate::locks::Mutex;
 use sha2::{Digest, Sha256};
 use windows::Win32::Graphics::Direct3D12::{ID3D12PipelineState, ID3D12RootSignature};
 

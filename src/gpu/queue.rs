@@ -2,7 +2,7 @@
 
 use std::ffi::CStr;
 
-use parking_lot::Mutex;
+use crate::locks::Mutex;
 use windows::Win32::Graphics::Direct3D12::{
     D3D12_COMMAND_LIST_TYPE, D3D12_COMMAND_QUEUE_DESC, D3D12_FENCE_FLAG_NONE, ID3D12CommandList, ID3D12CommandQueue,
     ID3D12Device, ID3D12Fence,

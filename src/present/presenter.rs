@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Weak};
 
-use parking_lot::Mutex;
+use crate::locks::Mutex;
 
 use super::cpu_drawer::CpuDrawer;
 pub(crate) use super::frame::DrawMode;

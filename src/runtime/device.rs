@@ -35,7 +35,7 @@ pub(super) trait Backend: Send + Sync {
 
     /// Its DirectML options; `None` for devices without DirectML.
     #[cfg(windows)]
-    fn directml_options(&self) -> Option<&parking_lot::Mutex<super::DirectMlOptions>> {
+    fn directml_options(&self) -> Option<&crate::locks::Mutex<super::DirectMlOptions>> {
         None
     }
 }

@@ -70,7 +70,7 @@ fn for_each_in_slot(len: usize, min_len: usize, slots: usize, body: impl Fn(usiz
 
 /// Runs both closures, on two threads if there are two.
 pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
-    use parking_lot::Mutex;
+    use crate::locks::Mutex;
     enum Work<F, R> {
         Pending(F),
         Running,

@@ -3,7 +3,7 @@
 use std::ffi::c_void;
 use std::sync::Arc;
 
-use parking_lot::Mutex;
+use crate::locks::Mutex;
 
 use super::jobs::{Loop, LoopList};
 use super::pool::Pool;
@@ -103,7 +103,7 @@ pub fn set_scheduler(scheduler: Option<Arc<dyn Scheduler>>) -> Result<()> {
 }
 
 /// The locked state; `Busy` if any `PoolLease` exists.
-fn lock_if_unused() -> Result<parking_lot::MutexGuard<'static, State>> {
+fn lock_if_unused() -> Result<crate::locks::MutexGuard<'static, State>> {
     let state = STATE.lock();
     if state.uses > 0 {
         return Err(Error::new(ErrorKind::Busy, "objects live that use the threads there are")

@@ -3,12 +3,19 @@
 #define CAIRN_TEST_STAGE_H
 
 #include "calls.h"
+#include "given.h"
 
 #ifndef STATE_FILE
 #define STATE_FILE "calls-state.bin"
 #endif
 
 static void *objects[OBJECTS];
+/* Objects of Direct3D 12, where there is any. */
+static struct given given;
+#ifdef _WIN32
+/* The device of worlds: loading them on Direct3D 12 takes long without a graphics card. */
+static cairn_device *cpu;
+#endif
 static unsigned char *saved_state;
 static size_t saved_size;
 
@@ -64,14 +71,15 @@ static void valid_struct(int number, void *to)
         *(cairn_d3d12_preparation *)to = (cairn_d3d12_preparation){.struct_size = sizeof(cairn_d3d12_preparation),
             .anchor_width = WIDTH, .anchor_height = HEIGHT};
     } else if (number == NUMBER_OF_cairn_d3d12_recording) {
-        *(cairn_d3d12_recording *)to = (cairn_d3d12_recording){.struct_size = sizeof(cairn_d3d12_recording), .list = to,
-            .target = to, .fence = to, .fence_value = 1};
+        *(cairn_d3d12_recording *)to = (cairn_d3d12_recording){.struct_size = sizeof(cairn_d3d12_recording),
+            .list = given.list ? given.list : to, .target = given.texture ? given.texture : to,
+            .fence = given.fence ? given.fence : to, .fence_value = given.list ? given.fence_value : 1};
     } else if (number == NUMBER_OF_cairn_swapchain_options) {
         *(cairn_swapchain_options *)to = (cairn_swapchain_options){.struct_size = sizeof(cairn_swapchain_options),
             .max_render_width = WIDTH, .max_render_height = HEIGHT};
     } else if (number == NUMBER_OF_cairn_swapchain_frame) {
-        *(cairn_swapchain_frame *)to = (cairn_swapchain_frame){.struct_size = sizeof(cairn_swapchain_frame), .depth = to,
-            .motion = to, .render_width = WIDTH, .render_height = HEIGHT, .frame_time_ms = 16};
+        *(cairn_swapchain_frame *)to = (cairn_swapchain_frame){.struct_size = sizeof(cairn_swapchain_frame),
+            .depth = given.texture ? given.texture : to, .motion = given.texture ? given.texture : to, .render_width = WIDTH, .render_height = HEIGHT, .frame_time_ms = 16};
     } else if (number == NUMBER_OF_cairn_swapchain_pacing) {
         *(cairn_swapchain_pacing *)to = (cairn_swapchain_pacing){.struct_size = sizeof(cairn_swapchain_pacing)};
     } else {
@@ -118,11 +126,52 @@ static void create_objects_without_world(void)
     OK(cairn_presenter_push(objects[PRESENTER], objects[ANCHOR], NULL, 1000));
 }
 
+/* The device of rows: on Windows one of Direct3D 12. */
+__attribute__((unused)) static cairn_device *create_device(void)
+{
+#ifdef _WIN32
+    cairn_device_options options = {.struct_size = sizeof options, .flags = CAIRN_DEVICE_ENVIRONMENT,
+        .onnxruntime = getenv("CAIRN_TEST_CALLS_ONNXRUNTIME")};
+    cairn_device *device = NULL;
+    if (!given.device) given_create(&given);
+    OK(cairn_device_create_d3d12(given.device, given.queue, given.compute, &options, &device));
+    return device;
+#else
+    return make_device();
+#endif
+}
+
+/* Destroys the devices, after which no reference to the host's objects stays. */
+__attribute__((unused)) static void destroy_devices(cairn_device *device)
+{
+    OK(cairn_device_destroy(device));
+#ifdef _WIN32
+    OK(cairn_device_destroy(cpu));
+    cpu = NULL;
+#endif
+}
+
+/* The device of worlds, beside `device`. */
+static cairn_device *world_device(cairn_device *device)
+{
+#ifdef _WIN32
+    if (getenv("CAIRN_TEST_DIRECTML")) return device;
+    if (!cpu) {
+        cairn_device_options options = {.struct_size = sizeof options, .threads = 2, .onnxruntime = getenv("CAIRN_TEST_CALLS_ONNXRUNTIME"),
+            .flags = CAIRN_DEVICE_DETERMINISTIC | CAIRN_DEVICE_ENVIRONMENT};
+        OK(cairn_device_create_cpu(&options, &cpu));
+    }
+    return cpu;
+#else
+    return device;
+#endif
+}
+
 /* Creates all objects that do not exist yet. */
 __attribute__((unused)) static void create_objects(cairn_device *device)
 {
     objects[DEVICE] = device;
-    if (!objects[WORLD]) objects[WORLD] = make_world(device);
+    if (!objects[WORLD]) objects[WORLD] = make_world(world_device(device));
     cairn_rollout *rollout = NULL;
     cairn_picture picture = seed_picture();
     OK(cairn_rollout_create(objects[WORLD], NULL, &rollout));
@@ -171,6 +220,7 @@ __attribute__((unused)) static enum object created_kind(const struct row *row)
         enum object kind;
     } makers[] = {
         {"cairn_device_create_cpu", DEVICE},      {"cairn_world_load", WORLD},
+        {"cairn_device_create_d3d12", DEVICE},    {"cairn_device_create_adapter", DEVICE},
         {"cairn_anchor_create", ANCHOR},          {"cairn_rollout_create", ROLLOUT},
         {"cairn_rollout_get_anchor", ANCHOR},     {"cairn_rollout_poll", ANCHOR},
         {"cairn_rollout_wait", ANCHOR},           {"cairn_guidance_create", GUIDANCE},
@@ -184,6 +234,52 @@ __attribute__((unused)) static enum object created_kind(const struct row *row)
     return OBJECTS;
 }
 
+/* An object of Direct3D 12 for an argument; null for null or memory. */
+static void *given_argument(const struct row *row, int i)
+{
+    const struct {
+        const char *name;
+        int argument;
+        void *object;
+    } all[] = {
+        {"cairn_device_create_d3d12", 0, given.device}, {"cairn_device_create_d3d12", 1, given.queue},
+        {"cairn_device_create_d3d12", 2, given.compute}, {"cairn_rollout_append_d3d12", 1, given.texture},
+        {"cairn_presenter_submit_d3d12", 3, given.texture}, {"cairn_swapchain_create", 2, given.factory},
+        {"cairn_swapchain_create", 3, given.description}, {"cairn_swapchain_create_for_window", 2, given.factory},
+        {"cairn_swapchain_create_for_window", 3, given.window},
+        {"cairn_swapchain_create_for_window", 4, given.window_description},
+        {"cairn_swapchain_prepare", 1, given.list}, {"cairn_swapchain_set_interface", 1, given.texture},
+    };
+    for (size_t at = 0; at < sizeof all / sizeof all[0]; at++) {
+        if (!strcmp(row->name, all[at].name) && all[at].argument == i) return all[at].object;
+    }
+    return NULL;
+}
+
+/* Releases the references that a row's call has given, and ends its recording. */
+__attribute__((unused)) static void release_given(const struct row *row, const struct argument *a, cairn_result r)
+{
+#ifdef _WIN32
+    int submits = !strcmp(row->name, "cairn_presenter_submit_d3d12");
+    for (int i = 0; i < row->count && r == CAIRN_OK; i++) {
+        int is_object = strstr(row->name, "get_d3d12") || submits;
+        if (row->shapes[i].kind != RESULT_ARGUMENT || !is_object || (strstr(row->name, "anchor") && i == 4)) continue;
+        if (submits && i == 8) continue;
+        void *object;
+        memcpy(&object, a[i].pointer, sizeof object);
+        if (submits) {
+            uint64_t value;
+            memcpy(&value, a[8].pointer, sizeof value);
+            given_wait(object, value);
+        }
+        given_release(object);
+    }
+    if (!strcmp(row->name, "cairn_presenter_record_d3d12")) given_end_recordings(&given);
+#else
+    (void)row, (void)a, (void)r;
+#endif
+}
+
 /* Valid arguments for the row; output memory is filled with `pattern` first. */
 static void valid_arguments(const struct row *row, struct argument a[MOST_ARGUMENTS], int pattern)
 {
@@ -191,6 +287,9 @@ static void valid_arguments(const struct row *row, struct argument a[MOST_ARGUME
     for (int i = 0; i < row->count; i++) {
         const struct shape *shape = &row->shapes[i];
         a[i].pointer = &rooms[i];
+        if (given.device && row->shapes[i].kind == ROOM_ARGUMENT && row->shapes[i].align == 1 && is_for_windows(row->name)) {
+            a[i].pointer = given_argument(row, i);
+        }
         a[i].number = shape->kind == COUNT_ARGUMENT && shape->good == 0 ? saved_size : shape->good;
         a[i].real = 1;
         if (shape->kind == HANDLE_ARGUMENT) a[i].pointer = objects[shape->object];

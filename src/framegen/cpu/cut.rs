@@ -6,8 +6,8 @@
 //! which brightness and contrast do not change, so that flashes and fades are no cuts. If most blocks are nowhere to be
 //! found, it is a cut; if fewer are, the distribution of brightness must have changed as well.
 
+use crate::locks::Mutex;
 use bytemuck::must_cast;
-use parking_lot::Mutex;
 
 use super::kernels::{Level, Sampled, at_every_level, fetch};
 use super::sized;

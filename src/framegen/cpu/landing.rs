@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use parking_lot::Mutex;
+use crate::locks::Mutex;
 
 use super::kernels::claims::{self, Places};
 use super::kernels::{BLOCK, Level, TILE, at_every_level};

@@ -2,7 +2,7 @@
 
 mod prepare;
 
-use parking_lot::{Mutex, MutexGuard};
+use crate::locks::{Mutex, MutexGuard};
 use windows::Win32::Graphics::Direct3D12::ID3D12GraphicsCommandList;
 use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_UNKNOWN};
 

@@ -6,9 +6,9 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use crate::locks::Mutex;
 use ort::AsPointer;
 use ort::session::{NoSelectedOutputs, RunOptions};
-use parking_lot::Mutex;
 
 use crate::Result;
 use crate::runtime::execution_context::CaptureStatistics;

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::locks::Mutex;
 use ort::AsPointer;
 use ort::ep::directml::{DMLResource, resource_from_d3d};
 use ort::memory::{AllocationDevice, AllocatorType, MemoryInfo, MemoryType};
 use ort::session::IoBinding;
 use ort::value::{Shape, TensorRefMut};
-use parking_lot::Mutex;
 use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
 use windows::core::Interface;
 

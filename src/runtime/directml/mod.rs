@@ -19,10 +19,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
+use crate::locks::Mutex;
 use ort::AsPointer;
 use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
-use parking_lot::Mutex;
 use windows::Win32::AI::MachineLearning::DirectML::IDMLDevice;
 use windows::core::Interface;
 

@@ -2,7 +2,7 @@
 
 use std::ffi::{CStr, CString};
 
-use parking_lot::Mutex;
+use crate::locks::Mutex;
 
 use super::context::Buffer;
 use super::recorder::Recorder;

@@ -6,7 +6,7 @@ mod controller;
 use std::sync::Arc;
 use std::time::Duration;
 
-use parking_lot::Mutex;
+use crate::locks::Mutex;
 
 use self::controller::{Controller, Decision, Reason, Setting, Window};
 use super::schedule::{Schedule, pass_counts};

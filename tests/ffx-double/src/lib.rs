@@ -7,11 +7,14 @@
 //! It generates and upscales frames with shaders of its own (`interpolate.hlsl`, `upscale.hlsl`), so that pixels show whether
 //! motion, depth, states and all other parameters are right.
 //!
+//! It makes calls fail on purpose (`faults`). As a loader it does so in front of AMD's own libraries too.
+//!
 //! It shares no code with the bindings under test: it reads structs by offsets only, with the functions of `field_access`.
 #![cfg(windows)]
 
 mod config;
 mod effect_library;
+mod faults;
 mod field_access;
 mod generation;
 mod library;
@@ -32,6 +35,7 @@ const OK: u32 = 0;
 const UNKNOWN_STRUCT: u32 = 2;
 const RUNTIME: u32 = 3;
 const NO_PROVIDER: u32 = 4;
+const MEMORY: u32 = 5;
 const PARAMETER: u32 = 6;
 
 /// Creates a context.
@@ -41,7 +45,7 @@ const PARAMETER: u32 = 6;
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxCreateContext(context: *mut *mut c_void, head: *mut u8, callbacks: *const c_void) -> u32 {
     // SAFETY: the caller's promise about the chain and the context's address.
-    Library::handle("create", |library| unsafe { library.create(context, head, callbacks) })
+    Library::called("create", |library| unsafe { library.create(context, head, callbacks) })
 }
 
 /// Destroys a context.
@@ -51,7 +55,7 @@ pub unsafe extern "C" fn ffxCreateContext(context: *mut *mut c_void, head: *mut 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxDestroyContext(context: *mut *mut c_void, callbacks: *const c_void) -> u32 {
     // SAFETY: the caller's promise about the context's address.
-    Library::handle("destroy", |library| unsafe { library.destroy(context, callbacks) })
+    Library::called("destroy", |library| unsafe { library.destroy(context, callbacks) })
 }
 
 /// Configures a context, or the library.
@@ -61,7 +65,7 @@ pub unsafe extern "C" fn ffxDestroyContext(context: *mut *mut c_void, callbacks:
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxConfigure(context: *mut *mut c_void, head: *const u8) -> u32 {
     // SAFETY: the caller's promise about the chain and the context's address.
-    Library::handle("configure", |library| unsafe { library.configure(context, head) })
+    Library::called("configure", |library| unsafe { library.configure(context, head) })
 }
 
 /// Queries a context, or the library.
@@ -71,7 +75,7 @@ pub unsafe extern "C" fn ffxConfigure(context: *mut *mut c_void, head: *const u8
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxQuery(context: *mut *mut c_void, head: *mut u8) -> u32 {
     // SAFETY: the caller's promise about the chain and the context's address.
-    Library::handle("query", |library| unsafe { library.query(context, head) })
+    Library::called("query", |library| unsafe { library.query(context, head) })
 }
 
 /// Records work.
@@ -81,5 +85,5 @@ pub unsafe extern "C" fn ffxQuery(context: *mut *mut c_void, head: *mut u8) -> u
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn ffxDispatch(context: *mut *mut c_void, head: *const u8) -> u32 {
     // SAFETY: the caller's promise about the chain and the context's address.
-    Library::handle("dispatch", |library| unsafe { library.dispatch(context, head) })
+    Library::called("dispatch", |library| unsafe { library.dispatch(context, head) })
 }

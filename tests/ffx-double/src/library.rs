@@ -99,6 +99,14 @@ pub(crate) enum ContextKind {
 static LIBRARY: OnceLock<Result<Mutex<Library>, String>> = OnceLock::new();
 
 impl Library {
+    /// Handles a call of one of the five functions, unless it fails on purpose.
+    pub(crate) fn called(call: &'static str, act: impl FnOnce(&mut Self) -> u32) -> u32 {
+        match crate::faults::injected(call) {
+            Some(code) => Self::handle(call, |library| library.log_call(call, &[], code)),
+            None => Self::handle(call, act),
+        }
+    }
+
     /// Handles one call. ffx-api forbids concurrent calls of one context and has no lock; here they take turns and are checked.
     pub(crate) fn handle(call: &'static str, act: impl FnOnce(&mut Self) -> u32) -> u32 {
         let library =
@@ -406,6 +414,23 @@ impl Library {
         // SAFETY: allocated by `create`, and removed from the maps above.
         drop(unsafe { Box::from_raw(known as *mut u64) });
         self.log_call("destroy", &[], OK)
+    }
+
+    /// Of a loader: destroys all live contexts; returns their number. Generators go first, as they would while their swap chain lives.
+    ///
+    /// # Safety
+    /// Nobody uses them any more.
+    pub(crate) unsafe fn destroy_all(&mut self) -> u64 {
+        let mut owners: Vec<_> = self.owners.drain().collect();
+        owners.sort_by_key(|(_, effect)| *effect);
+        for (context, effect) in &owners {
+            let mut context = *context as *mut c_void;
+            if let Some(effect_library) = self.effect_library(*effect) {
+                // SAFETY: the caller's promise.
+                unsafe { (effect_library.destroy)(&mut context, std::ptr::null()) };
+            }
+        }
+        owners.len() as u64
     }
 
     pub(crate) unsafe fn configure(&mut self, context: *mut *mut c_void, head: *const u8) -> u32 {

@@ -14,11 +14,10 @@ use cairn::abi::results::CAIRN_OK;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::core::Interface;
 use test_support::c_interface::{create_handle, tool_device_options, with_struct_size};
-use test_support::d3d12::recorder::Failure;
 use test_support::d3d12::textures::{self, TextureDesc};
 use test_support::worlds;
 
-use super::{Trial, fail_each};
+use super::{Failure, Reach, Source, Trial, fail_each};
 
 const SIZE: (u32, u32) = (64, 48);
 /// Nanoseconds between anchors.
@@ -114,7 +113,7 @@ fn fail_frames(failure: fn(u64) -> Failure) {
     let expected = TIMES.map(|now| drawn(on_processor, now));
     // SAFETY: a live handle, destroyed once.
     assert_eq!(unsafe { cairn_presenter_destroy(on_processor) }, CAIRN_OK);
-    fail_each(failure, 20, |trial| show(trial, &expected));
+    fail_each(Source::Direct3d, Reach::Host, failure, 20, |trial| show(trial, &expected));
 }
 
 #[test]

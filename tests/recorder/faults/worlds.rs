@@ -14,10 +14,9 @@ use cairn::abi::state::cairn_rollout_save;
 use cairn::abi::world::{cairn_world, cairn_world_destroy, cairn_world_load, cairn_world_options};
 use cairn::gpu::windows::core::Interface;
 use test_support::c_interface::{create_handle, tool_device_options, with_struct_size};
-use test_support::d3d12::recorder::Failure;
 use test_support::worlds::{self, bundle_path};
 
-use super::{Trial, fail_each};
+use super::{Failure, Reach, Source, Trial, fail_each};
 
 /// A host's world. `expected` is the rollout's state, from the first trial on, in which nothing fails.
 fn walk(trial: &mut Trial<'_>, expected: &RefCell<Vec<u8>>) {
@@ -80,7 +79,7 @@ fn roll_out(trial: &mut Trial<'_>, world: *mut cairn_world, expected: &RefCell<V
 /// Lets about six calls fail.
 fn fail_world(failure: fn(u64) -> Failure) {
     let expected = RefCell::new(Vec::new());
-    fail_each(failure, 6, |trial| walk(trial, &expected));
+    fail_each(Source::Direct3d, Reach::Host, failure, 6, |trial| walk(trial, &expected));
 }
 
 #[test]

@@ -9,7 +9,9 @@ use std::process::Command;
 use provision::{Console, tools};
 
 use super::Context;
+use super::amd::Amd;
 use super::cpp;
+use super::lab;
 use super::tally::{Skip, Tally};
 use crate::abi::declarations::{self, Declarations};
 use crate::abi::{header, record};
@@ -27,6 +29,10 @@ const RANDOM_CALLS: &str = "tests/abi/fuzz_calls.c";
 
 /// The table of all functions that the hostile test programs call.
 const CALLS: &str = "tests/abi/calls.h";
+
+/// Programs that also run on Windows, with an engine's device of Direct3D 12, and those of every run.
+const ON_WINDOWS: [&str; 3] = ["hostile", "hostile_calls", "hostile_threads"];
+const ON_WINDOWS_SHORT: [&str; 2] = ["hostile_calls", "hostile_threads"];
 
 /// Earlier headers that hosts may have been compiled with, by their folder in `tests/abi/earlier`, and the programs that must still run
 /// with them.
@@ -77,6 +83,69 @@ fn run_longer(context: &Context<'_>, log: &mut Log, program: &str) -> Result<Tal
     let mut tally = Tally::default();
     let library = library(context, log)?;
     programs(context, log, &work, &library, &mut tally, Some(program))?;
+    Ok(tally)
+}
+
+/// Runs the programs of a hostile host on Windows, or in the lab: with a device of Direct3D 12, and worlds on the processor.
+pub(super) fn run_on_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    run_hostile(context, log, &ON_WINDOWS_SHORT, &[])
+}
+
+/// Runs all of them, and those that call every function with worlds on Direct3D 12 too.
+pub(super) fn run_all_on_windows(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    if let Some(skip) = lab::skip_unless_possible("a hostile host on Direct3D 12")? {
+        return Ok(Tally { skips: vec![skip], ..Tally::default() });
+    }
+    let mut tally = run_hostile(context, log, &ON_WINDOWS, &[])?;
+    tally.add(run_hostile(context, log, &ON_WINDOWS_SHORT[..1], &[("CAIRN_TEST_DIRECTML", "1")])?);
+    Ok(tally)
+}
+
+fn run_hostile(
+    context: &Context<'_>,
+    log: &mut Log,
+    programs: &[&str],
+    variables: &[(&str, &str)],
+) -> Result<Tally, String> {
+    context.build_for_windows(log)?;
+    let root = &context.workspace.root;
+    let work = context.workspace.target.join("xtask").join("abi-windows");
+    let failed = |e: std::io::Error| format!("{}: {e}", work.display());
+    fs::create_dir_all(&work).map_err(failed)?;
+    lab::install_runtime(&work)?;
+    let library = work.join("cairn.dll");
+    fs::copy(context.windows_programs().join("cairn.dll"), &library).map_err(failed)?;
+    let compiler = tools::mingw_compiler(false, &Console::new()).map_err(|e| e.to_string())?;
+    let compile = |output: &Path, sources: &[PathBuf]| {
+        let mut command = Command::new(&compiler.program);
+        command.args(compiler.first).args(["-std=gnu11", "-g", "-static"]).args(STRICT);
+        command.arg("-I").arg(root.join("include")).args(sources);
+        command.args(["-ld3d12", "-ldxgi", "-lpthread", "-lm", "-o"]).arg(output);
+        command
+    };
+    let sources = root.join(PROGRAMS);
+    let shim = work.join("onnxruntime-shim.dll");
+    if !log.run(compile(&shim, &[sources.join("shim").join("onnxruntime.c")]).arg("-shared"))?.success {
+        return Err("the shim of ONNX Runtime does not compile for Windows".to_owned());
+    }
+    let mut tally = Tally::default();
+    for name in programs {
+        let program = work.join(format!("{name}.exe"));
+        let given = sources.join("windows").join("given.c");
+        let files = [sources.join(format!("{name}.c")), given, library.clone(), shim.clone()];
+        let title = format!("{PROGRAMS}/{name}.c on Windows");
+        if !log.run(&mut compile(&program, &files))?.success {
+            tally.failures.push(format!("{title} does not compile"));
+            continue;
+        }
+        let mut command = lab::lab_run()?;
+        command.arg(&program).current_dir(&work).envs(variables.iter().copied());
+        command.env("CAIRN_TEST_WORLD", lab::windows_path(&context.bundle("tiny")?));
+        command.env("CAIRN_TEST_SHIM", lab::windows_path(&shim));
+        command.env("CAIRN_ONNXRUNTIME", lab::windows_path(&work.join("onnxruntime.dll")));
+        Amd::None.provide(&mut command);
+        count(&title, &log.run(&mut command)?, &mut tally);
+    }
     Ok(tally)
 }
 

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use provision::{Console, tools};
 
 use super::Context;
+use super::abi;
 use super::amd::Amd;
 use super::tally::{Skip, Tally};
 use super::{recorder, windows_build};
@@ -28,6 +29,8 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         check_pass_through(context, log, &mut tally)?;
     }
     context.with_and_without_amd(&mut tally, |amd| own_tests(context, log, amd))?;
+    tally.add(host_tests(context, log)?);
+    tally.add(abi::run_on_windows(context, log)?);
     Ok(tally)
 }
 
@@ -66,6 +69,13 @@ fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, S
 
 /// The plugin's tests in Unity's test double, which uses the rules of the recorder of Direct3D's calls.
 const IN_UNITY: &str = "host";
+/// Tests of a host that need no choice among AMD's libraries: unloading, callbacks, and the recorded order of locks.
+fn host_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut command = context.windows_tests(["unload", "callbacks", "lock_order", "order"], log)?;
+    context.provide_windows_worlds(&mut command)?;
+    Amd::None.provide(&mut command);
+    windows_build::run(&mut command, &[], log)
+}
 
 /// A command that runs a program as [`lab_run`] does, with only Windows' own variables in its environment.
 pub(super) fn with_empty_environment(program: &Path) -> Result<Command, String> {

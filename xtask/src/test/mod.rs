@@ -225,6 +225,38 @@ const THOROUGH: &[Part] = &[
     },
     Part {
         runner: Runner {
+            name: "faults-frames",
+            what: "every call to Direct3D fails, once and as on a removed device, while a host makes frames",
+            run: recorder::run_faults_frames,
+        },
+        minutes: 30,
+    },
+    Part {
+        runner: Runner {
+            name: "faults-amd",
+            what: "every call of AMD's libraries fails, once and for ever, and every call to Direct3D beneath them",
+            run: recorder::run_faults_amd,
+        },
+        minutes: 45,
+    },
+    Part {
+        runner: Runner {
+            name: "faults-worlds",
+            what: "a call of each place that calls Direct3D, DirectML or ONNX Runtime fails while a world runs on DirectML",
+            run: recorder::run_faults_worlds,
+        },
+        minutes: 60,
+    },
+    Part {
+        runner: Runner {
+            name: "hostile-windows",
+            what: "a hostile host in C on Direct3D 12, also with a world on DirectML",
+            run: abi::run_all_on_windows,
+        },
+        minutes: 30,
+    },
+    Part {
+        runner: Runner {
             name: "cycles-devices",
             what: "1,000 devices on Direct3D 12 come and go",
             run: lab::run_device_cycles,

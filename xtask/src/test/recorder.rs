@@ -105,6 +105,49 @@ pub(super) fn run_amd_and_study(context: &Context<'_>, log: &mut Log) -> Result<
     Ok(tally)
 }
 
+/// Names of the tests in which calls fail, by what a host does meanwhile, and which calls fail.
+const FAULTS_FRAMES: &str = "faults::frames::";
+const FAULTS_AMD: &str = "faults::amd";
+const FAULTS_WORLDS: &str = "faults::worlds::";
+const EVERY_FAILURE: &str = "CAIRN_EVERY_FAILURE";
+
+/// Every call to Direct3D fails while a host makes a device and frames.
+pub(super) fn run_faults_frames(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    run_faults(context, log, FAULTS_FRAMES, "1", &Amd::None)
+}
+
+/// Every call of AMD's libraries, and to Direct3D beneath them, fails: over doubles, and where this machine has AMD's own, over these.
+pub(super) fn run_faults_amd(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    context.with_and_without_amd(&mut tally, |amd| run_faults(context, log, FAULTS_AMD, "1", amd))?;
+    Ok(tally)
+}
+
+/// A call of each place in the program fails while a host loads a world on DirectML and rolls it out.
+pub(super) fn run_faults_worlds(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    run_faults(context, log, FAULTS_WORLDS, "places", &Amd::None)
+}
+
+/// Runs tests of the program `recorder` in which all or most calls fail.
+fn run_faults(context: &Context<'_>, log: &mut Log, tests: &str, which: &str, amd: &Amd) -> Result<Tally, String> {
+    if let Err(why) = provision::lab::possible() {
+        let skip = Skip { name: "every failing call on the device".to_owned(), reason: format!("needs lab: {why}") };
+        return Ok(Tally { skips: vec![skip], ..Tally::default() });
+    }
+    let known = KnownFindings::parse(&context.workspace.read(LIST)?)?;
+    let mut command = context.windows_tests(["recorder"], log)?;
+    command.args(["--", "--test-threads=1", "--nocapture", tests]);
+    context.provide_windows_worlds(&mut command)?;
+    amd.provide(&mut command);
+    command.env(EVERY_FAILURE, which);
+    let CommandOutput { success, output } =
+        with_recorder(&context.windows_programs(), &mut command, |command| log.run(command))?;
+    let (output, messages) = separate(&output)?;
+    let mut tally = windows_build::judge(&CommandOutput { success, output }, &[tests]);
+    tally.failures.extend(known.others(&messages));
+    Ok(tally)
+}
+
 /// Gives a command its variables.
 type Provide = for<'a, 'b, 'c> fn(&'a Context<'b>, &'c mut Command) -> Result<(), String>;
 

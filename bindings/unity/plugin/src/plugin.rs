@@ -6,7 +6,7 @@ use std::ffi::{c_int, c_void};
 use std::sync::Arc;
 
 use cairn::abi::results::{CAIRN_ERROR_DEVICE, CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, cairn_result};
-use parking_lot::Mutex;
+use cairn::locks::Mutex;
 
 use super::drawing::Drawing;
 use super::interfaces::*;

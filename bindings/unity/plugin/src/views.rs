@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use cairn::abi::presenter::cairn_frame;
 use cairn::abi::results::{CAIRN_NOT_READY, cairn_result};
-use parking_lot::Mutex;
+use cairn::locks::Mutex;
 
 use super::drawing::{Target, TargetRing};
 

@@ -164,3 +164,17 @@ pub(super) extern "system" fn RecorderStateOf(resource: *mut c_void) -> i64 {
 pub(super) extern "system" fn RecorderIsOpen(list: *mut c_void) -> BOOL {
     report(0, |calls| calls.id(list).is_some_and(|list| calls.recorder.is_open(list))).into()
 }
+
+/// Receives numbers, with a value of the caller's.
+type ReceiveNumbers = unsafe extern "system" fn(context: *mut c_void, numbers: *const u64, count: usize);
+
+/// Hands over a number for each call that was counted since `RecorderFailCall(0, ..)`: the same for calls of the same place in the program.
+///
+/// # Safety
+/// `receive` takes `context`.
+#[unsafe(no_mangle)]
+pub(super) unsafe extern "system" fn RecorderTakeSites(receive: ReceiveNumbers, context: *mut c_void) {
+    let sites = super::faults::sites();
+    // SAFETY: the caller's promise; numbers that live during the call.
+    unsafe { receive(context, sites.as_ptr(), sites.len()) };
+}

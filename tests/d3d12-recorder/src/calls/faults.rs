@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use lock_order::Mutex;
 use windows::Win32::Foundation::E_OUTOFMEMORY;
 use windows::Win32::Graphics::Direct3D12::{
     D3D12_FENCE_FLAG_NONE, ID3D12CommandQueue, ID3D12Device, ID3D12Device_Vtbl, ID3D12Fence,
@@ -12,7 +13,7 @@ use windows::Win32::Graphics::Direct3D12::{
 use windows::Win32::Graphics::Dxgi::DXGI_ERROR_DEVICE_REMOVED;
 use windows::core::{HRESULT, Interface};
 
-use super::hooks::replace;
+use super::hooks::{call_site, replace};
 use super::report;
 
 /// Whether calls are counted, and fail when it is their turn.
@@ -24,9 +25,18 @@ static FAILING: AtomicU64 = AtomicU64::new(0);
 /// Whether all later calls fail too, because the device is removed.
 static IS_REMOVAL: AtomicBool = AtomicBool::new(false);
 
+/// Places in the program of the calls so far, while none is to fail.
+static SITES: Mutex<Vec<u64>> = Mutex::new(Vec::new());
+
+/// Places in the program of the calls that were counted since [`fail`], if none was to fail.
+pub(super) fn sites() -> Vec<u64> {
+    SITES.lock().clone()
+}
+
 /// From now on, while armed, call number `call` fails for lack of memory; or it and all later ones, since the device is removed.
 pub(super) fn fail(call: u64, is_removal: bool) {
     COUNT.store(0, Ordering::SeqCst);
+    SITES.lock().clear();
     IS_REMOVAL.store(is_removal, Ordering::SeqCst);
     FAILING.store(call, Ordering::SeqCst);
 }
@@ -70,8 +80,16 @@ impl Outcome for HRESULT {
         if !IS_ARMED.load(Ordering::SeqCst) {
             return None;
         }
-        let (call, failing) = (COUNT.fetch_add(1, Ordering::SeqCst) + 1, FAILING.load(Ordering::SeqCst));
-        if failing == 0 || call < failing {
+        let failing = FAILING.load(Ordering::SeqCst);
+        if failing == 0 {
+            // In the order of their numbers.
+            let mut sites = SITES.lock();
+            sites.push(call_site());
+            COUNT.fetch_add(1, Ordering::SeqCst);
+            return None;
+        }
+        let call = COUNT.fetch_add(1, Ordering::SeqCst) + 1;
+        if call < failing {
             return None;
         }
         match IS_REMOVAL.load(Ordering::SeqCst) {

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::ffi::c_void;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::OnceLock;
 
 use windows::Win32::System::Memory::{PAGE_PROTECTION_FLAGS, PAGE_READWRITE, VirtualProtect};
@@ -25,6 +26,17 @@ pub(super) fn caller() -> usize {
     let other =
         addresses[..count as usize].iter().map(|address| *address as usize).find(|address| !own.contains(address));
     other.unwrap_or_default()
+}
+
+/// A number for the place of this call in the program: the functions that led to it.
+pub(super) fn call_site() -> u64 {
+    let mut addresses = [std::ptr::null_mut(); 16];
+    let mut hash = DefaultHasher::new();
+    // SAFETY: an array of that length.
+    let count =
+        unsafe { RtlCaptureStackBackTrace(0, addresses.len() as u32, addresses.as_mut_ptr(), std::ptr::null_mut()) };
+    addresses[..count as usize].hash(&mut hash);
+    hash.finish()
 }
 
 /// Addresses of this library.

@@ -18,7 +18,7 @@ use std::collections::HashMap;
 use std::ffi::c_void;
 use std::io::Write;
 
-use parking_lot::Mutex;
+use lock_order::Mutex;
 use windows::Win32::Foundation::{CloseHandle, HANDLE, HMODULE, WAIT_OBJECT_0};
 use windows::Win32::System::LibraryLoader::{
     GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT, GetModuleFileNameW,

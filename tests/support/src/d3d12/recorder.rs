@@ -154,3 +154,18 @@ pub fn while_failing<T>(work: impl FnOnce() -> T) -> (T, u64) {
     let result = work();
     (result, arm(0))
 }
+
+/// A number for each call that was counted since [`set_failure`] with `None`: the same for calls of the same place in the program.
+pub fn call_sites() -> Vec<u64> {
+    type Receive = unsafe extern "system" fn(*mut c_void, *const u64, usize);
+    unsafe extern "system" fn receive(to: *mut c_void, numbers: *const u64, count: usize) {
+        // SAFETY: the recorder's numbers, and the vector below.
+        unsafe { (*to.cast::<Vec<u64>>()).extend_from_slice(std::slice::from_raw_parts(numbers, count)) };
+    }
+    // SAFETY: the recorder's function.
+    let take = unsafe { function::<unsafe extern "system" fn(Receive, *mut c_void)>(s!("RecorderTakeSites")) };
+    let mut sites: Vec<u64> = Vec::new();
+    // SAFETY: a vector that lives during the call.
+    unsafe { take(receive, (&raw mut sites).cast()) };
+    sites
+}

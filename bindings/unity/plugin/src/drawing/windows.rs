@@ -22,7 +22,7 @@ use cairn::gpu::windows::Win32::System::LibraryLoader::{
     GetModuleHandleExW,
 };
 use cairn::gpu::windows::core::{IUnknown, Interface, PCWSTR};
-use parking_lot::Mutex;
+use cairn::locks::Mutex;
 
 use crate::interfaces::{Direct3d12, Notify, Recording, RecordingState, Request, ResourceState};
 use crate::views::{EventResult, View, no_frame};
