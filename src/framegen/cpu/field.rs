@@ -6,12 +6,12 @@ mod matching;
 use half::f16;
 
 use super::colour::Colour;
-use super::kernels::claims::{self, Around};
+use super::kernels::tile_keys::{self, Around};
 use super::kernels::{
     BLOCK, Landing, Level, RankRange, Source, TILE, VectorRange, claim_tile, depth_ranges, land, motion_ranges,
 };
-use super::layer::{self, ALIKE, EMPTY, Grid, Key, Kind, LONGEST, Layer, SAME_RANK, Tile, key};
-use super::standing::Standing;
+use super::key_buffer::{self, ALIKE, EMPTY, Grid, Key, Kind, LONGEST, Layer, SAME_RANK, Tile, key};
+use super::static_mask::Standing;
 use super::{reserve, sized};
 use crate::Result;
 use crate::guidance::{DepthMap, Guidance};
@@ -116,7 +116,7 @@ fn is_flat(level: Level, depth: &DepthMap) -> bool {
     let mut landing = Landing::default();
     let mut ranks = |depth: &[f32]| {
         land(level, &[[f16::ZERO; 2]; TILE][..depth.len()], depth, [0; 2], 0, [0; 2], &mut landing);
-        landing.keys.map(layer::rank)
+        landing.keys.map(key_buffer::rank)
     };
     let first = ranks(&depth.depth()[..1])[0];
     let mut is_like_first = |depth: &[f32]| ranks(depth)[..depth.len()].iter().all(|&rank| rank == first);
@@ -205,7 +205,7 @@ impl Given<'_> {
             for (ranges, vectors) in vectors.chunks_mut(tile).zip(of_row.chunks(TILE)) {
                 land(level, vectors, &[0.0; TILE][..vectors.len()], [0; 2], 0, limit, &mut landing);
                 for (ranges, &key) in ranges.chunks_mut(tile / TILE).zip(&landing.keys) {
-                    let vector = layer::vector(key);
+                    let vector = key_buffer::vector(key);
                     ranges.fill(VectorRange { low: vector, high: vector });
                 }
             }
@@ -215,7 +215,7 @@ impl Given<'_> {
         if let Some(even) = depth.uniform_value() {
             let mut landing = Landing::default();
             land(level, &[[f16::ZERO; 2]], &[even], [0; 2], 0, limit, &mut landing);
-            let rank = layer::rank(landing.keys[0]);
+            let rank = key_buffer::rank(landing.keys[0]);
             ranks.fill(RankRange { near: rank, far: rank });
             return;
         }
@@ -229,7 +229,7 @@ impl Given<'_> {
             for (ranges, depth) in ranks.chunks_mut(tile).zip(of_row.chunks(TILE)) {
                 land(level, &still[..depth.len()], depth, [0; 2], 0, limit, &mut landing);
                 for (ranges, &key) in ranges.chunks_mut(tile / TILE).zip(&landing.keys) {
-                    ranges.fill(RankRange { near: layer::rank(key), far: layer::rank(key) });
+                    ranges.fill(RankRange { near: key_buffer::rank(key), far: key_buffer::rank(key) });
                 }
             }
         }
@@ -392,7 +392,7 @@ impl<P: Colour> Edges<'_, P> {
                             around.iter().any(|other| !own.and(other).is_alike())
                         }));
         if !is_edge {
-            tile.key = layer::marked(tile.key, UNKNOWN_MATCH);
+            tile.key = key_buffer::marked(tile.key, UNKNOWN_MATCH);
             return;
         }
         let Some((previous, current)) = self.anchors else { return };
@@ -411,7 +411,7 @@ impl<P: Colour> Edges<'_, P> {
     fn draw_out(&self, column: usize, row: usize, window: &[Line; 3], tile: &mut Tile, keys: &mut [Key; BLOCK]) {
         let around = self.around(column, row, window);
         let mut nearest = [EMPTY; BLOCK];
-        let mut nearer = claims::nearest_around(self.level, &around, ALIKE, &mut nearest);
+        let mut nearer = tile_keys::nearest_around(self.level, &around, ALIKE, &mut nearest);
         if nearer == 0 {
             return;
         }
@@ -430,7 +430,7 @@ impl<P: Colour> Edges<'_, P> {
             let place = nearer.trailing_zeros() as usize;
             nearer &= nearer - 1;
             keys[place] = nearest[place];
-            let vector = layer::vector(nearest[place]);
+            let vector = key_buffer::vector(nearest[place]);
             tile.low = [0, 1].map(|c| tile.low[c].min(vector[c]));
             tile.high = [0, 1].map(|c| tile.high[c].max(vector[c]));
         }

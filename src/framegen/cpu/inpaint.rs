@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::colour::Colour;
 use super::kernels::{BLOCK, TILE, fetch};
-use super::layer::Grid;
+use super::key_buffer::Grid;
 use super::sized;
 use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
 use crate::{Raster, Result};

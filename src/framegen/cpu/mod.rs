@@ -25,42 +25,42 @@
 //! fused steps, and every step settles conflicts by a total order: the result is the same to the bit for every number of
 //! threads and every instruction set. `tests/reference.rs` describes it plainly, and is what all of them must equal.
 
-mod bars;
+mod border_foreground;
+mod camera_fit;
 mod colour;
+mod colour_outlier;
 mod cut;
+mod edge_antialiasing;
 mod field;
-mod fill;
-mod foreign;
+mod hole_filling;
 mod inpaint;
 #[doc(hidden)]
 pub mod kernels;
-mod landing;
-mod layer;
-mod leaving;
-mod overlay;
-mod past;
-mod perspective;
+mod key_buffer;
+mod letterbox;
 mod render;
-mod soften;
-mod standing;
+mod reprojection;
+mod splat;
+mod static_mask;
+mod static_overlay;
 #[cfg(test)]
 mod tests;
 
-use bars::Inside;
+use border_foreground::Leaving;
+use camera_fit::{Moment, Seen, Way};
 use colour::Colour;
 use cut::CutDetector;
 use field::Preparation;
-use fill::{Evidence, Filler};
+use hole_filling::{Evidence, Filler};
 use inpaint::Inpainter;
 use kernels::{Level, Source};
-use landing::{Bands, Carried, Pass};
-use layer::{HOLE, Layer, ORPHAN, WHOLE};
-use leaving::Leaving;
-use overlay::Stills;
-use past::Past;
-use perspective::{Moment, Seen, Way};
+use key_buffer::{HOLE, Layer, ORPHAN, WHOLE};
+use letterbox::Inside;
 use render::Between;
-use standing::Standing;
+use reprojection::Past;
+use splat::{Bands, Carried, Pass};
+use static_mask::Standing;
+use static_overlay::Stills;
 
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
 use crate::tasks::PoolLease;
@@ -141,7 +141,7 @@ impl CpuGenerator {
 
         let way = Way::from_current(Moment::previous());
         self.owners.land(self.level, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
-        let margin = foreign::margin(previous, current);
+        let margin = colour_outlier::margin(previous, current);
         let seen = Seen::find(pair.guidance(), &standing);
         let past = Past::new(&seen, pair.previous_depth(), pair.guidance().depth());
         match &past {

@@ -2,16 +2,16 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use super::camera_fit::{Moment, Way};
 use super::colour::Colour;
-use super::foreign::is_foreign;
-use super::kernels::claims;
+use super::colour_outlier::is_foreign;
+use super::edge_antialiasing::{soft, soften};
+use super::kernels::tile_keys;
 use super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
-use super::layer::{
+use super::key_buffer::{
     self, EMPTY, Grid, HOLE, Key, Kind, Layer, ORPHAN, Tile, WHOLE, alike, is_nearer, moves_within, part, slopes,
 };
-use super::overlay::{Overlays, Stills, Which};
-use super::perspective::{Moment, Way};
-use super::soften::{soft, soften};
+use super::static_overlay::{Overlays, Stills, Which};
 use crate::Raster;
 use crate::tasks::{Parallel, ParallelSliceMut};
 
@@ -50,7 +50,7 @@ pub(super) struct Between<'a, P> {
     pub(super) phase: i32,
     /// The same, as seen by claims.
     pub(super) moment: Moment,
-    /// See [`foreign::margin`](super::foreign::margin).
+    /// See [`colour_outlier::margin`](super::colour_outlier::margin).
     pub(super) margin: f32,
     /// What stands still in both.
     pub(super) stills: &'a Stills,
@@ -174,16 +174,16 @@ impl<P: Colour> Between<'_, P> {
             if [across, down] != [TILE, TILE] {
                 // Beyond the edges there is nothing to ask.
                 let beyond = (0..BLOCK).filter(|place| place % TILE >= across || place / TILE >= down);
-                beyond.for_each(|place| keys[place] = layer::key(0, 0, [0; 2]));
+                beyond.for_each(|place| keys[place] = key_buffer::key(0, 0, [0; 2]));
             }
             if tile.holes > 0 {
                 let borrowed = &self.places.borrowed[index];
                 for (key, &borrowed) in keys.iter_mut().zip(borrowed).filter(|(key, _)| **key == EMPTY) {
                     (*key, uncovered) = (borrowed, uncovered + 1);
                 }
-                questionable |= claims::having(self.level, &keys, HOLE);
+                questionable |= tile_keys::having(self.level, &keys, HOLE);
             }
-            orphans = claims::having(self.level, &keys, ORPHAN);
+            orphans = tile_keys::having(self.level, &keys, ORPHAN);
             uncovered += orphans.count_ones() as usize;
             questionable |= orphans;
         }
@@ -194,7 +194,7 @@ impl<P: Colour> Between<'_, P> {
         let beyond = if is_whole {
             positions(grid, spots, &mut before, &mut after)
         } else {
-            claims::spots(self.level, &keys, from, self.moment, size, &mut before, &mut after)
+            tile_keys::spots(self.level, &keys, from, self.moment, size, &mut before, &mut after)
         };
         questionable |= beyond[0] | beyond[1];
         // What decides will be asked for while the pixels are sampled.
@@ -288,7 +288,7 @@ impl<P: Colour> Between<'_, P> {
     #[inline(always)]
     fn spots(&self, [x, y]: [usize; 2], key: Key, phase: i32) -> Spots {
         let at = [64 * x as i32, 64 * y as i32];
-        let vector = layer::vector(key);
+        let vector = key_buffer::vector(key);
         let before: [i32; 2] = std::array::from_fn(|c| at[c] + part(vector[c], phase));
         Spots { before, after: std::array::from_fn(|c| before[c] - vector[c]) }
     }
@@ -300,9 +300,9 @@ impl<P: Colour> Between<'_, P> {
     fn fronts(&self, column: usize, row: usize, asked: u64, fronts: &mut [Key; BLOCK]) -> u64 {
         let around = self.places.around(column, row, true);
         if self.is_optical_flow {
-            claims::other_around(self.level, &around, DISTINCT, asked, fronts)
+            tile_keys::other_around(self.level, &around, DISTINCT, asked, fronts)
         } else {
-            claims::nearest_around(self.level, &around, DISTINCT, fronts) & asked
+            tile_keys::nearest_around(self.level, &around, DISTINCT, fronts) & asked
         }
     }
 
@@ -327,7 +327,7 @@ impl<P: Colour> Between<'_, P> {
         let mut before = Positions { x: [0; BLOCK], y: [0; BLOCK] };
         let mut after = before;
         let size = [grid.width, grid.height];
-        let beyond = claims::spots(self.level, &claims, from, self.moment, size, &mut before, &mut after);
+        let beyond = tile_keys::spots(self.level, &claims, from, self.moment, size, &mut before, &mut after);
         let has_rim = has_front & !(beyond[0] | beyond[1]);
         P::pixels_of_one(self.level, self.previous, &before, has_rim, &mut rims.before);
         P::pixels_of_one(self.level, self.current, &after, has_rim, &mut rims.after);
@@ -375,13 +375,13 @@ impl<P: Colour> Between<'_, P> {
     fn decide(&self, at: [usize; 2], key: Key, spots: Spots, is_doubtful: bool, seen: Option<P>) -> Choice {
         let grid = self.places.grid;
         let (from, to) = (grid.nearest(spots.before), grid.nearest(spots.after));
-        let mark = layer::mark(key);
+        let mark = key_buffer::mark(key);
         let mut is_before = from.is_some_and(|[x, y]| {
             if mark == ORPHAN {
                 return true;
             }
             let owner = self.owners.claim(x, y);
-            alike(owner, key) || layer::mark(owner) == ORPHAN && !is_nearer(owner, key)
+            alike(owner, key) || key_buffer::mark(owner) == ORPHAN && !is_nearer(owner, key)
         });
         let mut is_after = to.is_some_and(|[x, y]| {
             let shown = self.field.owner(x, y);
@@ -390,7 +390,7 @@ impl<P: Colour> Between<'_, P> {
         // Where one of them is hidden by something that moves, the vector is right and no overlay in question.
         if is_doubtful && (is_before == is_after || from.is_none() || to.is_none()) {
             let overlays = self.overlays();
-            let vector = layer::vector(key);
+            let vector = key_buffer::vector(key);
             let is_over = |which, at| self.stills.is_over(self.level, &overlays, which, at, vector);
             if is_over(Which::Current, at) {
                 return Choice::Still;
@@ -435,7 +435,7 @@ fn is_in_smooth(layer: &Layer, spot: [i32; 2], can_be: impl Fn(&Tile) -> bool) -
 }
 
 /// Where the anchors show the pixels of a tile that moves as a whole; which pixels they do not show, as
-/// [`claims::spots`] tells it.
+/// [`tile_keys::spots`] tells it.
 fn positions(grid: Grid, spots: Spots, before: &mut Positions, after: &mut Positions) -> [u64; 2] {
     [(spots.before, before), (spots.after, after)].map(|(first, at)| {
         let mut beyond = 0;
@@ -479,7 +479,7 @@ pub(super) fn beyond<P: Colour>(
     let way = Way::from_current(moment);
     let spot = |[x, y]: [usize; 2], key: Key, reach: i32| -> [i32; 2] {
         let at = [64 * x as i32, 64 * y as i32];
-        let vector = layer::vector(key);
+        let vector = key_buffer::vector(key);
         std::array::from_fn(|c| at[c] + part(vector[c], -reach))
     };
     let rows = out.pixels_mut().par_chunks_mut(grid.width * TILE);

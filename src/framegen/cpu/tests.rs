@@ -4,4 +4,4 @@ mod bounds;
 mod oracle;
 mod reference;
 mod scenes;
-pub(super) mod world;
+pub(super) mod synthetic;

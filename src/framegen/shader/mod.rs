@@ -254,12 +254,12 @@ impl ShaderGenerator {
         let kernels = &self.kernels;
         let mut steps = self.steps(frame, &table);
         steps.begin(extrapolated);
-        steps.once(&kernels.seen, extrapolated);
-        steps.per_tile(&kernels.given, extrapolated);
+        steps.once(&kernels.camera_fit, extrapolated);
+        steps.per_tile(&kernels.guidance_tiles, extrapolated);
         steps.per_tile(&kernels.field, extrapolated);
         steps.splat(extrapolated);
         steps.fill_holes(extrapolated);
-        steps.per_tile(&kernels.beyond, extrapolated);
+        steps.per_tile(&kernels.extrapolate, extrapolated);
         steps.inpaint(extrapolated);
         self.copy(frame, &written, target)
     }
@@ -297,7 +297,7 @@ impl ShaderGenerator {
         };
         let mut steps = self.steps(frame, &table);
         steps.begin(constants);
-        steps.per_tile(&self.kernels.render, constants);
+        steps.per_tile(&self.kernels.interpolate, constants);
         self.copy(frame, &written, target)
     }
 
@@ -399,15 +399,15 @@ impl ShaderGenerator {
         };
         let mut steps = self.steps(frame, table);
         steps.begin(in_previous);
-        steps.per_line(&kernels.lines, in_previous);
+        steps.per_line(&kernels.letterbox, in_previous);
         steps.find_cut(in_previous);
-        steps.once(&kernels.seen, in_previous);
-        steps.per_tile(&kernels.given, in_previous);
+        steps.once(&kernels.camera_fit, in_previous);
+        steps.per_tile(&kernels.guidance_tiles, in_previous);
         steps.per_tile(&kernels.field, in_previous);
         steps.splat(in_previous);
-        steps.per_end(&kernels.leave, in_previous);
-        steps.per_end(&kernels.join, in_previous);
-        steps.per_tile(&kernels.free, in_previous);
+        steps.per_end(&kernels.border_runs, in_previous);
+        steps.per_end(&kernels.join_border_runs, in_previous);
+        steps.per_tile(&kernels.clear_border, in_previous);
         steps.fill_holes(in_previous);
     }
 
@@ -434,7 +434,7 @@ impl ShaderGenerator {
         let mut steps = self.steps(frame, table);
         steps.splat(constants);
         steps.fill_holes(constants);
-        steps.per_tile(&self.kernels.render, constants);
+        steps.per_tile(&self.kernels.interpolate, constants);
         steps.inpaint(constants);
         self.copy(frame, &written, target)
     }

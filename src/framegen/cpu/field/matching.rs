@@ -2,7 +2,7 @@
 
 use super::super::colour::Colour;
 use super::super::kernels::{BLOCK, Source, TILE, at_every_level};
-use super::super::layer::{self, EMPTY, Key, WORST_MATCH};
+use super::super::key_buffer::{self, EMPTY, Key, WORST_MATCH};
 use super::RIM;
 
 at_every_level! {
@@ -81,7 +81,7 @@ fn distances<P: Colour>(
     let (mut fx, mut fy) = ([0.0; CHANNELS], [0.0; CHANNELS]);
     let mut corners = [[P::OPAQUE_BLACK; TILE]; 4];
     for i in 0..TILE {
-        let [vx, vy] = layer::vector(claims[i]);
+        let [vx, vy] = key_buffer::vector(claims[i]);
         let (u, v) = (64 * at[i][0] + vx, 64 * at[i][1] + vy);
         fx[4 * i..][..4].fill((u & 63) as f32 / 64.0);
         fy[4 * i..][..4].fill((v & 63) as f32 / 64.0);
@@ -139,7 +139,7 @@ fn mark_one_by_one<P: Colour>(
     keys: &mut [Key; BLOCK],
 ) {
     for (place, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
-        *key = layer::marked(*key, match_of(previous, current, [x + place % TILE, y + place / TILE], *key));
+        *key = key_buffer::marked(*key, match_of(previous, current, [x + place % TILE, y + place / TILE], *key));
     }
 }
 
@@ -179,7 +179,7 @@ fn mark_side_by_side<P: Colour>(
             }
             _ => {
                 for (i, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
-                    *key = layer::marked(*key, match_of(previous, current, [x + i, y + j], *key));
+                    *key = key_buffer::marked(*key, match_of(previous, current, [x + i, y + j], *key));
                 }
                 continue;
             }
@@ -187,7 +187,7 @@ fn mark_side_by_side<P: Colour>(
         let Some(here) = here.map(P::lumas_of) else { continue };
         for i in 0..TILE {
             let apart = (low[i] - here[i]).max(here[i] - high[i]).max(0.0);
-            keys[i] = layer::marked(keys[i], (apart as u8).min(WORST_MATCH));
+            keys[i] = key_buffer::marked(keys[i], (apart as u8).min(WORST_MATCH));
         }
     }
 }
@@ -211,7 +211,7 @@ fn rows_of_run<'a, P: Colour>(
     [x, y]: [usize; 2],
     keys: &[Key; TILE],
 ) -> Option<(usize, [&'a [P; 2 * TILE]; 2])> {
-    let whole = |key: Key| layer::vector(key).map(|v| v >> 6);
+    let whole = |key: Key| key_buffer::vector(key).map(|v| v >> 6);
     let [left, top] = whole(keys[0]);
     let mut is_run = true;
     for &key in keys {
@@ -234,7 +234,7 @@ fn rows_of_run<'a, P: Colour>(
 fn squares_of<P: Colour>(previous: Source<'_, P>, [x, y]: [usize; 2], keys: &[Key; TILE]) -> Option<[[P; TILE]; 4]> {
     let mut squares = [[P::OPAQUE_BLACK; TILE]; 4];
     for (i, &key) in keys.iter().enumerate() {
-        let [vx, vy] = layer::vector(key);
+        let [vx, vy] = key_buffer::vector(key);
         // What is negative is far beyond.
         let (u, v) = ((x + i) as i32 + (vx >> 6), y as i32 + (vy >> 6));
         let (u, v) = (u as u32 as usize, v as u32 as usize);
@@ -258,7 +258,7 @@ pub(in super::super) fn match_of<P: Colour>(
     claim: Key,
 ) -> u8 {
     let (width, height) = (previous.width, previous.height);
-    let [vx, vy] = layer::vector(claim);
+    let [vx, vy] = key_buffer::vector(claim);
     let (left, top) = ((64 * x as i32 + vx) >> 6, (64 * y as i32 + vy) >> 6);
     let luma = current.pixels[y * width + x].luma();
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
@@ -282,7 +282,7 @@ pub(in super::super) fn distance<P: Colour>(
     [x, y]: [usize; 2],
     claim: Key,
 ) -> f32 {
-    let [vx, vy] = layer::vector(claim);
+    let [vx, vy] = key_buffer::vector(claim);
     let (u, v) = (64 * x as i32 + vx, 64 * y as i32 + vy);
     let (fx, fy) = ((u & 63) as f32 / 64.0, (v & 63) as f32 / 64.0);
     let at = |u: i32, v: i32| {
@@ -329,11 +329,11 @@ mod tests {
             let mut keys = || -> [Key; BLOCK] {
                 let common = [0, 1].map(|_| below(1280) as i32 - 640);
                 [EMPTY; BLOCK].map(|empty| match round % 4 {
-                    0 => layer::key(9, 0, common),
-                    1 => layer::key(9, 0, common.map(|v| v + below(3) as i32 * 64)),
-                    2 => layer::key(9, 0, [0, 1].map(|_| below(9000) as i32 - 4500)),
+                    0 => key_buffer::key(9, 0, common),
+                    1 => key_buffer::key(9, 0, common.map(|v| v + below(3) as i32 * 64)),
+                    2 => key_buffer::key(9, 0, [0, 1].map(|_| below(9000) as i32 - 4500)),
                     _ if below(8) == 0 => empty,
-                    _ => layer::key(9, 0, common.map(|v| v + below(90) as i32)),
+                    _ => key_buffer::key(9, 0, common.map(|v| v + below(90) as i32)),
                 })
             };
             let (own, nearest) = (keys(), keys());

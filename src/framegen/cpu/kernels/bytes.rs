@@ -6,9 +6,9 @@ mod avx2;
 mod avx512;
 mod portable;
 
-use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE, luma};
+use super::lanczos::{BEFORE, ONE, PHASES, SINC, TAPS};
+use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, TILE, luma};
 use super::scalar::{self, taps};
-use super::weights::{BEFORE, ONE, PHASES, SINC, TAPS};
 use super::{Level, Set, Source, at_every_level};
 
 type Pixel = [u8; 4];

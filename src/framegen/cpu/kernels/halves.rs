@@ -4,10 +4,10 @@ mod vectors;
 
 use half::f16;
 
+use super::lanczos::TAPS;
 use super::ranges::widened;
-use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, luma};
+use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, luma};
 use super::scalar::{self, taps};
-use super::weights::TAPS;
 use super::{Level, Source, at_every_level};
 
 type Pixel = [f16; 4];

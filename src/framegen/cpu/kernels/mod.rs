@@ -10,19 +10,19 @@
 //!
 //! Public for the benches; not part of what the library promises.
 
-pub(super) mod beside;
 mod bytes;
-pub(super) mod claims;
+pub(super) mod candidates;
 mod halves;
+mod lanczos;
 mod ranges;
-mod sampled;
+mod sampling;
 mod scalar;
 #[cfg(test)]
 mod tests;
-mod weights;
+pub(super) mod tile_keys;
 
 pub use ranges::{Landing, RankRange, VectorRange, claim_tile, depth_ranges, land, motion_ranges};
-pub use sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE};
+pub use sampling::{BLOCK, Block, Positions, Rule, Sampled, TILE};
 
 /// An instruction set that kernels are written for. That a value exists proves that this processor has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -2,7 +2,7 @@
 
 use half::f16;
 
-use super::sampled::{BLOCK, TILE};
+use super::sampling::{BLOCK, TILE};
 use super::{at_every_level, fetch};
 
 /// The vectors of a tile, in 1/64 px.

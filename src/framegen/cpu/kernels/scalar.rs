@@ -1,8 +1,8 @@
 //! The plainly written twins, pixel by pixel.
 
 use super::Source;
-use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE, luma};
-use super::weights::{BEFORE, SINC, TAPS};
+use super::lanczos::{BEFORE, SINC, TAPS};
+use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, TILE, luma};
 
 /// See [`Sampled::tile`].
 pub(super) fn tile<P: Sampled>(

@@ -1,9 +1,9 @@
 //! Every level against the scalar twins, and the twins against what they promise.
 
-mod beside;
-mod claims;
-mod pictures;
+mod candidates;
 mod ranges;
+mod sampling;
+mod tile_keys;
 
 use super::*;
 

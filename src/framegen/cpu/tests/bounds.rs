@@ -2,7 +2,7 @@
 
 use half::f16;
 
-use super::world::{draw, generate, guide, landscape, noise, texture, unlike, worst};
+use super::synthetic::{draw, generate, guide, landscape, noise, texture, unlike, worst};
 use crate::framegen::cpu::CpuGenerator;
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
 use crate::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, paper};

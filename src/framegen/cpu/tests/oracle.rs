@@ -7,7 +7,7 @@ use crate::Raster;
 use crate::framegen::cpu::CpuGenerator;
 use crate::framegen::cpu::colour::Colour;
 use crate::framegen::cpu::kernels::Level;
-use crate::framegen::cpu::layer::WHOLE;
+use crate::framegen::cpu::key_buffer::WHOLE;
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome};
 use crate::tasks::Pool;
 use cases::{Random, guidance, overlay, pictures, previous_depth};

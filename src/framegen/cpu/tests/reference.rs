@@ -5,25 +5,25 @@
 //! cost of a candidate) are the generator's own, and so is the painting of what nobody sees, which has no other form.
 
 use crate::Raster;
-use crate::framegen::cpu::bars::Inside;
+use crate::framegen::cpu::border_foreground::Leaving;
+use crate::framegen::cpu::camera_fit::{Moment, Seen, Way};
 use crate::framegen::cpu::colour::Colour;
+use crate::framegen::cpu::colour_outlier::{self, is_foreign};
+use crate::framegen::cpu::edge_antialiasing::{SHARE, TORN};
 use crate::framegen::cpu::field::{self, RIM, SMOOTH as SMOOTH_GIVEN, UNKNOWN_MATCH};
-use crate::framegen::cpu::fill::{Evidence, NEAR};
-use crate::framegen::cpu::foreign::{self, is_foreign};
+use crate::framegen::cpu::hole_filling::{Evidence, NEAR};
 use crate::framegen::cpu::inpaint::Inpainter;
 use crate::framegen::cpu::kernels::{BLOCK, Landing, Level, Rule, Source, TILE, land};
-use crate::framegen::cpu::landing::SMOOTH as SMOOTH_LANDED;
-use crate::framegen::cpu::layer::{
+use crate::framegen::cpu::key_buffer::{
     self, EMPTY, Grid, HOLE, Key, Kind, LONGEST, Layer, ONE_SURFACE, ORPHAN, SLOPE, Tile, WHOLE, alike, is_nearer,
     landed, part, slopes,
 };
-use crate::framegen::cpu::leaving::Leaving;
-use crate::framegen::cpu::overlay::Overlays;
-use crate::framegen::cpu::past::Past;
-use crate::framegen::cpu::perspective::{Moment, Seen, Way};
+use crate::framegen::cpu::letterbox::Inside;
 use crate::framegen::cpu::render::{AGREE, DISTINCT, STRICT, apart, careful, unseen};
-use crate::framegen::cpu::soften::{SHARE, TORN};
-use crate::framegen::cpu::{source, standing::Standing, tests::oracle::RIM_BETWEEN};
+use crate::framegen::cpu::reprojection::Past;
+use crate::framegen::cpu::splat::SMOOTH as SMOOTH_LANDED;
+use crate::framegen::cpu::static_overlay::Overlays;
+use crate::framegen::cpu::{source, static_mask::Standing, tests::oracle::RIM_BETWEEN};
 use crate::framegen::{Anchor, AnchorPair};
 use crate::guidance::Guidance;
 
@@ -43,7 +43,7 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
     match &past {
         Some(past) => uncover(&mut owners, &field, past),
         None => {
-            let margin = foreign::margin(previous, current);
+            let margin = colour_outlier::margin(previous, current);
             leaving.find(&mut owners, previous, current, margin, is_optical_flow.into()).unwrap();
         }
     }
@@ -93,7 +93,7 @@ pub(super) fn beyond<P: Colour>(anchor: &Anchor<'_, P>, phase: i32) -> (Raster<P
     for [x, y] in pixels(grid) {
         let (own, tile, place) = (places.owner(x, y), grid.place(x, y).0, grid.place(x, y).1);
         let claim = if own == EMPTY { places.borrowed[tile][place] } else { own };
-        let vector = layer::vector(claim);
+        let vector = key_buffer::vector(claim);
         let phase = phase_at(&places, &moment, [x, y], claim, true) - WHOLE;
         let from = [64 * x as i32 + part(vector[0], phase), 64 * y as i32 + part(vector[1], phase)];
         out.pixels_mut()[y * grid.width + x] = P::sample(current, from);
@@ -146,7 +146,7 @@ fn moved_by<P: Colour>(
         land(Level::SCALAR, &[vector], &[depth], [0; 2], 0, limit, &mut landing);
         landing.keys[0]
     };
-    let rank = |at| layer::rank(told(at));
+    let rank = |at| key_buffer::rank(told(at));
     let is_flat = pixels(grid).all(|at| rank(at) == rank([0, 0]));
 
     let mut given = empty(grid);
@@ -154,13 +154,13 @@ fn moved_by<P: Colour>(
         let still = pixels_of(grid, at).filter(|&at| standing.is_at(at)).count();
         let ([low, high], near) = (range(pixels_of(grid, at).map(told)), pixels_of(grid, at).map(rank).min().unwrap());
         if still == pixels_of(grid, at).count() {
-            given.tiles[tile].key = layer::key(0, 0, [0; 2]);
+            given.tiles[tile].key = key_buffer::key(0, 0, [0; 2]);
         } else if still == 0 && (0..2).all(|c| high[c] - low[c] <= SMOOTH_GIVEN) {
-            given.tiles[tile].key = layer::key(near, 0, [0, 1].map(|c| (low[c] + high[c]).div_euclid(2)));
+            given.tiles[tile].key = key_buffer::key(near, 0, [0, 1].map(|c| (low[c] + high[c]).div_euclid(2)));
         } else {
             given.tiles[tile].kind = Kind::Rough;
             for pixel in pixels_of(grid, at) {
-                let key = if standing.is_at(pixel) { layer::key(0, 0, [0; 2]) } else { told(pixel) };
+                let key = if standing.is_at(pixel) { key_buffer::key(0, 0, [0; 2]) } else { told(pixel) };
                 given.keys[tile][grid.place(pixel[0], pixel[1]).1] = key;
             }
         }
@@ -179,7 +179,7 @@ fn moved_by<P: Colour>(
         let is_looked_at = can_dilate || is_flat && anchors.is_some();
         if is_smooth && !(is_looked_at && { around }.any(is_apart)) {
             if is_flat {
-                field.tiles[tile].key = layer::marked(key, UNKNOWN_MATCH);
+                field.tiles[tile].key = key_buffer::marked(key, UNKNOWN_MATCH);
             }
             continue;
         }
@@ -192,7 +192,7 @@ fn moved_by<P: Colour>(
             let key = match anchors {
                 Some((previous, current)) if is_flat => {
                     is_changed = true;
-                    layer::marked(own, field::match_of(previous, current, [x, y], own))
+                    key_buffer::marked(own, field::match_of(previous, current, [x, y], own))
                 }
                 _ if can_dilate && is_nearer(nearest, own) && !alike(nearest, own) => {
                     let fits = anchors.is_none_or(|(previous, current)| {
@@ -215,7 +215,7 @@ fn moved_by<P: Colour>(
 
 /// The least and the largest of each component of the vectors of claims.
 fn range(keys: impl Iterator<Item = Key>) -> [[i32; 2]; 2] {
-    keys.map(layer::vector).fold([[i32::MAX; 2], [i32::MIN; 2]], |[low, high], vector| {
+    keys.map(key_buffer::vector).fold([[i32::MAX; 2], [i32::MIN; 2]], |[low, high], vector| {
         [[0, 1].map(|c| low[c].min(vector[c])), [0, 1].map(|c| high[c].max(vector[c]))]
     })
 }
@@ -232,7 +232,7 @@ struct Claim {
 
 impl Claim {
     fn carried(self, way: Way) -> Self {
-        let vector = layer::vector(self.key);
+        let vector = key_buffer::vector(self.key);
         // A tile goes as its middle does.
         let middle = if self.extent.is_some() { TILE as i32 / 2 } else { 0 };
         let reach = way.reach(self.key, self.at.map(|at| at + middle));
@@ -311,16 +311,16 @@ fn gathered(grid: Grid, claims: &[Claim]) -> Layer {
         let whole = pixels_of(grid, position).count();
         let [low, high] = range(keys.iter().copied());
         let is_covered = 4 * keys.len() >= 3 * whole;
-        let ranks = || keys.iter().map(|&key| layer::rank(key));
+        let ranks = || keys.iter().map(|&key| key_buffer::rank(key));
         let is_surface = is_covered && ranks().max().unwrap() - ranks().min().unwrap() <= ONE_SURFACE;
         let apart = if is_surface { SLOPE } else { SMOOTH_LANDED };
         if !is_rough[tile] && is_covered && (0..2).all(|c| high[c] - low[c] <= apart) {
             let front = *keys.iter().min().unwrap();
             let mean = [0, 1].map(|c| {
-                let sum: i64 = keys.iter().map(|&key| i64::from(layer::vector(key)[c])).sum();
+                let sum: i64 = keys.iter().map(|&key| i64::from(key_buffer::vector(key)[c])).sum();
                 (2 * sum + keys.len() as i64).div_euclid(2 * keys.len() as i64) as i32
             });
-            layer.tiles[tile].key = layer::key(layer::rank(front), layer::mark(front), mean);
+            layer.tiles[tile].key = key_buffer::key(key_buffer::rank(front), key_buffer::mark(front), mean);
             continue;
         }
         layer.tiles[tile].kind = Kind::Rough;
@@ -380,7 +380,7 @@ fn fill<P: Colour>(layer: &mut Layer, evidence: &Evidence<'_, P>) {
                 evidence.past.map_or(found, |past| past.claim_or(evidence.field, [x, y], past.claim([x, y]), found));
             let key = if found == EMPTY { farthest_around(layer, position) } else { found };
             let leaves = evidence.leaving.and_then(|leaving| leaving.claim(x, y));
-            layer.borrowed[tile][grid.place(x, y).1] = leaves.unwrap_or(layer::marked(key, evidence.mark));
+            layer.borrowed[tile][grid.place(x, y).1] = leaves.unwrap_or(key_buffer::marked(key, evidence.mark));
         }
     }
 }
@@ -396,14 +396,14 @@ fn cost<P: Colour>(
     step: usize,
     from: [usize; 2],
 ) -> (bool, u64, u64) {
-    let [vx, vy] = layer::vector(key);
+    let [vx, vy] = key_buffer::vector(key);
     let reach = evidence.way.reach(key, [x as i32, y as i32]);
     let there = [64 * x as i32 - part(vx, reach), 64 * y as i32 - part(vy, reach)];
     let is_contradicted = grid.nearest(there).is_some_and(|[u, v]| {
         let shown = evidence.field.owner(u, v);
         alike(shown, key) || is_nearer(key, shown)
     });
-    let nearness = u64::from(u16::MAX - layer::rank(key));
+    let nearness = u64::from(u16::MAX - key_buffer::rank(key));
     match evidence.shown {
         Some(shown) => {
             let luma = |[x, y]: [usize; 2]| shown.pixels[y * grid.width + x].luma();
@@ -429,7 +429,7 @@ fn farthest_around(layer: &Layer, [column, row]: [usize; 2]) -> Key {
             None => {}
         }
     }
-    layer::key(u16::MAX, 0, [0; 2])
+    key_buffer::key(u16::MAX, 0, [0; 2])
 }
 
 /// What a picture between two anchors is made of.
@@ -464,7 +464,7 @@ fn render<P: Colour>(shown: &Shown<'_, P>) -> (Raster<P>, f32) {
         let (tile, place) = grid.place(x, y);
         let own = shown.places.owner(x, y);
         let key = if own == EMPTY { shown.places.borrowed[tile][place] } else { own };
-        uncovered += usize::from(own == EMPTY || layer::mark(own) == ORPHAN);
+        uncovered += usize::from(own == EMPTY || key_buffer::mark(own) == ORPHAN);
         match shown.pixel([x, y], tile, own, key) {
             Some((pixel, stands_still)) => {
                 out.pixels_mut()[y * grid.width + x] = pixel;
@@ -495,7 +495,7 @@ impl<P: Colour> Shown<'_, P> {
 
     /// Where the two anchors show what is at (x, y), at the phase of its tile, if that is smooth, or at its own.
     fn spots(&self, [x, y]: [usize; 2], key: Key, is_whole: bool) -> [[i32; 2]; 2] {
-        let (vector, phase) = (layer::vector(key), phase_at(self.places, &self.moment, [x, y], key, is_whole));
+        let (vector, phase) = (key_buffer::vector(key), phase_at(self.places, &self.moment, [x, y], key, is_whole));
         let before = [64 * x as i32 + part(vector[0], phase), 64 * y as i32 + part(vector[1], phase)];
         [before, [before[0] - vector[0], before[1] - vector[1]]]
     }
@@ -511,12 +511,12 @@ impl<P: Colour> Shown<'_, P> {
         }
         let keys: Vec<Key> = pixels_of(grid, at).map(|[x, y]| self.places.claim(x, y)).collect();
         let is_torn = (0..2).any(|axis| {
-            let along = || keys.iter().map(|&key| layer::vector(key)[axis]);
+            let along = || keys.iter().map(|&key| key_buffer::vector(key)[axis]);
             along().max().unwrap() - along().min().unwrap() > TORN
         });
         let is_in = |mask: u64, x: usize, y: usize| mask >> grid.place(x, y).1 & 1 == 1;
         for ([x, y], &key) in pixels_of(grid, at).zip(&keys) {
-            let is_loose = layer::mark(key) == ORPHAN || layer::mark(key) == HOLE;
+            let is_loose = key_buffer::mark(key) == ORPHAN || key_buffer::mark(key) == HOLE;
             if !(is_torn || is_loose) || is_in(hidden | fixed, x, y) {
                 continue;
             }
@@ -537,13 +537,14 @@ impl<P: Colour> Shown<'_, P> {
         let rule = self.rule(careful(self.is_optical_flow));
         let (merged, is_far_apart) = P::merge(of_previous, of_current, &rule);
         let (from, to) = (grid.nearest(before), grid.nearest(after));
-        let is_doubtful = is_far_apart || own == EMPTY || layer::mark(own) == ORPHAN || from.is_none() || to.is_none();
+        let is_doubtful =
+            is_far_apart || own == EMPTY || key_buffer::mark(own) == ORPHAN || from.is_none() || to.is_none();
         let is_close = !P::merge(of_previous, of_current, &self.rule(STRICT)).1;
         if !is_doubtful && (is_close || self.is_clear(tile)) {
             return Some((merged, false));
         }
         // Beside something in front, or what moves otherwise without depth, it is that thing's if so the anchors agree better.
-        let moves_otherwise = |claim: Key| !layer::moves_within(claim, key, DISTINCT);
+        let moves_otherwise = |claim: Key| !key_buffer::moves_within(claim, key, DISTINCT);
         let around = (at[1].saturating_sub(1)..(at[1] + 2).min(grid.height))
             .flat_map(|y| (at[0].saturating_sub(1)..(at[0] + 2).min(grid.width)).map(move |x| self.places.claim(x, y)));
         let front = around.filter(|&claim| !self.is_optical_flow || moves_otherwise(claim)).min().unwrap_or(key);
@@ -559,10 +560,10 @@ impl<P: Colour> Shown<'_, P> {
                 return Some((P::merge(a, b, &rule).0, false));
             }
         }
-        let mark = layer::mark(key);
+        let mark = key_buffer::mark(key);
         let mut is_before = from.is_some_and(|[x, y]| {
             let owner = self.owners.claim(x, y);
-            mark == ORPHAN || alike(owner, key) || layer::mark(owner) == ORPHAN && !is_nearer(owner, key)
+            mark == ORPHAN || alike(owner, key) || key_buffer::mark(owner) == ORPHAN && !is_nearer(owner, key)
         });
         let mut is_after = to.is_some_and(|[x, y]| {
             let shown = self.field.owner(x, y);
@@ -570,7 +571,7 @@ impl<P: Colour> Shown<'_, P> {
         });
         if is_doubtful && (is_before == is_after || from.is_none() || to.is_none()) {
             let overlays = Overlays { previous: self.previous, current: self.current };
-            let vector = layer::vector(key);
+            let vector = key_buffer::vector(key);
             if overlays.is_at(at, vector) {
                 let place = at[1] * grid.width + at[0];
                 return Some((P::merge(self.previous.pixels[place], self.current.pixels[place], &rule).0, true));
@@ -581,7 +582,12 @@ impl<P: Colour> Shown<'_, P> {
         match (is_before, is_after) {
             (true, true)
                 if is_doubtful
-                    && is_foreign(of_previous, self.current, after, foreign::margin(self.previous, self.current)) =>
+                    && is_foreign(
+                        of_previous,
+                        self.current,
+                        after,
+                        colour_outlier::margin(self.previous, self.current),
+                    ) =>
             {
                 Some((of_current, false))
             }

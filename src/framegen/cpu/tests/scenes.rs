@@ -1,6 +1,6 @@
 //! Scenes with a known truth at every phase.
 
-use super::world::{draw, generate, guide, landscape, mean_difference, noise, texture, unlike};
+use super::synthetic::{draw, generate, guide, landscape, mean_difference, noise, texture, unlike};
 use crate::Picture;
 use crate::framegen::Outcome;
 use crate::guidance::Guidance;

@@ -9,7 +9,7 @@ use super::{
     BEFORE, BIAS, BLOCK, Block, Groups, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE,
     clamped, rows, some_of, starts,
 };
-use crate::framegen::cpu::kernels::weights::{PAIRS, PHASES};
+use crate::framegen::cpu::kernels::lanczos::{PAIRS, PHASES};
 
 /// See [`super::Sampled::tile`].
 #[target_feature(enable = "avx2")]

@@ -8,7 +8,7 @@ use super::{
     AHEAD, BEFORE, BIAS, BLOCK, Block, Groups, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE,
     clamped, some_of, starts,
 };
-use crate::framegen::cpu::kernels::weights::{PAIRS, PHASES};
+use crate::framegen::cpu::kernels::lanczos::{PAIRS, PHASES};
 
 /// Pixels of a vector.
 const PIXELS: usize = 16;

@@ -2,9 +2,9 @@
 
 use half::f16;
 
+use super::super::lanczos::{BEFORE, SINC, TAPS};
 use super::super::ranges::widened;
-use super::super::sampled::TILE;
-use super::super::weights::{BEFORE, SINC, TAPS};
+use super::super::sampling::TILE;
 use super::{BLOCK, Block, Pixel, Positions, Rule, Source, taps};
 
 /// Rows of a picture that a tile is made from, and columns.

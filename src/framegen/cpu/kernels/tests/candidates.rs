@@ -1,7 +1,7 @@
 //! What stands beside the places of a tile.
 
-use super::super::super::layer::{self, EMPTY, Key};
-use super::super::beside::{self, Beside, Beyond, SIDES};
+use super::super::super::key_buffer::{self, EMPTY, Key};
+use super::super::candidates::{self, Beside, Beyond, SIDES};
 use super::*;
 
 #[test]
@@ -10,7 +10,7 @@ fn all_levels_find_the_same_beside_holes() {
     for round in 0..2000 {
         let key = |random: &mut Random| {
             let component = |random: &mut Random| random.below(2000) as i32 - 1000;
-            layer::key(random.bits() as u16, random.below(255) as u8, [component(random), component(random)])
+            key_buffer::key(random.bits() as u16, random.below(255) as u8, [component(random), component(random)])
         };
         // Few claims, many, or none.
         let claims = match round % 3 {
@@ -33,10 +33,10 @@ fn all_levels_find_the_same_beside_holes() {
         }
         let found = |level| {
             let mut beside = Beside::NOTHING;
-            beside::find(level, &own, claims, holes, &beyond, &mut beside);
+            candidates::find(level, &own, claims, holes, &beyond, &mut beside);
             let mut orders = [[[u32::MAX; BLOCK]; SIDES]; 2];
-            beside::order_by_likeness(level, &beside, &lumas, claims, holes, &beyond, &mut orders[0]);
-            beside::order_by_nearness(level, &beside, &mut orders[1]);
+            candidates::order_by_likeness(level, &beside, &lumas, claims, holes, &beyond, &mut orders[0]);
+            candidates::order_by_nearness(level, &beside, &mut orders[1]);
             // Where there is something: how far away nothing is does not matter.
             let places = (0..SIDES).flat_map(|side| (0..BLOCK).map(move |place| (side, place)));
             let places = places.filter(|&(_, place)| holes >> place & 1 == 1);
@@ -48,7 +48,7 @@ fn all_levels_find_the_same_beside_holes() {
                 })
                 .collect::<Vec<_>>()
         };
-        assert!(Level::available().all(|level| beside::claimed(level, &own) == claims), "{claims:x}");
+        assert!(Level::available().all(|level| candidates::claimed(level, &own) == claims), "{claims:x}");
         let truth = found(Level::SCALAR);
         assert!(Level::available().all(|level| found(level) == truth), "{claims:x} {holes:x}");
         assert!(truth.iter().all(|&(key, away, _)| key == EMPTY || (1..=24).contains(&away)));

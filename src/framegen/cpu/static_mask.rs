@@ -1,6 +1,6 @@
 //! What stands still and in front in the current anchor, whatever its vectors say: letterbox bars, and what the caller says lies over it.
 
-use super::bars::Inside;
+use super::letterbox::Inside;
 
 /// Which pixels these are. By default none.
 #[derive(Debug, Clone, Copy, Default)]

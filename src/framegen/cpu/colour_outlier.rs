@@ -6,7 +6,7 @@
 
 use super::colour::Colour;
 use super::kernels::Source;
-use super::layer::Grid;
+use super::key_buffer::Grid;
 use crate::tasks;
 
 /// Colours around a place are those of a square that reaches this many pixels to every side: as far as the rim of a

@@ -2,10 +2,10 @@
 //!
 //! What a claim is, and what may be said of two, is in `layer`; here it is written so that compilers make vectors of it.
 
-use super::super::layer::{ALIKE, EMPTY, Key, is_nearer, landed, part, vector};
-use super::super::perspective::{Moment, Way};
+use super::super::camera_fit::{Moment, Way};
+use super::super::key_buffer::{ALIKE, EMPTY, Key, is_nearer, landed, part, vector};
 use super::at_every_level;
-use super::sampled::{BLOCK, Positions, TILE};
+use super::sampling::{BLOCK, Positions, TILE};
 
 /// Rows of a picture that are being filled, with what is known of their tiles. Tiles begin at the place (1, 1), as one
 /// more row and column stand on each side.
@@ -94,7 +94,7 @@ at_every_level! {
 }
 
 at_every_level! {
-    /// Which of these claims have a mark, [`EMPTY`] having the mark [`HOLE`](super::super::layer::HOLE): bit `8 j + i`.
+    /// Which of these claims have a mark, [`EMPTY`] having the mark [`HOLE`](super::super::key_buffer::HOLE): bit `8 j + i`.
     pub(in super::super) fn having(keys: &[Key; BLOCK], mark: u8) -> u64 = scalar::having | having_in_vectors
 }
 
@@ -103,7 +103,7 @@ pub(in super::super) type Around = [[Key; TILE + 2]; TILE + 2];
 
 const COMPONENT: u64 = (1 << 20) - 1;
 
-/// Whether two claims move alike, see [`alike`](super::super::layer::alike).
+/// Whether two claims move alike, see [`alike`](super::super::key_buffer::alike).
 #[inline(always)]
 fn move_alike(a: Key, b: Key) -> bool {
     move_within(a, b, ALIKE)
@@ -352,7 +352,7 @@ fn having_in_vectors(keys: &[Key; BLOCK], mark: u8) -> u64 {
 
 /// The same, place by place.
 mod scalar {
-    use super::super::super::layer::{self, Grid, alike, is_nearer, moves_within};
+    use super::super::super::key_buffer::{self, Grid, alike, is_nearer, moves_within};
     use super::{Around, BLOCK, EMPTY, Key, Moment, Places, Positions, TILE, Way, landed, part, vector};
 
     pub(super) fn carry(keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way, places: &mut Places<'_>) {
@@ -433,6 +433,6 @@ mod scalar {
     }
 
     pub(super) fn having(keys: &[Key; BLOCK], mark: u8) -> u64 {
-        keys.iter().enumerate().fold(0, |all, (place, &key)| all | u64::from(layer::mark(key) == mark) << place)
+        keys.iter().enumerate().fold(0, |all, (place, &key)| all | u64::from(key_buffer::mark(key) == mark) << place)
     }
 }

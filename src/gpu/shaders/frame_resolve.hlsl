@@ -2,7 +2,7 @@
 // others the nearest has got each place, and cracks are closed. A group to a tile.
 
 #include "frame.hlsli"
-#include "frame_past.hlsli"
+#include "frame_reprojection.hlsli"
 
 static const int SMOOTH_LANDED = 48;
 static const int SLOPE = 256;

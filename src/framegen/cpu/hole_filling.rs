@@ -7,13 +7,13 @@
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use super::border_foreground::Leaving;
+use super::camera_fit::Way;
 use super::colour::Colour;
-use super::kernels::beside::{self, Beside, Beyond, Orders, SIDES};
-use super::kernels::{self, BLOCK, Source, TILE, claims};
-use super::layer::{self, EMPTY, Grid, Key, Layer, Tile, alike, is_nearer, key, part};
-use super::leaving::Leaving;
-use super::past::Past;
-use super::perspective::Way;
+use super::kernels::candidates::{self, Beside, Beyond, Orders, SIDES};
+use super::kernels::{self, BLOCK, Source, TILE, tile_keys};
+use super::key_buffer::{self, EMPTY, Grid, Key, Layer, Tile, alike, is_nearer, key, part};
+use super::reprojection::Past;
 use super::sized;
 use crate::Result;
 use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
@@ -115,8 +115,8 @@ impl Filler {
                     (0, _) => [[i32::MAX; 2], [i32::MIN; 2]],
                     (_, 0) => filled.span,
                     (_, left) => {
-                        borrow_far(left, layer::marked(farthest(levels, tile, column, row), evidence.mark), keys);
-                        claims::span(level, keys)
+                        borrow_far(left, key_buffer::marked(farthest(levels, tile, column, row), evidence.mark), keys);
+                        tile_keys::span(level, keys)
                     }
                 };
                 *span = [span[0].min(tile.low[1]), span[1].max(tile.high[1])];
@@ -160,7 +160,7 @@ impl Filler {
                 *claims = match usize::from(tile.holes) {
                     0 => inside,
                     BLOCK => 0,
-                    _ => inside & beside::claimed(level, &keys[column]),
+                    _ => inside & candidates::claimed(level, &keys[column]),
                 };
             }
             all_holes.fetch_add(holes, Ordering::Relaxed);
@@ -286,7 +286,7 @@ impl<P: Colour> Filling<'_, '_, P> {
         if lines.iter().flatten().any(|&line| line != 0) {
             let mut beyond = self.beyond(corner, holes, &lines);
             let Work { beside, orders } = work;
-            beside::find(level, &layer.keys[tile], claims, holes, &beyond, beside);
+            candidates::find(level, &layer.keys[tile], claims, holes, &beyond, beside);
             let mut asked = left;
             if let Some(past) = evidence.past.filter(|_| sure != 0) {
                 asked |= past.carried(level, keys, &nears, sure, beside);
@@ -309,7 +309,7 @@ impl<P: Colour> Filling<'_, '_, P> {
                         _ => found != EMPTY,
                     };
                     if is_taken {
-                        keys[place] = layer::marked(found, evidence.mark);
+                        keys[place] = key_buffer::marked(found, evidence.mark);
                         left &= !(1 << place);
                     }
                 });
@@ -323,7 +323,7 @@ impl<P: Colour> Filling<'_, '_, P> {
                 }
             });
         }
-        Filled { left, span: claims::span(level, keys) }
+        Filled { left, span: tile_keys::span(level, keys) }
     }
 
     /// For each row or column of a tile the places near it on that line that something claims: first those before it, bits 24
@@ -386,7 +386,7 @@ impl<P: Colour> Filling<'_, '_, P> {
         orders: &mut Orders,
     ) {
         let Some(shown) = self.evidence.shown else {
-            return beside::order_by_nearness(self.level, beside, orders);
+            return candidates::order_by_nearness(self.level, beside, orders);
         };
         let mut lumas = [0.0; BLOCK];
         for (j, lumas) in lumas.as_chunks_mut::<TILE>().0.iter_mut().enumerate().take(down) {
@@ -402,7 +402,7 @@ impl<P: Colour> Filling<'_, '_, P> {
                 beyond.lumas[side][i] = shown.pixels[y * shown.width + x].luma();
             }
         }
-        beside::order_by_likeness(self.level, beside, &lumas, claims, holes, beyond, orders);
+        candidates::order_by_likeness(self.level, beside, &lumas, claims, holes, beyond, orders);
     }
 }
 
@@ -477,7 +477,7 @@ impl<P: Colour> Evidence<'_, P> {
     /// Where in the current anchor a candidate for a place leads to, in 1/64 px.
     #[inline(always)]
     fn spot(&self, at: [usize; 2], key: Key) -> [i32; 2] {
-        let ([vx, vy], at) = (layer::vector(key), at.map(|at| at as i32));
+        let ([vx, vy], at) = (key_buffer::vector(key), at.map(|at| at as i32));
         let reach = self.way.reach(key, at);
         [64 * at[0] - part(vx, reach), 64 * at[1] - part(vy, reach)]
     }

@@ -1,8 +1,8 @@
 //! Claims of tiles.
 
-use super::super::super::layer::{self, ALIKE, EMPTY, HOLE, Key, LONGEST, ORPHAN, WHOLE};
-use super::super::super::perspective::{Moment, Perspective, Way};
-use super::super::claims::{self, Around, Places};
+use super::super::super::camera_fit::{Moment, Perspective, Way};
+use super::super::super::key_buffer::{self, ALIKE, EMPTY, HOLE, Key, LONGEST, ORPHAN, WHOLE};
+use super::super::tile_keys::{self, Around, Places};
 use super::*;
 
 /// A claim of one of few surfaces, or any.
@@ -12,15 +12,15 @@ fn claim(random: &mut Random) -> Key {
         0 => EMPTY,
         1 => {
             let component = |random: &mut Random| random.below(2 * LONGEST as u64 + 1) as i32 - LONGEST;
-            layer::key(
+            key_buffer::key(
                 random.bits() as u16,
                 [0, 24, ORPHAN, HOLE][random.below(4) as usize],
                 [component(random), component(random)],
             )
         }
-        2..5 => layer::key(40_000 + random.below(65) as u16, 0, [near(random, 700), near(random, -90)]),
-        5 => layer::key(u16::MAX - random.below(40) as u16, ORPHAN, [near(random, -64), 0]),
-        _ => layer::key(20_000, 0, [64 * 3, near(random, 0)]),
+        2..5 => key_buffer::key(40_000 + random.below(65) as u16, 0, [near(random, 700), near(random, -90)]),
+        5 => key_buffer::key(u16::MAX - random.below(40) as u16, ORPHAN, [near(random, -64), 0]),
+        _ => key_buffer::key(20_000, 0, [64 * 3, near(random, 0)]),
     }
 }
 
@@ -62,7 +62,7 @@ fn all_levels_carry_claims_to_the_same_places() {
             let laid = claim(&mut random);
             let carried = |level| {
                 let (mut places, mut is_rough) = (ground.clone(), vec![false; rough]);
-                claims::carry(
+                tile_keys::carry(
                     level,
                     &keys,
                     at,
@@ -70,7 +70,7 @@ fn all_levels_carry_claims_to_the_same_places() {
                     way,
                     &mut Places { keys: &mut places, stride, is_rough: &mut is_rough },
                 );
-                claims::lay(level, laid, &mut places, stride, stride + 1, [TILE - lines % 2, 2]);
+                tile_keys::lay(level, laid, &mut places, stride, stride + 1, [TILE - lines % 2, 2]);
                 (places, is_rough)
             };
             let truth = carried(Level::SCALAR);
@@ -84,14 +84,14 @@ fn a_row_that_stays_together_lands_as_pixels_do() {
     // From the very first place to the very last, and one beyond at each end.
     let (columns, lines) = (2, 3);
     let stride = columns * TILE + 2;
-    let key = layer::key(5, 0, [-64, 128]);
+    let key = key_buffer::key(5, 0, [-64, 128]);
     let mut keys = [EMPTY; BLOCK];
     keys[..TILE].fill(key);
     for level in Level::available() {
         for (x, y) in (-1..12).flat_map(|x| (-1..4).map(move |y| (x, y))) {
             let (mut places, mut is_rough) = (vec![EMPTY; stride * lines], vec![false; 3 * (columns + 2)]);
             let mut room = Places { keys: &mut places, stride, is_rough: &mut is_rough };
-            claims::carry(level, &keys, [x + 1, y - 2], [0, 0], Way::from_current(Moment::previous()), &mut room);
+            tile_keys::carry(level, &keys, [x + 1, y - 2], [0, 0], Way::from_current(Moment::previous()), &mut room);
             for (place, &found) in places.iter().enumerate() {
                 let [u, v] = [place % stride, place / stride].map(|at| at as i32);
                 assert_eq!(found == key, v == y && (x..x + TILE as i32).contains(&u), "{x}, {y}");
@@ -117,16 +117,16 @@ fn all_levels_find_the_same_in_tiles() {
         let found = |level| {
             let mut nearest = [EMPTY; BLOCK];
             let mut closed = [EMPTY; BLOCK];
-            let changes = claims::nearest_around(level, &around, limit, &mut nearest);
+            let changes = tile_keys::nearest_around(level, &around, limit, &mut nearest);
             let mut others = [EMPTY; BLOCK];
-            let moving = claims::other_around(level, &around, limit, asked, &mut others);
-            let left = claims::close(level, around.as_flattened(), TILE + 2, &mut closed);
+            let moving = tile_keys::other_around(level, &around, limit, asked, &mut others);
+            let left = tile_keys::close(level, around.as_flattened(), TILE + 2, &mut closed);
             let empty = Positions { x: [0; BLOCK], y: [0; BLOCK] };
             let (mut before, mut after) = (empty, empty);
-            let beyond = claims::spots(level, &keys, at, moment, size, &mut before, &mut after);
+            let beyond = tile_keys::spots(level, &keys, at, moment, size, &mut before, &mut after);
             let spots = [before.x, before.y, after.x, after.y];
-            let marks = [0, 24, ORPHAN, HOLE].map(|mark| claims::having(level, &keys, mark));
-            (nearest, changes, others, moving, closed, left, beyond, spots, marks, claims::span(level, &keys))
+            let marks = [0, 24, ORPHAN, HOLE].map(|mark| tile_keys::having(level, &keys, mark));
+            (nearest, changes, others, moving, closed, left, beyond, spots, marks, tile_keys::span(level, &keys))
         };
         let truth = found(Level::SCALAR);
         assert!(Level::available().all(|level| found(level) == truth));
@@ -135,7 +135,7 @@ fn all_levels_find_the_same_in_tiles() {
 
 #[test]
 fn what_moves_otherwise_is_found_whatever_its_rank() {
-    let claim = |mark, x| layer::key(30_000, mark, [x, 0]);
+    let claim = |mark, x| key_buffer::key(30_000, mark, [x, 0]);
     let own = claim(5, 0);
     let mut around: Around = [[own; TILE + 2]; TILE + 2];
     // A pixel that moves nearly as the others, one that does not, one that matches better, and nothing.
@@ -144,7 +144,7 @@ fn what_moves_otherwise_is_found_whatever_its_rank() {
     around[9][9] = claim(0, 640);
     for level in Level::available() {
         let mut others = [EMPTY; BLOCK];
-        let moving = claims::other_around(level, &around, 8, !(1 << 63), &mut others);
+        let moving = tile_keys::other_around(level, &around, 8, !(1 << 63), &mut others);
         for (place, &other) in others.iter().enumerate() {
             // In `around` this is the place (i + 1, j + 1).
             let (i, j) = (place % TILE, place / TILE);

@@ -2,7 +2,7 @@
 
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
-#include "frame_hidden.hlsli"
+#include "frame_tile_result.hlsli"
 
 [numthreads(8, 8, 1)]
 void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint index : SV_GroupIndex)

@@ -3,7 +3,7 @@
 // than a float has two. Also how the light of the two anchors differs. One group.
 
 #include "frame.hlsli"
-#include "doubled.hlsli"
+#include "double_float.hlsli"
 
 static const uint LIGHTS = 64;
 static const uint2 ASKED = uint2(20, 12);

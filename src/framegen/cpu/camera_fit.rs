@@ -14,8 +14,8 @@
 //! everything is taken to move evenly.
 
 use super::kernels::TILE;
-use super::layer::{Key, WHOLE};
-use super::standing::Standing;
+use super::key_buffer::{Key, WHOLE};
+use super::static_mask::Standing;
 use crate::guidance::Guidance;
 
 /// Pixels that are asked, across and down.
@@ -396,7 +396,7 @@ fn solved<'a>(samples: impl Iterator<Item = &'a Sample>) -> Option<Numbers> {
 pub(super) mod tests {
     use half::f16;
 
-    use super::super::layer;
+    use super::super::key_buffer;
     use super::*;
     use crate::guidance::{DepthMap, MotionField, MotionOrigin, paper};
 
@@ -449,7 +449,7 @@ pub(super) mod tests {
 
     pub(in super::super) fn key_of((vector, depth): ([f64; 2], f64)) -> Key {
         let rank = u16::MAX - ((((1.0 - depth) as f32).to_bits() - (103 << 23)) >> 12) as u16;
-        layer::key(rank, 0, vector.map(|v| (64.0 * v).round() as i32))
+        key_buffer::key(rank, 0, vector.map(|v| (64.0 * v).round() as i32))
     }
 
     /// By how many pixels claims of the world at rest are beside the truth at most, for t from 0 to 2.
@@ -517,7 +517,7 @@ pub(super) mod tests {
             for (rank, x, y) in
                 [(0, 0, 0), (16_383, 319, 0), (30_000, 0, 179), (50_000, 100, 90), (u16::MAX, -9000, 9000)]
             {
-                let reach = way.reach(layer::key(rank, 0, [0; 2]), [x, y]);
+                let reach = way.reach(key_buffer::key(rank, 0, [0; 2]), [x, y]);
                 assert!((least..=most).contains(&reach));
                 if phase % WHOLE == 0 && phase <= WHOLE {
                     assert_eq!(reach, WHOLE - phase);

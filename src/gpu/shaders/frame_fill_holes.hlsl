@@ -3,8 +3,8 @@
 
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
-#include "frame_past.hlsli"
-#include "frame_leaving.hlsli"
+#include "frame_reprojection.hlsli"
+#include "frame_border.hlsli"
 
 static const int NEAR = 24;
 

@@ -2,8 +2,8 @@
 // first of its lines goes along all of them.
 
 #include "frame.hlsli"
-#include "frame_past.hlsli"
-#include "frame_leaving.hlsli"
+#include "frame_reprojection.hlsli"
+#include "frame_border.hlsli"
 
 static const uint LEAST_WIDE = 3;
 static const int APART = 8;

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use super::colour::Colour;
 use super::kernels::{Level, Positions, Source, TILE, at_every_level};
-use super::layer::Grid;
+use super::key_buffer::Grid;
 use super::reserve;
 use crate::Result;
 

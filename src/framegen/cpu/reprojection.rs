@@ -4,10 +4,10 @@
 //! depth in the previous anchor tells where what is there has gone to. What the current anchor hides, and what has left it,
 //! needs no guess then: not how it moves, nor that it stood in front of what the current anchor shows.
 
-use super::kernels::beside::{Beside, all, floor, packed};
+use super::camera_fit::{Back, Perspective, Seen, nearness, rank_of};
+use super::kernels::candidates::{Beside, all, floor, packed};
 use super::kernels::{BLOCK, Level, TILE, at_every_level};
-use super::layer::{self, EMPTY, Grid, Key, Kind, LONGEST, Layer, ORPHAN, Tile, alike, is_nearer};
-use super::perspective::{Back, Perspective, Seen, nearness, rank_of};
+use super::key_buffer::{self, EMPTY, Grid, Key, Kind, LONGEST, Layer, ORPHAN, Tile, alike, is_nearer};
 use crate::guidance::DepthMap;
 use crate::tasks::{Parallel, ParallelSliceMut};
 
@@ -36,7 +36,7 @@ fn claim_of(back: &Back, limit: [f32; 2], [x, y]: [usize; 2], near: f32) -> Key 
         let along = if along > -limit[c] { along } else { -limit[c] };
         floor(along + 0.5)
     };
-    let key = layer::key(rank_of(there), ORPHAN, [along(0), along(1)]);
+    let key = key_buffer::key(rank_of(there), ORPHAN, [along(0), along(1)]);
     if can_be & (near > 0.0) { key } else { EMPTY }
 }
 
@@ -79,7 +79,7 @@ fn lead_in_rows(
             let place = j * TILE + i;
             let key = claims[place];
             let is_some = (key != EMPTY) & (asked & 1 << i != 0);
-            let [x, y] = layer::vector(key);
+            let [x, y] = key_buffer::vector(key);
             // As unsigned numbers, what is negative is far beyond.
             let u = ((64 * (corner[0] + i) as i32 - x + 32) >> 6) as u32;
             let v = ((64 * (corner[1] + j) as i32 - y + 32) >> 6) as u32;
@@ -165,7 +165,7 @@ fn carried_in_rows(claims: &[Key; BLOCK], nears: &[f32; BLOCK], asked: u64, besi
 
 /// The same, place by place.
 mod scalar {
-    use super::{BLOCK, EMPTY, Grid, Key, TILE, layer, nearness_of};
+    use super::{BLOCK, EMPTY, Grid, Key, TILE, key_buffer, nearness_of};
 
     pub(super) fn lead(
         claims: &mut [Key; BLOCK],
@@ -181,7 +181,7 @@ mod scalar {
                 continue;
             }
             some |= 1 << place;
-            let ([x, y], at) = (layer::vector(*claim), [corner[0] + place % TILE, corner[1] + place / TILE]);
+            let ([x, y], at) = (key_buffer::vector(*claim), [corner[0] + place % TILE, corner[1] + place / TILE]);
             if let Some([u, v]) = grid.nearest([64 * at[0] as i32 - x, 64 * at[1] as i32 - y]) {
                 let (tile, at) = grid.place(u, v);
                 places[place] = (tile * BLOCK + at) as u32;
@@ -325,7 +325,7 @@ impl<'a> Past<'a> {
     /// Whether a claim from the previous anchor cannot be: the current one shows it, or what is behind it.
     #[cfg(test)]
     fn is_contradicted(&self, field: &Layer, [x, y]: [usize; 2], claim: Key) -> bool {
-        let [vx, vy] = layer::vector(claim);
+        let [vx, vy] = key_buffer::vector(claim);
         field
             .grid
             .nearest([64 * x as i32 - vx, 64 * y as i32 - vy])
@@ -420,9 +420,9 @@ impl<'a> Past<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::layer::rank;
-    use super::super::perspective::tests::{SIZE, guidance, key_of, seen, shown, walk};
-    use super::super::standing::Standing;
+    use super::super::camera_fit::tests::{SIZE, guidance, key_of, seen, shown, walk};
+    use super::super::key_buffer::rank;
+    use super::super::static_mask::Standing;
     use super::*;
     use crate::guidance::{Guidance, Projection};
 
@@ -472,7 +472,7 @@ mod tests {
             let was = [f64::from(x) + vector[0], f64::from(y) + vector[1]].map(|v| v.round() as usize);
             let claim = past.claim(was);
             assert_ne!(claim, EMPTY);
-            let apart = [0, 1].map(|c| (f64::from(layer::vector(claim)[c]) / 64.0 - vector[c]).abs());
+            let apart = [0, 1].map(|c| (f64::from(key_buffer::vector(claim)[c]) / 64.0 - vector[c]).abs());
             // Ground at the next pixel is another.
             if rank(claim).abs_diff(rank(key_of((vector, at_depth)))) < 100 {
                 followed += usize::from(apart[0] < 0.6 && apart[1] < 0.6);

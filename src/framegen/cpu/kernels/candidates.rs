@@ -2,10 +2,10 @@
 
 use std::ops::{BitAnd, BitXor};
 
-use super::super::fill::NEAR;
-use super::super::layer::{EMPTY, Key, rank};
+use super::super::hole_filling::NEAR;
+use super::super::key_buffer::{EMPTY, Key, rank};
 use super::at_every_level;
-use super::sampled::{BLOCK, TILE};
+use super::sampling::{BLOCK, TILE};
 
 /// From the left, the right, above and below.
 pub(in super::super) const SIDES: usize = 4;

@@ -3,9 +3,9 @@
 
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
-#include "frame_overlay.hlsli"
-#include "frame_hidden.hlsli"
-#include "frame_soften.hlsli"
+#include "frame_static_overlay.hlsli"
+#include "frame_tile_result.hlsli"
+#include "frame_edge_antialiasing.hlsli"
 
 static const float RIM = 45;
 static const float UNSEEN = 30;

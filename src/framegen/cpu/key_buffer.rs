@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::kernels::claims::Around;
+use super::kernels::tile_keys::Around;
 use super::kernels::{BLOCK, TILE, fetch};
 use super::sized;
 use crate::Result;

@@ -6,8 +6,8 @@
 //! than sharpness.
 
 use super::colour::Colour;
-use super::kernels::{BLOCK, Level, TILE, claims};
-use super::layer::Key;
+use super::kernels::{BLOCK, Level, TILE, tile_keys};
+use super::key_buffer::Key;
 
 /// Vectors of a tile that are farther apart than this along an axis are those of several surfaces, in 1/64 px.
 pub(super) const TORN: i32 = 3 * 64;
@@ -17,7 +17,7 @@ pub(super) const SHARE: u8 = 10;
 /// Which pixels of a whole tile take a share of those beside them, bit `8 j + i`: all where several surfaces meet, else
 /// those in `loose`, which nothing visible in the current anchor landed on.
 pub(super) fn soft(level: Level, keys: &[Key; BLOCK], loose: u64) -> u64 {
-    let [least, largest] = claims::span(level, keys);
+    let [least, largest] = tile_keys::span(level, keys);
     let is_torn = (0..2).any(|axis| largest[axis] - least[axis] > TORN);
     if is_torn { u64::MAX } else { loose }
 }
@@ -56,7 +56,7 @@ pub(super) fn soften<P: Colour>(tile: &mut [P; BLOCK], soft: u64, hidden: u64) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::layer;
+    use super::super::key_buffer;
     use super::*;
 
     const LEVEL: Level = Level::SCALAR;
@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn a_tile_is_soft_where_surfaces_part_and_else_where_nothing_landed() {
-        let claim = |x| layer::key(9, 0, [x, 0]);
+        let claim = |x| key_buffer::key(9, 0, [x, 0]);
         let right = 0xf0f0_f0f0_f0f0_f0f0;
         assert_eq!(soft(LEVEL, &halves(claim(0), claim(TORN + 1)), 0), u64::MAX);
         assert_eq!(soft(LEVEL, &halves(claim(0), claim(TORN)), 0), 0);

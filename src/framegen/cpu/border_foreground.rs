@@ -5,9 +5,9 @@
 //! and that it is gone tells how far it has moved at least: over the edge with all that reached into the picture.
 
 use super::colour::Colour;
-use super::foreign::is_foreign;
+use super::colour_outlier::is_foreign;
 use super::kernels::Source;
-use super::layer::{self, EMPTY, Key, LONGEST, Layer, ORPHAN};
+use super::key_buffer::{self, EMPTY, Key, LONGEST, Layer, ORPHAN};
 use super::sized;
 use crate::Result;
 use crate::tasks::{Parallel, ParallelSliceMut};
@@ -52,7 +52,7 @@ impl Leaving {
     }
 
     /// Looks along the edges of the previous anchor, and takes the places of what leaves over them away from their
-    /// `owners`. For `margin` see [`foreign::margin`](super::foreign::margin). A `rim` of so many pixels goes along, which is
+    /// `owners`. For `margin` see [`colour_outlier::margin`](super::colour_outlier::margin). A `rim` of so many pixels goes along, which is
     /// mixed with what it covers and so is not seen to be gone.
     pub(super) fn find<P: Colour>(
         &mut self,
@@ -133,9 +133,9 @@ fn join(lines: &mut [[Run; 2]], end: usize, axis: usize, rim: usize) {
         }
         let over = 64 * (longest + rim) as i32;
         for run in lines[start..until].iter_mut().map(|ends| &mut ends[end]) {
-            let mut vector = layer::vector(run.claim);
+            let mut vector = key_buffer::vector(run.claim);
             vector[axis] = if end == 1 { vector[axis].min(-over) } else { vector[axis].max(over) };
-            let claim = layer::key(layer::rank(run.claim), ORPHAN, vector);
+            let claim = key_buffer::key(key_buffer::rank(run.claim), ORPHAN, vector);
             *run = if longest < LEAST { NONE } else { Run { claim, ..*run } };
         }
         start = until;
@@ -164,7 +164,7 @@ impl<P: Colour> Edge<'_, P> {
                 }
                 continue;
             }
-            let vector = layer::vector(owner);
+            let vector = key_buffer::vector(owner);
             // What it covers must not come in itself.
             let outwards = if is_far { -vector[axis] } else { vector[axis] };
             if outwards < -32 {
@@ -184,13 +184,16 @@ impl<P: Colour> Edge<'_, P> {
         if signs * TELLING < len || len == 0 {
             return NONE;
         }
-        Run { len, claim: layer::key(layer::rank(behind).saturating_sub(NEARER), ORPHAN, layer::vector(behind)) }
+        Run {
+            len,
+            claim: key_buffer::key(key_buffer::rank(behind).saturating_sub(NEARER), ORPHAN, key_buffer::vector(behind)),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::layer::{Grid, is_nearer};
+    use super::super::key_buffer::{Grid, is_nearer};
     use super::*;
 
     const SIZE: [usize; 2] = [64, 24];
@@ -205,7 +208,7 @@ mod tests {
         let current = vec![GROUND; width * height];
         let mut owners = Layer::default();
         owners.reserve(Grid::new((width as u32, height as u32))).unwrap();
-        owners.tiles.iter_mut().for_each(|tile| tile.key = layer::key(5000, 0, [0; 2]));
+        owners.tiles.iter_mut().for_each(|tile| tile.key = key_buffer::key(5000, 0, [0; 2]));
         let mut leaving = Leaving::default();
         let [previous, current] = [&previous, &current].map(|pixels| Source { pixels, width, height });
         leaving.find(&mut owners, previous, current, 24.0, rim).unwrap();
@@ -231,8 +234,8 @@ mod tests {
                 assert_eq!(claim.is_some(), x >= 64 - len, "({x}, {y})");
                 assert_eq!(owners.owner(x, y) == EMPTY, claim.is_some(), "({x}, {y})");
                 if let Some(claim) = claim {
-                    assert_eq!((layer::vector(claim), layer::mark(claim)), ([-5 * 64, 0], ORPHAN));
-                    assert!(is_nearer(claim, layer::key(5000, 0, [0; 2])));
+                    assert_eq!((key_buffer::vector(claim), key_buffer::mark(claim)), ([-5 * 64, 0], ORPHAN));
+                    assert!(is_nearer(claim, key_buffer::key(5000, 0, [0; 2])));
                 }
             }
         }
@@ -243,11 +246,11 @@ mod tests {
     #[test]
     fn it_leaves_over_the_edge_that_cuts_it_off() {
         let (leaving, _) = found(1, |x, y| y < 3 && (20..30).contains(&x));
-        assert_eq!(leaving.claim(25, 1).map(layer::vector), Some([0, 4 * 64]));
+        assert_eq!(leaving.claim(25, 1).map(key_buffer::vector), Some([0, 4 * 64]));
         let (leaving, _) = found(1, |x, y| y >= 21 && (20..30).contains(&x));
-        assert_eq!(leaving.claim(25, 22).map(layer::vector), Some([0, -4 * 64]));
+        assert_eq!(leaving.claim(25, 22).map(key_buffer::vector), Some([0, -4 * 64]));
         let (leaving, _) = found(1, |x, y| x < 4 && (5..9).contains(&y));
-        assert_eq!(leaving.claim(3, 7).map(layer::vector), Some([5 * 64, 0]));
+        assert_eq!(leaving.claim(3, 7).map(key_buffer::vector), Some([5 * 64, 0]));
     }
 
     #[test]

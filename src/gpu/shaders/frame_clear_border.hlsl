@@ -1,8 +1,8 @@
 // Takes the places of what leaves the picture away from their owners. A group to a tile.
 
 #include "frame.hlsli"
-#include "frame_past.hlsli"
-#include "frame_leaving.hlsli"
+#include "frame_reprojection.hlsli"
+#include "frame_border.hlsli"
 
 groupshared uint Freed;
 

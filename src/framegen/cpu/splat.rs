@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use parking_lot::Mutex;
 
-use super::kernels::claims::{self, Places};
+use super::camera_fit::Way;
+use super::kernels::tile_keys::{self, Places};
 use super::kernels::{BLOCK, Level, TILE, at_every_level};
-use super::layer::{self, EMPTY, Grid, Key, Kind, Layer, ONE_SURFACE, SLOPE, Tile, key, landed};
-use super::perspective::Way;
+use super::key_buffer::{self, EMPTY, Grid, Key, Kind, Layer, ONE_SURFACE, SLOPE, Tile, key, landed};
 use super::{reserve, sized};
 use crate::Result;
 use crate::tasks::{self, Parallel, ParallelSliceMut};
@@ -188,7 +188,7 @@ fn spots_of_row(pass: &Pass<'_>, row: usize, spots: &mut [Spot]) -> [i32; 2] {
         let (mut least, mut most) = ([0; TILE], [0; TILE]);
         for i in 0..TILE {
             let reach = way.reach_of_tile(keys[i], [corner(i) as usize, y as usize]);
-            let vector = layer::vector(keys[i]);
+            let vector = key_buffer::vector(keys[i]);
             (u[i], v[i]) = (landed(corner(i), vector[0], reach), landed(y, vector[1], reach));
             let a = bounds.map(|reach| landed(y, low[i], reach));
             let b = bounds.map(|reach| landed(y, high[i], reach));
@@ -329,14 +329,14 @@ impl Filling {
         let at = [column * TILE, row * TILE].map(|at| at as i32);
         let shift = [RIM as i32, RIM as i32 - (self.top * TILE) as i32];
         let mut places = Places { keys: &mut band.places, stride: stride(self.grid), is_rough: &mut band.is_rough };
-        claims::carry(self.level, keys, at, shift, way, &mut places);
+        tile_keys::carry(self.level, keys, at, shift, way, &mut places);
     }
 
     /// What a tile is that is covered so, and on which pixels of their own landed or not.
     #[inline(always)]
     fn settle(&self, cover: &Cover, is_rough: bool, [across, down]: [usize; 2]) -> Tile {
         let whole = (across * down) as u32;
-        let is_surface = cover.farthest.saturating_sub(layer::rank(cover.nearest).into()) <= ONE_SURFACE.into();
+        let is_surface = cover.farthest.saturating_sub(key_buffer::rank(cover.nearest).into()) <= ONE_SURFACE.into();
         // Between vectors given for whole tiles, the mean of those that meet is nearer to the truth than a step is.
         let apart = if is_surface { SLOPE } else { SMOOTH };
         let is_smooth = !is_rough
@@ -352,7 +352,7 @@ impl Filling {
             _ => (2 * sum + area).div_euclid(2 * area) as i32,
         };
         let vector = if cover.low() == cover.high() { cover.low() } else { cover.sum.map(mean) };
-        let key = key(layer::rank(cover.nearest), layer::mark(cover.nearest), vector);
+        let key = key(key_buffer::rank(cover.nearest), key_buffer::mark(cover.nearest), vector);
         Tile { kind: Kind::Smooth, holes: 0, key, low: vector, high: vector }
     }
 
@@ -395,7 +395,7 @@ impl Filling {
         }
         let start = (lines.start - first) as usize * stride(self.grid) + (columns.start + rim) as usize;
         let extent = [columns.len(), lines.len()];
-        claims::lay(self.level, key, &mut band.places, stride(self.grid), start, extent);
+        tile_keys::lay(self.level, key, &mut band.places, stride(self.grid), start, extent);
     }
 
     /// Takes the keys of a rough tile from the band, and closes its cracks.
@@ -404,7 +404,7 @@ impl Filling {
         let [across, down] = self.grid.extent(column, self.top + row);
         let stride = stride(self.grid);
         (tile.holes, tile.key) =
-            claims::close(self.level, &places[row * TILE * stride + column * TILE..], stride, keys);
+            tile_keys::close(self.level, &places[row * TILE * stride + column * TILE..], stride, keys);
         if [across, down] == [TILE, TILE] {
             return;
         }
@@ -445,9 +445,9 @@ fn cover_parts(filling: &Filling, row: usize, tiles: &[Tile], spots: &[Spot], co
             [part, len - part]
         };
         let (across, down) = (parts(x, extent[0]), parts(y, extent[1]));
-        let [u, v] = layer::vector(tile.key);
+        let [u, v] = key_buffer::vector(tile.key);
         let ends = [u, v, -u, -v];
-        let rank = u32::from(layer::rank(tile.key));
+        let rank = u32::from(key_buffer::rank(tile.key));
         for (j, &height) in down.iter().enumerate() {
             // What is negative is far beyond.
             let r = ((y >> 3) + j as i32 - top as i32) as u32 as usize;
