@@ -1,83 +1,84 @@
 //! What leaves the picture in front of all else.
 //!
 //! Something near that an edge of the previous anchor cuts off may be gone from the current one, which then has no
-//! motion for it: what it covered seems to be there all the time. Its colours tell that it is not (see [`is_foreign`]),
+//! motion for it: what it covered seems to be there all the time. Its colours tell that it is not (see [`is_colour_outlier`]),
 //! and that it is gone tells how far it has moved at least: over the edge with all that reached into the picture.
 
 use super::colour::Colour;
-use super::colour_outlier::is_foreign;
+use super::colour_outlier::is_colour_outlier;
 use super::kernels::Source;
-use super::key_buffer::{self, EMPTY, Key, LONGEST, Layer, ORPHAN};
-use super::sized;
+use super::key_buffer::KeyBuffer;
+use super::resize;
+use super::splat_key::{self, EMPTY, Key, MAX_COMPONENT, PREVIOUS_ONLY};
 use crate::Result;
 use crate::tasks::{Parallel, ParallelSliceMut};
 
 /// At most this many pixels of something that leaves may look like what it covers, one after the other.
-const GAP: usize = 6;
+const MAX_GAP: usize = 6;
 /// At least one in this many of its pixels does not.
-const TELLING: usize = 3;
+const PIXELS_PER_OUTLIER: usize = 3;
 /// Levels of luma within which a pixel that nothing claims goes on with what is before it.
-const ALIKE: f32 = 16.0;
+const SIMILAR_LUMA: f32 = 16.0;
 /// Something that leaves covers at least this many pixels of some line.
-const LEAST: usize = 3;
+const MIN_LENGTH: usize = 3;
 /// Fewer lines than this may lie between two lines of it without a sign of it.
-const APART: usize = 8;
+const MAX_LINE_GAP: usize = 8;
 /// It is looked for up to this part of a line from its ends.
-const FARTHEST: usize = 8;
+const LENGTH_DIVISOR: usize = 8;
 /// Ranks by which it is in front of what it covers: half the distance.
-const NEARER: u16 = 2048;
+const DEPTH_KEY_STEP: u16 = 2048;
 
 /// The pixels at one end of a line that something covers which leaves over that end.
 #[derive(Debug, Clone, Copy)]
-struct Run {
+struct BorderRun {
     len: usize,
-    claim: Key,
+    key: Key,
 }
 
-const NONE: Run = Run { len: 0, claim: EMPTY };
+const NONE: BorderRun = BorderRun { len: 0, key: EMPTY };
 
 /// What leaves; keeps its memory.
 #[derive(Debug, Default)]
-pub(super) struct Leaving {
+pub(super) struct BorderForeground {
     size: [usize; 2],
     /// Over the left and the right end of each row, then over the upper and the lower end of each column.
-    runs: Vec<[Run; 2]>,
+    runs: Vec<[BorderRun; 2]>,
 }
 
-impl Leaving {
+impl BorderForeground {
     /// Makes room for pictures of a size.
     pub(super) fn reserve(&mut self, size: [usize; 2]) -> Result<()> {
         self.size = size;
-        sized(&mut self.runs, size[0] + size[1], [NONE; 2])
+        resize(&mut self.runs, size[0] + size[1], [NONE; 2])
     }
 
     /// Looks along the edges of the previous anchor, and takes the places of what leaves over them away from their
-    /// `owners`. For `margin` see [`colour_outlier::margin`](super::colour_outlier::margin). A `rim` of so many pixels goes along, which is
+    /// `previous_keys`. For `margin` see [`colour_outlier::margin`](super::colour_outlier::margin). A `edge_width` of so many pixels goes along, which is
     /// mixed with what it covers and so is not seen to be gone.
-    pub(super) fn find<P: Colour>(
+    pub(super) fn detect<P: Colour>(
         &mut self,
-        owners: &mut Layer,
+        previous_keys: &mut KeyBuffer,
         previous: Source<'_, P>,
         current: Source<'_, P>,
         margin: f32,
-        rim: usize,
+        edge_width: usize,
     ) -> Result<()> {
         let size = [previous.width, previous.height];
         self.reserve(size)?;
-        let edge = Edge { owners, previous, current, margin };
+        let scan = BorderScan { previous_keys, previous, current, margin };
         let (rows, columns) = self.runs.split_at_mut(size[1]);
         for (axis, lines) in [&mut *rows, &mut *columns].into_iter().enumerate() {
             lines.par_iter_mut().with_min_len(64).enumerate().for_each(|(line, runs)| {
-                *runs = [false, true].map(|is_far| edge.run(line, axis, is_far));
+                *runs = [false, true].map(|is_far| scan.run(line, axis, is_far));
             });
         }
         for (axis, lines) in [rows, columns].into_iter().enumerate() {
             for end in 0..2 {
-                join(lines, end, axis, rim);
+                join_runs(lines, end, axis, edge_width);
                 for (line, runs) in lines.iter().enumerate() {
                     for step in 0..runs[end].len {
-                        let [x, y] = place(size, line, axis, end == 1, step);
-                        owners.free(x, y);
+                        let [x, y] = pixel_at(size, line, axis, end == 1, step);
+                        previous_keys.clear_pixel(x, y);
                     }
                 }
             }
@@ -86,31 +87,31 @@ impl Leaving {
     }
 
     /// Whether anything that leaves may be in a tile.
-    pub(super) fn is_in(&self, [x, y]: [usize; 2], [across, down]: [usize; 2]) -> bool {
+    pub(super) fn may_touch(&self, [x, y]: [usize; 2], [across, down]: [usize; 2]) -> bool {
         let [width, height] = self.size;
-        let is_near = |runs: &[[Run; 2]], first: usize, rest: usize| {
+        let is_near = |runs: &[[BorderRun; 2]], first: usize, rest: usize| {
             runs.iter().any(|[near, far]| first < near.len || rest < far.len)
         };
         is_near(&self.runs[y..y + down], x, width - x - across)
             || is_near(&self.runs[height + x..height + x + across], y, height - y - down)
     }
 
-    /// The claim of what leaves at a place, if anything does.
-    pub(super) fn claim(&self, x: usize, y: usize) -> Option<Key> {
+    /// The key of what leaves at a pixel_at, if anything does.
+    pub(super) fn key_at(&self, x: usize, y: usize) -> Option<Key> {
         let [width, height] = self.size;
         let ends = [(&self.runs[y], [x, width - 1 - x]), (&self.runs[height + x], [y, height - 1 - y])];
-        ends.into_iter().find_map(|(runs, steps)| (0..2).find(|&i| steps[i] < runs[i].len).map(|i| runs[i].claim))
+        ends.into_iter().find_map(|(runs, steps)| (0..2).find(|&i| steps[i] < runs[i].len).map(|i| runs[i].key))
     }
 }
 
-/// The place `step` steps from an end of a row (axis 0) or a column (axis 1).
-fn place(size: [usize; 2], line: usize, axis: usize, is_far: bool, step: usize) -> [usize; 2] {
+/// The pixel_at `step` steps from an end of a row (axis 0) or a column (axis 1).
+fn pixel_at(size: [usize; 2], line: usize, axis: usize, is_far: bool, step: usize) -> [usize; 2] {
     let along = if is_far { size[axis] - 1 - step } else { step };
     if axis == 0 { [along, line] } else { [line, along] }
 }
 
 /// What leaves over neighbouring lines is one thing, and moves as far as the line needs of which it covers most.
-fn join(lines: &mut [[Run; 2]], end: usize, axis: usize, rim: usize) {
+fn join_runs(lines: &mut [[BorderRun; 2]], end: usize, axis: usize, edge_width: usize) {
     let mut start = 0;
     while start < lines.len() {
         let mut longest = lines[start][end].len;
@@ -120,7 +121,7 @@ fn join(lines: &mut [[Run; 2]], end: usize, axis: usize, rim: usize) {
         }
         let mut until = start + 1;
         let mut line = until;
-        while line < lines.len() && line - until < APART {
+        while line < lines.len() && line - until < MAX_LINE_GAP {
             let after = lines[line][end];
             if after.len > 0 {
                 let before = lines[until - 1][end];
@@ -131,69 +132,74 @@ fn join(lines: &mut [[Run; 2]], end: usize, axis: usize, rim: usize) {
             }
             line += 1;
         }
-        let over = 64 * (longest + rim) as i32;
+        let over = 64 * (longest + edge_width) as i32;
         for run in lines[start..until].iter_mut().map(|ends| &mut ends[end]) {
-            let mut vector = key_buffer::vector(run.claim);
+            let mut vector = splat_key::vector(run.key);
             vector[axis] = if end == 1 { vector[axis].min(-over) } else { vector[axis].max(over) };
-            let claim = key_buffer::key(key_buffer::rank(run.claim), ORPHAN, vector);
-            *run = if longest < LEAST { NONE } else { Run { claim, ..*run } };
+            let key = splat_key::pack(splat_key::depth_key(run.key), PREVIOUS_ONLY, vector);
+            *run = if longest < MIN_LENGTH { NONE } else { BorderRun { key, ..*run } };
         }
         start = until;
     }
 }
 
 /// The previous anchor, where its edges are looked at.
-struct Edge<'a, P> {
-    owners: &'a Layer,
+struct BorderScan<'a, P> {
+    previous_keys: &'a KeyBuffer,
     previous: Source<'a, P>,
     current: Source<'a, P>,
     margin: f32,
 }
 
-impl<P: Colour> Edge<'_, P> {
+impl<P: Colour> BorderScan<'_, P> {
     /// What leaves over one end of a line; it claims to move with what it covers.
-    fn run(&self, line: usize, axis: usize, is_far: bool) -> Run {
+    fn run(&self, line: usize, axis: usize, is_far: bool) -> BorderRun {
         let size = [self.previous.width, self.previous.height];
-        let (mut len, mut signs, mut gap, mut last, mut behind) = (0, 0, 0, 0.0, EMPTY);
-        for step in 0..(size[axis] / FARTHEST).min(LONGEST as usize / 64) {
-            let [x, y] = place(size, line, axis, is_far, step);
-            let (owner, shown) = (self.owners.owner(x, y), self.previous.pixels[y * size[0] + x]);
-            if owner == EMPTY {
-                if len == step && step > 0 && (shown.luma() - last).abs() <= ALIKE {
+        let (mut len, mut outliers, mut gap, mut last, mut behind) = (0, 0, 0, 0.0, EMPTY);
+        for step in 0..(size[axis] / LENGTH_DIVISOR).min(MAX_COMPONENT as usize / 64) {
+            let [x, y] = pixel_at(size, line, axis, is_far, step);
+            let (own, shown) = (self.previous_keys.own_key(x, y), self.previous.pixels[y * size[0] + x]);
+            if own == EMPTY {
+                if len == step && step > 0 && (shown.luma() - last).abs() <= SIMILAR_LUMA {
                     (len, last) = (step + 1, shown.luma());
                 }
                 continue;
             }
-            let vector = key_buffer::vector(owner);
+            let vector = splat_key::vector(own);
             // What it covers must not come in itself.
             let outwards = if is_far { -vector[axis] } else { vector[axis] };
             if outwards < -32 {
                 break;
             }
             let there = [64 * x as i32 - vector[0], 64 * y as i32 - vector[1]];
-            if is_foreign(shown, self.current, there, self.margin) {
-                (len, gap, last, behind) = (step + 1, 0, shown.luma(), owner);
-                signs += 1;
+            if is_colour_outlier(shown, self.current, there, self.margin) {
+                (len, gap, last, behind) = (step + 1, 0, shown.luma(), own);
+                outliers += 1;
             } else {
                 gap += 1;
-                if gap > GAP {
+                if gap > MAX_GAP {
                     break;
                 }
             }
         }
-        if signs * TELLING < len || len == 0 {
+        if outliers * PIXELS_PER_OUTLIER < len || len == 0 {
             return NONE;
         }
-        Run {
+        BorderRun {
             len,
-            claim: key_buffer::key(key_buffer::rank(behind).saturating_sub(NEARER), ORPHAN, key_buffer::vector(behind)),
+            key: splat_key::pack(
+                splat_key::depth_key(behind).saturating_sub(DEPTH_KEY_STEP),
+                PREVIOUS_ONLY,
+                splat_key::vector(behind),
+            ),
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::key_buffer::{Grid, is_nearer};
+    use super::super::key_buffer::Grid;
+    use super::super::splat_key::{self, is_in_front};
     use super::*;
 
     const SIZE: [usize; 2] = [64, 24];
@@ -201,24 +207,24 @@ mod tests {
     const FRONT: [u8; 4] = [220, 40, 200, 255];
 
     /// What leaves a still ground that `is_covered` in the previous anchor alone, and who owns the places then.
-    fn found(rim: usize, is_covered: impl Fn(usize, usize) -> bool) -> (Leaving, Layer) {
+    fn found(edge_width: usize, is_covered: impl Fn(usize, usize) -> bool) -> (BorderForeground, KeyBuffer) {
         let [width, height] = SIZE;
         let pixel = |i: usize| if is_covered(i % width, i / width) { FRONT } else { GROUND };
         let previous: Vec<_> = (0..width * height).map(pixel).collect();
         let current = vec![GROUND; width * height];
-        let mut owners = Layer::default();
-        owners.reserve(Grid::new((width as u32, height as u32))).unwrap();
-        owners.tiles.iter_mut().for_each(|tile| tile.key = key_buffer::key(5000, 0, [0; 2]));
-        let mut leaving = Leaving::default();
+        let mut previous_keys = KeyBuffer::default();
+        previous_keys.reserve(Grid::new((width as u32, height as u32))).unwrap();
+        previous_keys.tiles.iter_mut().for_each(|tile| tile.key = splat_key::pack(5000, 0, [0; 2]));
+        let mut border = BorderForeground::default();
         let [previous, current] = [&previous, &current].map(|pixels| Source { pixels, width, height });
-        leaving.find(&mut owners, previous, current, 24.0, rim).unwrap();
-        (leaving, owners)
+        border.detect(&mut previous_keys, previous, current, 24.0, edge_width).unwrap();
+        (border, previous_keys)
     }
 
     #[test]
     fn what_is_gone_has_moved_over_the_edge_with_all_of_it() {
         // Five pixels wide, but three of them in one line and none in another.
-        let (leaving, owners) = found(0, |x, y| match y {
+        let (border, previous_keys) = found(0, |x, y| match y {
             4..8 | 10..16 => x >= 59,
             8 => x >= 61,
             _ => false,
@@ -230,35 +236,35 @@ mod tests {
                 _ => 0,
             };
             for x in 0..64 {
-                let claim = leaving.claim(x, y);
-                assert_eq!(claim.is_some(), x >= 64 - len, "({x}, {y})");
-                assert_eq!(owners.owner(x, y) == EMPTY, claim.is_some(), "({x}, {y})");
-                if let Some(claim) = claim {
-                    assert_eq!((key_buffer::vector(claim), key_buffer::mark(claim)), ([-5 * 64, 0], ORPHAN));
-                    assert!(is_nearer(claim, key_buffer::key(5000, 0, [0; 2])));
+                let key = border.key_at(x, y);
+                assert_eq!(key.is_some(), x >= 64 - len, "({x}, {y})");
+                assert_eq!(previous_keys.own_key(x, y) == EMPTY, key.is_some(), "({x}, {y})");
+                if let Some(key) = key {
+                    assert_eq!((splat_key::vector(key), splat_key::tag(key)), ([-5 * 64, 0], PREVIOUS_ONLY));
+                    assert!(is_in_front(key, splat_key::pack(5000, 0, [0; 2])));
                 }
             }
         }
-        let holes: usize = owners.tiles.iter().map(|tile| usize::from(tile.holes)).sum();
+        let holes: usize = previous_keys.tiles.iter().map(|tile| usize::from(tile.holes)).sum();
         assert_eq!(holes, 10 * 5 + 2 * 3);
     }
 
     #[test]
     fn it_leaves_over_the_edge_that_cuts_it_off() {
-        let (leaving, _) = found(1, |x, y| y < 3 && (20..30).contains(&x));
-        assert_eq!(leaving.claim(25, 1).map(key_buffer::vector), Some([0, 4 * 64]));
-        let (leaving, _) = found(1, |x, y| y >= 21 && (20..30).contains(&x));
-        assert_eq!(leaving.claim(25, 22).map(key_buffer::vector), Some([0, -4 * 64]));
-        let (leaving, _) = found(1, |x, y| x < 4 && (5..9).contains(&y));
-        assert_eq!(leaving.claim(3, 7).map(key_buffer::vector), Some([5 * 64, 0]));
+        let (border, _) = found(1, |x, y| y < 3 && (20..30).contains(&x));
+        assert_eq!(border.key_at(25, 1).map(splat_key::vector), Some([0, 4 * 64]));
+        let (border, _) = found(1, |x, y| y >= 21 && (20..30).contains(&x));
+        assert_eq!(border.key_at(25, 22).map(splat_key::vector), Some([0, -4 * 64]));
+        let (border, _) = found(1, |x, y| x < 4 && (5..9).contains(&y));
+        assert_eq!(border.key_at(3, 7).map(splat_key::vector), Some([5 * 64, 0]));
     }
 
     #[test]
     fn what_no_edge_cuts_off_and_what_is_narrow_stays() {
-        for owners in
+        for previous_keys in
             [found(1, |x, y| (40..50).contains(&x) && (6..12).contains(&y)).1, found(1, |x, y| x >= 62 && y == 7).1]
         {
-            assert!((0..24).all(|y| (0..64).all(|x| owners.owner(x, y) != EMPTY)));
+            assert!((0..24).all(|y| (0..64).all(|x| previous_keys.own_key(x, y) != EMPTY)));
         }
     }
 }

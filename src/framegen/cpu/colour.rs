@@ -10,21 +10,21 @@ pub(super) trait Colour: Sampled {
 
     fn from_levels(levels: [f32; 4]) -> Self;
 
-    /// This colour with a `share` of 128 of each of those beside it in place of as much of its own.
+    /// This colour with a `weight` of 128 of each of those neighbours it in place of as much of its own.
     ///
-    /// - Bytes: `(own * (128 - 4 share) + (left + right + above + below) * share + 64) >> 7`.
+    /// - Bytes: `(own * (128 - 4 weight) + (left + right + above + below) * weight + 64) >> 7`.
     /// - Half floats, in single precision and this order: `own + ((((left - own) + (right - own)) + (above - own)) + (below
-    ///   - own)) * (share / 128)`, rounded to the nearest half float; not finite ones count as in [`Sampled`].
-    fn softened(self, beside: [Self; 4], share: u8) -> Self;
+    ///   - own)) * (weight / 128)`, rounded to the nearest half float; not finite ones count as in [`Sampled`].
+    fn blended(self, neighbours: [Self; 4], weight: u8) -> Self;
 
     /// The same for pixels side by side.
     #[inline(always)]
-    fn softened_row(own: &[Self; TILE], [left, right, above, below]: [&[Self; TILE]; 4], share: u8) -> [Self; TILE] {
-        let mut soft = *own;
+    fn blended_row(own: &[Self; TILE], [left, right, above, below]: [&[Self; TILE]; 4], weight: u8) -> [Self; TILE] {
+        let mut out = *own;
         for i in 0..TILE {
-            soft[i] = own[i].softened([left[i], right[i], above[i], below[i]], share);
+            out[i] = own[i].blended([left[i], right[i], above[i], below[i]], weight);
         }
-        soft
+        out
     }
 
     /// Luma after BT.601.
@@ -66,23 +66,23 @@ impl Colour for [u8; 4] {
     }
 
     #[inline(always)]
-    fn softened(self, [left, right, above, below]: [Self; 4], share: u8) -> Self {
-        let share = u16::from(share);
+    fn blended(self, [left, right, above, below]: [Self; 4], weight: u8) -> Self {
+        let weight = u16::from(weight);
         std::array::from_fn(|c| {
             let [own, left, right, above, below] = [self, left, right, above, below].map(|pixel| u16::from(pixel[c]));
-            ((own * (128 - 4 * share) + (left + right + above + below) * share + 64) >> 7) as u8
+            ((own * (128 - 4 * weight) + (left + right + above + below) * weight + 64) >> 7) as u8
         })
     }
 
     #[inline(always)]
-    fn softened_row(own: &[Self; TILE], beside: [&[Self; TILE]; 4], share: u8) -> [Self; TILE] {
-        let [left, right, above, below] = beside.map(|row| row.as_flattened());
-        let (mut soft, own, share) = (*own, own.as_flattened(), u16::from(share));
-        for (i, soft) in soft.as_flattened_mut().iter_mut().enumerate() {
+    fn blended_row(own: &[Self; TILE], neighbours: [&[Self; TILE]; 4], weight: u8) -> [Self; TILE] {
+        let [left, right, above, below] = neighbours.map(|row| row.as_flattened());
+        let (mut out, own, weight) = (*own, own.as_flattened(), u16::from(weight));
+        for (i, out) in out.as_flattened_mut().iter_mut().enumerate() {
             let sum = u16::from(left[i]) + u16::from(right[i]) + u16::from(above[i]) + u16::from(below[i]);
-            *soft = ((u16::from(own[i]) * (128 - 4 * share) + sum * share + 64) >> 7) as u8;
+            *out = ((u16::from(own[i]) * (128 - 4 * weight) + sum * weight + 64) >> 7) as u8;
         }
-        soft
+        out
     }
 
     #[inline(always)]
@@ -121,11 +121,11 @@ impl Colour for [f16; 4] {
         levels.map(|v| f16::from_f32(v / 255.0))
     }
 
-    fn softened(self, [left, right, above, below]: [Self; 4], share: u8) -> Self {
-        let share = f32::from(share) / 128.0;
+    fn blended(self, [left, right, above, below]: [Self; 4], weight: u8) -> Self {
+        let weight = f32::from(weight) / 128.0;
         std::array::from_fn(|c| {
             let [own, left, right, above, below] = [self, left, right, above, below].map(|pixel| finite(pixel[c]));
-            f16::from_f32(own + ((((left - own) + (right - own)) + (above - own)) + (below - own)) * share)
+            f16::from_f32(own + ((((left - own) + (right - own)) + (above - own)) + (below - own)) * weight)
         })
     }
 }

@@ -1,52 +1,52 @@
 //! Telling a cut from motion.
 //!
-//! Both anchors are reduced to small luma pictures, and those to their detail, as slopes look alike everywhere. Every
+//! Both anchors are reduced to reduced luma pictures, and those to their detail, as same_slope look similar_motion everywhere. Every
 //! block of the current one is looked for in the previous one: where it stands, where its motion vector points, and
-//! if that leaves most of them lost, where the whole picture seems to have gone, each with a small search around. Blocks are compared by correlation,
+//! if that leaves most of them not_found, where the global picture seems to have gone, each with a reduced search around. Blocks are compared by correlation,
 //! which brightness and contrast do not change, so that flashes and fades are no cuts. If most blocks are nowhere to be
 //! found, it is a cut; if fewer are, the distribution of brightness must have changed as well.
 
 use bytemuck::must_cast;
 use parking_lot::Mutex;
 
-use super::kernels::{Level, Sampled, at_every_level, fetch};
-use super::sized;
+use super::kernels::{Sampled, SimdLevel, at_every_level, prefetch};
+use super::resize;
 use crate::guidance::MotionField;
 use crate::tasks::{self, Parallel, ParallelSliceMut};
 use crate::{Raster, Result};
 
-/// Finds cuts; keeps its small pictures from call to call.
+/// Finds cuts; keeps its reduced pictures from call to call.
 #[derive(Debug, Default)]
 pub(super) struct CutDetector {
-    previous: Small,
-    current: Small,
-    tiny: [Small; 2],
-    blocks: Vec<Evidence>,
+    previous: ReducedPicture,
+    current: ReducedPicture,
+    tiny: [ReducedPicture; 2],
+    blocks: Vec<BlockMatch>,
     unexplained: f32,
     histogram_distance: f32,
 }
 
-/// The longer side of the small pictures is at most this.
-const SMALL_SIDE: usize = 320;
-/// Rows of a picture that are read for one of the small picture's, evenly spread; more would tell little more.
+/// The longer side of the reduced pictures is at most this.
+const REDUCED_SIDE: usize = 320;
+/// Rows of a picture that are read for one of the reduced picture's, evenly spread; more would tell little more.
 const ROWS_READ: usize = 2;
 /// Pixels of a row that are averaged at a time.
 const RUN: usize = 256;
-/// Small pixels per pixel of the tiny pictures in which the motion of the whole is sought.
+/// ReducedPicture pixels per pixel of the tiny pictures in which the motion of the global is sought.
 const TINY_FACTOR: usize = 4;
-/// Detail is what remains when the mean over this many small pixels each way is taken out.
+/// Detail is what remains when the mean over this many reduced pixels each way is taken out.
 const DETAIL_REACH: usize = 4;
-/// Side of a block, in small pixels.
+/// Side of a block, in reduced pixels.
 const BLOCK: usize = 16;
-/// Search around each candidate, in small pixels each way.
+/// Search around each candidate, in reduced pixels each way.
 const SEARCH: isize = 3;
 /// A block is found where its detail correlates this well.
-const CORRELATION: f32 = 0.7;
-/// Standard deviation of the detail, in levels, from which a block is evidence: what is flat in both anchors neither
+const MIN_CORRELATION: f32 = 0.7;
+/// Standard deviation of the detail, in levels, from which a block is block_match: what is flat in both anchors neither
 /// proves nor disproves anything, and cannot smear either.
-const EVIDENT: f32 = 1.5;
-/// Share of blocks that must be evidence.
-const ENOUGH: f32 = 0.125;
+const MIN_DETAIL: f32 = 1.5;
+/// Share of blocks that must be block_match.
+const MIN_SHARE: f32 = 0.125;
 /// Unexplained shares that make a cut: alone, and together with this distance of the histograms, 0 to 1.
 const CUT_ALONE: f32 = 0.85;
 const CUT_WITH_HISTOGRAM: f32 = 0.6;
@@ -54,67 +54,67 @@ const HISTOGRAM_DISTANCE: f32 = 0.3;
 
 /// What a block says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Evidence {
-    /// Nothing: it is flat.
-    None,
+enum BlockMatch {
+    /// Too little detail to decide.
+    Flat,
     /// It is in the previous anchor.
     Found,
     /// It is not.
-    Lost,
+    NotFound,
 }
 
 impl CutDetector {
     /// The share of blocks of `current` with something to see that `previous` does not have.
     pub(super) fn unexplained<P: Sampled>(
         &mut self,
-        level: Level,
+        level: SimdLevel,
         previous: &Raster<P>,
         current: &Raster<P>,
         motion: &MotionField,
     ) -> Result<f32> {
         let side = current.width().max(current.height()) as usize;
-        let factor = side.div_ceil(SMALL_SIDE);
-        let (small_previous, small_current) = (&mut self.previous, &mut self.current);
+        let factor = side.div_ceil(REDUCED_SIDE);
+        let (reduced_previous, reduced_current) = (&mut self.previous, &mut self.current);
         let (a, b) = tasks::join_loops(
-            || small_previous.reduce_picture(level, previous, factor),
-            || small_current.reduce_picture(level, current, factor),
+            || reduced_previous.reduce_picture(level, previous, factor),
+            || reduced_current.reduce_picture(level, current, factor),
         );
         a.and(b)?;
         let (previous, current) = (&self.previous, &self.current);
 
         let (across, down) = (current.width.div_ceil(BLOCK), current.height.div_ceil(BLOCK));
-        sized(&mut self.blocks, across * down, Evidence::None)?;
+        resize(&mut self.blocks, across * down, BlockMatch::Flat)?;
         let block_at = |i: usize| Block::new(level, current, i % across * BLOCK, i / across * BLOCK);
-        self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, evidence)| {
+        self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, block_match)| {
             let block = block_at(i);
-            let given = motion_at(motion, block.x + BLOCK / 2, block.y + BLOCK / 2, factor);
+            let motion_vector = motion_at(motion, block.x + BLOCK / 2, block.y + BLOCK / 2, factor);
             // Where it stands is compared for both.
-            let in_place = block.compare(previous, block.x, block.y);
-            *evidence = if !block.is_evident(&in_place) {
-                Evidence::None
-            } else if block.is_like(&in_place) || block.is_found_in(previous, &[[0, 0], given]) {
-                Evidence::Found
+            let unshifted = block.compare(previous, block.x, block.y);
+            *block_match = if !block.has_detail(&unshifted) {
+                BlockMatch::Flat
+            } else if block.is_similar(&unshifted) || block.is_found_in(previous, &[[0, 0], motion_vector]) {
+                BlockMatch::Found
             } else {
-                Evidence::Lost
+                BlockMatch::NotFound
             };
         });
-        self.unexplained = share_lost(&self.blocks);
+        self.unexplained = share_not_found(&self.blocks);
         self.histogram_distance = histogram_distance(previous, current);
 
-        // Where the whole has gone is sought only if it can make a difference; the room for that is kept ready.
-        for (tiny, small) in self.tiny.iter_mut().zip([&self.previous, &self.current]) {
-            tiny.reserve(small, TINY_FACTOR)?;
+        // Where the global has gone is sought only if it can make a difference; the room for that is kept ready.
+        for (tiny, reduced) in self.tiny.iter_mut().zip([&self.previous, &self.current]) {
+            tiny.reserve(reduced, TINY_FACTOR)?;
         }
         if self.is_cut() {
             self.tiny[0].reduce(&self.previous, TINY_FACTOR);
             self.tiny[1].reduce(&self.current, TINY_FACTOR);
-            let whole = whole_motion(&self.tiny[0], &self.tiny[1]).map(|v| v * TINY_FACTOR as isize);
-            self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, evidence)| {
-                if *evidence == Evidence::Lost && block_at(i).is_found_in(previous, &[whole]) {
-                    *evidence = Evidence::Found;
+            let global = global_motion(&self.tiny[0], &self.tiny[1]).map(|v| v * TINY_FACTOR as isize);
+            self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, block_match)| {
+                if *block_match == BlockMatch::NotFound && block_at(i).is_found_in(previous, &[global]) {
+                    *block_match = BlockMatch::Found;
                 }
             });
-            self.unexplained = share_lost(&self.blocks);
+            self.unexplained = share_not_found(&self.blocks);
         }
         Ok(self.unexplained)
     }
@@ -126,15 +126,15 @@ impl CutDetector {
     }
 }
 
-/// Of the blocks that say something, the share that is lost; 0 where too few say something.
-fn share_lost(blocks: &[Evidence]) -> f32 {
-    let count = |evidence| blocks.iter().filter(|&&block| block == evidence).count();
-    let (found, lost) = (count(Evidence::Found), count(Evidence::Lost));
-    let is_enough = (found + lost) as f32 > ENOUGH * blocks.len() as f32;
-    if is_enough { lost as f32 / (found + lost) as f32 } else { 0.0 }
+/// Of the blocks that say something, the share that is not_found; 0 where too few say something.
+fn share_not_found(blocks: &[BlockMatch]) -> f32 {
+    let count = |block_match| blocks.iter().filter(|&&block| block == block_match).count();
+    let (found, not_found) = (count(BlockMatch::Found), count(BlockMatch::NotFound));
+    let is_significant = (found + not_found) as f32 > MIN_SHARE * blocks.len() as f32;
+    if is_significant { not_found as f32 / (found + not_found) as f32 } else { 0.0 }
 }
 
-/// The motion vector at a small pixel, in small pixels; what is not finite is no motion.
+/// The motion vector at a reduced pixel, in reduced pixels; what is not finite is no motion.
 fn motion_at(motion: &MotionField, x: usize, y: usize, factor: usize) -> [isize; 2] {
     let column = (x * factor).min(motion.width() as usize - 1);
     let row = (y * factor).min(motion.height() as usize - 1);
@@ -148,18 +148,18 @@ fn motion_at(motion: &MotionField, x: usize, y: usize, factor: usize) -> [isize;
 
 /// The shift from `current` to `previous` that correlates best, over half the picture's width or more and three
 /// quarters of its height: cameras turn faster than they tilt. Of equals, none, and then the first from above.
-fn whole_motion(previous: &Small, current: &Small) -> [isize; 2] {
+fn global_motion(previous: &ReducedPicture, current: &ReducedPicture) -> [isize; 2] {
     let (reach_x, reach_y) = ((current.width / 2) as isize, (current.height / 4) as isize);
     let better = |a: ([isize; 2], f32), b: ([isize; 2], f32)| if b.1 > a.1 { b } else { a };
-    let still = ([0, 0], correlation(previous, current, 0, 0));
-    let best = Mutex::new(still);
+    let unshifted = ([0, 0], correlation(previous, current, 0, 0));
+    let best = Mutex::new(unshifted);
     tasks::for_each_index(2 * reach_y as usize + 1, |row| {
         let dy = row as isize - reach_y;
         let shifts = (-reach_x..=reach_x).map(|dx| ([dx, dy], correlation(previous, current, dx, dy)));
-        let of_row = shifts.fold(still, better);
+        let of_row = shifts.fold(unshifted, better);
         let mut best = best.lock();
         // Rows end in any order: of equals the first from above stays, and no motion before all.
-        let is_first = of_row.1 == best.1 && best.1 > still.1 && of_row.0[1] < best.0[1];
+        let is_first = of_row.1 == best.1 && best.1 > unshifted.1 && of_row.0[1] < best.0[1];
         if of_row.1 > best.1 || is_first {
             *best = of_row;
         }
@@ -168,7 +168,7 @@ fn whole_motion(previous: &Small, current: &Small) -> [isize; 2] {
 }
 
 /// How well the part that both share correlates, -1 to 1; 0 where one of them is without contrast.
-fn correlation(previous: &Small, current: &Small, dx: isize, dy: isize) -> f32 {
+fn correlation(previous: &ReducedPicture, current: &ReducedPicture, dx: isize, dy: isize) -> f32 {
     let overlap = |shift: isize, len: usize| {
         let len = len as isize;
         (0.max(-shift) as usize)..(len.min(len - shift) as usize)
@@ -262,11 +262,11 @@ impl Moments<'_> {
     }
 }
 
-/// Half the sum of differences between the two distributions of levels: 0 alike, 1 disjoint.
-fn histogram_distance(previous: &Small, current: &Small) -> f32 {
-    let histogram = |small: &Small| {
+/// Half the sum of differences between the two distributions of levels: 0 similar_motion, 1 disjoint.
+fn histogram_distance(previous: &ReducedPicture, current: &ReducedPicture) -> f32 {
+    let histogram = |reduced: &ReducedPicture| {
         let mut bins = [0_u32; 32];
-        small.luma.iter().for_each(|&v| bins[usize::from(v) / 8] += 1);
+        reduced.luma.iter().for_each(|&v| bins[usize::from(v) / 8] += 1);
         bins
     };
     let (a, b) = tasks::join(|| histogram(previous), || histogram(current));
@@ -276,8 +276,8 @@ fn histogram_distance(previous: &Small, current: &Small) -> f32 {
 
 /// A block of the current picture.
 struct Block<'a> {
-    level: Level,
-    small: &'a Small,
+    level: SimdLevel,
+    reduced: &'a ReducedPicture,
     x: usize,
     y: usize,
     width: usize,
@@ -287,15 +287,15 @@ struct Block<'a> {
 
 impl<'a> Block<'a> {
     /// The block at (x, y), cut off at the far edges.
-    fn new(level: Level, small: &'a Small, x: usize, y: usize) -> Self {
-        let (width, height) = (BLOCK.min(small.width - x), BLOCK.min(small.height - y));
+    fn new(level: SimdLevel, reduced: &'a ReducedPicture, x: usize, y: usize) -> Self {
+        let (width, height) = (BLOCK.min(reduced.width - x), BLOCK.min(reduced.height - y));
         let mut sums = Sums::default();
-        (y..y + height).for_each(|y| sums.add(&small.detail[y * small.width + x..][..width]));
-        Self { level, small, x, y, width, height, sums }
+        (y..y + height).for_each(|y| sums.add(&reduced.detail[y * reduced.width + x..][..width]));
+        Self { level, reduced, x, y, width, height, sums }
     }
 
     /// Whether `previous` has this block within the search of one of the shifts.
-    fn is_found_in(&self, previous: &Small, shifts: &[[isize; 2]]) -> bool {
+    fn is_found_in(&self, previous: &ReducedPicture, shifts: &[[isize; 2]]) -> bool {
         let around = |&[dx, dy]: &[isize; 2]| {
             (-SEARCH..=SEARCH).flat_map(move |sy| (-SEARCH..=SEARCH).map(move |sx| [dx + sx, dy + sy]))
         };
@@ -304,28 +304,28 @@ impl<'a> Block<'a> {
     }
 
     /// Whether there is detail here, in this picture or in the previous one, which was compared in place.
-    fn is_evident(&self, in_place: &Cross) -> bool {
-        let [here, there] = in_place.moments(&self.sums).deviations();
-        here.max(there) >= EVIDENT
+    fn has_detail(&self, unshifted: &Cross) -> bool {
+        let [here, there] = unshifted.moments(&self.sums).deviations();
+        here.max(there) >= MIN_DETAIL
     }
 
-    fn is_like(&self, there: &Cross) -> bool {
-        there.moments(&self.sums).correlation() >= CORRELATION
+    fn is_similar(&self, there: &Cross) -> bool {
+        there.moments(&self.sums).correlation() >= MIN_CORRELATION
     }
 
-    fn is_at(&self, previous: &Small, [dx, dy]: [isize; 2]) -> bool {
+    fn is_at(&self, previous: &ReducedPicture, [dx, dy]: [isize; 2]) -> bool {
         let (x, y) = (self.x as isize + dx, self.y as isize + dy);
         let fits = |at: isize, len: usize, of: usize| at >= 0 && at as usize + len <= of;
         fits(x, self.width, previous.width)
             && fits(y, self.height, previous.height)
-            && self.is_like(&self.compare(previous, x as usize, y as usize))
+            && self.is_similar(&self.compare(previous, x as usize, y as usize))
     }
 
     /// The detail of `previous` at (x, y) beside this block's.
-    fn compare(&self, previous: &Small, x: usize, y: usize) -> Cross {
-        let here = &self.small.detail[self.y * self.small.width + self.x..];
+    fn compare(&self, previous: &ReducedPicture, x: usize, y: usize) -> Cross {
+        let here = &self.reduced.detail[self.y * self.reduced.width + self.x..];
         let there = &previous.detail[y * previous.width + x..];
-        cross(self.level, here, there, [self.small.width, previous.width], [self.width, self.height])
+        cross(self.level, here, there, [self.reduced.width, previous.width], [self.width, self.height])
     }
 }
 
@@ -379,22 +379,22 @@ fn sum_of(columns: &[[u16; 4]]) -> [u32; 4] {
     sum
 }
 
-/// A small luma picture, and its detail where that was asked for.
+/// A reduced luma picture, and its detail where that was asked for.
 #[derive(Debug, Default)]
-struct Small {
+struct ReducedPicture {
     width: usize,
     height: usize,
     luma: Vec<u8>,
     detail: Vec<i16>,
 }
 
-impl Small {
+impl ReducedPicture {
     /// The mean luma of each `factor` x `factor` square of `picture`, of which some rows are read; squares at the far
     /// edges may be smaller. And the detail of that.
-    fn reduce_picture<P: Sampled>(&mut self, level: Level, picture: &Raster<P>, factor: usize) -> Result<()> {
+    fn reduce_picture<P: Sampled>(&mut self, level: SimdLevel, picture: &Raster<P>, factor: usize) -> Result<()> {
         let (pixels, width, height) = (picture.pixels(), picture.width() as usize, picture.height() as usize);
         (self.width, self.height) = (width.div_ceil(factor), height.div_ceil(factor));
-        sized(&mut self.luma, self.width * self.height, 0)?;
+        resize(&mut self.luma, self.width * self.height, 0)?;
         let in_run = RUN / factor;
         self.luma.par_chunks_mut(self.width).with_min_len(8).enumerate().for_each(|(y, row)| {
             let rows = (y * factor..((y + 1) * factor).min(height)).step_by(factor.div_ceil(ROWS_READ));
@@ -403,7 +403,7 @@ impl Small {
                 let mut sums = [[0; 4]; RUN];
                 // Processors do not foresee that the other row comes in between.
                 let next = columns.end..width.min(columns.end + in_run * factor);
-                rows.clone().for_each(|y| pixels[y * width..][next.clone()].iter().step_by(16).for_each(fetch));
+                rows.clone().for_each(|y| pixels[y * width..][next.clone()].iter().step_by(16).for_each(prefetch));
                 for y in rows.clone() {
                     P::add_levels(level, &pixels[y * width..][columns.clone()], &mut sums);
                 }
@@ -425,22 +425,22 @@ impl Small {
 
     /// `detail` = `luma` less the mean around each pixel.
     fn find_detail(&mut self) -> Result<()> {
-        sized(&mut self.detail, self.luma.len(), 0)?;
+        resize(&mut self.detail, self.luma.len(), 0)?;
         let (width, height, luma) = (self.width, self.height, &self.luma);
         let around = |at: usize, len: usize| at.saturating_sub(DETAIL_REACH)..(at + DETAIL_REACH + 1).min(len);
         self.detail.par_chunks_mut(width).with_min_len(8).enumerate().for_each(|(y, row)| {
             let rows = around(y, height);
-            let mut columns = [0_u16; SMALL_SIDE];
+            let mut columns = [0_u16; REDUCED_SIDE];
             for y in rows.clone() {
                 columns.iter_mut().zip(&luma[y * width..][..width]).for_each(|(sum, &v)| *sum += u16::from(v));
             }
             // Sums of all columns before each.
-            let mut before = [0_u32; SMALL_SIDE + 1];
+            let mut before = [0_u32; REDUCED_SIDE + 1];
             for x in 0..width {
                 before[x + 1] = before[x] + u32::from(columns[x]);
             }
             let luma = &luma[y * width..][..width];
-            // The half keeps whole quotients from falling below themselves.
+            // The half keeps global quotients from falling below themselves.
             let detail =
                 |v: u8, sum: u32, count: usize| i16::from(v) - ((sum as i32 as f32 + 0.5) / count as f32) as i16;
             for x in (0..width.min(DETAIL_REACH)).chain(width.saturating_sub(DETAIL_REACH)..width) {
@@ -462,7 +462,7 @@ impl Small {
     /// Takes the size of `larger`, `factor` times smaller.
     fn reserve(&mut self, larger: &Self, factor: usize) -> Result<()> {
         (self.width, self.height) = (larger.width.div_ceil(factor), larger.height.div_ceil(factor));
-        sized(&mut self.luma, self.width * self.height, 0)
+        resize(&mut self.luma, self.width * self.height, 0)
     }
 
     /// The mean of each `factor` x `factor` square of `larger`, whose size was taken.

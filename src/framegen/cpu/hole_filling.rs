@@ -1,166 +1,171 @@
-//! Claims for the places that nothing claims.
+//! Claims for the indices that nothing covered.
 //!
-//! Such a place continues a surface beside it. In the previous anchor it shows what the current one does not: something
-//! that is now hidden, or has left the picture. Between the anchors it shows what neither does. The nearest claims to
-//! the left, right, above and below are the candidates; where none is near, a pyramid over the tiles has one that
+//! Such a index continues a surface candidates it. In the previous anchor it shows what the current one does not: something
+//! that is now hidden, or has unfilled the picture. Between the anchors it shows what neither does. The nearest covered to
+//! the unfilled, right, above and below are the candidates; where none is near, a pyramid over the tiles has one that
 //! prefers the farther surface.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use super::border_foreground::Leaving;
-use super::camera_fit::Way;
+use super::border_foreground::BorderForeground;
+use super::camera_fit::Warp;
 use super::colour::Colour;
-use super::kernels::candidates::{self, Beside, Beyond, Orders, SIDES};
+use super::kernels::candidates::{self, Candidates, Costs, OutsideCandidates, SIDES};
 use super::kernels::{self, BLOCK, Source, TILE, tile_keys};
-use super::key_buffer::{self, EMPTY, Grid, Key, Layer, Tile, alike, is_nearer, key, part};
-use super::reprojection::Past;
-use super::sized;
+use super::key_buffer::{Grid, KeyBuffer, Tile};
+use super::reprojection::Reprojection;
+use super::resize;
+use super::splat_key::{self, EMPTY, Key, is_in_front, pack, scaled, similar_motion};
 use crate::Result;
 use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
 
-/// Tiles ahead of the one that is filled whose keys and pixels are asked for.
-const AHEAD: usize = 1;
-/// The same where it is only looked what claims them.
-const FAR_AHEAD: usize = 6;
+/// Tiles ahead of the one that is filled whose keys and pixels are wanted for.
+const PREFETCH_AHEAD: usize = 1;
+/// The same where it is only looked what covered them.
+const COVERAGE_PREFETCH_AHEAD: usize = 6;
 /// Places ahead of the one for which a candidate is chosen.
-const PLACES_AHEAD: usize = 6;
+const PIXELS_PREFETCH_AHEAD: usize = 6;
 /// Candidates are looked for up to this many pixels away.
-pub(super) const NEAR: usize = 24;
+pub(super) const SEARCH_RADIUS: usize = 24;
 /// Tiles that are as near as that.
-const TILES: usize = NEAR / TILE;
-const _: () = assert!(NEAR == TILES * TILE && TILES == 3);
+const SEARCH_TILES: usize = SEARCH_RADIUS / TILE;
+const _: () = assert!(SEARCH_RADIUS == SEARCH_TILES * TILE && SEARCH_TILES == 3);
 
 /// Fills layers; keeps its memory.
 #[derive(Debug, Default)]
-pub(super) struct Filler {
-    /// For each tile the places that something claims: bit `8 j + i`.
-    claims: Vec<u64>,
-    /// For each tile with holes what became of it.
+pub(super) struct HoleFiller {
+    /// For for_each_bit tile the indices that something covered: bit `8 j + i`.
+    covered: Vec<u64>,
+    /// For for_each_bit tile with holes what became of it.
     filled: Vec<Filled>,
-    levels: Vec<Level>,
+    levels: Vec<PyramidLevel>,
 }
 
 /// A tile whose holes have been filled where there are candidates.
 #[derive(Debug, Clone, Copy, Default)]
 struct Filled {
-    /// The places for which there were none.
-    left: u64,
-    /// The least and the largest of each component of what was borrowed.
-    span: [[i32; 2]; 2],
+    /// The indices for which there were none.
+    unfilled: u64,
+    /// The least and the largest of for_each_bit component of what was inherited.
+    vector_range: [[i32; 2]; 2],
 }
 
 /// A grid half as wide and high as the one below, with the farthest of what is there: one more than its key, or 0.
 #[derive(Debug, Default)]
-struct Level {
+struct PyramidLevel {
     columns: usize,
     farthest: Vec<Key>,
 }
 
 /// What a candidate is judged by.
-pub(super) struct Evidence<'a, P> {
+pub(super) struct FillInputs<'a, P> {
     /// The current anchor's motion.
-    pub(super) field: &'a Layer,
-    /// From the current anchor to the layer.
-    pub(super) way: Way,
+    pub(super) field: &'a KeyBuffer,
+    /// From the current anchor to the keys_to_fill.
+    pub(super) warp: Warp,
     /// The anchor that shows what is looked for, where one does.
-    pub(super) shown: Option<Source<'a, P>>,
+    pub(super) picture: Option<Source<'a, P>>,
     /// What the anchor that shows it tells of it, where that is known.
-    pub(super) past: Option<&'a Past<'a>>,
+    pub(super) reprojection: Option<&'a Reprojection<'a>>,
     /// What leaves the picture, where that was looked for.
-    pub(super) leaving: Option<&'a Leaving>,
-    /// What borrowed claims are marked with.
-    pub(super) mark: u8,
+    pub(super) border: Option<&'a BorderForeground>,
+    /// What inherited covered are marked with.
+    pub(super) tag: u8,
 }
 
-impl Filler {
-    /// Lets every place of `layer` that nothing claims borrow a key; returns how many there are.
+impl HoleFiller {
+    /// Lets every index of `keys_to_fill` that nothing covered borrow a key; returns how many there are.
     pub(super) fn fill<P: Colour>(
         &mut self,
-        level: kernels::Level,
-        layer: &mut Layer,
-        evidence: &Evidence<'_, P>,
+        level: kernels::SimdLevel,
+        keys_to_fill: &mut KeyBuffer,
+        inputs: &FillInputs<'_, P>,
     ) -> Result<usize> {
-        let grid = layer.grid;
+        let grid = keys_to_fill.grid;
         self.reserve(grid)?;
-        let holes = self.find_claims(level, layer);
+        let holes = self.find_covered(level, keys_to_fill);
         if holes == 0 {
             return Ok(0);
         }
-        let Self { claims, filled, levels } = self;
-        let mut borrowed = std::mem::take(&mut layer.borrowed);
-        let (filling, is_left) = (Filling { level, layer, claims, evidence }, AtomicBool::new(false));
-        let rows = borrowed.par_chunks_mut(grid.columns).zip(filled.par_chunks_mut(grid.columns));
-        rows.enumerate().for_each(|(row, (borrowed, filled))| {
-            let mut work = Work { beside: Beside::NOTHING, orders: [[u32::MAX; BLOCK]; SIDES] };
-            for (column, (keys, filled)) in borrowed.iter_mut().zip(filled).enumerate() {
-                filling.fetch(column + AHEAD, row);
-                if filling.layer.tiles[row * grid.columns + column].holes > 0 {
-                    *filled = filling.fill_tile([column, row], &mut work, keys);
-                    if filled.left != 0 {
-                        is_left.store(true, Ordering::Relaxed);
+        let Self { covered, filled, levels } = self;
+        let mut inherited = std::mem::take(&mut keys_to_fill.inherited);
+        let (filling, has_unfilled) = (HoleFill { level, keys_to_fill, covered, inputs }, AtomicBool::new(false));
+        let rows = inherited.par_chunks_mut(grid.columns).zip(filled.par_chunks_mut(grid.columns));
+        rows.enumerate().for_each(|(row, (inherited, filled))| {
+            let mut scratch = Scratch { candidates: Candidates::NONE, costs: [[u32::MAX; BLOCK]; SIDES] };
+            for (column, (keys, filled)) in inherited.iter_mut().zip(filled).enumerate() {
+                filling.prefetch(column + PREFETCH_AHEAD, row);
+                if filling.keys_to_fill.tiles[row * grid.columns + column].holes > 0 {
+                    *filled = filling.fill_tile([column, row], &mut scratch, keys);
+                    if filled.unfilled != 0 {
+                        has_unfilled.store(true, Ordering::Relaxed);
                     }
                 }
             }
         });
-        // Mostly there is a candidate for every place.
-        if is_left.into_inner() {
-            build(levels, layer);
+        // Mostly there is a candidate for every index.
+        if has_unfilled.into_inner() {
+            build_pyramid(levels, keys_to_fill);
         }
-        let rows = layer.tiles.par_chunks_mut(grid.columns).zip(borrowed.par_chunks_mut(grid.columns));
-        let rows = rows.zip(filled.par_chunks(grid.columns)).zip(layer.spans.par_iter_mut());
-        rows.enumerate().for_each(|(row, (((tiles, borrowed), filled), span))| {
-            *span = [i32::MAX, i32::MIN];
-            for (column, ((tile, keys), filled)) in tiles.iter_mut().zip(borrowed).zip(filled).enumerate() {
-                [tile.low, tile.high] = match (tile.holes, filled.left) {
+        let rows = keys_to_fill.tiles.par_chunks_mut(grid.columns).zip(inherited.par_chunks_mut(grid.columns));
+        let rows = rows.zip(filled.par_chunks(grid.columns)).zip(keys_to_fill.vertical_ranges.par_iter_mut());
+        rows.enumerate().for_each(|(row, (((tiles, inherited), filled), vector_range))| {
+            *vector_range = [i32::MAX, i32::MIN];
+            for (column, ((tile, keys), filled)) in tiles.iter_mut().zip(inherited).zip(filled).enumerate() {
+                [tile.low, tile.high] = match (tile.holes, filled.unfilled) {
                     (0, _) => [[i32::MAX; 2], [i32::MIN; 2]],
-                    (_, 0) => filled.span,
-                    (_, left) => {
-                        borrow_far(left, key_buffer::marked(farthest(levels, tile, column, row), evidence.mark), keys);
-                        tile_keys::span(level, keys)
+                    (_, 0) => filled.vector_range,
+                    (_, unfilled) => {
+                        inherit_farthest(
+                            unfilled,
+                            splat_key::with_tag(farthest(levels, tile, column, row), inputs.tag),
+                            keys,
+                        );
+                        tile_keys::vector_range(level, keys)
                     }
                 };
-                *span = [span[0].min(tile.low[1]), span[1].max(tile.high[1])];
+                *vector_range = [vector_range[0].min(tile.low[1]), vector_range[1].max(tile.high[1])];
             }
         });
-        layer.borrowed = borrowed;
+        keys_to_fill.inherited = inherited;
         Ok(holes)
     }
 
     /// Makes room for the pyramid of a grid.
     fn reserve(&mut self, grid: Grid) -> Result<()> {
-        sized(&mut self.claims, grid.tiles(), 0)?;
-        sized(&mut self.filled, grid.tiles(), Filled::default())?;
+        resize(&mut self.covered, grid.tiles(), 0)?;
+        resize(&mut self.filled, grid.tiles(), Filled::default())?;
         let mut size = [grid.columns, grid.rows];
         let count = size[0].max(size[1]).next_power_of_two().ilog2() as usize;
         super::reserve(&mut self.levels, count)?;
-        self.levels.resize_with(count, Level::default);
+        self.levels.resize_with(count, PyramidLevel::default);
         for level in &mut self.levels {
             size = size.map(|len| len.div_ceil(2));
             level.columns = size[0];
-            sized(&mut level.farthest, size[0] * size[1], 0)?;
+            resize(&mut level.farthest, size[0] * size[1], 0)?;
         }
         Ok(())
     }
 
-    /// Looks which places something claims, and returns how many nothing does.
-    fn find_claims(&mut self, level: kernels::Level, layer: &Layer) -> usize {
-        let grid = layer.grid;
+    /// Looks which indices something covered, and returns how many nothing does.
+    fn find_covered(&mut self, level: kernels::SimdLevel, keys_to_fill: &KeyBuffer) -> usize {
+        let grid = keys_to_fill.grid;
         let is_part = |tile: &Tile| tile.holes > 0 && usize::from(tile.holes) < BLOCK;
-        let rows = layer.tiles.par_chunks(grid.columns).zip(layer.keys.par_chunks(grid.columns));
-        let rows = rows.zip(self.claims.par_chunks_mut(grid.columns)).enumerate();
+        let rows = keys_to_fill.tiles.par_chunks(grid.columns).zip(keys_to_fill.keys.par_chunks(grid.columns));
+        let rows = rows.zip(self.covered.par_chunks_mut(grid.columns)).enumerate();
         let all_holes = AtomicUsize::new(0);
-        rows.for_each(|(row, ((tiles, keys), claims))| {
+        rows.for_each(|(row, ((tiles, keys), covered))| {
             let mut holes = 0;
-            for (column, (tile, claims)) in tiles.iter().zip(claims).enumerate() {
-                if tiles.get(column + FAR_AHEAD).is_some_and(is_part) {
-                    Layer::fetch_keys(&keys[column + FAR_AHEAD]);
+            for (column, (tile, covered)) in tiles.iter().zip(covered).enumerate() {
+                if tiles.get(column + COVERAGE_PREFETCH_AHEAD).is_some_and(is_part) {
+                    KeyBuffer::prefetch_keys(&keys[column + COVERAGE_PREFETCH_AHEAD]);
                 }
-                let inside = inside(grid.extent(column, row));
+                let pixels_inside = pixels_inside(grid.extent(column, row));
                 holes += usize::from(tile.holes);
-                *claims = match usize::from(tile.holes) {
-                    0 => inside,
+                *covered = match usize::from(tile.holes) {
+                    0 => pixels_inside,
                     BLOCK => 0,
-                    _ => inside & candidates::claimed(level, &keys[column]),
+                    _ => pixels_inside & candidates::covered_pixels(level, &keys[column]),
                 };
             }
             all_holes.fetch_add(holes, Ordering::Relaxed);
@@ -169,18 +174,18 @@ impl Filler {
     }
 }
 
-/// Pulls the farthest key of each tile up a pyramid until one is left.
+/// Pulls the farthest key of for_each_bit tile up a pyramid until one is unfilled.
 #[inline(never)]
-fn build(levels: &mut [Level], layer: &Layer) {
+fn build_pyramid(levels: &mut [PyramidLevel], keys_to_fill: &KeyBuffer) {
     let pull = |rows: [&[Key]; 2], farthest: &mut [Key]| {
         for (column, farthest) in farthest.iter_mut().enumerate() {
-            let beside = rows.iter().flat_map(|row| row.iter().skip(2 * column).take(2));
-            *farthest = beside.copied().fold(0, Key::max);
+            let candidates = rows.iter().flat_map(|row| row.iter().skip(2 * column).take(2));
+            *farthest = candidates.copied().fold(0, Key::max);
         }
     };
     let Some((first, _)) = levels.split_first_mut() else { return };
-    let columns = layer.grid.columns;
-    first.farthest.par_chunks_mut(first.columns).zip(layer.tiles.par_chunks(2 * columns)).for_each(
+    let columns = keys_to_fill.grid.columns;
+    first.farthest.par_chunks_mut(first.columns).zip(keys_to_fill.tiles.par_chunks(2 * columns)).for_each(
         |(farthest, tiles)| {
             farthest.fill(0);
             for row in tiles.chunks(columns) {
@@ -200,193 +205,193 @@ fn build(levels: &mut [Level], layer: &Layer) {
     }
 }
 
-/// The farthest claim of the least square of tiles around a tile that holds any.
-fn farthest(levels: &[Level], tile: &Tile, column: usize, row: usize) -> Key {
+/// The farthest key of the least square of tiles around a tile that holds any.
+fn farthest(levels: &[PyramidLevel], tile: &Tile, column: usize, row: usize) -> Key {
     if tile.key != EMPTY {
         return tile.key;
     }
     let around = levels.iter().zip(1..);
     let found = around.map(|(level, power)| level.farthest[(row >> power) * level.columns + (column >> power)]);
-    found.into_iter().find(|&farthest| farthest != 0).map_or(key(u16::MAX, 0, [0; 2]), |farthest| farthest - 1)
+    found.into_iter().find(|&farthest| farthest != 0).map_or(pack(u16::MAX, 0, [0; 2]), |farthest| farthest - 1)
 }
 
-/// Lets the places `left` of a tile borrow a claim from farther away.
-fn borrow_far(left: u64, far: Key, keys: &mut [Key; BLOCK]) {
-    if left == u64::MAX {
+/// Lets the indices `unfilled` of a tile borrow a key from farther away.
+fn inherit_farthest(unfilled: u64, far: Key, keys: &mut [Key; BLOCK]) {
+    if unfilled == u64::MAX {
         keys.fill(far);
     } else {
-        each(left, |place| keys[place] = far);
+        for_each_bit(unfilled, |index| keys[index] = far);
     }
 }
 
-/// The places of a tile that are on the picture: bit `8 j + i`.
+/// The indices of a tile that are on the picture: bit `8 j + i`.
 #[inline(always)]
-fn inside([across, down]: [usize; 2]) -> u64 {
+fn pixels_inside([across, down]: [usize; 2]) -> u64 {
     let row = 0xff_u64 >> (TILE - across);
     (row * 0x0101_0101_0101_0101) & u64::MAX >> (TILE * (TILE - down))
 }
 
 #[inline(always)]
-fn each(mut places: u64, mut act: impl FnMut(usize)) {
-    while places != 0 {
-        act(places.trailing_zeros() as usize);
-        places &= places - 1;
+fn for_each_bit(mut indices: u64, mut act: impl FnMut(usize)) {
+    while indices != 0 {
+        act(indices.trailing_zeros() as usize);
+        indices &= indices - 1;
     }
 }
 
-/// What is found out about a tile, left over from one before where this has no holes.
-struct Work {
-    beside: Beside,
-    orders: Orders,
+/// What is found out about a tile, unfilled over from one before where this has no holes.
+struct Scratch {
+    candidates: Candidates,
+    costs: Costs,
 }
 
-/// A layer whose holes are being filled.
-struct Filling<'a, 'e, P> {
-    level: kernels::Level,
-    layer: &'a Layer,
-    claims: &'a [u64],
-    evidence: &'a Evidence<'e, P>,
+/// A keys_to_fill whose holes are being filled.
+struct HoleFill<'a, 'e, P> {
+    level: kernels::SimdLevel,
+    keys_to_fill: &'a KeyBuffer,
+    covered: &'a [u64],
+    inputs: &'a FillInputs<'e, P>,
 }
 
-impl<P: Colour> Filling<'_, '_, P> {
+impl<P: Colour> HoleFill<'_, '_, P> {
     /// Asks for what will be needed of a tile.
     #[inline(always)]
-    fn fetch(&self, column: usize, row: usize) {
-        let grid = self.layer.grid;
+    fn prefetch(&self, column: usize, row: usize) {
+        let grid = self.keys_to_fill.grid;
         let tile = row * grid.columns + column;
-        // Of what nothing claims it is known.
-        if column < grid.columns && self.layer.tiles[tile].holes > 0 && self.claims[tile] != 0 {
-            Layer::fetch_keys(&self.layer.keys[tile]);
-            if let Some(shown) = self.evidence.shown {
-                shown.fetch_tile([column, row].map(|at| 64 * (at * TILE) as i32), 0);
+        // Of what nothing covered it is known.
+        if column < grid.columns && self.keys_to_fill.tiles[tile].holes > 0 && self.covered[tile] != 0 {
+            KeyBuffer::prefetch_keys(&self.keys_to_fill.keys[tile]);
+            if let Some(shown) = self.inputs.picture {
+                shown.prefetch_tile([column, row].map(|at| 64 * (at * TILE) as i32), 0);
             }
         }
     }
 
     /// Fills the holes of a tile for which there is a candidate.
     #[inline(never)]
-    fn fill_tile(&self, [column, row]: [usize; 2], work: &mut Work, keys: &mut [Key; BLOCK]) -> Filled {
-        let Self { level, layer, claims, evidence } = *self;
-        let grid = layer.grid;
+    fn fill_tile(&self, [column, row]: [usize; 2], scratch: &mut Scratch, keys: &mut [Key; BLOCK]) -> Filled {
+        let Self { level, keys_to_fill, covered, inputs } = *self;
+        let grid = keys_to_fill.grid;
         let tile = row * grid.columns + column;
         let (corner, extent) = ([column * TILE, row * TILE], grid.extent(column, row));
-        let (claims, holes) = (claims[tile], inside(extent) & !claims[tile]);
+        let (covered, holes) = (covered[tile], pixels_inside(extent) & !covered[tile]);
 
-        // What is at rest needs no candidates, but where it may be carried along with one.
-        let (mut nears, mut sure) = ([0.0; BLOCK], 0);
-        match evidence.past {
-            Some(past) => {
-                past.nears(level, corner, extent, &mut nears);
-                sure = past.claims(level, evidence.field, corner, &nears, holes, keys);
+        // What is at rest needs no candidates, but where it may be moving_with position with one.
+        let (mut inverse_depths, mut reprojected) = ([0.0; BLOCK], 0);
+        match inputs.reprojection {
+            Some(reprojection) => {
+                reprojection.inverse_depths(level, corner, extent, &mut inverse_depths);
+                reprojected = reprojection.keys(level, inputs.field, corner, &inverse_depths, holes, keys);
             }
             None => keys.fill(EMPTY),
         }
-        let mut left = holes & !sure;
-        let lines = [self.lines::<true>(column, row), self.lines::<false>(column, row)];
-        if lines.iter().flatten().any(|&line| line != 0) {
-            let mut beyond = self.beyond(corner, holes, &lines);
-            let Work { beside, orders } = work;
-            candidates::find(level, &layer.keys[tile], claims, holes, &beyond, beside);
-            let mut asked = left;
-            if let Some(past) = evidence.past.filter(|_| sure != 0) {
-                asked |= past.carried(level, keys, &nears, sure, beside);
+        let mut unfilled = holes & !reprojected;
+        let line_coverage = [self.line_coverage::<true>(column, row), self.line_coverage::<false>(column, row)];
+        if line_coverage.iter().flatten().any(|&line| line != 0) {
+            let mut outside = self.outside(corner, holes, &line_coverage);
+            let Scratch { candidates, costs } = scratch;
+            candidates::find(level, &keys_to_fill.keys[tile], covered, holes, &outside, candidates);
+            let mut wanted = unfilled;
+            if let Some(reprojection) = inputs.reprojection.filter(|_| reprojected != 0) {
+                wanted |= reprojection.moving_with(level, keys, &inverse_depths, reprojected, candidates);
             }
-            if asked != 0 {
-                self.order(corner, extent, [claims, holes], &mut beyond, beside, orders);
-                let at = |place: usize| [corner[0] + place % TILE, corner[1] + place / TILE];
-                // What it takes to know is asked for some places ahead.
-                let mut ahead = asked;
-                for _ in 0..PLACES_AHEAD {
-                    evidence.fetch_next(&mut ahead, at, beside, orders);
+            if wanted != 0 {
+                self.find_costs(corner, extent, [covered, holes], &mut outside, candidates, costs);
+                let at = |index: usize| [corner[0] + index % TILE, corner[1] + index / TILE];
+                // What it takes to know is wanted for some indices ahead.
+                let mut ahead = wanted;
+                for _ in 0..PIXELS_PREFETCH_AHEAD {
+                    inputs.prefetch_next(&mut ahead, at, candidates, costs);
                 }
-                each(asked, |place| {
-                    evidence.fetch_next(&mut ahead, at, beside, orders);
-                    let at = at(place);
-                    let found = evidence.best(grid, at, place, beside, orders);
-                    let is_sure = sure >> place & 1 == 1;
-                    let is_taken = match evidence.past {
-                        Some(past) if is_sure => past.is_carried(at, keys[place], found),
+                for_each_bit(wanted, |index| {
+                    inputs.prefetch_next(&mut ahead, at, candidates, costs);
+                    let at = at(index);
+                    let found = inputs.best(grid, at, index, candidates, costs);
+                    let is_reprojected = reprojected >> index & 1 == 1;
+                    let is_better = match inputs.reprojection {
+                        Some(reprojection) if is_reprojected => reprojection.moves_with(at, keys[index], found),
                         _ => found != EMPTY,
                     };
-                    if is_taken {
-                        keys[place] = key_buffer::marked(found, evidence.mark);
-                        left &= !(1 << place);
+                    if is_better {
+                        keys[index] = splat_key::with_tag(found, inputs.tag);
+                        unfilled &= !(1 << index);
                     }
                 });
             }
         }
-        if let Some(leaving) = evidence.leaving.filter(|leaving| leaving.is_in(corner, extent)) {
-            each(holes, |place| {
-                if let Some(claim) = leaving.claim(corner[0] + place % TILE, corner[1] + place / TILE) {
-                    keys[place] = claim;
-                    left &= !(1 << place);
+        if let Some(border) = inputs.border.filter(|border| border.may_touch(corner, extent)) {
+            for_each_bit(holes, |index| {
+                if let Some(key) = border.key_at(corner[0] + index % TILE, corner[1] + index / TILE) {
+                    keys[index] = key;
+                    unfilled &= !(1 << index);
                 }
             });
         }
-        Filled { left, span: tile_keys::span(level, keys) }
+        Filled { unfilled, vector_range: tile_keys::vector_range(level, keys) }
     }
 
-    /// For each row or column of a tile the places near it on that line that something claims: first those before it, bits 24
+    /// For for_each_bit row or column of a tile the indices near it on that line that something covered: first those before it, bits 24
     /// to 31 being its own.
     #[inline(always)]
-    fn lines<const ACROSS: bool>(&self, column: usize, row: usize) -> [u64; TILE] {
-        let Grid { columns, rows, .. } = self.layer.grid;
+    fn line_coverage<const ACROSS: bool>(&self, column: usize, row: usize) -> [u64; TILE] {
+        let Grid { columns, rows, .. } = self.keys_to_fill.grid;
         let (at, len) = if ACROSS { (column, columns) } else { (row, rows) };
-        let mut lines = [0; TILE];
-        for step in (TILES - TILES.min(at))..(TILES + len - at).min(2 * TILES + 1) {
-            let there = at + step - TILES;
+        let mut line_coverage = [0; TILE];
+        for step in (SEARCH_TILES - SEARCH_TILES.min(at))..(SEARCH_TILES + len - at).min(2 * SEARCH_TILES + 1) {
+            let there = at + step - SEARCH_TILES;
             let tile = if ACROSS { row * columns + there } else { there * columns + column };
-            let claims = if ACROSS { self.claims[tile] } else { transposed(self.claims[tile]) };
-            for (i, line) in lines.iter_mut().enumerate() {
-                *line |= (claims >> (TILE * i) & 0xff) << (TILE * step);
+            let covered = if ACROSS { self.covered[tile] } else { transposed(self.covered[tile]) };
+            for (i, line) in line_coverage.iter_mut().enumerate() {
+                *line |= (covered >> (TILE * i) & 0xff) << (TILE * step);
             }
         }
-        lines
+        line_coverage
     }
 
-    /// What is seen first beyond a tile from the holes at its rim.
+    /// What is pixel_on_line first outside a tile from the holes at its rim.
     #[inline(always)]
-    fn beyond(&self, [x, y]: [usize; 2], holes: u64, [rows, columns]: &[[u64; TILE]; 2]) -> Beyond {
-        let mut beyond = Beyond::NOTHING;
+    fn outside(&self, [x, y]: [usize; 2], holes: u64, [rows, columns]: &[[u64; TILE]; 2]) -> OutsideCandidates {
+        let mut outside = OutsideCandidates::NONE;
         for i in 0..TILE {
             for side in 0..SIDES {
-                let (line, place) = match side {
+                let (line, index) = match side {
                     0 => (rows[i], TILE * i),
                     1 => (rows[i], TILE * i + TILE - 1),
                     2 => (columns[i], i),
                     _ => (columns[i], BLOCK - TILE + i),
                 };
                 let is_before = side % 2 == 0;
-                let line = if is_before { line & ((1 << NEAR) - 1) } else { line >> (NEAR + TILE) };
-                if line == 0 || holes >> place & 1 == 0 {
+                let line = if is_before { line & ((1 << SEARCH_RADIUS) - 1) } else { line >> (SEARCH_RADIUS + TILE) };
+                if line == 0 || holes >> index & 1 == 0 {
                     continue;
                 }
-                let along = if is_before {
-                    (u64::BITS - line.leading_zeros()) as i32 - NEAR as i32 - 1
+                let position = if is_before {
+                    (u64::BITS - line.leading_zeros()) as i32 - SEARCH_RADIUS as i32 - 1
                 } else {
                     TILE as i32 + line.trailing_zeros() as i32
                 };
-                let [u, v] = seen([x, y], side, i, along as u32);
-                beyond.keys[side][i] = self.layer.owner(u, v);
-                beyond.along[side][i] = along as u32;
+                let [u, v] = pixel_on_line([x, y], side, i, position as u32);
+                outside.keys[side][i] = self.keys_to_fill.own_key(u, v);
+                outside.position[side][i] = position as u32;
             }
         }
-        beyond
+        outside
     }
 
-    /// How good what stands beside the holes of a tile is.
+    /// How good what stands candidates the holes of a tile is.
     #[inline(always)]
-    fn order(
+    fn find_costs(
         &self,
         corner: [usize; 2],
         [across, down]: [usize; 2],
-        [claims, holes]: [u64; 2],
-        beyond: &mut Beyond,
-        beside: &Beside,
-        orders: &mut Orders,
+        [covered, holes]: [u64; 2],
+        outside: &mut OutsideCandidates,
+        candidates: &Candidates,
+        costs: &mut Costs,
     ) {
-        let Some(shown) = self.evidence.shown else {
-            return candidates::order_by_nearness(self.level, beside, orders);
+        let Some(shown) = self.inputs.picture else {
+            return candidates::cost_by_depth(self.level, candidates, costs);
         };
         let mut lumas = [0.0; BLOCK];
         for (j, lumas) in lumas.as_chunks_mut::<TILE>().0.iter_mut().enumerate().take(down) {
@@ -397,20 +402,20 @@ impl<P: Colour> Filling<'_, '_, P> {
             }
         }
         for side in 0..SIDES {
-            for i in (0..TILE).filter(|&i| beyond.keys[side][i] != EMPTY) {
-                let [x, y] = seen(corner, side, i, beyond.along[side][i]);
-                beyond.lumas[side][i] = shown.pixels[y * shown.width + x].luma();
+            for i in (0..TILE).filter(|&i| outside.keys[side][i] != EMPTY) {
+                let [x, y] = pixel_on_line(corner, side, i, outside.position[side][i]);
+                outside.lumas[side][i] = shown.pixels[y * shown.width + x].luma();
             }
         }
-        candidates::order_by_likeness(self.level, beside, &lumas, claims, holes, beyond, orders);
+        candidates::cost_by_luma(self.level, candidates, &lumas, covered, holes, outside, costs);
     }
 }
 
-/// The pixel so far along a line of a tile: a row where one looks to the left or right, else a column.
+/// The pixel so far position a line of a tile: a row where one looks to the unfilled or right, else a column.
 #[inline(always)]
-fn seen([x, y]: [usize; 2], side: usize, line: usize, along: u32) -> [usize; 2] {
-    let along = along as i32 as isize;
-    if side < 2 { [x.wrapping_add_signed(along), y + line] } else { [x + line, y.wrapping_add_signed(along)] }
+fn pixel_on_line([x, y]: [usize; 2], side: usize, line: usize, position: u32) -> [usize; 2] {
+    let position = position as i32 as isize;
+    if side < 2 { [x.wrapping_add_signed(position), y + line] } else { [x + line, y.wrapping_add_signed(position)] }
 }
 
 /// The bits of a tile with rows and columns exchanged (H. S. Warren, Hacker's Delight, 2012, 7-3).
@@ -425,22 +430,22 @@ fn transposed(bits: u64) -> u64 {
     swapped(bits, 28, 0x0000_0000_f0f0_f0f0)
 }
 
-impl<P: Colour> Evidence<'_, P> {
-    /// The best of what was found beside a place: of what the current anchor does not contradict the first in order, or, where
+impl<P: Colour> FillInputs<'_, P> {
+    /// The best of what was found candidates a index: of what the current anchor does not contradict the first in find_costs, or, where
     /// it contradicts all, the first.
     #[inline(always)]
-    fn best(&self, grid: Grid, at: [usize; 2], place: usize, beside: &Beside, orders: &Orders) -> Key {
-        let key_of = |ranked: u64| beside.keys[ranked as usize % SIDES][place];
-        let rank = |side: usize| u64::from(orders[side][place]) << 2 | side as u64;
-        let mut ranked = [rank(0), rank(1), rank(2), rank(3)];
+    fn best(&self, grid: Grid, at: [usize; 2], index: usize, candidates: &Candidates, costs: &Costs) -> Key {
+        let key_of = |by_cost: u64| candidates.keys[by_cost as usize % SIDES][index];
+        let cost_of = |side: usize| u64::from(costs[side][index]) << 2 | side as u64;
+        let mut by_cost = [cost_of(0), cost_of(1), cost_of(2), cost_of(3)];
         // Of equals the first side's.
         for [a, b] in [[0, 1], [2, 3], [0, 2], [1, 3], [1, 2]] {
-            (ranked[a], ranked[b]) = (ranked[a].min(ranked[b]), ranked[a].max(ranked[b]));
+            (by_cost[a], by_cost[b]) = (by_cost[a].min(by_cost[b]), by_cost[a].max(by_cost[b]));
         }
-        let first = key_of(ranked[0]);
+        let first = key_of(by_cost[0]);
         let mut contradicted = EMPTY;
         for n in 0..SIDES {
-            let key = key_of(ranked[n]);
+            let key = key_of(by_cost[n]);
             if key == EMPTY {
                 break;
             }
@@ -448,7 +453,7 @@ impl<P: Colour> Evidence<'_, P> {
                 continue;
             }
             // Mostly there is nothing else to choose from.
-            let is_only = || ranked[1..].iter().all(|&other| [first, EMPTY].contains(&key_of(other)));
+            let is_only = || by_cost[1..].iter().all(|&other| [first, EMPTY].contains(&key_of(other)));
             if n == 0 && is_only() || !self.is_contradicted(grid, at, key) {
                 return key;
             }
@@ -457,38 +462,44 @@ impl<P: Colour> Evidence<'_, P> {
         first
     }
 
-    /// Asks for what [`best`](Self::best) looks at first for the next of `places`.
+    /// Asks for what [`best`](Self::best) looks at first for the next of `indices`.
     #[inline(always)]
-    fn fetch_next(&self, places: &mut u64, at: impl Fn(usize) -> [usize; 2], beside: &Beside, orders: &Orders) {
-        if *places == 0 {
+    fn prefetch_next(
+        &self,
+        indices: &mut u64,
+        at: impl Fn(usize) -> [usize; 2],
+        candidates: &Candidates,
+        costs: &Costs,
+    ) {
+        if *indices == 0 {
             return;
         }
-        let place = places.trailing_zeros() as usize;
-        *places &= *places - 1;
-        let rank = |side: usize| u64::from(orders[side][place]) << 2 | side as u64;
-        let first = rank(0).min(rank(1)).min(rank(2).min(rank(3)));
-        let key = beside.keys[first as usize % SIDES][place];
-        let is_only = beside.keys.iter().all(|keys| keys[place] == key || keys[place] == EMPTY);
+        let index = indices.trailing_zeros() as usize;
+        *indices &= *indices - 1;
+        let cost_of = |side: usize| u64::from(costs[side][index]) << 2 | side as u64;
+        let first = cost_of(0).min(cost_of(1)).min(cost_of(2).min(cost_of(3)));
+        let key = candidates.keys[first as usize % SIDES][index];
+        let is_only = candidates.keys.iter().all(|keys| keys[index] == key || keys[index] == EMPTY);
         if !is_only {
-            self.field.fetch(self.spot(at(place), key));
+            self.field.prefetch(self.target(at(index), key));
         }
     }
 
-    /// Where in the current anchor a candidate for a place leads to, in 1/64 px.
+    /// Where in the current anchor a candidate for a index leads to, in 1/64 px.
     #[inline(always)]
-    fn spot(&self, at: [usize; 2], key: Key) -> [i32; 2] {
-        let ([vx, vy], at) = (key_buffer::vector(key), at.map(|at| at as i32));
-        let reach = self.way.reach(key, at);
-        [64 * at[0] - part(vx, reach), 64 * at[1] - part(vy, reach)]
+    fn target(&self, at: [usize; 2], key: Key) -> [i32; 2] {
+        let ([vx, vy], at) = (splat_key::vector(key), at.map(|at| at as i32));
+        let fraction = self.warp.fraction(key, at);
+        [64 * at[0] - scaled(vx, fraction), 64 * at[1] - scaled(vy, fraction)]
     }
 
-    /// Whether a candidate for a place would have claimed it: it is neither hidden in the current anchor nor has it left
+    /// Whether a candidate for a index would have covered_pixels it: it is neither hidden in the current anchor nor has it unfilled
     /// that.
     #[inline(always)]
     fn is_contradicted(&self, grid: Grid, at: [usize; 2], key: Key) -> bool {
-        grid.nearest(self.spot(at, key)).is_some_and(|[u, v]| {
-            let shown = self.field.owner(u, v);
-            alike(shown, key) | is_nearer(key, shown)
+        grid.nearest_pixel(self.target(at, key)).is_some_and(|[u, v]| {
+            let shown = self.field.own_key(u, v);
+            similar_motion(shown, key) | is_in_front(key, shown)
         })
     }
 }

@@ -2,39 +2,39 @@
 
 use std::ops::Range;
 
-use super::kernels::{Level, Sampled, Source};
+use super::kernels::{Sampled, SimdLevel, Source};
 use crate::tasks;
 
-/// Levels within which a line of a bar is even, and the same in both anchors.
-const EVEN: u8 = 3;
+/// Levels within which a line of a bar is bars, and the same in both anchors.
+const MAX_RANGE: u8 = 3;
 /// Pixels whose luma is found at a time.
 const RUN: usize = 64;
 /// Columns that are looked at together, and the rows after which those looks may end.
 const COLUMNS: usize = 16;
-const ROWS: usize = 8;
+const CHECK_ROWS: usize = 8;
 
 /// What lies between the bars of a pair of pictures. A bar is made of whole rows or columns from an edge on that are
-/// even and the same in both. It stands still and in front, whatever its vectors say.
+/// bars and the same in both. It stands still and in front, whatever its vectors say.
 #[derive(Debug)]
-pub(super) struct Inside {
+pub(super) struct ActiveArea {
     columns: Range<usize>,
     rows: Range<usize>,
 }
 
-impl Inside {
+impl ActiveArea {
     /// Finds the bars in two pictures of one size. Reads no farther than the first lines that are no bars.
-    pub(super) fn find<P: Sampled>(level: Level, previous: Source<'_, P>, current: Source<'_, P>) -> Self {
+    pub(super) fn find<P: Sampled>(level: SimdLevel, previous: Source<'_, P>, current: Source<'_, P>) -> Self {
         let pair = Pair { level, previous, current };
         let (width, height) = (current.width, current.height);
         let (top, bottom) = tasks::join(
-            || (0..height).take_while(|&y| pair.is_row_even(y)).count(),
-            || (0..height).rev().take_while(|&y| pair.is_row_even(y)).count(),
+            || (0..height).take_while(|&y| pair.is_bar_row(y)).count(),
+            || (0..height).rev().take_while(|&y| pair.is_bar_row(y)).count(),
         );
         let (left, right) = tasks::join(
-            || pair.even_columns((0..width).step_by(COLUMNS).map(|x| x..width.min(x + COLUMNS)), |x| x),
+            || pair.bar_columns((0..width).step_by(COLUMNS).map(|x| x..width.min(x + COLUMNS)), |x| x),
             || {
                 let from_right = (1..=width).rev().step_by(COLUMNS).map(|x| x.saturating_sub(COLUMNS)..x);
-                pair.even_columns(from_right, |x| width - 1 - x)
+                pair.bar_columns(from_right, |x| width - 1 - x)
             },
         );
         // Where all lines are bars, they are counted from both sides.
@@ -46,40 +46,40 @@ impl Inside {
     }
 
     /// Whether a rectangle lies between the bars as a whole.
-    pub(super) fn holds(&self, [x, y]: [usize; 2], [width, height]: [usize; 2]) -> bool {
+    pub(super) fn contains_rectangle(&self, [x, y]: [usize; 2], [width, height]: [usize; 2]) -> bool {
         self.contains(x, y) && self.contains(x + width - 1, y + height - 1)
     }
 }
 
 /// Levels from the least to the largest that was seen.
 #[derive(Clone, Copy)]
-struct Span {
+struct LumaRange {
     low: u8,
     high: u8,
 }
 
-impl Span {
-    const NOTHING: Self = Self { low: u8::MAX, high: u8::MIN };
+impl LumaRange {
+    const NONE: Self = Self { low: u8::MAX, high: u8::MIN };
 
     fn with(self, value: u8) -> Self {
         Self { low: self.low.min(value), high: self.high.max(value) }
     }
 
-    fn is_even(self) -> bool {
-        self.high.saturating_sub(self.low) <= EVEN
+    fn is_uniform(self) -> bool {
+        self.high.saturating_sub(self.low) <= MAX_RANGE
     }
 }
 
 /// The two anchors.
 struct Pair<'a, P> {
-    level: Level,
+    level: SimdLevel,
     previous: Source<'a, P>,
     current: Source<'a, P>,
 }
 
 impl<P: Sampled> Pair<'_, P> {
-    fn is_row_even(&self, y: usize) -> bool {
-        let mut span = Span::NOTHING;
+    fn is_bar_row(&self, y: usize) -> bool {
+        let mut range = LumaRange::NONE;
         let [previous, current] = [self.previous, self.current].map(|source| {
             let row = &source.pixels[y * source.width..][..source.width];
             row.chunks(RUN)
@@ -88,46 +88,46 @@ impl<P: Sampled> Pair<'_, P> {
             for run in [previous, current] {
                 let mut lumas = [0; RUN];
                 P::lumas(self.level, run, &mut lumas);
-                span = lumas[..run.len()].iter().fold(span, |span, &luma| span.with(luma));
+                range = lumas[..run.len()].iter().fold(range, |range, &luma| range.with(luma));
             }
-            if !span.is_even() {
+            if !range.is_uniform() {
                 return false;
             }
         }
         true
     }
 
-    /// Columns from an edge on that are even, group by group; `distance` is that of a column from the edge.
-    fn even_columns(&self, groups: impl Iterator<Item = Range<usize>>, distance: impl Fn(usize) -> usize) -> usize {
-        let mut even = 0;
+    /// Columns from an edge on that are bars, group by group; `distance` is that of a column from the edge.
+    fn bar_columns(&self, groups: impl Iterator<Item = Range<usize>>, distance: impl Fn(usize) -> usize) -> usize {
+        let mut bars = 0;
         for columns in groups {
-            let spans = self.spans_of_columns(columns.clone());
-            let uneven = columns.clone().zip(spans).filter(|(_, span)| !span.is_even());
-            match uneven.map(|(x, _)| distance(x)).min() {
+            let ranges = self.ranges_of_columns(columns.clone());
+            let other = columns.clone().zip(ranges).filter(|(_, range)| !range.is_uniform());
+            match other.map(|(x, _)| distance(x)).min() {
                 Some(first) => return first,
-                None => even += columns.len(),
+                None => bars += columns.len(),
             }
         }
-        even
+        bars
     }
 
-    /// What up to sixteen columns hold, or enough of it to know that none of them is even.
-    fn spans_of_columns(&self, columns: Range<usize>) -> [Span; COLUMNS] {
-        let mut spans = [Span::NOTHING; COLUMNS];
+    /// What up to sixteen columns hold, or enough of it to know that none of them is bars.
+    fn ranges_of_columns(&self, columns: Range<usize>) -> [LumaRange; COLUMNS] {
+        let mut ranges = [LumaRange::NONE; COLUMNS];
         for y in 0..self.current.height {
             for source in [self.previous, self.current] {
                 let run = &source.pixels[y * source.width..][..source.width][columns.clone()];
                 let mut lumas = [0; COLUMNS];
                 P::lumas(self.level, run, &mut lumas);
-                for (span, luma) in spans.iter_mut().zip(lumas) {
-                    *span = span.with(luma);
+                for (range, luma) in ranges.iter_mut().zip(lumas) {
+                    *range = range.with(luma);
                 }
             }
-            if y % ROWS == ROWS - 1 && spans[..columns.len()].iter().all(|span| !span.is_even()) {
+            if y % CHECK_ROWS == CHECK_ROWS - 1 && ranges[..columns.len()].iter().all(|range| !range.is_uniform()) {
                 break;
             }
         }
-        spans
+        ranges
     }
 }
 
@@ -135,13 +135,13 @@ impl<P: Sampled> Pair<'_, P> {
 mod tests {
     use super::*;
 
-    /// The inside of two pictures of these lumas, which all levels agree on.
-    fn inside(previous: &[u8], current: &[u8], width: usize) -> (Range<usize>, Range<usize>) {
+    /// The active_area of two pictures of these lumas, which all levels agree on.
+    fn active_area(previous: &[u8], current: &[u8], width: usize) -> (Range<usize>, Range<usize>) {
         let [previous, current] = [previous, current].map(|lumas| lumas.iter().map(|&v| [v; 4]).collect::<Vec<_>>());
         let source = |pixels| Source { pixels, width, height: previous.len() / width };
-        let found: Vec<_> = Level::available()
+        let found: Vec<_> = SimdLevel::available()
             .map(|level| {
-                let Inside { columns, rows } = Inside::find(level, source(&previous), source(&current));
+                let ActiveArea { columns, rows } = ActiveArea::find(level, source(&previous), source(&current));
                 (columns, rows)
             })
             .collect();
@@ -155,7 +155,7 @@ mod tests {
         let mut after = before.clone();
         before[2 * 8 + 3] = 90;
         after[3 * 8 + 5] = 90;
-        assert_eq!(inside(&before, &after, 8), (3..6, 2..4));
+        assert_eq!(active_area(&before, &after, 8), (3..6, 2..4));
     }
 
     #[test]
@@ -167,10 +167,10 @@ mod tests {
             for (top, bottom) in [(0, 0), (7, 3), (20, 19)] {
                 let mut before = vec![16; width * height];
                 let mut after = before.clone();
-                // Single pixels at the corners of the inside, each in one of the two.
+                // Single pixels at the corners of the active_area, each in one of the two.
                 before[top * width + left] = 20;
                 after[(height - 1 - bottom) * width + width - 1 - right] = 12;
-                assert_eq!(inside(&before, &after, width), (left..width - right, top..height - bottom));
+                assert_eq!(active_area(&before, &after, width), (left..width - right, top..height - bottom));
             }
         }
     }
@@ -179,21 +179,21 @@ mod tests {
     fn a_line_that_changes_is_no_bar() {
         let before = vec![10; 4 * 4];
         let after = vec![20; 4 * 4];
-        assert_eq!(inside(&before, &after, 4), (0..4, 0..4));
+        assert_eq!(active_area(&before, &after, 4), (0..4, 0..4));
     }
 
     #[test]
     fn bars_differ_from_line_to_line_but_not_within_one() {
         // Rows of 0, 10, 20 and so on: each is a bar, and no column is one.
         let slope: Vec<u8> = (0..12 * 20).map(|i| (i / 20 * 10) as u8).collect();
-        assert_eq!(inside(&slope, &slope, 20), (0..20, 12..12));
+        assert_eq!(active_area(&slope, &slope, 20), (0..20, 12..12));
     }
 
     #[test]
     fn an_even_picture_is_all_bar() {
         for (width, height) in [(1, 1), (4, 3), (16, 2), (33, 70)] {
             let (before, after) = (vec![7; width * height], vec![8; width * height]);
-            assert_eq!(inside(&before, &after, width), (width..width, height..height));
+            assert_eq!(active_area(&before, &after, width), (width..width, height..height));
         }
     }
 }

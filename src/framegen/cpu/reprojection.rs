@@ -1,419 +1,465 @@
 //! What the previous anchor alone shows, where its depth is known.
 //!
-//! In a world at rest, motion and depth of the current anchor tell how the camera goes (see `perspective`), and with that a
+//! In a world at rest, motion and depth of the current anchor tell how the camera goes (see `depth_change`), and with that a
 //! depth in the previous anchor tells where what is there has gone to. What the current anchor hides, and what has left it,
 //! needs no guess then: not how it moves, nor that it stood in front of what the current anchor shows.
 
-use super::camera_fit::{Back, Perspective, Seen, nearness, rank_of};
-use super::kernels::candidates::{Beside, all, floor, packed};
-use super::kernels::{BLOCK, Level, TILE, at_every_level};
-use super::key_buffer::{self, EMPTY, Grid, Key, Kind, LONGEST, Layer, ORPHAN, Tile, alike, is_nearer};
+use super::camera_fit::{CameraFit, DepthChange, ReprojectionMatrix, depth_key_of, key_inverse_depth};
+use super::kernels::candidates::{Candidates, combine_columns, floor, pack_bits};
+use super::kernels::{BLOCK, SimdLevel, TILE, at_every_level};
+use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind};
+use super::splat_key::{self, EMPTY, Key, MAX_COMPONENT, PREVIOUS_ONLY, is_in_front, similar_motion};
 use crate::guidance::DepthMap;
 use crate::tasks::{Parallel, ParallelSliceMut};
 
-/// What is nearer than what a place shows by more than this part of `1 / w` is something else.
-const OTHER: f32 = 1.125;
+/// What is nearer_than than what a index shows by more than this part of `1 / w` is something else.
+const OCCLUDER_RATIO: f32 = 1.125;
 /// What is as far away differs by no more than this part.
-const AS_FAR: f32 = 1.0 / 32.0;
-/// Tiles ahead of the one that is uncovered whose keys are asked for.
-const AHEAD: usize = 2;
+const SAME_DEPTH: f32 = 1.0 / 32.0;
+/// Tiles ahead of the one that is uncovered whose keys are wanted for.
+const PREFETCH_AHEAD: usize = 2;
 
-/// How near what has a depth is; what is farthest, and what is no depth between the planes, is not near at all.
+/// How inverse_depth what has a depth is; what is farthest, and what is no depth between the planes, is not inverse_depth at combine_columns.
 #[inline(always)]
-fn nearness_of(depth: f32) -> f32 {
+fn inverse_depth_of(depth: f32) -> f32 {
     if depth > 0.0 && depth < 1.0 { 1.0 - depth } else { 0.0 }
 }
 
-/// What a pixel claims that shows something so near, or [`EMPTY`]; no component of its vector is beyond `limit`.
+/// What a pixel keys that shows something so inverse_depth, or [`EMPTY`]; no component of its vector is beyond `limit`.
 #[inline(always)]
-fn claim_of(back: &Back, limit: [f32; 2], [x, y]: [usize; 2], near: f32) -> Key {
+fn reprojected_key(matrix: &ReprojectionMatrix, limit: [f32; 2], [x, y]: [usize; 2], inverse_depth: f32) -> Key {
     let at = [x as i32 as f32, y as i32 as f32];
-    let (was, there, can_be) = back.follow(at, near);
-    // What is longer has left the picture all the same.
+    let (was, there, can_be) = matrix.project(at, inverse_depth);
+    // What is longer has left the picture combine_columns the same.
     let along = |c: usize| {
         let along = 64.0 * (at[c] - was[c]);
         let along = if along < limit[c] { along } else { limit[c] };
         let along = if along > -limit[c] { along } else { -limit[c] };
         floor(along + 0.5)
     };
-    let key = key_buffer::key(rank_of(there), ORPHAN, [along(0), along(1)]);
-    if can_be & (near > 0.0) { key } else { EMPTY }
+    let key = splat_key::pack(depth_key_of(there), PREVIOUS_ONLY, [along(0), along(1)]);
+    if can_be & (inverse_depth > 0.0) { key } else { EMPTY }
 }
 
 at_every_level! {
-    /// [`claim_of`] for the pixels of a tile.
-    fn claims_of(back: &Back, limit: [f32; 2], corner: [usize; 2], nears: &[f32; BLOCK], claims: &mut [Key; BLOCK])
-        = claims_in_rows | claims_in_rows
+    /// [`reprojected_key`] for the pixels of a tile.
+    fn reprojected_keys(matrix: &ReprojectionMatrix, limit: [f32; 2], corner: [usize; 2], inverse_depths: &[f32; BLOCK], keys: &mut [Key; BLOCK])
+        = reprojected_keys_in_rows | reprojected_keys_in_rows
 }
 
 #[inline(always)]
-fn claims_in_rows(back: &Back, limit: [f32; 2], [x, y]: [usize; 2], nears: &[f32; BLOCK], claims: &mut [Key; BLOCK]) {
+fn reprojected_keys_in_rows(
+    matrix: &ReprojectionMatrix,
+    limit: [f32; 2],
+    [x, y]: [usize; 2],
+    inverse_depths: &[f32; BLOCK],
+    keys: &mut [Key; BLOCK],
+) {
     for j in 0..TILE {
         for i in 0..TILE {
-            claims[j * TILE + i] = claim_of(back, limit, [x + i, y + j], nears[j * TILE + i]);
+            keys[j * TILE + i] = reprojected_key(matrix, limit, [x + i, y + j], inverse_depths[j * TILE + i]);
         }
     }
 }
 
 at_every_level! {
-    /// Keeps the claims of a tile that are asked for (bit `8 j + i`), with [`EMPTY`] in place of others. For each where it
-    /// leads to in the current anchor, tile by tile; the bits of the result say which there are, and which lead into the
+    /// Keeps the keys of a tile that are wanted for (bit `8 j + i`), with [`EMPTY`] in index of occluders. For each where it
+    /// leads to in the current anchor, tile by tile; the bits of the result say which there are, and which find_targets into the
     /// picture.
-    fn lead(claims: &mut [Key; BLOCK], asked: u64, corner: [usize; 2], grid: Grid, places: &mut [u32; BLOCK]) -> [u64; 2]
-        = scalar::lead | lead_in_rows
+    fn find_targets(keys: &mut [Key; BLOCK], wanted: u64, corner: [usize; 2], grid: Grid, targets: &mut [u32; BLOCK]) -> [u64; 2]
+        = scalar::find_targets | find_targets_in_rows
 }
 
 #[inline(always)]
-fn lead_in_rows(
-    claims: &mut [Key; BLOCK],
-    asked: u64,
+fn find_targets_in_rows(
+    keys: &mut [Key; BLOCK],
+    wanted: u64,
     corner: [usize; 2],
     grid: Grid,
-    places: &mut [u32; BLOCK],
+    targets: &mut [u32; BLOCK],
 ) -> [u64; 2] {
     let [width, height, columns] = [grid.width, grid.height, grid.columns].map(|len| len as u32);
     let (mut some, mut inside) = ([0; TILE], [0; TILE]);
     for j in (0..TILE).rev() {
-        let asked = (asked >> (j * TILE) & 0xff) as u32;
+        let wanted = (wanted >> (j * TILE) & 0xff) as u32;
         for (i, (some, inside)) in some.iter_mut().zip(&mut inside).enumerate() {
-            let place = j * TILE + i;
-            let key = claims[place];
-            let is_some = (key != EMPTY) & (asked & 1 << i != 0);
-            let [x, y] = key_buffer::vector(key);
+            let index = j * TILE + i;
+            let key = keys[index];
+            let is_some = (key != EMPTY) & (wanted & 1 << i != 0);
+            let [x, y] = splat_key::vector(key);
             // As unsigned numbers, what is negative is far beyond.
             let u = ((64 * (corner[0] + i) as i32 - x + 32) >> 6) as u32;
             let v = ((64 * (corner[1] + j) as i32 - y + 32) >> 6) as u32;
             let is_inside = is_some & (u < width) & (v < height);
             let tile = (v >> 3).wrapping_mul(columns).wrapping_add(u >> 3);
-            places[place] = tile << 6 | (v & 7) << 3 | (u & 7);
-            claims[place] = if is_some { key } else { EMPTY };
+            targets[index] = tile << 6 | (v & 7) << 3 | (u & 7);
+            keys[index] = if is_some { key } else { EMPTY };
             *some = *some << TILE | u64::from(is_some);
             *inside = *inside << TILE | u64::from(is_inside);
         }
     }
-    [some, inside].map(all)
+    [some, inside].map(combine_columns)
 }
 
 at_every_level! {
-    /// How near what the pixels of a tile show is, and the nearest of it; nothing is near beyond the far edges. `depths`
+    /// How inverse_depth what the pixels of a tile show is, and the nearest of it; nothing is inverse_depth beyond the far edges. `depths`
     /// begin with its first, rows being `width` apart.
-    fn nears_of(depths: &[f32], width: usize, extent: [usize; 2], nears: &mut [f32; BLOCK]) -> f32
-        = scalar::nears | nears_in_rows
+    fn inverse_depths_of_tile(depths: &[f32], width: usize, extent: [usize; 2], inverse_depths: &mut [f32; BLOCK]) -> f32
+        = scalar::inverse_depths | inverse_depths_in_rows
 }
 
 #[inline(always)]
-fn nears_in_rows(depths: &[f32], width: usize, [across, down]: [usize; 2], nears: &mut [f32; BLOCK]) -> f32 {
+fn inverse_depths_in_rows(
+    depths: &[f32],
+    width: usize,
+    [across, down]: [usize; 2],
+    inverse_depths: &mut [f32; BLOCK],
+) -> f32 {
     if [across, down] != [TILE; 2] {
-        return scalar::nears(depths, width, [across, down], nears);
+        return scalar::inverse_depths(depths, width, [across, down], inverse_depths);
     }
     let mut nearest = [0.0; TILE];
     for j in 0..TILE {
         let depths: &[f32; TILE] = depths[j * width..].first_chunk().expect("a row of eight");
         for i in 0..TILE {
-            let near = nearness_of(depths[i]);
-            nears[j * TILE + i] = near;
-            nearest[i] = if near > nearest[i] { near } else { nearest[i] };
+            let inverse_depth = inverse_depth_of(depths[i]);
+            inverse_depths[j * TILE + i] = inverse_depth;
+            nearest[i] = if inverse_depth > nearest[i] { inverse_depth } else { nearest[i] };
         }
     }
     nearest.into_iter().fold(0.0, |a, b| if b > a { b } else { a })
 }
 
 at_every_level! {
-    /// Which of these are nearer than `bound`: bit `8 j + i`.
-    fn nearer(nears: &[f32; BLOCK], bound: f32) -> u64 = nearer_in_rows | nearer_in_rows
+    /// Which of these are nearer_than than `bound`: bit `8 j + i`.
+    fn nearer_than(inverse_depths: &[f32; BLOCK], bound: f32) -> u64 = nearer_than_in_rows | nearer_than_in_rows
 }
 
 #[inline(always)]
-fn nearer_in_rows(nears: &[f32; BLOCK], bound: f32) -> u64 {
-    let mut nearer = 0;
-    for (j, nears) in nears.as_chunks::<TILE>().0.iter().enumerate() {
-        nearer |= packed(nears.map(|near| u8::from(near > bound))) << (j * TILE);
+fn nearer_than_in_rows(inverse_depths: &[f32; BLOCK], bound: f32) -> u64 {
+    let mut nearer_than = 0;
+    for (j, inverse_depths) in inverse_depths.as_chunks::<TILE>().0.iter().enumerate() {
+        nearer_than |= pack_bits(inverse_depths.map(|inverse_depth| u8::from(inverse_depth > bound))) << (j * TILE);
     }
-    nearer
+    nearer_than
 }
 
-/// Whether what is as near as `near`, and is taken to be at rest, rather goes with what was found beside it.
+/// Whether what is as inverse_depth as `inverse_depth`, and is taken to be at rest, rather goes with what was found candidates it.
 #[inline(always)]
-fn is_carried(claim: Key, near: f32, found: Key) -> bool {
-    (found != EMPTY) & !alike(found, claim) & ((nearness(found) - near).abs() <= AS_FAR * near)
+fn moves_with(key: Key, inverse_depth: f32, found: Key) -> bool {
+    (found != EMPTY)
+        & !similar_motion(found, key)
+        & ((key_inverse_depth(found) - inverse_depth).abs() <= SAME_DEPTH * inverse_depth)
 }
 
 at_every_level! {
-    /// Which of the pixels of a tile that are asked for (bit `8 j + i`) [`is_carried`] by any of what stands beside them.
-    fn carried(claims: &[Key; BLOCK], nears: &[f32; BLOCK], asked: u64, beside: &Beside) -> u64
-        = carried_in_rows | carried_in_rows
+    /// Which of the pixels of a tile that are wanted for (bit `8 j + i`) [`moves_with`] by any of what stands candidates them.
+    fn moving_with(keys: &[Key; BLOCK], inverse_depths: &[f32; BLOCK], wanted: u64, candidates: &Candidates) -> u64
+        = moving_with_in_rows | moving_with_in_rows
 }
 
 #[inline(always)]
-fn carried_in_rows(claims: &[Key; BLOCK], nears: &[f32; BLOCK], asked: u64, beside: &Beside) -> u64 {
-    let mut carried = 0;
+fn moving_with_in_rows(
+    reprojected: &[Key; BLOCK],
+    inverse_depths: &[f32; BLOCK],
+    wanted: u64,
+    candidates: &Candidates,
+) -> u64 {
+    let mut moving_with = 0;
     for j in 0..TILE {
-        if asked >> (j * TILE) & 0xff == 0 {
+        if wanted >> (j * TILE) & 0xff == 0 {
             continue;
         }
         let mut is = [0; TILE];
-        for keys in &beside.keys {
+        for keys in &candidates.keys {
             for (i, is) in is.iter_mut().enumerate() {
-                let place = j * TILE + i;
-                *is |= u8::from(is_carried(claims[place], nears[place], keys[place]));
+                let index = j * TILE + i;
+                *is |= u8::from(moves_with(reprojected[index], inverse_depths[index], keys[index]));
             }
         }
-        carried |= packed(is) << (j * TILE);
+        moving_with |= pack_bits(is) << (j * TILE);
     }
-    carried & asked
+    moving_with & wanted
 }
 
-/// The same, place by place.
+/// The same, index by index.
 mod scalar {
-    use super::{BLOCK, EMPTY, Grid, Key, TILE, key_buffer, nearness_of};
+    use super::{BLOCK, EMPTY, Grid, Key, TILE, inverse_depth_of, splat_key};
 
-    pub(super) fn lead(
-        claims: &mut [Key; BLOCK],
-        asked: u64,
+    pub(super) fn find_targets(
+        keys: &mut [Key; BLOCK],
+        wanted: u64,
         corner: [usize; 2],
         grid: Grid,
-        places: &mut [u32; BLOCK],
+        targets: &mut [u32; BLOCK],
     ) -> [u64; 2] {
         let (mut some, mut inside) = (0, 0);
-        for (place, claim) in claims.iter_mut().enumerate() {
-            if *claim == EMPTY || asked >> place & 1 == 0 {
-                *claim = EMPTY;
+        for (index, key) in keys.iter_mut().enumerate() {
+            if *key == EMPTY || wanted >> index & 1 == 0 {
+                *key = EMPTY;
                 continue;
             }
-            some |= 1 << place;
-            let ([x, y], at) = (key_buffer::vector(*claim), [corner[0] + place % TILE, corner[1] + place / TILE]);
-            if let Some([u, v]) = grid.nearest([64 * at[0] as i32 - x, 64 * at[1] as i32 - y]) {
-                let (tile, at) = grid.place(u, v);
-                places[place] = (tile * BLOCK + at) as u32;
-                inside |= 1 << place;
+            some |= 1 << index;
+            let ([x, y], at) = (splat_key::vector(*key), [corner[0] + index % TILE, corner[1] + index / TILE]);
+            if let Some([u, v]) = grid.nearest_pixel([64 * at[0] as i32 - x, 64 * at[1] as i32 - y]) {
+                let (tile, at) = grid.locate(u, v);
+                targets[index] = (tile * BLOCK + at) as u32;
+                inside |= 1 << index;
             }
         }
         [some, inside]
     }
 
-    pub(super) fn nears(depths: &[f32], width: usize, [across, down]: [usize; 2], nears: &mut [f32; BLOCK]) -> f32 {
-        nears.fill(0.0);
-        for (row, nears) in depths.chunks(width).zip(nears.chunks_mut(TILE)).take(down) {
-            nears.iter_mut().zip(&row[..across]).for_each(|(near, &depth)| *near = nearness_of(depth));
+    pub(super) fn inverse_depths(
+        depths: &[f32],
+        width: usize,
+        [across, down]: [usize; 2],
+        inverse_depths: &mut [f32; BLOCK],
+    ) -> f32 {
+        inverse_depths.fill(0.0);
+        for (row, inverse_depths) in depths.chunks(width).zip(inverse_depths.chunks_mut(TILE)).take(down) {
+            inverse_depths
+                .iter_mut()
+                .zip(&row[..across])
+                .for_each(|(inverse_depth, &depth)| *inverse_depth = inverse_depth_of(depth));
         }
-        nears.iter().copied().fold(0.0, f32::max)
+        inverse_depths.iter().copied().fold(0.0, f32::max)
     }
 }
 
 at_every_level! {
-    /// Which pixels of a tile show something nearer than [`other`] says of what claims them: bit `8 j + i`.
-    fn others_of(perspective: &Perspective, corner: [usize; 2], keys: &[Key; BLOCK], nears: &[f32; BLOCK]) -> u64
-        = others_in_rows | others_in_rows
+    /// Which pixels of a tile show something nearer_than than [`occluder_inverse_depth`] says of what keys them: bit `8 j + i`.
+    fn occluders_of(depth_change: &DepthChange, corner: [usize; 2], keys: &[Key; BLOCK], inverse_depths: &[f32; BLOCK]) -> u64
+        = occluders_in_rows | occluders_in_rows
 }
 
 #[inline(always)]
-fn others_in_rows(perspective: &Perspective, [x, y]: [usize; 2], keys: &[Key; BLOCK], nears: &[f32; BLOCK]) -> u64 {
-    let mut others = [0; TILE];
+fn occluders_in_rows(
+    depth_change: &DepthChange,
+    [x, y]: [usize; 2],
+    keys: &[Key; BLOCK],
+    inverse_depths: &[f32; BLOCK],
+) -> u64 {
+    let mut occluders = [0; TILE];
     for j in (0..TILE).rev() {
-        for (i, others) in others.iter_mut().enumerate() {
-            let place = j * TILE + i;
-            let is_other = (keys[place] != EMPTY) & (nears[place] > other(perspective, keys[place], [x + i, y + j]));
-            *others = *others << TILE | u64::from(is_other);
+        for (i, occluders) in occluders.iter_mut().enumerate() {
+            let index = j * TILE + i;
+            let is_other = (keys[index] != EMPTY)
+                & (inverse_depths[index] > occluder_inverse_depth(depth_change, keys[index], [x + i, y + j]));
+            *occluders = *occluders << TILE | u64::from(is_other);
         }
     }
-    all(others)
+    combine_columns(occluders)
 }
 
-/// How near something in the previous anchor is at least that is not what claims a pixel there.
+/// How inverse_depth something in the previous anchor is at min_occluder_inverse_depth that is not what keys a pixel there.
 #[inline(always)]
-fn other(perspective: &Perspective, key: Key, at: [usize; 2]) -> f32 {
-    OTHER * nearness(key) / (1.0 + perspective.change(key, at.map(|at| at as i32)))
+fn occluder_inverse_depth(depth_change: &DepthChange, key: Key, at: [usize; 2]) -> f32 {
+    OCCLUDER_RATIO * key_inverse_depth(key) / (1.0 + depth_change.change(key, at.map(|at| at as i32)))
 }
 
-/// Whether the current anchor shows a claim, or what is behind it, where it shows what claims to be there as `shown`.
+/// Whether the current anchor shows a key, or what is behind it, where it shows what keys to be there as `shown`.
 #[inline(always)]
-fn is_shown(shown: Key, claim: Key) -> bool {
-    alike(shown, claim) | is_nearer(claim, shown)
+fn contradicts(shown: Key, key: Key) -> bool {
+    similar_motion(shown, key) | is_in_front(key, shown)
 }
 
 /// The world at rest, as the previous anchor shows it.
-pub(super) struct Past<'a> {
+pub(super) struct Reprojection<'a> {
     depth: &'a DepthMap,
-    perspective: Perspective,
-    back: Back,
+    depth_change: DepthChange,
+    matrix: ReprojectionMatrix,
     /// The longest components of vectors, in 1/64 px.
     limit: [f32; 2],
 }
 
-impl<'a> Past<'a> {
+impl<'a> Reprojection<'a> {
     /// What a previous anchor's `depth` tells, if it is that of the current one's camera and how that goes is known.
-    pub(super) fn new(seen: &Seen, depth: Option<&'a DepthMap>, current: &DepthMap) -> Option<Self> {
+    pub(super) fn new(seen: &CameraFit, depth: Option<&'a DepthMap>, current: &DepthMap) -> Option<Self> {
         let depth = depth.filter(|depth| depth.projection() == current.projection())?;
-        let limit = [depth.width(), depth.height()].map(|side| (64 * side as i32).min(LONGEST) as f32);
-        Some(Self { depth, perspective: seen.perspective, back: seen.back?, limit })
+        let limit = [depth.width(), depth.height()].map(|side| (64 * side as i32).min(MAX_COMPONENT) as f32);
+        Some(Self { depth, depth_change: seen.depth_change, matrix: seen.reprojection?, limit })
     }
 
-    /// How near what the previous anchor shows at a pixel is.
+    /// How inverse_depth what the previous anchor shows at a pixel is.
     #[inline(always)]
-    fn near(&self, [x, y]: [usize; 2]) -> f32 {
+    fn inverse_depth(&self, [x, y]: [usize; 2]) -> f32 {
         // Tiles are of 1, 8 or 16 pixels.
         let shift = self.depth.tile().trailing_zeros();
-        nearness_of(self.depth.depth()[(y >> shift) * self.depth.columns() as usize + (x >> shift)])
+        inverse_depth_of(self.depth.depth()[(y >> shift) * self.depth.columns() as usize + (x >> shift)])
     }
 
-    /// How near what it shows in a tile is, and the nearest of it; nothing is near beyond the far edges.
+    /// How inverse_depth what it shows in a tile is, and the nearest of it; nothing is inverse_depth beyond the far edges.
     #[inline(always)]
-    pub(super) fn nears(&self, level: Level, [x, y]: [usize; 2], extent: [usize; 2], nears: &mut [f32; BLOCK]) -> f32 {
+    pub(super) fn inverse_depths(
+        &self,
+        level: SimdLevel,
+        [x, y]: [usize; 2],
+        extent: [usize; 2],
+        inverse_depths: &mut [f32; BLOCK],
+    ) -> f32 {
         if self.depth.tile() > 1 {
-            let near = self.near([x, y]);
-            nears.fill(if extent == [TILE; 2] { near } else { 0.0 });
+            let inverse_depth = self.inverse_depth([x, y]);
+            inverse_depths.fill(if extent == [TILE; 2] { inverse_depth } else { 0.0 });
             if extent != [TILE; 2] {
-                nears.chunks_mut(TILE).take(extent[1]).for_each(|row| row[..extent[0]].fill(near));
+                inverse_depths.chunks_mut(TILE).take(extent[1]).for_each(|row| row[..extent[0]].fill(inverse_depth));
             }
-            return near;
+            return inverse_depth;
         }
         let width = self.depth.width() as usize;
-        nears_of(level, &self.depth.depth()[y * width + x..], width, extent, nears)
+        inverse_depths_of_tile(level, &self.depth.depth()[y * width + x..], width, extent, inverse_depths)
     }
 
-    /// What a pixel of the previous anchor claims if it is at rest, or [`EMPTY`]. What is farthest claims nothing.
+    /// What a pixel of the previous anchor keys if it is at rest, or [`EMPTY`]. What is farthest keys nothing.
     #[cfg(test)]
-    pub(super) fn claim(&self, at: [usize; 2]) -> Key {
-        claim_of(&self.back, self.limit, at, self.near(at))
+    pub(super) fn key_at(&self, at: [usize; 2]) -> Key {
+        reprojected_key(&self.matrix, self.limit, at, self.inverse_depth(at))
     }
 
-    /// What those pixels of a tile claim that are asked for (bit `8 j + i`), given how near what they show is, where it can
+    /// What those pixels of a tile key that are wanted for (bit `8 j + i`), given how inverse_depth what they show is, where it can
     /// be; [`EMPTY`] elsewhere. The bits of the result say where it can.
     #[inline(always)]
-    pub(super) fn claims(
+    pub(super) fn keys(
         &self,
-        level: Level,
-        field: &Layer,
+        level: SimdLevel,
+        field: &KeyBuffer,
         corner: [usize; 2],
-        nears: &[f32; BLOCK],
-        asked: u64,
-        claims: &mut [Key; BLOCK],
+        inverse_depths: &[f32; BLOCK],
+        wanted: u64,
+        keys: &mut [Key; BLOCK],
     ) -> u64 {
-        claims_of(level, &self.back, self.limit, corner, nears, claims);
-        let mut places = [0; BLOCK];
-        let [mut can_be, mut inside] = lead(level, claims, asked, corner, field.grid, &mut places);
+        reprojected_keys(level, &self.matrix, self.limit, corner, inverse_depths, keys);
+        let mut targets = [0; BLOCK];
+        let [mut can_be, mut inside] = find_targets(level, keys, wanted, corner, field.grid, &mut targets);
         while inside != 0 {
-            let place = inside.trailing_zeros() as usize;
+            let index = inside.trailing_zeros() as usize;
             inside &= inside - 1;
-            let (tile, at) = (places[place] as usize / BLOCK, places[place] as usize % BLOCK);
+            let (tile, at) = (targets[index] as usize / BLOCK, targets[index] as usize % BLOCK);
             let shown = match field.tiles[tile].kind {
-                Kind::Smooth => field.tiles[tile].key,
-                Kind::Rough => field.keys[tile][at],
+                TileKind::Uniform => field.tiles[tile].key,
+                TileKind::Mixed => field.keys[tile][at],
             };
-            if is_shown(shown, claims[place]) {
-                claims[place] = EMPTY;
-                can_be &= !(1 << place);
+            if contradicts(shown, keys[index]) {
+                keys[index] = EMPTY;
+                can_be &= !(1 << index);
             }
         }
         can_be
     }
 
-    /// Which of the pixels of a tile that are asked for (bit `8 j + i`) may go with some of what is beside them, although what
-    /// they claim can be.
+    /// Which of the pixels of a tile that are wanted for (bit `8 j + i`) may go with some of what is candidates them, although what
+    /// they key can be.
     #[inline(always)]
-    pub(super) fn carried(
+    pub(super) fn moving_with(
         &self,
-        level: Level,
-        claims: &[Key; BLOCK],
-        nears: &[f32; BLOCK],
-        asked: u64,
-        beside: &Beside,
+        level: SimdLevel,
+        keys: &[Key; BLOCK],
+        inverse_depths: &[f32; BLOCK],
+        wanted: u64,
+        candidates: &Candidates,
     ) -> u64 {
-        carried(level, claims, nears, asked, beside)
+        moving_with(level, keys, inverse_depths, wanted, candidates)
     }
 
-    /// Whether a claim from the previous anchor cannot be: the current one shows it, or what is behind it.
+    /// Whether a key from the previous anchor cannot be: the current one shows it, or what is behind it.
     #[cfg(test)]
-    fn is_contradicted(&self, field: &Layer, [x, y]: [usize; 2], claim: Key) -> bool {
-        let [vx, vy] = key_buffer::vector(claim);
+    fn is_contradicted(&self, field: &KeyBuffer, [x, y]: [usize; 2], key: Key) -> bool {
+        let [vx, vy] = splat_key::vector(key);
         field
             .grid
-            .nearest([64 * x as i32 - vx, 64 * y as i32 - vy])
-            .is_some_and(|[u, v]| is_shown(field.owner(u, v), claim))
+            .nearest_pixel([64 * x as i32 - vx, 64 * y as i32 - vy])
+            .is_some_and(|[u, v]| contradicts(field.own_key(u, v), key))
     }
 
-    /// What claims a pixel of the previous anchor that nothing in the current one does: what is at rest there (`claim`),
-    /// if that can be, or `found` beside it. What is as far away as that and moves otherwise is carried along.
+    /// What keys a pixel of the previous anchor that nothing in the current one does: what is at rest there (`key`),
+    /// if that can be, or `found` candidates it. What is as far away as that and moves otherwise is moving_with along.
     #[cfg(test)]
-    pub(super) fn claim_or(&self, field: &Layer, at: [usize; 2], claim: Key, found: Key) -> Key {
-        if claim == EMPTY || self.is_contradicted(field, at, claim) {
+    pub(super) fn key_or(&self, field: &KeyBuffer, at: [usize; 2], key: Key, found: Key) -> Key {
+        if key == EMPTY || self.is_contradicted(field, at, key) {
             return found;
         }
-        if self.is_carried(at, claim, found) { found } else { claim }
+        if self.moves_with(at, key, found) { found } else { key }
     }
 
-    /// Whether what a pixel claims, which can be, rather goes with what was found beside it.
+    /// Whether what a pixel keys, which can be, rather goes with what was found candidates it.
     #[inline(always)]
-    pub(super) fn is_carried(&self, at: [usize; 2], claim: Key, found: Key) -> bool {
-        is_carried(claim, self.near(at), found)
+    pub(super) fn moves_with(&self, at: [usize; 2], key: Key, found: Key) -> bool {
+        moves_with(key, self.inverse_depth(at), found)
     }
 
-    /// How near something in the previous anchor is at least that is not what claims a pixel there.
+    /// How inverse_depth something in the previous anchor is at min_occluder_inverse_depth that is not what keys a pixel there.
     #[inline(always)]
-    pub(super) fn other(&self, key: Key, at: [usize; 2]) -> f32 {
-        other(&self.perspective, key, at)
+    pub(super) fn occluder_inverse_depth(&self, key: Key, at: [usize; 2]) -> f32 {
+        occluder_inverse_depth(&self.depth_change, key, at)
     }
 
-    /// It is no less than this for claims that are no farther than `key`.
+    /// It is no less than this for keys that are no farther than `key`.
     #[inline(always)]
-    fn least(&self, key: Key) -> f32 {
-        OTHER * nearness(key) / (1.0 + self.perspective.most)
+    fn min_occluder_inverse_depth(&self, key: Key) -> f32 {
+        OCCLUDER_RATIO * key_inverse_depth(key) / (1.0 + self.depth_change.max)
     }
 
-    /// Whether something stands in front of what claims a pixel of the previous anchor, and nearer than `other`, of which
+    /// Whether something stands in front of what keys a pixel of the previous anchor, and nearer_than than `occluder_inverse_depth`, of which
     /// the current anchor knows nothing.
     #[cfg(test)]
-    pub(super) fn is_covered(&self, field: &Layer, at: [usize; 2], other: f32) -> bool {
-        let claim = if self.near(at) > other { self.claim(at) } else { EMPTY };
-        claim != EMPTY && !self.is_contradicted(field, at, claim)
+    pub(super) fn is_occluded(&self, field: &KeyBuffer, at: [usize; 2], occluder_inverse_depth: f32) -> bool {
+        let key = if self.inverse_depth(at) > occluder_inverse_depth { self.key_at(at) } else { EMPTY };
+        key != EMPTY && !self.is_contradicted(field, at, key)
     }
 
-    /// Takes pixels of the previous anchor away from owners that something covers there.
-    pub(super) fn uncover(&self, level: Level, owners: &mut Layer, field: &Layer) {
-        let grid = owners.grid;
-        let tiles = owners.tiles.par_chunks_mut(grid.columns).zip(owners.keys.par_chunks_mut(grid.columns));
+    /// Takes pixels of the previous anchor away from previous_keys that something covers there.
+    pub(super) fn clear_occluded(&self, level: SimdLevel, previous_keys: &mut KeyBuffer, field: &KeyBuffer) {
+        let grid = previous_keys.grid;
+        let tiles =
+            previous_keys.tiles.par_chunks_mut(grid.columns).zip(previous_keys.keys.par_chunks_mut(grid.columns));
         tiles.enumerate().for_each(|(row, (tiles, keys))| {
             for column in 0..tiles.len() {
-                if tiles.get(column + AHEAD).is_some_and(|next| next.kind == Kind::Rough && next.key != EMPTY) {
-                    Layer::fetch_keys(&keys[column + AHEAD]);
+                if tiles
+                    .get(column + PREFETCH_AHEAD)
+                    .is_some_and(|next| next.kind == TileKind::Mixed && next.key != EMPTY)
+                {
+                    KeyBuffer::prefetch_keys(&keys[column + PREFETCH_AHEAD]);
                 }
-                self.uncover_tile(level, [column, row], field, &mut tiles[column], &mut keys[column]);
+                self.clear_occluded_tile(level, [column, row], field, &mut tiles[column], &mut keys[column]);
             }
         });
     }
 
     #[inline(never)]
-    fn uncover_tile(
+    fn clear_occluded_tile(
         &self,
-        level: Level,
+        level: SimdLevel,
         [column, row]: [usize; 2],
-        field: &Layer,
+        field: &KeyBuffer,
         tile: &mut Tile,
         keys: &mut [Key; BLOCK],
     ) {
         let extent = field.grid.extent(column, row);
         let corner = [column * TILE, row * TILE];
-        let is_smooth = tile.kind == Kind::Smooth;
-        let of_tile =
-            if is_smooth { self.other(tile.key, corner.map(|at| at + TILE / 2)) } else { self.least(tile.key) };
-        let mut nears = [0.0; BLOCK];
-        if self.nears(level, corner, extent, &mut nears) <= of_tile {
-            return;
-        }
-        let others = if is_smooth {
-            // What is beyond the far edges is not near.
-            nearer(level, &nears, of_tile)
+        let is_uniform = tile.kind == TileKind::Uniform;
+        let of_tile = if is_uniform {
+            self.occluder_inverse_depth(tile.key, corner.map(|at| at + TILE / 2))
         } else {
-            others_of(level, &self.perspective, corner, keys, &nears)
+            self.min_occluder_inverse_depth(tile.key)
         };
-        if others == 0 {
+        let mut inverse_depths = [0.0; BLOCK];
+        if self.inverse_depths(level, corner, extent, &mut inverse_depths) <= of_tile {
             return;
         }
-        let mut claims = [EMPTY; BLOCK];
-        let mut covered = self.claims(level, field, corner, &nears, others, &mut claims);
-        while covered != 0 {
-            tile.free(keys, extent, covered.trailing_zeros() as usize);
-            covered &= covered - 1;
+        let occluders = if is_uniform {
+            // What is beyond the far edges is not inverse_depth.
+            nearer_than(level, &inverse_depths, of_tile)
+        } else {
+            occluders_of(level, &self.depth_change, corner, keys, &inverse_depths)
+        };
+        if occluders == 0 {
+            return;
+        }
+        let mut reprojected = [EMPTY; BLOCK];
+        let mut occluded = self.keys(level, field, corner, &inverse_depths, occluders, &mut reprojected);
+        while occluded != 0 {
+            tile.clear_pixel(keys, extent, occluded.trailing_zeros() as usize);
+            occluded &= occluded - 1;
         }
     }
 }
@@ -421,8 +467,8 @@ impl<'a> Past<'a> {
 #[cfg(test)]
 mod tests {
     use super::super::camera_fit::tests::{SIZE, guidance, key_of, seen, shown, walk};
-    use super::super::key_buffer::rank;
-    use super::super::static_mask::Standing;
+    use super::super::splat_key::depth_key;
+    use super::super::static_mask::StaticMask;
     use super::*;
     use crate::guidance::{Guidance, Projection};
 
@@ -447,15 +493,15 @@ mod tests {
         depth
     }
 
-    fn field(guidance: &Guidance) -> Layer {
-        let mut field = Layer::default();
+    fn field(guidance: &Guidance) -> KeyBuffer {
+        let mut field = KeyBuffer::default();
         field.reserve(Grid::new((SIZE[0], SIZE[1]))).unwrap();
         for (x, y) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y))) {
-            let (tile, place) = field.grid.place(x as usize, y as usize);
-            field.tiles[tile].kind = Kind::Rough;
+            let (tile, index) = field.grid.locate(x as usize, y as usize);
+            field.tiles[tile].kind = TileKind::Mixed;
             let vector = guidance.motion().at(x, y).map(|v| f64::from(v.to_f32()));
             let depth = f64::from(guidance.depth().depth()[(y * SIZE[0] + x) as usize]);
-            field.keys[tile][place] = key_of((vector, depth));
+            field.keys[tile][index] = key_of((vector, depth));
         }
         field
     }
@@ -463,18 +509,18 @@ mod tests {
     #[test]
     fn what_is_at_rest_is_followed_to_the_current_anchor() {
         let guidance = guidance(walk, 1);
-        let seen_by = Seen::find(&guidance, &Standing::default());
+        let seen_by = CameraFit::fit(&guidance, &StaticMask::default());
         let depth = depths(0);
-        let past = Past::new(&seen_by, Some(&depth), guidance.depth()).unwrap();
+        let past = Reprojection::new(&seen_by, Some(&depth), guidance.depth()).unwrap();
         let mut followed = 0;
         for (x, y) in (20..160).step_by(10).flat_map(|y| (30..290).step_by(10).map(move |x| (x, y))) {
             let (vector, at_depth) = walk(f64::from(x), f64::from(y));
             let was = [f64::from(x) + vector[0], f64::from(y) + vector[1]].map(|v| v.round() as usize);
-            let claim = past.claim(was);
-            assert_ne!(claim, EMPTY);
-            let apart = [0, 1].map(|c| (f64::from(key_buffer::vector(claim)[c]) / 64.0 - vector[c]).abs());
+            let key = past.key_at(was);
+            assert_ne!(key, EMPTY);
+            let apart = [0, 1].map(|c| (f64::from(splat_key::vector(key)[c]) / 64.0 - vector[c]).abs());
             // Ground at the next pixel is another.
-            if rank(claim).abs_diff(rank(key_of((vector, at_depth)))) < 100 {
+            if depth_key(key).abs_diff(depth_key(key_of((vector, at_depth)))) < 100 {
                 followed += usize::from(apart[0] < 0.6 && apart[1] < 0.6);
             }
         }
@@ -484,26 +530,30 @@ mod tests {
     #[test]
     fn what_stood_in_front_and_has_left_uncovers_its_places() {
         let guidance = guidance(walk, 1);
-        let (seen_by, field) = (Seen::find(&guidance, &Standing::default()), field(&guidance));
-        let mut owners = Layer::default();
-        owners.reserve(field.grid).unwrap();
-        owners.tiles.iter_mut().for_each(|tile| tile.key = key_of(([0.0; 2], 0.99)));
+        let (seen_by, field) = (CameraFit::fit(&guidance, &StaticMask::default()), field(&guidance));
+        let mut previous_keys = KeyBuffer::default();
+        previous_keys.reserve(field.grid).unwrap();
+        previous_keys.tiles.iter_mut().for_each(|tile| tile.key = key_of(([0.0; 2], 0.99)));
         let depth = depths(6);
-        Past::new(&seen_by, Some(&depth), guidance.depth()).unwrap().uncover(Level::detect(), &mut owners, &field);
-        let is_free = |x: usize| (0..SIZE[1] as usize).filter(|&y| owners.owner(x, y) == EMPTY).count();
-        assert!(is_free(0) > 170 && is_free(5) > 170, "{} and {} of 180", is_free(0), is_free(5));
-        assert_eq!(is_free(8), 0);
+        Reprojection::new(&seen_by, Some(&depth), guidance.depth()).unwrap().clear_occluded(
+            SimdLevel::detect(),
+            &mut previous_keys,
+            &field,
+        );
+        let cleared = |x: usize| (0..SIZE[1] as usize).filter(|&y| previous_keys.own_key(x, y) == EMPTY).count();
+        assert!(cleared(0) > 170 && cleared(5) > 170, "{} and {} of 180", cleared(0), cleared(5));
+        assert_eq!(cleared(8), 0);
     }
 
     #[test]
     fn another_camera_and_no_way_tell_nothing() {
         let (guidance, depth) = (guidance(walk, 1), depths(0));
-        let found = Seen::find(&guidance, &Standing::default());
-        let mut other = depth.clone();
-        other.set_projection(Projection::new(0.2, 50.0, 1.0).unwrap());
-        assert!(Past::new(&found, Some(&depth), guidance.depth()).is_some());
-        assert!(Past::new(&found, Some(&other), guidance.depth()).is_none());
-        assert!(Past::new(&found, None, guidance.depth()).is_none());
-        assert!(Past::new(&Seen::default(), Some(&depth), guidance.depth()).is_none());
+        let found = CameraFit::fit(&guidance, &StaticMask::default());
+        let mut occluder_inverse_depth = depth.clone();
+        occluder_inverse_depth.set_projection(Projection::new(0.2, 50.0, 1.0).unwrap());
+        assert!(Reprojection::new(&found, Some(&depth), guidance.depth()).is_some());
+        assert!(Reprojection::new(&found, Some(&occluder_inverse_depth), guidance.depth()).is_none());
+        assert!(Reprojection::new(&found, None, guidance.depth()).is_none());
+        assert!(Reprojection::new(&CameraFit::default(), Some(&depth), guidance.depth()).is_none());
     }
 }

@@ -4,279 +4,280 @@ use std::ops::Range;
 
 use parking_lot::Mutex;
 
-use super::camera_fit::Way;
-use super::kernels::tile_keys::{self, Places};
-use super::kernels::{BLOCK, Level, TILE, at_every_level};
-use super::key_buffer::{self, EMPTY, Grid, Key, Kind, Layer, ONE_SURFACE, SLOPE, Tile, key, landed};
-use super::{reserve, sized};
+use super::camera_fit::Warp;
+use super::kernels::tile_keys::{self, SplatTarget};
+use super::kernels::{BLOCK, SimdLevel, TILE, at_every_level};
+use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind};
+use super::splat_key::{self, EMPTY, Key, SLOPE_DEPTH_KEYS, SLOPE_MOTION, pack, warped};
+use super::{reserve, resize};
 use crate::Result;
 use crate::tasks::{self, Parallel, ParallelSliceMut};
 
 /// Rows of tiles that are filled together.
-const BAND: usize = 8;
+const BAND_ROWS: usize = 8;
 /// Tiles ahead of the one that is carried whose keys are asked for.
-const AHEAD: usize = 2;
-/// Rows and columns of places around a band, so that cracks are seen whole.
-const RIM: usize = 1;
-/// A place that is covered by surfaces whose vectors differ by no more than this, in 1/64 px, is smooth.
-pub(super) const SMOOTH: i32 = 48;
-/// A layer to carry and how far.
+const PREFETCH_AHEAD: usize = 2;
+/// Rows and columns of splatted around a band, so that cracks are seen tile_area.
+const BORDER: usize = 1;
+/// A index that is covered by surfaces whose vectors differ by no more than this, in 1/64 px, is smooth.
+pub(super) const UNIFORM_RANGE: i32 = 48;
+/// A source to splat_pixels and how far.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Pass<'a> {
-    pub(super) layer: &'a Layer,
-    pub(super) way: Way,
-    pub(super) of: Carried,
+pub(super) struct SplatPass<'a> {
+    pub(super) source: &'a KeyBuffer,
+    pub(super) warp: Warp,
+    pub(super) origin: KeyOrigin,
 }
 
-/// Which claims of a layer are carried.
+/// Which claims of a source are carried.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Carried {
+pub(super) enum KeyOrigin {
     /// Those of pixels for themselves.
     Own,
-    /// Borrowed ones.
-    Borrowed,
+    /// Inherited ones.
+    Inherited,
 }
 
-/// What covers a tile while a band is filled.
+/// What coverages a tile while a band is filled.
 #[derive(Debug, Clone, Copy)]
-struct Cover {
-    /// The least of each component of the vectors, and of what is left of nothing when they are taken from it.
-    ends: [i32; 4],
+struct Coverage {
+    /// The min_y of each component of the vectors, and of what is left of nothing when they are taken from it.
+    extremes: [i32; 4],
     sum: [i64; 2],
     nearest: Key,
     area: u32,
     farthest: u32,
 }
 
-impl Cover {
-    const NONE: Self = Self { ends: [i32::MAX; 4], sum: [0; 2], nearest: EMPTY, area: 0, farthest: 0 };
+impl Coverage {
+    const NONE: Self = Self { extremes: [i32::MAX; 4], sum: [0; 2], nearest: EMPTY, area: 0, farthest: 0 };
 
     fn low(&self) -> [i32; 2] {
-        [self.ends[0], self.ends[1]]
+        [self.extremes[0], self.extremes[1]]
     }
 
     fn high(&self) -> [i32; 2] {
-        [self.ends[2], self.ends[3]].map(i32::wrapping_neg)
+        [self.extremes[2], self.extremes[3]].map(i32::wrapping_neg)
     }
 }
 
 /// Where a tile lands.
 #[derive(Debug, Clone, Copy, Default)]
-struct Spot {
-    /// The corner of a smooth one. Of a rough one the least that any pixel of its first row gets down to,
+struct Destination {
+    /// The corner of a smooth one. Of a rough one the min_y that any pixel of its first row gets down to,
     at: [i32; 2],
-    /// and the most.
-    most: i32,
+    /// and the max_y.
+    max_y: i32,
 }
 
-impl Spot {
+impl Destination {
     /// Of what lands nowhere.
-    const NONE: Self = Self { at: [i32::MAX; 2], most: i32::MIN };
+    const NONE: Self = Self { at: [i32::MAX; 2], max_y: i32::MIN };
 }
 
-/// Where the tiles of a pass land, and for each row of them the least and the most.
+/// Where the tiles of a pass land, and for each row of them the min_y and the max_y.
 #[derive(Debug, Default)]
-struct Spots {
-    tiles: Vec<Spot>,
+struct Destinations {
+    tiles: Vec<Destination>,
     rows: Vec<[i32; 2]>,
 }
 
-/// Working memory of one thread: a band of places with its rim, and what covers its tiles.
+/// Working memory of one thread: a band of splatted with its border, and what coverages its tiles.
 #[derive(Debug, Default)]
-pub(super) struct Band {
+struct Band {
     /// [`EMPTY`] all over while no band is filled.
-    places: Vec<Key>,
-    covers: Vec<Cover>,
-    /// For each tile, and one more on each side, whether pixels of their own landed there,
-    is_rough: Vec<bool>,
+    splatted: Vec<Key>,
+    coverages: Vec<Coverage>,
+    /// For each tile, and one more on each side, whether pixels of their own warped there,
+    has_pixels: Vec<bool>,
     /// whether anything is written there,
-    is_used: Vec<bool>,
+    is_written: Vec<bool>,
     /// and whether a tile that turned out rough is there or beside that.
-    is_near: Vec<bool>,
+    is_near_mixed: Vec<bool>,
 }
 
 /// Working memory of every thread that may share a loop.
 #[derive(Debug, Default)]
-pub(super) struct Bands {
+pub(super) struct Splatter {
     /// Threads for which there is room.
     threads: usize,
-    of_threads: Vec<Mutex<Band>>,
+    bands: Vec<Mutex<Band>>,
     /// Of both passes.
-    spots: [Mutex<Spots>; 2],
+    destinations: [Mutex<Destinations>; 2],
 }
 
-impl Bands {
+impl Splatter {
     /// Makes room for all threads there are.
     pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
         let threads = tasks::concurrency();
         self.threads = 0;
-        if self.of_threads.len() < threads {
-            reserve(&mut self.of_threads, threads)?;
-            self.of_threads.resize_with(threads, Mutex::default);
+        if self.bands.len() < threads {
+            reserve(&mut self.bands, threads)?;
+            self.bands.resize_with(threads, Mutex::default);
         }
-        let with_rim = (BAND + 2) * (grid.columns + 2);
-        for band in &mut self.of_threads[..threads] {
+        let with_border = (BAND_ROWS + 2) * (grid.columns + 2);
+        for band in &mut self.bands[..threads] {
             let band = band.get_mut();
-            sized(&mut band.places, stride(grid) * (BAND * TILE + 2 * RIM), EMPTY)?;
-            sized(&mut band.covers, BAND * grid.columns, Cover::NONE)?;
-            sized(&mut band.is_rough, with_rim, false)?;
-            sized(&mut band.is_used, with_rim, false)?;
-            sized(&mut band.is_near, with_rim, false)?;
+            resize(&mut band.splatted, stride(grid) * (BAND_ROWS * TILE + 2 * BORDER), EMPTY)?;
+            resize(&mut band.coverages, BAND_ROWS * grid.columns, Coverage::NONE)?;
+            resize(&mut band.has_pixels, with_border, false)?;
+            resize(&mut band.is_written, with_border, false)?;
+            resize(&mut band.is_near_mixed, with_border, false)?;
         }
-        for spots in &mut self.spots {
-            let spots = spots.get_mut();
-            sized(&mut spots.tiles, grid.tiles(), Spot::NONE)?;
-            sized(&mut spots.rows, grid.rows, [0; 2])?;
+        for destinations in &mut self.destinations {
+            let destinations = destinations.get_mut();
+            resize(&mut destinations.tiles, grid.tiles(), Destination::NONE)?;
+            resize(&mut destinations.rows, grid.rows, [0; 2])?;
         }
         self.threads = threads;
         Ok(())
     }
-}
 
-fn stride(grid: Grid) -> usize {
-    grid.columns * TILE + 2 * RIM
-}
-
-impl Layer {
-    /// Fills this layer with what `passes` carry to it. The nearest of those that land on one place gets it; cracks of
-    /// a pixel in what lands are closed.
-    pub(super) fn land(&mut self, level: Level, passes: &[Pass<'_>], bands: &Bands) -> Result<()> {
-        let grid = passes[0].layer.grid;
-        self.reserve(grid)?;
-        // Where there are holes is known only when they are to be filled.
-        sized(&mut self.borrowed, grid.tiles(), [EMPTY; BLOCK])?;
-        let mut spots = [bands.spots[0].lock(), bands.spots[1].lock()];
-        for (spots, pass) in spots.iter_mut().zip(passes) {
-            let Spots { tiles, rows } = &mut **spots;
+    /// Splats the keys of `passes` into `target`, with the nearest of those that reach the same pixel, and closes cracks one pixel wide.
+    pub(super) fn splat(&self, level: SimdLevel, passes: &[SplatPass<'_>], target: &mut KeyBuffer) -> Result<()> {
+        let grid = passes[0].source.grid;
+        target.reserve(grid)?;
+        // Which tiles have holes is known only afterwards, so that all get memory for inherited keys.
+        resize(&mut target.inherited, grid.tiles(), [EMPTY; BLOCK])?;
+        let mut destinations = [self.destinations[0].lock(), self.destinations[1].lock()];
+        for (destinations, pass) in destinations.iter_mut().zip(passes) {
+            let Destinations { tiles, rows } = &mut **destinations;
             tiles.par_chunks_mut(grid.columns).zip(rows.par_iter_mut()).with_min_len(16).enumerate().for_each(
-                |(row, (spots, ends))| {
-                    *ends = find_spots(level, pass, row, spots);
+                |(row, (destinations, range))| {
+                    *range = find_destinations(level, pass, row, destinations);
                 },
             );
         }
-        let spots = [&*spots[0], &*spots[1]];
-        let tiles = self.tiles.par_chunks_mut(BAND * grid.columns);
-        let keys = self.keys.par_chunks_mut(BAND * grid.columns);
-        tiles.zip(keys).enumerate().for_each_in_slot(bands.threads, |slot, (number, (tiles, keys))| {
-            let mut band = bands.of_threads[slot].lock();
-            let filling = Filling { level, grid, top: number * BAND, rows: tiles.len() / grid.columns };
-            filling.fill(passes, spots, &mut band, tiles, keys);
+        let destinations = [&*destinations[0], &*destinations[1]];
+        let tiles = target.tiles.par_chunks_mut(BAND_ROWS * grid.columns);
+        let keys = target.keys.par_chunks_mut(BAND_ROWS * grid.columns);
+        tiles.zip(keys).enumerate().for_each_in_slot(self.threads, |slot, (number, (tiles, keys))| {
+            let mut memory = self.bands[slot].lock();
+            let band = BandSplat { level, grid, top: number * BAND_ROWS, rows: tiles.len() / grid.columns };
+            band.run(passes, destinations, &mut memory, tiles, keys);
         });
         Ok(())
     }
 }
 
+fn stride(grid: Grid) -> usize {
+    grid.columns * TILE + 2 * BORDER
+}
+
 at_every_level! {
-    /// Where the tiles of a row land; the least and the most of how far down.
-    fn find_spots(pass: &Pass<'_>, row: usize, spots: &mut [Spot]) -> [i32; 2] = spots_of_row | spots_of_row
+    /// Where the tiles of a row land; the min_y and the max_y of how far down.
+    fn find_destinations(pass: &SplatPass<'_>, row: usize, destinations: &mut [Destination]) -> [i32; 2] = destinations_of_row | destinations_of_row
 }
 
 #[inline(always)]
-fn spots_of_row(pass: &Pass<'_>, row: usize, spots: &mut [Spot]) -> [i32; 2] {
-    let Pass { layer, way, of } = *pass;
+fn destinations_of_row(pass: &SplatPass<'_>, row: usize, destinations: &mut [Destination]) -> [i32; 2] {
+    let SplatPass { source, warp, origin } = *pass;
     let y = (row * TILE) as i32;
-    let bounds = way.bounds();
-    let mut ends = [i32::MAX, i32::MIN];
-    let eights = layer.row(row..row + 1).chunks(TILE).zip(spots.chunks_mut(TILE));
-    for (number, (tiles, spots)) in eights.enumerate() {
+    let fraction_bounds = warp.fraction_bounds();
+    let mut range = [i32::MAX, i32::MIN];
+    let eights = source.tile_rows(row..row + 1).chunks(TILE).zip(destinations.chunks_mut(TILE));
+    for (number, (tiles, destinations)) in eights.enumerate() {
         let corner = |i: usize| ((number * TILE + i) * TILE) as i32;
         let (mut keys, mut low, mut high) = ([0; TILE], [0; TILE], [0; TILE]);
         for (i, tile) in tiles.iter().enumerate() {
             (keys[i], low[i], high[i]) = (tile.key, tile.low[1], tile.high[1]);
         }
         let (mut u, mut v) = ([0; TILE], [0; TILE]);
-        let (mut least, mut most) = ([0; TILE], [0; TILE]);
+        let (mut min_y, mut max_y) = ([0; TILE], [0; TILE]);
         for i in 0..TILE {
-            let reach = way.reach_of_tile(keys[i], [corner(i) as usize, y as usize]);
-            let vector = key_buffer::vector(keys[i]);
-            (u[i], v[i]) = (landed(corner(i), vector[0], reach), landed(y, vector[1], reach));
-            let a = bounds.map(|reach| landed(y, low[i], reach));
-            let b = bounds.map(|reach| landed(y, high[i], reach));
-            least[i] = a[0].min(a[1]).min(b[0].min(b[1]));
-            most[i] = a[0].max(a[1]).max(b[0].max(b[1]));
+            let fraction = warp.fraction_of_tile(keys[i], [corner(i) as usize, y as usize]);
+            let vector = splat_key::vector(keys[i]);
+            (u[i], v[i]) = (warped(corner(i), vector[0], fraction), warped(y, vector[1], fraction));
+            let a = fraction_bounds.map(|fraction| warped(y, low[i], fraction));
+            let b = fraction_bounds.map(|fraction| warped(y, high[i], fraction));
+            min_y[i] = a[0].min(a[1]).min(b[0].min(b[1]));
+            max_y[i] = a[0].max(a[1]).max(b[0].max(b[1]));
         }
-        for (i, (tile, spot)) in tiles.iter().zip(spots).enumerate() {
-            *spot = match (of, tile.kind) {
-                (Carried::Own, Kind::Smooth) => Spot { at: [u[i], v[i]], most: v[i] },
-                (Carried::Borrowed, _) if tile.holes == 0 => Spot::NONE,
-                _ if tile.low[1] > tile.high[1] => Spot::NONE,
-                _ => Spot { at: [0, least[i]], most: most[i] },
+        for (i, (tile, destination)) in tiles.iter().zip(destinations).enumerate() {
+            *destination = match (origin, tile.kind) {
+                (KeyOrigin::Own, TileKind::Uniform) => Destination { at: [u[i], v[i]], max_y: v[i] },
+                (KeyOrigin::Inherited, _) if tile.holes == 0 => Destination::NONE,
+                _ if tile.low[1] > tile.high[1] => Destination::NONE,
+                _ => Destination { at: [0, min_y[i]], max_y: max_y[i] },
             };
-            ends = [ends[0].min(spot.at[1]), ends[1].max(spot.most)];
+            range = [range[0].min(destination.at[1]), range[1].max(destination.max_y)];
         }
     }
-    ends
+    range
 }
 
 /// A band that is being filled.
-struct Filling {
-    level: Level,
+struct BandSplat {
+    level: SimdLevel,
     grid: Grid,
     /// Its first row of tiles, and how many it has.
     top: usize,
     rows: usize,
 }
 
-impl Filling {
-    fn fill(
+impl BandSplat {
+    fn run(
         &self,
-        passes: &[Pass<'_>],
-        spots: [&Spots; 2],
+        passes: &[SplatPass<'_>],
+        destinations: [&Destinations; 2],
         band: &mut Band,
         tiles: &mut [Tile],
         keys: &mut [[Key; BLOCK]],
     ) {
         let columns = self.grid.columns;
-        band.covers.fill(Cover::NONE);
-        band.is_rough.fill(false);
-        for (pass, spots) in passes.iter().zip(spots) {
-            for row in self.reaching(spots) {
-                let (tiles, spots) = (pass.layer.row(row..row + 1), &spots.tiles[row * columns..][..columns]);
-                if pass.of == Carried::Own {
-                    cover(self.level, self, row, tiles, spots, &mut band.covers);
+        band.coverages.fill(Coverage::NONE);
+        band.has_pixels.fill(false);
+        for (pass, destinations) in passes.iter().zip(destinations) {
+            for row in self.reaching_rows(destinations) {
+                let (tiles, destinations) =
+                    (pass.source.tile_rows(row..row + 1), &destinations.tiles[row * columns..][..columns]);
+                if pass.origin == KeyOrigin::Own {
+                    add_coverage(self.level, self, row, tiles, destinations, &mut band.coverages);
                 }
-                let keys = if pass.of == Carried::Own { &pass.layer.keys } else { &pass.layer.borrowed };
+                let keys = if pass.origin == KeyOrigin::Own { &pass.source.keys } else { &pass.source.inherited };
                 let keys = &keys[row * columns..][..columns];
-                let is_carried = |column: usize| {
-                    let is_by_pixel = pass.of == Carried::Borrowed || tiles[column].kind == Kind::Rough;
-                    is_by_pixel && self.is_reached(&spots[column])
+                let is_splatted = |column: usize| {
+                    let is_by_pixel = pass.origin == KeyOrigin::Inherited || tiles[column].kind == TileKind::Mixed;
+                    is_by_pixel && self.reaches_band(&destinations[column])
                 };
                 for column in 0..columns {
-                    if column + AHEAD < columns && is_carried(column + AHEAD) {
-                        Layer::fetch_keys(&keys[column + AHEAD]);
+                    if column + PREFETCH_AHEAD < columns && is_splatted(column + PREFETCH_AHEAD) {
+                        KeyBuffer::prefetch_keys(&keys[column + PREFETCH_AHEAD]);
                     }
-                    if is_carried(column) {
-                        self.carry_pixels(pass.way, column, row, &keys[column], band);
+                    if is_splatted(column) {
+                        self.splat_pixels(pass.warp, column, row, &keys[column], band);
                     }
                 }
             }
         }
-        band.is_used.copy_from_slice(&band.is_rough);
-        band.is_near.fill(false);
-        let mut has_rough = false;
-        let covers = band.covers.chunks(columns).zip(band.is_rough.chunks(columns + 2).skip(1));
-        for ((row, tiles), (covers, is_rough)) in tiles.chunks_mut(columns).enumerate().zip(covers) {
-            for ((column, tile), cover) in tiles.iter_mut().enumerate().zip(covers) {
-                *tile = self.settle(cover, is_rough[column + 1], self.grid.extent(column, self.top + row));
-                if tile.kind == Kind::Rough {
-                    has_rough = true;
-                    (row..row + 3).for_each(|row| band.is_near[row * (columns + 2) + column..][..3].fill(true));
+        band.is_written.copy_from_slice(&band.has_pixels);
+        band.is_near_mixed.fill(false);
+        let mut has_mixed = false;
+        let coverages = band.coverages.chunks(columns).zip(band.has_pixels.chunks(columns + 2).skip(1));
+        for ((row, tiles), (coverages, has_pixels)) in tiles.chunks_mut(columns).enumerate().zip(coverages) {
+            for ((column, tile), coverage) in tiles.iter_mut().enumerate().zip(coverages) {
+                *tile = self.classify(coverage, has_pixels[column + 1], self.grid.extent(column, self.top + row));
+                if tile.kind == TileKind::Mixed {
+                    has_mixed = true;
+                    (row..row + 3).for_each(|row| band.is_near_mixed[row * (columns + 2) + column..][..3].fill(true));
                 }
             }
         }
-        for (pass, spots) in passes.iter().zip(spots).filter(|(pass, _)| pass.of == Carried::Own && has_rough) {
-            for row in self.reaching(spots) {
-                let of_row = pass.layer.row(row..row + 1).iter().zip(&spots.tiles[row * columns..]);
-                for (column, (tile, spot)) in of_row.enumerate() {
-                    if tile.kind == Kind::Smooth && self.is_reached(spot) {
-                        self.carry_tile(spot.at, self.grid.extent(column, row), tile.key, band, &*tiles);
+        for (pass, destinations) in
+            passes.iter().zip(destinations).filter(|(pass, _)| pass.origin == KeyOrigin::Own && has_mixed)
+        {
+            for row in self.reaching_rows(destinations) {
+                let of_row = pass.source.tile_rows(row..row + 1).iter().zip(&destinations.tiles[row * columns..]);
+                for (column, (tile, destination)) in of_row.enumerate() {
+                    if tile.kind == TileKind::Uniform && self.reaches_band(destination) {
+                        self.splat_tile(destination.at, self.grid.extent(column, row), tile.key, band, &*tiles);
                     }
                 }
             }
         }
         for (index, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
-            if tile.kind == Kind::Rough {
-                self.take(&band.places, index % columns, index / columns, tile, keys);
+            if tile.kind == TileKind::Mixed {
+                self.resolve_tile(&band.splatted, index % columns, index / columns, tile, keys);
             }
         }
         self.clear(band);
@@ -286,35 +287,36 @@ impl Filling {
     #[inline(never)]
     fn clear(&self, band: &mut Band) {
         let stride = stride(self.grid);
-        for (row, is_used) in band.is_used.chunks(self.grid.columns + 2).enumerate() {
-            let lines = (row * TILE).saturating_sub(TILE - RIM)..(row * TILE + RIM).min(BAND * TILE + 2 * RIM);
+        for (row, is_written) in band.is_written.chunks(self.grid.columns + 2).enumerate() {
+            let lines =
+                (row * TILE).saturating_sub(TILE - BORDER)..(row * TILE + BORDER).min(BAND_ROWS * TILE + 2 * BORDER);
             let mut column = 0;
-            for run in is_used.chunk_by(|a, b| a == b) {
-                let first = (column * TILE).saturating_sub(TILE - RIM);
+            for run in is_written.chunk_by(|a, b| a == b) {
+                let first = (column * TILE).saturating_sub(TILE - BORDER);
                 column += run.len();
-                let end = ((column - 1) * TILE + RIM).min(stride);
+                let end = ((column - 1) * TILE + BORDER).min(stride);
                 if run[0] {
-                    lines.clone().for_each(|line| band.places[line * stride..][first..end].fill(EMPTY));
+                    lines.clone().for_each(|line| band.splatted[line * stride..][first..end].fill(EMPTY));
                 }
             }
         }
     }
 
-    /// Whether a tile may reach this band.
+    /// Whether a tile may fraction this band.
     #[inline(always)]
-    fn is_reached(&self, spot: &Spot) -> bool {
-        self.is_reached_by([spot.at[1], spot.most])
+    fn reaches_band(&self, destination: &Destination) -> bool {
+        self.range_reaches_band([destination.at[1], destination.max_y])
     }
 
     #[inline(always)]
-    fn is_reached_by(&self, [least, most]: [i32; 2]) -> bool {
-        let (rim, first, end) = (RIM as i32, (self.top * TILE) as i32, ((self.top + self.rows) * TILE) as i32);
-        least < end + rim && most.saturating_add(TILE as i32) > first - rim
+    fn range_reaches_band(&self, [min_y, max_y]: [i32; 2]) -> bool {
+        let (border, first, end) = (BORDER as i32, (self.top * TILE) as i32, ((self.top + self.rows) * TILE) as i32);
+        min_y < end + border && max_y.saturating_add(TILE as i32) > first - border
     }
 
-    /// The rows of tiles that may reach this band.
-    fn reaching<'a>(&'a self, spots: &'a Spots) -> impl Iterator<Item = usize> + 'a {
-        (0..self.grid.rows).filter(|&row| self.is_reached_by(spots.rows[row]))
+    /// The rows of tiles that may fraction this band.
+    fn reaching_rows<'a>(&'a self, destinations: &'a Destinations) -> impl Iterator<Item = usize> + 'a {
+        (0..self.grid.rows).filter(|&row| self.range_reaches_band(destinations.rows[row]))
     }
 
     /// The tiles of `tiles` that `from..from + len` touches.
@@ -325,92 +327,103 @@ impl Filling {
     }
 
     /// Carries pixels one by one.
-    fn carry_pixels(&self, way: Way, column: usize, row: usize, keys: &[Key; BLOCK], band: &mut Band) {
+    fn splat_pixels(&self, warp: Warp, column: usize, row: usize, keys: &[Key; BLOCK], band: &mut Band) {
         let at = [column * TILE, row * TILE].map(|at| at as i32);
-        let shift = [RIM as i32, RIM as i32 - (self.top * TILE) as i32];
-        let mut places = Places { keys: &mut band.places, stride: stride(self.grid), is_rough: &mut band.is_rough };
-        tile_keys::carry(self.level, keys, at, shift, way, &mut places);
+        let shift = [BORDER as i32, BORDER as i32 - (self.top * TILE) as i32];
+        let mut splatted =
+            SplatTarget { keys: &mut band.splatted, stride: stride(self.grid), is_mixed: &mut band.has_pixels };
+        tile_keys::splat_pixels(self.level, keys, at, shift, warp, &mut splatted);
     }
 
-    /// What a tile is that is covered so, and on which pixels of their own landed or not.
+    /// What a tile is that is covered so, and on which pixels of their own warped or not.
     #[inline(always)]
-    fn settle(&self, cover: &Cover, is_rough: bool, [across, down]: [usize; 2]) -> Tile {
-        let whole = (across * down) as u32;
-        let is_surface = cover.farthest.saturating_sub(key_buffer::rank(cover.nearest).into()) <= ONE_SURFACE.into();
-        // Between vectors given for whole tiles, the mean of those that meet is nearer to the truth than a step is.
-        let apart = if is_surface { SLOPE } else { SMOOTH };
-        let is_smooth = !is_rough
-            && u64::from(cover.area) * 4 >= u64::from(whole) * 3
-            && (0..2).all(|i| -cover.ends[i + 2] - cover.ends[i] <= apart);
-        if !is_smooth {
-            return Tile { kind: Kind::Rough, ..Tile::default() };
+    fn classify(&self, coverage: &Coverage, has_pixels: bool, [across, down]: [usize; 2]) -> Tile {
+        let tile_area = (across * down) as u32;
+        let is_one_slope =
+            coverage.farthest.saturating_sub(splat_key::depth_key(coverage.nearest).into()) <= SLOPE_DEPTH_KEYS.into();
+        // Between vectors given for tile_area tiles, the mean of those that meet is nearer to the truth than a step is.
+        let max_range = if is_one_slope { SLOPE_MOTION } else { UNIFORM_RANGE };
+        let is_uniform = !has_pixels
+            && u64::from(coverage.area) * 4 >= u64::from(tile_area) * 3
+            && (0..2).all(|i| -coverage.extremes[i + 2] - coverage.extremes[i] <= max_range);
+        if !is_uniform {
+            return Tile { kind: TileKind::Mixed, ..Tile::default() };
         }
-        let area = i64::from(cover.area);
+        let area = i64::from(coverage.area);
         let mean = |sum: i64| match (i32::try_from(2 * sum + area), i32::try_from(2 * area)) {
             // Mostly they fit, and are divided sooner.
             (Ok(sum), Ok(area)) => sum.div_euclid(area),
             _ => (2 * sum + area).div_euclid(2 * area) as i32,
         };
-        let vector = if cover.low() == cover.high() { cover.low() } else { cover.sum.map(mean) };
-        let key = key(key_buffer::rank(cover.nearest), key_buffer::mark(cover.nearest), vector);
-        Tile { kind: Kind::Smooth, holes: 0, key, low: vector, high: vector }
+        let vector = if coverage.low() == coverage.high() { coverage.low() } else { coverage.sum.map(mean) };
+        let key = pack(splat_key::depth_key(coverage.nearest), splat_key::tag(coverage.nearest), vector);
+        Tile { kind: TileKind::Uniform, holes: 0, key, low: vector, high: vector }
     }
 
     /// Carries all of a smooth tile that lands at (x, y), if it touches one of `tiles` that is not.
     #[inline(always)]
-    fn carry_tile(&self, [x, y]: [i32; 2], [across, down]: [usize; 2], key: Key, band: &mut Band, tiles: &[Tile]) {
+    fn splat_tile(&self, [x, y]: [i32; 2], [across, down]: [usize; 2], key: Key, band: &mut Band, tiles: &[Tile]) {
         // What is negative is far beyond.
         let (column, row) = (((x >> 3) + 1) as u32 as usize, ((y >> 3) + 1 - self.top as i32) as u32 as usize);
-        let is_near =
-            column < self.grid.columns + 2 && row < BAND + 2 && band.is_near[row * (self.grid.columns + 2) + column];
-        if is_near {
-            self.carry_near(x, y, [across, down], key, band, tiles);
+        let is_near_mixed = column < self.grid.columns + 2
+            && row < BAND_ROWS + 2
+            && band.is_near_mixed[row * (self.grid.columns + 2) + column];
+        if is_near_mixed {
+            self.splat_tile_near_mixed(x, y, [across, down], key, band, tiles);
         }
     }
 
     /// The same near a rough one.
     #[inline(never)]
-    fn carry_near(&self, x: i32, y: i32, [across, down]: [usize; 2], key: Key, band: &mut Band, tiles: &[Tile]) {
-        let rim = RIM as i32;
-        let columns = Self::touched(x - rim, across + 2 * RIM, 0..self.grid.columns);
-        let mut rows = Self::touched(y - rim, down + 2 * RIM, self.top..self.top + self.rows);
-        let touches_rough = rows.any(|r| {
+    fn splat_tile_near_mixed(
+        &self,
+        x: i32,
+        y: i32,
+        [across, down]: [usize; 2],
+        key: Key,
+        band: &mut Band,
+        tiles: &[Tile],
+    ) {
+        let border = BORDER as i32;
+        let columns = Self::touched(x - border, across + 2 * BORDER, 0..self.grid.columns);
+        let mut rows = Self::touched(y - border, down + 2 * BORDER, self.top..self.top + self.rows);
+        let touches_mixed = rows.any(|r| {
             let tiles = &tiles[(r - self.top) * self.grid.columns..][..self.grid.columns];
-            columns.clone().any(|c| tiles[c].kind == Kind::Rough)
+            columns.clone().any(|c| tiles[c].kind == TileKind::Mixed)
         });
-        if !touches_rough {
+        if !touches_mixed {
             return;
         }
         let width = (self.grid.columns * TILE) as i32;
-        let columns = x.max(-rim)..(x + across as i32).min(width + rim);
-        let first = (self.top * TILE) as i32 - rim;
-        let lines = y.max(first)..(y + down as i32).min(first + (self.rows * TILE) as i32 + 2 * rim);
+        let columns = x.max(-border)..(x + across as i32).min(width + border);
+        let first = (self.top * TILE) as i32 - border;
+        let lines = y.max(first)..(y + down as i32).min(first + (self.rows * TILE) as i32 + 2 * border);
         if columns.is_empty() || lines.is_empty() {
             return;
         }
         let [left, right] = [columns.start, columns.end - 1].map(|x| (x + TILE as i32) as usize / TILE);
-        let [above, below] = [lines.start, lines.end - 1].map(|y| (y - first + TILE as i32 - rim) as usize / TILE);
+        let [above, below] = [lines.start, lines.end - 1].map(|y| (y - first + TILE as i32 - border) as usize / TILE);
         for row in above..=below {
-            band.is_used[row * (self.grid.columns + 2)..][left..=right].fill(true);
+            band.is_written[row * (self.grid.columns + 2)..][left..=right].fill(true);
         }
-        let start = (lines.start - first) as usize * stride(self.grid) + (columns.start + rim) as usize;
+        let start = (lines.start - first) as usize * stride(self.grid) + (columns.start + border) as usize;
         let extent = [columns.len(), lines.len()];
-        tile_keys::lay(self.level, key, &mut band.places, stride(self.grid), start, extent);
+        tile_keys::splat_rectangle(self.level, key, &mut band.splatted, stride(self.grid), start, extent);
     }
 
     /// Takes the keys of a rough tile from the band, and closes its cracks.
     #[inline(never)]
-    fn take(&self, places: &[Key], column: usize, row: usize, tile: &mut Tile, keys: &mut [Key; BLOCK]) {
+    fn resolve_tile(&self, splatted: &[Key], column: usize, row: usize, tile: &mut Tile, keys: &mut [Key; BLOCK]) {
         let [across, down] = self.grid.extent(column, self.top + row);
         let stride = stride(self.grid);
         (tile.holes, tile.key) =
-            tile_keys::close(self.level, &places[row * TILE * stride + column * TILE..], stride, keys);
+            tile_keys::close_cracks(self.level, &splatted[row * TILE * stride + column * TILE..], stride, keys);
         if [across, down] == [TILE, TILE] {
             return;
         }
         (tile.holes, tile.key) = (0, 0);
-        for (place, key) in keys.iter_mut().enumerate() {
-            if place % TILE >= across || place / TILE >= down {
+        for (index, key) in keys.iter_mut().enumerate() {
+            if index % TILE >= across || index / TILE >= down {
                 *key = EMPTY;
             } else if *key == EMPTY {
                 tile.holes += 1;
@@ -425,19 +438,25 @@ impl Filling {
 }
 
 at_every_level! {
-    /// Notes what parts of the tiles of a band the smooth ones of a row cover.
-    fn cover(filling: &Filling, row: usize, tiles: &[Tile], spots: &[Spot], covers: &mut [Cover])
-        = cover_parts | cover_parts
+    /// Notes what parts of the tiles of a band the smooth ones of a row coverage.
+    fn add_coverage(band: &BandSplat, row: usize, tiles: &[Tile], destinations: &[Destination], coverages: &mut [Coverage])
+        = add_coverage_of_row | add_coverage_of_row
 }
 
 #[inline(always)]
-fn cover_parts(filling: &Filling, row: usize, tiles: &[Tile], spots: &[Spot], covers: &mut [Cover]) {
-    let &Filling { grid, top, rows, .. } = filling;
-    for (column, (tile, spot)) in tiles.iter().zip(spots).enumerate() {
-        if tile.kind != Kind::Smooth || !filling.is_reached(spot) {
+fn add_coverage_of_row(
+    band: &BandSplat,
+    row: usize,
+    tiles: &[Tile],
+    destinations: &[Destination],
+    coverages: &mut [Coverage],
+) {
+    let &BandSplat { grid, top, rows, .. } = band;
+    for (column, (tile, destination)) in tiles.iter().zip(destinations).enumerate() {
+        if tile.kind != TileKind::Uniform || !band.reaches_band(destination) {
             continue;
         }
-        let [x, y] = spot.at;
+        let [x, y] = destination.at;
         let extent = grid.extent(column, row).map(|len| len as i32);
         // Of the first tile that is touched, and of the next.
         let parts = |at: i32, len: i32| {
@@ -445,31 +464,31 @@ fn cover_parts(filling: &Filling, row: usize, tiles: &[Tile], spots: &[Spot], co
             [part, len - part]
         };
         let (across, down) = (parts(x, extent[0]), parts(y, extent[1]));
-        let [u, v] = key_buffer::vector(tile.key);
-        let ends = [u, v, -u, -v];
-        let rank = u32::from(key_buffer::rank(tile.key));
+        let [u, v] = splat_key::vector(tile.key);
+        let range = [u, v, -u, -v];
+        let farthest_key = u32::from(splat_key::depth_key(tile.key));
         for (j, &height) in down.iter().enumerate() {
             // What is negative is far beyond.
             let r = ((y >> 3) + j as i32 - top as i32) as u32 as usize;
             if height <= 0 || r >= rows {
                 continue;
             }
-            let covers = &mut covers[r * grid.columns..][..grid.columns];
+            let coverages = &mut coverages[r * grid.columns..][..grid.columns];
             for (i, &width) in across.iter().enumerate() {
                 let c = ((x >> 3) + i as i32) as u32 as usize;
                 if width <= 0 || c >= grid.columns {
                     continue;
                 }
-                let cover = &mut covers[c];
+                let coverage = &mut coverages[c];
                 let area = width * height;
-                for (end, of_tile) in cover.ends.iter_mut().zip(ends) {
+                for (end, of_tile) in coverage.extremes.iter_mut().zip(range) {
                     *end = of_tile.min(*end);
                 }
-                cover.sum[0] += i64::from(u * area);
-                cover.sum[1] += i64::from(v * area);
-                cover.nearest = cover.nearest.min(tile.key);
-                cover.area = cover.area.saturating_add(area as u32);
-                cover.farthest = cover.farthest.max(rank);
+                coverage.sum[0] += i64::from(u * area);
+                coverage.sum[1] += i64::from(v * area);
+                coverage.nearest = coverage.nearest.min(tile.key);
+                coverage.area = coverage.area.saturating_add(area as u32);
+                coverage.farthest = coverage.farthest.max(farthest_key);
             }
         }
     }

@@ -6,68 +6,68 @@
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use super::colour::Colour;
-use super::kernels::{Level, Positions, Source, TILE, at_every_level};
+use super::kernels::{Positions, SimdLevel, Source, TILE, at_every_level};
 use super::key_buffer::Grid;
 use super::reserve;
 use crate::Result;
 
-/// A pixel lies on an overlay where standing still explains it to within `STILL` levels, and better than its vector
-/// does by the factor `BETTER` after a `MARGIN` for noise. Where the vector comes from beyond the edge and there is
-/// nothing to compare with, all of the patch must stand still, with a `CONTRAST` that a moving surface would not repeat
+/// A pixel lies on an overlay where standing still explains it to within `MAX_STATIC_DIFFERENCE` levels, and better than its vector
+/// does by the factor `RATIO` after a `NOISE` for noise. Where the vector comes from beyond the edge and there is
+/// nothing to compare with, all of the patch must stand still, with a `MIN_CONTRAST` that a moving surface would not repeat
 /// by chance.
-const STILL: f32 = 4.0;
-const BETTER: f32 = 2.0;
-const MARGIN: f32 = 2.0;
-const CONTRAST: f32 = 12.0;
+const MAX_STATIC_DIFFERENCE: f32 = 4.0;
+const RATIO: f32 = 2.0;
+const NOISE: f32 = 2.0;
+const MIN_CONTRAST: f32 = 12.0;
 
 /// The two anchors to compare.
-pub(super) struct Overlays<'a, P> {
+pub(super) struct Anchors<'a, P> {
     pub(super) previous: Source<'a, P>,
     pub(super) current: Source<'a, P>,
 }
 
 #[cfg(test)]
-impl<P: Colour> Overlays<'_, P> {
+impl<P: Colour> Anchors<'_, P> {
     /// Whether a pixel of the current anchor lies on an overlay, the world behind it moving by `vector` (current to
     /// previous, in 1/64 px).
-    pub(super) fn is_at(&self, at: [usize; 2], vector: [i32; 2]) -> bool {
-        is_over(self.current, self.previous, at, vector)
+    pub(super) fn is_overlay_in_current(&self, at: [usize; 2], vector: [i32; 2]) -> bool {
+        is_overlay(self.current, self.previous, at, vector)
     }
 
     /// The same for a pixel of the previous anchor.
-    pub(super) fn is_before(&self, at: [usize; 2], vector: [i32; 2]) -> bool {
-        is_over(self.previous, self.current, at, vector.map(|v| -v))
+    pub(super) fn is_overlay_in_previous(&self, at: [usize; 2], vector: [i32; 2]) -> bool {
+        is_overlay(self.previous, self.current, at, vector.map(|v| -v))
     }
 }
 
 /// One of the two anchors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Which {
+pub(super) enum AnchorIndex {
     Previous,
     Current,
 }
 
-/// Which pixels of the two anchors stand still, found for a tile when that is first asked for. Keeps its memory.
+/// AnchorIndex pixels of the two anchors stand still, found for a tile when that is first wanted for. Keeps its memory.
 #[derive(Debug, Default)]
-pub(super) struct Stills {
+pub(super) struct StaticPixels {
     grid: Grid,
-    /// Bit `8 j + i` of a tile: see [`is_still`].
-    tiles: Facts,
-    /// The same: see [`is_steady`], for the previous anchor and for the current one.
-    steady: [Facts; 2],
+    /// Bit `8 j + i` of a tile: see [`is_static`].
+    tiles: LazyMasks,
+    /// The same: see [`is_static_patch`], for the previous anchor and for the current one.
+    static_patches: [LazyMasks; 2],
 }
 
-/// A number to each tile that is found when it is first asked for.
+/// A number to each tile that is found when it is first wanted for.
 #[derive(Debug, Default)]
-struct Facts {
-    numbers: Vec<AtomicU64>,
+struct LazyMasks {
+    masks: Vec<AtomicU64>,
     is_found: Vec<AtomicBool>,
 }
 
-impl Facts {
+impl LazyMasks {
     fn reserve(&mut self, len: usize) -> Result<()> {
-        reserve(&mut self.numbers, len)?;
-        self.numbers.resize_with(len, AtomicU64::default);
+        reserve(&mut self.masks, len)?;
+        self.masks.resize_with(len, AtomicU64::default);
         reserve(&mut self.is_found, len)?;
         self.is_found.resize_with(len, AtomicBool::default);
         self.is_found.iter_mut().for_each(|is_found| *is_found.get_mut() = false);
@@ -78,93 +78,100 @@ impl Facts {
     fn of(&self, tile: usize, find: impl FnOnce() -> u64) -> u64 {
         if !self.is_found[tile].load(Ordering::Acquire) {
             // Where two threads ask at once, both find the same.
-            self.numbers[tile].store(find(), Ordering::Relaxed);
+            self.masks[tile].store(find(), Ordering::Relaxed);
             self.is_found[tile].store(true, Ordering::Release);
         }
-        self.numbers[tile].load(Ordering::Relaxed)
+        self.masks[tile].load(Ordering::Relaxed)
     }
 }
 
-impl Stills {
+impl StaticPixels {
     /// Forgets all, and makes room for the pictures of a grid.
     pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
         self.grid = grid;
         self.tiles.reserve(grid.tiles())?;
-        self.steady.iter_mut().try_for_each(|steady| steady.reserve(grid.tiles()))
+        self.static_patches.iter_mut().try_for_each(|static_patches| static_patches.reserve(grid.tiles()))
     }
 
-    /// Whether a pixel stands still, without which it lies on no overlay.
+    /// Whether a pixel stands still, without anchor it lies on no overlay.
     #[inline(always)]
-    pub(super) fn holds<P: Colour>(&self, level: Level, anchors: &Overlays<'_, P>, [x, y]: [usize; 2]) -> bool {
-        self.of_tile(level, anchors, [x / TILE, y / TILE]) >> self.grid.place(x, y).1 & 1 == 1
+    pub(super) fn is_static_at<P: Colour>(
+        &self,
+        level: SimdLevel,
+        anchors: &Anchors<'_, P>,
+        [x, y]: [usize; 2],
+    ) -> bool {
+        self.tile(level, anchors, [x / TILE, y / TILE]) >> self.grid.locate(x, y).1 & 1 == 1
     }
 
-    /// [`Self::holds`] for the pixels nearest to some positions, all of them on the picture: those that are asked for, bit
+    /// [`Self::is_static_at`] for the pixels nearest to some positions, all of them on the picture: those that are wanted for, bit
     /// `8 j + i`.
     #[inline(never)]
-    pub(super) fn at_each<P: Colour>(
+    pub(super) fn static_at<P: Colour>(
         &self,
-        level: Level,
-        anchors: &Overlays<'_, P>,
+        level: SimdLevel,
+        anchors: &Anchors<'_, P>,
         at: &Positions,
-        mut asked: u64,
+        mut wanted: u64,
     ) -> u64 {
-        let (mut found, mut last, mut of_last) = (0, [usize::MAX; 2], 0);
-        while asked != 0 {
-            let place = asked.trailing_zeros();
-            asked &= asked - 1;
-            let [x, y] = [at.x[place as usize], at.y[place as usize]].map(|v| ((v + 32) >> 6) as usize);
+        let (mut found, mut last, mut last_mask) = (0, [usize::MAX; 2], 0);
+        while wanted != 0 {
+            let index = wanted.trailing_zeros();
+            wanted &= wanted - 1;
+            let [x, y] = [at.x[index as usize], at.y[index as usize]].map(|v| ((v + 32) >> 6) as usize);
             let tile = [x / TILE, y / TILE];
             if tile != last {
-                (last, of_last) = (tile, self.of_tile(level, anchors, tile));
+                (last, last_mask) = (tile, self.tile(level, anchors, tile));
             }
-            found |= (of_last >> (y % TILE * TILE + x % TILE) & 1) << place;
+            found |= (last_mask >> (y % TILE * TILE + x % TILE) & 1) << index;
         }
         found
     }
 
-    /// Whether a pixel of an anchor lies on an overlay, see [`Overlays`]. The vector is that of the claim, from the current
+    /// Whether a pixel of an anchor lies on an overlay, see [`Anchors`]. The vector is that of the claim, from the current
     /// anchor to the previous one.
     #[inline(always)]
-    pub(super) fn is_over<P: Colour>(
+    pub(super) fn is_overlay<P: Colour>(
         &self,
-        level: Level,
-        anchors: &Overlays<'_, P>,
-        which: Which,
+        level: SimdLevel,
+        anchors: &Anchors<'_, P>,
+        anchor: AnchorIndex,
         [x, y]: [usize; 2],
         vector: [i32; 2],
     ) -> bool {
-        if !self.holds(level, anchors, [x, y]) || vector == [0; 2] {
+        if !self.is_static_at(level, anchors, [x, y]) || vector == [0; 2] {
             return false;
         }
-        let (here, there, vector) = match which {
-            Which::Previous => (anchors.previous, anchors.current, vector.map(|v| -v)),
-            Which::Current => (anchors.current, anchors.previous, vector),
+        let (here, there, vector) = match anchor {
+            AnchorIndex::Previous => (anchors.previous, anchors.current, vector.map(|v| -v)),
+            AnchorIndex::Current => (anchors.current, anchors.previous, vector),
         };
         if leads_outside(here, [x, y], vector) {
-            let ((tile, place), corner) = (self.grid.place(x, y), [x, y].map(|at| at / TILE * TILE));
-            return self.steady[which as usize].of(tile, || steady_of_tile(level, here, there, corner)) >> place & 1
+            let ((tile, index), corner) = (self.grid.locate(x, y), [x, y].map(|at| at / TILE * TILE));
+            return self.static_patches[anchor as usize].of(tile, || patch_mask_of_tile(level, here, there, corner))
+                >> index
+                & 1
                 == 1;
         }
-        fits_better_at_rest(here, there, [x, y], vector)
+        static_fits_better(here, there, [x, y], vector)
     }
 
     /// The pixels of a tile that stand still: bit `8 j + i`.
     #[inline(always)]
-    pub(super) fn of_tile<P: Colour>(&self, level: Level, anchors: &Overlays<'_, P>, at: [usize; 2]) -> u64 {
+    pub(super) fn tile<P: Colour>(&self, level: SimdLevel, anchors: &Anchors<'_, P>, at: [usize; 2]) -> u64 {
         self.tiles.of(at[1] * self.grid.columns + at[0], || {
-            stills_of_tile(level, anchors.previous, anchors.current, at.map(|at| at * TILE))
+            static_mask_of_tile(level, anchors.previous, anchors.current, at.map(|at| at * TILE))
         })
     }
 
     /// The same for 8 x 8 pixels from (x, y) on, all of them on the picture.
     #[inline(always)]
-    pub(super) fn from<P: Colour>(&self, level: Level, anchors: &Overlays<'_, P>, [x, y]: [usize; 2]) -> u64 {
+    pub(super) fn block<P: Colour>(&self, level: SimdLevel, anchors: &Anchors<'_, P>, [x, y]: [usize; 2]) -> u64 {
         let ([column, i], [row, j]) = ([x / TILE, x % TILE], [y / TILE, y % TILE]);
         // The rows of two tiles above each other, from row j of the upper one on.
         let rows = |column: usize| {
-            let upper = self.of_tile(level, anchors, [column, row]) >> (TILE * j);
-            if j == 0 { upper } else { upper | self.of_tile(level, anchors, [column, row + 1]) << (TILE * (TILE - j)) }
+            let upper = self.tile(level, anchors, [column, row]) >> (TILE * j);
+            if j == 0 { upper } else { upper | self.tile(level, anchors, [column, row + 1]) << (TILE * (TILE - j)) }
         };
         if i == 0 {
             return rows(column);
@@ -176,25 +183,25 @@ impl Stills {
 
 at_every_level! {
     /// The pixels of the tile at `corner` that stand still: bit `8 j + i`.
-    fn stills_of_tile<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2]) -> u64
-        = stills_one_by_one | stills_side_by_side
+    fn static_mask_of_tile<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2]) -> u64
+        = static_mask_scalar | static_mask_in_rows
 }
 
 at_every_level! {
-    /// The pixels of the tile at `corner` of one anchor that are steady: bit `8 j + i`.
-    fn steady_of_tile<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, corner: [usize; 2]) -> u64
-        = steady_one_by_one | steady_side_by_side
+    /// The pixels of the tile at `corner` of one anchor that are static_patches: bit `8 j + i`.
+    fn patch_mask_of_tile<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, corner: [usize; 2]) -> u64
+        = patch_mask_scalar | patch_mask_in_rows
 }
 
-fn stills_one_by_one<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2]) -> u64 {
-    one_by_one(current, corner, |at| is_still(previous, current, at))
+fn static_mask_scalar<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2]) -> u64 {
+    mask_scalar(current, corner, |at| is_static(previous, current, at))
 }
 
-fn steady_one_by_one<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, corner: [usize; 2]) -> u64 {
-    one_by_one(here, corner, |at| is_steady(here, there, at))
+fn patch_mask_scalar<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, corner: [usize; 2]) -> u64 {
+    mask_scalar(here, corner, |at| is_static_patch(here, there, at))
 }
 
-fn one_by_one<P>(source: Source<'_, P>, [x, y]: [usize; 2], is: impl Fn([usize; 2]) -> bool) -> u64 {
+fn mask_scalar<P>(source: Source<'_, P>, [x, y]: [usize; 2], is: impl Fn([usize; 2]) -> bool) -> u64 {
     let [across, down] = extent(source, [x, y]);
     let places = (0..down).flat_map(|j| (0..across).map(move |i| (i, j)));
     places.fold(0, |all, (i, j)| all | u64::from(is([x + i, y + j])) << (TILE * j + i))
@@ -212,7 +219,7 @@ fn on_picture<P>(source: Source<'_, P>, corner: [usize; 2]) -> u64 {
     (0x0101_0101_0101_0101 * (0xff >> (TILE - across))) & (u64::MAX >> (TILE * (TILE - down)))
 }
 
-/// A row of lumas from before a tile on, some of which fill vectors; or of what they differ by.
+/// A row of lumas from before a tile on, some of anchor fill vectors; or of what they differ by.
 type Line = [f32; 2 * TILE];
 
 /// The same row from its second value on.
@@ -224,29 +231,29 @@ fn next(line: &Line) -> Line {
 }
 
 #[inline(always)]
-fn apart_in_line(a: &Line, b: &Line) -> Line {
-    let mut apart = [0.0; 2 * TILE];
+fn line_differences(a: &Line, b: &Line) -> Line {
+    let mut differences = [0.0; 2 * TILE];
     for i in 0..2 * TILE {
-        apart[i] = (b[i] - a[i]).abs();
+        differences[i] = (b[i] - a[i]).abs();
     }
-    apart
+    differences
 }
 
 #[inline(always)]
-fn stills_side_by_side<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2]) -> u64 {
+fn static_mask_in_rows<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2]) -> u64 {
     let is_at_edge = is_at_edge(current, corner);
-    let mut stills = [0; TILE];
+    let mut static_pixels = [0; TILE];
     // What the row above differs by, and the least of each two squares between the two rows above.
     let (mut above, mut least_above): (Line, Line) = ([0.0; 2 * TILE], [0.0; 2 * TILE]);
     for j in 0..TILE + 2 {
-        let apart = apart_in_line(&line_around(previous, corner, j), &line_around(current, corner, j));
-        let (next_above, next_apart) = (next(&above), next(&apart));
+        let differences = line_differences(&line_around(previous, corner, j), &line_around(current, corner, j));
+        let (next_above, next_apart) = (next(&above), next(&differences));
         let mut squares: Line = [0.0; 2 * TILE];
         for i in 0..2 * TILE {
-            squares[i] = above[i] + next_above[i] + apart[i] + next_apart[i];
+            squares[i] = above[i] + next_above[i] + differences[i] + next_apart[i];
         }
         if is_at_edge {
-            leave_out_beyond(current, corner, j, &mut squares);
+            exclude_outside(current, corner, j, &mut squares);
         }
         let next_squares = next(&squares);
         let mut least: Line = [0.0; 2 * TILE];
@@ -256,13 +263,14 @@ fn stills_side_by_side<P: Colour>(previous: Source<'_, P>, current: Source<'_, P
         if j > 1 {
             // What is judged is the row above.
             for i in 0..TILE {
-                let is_still = (least_above[i].min(least[i]) / 4.0 <= STILL) & (next_above[i] <= 4.0 * STILL);
-                stills[i] |= u64::from(is_still) << (TILE * (j - 2) + i);
+                let is_static = (least_above[i].min(least[i]) / 4.0 <= MAX_STATIC_DIFFERENCE)
+                    & (next_above[i] <= 4.0 * MAX_STATIC_DIFFERENCE);
+                static_pixels[i] |= u64::from(is_static) << (TILE * (j - 2) + i);
             }
         }
-        (above, least_above) = (apart, least);
+        (above, least_above) = (differences, least);
     }
-    stills.into_iter().fold(0, |all, bits| all | bits) & on_picture(current, corner)
+    static_pixels.into_iter().fold(0, |all, bits| all | bits) & on_picture(current, corner)
 }
 
 /// Whether pixels around a tile lie beyond the picture.
@@ -274,7 +282,7 @@ fn is_at_edge<P>(source: Source<'_, P>, [x, y]: [usize; 2]) -> bool {
 /// Of the squares above row `j` around a tile, one that reaches over the edge counts pixels twice, and is left out where
 /// there is another.
 #[inline(never)]
-fn leave_out_beyond<P>(source: Source<'_, P>, corner: [usize; 2], j: usize, squares: &mut Line) {
+fn exclude_outside<P>(source: Source<'_, P>, corner: [usize; 2], j: usize, squares: &mut Line) {
     let size = [source.width, source.height];
     let is_beyond = |c: usize, at: usize| size[c] > 1 && !(2..=size[c]).contains(&(corner[c] + at));
     let is_row_beyond = is_beyond(1, j);
@@ -286,19 +294,19 @@ fn leave_out_beyond<P>(source: Source<'_, P>, corner: [usize; 2], j: usize, squa
 }
 
 #[inline(always)]
-fn steady_side_by_side<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, corner: [usize; 2]) -> u64 {
-    let (mut lumas, mut apart) = ([[0.0; 2 * TILE]; TILE + 2], [[0.0; 2 * TILE]; TILE + 2]);
+fn patch_mask_in_rows<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, corner: [usize; 2]) -> u64 {
+    let (mut lumas, mut differences) = ([[0.0; 2 * TILE]; TILE + 2], [[0.0; 2 * TILE]; TILE + 2]);
     for j in 0..TILE + 2 {
         lumas[j] = line_around(here, corner, j);
-        apart[j] = apart_in_line(&lumas[j], &line_around(there, corner, j));
+        differences[j] = line_differences(&lumas[j], &line_around(there, corner, j));
     }
-    let mut steady = [0; TILE];
+    let mut static_patches = [0; TILE];
     for j in 0..TILE {
-        let (mut at_rest, mut mean, mut contrast) = ([0.0; TILE], [0.0; TILE], [0.0; TILE]);
-        for (lumas, apart) in lumas[j..j + 3].iter().zip(&apart[j..j + 3]) {
+        let (mut difference, mut mean, mut contrast) = ([0.0; TILE], [0.0; TILE], [0.0; TILE]);
+        for (lumas, differences) in lumas[j..j + 3].iter().zip(&differences[j..j + 3]) {
             for shift in 0..3 {
                 for i in 0..TILE {
-                    at_rest[i] += apart[i + shift];
+                    difference[i] += differences[i + shift];
                     mean[i] += lumas[i + shift];
                 }
             }
@@ -314,11 +322,11 @@ fn steady_side_by_side<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, cor
             }
         }
         for i in 0..TILE {
-            let is_steady = (at_rest[i] / 9.0 <= STILL) & (contrast[i] / 9.0 >= CONTRAST);
-            steady[i] |= u64::from(is_steady) << (TILE * j + i);
+            let is_static_patch = (difference[i] / 9.0 <= MAX_STATIC_DIFFERENCE) & (contrast[i] / 9.0 >= MIN_CONTRAST);
+            static_patches[i] |= u64::from(is_static_patch) << (TILE * j + i);
         }
     }
-    steady.into_iter().fold(0, |all, bits| all | bits) & on_picture(here, corner)
+    static_patches.into_iter().fold(0, |all, bits| all | bits) & on_picture(here, corner)
 }
 
 /// The lumas of row `j` of those around a tile; the edge pixels go on beyond the edges.
@@ -345,27 +353,28 @@ fn at_edge<P: Colour>(row: &[P], x: usize) -> [P; 2 * TILE] {
     pixels
 }
 
-/// Whether a pixel is about the same in both pictures, and so is a square of 2 x 2 that holds it: most of what moves is
+/// Whether a pixel is about the same in both pictures, and so is a square of 2 x 2 that is_static_at it: most of what moves is
 /// not.
-fn is_still<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]: [usize; 2]) -> bool {
-    let place = y * here.width + x;
-    if (here.pixels[place].luma() - there.pixels[place].luma()).abs() > 4.0 * STILL {
+fn is_static<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]: [usize; 2]) -> bool {
+    let index = y * here.width + x;
+    if (here.pixels[index].luma() - there.pixels[index].luma()).abs() > 4.0 * MAX_STATIC_DIFFERENCE {
         return false;
     }
     let (x, y) = (x as i32, y as i32);
-    least_square(&apart(&lumas(here, x - 1, y - 1), &lumas(there, x - 1, y - 1)), there, x, y) <= STILL
+    min_square_mean(&differences(&lumas(here, x - 1, y - 1), &lumas(there, x - 1, y - 1)), there, x, y)
+        <= MAX_STATIC_DIFFERENCE
 }
 
 #[cfg(test)]
 /// Whether a pixel of `here` stands still and does not come from where `vector` leads to in `there`.
-fn is_over<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, at: [usize; 2], vector: [i32; 2]) -> bool {
-    if vector == [0; 2] || !is_still(here, there, at) {
+fn is_overlay<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, at: [usize; 2], vector: [i32; 2]) -> bool {
+    if vector == [0; 2] || !is_static(here, there, at) {
         return false;
     }
     if leads_outside(here, at, vector) {
-        is_steady(here, there, at)
+        is_static_patch(here, there, at)
     } else {
-        fits_better_at_rest(here, there, at, vector)
+        static_fits_better(here, there, at, vector)
     }
 }
 
@@ -374,23 +383,23 @@ fn is_over<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, at: [usize; 2],
 fn leads_outside<P>(here: Source<'_, P>, at: [usize; 2], vector: [i32; 2]) -> bool {
     let (size, mut is_outside) = ([here.width, here.height], false);
     for c in 0..2 {
-        // As unsigned numbers, what is negative is far beyond.
+        // As unsigned masks, what is negative is far beyond.
         is_outside |= (64 * at[c] as i32 + vector[c]) as u32 > 64 * (size[c] as u32 - 1);
     }
     is_outside
 }
 
 /// Whether all around a pixel stands still, and has a contrast.
-fn is_steady<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]: [usize; 2]) -> bool {
+fn is_static_patch<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]: [usize; 2]) -> bool {
     let (x, y) = (x as i32, y as i32);
     let patch = lumas::<P, 3>(here, x - 1, y - 1);
-    let apart = apart(&patch, &lumas(there, x - 1, y - 1));
-    values(&apart).sum::<f32>() / 9.0 <= STILL && contrast(&patch) >= CONTRAST
+    let differences = differences(&patch, &lumas(there, x - 1, y - 1));
+    values(&differences).sum::<f32>() / 9.0 <= MAX_STATIC_DIFFERENCE && contrast(&patch) >= MIN_CONTRAST
 }
 
 /// Whether standing still explains a pixel better than its vector does.
 #[inline(never)]
-fn fits_better_at_rest<P: Colour>(
+fn static_fits_better<P: Colour>(
     here: Source<'_, P>,
     there: Source<'_, P>,
     [x, y]: [usize; 2],
@@ -400,11 +409,11 @@ fn fits_better_at_rest<P: Colour>(
     let patch = lumas::<P, 3>(here, x - 1, y - 1);
     let moved = difference(&patch, there, x, y, vector);
     // Mostly the vector is right.
-    if moved < MARGIN * BETTER {
+    if moved < NOISE * RATIO {
         return false;
     }
-    let still = least_square(&apart(&patch, &lumas(there, x - 1, y - 1)), there, x, y);
-    (still + MARGIN) * BETTER <= moved
+    let still = min_square_mean(&differences(&patch, &lumas(there, x - 1, y - 1)), there, x, y);
+    (still + NOISE) * RATIO <= moved
 }
 
 /// Three rows of three lumas, or of what differs between them; the fourth of each row is not of the patch.
@@ -448,7 +457,7 @@ fn lumas_at_edge<P: Colour, const N: usize>(source: Source<'_, P>, x: i32, y: i3
     lumas
 }
 
-/// How far `patch`, centred on (x, y) in one picture, is from the place in `there` that `vector` leads to, read
+/// How far `patch`, centred on (x, y) in one picture, is from the index in `there` that `vector` leads to, read
 /// bilinearly.
 #[inline(always)]
 fn difference<P: Colour>(patch: &Patch, there: Source<'_, P>, x: i32, y: i32, vector: [i32; 2]) -> f32 {
@@ -468,25 +477,27 @@ fn difference<P: Colour>(patch: &Patch, there: Source<'_, P>, x: i32, y: i32, ve
             between[j][i] = across[j][i] + (across[j + 1][i] - across[j][i]) * fy;
         }
     }
-    least_square(&apart(patch, &between), there, x, y)
+    min_square_mean(&differences(patch, &between), there, x, y)
 }
 
 #[inline(always)]
-fn apart(a: &Patch, b: &Patch) -> Patch {
-    let mut apart = [[0.0; 4]; 3];
+fn differences(a: &Patch, b: &Patch) -> Patch {
+    let mut differences = [[0.0; 4]; 3];
     for j in 0..3 {
         for i in 0..4 {
-            apart[j][i] = (b[j][i] - a[j][i]).abs();
+            differences[j][i] = (b[j][i] - a[j][i]).abs();
         }
     }
-    apart
+    differences
 }
 
 /// The mean over the best of the four squares of 2 x 2 that hold the centre: a pixel on the rim of a surface is judged by
 /// that surface alone.
 #[inline(always)]
-fn least_square<P>(apart: &Patch, there: Source<'_, P>, x: i32, y: i32) -> f32 {
-    let square = |j: usize, i: usize| apart[j][i] + apart[j][i + 1] + apart[j + 1][i] + apart[j + 1][i + 1];
+fn min_square_mean<P>(differences: &Patch, there: Source<'_, P>, x: i32, y: i32) -> f32 {
+    let square = |j: usize, i: usize| {
+        differences[j][i] + differences[j][i + 1] + differences[j + 1][i] + differences[j + 1][i + 1]
+    };
     // A square that reaches over the edge counts pixels twice, and is left out where there is another.
     let is_off = |at: i32, len: usize| len > 1 && [at == 0, at as usize + 1 == len].contains(&true);
     if !is_off(x, there.width) && !is_off(y, there.height) {
@@ -505,7 +516,7 @@ mod tests {
     use super::super::kernels::BLOCK;
     use super::*;
 
-    /// A picture of noise, and one of which squares are the same but for a few levels.
+    /// A picture of noise, and one of anchor squares are the same but for a few levels.
     fn pictures(width: usize, height: usize) -> [Vec<[u8; 4]>; 2] {
         let noise = |i: usize| (i.wrapping_mul(2_654_435_761) >> 13) as u8;
         let first: Vec<_> = (0..width * height).map(|i| [noise(i), noise(i + 7), noise(i + 19), 255]).collect();
@@ -523,31 +534,39 @@ mod tests {
             let pictures = pictures(width, height);
             let [previous, current] = [&pictures[0], &pictures[1]].map(|pixels| Source { pixels, width, height });
             let grid = Grid::new((width as u32, height as u32));
-            let anchors = Overlays { previous, current };
-            for level in Level::available() {
-                let mut stills_of = Stills::default();
-                stills_of.reserve(grid).unwrap();
+            let anchors = Anchors { previous, current };
+            for level in SimdLevel::available() {
+                let mut static_pixels = StaticPixels::default();
+                static_pixels.reserve(grid).unwrap();
                 let (mut count, mut over) = (0, 0);
                 for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-                    let is_still = is_still(previous, current, [x, y]);
-                    assert_eq!(stills_of.holds(level, &anchors, [x, y]), is_still, "({x}, {y}), {}", level.name());
-                    count += usize::from(is_still);
+                    let is_static = is_static(previous, current, [x, y]);
+                    assert_eq!(
+                        static_pixels.is_static_at(level, &anchors, [x, y]),
+                        is_static,
+                        "({x}, {y}), {}",
+                        level.name()
+                    );
+                    count += usize::from(is_static);
                     if x + TILE <= width && y + TILE <= height {
-                        let places = (0..BLOCK).map(|place| [x + place % TILE, y + place / TILE]);
-                        let stills = places.enumerate().fold(0, |stills, (place, at)| {
-                            stills | u64::from(stills_of.holds(level, &anchors, at)) << place
+                        let places = (0..BLOCK).map(|index| [x + index % TILE, y + index / TILE]);
+                        let expected = places.enumerate().fold(0, |mask, (index, at)| {
+                            mask | u64::from(static_pixels.is_static_at(level, &anchors, at)) << index
                         });
-                        assert_eq!(stills_of.from(level, &anchors, [x, y]), stills);
+                        assert_eq!(static_pixels.block(level, &anchors, [x, y]), expected);
                     }
                     for vector in [[0, 0], [64, -130], [-700, 9], [20, 5], [0, -64], [90, 3000]] {
-                        let is_over = |which| stills_of.is_over(level, &anchors, which, [x, y], vector);
-                        let plain = [anchors.is_before([x, y], vector), anchors.is_at([x, y], vector)];
+                        let is_overlay = |anchor| static_pixels.is_overlay(level, &anchors, anchor, [x, y], vector);
+                        let plain = [
+                            anchors.is_overlay_in_previous([x, y], vector),
+                            anchors.is_overlay_in_current([x, y], vector),
+                        ];
                         assert_eq!(
-                            [is_over(Which::Previous), is_over(Which::Current)],
+                            [is_overlay(AnchorIndex::Previous), is_overlay(AnchorIndex::Current)],
                             plain,
                             "({x}, {y}), {vector:?}"
                         );
-                        assert!(is_still || plain == [false; 2]);
+                        assert!(is_static || plain == [false; 2]);
                         over += usize::from(plain[0]);
                     }
                 }

@@ -24,7 +24,7 @@ use memory::Memory;
 use steps::Steps;
 
 /// Fixed-point phase 1: the time between two anchors.
-const WHOLE: i32 = 1 << 12;
+const PHASE_ONE: i32 = 1 << 12;
 /// Tag of a pixel of the previous anchor to which no pixel of the current one is warped.
 const PREVIOUS_ONLY: u32 = 254;
 /// Tag of a pixel of the frame to which nothing is warped.
@@ -237,12 +237,12 @@ impl ShaderGenerator {
                 .field("t")
                 .remedy("Pass a positive number of anchor intervals"));
         }
-        let phase = ((t.min(1.0) * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE);
+        let phase = ((t.min(1.0) * PHASE_ONE as f32 + 0.5) as i32).clamp(1, PHASE_ONE);
         let checked = self.check_inputs(current, guidance)?;
         let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
         let extrapolated = Constants {
             is_cut_stated: is_after_cut.into(),
-            splat_phase: WHOLE + phase,
+            splat_phase: PHASE_ONE + phase,
             inherited_tag: HOLE,
             at_splat_tiles: self.layout.at_frame_tiles,
             ..self.constants(&checked, &written)
@@ -337,7 +337,7 @@ impl ShaderGenerator {
                 .field("t")
                 .remedy("Show an anchor itself at phases 0 and 1"));
         }
-        Ok(Phase { phase: ((t * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE - 1), cut_shows_current: t >= 0.5 })
+        Ok(Phase { phase: ((t * PHASE_ONE as f32 + 0.5) as i32).clamp(1, PHASE_ONE - 1), cut_shows_current: t >= 0.5 })
     }
 
     /// Checks the inputs of a pair before anything is recorded.
@@ -424,7 +424,7 @@ impl ShaderGenerator {
         let constants = Constants {
             phase,
             splat_phase: phase,
-            nearer_is_current: (phase >= WHOLE / 2).into(),
+            nearer_is_current: (phase >= PHASE_ONE / 2).into(),
             cut_shows_current: cut_shows_current.into(),
             splats_inherited: 1,
             inherited_tag: HOLE,
@@ -474,7 +474,7 @@ impl std::fmt::Debug for ShaderGenerator {
 /// Fixed-point time of a frame between the anchors.
 #[derive(Clone, Copy)]
 struct Phase {
-    /// Numerator over [`WHOLE`].
+    /// Numerator over [`PHASE_ONE`].
     phase: i32,
     /// Whether the current anchor is shown at this phase if there is a cut.
     cut_shows_current: bool,

@@ -1,87 +1,87 @@
-//! How well what claims a pixel fits what the anchors show.
+//! How well what keys a pixel fits what the anchors show.
 
 use super::super::colour::Colour;
 use super::super::kernels::{BLOCK, Source, TILE, at_every_level};
-use super::super::key_buffer::{self, EMPTY, Key, WORST_MATCH};
-use super::RIM;
+use super::super::splat_key::{self, EMPTY, Key, MAX_MATCH_ERROR};
+use super::DILATION_TOLERANCE;
 
 at_every_level! {
-    /// Which of the pixels of a tile at `corner` that are asked for (bit `8 j + i`) the nearest claim fits better than
+    /// Which of the pixels of a tile at `corner` that are wanted for (bit `8 j + i`) the nearest key fits better than
     /// their own.
-    pub(super) fn fitting<P: Colour>(
-        previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], asked: u64, nearest: &[Key; BLOCK],
+    pub(super) fn better_fit<P: Colour>(
+        previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], wanted: u64, nearest: &[Key; BLOCK],
         own: &[Key; BLOCK],
-    ) -> u64 = fitting_one_by_one | fitting_side_by_side
+    ) -> u64 = better_fit_scalar | better_fit_in_rows
 }
 
-fn fitting_one_by_one<P: Colour>(
+fn better_fit_scalar<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
     [x, y]: [usize; 2],
-    asked: u64,
+    wanted: u64,
     nearest: &[Key; BLOCK],
     own: &[Key; BLOCK],
 ) -> u64 {
-    let places = (0..BLOCK).filter(|place| asked >> place & 1 == 1);
-    let fits = places.filter(|&place| {
-        let at = [x + place % TILE, y + place / TILE];
-        let of_nearest = distance(previous, current, at, nearest[place]);
-        of_nearest <= RIM && of_nearest < distance(previous, current, at, own[place])
+    let indices = (0..BLOCK).filter(|index| wanted >> index & 1 == 1);
+    let fits = indices.filter(|&index| {
+        let at = [x + index % TILE, y + index / TILE];
+        let of_nearest = colour_distance(previous, current, at, nearest[index]);
+        of_nearest <= DILATION_TOLERANCE && of_nearest < colour_distance(previous, current, at, own[index])
     });
-    fits.fold(0, |all, place| all | 1 << place)
+    fits.fold(0, |all, index| all | 1 << index)
 }
 
 #[inline(always)]
-fn fitting_side_by_side<P: Colour>(
+fn better_fit_in_rows<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
     [x, y]: [usize; 2],
-    mut asked: u64,
+    mut wanted: u64,
     nearest: &[Key; BLOCK],
     own: &[Key; BLOCK],
 ) -> u64 {
-    let mut fitting = 0;
-    while asked != 0 {
+    let mut better_fit = 0;
+    while wanted != 0 {
         // Eight at a time; what is left over is looked at more than once.
-        let (mut places, mut place) = ([0; TILE], 0);
-        for next in &mut places {
-            place = if asked != 0 { asked.trailing_zeros() as usize } else { place };
-            asked &= asked.wrapping_sub(1);
-            *next = place;
+        let (mut indices, mut index) = ([0; TILE], 0);
+        for next in &mut indices {
+            index = if wanted != 0 { wanted.trailing_zeros() as usize } else { index };
+            wanted &= wanted.wrapping_sub(1);
+            *next = index;
         }
         let (mut at, mut of_nearest, mut of_own) = ([[0; 2]; TILE], [EMPTY; TILE], [EMPTY; TILE]);
         let mut here = [P::OPAQUE_BLACK; TILE];
-        for (i, &place) in places.iter().enumerate() {
-            let [x, y] = [x + place % TILE, y + place / TILE];
-            (of_nearest[i], of_own[i]) = (nearest[place], own[place]);
+        for (i, &index) in indices.iter().enumerate() {
+            let [x, y] = [x + index % TILE, y + index / TILE];
+            (of_nearest[i], of_own[i]) = (nearest[index], own[index]);
             at[i] = [x as i32, y as i32];
             here[i] = current.pixels[y * current.width + x];
         }
-        let nearest = distances(previous, &here, &at, &of_nearest);
-        if nearest.iter().all(|&distance| distance > RIM) {
+        let nearest = colour_distances(previous, &here, &at, &of_nearest);
+        if nearest.iter().all(|&colour_distance| colour_distance > DILATION_TOLERANCE) {
             continue;
         }
-        let own = distances(previous, &here, &at, &of_own);
-        for (i, &place) in places.iter().enumerate() {
-            fitting |= u64::from(nearest[i] <= RIM && nearest[i] < own[i]) << place;
+        let own = colour_distances(previous, &here, &at, &of_own);
+        for (i, &index) in indices.iter().enumerate() {
+            better_fit |= u64::from(nearest[i] <= DILATION_TOLERANCE && nearest[i] < own[i]) << index;
         }
     }
-    fitting
+    better_fit
 }
 
-/// The [`distance`] of each of eight pixels.
+/// The [`colour_distance`] of each of eight pixels.
 #[inline(always)]
-fn distances<P: Colour>(
+fn colour_distances<P: Colour>(
     previous: Source<'_, P>,
     here: &[P; TILE],
     at: &[[i32; 2]; TILE],
-    claims: &[Key; TILE],
+    keys: &[Key; TILE],
 ) -> [f32; TILE] {
     const CHANNELS: usize = 4 * TILE;
     let (mut fx, mut fy) = ([0.0; CHANNELS], [0.0; CHANNELS]);
     let mut corners = [[P::OPAQUE_BLACK; TILE]; 4];
     for i in 0..TILE {
-        let [vx, vy] = key_buffer::vector(claims[i]);
+        let [vx, vy] = splat_key::vector(keys[i]);
         let (u, v) = (64 * at[i][0] + vx, 64 * at[i][1] + vy);
         fx[4 * i..][..4].fill((u & 63) as f32 / 64.0);
         fy[4 * i..][..4].fill((v & 63) as f32 / 64.0);
@@ -112,39 +112,39 @@ fn distances<P: Colour>(
     };
     let [a, b, c, d] = [levels(&corners[0]), levels(&corners[1]), levels(&corners[2]), levels(&corners[3])];
     let here = levels(here);
-    let mut apart = [0.0_f32; CHANNELS];
+    let mut difference = [0.0_f32; CHANNELS];
     for k in 0..CHANNELS {
         let above = a[k] + (b[k] - a[k]) * fx[k];
         let below = c[k] + (d[k] - c[k]) * fx[k];
-        apart[k] = (above + (below - above) * fy[k] - here[k]).abs();
+        difference[k] = (above + (below - above) * fy[k] - here[k]).abs();
     }
-    let mut distances = [0.0; TILE];
-    for (distance, apart) in distances.iter_mut().zip(apart.chunks_exact(4)) {
-        *distance = apart[2].max(apart[1].max(apart[0].max(0.0)));
+    let mut colour_distances = [0.0; TILE];
+    for (colour_distance, difference) in colour_distances.iter_mut().zip(difference.chunks_exact(4)) {
+        *colour_distance = difference[2].max(difference[1].max(difference[0].max(0.0)));
     }
-    distances
+    colour_distances
 }
 
 at_every_level! {
-    /// Marks the claims of the pixels of a tile at `corner` with how badly they match, see [`match_of`].
-    pub(super) fn mark_matches<P: Colour>(
+    /// Marks the keys of the pixels of a tile at `corner` with how badly they match, see [`match_error`].
+    pub(super) fn tag_match_errors<P: Colour>(
         previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], keys: &mut [Key; BLOCK],
-    ) = mark_one_by_one | mark_side_by_side
+    ) = tag_match_errors_scalar | tag_match_errors_in_rows
 }
 
-fn mark_one_by_one<P: Colour>(
+fn tag_match_errors_scalar<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
     [x, y]: [usize; 2],
     keys: &mut [Key; BLOCK],
 ) {
-    for (place, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
-        *key = key_buffer::marked(*key, match_of(previous, current, [x + place % TILE, y + place / TILE], *key));
+    for (index, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
+        *key = splat_key::with_tag(*key, match_error(previous, current, [x + index % TILE, y + index / TILE], *key));
     }
 }
 
 #[inline(always)]
-fn mark_side_by_side<P: Colour>(
+fn tag_match_errors_in_rows<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
     [x, y]: [usize; 2],
@@ -154,16 +154,16 @@ fn mark_side_by_side<P: Colour>(
     let mut last: Option<(usize, [[f32; TILE]; 2])> = None;
     for (j, keys) in keys.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
         let here = current.pixels.get((y + j) * current.width + x..).and_then(|row| row.first_chunk::<TILE>());
-        let run = rows_of_run(previous, [x, y + j], keys);
-        let squares = if run.is_none() { squares_of(previous, [x, y + j], keys) } else { None };
+        let run = rows_in_previous(previous, [x, y + j], keys);
+        let squares = if run.is_none() { squares_in_previous(previous, [x, y + j], keys) } else { None };
         let (mut low, mut high) = ([0.0; TILE], [0.0; TILE]);
         match (here, run, &squares) {
             (Some(_), Some((start, [above, below])), _) => {
                 let [low_above, high_above] = match last {
-                    Some((place, ends)) if place == start => ends,
-                    _ => ends_of_pairs(&P::lumas_of(above)),
+                    Some((index, ends)) if index == start => ends,
+                    _ => pair_ranges(&P::lumas_of(above)),
                 };
-                let [low_below, high_below] = ends_of_pairs(&P::lumas_of(below));
+                let [low_below, high_below] = pair_ranges(&P::lumas_of(below));
                 for i in 0..TILE {
                     low[i] = low_above[i].min(low_below[i]);
                     high[i] = high_above[i].max(high_below[i]);
@@ -179,22 +179,22 @@ fn mark_side_by_side<P: Colour>(
             }
             _ => {
                 for (i, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
-                    *key = key_buffer::marked(*key, match_of(previous, current, [x + i, y + j], *key));
+                    *key = splat_key::with_tag(*key, match_error(previous, current, [x + i, y + j], *key));
                 }
                 continue;
             }
         }
         let Some(here) = here.map(P::lumas_of) else { continue };
         for i in 0..TILE {
-            let apart = (low[i] - here[i]).max(here[i] - high[i]).max(0.0);
-            keys[i] = key_buffer::marked(keys[i], (apart as u8).min(WORST_MATCH));
+            let difference = (low[i] - here[i]).max(here[i] - high[i]).max(0.0);
+            keys[i] = splat_key::with_tag(keys[i], (difference as u8).min(MAX_MATCH_ERROR));
         }
     }
 }
 
 /// The least and the largest of each two beside each other.
 #[inline(always)]
-fn ends_of_pairs(lumas: &[f32; 2 * TILE]) -> [[f32; TILE]; 2] {
+fn pair_ranges(lumas: &[f32; 2 * TILE]) -> [[f32; TILE]; 2] {
     let (mut low, mut high) = ([0.0; TILE], [0.0; TILE]);
     for i in 0..TILE {
         low[i] = lumas[i].min(lumas[i + 1]);
@@ -206,12 +206,12 @@ fn ends_of_pairs(lumas: &[f32; 2 * TILE]) -> [[f32; TILE]; 2] {
 /// The two rows of the previous anchor between which a row of a tile comes from, if its pixels lie side by side there, and
 /// where the first begins.
 #[inline(always)]
-fn rows_of_run<'a, P: Colour>(
+fn rows_in_previous<'a, P: Colour>(
     previous: Source<'a, P>,
     [x, y]: [usize; 2],
     keys: &[Key; TILE],
 ) -> Option<(usize, [&'a [P; 2 * TILE]; 2])> {
-    let whole = |key: Key| key_buffer::vector(key).map(|v| v >> 6);
+    let whole = |key: Key| splat_key::vector(key).map(|v| v >> 6);
     let [left, top] = whole(keys[0]);
     let mut is_run = true;
     for &key in keys {
@@ -228,13 +228,17 @@ fn rows_of_run<'a, P: Colour>(
     Some((start, [row(start)?, row(start + previous.width)?]))
 }
 
-/// The four pixels of the previous anchor around where each of eight beside each other comes from, if all have claims and
+/// The four pixels of the previous anchor around where each of eight beside each other comes from, if all have keys and
 /// come from inside.
 #[inline(always)]
-fn squares_of<P: Colour>(previous: Source<'_, P>, [x, y]: [usize; 2], keys: &[Key; TILE]) -> Option<[[P; TILE]; 4]> {
+fn squares_in_previous<P: Colour>(
+    previous: Source<'_, P>,
+    [x, y]: [usize; 2],
+    keys: &[Key; TILE],
+) -> Option<[[P; TILE]; 4]> {
     let mut squares = [[P::OPAQUE_BLACK; TILE]; 4];
     for (i, &key) in keys.iter().enumerate() {
-        let [vx, vy] = key_buffer::vector(key);
+        let [vx, vy] = splat_key::vector(key);
         // What is negative is far beyond.
         let (u, v) = ((x + i) as i32 + (vx >> 6), y as i32 + (vy >> 6));
         let (u, v) = (u as u32 as usize, v as u32 as usize);
@@ -250,15 +254,15 @@ fn squares_of<P: Colour>(previous: Source<'_, P>, [x, y]: [usize; 2], keys: &[Ke
 }
 
 /// The levels by which the luma of a pixel of the current anchor lies outside those of the four pixels of the previous
-/// one around the place that a claim leads to.
-pub(in super::super) fn match_of<P: Colour>(
+/// one around the index that a key leads to.
+pub(in super::super) fn match_error<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
     [x, y]: [usize; 2],
-    claim: Key,
+    key: Key,
 ) -> u8 {
     let (width, height) = (previous.width, previous.height);
-    let [vx, vy] = key_buffer::vector(claim);
+    let [vx, vy] = splat_key::vector(key);
     let (left, top) = ((64 * x as i32 + vx) >> 6, (64 * y as i32 + vy) >> 6);
     let luma = current.pixels[y * width + x].luma();
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
@@ -270,19 +274,19 @@ pub(in super::super) fn match_of<P: Colour>(
             (low, high) = (low.min(there), high.max(there));
         }
     }
-    let apart = (low - luma).max(luma - high).max(0.0);
-    (apart as u8).min(WORST_MATCH)
+    let difference = (low - luma).max(luma - high).max(0.0);
+    (difference as u8).min(MAX_MATCH_ERROR)
 }
 
-/// How far a pixel of the current anchor is from what is read bilinearly where a claim leads to in the previous one:
+/// How far a pixel of the current anchor is from what is read bilinearly where a key leads to in the previous one:
 /// the levels of the channel that differs most.
-pub(in super::super) fn distance<P: Colour>(
+pub(in super::super) fn colour_distance<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
     [x, y]: [usize; 2],
-    claim: Key,
+    key: Key,
 ) -> f32 {
-    let [vx, vy] = key_buffer::vector(claim);
+    let [vx, vy] = splat_key::vector(key);
     let (u, v) = (64 * x as i32 + vx, 64 * y as i32 + vy);
     let (fx, fy) = ((u & 63) as f32 / 64.0, (v & 63) as f32 / 64.0);
     let at = |u: i32, v: i32| {
@@ -294,18 +298,18 @@ pub(in super::super) fn distance<P: Colour>(
     let corners = [at(left, top), at(left + 1, top), at(left, top + 1), at(left + 1, top + 1)];
     let here = current.pixels[y * current.width + x].in_levels();
     // Plain loops over all channels: closures are at times left as functions of their own, one call to a channel.
-    let mut apart = [0.0_f32; 4];
+    let mut difference = [0.0_f32; 4];
     for c in 0..4 {
         let above = corners[0][c] + (corners[1][c] - corners[0][c]) * fx;
         let below = corners[2][c] + (corners[3][c] - corners[2][c]) * fx;
-        apart[c] = (above + (below - above) * fy - here[c]).abs();
+        difference[c] = (above + (below - above) * fy - here[c]).abs();
     }
-    apart[2].max(apart[1].max(apart[0].max(0.0)))
+    difference[2].max(difference[1].max(difference[0].max(0.0)))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::kernels::Level;
+    use super::super::super::kernels::SimdLevel;
     use super::*;
 
     #[test]
@@ -325,28 +329,28 @@ mod tests {
         let mut fitted = 0;
         for round in 0..2000 {
             let corner = [0, 1].map(|c| TILE * below((SIZE[c] / TILE) as u64) as usize);
-            // A common vector, one of a few, or any; some places claim nothing.
+            // A common vector, one of a few, or any; some indices key nothing.
             let mut keys = || -> [Key; BLOCK] {
                 let common = [0, 1].map(|_| below(1280) as i32 - 640);
                 [EMPTY; BLOCK].map(|empty| match round % 4 {
-                    0 => key_buffer::key(9, 0, common),
-                    1 => key_buffer::key(9, 0, common.map(|v| v + below(3) as i32 * 64)),
-                    2 => key_buffer::key(9, 0, [0, 1].map(|_| below(9000) as i32 - 4500)),
+                    0 => splat_key::pack(9, 0, common),
+                    1 => splat_key::pack(9, 0, common.map(|v| v + below(3) as i32 * 64)),
+                    2 => splat_key::pack(9, 0, [0, 1].map(|_| below(9000) as i32 - 4500)),
                     _ if below(8) == 0 => empty,
-                    _ => key_buffer::key(9, 0, common.map(|v| v + below(90) as i32)),
+                    _ => splat_key::pack(9, 0, common.map(|v| v + below(90) as i32)),
                 })
             };
             let (own, nearest) = (keys(), keys());
-            let asked = (0..BLOCK).filter(|&at| own[at] != EMPTY && nearest[at] != EMPTY && below(3) > 0);
-            let asked = asked.fold(0, |all, place| all | 1 << place);
+            let wanted = (0..BLOCK).filter(|&at| own[at] != EMPTY && nearest[at] != EMPTY && below(3) > 0);
+            let wanted = wanted.fold(0, |all, index| all | 1 << index);
             let judge = |level| {
-                let mut marked = own;
-                mark_matches(level, previous, current, corner, &mut marked);
-                (marked, fitting(level, previous, current, corner, asked, &nearest, &own))
+                let mut tagged = own;
+                tag_match_errors(level, previous, current, corner, &mut tagged);
+                (tagged, better_fit(level, previous, current, corner, wanted, &nearest, &own))
             };
-            let expected = judge(Level::SCALAR);
+            let expected = judge(SimdLevel::SCALAR);
             fitted += expected.1.count_ones();
-            for level in Level::available() {
+            for level in SimdLevel::available() {
                 assert_eq!(judge(level), expected, "{} in round {round}", level.name());
             }
         }

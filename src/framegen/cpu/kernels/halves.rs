@@ -8,7 +8,7 @@ use super::lanczos::TAPS;
 use super::ranges::widened;
 use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, luma};
 use super::scalar::{self, taps};
-use super::{Level, Source, at_every_level};
+use super::{SimdLevel, Source, at_every_level};
 
 type Pixel = [f16; 4];
 
@@ -29,24 +29,24 @@ impl Sampled for Pixel {
         })
     }
 
-    fn merge(before: Self, after: Self, rule: &Rule) -> (Self, bool) {
-        let (a, b) = (before.map(finite), after.map(finite));
+    fn merge(from_previous: Self, from_current: Self, rule: &Rule) -> (Self, bool) {
+        let (a, b) = (from_previous.map(finite), from_current.map(finite));
         let differ_by = |levels: u8| {
             a.iter().zip(b).any(|(&a, b)| (b - a).abs() * 255.0 > f32::from(levels) * (a.abs().max(b.abs()) + 0.25))
         };
         let share = f32::from(rule.share()) / 128.0;
-        let merged = if differ_by(rule.agree) {
+        let merged = if differ_by(rule.max_equal_difference) {
             std::array::from_fn(|c| f16::from_f32(a[c] + (b[c] - a[c]) * share))
         } else if rule.nearer_is_current {
-            after
+            from_current
         } else {
-            before
+            from_previous
         };
-        (merged, differ_by(rule.careful))
+        (merged, differ_by(rule.doubt_threshold))
     }
 
     fn tile(
-        level: Level,
+        level: SimdLevel,
         previous: Source<'_, Self>,
         a: [i32; 2],
         current: Source<'_, Self>,
@@ -58,23 +58,23 @@ impl Sampled for Pixel {
         tile(level, previous, a, current, b, rule, out, stride)
     }
 
-    fn tile_of_one(level: Level, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize) {
+    fn tile_of_one(level: SimdLevel, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize) {
         tile_of_one(level, source, at, out, stride);
     }
 
-    fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]) {
+    fn pixels_of_one(level: SimdLevel, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]) {
         pixels_of_one(level, source, at, wanted, out);
     }
 
-    fn merge_block(level: Level, rule: &Rule, block: &mut Block<Self>) -> u64 {
+    fn merge_block(level: SimdLevel, rule: &Rule, block: &mut Block<Self>) -> u64 {
         merge_block(level, rule, block)
     }
 
-    fn add_levels(level: Level, row: &[Self], sums: &mut [[u16; 4]]) {
+    fn add_levels(level: SimdLevel, row: &[Self], sums: &mut [[u16; 4]]) {
         add_levels(level, row, sums);
     }
 
-    fn lumas(level: Level, row: &[Self], lumas: &mut [u8]) {
+    fn lumas(level: SimdLevel, row: &[Self], lumas: &mut [u8]) {
         lumas_of(level, row, lumas);
     }
 

@@ -21,12 +21,12 @@ mod scalar;
 mod tests;
 pub(super) mod tile_keys;
 
-pub use ranges::{Landing, RankRange, VectorRange, claim_tile, depth_ranges, land, motion_ranges};
+pub use ranges::{DepthKeyRange, VectorRange, WarpedRow, depth_ranges, motion_ranges, pack_tile, warp_row};
 pub use sampling::{BLOCK, Block, Positions, Rule, Sampled, TILE};
 
 /// An instruction set that kernels are written for. That a value exists proves that this processor has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Level(pub(in crate::framegen::cpu) Set);
+pub struct SimdLevel(pub(in crate::framegen::cpu) Set);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(in crate::framegen::cpu) enum Set {
@@ -39,7 +39,7 @@ pub(in crate::framegen::cpu) enum Set {
     Avx512,
 }
 
-impl Level {
+impl SimdLevel {
     /// Plain loops over pixels: the oracle.
     pub const SCALAR: Self = Self(Set::Scalar);
     /// What every processor of the target has.
@@ -96,13 +96,13 @@ impl Set {
     }
 }
 
-/// Defines a function that does its work at a [`Level`]: by `$scalar`, or by `$portable`, which is `#[inline(always)]`
+/// Defines a function that does its work at a [`SimdLevel`]: by `$scalar`, or by `$portable`, which is `#[inline(always)]`
 /// and is compiled once for each instruction set.
 macro_rules! at_every_level {
     ($(#[$attribute:meta])* $vis:vis fn $name:ident $(<$generic:ident: $bound:path>)? ($($arg:ident: $type:ty),* $(,)?)
         $(-> $result:ty)? = $scalar:path | $portable:path) => {
         $(#[$attribute])*
-        $vis fn $name $(<$generic: $bound>)? (level: $crate::framegen::cpu::kernels::Level, $($arg: $type),*) $(-> $result)? {
+        $vis fn $name $(<$generic: $bound>)? (level: $crate::framegen::cpu::kernels::SimdLevel, $($arg: $type),*) $(-> $result)? {
             use $crate::framegen::cpu::kernels::Set;
             #[cfg(target_arch = "x86_64")]
             #[target_feature(enable = "avx2")]
@@ -131,7 +131,7 @@ pub(in crate::framegen::cpu) use at_every_level;
 
 /// Asks for what will be read soon.
 #[inline(always)]
-pub(super) fn fetch<T>(value: &T) {
+pub(super) fn prefetch<T>(value: &T) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
@@ -157,14 +157,14 @@ impl<P: Copy> Source<'_, P> {
     /// Asks for the rows of a tile at a position (1/64 px), and `around` more pixels on each side, as far as they are in
     /// the picture. Processors foresee neither so many rows nor where the next tile is that is not like its neighbours.
     #[inline(always)]
-    pub(super) fn fetch_tile(&self, at: [i32; 2], around: i32) {
+    pub(super) fn prefetch_tile(&self, at: [i32; 2], around: i32) {
         let [x, y] = at.map(|v| (v >> 6) - around);
         let side = TILE as i32 + 2 * around;
         for row in y.max(0)..(y + side).min(self.height as i32) {
             // What is negative is far beyond.
             let start = (row as usize * self.width).saturating_add_signed(x as isize);
             for at in [start, start + side as usize - 1] {
-                self.pixels.get(at).into_iter().for_each(fetch);
+                self.pixels.get(at).into_iter().for_each(prefetch);
             }
         }
     }

@@ -1,6 +1,6 @@
 //! What can be sampled and merged, and the rule by which two samples become one.
 
-use super::{Level, Source};
+use super::{SimdLevel, Source};
 use crate::picture::Pixel;
 
 /// Side of a tile, in pixels.
@@ -8,17 +8,17 @@ pub const TILE: usize = 8;
 /// Pixels of a block: as many as a tile has.
 pub const BLOCK: usize = TILE * TILE;
 
-/// How the samples of two anchors become one pixel: the one nearer in time where they agree, else a mixture.
+/// How the samples of two anchors become one pixel: the one nearer in time where they max_equal_difference, else a mixture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rule {
     /// Share of the current anchor in a mixture, of 128: 1 to 127; what lies outside counts as the nearest of these.
     pub weight: u8,
     /// Whether the current anchor is the nearer.
     pub nearer_is_current: bool,
-    /// Samples that differ by no more than this many levels in any channel agree.
-    pub agree: u8,
+    /// Samples that differ by no more than this many levels in any channel max_equal_difference.
+    pub max_equal_difference: u8,
     /// Samples that differ by more than this many levels in some channel are reported.
-    pub careful: u8,
+    pub doubt_threshold: u8,
 }
 
 impl Rule {
@@ -41,9 +41,9 @@ pub struct Positions {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block<P> {
     /// The samples of the previous anchor.
-    pub before: [P; BLOCK],
+    pub previous: [P; BLOCK],
     /// The samples of the current anchor.
-    pub after: [P; BLOCK],
+    pub current: [P; BLOCK],
     /// Both merged.
     pub merged: [P; BLOCK],
 }
@@ -65,7 +65,7 @@ pub struct Block<P> {
 /// # Merging
 ///
 /// - Bytes: the difference is that of the channel where it is largest; a mixture is
-///   `(before * (128 - weight) + after * weight + 64) >> 7`.
+///   `(from_previous * (128 - weight) + from_current * weight + 64) >> 7`.
 /// - Half floats: a channel differs by more than `n` levels where `|b - a| * 255 > n * (max(|a|, |b|) + 1/4)`; a
 ///   mixture is `a + (b - a) * (weight / 128)`, rounded to the nearest half float.
 pub trait Sampled: Pixel {
@@ -73,7 +73,7 @@ pub trait Sampled: Pixel {
     fn sample(source: Source<'_, Self>, at: [i32; 2]) -> Self;
 
     /// One pixel from two, and whether the two differ so much that it is to be reported.
-    fn merge(before: Self, after: Self, rule: &Rule) -> (Self, bool);
+    fn merge(from_previous: Self, from_current: Self, rule: &Rule) -> (Self, bool);
 
     /// A tile of 8 x 8 pixels, merged: the pixel (i, j) comes from `a + 64 (i, j)` in `previous` and `b + 64 (i, j)` in
     /// `current`, and goes to `out[j * stride + i]`. Bit `8 j + i` of the result says that it is reported.
@@ -82,7 +82,7 @@ pub trait Sampled: Pixel {
     /// When `out` is too small for that.
     #[expect(clippy::too_many_arguments, reason = "two pictures, a place in each, and a place for the result")]
     fn tile(
-        level: Level,
+        level: SimdLevel,
         previous: Source<'_, Self>,
         a: [i32; 2],
         current: Source<'_, Self>,
@@ -96,21 +96,21 @@ pub trait Sampled: Pixel {
     ///
     /// # Panics
     /// When `out` is too small for that.
-    fn tile_of_one(level: Level, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize);
+    fn tile_of_one(level: SimdLevel, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize);
 
     /// Those of sixty-four pixels that are `wanted` (bit `8 j + i`), each from a place of its own. Others are left as they
     /// are.
-    fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]);
+    fn pixels_of_one(level: SimdLevel, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]);
 
     /// Merges the samples of a block. Bits as for [`Self::tile`].
-    fn merge_block(level: Level, rule: &Rule, block: &mut Block<Self>) -> u64;
+    fn merge_block(level: SimdLevel, rule: &Rule, block: &mut Block<Self>) -> u64;
 
     /// Adds the channels of a row of pixels to `sums`, in whole levels from 0 to 255 (see [`Self::levels`]); sums wrap
     /// around, which those of up to 257 rows do not.
-    fn add_levels(level: Level, row: &[Self], sums: &mut [[u16; 4]]);
+    fn add_levels(level: SimdLevel, row: &[Self], sums: &mut [[u16; 4]]);
 
-    /// The luma of each pixel in 8 bits, after BT.601.
-    fn lumas(level: Level, row: &[Self], lumas: &mut [u8]);
+    /// The luma of each pixel in 8 bits, from_current BT.601.
+    fn lumas(level: SimdLevel, row: &[Self], lumas: &mut [u8]);
 
     /// The channels in whole levels: bytes as they are; of half floats, 255 times what lies in 0 to 1, rounded.
     fn levels(self) -> [u8; 4];

@@ -16,8 +16,8 @@ pub(super) fn tile<P: Sampled>(
 ) -> u64 {
     let mut mask = 0;
     for (j, i) in (0..TILE).flat_map(|j| (0..TILE).map(move |i| (j, i))) {
-        let (before, after) = (P::sample(previous, moved(a, i, j)), P::sample(current, moved(b, i, j)));
-        let (merged, is_reported) = P::merge(before, after, rule);
+        let (from_previous, from_current) = (P::sample(previous, moved(a, i, j)), P::sample(current, moved(b, i, j)));
+        let (merged, is_reported) = P::merge(from_previous, from_current, rule);
         out[j * stride + i] = merged;
         mask |= u64::from(is_reported) << (TILE * j + i);
     }
@@ -35,7 +35,7 @@ pub(super) fn tile_of_one<P: Sampled>(source: Source<'_, P>, at: [i32; 2], out: 
 pub(super) fn merge_block<P: Sampled>(rule: &Rule, block: &mut Block<P>) -> u64 {
     let mut mask = 0;
     for i in 0..BLOCK {
-        let (merged, is_reported) = P::merge(block.before[i], block.after[i], rule);
+        let (merged, is_reported) = P::merge(block.previous[i], block.current[i], rule);
         block.merged[i] = merged;
         mask |= u64::from(is_reported) << i;
     }

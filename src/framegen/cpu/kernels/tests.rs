@@ -26,8 +26,8 @@ impl Random {
 
 #[test]
 fn the_best_level_is_one_of_those_there_are() {
-    let levels: Vec<Level> = Level::available().collect();
-    assert_eq!(levels[..2], [Level::SCALAR, Level::PORTABLE]);
+    let levels: Vec<SimdLevel> = SimdLevel::available().collect();
+    assert_eq!(levels[..2], [SimdLevel::SCALAR, SimdLevel::PORTABLE]);
     assert!(levels.is_sorted());
-    assert_eq!(levels.last(), Some(&Level::detect()));
+    assert_eq!(levels.last(), Some(&SimdLevel::detect()));
 }

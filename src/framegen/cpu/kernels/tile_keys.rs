@@ -1,39 +1,39 @@
-//! The claims of a tile's pixels, eight at a time.
+//! The keys_found of a tile's pixels, eight at a time.
 //!
-//! What a claim is, and what may be said of two, is in `layer`; here it is written so that compilers make vectors of it.
+//! What a splat is, and what may be said of two, is in `layer`; here it is written so that compilers make vectors of it.
 
-use super::super::camera_fit::{Moment, Way};
-use super::super::key_buffer::{ALIKE, EMPTY, Key, is_nearer, landed, part, vector};
+use super::super::camera_fit::{Warp, WarpTime};
+use super::super::splat_key::{EMPTY, Key, SIMILAR_MOTION, is_in_front, scaled, vector, warped};
 use super::at_every_level;
 use super::sampling::{BLOCK, Positions, TILE};
 
-/// Rows of a picture that are being filled, with what is known of their tiles. Tiles begin at the place (1, 1), as one
+/// Rows of a picture that are being filled, with what is known of their tiles. Tiles begin at the index (1, 1), as one
 /// more row and column stand on each side.
 #[derive(Debug)]
-pub(in super::super) struct Places<'a> {
-    /// A key to a place, row by row.
+pub(in super::super) struct SplatTarget<'a> {
+    /// A key to a index, row by row.
     pub(in super::super) keys: &'a mut [Key],
-    /// Places to a row.
+    /// SplatTarget to a row.
     pub(in super::super) stride: usize,
-    /// For each tile, and one more on each side, whether a pixel of its own landed on it.
-    pub(in super::super) is_rough: &'a mut [bool],
+    /// For each tile, and one more on each side, whether a pixel of its own warped on it.
+    pub(in super::super) is_mixed: &'a mut [bool],
 }
 
-impl Places<'_> {
-    /// Lets `key` claim a place, if that is one of these.
+impl SplatTarget<'_> {
+    /// Lets `key` splat a index, if that is one of these.
     #[inline(always)]
-    fn claim(&mut self, x: i32, y: i32, key: Key) {
+    fn splat(&mut self, x: i32, y: i32, key: Key) {
         if key == EMPTY || x as u32 as usize >= self.stride {
             return;
         }
-        // What is negative is far beyond.
-        if let Some(place) = self.keys.get_mut((y as u32 as usize).saturating_mul(self.stride) + x as usize) {
-            *place = (*place).min(key);
-            self.is_rough[self.tile(x as usize, y as usize)] = true;
+        // What is negative is far outside.
+        if let Some(pixel) = self.keys.get_mut((y as u32 as usize).saturating_mul(self.stride) + x as usize) {
+            *pixel = (*pixel).min(key);
+            self.is_mixed[self.tile(x as usize, y as usize)] = true;
         }
     }
 
-    /// The number of the tile that holds a place.
+    /// The number of the tile that holds a index.
     #[inline(always)]
     fn tile(&self, x: usize, y: usize) -> usize {
         y.div_ceil(TILE) * ((self.stride - 2) / TILE + 2) + x.div_ceil(TILE)
@@ -41,84 +41,84 @@ impl Places<'_> {
 }
 
 at_every_level! {
-    /// Carries the pixels of a tile, the first of them standing at `at` of the picture. Its first pixel is the place
+    /// Carries the pixels of a tile, the first of them standing at `at` of the picture. Its first pixel is the index
     /// `shift`.
-    pub(in super::super) fn carry(
-        keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way, places: &mut Places<'_>,
-    ) = scalar::carry | carry_in_vectors
+    pub(in super::super) fn splat_pixels(
+        keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], warp: Warp, target: &mut SplatTarget<'_>,
+    ) = scalar::splat_pixels | splat_pixels_in_vectors
 }
 
 at_every_level! {
-    /// Lays a claim on `extent` places from `start` on, where it is in front of what is there.
-    pub(in super::super) fn lay(key: Key, places: &mut [Key], stride: usize, start: usize, extent: [usize; 2])
-        = lay_on_rows | lay_on_rows
+    /// Lays a splat on `extent` target from `start` on, where it is in front of what is there.
+    pub(in super::super) fn splat_rectangle(key: Key, splatted: &mut [Key], stride: usize, start: usize, extent: [usize; 2])
+        = splat_rectangle_in_rows | splat_rectangle_in_rows
 }
 
 at_every_level! {
-    /// The keys of a tile whose first place is `places[stride + 1]`, with cracks closed: a place that has nothing, or only
-    /// what is behind, gets what stands on both sides of it, where that is one surface. Returns how many places nothing
-    /// claims, and the farthest claim, or [`EMPTY`].
-    pub(in super::super) fn close(places: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (u8, Key)
-        = scalar::close | close_in_vectors
+    /// The keys of a tile whose first index is `target[stride + 1]`, with cracks close_row: a index that has nothing, or only
+    /// what is behind, gets what stands on both sides of it, where that is one surface. Returns how many target nothing
+    /// keys_found, and the farthest splat, or [`EMPTY`].
+    pub(in super::super) fn close_cracks(splatted: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (u8, Key)
+        = scalar::close_cracks | close_cracks_in_vectors
 }
 
 at_every_level! {
-    /// For each place of the inner 8 x 8 the nearest of the nine around it. Bit `8 j + i` of the result says that it is
-    /// in front of the place's own, and moves otherwise: by more than `limit` of 1/64 px along an axis.
-    pub(in super::super) fn nearest_around(around: &Around, limit: i32, nearest: &mut [Key; BLOCK]) -> u64
-        = scalar::nearest_around | nearest_around_in_vectors
+    /// For each index of the inner 8 x 8 the nearest of the nine padded it. Bit `8 j + i` of the result says that it is
+    /// in front of the index's own, and moves otherwise: by more than `limit` of 1/64 px along an axis.
+    pub(in super::super) fn nearest_neighbours(padded: &PaddedTile, limit: i32, nearest: &mut [Key; BLOCK]) -> u64
+        = scalar::nearest_neighbours | nearest_neighbours_in_vectors
 }
 
 at_every_level! {
-    /// For each place of the inner 8 x 8 that is asked for (bit `8 j + i`) the first of the nine claims around it that move
+    /// For each index of the inner 8 x 8 that is wanted for (bit `8 j + i`) the first of the nine keys_found padded it that move
     /// otherwise: by more than `limit` of 1/64 px along an axis; [`EMPTY`] where none does. Such a bit of the result says that
     /// one does.
-    pub(in super::super) fn other_around(around: &Around, limit: i32, asked: u64, others: &mut [Key; BLOCK]) -> u64
-        = scalar::other_around | other_around_in_vectors
+    pub(in super::super) fn nearest_other_motion(padded: &PaddedTile, limit: i32, wanted: u64, others: &mut [Key; BLOCK]) -> u64
+        = scalar::nearest_other_motion | nearest_other_motion_in_vectors
 }
 
 at_every_level! {
-    /// The least and the largest of each component of what moves by claims; the least above the largest where there are
+    /// The least and the largest of each component of what moves by keys_found; the least above the largest where there are
     /// none.
-    pub(in super::super) fn span(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] = scalar::span | span_in_vectors
+    pub(in super::super) fn vector_range(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] = scalar::vector_range | vector_range_in_vectors
 }
 
 at_every_level! {
-    /// Where the two anchors of a size show (1/64 px) the pixels of a tile with these claims, the first of which is at
-    /// `at`, at a moment between them. Bit `8 j + i` of the result says that the previous one does not, and that the
+    /// Where the two anchors of a size show (1/64 px) the pixels of a tile with these keys_found, the first of which is at
+    /// `at`, at a time between them. Bit `8 j + i` of the result says that the previous one does not, and that the
     /// current one does not.
-    pub(in super::super) fn spots(
-        keys: &[Key; BLOCK], at: [i32; 2], moment: Moment, size: [usize; 2], before: &mut Positions,
-        after: &mut Positions,
-    ) -> [u64; 2] = scalar::spots | spots_in_vectors
+    pub(in super::super) fn source_positions(
+        keys: &[Key; BLOCK], at: [i32; 2], time: WarpTime, size: [usize; 2], previous: &mut Positions,
+        current: &mut Positions,
+    ) -> [u64; 2] = scalar::source_positions | source_positions_in_vectors
 }
 
 at_every_level! {
-    /// Which of these claims have a mark, [`EMPTY`] having the mark [`HOLE`](super::super::key_buffer::HOLE): bit `8 j + i`.
-    pub(in super::super) fn having(keys: &[Key; BLOCK], mark: u8) -> u64 = scalar::having | having_in_vectors
+    /// Which of these keys_found have a tag, [`EMPTY`] tagged the tag [`HOLE`](super::super::key_buffer::HOLE): bit `8 j + i`.
+    pub(in super::super) fn tagged(keys: &[Key; BLOCK], tag: u8) -> u64 = scalar::tagged | tagged_in_vectors
 }
 
 /// The keys of a tile with one more on each side.
-pub(in super::super) type Around = [[Key; TILE + 2]; TILE + 2];
+pub(in super::super) type PaddedTile = [[Key; TILE + 2]; TILE + 2];
 
 const COMPONENT: u64 = (1 << 20) - 1;
 
-/// Whether two claims move alike, see [`alike`](super::super::key_buffer::alike).
+/// Whether two keys_found move similar_motion, see [`similar_motion`](super::super::key_buffer::similar_motion).
 #[inline(always)]
-fn move_alike(a: Key, b: Key) -> bool {
-    move_within(a, b, ALIKE)
+fn similar_motion_in_vectors(a: Key, b: Key) -> bool {
+    motion_within_in_vectors(a, b, SIMILAR_MOTION)
 }
 
-/// Whether two claims move by no more than `limit` of 1/64 px otherwise along each axis.
+/// Whether two keys_found move by no more than `limit` of 1/64 px otherwise along each axis.
 #[inline(always)]
-fn move_within(a: Key, b: Key, limit: i32) -> bool {
+fn motion_within_in_vectors(a: Key, b: Key, limit: i32) -> bool {
     let limit = limit as u64;
     let is_near = |a: u64, b: u64| (a & COMPONENT).wrapping_sub(b & COMPONENT).wrapping_add(limit) <= 2 * limit;
     is_near(a >> 20, b >> 20) & is_near(a, b)
 }
 
-/// A place that is none of those that are filled.
-const NOWHERE: u32 = u32::MAX;
+/// A index that is none of those that are filled.
+const OUTSIDE: u32 = u32::MAX;
 
 /// Lanes of a row of a tile.
 type Row<T> = [T; TILE];
@@ -131,22 +131,28 @@ fn row(keys: &[Key]) -> &Row<Key> {
 // Plain loops: closures of `from_fn` are at times left as functions of their own, which have no vectors.
 
 #[inline(always)]
-fn carry_in_vectors(keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way, places: &mut Places<'_>) {
+fn splat_pixels_in_vectors(
+    keys: &[Key; BLOCK],
+    at: [i32; 2],
+    shift: [i32; 2],
+    warp: Warp,
+    target: &mut SplatTarget<'_>,
+) {
     let from = [at[0] + shift[0], at[1] + shift[1]];
-    let lines = (places.keys.len() / places.stride) as u32;
-    let (stride, columns) = (places.stride as u32, ((places.stride - 2) / TILE + 2) as u32);
-    // All are found before any is written: one by one they would be taken out of vectors.
-    let (mut found, mut tiles) = ([NOWHERE; BLOCK], [0; BLOCK]);
+    let lines = (target.keys.len() / target.stride) as u32;
+    let (stride, columns) = (target.stride as u32, ((target.stride - 2) / TILE + 2) as u32);
+    // All are found previous any is written: one by one they would be taken out of vectors.
+    let (mut found, mut tiles) = ([OUTSIDE; BLOCK], [0; BLOCK]);
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
-        let reaches = way.reaches(keys, [at[0], at[1] + j as i32]);
+        let fractions = warp.fractions(keys, [at[0], at[1] + j as i32]);
         for i in 0..TILE {
             let [vx, vy] = vector(keys[i]);
-            // As unsigned numbers, what is negative is far beyond.
-            let u = landed(from[0] + i as i32, vx, reaches[i]) as u32;
-            let v = landed(from[1] + j as i32, vy, reaches[i]) as u32;
+            // As unsigned numbers, what is negative is far outside.
+            let u = warped(from[0] + i as i32, vx, fractions[i]) as u32;
+            let v = warped(from[1] + j as i32, vy, fractions[i]) as u32;
             let is_here = (u < stride) & (v < lines) & (keys[i] != EMPTY);
-            found[j * TILE + i] = if is_here { v.wrapping_mul(stride).wrapping_add(u) } else { NOWHERE };
+            found[j * TILE + i] = if is_here { v.wrapping_mul(stride).wrapping_add(u) } else { OUTSIDE };
             tiles[j * TILE + i] = (v.wrapping_add(7) >> 3).wrapping_mul(columns).wrapping_add(u.wrapping_add(7) >> 3);
         }
     }
@@ -154,24 +160,24 @@ fn carry_in_vectors(keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way
         let keys = row(&keys[j * TILE..]);
         let found: &Row<u32> = found[j * TILE..].first_chunk().expect("a row of eight");
         let tiles: &Row<u32> = tiles[j * TILE..].first_chunk().expect("a row of eight");
-        let (mut apart, mut all) = (0, NOWHERE);
+        let (mut apart, mut all) = (0, OUTSIDE);
         for i in 0..TILE {
             apart |= found[i] ^ found[0].wrapping_add(i as u32);
             all &= found[i];
         }
         // Mostly they stay side by side.
-        if apart == 0 && found[0] != NOWHERE {
-            let run: &mut Row<Key> = places.keys[found[0] as usize..].first_chunk_mut().expect("it fits");
+        if apart == 0 && found[0] != OUTSIDE {
+            let run: &mut Row<Key> = target.keys[found[0] as usize..].first_chunk_mut().expect("it fits");
             for i in 0..TILE {
                 run[i] = run[i].min(keys[i]);
             }
-            places.is_rough[tiles[0] as usize] = true;
-            places.is_rough[tiles[7] as usize] = true;
-        } else if all != NOWHERE {
+            target.is_mixed[tiles[0] as usize] = true;
+            target.is_mixed[tiles[7] as usize] = true;
+        } else if all != OUTSIDE {
             for i in 0..TILE {
-                if let Some(place) = places.keys.get_mut(found[i] as usize) {
-                    *place = (*place).min(keys[i]);
-                    places.is_rough[tiles[i] as usize] = true;
+                if let Some(pixel) = target.keys.get_mut(found[i] as usize) {
+                    *pixel = (*pixel).min(keys[i]);
+                    target.is_mixed[tiles[i] as usize] = true;
                 }
             }
         }
@@ -179,36 +185,36 @@ fn carry_in_vectors(keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way
 }
 
 #[inline(always)]
-fn lay_on_rows(key: Key, places: &mut [Key], stride: usize, start: usize, [across, down]: [usize; 2]) {
+fn splat_rectangle_in_rows(key: Key, splatted: &mut [Key], stride: usize, start: usize, [across, down]: [usize; 2]) {
     for line in 0..down {
-        for place in &mut places[start + line * stride..][..across] {
-            *place = (*place).min(key);
+        for pixel in &mut splatted[start + line * stride..][..across] {
+            *pixel = (*pixel).min(key);
         }
     }
 }
 
-/// What stands at places between others, see [`close`].
+/// What stands at target between others, see [`close_cracks`].
 #[inline(always)]
-fn closed(own: &Row<Key>, a: &Row<Key>, b: &Row<Key>) -> Row<Key> {
+fn close_row(own: &Row<Key>, a: &Row<Key>, b: &Row<Key>) -> Row<Key> {
     let mut found = *own;
     for i in 0..TILE {
         let (own, nearer, farther) = (own[i], a[i].min(b[i]), a[i].max(b[i]));
-        let is_surface = (farther != EMPTY) & move_alike(nearer, farther);
-        let is_behind = is_nearer(farther, own) & !move_alike(nearer, own);
-        found[i] = if is_surface & ((own == EMPTY) | is_behind) { nearer } else { own };
+        let is_surface = (farther != EMPTY) & similar_motion_in_vectors(nearer, farther);
+        let is_occluded = is_in_front(farther, own) & !similar_motion_in_vectors(nearer, own);
+        found[i] = if is_surface & ((own == EMPTY) | is_occluded) { nearer } else { own };
     }
     found
 }
 
 #[inline(always)]
-fn close_in_vectors(places: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (u8, Key) {
+fn close_cracks_in_vectors(splatted: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (u8, Key) {
     let (mut holes, mut farthest) = ([0_u64; TILE], [0_u64; TILE]);
     for j in 0..TILE {
-        let above = &places[j * stride..][..TILE + 2];
-        let here = &places[(j + 1) * stride..][..TILE + 2];
-        let below = &places[(j + 2) * stride..][..TILE + 2];
-        let own = closed(row(&here[1..]), row(here), row(&here[2..]));
-        let own = closed(&own, row(&above[1..]), row(&below[1..]));
+        let above = &splatted[j * stride..][..TILE + 2];
+        let here = &splatted[(j + 1) * stride..][..TILE + 2];
+        let below = &splatted[(j + 2) * stride..][..TILE + 2];
+        let own = close_row(row(&here[1..]), row(here), row(&here[2..]));
+        let own = close_row(&own, row(&above[1..]), row(&below[1..]));
         for i in 0..TILE {
             holes[i] += u64::from(own[i] == EMPTY);
             // One more than the key: nothing is 0 then, and nearest.
@@ -221,19 +227,20 @@ fn close_in_vectors(places: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (
 }
 
 #[inline(always)]
-fn nearest_around_in_vectors(around: &Around, limit: i32, nearest: &mut [Key; BLOCK]) -> u64 {
+fn nearest_neighbours_in_vectors(padded: &PaddedTile, limit: i32, nearest: &mut [Key; BLOCK]) -> u64 {
     let mut across = [[EMPTY; TILE]; TILE + 2];
     for j in 0..TILE + 2 {
         for i in 0..TILE {
-            across[j][i] = around[j][i].min(around[j][i + 1]).min(around[j][i + 2]);
+            across[j][i] = padded[j][i].min(padded[j][i + 1]).min(padded[j][i + 2]);
         }
     }
     let mut changes = [0; TILE];
     for j in 0..TILE {
-        let own = row(&around[j + 1][1..]);
+        let own = row(&padded[j + 1][1..]);
         for i in 0..TILE {
             let first = across[j][i].min(across[j + 1][i]).min(across[j + 2][i]);
-            let is_other = (own[i] != EMPTY) & is_nearer(first, own[i]) & !move_within(first, own[i], limit);
+            let is_other =
+                (own[i] != EMPTY) & is_in_front(first, own[i]) & !motion_within_in_vectors(first, own[i], limit);
             nearest[j * TILE + i] = first;
             changes[i] |= u64::from(is_other) << (j * TILE + i);
         }
@@ -242,29 +249,29 @@ fn nearest_around_in_vectors(around: &Around, limit: i32, nearest: &mut [Key; BL
 }
 
 #[inline(always)]
-fn other_around_in_vectors(around: &Around, limit: i32, asked: u64, others: &mut [Key; BLOCK]) -> u64 {
+fn nearest_other_motion_in_vectors(padded: &PaddedTile, limit: i32, wanted: u64, others: &mut [Key; BLOCK]) -> u64 {
     others.fill(EMPTY);
     let mut changes = [0; TILE];
     for j in 0..TILE {
-        let asked = asked >> (j * TILE) & 0xff;
-        if asked == 0 {
+        let wanted = wanted >> (j * TILE) & 0xff;
+        if wanted == 0 {
             continue;
         }
-        let own = row(&around[j + 1][1..]);
+        let own = row(&padded[j + 1][1..]);
         let mut first = [EMPTY; TILE];
-        for beside in &around[j..j + 3] {
+        for beside in &padded[j..j + 3] {
             for shift in 0..3 {
                 let beside = row(&beside[shift..]);
                 for i in 0..TILE {
-                    // Nothing is no claim to move otherwise, and the last of all.
-                    let other = if move_within(beside[i], own[i], limit) { EMPTY } else { beside[i] };
+                    // Nothing is no splat to move otherwise, and the last of all.
+                    let other = if motion_within_in_vectors(beside[i], own[i], limit) { EMPTY } else { beside[i] };
                     first[i] = first[i].min(other);
                 }
             }
         }
         for i in 0..TILE {
-            let is_asked = (own[i] != EMPTY) & (asked >> i & 1 == 1);
-            let other = if is_asked { first[i] } else { EMPTY };
+            let is_wanted = (own[i] != EMPTY) & (wanted >> i & 1 == 1);
+            let other = if is_wanted { first[i] } else { EMPTY };
             others[j * TILE + i] = other;
             changes[i] |= u64::from(other != EMPTY) << (j * TILE + i);
         }
@@ -273,21 +280,21 @@ fn other_around_in_vectors(around: &Around, limit: i32, asked: u64, others: &mut
 }
 
 #[inline(always)]
-fn span_in_vectors(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
-    const MOST: u32 = COMPONENT as u32;
+fn vector_range_in_vectors(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
+    const MAX: u32 = COMPONENT as u32;
     // As they are held: in EMPTY both are the most that can be, and one more of that is the least.
-    let (mut low, mut high) = ([[MOST; TILE]; 2], [[0; TILE]; 2]);
+    let (mut low, mut high) = ([[MAX; TILE]; 2], [[0; TILE]; 2]);
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
         for i in 0..TILE {
-            let (x, y) = ((keys[i] >> 20) as u32 & MOST, keys[i] as u32 & MOST);
+            let (x, y) = ((keys[i] >> 20) as u32 & MAX, keys[i] as u32 & MAX);
             low[0][i] = low[0][i].min(x);
             low[1][i] = low[1][i].min(y);
-            high[0][i] = high[0][i].max((x + 1) & MOST);
-            high[1][i] = high[1][i].max((y + 1) & MOST);
+            high[0][i] = high[0][i].max((x + 1) & MAX);
+            high[1][i] = high[1][i].max((y + 1) & MAX);
         }
     }
-    let (mut least, mut largest) = ([MOST; 2], [0; 2]);
+    let (mut least, mut largest) = ([MAX; 2], [0; 2]);
     for c in 0..2 {
         for i in 0..TILE {
             least[c] = least[c].min(low[c][i]);
@@ -302,137 +309,144 @@ fn span_in_vectors(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
 }
 
 #[inline(always)]
-fn spots_in_vectors(
+fn source_positions_in_vectors(
     keys: &[Key; BLOCK],
     at: [i32; 2],
-    moment: Moment,
+    time: WarpTime,
     size: [usize; 2],
-    before: &mut Positions,
-    after: &mut Positions,
+    previous: &mut Positions,
+    current: &mut Positions,
 ) -> [u64; 2] {
     let [width, height] = size.map(|len| 64 * len as u32);
     let from = at.map(|at| 64 * at);
-    let mut beyond = [[0; TILE]; 2];
+    let mut outside = [[0; TILE]; 2];
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
-        let phases = moment.phases(keys, [at[0], at[1] + j as i32]);
+        let phases = time.phases(keys, [at[0], at[1] + j as i32]);
         let (mut u, mut v, mut s, mut t) = ([0; TILE], [0; TILE], [0; TILE], [0; TILE]);
         for i in 0..TILE {
             let [x, y] = vector(keys[i]);
-            u[i] = from[0] + 64 * i as i32 + part(x, phases[i]);
-            v[i] = from[1] + 64 * j as i32 + part(y, phases[i]);
+            u[i] = from[0] + 64 * i as i32 + scaled(x, phases[i]);
+            v[i] = from[1] + 64 * j as i32 + scaled(y, phases[i]);
             s[i] = u[i] - x;
             t[i] = v[i] - y;
-            // As unsigned numbers, what is negative is far beyond.
-            let is_before_beyond = ((u[i] + 32) as u32 >= width) | ((v[i] + 32) as u32 >= height);
-            let is_after_beyond = ((s[i] + 32) as u32 >= width) | ((t[i] + 32) as u32 >= height);
-            beyond[0][i] |= u64::from(is_before_beyond) << (j * TILE + i);
-            beyond[1][i] |= u64::from(is_after_beyond) << (j * TILE + i);
+            // As unsigned numbers, what is negative is far outside.
+            let is_previous_outside = ((u[i] + 32) as u32 >= width) | ((v[i] + 32) as u32 >= height);
+            let is_current_outside = ((s[i] + 32) as u32 >= width) | ((t[i] + 32) as u32 >= height);
+            outside[0][i] |= u64::from(is_previous_outside) << (j * TILE + i);
+            outside[1][i] |= u64::from(is_current_outside) << (j * TILE + i);
         }
-        before.x[j * TILE..][..TILE].copy_from_slice(&u);
-        before.y[j * TILE..][..TILE].copy_from_slice(&v);
-        after.x[j * TILE..][..TILE].copy_from_slice(&s);
-        after.y[j * TILE..][..TILE].copy_from_slice(&t);
+        previous.x[j * TILE..][..TILE].copy_from_slice(&u);
+        previous.y[j * TILE..][..TILE].copy_from_slice(&v);
+        current.x[j * TILE..][..TILE].copy_from_slice(&s);
+        current.y[j * TILE..][..TILE].copy_from_slice(&t);
     }
-    beyond.map(|beyond| beyond.into_iter().fold(0, |all, bits| all | bits))
+    outside.map(|outside| outside.into_iter().fold(0, |all, bits| all | bits))
 }
 
 #[inline(always)]
-fn having_in_vectors(keys: &[Key; BLOCK], mark: u8) -> u64 {
-    let mut having = [0; TILE];
+fn tagged_in_vectors(keys: &[Key; BLOCK], tag: u8) -> u64 {
+    let mut tagged = [0; TILE];
     for j in (0..TILE).rev() {
         let keys = row(&keys[j * TILE..]);
         for i in 0..TILE {
-            having[i] = having[i] << TILE | u64::from(keys[i] >> 40 & 0xff == u64::from(mark));
+            tagged[i] = tagged[i] << TILE | u64::from(keys[i] >> 40 & 0xff == u64::from(tag));
         }
     }
     // Of each column a bit to a row.
-    having.into_iter().enumerate().fold(0, |all, (i, of_column)| all | of_column << i)
+    tagged.into_iter().enumerate().fold(0, |all, (i, of_column)| all | of_column << i)
 }
 
-/// The same, place by place.
+/// The same, index by index.
 mod scalar {
-    use super::super::super::key_buffer::{self, Grid, alike, is_nearer, moves_within};
-    use super::{Around, BLOCK, EMPTY, Key, Moment, Places, Positions, TILE, Way, landed, part, vector};
+    use super::super::super::key_buffer::Grid;
+    use super::super::super::splat_key::{self, is_in_front, motion_within, similar_motion};
+    use super::{BLOCK, EMPTY, Key, PaddedTile, Positions, SplatTarget, TILE, Warp, WarpTime, scaled, vector, warped};
 
-    pub(super) fn carry(keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], way: Way, places: &mut Places<'_>) {
-        for (place, &key) in keys.iter().enumerate() {
-            let at = [at[0] + (place % TILE) as i32, at[1] + (place / TILE) as i32];
-            let ([x, y], reach) = (vector(key), way.reach(key, at));
-            places.claim(landed(at[0], x, reach) + shift[0], landed(at[1], y, reach) + shift[1], key);
+    pub(super) fn splat_pixels(
+        keys: &[Key; BLOCK],
+        at: [i32; 2],
+        shift: [i32; 2],
+        warp: Warp,
+        target: &mut SplatTarget<'_>,
+    ) {
+        for (index, &key) in keys.iter().enumerate() {
+            let at = [at[0] + (index % TILE) as i32, at[1] + (index / TILE) as i32];
+            let ([x, y], fraction) = (vector(key), warp.fraction(key, at));
+            target.splat(warped(at[0], x, fraction) + shift[0], warped(at[1], y, fraction) + shift[1], key);
         }
     }
 
-    pub(super) fn close(places: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (u8, Key) {
-        for (place, key) in keys.iter_mut().enumerate() {
-            let at = |i: usize, j: usize| places[(place / TILE + j) * stride + place % TILE + i];
+    pub(super) fn close_cracks(splatted: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (u8, Key) {
+        for (index, key) in keys.iter_mut().enumerate() {
+            let at = |i: usize, j: usize| splatted[(index / TILE + j) * stride + index % TILE + i];
             *key = at(1, 1);
             for [a, b] in [[at(0, 1), at(2, 1)], [at(1, 0), at(1, 2)]] {
-                let is_surface = a != EMPTY && b != EMPTY && alike(a, b);
-                if is_surface && (*key == EMPTY || is_nearer(a.max(b), *key) && !alike(a.min(b), *key)) {
+                let is_surface = a != EMPTY && b != EMPTY && similar_motion(a, b);
+                if is_surface && (*key == EMPTY || is_in_front(a.max(b), *key) && !similar_motion(a.min(b), *key)) {
                     *key = a.min(b);
                 }
             }
         }
-        let claims = keys.iter().copied().filter(|&key| key != EMPTY);
-        ((BLOCK - claims.clone().count()) as u8, claims.max().unwrap_or(EMPTY))
+        let keys_found = keys.iter().copied().filter(|&key| key != EMPTY);
+        ((BLOCK - keys_found.clone().count()) as u8, keys_found.max().unwrap_or(EMPTY))
     }
 
-    pub(super) fn nearest_around(around: &Around, limit: i32, nearest: &mut [Key; BLOCK]) -> u64 {
+    pub(super) fn nearest_neighbours(padded: &PaddedTile, limit: i32, nearest: &mut [Key; BLOCK]) -> u64 {
         let mut changes = 0;
-        for (place, nearest) in nearest.iter_mut().enumerate() {
-            let (i, j) = (place % TILE, place / TILE);
-            let own = around[j + 1][i + 1];
-            *nearest = around[j..j + 3].iter().flat_map(|line| line[i..i + 3].iter().copied()).fold(EMPTY, Key::min);
-            let is_other = own != EMPTY && is_nearer(*nearest, own) && !moves_within(*nearest, own, limit);
-            changes |= u64::from(is_other) << place;
+        for (index, nearest) in nearest.iter_mut().enumerate() {
+            let (i, j) = (index % TILE, index / TILE);
+            let own = padded[j + 1][i + 1];
+            *nearest = padded[j..j + 3].iter().flat_map(|line| line[i..i + 3].iter().copied()).fold(EMPTY, Key::min);
+            let is_other = own != EMPTY && is_in_front(*nearest, own) && !motion_within(*nearest, own, limit);
+            changes |= u64::from(is_other) << index;
         }
         changes
     }
 
-    pub(super) fn other_around(around: &Around, limit: i32, asked: u64, others: &mut [Key; BLOCK]) -> u64 {
+    pub(super) fn nearest_other_motion(padded: &PaddedTile, limit: i32, wanted: u64, others: &mut [Key; BLOCK]) -> u64 {
         let mut changes = 0;
-        for (place, other) in others.iter_mut().enumerate() {
-            let (i, j) = (place % TILE, place / TILE);
-            let own = around[j + 1][i + 1];
-            let beside = around[j..j + 3].iter().flat_map(|line| line[i..i + 3].iter().copied());
-            let is_asked = own != EMPTY && asked >> place & 1 == 1;
-            let moves_otherwise = |&key: &Key| is_asked && key != EMPTY && !moves_within(key, own, limit);
+        for (index, other) in others.iter_mut().enumerate() {
+            let (i, j) = (index % TILE, index / TILE);
+            let own = padded[j + 1][i + 1];
+            let beside = padded[j..j + 3].iter().flat_map(|line| line[i..i + 3].iter().copied());
+            let is_wanted = own != EMPTY && wanted >> index & 1 == 1;
+            let moves_otherwise = |&key: &Key| is_wanted && key != EMPTY && !motion_within(key, own, limit);
             *other = beside.filter(moves_otherwise).fold(EMPTY, Key::min);
-            changes |= u64::from(*other != EMPTY) << place;
+            changes |= u64::from(*other != EMPTY) << index;
         }
         changes
     }
 
-    pub(super) fn span(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
+    pub(super) fn vector_range(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
         let vectors = keys.iter().filter(|&&key| key != EMPTY).map(|&key| vector(key));
         vectors.fold([[i32::MAX; 2], [i32::MIN; 2]], |[low, high], vector| {
             [[0, 1].map(|c| low[c].min(vector[c])), [0, 1].map(|c| high[c].max(vector[c]))]
         })
     }
 
-    pub(super) fn spots(
+    pub(super) fn source_positions(
         keys: &[Key; BLOCK],
         at: [i32; 2],
-        moment: Moment,
+        time: WarpTime,
         [width, height]: [usize; 2],
-        before: &mut Positions,
-        after: &mut Positions,
+        previous: &mut Positions,
+        current: &mut Positions,
     ) -> [u64; 2] {
         let grid = Grid { width, height, ..Grid::default() };
-        let mut beyond = [0; 2];
-        for (place, &key) in keys.iter().enumerate() {
-            let at = [at[0] + (place % TILE) as i32, at[1] + (place / TILE) as i32];
-            let ([x, y], phase) = (vector(key), moment.phase(key, at));
-            (before.x[place], before.y[place]) = (64 * at[0] + part(x, phase), 64 * at[1] + part(y, phase));
-            (after.x[place], after.y[place]) = (before.x[place] - x, before.y[place] - y);
-            beyond[0] |= u64::from(!grid.holds([before.x[place], before.y[place]])) << place;
-            beyond[1] |= u64::from(!grid.holds([after.x[place], after.y[place]])) << place;
+        let mut outside = [0; 2];
+        for (index, &key) in keys.iter().enumerate() {
+            let at = [at[0] + (index % TILE) as i32, at[1] + (index / TILE) as i32];
+            let ([x, y], phase) = (vector(key), time.phase(key, at));
+            (previous.x[index], previous.y[index]) = (64 * at[0] + scaled(x, phase), 64 * at[1] + scaled(y, phase));
+            (current.x[index], current.y[index]) = (previous.x[index] - x, previous.y[index] - y);
+            outside[0] |= u64::from(!grid.contains_position([previous.x[index], previous.y[index]])) << index;
+            outside[1] |= u64::from(!grid.contains_position([current.x[index], current.y[index]])) << index;
         }
-        beyond
+        outside
     }
 
-    pub(super) fn having(keys: &[Key; BLOCK], mark: u8) -> u64 {
-        keys.iter().enumerate().fold(0, |all, (place, &key)| all | u64::from(key_buffer::mark(key) == mark) << place)
+    pub(super) fn tagged(keys: &[Key; BLOCK], tag: u8) -> u64 {
+        keys.iter().enumerate().fold(0, |all, (index, &key)| all | u64::from(splat_key::tag(key) == tag) << index)
     }
 }

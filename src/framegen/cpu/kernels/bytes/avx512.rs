@@ -5,8 +5,8 @@ use std::arch::x86_64::*;
 use bytemuck::{must_cast, must_cast_mut, must_cast_ref};
 
 use super::{
-    AHEAD, BEFORE, BIAS, BLOCK, Block, Groups, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE,
-    clamped, some_of, starts,
+    BEFORE, BIAS, BLOCK, Block, Groups, NEGATIVE, PREFETCH_AHEAD, Patch, Pixel, Positions, Rule, SINC, SPAN, Source,
+    TAPS, TILE, clamped, starts, take_up_to,
 };
 use crate::framegen::cpu::kernels::lanczos::{PAIRS, PHASES};
 
@@ -26,17 +26,17 @@ pub(super) fn tile(
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
-    let (mut room_a, mut room_b) = (None, None);
-    let before = sampled(&Patch::new(&previous, a, &mut room_a).fetch_ahead());
-    let after = sampled(&Patch::new(&current, b, &mut room_b).fetch_ahead());
+    let (mut buffer_a, mut buffer_b) = (None, None);
+    let from_previous = sampled(&Patch::new(&previous, a, &mut buffer_a).prefetch_ahead());
+    let from_current = sampled(&Patch::new(&current, b, &mut buffer_b).prefetch_ahead());
     let merge = Merge::new(rule);
     let mut mask = 0;
     for row in 0..TILE {
         // The tiles to the right are written next.
-        _mm_prefetch::<_MM_HINT_ET0>(out.as_ptr().wrapping_add(row * stride + AHEAD).cast());
+        _mm_prefetch::<_MM_HINT_ET0>(out.as_ptr().wrapping_add(row * stride + PREFETCH_AHEAD).cast());
     }
     for pair in 0..TILE / 2 {
-        let (rows, is_reported) = merge.sixteen(before[pair], after[pair]);
+        let (rows, is_reported) = merge.sixteen(from_previous[pair], from_current[pair]);
         store(out, 2 * pair, stride, rows);
         mask |= u64::from(is_reported) << (PIXELS * pair);
     }
@@ -46,8 +46,8 @@ pub(super) fn tile(
 /// See [`super::Sampled::tile_of_one`].
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
 pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
-    let mut room = None;
-    for (pair, rows) in sampled(&Patch::new(&source, at, &mut room).fetch_ahead()).into_iter().enumerate() {
+    let mut buffer = None;
+    for (pair, rows) in sampled(&Patch::new(&source, at, &mut buffer).prefetch_ahead()).into_iter().enumerate() {
         store(out, 2 * pair, stride, rows);
     }
 }
@@ -56,12 +56,12 @@ pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pi
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
 pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
     let merge = Merge::new(rule);
-    let before: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&block.before);
-    let after: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&block.after);
+    let from_previous: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&block.previous);
+    let from_current: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&block.current);
     let merged: &mut [[Pixel; PIXELS]; 4] = must_cast_mut::<[Pixel; BLOCK], _>(&mut block.merged);
     let mut mask = 0;
     for i in 0..4 {
-        let (pixels, is_reported) = merge.sixteen(must_cast(before[i]), must_cast(after[i]));
+        let (pixels, is_reported) = merge.sixteen(must_cast(from_previous[i]), must_cast(from_current[i]));
         merged[i] = must_cast(pixels);
         mask |= u64::from(is_reported) << (PIXELS * i);
     }
@@ -73,14 +73,14 @@ pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
 pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
     let mut groups = Groups::new(at, wanted);
     while let Some((corner, group)) = groups.next() {
-        let mut room = None;
-        let rows = sampled(&Patch::new(&source, corner, &mut room));
+        let mut buffer = None;
+        let rows = sampled(&Patch::new(&source, corner, &mut buffer));
         let out = must_cast_mut::<_, [[Pixel; PIXELS]; TILE / 2]>(out);
         for (pair, (out, rows)) in out.iter_mut().zip(rows).enumerate() {
             *out = must_cast(_mm512_mask_mov_epi32(must_cast(*out), (group >> (PIXELS * pair)) as u16, rows));
         }
     }
-    each_pixel(source, at, groups.alone(), out);
+    each_pixel(source, at, groups.single(), out);
 }
 
 /// Some pixels, two at a time.
@@ -93,7 +93,7 @@ fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &
     let bias = _mm512_set1_epi64(BIAS.into());
     let starts = starts(&source, at);
     while wanted != 0 {
-        let (places, count) = some_of::<PIXELS>(&mut wanted);
+        let (indices, count) = take_up_to::<PIXELS>(&mut wanted);
         // Two pixels, their sums where the even numbers are and again where the odd ones are.
         let mut sums = [_mm512_setzero_si512(); PIXELS / 2];
         for (pair, sums) in sums.iter_mut().enumerate().take(count.div_ceil(2)) {
@@ -102,7 +102,7 @@ fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &
             let mut rows = [[_mm512_setzero_si512(); TAPS / 2]; 2];
             let mut phases = [0; 2];
             for (side, (rows, phase)) in rows.iter_mut().zip(&mut phases).enumerate() {
-                let pixel = places[2 * pair + side];
+                let pixel = indices[2 * pair + side];
                 let at = [at.x[pixel], at.y[pixel]];
                 let [fx, fy] = at.map(|v| (v & 63) as usize);
                 let two = |upper, lower| {
@@ -139,8 +139,8 @@ fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &
         let sixteen = _mm512_packs_epi16(eight(a, b, c, d), eight(e, f, g, h));
         let pixels = _mm512_permutexvar_epi8(levels, _mm512_xor_si512(sixteen, _mm512_set1_epi8(-128)));
         let pixels: [Pixel; PIXELS] = must_cast(pixels);
-        for (&place, pixel) in places[..count].iter().zip(pixels) {
-            out[place] = pixel;
+        for (&index, pixel) in indices[..count].iter().zip(pixels) {
+            out[index] = pixel;
         }
     }
 }
@@ -265,8 +265,8 @@ fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
 /// A [`Rule`] in vectors.
 struct Merge {
     shares: __m512i,
-    agree: __m512i,
-    careful: __m512i,
+    max_equal_difference: __m512i,
+    doubt_threshold: __m512i,
     nearer_is_current: bool,
 }
 
@@ -277,8 +277,8 @@ impl Merge {
         let share = i16::from(rule.share());
         Self {
             shares: _mm512_set1_epi16((128 - share) | share << 8),
-            agree: _mm512_set1_epi8(rule.agree as i8),
-            careful: _mm512_set1_epi8(rule.careful as i8),
+            max_equal_difference: _mm512_set1_epi8(rule.max_equal_difference as i8),
+            doubt_threshold: _mm512_set1_epi8(rule.doubt_threshold as i8),
             nearer_is_current: rule.nearer_is_current,
         }
     }
@@ -295,7 +295,7 @@ impl Merge {
         let weighted = |pairs| _mm512_mulhrs_epi16(_mm512_maddubs_epi16(pairs, self.shares), _mm512_set1_epi16(256));
         let mixed = _mm512_packus_epi16(weighted(_mm512_unpacklo_epi8(b, a)), weighted(_mm512_unpackhi_epi8(b, a)));
         let nearer = if self.nearer_is_current { a } else { b };
-        (_mm512_mask_blend_epi32(is_beyond(self.agree), nearer, mixed), is_beyond(self.careful))
+        (_mm512_mask_blend_epi32(is_beyond(self.max_equal_difference), nearer, mixed), is_beyond(self.doubt_threshold))
     }
 }
 

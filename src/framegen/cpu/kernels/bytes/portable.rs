@@ -15,14 +15,14 @@ pub(super) fn tile(
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
-    let (mut room_a, mut room_b) = (None, None);
-    let before = sampled(&Patch::new(&previous, a, &mut room_a).fetch_ahead());
-    let after = sampled(&Patch::new(&current, b, &mut room_b).fetch_ahead());
+    let (mut buffer_a, mut buffer_b) = (None, None);
+    let from_previous = sampled(&Patch::new(&previous, a, &mut buffer_a).prefetch_ahead());
+    let from_current = sampled(&Patch::new(&current, b, &mut buffer_b).prefetch_ahead());
     let mut mask = 0;
     for j in 0..TILE {
-        let (before, after) = (before[j].as_chunks::<4>().0, after[j].as_chunks::<4>().0);
+        let (from_previous, from_current) = (from_previous[j].as_chunks::<4>().0, from_current[j].as_chunks::<4>().0);
         for (i, out) in out[j * stride..][..TILE].iter_mut().enumerate() {
-            let (merged, is_reported) = Pixel::merge(before[i], after[i], rule);
+            let (merged, is_reported) = Pixel::merge(from_previous[i], from_current[i], rule);
             *out = merged;
             mask |= u64::from(is_reported) << (TILE * j + i);
         }
@@ -32,8 +32,8 @@ pub(super) fn tile(
 
 /// See [`Sampled::tile_of_one`].
 pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
-    let mut room = None;
-    for (j, row) in sampled(&Patch::new(&source, at, &mut room).fetch_ahead()).iter().enumerate() {
+    let mut buffer = None;
+    for (j, row) in sampled(&Patch::new(&source, at, &mut buffer).prefetch_ahead()).iter().enumerate() {
         out[j * stride..][..TILE].as_flattened_mut().copy_from_slice(row);
     }
 }
@@ -42,15 +42,15 @@ pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pi
 pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
     let mut groups = Groups::new(at, wanted);
     while let Some((corner, group)) = groups.next() {
-        let mut room = None;
-        for (j, row) in sampled(&Patch::new(&source, corner, &mut room)).iter().enumerate() {
+        let mut buffer = None;
+        for (j, row) in sampled(&Patch::new(&source, corner, &mut buffer)).iter().enumerate() {
             let pixels = out[TILE * j..].iter_mut().zip(row.as_chunks::<4>().0).enumerate();
             for (_, (out, pixel)) in pixels.filter(|(i, _)| group >> (TILE * j + i) & 1 == 1) {
                 *out = *pixel;
             }
         }
     }
-    scalar::pixels_of_one(source, at, groups.alone(), out);
+    scalar::pixels_of_one(source, at, groups.single(), out);
 }
 
 /// The tile, row by row.

@@ -23,12 +23,12 @@ pub(super) fn tile(
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
-    let (mut before, mut after) = ([[0.0; ROW]; TILE], [[0.0; ROW]; TILE]);
-    sampled(previous, a, &mut before);
-    sampled(current, b, &mut after);
+    let (mut from_previous, mut from_current) = ([[0.0; ROW]; TILE], [[0.0; ROW]; TILE]);
+    sampled(previous, a, &mut from_previous);
+    sampled(current, b, &mut from_current);
     let mut mask = 0;
     for j in 0..TILE {
-        let (row, is_reported) = merged(&before[j], &after[j], rule);
+        let (row, is_reported) = merged(&from_previous[j], &from_current[j], rule);
         *out[j * stride..].first_chunk_mut().expect("a tile fits") = narrowed(&row);
         mask |= is_reported << (TILE * j);
     }
@@ -50,10 +50,10 @@ pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pi
 pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
     let mut mask = 0;
     for j in 0..TILE {
-        let (mut before, mut after) = ([0.0; ROW], [0.0; ROW]);
-        widen(block.before[TILE * j..].as_flattened(), &mut before);
-        widen(block.after[TILE * j..].as_flattened(), &mut after);
-        let (row, is_reported) = merged(&before, &after, rule);
+        let (mut from_previous, mut from_current) = ([0.0; ROW], [0.0; ROW]);
+        widen(block.previous[TILE * j..].as_flattened(), &mut from_previous);
+        widen(block.current[TILE * j..].as_flattened(), &mut from_current);
+        let (row, is_reported) = merged(&from_previous, &from_current, rule);
         block.merged[TILE * j..][..TILE].copy_from_slice(&narrowed(&row));
         mask |= is_reported << (TILE * j);
     }
@@ -181,17 +181,17 @@ fn weighted(p: [f32; TAPS], w: [f32; TAPS]) -> f32 {
 
 /// A row of pixels from two, not yet rounded, and the bits of those to report.
 #[inline(always)]
-fn merged(before: &[f32; ROW], after: &[f32; ROW], rule: &Rule) -> ([f32; ROW], u64) {
+fn merged(from_previous: &[f32; ROW], from_current: &[f32; ROW], rule: &Rule) -> ([f32; ROW], u64) {
     let share = f32::from(rule.share()) / 128.0;
-    let nearer = if rule.nearer_is_current { after } else { before };
-    let [agree, careful] = [rule.agree, rule.careful].map(f32::from);
+    let nearer = if rule.nearer_is_current { from_current } else { from_previous };
+    let [max_equal_difference, doubt_threshold] = [rule.max_equal_difference, rule.doubt_threshold].map(f32::from);
     let (mut is_mixed, mut is_reported) = ([0; ROW], [0; ROW]);
     let mut mixed = [0.0; ROW];
     for i in 0..ROW {
-        let (a, b) = (before[i], after[i]);
+        let (a, b) = (from_previous[i], from_current[i]);
         let (apart, scale) = ((b - a).abs() * 255.0, larger(a.abs(), b.abs()) + 0.25);
-        is_mixed[i] = u32::from(apart > agree * scale);
-        is_reported[i] = u32::from(apart > careful * scale);
+        is_mixed[i] = u32::from(apart > max_equal_difference * scale);
+        is_reported[i] = u32::from(apart > doubt_threshold * scale);
         mixed[i] = a + (b - a) * share;
     }
     let (mut row, mut mask) = (*nearer, 0);

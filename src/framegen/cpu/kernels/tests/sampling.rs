@@ -94,8 +94,8 @@ fn rule(random: &mut Random) -> Rule {
     Rule {
         weight: random.below(256) as u8,
         nearer_is_current: random.below(2) == 0,
-        agree: random.below(8) as u8,
-        careful: [0, 3, 20, 255][random.below(4) as usize],
+        max_equal_difference: random.below(8) as u8,
+        doubt_threshold: [0, 3, 20, 255][random.below(4) as usize],
     }
 }
 
@@ -112,7 +112,7 @@ fn all_levels_make_the_same_tiles<P: Painted>() {
         for _ in 0..20 {
             let (a, b, rule) = (position(&mut random, size), position(&mut random, size), rule(&mut random));
             let stride = TILE + random.below(4) as usize;
-            let make = |level: Option<Level>| {
+            let make = |level: Option<SimdLevel>| {
                 // The last row ends with the tile: not a pixel more may be needed or written.
                 let mut out = [P::GUARD; 3 * 8 * 12];
                 let len = 7 * stride + TILE;
@@ -128,7 +128,7 @@ fn all_levels_make_the_same_tiles<P: Painted>() {
                 (mask, bits(&out))
             };
             let expected = make(None);
-            for level in Level::available() {
+            for level in SimdLevel::available() {
                 assert!(make(Some(level)) == expected, "{} at {a:?} {b:?} in {size:?}, {rule:?}", level.name());
             }
         }
@@ -156,9 +156,9 @@ fn all_levels_make_the_same_pixels<P: Painted>() {
         let (a, b, rule) = (positions(&mut random), positions(&mut random), rule(&mut random));
         let wanted = [u64::MAX, random.bits(), random.bits() & random.bits() & random.bits(), 0];
         let wanted = wanted[random.below(4) as usize];
-        let make = |level: Option<Level>| {
-            let mut out = Block { before: [P::GUARD; BLOCK], after: [P::GUARD; BLOCK], merged: [P::GUARD; BLOCK] };
-            for (source, at, samples) in [(previous, &a, &mut out.before), (current, &b, &mut out.after)] {
+        let make = |level: Option<SimdLevel>| {
+            let mut out = Block { previous: [P::GUARD; BLOCK], current: [P::GUARD; BLOCK], merged: [P::GUARD; BLOCK] };
+            for (source, at, samples) in [(previous, &a, &mut out.previous), (current, &b, &mut out.current)] {
                 match level {
                     Some(level) => P::pixels_of_one(level, source, at, wanted, samples),
                     None => scalar::pixels_of_one(source, at, wanted, samples),
@@ -168,10 +168,10 @@ fn all_levels_make_the_same_pixels<P: Painted>() {
                 Some(level) => P::merge_block(level, &rule, &mut out),
                 None => scalar::merge_block(&rule, &mut out),
             };
-            (mask, bits(&out.before), bits(&out.after), bits(&out.merged))
+            (mask, bits(&out.previous), bits(&out.current), bits(&out.merged))
         };
         let expected = make(None);
-        for level in Level::available() {
+        for level in SimdLevel::available() {
             assert!(make(Some(level)) == expected, "{} in {size:?}, {rule:?}", level.name());
         }
     }
@@ -209,9 +209,9 @@ fn all_levels_find_the_same_lumas<P: Painted>() {
                 (0..3).for_each(|_| P::add_levels(level, &row, &mut sums));
                 (lumas, sums)
             };
-            let expected = find(Level::SCALAR);
+            let expected = find(SimdLevel::SCALAR);
             assert_eq!((expected.0[width], expected.1[width]), (9, [9; 4]));
-            for level in Level::available() {
+            for level in SimdLevel::available() {
                 assert_eq!(find(level), expected, "{} of {width}, kind {kind}", level.name());
             }
         }
