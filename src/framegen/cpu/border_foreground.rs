@@ -1,8 +1,8 @@
-//! What leaves the picture in front of all else.
+//! Detection of foreground that leaves the picture.
 //!
-//! Something near that an edge of the previous anchor cuts off may be gone from the current one, which then has no
-//! motion for it: what it covered seems to be there all the time. Its colours tell that it is not (see [`is_colour_outlier`]),
-//! and that it is gone tells how far it has moved at least: over the edge with all that reached into the picture.
+//! A near object that a border of the previous anchor cuts off may be outside the current one, which then has no motion
+//! for it: the background that it covered seems visible all the time. Its colours in the previous anchor are outliers
+//! (see [`is_colour_outlier`]), and since it is gone, it moved at least by its extent in the picture.
 
 use super::colour::Colour;
 use super::colour_outlier::is_colour_outlier;
@@ -13,22 +13,22 @@ use super::splat_key::{self, EMPTY, Key, MAX_COMPONENT, PREVIOUS_ONLY};
 use crate::Result;
 use crate::tasks::{Parallel, ParallelSliceMut};
 
-/// At most this many pixels of something that leaves may look like what it covers, one after the other.
+/// Largest number of consecutive pixels of the object that are no colour outliers.
 const MAX_GAP: usize = 6;
-/// At least one in this many of its pixels does not.
+/// At least one in this many of its pixels is an outlier.
 const PIXELS_PER_OUTLIER: usize = 3;
-/// Levels of luma within which a pixel that nothing claims goes on with what is before it.
+/// Largest luma difference between a hole and the object's last pixel if both belong to it.
 const SIMILAR_LUMA: f32 = 16.0;
-/// Something that leaves covers at least this many pixels of some line.
+/// Smallest extent of an object, in pixels of its longest line.
 const MIN_LENGTH: usize = 3;
-/// Fewer lines than this may lie between two lines of it without a sign of it.
+/// Lines without outliers are bridged if there are fewer than this.
 const MAX_LINE_GAP: usize = 8;
-/// It is looked for up to this part of a line from its ends.
+/// Objects are searched in this fraction (1/n) of a line from each end.
 const LENGTH_DIVISOR: usize = 8;
-/// Ranks by which it is in front of what it covers: half the distance.
+/// Depth keys by which the object is in front of its background: half the distance.
 const DEPTH_KEY_STEP: u16 = 2048;
 
-/// The pixels at one end of a line that something covers which leaves over that end.
+/// Pixels at one end of a row or column that foreground covers.
 #[derive(Debug, Clone, Copy)]
 struct BorderRun {
     len: usize,
@@ -37,24 +37,24 @@ struct BorderRun {
 
 const NONE: BorderRun = BorderRun { len: 0, key: EMPTY };
 
-/// What leaves; keeps its memory.
+/// Foreground at the borders; keeps its memory.
 #[derive(Debug, Default)]
 pub(super) struct BorderForeground {
     size: [usize; 2],
-    /// Over the left and the right end of each row, then over the upper and the lower end of each column.
+    /// At the left and right end of each row, then at the top and bottom end of each column.
     runs: Vec<[BorderRun; 2]>,
 }
 
 impl BorderForeground {
-    /// Makes room for pictures of a size.
+    /// Allocates for a picture size.
     pub(super) fn reserve(&mut self, size: [usize; 2]) -> Result<()> {
         self.size = size;
         resize(&mut self.runs, size[0] + size[1], [NONE; 2])
     }
 
-    /// Looks along the edges of the previous anchor, and takes the places of what leaves over them away from their
-    /// `previous_keys`. For `margin` see [`colour_outlier::margin`](super::colour_outlier::margin). A `edge_width` of so many pixels goes along, which is
-    /// mixed with what it covers and so is not seen to be gone.
+    /// Scans the borders of the previous anchor and removes the keys of pixels that such foreground covers. `margin` as
+    /// of [`colour_outlier::margin`](super::colour_outlier::margin). Objects are extended by `edge_width` pixels, whose
+    /// colours are mixed with the background's.
     pub(super) fn detect<P: Colour>(
         &mut self,
         previous_keys: &mut KeyBuffer,
@@ -86,7 +86,7 @@ impl BorderForeground {
         Ok(())
     }
 
-    /// Whether anything that leaves may be in a tile.
+    /// Whether a tile may contain such pixels.
     pub(super) fn may_touch(&self, [x, y]: [usize; 2], [across, down]: [usize; 2]) -> bool {
         let [width, height] = self.size;
         let is_near = |runs: &[[BorderRun; 2]], first: usize, rest: usize| {
@@ -96,7 +96,7 @@ impl BorderForeground {
             || is_near(&self.runs[height + x..height + x + across], y, height - y - down)
     }
 
-    /// The key of what leaves at a pixel_at, if anything does.
+    /// Key of the foreground at a pixel, if there is any.
     pub(super) fn key_at(&self, x: usize, y: usize) -> Option<Key> {
         let [width, height] = self.size;
         let ends = [(&self.runs[y], [x, width - 1 - x]), (&self.runs[height + x], [y, height - 1 - y])];
@@ -104,13 +104,13 @@ impl BorderForeground {
     }
 }
 
-/// The pixel_at `step` steps from an end of a row (axis 0) or a column (axis 1).
+/// Pixel number `step` from an end of a row (axis 0) or column (axis 1).
 fn pixel_at(size: [usize; 2], line: usize, axis: usize, is_far: bool, step: usize) -> [usize; 2] {
     let along = if is_far { size[axis] - 1 - step } else { step };
     if axis == 0 { [along, line] } else { [line, along] }
 }
 
-/// What leaves over neighbouring lines is one thing, and moves as far as the line needs of which it covers most.
+/// Joins the runs of adjacent lines into objects. An object moves by its longest run.
 fn join_runs(lines: &mut [[BorderRun; 2]], end: usize, axis: usize, edge_width: usize) {
     let mut start = 0;
     while start < lines.len() {
@@ -143,7 +143,7 @@ fn join_runs(lines: &mut [[BorderRun; 2]], end: usize, axis: usize, edge_width: 
     }
 }
 
-/// The previous anchor, where its edges are looked at.
+/// A scan along the borders of the previous anchor.
 struct BorderScan<'a, P> {
     previous_keys: &'a KeyBuffer,
     previous: Source<'a, P>,
@@ -152,7 +152,7 @@ struct BorderScan<'a, P> {
 }
 
 impl<P: Colour> BorderScan<'_, P> {
-    /// What leaves over one end of a line; it claims to move with what it covers.
+    /// The run at one end of a line, with the background's motion.
     fn run(&self, line: usize, axis: usize, is_far: bool) -> BorderRun {
         let size = [self.previous.width, self.previous.height];
         let (mut len, mut outliers, mut gap, mut last, mut behind) = (0, 0, 0, 0.0, EMPTY);
@@ -166,7 +166,7 @@ impl<P: Colour> BorderScan<'_, P> {
                 continue;
             }
             let vector = splat_key::vector(own);
-            // What it covers must not come in itself.
+            // Background that enters the picture here was not covered before.
             let outwards = if is_far { -vector[axis] } else { vector[axis] };
             if outwards < -32 {
                 break;
@@ -206,7 +206,7 @@ mod tests {
     const GROUND: [u8; 4] = [90, 100, 110, 255];
     const FRONT: [u8; 4] = [220, 40, 200, 255];
 
-    /// What leaves a still ground that `is_covered` in the previous anchor alone, and who owns the places then.
+    /// Border foreground and remaining keys of a static ground that `is_covered` in the previous anchor only.
     fn found(edge_width: usize, is_covered: impl Fn(usize, usize) -> bool) -> (BorderForeground, KeyBuffer) {
         let [width, height] = SIZE;
         let pixel = |i: usize| if is_covered(i % width, i / width) { FRONT } else { GROUND };
@@ -223,7 +223,7 @@ mod tests {
 
     #[test]
     fn what_is_gone_has_moved_over_the_edge_with_all_of_it() {
-        // Five pixels wide, but three of them in one line and none in another.
+        // Five pixels wide; three in one line and none in another.
         let (border, previous_keys) = found(0, |x, y| match y {
             4..8 | 10..16 => x >= 59,
             8 => x >= 61,

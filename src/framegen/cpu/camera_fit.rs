@@ -1,126 +1,130 @@
-//! What is where between the anchors, as a camera sees it that goes straight on.
+//! Camera motion, estimated from motion and depth, and the warp times that follow from it.
 //!
-//! A point that moves evenly in space does not move evenly on the screen: what comes nearer gets faster. With distances
-//! `w0` and `w1` from the camera's plane in the two anchors it is at phase t where even motion has it at
-//! `t w1 / ((1 - t) w0 + t w1)`. In a world at rest `w0 / w1 - 1` is `tau / w1 + alpha x + beta y` for a camera that goes
-//! forward by `tau` and turns by `alpha` and `beta`; `1 / w1` is but for a factor and a small constant what device depth
-//! has left to 1. Motion and depth of the current anchor tell all of it: where (x, y) comes from (u, v),
+//! A point that moves uniformly in space does not move uniformly on the screen: it gets faster as it comes nearer. With
+//! distances `w0` and `w1` from the camera plane in the two anchors, at phase t it is where linear interpolation of its
+//! screen position is at phase `t w1 / ((1 - t) w0 + t w1)`. In a static world, `w0 / w1 - 1` is `tau q + alpha x +
+//! beta y` for a camera that moves forward by `tau` and turns by `alpha` and `beta`; `q`, the inverse depth, is
+//! proportional to `1 / w1` up to a small constant. A pixel at (x, y) in the current anchor was at (u, v) in the
+//! previous one:
 //!
-//! `u (1 + alpha x + beta y + tau q) = x + a x + b y + c + d q`, and so does `v` with four parameters of its own.
+//! `u (1 + alpha x + beta y + tau q) = x + a x + b y + c + d q`, and the same for `v` with four parameters of its own.
 //!
-//! These eleven parameters are found by least squares from a few hundred pixels; where not nearly all of them inliers, from
-//! those that inliers with the best of several guesses (M. A. Fischler and R. C. Bolles, Random sample consensus, 1981). What
-//! moves by itself and what a camera carries along is left over then. Where no motion explains half of the pixels,
-//! everything is taken to move evenly.
+//! The eleven parameters are a least-squares fit to a few hundred pixels. If less than nine tenths of these are
+//! inliers, RANSAC (M. A. Fischler and R. C. Bolles, Random sample consensus, 1981) selects the inliers, which excludes
+//! objects that move on their own or with the camera. If less than half of the pixels fit, motion is interpolated
+//! linearly.
 
 use super::kernels::TILE;
 use super::splat_key::{Key, PHASE_ONE};
 use super::static_mask::StaticMask;
 use crate::guidance::Guidance;
 
-/// Pixels that are asked, across and down.
+/// Columns and rows of sampled pixels.
 const SAMPLE_GRID: [usize; 2] = [20, 12];
-/// Pixels within which a place agrees with what is expected of it.
+/// Largest distance of an inlier from its expected position, in pixels.
 const INLIER_DISTANCE: f64 = 0.5;
-/// Guesses, and the pixels that each is made from: one more equation than there are parameters.
+/// Number of RANSAC trials, and samples per trial: two equations each, one more than there are parameters.
 const RANSAC_TRIALS: usize = 24;
 const TRIAL_SAMPLES: usize = 6;
-/// How often those that inliers are asked once more.
+/// Refits to the inliers of the last fit.
 const REFITS: usize = 2;
-/// Parameters that are searched for.
+/// Number of parameters.
 const PARAMETERS: usize = 11;
-/// Where pixels cannot tell, the parameters are inverse_depth zero: the square of the noise of vectors over that of the parameters.
+/// Tikhonov regularisation: keeps parameters near zero that the samples do not determine. Variance of the motion over
+/// that of the parameters.
 const REGULARISATION: f64 = 1e-6;
-/// Distances change by no more than this between two anchors: from half as far before to nearly twice.
+/// Range of `w0 / w1 - 1`: half the distance to nearly twice the distance in the previous anchor.
 const CHANGE_RANGE: [f64; 2] = [-0.5, 0.9];
-/// Phases are within three intervals of the earlier anchor, so that a fraction of a vector can be computed in 32 bits.
+/// Phases end three intervals after the previous anchor, so that products with motion vectors fit 32 bits.
 const MAX_PHASE: f32 = (3 * PHASE_ONE - 2) as f32;
 
-/// How much farther off everything previous in the previous anchor: `w0 / w1 - 1` of what is seen.
+/// Relative change of distance, `w0 / w1 - 1`, as a linear function of inverse depth and pixel position.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct DepthChange {
-    /// For what is at the inverse_depth plane, and in proportion to `1 / w1`.
+    /// Factor of the inverse depth.
     pub(super) inverse_depth: f32,
-    /// For each pixel to the right, and down.
+    /// Gradient along x and y, per pixel.
     pub(super) slope: [f32; 2],
-    /// At the first pixel.
+    /// Value at pixel (0, 0) and inverse depth 0.
     pub(super) origin: f32,
-    /// It is no less than this, which is at max 0,
+    /// Lower bound of the change, at most 0.
     pub(super) min: f32,
-    /// and no more than this, which is at min 0.
+    /// Upper bound of the change, at least 0.
     pub(super) max: f32,
 }
 
-/// From pixels of the previous anchor reprojection to where they are in the current one, for a world at rest.
+/// Projection of static points from pixels of the previous anchor to the current one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ReprojectionMatrix {
-    /// What a place and one, and how inverse_depth it is, count with for a place and one, but for a factor.
+    /// Rows of the 3x4 matrix that maps homogeneous `(x, y, 1, inverse_depth)` in the previous anchor to homogeneous
+    /// `(x', y', w')` in the current one, up to scale. Coordinates are relative to the picture's centre, in picture
+    /// widths.
     rows: [[f32; 4]; 3],
     centre: [f32; 2],
     width: f32,
 }
 
-/// What motion and depth tell of how the camera goes.
+/// Result of the fit.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct CameraFit {
     pub(super) depth_change: DepthChange,
-    /// Where there are depths.
+    /// Set if the depth varies.
     pub(super) reprojection: Option<ReprojectionMatrix>,
 }
 
-/// A time, as seen by the claims of the current anchor.
+/// A time between or after the anchors, from which the phase of each pixel of the current anchor follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct WarpTime {
     phase: f32,
-    /// The part of the interval that is left.
+    /// Rest of the interval, 1 - phase.
     left: f32,
     depth_change: DepthChange,
 }
 
-/// From an anchor to a time.
+/// A warp from one of the anchors to a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Warp {
     from: i32,
     to: WarpTime,
 }
 
-/// What ranks are made from, see `kernels::ranges`.
+/// Inverse depth of the farthest depth key in bits, see `kernels::ranges`.
 const MIN_INVERSE_DEPTH_BITS: u32 = 103 << 23;
 
-/// The depth_key of what is so inverse_depth.
+/// Depth key of an inverse depth.
 #[inline(always)]
 pub(super) fn depth_key_of(inverse_depth: f32) -> u16 {
     u16::MAX - (inverse_depth.min(1.0).to_bits().saturating_sub(MIN_INVERSE_DEPTH_BITS) >> 12) as u16
 }
 
-/// How inverse_depth what claims a place is: 1 at the inverse_depth plane, 0 at the far one.
+/// Inverse depth of a key: 1 at the near plane, 0 at the far one.
 #[inline(always)]
 pub(super) fn key_inverse_depth(key: Key) -> f32 {
     f32::from_bits(MIN_INVERSE_DEPTH_BITS + ((u32::from(u16::MAX) - (key >> 48) as u32) << 12))
 }
 
 impl WarpTime {
-    /// `phase` of [`PHASE_ONE`] after the previous anchor, at max two intervals.
+    /// `phase` is relative to the previous anchor, in units of 1 / [`PHASE_ONE`] and at most two intervals.
     pub(super) fn new(phase: i32, depth_change: DepthChange) -> Self {
         Self { phase: phase as f32, left: (PHASE_ONE - phase) as f32 / PHASE_ONE as f32, depth_change }
     }
 
-    /// The previous anchor.
+    /// The time of the previous anchor.
     pub(super) fn previous_anchor() -> Self {
         Self::new(0, DepthChange::default())
     }
 
-    /// The phase at which even motion has what claims the pixel (x, y).
+    /// Phase at which linear motion reaches the position of pixel (x, y) at this time.
     #[inline(always)]
     pub(super) fn phase(&self, key: Key, at: [i32; 2]) -> i32 {
-        // At the previous anchor, and where all moves evenly, it is that of the clock.
+        // Uniform motion.
         if self.phase == 0.0 || self.depth_change.min >= self.depth_change.max {
             return self.phase as i32;
         }
         self.phase_at(self.depth_change.change(key, at))
     }
 
-    /// The same for eight pixels beside each other, the first at (x, y).
+    /// Phases of eight adjacent pixels, the first at (x, y).
     #[inline(always)]
     pub(super) fn phases(&self, keys: &[Key; TILE], [x, y]: [i32; 2]) -> [i32; TILE] {
         let mut phases = [0; TILE];
@@ -130,7 +134,7 @@ impl WarpTime {
         phases
     }
 
-    /// The phase of all of a smooth tile.
+    /// Phase of a uniform tile, taken at its centre.
     #[inline(always)]
     pub(super) fn phase_of_tile(&self, key: Key, origin: [usize; 2]) -> i32 {
         self.phase(key, origin.map(|at| (at + TILE / 2) as i32))
@@ -138,7 +142,7 @@ impl WarpTime {
 
     #[inline(always)]
     fn phase_at(&self, change: f32) -> i32 {
-        // Where singles are whole parameters, adding rounds; the number is in the lower bits.
+        // Adding 1.5 * 2^23 rounds to the nearest integer, which is then in the low bits.
         const ROUNDING: f32 = 12_582_912.0;
         let phase = self.phase / (1.0 + self.left * change);
         let phase = if phase < MAX_PHASE { phase } else { MAX_PHASE };
@@ -155,13 +159,13 @@ impl Warp {
         Self { from: 0, to }
     }
 
-    /// The part of its vector that what claims the pixel (x, y) goes.
+    /// Fraction of its motion vector by which the pixel (x, y) is moved.
     #[inline(always)]
     pub(super) fn fraction(&self, key: Key, at: [i32; 2]) -> i32 {
         self.from - self.to.phase(key, at)
     }
 
-    /// See [`WarpTime::phases`].
+    /// Fractions of eight adjacent pixels, the first at (x, y).
     #[inline(always)]
     pub(super) fn fractions(&self, keys: &[Key; TILE], at: [i32; 2]) -> [i32; TILE] {
         let mut fractions = self.to.phases(keys, at);
@@ -171,13 +175,13 @@ impl Warp {
         fractions
     }
 
-    /// See [`WarpTime::phase_of_tile`].
+    /// Fraction of a uniform tile.
     #[inline(always)]
     pub(super) fn fraction_of_tile(&self, key: Key, origin: [usize; 2]) -> i32 {
         self.from - self.to.phase_of_tile(key, origin)
     }
 
-    /// No claim goes less or more than this.
+    /// Minimum and maximum fraction of any pixel.
     pub(super) fn fraction_bounds(&self) -> [i32; 2] {
         let ends =
             [self.to.depth_change.min, self.to.depth_change.max].map(|change| self.from - self.to.phase_at(change));
@@ -185,8 +189,8 @@ impl Warp {
     }
 }
 
-/// A pixel of the current anchor at (x, y), where it previous in the previous one, and how inverse_depth it is. Lengths are in widths
-/// of the picture from its centre.
+/// Position of a pixel in both anchors, and its inverse depth. Positions are relative to the picture's centre, in
+/// picture widths.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sample {
     current: [f64; 2],
@@ -197,7 +201,7 @@ struct Sample {
 type Parameters = [f64; PARAMETERS];
 
 impl Sample {
-    /// What the eleven parameters count with in the equation of one component, and what is left without them.
+    /// Coefficients of the parameters in the equation of one component, and the right-hand side.
     fn equation(&self, component: usize) -> (Parameters, f64) {
         let ([x, y], previous) = (self.current, self.previous[component]);
         let mut coefficients = [0.0; PARAMETERS];
@@ -211,7 +215,7 @@ impl Sample {
         n[8] * self.current[0] + n[9] * self.current[1] + n[10] * self.inverse_depth
     }
 
-    /// The square of how far it previous from where it is expected.
+    /// Squared distance between the previous position and the one that the parameters predict.
     fn squared_error(&self, n: &Parameters) -> f64 {
         let [x, y] = self.current;
         let whole = 1.0 + self.change(n);
@@ -226,8 +230,8 @@ impl Sample {
 
 impl ReprojectionMatrix {
     fn new(n: &Parameters, nearest: f64, size: [usize; 2]) -> Option<Self> {
-        // With A for what places count with and k for nearness, A (x, y, 1) + k q = s (u, v, 1), where q = s r and r is the
-        // nearness in the previous anchor: (x, y, 1) = s A^-1 ((u, v, 1) - k r).
+        // With A for the 3x3 part and k for the column of the inverse depth, A (x, y, 1) + k q = s (u, v, 1), and q = s
+        // r with the inverse depth r in the previous anchor. Hence (x, y, 1) = s A^-1 ((u, v, 1) - k r).
         let a = [[1.0 + n[0], n[1], n[2]], [n[4], 1.0 + n[5], n[6]], [n[8], n[9], 1.0]];
         let minor = |i: usize, j: usize| {
             let [i, j] = [[(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]];
@@ -244,21 +248,21 @@ impl ReprojectionMatrix {
         is_finite.then_some(Self { rows, centre: size.map(|len| centre(len) as f32), width: size[0] as f32 })
     }
 
-    /// Where in the current anchor what the previous one shows at a place is, in pixels, and how inverse_depth it is there; and
-    /// whether that can be followed.
+    /// Position in the current anchor of the static point at a pixel of the previous one, its inverse depth there, and
+    /// whether the result is valid.
     #[inline(always)]
     pub(super) fn project(&self, [u, v]: [f32; 2], inverse_depth: f32) -> ([f32; 2], f32, bool) {
         let [u, v] = [(u - self.centre[0]) / self.width, (v - self.centre[1]) / self.width];
         let along = |row: [f32; 4]| (row[0] * u + row[1] * v) + (row[2] + row[3] * inverse_depth);
         let [x, y, z] = [along(self.rows[0]), along(self.rows[1]), along(self.rows[2])];
         let at = [x / z * self.width + self.centre[0], y / z * self.width + self.centre[1]];
-        // What comes from behind the camera, or much nearer, is nothing to be followed.
+        // Points behind the camera, or more than four times as near as before, are invalid.
         (at, inverse_depth / z, z > 0.25)
     }
 }
 
 impl DepthChange {
-    /// `w0 / w1 - 1` of what claims the pixel (x, y).
+    /// `w0 / w1 - 1` of pixel (x, y).
     #[inline(always)]
     pub(super) fn change(&self, key: Key, [x, y]: [i32; 2]) -> f32 {
         let Self { inverse_depth: per_inverse_depth, slope, origin, min, max } = *self;
@@ -270,7 +274,7 @@ impl DepthChange {
 }
 
 impl CameraFit {
-    /// What a guidance tells, but of what stands still in front.
+    /// Fits the camera to a guidance, without static pixels.
     pub(super) fn fit(guidance: &Guidance, static_mask: &StaticMask<'_>) -> Self {
         let (width, height) = (guidance.motion().width() as usize, guidance.motion().height() as usize);
         if width < SAMPLE_GRID[0] || height < SAMPLE_GRID[1] {
@@ -294,7 +298,7 @@ impl CameraFit {
         if samples.len() * 2 < SAMPLE_GRID[0] * SAMPLE_GRID[1] {
             return Self::default();
         }
-        // Without depths forward motion cannot be told from a picture that grows.
+        // Without depth, forward motion cannot be told from a zoom.
         let has_depth = farthest < 0.75 * nearest;
         samples
             .iter_mut()
@@ -323,7 +327,7 @@ fn centre(len: usize) -> f64 {
     (len - 1) as f64 / 2.0
 }
 
-/// What a guidance says about a pixel, or about the tile that it is in.
+/// The sample at a pixel. With tiled guidance its position is the tile's centre.
 fn sample(guidance: &Guidance, [x, y]: [usize; 2]) -> Option<Sample> {
     let (motion, map) = (guidance.motion(), guidance.depth());
     let vector = motion.at(x as u32, y as u32).map(|v| f64::from(v.to_f32()));
@@ -341,7 +345,7 @@ fn sample(guidance: &Guidance, [x, y]: [usize; 2]) -> Option<Sample> {
     Some(Sample { current: in_widths(at), previous: in_widths(previous), inverse_depth: f64::from(1.0 - depth) })
 }
 
-/// The parameters that inliers with max samples, if these are at min half of them.
+/// Parameters with the most inliers, if these are at least half of the samples.
 fn ransac(samples: &[Sample], within: f64) -> Option<Parameters> {
     let bound = within * within;
     let inliers =
@@ -353,7 +357,7 @@ fn ransac(samples: &[Sample], within: f64) -> Option<Parameters> {
         if 10 * most_inliers >= 9 * samples.len() {
             break;
         }
-        // Parameters that look random (Knuth's MMIX generator), the same at every call.
+        // Pseudo-random samples (Knuth's MMIX generator), the same in every call.
         let some: [Sample; TRIAL_SAMPLES] = std::array::from_fn(|_| {
             random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             samples[(random >> 33) as usize % samples.len()]
@@ -370,7 +374,7 @@ fn ransac(samples: &[Sample], within: f64) -> Option<Parameters> {
     (2 * inliers(&best) >= samples.len()).then_some(best)
 }
 
-/// The parameters that fit some samples best: normal equations, by Cholesky's method.
+/// Least-squares fit: normal equations, solved by Cholesky decomposition.
 fn least_squares<'a>(samples: impl Iterator<Item = &'a Sample>) -> Option<Parameters> {
     let mut matrix = [[0.0; PARAMETERS]; PARAMETERS];
     let mut right = [0.0; PARAMETERS];
@@ -409,20 +413,21 @@ pub(super) mod tests {
     use crate::guidance::{DepthMap, MotionField, MotionOrigin, paper};
 
     pub(in super::super) const SIZE: [u32; 2] = [320, 180];
-    /// Of the camera, in pixels.
+    /// Focal length, in pixels.
     const FOCAL: f64 = 200.0;
     const NEAR: f64 = 0.1;
 
-    /// Where a point of the current camera's space is at phase t, for a camera that has gone ahead and turned: in pixels.
+    /// Position at phase t, in pixels, of a point in the current camera's space, for a camera that moves forward and
+    /// turns.
     pub(in super::super) fn seen([x, y, z]: [f64; 3], t: f64) -> [f64; 2] {
-        // Straight on in space, so that the same holds as for a turn of few degrees.
+        // A small-angle rotation, linear in time.
         let (turn, ahead, aside) = (0.05, 0.12, 0.04);
         let previous = [x + turn * z + aside, y, z - turn * x + ahead];
         let at = |c: usize| previous[c] + ([x, y, z][c] - previous[c]) * t;
         [centre(SIZE[0] as usize) + FOCAL * at(0) / at(2), centre(SIZE[1] as usize) + FOCAL * at(1) / at(2)]
     }
 
-    /// What a pixel of the current anchor shows: ground, and two posts on it.
+    /// Point that a pixel of the current anchor shows: ground, and two posts on it.
     pub(in super::super) fn shown(x: f64, y: f64) -> [f64; 3] {
         let ray = [(x - centre(SIZE[0] as usize)) / FOCAL, (y - centre(SIZE[1] as usize)) / FOCAL];
         let ground = if ray[1] > 0.02 { 1.6 / ray[1] } else { 80.0 };
@@ -448,7 +453,7 @@ pub(super) mod tests {
         Guidance::from_parts(vectors, depths, MotionOrigin::Geometry).unwrap()
     }
 
-    /// Motion and depth of the world at rest.
+    /// Motion and depth of the static world.
     pub(in super::super) fn walk(x: f64, y: f64) -> ([f64; 2], f64) {
         let point = shown(x, y);
         let previous = seen(point, 0.0);
@@ -460,7 +465,7 @@ pub(super) mod tests {
         splat_key::pack(depth_key, 0, vector.map(|v| (64.0 * v).round() as i32))
     }
 
-    /// By how many pixels claims of the world at rest are beside the truth at max, for t from 0 to 2.
+    /// Largest error of the warp of static pixels, in pixels, for phases up to 2.
     fn worst(depth_change: DepthChange) -> f64 {
         let mut worst = 0.0_f64;
         for (x, y) in (0..180).step_by(9).flat_map(|y| (0..320).step_by(7).map(move |x| (x, y))) {
@@ -507,7 +512,7 @@ pub(super) mod tests {
         assert_eq!(CameraFit::fit(&wild, &StaticMask::default()).depth_change, DepthChange::default());
         let nothing = guidance(|_, _| ([f64::NAN, f64::INFINITY], f64::NAN), 1);
         assert_eq!(CameraFit::fit(&nothing, &StaticMask::default()).depth_change, DepthChange::default());
-        // Without depth, what grows may lie in the picture.
+        // Without depth, a zoom may be content.
         let growing = guidance(|x, y| ([0.05 * (160.0 - x), 0.05 * (90.0 - y)], 0.5), 1);
         let time = WarpTime::new(PHASE_ONE / 2, CameraFit::fit(&growing, &StaticMask::default()).depth_change);
         assert!(

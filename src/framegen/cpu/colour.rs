@@ -1,23 +1,23 @@
-//! Colours as numbers that can be compared and averaged.
+//! Arithmetic with colours.
 
 use half::f16;
 
 use super::kernels::{Sampled, TILE};
 
-/// A pixel whose channels can be read in levels of 1/255 of full scale.
+/// A pixel whose channels can be converted to levels, 1/255 of full scale.
 pub(super) trait Colour: Sampled {
     fn in_levels(self) -> [f32; 4];
 
     fn from_levels(levels: [f32; 4]) -> Self;
 
-    /// This colour with a `weight` of 128 of each of those neighbours it in place of as much of its own.
+    /// Blends the pixel with its four neighbours, `weight` / 128 each.
     ///
     /// - Bytes: `(own * (128 - 4 weight) + (left + right + above + below) * weight + 64) >> 7`.
-    /// - Half floats, in single precision and this order: `own + ((((left - own) + (right - own)) + (above - own)) + (below
-    ///   - own)) * (weight / 128)`, rounded to the nearest half float; not finite ones count as in [`Sampled`].
+    /// - Half floats, in single precision and this order: `own + ((((left - own) + (right - own)) + (above - own)) +
+    ///   (below - own)) * (weight / 128)`, rounded to the nearest half float. NaN and infinity as in [`Sampled`].
     fn blended(self, neighbours: [Self; 4], weight: u8) -> Self;
 
-    /// The same for pixels side by side.
+    /// The same for a row of pixels.
     #[inline(always)]
     fn blended_row(own: &[Self; TILE], [left, right, above, below]: [&[Self; TILE]; 4], weight: u8) -> [Self; TILE] {
         let mut out = *own;
@@ -27,14 +27,14 @@ pub(super) trait Colour: Sampled {
         out
     }
 
-    /// Luma after BT.601.
+    /// BT.601 luma.
     #[inline(always)]
     fn luma(self) -> f32 {
         let [r, g, b, _] = self.in_levels();
         0.299 * r + 0.587 * g + 0.114 * b
     }
 
-    /// [`luma`](Self::luma) of some pixels.
+    /// [`luma`](Self::luma) of several pixels.
     #[inline(always)]
     fn lumas_of<const N: usize>(pixels: &[Self; N]) -> [f32; N] {
         let mut lumas = [0.0; N];
@@ -42,7 +42,7 @@ pub(super) trait Colour: Sampled {
         lumas
     }
 
-    /// The sum of the pixels of a tile, one after the other; `pixels` begin with its first, rows being `width` apart.
+    /// Sum of a tile's pixels in row order; `pixels` starts at the first one and has rows of `width` pixels.
     #[inline(always)]
     fn sum_of_tile(pixels: &[Self], width: usize) -> [f32; 4] {
         let mut sum = [0.0; 4];
@@ -89,7 +89,7 @@ impl Colour for [u8; 4] {
     fn lumas_of<const N: usize>(pixels: &[Self; N]) -> [f32; N] {
         let mut lumas = [0.0; N];
         for (luma, &pixel) in lumas.iter_mut().zip(pixels) {
-            // As one number, which vectors take apart faster than four bytes.
+            // As one integer, which vectorises better than four bytes.
             let pixel = u32::from_le_bytes(pixel);
             let (r, g, b) = (pixel & 255, pixel >> 8 & 255, pixel >> 16 & 255);
             let (r, g, b) = (r as i32 as f32, g as i32 as f32, b as i32 as f32);
@@ -98,7 +98,7 @@ impl Colour for [u8; 4] {
         lumas
     }
 
-    /// Whole numbers of which singles hold every sum, so that the order is all the same.
+    /// Every partial sum is exact in single precision, so that the order does not matter.
     #[inline(always)]
     fn sum_of_tile(pixels: &[Self], width: usize) -> [f32; 4] {
         let mut sums = [0_u16; 4 * TILE];
@@ -112,7 +112,7 @@ impl Colour for [u8; 4] {
 }
 
 impl Colour for [f16; 4] {
-    /// What is no number counts as 0, the infinite as the largest finite.
+    /// NaN counts as 0, infinity as the largest finite half float.
     fn in_levels(self) -> [f32; 4] {
         self.map(|v| finite(v) * 255.0)
     }
@@ -130,7 +130,7 @@ impl Colour for [f16; 4] {
     }
 }
 
-/// What is no number counts as 0, the infinite as the largest finite.
+/// NaN counts as 0, infinity as the largest finite half float.
 #[inline(always)]
 fn finite(value: f16) -> f32 {
     let value = value.to_f32();

@@ -1,25 +1,25 @@
-//! Telling what only the previous anchor knows of: a surface in front that is no longer there in the current one.
+//! Detection of colours in the previous anchor that the current one does not contain.
 //!
-//! The motion of the current anchor cannot say that something passed in front of what it shows, and has left the picture
-//! since. Where the previous anchor shows a colour that the current one does not have anywhere around the same place,
-//! that is what it shows.
+//! The current anchor's motion does not include foreground that has left the picture. A colour of the previous anchor
+//! that is outside the range of the current one's colours around the corresponding position belongs to such foreground.
+//! This is the neighbourhood test of temporal anti-aliasing.
 
 use super::colour::Colour;
 use super::kernels::Source;
 use super::key_buffer::Grid;
 use crate::tasks;
 
-/// Colours around a place are those of a square that reaches this many pixels to every side: as far as the rim of a
-/// surface is mixed with what is behind it.
+/// Radius of the neighbourhood, in pixels: as far as an edge is mixed with its background.
 const RADIUS: usize = 2;
-/// Levels by which a colour may lie outside those around the place, for light that changes with the view.
+/// Levels by which a colour may exceed the neighbourhood's range, for view-dependent shading.
 const MARGIN: f32 = 24.0;
-/// Where the pictures as a whole differ, as in a fade, this many times that is added: bright pixels change most.
+/// Factor for the difference of the pictures' mean colours, which is added to the margin: in a fade, bright pixels
+/// change most.
 const BRIGHTNESS_FACTOR: f32 = 4.0;
-/// One pixel of so many in one row of so many tells how bright a picture is.
+/// Step between pixels, across and down, over which the mean is computed.
 const SAMPLE_STEP: usize = 8;
 
-/// The levels by which a colour may lie outside those around its place, for two anchors.
+/// The margin for a pair of anchors, in levels.
 pub(super) fn margin<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>) -> f32 {
     let mean = |source: Source<'_, P>| {
         let rows = source.pixels.chunks(source.width).step_by(SAMPLE_STEP);
@@ -35,9 +35,8 @@ pub(super) fn margin<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>)
     MARGIN + BRIGHTNESS_FACTOR * (0..4).fold(0.0, |most: f32, c| most.max((after[c] - before[c]).abs()))
 }
 
-/// Whether `colour`, seen where the same thing should be as at `at` (1/64 px) in `current`, is none of the colours
-/// there: some channel lies outside all of those around the place by more than `margin` levels. What is outside the
-/// picture has no colours.
+/// Whether any channel of `colour` exceeds the range of the current anchor's colours around `at` (1/64 px) by more than
+/// `margin` levels. Never outside the picture.
 pub(super) fn is_colour_outlier<P: Colour>(colour: P, current: Source<'_, P>, at: [i32; 2], margin: f32) -> bool {
     let grid = Grid { width: current.width, height: current.height, ..Grid::default() };
     let Some([x, y]) = grid.nearest_pixel(at) else { return false };

@@ -1,10 +1,10 @@
-//! Telling a cut from motion.
+//! Cut detection.
 //!
-//! Both anchors are reduced to reduced luma pictures, and those to their detail, as same_slope look similar_motion everywhere. Every
-//! block of the current one is looked for in the previous one: where it stands, where its motion vector points, and
-//! if that leaves most of them not_found, where the global picture seems to have gone, each with a reduced search around. Blocks are compared by correlation,
-//! which brightness and contrast do not change, so that flashes and fades are no cuts. If most blocks are nowhere to be
-//! found, it is a cut; if fewer are, the distribution of brightness must have changed as well.
+//! Both anchors are reduced to small luma pictures, and these to their detail, because smooth gradients look alike
+//! everywhere. Every block of the current anchor is searched in the previous one: at the same position, along its
+//! motion vector and, if most blocks are not found there, along the global motion, each with a small search window.
+//! Blocks are compared by correlation, which is invariant to brightness and contrast, so that flashes and fades are no
+//! cuts. If most blocks are not found, there is a cut; if fewer are not found, the luma histograms must differ as well.
 
 use bytemuck::must_cast;
 use parking_lot::Mutex;
@@ -15,7 +15,7 @@ use crate::guidance::MotionField;
 use crate::tasks::{self, Parallel, ParallelSliceMut};
 use crate::{Raster, Result};
 
-/// Finds cuts; keeps its reduced pictures from call to call.
+/// Detects cuts; keeps its memory.
 #[derive(Debug, Default)]
 pub(super) struct CutDetector {
     previous: ReducedPicture,
@@ -26,45 +26,45 @@ pub(super) struct CutDetector {
     histogram_distance: f32,
 }
 
-/// The longer side of the reduced pictures is at most this.
+/// Largest side of the reduced pictures, in pixels.
 const REDUCED_SIDE: usize = 320;
-/// Rows of a picture that are read for one of the reduced picture's, evenly spread; more would tell little more.
+/// Rows that are read per row of a reduced picture, evenly spaced; more would hardly change the result.
 const ROWS_READ: usize = 2;
 /// Pixels of a row that are averaged at a time.
 const RUN: usize = 256;
-/// ReducedPicture pixels per pixel of the tiny pictures in which the motion of the global is sought.
+/// Reduction factor from the reduced to the tiny pictures in which the global motion is searched.
 const TINY_FACTOR: usize = 4;
-/// Detail is what remains when the mean over this many reduced pixels each way is taken out.
+/// Radius of the local mean that is subtracted to get the detail, in reduced pixels.
 const DETAIL_REACH: usize = 4;
 /// Side of a block, in reduced pixels.
 const BLOCK: usize = 16;
-/// Search around each candidate, in reduced pixels each way.
+/// Radius of the search window, in reduced pixels.
 const SEARCH: isize = 3;
-/// A block is found where its detail correlates this well.
+/// Smallest correlation of the detail of matching blocks.
 const MIN_CORRELATION: f32 = 0.7;
-/// Standard deviation of the detail, in levels, from which a block is block_match: what is flat in both anchors neither
-/// proves nor disproves anything, and cannot smear either.
+/// Smallest standard deviation of the detail, in levels, of blocks that count: in a block that is flat in both anchors
+/// there is nothing to compare.
 const MIN_DETAIL: f32 = 1.5;
-/// Share of blocks that must be block_match.
+/// Smallest share of blocks that must count.
 const MIN_SHARE: f32 = 0.125;
-/// Unexplained shares that make a cut: alone, and together with this distance of the histograms, 0 to 1.
+/// Share of blocks without a match that makes a cut: alone, or together with a histogram distance (0 to 1).
 const CUT_ALONE: f32 = 0.85;
 const CUT_WITH_HISTOGRAM: f32 = 0.6;
 const HISTOGRAM_DISTANCE: f32 = 0.3;
 
-/// What a block says.
+/// Result of searching a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum BlockMatch {
     /// Too little detail to decide.
     Flat,
-    /// It is in the previous anchor.
+    /// A match in the previous anchor.
     Found,
-    /// It is not.
+    /// No match.
     NotFound,
 }
 
 impl CutDetector {
-    /// The share of blocks of `current` with something to see that `previous` does not have.
+    /// Share of the blocks of `current` with detail that have no match in `previous`.
     pub(super) fn unexplained<P: Sampled>(
         &mut self,
         level: SimdLevel,
@@ -88,7 +88,7 @@ impl CutDetector {
         self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, block_match)| {
             let block = block_at(i);
             let motion_vector = motion_at(motion, block.x + BLOCK / 2, block.y + BLOCK / 2, factor);
-            // Where it stands is compared for both.
+            // The unshifted comparison serves both tests.
             let unshifted = block.compare(previous, block.x, block.y);
             *block_match = if !block.has_detail(&unshifted) {
                 BlockMatch::Flat
@@ -101,7 +101,7 @@ impl CutDetector {
         self.unexplained = share_not_found(&self.blocks);
         self.histogram_distance = histogram_distance(previous, current);
 
-        // Where the global has gone is sought only if it can make a difference; the room for that is kept ready.
+        // The global motion is searched only if it can change the result. Its memory is allocated in any case.
         for (tiny, reduced) in self.tiny.iter_mut().zip([&self.previous, &self.current]) {
             tiny.reserve(reduced, TINY_FACTOR)?;
         }
@@ -119,14 +119,14 @@ impl CutDetector {
         Ok(self.unexplained)
     }
 
-    /// Whether the pair last looked at is a cut.
+    /// Whether there is a cut in the last pair.
     pub(super) fn is_cut(&self) -> bool {
         self.unexplained >= CUT_ALONE
             || self.unexplained >= CUT_WITH_HISTOGRAM && self.histogram_distance >= HISTOGRAM_DISTANCE
     }
 }
 
-/// Of the blocks that say something, the share that is not_found; 0 where too few say something.
+/// Share of blocks without a match among those with detail; 0 if too few have detail.
 fn share_not_found(blocks: &[BlockMatch]) -> f32 {
     let count = |block_match| blocks.iter().filter(|&&block| block == block_match).count();
     let (found, not_found) = (count(BlockMatch::Found), count(BlockMatch::NotFound));
@@ -134,7 +134,7 @@ fn share_not_found(blocks: &[BlockMatch]) -> f32 {
     if is_significant { not_found as f32 / (found + not_found) as f32 } else { 0.0 }
 }
 
-/// The motion vector at a reduced pixel, in reduced pixels; what is not finite is no motion.
+/// Motion vector at a reduced pixel, in reduced pixels; 0 if it is not finite.
 fn motion_at(motion: &MotionField, x: usize, y: usize, factor: usize) -> [isize; 2] {
     let column = (x * factor).min(motion.width() as usize - 1);
     let row = (y * factor).min(motion.height() as usize - 1);
@@ -146,8 +146,8 @@ fn motion_at(motion: &MotionField, x: usize, y: usize, factor: usize) -> [isize;
     }
 }
 
-/// The shift from `current` to `previous` that correlates best, over half the picture's width or more and three
-/// quarters of its height: cameras turn faster than they tilt. Of equals, none, and then the first from above.
+/// The shift from `current` to `previous` with the largest correlation, up to half the width and a quarter of the
+/// height: cameras pan faster than they tilt. For equal correlations no shift wins, then the first in row order.
 fn global_motion(previous: &ReducedPicture, current: &ReducedPicture) -> [isize; 2] {
     let (reach_x, reach_y) = ((current.width / 2) as isize, (current.height / 4) as isize);
     let better = |a: ([isize; 2], f32), b: ([isize; 2], f32)| if b.1 > a.1 { b } else { a };
@@ -158,7 +158,7 @@ fn global_motion(previous: &ReducedPicture, current: &ReducedPicture) -> [isize;
         let shifts = (-reach_x..=reach_x).map(|dx| ([dx, dy], correlation(previous, current, dx, dy)));
         let of_row = shifts.fold(unshifted, better);
         let mut best = best.lock();
-        // Rows end in any order: of equals the first from above stays, and no motion before all.
+        // Rows are processed in any order.
         let is_first = of_row.1 == best.1 && best.1 > unshifted.1 && of_row.0[1] < best.0[1];
         if of_row.1 > best.1 || is_first {
             *best = of_row;
@@ -167,7 +167,7 @@ fn global_motion(previous: &ReducedPicture, current: &ReducedPicture) -> [isize;
     best.into_inner().0
 }
 
-/// How well the part that both share correlates, -1 to 1; 0 where one of them is without contrast.
+/// Correlation of the overlapping part, -1 to 1; 0 if one of the pictures is uniform there.
 fn correlation(previous: &ReducedPicture, current: &ReducedPicture, dx: isize, dy: isize) -> f32 {
     let overlap = |shift: isize, len: usize| {
         let len = len as isize;
@@ -185,7 +185,7 @@ fn correlation(previous: &ReducedPicture, current: &ReducedPicture, dx: isize, d
     both.moments(&here).correlation()
 }
 
-/// Sums of values, and of their squares. A row that is added is short enough that its sums fit 32 bits.
+/// Sums of values and of their squares. Rows are short enough that their sums fit 32 bits.
 #[derive(Debug, Default)]
 struct Sums {
     count: i64,
@@ -208,7 +208,7 @@ impl Sums {
     }
 }
 
-/// Sums of other values beside them, of their squares, and of the products of both.
+/// Sums of a second series of values, of their squares, and of the products with the first.
 #[derive(Default)]
 struct Cross {
     sum: i64,
@@ -236,14 +236,14 @@ impl Cross {
     }
 }
 
-/// What is to be known of pairs of values.
+/// Statistics of two series of values.
 struct Moments<'a> {
     values: &'a Sums,
     others: &'a Cross,
 }
 
 impl Moments<'_> {
-    /// Standard deviations of the two.
+    /// Standard deviations of both series.
     fn deviations(&self) -> [f32; 2] {
         let Self { values: a, others: b } = self;
         [(a.squares, a.sum), (b.squares, b.sum)].map(|(squares, sum)| {
@@ -252,7 +252,7 @@ impl Moments<'_> {
         })
     }
 
-    /// From -1 to 1; 0 where one of the two does not vary.
+    /// Correlation coefficient, -1 to 1; 0 if one of the series is constant.
     fn correlation(&self) -> f32 {
         let Self { values, others } = self;
         let [a, b] = self.deviations();
@@ -262,7 +262,7 @@ impl Moments<'_> {
     }
 }
 
-/// Half the sum of differences between the two distributions of levels: 0 similar_motion, 1 disjoint.
+/// Half the sum of absolute differences of the luma histograms: 0 for equal ones, 1 for disjoint ones.
 fn histogram_distance(previous: &ReducedPicture, current: &ReducedPicture) -> f32 {
     let histogram = |reduced: &ReducedPicture| {
         let mut bins = [0_u32; 32];
@@ -286,7 +286,7 @@ struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// The block at (x, y), cut off at the far edges.
+    /// The block at (x, y), clipped at the right and bottom borders.
     fn new(level: SimdLevel, reduced: &'a ReducedPicture, x: usize, y: usize) -> Self {
         let (width, height) = (BLOCK.min(reduced.width - x), BLOCK.min(reduced.height - y));
         let mut sums = Sums::default();
@@ -294,16 +294,16 @@ impl<'a> Block<'a> {
         Self { level, reduced, x, y, width, height, sums }
     }
 
-    /// Whether `previous` has this block within the search of one of the shifts.
+    /// Whether `previous` contains this block within the search window of one of the shifts.
     fn is_found_in(&self, previous: &ReducedPicture, shifts: &[[isize; 2]]) -> bool {
         let around = |&[dx, dy]: &[isize; 2]| {
             (-SEARCH..=SEARCH).flat_map(move |sy| (-SEARCH..=SEARCH).map(move |sx| [dx + sx, dy + sy]))
         };
-        // The shifts themselves first, which mostly settle it.
+        // The shifts themselves first: usually one of them matches.
         shifts.iter().copied().chain(shifts.iter().flat_map(around)).any(|shift| self.is_at(previous, shift))
     }
 
-    /// Whether there is detail here, in this picture or in the previous one, which was compared in place.
+    /// Whether this block has detail, in this picture or at the same position in the previous one.
     fn has_detail(&self, unshifted: &Cross) -> bool {
         let [here, there] = unshifted.moments(&self.sums).deviations();
         here.max(there) >= MIN_DETAIL
@@ -321,7 +321,7 @@ impl<'a> Block<'a> {
             && self.is_similar(&self.compare(previous, x as usize, y as usize))
     }
 
-    /// The detail of `previous` at (x, y) beside this block's.
+    /// Sums of the previous detail at (x, y) with this block's.
     fn compare(&self, previous: &ReducedPicture, x: usize, y: usize) -> Cross {
         let here = &self.reduced.detail[self.y * self.reduced.width + self.x..];
         let there = &previous.detail[y * previous.width + x..];
@@ -330,7 +330,7 @@ impl<'a> Block<'a> {
 }
 
 at_every_level! {
-    /// The sums of a block of `extent`, whose rows begin `strides` after each other.
+    /// Sums of a block of `extent` in two pictures with these strides.
     fn cross(here: &[i16], there: &[i16], strides: [usize; 2], extent: [usize; 2]) -> Cross
         = cross_by_rows | cross_in_vectors
 }
@@ -348,7 +348,7 @@ fn cross_in_vectors(here: &[i16], there: &[i16], strides: [usize; 2], [width, he
     if width != BLOCK {
         return cross_by_rows(here, there, strides, [width, height]);
     }
-    // Of a column at most 16 squares of 255, so that all fit.
+    // At most 16 squares of 255 per column: they fit 32 bits.
     let (mut sums, mut squares, mut products) = ([0_i32; BLOCK], [0_i32; BLOCK], [0_i32; BLOCK]);
     for row in 0..height {
         let here: &[i16; BLOCK] = here[row * strides[0]..].first_chunk().expect("a row of sixteen");
@@ -364,10 +364,10 @@ fn cross_in_vectors(here: &[i16], there: &[i16], strides: [usize; 2], [width, he
     Cross { sum, squares, products }
 }
 
-/// The sums of channels that were summed over at most [`ROWS_READ`] rows.
+/// Sum of channels that were summed over at most [`ROWS_READ`] rows.
 #[inline(always)]
 fn sum_of(columns: &[[u16; 4]]) -> [u32; 4] {
-    // As many as fit 16 bits are added as one number.
+    // Four 16-bit channels are summed as one 64-bit integer; this many do not overflow.
     const PART: usize = 64;
     const { assert!(PART * ROWS_READ * 255 <= u16::MAX as usize) };
     let mut sum = [0_u32; 4];
@@ -379,7 +379,7 @@ fn sum_of(columns: &[[u16; 4]]) -> [u32; 4] {
     sum
 }
 
-/// A reduced luma picture, and its detail where that was asked for.
+/// A reduced luma picture, and its detail if it was computed.
 #[derive(Debug, Default)]
 struct ReducedPicture {
     width: usize,
@@ -389,8 +389,8 @@ struct ReducedPicture {
 }
 
 impl ReducedPicture {
-    /// The mean luma of each `factor` x `factor` square of `picture`, of which some rows are read; squares at the far
-    /// edges may be smaller. And the detail of that.
+    /// Computes the mean luma of each `factor` x `factor` square of `picture`, from some of its rows, and the detail.
+    /// Squares at the right and bottom borders may be smaller.
     fn reduce_picture<P: Sampled>(&mut self, level: SimdLevel, picture: &Raster<P>, factor: usize) -> Result<()> {
         let (pixels, width, height) = (picture.pixels(), picture.width() as usize, picture.height() as usize);
         (self.width, self.height) = (width.div_ceil(factor), height.div_ceil(factor));
@@ -401,7 +401,7 @@ impl ReducedPicture {
             for (run, means) in row.chunks_mut(in_run).enumerate() {
                 let columns = run * in_run * factor..width.min((run + 1) * in_run * factor);
                 let mut sums = [[0; 4]; RUN];
-                // Processors do not foresee that the other row comes in between.
+                // Prefetches the next run; hardware prefetchers do not follow two alternating rows.
                 let next = columns.end..width.min(columns.end + in_run * factor);
                 rows.clone().for_each(|y| pixels[y * width..][next.clone()].iter().step_by(16).for_each(prefetch));
                 for y in rows.clone() {
@@ -411,7 +411,7 @@ impl ReducedPicture {
                 let squares = sums[..columns.len()].chunks(factor);
                 for (luma, square) in lumas.iter_mut().zip(squares.clone()) {
                     let sum = sum_of(square);
-                    // The weights of BT.601 over 256.
+                    // BT.601 weights in 1/256.
                     *luma = (77 * sum[0] + 150 * sum[1] + 29 * sum[2]) as i32;
                 }
                 let mean = |luma: i32, len: usize| (luma as f32 / (256 * len * rows.len()) as f32 + 0.5) as u8;
@@ -423,7 +423,7 @@ impl ReducedPicture {
         self.find_detail()
     }
 
-    /// `detail` = `luma` less the mean around each pixel.
+    /// `detail` = `luma` - local mean.
     fn find_detail(&mut self) -> Result<()> {
         resize(&mut self.detail, self.luma.len(), 0)?;
         let (width, height, luma) = (self.width, self.height, &self.luma);
@@ -434,20 +434,20 @@ impl ReducedPicture {
             for y in rows.clone() {
                 columns.iter_mut().zip(&luma[y * width..][..width]).for_each(|(sum, &v)| *sum += u16::from(v));
             }
-            // Sums of all columns before each.
+            // Prefix sums of the columns.
             let mut before = [0_u32; REDUCED_SIDE + 1];
             for x in 0..width {
                 before[x + 1] = before[x] + u32::from(columns[x]);
             }
             let luma = &luma[y * width..][..width];
-            // The half keeps global quotients from falling below themselves.
+            // The added half keeps exact quotients from rounding down.
             let detail =
                 |v: u8, sum: u32, count: usize| i16::from(v) - ((sum as i32 as f32 + 0.5) / count as f32) as i16;
             for x in (0..width.min(DETAIL_REACH)).chain(width.saturating_sub(DETAIL_REACH)..width) {
                 let columns = around(x, width);
                 row[x] = detail(luma[x], before[columns.end] - before[columns.start], rows.len() * columns.len());
             }
-            // Inside all means are over as many.
+            // Away from the borders all means have the same number of columns.
             const REACHED: usize = 2 * DETAIL_REACH + 1;
             let inside = DETAIL_REACH..width.saturating_sub(DETAIL_REACH).max(DETAIL_REACH);
             let ends = before[..width + 1].iter().zip(before.get(REACHED..).unwrap_or_default());
@@ -459,13 +459,13 @@ impl ReducedPicture {
         Ok(())
     }
 
-    /// Takes the size of `larger`, `factor` times smaller.
+    /// Sets the size to that of `larger` divided by `factor`.
     fn reserve(&mut self, larger: &Self, factor: usize) -> Result<()> {
         (self.width, self.height) = (larger.width.div_ceil(factor), larger.height.div_ceil(factor));
         resize(&mut self.luma, self.width * self.height, 0)
     }
 
-    /// The mean of each `factor` x `factor` square of `larger`, whose size was taken.
+    /// Computes the mean of each `factor` x `factor` square of `larger`, for which memory is reserved.
     fn reduce(&mut self, larger: &Self, factor: usize) {
         for (y, row) in self.luma.chunks_mut(self.width).enumerate() {
             let rows = y * factor..((y + 1) * factor).min(larger.height);

@@ -1,29 +1,27 @@
-//! Edges between surfaces that nothing but pictures tells apart.
+//! Anti-aliasing of edges that no depth confirms.
 //!
-//! Where depth says which surface is in front, an edge runs where it says. Motion that sharp found in pictures comes without
-//! depth: its edges are right to a pixel or two, and so is where things go that only the previous anchor shows. A colour
-//! neighbours its index is wrong by its contrast with what belongs there, so that a little contrast less takes away more error
-//! than sharpness.
+//! Optical flow comes without depth: its edges, and the motion of pixels visible only in the previous anchor, are
+//! accurate to a pixel or two. A misplaced pixel's error is its contrast with the right colour, so that blending with
+//! the neighbours reduces the error by more than it costs in sharpness.
 
 use super::colour::Colour;
 use super::kernels::{BLOCK, SimdLevel, TILE, tile_keys};
 use super::splat_key::Key;
 
-/// Vectors of a tile that are farther apart than this along an axis are those of several surfaces, in 1/64 px.
+/// Smallest difference between motion vectors of different surfaces in a tile, in 1/64 px per component.
 pub(super) const EDGE_MOTION: i32 = 3 * 64;
-/// The share of each of the four pixels neighbours one in its blended colour, of 128.
+/// Weight of each of the four neighbours, of 128.
 pub(super) const NEIGHBOUR_WEIGHT: u8 = 10;
 
-/// Which pixels of a whole tile take a share of those neighbours them, bit `8 j + i`: all where several surfaces meet, else
-/// those in `uncovered`, which nothing visible in the current anchor warped on.
+/// Pixels of a tile to blend, as bits `8 j + i`: all if it contains an edge, else those in `uncovered`.
 pub(super) fn blend_mask(level: SimdLevel, keys: &[Key; BLOCK], uncovered: u64) -> u64 {
     let [least, largest] = tile_keys::vector_range(level, keys);
     let is_edge = (0..2).any(|axis| largest[axis] - least[axis] > EDGE_MOTION);
     if is_edge { u64::MAX } else { uncovered }
 }
 
-/// Gives each pixel of a tile in `blend_mask` its share of those neighbours it in the tile, as they were. Those in `hidden` have no
-/// colour; in their index, and in that of pixels outside the tile, a pixel's own counts.
+/// Blends each pixel in `blend_mask` with its four neighbours in the tile. `hidden` neighbours have no colour; the
+/// pixel's own colour replaces them and those outside the tile.
 pub(super) fn antialias<P: Colour>(tile: &mut [P; BLOCK], blend_mask: u64, hidden: u64) {
     let sharp = *tile;
     if hidden == 0 {
@@ -62,7 +60,7 @@ mod tests {
 
     const LEVEL: SimdLevel = SimdLevel::SCALAR;
 
-    /// The left half of a tile with one claim, the right one with another.
+    /// A tile with one key in its left half and another in its right half.
     fn halves(left: Key, right: Key) -> [Key; BLOCK] {
         std::array::from_fn(|index| if index % TILE < TILE / 2 { left } else { right })
     }
@@ -91,7 +89,7 @@ mod tests {
             };
             assert_eq!(*pixel, [red, 80, 120, 255], "{index}");
         }
-        // What is hidden gives nothing and takes nothing, and nothing else is touched.
+        // Hidden pixels neither contribute nor change; pixels outside the mask do not change.
         let mut tile = lone;
         antialias(&mut tile, u64::MAX, 1 << 27);
         assert_eq!(tile, lone);

@@ -1,5 +1,5 @@
-//! The motion of the current anchor as it is reader, made ready: sanitised, sorted into smooth and rough tiles, surfaces
-//! drawn out over their rims.
+//! The motion field of the current anchor as splat keys: guidance is sanitised, tiles are classified as uniform or
+//! mixed, and foreground is dilated over its anti-aliased edges.
 
 mod matching;
 
@@ -23,24 +23,25 @@ use matching::{better_fit, tag_match_errors};
 #[cfg(test)]
 pub(super) use matching::{colour_distance, match_error};
 
-/// A tile whose vectors differ by no more than this, in 1/64 px, is smooth: three quarters of a pixel.
+/// Largest difference per component between the motion vectors of a uniform tile, in 1/64 px: three quarters of a
+/// pixel.
 pub(super) const UNIFORM_RANGE: i32 = 48;
-/// Levels within which a pixel on the rim of a surface is that surface's.
+/// Largest colour difference, in levels, of a pixel that dilation assigns to the foreground.
 pub(super) const DILATION_TOLERANCE: f32 = 38.0;
-/// Tiles ahead of the one that is looked at whose keys and pixels are asked for.
+/// Tiles whose keys and pixels are prefetched ahead of the current one.
 const PREFETCH_AHEAD: usize = 3;
-/// Rows of tiles that are made together at least.
+/// Smallest number of rows of tiles per band.
 const MIN_BAND_ROWS: usize = 4;
-/// The match of a smooth tile whose pixels are not looked at: neither good nor bad.
+/// Match error of a uniform tile, which is not measured: neither good nor bad.
 pub(super) const UNKNOWN_MATCH_ERROR: u8 = 24;
 
-/// Makes the field of a guidance; keeps its working memory.
+/// Builds the field of a guidance; keeps its working memory.
 #[derive(Debug, Default)]
 pub(super) struct FieldBuilder {
     windows: Vec<[GuidanceRow; 3]>,
 }
 
-/// A row of tiles as it is reader.
+/// A row of classified tiles, before refinement at edges.
 #[derive(Debug, Default)]
 struct GuidanceRow {
     vectors: Vec<VectorRange>,
@@ -61,8 +62,8 @@ impl GuidanceRow {
 }
 
 impl FieldBuilder {
-    /// Fills `field` with the motion of `guidance`, and of what stands no_motion in front of it. With a pair of anchors, where
-    /// depth says nothing, pixels are ranked by how well the previous anchor matches.
+    /// Fills `field` with the keys of `guidance` and of static foreground. For a pair of anchors without depth, the
+    /// match error with the previous anchor replaces depth as the order of keys.
     pub(super) fn prepare<P: Colour>(
         &mut self,
         level: SimdLevel,
@@ -74,7 +75,8 @@ impl FieldBuilder {
         let grid = Grid::new(guidance.size());
         let limit = [grid.width, grid.height].map(|side| (side as i32 * 64).min(MAX_COMPONENT));
         field.reserve(grid)?;
-        // Rows are finished while those padded_tile them are at hand. Each band looks at one more on both sides.
+        // A row is refined while its neighbours are in the window. Each band also classifies the rows above and below
+        // it.
         let band_rows = grid.rows.div_ceil(2 * tasks::concurrency()).max(MIN_BAND_ROWS);
         let bands = grid.rows.div_ceil(band_rows);
         if self.windows.len() < bands {
@@ -111,7 +113,7 @@ impl FieldBuilder {
     }
 }
 
-/// Whether depth says nothing: all depth_keys are the same.
+/// Whether all depth keys are equal. Constant depth means that motion came from optical flow.
 fn is_flat(level: SimdLevel, depth: &DepthMap) -> bool {
     if depth.uniform_value().is_some() {
         return true;
@@ -124,15 +126,15 @@ fn is_flat(level: SimdLevel, depth: &DepthMap) -> bool {
     let first = depth_keys(&depth.depth()[..1])[0];
     let mut is_like_first =
         |depth: &[f32]| depth_keys(depth)[..depth.len()].iter().all(|&depth_key| depth_key == first);
-    // A few from all over first, which mostly settle it.
+    // A few samples first, which usually decide.
     let some = depth.depth().chunks(depth.depth().len().div_ceil(64));
     { some }.all(|some| is_like_first(&some[..1])) && depth.depth().chunks(TILE).all(is_like_first)
 }
 
-/// What the claims of a tile and, beside that, of those padded_tile it have in common.
+/// Extremes of a tile's keys, or of several tiles'.
 ///
-/// The least of each component of the vectors, less the largest, the depth_key of what is nearest, less that of what is
-/// farthest, and -1 for a rough tile: of several tiles the least of each number.
+/// Minimum of each motion component, minimum of each negated component, smallest depth key, negated largest depth key,
+/// and -1 for a mixed tile: a union is the minimum of each value.
 #[derive(Debug, Clone, Copy, Default)]
 struct NeighbourRange([i32; 8]);
 
@@ -163,7 +165,7 @@ impl NeighbourRange {
         Self(both)
     }
 
-    /// Whether all of it moves similar_motion.
+    /// Whether all motion is similar.
     fn is_similar(&self) -> bool {
         (0..2).all(|c| -self.0[c + 2] - self.0[c] <= SIMILAR_MOTION)
     }
@@ -181,7 +183,7 @@ impl NeighbourRange {
     }
 }
 
-/// The guidance as it is reader.
+/// Converts guidance to keys.
 struct GuidanceReader<'a> {
     level: SimdLevel,
     guidance: &'a Guidance,
@@ -191,7 +193,7 @@ struct GuidanceReader<'a> {
 }
 
 impl GuidanceReader<'_> {
-    /// Sorts the tiles of a row, if there is one.
+    /// Classifies the tiles of a row, if that is inside the picture.
     fn classify_row(&self, row: usize, window: &mut [GuidanceRow; 3]) {
         let GuidanceRow { vectors, depth_keys, ranges, tiles, keys } = &mut window[row % 3];
         if row >= self.grid.rows {
@@ -203,7 +205,7 @@ impl GuidanceReader<'_> {
         }
     }
 
-    /// The ranges of vectors and depth_keys of a row of tiles.
+    /// Computes the ranges of motion and depth keys of a row of tiles.
     fn find_ranges(&self, row: usize, vectors: &mut [VectorRange], depth_keys: &mut [DepthKeyRange]) {
         let Self { level, limit, .. } = *self;
         let width = self.grid.width;
@@ -248,7 +250,7 @@ impl GuidanceReader<'_> {
         }
     }
 
-    /// Sorts a tile, and finds the keys of its pixels where it is rough.
+    /// Classifies a tile, and computes the keys of its pixels if it is mixed.
     #[inline(never)]
     fn classify(
         &self,
@@ -309,7 +311,7 @@ impl GuidanceReader<'_> {
         NeighbourRange::new(tile, if static_count > 0 { DepthKeyRange { near: 0, ..depth_keys } } else { depth_keys })
     }
 
-    /// The guidance of a run of pixels within a tile.
+    /// Reads motion and depth of some pixels of a row of a tile.
     fn read(&self, x: usize, y: usize, motion: &mut [[f16; 2]], depth: &mut [f32]) {
         let (field, map) = (self.guidance.motion(), self.guidance.depth());
         let (columns, tile) = (field.columns() as usize, field.tile() as usize);
@@ -321,19 +323,19 @@ impl GuidanceReader<'_> {
     }
 }
 
-/// What happens where surfaces meet.
+/// Refines keys at the edges of surfaces.
 struct EdgeRefinement<'a, P> {
     level: SimdLevel,
     grid: Grid,
     anchors: Option<(Source<'a, P>, Source<'a, P>)>,
-    /// Whether depth says nothing.
+    /// Whether the depth is constant.
     is_flat: bool,
-    /// Whether motion and depth are good enough to draw surfaces out over their rims.
+    /// Whether motion and depth are per pixel, so that foreground can be dilated.
     can_dilate: bool,
 }
 
 impl<P: Colour> EdgeRefinement<'_, P> {
-    /// Asks for the pixels that a tile will be judged by.
+    /// Prefetches the pixels with which a tile is compared.
     #[inline(always)]
     fn prefetch(&self, column: usize, row: usize, NeighbourRange(ranges): &NeighbourRange) {
         if let Some((previous, current)) = self.anchors {
@@ -343,7 +345,7 @@ impl<P: Colour> EdgeRefinement<'_, P> {
         }
     }
 
-    /// The rows padded_tile a row that there are.
+    /// The given row and its neighbours inside the picture.
     #[inline(always)]
     fn lines<'b>(
         &self,
@@ -353,14 +355,14 @@ impl<P: Colour> EdgeRefinement<'_, P> {
         (row.saturating_sub(1)..(row + 2).min(self.grid.rows)).map(|row| &window[row % 3])
     }
 
-    /// What the tiles of a column padded_tile a row have in common.
+    /// Extremes of a column of three tiles.
     #[inline(always)]
     fn column(&self, column: usize, row: usize, window: &[GuidanceRow; 3]) -> NeighbourRange {
         let ranges = self.lines(row, window).filter_map(|guidance_row| guidance_row.ranges.get(column));
         ranges.fold(NeighbourRange::NONE, |all, ranges| all.and(ranges))
     }
 
-    /// Takes a row over from what is reader, and settles what lies where surfaces meet.
+    /// Copies a row from the window and refines its tiles at edges.
     fn refine_row(&self, row: usize, window: &[GuidanceRow; 3], tiles: &mut [Tile], keys: &mut [[Key; BLOCK]]) {
         let guidance_row = &window[row % 3];
         tiles.copy_from_slice(&guidance_row.tiles);
@@ -384,13 +386,13 @@ impl<P: Colour> EdgeRefinement<'_, P> {
             } else if all.near() + i32::from(DEPTH_KEY_TOLERANCE) < guidance_row.ranges[column].far()
                 && !all.is_similar()
             {
-                // Else nothing padded_tile can be in front and move otherwise.
+                // Otherwise no neighbour is in front with different motion.
                 self.dilate(column, row, window, tile, keys);
             }
         }
     }
 
-    /// Where depth says nothing, and surfaces meet, marks each pixel of a tile with how badly it matches.
+    /// Without depth, tags each pixel of a tile at an edge with its match error.
     #[inline(never)]
     fn tag_match_errors(
         &self,
@@ -425,8 +427,9 @@ impl<P: Colour> EdgeRefinement<'_, P> {
         tag_match_errors(self.level, previous, current, [column * TILE, row * TILE], keys);
     }
 
-    /// Colours on the rim of a surface are mixed with what is behind it, so that the rim moves with the surface in front: a
-    /// pixel takes the key of the nearest padded_tile it, where that fits better than its own.
+    /// Dilates foreground: at its edge its colours are mixed with the background's, so that the edge must move with the
+    /// foreground. A pixel takes the nearest key of its 3x3 neighbourhood if that matches the previous anchor better
+    /// than its own.
     #[inline(never)]
     fn dilate(&self, column: usize, row: usize, window: &[GuidanceRow; 3], tile: &mut Tile, keys: &mut [Key; BLOCK]) {
         let padded_tile = self.padded_tile(column, row, window);
@@ -456,7 +459,7 @@ impl<P: Colour> EdgeRefinement<'_, P> {
         }
     }
 
-    /// The claims of a tile's pixels with one more on each side, [`EMPTY`] beyond the refinement.
+    /// The keys of a tile with a border of one pixel, [`EMPTY`] outside the picture.
     #[inline(always)]
     fn padded_tile(&self, column: usize, row: usize, window: &[GuidanceRow; 3]) -> PaddedTile {
         let Grid { width, height, .. } = self.grid;

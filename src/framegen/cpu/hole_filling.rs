@@ -1,9 +1,8 @@
-//! Claims for the indices that nothing covered.
+//! Hole filling: keys for pixels that no key covers.
 //!
-//! Such a index continues a surface candidates it. In the previous anchor it shows what the current one does not: something
-//! that is now hidden, or has unfilled the picture. Between the anchors it shows what neither does. The nearest covered to
-//! the unfilled, right, above and below are the candidates; where none is near, a pyramid over the tiles has one that
-//! prefers the farther surface.
+//! A hole continues a surface beside it. In the previous anchor it is a pixel that is occluded in the current one or
+//! has left the picture; in the frame, one that neither anchor shows. Candidates are the nearest keys to the left,
+//! right, above and below; where none is near, a pyramid over the tiles supplies the farthest key around.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -19,62 +18,62 @@ use super::splat_key::{self, EMPTY, Key, is_in_front, pack, scaled, similar_moti
 use crate::Result;
 use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
 
-/// Tiles ahead of the one that is filled whose keys and pixels are wanted for.
+/// Tiles whose keys and pixels are prefetched ahead of the one being filled.
 const PREFETCH_AHEAD: usize = 1;
-/// The same where it is only looked what covered them.
+/// The same in the coverage pass.
 const COVERAGE_PREFETCH_AHEAD: usize = 6;
-/// Places ahead of the one for which a candidate is chosen.
+/// Pixels for which candidates are prefetched ahead.
 const PIXELS_PREFETCH_AHEAD: usize = 6;
-/// Candidates are looked for up to this many pixels away.
+/// Largest distance of a candidate, in pixels.
 pub(super) const SEARCH_RADIUS: usize = 24;
-/// Tiles that are as near as that.
+/// The same in tiles.
 const SEARCH_TILES: usize = SEARCH_RADIUS / TILE;
 const _: () = assert!(SEARCH_RADIUS == SEARCH_TILES * TILE && SEARCH_TILES == 3);
 
-/// Fills layers; keeps its memory.
+/// Fills key buffers; keeps its memory.
 #[derive(Debug, Default)]
 pub(super) struct HoleFiller {
-    /// For for_each_bit tile the indices that something covered: bit `8 j + i`.
+    /// Covered pixels of each tile, as bits `8 j + i`.
     covered: Vec<u64>,
-    /// For for_each_bit tile with holes what became of it.
+    /// Result per tile with holes.
     filled: Vec<Filled>,
     levels: Vec<PyramidLevel>,
 }
 
-/// A tile whose holes have been filled where there are candidates.
+/// Result of filling a tile from candidates.
 #[derive(Debug, Clone, Copy, Default)]
 struct Filled {
-    /// The indices for which there were none.
+    /// Holes without a candidate.
     unfilled: u64,
-    /// The least and the largest of for_each_bit component of what was inherited.
+    /// Minimum and maximum of each component of the inherited motion.
     vector_range: [[i32; 2]; 2],
 }
 
-/// A grid half as wide and high as the one below, with the farthest of what is there: one more than its key, or 0.
+/// A level of the pyramid, half the size of the one below. Each cell has the farthest key below it plus one, or 0.
 #[derive(Debug, Default)]
 struct PyramidLevel {
     columns: usize,
     farthest: Vec<Key>,
 }
 
-/// What a candidate is judged by.
+/// What candidates are judged by.
 pub(super) struct FillInputs<'a, P> {
-    /// The current anchor's motion.
+    /// Keys of the current anchor.
     pub(super) field: &'a KeyBuffer,
-    /// From the current anchor to the keys_to_fill.
+    /// Warp from the current anchor to the buffer being filled.
     pub(super) warp: Warp,
-    /// The anchor that shows what is looked for, where one does.
+    /// The anchor that shows the holes' content, if one does.
     pub(super) picture: Option<Source<'a, P>>,
-    /// What the anchor that shows it tells of it, where that is known.
+    /// Reprojection of that anchor's depth, if it is known.
     pub(super) reprojection: Option<&'a Reprojection<'a>>,
-    /// What leaves the picture, where that was looked for.
+    /// Foreground at the borders, if it was detected.
     pub(super) border: Option<&'a BorderForeground>,
-    /// What inherited covered are marked with.
+    /// Tag of inherited keys.
     pub(super) tag: u8,
 }
 
 impl HoleFiller {
-    /// Lets every index of `keys_to_fill` that nothing covered borrow a key; returns how many there are.
+    /// Gives each hole of `keys_to_fill` an inherited key; returns the number of holes.
     pub(super) fn fill<P: Colour>(
         &mut self,
         level: kernels::SimdLevel,
@@ -103,7 +102,7 @@ impl HoleFiller {
                 }
             }
         });
-        // Mostly there is a candidate for every index.
+        // Usually every hole has a candidate.
         if has_unfilled.into_inner() {
             build_pyramid(levels, keys_to_fill);
         }
@@ -131,7 +130,7 @@ impl HoleFiller {
         Ok(holes)
     }
 
-    /// Makes room for the pyramid of a grid.
+    /// Allocates for a grid.
     fn reserve(&mut self, grid: Grid) -> Result<()> {
         resize(&mut self.covered, grid.tiles(), 0)?;
         resize(&mut self.filled, grid.tiles(), Filled::default())?;
@@ -147,7 +146,7 @@ impl HoleFiller {
         Ok(())
     }
 
-    /// Looks which indices something covered, and returns how many nothing does.
+    /// Finds the covered pixels; returns the number of holes.
     fn find_covered(&mut self, level: kernels::SimdLevel, keys_to_fill: &KeyBuffer) -> usize {
         let grid = keys_to_fill.grid;
         let is_part = |tile: &Tile| tile.holes > 0 && usize::from(tile.holes) < BLOCK;
@@ -174,7 +173,7 @@ impl HoleFiller {
     }
 }
 
-/// Pulls the farthest key of for_each_bit tile up a pyramid until one is unfilled.
+/// Builds the pyramid of farthest keys.
 #[inline(never)]
 fn build_pyramid(levels: &mut [PyramidLevel], keys_to_fill: &KeyBuffer) {
     let pull = |rows: [&[Key]; 2], farthest: &mut [Key]| {
@@ -205,7 +204,7 @@ fn build_pyramid(levels: &mut [PyramidLevel], keys_to_fill: &KeyBuffer) {
     }
 }
 
-/// The farthest key of the least square of tiles around a tile that holds any.
+/// The farthest key in the smallest square of 1, 2x2, 4x4, ... tiles that has any.
 fn farthest(levels: &[PyramidLevel], tile: &Tile, column: usize, row: usize) -> Key {
     if tile.key != EMPTY {
         return tile.key;
@@ -215,7 +214,7 @@ fn farthest(levels: &[PyramidLevel], tile: &Tile, column: usize, row: usize) -> 
     found.into_iter().find(|&farthest| farthest != 0).map_or(pack(u16::MAX, 0, [0; 2]), |farthest| farthest - 1)
 }
 
-/// Lets the indices `unfilled` of a tile borrow a key from farther away.
+/// Sets the `unfilled` holes of a tile to a key from the pyramid.
 fn inherit_farthest(unfilled: u64, far: Key, keys: &mut [Key; BLOCK]) {
     if unfilled == u64::MAX {
         keys.fill(far);
@@ -224,7 +223,7 @@ fn inherit_farthest(unfilled: u64, far: Key, keys: &mut [Key; BLOCK]) {
     }
 }
 
-/// The indices of a tile that are on the picture: bit `8 j + i`.
+/// Pixels of a tile that are inside the picture, as bits `8 j + i`.
 #[inline(always)]
 fn pixels_inside([across, down]: [usize; 2]) -> u64 {
     let row = 0xff_u64 >> (TILE - across);
@@ -239,13 +238,13 @@ fn for_each_bit(mut indices: u64, mut act: impl FnMut(usize)) {
     }
 }
 
-/// What is found out about a tile, unfilled over from one before where this has no holes.
+/// Working memory for one tile, not cleared between tiles.
 struct Scratch {
     candidates: Candidates,
     costs: Costs,
 }
 
-/// A keys_to_fill whose holes are being filled.
+/// A key buffer whose holes are being filled.
 struct HoleFill<'a, 'e, P> {
     level: kernels::SimdLevel,
     keys_to_fill: &'a KeyBuffer,
@@ -254,12 +253,12 @@ struct HoleFill<'a, 'e, P> {
 }
 
 impl<P: Colour> HoleFill<'_, '_, P> {
-    /// Asks for what will be needed of a tile.
+    /// Prefetches a tile.
     #[inline(always)]
     fn prefetch(&self, column: usize, row: usize) {
         let grid = self.keys_to_fill.grid;
         let tile = row * grid.columns + column;
-        // Of what nothing covered it is known.
+        // The keys of a tile without coverage are known to be empty.
         if column < grid.columns && self.keys_to_fill.tiles[tile].holes > 0 && self.covered[tile] != 0 {
             KeyBuffer::prefetch_keys(&self.keys_to_fill.keys[tile]);
             if let Some(shown) = self.inputs.picture {
@@ -268,7 +267,7 @@ impl<P: Colour> HoleFill<'_, '_, P> {
         }
     }
 
-    /// Fills the holes of a tile for which there is a candidate.
+    /// Fills the holes of a tile that have a candidate.
     #[inline(never)]
     fn fill_tile(&self, [column, row]: [usize; 2], scratch: &mut Scratch, keys: &mut [Key; BLOCK]) -> Filled {
         let Self { level, keys_to_fill, covered, inputs } = *self;
@@ -277,7 +276,7 @@ impl<P: Colour> HoleFill<'_, '_, P> {
         let (corner, extent) = ([column * TILE, row * TILE], grid.extent(column, row));
         let (covered, holes) = (covered[tile], pixels_inside(extent) & !covered[tile]);
 
-        // What is at rest needs no candidates, but where it may be moving_with position with one.
+        // Reprojected pixels need no candidate, unless they may belong to a moving surface.
         let (mut inverse_depths, mut reprojected) = ([0.0; BLOCK], 0);
         match inputs.reprojection {
             Some(reprojection) => {
@@ -299,7 +298,7 @@ impl<P: Colour> HoleFill<'_, '_, P> {
             if wanted != 0 {
                 self.find_costs(corner, extent, [covered, holes], &mut outside, candidates, costs);
                 let at = |index: usize| [corner[0] + index % TILE, corner[1] + index / TILE];
-                // What it takes to know is wanted for some indices ahead.
+                // Keys for the next candidates are prefetched.
                 let mut ahead = wanted;
                 for _ in 0..PIXELS_PREFETCH_AHEAD {
                     inputs.prefetch_next(&mut ahead, at, candidates, costs);
@@ -331,8 +330,8 @@ impl<P: Colour> HoleFill<'_, '_, P> {
         Filled { unfilled, vector_range: tile_keys::vector_range(level, keys) }
     }
 
-    /// For for_each_bit row or column of a tile the indices near it on that line that something covered: first those before it, bits 24
-    /// to 31 being its own.
+    /// Coverage along each row (or column) of a tile and its neighbours within the search radius; bits 24 to 31 are the
+    /// tile's own.
     #[inline(always)]
     fn line_coverage<const ACROSS: bool>(&self, column: usize, row: usize) -> [u64; TILE] {
         let Grid { columns, rows, .. } = self.keys_to_fill.grid;
@@ -349,7 +348,7 @@ impl<P: Colour> HoleFill<'_, '_, P> {
         line_coverage
     }
 
-    /// What is pixel_on_line first outside a tile from the holes at its rim.
+    /// The first covered pixel outside the tile, as seen from holes at its edges.
     #[inline(always)]
     fn outside(&self, [x, y]: [usize; 2], holes: u64, [rows, columns]: &[[u64; TILE]; 2]) -> OutsideCandidates {
         let mut outside = OutsideCandidates::NONE;
@@ -379,7 +378,7 @@ impl<P: Colour> HoleFill<'_, '_, P> {
         outside
     }
 
-    /// How good what stands candidates the holes of a tile is.
+    /// Costs of the candidates of a tile.
     #[inline(always)]
     fn find_costs(
         &self,
@@ -411,14 +410,14 @@ impl<P: Colour> HoleFill<'_, '_, P> {
     }
 }
 
-/// The pixel so far position a line of a tile: a row where one looks to the unfilled or right, else a column.
+/// Pixel at a position along a line of a tile: a row for the sides left and right, otherwise a column.
 #[inline(always)]
 fn pixel_on_line([x, y]: [usize; 2], side: usize, line: usize, position: u32) -> [usize; 2] {
     let position = position as i32 as isize;
     if side < 2 { [x.wrapping_add_signed(position), y + line] } else { [x + line, y.wrapping_add_signed(position)] }
 }
 
-/// The bits of a tile with rows and columns exchanged (H. S. Warren, Hacker's Delight, 2012, 7-3).
+/// Transposes an 8x8 bit matrix (H. S. Warren, Hacker's Delight, 2012, 7-3).
 #[inline(always)]
 fn transposed(bits: u64) -> u64 {
     let swapped = |bits: u64, by: u32, which: u64| {
@@ -431,14 +430,13 @@ fn transposed(bits: u64) -> u64 {
 }
 
 impl<P: Colour> FillInputs<'_, P> {
-    /// The best of what was found candidates a index: of what the current anchor does not contradict the first in find_costs, or, where
-    /// it contradicts all, the first.
+    /// The cheapest candidate that the current anchor does not contradict; if it contradicts all, the cheapest.
     #[inline(always)]
     fn best(&self, grid: Grid, at: [usize; 2], index: usize, candidates: &Candidates, costs: &Costs) -> Key {
         let key_of = |by_cost: u64| candidates.keys[by_cost as usize % SIDES][index];
         let cost_of = |side: usize| u64::from(costs[side][index]) << 2 | side as u64;
         let mut by_cost = [cost_of(0), cost_of(1), cost_of(2), cost_of(3)];
-        // Of equals the first side's.
+        // Sorting network; for equal costs the first side wins.
         for [a, b] in [[0, 1], [2, 3], [0, 2], [1, 3], [1, 2]] {
             (by_cost[a], by_cost[b]) = (by_cost[a].min(by_cost[b]), by_cost[a].max(by_cost[b]));
         }
@@ -452,7 +450,7 @@ impl<P: Colour> FillInputs<'_, P> {
             if key == contradicted {
                 continue;
             }
-            // Mostly there is nothing else to choose from.
+            // The usual case: all candidates are the same.
             let is_only = || by_cost[1..].iter().all(|&other| [first, EMPTY].contains(&key_of(other)));
             if n == 0 && is_only() || !self.is_contradicted(grid, at, key) {
                 return key;
@@ -462,7 +460,7 @@ impl<P: Colour> FillInputs<'_, P> {
         first
     }
 
-    /// Asks for what [`best`](Self::best) looks at first for the next of `indices`.
+    /// Prefetches what [`best`](Self::best) reads first for the next of `indices`.
     #[inline(always)]
     fn prefetch_next(
         &self,
@@ -485,7 +483,7 @@ impl<P: Colour> FillInputs<'_, P> {
         }
     }
 
-    /// Where in the current anchor a candidate for a index leads to, in 1/64 px.
+    /// Position in the current anchor (1/64 px) to which a candidate leads.
     #[inline(always)]
     fn target(&self, at: [usize; 2], key: Key) -> [i32; 2] {
         let ([vx, vy], at) = (splat_key::vector(key), at.map(|at| at as i32));
@@ -493,8 +491,8 @@ impl<P: Colour> FillInputs<'_, P> {
         [64 * at[0] - scaled(vx, fraction), 64 * at[1] - scaled(vy, fraction)]
     }
 
-    /// Whether a candidate for a index would have covered_pixels it: it is neither hidden in the current anchor nor has it unfilled
-    /// that.
+    /// Whether the current anchor contradicts a candidate. If the hole belonged to its surface, it would be covered,
+    /// unless it is occluded or outside the current anchor.
     #[inline(always)]
     fn is_contradicted(&self, grid: Grid, at: [usize; 2], key: Key) -> bool {
         grid.nearest_pixel(self.target(at, key)).is_some_and(|[u, v]| {

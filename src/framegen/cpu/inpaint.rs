@@ -1,4 +1,4 @@
-//! Colours for what neither anchor shows: from a pyramid of the colours around.
+//! Inpainting of pixels that neither anchor shows, from a pyramid of the surrounding colours.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -9,30 +9,30 @@ use super::resize;
 use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
 use crate::{Raster, Result};
 
-/// Tiles across and down of a square that has a pyramid of its own: of 16 x 16, 8 x 8, 4 x 4, 2 x 2 and one.
+/// Side of a square of tiles with its own pyramid of 16x16, 8x8, 4x4, 2x2 and 1 cells.
 const SQUARE_TILES: usize = 16;
-/// What a coarser level's colour weighs in a cell, in pixels.
+/// Weight of a parent's colour in a cell, in pixels.
 const PARENT_WEIGHT: f32 = 1.0 / 16.0;
 
-/// Three channels and alpha, each times the weight, and the weight: how many pixels are visible.
+/// Weighted sum of RGBA, and the weight: the number of visible pixels.
 type Sum = [f32; 5];
 
 /// The pyramids; keeps its memory.
 #[derive(Debug, Default)]
 pub(super) struct Inpainter {
-    /// Squares to a row.
+    /// Squares per row.
     columns: usize,
     /// Which squares are needed.
     is_needed: Vec<bool>,
-    /// The cells of a square stand together, a cell to a tile.
+    /// One cell per tile, grouped by square.
     cells: Vec<[Sum; SQUARE_TILES * SQUARE_TILES]>,
-    /// What is visible of each row of tiles.
+    /// Sum of each row of tiles.
     rows: Vec<Sum>,
 }
 
 impl Inpainter {
-    /// Paints the pixels of `hidden`, one bit for each in a word for each tile. There is a colour for each tile; what is
-    /// visible of it outweighs what the tiles around lend it, by twos, fours and so on.
+    /// Fills the pixels in `hidden`, which has one word of bits per tile. A tile's colour is that of its visible
+    /// pixels, with little weight for the surrounding 2x2, 4x4, ... tiles.
     pub(super) fn paint<P: Colour>(&mut self, grid: Grid, hidden: &[u64], out: &mut Raster<P>) -> Result<()> {
         self.reserve(grid)?;
         self.find_needed(grid, hidden);
@@ -64,7 +64,7 @@ impl Inpainter {
         Ok(())
     }
 
-    /// Makes room for what the pictures of a grid may need.
+    /// Allocates for a grid.
     pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
         self.columns = grid.columns.div_ceil(SQUARE_TILES);
         let squares = self.columns * grid.rows.div_ceil(SQUARE_TILES);
@@ -73,7 +73,7 @@ impl Inpainter {
         resize(&mut self.rows, grid.rows, [0.0; 5])
     }
 
-    /// A pixel is painted from its tile and from those beside it.
+    /// Marks squares that contain a tile with hidden pixels or one beside it.
     fn find_needed(&mut self, grid: Grid, hidden: &[u64]) {
         self.is_needed.fill(false);
         for (tile, _) in hidden.iter().enumerate().filter(|(_, mask)| **mask != 0) {
@@ -86,7 +86,7 @@ impl Inpainter {
         }
     }
 
-    /// Where nothing is visible of a whole square, the mean of the picture serves; black where nothing is visible at all.
+    /// Sets squares without visible pixels to the picture's mean; to black if no pixel is visible.
     #[cold]
     fn fill_empty_squares<P: Colour>(&mut self, visible: &VisiblePixels<'_, P>) {
         let add = |sum: Sum, other: Sum| -> Sum { std::array::from_fn(|c| sum[c] + other[c]) };
@@ -101,7 +101,7 @@ impl Inpainter {
     }
 }
 
-/// What is visible of a picture.
+/// A picture's visible pixels.
 struct VisiblePixels<'a, P> {
     grid: Grid,
     hidden: &'a [u64],
@@ -109,7 +109,7 @@ struct VisiblePixels<'a, P> {
 }
 
 impl<P: Colour> VisiblePixels<'_, P> {
-    /// The sum over the pixels of a tile that are not hidden.
+    /// Sum over the visible pixels of a tile.
     fn of_tile(&self, column: usize, row: usize) -> Sum {
         let grid = self.grid;
         let mut sum = [0.0; 5];
@@ -119,7 +119,7 @@ impl<P: Colour> VisiblePixels<'_, P> {
         let [across, down] = grid.extent(column, row);
         let mask = self.hidden[row * grid.columns + column];
         if mask == 0 && [across, down] == [TILE; 2] {
-            // Mostly nothing of a tile is hidden.
+            // The usual case: the whole tile is visible.
             let visible = P::sum_of_tile(&self.pixels[row * TILE * grid.width + column * TILE..], grid.width);
             sum[..4].copy_from_slice(&visible);
             sum[4] = BLOCK as f32;
@@ -141,7 +141,7 @@ impl<P: Colour> VisiblePixels<'_, P> {
         sum
     }
 
-    /// Asks for the pixels of a tile.
+    /// Prefetches the pixels of a tile.
     #[inline(always)]
     fn prefetch_tile(&self, column: usize, row: usize) {
         for j in 0..TILE {
@@ -149,7 +149,7 @@ impl<P: Colour> VisiblePixels<'_, P> {
         }
     }
 
-    /// Fills the cells of a square; says whether nothing is visible of it.
+    /// Computes the cells of a square; returns whether it has no visible pixel.
     fn build(&self, corner: [usize; 2], cells: &mut [Sum; SQUARE_TILES * SQUARE_TILES]) -> bool {
         for (index, cell) in cells.iter_mut().enumerate() {
             let [column, row] = [corner[0] + index % SQUARE_TILES, corner[1] + index / SQUARE_TILES];
@@ -169,7 +169,7 @@ impl<P: Colour> VisiblePixels<'_, P> {
     }
 }
 
-/// Adds up the cells of a level, four to a cell of the level above, which has `side` of them to a row.
+/// Sums 2x2 cells of a level into each cell of the one above, which has `side` cells per row.
 fn pull(below: &[Sum], above: &mut [Sum], side: usize) {
     for (row, sums) in above.chunks_mut(side).enumerate() {
         for (column, sum) in sums.iter_mut().enumerate() {
@@ -181,7 +181,7 @@ fn pull(below: &[Sum], above: &mut [Sum], side: usize) {
     }
 }
 
-/// Down again: what is visible of a cell outweighs what its parent, of which there are `side` to a row, lends it.
+/// Adds the parents' colours to the cells below; `side` is the number of parents per row.
 fn push(above: &[Sum], below: &mut [Sum], side: usize) {
     for (row, sums) in below.chunks_mut(2 * side).enumerate() {
         for (column, sum) in sums.iter_mut().enumerate() {
@@ -192,7 +192,7 @@ fn push(above: &[Sum], below: &mut [Sum], side: usize) {
     }
 }
 
-/// The colour at a pixel, between the middles of the tiles.
+/// Bilinear interpolation between the tile centres.
 fn colour(cells: &[[Sum; SQUARE_TILES * SQUARE_TILES]], columns: usize, grid: Grid, x: usize, y: usize) -> [f32; 4] {
     let axis = |at: usize, len: usize| {
         let at = ((at as f32 + 0.5) / TILE as f32 - 0.5).clamp(0.0, (len - 1) as f32);

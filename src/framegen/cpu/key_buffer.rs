@@ -1,4 +1,4 @@
-//! A picture's motion in tiles: whole where it is smooth, pixel by pixel where it is not.
+//! A splat key per pixel, stored in tiles: one key for a uniform tile, 64 for a mixed one.
 
 use std::ops::Range;
 
@@ -8,12 +8,12 @@ use super::resize;
 use super::splat_key::{EMPTY, Key};
 use crate::Result;
 
-/// The tiles of a picture.
+/// Size of a picture in pixels and in tiles.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Grid {
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Tiles in a row.
+    /// Tiles per row.
     pub(super) columns: usize,
     /// Rows of tiles.
     pub(super) rows: usize,
@@ -29,26 +29,26 @@ impl Grid {
         self.columns * self.rows
     }
 
-    /// Pixels across and down of the tile at (column, row): fewer at the far edges.
+    /// Width and height of the tile at (column, row) in pixels: smaller than [`TILE`] at the right and bottom borders.
     pub(super) fn extent(&self, column: usize, row: usize) -> [usize; 2] {
         [TILE.min(self.width - column * TILE), TILE.min(self.height - row * TILE)]
     }
 
-    /// The tile that contains_position a pixel, and its index in it.
+    /// Index of the tile that contains a pixel, and the pixel's index in it.
     #[inline(always)]
     pub(super) fn locate(&self, x: usize, y: usize) -> (usize, usize) {
         (y / TILE * self.columns + x / TILE, y % TILE * TILE + x % TILE)
     }
 
-    /// Whether a position lies on the picture.
+    /// Whether the pixel nearest to a position (1/64 px) is inside the picture.
     #[inline(always)]
     pub(super) fn contains_position(&self, [x, y]: [i32; 2]) -> bool {
-        // As unsigned numbers, what is negative is far beyond.
+        // Negative coordinates wrap to large unsigned values and fail the bounds check.
         let is_on = |at: i32, len: usize| ((at + 32) as u32) < 64 * len as u32;
         is_on(x, self.width) & is_on(y, self.height)
     }
 
-    /// The pixel nearest_pixel to a position, where that is on the picture.
+    /// The pixel nearest to a position (1/64 px); `None` outside the picture.
     #[inline(always)]
     pub(super) fn nearest_pixel(&self, [x, y]: [i32; 2]) -> Option<[usize; 2]> {
         let (x, y) = ((x + 32) >> 6, (y + 32) >> 6);
@@ -57,31 +57,31 @@ impl Grid {
     }
 }
 
-/// How the motion of a tile is held.
+/// How a tile stores its keys.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) enum TileKind {
-    /// One key for all of the tile.
+    /// One key for the whole tile.
     #[default]
     Uniform,
-    /// A key to a pixel.
+    /// One key per pixel.
     Mixed,
 }
 
-/// A tile of a layer.
+/// A tile of a key buffer.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Tile {
     pub(super) kind: TileKind,
-    /// Places that nothing claims.
+    /// Number of pixels that no key covers.
     pub(super) holes: u8,
-    /// The key_at of a smooth tile; of a rough one the farthest, or [`EMPTY`].
+    /// Key of a uniform tile; in a mixed tile the farthest one, or [`EMPTY`].
     pub(super) key: Key,
-    /// The least and the largest of each component of what moves from here.
+    /// Minimum and maximum of each component of the motion vectors that are splatted from this tile.
     pub(super) low: [i32; 2],
     pub(super) high: [i32; 2],
 }
 
 impl Tile {
-    /// Takes a pixel of the tile away from its own_key.
+    /// Removes a pixel's key. A uniform tile becomes a mixed one.
     pub(super) fn clear_pixel(&mut self, keys: &mut [Key; BLOCK], extent: [usize; 2], index: usize) {
         if self.kind == TileKind::Uniform {
             keys.fill(EMPTY);
@@ -95,22 +95,22 @@ impl Tile {
     }
 }
 
-/// The motion of a picture, tile by tile. The keys of a tile stand together, eight to a row; those of pixels beyond the
-/// far edges are [`EMPTY`].
+/// Splat keys of all pixels of a picture. The 64 keys of a tile are contiguous, eight per row; those outside the
+/// picture are [`EMPTY`].
 #[derive(Debug, Default)]
 pub(super) struct KeyBuffer {
     pub(super) grid: Grid,
     pub(super) tiles: Vec<Tile>,
-    /// Keys of rough tiles; those of others are left over from other pictures.
+    /// Keys of mixed tiles; undefined for uniform ones.
     pub(super) keys: Vec<[Key; BLOCK]>,
-    /// In tiles with holes, a inherited key for each of them, and [`EMPTY`] elsewhere.
+    /// In tiles with holes, the key that each hole inherited, and [`EMPTY`] for other pixels.
     pub(super) inherited: Vec<[Key; BLOCK]>,
-    /// For each row of tiles the least and the largest vertical component.
+    /// Minimum and maximum vertical motion per row of tiles.
     pub(super) vertical_ranges: Vec<[i32; 2]>,
 }
 
 impl KeyBuffer {
-    /// Makes room for a picture's keys; what they hold is left over.
+    /// Allocates for a picture size; contents stay undefined.
     pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
         self.grid = grid;
         resize(&mut self.tiles, grid.tiles(), Tile::default())?;
@@ -118,7 +118,7 @@ impl KeyBuffer {
         resize(&mut self.vertical_ranges, grid.rows, [0; 2])
     }
 
-    /// What claims a pixel by itself; [`EMPTY`] where nothing does.
+    /// The key that covers a pixel; [`EMPTY`] for a hole.
     #[inline(always)]
     pub(super) fn own_key(&self, x: usize, y: usize) -> Key {
         let (tile, index) = self.grid.locate(x, y);
@@ -128,7 +128,7 @@ impl KeyBuffer {
         }
     }
 
-    /// Asks for what claims the pixel nearest_pixel to a position (1/64 px), if there is one.
+    /// Prefetches the key of the pixel nearest to a position (1/64 px).
     #[inline(always)]
     pub(super) fn prefetch(&self, [x, y]: [i32; 2]) {
         let (x, y) = ((x + 32) >> 6, (y + 32) >> 6);
@@ -139,13 +139,13 @@ impl KeyBuffer {
         }
     }
 
-    /// Asks for the keys of a tile.
+    /// Prefetches the keys of a tile.
     #[inline(always)]
     pub(super) fn prefetch_keys(keys: &[Key; BLOCK]) {
         keys.as_chunks::<TILE>().0.iter().for_each(prefetch);
     }
 
-    /// The keys of a row of a tile.
+    /// The keys of one row of a tile.
     #[inline(always)]
     pub(super) fn tile_row(&self, tile: usize, line: usize) -> [Key; TILE] {
         match self.tiles[tile].kind {
@@ -154,14 +154,14 @@ impl KeyBuffer {
         }
     }
 
-    /// Takes a pixel away from its own_key.
+    /// Removes a pixel's key.
     pub(super) fn clear_pixel(&mut self, x: usize, y: usize) {
         let (number, index) = self.grid.locate(x, y);
         let extent = self.grid.extent(number % self.grid.columns, number / self.grid.columns);
         self.tiles[number].clear_pixel(&mut self.keys[number], extent, index);
     }
 
-    /// What claims a pixel: its own_key, or what it with_inherited.
+    /// The key of a pixel; for a hole, the one that it inherited.
     #[inline(always)]
     pub(super) fn key_at(&self, x: usize, y: usize) -> Key {
         let own_key = self.own_key(x, y);
@@ -169,8 +169,8 @@ impl KeyBuffer {
         if own_key == EMPTY { self.inherited[tile][index] } else { own_key }
     }
 
-    /// The claims of a tile's pixels with one more on each side, [`EMPTY`] beyond the edges. With `with_inherited`, places that
-    /// nothing claims have what they borrow.
+    /// The keys of a tile with a border of one pixel, [`EMPTY`] outside the picture. `with_inherited` includes
+    /// inherited keys of holes.
     #[inline(always)]
     pub(super) fn padded_tile(&self, column: usize, row: usize, with_inherited: bool) -> PaddedTile {
         let Grid { width, height, columns, .. } = self.grid;
@@ -195,7 +195,7 @@ impl KeyBuffer {
         padded_tile
     }
 
-    /// The tiles of some rows.
+    /// The tiles of a range of rows.
     pub(super) fn tile_rows(&self, rows: Range<usize>) -> &[Tile] {
         &self.tiles[rows.start * self.grid.columns..rows.end * self.grid.columns]
     }

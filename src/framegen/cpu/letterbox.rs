@@ -1,20 +1,20 @@
-//! Letterbox and pillarbox bars.
+//! Detection of letterbox and pillarbox bars.
 
 use std::ops::Range;
 
 use super::kernels::{Sampled, SimdLevel, Source};
 use crate::tasks;
 
-/// Levels within which a line of a bar is bars, and the same in both anchors.
+/// Largest luma range of a bar's row or column over both anchors, in levels.
 const MAX_RANGE: u8 = 3;
-/// Pixels whose luma is found at a time.
+/// Pixels whose luma is computed at a time.
 const RUN: usize = 64;
-/// Columns that are looked at together, and the rows after which those looks may end.
+/// Columns that are scanned together, and the number of rows after which a scan may end early.
 const COLUMNS: usize = 16;
 const CHECK_ROWS: usize = 8;
 
-/// What lies between the bars of a pair of pictures. A bar is made of whole rows or columns from an edge on that are
-/// bars and the same in both. It stands still and in front, whatever its vectors say.
+/// The picture between the bars of two anchors. Bars are rows or columns at a border, each uniform and equal in both
+/// anchors. They are static foreground, whatever their motion vectors.
 #[derive(Debug)]
 pub(super) struct ActiveArea {
     columns: Range<usize>,
@@ -22,7 +22,8 @@ pub(super) struct ActiveArea {
 }
 
 impl ActiveArea {
-    /// Finds the bars in two pictures of one size. Reads no farther than the first lines that are no bars.
+    /// Finds the bars of two pictures of one size. Reads only as far as the first row or column that is not part of a
+    /// bar.
     pub(super) fn find<P: Sampled>(level: SimdLevel, previous: Source<'_, P>, current: Source<'_, P>) -> Self {
         let pair = Pair { level, previous, current };
         let (width, height) = (current.width, current.height);
@@ -37,7 +38,7 @@ impl ActiveArea {
                 pair.bar_columns(from_right, |x| width - 1 - x)
             },
         );
-        // Where all lines are bars, they are counted from both sides.
+        // In a uniform picture the bars from both sides overlap.
         Self { columns: left..(width - right).max(left), rows: top..(height - bottom).max(top) }
     }
 
@@ -45,13 +46,13 @@ impl ActiveArea {
         self.columns.contains(&x) && self.rows.contains(&y)
     }
 
-    /// Whether a rectangle lies between the bars as a whole.
+    /// Whether a rectangle is completely inside.
     pub(super) fn contains_rectangle(&self, [x, y]: [usize; 2], [width, height]: [usize; 2]) -> bool {
         self.contains(x, y) && self.contains(x + width - 1, y + height - 1)
     }
 }
 
-/// Levels from the least to the largest that was seen.
+/// Range of lumas.
 #[derive(Clone, Copy)]
 struct LumaRange {
     low: u8,
@@ -97,7 +98,8 @@ impl<P: Sampled> Pair<'_, P> {
         true
     }
 
-    /// Columns from an edge on that are bars, group by group; `distance` is that of a column from the edge.
+    /// Number of uniform columns from a border, which is scanned in `groups`; `distance` is a column's distance from
+    /// the border.
     fn bar_columns(&self, groups: impl Iterator<Item = Range<usize>>, distance: impl Fn(usize) -> usize) -> usize {
         let mut bars = 0;
         for columns in groups {
@@ -111,7 +113,7 @@ impl<P: Sampled> Pair<'_, P> {
         bars
     }
 
-    /// What up to sixteen columns hold, or enough of it to know that none of them is bars.
+    /// Luma ranges of up to sixteen columns; incomplete if all of them already exceed the limit.
     fn ranges_of_columns(&self, columns: Range<usize>) -> [LumaRange; COLUMNS] {
         let mut ranges = [LumaRange::NONE; COLUMNS];
         for y in 0..self.current.height {
@@ -135,7 +137,7 @@ impl<P: Sampled> Pair<'_, P> {
 mod tests {
     use super::*;
 
-    /// The active_area of two pictures of these lumas, which all levels agree on.
+    /// The active area of two pictures with these lumas, the same for all instruction sets.
     fn active_area(previous: &[u8], current: &[u8], width: usize) -> (Range<usize>, Range<usize>) {
         let [previous, current] = [previous, current].map(|lumas| lumas.iter().map(|&v| [v; 4]).collect::<Vec<_>>());
         let source = |pixels| Source { pixels, width, height: previous.len() / width };
@@ -167,7 +169,7 @@ mod tests {
             for (top, bottom) in [(0, 0), (7, 3), (20, 19)] {
                 let mut before = vec![16; width * height];
                 let mut after = before.clone();
-                // Single pixels at the corners of the active_area, each in one of the two.
+                // One pixel at two opposite corners of the active area, each in one of the pictures.
                 before[top * width + left] = 20;
                 after[(height - 1 - bottom) * width + width - 1 - right] = 12;
                 assert_eq!(active_area(&before, &after, width), (left..width - right, top..height - bottom));
@@ -184,7 +186,7 @@ mod tests {
 
     #[test]
     fn bars_differ_from_line_to_line_but_not_within_one() {
-        // Rows of 0, 10, 20 and so on: each is a bar, and no column is one.
+        // Rows of lumas 0, 10, 20, ...: every row is uniform, no column is.
         let slope: Vec<u8> = (0..12 * 20).map(|i| (i / 20 * 10) as u8).collect();
         assert_eq!(active_area(&slope, &slope, 20), (0..20, 12..12));
     }

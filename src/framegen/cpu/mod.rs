@@ -1,29 +1,28 @@
-//! The generator that needs nothing but a CPU.
+//! The frame generator on the CPU.
 //!
-//! A picture at phase t comes about in these steps, each a module of its own:
+//! A frame at phase t is generated in these steps, each a module of its own:
 //!
-//! 1. `cut`: if the two anchors have nothing to do with each other, the nearer one is picture and the rest is left out.
-//!    `bars`: letterbox bars stand still, whatever their vectors say; `static_mask`: so does what the caller says lies over the anchor.
-//! 2. `field`: the motion of the current anchor, in tiles of 8 x 8 pixels. Where it is smooth a tile has one vector;
-//!    elsewhere every pixel has its own, with a rank that says who is in front.
-//! 3. `landing`: the vectors go to phase 0, where they tell which pixels of the previous anchor have an owner in the
-//!    current one. The rest is what only the previous anchor shows; `fill` gives it the motion of the surface beside it.
-//!    `border`: what passed over an edge in front of all else moves at least so far. `reprojection`: with the previous anchor's
-//!    depth, and where the warp of the camera is known (see 4), none of that is a guess.
-//! 4. `perspective`: what comes nearer moves faster on the screen. Where motion and depth of most of the picture are those of
-//!    a world at rest, each claim has a phase of its own for t.
-//!    `landing` once more: both go to phase t. Tiles are carried whole where that is smooth, pixel by pixel where
-//!    surfaces meet, the nearest first; cracks are closed, and frame_keys nothing lands on are filled.
-//! 5. `render`: both anchors are sampled by six pixels to a side at the displaced frame_keys. Where they agree, the nearer in time is
-//!    taken as it is; where one does not show the surface, the other; where both do and differ, a mixture. A pixel beside
-//!    what is in front goes with that if so the anchors agree better.
-//!    `overlay`: what stands still in front of a moving world stays where it is. `foreign`: what only the previous anchor
-//!    knows of is left out. `soften`: edges that depth does not tell are a little soft.
-//! 6. `inpaint`: what neither shows takes the colours around it.
+//! 1. `cut`: detects a cut between the anchors, across which the nearer one is shown. `letterbox` finds the bars;
+//!    `static_mask` combines them with the caller's mask of static pixels.
+//! 2. `field`: the current anchor's motion as splat keys, in tiles of 8x8 pixels. A tile with uniform motion has one
+//!    key, a mixed tile one per pixel. A key's depth decides which surface is in front.
+//! 3. `splat`: forward warp of the field to the previous anchor. Pixels that it does not cover are visible in the
+//!    previous anchor only. `hole_filling` gives them the motion of a neighbouring surface. `reprojection` makes that
+//!    exact where the previous anchor's depth and the camera motion are known; without them, `border_foreground`
+//!    detects foreground that has left the picture.
+//! 4. `camera_fit`: estimates the camera's motion, from which the perspective-correct phase of every pixel follows.
+//!    `splat` then warps the field, and the pixels that only the previous anchor shows, to phase t: uniform tiles as a
+//!    whole, others pixel by pixel. The nearest key wins, cracks are closed, and `hole_filling` fills the rest.
+//! 5. `render`: samples both anchors at the displaced positions with a 6x6 Lanczos kernel and takes the sample nearer
+//!    in time where they agree, the visible one where one anchor is occluded, and a blend otherwise. Pixels beside a
+//!    foreground edge use the foreground's motion if the anchors then agree better. `static_overlay` keeps static
+//!    content in place, `colour_outlier` rejects previous content that the current anchor does not contain, and
+//!    `edge_antialiasing` blends edges that no depth confirms.
+//! 6. `inpaint`: fills pixels that neither anchor shows from the colours around them.
 //!
-//! Places, claims and samples of bytes are computed in whole numbers, the rest in single precision in one order without
-//! fused steps, and every step settles conflicts by a total order: the result is the same to the bit for every number of
-//! threads and every instruction set. `tests/reference.rs` describes it plainly, and is what all of them must equal.
+//! Positions, keys and samples of bytes are integers; everything else is single precision in one order without fused
+//! operations, and ties are broken by a total order. The result has the same bits for every number of threads and every
+//! instruction set. `tests/reference.rs` is a plain implementation that all of them must equal.
 
 mod border_foreground;
 mod camera_fit;
@@ -68,9 +67,8 @@ use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases,
 use crate::tasks::PoolLease;
 use crate::{Error, ErrorKind, Raster, Result};
 
-/// Generates frames on the CPU, its rows in parallel, with the best instructions that the
-/// processor has. Keeps working memory of about 45 bytes per pixel from call to call, and after the first allocates
-/// nothing more until a picture of another size comes or more threads share its work.
+/// Generates frames on the CPU, in parallel rows, with the best instruction set of the processor. Keeps about 45 bytes
+/// of working memory per pixel; after the first frame it allocates only for another picture size or more threads.
 #[derive(Debug)]
 pub struct CpuGenerator {
     level: SimdLevel,
@@ -95,7 +93,7 @@ impl Default for CpuGenerator {
 }
 
 impl CpuGenerator {
-    /// A generator without working memory yet.
+    /// Creates a generator without working memory.
     pub fn new() -> Self {
         Self::default()
     }
@@ -118,7 +116,7 @@ impl CpuGenerator {
         }
     }
 
-    /// `cpu`.
+    /// The generator's name, `cpu`.
     pub fn name(&self) -> &str {
         "cpu"
     }
@@ -128,7 +126,7 @@ impl CpuGenerator {
         Phases::Any
     }
 
-    /// Nothing to forget: every picture depends on its arguments alone, and only working memory is kept.
+    /// Does nothing: a picture depends on its arguments only, and no state but working memory is kept.
     pub fn reset(&mut self) {}
 
     fn interpolated<P: Colour>(&mut self, pair: &AnchorPair<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
@@ -284,7 +282,7 @@ fn source<P: Colour>(picture: &Raster<P>) -> Source<'_, P> {
     Source { pixels: picture.pixels(), width: picture.width() as usize, height: picture.height() as usize }
 }
 
-/// Brings `buffer` to `len` values, keeping what it has reserved. New values are `value`, old ones stay as they are.
+/// Resizes `buffer` to `len` values. Existing values stay, new ones are `value`.
 fn resize<T: Clone>(buffer: &mut Vec<T>, len: usize, value: T) -> Result<()> {
     buffer.truncate(len);
     reserve(buffer, len)?;
@@ -292,7 +290,7 @@ fn resize<T: Clone>(buffer: &mut Vec<T>, len: usize, value: T) -> Result<()> {
     Ok(())
 }
 
-/// Makes room for `len` values in all, with refusal instead of an abort where memory is short.
+/// Reserves capacity for `len` values in all; fails instead of aborting if there is not enough memory.
 fn reserve<T>(buffer: &mut Vec<T>, len: usize) -> Result<()> {
     buffer
         .try_reserve_exact(len.saturating_sub(buffer.len()))

@@ -1,4 +1,4 @@
-//! Pixels for phase t from the two anchors.
+//! Colours of a frame from the two anchors.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -16,58 +16,58 @@ use super::static_overlay::{AnchorIndex, Anchors, StaticPixels};
 use crate::Raster;
 use crate::tasks::{Parallel, ParallelSliceMut};
 
-/// Samples that differ by no more than this many levels max_equal_difference, and the one nearer in time is taken as it is.
+/// Samples that differ by at most this many levels are equal, and the one nearer in time is used unchanged.
 pub(super) const MAX_EQUAL_DIFFERENCE: u8 = 1;
-/// Samples that differ by more than this are looked at one by one. Motion that was found in the pictures themselves seldom is that
-/// of what lies behind an overlay.
+/// Samples that differ by more levels are checked for occlusion and overlays. Optical flow follows overlays instead of
+/// the background behind them, so it is trusted more.
 pub(super) const fn doubt_threshold(is_optical_flow: bool) -> u8 {
     if is_optical_flow { 64 } else { 24 }
 }
-/// The same where surfaces meet.
+/// The same threshold at the edges of surfaces.
 pub(super) const STRICT_DOUBT_THRESHOLD: u8 = 4;
 
-/// Vectors (1/64 px) that are farther colour_difference than this along an axis lead to colours that can be told colour_difference.
+/// Largest difference (1/64 px, per component) between motion vectors that lead to the same colours.
 pub(super) const DISTINCT_MOTION: i32 = 8;
-/// Levels within which a pixel beside something in front is that thing's.
+/// Largest difference between the anchors, in levels, for a pixel beside foreground that is assigned to it.
 pub(super) const EDGE_TOLERANCE: f32 = 45.0;
-/// The levels that count where an anchor does not show what a pixel claims to be. Where motion was found in pictures, less
-/// is sure of who shows what.
+/// Difference that is assumed between the anchors, in levels, where one of them is occluded. Occlusion from optical
+/// flow is less certain.
 pub(super) const fn occluded_difference(is_optical_flow: bool) -> f32 {
     if is_optical_flow { 40.0 } else { 30.0 }
 }
 
-/// What a picture between two anchors is made of.
+/// A frame to interpolate between two anchors.
 pub(super) struct Interpolation<'a, P> {
     pub(super) level: SimdLevel,
     pub(super) previous: Source<'a, P>,
     pub(super) current: Source<'a, P>,
-    /// What is at phase t.
+    /// Keys of the frame.
     pub(super) frame_keys: &'a KeyBuffer,
-    /// The current anchor's motion.
+    /// Keys of the current anchor.
     pub(super) field: &'a KeyBuffer,
-    /// What is in the previous anchor.
+    /// Keys of the previous anchor.
     pub(super) previous_keys: &'a KeyBuffer,
-    /// Phase t of [`PHASE_ONE`].
+    /// Phase, in units of 1 / [`PHASE_ONE`].
     pub(super) phase: i32,
-    /// The same, as seen by claims.
+    /// The same as a warp time.
     pub(super) time: WarpTime,
     /// See [`colour_outlier::margin`](super::colour_outlier::margin).
     pub(super) margin: f32,
-    /// What stands static_pixel in both.
+    /// Static pixels of the anchors.
     pub(super) static_pixels: &'a StaticPixels,
-    /// Whether motion, and with it edges, is known from pictures alone.
+    /// Whether motion is optical flow, which comes without depth.
     pub(super) is_optical_flow: bool,
 }
 
-/// What a rendered picture lacks.
+/// Counts of a rendered picture.
 pub(super) struct Rendered {
-    /// Places that nothing visible in the current anchor warped on.
+    /// Pixels to which no visible pixel of the current anchor is splatted.
     pub(super) uncovered: usize,
-    /// Places that neither anchor shows.
+    /// Pixels that neither anchor shows.
     pub(super) hidden: usize,
 }
 
-/// Where the two anchors show a index.
+/// Positions of a pixel in the two anchors, in 1/64 px.
 #[derive(Clone, Copy)]
 struct SourcePositions {
     previous: [i32; 2],
@@ -75,7 +75,7 @@ struct SourcePositions {
 }
 
 impl<P: Colour> Interpolation<'_, P> {
-    /// Writes the picture; in `hidden`, one bit for each pixel of a tile, what neither anchor shows.
+    /// Renders the picture. `hidden` receives one bit per pixel of a tile that neither anchor shows.
     pub(super) fn render(&self, out: &mut Raster<P>, hidden: &mut [u64]) -> Rendered {
         let grid = self.frame_keys.grid;
         let weight = ((self.phase + 16) >> 5).clamp(1, 127) as u8;
@@ -110,7 +110,7 @@ impl<P: Colour> Interpolation<'_, P> {
         Rendered { uncovered: uncovered.into_inner(), hidden: occluded_difference.into_inner() }
     }
 
-    /// Asks for what a tile is made of that is rough.
+    /// Prefetches the keys and pixels of a mixed tile.
     #[inline(always)]
     fn prefetch_mixed(&self, column: usize, row: usize) {
         let tile_index = row * self.frame_keys.grid.columns + column;
@@ -123,7 +123,7 @@ impl<P: Colour> Interpolation<'_, P> {
         }
     }
 
-    /// Writes a tile; returns how many of its pixels nothing visible in the current anchor warped on.
+    /// Renders a tile; returns the number of its pixels to which no visible pixel of the current anchor is splatted.
     #[inline(never)]
     fn render_tile(
         &self,
@@ -189,7 +189,7 @@ impl<P: Colour> Interpolation<'_, P> {
         let (mut uncovered, mut uncertain, mut previous_only, mut static_drawn) = (0, 0, 0, 0);
         if tile.kind == TileKind::Mixed {
             if [across, down] != [TILE, TILE] {
-                // Beyond the edges there is nothing to ask.
+                // Pixels outside the picture get a key without motion.
                 let outside = (0..BLOCK).filter(|index| index % TILE >= across || index / TILE >= down);
                 outside.for_each(|index| keys[index] = splat_key::pack(0, 0, [0; 2]));
             }
@@ -214,15 +214,15 @@ impl<P: Colour> Interpolation<'_, P> {
             tile_keys::source_positions(self.level, &keys, from, self.time, size, &mut previous, &mut current)
         };
         uncertain |= outside[0] | outside[1];
-        // What decides will be wanted for while the pixels are sampled.
+        // Keys that the visibility test reads are prefetched while the pixels are sampled.
         for index in (0..BLOCK).step_by(TILE).flat_map(|first| [first, first + TILE - 1]) {
             self.previous_keys.prefetch([previous.x[index], previous.y[index]]);
             self.field.prefetch([current.x[index], current.y[index]]);
         }
         let strict = Rule { doubt_threshold: STRICT_DOUBT_THRESHOLD, ..*rule };
-        // An anchor that shows nothing of the tile is not wanted.
+        // An anchor that shows no pixel of the tile is not sampled,
         let shows_nothing = outside.map(|outside| outside == u64::MAX);
-        // Nor is one for what lies outside its edges.
+        // nor is it at positions outside of it.
         let sample = |anchor, first, at, outside: u64, samples: &mut [P; BLOCK]| match is_whole {
             true => P::tile_of_one(self.level, anchor, first, samples, TILE),
             false => P::pixels_of_one(self.level, anchor, at, !outside, samples),
@@ -240,12 +240,13 @@ impl<P: Colour> Interpolation<'_, P> {
         let has_foreground = if mask == 0 { 0 } else { self.foreground_keys(column, row, mask, &mut foreground_keys) };
         let foreground_in_both =
             self.with_foreground(from, &keys, &foreground_keys, has_foreground, &strict, with_foreground);
-        // What the previous anchor alone shows, and what the current one alone does.
+        // Pixels that only one of the anchors shows.
         let (only_in_previous, only_in_current) = (previous_only & outside[1] & !outside[0], outside[0] & !outside[1]);
         let anchors = self.anchors();
         let static_pixels =
             if uncertain == 0 { 0 } else { self.static_pixels.tile(self.level, &anchors, [column, row]) };
-        // What leaves where nothing stands static_pixel, as mostly, needs no other look than for what may show over it.
+        // Fast path: pixels visible only in the previous anchor need only the occlusion test where this tile has no
+        // static overlay.
         let mut unoccluded = only_in_previous & !static_pixels & !foreground_in_both;
         if unoccluded != 0 {
             unoccluded &= !self.static_pixels.static_at(self.level, &anchors, &previous, unoccluded);
@@ -310,7 +311,7 @@ impl<P: Colour> Interpolation<'_, P> {
         uncovered
     }
 
-    /// Where the anchors show what is at a index with a key, by even motion at `phase`.
+    /// Positions of a pixel in both anchors, with linear motion at `phase`.
     #[inline(always)]
     fn positions(&self, [x, y]: [usize; 2], key: Key, phase: i32) -> SourcePositions {
         let at = [64 * x as i32, 64 * y as i32];
@@ -319,9 +320,9 @@ impl<P: Colour> Interpolation<'_, P> {
         SourcePositions { previous, current: std::array::from_fn(|c| previous[c] - vector[c]) }
     }
 
-    /// For each pixel of a tile that is wanted for what may show over it of the nine claims padded_tile it, and where something
-    /// may: the nearest where that is in front of its own. Where depth says nothing, anything that moves otherwise may be in
-    /// front: the best match of that.
+    /// Foreground keys that may cover the `wanted` pixels of a tile: the nearest key of the 3x3 neighbourhood if it is
+    /// in front of the pixel's own. Without depth, any key with different motion may be in front; the one with the
+    /// smallest match error is used. Returns the bits of pixels that have one.
     #[inline(never)]
     fn foreground_keys(&self, column: usize, row: usize, wanted: u64, foreground_keys: &mut [Key; BLOCK]) -> u64 {
         let padded_tile = self.frame_keys.padded_tile(column, row, true);
@@ -332,8 +333,8 @@ impl<P: Colour> Interpolation<'_, P> {
         }
     }
 
-    /// The colours at frame_keys beside something in front (`has_foreground`), as they are if those move with that (`foreground_keys`): the
-    /// rim of a surface is mixed with what is behind it. Returns at which of them both anchors show that.
+    /// Samples the pixels of `has_foreground` as if they moved with the foreground: pixels at a surface's edge are
+    /// mixed with its background. Returns the bits of those that are inside both anchors.
     #[inline(never)]
     fn with_foreground(
         &self,
@@ -362,7 +363,7 @@ impl<P: Colour> Interpolation<'_, P> {
         foreground_in_both
     }
 
-    /// Whether both anchors show what a pixel claims to be.
+    /// Whether the surface of a key is visible in both anchors.
     fn is_visible_in_anchors(&self, key: Key, positions: SourcePositions) -> bool {
         let grid = self.frame_keys.grid;
         grid.nearest_pixel(positions.previous)
@@ -374,7 +375,7 @@ impl<P: Colour> Interpolation<'_, P> {
         Anchors { previous: self.previous, current: self.current }
     }
 
-    /// Whether both anchors show all of a smooth tile: it lies in tiles that are smooth as well and move similar_motion.
+    /// Whether a uniform tile is visible in both anchors: it overlaps only uniform tiles with similar motion.
     #[inline(always)]
     fn is_visible_in_both(&self, key: Key, positions: SourcePositions) -> bool {
         let can_be = |tile: &Tile| similar_motion(tile.key, key) || same_slope(tile.key, key);
@@ -382,8 +383,8 @@ impl<P: Colour> Interpolation<'_, P> {
             && is_in_uniform(self.field, positions.current, can_be)
     }
 
-    /// Whether the current anchor alone shows a smooth tile, and all of it: the previous one shows not even its rim. Nothing
-    /// padded_tile it is in front, or may be.
+    /// Whether a uniform tile is completely visible in the current anchor, completely outside the previous one, and no
+    /// foreground may overlap it.
     #[inline(always)]
     fn is_only_in_current(&self, [column, row]: [usize; 2], key: Key, positions: SourcePositions) -> bool {
         let grid = self.frame_keys.grid;
@@ -398,8 +399,7 @@ impl<P: Colour> Interpolation<'_, P> {
             && !rows.any(|row| self.frame_keys.tile_rows(row..row + 1)[columns.clone()].iter().any(is_in_front))
     }
 
-    /// What to show where the anchors disagree, or where it is not known that the current one shows the index. Anchors
-    /// are looked for where that is doubtful.
+    /// Decides which anchor a pixel is taken from, by visibility. Overlays are searched where the pixel `is_doubtful`.
     #[inline(never)]
     fn choose(
         &self,
@@ -423,7 +423,7 @@ impl<P: Colour> Interpolation<'_, P> {
             let shown = self.field.own_key(x, y);
             similar_motion(shown, key) || tag != PREVIOUS_ONLY && tag != HOLE && is_in_front(key, shown)
         });
-        // Where one of them is hidden by something that moves, the vector is right and no overlay in question.
+        // If only one anchor is occluded, the motion is right and there is no overlay.
         if is_doubtful && (in_previous == in_current || from.is_none() || to.is_none()) {
             let anchors = self.anchors();
             let vector = splat_key::vector(key);
@@ -448,20 +448,20 @@ impl<P: Colour> Interpolation<'_, P> {
         }
     }
 
-    /// A pixel of something that stands static_pixel.
+    /// A static pixel.
     fn static_pixel(&self, x: usize, y: usize, rule: &Rule) -> P {
         let index = y * self.previous.width + x;
         P::merge(self.previous.pixels[index], self.current.pixels[index], rule).0
     }
 }
 
-/// Whether the tiles of a layer on which 8 x 8 pixels from `position` on lie are on the picture, smooth, and what `can_be` says.
+/// Whether the 8x8 pixels from `position` overlap only uniform tiles that satisfy `can_be`, and are inside the picture.
 #[inline(always)]
 fn is_in_uniform(layer: &KeyBuffer, position: [i32; 2], can_be: impl Fn(&Tile) -> bool) -> bool {
     let grid = layer.grid;
     let last = position.map(|v| v + 64 * (TILE as i32 - 1));
     let (Some(first), Some(last)) = (grid.nearest_pixel(position), grid.nearest_pixel(last)) else { return false };
-    // A unoccluded loop: closures of `all` are left as functions of their own.
+    // A plain loop: LLVM does not inline closures of `all` here.
     for row in first[1] / TILE..=last[1] / TILE {
         for tile in &layer.tile_rows(row..row + 1)[first[0] / TILE..=last[0] / TILE] {
             if tile.kind != TileKind::Uniform || !can_be(tile) {
@@ -472,8 +472,8 @@ fn is_in_uniform(layer: &KeyBuffer, position: [i32; 2], can_be: impl Fn(&Tile) -
     true
 }
 
-/// Where the anchors show the pixels of a tile that moves as a whole; which pixels they do not show, as
-/// [`tile_keys::positions`] tells it.
+/// Positions of the pixels of a uniform tile; returns the bits of those outside each anchor, as
+/// [`tile_keys::source_positions`] does.
 fn tile_positions(
     grid: Grid,
     positions: SourcePositions,
@@ -491,22 +491,22 @@ fn tile_positions(
     })
 }
 
-/// AnchorIndex anchor a pixel comes from.
+/// Where a pixel is taken from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Choice {
-    /// Both.
+    /// Both anchors.
     Blend,
-    /// The previous one.
+    /// The previous anchor.
     Previous,
-    /// The current one.
+    /// The current anchor.
     Current,
-    /// Both, where the index itself is: something that stands static_pixel lies over it.
+    /// Both anchors, without motion: a static overlay.
     Static,
-    /// None.
+    /// Neither anchor shows it.
     Hidden,
 }
 
-/// Writes the picture of a `time` current `current`; in `hidden` what it does not show.
+/// Renders an extrapolated picture. `hidden` receives the bits of pixels that `current` does not show.
 #[inline(never)]
 pub(super) fn extrapolate<P: Colour>(
     level: SimdLevel,
@@ -554,7 +554,7 @@ pub(super) fn extrapolate<P: Colour>(
                 (at.x[index], at.y[index]) = (position[0], position[1]);
                 if own == EMPTY {
                     uncovered_here += 1;
-                    // What stands there now is in front of it, and would be seen twice.
+                    // The foreground at that position would be drawn twice.
                     let is_covered = grid.nearest_pixel(position).is_some_and(|[x, y]| {
                         let shown = field.own_key(x, y);
                         !similar_motion(shown, key) && is_in_front(shown, key)
@@ -574,7 +574,7 @@ pub(super) fn extrapolate<P: Colour>(
     Rendered { uncovered: uncovered.into_inner(), hidden: occluded_difference.into_inner() }
 }
 
-/// How far two colours are colour_difference: the levels of the channel that differs most.
+/// Difference between two colours: the largest of any channel, in levels.
 pub(super) fn colour_difference<P: Colour>(a: P, b: P) -> f32 {
     let (a, b) = (a.in_levels(), b.in_levels());
     let mut colour_difference = [0.0_f32; 4];
@@ -584,7 +584,7 @@ pub(super) fn colour_difference<P: Colour>(a: P, b: P) -> f32 {
     0.0_f32.max(colour_difference[0]).max(colour_difference[1]).max(colour_difference[2])
 }
 
-/// Calls `visit` for each bit that is set, lowest first.
+/// Calls `visit` for each set bit, lowest first.
 #[inline(always)]
 fn each_bit(mut mask: u64, mut visit: impl FnMut(usize)) {
     while mask != 0 {

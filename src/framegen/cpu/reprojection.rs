@@ -1,8 +1,8 @@
-//! What the previous anchor alone shows, where its depth is known.
+//! Reprojection of the previous anchor's depth.
 //!
-//! In a world at rest, motion and depth of the current anchor tell how the camera goes (see `depth_change`), and with that a
-//! depth in the previous anchor tells where what is there has gone to. What the current anchor hides, and what has left it,
-//! needs no guess then: not how it moves, nor that it stood in front of what the current anchor shows.
+//! In a static world the camera fit gives the position in the current anchor of every point that the previous anchor's
+//! depth describes. Pixels that are visible in the previous anchor only then have exact motion and a known depth order
+//! instead of inherited ones.
 
 use super::camera_fit::{CameraFit, DepthChange, ReprojectionMatrix, depth_key_of, key_inverse_depth};
 use super::kernels::candidates::{Candidates, combine_columns, floor, pack_bits};
@@ -12,25 +12,26 @@ use super::splat_key::{self, EMPTY, Key, MAX_COMPONENT, PREVIOUS_ONLY, is_in_fro
 use crate::guidance::DepthMap;
 use crate::tasks::{Parallel, ParallelSliceMut};
 
-/// What is nearer_than than what a index shows by more than this part of `1 / w` is something else.
+/// A surface whose inverse depth is larger by this factor is an occluder.
 const OCCLUDER_RATIO: f32 = 1.125;
-/// What is as far away differs by no more than this part.
+/// Largest relative difference between inverse depths of one surface.
 const SAME_DEPTH: f32 = 1.0 / 32.0;
-/// Tiles ahead of the one that is uncovered whose keys are wanted for.
+/// Tiles whose keys are prefetched ahead of the current one.
 const PREFETCH_AHEAD: usize = 2;
 
-/// How inverse_depth what has a depth is; what is farthest, and what is no depth between the planes, is not inverse_depth at combine_columns.
+/// Inverse depth `1 - d` for `0 < d < 1`; 0 for the far plane and for invalid depths.
 #[inline(always)]
 fn inverse_depth_of(depth: f32) -> f32 {
     if depth > 0.0 && depth < 1.0 { 1.0 - depth } else { 0.0 }
 }
 
-/// What a pixel keys that shows something so inverse_depth, or [`EMPTY`]; no component of its vector is beyond `limit`.
+/// Key of a static pixel of the previous anchor with an inverse depth, its vector clamped to `limit`; [`EMPTY`] if it
+/// cannot be reprojected.
 #[inline(always)]
 fn reprojected_key(matrix: &ReprojectionMatrix, limit: [f32; 2], [x, y]: [usize; 2], inverse_depth: f32) -> Key {
     let at = [x as i32 as f32, y as i32 as f32];
     let (was, there, can_be) = matrix.project(at, inverse_depth);
-    // What is longer has left the picture combine_columns the same.
+    // A vector that exceeds the limit leads outside the picture in either case.
     let along = |c: usize| {
         let along = 64.0 * (at[c] - was[c]);
         let along = if along < limit[c] { along } else { limit[c] };
@@ -63,9 +64,9 @@ fn reprojected_keys_in_rows(
 }
 
 at_every_level! {
-    /// Keeps the keys of a tile that are wanted for (bit `8 j + i`), with [`EMPTY`] in index of occluders. For each where it
-    /// leads to in the current anchor, tile by tile; the bits of the result say which there are, and which find_targets into the
-    /// picture.
+    /// Sets the keys of pixels that are not `wanted` (bit `8 j + i`) to [`EMPTY`]. Computes the pixel of the current
+    /// anchor to which each remaining key leads, as an index in tile order. Returns bits of the remaining keys, and of
+    /// those that lead inside the picture.
     fn find_targets(keys: &mut [Key; BLOCK], wanted: u64, corner: [usize; 2], grid: Grid, targets: &mut [u32; BLOCK]) -> [u64; 2]
         = scalar::find_targets | find_targets_in_rows
 }
@@ -87,7 +88,7 @@ fn find_targets_in_rows(
             let key = keys[index];
             let is_some = (key != EMPTY) & (wanted & 1 << i != 0);
             let [x, y] = splat_key::vector(key);
-            // As unsigned numbers, what is negative is far beyond.
+            // Negative coordinates wrap to large unsigned values and fail the bounds check.
             let u = ((64 * (corner[0] + i) as i32 - x + 32) >> 6) as u32;
             let v = ((64 * (corner[1] + j) as i32 - y + 32) >> 6) as u32;
             let is_inside = is_some & (u < width) & (v < height);
@@ -102,8 +103,8 @@ fn find_targets_in_rows(
 }
 
 at_every_level! {
-    /// How inverse_depth what the pixels of a tile show is, and the nearest of it; nothing is inverse_depth beyond the far edges. `depths`
-    /// begin with its first, rows being `width` apart.
+    /// Inverse depths of the pixels of a tile, 0 outside the picture; returns the largest. `depths` starts at the
+    /// tile's first pixel and has rows of `width` values.
     fn inverse_depths_of_tile(depths: &[f32], width: usize, extent: [usize; 2], inverse_depths: &mut [f32; BLOCK]) -> f32
         = scalar::inverse_depths | inverse_depths_in_rows
 }
@@ -131,7 +132,7 @@ fn inverse_depths_in_rows(
 }
 
 at_every_level! {
-    /// Which of these are nearer_than than `bound`: bit `8 j + i`.
+    /// Pixels whose inverse depth exceeds `bound`, as bits `8 j + i`.
     fn nearer_than(inverse_depths: &[f32; BLOCK], bound: f32) -> u64 = nearer_than_in_rows | nearer_than_in_rows
 }
 
@@ -144,7 +145,8 @@ fn nearer_than_in_rows(inverse_depths: &[f32; BLOCK], bound: f32) -> u64 {
     nearer_than
 }
 
-/// Whether what is as inverse_depth as `inverse_depth`, and is taken to be at rest, rather goes with what was found candidates it.
+/// Whether a pixel belongs to the surface of a candidate beside it, which does not move like the static world: about
+/// equal inverse depth, but different motion.
 #[inline(always)]
 fn moves_with(key: Key, inverse_depth: f32, found: Key) -> bool {
     (found != EMPTY)
@@ -153,7 +155,7 @@ fn moves_with(key: Key, inverse_depth: f32, found: Key) -> bool {
 }
 
 at_every_level! {
-    /// Which of the pixels of a tile that are wanted for (bit `8 j + i`) [`moves_with`] by any of what stands candidates them.
+    /// `wanted` pixels of a tile that [`moves_with`] holds for with one of their candidates, as bits `8 j + i`.
     fn moving_with(keys: &[Key; BLOCK], inverse_depths: &[f32; BLOCK], wanted: u64, candidates: &Candidates) -> u64
         = moving_with_in_rows | moving_with_in_rows
 }
@@ -182,7 +184,7 @@ fn moving_with_in_rows(
     moving_with & wanted
 }
 
-/// The same, index by index.
+/// The scalar versions.
 mod scalar {
     use super::{BLOCK, EMPTY, Grid, Key, TILE, inverse_depth_of, splat_key};
 
@@ -228,7 +230,7 @@ mod scalar {
 }
 
 at_every_level! {
-    /// Which pixels of a tile show something nearer_than than [`occluder_inverse_depth`] says of what keys them: bit `8 j + i`.
+    /// Pixels of a tile whose inverse depth exceeds that of an occluder of their key, as bits `8 j + i`.
     fn occluders_of(depth_change: &DepthChange, corner: [usize; 2], keys: &[Key; BLOCK], inverse_depths: &[f32; BLOCK]) -> u64
         = occluders_in_rows | occluders_in_rows
 }
@@ -252,44 +254,45 @@ fn occluders_in_rows(
     combine_columns(occluders)
 }
 
-/// How inverse_depth something in the previous anchor is at min_occluder_inverse_depth that is not what keys a pixel there.
+/// Smallest inverse depth in the previous anchor of a surface that occludes the key's.
 #[inline(always)]
 fn occluder_inverse_depth(depth_change: &DepthChange, key: Key, at: [usize; 2]) -> f32 {
     OCCLUDER_RATIO * key_inverse_depth(key) / (1.0 + depth_change.change(key, at.map(|at| at as i32)))
 }
 
-/// Whether the current anchor shows a key, or what is behind it, where it shows what keys to be there as `shown`.
+/// Whether the current anchor, which has the key `shown` at the reprojected position, shows the same surface or one
+/// behind it. Then nothing occludes that position, and the reprojected key is wrong.
 #[inline(always)]
 fn contradicts(shown: Key, key: Key) -> bool {
     similar_motion(shown, key) | is_in_front(key, shown)
 }
 
-/// The world at rest, as the previous anchor shows it.
+/// The previous anchor's depth with the camera motion.
 pub(super) struct Reprojection<'a> {
     depth: &'a DepthMap,
     depth_change: DepthChange,
     matrix: ReprojectionMatrix,
-    /// The longest components of vectors, in 1/64 px.
+    /// Largest components of motion vectors, in 1/64 px.
     limit: [f32; 2],
 }
 
 impl<'a> Reprojection<'a> {
-    /// What a previous anchor's `depth` tells, if it is that of the current one's camera and how that goes is known.
+    /// `None` without a depth, without camera motion, or if the depth has another projection than the current anchor's.
     pub(super) fn new(seen: &CameraFit, depth: Option<&'a DepthMap>, current: &DepthMap) -> Option<Self> {
         let depth = depth.filter(|depth| depth.projection() == current.projection())?;
         let limit = [depth.width(), depth.height()].map(|side| (64 * side as i32).min(MAX_COMPONENT) as f32);
         Some(Self { depth, depth_change: seen.depth_change, matrix: seen.reprojection?, limit })
     }
 
-    /// How inverse_depth what the previous anchor shows at a pixel is.
+    /// Inverse depth of a pixel of the previous anchor.
     #[inline(always)]
     fn inverse_depth(&self, [x, y]: [usize; 2]) -> f32 {
-        // Tiles are of 1, 8 or 16 pixels.
+        // Tiles are 1, 8 or 16 pixels wide.
         let shift = self.depth.tile().trailing_zeros();
         inverse_depth_of(self.depth.depth()[(y >> shift) * self.depth.columns() as usize + (x >> shift)])
     }
 
-    /// How inverse_depth what it shows in a tile is, and the nearest of it; nothing is inverse_depth beyond the far edges.
+    /// Inverse depths of the previous anchor's pixels in a tile, 0 outside the picture; returns the largest.
     #[inline(always)]
     pub(super) fn inverse_depths(
         &self,
@@ -310,14 +313,14 @@ impl<'a> Reprojection<'a> {
         inverse_depths_of_tile(level, &self.depth.depth()[y * width + x..], width, extent, inverse_depths)
     }
 
-    /// What a pixel of the previous anchor keys if it is at rest, or [`EMPTY`]. What is farthest keys nothing.
+    /// Reprojected key of a pixel of the previous anchor; [`EMPTY`] at the far plane.
     #[cfg(test)]
     pub(super) fn key_at(&self, at: [usize; 2]) -> Key {
         reprojected_key(&self.matrix, self.limit, at, self.inverse_depth(at))
     }
 
-    /// What those pixels of a tile key that are wanted for (bit `8 j + i`), given how inverse_depth what they show is, where it can
-    /// be; [`EMPTY`] elsewhere. The bits of the result say where it can.
+    /// Reprojected keys of the `wanted` pixels of a tile (bit `8 j + i`), [`EMPTY`] if the current anchor contradicts
+    /// them. Returns the bits of the others.
     #[inline(always)]
     pub(super) fn keys(
         &self,
@@ -347,8 +350,8 @@ impl<'a> Reprojection<'a> {
         can_be
     }
 
-    /// Which of the pixels of a tile that are wanted for (bit `8 j + i`) may go with some of what is candidates them, although what
-    /// they key can be.
+    /// `wanted` pixels of a tile (bit `8 j + i`) that may belong to a moving surface beside them although their
+    /// reprojected key is not contradicted.
     #[inline(always)]
     pub(super) fn moving_with(
         &self,
@@ -361,7 +364,7 @@ impl<'a> Reprojection<'a> {
         moving_with(level, keys, inverse_depths, wanted, candidates)
     }
 
-    /// Whether a key from the previous anchor cannot be: the current one shows it, or what is behind it.
+    /// Whether the current anchor contradicts a reprojected key: it shows the key's surface, or one behind it.
     #[cfg(test)]
     fn is_contradicted(&self, field: &KeyBuffer, [x, y]: [usize; 2], key: Key) -> bool {
         let [vx, vy] = splat_key::vector(key);
@@ -371,8 +374,8 @@ impl<'a> Reprojection<'a> {
             .is_some_and(|[u, v]| contradicts(field.own_key(u, v), key))
     }
 
-    /// What keys a pixel of the previous anchor that nothing in the current one does: what is at rest there (`key`),
-    /// if that can be, or `found` candidates it. What is as far away as that and moves otherwise is moving_with along.
+    /// Key of a pixel of the previous anchor that no pixel of the current one covers: the reprojected `key` if it is
+    /// not contradicted, else the candidate `found`. A candidate at the same depth that moves differently wins.
     #[cfg(test)]
     pub(super) fn key_or(&self, field: &KeyBuffer, at: [usize; 2], key: Key, found: Key) -> Key {
         if key == EMPTY || self.is_contradicted(field, at, key) {
@@ -381,33 +384,33 @@ impl<'a> Reprojection<'a> {
         if self.moves_with(at, key, found) { found } else { key }
     }
 
-    /// Whether what a pixel keys, which can be, rather goes with what was found candidates it.
+    /// Whether a pixel with an uncontradicted key belongs to the surface of a candidate beside it.
     #[inline(always)]
     pub(super) fn moves_with(&self, at: [usize; 2], key: Key, found: Key) -> bool {
         moves_with(key, self.inverse_depth(at), found)
     }
 
-    /// How inverse_depth something in the previous anchor is at min_occluder_inverse_depth that is not what keys a pixel there.
+    /// Smallest inverse depth in the previous anchor of a surface that occludes the key's.
     #[inline(always)]
     pub(super) fn occluder_inverse_depth(&self, key: Key, at: [usize; 2]) -> f32 {
         occluder_inverse_depth(&self.depth_change, key, at)
     }
 
-    /// It is no less than this for keys that are no farther than `key`.
+    /// Lower bound of the same for keys that are not farther than `key`.
     #[inline(always)]
     fn min_occluder_inverse_depth(&self, key: Key) -> f32 {
         OCCLUDER_RATIO * key_inverse_depth(key) / (1.0 + self.depth_change.max)
     }
 
-    /// Whether something stands in front of what keys a pixel of the previous anchor, and nearer_than than `occluder_inverse_depth`, of which
-    /// the current anchor knows nothing.
+    /// Whether a surface with more than this inverse depth occludes a pixel of the previous anchor, invisible in the
+    /// current one.
     #[cfg(test)]
     pub(super) fn is_occluded(&self, field: &KeyBuffer, at: [usize; 2], occluder_inverse_depth: f32) -> bool {
         let key = if self.inverse_depth(at) > occluder_inverse_depth { self.key_at(at) } else { EMPTY };
         key != EMPTY && !self.is_contradicted(field, at, key)
     }
 
-    /// Takes pixels of the previous anchor away from previous_keys that something covers there.
+    /// Removes keys of the current anchor from pixels of the previous anchor where a nearer surface occludes them.
     pub(super) fn clear_occluded(&self, level: SimdLevel, previous_keys: &mut KeyBuffer, field: &KeyBuffer) {
         let grid = previous_keys.grid;
         let tiles =
@@ -447,7 +450,7 @@ impl<'a> Reprojection<'a> {
             return;
         }
         let occluders = if is_uniform {
-            // What is beyond the far edges is not inverse_depth.
+            // Pixels outside the picture have inverse depth 0.
             nearer_than(level, &inverse_depths, of_tile)
         } else {
             occluders_of(level, &self.depth_change, corner, keys, &inverse_depths)
@@ -472,8 +475,8 @@ mod tests {
     use super::*;
     use crate::guidance::{Guidance, Projection};
 
-    /// The depths of the previous anchor, as far as pixels of the current one land there; `post` pixels from the left
-    /// stands something at half a metre.
+    /// Depths of the previous anchor, splatted from the current one; in the left `post` columns a post half a metre
+    /// away.
     fn depths(post: u32) -> DepthMap {
         let mut depth = guidance(walk, 1).depth().clone();
         let values = depth.depth_mut();
@@ -485,7 +488,7 @@ mod tests {
             let was = seen(point, 0.0).map(|v| v.round());
             if (0..2).all(|c| (0.0..f64::from(SIZE[c])).contains(&was[c])) {
                 let value = &mut values[(was[1] * f64::from(SIZE[0]) + was[0]) as usize];
-                // From the turn and the way ahead that the camera of `seen` makes.
+                // Distance in the previous anchor, from the rotation and translation of `seen`.
                 *value = value.min(1.0 - (0.1 / (point[2] - 0.05 * point[0] + 0.12)) as f32);
             }
         }
@@ -519,7 +522,7 @@ mod tests {
             let key = past.key_at(was);
             assert_ne!(key, EMPTY);
             let apart = [0, 1].map(|c| (f64::from(splat_key::vector(key)[c]) / 64.0 - vector[c]).abs());
-            // Ground at the next pixel is another.
+            // Adjacent pixels of the ground have other depths.
             if depth_key(key).abs_diff(depth_key(key_of((vector, at_depth)))) < 100 {
                 followed += usize::from(apart[0] < 0.6 && apart[1] < 0.6);
             }

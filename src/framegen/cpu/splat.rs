@@ -1,4 +1,4 @@
-//! Carrying claims to another time.
+//! Splatting (forward warping) of keys to another time.
 
 use std::ops::Range;
 
@@ -13,15 +13,15 @@ use super::{reserve, resize};
 use crate::Result;
 use crate::tasks::{self, Parallel, ParallelSliceMut};
 
-/// Rows of tiles that are filled together.
+/// Rows of tiles per band; a band is splatted by one thread.
 const BAND_ROWS: usize = 8;
-/// Tiles ahead of the one that is carried whose keys are asked for.
+/// Tiles whose keys are prefetched ahead of the current one.
 const PREFETCH_AHEAD: usize = 2;
-/// Rows and columns of splatted around a band, so that cracks are seen tile_area.
+/// Border around a band in pixels, so that cracks can be closed at its edges.
 const BORDER: usize = 1;
-/// A index that is covered by surfaces whose vectors differ by no more than this, in 1/64 px, is smooth.
+/// Largest difference per component between the motion vectors that cover a uniform tile, in 1/64 px.
 pub(super) const UNIFORM_RANGE: i32 = 48;
-/// A source to splat_pixels and how far.
+/// A key buffer to splat, and the warp for it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SplatPass<'a> {
     pub(super) source: &'a KeyBuffer,
@@ -29,19 +29,19 @@ pub(super) struct SplatPass<'a> {
     pub(super) origin: KeyOrigin,
 }
 
-/// Which claims of a source are carried.
+/// Which keys of a buffer are splatted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum KeyOrigin {
-    /// Those of pixels for themselves.
+    /// Keys of pixels that are covered.
     Own,
-    /// Inherited ones.
+    /// Keys that holes inherited.
     Inherited,
 }
 
-/// What coverages a tile while a band is filled.
+/// Sums and extremes of the uniform tiles that cover a destination tile.
 #[derive(Debug, Clone, Copy)]
 struct Coverage {
-    /// The min_y of each component of the vectors, and of what is left of nothing when they are taken from it.
+    /// Minimum of each motion component, then minimum of each negated component.
     extremes: [i32; 4],
     sum: [i64; 2],
     nearest: Key,
@@ -61,53 +61,54 @@ impl Coverage {
     }
 }
 
-/// Where a tile lands.
+/// Destination of a tile.
 #[derive(Debug, Clone, Copy, Default)]
 struct Destination {
-    /// The corner of a smooth one. Of a rough one the min_y that any pixel of its first row gets down to,
+    /// Destination pixel of a uniform tile's corner. For a mixed tile only y is valid: the smallest for any pixel of
+    /// its first row.
     at: [i32; 2],
-    /// and the max_y.
+    /// The largest y.
     max_y: i32,
 }
 
 impl Destination {
-    /// Of what lands nowhere.
+    /// Destination of a tile without keys.
     const NONE: Self = Self { at: [i32::MAX; 2], max_y: i32::MIN };
 }
 
-/// Where the tiles of a pass land, and for each row of them the min_y and the max_y.
+/// Destinations of all tiles of a pass, and minimum and maximum y per row of tiles.
 #[derive(Debug, Default)]
 struct Destinations {
     tiles: Vec<Destination>,
     rows: Vec<[i32; 2]>,
 }
 
-/// Working memory of one thread: a band of splatted with its border, and what coverages its tiles.
+/// Memory of one thread: keys of a band with its border, and coverage of its tiles.
 #[derive(Debug, Default)]
 struct Band {
-    /// [`EMPTY`] all over while no band is filled.
+    /// [`EMPTY`] between bands.
     splatted: Vec<Key>,
     coverages: Vec<Coverage>,
-    /// For each tile, and one more on each side, whether pixels of their own warped there,
+    /// Per tile, with a border of one tile: whether keys of single pixels are splatted to it.
     has_pixels: Vec<bool>,
-    /// whether anything is written there,
+    /// Whether any key is written to it.
     is_written: Vec<bool>,
-    /// and whether a tile that turned out rough is there or beside that.
+    /// Whether it or one of its neighbours is a mixed tile.
     is_near_mixed: Vec<bool>,
 }
 
-/// Working memory of every thread that may share a loop.
+/// Forward warp; keeps its working memory.
 #[derive(Debug, Default)]
 pub(super) struct Splatter {
-    /// Threads for which there is room.
+    /// Number of threads with memory.
     threads: usize,
     bands: Vec<Mutex<Band>>,
-    /// Of both passes.
+    /// For each of two passes.
     destinations: [Mutex<Destinations>; 2],
 }
 
 impl Splatter {
-    /// Makes room for all threads there are.
+    /// Allocates memory for all threads.
     pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
         let threads = tasks::concurrency();
         self.threads = 0;
@@ -133,11 +134,12 @@ impl Splatter {
         Ok(())
     }
 
-    /// Splats the keys of `passes` into `target`, with the nearest of those that reach the same pixel, and closes cracks one pixel wide.
+    /// Splats the keys of `passes` into `target`, keeps the nearest at each destination pixel, and closes cracks one
+    /// pixel wide.
     pub(super) fn splat(&self, level: SimdLevel, passes: &[SplatPass<'_>], target: &mut KeyBuffer) -> Result<()> {
         let grid = passes[0].source.grid;
         target.reserve(grid)?;
-        // Which tiles have holes is known only afterwards, so that all get memory for inherited keys.
+        // Allocated for all tiles: which have holes is known only after splatting.
         resize(&mut target.inherited, grid.tiles(), [EMPTY; BLOCK])?;
         let mut destinations = [self.destinations[0].lock(), self.destinations[1].lock()];
         for (destinations, pass) in destinations.iter_mut().zip(passes) {
@@ -165,7 +167,7 @@ fn stride(grid: Grid) -> usize {
 }
 
 at_every_level! {
-    /// Where the tiles of a row land; the min_y and the max_y of how far down.
+    /// Computes the destinations of a row of tiles; returns minimum and maximum y.
     fn find_destinations(pass: &SplatPass<'_>, row: usize, destinations: &mut [Destination]) -> [i32; 2] = destinations_of_row | destinations_of_row
 }
 
@@ -206,11 +208,11 @@ fn destinations_of_row(pass: &SplatPass<'_>, row: usize, destinations: &mut [Des
     range
 }
 
-/// A band that is being filled.
+/// A band of destination tiles.
 struct BandSplat {
     level: SimdLevel,
     grid: Grid,
-    /// Its first row of tiles, and how many it has.
+    /// First row of tiles, and number of rows.
     top: usize,
     rows: usize,
 }
@@ -283,7 +285,7 @@ impl BandSplat {
         self.clear(band);
     }
 
-    /// Takes back what was written.
+    /// Resets the written keys to `EMPTY`.
     #[inline(never)]
     fn clear(&self, band: &mut Band) {
         let stride = stride(self.grid);
@@ -302,7 +304,7 @@ impl BandSplat {
         }
     }
 
-    /// Whether a tile may fraction this band.
+    /// Whether the destination of a tile may overlap this band.
     #[inline(always)]
     fn reaches_band(&self, destination: &Destination) -> bool {
         self.range_reaches_band([destination.at[1], destination.max_y])
@@ -314,19 +316,19 @@ impl BandSplat {
         min_y < end + border && max_y.saturating_add(TILE as i32) > first - border
     }
 
-    /// The rows of tiles that may fraction this band.
+    /// Rows of tiles that may overlap this band.
     fn reaching_rows<'a>(&'a self, destinations: &'a Destinations) -> impl Iterator<Item = usize> + 'a {
         (0..self.grid.rows).filter(|&row| self.range_reaches_band(destinations.rows[row]))
     }
 
-    /// The tiles of `tiles` that `from..from + len` touches.
+    /// Range of tiles, clipped to `tiles`, that the pixels `from..from + len` overlap.
     #[inline(always)]
     fn touched(from: i32, len: usize, tiles: Range<usize>) -> Range<usize> {
         let until = ((from + len as i32 - 1) >> 3) + 1;
         (from >> 3).max(tiles.start as i32) as usize..until.clamp(0, tiles.end as i32) as usize
     }
 
-    /// Carries pixels one by one.
+    /// Splats the pixels of a tile one by one.
     fn splat_pixels(&self, warp: Warp, column: usize, row: usize, keys: &[Key; BLOCK], band: &mut Band) {
         let at = [column * TILE, row * TILE].map(|at| at as i32);
         let shift = [BORDER as i32, BORDER as i32 - (self.top * TILE) as i32];
@@ -335,13 +337,14 @@ impl BandSplat {
         tile_keys::splat_pixels(self.level, keys, at, shift, warp, &mut splatted);
     }
 
-    /// What a tile is that is covered so, and on which pixels of their own warped or not.
+    /// Decides whether a destination tile is uniform. It is if no key of a single pixel reaches it, and uniform tiles
+    /// with similar motion cover at least three quarters of it; its motion is their mean, weighted by area.
     #[inline(always)]
     fn classify(&self, coverage: &Coverage, has_pixels: bool, [across, down]: [usize; 2]) -> Tile {
         let tile_area = (across * down) as u32;
         let is_one_slope =
             coverage.farthest.saturating_sub(splat_key::depth_key(coverage.nearest).into()) <= SLOPE_DEPTH_KEYS.into();
-        // Between vectors given for tile_area tiles, the mean of those that meet is nearer to the truth than a step is.
+        // On a sloping surface with one vector per tile, the mean of neighbouring vectors is more accurate than a step.
         let max_range = if is_one_slope { SLOPE_MOTION } else { UNIFORM_RANGE };
         let is_uniform = !has_pixels
             && u64::from(coverage.area) * 4 >= u64::from(tile_area) * 3
@@ -351,7 +354,7 @@ impl BandSplat {
         }
         let area = i64::from(coverage.area);
         let mean = |sum: i64| match (i32::try_from(2 * sum + area), i32::try_from(2 * area)) {
-            // Mostly they fit, and are divided sooner.
+            // The usual case: 32-bit division is faster.
             (Ok(sum), Ok(area)) => sum.div_euclid(area),
             _ => (2 * sum + area).div_euclid(2 * area) as i32,
         };
@@ -360,10 +363,10 @@ impl BandSplat {
         Tile { kind: TileKind::Uniform, holes: 0, key, low: vector, high: vector }
     }
 
-    /// Carries all of a smooth tile that lands at (x, y), if it touches one of `tiles` that is not.
+    /// Splats a uniform tile with its corner at (x, y), if it touches one of the mixed `tiles`.
     #[inline(always)]
     fn splat_tile(&self, [x, y]: [i32; 2], [across, down]: [usize; 2], key: Key, band: &mut Band, tiles: &[Tile]) {
-        // What is negative is far beyond.
+        // Negative coordinates wrap to large unsigned values and fail the bounds check.
         let (column, row) = (((x >> 3) + 1) as u32 as usize, ((y >> 3) + 1 - self.top as i32) as u32 as usize);
         let is_near_mixed = column < self.grid.columns + 2
             && row < BAND_ROWS + 2
@@ -373,7 +376,7 @@ impl BandSplat {
         }
     }
 
-    /// The same near a rough one.
+    /// The slow path of [`splat_tile`](Self::splat_tile), near a mixed tile.
     #[inline(never)]
     fn splat_tile_near_mixed(
         &self,
@@ -411,7 +414,7 @@ impl BandSplat {
         tile_keys::splat_rectangle(self.level, key, &mut band.splatted, stride(self.grid), start, extent);
     }
 
-    /// Takes the keys of a rough tile from the band, and closes its cracks.
+    /// Copies the keys of a mixed tile from the band, with cracks closed.
     #[inline(never)]
     fn resolve_tile(&self, splatted: &[Key], column: usize, row: usize, tile: &mut Tile, keys: &mut [Key; BLOCK]) {
         let [across, down] = self.grid.extent(column, self.top + row);
@@ -438,7 +441,7 @@ impl BandSplat {
 }
 
 at_every_level! {
-    /// Notes what parts of the tiles of a band the smooth ones of a row coverage.
+    /// Adds a row of uniform tiles to the coverage of the destination tiles.
     fn add_coverage(band: &BandSplat, row: usize, tiles: &[Tile], destinations: &[Destination], coverages: &mut [Coverage])
         = add_coverage_of_row | add_coverage_of_row
 }
@@ -458,7 +461,7 @@ fn add_coverage_of_row(
         }
         let [x, y] = destination.at;
         let extent = grid.extent(column, row).map(|len| len as i32);
-        // Of the first tile that is touched, and of the next.
+        // Pixels on the first overlapped tile, and on the next.
         let parts = |at: i32, len: i32| {
             let part = (TILE as i32 - (at & 7)).min(len);
             [part, len - part]
@@ -468,7 +471,7 @@ fn add_coverage_of_row(
         let range = [u, v, -u, -v];
         let farthest_key = u32::from(splat_key::depth_key(tile.key));
         for (j, &height) in down.iter().enumerate() {
-            // What is negative is far beyond.
+            // Negative coordinates wrap to large unsigned values and fail the bounds check.
             let r = ((y >> 3) + j as i32 - top as i32) as u32 as usize;
             if height <= 0 || r >= rows {
                 continue;

@@ -1,17 +1,18 @@
-//! Splat keys.
+//! Splat keys: depth, tag and motion of a pixel in 64 bits, ordered like a depth buffer's values.
 
-/// What claims a index, in one number of which the smallest wins: depth_key of depth (16 bits), tag (8), and both
-/// components of the vector in 1/64 px, 2^19 being none (20 each). As it contains_position all that counts, equal keys are the same
-/// key_at, and the order in which claims arrive changes nothing.
+/// A splat key. Of several that reach one destination pixel the smallest is kept. From the top: depth key (16 bits),
+/// tag (8), x and y of the motion vector in 1/64 px with an offset of 2^19 (20 each). Since a key contains all that the
+/// result depends on, the order of splats does not matter.
 pub(super) type Key = u64;
 
-/// A index that nothing claims.
+/// No key: the pixel is a hole.
 pub(super) const EMPTY: Key = Key::MAX;
-/// The largest tag that says how badly a pixel matches the previous anchor.
+/// Largest tag of a pixel with a match error, its luma difference from the previous anchor.
 pub(super) const MAX_MATCH_ERROR: u8 = 250;
-/// The tag of a index of the previous anchor that no pixel of the current one comes from.
+/// Tag of pixels of the previous anchor that are not visible in the current one: no key of the current anchor is
+/// splatted to them.
 pub(super) const PREVIOUS_ONLY: u8 = 254;
-/// The tag of a index between the anchors that nothing lands on.
+/// Tag of pixels of the frame to which no key is splatted.
 pub(super) const HOLE: u8 = 255;
 
 const ORIGIN: i32 = 1 << 19;
@@ -22,13 +23,13 @@ pub(super) fn pack(depth_key: u16, tag: u8, [x, y]: [i32; 2]) -> Key {
     Key::from(depth_key) << 48 | Key::from(tag) << 40 | component(x) << 20 | component(y)
 }
 
-/// From the current anchor to the previous one, in 1/64 px.
+/// Motion vector from the current anchor to the previous one, in 1/64 px.
 #[inline(always)]
 pub(super) fn vector(key: Key) -> [i32; 2] {
     [(key >> 20 & COMPONENT) as i32 - ORIGIN, (key & COMPONENT) as i32 - ORIGIN]
 }
 
-/// 0 is nearest_pixel.
+/// Depth as a 16-bit integer, 0 nearest.
 #[inline(always)]
 pub(super) fn depth_key(key: Key) -> u16 {
     (key >> 48) as u16
@@ -44,37 +45,38 @@ pub(super) fn with_tag(key: Key, tag: u8) -> Key {
     key & !(0xff << 40) | Key::from(tag) << 40
 }
 
-/// Vectors of one surface differ by no more than this from pixel to pixel along an axis, in 1/64 px.
+/// Largest difference per component between the motion vectors of neighbouring pixels of one surface, in 1/64 px.
 pub(super) const SIMILAR_MOTION: i32 = 64;
 
-/// Whether two claims move so much similar_motion that they can lie on one surface.
+/// Whether the motion of two keys is similar enough for one surface.
 #[inline(always)]
 pub(super) fn similar_motion(a: Key, b: Key) -> bool {
     motion_within(a, b, SIMILAR_MOTION)
 }
 
-/// Whether two claims move by no more than `limit` of 1/64 px otherwise along each axis.
+/// Whether the motion of two keys differs by at most `limit` (1/64 px) in each component.
 #[inline(always)]
 pub(super) fn motion_within(a: Key, b: Key, limit: i32) -> bool {
     let ([ax, ay], [bx, by]) = (vector(a), vector(b));
     (ax - bx).abs() <= limit && (ay - by).abs() <= limit
 }
 
-/// Ranks that differ by no more than this can lie on one surface: 1/64 of the distance.
+/// Largest difference between depth keys of one surface: 1/64 octave of distance.
 pub(super) const DEPTH_KEY_TOLERANCE: u16 = 32;
 
-/// Whether `a` is in front of `b` by more than a slope makes.
+/// Whether `a` is in front of `b` by more than the depth tolerance of one surface.
 #[inline(always)]
 pub(super) fn is_in_front(a: Key, b: Key) -> bool {
     depth_key(a).saturating_add(DEPTH_KEY_TOLERANCE) < depth_key(b)
 }
 
-/// Vectors of one surface that same_slope differ by no more than this from tile to tile, in 1/64 px.
+/// Largest difference per component between the motion vectors of neighbouring tiles of one sloping surface, in 1/64
+/// px.
 pub(super) const SLOPE_MOTION: i32 = 256;
-/// Surfaces whose ranks differ by no more than this can be one that same_slope: an octave of distance.
+/// Largest difference between depth keys in a tile that one sloping surface covers: an octave of distance.
 pub(super) const SLOPE_DEPTH_KEYS: u16 = 2048;
 
-/// Whether the claims of two tiles can be parts of one surface that same_slope.
+/// Whether the keys of two tiles can belong to one sloping surface.
 #[inline(always)]
 pub(super) fn same_slope(a: Key, b: Key) -> bool {
     let ([ax, ay], [bx, by]) = (vector(a), vector(b));
@@ -83,19 +85,19 @@ pub(super) fn same_slope(a: Key, b: Key) -> bool {
         && depth_key(a).abs_diff(depth_key(b)) <= SLOPE_DEPTH_KEYS
 }
 
-/// Reaches and phases are in parts of this: the whole way between two anchors.
+/// Fixed-point 1 of phases and of fractions of a motion vector: the interval between two anchors.
 pub(super) const PHASE_ONE: i32 = 1 << 12;
-/// Vectors are kept within this, in 1/64 px, so that a fraction of them can be computed in 32 bits.
+/// Largest component of a motion vector, in 1/64 px: its product with a fraction fits 32 bits.
 pub(super) const MAX_COMPONENT: i32 = 4095 * 64;
 
-/// `fraction` of a component of a vector, in 1/64 px.
+/// `fraction` of a component of a motion vector, in 1/64 px.
 #[inline(always)]
 pub(super) fn scaled(component: i32, fraction: i32) -> i32 {
-    // Of what claims nothing the vector is longer than any; its parts are not used.
+    // The vector of `EMPTY` exceeds the largest component; the result is not used.
     component.wrapping_mul(fraction).wrapping_add(PHASE_ONE / 2) >> 12
 }
 
-/// Where `fraction` of a component of a vector carries: from a whole pixel to the nearest_pixel whole pixel.
+/// Coordinate of the pixel nearest to `from` plus `fraction` of a component of a motion vector.
 #[inline(always)]
 pub(super) fn warped(from: i32, component: i32, fraction: i32) -> i32 {
     (64 * from + scaled(component, fraction) + 32) >> 6

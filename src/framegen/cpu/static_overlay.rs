@@ -1,7 +1,7 @@
-//! Telling what lies over the picture and stands still: a HUD, a watermark.
+//! Detection of static overlays such as HUDs and watermarks.
 //!
-//! Motion of the world behind it does not know an overlay. Where a vector does not match while standing still does, the
-//! pixel lies on one.
+//! An overlay does not follow the motion of the scene behind it. Where two anchors match at the same position but not
+//! along the motion vector, the pixel belongs to an overlay.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -11,16 +11,16 @@ use super::key_buffer::Grid;
 use super::reserve;
 use crate::Result;
 
-/// A pixel lies on an overlay where standing still explains it to within `MAX_STATIC_DIFFERENCE` levels, and better than its vector
-/// does by the factor `RATIO` after a `NOISE` for noise. Where the vector comes from beyond the edge and there is
-/// nothing to compare with, all of the patch must stand still, with a `MIN_CONTRAST` that a moving surface would not repeat
-/// by chance.
+/// A pixel belongs to an overlay if it differs by at most `MAX_STATIC_DIFFERENCE` levels from the same position, and by
+/// less than along its motion vector by the factor `RATIO` after adding `NOISE` to the static difference. If the vector
+/// leads outside the picture, the whole patch must be static and have `MIN_CONTRAST`, which a moving surface would not
+/// repeat by chance.
 const MAX_STATIC_DIFFERENCE: f32 = 4.0;
 const RATIO: f32 = 2.0;
 const NOISE: f32 = 2.0;
 const MIN_CONTRAST: f32 = 12.0;
 
-/// The two anchors to compare.
+/// The two anchors.
 pub(super) struct Anchors<'a, P> {
     pub(super) previous: Source<'a, P>,
     pub(super) current: Source<'a, P>,
@@ -28,8 +28,8 @@ pub(super) struct Anchors<'a, P> {
 
 #[cfg(test)]
 impl<P: Colour> Anchors<'_, P> {
-    /// Whether a pixel of the current anchor lies on an overlay, the world behind it moving by `vector` (current to
-    /// previous, in 1/64 px).
+    /// Whether a pixel of the current anchor belongs to an overlay; `vector` is the motion of the scene behind it
+    /// (current to previous, 1/64 px).
     pub(super) fn is_overlay_in_current(&self, at: [usize; 2], vector: [i32; 2]) -> bool {
         is_overlay(self.current, self.previous, at, vector)
     }
@@ -47,17 +47,17 @@ pub(super) enum AnchorIndex {
     Current,
 }
 
-/// AnchorIndex pixels of the two anchors stand still, found for a tile when that is first wanted for. Keeps its memory.
+/// Static pixels of the anchors, computed per tile on first use. Keeps its memory.
 #[derive(Debug, Default)]
 pub(super) struct StaticPixels {
     grid: Grid,
-    /// Bit `8 j + i` of a tile: see [`is_static`].
+    /// Bits `8 j + i`: see [`is_static`].
     tiles: LazyMasks,
-    /// The same: see [`is_static_patch`], for the previous anchor and for the current one.
+    /// Bits `8 j + i`: see [`is_static_patch`], for the previous and the current anchor.
     static_patches: [LazyMasks; 2],
 }
 
-/// A number to each tile that is found when it is first wanted for.
+/// A mask per tile that is computed on first use.
 #[derive(Debug, Default)]
 struct LazyMasks {
     masks: Vec<AtomicU64>,
@@ -77,7 +77,7 @@ impl LazyMasks {
     #[inline(always)]
     fn of(&self, tile: usize, find: impl FnOnce() -> u64) -> u64 {
         if !self.is_found[tile].load(Ordering::Acquire) {
-            // Where two threads ask at once, both find the same.
+            // Two threads may compute it at once; the result is the same.
             self.masks[tile].store(find(), Ordering::Relaxed);
             self.is_found[tile].store(true, Ordering::Release);
         }
@@ -86,14 +86,14 @@ impl LazyMasks {
 }
 
 impl StaticPixels {
-    /// Forgets all, and makes room for the pictures of a grid.
+    /// Discards all masks and allocates for a grid.
     pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
         self.grid = grid;
         self.tiles.reserve(grid.tiles())?;
         self.static_patches.iter_mut().try_for_each(|static_patches| static_patches.reserve(grid.tiles()))
     }
 
-    /// Whether a pixel stands still, without anchor it lies on no overlay.
+    /// Whether a pixel is static, a necessary condition for an overlay.
     #[inline(always)]
     pub(super) fn is_static_at<P: Colour>(
         &self,
@@ -104,8 +104,7 @@ impl StaticPixels {
         self.tile(level, anchors, [x / TILE, y / TILE]) >> self.grid.locate(x, y).1 & 1 == 1
     }
 
-    /// [`Self::is_static_at`] for the pixels nearest to some positions, all of them on the picture: those that are wanted for, bit
-    /// `8 j + i`.
+    /// [`Self::is_static_at`] for the `wanted` pixels nearest to positions inside the picture, as bits `8 j + i`.
     #[inline(never)]
     pub(super) fn static_at<P: Colour>(
         &self,
@@ -128,8 +127,8 @@ impl StaticPixels {
         found
     }
 
-    /// Whether a pixel of an anchor lies on an overlay, see [`Anchors`]. The vector is that of the claim, from the current
-    /// anchor to the previous one.
+    /// Whether a pixel of an anchor belongs to an overlay, see [`Anchors`]. `vector` points from the current anchor to
+    /// the previous one.
     #[inline(always)]
     pub(super) fn is_overlay<P: Colour>(
         &self,
@@ -156,7 +155,7 @@ impl StaticPixels {
         static_fits_better(here, there, [x, y], vector)
     }
 
-    /// The pixels of a tile that stand still: bit `8 j + i`.
+    /// Static pixels of a tile, as bits `8 j + i`.
     #[inline(always)]
     pub(super) fn tile<P: Colour>(&self, level: SimdLevel, anchors: &Anchors<'_, P>, at: [usize; 2]) -> u64 {
         self.tiles.of(at[1] * self.grid.columns + at[0], || {
@@ -164,11 +163,11 @@ impl StaticPixels {
         })
     }
 
-    /// The same for 8 x 8 pixels from (x, y) on, all of them on the picture.
+    /// Static pixels of the 8x8 block at (x, y), inside the picture.
     #[inline(always)]
     pub(super) fn block<P: Colour>(&self, level: SimdLevel, anchors: &Anchors<'_, P>, [x, y]: [usize; 2]) -> u64 {
         let ([column, i], [row, j]) = ([x / TILE, x % TILE], [y / TILE, y % TILE]);
-        // The rows of two tiles above each other, from row j of the upper one on.
+        // Rows from two vertically adjacent tiles, starting at row j of the upper one.
         let rows = |column: usize| {
             let upper = self.tile(level, anchors, [column, row]) >> (TILE * j);
             if j == 0 { upper } else { upper | self.tile(level, anchors, [column, row + 1]) << (TILE * (TILE - j)) }
@@ -182,13 +181,13 @@ impl StaticPixels {
 }
 
 at_every_level! {
-    /// The pixels of the tile at `corner` that stand still: bit `8 j + i`.
+    /// Static pixels of the tile at `corner`, as bits `8 j + i`.
     fn static_mask_of_tile<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2]) -> u64
         = static_mask_scalar | static_mask_in_rows
 }
 
 at_every_level! {
-    /// The pixels of the tile at `corner` of one anchor that are static_patches: bit `8 j + i`.
+    /// Pixels of the tile at `corner` with a static patch, as bits `8 j + i`.
     fn patch_mask_of_tile<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, corner: [usize; 2]) -> u64
         = patch_mask_scalar | patch_mask_in_rows
 }
@@ -207,22 +206,22 @@ fn mask_scalar<P>(source: Source<'_, P>, [x, y]: [usize; 2], is: impl Fn([usize;
     places.fold(0, |all, (i, j)| all | u64::from(is([x + i, y + j])) << (TILE * j + i))
 }
 
-/// Pixels across and down of the tile at a corner.
+/// Width and height of the tile at a corner, in pixels.
 fn extent<P>(source: Source<'_, P>, [x, y]: [usize; 2]) -> [usize; 2] {
     [TILE.min(source.width - x), TILE.min(source.height - y)]
 }
 
-/// The pixels of the tile at `corner` that are on the picture: bit `8 j + i`.
+/// Pixels of the tile at `corner` that are inside the picture, as bits `8 j + i`.
 #[inline(always)]
 fn on_picture<P>(source: Source<'_, P>, corner: [usize; 2]) -> u64 {
     let [across, down] = extent(source, corner);
     (0x0101_0101_0101_0101 * (0xff >> (TILE - across))) & (u64::MAX >> (TILE * (TILE - down)))
 }
 
-/// A row of lumas from before a tile on, some of anchor fill vectors; or of what they differ by.
+/// A row of lumas, or of their differences, from one pixel left of a tile, padded to full vectors.
 type Line = [f32; 2 * TILE];
 
-/// The same row from its second value on.
+/// The row shifted by one pixel.
 #[inline(always)]
 fn next(line: &Line) -> Line {
     let mut next = *line;
@@ -243,7 +242,7 @@ fn line_differences(a: &Line, b: &Line) -> Line {
 fn static_mask_in_rows<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2]) -> u64 {
     let is_at_edge = is_at_edge(current, corner);
     let mut static_pixels = [0; TILE];
-    // What the row above differs by, and the least of each two squares between the two rows above.
+    // Differences of the row above, and minima of adjacent 2x2 sums of the two rows above.
     let (mut above, mut least_above): (Line, Line) = ([0.0; 2 * TILE], [0.0; 2 * TILE]);
     for j in 0..TILE + 2 {
         let differences = line_differences(&line_around(previous, corner, j), &line_around(current, corner, j));
@@ -261,7 +260,7 @@ fn static_mask_in_rows<P: Colour>(previous: Source<'_, P>, current: Source<'_, P
             least[i] = squares[i].min(next_squares[i]);
         }
         if j > 1 {
-            // What is judged is the row above.
+            // The result is for the row above.
             for i in 0..TILE {
                 let is_static = (least_above[i].min(least[i]) / 4.0 <= MAX_STATIC_DIFFERENCE)
                     & (next_above[i] <= 4.0 * MAX_STATIC_DIFFERENCE);
@@ -273,14 +272,13 @@ fn static_mask_in_rows<P: Colour>(previous: Source<'_, P>, current: Source<'_, P
     static_pixels.into_iter().fold(0, |all, bits| all | bits) & on_picture(current, corner)
 }
 
-/// Whether pixels around a tile lie beyond the picture.
+/// Whether the neighbourhood of a tile extends beyond the picture.
 #[inline(always)]
 fn is_at_edge<P>(source: Source<'_, P>, [x, y]: [usize; 2]) -> bool {
     x == 0 || y == 0 || x + TILE >= source.width || y + TILE >= source.height
 }
 
-/// Of the squares above row `j` around a tile, one that reaches over the edge counts pixels twice, and is left out where
-/// there is another.
+/// Excludes 2x2 squares that extend beyond the border, where pixels are repeated, if there is another square.
 #[inline(never)]
 fn exclude_outside<P>(source: Source<'_, P>, corner: [usize; 2], j: usize, squares: &mut Line) {
     let size = [source.width, source.height];
@@ -329,7 +327,7 @@ fn patch_mask_in_rows<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, corn
     static_patches.into_iter().fold(0, |all, bits| all | bits) & on_picture(here, corner)
 }
 
-/// The lumas of row `j` of those around a tile; the edge pixels go on beyond the edges.
+/// Lumas of row `j` of a tile's neighbourhood, clamped to the border.
 #[inline(always)]
 fn line_around<P: Colour>(source: Source<'_, P>, [x, y]: [usize; 2], j: usize) -> Line {
     let row = &source.pixels[(y + j).saturating_sub(1).min(source.height - 1) * source.width..][..source.width];
@@ -339,7 +337,7 @@ fn line_around<P: Colour>(source: Source<'_, P>, [x, y]: [usize; 2], j: usize) -
     }
 }
 
-/// The pixels of a row from before `x` on; the edge pixels go on beyond the edges.
+/// Pixels of a row from `x - 1`, clamped to the border.
 #[inline(never)]
 fn at_edge<P: Colour>(row: &[P], x: usize) -> [P; 2 * TILE] {
     let mut pixels = [row[row.len() - 1]; 2 * TILE];
@@ -353,8 +351,7 @@ fn at_edge<P: Colour>(row: &[P], x: usize) -> [P; 2 * TILE] {
     pixels
 }
 
-/// Whether a pixel is about the same in both pictures, and so is a square of 2 x 2 that is_static_at it: most of what moves is
-/// not.
+/// Whether a pixel, and one of the four 2x2 squares that contain it, are about equal in both pictures.
 fn is_static<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]: [usize; 2]) -> bool {
     let index = y * here.width + x;
     if (here.pixels[index].luma() - there.pixels[index].luma()).abs() > 4.0 * MAX_STATIC_DIFFERENCE {
@@ -366,7 +363,7 @@ fn is_static<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]: [usiz
 }
 
 #[cfg(test)]
-/// Whether a pixel of `here` stands still and does not come from where `vector` leads to in `there`.
+/// Whether a pixel of `here` is static and does not match `there` along `vector`.
 fn is_overlay<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, at: [usize; 2], vector: [i32; 2]) -> bool {
     if vector == [0; 2] || !is_static(here, there, at) {
         return false;
@@ -378,18 +375,18 @@ fn is_overlay<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, at: [usize; 
     }
 }
 
-/// Whether a vector leads from a pixel over the edge of the picture.
+/// Whether a vector leads from a pixel to the outside of the picture.
 #[inline(always)]
 fn leads_outside<P>(here: Source<'_, P>, at: [usize; 2], vector: [i32; 2]) -> bool {
     let (size, mut is_outside) = ([here.width, here.height], false);
     for c in 0..2 {
-        // As unsigned masks, what is negative is far beyond.
+        // Negative coordinates wrap to large unsigned values and fail the bounds check.
         is_outside |= (64 * at[c] as i32 + vector[c]) as u32 > 64 * (size[c] as u32 - 1);
     }
     is_outside
 }
 
-/// Whether all around a pixel stands still, and has a contrast.
+/// Whether the 3x3 patch around a pixel is static and has contrast.
 fn is_static_patch<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]: [usize; 2]) -> bool {
     let (x, y) = (x as i32, y as i32);
     let patch = lumas::<P, 3>(here, x - 1, y - 1);
@@ -397,7 +394,7 @@ fn is_static_patch<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, [x, y]:
     values(&differences).sum::<f32>() / 9.0 <= MAX_STATIC_DIFFERENCE && contrast(&patch) >= MIN_CONTRAST
 }
 
-/// Whether standing still explains a pixel better than its vector does.
+/// Whether the same position matches better than the one along the vector.
 #[inline(never)]
 fn static_fits_better<P: Colour>(
     here: Source<'_, P>,
@@ -408,7 +405,7 @@ fn static_fits_better<P: Colour>(
     let (x, y) = (x as i32, y as i32);
     let patch = lumas::<P, 3>(here, x - 1, y - 1);
     let moved = difference(&patch, there, x, y, vector);
-    // Mostly the vector is right.
+    // The usual case: the vector matches.
     if moved < NOISE * RATIO {
         return false;
     }
@@ -416,7 +413,7 @@ fn static_fits_better<P: Colour>(
     (still + NOISE) * RATIO <= moved
 }
 
-/// Three rows of three lumas, or of what differs between them; the fourth of each row is not of the patch.
+/// 3x3 lumas or differences; the fourth column is padding.
 type Patch = [[f32; 4]; 3];
 
 /// The values of a patch.
@@ -424,13 +421,13 @@ fn values(patch: &Patch) -> impl Iterator<Item = f32> {
     patch.iter().flat_map(|row| &row[..3]).copied()
 }
 
-/// Mean absolute difference from the mean.
+/// Mean absolute deviation.
 fn contrast(patch: &Patch) -> f32 {
     let mean = values(patch).sum::<f32>() / 9.0;
     values(patch).map(|v| (v - mean).abs()).sum::<f32>() / 9.0
 }
 
-/// Rows of four lumas from (x, y) on; the edge pixels go on beyond the edges.
+/// Rows of four lumas from (x, y), clamped to the border.
 #[inline(always)]
 fn lumas<P: Colour, const N: usize>(source: Source<'_, P>, x: i32, y: i32) -> [[f32; 4]; N] {
     let mut lumas = [[0.0; 4]; N];
@@ -457,8 +454,7 @@ fn lumas_at_edge<P: Colour, const N: usize>(source: Source<'_, P>, x: i32, y: i3
     lumas
 }
 
-/// How far `patch`, centred on (x, y) in one picture, is from the index in `there` that `vector` leads to, read
-/// bilinearly.
+/// Difference between the patch centred on (x, y) and the bilinear sample of `there` along `vector`.
 #[inline(always)]
 fn difference<P: Colour>(patch: &Patch, there: Source<'_, P>, x: i32, y: i32, vector: [i32; 2]) -> f32 {
     let [u, v] = [64 * (x - 1) + vector[0], 64 * (y - 1) + vector[1]];
@@ -491,14 +487,14 @@ fn differences(a: &Patch, b: &Patch) -> Patch {
     differences
 }
 
-/// The mean over the best of the four squares of 2 x 2 that hold the centre: a pixel on the rim of a surface is judged by
-/// that surface alone.
+/// The smallest mean of the four 2x2 squares that contain the centre: at an edge, one of them lies on the pixel's own
+/// surface.
 #[inline(always)]
 fn min_square_mean<P>(differences: &Patch, there: Source<'_, P>, x: i32, y: i32) -> f32 {
     let square = |j: usize, i: usize| {
         differences[j][i] + differences[j][i + 1] + differences[j + 1][i] + differences[j + 1][i + 1]
     };
-    // A square that reaches over the edge counts pixels twice, and is left out where there is another.
+    // A square that extends beyond the border repeats pixels; it is excluded if there is another.
     let is_off = |at: i32, len: usize| len > 1 && [at == 0, at as usize + 1 == len].contains(&true);
     if !is_off(x, there.width) && !is_off(y, there.height) {
         return square(0, 0).min(square(0, 1)).min(square(1, 0)).min(square(1, 1)) / 4.0;
@@ -516,7 +512,7 @@ mod tests {
     use super::super::kernels::BLOCK;
     use super::*;
 
-    /// A picture of noise, and one of anchor squares are the same but for a few levels.
+    /// A picture of noise, and one that equals it in some squares up to a few levels.
     fn pictures(width: usize, height: usize) -> [Vec<[u8; 4]>; 2] {
         let noise = |i: usize| (i.wrapping_mul(2_654_435_761) >> 13) as u8;
         let first: Vec<_> = (0..width * height).map(|i| [noise(i), noise(i + 7), noise(i + 19), 255]).collect();

@@ -1,4 +1,4 @@
-//! How well what keys a pixel fits what the anchors show.
+//! Match of keys with the colours of the anchors.
 
 use super::super::colour::Colour;
 use super::super::kernels::{BLOCK, Source, TILE, at_every_level};
@@ -6,8 +6,8 @@ use super::super::splat_key::{self, EMPTY, Key, MAX_MATCH_ERROR};
 use super::DILATION_TOLERANCE;
 
 at_every_level! {
-    /// Which of the pixels of a tile at `corner` that are wanted for (bit `8 j + i`) the nearest key fits better than
-    /// their own.
+    /// `wanted` pixels of the tile at `corner` (bit `8 j + i`) that match better with the nearest key than with their
+    /// own.
     pub(super) fn better_fit<P: Colour>(
         previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], wanted: u64, nearest: &[Key; BLOCK],
         own: &[Key; BLOCK],
@@ -42,7 +42,7 @@ fn better_fit_in_rows<P: Colour>(
 ) -> u64 {
     let mut better_fit = 0;
     while wanted != 0 {
-        // Eight at a time; what is left over is looked at more than once.
+        // Eight pixels at a time; the last group repeats its last pixel.
         let (mut indices, mut index) = ([0; TILE], 0);
         for next in &mut indices {
             index = if wanted != 0 { wanted.trailing_zeros() as usize } else { index };
@@ -69,7 +69,7 @@ fn better_fit_in_rows<P: Colour>(
     better_fit
 }
 
-/// The [`colour_distance`] of each of eight pixels.
+/// [`colour_distance`] of eight pixels.
 #[inline(always)]
 fn colour_distances<P: Colour>(
     previous: Source<'_, P>,
@@ -86,7 +86,7 @@ fn colour_distances<P: Colour>(
         fx[4 * i..][..4].fill((u & 63) as f32 / 64.0);
         fy[4 * i..][..4].fill((v & 63) as f32 / 64.0);
         let (left, top) = (u >> 6, v >> 6);
-        // What is negative is far beyond.
+        // Negative coordinates wrap to large unsigned values and fail the bounds check.
         let is_inside = (left as u32 as usize) < previous.width - 1 && (top as u32 as usize) < previous.height - 1;
         let on_axis = |at: i32, len: usize| at.clamp(0, len as i32 - 1) as usize;
         let [left, right] = if is_inside {
@@ -126,7 +126,7 @@ fn colour_distances<P: Colour>(
 }
 
 at_every_level! {
-    /// Marks the keys of the pixels of a tile at `corner` with how badly they match, see [`match_error`].
+    /// Tags the keys of the tile at `corner` with their match errors, see [`match_error`].
     pub(super) fn tag_match_errors<P: Colour>(
         previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], keys: &mut [Key; BLOCK],
     ) = tag_match_errors_scalar | tag_match_errors_in_rows
@@ -150,7 +150,7 @@ fn tag_match_errors_in_rows<P: Colour>(
     [x, y]: [usize; 2],
     keys: &mut [Key; BLOCK],
 ) {
-    // The least and the largest of each two of a row beside each other, for the row below.
+    // Minimum and maximum of horizontally adjacent lumas, reused for the row below.
     let mut last: Option<(usize, [[f32; TILE]; 2])> = None;
     for (j, keys) in keys.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
         let here = current.pixels.get((y + j) * current.width + x..).and_then(|row| row.first_chunk::<TILE>());
@@ -192,7 +192,7 @@ fn tag_match_errors_in_rows<P: Colour>(
     }
 }
 
-/// The least and the largest of each two beside each other.
+/// Minimum and maximum of horizontally adjacent lumas.
 #[inline(always)]
 fn pair_ranges(lumas: &[f32; 2 * TILE]) -> [[f32; TILE]; 2] {
     let (mut low, mut high) = ([0.0; TILE], [0.0; TILE]);
@@ -203,8 +203,8 @@ fn pair_ranges(lumas: &[f32; 2 * TILE]) -> [[f32; TILE]; 2] {
     [low, high]
 }
 
-/// The two rows of the previous anchor between which a row of a tile comes from, if its pixels lie side by side there, and
-/// where the first begins.
+/// If the row's pixels are contiguous in the previous anchor, the two rows there between which they lie, and the start
+/// of the first.
 #[inline(always)]
 fn rows_in_previous<'a, P: Colour>(
     previous: Source<'a, P>,
@@ -218,7 +218,7 @@ fn rows_in_previous<'a, P: Colour>(
         let [u, v] = whole(key);
         is_run &= (key != EMPTY) & (u == left) & (v == top);
     }
-    // What is negative is far beyond.
+    // Negative coordinates wrap to large unsigned values and fail the bounds check.
     let (u, v) = ((x as i32 + left) as u32 as usize, (y as i32 + top) as u32 as usize);
     if !is_run || u.saturating_add(TILE) >= previous.width || v.saturating_add(1) >= previous.height {
         return None;
@@ -228,8 +228,7 @@ fn rows_in_previous<'a, P: Colour>(
     Some((start, [row(start)?, row(start + previous.width)?]))
 }
 
-/// The four pixels of the previous anchor around where each of eight beside each other comes from, if all have keys and
-/// come from inside.
+/// The 2x2 pixels of the previous anchor around the positions of eight pixels, if all of them have keys and are inside.
 #[inline(always)]
 fn squares_in_previous<P: Colour>(
     previous: Source<'_, P>,
@@ -239,7 +238,7 @@ fn squares_in_previous<P: Colour>(
     let mut squares = [[P::OPAQUE_BLACK; TILE]; 4];
     for (i, &key) in keys.iter().enumerate() {
         let [vx, vy] = splat_key::vector(key);
-        // What is negative is far beyond.
+        // Negative coordinates wrap to large unsigned values and fail the bounds check.
         let (u, v) = ((x + i) as i32 + (vx >> 6), y as i32 + (vy >> 6));
         let (u, v) = (u as u32 as usize, v as u32 as usize);
         if key == EMPTY || u + 1 >= previous.width || v + 1 >= previous.height {
@@ -253,8 +252,8 @@ fn squares_in_previous<P: Colour>(
     Some(squares)
 }
 
-/// The levels by which the luma of a pixel of the current anchor lies outside those of the four pixels of the previous
-/// one around the index that a key leads to.
+/// Levels by which a pixel's luma exceeds the range of the 2x2 pixels of the previous anchor around the position to
+/// which its key leads.
 pub(in super::super) fn match_error<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
@@ -278,8 +277,8 @@ pub(in super::super) fn match_error<P: Colour>(
     (difference as u8).min(MAX_MATCH_ERROR)
 }
 
-/// How far a pixel of the current anchor is from what is read bilinearly where a key leads to in the previous one:
-/// the levels of the channel that differs most.
+/// Difference between a pixel of the current anchor and the bilinear sample of the previous one at the position to
+/// which a key leads: the largest of any channel, in levels.
 pub(in super::super) fn colour_distance<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
@@ -297,7 +296,7 @@ pub(in super::super) fn colour_distance<P: Colour>(
     let (left, top) = (u >> 6, v >> 6);
     let corners = [at(left, top), at(left + 1, top), at(left, top + 1), at(left + 1, top + 1)];
     let here = current.pixels[y * current.width + x].in_levels();
-    // Plain loops over all channels: closures are at times left as functions of their own, one call to a channel.
+    // A plain loop: LLVM does not always inline closures here.
     let mut difference = [0.0_f32; 4];
     for c in 0..4 {
         let above = corners[0][c] + (corners[1][c] - corners[0][c]) * fx;
@@ -315,7 +314,7 @@ mod tests {
     #[test]
     fn all_levels_judge_alike() {
         const SIZE: [usize; 2] = [40, 30];
-        // Numbers that look random (Knuth's MMIX generator), the same in every run.
+        // Pseudo-random numbers (Knuth's MMIX generator), the same in every run.
         let mut random = 7_u64;
         let mut below = |end: u64| {
             random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -329,7 +328,7 @@ mod tests {
         let mut fitted = 0;
         for round in 0..2000 {
             let corner = [0, 1].map(|c| TILE * below((SIZE[c] / TILE) as u64) as usize);
-            // A common vector, one of a few, or any; some indices key nothing.
+            // One vector, one of a few, or any; some pixels have no key.
             let mut keys = || -> [Key; BLOCK] {
                 let common = [0, 1].map(|_| below(1280) as i32 - 640);
                 [EMPTY; BLOCK].map(|empty| match round % 4 {

@@ -1,4 +1,4 @@
-//! Pictures of bytes.
+//! Kernels for pictures of bytes.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -17,7 +17,7 @@ impl Sampled for Pixel {
     #[inline]
     fn sample(source: Source<'_, Self>, at: [i32; 2]) -> Self {
         let (taps, [across, down]) = taps(&source, at, [0; 4]);
-        // Plain loops: closures of arrays are at times left as functions of their own, one call to a channel.
+        // Plain loops: LLVM does not always inline closures of arrays here.
         let mut sums = [1 << 13; 4];
         for (row, down) in taps.iter().zip(down) {
             let mut of_row = [0; 4];
@@ -146,17 +146,17 @@ fn lumas_in_vectors(row: &[Pixel], lumas: &mut [u8]) {
     }
 }
 
-/// Rows of a picture that a tile is made from, and columns.
+/// Rows and columns of pixels from which a tile is sampled.
 const SPAN: usize = TILE + TAPS - 1;
-/// Pixels of each of those rows that can be read: a whole vector.
+/// Readable pixels of each of those rows: a whole vector.
 const PATCH_WIDTH: usize = 16;
 /// Bytes of a row of a tile.
 const ROW: usize = 4 * TILE;
 
-/// PatchBuffer for a patch that reaches over the edge.
+/// Copy of a patch that extends beyond the border.
 type PatchBuffer = [[Pixel; PATCH_WIDTH]; SPAN];
 
-/// Thirteen rows of a picture around a tile, each with sixteen pixels to read, and the phases of its position.
+/// The 13 rows around a tile, with 16 readable pixels each, and the subpixel phases of its position.
 #[derive(Clone, Copy)]
 struct Patch<'a> {
     pixels: &'a [Pixel],
@@ -165,14 +165,14 @@ struct Patch<'a> {
 }
 
 impl<'a> Patch<'a> {
-    /// The patch for the tile at a position.
+    /// The patch of the tile at a position.
     #[inline(always)]
     fn new(source: &Source<'a, Pixel>, at: [i32; 2], buffer: &'a mut Option<PatchBuffer>) -> Self {
         let ([x, y], phases) = (at.map(|v| (v >> 6) - BEFORE), at.map(|v| (v & 63) as usize));
         let is_inside = x >= 0 && y >= 0 && x as usize + SPAN <= source.width && y as usize + SPAN <= source.height;
         if is_inside {
             let start = y as usize * source.width + x as usize;
-            // Rows are read beyond their end, into the next one; below the picture's last there is none.
+            // Rows are read beyond their end, into the next one; after the picture's last row there is none.
             let end = start + (SPAN - 1) * source.width + PATCH_WIDTH;
             if let Some(pixels) = source.pixels.get(start..end) {
                 return Self { pixels, stride: source.width, phases };
@@ -183,7 +183,7 @@ impl<'a> Patch<'a> {
         Self { pixels: buffer.as_flattened(), stride: PATCH_WIDTH, phases }
     }
 
-    /// Asks for what the tiles to the right will read: thirteen rows are more than processors foresee by themselves.
+    /// Prefetches rows of the tiles to the right: thirteen rows are too many for hardware prefetchers.
     #[inline(always)]
     fn prefetch_ahead(self) -> Self {
         #[cfg(target_arch = "x86_64")]
@@ -196,24 +196,24 @@ impl<'a> Patch<'a> {
         self
     }
 
-    /// `N` pixels of a row from its pixel `from` on.
+    /// `N` pixels of a row, starting at `from`.
     #[inline(always)]
     fn row<const N: usize>(&self, row: usize, from: usize) -> &[Pixel; N] {
         self.pixels[row * self.stride + from..].first_chunk().expect("a patch has sixteen pixels in each row")
     }
 
-    /// Whether the tile lies on the pixels themselves.
+    /// Whether the position is a whole pixel.
     #[inline(always)]
     fn is_whole(&self) -> bool {
         self.phases == [0, 0]
     }
 }
 
-/// Pixels ahead of a patch: six tiles.
+/// Prefetch distance in pixels: six tiles.
 #[cfg(target_arch = "x86_64")]
 const PREFETCH_AHEAD: usize = 6 * TILE;
 
-/// Minus the weights, as signed bytes: so the 128 fits. Two more are nothing.
+/// Negated weights as signed bytes, because 128 does not fit but -128 does. The last two are 0.
 static NEGATIVE: [[i8; EIGHT]; PHASES] = {
     let mut table = [[0; EIGHT]; PHASES];
     let mut phase = 0;
@@ -228,22 +228,22 @@ static NEGATIVE: [[i8; EIGHT]; PHASES] = {
     table
 };
 
-/// Added to minus the sum of six weighted bytes, this leaves minus the sum that the same bytes less 128 would give,
-/// which fits 16 bits; and as weights add up to 128, the 64 are the half that rounds the final sum.
+/// Added to the negated sum of six weighted bytes, this gives the negated sum of the same bytes less 128, which fits 16
+/// bits. As weights add up to 128, the 64 is the half for rounding.
 const BIAS: i16 = 128 * ONE - 64;
 
-/// Pixels that are read of a row: two more than make a sample.
+/// Pixels that are read per row: two more than a sample needs.
 const EIGHT: usize = 8;
 
-/// As many pixels that lie side by side in the picture cost about as much sampled as a tile as one by one.
+/// Smallest group of contiguous pixels for which a tile is sampled instead of single pixels.
 const MIN_GROUP: u32 = 10;
-/// So many groups are looked for that turn out to be smaller.
+/// Number of smaller groups after which the search ends.
 const MAX_SMALL_GROUPS: usize = 3;
-/// Positions that are no farther away to_fixed an axis, and those a tile from them, are numbers.
+/// Positions within this, and those a tile away, do not overflow.
 const MAX_POSITION: i32 = 1 << 30;
 
-/// Splits the pixels of a block into groups that lie in the picture as they do in their tile, as those of one surface
-/// mostly do, and others.
+/// Splits the pixels of a block into groups that are contiguous in the picture, as those of one surface usually are,
+/// and single pixels.
 struct Groups<'a> {
     at: &'a Positions,
     left: u64,
@@ -257,7 +257,7 @@ impl<'a> Groups<'a> {
         Self { at, left: wanted, single: 0, attempts: MAX_SMALL_GROUPS }
     }
 
-    /// Another group, and where its tile lies; none where there is none that is worth it.
+    /// The next group with the position of its tile; `None` if no large one is left.
     #[inline(always)]
     fn next(&mut self) -> Option<([i32; 2], u64)> {
         while self.left.count_ones() >= MIN_GROUP && self.attempts > 0 {
@@ -276,13 +276,13 @@ impl<'a> Groups<'a> {
         None
     }
 
-    /// Those that are in no group.
+    /// Pixels without a group.
     #[inline(always)]
     fn single(&self) -> u64 {
         self.single | self.left
     }
 
-    /// Those left that lie as in a tile at `corner`.
+    /// Remaining pixels that are where a tile at `corner` would have them.
     #[inline(always)]
     fn members(&self, corner: [i32; 2]) -> u64 {
         let mut columns = [0_u64; TILE];
@@ -298,7 +298,7 @@ impl<'a> Groups<'a> {
     }
 }
 
-/// Takes up to `N` indices out of those `wanted`, and says how many; the last of them once more where there are fewer.
+/// Removes up to `N` indices from `wanted`. Returns them with their number; missing ones repeat the last.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 fn take_up_to<const N: usize>(wanted: &mut u64) -> ([usize; N], usize) {
@@ -307,24 +307,25 @@ fn take_up_to<const N: usize>(wanted: &mut u64) -> ([usize; N], usize) {
     for index in &mut indices {
         last = if *wanted == 0 { last } else { wanted.trailing_zeros() as usize };
         *wanted &= wanted.wrapping_sub(1);
-        // So that compilers see that it is a index.
+        // Shows the compiler that it is in bounds.
         *index = last % BLOCK;
     }
     (indices, count)
 }
 
-/// So many pixels, in 1/64 px.
+/// Pixels in 1/64 px.
 #[inline(always)]
 fn to_fixed(pixels: usize) -> i32 {
     64 * pixels as i32
 }
 
-/// Where the pixels around each position of a block begin in the picture, or [`OUTSIDE`] where some are outside.
+/// Index of the first of the 6x6 pixels around each position of a block, or [`OUTSIDE`] if some of them are outside the
+/// picture.
 #[inline(always)]
 fn starts(source: &Source<'_, Pixel>, at: &Positions) -> [u32; BLOCK] {
     let [width, height] = [source.width, source.height].map(|len| len as u32);
     std::array::from_fn(|i| {
-        // As unsigned numbers, what is negative is far beyond.
+        // Negative coordinates wrap to large unsigned values and fail the bounds check.
         let [x, y] = [at.x[i], at.y[i]].map(|v| ((v >> 6) - BEFORE) as u32);
         let last = TAPS as u32 - 1;
         let is_inside = (x < width.saturating_sub(last)) & (y < height.saturating_sub(last));
@@ -334,15 +335,15 @@ fn starts(source: &Source<'_, Pixel>, at: &Positions) -> [u32; BLOCK] {
 
 const OUTSIDE: u32 = u32::MAX;
 
-/// The rows of the pixels from `start` on; none where that says nothing. Rows are read beyond their end, into the next
-/// one; below the picture's last there is none.
+/// The six rows at `start`; `None` if that is [`OUTSIDE`]. Rows are read beyond their end, into the next one; after the
+/// picture's last row there is none.
 #[inline(always)]
 fn rows<'a>(source: &Source<'a, Pixel>, start: u32) -> Option<[&'a [Pixel; EIGHT]; TAPS]> {
     let row = |j: usize| source.pixels.get(start as usize + j * source.width..).and_then(|row| row.first_chunk());
     Some([row(0)?, row(1)?, row(2)?, row(3)?, row(4)?, row(5)?])
 }
 
-/// The pixels around a position, wherever it is.
+/// The 6x6 pixels around any position, clamped to the border.
 #[cold]
 #[inline(never)]
 fn clamped(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[Pixel; EIGHT]; TAPS] {

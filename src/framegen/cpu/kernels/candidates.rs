@@ -1,4 +1,4 @@
-//! What stands candidates the values of a tile that nothing covered, eight values at a time.
+//! Kernels that find candidates for the holes of a tile, eight pixels at a time.
 
 use std::ops::{BitAnd, BitXor};
 
@@ -7,18 +7,17 @@ use super::super::splat_key::{EMPTY, Key, depth_key};
 use super::at_every_level;
 use super::sampling::{BLOCK, TILE};
 
-/// From the left, the right, above and below.
+/// Left, right, above and below.
 pub(in super::super) const SIDES: usize = 4;
 
-/// What is seen first_covered outside each line of a tile from each side: outside rows to the left and right, outside columns above
-/// and below.
+/// The first key outside each edge of a tile: per row for left and right, per column for above and below.
 #[derive(Debug, Clone, PartialEq)]
 pub(in super::super) struct OutsideCandidates {
-    /// [`EMPTY`] where nothing is.
+    /// [`EMPTY`] if there is none within the search radius.
     pub(in super::super) keys: [[Key; TILE]; SIDES],
-    /// How far position the line from the tile's first_covered index, what is before it being less than 0.
+    /// Position along the row or column relative to the tile's first pixel, negative (wrapped) before it.
     pub(in super::super) position: [[u32; TILE]; SIDES],
-    /// The luma other, where an anchor shows it.
+    /// Luma at that position, if an anchor shows it.
     pub(in super::super) lumas: [[f32; TILE]; SIDES],
 }
 
@@ -27,12 +26,12 @@ impl OutsideCandidates {
         Self { keys: [[EMPTY; TILE]; SIDES], position: [[0; TILE]; SIDES], lumas: [[0.0; TILE]; SIDES] };
 }
 
-/// The nearest covered candidates the values of a tile. Of rows without holes nothing is said.
+/// The nearest key in each direction of each pixel. Undefined in rows without holes.
 #[derive(Debug, Clone, PartialEq)]
 pub(in super::super) struct Candidates {
-    /// [`EMPTY`] where none is near.
+    /// [`EMPTY`] if there is none within the search radius.
     pub(in super::super) keys: [[Key; BLOCK]; SIDES],
-    /// How far distance they are.
+    /// Distance in pixels.
     pub(in super::super) distance: [[u32; BLOCK]; SIDES],
 }
 
@@ -40,36 +39,35 @@ impl Candidates {
     pub(in super::super) const NONE: Self = Self { keys: [[EMPTY; BLOCK]; SIDES], distance: [[0; BLOCK]; SIDES] };
 }
 
-/// How good covered candidates values are, for each side: the least is the best, and `u32::MAX` is none.
+/// Cost of each candidate: the smallest is the best, `u32::MAX` is none.
 pub(in super::super) type Costs = [[u32; BLOCK]; SIDES];
 
 at_every_level! {
-    /// Which values something covered: bit `8 j + i`.
+    /// Pixels with a key, as bits `8 j + i`.
     pub(in super::super) fn covered_pixels(keys: &[Key; BLOCK]) -> u64 = scalar::covered_pixels | covered_pixels_in_vectors
 }
 
 at_every_level! {
-    /// The nearest covered candidates those values of a tile that nothing covered (`holes`, bit `8 j + i`); `covered` are values that
-    /// something does.
+    /// Finds the nearest key in each direction of the `holes` of a tile (bit `8 j + i`); `covered` has the bits of
+    /// pixels with a key.
     pub(in super::super) fn find(own: &[Key; BLOCK], covered: u64, holes: u64, outside: &OutsideCandidates, candidates: &mut Candidates)
         = scalar::find | find_in_vectors
 }
 
 at_every_level! {
-    /// The cost of what was found candidates values of which an anchor shows the lumas: how luma_difference it is and how far distance, then
-    /// how near its surface is.
+    /// Costs of candidates for holes that an anchor shows: luma difference plus distance, then depth, farthest first.
     pub(in super::super) fn cost_by_luma(
         candidates: &Candidates, lumas: &[f32; BLOCK], covered: u64, holes: u64, outside: &OutsideCandidates, costs: &mut Costs,
     ) = scalar::cost_by_luma | cost_by_luma_in_vectors
 }
 
 at_every_level! {
-    /// The cost of what was found candidates values that nothing shows: how near its surface is, then how far distance it is.
+    /// Costs of candidates for holes that no anchor shows: depth, farthest first, then distance.
     pub(in super::super) fn cost_by_depth(candidates: &Candidates, costs: &mut Costs)
         = cost_by_depth_in_vectors | cost_by_depth_in_vectors
 }
 
-/// How near the surface of a claim is, the farthest first_covered.
+/// Depth key, farthest first.
 #[inline(always)]
 fn far_first_key(key: Key) -> u32 {
     u32::from(u16::MAX - depth_key(key))
@@ -84,24 +82,24 @@ fn luma_cost(key: Key, distance: u32, luma: f32, other: f32) -> u32 {
     if key == EMPTY { u32::MAX } else { cost }
 }
 
-/// The largest whole number that is no larger, of one within 2^22 of 0. Conversions would be done one by one, as they bound
-/// what they get.
+/// Largest integer that is not greater than `v`, for |v| up to 2^22. A conversion would saturate, which does not
+/// vectorise.
 #[inline(always)]
 pub(in super::super) fn floor(v: f32) -> i32 {
-    // Where singles are whole numbers, adding rounds; the number is in the lower bits.
+    // Adding 1.5 * 2^23 rounds to the nearest integer, which is then in the low bits.
     const ROUNDING: f32 = 12_582_912.0;
     let rounded = v + ROUNDING;
     rounded.to_bits() as i32 - ROUNDING.to_bits() as i32 - i32::from(rounded - ROUNDING > v)
 }
 
-/// A bit for each index of a row, from one byte for each that is 0 or 1.
+/// Packs eight bytes, each 0 or 1, into bits.
 #[inline(always)]
 pub(in super::super) fn pack_bits(row: [u8; TILE]) -> u64 {
-    // Each byte's bit goes to a index of its own in the highest byte.
+    // The multiplication moves each byte's bit to its own position in the highest byte.
     u64::from_le_bytes(row).wrapping_mul(0x0102_0408_1020_4080) >> 56
 }
 
-/// All bits of a tile from those of its columns, the upper row's the lowest of each eight.
+/// Combines one word per column into the bits of a tile.
 #[inline(always)]
 pub(in super::super) fn combine_columns(columns: [u64; TILE]) -> u64 {
     columns.into_iter().zip(0..).fold(0, |combine_columns, (bits, column)| combine_columns | bits << column)
@@ -118,19 +116,19 @@ fn row_mut<T>(values: &mut [T; BLOCK], j: usize) -> &mut [T; TILE] {
     values[j * TILE..].first_chunk_mut().expect("a row of eight")
 }
 
-/// A number of which bits can be taken.
+/// An integer with bitwise operators.
 trait Bits: Copy + BitAnd<Output = Self> + BitXor<Output = Self> {}
 
 impl Bits for u32 {}
 impl Bits for u64 {}
 
-/// `a` where `mask` has combine_columns bits, `b` where it has none. Choices by condition are at times made one by one.
+/// `a` if `mask` is all ones, `b` if it is 0. A conditional would not always be vectorised.
 #[inline(always)]
 fn select<T: Bits>(mask: T, a: T, b: T) -> T {
     b ^ ((a ^ b) & mask)
 }
 
-/// All bits for the values that something covered, none for the others.
+/// All ones for covered pixels, 0 for others.
 #[inline(always)]
 fn masks(covered: u64) -> [u32; BLOCK] {
     let mut masks = [0; BLOCK];
@@ -143,7 +141,7 @@ fn masks(covered: u64) -> [u32; BLOCK] {
     masks
 }
 
-/// Carries what stands at covered_pixels values and outside each line over the values that nothing covered, from each side, in rows
+/// Propagates values from covered pixels and from outside over the pixels that are not covered, from each side, in rows
 /// with holes.
 #[inline(always)]
 fn sweep<T: Bits>(
@@ -192,7 +190,7 @@ fn sweep<T: Bits>(
     }
 }
 
-/// How far position its row, and its column, each index stands.
+/// Column and row of each pixel.
 const POSITIONS: [[u32; BLOCK]; 2] = {
     let mut position = [[0; BLOCK]; 2];
     let mut index = 0;
@@ -226,7 +224,7 @@ fn find_in_vectors(
 ) {
     let mut wide = [0; BLOCK];
     for i in 0..BLOCK {
-        // Places that nothing covered are empty.
+        // Keys of holes are `EMPTY`.
         wide[i] = if own[i] == EMPTY { 0 } else { u64::MAX };
     }
     sweep([own, own], &wide, [covered, holes], &outside.keys, &mut candidates.keys);
@@ -244,7 +242,7 @@ fn find_in_vectors(
             distance[i] = apart.unsigned_abs();
         }
         for i in 0..BLOCK {
-            // Nothing is the most a number can be.
+            // `EMPTY` is all ones.
             keys[i] |= if distance[i] > SEARCH_RADIUS as u32 { EMPTY } else { 0 };
         }
     }
@@ -280,12 +278,11 @@ fn cost_by_depth_in_vectors(candidates: &Candidates, costs: &mut Costs) {
     }
 }
 
-/// The same, index by index.
+/// The scalar versions.
 mod scalar {
     use super::{BLOCK, Candidates, Costs, EMPTY, Key, OutsideCandidates, SEARCH_RADIUS, SIDES, TILE, luma_cost};
 
-    /// What is seen first_covered from a index towards a side: a index of the tile, or none, and how far distance that is, or what is
-    /// outside.
+    /// The first covered pixel of the tile in a direction, or `None`, and its distance or that of the key outside.
     fn first_covered(covered: u64, index: usize, side: usize, position: u32) -> (Option<usize>, usize) {
         let (i, j) = (index % TILE, index / TILE);
         let (own, step) = if side < 2 { (i, 1) } else { (j, TILE) };

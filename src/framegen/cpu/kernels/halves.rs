@@ -1,4 +1,4 @@
-//! Pictures of half floats.
+//! Kernels for pictures of half floats.
 
 mod vectors;
 
@@ -24,7 +24,7 @@ impl Sampled for Pixel {
             let inner = taps[1..TAPS - 1].iter().flat_map(|row| &row[1..TAPS - 1]).map(|pixel| pixel[c]);
             let (least, largest) =
                 (inner.clone().fold(f32::INFINITY, f32::min), inner.fold(f32::NEG_INFINITY, f32::max));
-            // Adding 0 leaves one kind of zero.
+            // Adding 0 turns -0 into 0.
             f16::from_f32(weighted(columns, across).clamp(least, largest) + 0.0)
         })
     }
@@ -127,17 +127,18 @@ fn lumas_in_vectors(row: &[Pixel], lumas: &mut [u8]) {
     }
 }
 
-/// The level of a half float, from its bits.
+/// Level of a half float, from its bits.
 #[inline(always)]
 fn level_of(bits: u16) -> u16 {
-    // What is negative, or no number, is 0; what exceeds 1, 1: in bits, positive numbers are in order.
+    // Negative values and NaN become 0, values above 1 become 1: the bits of positive half floats are ordered like
+    // their values.
     const INFINITE: u16 = 0x7c00;
     const ONE: u16 = 0x3c00;
     let inside = if bits > INFINITE { 0 } else { bits.min(ONE) };
     (widened(inside) * 255.0 + 0.5) as i32 as u16
 }
 
-/// As a single float; what is no number as 0, the infinite as the largest half float.
+/// As single precision; NaN becomes 0, infinity the largest finite half float.
 fn finite(value: f16) -> f32 {
     if value.is_nan() { 0.0 } else { value.to_f32().clamp(-65504.0, 65504.0) }
 }

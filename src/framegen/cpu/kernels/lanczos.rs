@@ -1,23 +1,23 @@
-//! The windowed sinc of Lanczos with three lobes, in fixed point.
+//! Lanczos kernel with three lobes, in fixed point.
 //!
-//! Halfway between pixels, where most samples of generated frames lie, every short filter takes contrast away. Over six
-//! pixels little enough is lost that a generated frame looks as sharp as those beside it; over four it does not.
+//! Most samples of generated frames lie half way between pixels, where short filters lose contrast. With six taps a
+//! generated frame looks as sharp as the anchors; with four it does not.
 
 use std::f64::consts::PI;
 
-/// Positions between two pixels.
+/// Subpixel positions.
 pub(super) const PHASES: usize = 64;
-/// Pixels of a row or a column that make a sample.
+/// Taps per row or column.
 pub(super) const TAPS: usize = 6;
-/// How many of them lie before the one at or just before the position.
+/// Taps before the pixel at or just before the position.
 pub(super) const BEFORE: i32 = 2;
-/// What the weights of a position add up to.
+/// Sum of the weights.
 pub(super) const ONE: i16 = 128;
 
-/// The taps that kernels of bytes add in 16 bits: never both of those in the middle, which are large.
+/// Pairs of taps that kernels of bytes add in 16 bits: never both large ones in the middle.
 pub(super) const PAIRS: [[usize; 2]; TAPS / 2] = [[1, 2], [3, 4], [0, 5]];
 
-/// Weights of six pixels for a position `phase / 64` after the third; they add up to [`ONE`].
+/// Weights of six pixels for a position `phase / 64` after the third; their sum is [`ONE`].
 pub(super) static SINC: [[i16; TAPS]; PHASES] = {
     let mut table = [[0; TAPS]; PHASES];
     let mut phase = 0;
@@ -34,8 +34,8 @@ pub(super) static SINC: [[i16; TAPS]; PHASES] = {
     table
 };
 
-/// The weights for a position up to a half after the third pixel, rounded to the nearest; what rounding leaves goes to
-/// those that it has changed most.
+/// Weights for a position up to half a pixel after the third, rounded to the nearest; the rest of the sum goes to those
+/// that rounding changed most.
 const fn weights(after: f64) -> [i16; TAPS] {
     let mut exact = [0.0; TAPS];
     let (mut sum, mut tap) = (0.0, 0);
@@ -69,7 +69,7 @@ const fn weights(after: f64) -> [i16; TAPS] {
     weights
 }
 
-/// sinc(x) sinc(x / 3) within three pixels.
+/// sinc(x) sinc(x / 3) for |x| < 3.
 const fn lanczos(x: f64) -> f64 {
     if x == 0.0 {
         1.0
@@ -80,7 +80,7 @@ const fn lanczos(x: f64) -> f64 {
     }
 }
 
-/// The sine of `x` times pi, for |x| up to 3: by its series, within a half of nought.
+/// Sine of pi `x` for |x| up to 3: reduced to half a pi, then its Taylor series.
 const fn sine(x: f64) -> f64 {
     let (mut x, mut sign) = (x, 1.0);
     while x > 0.5 {
@@ -129,7 +129,7 @@ mod tests {
     #[test]
     fn sums_fit_the_numbers_that_kernels_use() {
         for weights in SINC {
-            // Minus the weight fits 8 bits, pairs of weighted bytes fit 16, and so do all six once 128 is taken off.
+            // Negated weights fit 8 bits, pairs of weighted bytes fit 16, and so do all six after subtracting 128.
             assert!(weights.iter().all(|&w| i8::try_from(-w).is_ok()));
             let reach = |taps: &[usize], sign: i32| {
                 taps.iter().map(|&tap| (sign * i32::from(weights[tap])).max(0) * 255).sum::<i32>()
@@ -138,7 +138,7 @@ mod tests {
                 assert!(reach(pair, 1) <= 32_768 && reach(pair, -1) <= 32_767);
             }
             assert!(weights.iter().map(|w| i32::from(w.abs()) * 128).sum::<i32>() <= 32_767);
-            // The first four with all of the bias.
+            // The first four with the whole bias.
             let (bias, taps) = (128 * i32::from(ONE) - 64, [0, 1, 2, 3]);
             assert!(reach(&taps, 1) - bias <= 32_768 && reach(&taps, -1) + bias <= 32_767);
         }

@@ -1,42 +1,42 @@
-//! What a tile of guidance holds, and where its pixels warp_row.
+//! Conversion of guidance to splat keys, and ranges of motion and depth keys per tile.
 
 use half::f16;
 
 use super::sampling::{BLOCK, TILE};
 use super::{at_every_level, prefetch};
 
-/// The vectors of a tile, in 1/64 px.
+/// Range of a tile's motion vectors, in 1/64 px.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct VectorRange {
-    /// The min_bits of each component.
+    /// Minimum of each component.
     pub low: [i32; 2],
-    /// The largest of each component.
+    /// Maximum of each component.
     pub high: [i32; 2],
 }
 
-/// The ranks of a tile.
+/// Range of a tile's depth keys.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct DepthKeyRange {
-    /// The min_bits, of what is nearest.
+    /// The smallest, nearest one.
     pub near: u16,
-    /// The largest, of what is farthest.
+    /// The largest, farthest one.
     pub far: u16,
 }
 
-/// Where a run of pixels lands, and with what claim.
+/// Destinations and splat keys of up to eight adjacent pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct WarpedRow {
-    /// Whole pixels across.
+    /// Column of the nearest pixel.
     pub x: [i32; TILE],
-    /// Whole pixels down.
+    /// Row of the nearest pixel.
     pub y: [i32; TILE],
-    /// The smallest key wins a place: depth_key in the upper 16 bits, 8 bits of 0, then the vector's components in 20 bits
-    /// each, x first, 2^19 being none.
+    /// Splat keys: depth key in the upper 16 bits, 8 bits of 0, then x and y of the motion vector in 20 bits each, with
+    /// an offset of 2^19.
     pub keys: [u64; TILE],
 }
 
-/// A vector in 1/64 px, rounded to the nearest (ties to even) and kept within `limit` (at most 8191 px) each way; what
-/// is not finite in both components is no motion.
+/// Motion vector in 1/64 px, rounded to the nearest (ties to even) and clamped to `limit` (at most 8191 px); 0 if a
+/// component is not finite.
 #[inline(always)]
 fn vector(motion: [f16; 2], limit: [i32; 2]) -> [i32; 2] {
     if !(motion[0].is_finite() && motion[1].is_finite()) {
@@ -45,15 +45,15 @@ fn vector(motion: [f16; 2], limit: [i32; 2]) -> [i32; 2] {
     std::array::from_fn(|c| ((motion[c].to_f32() * 64.0).round_ties_even() as i32).min(limit[c]).max(-limit[c]))
 }
 
-/// A depth kept within 0 and 1; what is no number is 1.
+/// Depth clamped to 0..1; NaN becomes 1.
 #[inline(always)]
 fn bounded(depth: f32) -> f32 {
     let depth = if depth < 1.0 { depth } else { 1.0 };
     if depth > 0.0 { depth } else { 0.0 }
 }
 
-/// A depth as a depth_key, finer the farther away: 0 is nearest. The logarithm of the distance to the far plane in steps of
-/// 1/2048 octave, over 24 octaves; what is no number is farthest.
+/// Depth key, 0 nearest, with higher resolution for farther depths: the logarithm of `1 - depth` in steps of 1/2048
+/// octave, over 24 octaves. NaN is farthest.
 #[inline(always)]
 fn depth_key(depth: f32) -> u16 {
     let to_far = 1.0 - bounded(depth);
@@ -62,52 +62,52 @@ fn depth_key(depth: f32) -> u16 {
 }
 
 at_every_level! {
-    /// For each tile of a row of tiles, the range of its vectors. `motion` holds up to eight rows of `width` vectors,
-    /// `out` as many tiles as they begin; the last may be narrower.
+    /// Motion range of each tile of a row of tiles. `motion` has up to eight rows of `width` vectors, `out` one element
+    /// per tile; the last tile may be narrower.
     pub fn motion_ranges(motion: &[[f16; 2]], width: usize, limit: [i32; 2], out: &mut [VectorRange])
         = scalar::motion_ranges | motion_ranges_in_vectors
 }
 
 at_every_level! {
-    /// For each tile of a row of tiles, the range of its ranks. `depth` holds up to eight rows of `width` depths, `out`
-    /// as many tiles as they begin; the last may be narrower.
+    /// Depth key range of each tile of a row of tiles. `depth` has up to eight rows of `width` values, `out` one
+    /// element per tile; the last tile may be narrower.
     pub fn depth_ranges(depth: &[f32], width: usize, out: &mut [DepthKeyRange]) = scalar::depth_ranges | depth_ranges_in_vectors
 }
 
 at_every_level! {
-    /// Where a run of up to eight pixels from `at` on lands when it goes `fraction` / 1024 of its vectors, which are kept
-    /// within `limit`. Numbers beyond the run keep what they were.
+    /// Warps up to eight adjacent pixels, the first at `at`, by `fraction` / 1024 of their motion vectors, which are
+    /// clamped to `limit`. Elements beyond the pixels are unchanged.
     pub fn warp_row(motion: &[[f16; 2]], depth: &[f32], at: [i32; 2], fraction: i32, limit: [i32; 2], out: &mut WarpedRow)
         = scalar::warp_row | warp_row_in_vectors
 }
 
 at_every_level! {
-    /// The pack_row of a tile of 8 x 8 pixels, see [`WarpedRow::keys`]. `motion` begins at its first pixel and has
-    /// `strides[0]` vectors to a row of the picture, `depth` likewise; a stride of 0 is one row for all.
+    /// Splat keys of a tile of 8x8 pixels, see [`WarpedRow::keys`]. `motion` starts at its first pixel and has rows of
+    /// `strides[0]` vectors, `depth` likewise; a stride of 0 repeats one row.
     ///
     /// # Panics
-    /// When one of them ends before the tile does.
+    /// If a slice ends before the tile does.
     pub fn pack_tile(motion: &[[f16; 2]], depth: &[f32], strides: [usize; 2], limit: [i32; 2], keys: &mut [u64; BLOCK])
         = scalar::pack_tile | pack_tile_in_vectors
 }
 
-/// Tiles ahead of the one that is looked at whose numbers are asked for. Processors foresee too few of eight rows.
+/// Tiles whose values are prefetched ahead of the current one: hardware prefetchers do not follow eight rows.
 const PREFETCH_AHEAD: usize = 16;
 
-/// Asks for what is [`PREFETCH_AHEAD`] of a tile.
+/// Prefetches the tile [`PREFETCH_AHEAD`] tiles after this one.
 #[inline(always)]
 fn prefetch_ahead<T>(values: &[T], width: usize, tile: usize) {
-    // Two tiles to a line of the cache.
+    // Two tiles per cache line.
     if tile.is_multiple_of(2) {
         let at = (tile + PREFETCH_AHEAD) * TILE;
         values.chunks(width).filter_map(|row| row.get(at)).for_each(prefetch);
     }
 }
 
-/// Numbers of a row of a tile of vectors.
+/// Components of a row of a tile.
 const ROW: usize = 2 * TILE;
 
-/// Half floats as whole numbers of the same order, and back: what is negative counts down.
+/// Maps half-float bits to integers of the same order, and back.
 #[inline(always)]
 fn in_order(bits: i16) -> i16 {
     bits ^ ((bits >> 15) & 0x7fff)
@@ -115,7 +115,7 @@ fn in_order(bits: i16) -> i16 {
 
 #[inline(always)]
 fn motion_ranges_in_vectors(motion: &[[f16; 2]], width: usize, limit: [i32; 2], out: &mut [VectorRange]) {
-    // Rounding and limits keep the order, so that the range of the numbers as they are decides.
+    // Rounding and clamping are monotonic, so that the extremes can be found before.
     for i in 0..out.len() {
         prefetch_ahead(motion, width, i);
         let mut low = [i16::MAX; ROW];
@@ -168,13 +168,13 @@ fn depth_ranges_in_vectors(depth: &[f32], width: usize, out: &mut [DepthKeyRange
     }
 }
 
-/// Of two that are numbers.
+/// Minimum of two values that are not NaN.
 #[inline(always)]
 fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Of two that are numbers.
+/// Maximum of two values that are not NaN.
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
@@ -215,7 +215,7 @@ fn pack_tile_in_vectors(
     }
 }
 
-/// The components of eight vectors.
+/// Components of eight motion vectors.
 #[inline(always)]
 fn components(motion: &[[f16; 2]; TILE], limit: [i32; 2]) -> [[i32; TILE]; 2] {
     let (mut x, mut y) = ([0; TILE], [0; TILE]);
@@ -229,7 +229,7 @@ fn components(motion: &[[f16; 2]; TILE], limit: [i32; 2]) -> [[i32; TILE]; 2] {
     [x, y]
 }
 
-/// What eight pixels claim.
+/// Splat keys of eight pixels.
 #[inline(always)]
 fn pack_row([x, y]: &[[i32; TILE]; 2], depth: &[f32; TILE]) -> [u64; TILE] {
     let mut keys = [0; TILE];
@@ -240,23 +240,23 @@ fn pack_row([x, y]: &[[i32; TILE]; 2], depth: &[f32; TILE]) -> [u64; TILE] {
     keys
 }
 
-/// A finite half float as a single one; exact.
+/// Converts a finite half float to single precision; exact.
 #[inline(always)]
 pub(super) fn widened(bits: u16) -> f32 {
-    // The exponents' biases differ by 112; multiplying also brings numbers below the min_bits normal one into place.
+    // The exponents' biases differ by 112; the multiplication also normalises denormal values.
     let magnitude = f32::from_bits(u32::from(bits & 0x7fff) << 13) * f32::from_bits((254 - 15) << 23);
     f32::from_bits(magnitude.to_bits() | u32::from(bits & 0x8000) << 16)
 }
 
-/// To the nearest whole number, ties to even, for at most 2^22 either way.
+/// Rounds to the nearest integer, ties to even, for |value| up to 2^22.
 #[inline(always)]
 fn rounded_even(value: f32) -> i32 {
-    // Where singles are whole numbers, adding rounds; the number is in the lower bits.
+    // Adding 1.5 * 2^23 rounds to the nearest integer, which is then in the low bits.
     const ROUNDING: f32 = 12_582_912.0;
     (value + ROUNDING).to_bits() as i32 - ROUNDING.to_bits() as i32
 }
 
-/// The plainly written twins.
+/// The scalar versions.
 mod scalar {
     use super::*;
 
@@ -264,7 +264,7 @@ mod scalar {
         motion_ranges_from(0, motion, width, limit, out);
     }
 
-    /// The same from the tile `first` on.
+    /// The same, starting at tile `first`.
     pub(super) fn motion_ranges_from(
         first: usize,
         motion: &[[f16; 2]],
@@ -288,7 +288,7 @@ mod scalar {
         depth_ranges_from(0, depth, width, out);
     }
 
-    /// The same from the tile `first` on.
+    /// The same, starting at tile `first`.
     pub(super) fn depth_ranges_from(first: usize, depth: &[f32], width: usize, out: &mut [DepthKeyRange]) {
         for (i, range) in out.iter_mut().enumerate().skip(first) {
             *range = DepthKeyRange { near: u16::MAX, far: 0 };

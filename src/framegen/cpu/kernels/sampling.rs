@@ -1,85 +1,84 @@
-//! What can be sampled and merged, and the rule by which two samples become one.
+//! Sampling of pictures, and the rule that merges the samples of two anchors.
 
 use super::{SimdLevel, Source};
 use crate::picture::Pixel;
 
 /// Side of a tile, in pixels.
 pub const TILE: usize = 8;
-/// Pixels of a block: as many as a tile has.
+/// Pixels of a tile.
 pub const BLOCK: usize = TILE * TILE;
 
-/// How the samples of two anchors become one pixel: the one nearer in time where they max_equal_difference, else a mixture.
+/// How the samples of two anchors are merged: the one nearer in time if they are equal, otherwise a blend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rule {
-    /// Share of the current anchor in a mixture, of 128: 1 to 127; what lies outside counts as the nearest of these.
+    /// Weight of the current anchor in a blend, of 128; clamped to 1..127.
     pub weight: u8,
-    /// Whether the current anchor is the nearer.
+    /// Whether the current anchor is the nearer one in time.
     pub nearer_is_current: bool,
-    /// Samples that differ by no more than this many levels in any channel max_equal_difference.
+    /// Largest difference, in levels of any channel, between samples that count as equal.
     pub max_equal_difference: u8,
-    /// Samples that differ by more than this many levels in some channel are reported.
+    /// Samples that differ by more levels in any channel are reported.
     pub doubt_threshold: u8,
 }
 
 impl Rule {
-    /// The share of the current anchor in a mixture, of 128.
+    /// Weight of the current anchor in a blend, of 128.
     pub(super) fn share(&self) -> u8 {
         self.weight.clamp(1, 127)
     }
 }
 
-/// Positions of the pixels of a block, in 1/64 px.
+/// Positions of a tile's pixels, in 1/64 px.
 #[derive(Debug, Clone, Copy)]
 pub struct Positions {
-    /// Across.
+    /// x coordinates.
     pub x: [i32; BLOCK],
-    /// Down.
+    /// y coordinates.
     pub y: [i32; BLOCK],
 }
 
-/// What was made of a block.
+/// Samples of a tile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Block<P> {
-    /// The samples of the previous anchor.
+    /// Samples of the previous anchor.
     pub previous: [P; BLOCK],
-    /// The samples of the current anchor.
+    /// Samples of the current anchor.
     pub current: [P; BLOCK],
-    /// Both merged.
+    /// Merged samples.
     pub merged: [P; BLOCK],
 }
 
-/// A pixel that pictures are sampled in and merged.
+/// A pixel type that can be sampled and merged.
 ///
 /// # Samples
 ///
-/// A sample is the windowed sinc of Lanczos with three lobes over the 6 x 6 pixels around a position, with the weights
-/// of its 1/64 px as whole numbers that add up to 128 (`wx`, `wy`). At whole positions it is the pixel itself.
+/// A sample is a Lanczos filter with three lobes over the 6x6 pixels around a position. Its weights for 1/64 px (`wx`,
+/// `wy`) are integers that add up to 128. At whole positions it is the pixel itself.
 ///
-/// - Bytes: `clamp((sum_j wy[j] * sum_i wx[i] * p[j][i] + 2^13) >> 14, 0, 255)`, in whole numbers.
-/// - Half floats, in single precision and this order: columns `c[i] = (((((p[0][i] * wy[0] + p[1][i] * wy[1]) + p[2][i] *
-///   wy[2]) + p[3][i] * wy[3]) + p[4][i] * wy[4]) + p[5][i] * wy[5]`, then the same of these with `wx`, the weights
-///   divided by 128; kept between the least and the largest of the inner 4 x 4, so that highlights get no halo, and
-///   rounded to the nearest half float. What is no number counts as 0 and the infinite as 65504 of its sign, so that
-///   nothing spreads beyond its 6 x 6.
+/// - Bytes: `clamp((sum_j wy[j] * sum_i wx[i] * p[j][i] + 2^13) >> 14, 0, 255)`, in integers.
+/// - Half floats, in single precision and this order: columns `c[i] = (((((p[0][i] * wy[0] + p[1][i] * wy[1]) + p[2][i]
+///   * wy[2]) + p[3][i] * wy[3]) + p[4][i] * wy[4]) + p[5][i] * wy[5]`, then the same with `wx`, weights divided by
+///   128; clamped to the range of the inner 4x4 pixels, so that highlights get no halo, and rounded to the nearest half
+///   float. NaN counts as 0 and infinity as 65504 of its sign, so that neither spreads beyond its 6x6 pixels.
 ///
 /// # Merging
 ///
-/// - Bytes: the difference is that of the channel where it is largest; a mixture is
-///   `(from_previous * (128 - weight) + from_current * weight + 64) >> 7`.
-/// - Half floats: a channel differs by more than `n` levels where `|b - a| * 255 > n * (max(|a|, |b|) + 1/4)`; a
-///   mixture is `a + (b - a) * (weight / 128)`, rounded to the nearest half float.
+/// - Bytes: the difference is the largest of any channel; a blend is `(previous * (128 - weight) + current * weight +
+///   64) >> 7`.
+/// - Half floats: channels differ by more than `n` levels if `|b - a| * 255 > n * (max(|a|, |b|) + 1/4)`; a blend is `a
+///   + (b - a) * (weight / 128)`, rounded to the nearest half float.
 pub trait Sampled: Pixel {
-    /// The sample at one position.
+    /// Samples one position.
     fn sample(source: Source<'_, Self>, at: [i32; 2]) -> Self;
 
-    /// One pixel from two, and whether the two differ so much that it is to be reported.
+    /// Merges two samples; also returns whether their difference is to be reported.
     fn merge(from_previous: Self, from_current: Self, rule: &Rule) -> (Self, bool);
 
-    /// A tile of 8 x 8 pixels, merged: the pixel (i, j) comes from `a + 64 (i, j)` in `previous` and `b + 64 (i, j)` in
-    /// `current`, and goes to `out[j * stride + i]`. Bit `8 j + i` of the result says that it is reported.
+    /// Samples and merges a tile of 8x8 pixels: pixel (i, j) from `a + 64 (i, j)` in `previous` and `b + 64 (i, j)` in
+    /// `current`, into `out[j * stride + i]`. Returns the pixels to report, as bits `8 j + i`.
     ///
     /// # Panics
-    /// When `out` is too small for that.
+    /// If `out` is too small.
     #[expect(clippy::too_many_arguments, reason = "two pictures, a place in each, and a place for the result")]
     fn tile(
         level: SimdLevel,
@@ -92,34 +91,33 @@ pub trait Sampled: Pixel {
         stride: usize,
     ) -> u64;
 
-    /// A tile from one picture alone.
+    /// Samples a tile from one picture.
     ///
     /// # Panics
-    /// When `out` is too small for that.
+    /// If `out` is too small.
     fn tile_of_one(level: SimdLevel, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize);
 
-    /// Those of sixty-four pixels that are `wanted` (bit `8 j + i`), each from a place of its own. Others are left as they
-    /// are.
+    /// Samples the `wanted` pixels (bit `8 j + i`), each at its own position. Others are unchanged.
     fn pixels_of_one(level: SimdLevel, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]);
 
-    /// Merges the samples of a block. Bits as for [`Self::tile`].
+    /// Merges the samples of a block; returns as [`Self::tile`] does.
     fn merge_block(level: SimdLevel, rule: &Rule, block: &mut Block<Self>) -> u64;
 
-    /// Adds the channels of a row of pixels to `sums`, in whole levels from 0 to 255 (see [`Self::levels`]); sums wrap
-    /// around, which those of up to 257 rows do not.
+    /// Adds the channels of a row of pixels to `sums`, in levels from 0 to 255 (see [`Self::levels`]). Sums wrap, which
+    /// those of up to 257 rows do not.
     fn add_levels(level: SimdLevel, row: &[Self], sums: &mut [[u16; 4]]);
 
-    /// The luma of each pixel in 8 bits, from_current BT.601.
+    /// BT.601 luma of each pixel in 8 bits.
     fn lumas(level: SimdLevel, row: &[Self], lumas: &mut [u8]);
 
-    /// The channels in whole levels: bytes as they are; of half floats, 255 times what lies in 0 to 1, rounded.
+    /// Channels in integer levels: bytes unchanged; half floats clamped to 0..1, times 255, rounded.
     fn levels(self) -> [u8; 4];
 }
 
-/// The luma of BT.601 of a pixel in levels, in 8 bits.
+/// BT.601 luma in 8 bits of a pixel in levels.
 #[inline(always)]
 pub(super) fn luma(levels: [u8; 4]) -> u8 {
     let [r, g, b, _] = levels.map(u32::from);
-    // The weights over 256, which they add up to.
+    // The weights are in 1/256.
     ((77 * r + 150 * g + 29 * b) >> 8) as u8
 }

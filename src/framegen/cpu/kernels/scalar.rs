@@ -1,4 +1,4 @@
-//! The plainly written twins, pixel by pixel.
+//! The scalar versions, pixel by pixel.
 
 use super::Source;
 use super::lanczos::{BEFORE, SINC, TAPS};
@@ -64,12 +64,12 @@ pub(super) fn lumas<P: Sampled>(row: &[P], lumas: &mut [u8]) {
     }
 }
 
-/// The position of the pixel (i, j) of a tile at `at`.
+/// Position of pixel (i, j) of a tile at `at`.
 fn moved(at: [i32; 2], i: usize, j: usize) -> [i32; 2] {
     [at[0].saturating_add(64 * i as i32), at[1].saturating_add(64 * j as i32)]
 }
 
-/// The pixels around a position, and their weights across and down.
+/// The 6x6 pixels around a position, and their horizontal and vertical weights.
 #[inline(always)]
 pub(super) fn taps<P: Copy>(source: &Source<'_, P>, at: [i32; 2], zero: P) -> ([[P; TAPS]; TAPS], [[i16; TAPS]; 2]) {
     let mut taps = [[zero; TAPS]; TAPS];

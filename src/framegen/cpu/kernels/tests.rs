@@ -1,4 +1,4 @@
-//! Every level against the scalar twins, and the twins against what they promise.
+//! Every instruction set against the scalar versions, and the scalar versions against their documentation.
 
 mod candidates;
 mod ranges;
@@ -7,7 +7,7 @@ mod tile_keys;
 
 use super::*;
 
-/// Numbers that are the same in every run: SplitMix64.
+/// Pseudo-random numbers, the same in every run: SplitMix64.
 struct Random(u64);
 
 impl Random {
@@ -18,7 +18,7 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// From 0 to `end` - 1.
+    /// A number from 0 to `end` - 1.
     fn below(&mut self, end: u64) -> u64 {
         self.bits() % end
     }

@@ -1,39 +1,38 @@
-//! The keys_found of a tile's pixels, eight at a time.
+//! Kernels over the splat keys of a tile.
 //!
-//! What a splat is, and what may be said of two, is in `layer`; here it is written so that compilers make vectors of it.
+//! They compute what the functions of `splat_key` do per key, in loops that compilers vectorise.
 
 use super::super::camera_fit::{Warp, WarpTime};
 use super::super::splat_key::{EMPTY, Key, SIMILAR_MOTION, is_in_front, scaled, vector, warped};
 use super::at_every_level;
 use super::sampling::{BLOCK, Positions, TILE};
 
-/// Rows of a picture that are being filled, with what is known of their tiles. Tiles begin at the index (1, 1), as one
-/// more row and column stand on each side.
+/// Destination of a splat: keys of some rows with a border of one pixel, so that the first tile starts at (1, 1).
 #[derive(Debug)]
 pub(in super::super) struct SplatTarget<'a> {
-    /// A key to a index, row by row.
+    /// Keys, row by row.
     pub(in super::super) keys: &'a mut [Key],
-    /// SplatTarget to a row.
+    /// Pixels per row.
     pub(in super::super) stride: usize,
-    /// For each tile, and one more on each side, whether a pixel of its own warped on it.
+    /// Per tile, with a border of one tile: whether keys of single pixels were splatted to it.
     pub(in super::super) is_mixed: &'a mut [bool],
 }
 
 impl SplatTarget<'_> {
-    /// Lets `key` splat a index, if that is one of these.
+    /// Splats `key` to the pixel (x, y), if that is inside.
     #[inline(always)]
     fn splat(&mut self, x: i32, y: i32, key: Key) {
         if key == EMPTY || x as u32 as usize >= self.stride {
             return;
         }
-        // What is negative is far outside.
+        // Negative coordinates wrap to large unsigned values and fail the bounds check.
         if let Some(pixel) = self.keys.get_mut((y as u32 as usize).saturating_mul(self.stride) + x as usize) {
             *pixel = (*pixel).min(key);
             self.is_mixed[self.tile(x as usize, y as usize)] = true;
         }
     }
 
-    /// The number of the tile that holds a index.
+    /// Index of the tile that contains a pixel.
     #[inline(always)]
     fn tile(&self, x: usize, y: usize) -> usize {
         y.div_ceil(TILE) * ((self.stride - 2) / TILE + 2) + x.div_ceil(TILE)
@@ -41,52 +40,51 @@ impl SplatTarget<'_> {
 }
 
 at_every_level! {
-    /// Carries the pixels of a tile, the first of them standing at `at` of the picture. Its first pixel is the index
-    /// `shift`.
+    /// Splats the pixels of the tile whose first pixel is `at` in the picture. The picture's first pixel is at `shift`
+    /// in the target.
     pub(in super::super) fn splat_pixels(
         keys: &[Key; BLOCK], at: [i32; 2], shift: [i32; 2], warp: Warp, target: &mut SplatTarget<'_>,
     ) = scalar::splat_pixels | splat_pixels_in_vectors
 }
 
 at_every_level! {
-    /// Lays a splat on `extent` target from `start` on, where it is in front of what is there.
+    /// Splats one key to `extent` pixels from index `start`.
     pub(in super::super) fn splat_rectangle(key: Key, splatted: &mut [Key], stride: usize, start: usize, extent: [usize; 2])
         = splat_rectangle_in_rows | splat_rectangle_in_rows
 }
 
 at_every_level! {
-    /// The keys of a tile whose first index is `target[stride + 1]`, with cracks close_row: a index that has nothing, or only
-    /// what is behind, gets what stands on both sides of it, where that is one surface. Returns how many target nothing
-    /// keys_found, and the farthest splat, or [`EMPTY`].
+    /// The keys of the tile that starts at `splatted[stride + 1]`, with cracks closed: a hole or a farther pixel
+    /// between two opposite neighbours of one surface gets the nearer one's key. Returns the number of holes and the
+    /// farthest key, or [`EMPTY`].
     pub(in super::super) fn close_cracks(splatted: &[Key], stride: usize, keys: &mut [Key; BLOCK]) -> (u8, Key)
         = scalar::close_cracks | close_cracks_in_vectors
 }
 
 at_every_level! {
-    /// For each index of the inner 8 x 8 the nearest of the nine padded it. Bit `8 j + i` of the result says that it is
-    /// in front of the index's own, and moves otherwise: by more than `limit` of 1/64 px along an axis.
+    /// For each pixel of the inner 8 x 8, the nearest key in its 3 x 3 neighbourhood. Bit `8 j + i` of the result is
+    /// set if that is in front of the pixel's own key and their motion differs by more than `limit` (1/64 px).
     pub(in super::super) fn nearest_neighbours(padded: &PaddedTile, limit: i32, nearest: &mut [Key; BLOCK]) -> u64
         = scalar::nearest_neighbours | nearest_neighbours_in_vectors
 }
 
 at_every_level! {
-    /// For each index of the inner 8 x 8 that is wanted for (bit `8 j + i`) the first of the nine keys_found padded it that move
-    /// otherwise: by more than `limit` of 1/64 px along an axis; [`EMPTY`] where none does. Such a bit of the result says that
-    /// one does.
+    /// For each `wanted` pixel of the inner 8 x 8 (bit `8 j + i`), the smallest key in its 3 x 3 neighbourhood whose
+    /// motion differs by more than `limit` (1/64 px) from its own, or [`EMPTY`]. The result has the bits of pixels with
+    /// such a key.
     pub(in super::super) fn nearest_other_motion(padded: &PaddedTile, limit: i32, wanted: u64, others: &mut [Key; BLOCK]) -> u64
         = scalar::nearest_other_motion | nearest_other_motion_in_vectors
 }
 
 at_every_level! {
-    /// The least and the largest of each component of what moves by keys_found; the least above the largest where there are
-    /// none.
+    /// Minimum and maximum of each motion component; if there are no keys, the minimum is above the maximum.
     pub(in super::super) fn vector_range(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] = scalar::vector_range | vector_range_in_vectors
 }
 
 at_every_level! {
-    /// Where the two anchors of a size show (1/64 px) the pixels of a tile with these keys_found, the first of which is at
-    /// `at`, at a time between them. Bit `8 j + i` of the result says that the previous one does not, and that the
-    /// current one does not.
+    /// Positions (1/64 px) in the two anchors of the pixels of the tile whose first pixel is `at`, at a time between
+    /// them. Bit `8 j + i` of the results is set if the position is outside the previous anchor, and outside the
+    /// current one.
     pub(in super::super) fn source_positions(
         keys: &[Key; BLOCK], at: [i32; 2], time: WarpTime, size: [usize; 2], previous: &mut Positions,
         current: &mut Positions,
@@ -94,22 +92,23 @@ at_every_level! {
 }
 
 at_every_level! {
-    /// Which of these keys_found have a tag, [`EMPTY`] tagged the tag [`HOLE`](super::super::key_buffer::HOLE): bit `8 j + i`.
+    /// Pixels whose keys have `tag`, as bits `8 j + i`. The tag of [`EMPTY`] is
+    /// [`HOLE`](super::super::splat_key::HOLE).
     pub(in super::super) fn tagged(keys: &[Key; BLOCK], tag: u8) -> u64 = scalar::tagged | tagged_in_vectors
 }
 
-/// The keys of a tile with one more on each side.
+/// The keys of a tile with a border of one pixel.
 pub(in super::super) type PaddedTile = [[Key; TILE + 2]; TILE + 2];
 
 const COMPONENT: u64 = (1 << 20) - 1;
 
-/// Whether two keys_found move similar_motion, see [`similar_motion`](super::super::key_buffer::similar_motion).
+/// [`similar_motion`](super::super::splat_key::similar_motion), branchless.
 #[inline(always)]
 fn similar_motion_in_vectors(a: Key, b: Key) -> bool {
     motion_within_in_vectors(a, b, SIMILAR_MOTION)
 }
 
-/// Whether two keys_found move by no more than `limit` of 1/64 px otherwise along each axis.
+/// [`motion_within`](super::super::splat_key::motion_within), branchless.
 #[inline(always)]
 fn motion_within_in_vectors(a: Key, b: Key, limit: i32) -> bool {
     let limit = limit as u64;
@@ -117,10 +116,10 @@ fn motion_within_in_vectors(a: Key, b: Key, limit: i32) -> bool {
     is_near(a >> 20, b >> 20) & is_near(a, b)
 }
 
-/// A index that is none of those that are filled.
+/// Index of a pixel outside the target.
 const OUTSIDE: u32 = u32::MAX;
 
-/// Lanes of a row of a tile.
+/// One value per pixel of a row of a tile.
 type Row<T> = [T; TILE];
 
 #[inline(always)]
@@ -128,7 +127,7 @@ fn row(keys: &[Key]) -> &Row<Key> {
     keys.first_chunk().expect("a row of eight")
 }
 
-// Plain loops: closures of `from_fn` are at times left as functions of their own, which have no vectors.
+// Plain loops: LLVM does not always inline closures of `from_fn`, and then does not vectorise them.
 
 #[inline(always)]
 fn splat_pixels_in_vectors(
@@ -141,14 +140,14 @@ fn splat_pixels_in_vectors(
     let from = [at[0] + shift[0], at[1] + shift[1]];
     let lines = (target.keys.len() / target.stride) as u32;
     let (stride, columns) = (target.stride as u32, ((target.stride - 2) / TILE + 2) as u32);
-    // All are found previous any is written: one by one they would be taken out of vectors.
+    // All indices are computed before any key is written: mixed with the writes, they would not be vectorised.
     let (mut found, mut tiles) = ([OUTSIDE; BLOCK], [0; BLOCK]);
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
         let fractions = warp.fractions(keys, [at[0], at[1] + j as i32]);
         for i in 0..TILE {
             let [vx, vy] = vector(keys[i]);
-            // As unsigned numbers, what is negative is far outside.
+            // Negative coordinates wrap to large unsigned values and fail the bounds check.
             let u = warped(from[0] + i as i32, vx, fractions[i]) as u32;
             let v = warped(from[1] + j as i32, vy, fractions[i]) as u32;
             let is_here = (u < stride) & (v < lines) & (keys[i] != EMPTY);
@@ -165,7 +164,7 @@ fn splat_pixels_in_vectors(
             apart |= found[i] ^ found[0].wrapping_add(i as u32);
             all &= found[i];
         }
-        // Mostly they stay side by side.
+        // The usual case: the row stays contiguous.
         if apart == 0 && found[0] != OUTSIDE {
             let run: &mut Row<Key> = target.keys[found[0] as usize..].first_chunk_mut().expect("it fits");
             for i in 0..TILE {
@@ -193,7 +192,7 @@ fn splat_rectangle_in_rows(key: Key, splatted: &mut [Key], stride: usize, start:
     }
 }
 
-/// What stands at target between others, see [`close_cracks`].
+/// A row with cracks closed between two neighbouring rows or columns, see [`close_cracks`].
 #[inline(always)]
 fn close_row(own: &Row<Key>, a: &Row<Key>, b: &Row<Key>) -> Row<Key> {
     let mut found = *own;
@@ -217,7 +216,7 @@ fn close_cracks_in_vectors(splatted: &[Key], stride: usize, keys: &mut [Key; BLO
         let own = close_row(&own, row(&above[1..]), row(&below[1..]));
         for i in 0..TILE {
             holes[i] += u64::from(own[i] == EMPTY);
-            // One more than the key: nothing is 0 then, and nearest.
+            // Plus one, so that `EMPTY` becomes 0.
             farthest[i] = farthest[i].max(own[i].wrapping_add(1));
         }
         keys[j * TILE..][..TILE].copy_from_slice(&own);
@@ -263,7 +262,7 @@ fn nearest_other_motion_in_vectors(padded: &PaddedTile, limit: i32, wanted: u64,
             for shift in 0..3 {
                 let beside = row(&beside[shift..]);
                 for i in 0..TILE {
-                    // Nothing is no splat to move otherwise, and the last of all.
+                    // `EMPTY` is the largest key and so never the minimum.
                     let other = if motion_within_in_vectors(beside[i], own[i], limit) { EMPTY } else { beside[i] };
                     first[i] = first[i].min(other);
                 }
@@ -282,7 +281,7 @@ fn nearest_other_motion_in_vectors(padded: &PaddedTile, limit: i32, wanted: u64,
 #[inline(always)]
 fn vector_range_in_vectors(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
     const MAX: u32 = COMPONENT as u32;
-    // As they are held: in EMPTY both are the most that can be, and one more of that is the least.
+    // Biased components. Both are at their maximum in `EMPTY`, and 0 after adding one.
     let (mut low, mut high) = ([[MAX; TILE]; 2], [[0; TILE]; 2]);
     for j in 0..TILE {
         let keys = row(&keys[j * TILE..]);
@@ -330,7 +329,7 @@ fn source_positions_in_vectors(
             v[i] = from[1] + 64 * j as i32 + scaled(y, phases[i]);
             s[i] = u[i] - x;
             t[i] = v[i] - y;
-            // As unsigned numbers, what is negative is far outside.
+            // Negative coordinates wrap to large unsigned values and fail the bounds check.
             let is_previous_outside = ((u[i] + 32) as u32 >= width) | ((v[i] + 32) as u32 >= height);
             let is_current_outside = ((s[i] + 32) as u32 >= width) | ((t[i] + 32) as u32 >= height);
             outside[0][i] |= u64::from(is_previous_outside) << (j * TILE + i);
@@ -353,11 +352,11 @@ fn tagged_in_vectors(keys: &[Key; BLOCK], tag: u8) -> u64 {
             tagged[i] = tagged[i] << TILE | u64::from(keys[i] >> 40 & 0xff == u64::from(tag));
         }
     }
-    // Of each column a bit to a row.
+    // One bit per row in each column's word.
     tagged.into_iter().enumerate().fold(0, |all, (i, of_column)| all | of_column << i)
 }
 
-/// The same, index by index.
+/// The scalar versions.
 mod scalar {
     use super::super::super::key_buffer::Grid;
     use super::super::super::splat_key::{self, is_in_front, motion_within, similar_motion};

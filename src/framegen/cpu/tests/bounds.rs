@@ -1,4 +1,4 @@
-//! Sizes, phases and vectors at and beyond what makes sense.
+//! Sizes, phases and motion vectors at and beyond their limits.
 
 use half::f16;
 
@@ -28,7 +28,7 @@ fn every_size_works_and_a_still_picture_stays_as_it_is() {
                 0,
                 "{width} x {height}"
             );
-            // Vectors that say otherwise are told to be wrong by the pictures, or sample within them.
+            // Contradicted by the pictures, these vectors must only stay within bounds.
             generate(&picture, &picture, &moving, t);
         }
     }
@@ -59,7 +59,7 @@ fn hostile_vectors_neither_stop_nor_smear() {
             for t in [0.25, 0.5, 0.75] {
                 let (out, report) = generate(&picture, &picture, &guidance, t);
                 assert_eq!(report.outcome, Outcome::Generated);
-                // Standing still explains what those vectors do not, wherever noise has contrast.
+                // Static content explains the pictures better than those vectors wherever the noise has contrast.
                 let wrong = unlike(&out, &picture, 1, |_, _| true);
                 assert!(wrong.len() <= 12, "({x}, {y}) at {t}: {} pixels, the first at {:?}", wrong.len(), wrong[0]);
             }
@@ -132,7 +132,7 @@ fn half_floats_that_are_no_numbers_stay_where_they_are() {
         let out = made(Some(bad));
         for (i, (a, b)) in out.pixels().iter().zip(clean.pixels()).enumerate() {
             let (x, y) = (i as u32 % width, i as u32 / width);
-            // Samples reach three pixels far, and what lies over the picture is looked for in threes.
+            // Samples reach three pixels, and overlay detection uses patches of three.
             let is_near = x.abs_diff(23) <= 6 && y.abs_diff(20) <= 3;
             assert!(is_near || a == b, "{bad} at ({x}, {y})");
             assert!(a.iter().all(|v| v.is_finite()), "{bad} at ({x}, {y})");
@@ -183,7 +183,7 @@ fn extrapolation_goes_on_for_one_interval_and_then_holds() {
     for t in [0.25, 0.5, 0.75, 1.0] {
         let (picture, outcome) = extrapolate(&anchor, t);
         assert_eq!(outcome, Outcome::Generated);
-        // What comes in at the left is in no anchor yet.
+        // Content that enters at the left is in no anchor.
         let unseen = (12.0 * t) as i64;
         assert_eq!(worst(&picture, &scene(1.0 + f64::from(t)), |x, _| x >= unseen).0, 0, "t = {t}");
     }
@@ -239,7 +239,8 @@ fn wrong_sizes_and_phases_are_refused() {
 #[test]
 fn the_number_of_threads_and_earlier_calls_change_no_bit() {
     let (before, after) = (draw(90, 70, texture), draw(90, 70, |x, y| texture(x * 0.97 - 3.0, y + 2.0)));
-    // Vectors that collide, part and leave the picture, so that the order of ranks decides many places.
+    // Motion vectors that collide, diverge and leave the picture, so that many pixels depend on the order of depth
+    // keys.
     let guidance = guide(90, 70, |x, y| ([(y * 0.7).sin() * 9.0 - x * 0.1, (x * 0.5).cos() * 7.0], 0.5));
     let mut generator = CpuGenerator::new();
     let mut pictures = Vec::new();

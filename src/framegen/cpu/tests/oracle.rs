@@ -1,4 +1,4 @@
-//! The generator beside its plain description: the same bits, for every instruction set and number of threads.
+//! The generator against the reference implementation: the same bits for every instruction set and number of threads.
 
 use half::f16;
 
@@ -12,14 +12,14 @@ use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome};
 use crate::tasks::Pool;
 use cases::{Random, guidance, overlay, pictures, previous_depth};
 
-// The compute shaders are compared on the same cases. The crate `test-support` cannot be used here: its types are those of another copy of
-// this library.
+// The compute shaders are compared on the same cases. The crate `test-support` cannot be used here: its types are those
+// of another copy of this library.
 #[path = "../../../../tests/gpu-testing/src/frame_cases.rs"]
 #[allow(unreachable_pub, reason = "the crate exports it")]
 mod cases;
 
-/// Levels within which the two anchors' colours of a pixel beside something in front are that thing's: stated here anew, as a
-/// description that took it from the generator would follow a fault of it.
+/// Largest difference, in levels, for a pixel beside foreground that is assigned to it. A copy of the generator's
+/// constant, so that a change of that is noticed.
 pub(super) const EDGE_TOLERANCE: f32 = 45.0;
 
 fn raster<P: Colour>(size: (u32, u32), levels: &[[f32; 4]]) -> Raster<P> {
@@ -28,7 +28,7 @@ fn raster<P: Colour>(size: (u32, u32), levels: &[[f32; 4]]) -> Raster<P> {
     picture
 }
 
-/// Holds many random cases of one kind of pixel against the description.
+/// Compares many random cases of one pixel type with the reference.
 fn compare<P: Colour>(cases: u64) {
     let pool = |threads| Pool::new(threads).unwrap();
     let pools: Vec<Pool> = [1, 2, 5].map(pool).into();

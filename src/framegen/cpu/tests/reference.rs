@@ -1,8 +1,9 @@
-//! The frame that the generator must make, described plainly: index by index over whole pictures, with no bands, no early
-//! outs, no threads and no instruction sets.
+//! Reference implementation of the generator: pixel by pixel over whole pictures, without bands, early outs, threads
+//! and instruction sets.
 //!
-//! What a key is (`keys`), and rules about a single pixel (`StaticMask`, `Anchors`, `is_colour_outlier`, `colour_distance`, `match_error`, the
-//! cost of a candidate) are the generator's own, and so is the painting of what nobody sees, which has no occluder_inverse_depth form.
+//! It shares with the generator the definition of keys (`splat_key`), the tests of single pixels (`StaticMask`,
+//! `Anchors`, `is_colour_outlier`, `colour_distance`, `match_error`), the reprojection of single pixels, the camera
+//! fit, border foreground and inpainting, which have no other form.
 
 use crate::Raster;
 use crate::framegen::cpu::border_foreground::BorderForeground;
@@ -33,8 +34,8 @@ use crate::framegen::cpu::{source, static_mask::StaticMask, tests::oracle::EDGE_
 use crate::framegen::{Anchor, AnchorPair};
 use crate::guidance::Guidance;
 
-/// The picture at `phase` of [`PHASE_ONE`] interpolated two anchors without a cut, and the share that nothing visible in the
-/// current one lands on.
+/// The picture at `phase` (1 / [`PHASE_ONE`]) between two anchors without a cut, and the share of pixels to which no
+/// visible pixel of the current anchor is splatted.
 pub(super) fn interpolated<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raster<P>, f32) {
     let (previous, current) = (source(pair.previous()), source(pair.current()));
     let active_area = ActiveArea::find(SimdLevel::SCALAR, previous, current);
@@ -63,7 +64,7 @@ pub(super) fn interpolated<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (
     };
     fill_holes(&mut previous_keys, &inputs);
 
-    // Both go to phase t: what the current anchor shows, and what only the previous one does.
+    // The field, and the pixels that only the previous anchor shows, are splatted to phase t.
     let time = WarpTime::new(phase, camera.depth_change);
     let [warp, back] = [Warp::from_current(time), Warp::from_previous(time)];
     let mut moving: Vec<_> = splats_of(&field).into_iter().map(|splat| splat.warped_by(warp)).collect();
@@ -86,7 +87,7 @@ pub(super) fn interpolated<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (
     })
 }
 
-/// The picture `phase` of [`PHASE_ONE`] current_position an anchor, and the same share.
+/// The picture `phase` (1 / [`PHASE_ONE`]) after an anchor, and the same share.
 pub(super) fn extrapolated<P: Colour>(anchor: &Anchor<'_, P>, phase: i32) -> (Raster<P>, f32) {
     let current = source(anchor.picture());
     let static_mask = StaticMask::new(None, anchor.overlay(), current.width);
@@ -141,7 +142,7 @@ fn empty_buffer(grid: Grid) -> KeyBuffer {
     keys
 }
 
-/// The motion of the current anchor.
+/// The motion field of the current anchor.
 fn motion_field<P: Colour>(
     guidance: &Guidance,
     anchors: Option<(Source<'_, P>, Source<'_, P>)>,
@@ -180,7 +181,7 @@ fn motion_field<P: Colour>(
         }
     }
 
-    // Where surfaces meet, the neighbours of a surface belongs to what is in foreground; without depth, the better match is.
+    // At edges, foreground is dilated; without depth, pixels are tagged with their match error.
     let mut field = empty_buffer(grid);
     let can_dilate = !is_flat && guidance.motion().tile() == 1;
     for (tile, at) in tiles(grid) {
@@ -231,27 +232,27 @@ fn motion_field<P: Colour>(
     field
 }
 
-/// The least and the largest of each component of the vectors of splats.
+/// Minimum and maximum of each component of the keys' motion vectors.
 fn range(keys: impl Iterator<Item = Key>) -> [[i32; 2]; 2] {
     keys.map(splat_key::vector).fold([[i32::MAX; 2], [i32::MIN; 2]], |[low, high], vector| {
         [[0, 1].map(|c| low[c].min(vector[c])), [0, 1].map(|c| high[c].max(vector[c]))]
     })
 }
 
-/// What moves: a smooth tile as a whole, or a pixel.
+/// A uniform tile or a pixel to splat.
 #[derive(Clone, Copy)]
 struct Splat {
     key: Key,
-    /// Where it stands.
+    /// Its position.
     at: [i32; 2],
-    /// How wide and high it is, for a smooth tile.
+    /// Width and height of a uniform tile.
     extent: Option<[usize; 2]>,
 }
 
 impl Splat {
     fn warped_by(self, warp: Warp) -> Self {
         let vector = splat_key::vector(self.key);
-        // A tile goes as its middle does.
+        // A uniform tile moves like its centre.
         let middle = if self.extent.is_some() { TILE as i32 / 2 } else { 0 };
         let fraction = warp.fraction(self.key, self.at.map(|at| at + middle));
         Self { at: [0, 1].map(|c| warped(self.at[c], vector[c], fraction)), ..self }
@@ -263,7 +264,7 @@ impl Splat {
     }
 }
 
-/// What a keys splats by itself.
+/// The splats of a buffer's own keys.
 fn splats_of(keys: &KeyBuffer) -> Vec<Splat> {
     let grid = keys.grid;
     let mut splats = Vec::new();
@@ -278,7 +279,7 @@ fn splats_of(keys: &KeyBuffer) -> Vec<Splat> {
     splats
 }
 
-/// What it borrows.
+/// The splats of its inherited keys.
 fn inherited_splats_of(keys: &KeyBuffer) -> Vec<Splat> {
     let inherited = pixels(keys.grid).map(|[x, y]| {
         let (tile, index) = keys.grid.locate(x, y);
@@ -291,13 +292,13 @@ fn pixel((key, at): (Key, [usize; 2])) -> Option<Splat> {
     (key != EMPTY).then_some(Splat { key, at: at.map(|v| v as i32), extent: None })
 }
 
-/// Claims warped_by some warp, and splatted.
+/// Warps splats and resolves them.
 fn splatted(field: &KeyBuffer, splats: &[Splat], warp: Warp) -> KeyBuffer {
     resolved(field.grid, &splats.iter().map(|splat| splat.warped_by(warp)).collect::<Vec<_>>())
 }
 
-/// What a picture holds on which splats have warped: a tile that smooth ones cover for the most scaled, and similar_motion, is
-/// smooth; in others the nearest gets each index, and cracks are closed.
+/// Keys of the destination: a tile is uniform if uniform tiles cover most of it with similar motion; in others each
+/// pixel has the nearest key, with cracks closed.
 fn resolved(grid: Grid, splats: &[Splat]) -> KeyBuffer {
     let (across, down) = ((grid.columns * TILE) as i32, (grid.rows * TILE) as i32);
     let tile_at = |[x, y]: [i32; 2]| {
@@ -306,7 +307,7 @@ fn resolved(grid: Grid, splats: &[Splat]) -> KeyBuffer {
     };
     let mut warped = vec![Vec::new(); grid.tiles()];
     let mut has_pixels = vec![false; grid.tiles()];
-    // With a neighbours of one index, so that cracks are camera whole.
+    // With a border of one pixel, so that cracks can be closed at the edges.
     let stride = across as usize + 2;
     let mut nearest = vec![EMPTY; stride * (down as usize + 2)];
     for splat in splats {
@@ -361,7 +362,7 @@ fn resolved(grid: Grid, splats: &[Splat]) -> KeyBuffer {
     buffer
 }
 
-/// Takes frame_keys away from previous_keys that something covers in the previous anchor.
+/// Removes keys of the previous anchor's pixels that a nearer surface occludes there.
 fn clear_occluded(previous_keys: &mut KeyBuffer, field: &KeyBuffer, reprojection: &Reprojection<'_>) {
     let grid = field.grid;
     let occluder_inverse_depth = |[x, y]: [usize; 2]| {
@@ -374,7 +375,7 @@ fn clear_occluded(previous_keys: &mut KeyBuffer, field: &KeyBuffer, reprojection
     covered.into_iter().for_each(|[x, y]| previous_keys.clear_pixel(x, y));
 }
 
-/// Lets every index that nothing splats borrow one.
+/// Gives every hole an inherited key.
 fn fill_holes<P: Colour>(keys: &mut KeyBuffer, inputs: &FillInputs<'_, P>) {
     let grid = keys.grid;
     for (tile, position) in tiles(grid) {
@@ -382,7 +383,7 @@ fn fill_holes<P: Colour>(keys: &mut KeyBuffer, inputs: &FillInputs<'_, P>) {
             if keys.own_key(x, y) != EMPTY {
                 continue;
             }
-            // Left, right, above, below: the first that is claimed.
+            // Left, right, above, below: the first covered pixel.
             let steps = [[-1, 0], [1, 0], [0, -1], [0, 1]];
             let candidates = steps.into_iter().filter_map(|[dx, dy]| {
                 (1..=SEARCH_RADIUS).find_map(|step| {
@@ -392,7 +393,7 @@ fn fill_holes<P: Colour>(keys: &mut KeyBuffer, inputs: &FillInputs<'_, P>) {
                     (key != EMPTY).then(|| (cost(inputs, grid, [x, y], key, step, [u, v]), key))
                 })
             });
-            // Of equals the first.
+            // For equal costs the first wins.
             let best = candidates.reduce(
                 |best, occluder_inverse_depth| {
                     if occluder_inverse_depth.0 < best.0 { occluder_inverse_depth } else { best }
@@ -409,9 +410,9 @@ fn fill_holes<P: Colour>(keys: &mut KeyBuffer, inputs: &FillInputs<'_, P>) {
     }
 }
 
-/// How bad a candidate is that was found `step` away at `from`, the worst first: it must be hidden in the current anchor or
-/// have left it, else it would have claimed the index; then, for what an anchor shows, how luma_difference it is and how far away,
-/// for what none does, how near its surface is.
+/// Cost of a candidate at distance `step` at `from`, most significant value first: whether the current anchor
+/// contradicts it (it would have covered the hole unless it is occluded or outside there); then luma difference plus
+/// distance where an anchor shows the hole, depth otherwise.
 fn cost<P: Colour>(
     inputs: &FillInputs<'_, P>,
     grid: Grid,
@@ -438,7 +439,7 @@ fn cost<P: Colour>(
     }
 }
 
-/// The farthest key of the least square of 1, 2, 4, 8 and so on tiles around a tile that holds any.
+/// The farthest key in the smallest square of 1, 2x2, 4x4, ... tiles that has any.
 fn farthest_around(keys: &KeyBuffer, [column, row]: [usize; 2]) -> Key {
     let grid = keys.grid;
     let squares = (0..).map(|power| {
@@ -456,7 +457,7 @@ fn farthest_around(keys: &KeyBuffer, [column, row]: [usize; 2]) -> Key {
     splat_key::pack(u16::MAX, 0, [0; 2])
 }
 
-/// What a picture interpolated two anchors is made of.
+/// Inputs of a frame between two anchors.
 struct ReferenceFrame<'a, P> {
     previous: Source<'a, P>,
     current: Source<'a, P>,
@@ -465,11 +466,11 @@ struct ReferenceFrame<'a, P> {
     previous_keys: &'a KeyBuffer,
     phase: i32,
     time: WarpTime,
-    /// Whether edges are known from pictures alone.
+    /// Whether motion is optical flow, which comes without depth.
     is_optical_flow: bool,
 }
 
-/// The phase at which even motion has what splats a index: with `is_whole` that of its tile, if that is smooth.
+/// Phase of a pixel with linear motion; with `is_whole` that of its tile if the tile is uniform.
 fn phase_at(frame_keys: &KeyBuffer, time: &WarpTime, [x, y]: [usize; 2], key: Key, is_whole: bool) -> i32 {
     let grid = frame_keys.grid;
     let corner = [x, y].map(|at| at / TILE * TILE);
@@ -522,14 +523,14 @@ impl<P: Colour> ReferenceFrame<'_, P> {
         }
     }
 
-    /// Where the two anchors show what is at (x, y), at the phase of its tile, if that is smooth, or at its own.
+    /// Positions of a pixel in the two anchors, with the phase of its tile if that is uniform.
     fn source_positions(&self, [x, y]: [usize; 2], key: Key, is_whole: bool) -> [[i32; 2]; 2] {
         let (vector, phase) = (splat_key::vector(key), phase_at(self.frame_keys, &self.time, [x, y], key, is_whole));
         let previous_position = [64 * x as i32 + scaled(vector[0], phase), 64 * y as i32 + scaled(vector[1], phase)];
         [previous_position, [previous_position[0] - vector[0], previous_position[1] - vector[1]]]
     }
 
-    /// Softens the pixels of a tile that depth does not tell the edges of.
+    /// Blends edges of a tile that no depth confirms.
     fn antialias(
         &self,
         tile: usize,
@@ -565,7 +566,7 @@ impl<P: Colour> ReferenceFrame<'_, P> {
         }
     }
 
-    /// The colour at a index, if an anchor shows it, and whether something stands static_count there.
+    /// Colour of a pixel if an anchor shows it, and whether it is a static overlay.
     fn pixel(&self, at: [usize; 2], tile: usize, own: Key, key: Key) -> Option<(P, bool)> {
         let grid = self.frame_keys.grid;
         let [previous_position, current_position] = self.source_positions(at, key, true);
@@ -580,7 +581,8 @@ impl<P: Colour> ReferenceFrame<'_, P> {
         if !is_doubtful && (is_close || self.is_visible_tile(tile)) {
             return Some((merged, false));
         }
-        // Beside something in foreground, or what moves otherwise without depth, it is that thing's if so the anchors max_equal_difference better.
+        // Beside foreground (without depth, beside any other motion) a pixel belongs to that if the anchors then agree
+        // better.
         let moves_otherwise = |other: Key| !splat_key::motion_within(other, key, DISTINCT_MOTION);
         let around = (at[1].saturating_sub(1)..(at[1] + 2).min(grid.height)).flat_map(|y| {
             (at[0].saturating_sub(1)..(at[0] + 2).min(grid.width)).map(move |x| self.frame_keys.key_at(x, y))
@@ -643,7 +645,7 @@ impl<P: Colour> ReferenceFrame<'_, P> {
         }
     }
 
-    /// Whether both anchors show all of a tile at phase t: it is smooth, and so are those that it comes from, and similar_motion.
+    /// Whether a tile is uniform and visible in both anchors: it overlaps only uniform tiles with similar motion.
     fn is_visible_tile(&self, tile: usize) -> bool {
         let grid = self.frame_keys.grid;
         let at = [tile % grid.columns, tile / grid.columns];

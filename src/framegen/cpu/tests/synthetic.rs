@@ -1,4 +1,4 @@
-//! Small scenes drawn at any phase: a textured ground, things on it, and the guidance between two phases.
+//! Synthetic scenes, drawn at any phase, with guidance.
 
 use half::f16;
 
@@ -6,7 +6,7 @@ use crate::Picture;
 use crate::framegen::{AnchorPair, FrameGenerator, GenerateReport, cpu::CpuGenerator};
 use crate::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, paper};
 
-/// Draws a picture by a rule for each pixel.
+/// Draws a picture from a function of the pixel.
 pub(in crate::framegen::cpu) fn draw(width: u32, height: u32, rule: impl Fn(f64, f64) -> [u8; 3]) -> Picture {
     let mut picture = Picture::new(width, height).unwrap();
     for (i, pixel) in picture.pixels_mut().iter_mut().enumerate() {
@@ -16,7 +16,7 @@ pub(in crate::framegen::cpu) fn draw(width: u32, height: u32, rule: impl Fn(f64,
     picture
 }
 
-/// Guidance by a rule for each pixel: motion from current to previous, and depth.
+/// Guidance from a function of the pixel: motion from current to previous, and depth.
 pub(in crate::framegen::cpu) fn guide(width: u32, height: u32, rule: impl Fn(f64, f64) -> ([f64; 2], f32)) -> Guidance {
     let (mut motion, mut depth) =
         (MotionField::new(width, height).unwrap(), DepthMap::new(width, height, paper::PROJECTION).unwrap());
@@ -28,7 +28,7 @@ pub(in crate::framegen::cpu) fn guide(width: u32, height: u32, rule: impl Fn(f64
     Guidance::from_parts(motion, depth, MotionOrigin::Geometry).unwrap()
 }
 
-/// A smooth texture without a period that matters here, so that a wrong place looks wrong.
+/// A smooth texture without a short period, so that misplaced pixels differ.
 pub(in crate::framegen::cpu) fn texture(x: f64, y: f64) -> [u8; 3] {
     let wave = |a: f64, b: f64, c: f64| {
         let v =
@@ -38,7 +38,7 @@ pub(in crate::framegen::cpu) fn texture(x: f64, y: f64) -> [u8; 3] {
     [wave(0.31, 0.17, 0.0), wave(-0.23, 0.29, 1.0), wave(0.19, -0.37, 2.0)]
 }
 
-/// Noise: every whole position has a level of its own.
+/// Noise: an independent value per pixel.
 pub(in crate::framegen::cpu) fn noise(x: f64, y: f64) -> [u8; 3] {
     let mut h =
         (x as i64 as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (y as i64 as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
@@ -47,7 +47,7 @@ pub(in crate::framegen::cpu) fn noise(x: f64, y: f64) -> [u8; 3] {
     [h as u8, (h >> 8) as u8, (h >> 16) as u8]
 }
 
-/// Something like a photograph: detail at every scale, the stronger the larger.
+/// Fractal noise, similar to a photograph: stronger at larger scales.
 pub(in crate::framegen::cpu) fn landscape(x: f64, y: f64) -> [u8; 3] {
     let mut light = 0.0;
     for octave in 0..6 {
@@ -61,7 +61,7 @@ pub(in crate::framegen::cpu) fn landscape(x: f64, y: f64) -> [u8; 3] {
     [110.0 + light, 120.0 + 0.9 * light, 90.0 + 0.7 * light].map(|v| v as u8)
 }
 
-/// Generates at `t` with a fresh generator.
+/// Generates at `t` with a new generator.
 pub(in crate::framegen::cpu) fn generate(
     previous: &Picture,
     current: &Picture,
@@ -74,7 +74,7 @@ pub(in crate::framegen::cpu) fn generate(
     (out, report)
 }
 
-/// The largest difference of any channel over the pixels that `inside` admits, with its place.
+/// The largest difference of any channel over the pixels for which `inside` holds, and its position.
 pub(in crate::framegen::cpu) fn worst(a: &Picture, b: &Picture, inside: impl Fn(i64, i64) -> bool) -> (u8, (i64, i64)) {
     assert_eq!(a.size(), b.size());
     let width = i64::from(a.width());
@@ -89,7 +89,7 @@ pub(in crate::framegen::cpu) fn worst(a: &Picture, b: &Picture, inside: impl Fn(
     worst
 }
 
-/// The places that `inside` admits where some channel differs by more than `levels`.
+/// Pixels for which `inside` holds where some channel differs by more than `levels`.
 pub(in crate::framegen::cpu) fn unlike(
     a: &Picture,
     b: &Picture,

@@ -1,5 +1,5 @@
-//! AVX2: a row of eight pixels is two vectors of 16-bit channels, the first holding pixels 0, 1, 4, 5 and the second
-//! 2, 3, 6, 7, as unpacking within lanes leaves them; packing puts them in order again.
+//! AVX2: a row of eight pixels is two vectors of 16-bit channels, the first with pixels 0, 1, 4, 5 and the second with
+//! 2, 3, 6, 7, as unpacking within 128-bit lanes leaves them; packing restores the order.
 
 use std::arch::x86_64::*;
 
@@ -75,13 +75,13 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u
     each_pixel(source, at, groups.single(), out);
 }
 
-/// Some pixels, one at a time.
+/// Samples single pixels.
 #[target_feature(enable = "avx2")]
 fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &mut [Pixel; BLOCK]) {
     if wanted == 0 {
         return;
     }
-    // Of two pixels beside each other, a channel of both behind each other.
+    // Interleaves the channels of two adjacent pixels.
     let by_channel = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 1, 8, 9, 2, 3, 10, 11, 4, 5, 12, 13, 6, 7, 14, 15));
     let bias = _mm256_set1_epi16(BIAS);
     let starts = starts(&source, at);
@@ -97,8 +97,7 @@ fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &
                 None => must_cast(clamped(&source, at)),
             };
             let [fx, fy] = [at[0] & 63, at[1] & 63].map(|v| v as usize);
-            // Minus what the columns have, and the bias: those of the first two pixels and of the fifth and sixth, and those of the
-            // third and fourth.
+            // Negated column sums with the bias: columns 0, 1, 4, 5 and columns 2, 3.
             let (mut outer, mut inner) = (bias, bias);
             for (pair, [p, q]) in PAIRS.into_iter().enumerate() {
                 let down = _mm256_set1_epi16(DOWN[fy][pair]);
@@ -122,7 +121,7 @@ fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &
     }
 }
 
-/// Minus the weights of each of [`PAIRS`], as bytes of one number.
+/// Negated weights of each of [`PAIRS`], as two bytes.
 static DOWN: [[i16; TAPS / 2]; PHASES] = {
     let mut table = [[0; TAPS / 2]; PHASES];
     let mut i = 0;
@@ -135,8 +134,8 @@ static DOWN: [[i16; TAPS / 2]; PHASES] = {
     table
 };
 
-/// Minus the weights of pixels in a row, two to a channel: those of the first two and of the fifth and sixth, then those of the
-/// third and fourth; two more pixels have none.
+/// Negated horizontal weights, two per channel: of columns 0, 1, 4, 5, then of columns 2, 3; the last two columns have
+/// none.
 static ACROSS: [[[i16; 16]; 2]; PHASES] = {
     let mut table = [[[0; 16]; 2]; PHASES];
     let mut i = 0;
@@ -149,7 +148,7 @@ static ACROSS: [[[i16; 16]; 2]; PHASES] = {
     table
 };
 
-/// The tile as levels, row by row.
+/// Samples a tile, row by row.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn sampled(patch: &Patch<'_>) -> [__m256i; TILE] {
@@ -210,7 +209,7 @@ impl Merge {
         }
     }
 
-    /// Eight pixels, and the bits of those to report.
+    /// Merges eight pixels; also returns the bits of those to report.
     #[target_feature(enable = "avx2")]
     #[inline]
     fn eight(&self, b: __m256i, a: __m256i) -> (__m256i, u8) {

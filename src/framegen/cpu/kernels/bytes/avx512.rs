@@ -1,4 +1,4 @@
-//! AVX-512: a row of eight pixels is one vector of 32 channels of 16 bits, two rows one of 64 bytes.
+//! AVX-512: a row of eight pixels is one vector of 32 16-bit channels; two rows are one of 64 bytes.
 
 use std::arch::x86_64::*;
 
@@ -10,9 +10,9 @@ use super::{
 };
 use crate::framegen::cpu::kernels::lanczos::{PAIRS, PHASES};
 
-/// Pixels of a vector.
+/// Pixels per vector.
 const PIXELS: usize = 16;
-/// The row and the column of a patch where the tile itself begins.
+/// Row and column of the tile in its patch.
 const OWN: usize = BEFORE as usize;
 
 /// See [`super::Sampled::tile`].
@@ -32,7 +32,7 @@ pub(super) fn tile(
     let merge = Merge::new(rule);
     let mut mask = 0;
     for row in 0..TILE {
-        // The tiles to the right are written next.
+        // Prefetches the tiles to the right for writing.
         _mm_prefetch::<_MM_HINT_ET0>(out.as_ptr().wrapping_add(row * stride + PREFETCH_AHEAD).cast());
     }
     for pair in 0..TILE / 2 {
@@ -83,7 +83,7 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u
     each_pixel(source, at, groups.single(), out);
 }
 
-/// Some pixels, two at a time.
+/// Samples single pixels, two at a time.
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
 fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &mut [Pixel; BLOCK]) {
     if wanted == 0 {
@@ -94,11 +94,11 @@ fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &
     let starts = starts(&source, at);
     while wanted != 0 {
         let (indices, count) = take_up_to::<PIXELS>(&mut wanted);
-        // Two pixels, their sums where the even numbers are and again where the odd ones are.
+        // Sums of two pixels, in even elements and again in odd ones.
         let mut sums = [_mm512_setzero_si512(); PIXELS / 2];
         for (pair, sums) in sums.iter_mut().enumerate().take(count.div_ceil(2)) {
-            // Minus the weighted rows of each, two rows together: a lane to a channel, and in it for each row what its first
-            // four taps have and what the others have. And minus the weights of the rows.
+            // Negated weighted rows, two per vector: a 128-bit lane per channel, with the sums of the first four taps
+            // and of the others for each row. And the vertical phases.
             let mut rows = [[_mm512_setzero_si512(); TAPS / 2]; 2];
             let mut phases = [0; 2];
             for (side, (rows, phase)) in rows.iter_mut().zip(&mut phases).enumerate() {
@@ -145,7 +145,7 @@ fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &
     }
 }
 
-/// Minus the weights down of the first four rows, each twice.
+/// Negated vertical weights of the first four rows, each twice.
 static DOWN: [[i16; 8]; PHASES] = {
     let mut table = [[0; 8]; PHASES];
     let mut i = 0;
@@ -156,7 +156,7 @@ static DOWN: [[i16; 8]; PHASES] = {
     table
 };
 
-/// The same of the last two.
+/// The same for the last two rows.
 static DOWN_LAST: [[i16; 4]; PHASES] = {
     let mut table = [[0; 4]; PHASES];
     let mut i = 0;
@@ -167,7 +167,7 @@ static DOWN_LAST: [[i16; 4]; PHASES] = {
     table
 };
 
-/// From two rows of eight pixels: a lane to a channel, in it two numbers to a row, in these a byte to a tap.
+/// Byte order from two rows of eight pixels to one 128-bit lane per channel, 64 bits per row, one byte per tap.
 static TAPS_BY_CHANNEL: [u8; 64] = {
     let mut order = [0; 64];
     let mut i = 0;
@@ -179,13 +179,13 @@ static TAPS_BY_CHANNEL: [u8; 64] = {
     order
 };
 
-/// From a lane to a channel, with the pixels in the order in which they were packed, to pixels.
+/// Byte order from one lane per channel, with pixels in packed order, to pixels.
 static LEVELS_BY_PIXEL: [u8; 64] = {
     let mut order = [0; 64];
     let mut i = 0;
     while i < 64 {
         let (pixel, channel) = (i / 4, i % 4);
-        // Of four pixels, blending put the third between the first two.
+        // Blending swapped pixels 1 and 2 of every four.
         let in_four = [0, 2, 1, 3][pixel % 4];
         order[i] = (16 * channel + pixel / 4 * 4 + in_four) as u8;
         i += 1;
@@ -193,20 +193,20 @@ static LEVELS_BY_PIXEL: [u8; 64] = {
     order
 };
 
-/// The bytes of a row that meet the taps of a pair, in turn.
+/// Byte order that interleaves the two taps of a pair.
 static BYTES_OF_PAIRS: [[u8; 64]; TAPS / 2] = {
     let mut bytes = [[0; 64]; TAPS / 2];
     let mut i = 0;
     while i < 64 * bytes.len() {
         let (pair, byte) = (i / 64, i % 64);
-        // Those beyond the tile are not used.
+        // Bytes beyond the tile are not used.
         bytes[pair][byte] = ((byte / 2 + 4 * PAIRS[pair][byte % 2]) % 64) as u8;
         i += 1;
     }
     bytes
 };
 
-/// The tile as levels, two rows to a vector.
+/// Samples a tile, two rows per vector.
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
 #[inline]
 fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
@@ -216,7 +216,7 @@ fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
             _mm512_inserti64x4(_mm512_castsi256_si512(upper), lower, 1)
         });
     }
-    // Packing goes lane by lane; this puts the rows behind each other.
+    // Restores the row order after packing within lanes.
     let in_order = _mm512_setr_epi64(0, 2, 4, 6, 1, 3, 5, 7);
     let packed = |upper, lower| {
         let levels = _mm512_xor_si512(_mm512_packs_epi16(upper, lower), _mm512_set1_epi8(-128));
@@ -226,14 +226,14 @@ fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
     let weights = PAIRS.map(|[p, q]| _mm512_set1_epi16(weights[p] | weights[q] << 8));
     let bytes_of_pairs: [__m512i; TAPS / 2] = must_cast(BYTES_OF_PAIRS);
     let bias = _mm512_set1_epi16(BIAS);
-    // Minus what a row has at the tile's columns, and the bias.
+    // Negated horizontal sums of a row at the tile's columns, with the bias.
     let across = |j: usize| {
         let bytes: __m512i = must_cast(*patch.row::<PIXELS>(j, 0));
         let pair = |i: usize| _mm512_maddubs_epi16(_mm512_permutexvar_epi8(bytes_of_pairs[i], bytes), weights[i]);
         _mm512_add_epi16(_mm512_add_epi16(pair(0), pair(1)), _mm512_add_epi16(pair(2), bias))
     };
     if patch.phases[1] == 0 {
-        // Nothing to weight down: 128 times a row over 2^14 is the row over 2^7.
+        // Whole rows: 128 times a row over 2^14 is the row over 2^7.
         let row = |j: usize| _mm512_srai_epi16(_mm512_sub_epi16(_mm512_setzero_si512(), across(j)), 7);
         return std::array::from_fn(|pair| packed(row(2 * pair + OWN), row(2 * pair + 1 + OWN)));
     }
@@ -283,7 +283,7 @@ impl Merge {
         }
     }
 
-    /// Sixteen pixels, and the bits of those to report.
+    /// Merges sixteen pixels; also returns the bits of those to report.
     #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
     #[inline]
     fn sixteen(&self, b: __m512i, a: __m512i) -> (__m512i, u16) {
@@ -299,7 +299,7 @@ impl Merge {
     }
 }
 
-/// Two rows of a tile, from its row `j` on.
+/// Stores two rows of a tile, starting at row `j`.
 #[inline(always)]
 fn store(out: &mut [Pixel], j: usize, stride: usize, rows: __m512i) {
     let [upper, lower]: [[Pixel; TILE]; 2] = must_cast(rows);

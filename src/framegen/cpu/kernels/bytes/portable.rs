@@ -1,4 +1,4 @@
-//! The form over arrays: a row of eight pixels is one vector of 32 channels.
+//! The version for the compiler's vectoriser: a row of eight pixels is one vector of 32 channels.
 
 use super::{
     BEFORE, BIAS, BLOCK, Groups, NEGATIVE, Patch, Pixel, Positions, ROW, Rule, SINC, SPAN, Sampled, Source, TAPS, TILE,
@@ -53,7 +53,7 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u
     scalar::pixels_of_one(source, at, groups.single(), out);
 }
 
-/// The tile, row by row.
+/// Samples a tile, row by row.
 fn sampled(patch: &Patch<'_>) -> [[u8; ROW]; TILE] {
     if patch.is_whole() {
         return std::array::from_fn(|j| *bytes(patch.row(j + BEFORE as usize, BEFORE as usize)));

@@ -1,4 +1,4 @@
-//! What stands candidates the places of a tile.
+//! Candidates for the holes of a tile.
 
 use super::super::super::splat_key::{self, EMPTY, Key};
 use super::super::candidates::{self, Candidates, OutsideCandidates, SIDES};
@@ -12,7 +12,7 @@ fn all_levels_find_the_same_beside_holes() {
             let component = |random: &mut Random| random.below(2000) as i32 - 1000;
             splat_key::pack(random.bits() as u16, random.below(255) as u8, [component(random), component(random)])
         };
-        // Few covered, many, or none.
+        // Few covered pixels, many, or none.
         let covered = match round % 3 {
             0 => random.bits() & random.bits() & random.bits(),
             1 => random.bits() | random.bits(),
@@ -37,7 +37,7 @@ fn all_levels_find_the_same_beside_holes() {
             let mut costs = [[[u32::MAX; BLOCK]; SIDES]; 2];
             candidates::cost_by_luma(level, &candidates, &lumas, covered, holes, &outside, &mut costs[0]);
             candidates::cost_by_depth(level, &candidates, &mut costs[1]);
-            // Where there is something: how far distance nothing is does not matter.
+            // Only candidates that exist are compared; the distance of others is undefined.
             let places = (0..SIDES).flat_map(|side| (0..BLOCK).map(move |place| (side, place)));
             let places = places.filter(|&(_, place)| holes >> place & 1 == 1);
             places

@@ -1,4 +1,4 @@
-//! Ranges and landings.
+//! Ranges, and splat keys of guidance.
 
 use half::f16;
 
@@ -10,7 +10,7 @@ fn motion(random: &mut Random) -> [f16; 2] {
     std::array::from_fn(|_| match random.below(8) {
         0 => ODD[random.below(8) as usize],
         1 => f16::from_bits(random.bits() as u16),
-        // Halves of 1/64 among them.
+        // Includes halves of 1/64 px, for rounding.
         _ => f16::from_f32((random.below(4096) as f32 - 2048.0) / 128.0),
     })
 }
@@ -82,7 +82,7 @@ fn ranges_are_those_of_sound_vectors_and_depths() {
     let mut out = [DepthKeyRange::default()];
     for level in SimdLevel::available() {
         depth_ranges(level, &[0.5, f32::NAN, 0.25], 3, &mut out);
-        // Ranks count octaves of the distance to the far plane: 1/2 is one below 1, and 3/4 half a one.
+        // Depth keys count octaves of `1 - depth`: 1/2 is one below 1, and 3/4 half an octave.
         assert_eq!(out, [DepthKeyRange { near: 0xffff - 0xc000 + 0x400, far: 0xffff }]);
     }
 }

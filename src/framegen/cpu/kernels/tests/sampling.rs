@@ -5,11 +5,11 @@ use half::f16;
 use super::super::scalar;
 use super::*;
 
-/// Pixels that a test can make.
+/// A pixel type of which tests make pictures.
 trait Painted: Sampled {
     fn painted(random: &mut Random, kind: u64, place: usize) -> Self;
     fn beside(self, random: &mut Random) -> Self;
-    /// What a kernel never writes here.
+    /// A value that no kernel writes in these tests.
     const GUARD: Self;
 }
 
@@ -47,7 +47,7 @@ impl Painted for [f16; 4] {
     const GUARD: Self = [f16::from_bits(0x1234); 4];
 }
 
-/// Two pictures of one size, the second like the first in part.
+/// Two pictures of one size, partly similar.
 struct Pictures<P> {
     width: usize,
     height: usize,
@@ -79,7 +79,7 @@ impl<P: Painted> Pictures<P> {
 const SIZES: [(usize, usize); 12] =
     [(1, 1), (7, 3), (3, 40), (8, 8), (11, 11), (16, 12), (19, 27), (27, 40), (45, 29), (64, 33), (131, 21), (200, 90)];
 
-/// A position in a picture of that size, mostly; at times a whole one, or far beyond.
+/// A position, usually inside the picture; sometimes a whole one, or far outside.
 fn position(random: &mut Random, (width, height): (usize, usize)) -> [i32; 2] {
     let mut on_axis = |len: usize| match random.below(12) {
         0 => random.bits() as i32,
@@ -99,7 +99,7 @@ fn rule(random: &mut Random) -> Rule {
     }
 }
 
-/// The bits of what may hold numbers that are none.
+/// The bits as text, since values may be NaN.
 fn bits<P: Painted>(pixels: &[P]) -> String {
     format!("{pixels:?}")
 }
@@ -113,7 +113,7 @@ fn all_levels_make_the_same_tiles<P: Painted>() {
             let (a, b, rule) = (position(&mut random, size), position(&mut random, size), rule(&mut random));
             let stride = TILE + random.below(4) as usize;
             let make = |level: Option<SimdLevel>| {
-                // The last row ends with the tile: not a pixel more may be needed or written.
+                // The last row ends with the tile: not a pixel more may be read or written.
                 let mut out = [P::GUARD; 3 * 8 * 12];
                 let len = 7 * stride + TILE;
                 let (merged, rest) = out.split_at_mut(len);
@@ -140,7 +140,7 @@ fn all_levels_make_the_same_pixels<P: Painted>() {
     for size in SIZES.into_iter().cycle().take(8 * SIZES.len()) {
         let pictures = Pictures::<P>::new(&mut random, size.0, size.1);
         let [previous, current] = pictures.sources();
-        // Each where it pleases, or in a few groups of which some lie side by side.
+        // Every pixel anywhere, or in a few contiguous groups.
         let positions = |random: &mut Random| {
             let corners: [[i32; 2]; 4] = std::array::from_fn(|_| position(random, size));
             let (groups, strays) = (random.below(5) as usize, 1 + random.below(8));
@@ -203,7 +203,7 @@ fn all_levels_find_the_same_lumas<P: Painted>() {
         for kind in 0..3 {
             let row: Vec<P> = (0..width).map(|i| P::painted(&mut random, kind, i)).collect();
             let find = |level| {
-                // One more than there are pixels, which is left alone.
+                // One more element than pixels, which must stay unchanged.
                 let (mut lumas, mut sums) = (vec![9; width + 1], vec![[9; 4]; width + 1]);
                 P::lumas(level, &row, &mut lumas);
                 (0..3).for_each(|_| P::add_levels(level, &row, &mut sums));

@@ -1,11 +1,11 @@
-//! Claims of tiles.
+//! Kernels over the keys of a tile.
 
 use super::super::super::camera_fit::{DepthChange, Warp, WarpTime};
 use super::super::super::splat_key::{self, EMPTY, HOLE, Key, MAX_COMPONENT, PHASE_ONE, PREVIOUS_ONLY, SIMILAR_MOTION};
 use super::super::tile_keys::{self, PaddedTile, SplatTarget};
 use super::*;
 
-/// A claim of one of few surfaces, or any.
+/// A key of one of a few surfaces, or any key.
 fn random_key(random: &mut Random) -> Key {
     let near = |random: &mut Random, v: i32| v + random.below(5) as i32 * 32 - 64;
     match random.below(10) {
@@ -24,7 +24,7 @@ fn random_key(random: &mut Random) -> Key {
     }
 }
 
-/// Some change of distances, or none.
+/// A random change of distance, or none.
 fn depth_change(random: &mut Random) -> DepthChange {
     if random.below(3) == 0 {
         return DepthChange::default();
@@ -40,7 +40,7 @@ fn depth_change(random: &mut Random) -> DepthChange {
     }
 }
 
-/// A tile in which rows of one surface are common.
+/// A tile in which many rows have a single key.
 fn tile(random: &mut Random) -> [Key; BLOCK] {
     let mut keys = [EMPTY; BLOCK];
     for line in keys.chunks_mut(TILE) {
@@ -87,7 +87,7 @@ fn all_levels_carry_claims_to_the_same_places() {
 
 #[test]
 fn a_row_that_stays_together_lands_as_pixels_do() {
-    // From the very first place to the very last, and one outside at each end.
+    // From the first pixel to the last, and one outside at each end.
     let (columns, lines) = (2, 3);
     let stride = columns * TILE + 2;
     let key = splat_key::pack(5, 0, [-64, 128]);
@@ -162,20 +162,21 @@ fn what_moves_otherwise_is_found_whatever_its_rank() {
     let key = |tag, x| splat_key::pack(30_000, tag, [x, 0]);
     let own = key(5, 0);
     let mut padded: PaddedTile = [[own; TILE + 2]; TILE + 2];
-    // A pixel that moves nearly as the others, one that does not, one that matches better, and nothing.
+    // A pixel with nearly the same motion, one without, one with a smaller match error, and a hole.
     (padded[1][1], padded[2][3], padded[2][4], padded[5][5]) = (key(1, 8), key(9, 9), key(3, -64), EMPTY);
-    // One at a place that is not wanted for.
+    // Beside the pixel that is not wanted.
     padded[9][9] = key(0, 640);
     for level in SimdLevel::available() {
         let mut others = [EMPTY; BLOCK];
         let moving = tile_keys::nearest_other_motion(level, &padded, 8, !(1 << 63), &mut others);
         for (place, &other) in others.iter().enumerate() {
-            // In `padded` this is the place (i + 1, j + 1).
+            // Pixel (i + 1, j + 1) of `padded`.
             let (i, j) = (place % TILE, place / TILE);
             let is_beside = |x: usize, y: usize| (i + 1).abs_diff(x) <= 1 && (j + 1).abs_diff(y) <= 1;
             let wanted = match (i + 1, j + 1) {
                 (5, 5) => EMPTY,
-                // To these two all others move otherwise, and the best match of them is taken.
+                // These two have other motion than all their neighbours; the one with the smallest match error is
+                // taken.
                 (3, 2) => key(3, -64),
                 (4, 2) => own,
                 _ if is_beside(4, 2) => key(3, -64),
