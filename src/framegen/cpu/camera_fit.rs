@@ -93,7 +93,7 @@ const MIN_INVERSE_DEPTH_BITS: u32 = 103 << 23;
 
 /// Depth key of an inverse depth.
 #[inline(always)]
-pub(super) fn depth_key_of(inverse_depth: f32) -> u16 {
+pub(super) fn depth_key_from(inverse_depth: f32) -> u16 {
     u16::MAX - (inverse_depth.min(1.0).to_bits().saturating_sub(MIN_INVERSE_DEPTH_BITS) >> 12) as u16
 }
 

@@ -4,7 +4,7 @@
 //! depth describes. Pixels that are visible in the previous anchor only then have exact motion and a known depth order
 //! instead of inherited ones.
 
-use super::camera_fit::{CameraFit, DepthChange, ReprojectionMatrix, depth_key_of, key_inverse_depth};
+use super::camera_fit::{CameraFit, DepthChange, ReprojectionMatrix, depth_key_from, key_inverse_depth};
 use super::kernels::candidates::{Candidates, combine_columns, floor, pack_bits};
 use super::kernels::{BLOCK, SimdLevel, TILE, at_every_level};
 use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind};
@@ -38,7 +38,7 @@ fn reprojected_key(matrix: &ReprojectionMatrix, limit: [f32; 2], [x, y]: [usize;
         let along = if along > -limit[c] { along } else { -limit[c] };
         floor(along + 0.5)
     };
-    let key = splat_key::pack(depth_key_of(there), PREVIOUS_ONLY, [along(0), along(1)]);
+    let key = splat_key::pack(depth_key_from(there), PREVIOUS_ONLY, [along(0), along(1)]);
     if can_be & (inverse_depth > 0.0) { key } else { EMPTY }
 }
 

@@ -1,6 +1,6 @@
-// Numbers of two floats, of which the second carries what the first has no room for: about 48 bits.
+// Double-float arithmetic: a value is the unevaluated sum of two floats, about 48 bits (Dekker 1971, Knuth TAOCP 4.2.2).
 
-float2 exact_sum(float a, float b)
+float2 two_sum(float a, float b)
 {
     precise float s = a + b;
     precise float v = s - a;
@@ -8,7 +8,7 @@ float2 exact_sum(float a, float b)
     return float2(s, rest);
 }
 
-float2 exact_product(float a, float b)
+float2 two_product(float a, float b)
 {
     precise float p = a * b;
     precise float wide_a = 4097 * a;
@@ -21,8 +21,8 @@ float2 exact_product(float a, float b)
     return float2(p, rest);
 }
 
-// Where the first is much the larger.
-float2 settled(float a, float b)
+// Exact sum for |a| >= |b|.
+float2 fast_two_sum(float a, float b)
 {
     precise float s = a + b;
     precise float rest = b - (s - a);
@@ -31,16 +31,16 @@ float2 settled(float a, float b)
 
 float2 added(float2 a, float2 b)
 {
-    float2 s = exact_sum(a.x, b.x);
+    float2 s = two_sum(a.x, b.x);
     precise float rest = s.y + (a.y + b.y);
-    return settled(s.x, rest);
+    return fast_two_sum(s.x, rest);
 }
 
 float2 multiplied(float2 a, float2 b)
 {
-    float2 p = exact_product(a.x, b.x);
+    float2 p = two_product(a.x, b.x);
     precise float rest = p.y + (a.x * b.y + a.y * b.x);
-    return settled(p.x, rest);
+    return fast_two_sum(p.x, rest);
 }
 
 float2 divided(float2 a, float2 b)
@@ -48,13 +48,13 @@ float2 divided(float2 a, float2 b)
     precise float q = a.x / b.x;
     float2 rest = added(a, -multiplied(b, float2(q, 0)));
     precise float more = rest.x / b.x;
-    return settled(q, more);
+    return fast_two_sum(q, more);
 }
 
 float2 root(float2 a)
 {
     precise float r = sqrt(a.x);
-    float2 rest = added(a, -exact_product(r, r));
+    float2 rest = added(a, -two_product(r, r));
     precise float more = rest.x / (2 * r);
-    return r > 0 ? settled(r, more) : float2(r, 0);
+    return r > 0 ? fast_two_sum(r, more) : float2(r, 0);
 }

@@ -1,8 +1,8 @@
 // What the shaders of motion from two pictures share: what is bound, and where it lies. The extractor of the processor says what
 // all of it is for; names are the same, and so is the order of every sum.
 
-#include "light.hlsli"
-#include "numbers.hlsli"
+#include "srgb.hlsli"
+#include "convert.hlsli"
 
 cbuffer Constants : register(b0)
 {
@@ -91,7 +91,7 @@ float3 colour_of(uint picture, uint2 at)
     [branch]
     if (IsLight != 0)
     {
-        v = shown_for4(v);
+        v = srgb_from_linear4(v);
     }
     precise float3 level = floor(v.xyz * 255 + 0.5);
     // What is no number is 0.

@@ -80,7 +80,7 @@ bool solved()
         }
         right[last] /= rows[last * N + last];
         Numbers[last] = right[last];
-        is_known = is_known && finite(right[last]);
+        is_known = is_known && is_finite(right[last]);
     }
     return is_known;
 }

@@ -3,7 +3,7 @@
 
 #include "flow.hlsli"
 #include "flow_trust.hlsli"
-#include "halves.hlsli"
+#include "half_float.hlsli"
 
 static const float FLAT_DEPTH = 0.5;
 
@@ -34,5 +34,5 @@ void main(uint3 at : SV_DispatchThreadID)
     float2 limit = float2(Size);
     // Added to 0 so that no motion is +0.
     precise float2 motion = 0 + min(max(found * float(1u << Halvings), -limit), limit);
-    Motion[at.xy] = f16tof32(uint2(half_of(motion.x), half_of(motion.y)));
+    Motion[at.xy] = f16tof32(uint2(half_from_float(motion.x), half_from_float(motion.y)));
 }

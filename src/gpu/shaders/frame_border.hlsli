@@ -1,14 +1,14 @@
-// Ends of lines, and what leaves over them: rows come first, then columns, each with its near and its far end. Of each, how many
-// pixels are covered and what they claim.
+// Runs of foreground that a border cuts off: of rows, then of columns, each with its near and its far end. An entry has the number of
+// pixels and the foreground's key.
 
-int2 place_of(uint place, uint axis, bool is_far, int step)
+int2 pixel_of_run(uint line_index, uint axis, bool is_far, int step)
 {
     int along = is_far ? int(axis == 0 ? Size.x : Size.y) - 1 - step : step;
-    return axis == 0 ? int2(along, place) : int2(place, along);
+    return axis == 0 ? int2(along, line_index) : int2(line_index, along);
 }
 
-// What leaves at a place, if anything does; else EMPTY.
-uint2 leaving_at(int2 at)
+// Key of border foreground at a pixel, else EMPTY.
+uint2 border_key(int2 at)
 {
     uint2 rows = uint2(2 * at.y, 2 * at.y + 1);
     uint2 columns = 2 * Size.y + uint2(2 * at.x, 2 * at.x + 1);

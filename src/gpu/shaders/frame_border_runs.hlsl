@@ -1,21 +1,20 @@
-// What leaves the picture in front of all else: looks along the rows and columns of the previous anchor from both their ends.
-// A thread to an end.
+// Detects foreground that leaves the picture: scans the rows and columns of the previous anchor from both ends. A thread per end.
 
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
 #include "frame_reprojection.hlsli"
 #include "frame_border.hlsli"
 
-static const int GAP = 6;
-static const int TELLING = 3;
-static const float ALIKE = 16;
-static const uint FARTHEST = 8;
-static const uint NEARER = 2048;
+static const int MAX_GAP = 6;
+static const int PIXELS_PER_OUTLIER = 3;
+static const float SIMILAR_LUMA = 16;
+static const uint LENGTH_DIVISOR = 8;
+static const uint DEPTH_KEY_STEP = 2048;
 
 [numthreads(64, 1, 1)]
 void main(uint thread : SV_DispatchThreadID)
 {
-    if (is_cut() || has_past() || thread >= 2 * (Size.x + Size.y))
+    if (is_cut() || has_reprojection() || thread >= 2 * (Size.x + Size.y))
     {
         return;
     }
@@ -24,54 +23,54 @@ void main(uint thread : SV_DispatchThreadID)
     bool is_far = (thread & 1) != 0;
     int side = int(axis == 0 ? Size.x : Size.y);
     int length = 0;
-    int signs = 0;
+    int outliers = 0;
     int gap = 0;
     float last = 0;
-    uint2 behind = EMPTY;
-    int most = min(int(uint(side) / FARTHEST), LONGEST >> 6);
-    for (int step = 0; step < most; step++)
+    uint2 background = EMPTY;
+    int limit = min(int(uint(side) / LENGTH_DIVISOR), MAX_COMPONENT >> 6);
+    for (int step = 0; step < limit; step++)
     {
-        int2 at = place_of(axis == 0 ? entry : entry - Size.y, axis, is_far, step);
-        uint2 owner = Places.Load2(8 * pixel(at));
-        float4 shown = stored(PREVIOUS, at);
-        if (is_empty(owner))
+        int2 at = pixel_of_run(axis == 0 ? entry : entry - Size.y, axis, is_far, step);
+        uint2 own = SplatKeys.Load2(8 * pixel_index(at));
+        float4 colour = load_pixel(PREVIOUS, at);
+        if (is_empty(own))
         {
-            float luma = luma_of(shown);
-            if (length == step && step > 0 && abs(luma - last) <= ALIKE)
+            float luma = luma_of(colour);
+            if (length == step && step > 0 && abs(luma - last) <= SIMILAR_LUMA)
             {
                 length = step + 1;
                 last = luma;
             }
             continue;
         }
-        int2 v = vector_of(owner);
+        int2 v = vector_of(own);
         int along = axis == 0 ? v.x : v.y;
         if ((is_far ? -along : along) < -32)
         {
             break;
         }
-        if (is_foreign(shown, 64 * at - v))
+        if (is_colour_outlier(colour, 64 * at - v))
         {
             length = step + 1;
             gap = 0;
-            last = luma_of(shown);
-            behind = owner;
-            signs++;
+            last = luma_of(colour);
+            background = own;
+            outliers++;
         }
         else
         {
             gap++;
-            if (gap > GAP)
+            if (gap > MAX_GAP)
             {
                 break;
             }
         }
     }
-    if (signs * TELLING < length || length == 0)
+    if (outliers * PIXELS_PER_OUTLIER < length || length == 0)
     {
         length = 0;
     }
-    uint rank = rank_of(behind);
-    uint2 claim = key_of(rank - min(rank, NEARER), ORPHAN, vector_of(behind));
-    Small.Store3(AtRuns + 16 * thread, uint3(length, claim));
+    uint depth_key = depth_key_of(background);
+    uint2 key = pack(depth_key - min(depth_key, DEPTH_KEY_STEP), PREVIOUS_ONLY, vector_of(background));
+    Small.Store3(AtBorderRuns + 16 * thread, uint3(length, key));
 }

@@ -1,22 +1,22 @@
-// What motion and depth of the current anchor tell of how the camera goes, of what lies between bars: eleven numbers by least squares
-// from a few hundred pixels; where not nearly all agree, from those that agree with the best of several guesses. What needs more
-// than a float has two. Also how the light of the two anchors differs. One group.
+// Estimates the camera's motion from motion and depth of the current anchor, without static pixels: a least-squares fit of eleven
+// parameters to a few hundred samples; if less than nine tenths are inliers, of the inliers of the best RANSAC trial. Values that need more
+// than a float are double floats. Also computes the colour outlier margin. One group.
 
 #include "frame.hlsli"
 #include "double_float.hlsli"
 
-static const uint LIGHTS = 64;
-static const uint2 ASKED = uint2(20, 12);
+static const uint BRIGHTNESS_THREADS = 64;
+static const uint2 SAMPLE_GRID = uint2(20, 12);
 static const uint SAMPLES = 240;
-static const float AGREED = 0.5;
-static const uint GUESSES = 24;
-static const uint GUESSED_FROM = 6;
-static const uint NUMBERS = 11;
-// Entries of a triangle of numbers, and of what stands right of it.
+static const float INLIER_DISTANCE = 0.5;
+static const uint RANSAC_TRIALS = 24;
+static const uint TRIAL_SAMPLES = 6;
+static const uint PARAMETERS = 11;
+// Entries of the normal equations: the lower triangle of the matrix, then the right-hand side.
 static const uint TRIANGLE = 66;
 static const uint ENTRIES = 77;
 
-// Knuth's MMIX generator from 1 on, without the lower 33 bits.
+// Knuth's MMIX generator from 1, without the lower 33 bits.
 static const uint RANDOM[144] =
 {
     908834774, 1093944153, 1392341196, 822192870, 1708211034, 1074839795, 1189567130, 140486902, 1803298089,
@@ -37,58 +37,59 @@ static const uint RANDOM[144] =
     801694302, 105918053
 };
 
-// Of each sample its place, where it was, and how near it is; lengths are in widths of the picture from its middle.
-groupshared float4 At[SAMPLES];
-groupshared float4 Was[SAMPLES];
-groupshared float2 Near[SAMPLES];
-groupshared uint IsAsked[SAMPLES];
-groupshared uint IsCounted[SAMPLES];
-// For what is solved and for each guess a triangle of sums, and right of it what becomes the numbers.
-groupshared float2 Entries[GUESSES + 1][ENTRIES];
-groupshared uint Agreeing[GUESSES + 1];
-groupshared float4 Light[2][LIGHTS];
+// Per sample: position in both anchors as double floats (x, then y), and inverse depth. Lengths are in picture widths from the centre.
+groupshared float4 CurrentPosition[SAMPLES];
+groupshared float4 PreviousPosition[SAMPLES];
+groupshared float2 InverseDepth[SAMPLES];
+groupshared uint IsValid[SAMPLES];
+groupshared uint IsInlier[SAMPLES];
+// Normal equations of the fit and of each trial; the right-hand side becomes the solution.
+groupshared float2 Entries[RANSAC_TRIALS + 1][ENTRIES];
+groupshared uint Inliers[RANSAC_TRIALS + 1];
+groupshared float4 Brightness[2][BRIGHTNESS_THREADS];
 groupshared uint Count;
 groupshared uint IsFound;
 groupshared uint Nearest;
 groupshared uint Farthest;
-groupshared uint2 Ends;
+groupshared uint2 ChangeRange;
 
-// What number `k` counts with in the equation of one component.
-float2 counts_with(uint sample, uint component, uint k)
+// Coefficient of parameter `k` in the equation of one component.
+float2 coefficient(uint sample, uint component, uint k)
 {
-    float4 at = At[sample];
-    float2 was = component == 0 ? Was[sample].xy : Was[sample].zw;
+    float4 at = CurrentPosition[sample];
+    float2 previous = component == 0 ? PreviousPosition[sample].xy : PreviousPosition[sample].zw;
     uint of = k < 8 ? k - 4 * component : k - 8;
-    float2 plain = of == 0 ? at.xy : of == 1 ? at.zw : k < 8 && of == 2 ? float2(1, 0) : Near[sample];
-    float2 scaled = -multiplied(was, plain);
+    float2 plain = of == 0 ? at.xy : of == 1 ? at.zw : k < 8 && of == 2 ? float2(1, 0) : InverseDepth[sample];
+    float2 scaled = -multiplied(previous, plain);
     return k < 8 ? plain : scaled;
 }
 
-float2 left_of(uint sample, uint component)
+float2 right_hand_side(uint sample, uint component)
 {
-    return component == 0 ? added(Was[sample].xy, -At[sample].xy) : added(Was[sample].zw, -At[sample].zw);
+    return component == 0 ? added(PreviousPosition[sample].xy, -CurrentPosition[sample].xy)
+                          : added(PreviousPosition[sample].zw, -CurrentPosition[sample].zw);
 }
 
 // Row and column of an entry of the triangle.
-uint2 entry_of(uint number)
+uint2 entry_of(uint entry)
 {
     uint row = 0;
     [unroll]
-    for (uint next = 1; next < NUMBERS; next++)
+    for (uint next = 1; next < PARAMETERS; next++)
     {
-        row += number >= next * (next + 1) / 2 ? 1 : 0;
+        row += entry >= next * (next + 1) / 2 ? 1 : 0;
     }
-    return uint2(row, number - row * (row + 1) / 2);
+    return uint2(row, entry - row * (row + 1) / 2);
 }
 
-// Whether number `k` counts in the equation of a component.
-bool counts_in(uint component, uint k)
+// Whether parameter `k` occurs in the equation of a component.
+bool has_coefficient(uint component, uint k)
 {
     return k >= 8 || k / 4 == component;
 }
 
-// What one sample adds to an entry; those beyond the triangle stand right of it.
-float2 part_of(uint sample, uint number, uint2 entry)
+// Contribution of a sample to an entry.
+float2 product_of(uint sample, uint number, uint2 entry)
 {
     float2 sum = 0;
     [loop]
@@ -96,44 +97,45 @@ float2 part_of(uint sample, uint number, uint2 entry)
     {
         bool is_right = number >= TRIANGLE;
         uint row = is_right ? number - TRIANGLE : entry.x;
-        if (counts_in(component, row) && (is_right || counts_in(component, entry.y)))
+        if (has_coefficient(component, row) && (is_right || has_coefficient(component, entry.y)))
         {
-            float2 a = counts_with(sample, component, row);
-            float2 b = is_right ? left_of(sample, component) : counts_with(sample, component, entry.y);
+            float2 a = coefficient(sample, component, row);
+            float2 b = is_right ? right_hand_side(sample, component) : coefficient(sample, component, entry.y);
             sum = added(sum, multiplied(a, b));
         }
     }
     return sum;
 }
 
-float number(uint solver, uint k)
+float parameter(uint solver, uint k)
 {
     return Entries[solver][TRIANGLE + k].x;
 }
 
-float2 exact_number(uint k)
+float2 exact_parameter(uint k)
 {
     return Entries[0][TRIANGLE + k];
 }
 
-// By how much what a sample shows was farther off.
+// `w0 / w1 - 1` of a sample.
 float change(uint sample, uint solver)
 {
-    return number(solver, 8) * At[sample].x + number(solver, 9) * At[sample].z + number(solver, 10) * Near[sample].x;
+    return parameter(solver, 8) * CurrentPosition[sample].x + parameter(solver, 9) * CurrentPosition[sample].z
+        + parameter(solver, 10) * InverseDepth[sample].x;
 }
 
-// The square of how far it was from where it is expected.
+// Squared distance between a sample's previous position and the one that the parameters predict.
 float error_of(uint sample, uint solver)
 {
-    float2 at = At[sample].xz;
-    float2 was = Was[sample].xz;
-    float near = Near[sample].x;
+    float2 at = CurrentPosition[sample].xz;
+    float2 previous = PreviousPosition[sample].xz;
+    float inverse_depth = InverseDepth[sample].x;
     float by = change(sample, solver);
-    float2 moved = float2(number(solver, 0), number(solver, 4)) * at.x + float2(number(solver, 1), number(solver, 5)) * at.y
-        + float2(number(solver, 2), number(solver, 6)) + float2(number(solver, 3), number(solver, 7)) * near;
-    float2 told = float2(left_of(sample, 0).x, left_of(sample, 1).x);
-    float2 apart = (moved - told - was * by) / (1 + by);
-    return dot(apart, apart);
+    float2 moved = float2(parameter(solver, 0), parameter(solver, 4)) * at.x + float2(parameter(solver, 1), parameter(solver, 5)) * at.y
+        + float2(parameter(solver, 2), parameter(solver, 6)) + float2(parameter(solver, 3), parameter(solver, 7)) * inverse_depth;
+    float2 shift = float2(right_hand_side(sample, 0).x, right_hand_side(sample, 1).x);
+    float2 difference = (moved - shift - previous * by) / (1 + by);
+    return dot(difference, difference);
 }
 
 [numthreads(256, 1, 1)]
@@ -142,20 +144,20 @@ void main(uint thread : SV_GroupIndex)
     uint i;
     float4 before = 0;
     float4 after = 0;
-    uint2 sparse = (Size + 7) / 8;
+    uint2 brightness_samples = (Size + 7) / 8;
     if (IsPair != 0)
     {
         [loop]
-        for (i = thread; i < sparse.y && thread < LIGHTS; i += LIGHTS)
+        for (i = thread; i < brightness_samples.y && thread < BRIGHTNESS_THREADS; i += BRIGHTNESS_THREADS)
         {
-            before += asfloat(Small.Load4(AtRows + 32 * i));
-            after += asfloat(Small.Load4(AtRows + 32 * i + 16));
+            before += asfloat(Small.Load4(AtRowSums + 32 * i));
+            after += asfloat(Small.Load4(AtRowSums + 32 * i + 16));
         }
     }
-    if (thread < LIGHTS)
+    if (thread < BRIGHTNESS_THREADS)
     {
-        Light[0][thread] = before;
-        Light[1][thread] = after;
+        Brightness[0][thread] = before;
+        Brightness[1][thread] = after;
     }
     if (thread == 0)
     {
@@ -163,68 +165,68 @@ void main(uint thread : SV_GroupIndex)
         Nearest = 0;
         Farthest = asuint(1.0);
         IsFound = 0;
-        Ends = 0;
+        ChangeRange = 0;
     }
     GroupMemoryBarrierWithGroupSync();
     [loop]
-    for (uint half = LIGHTS / 2; half > 0; half /= 2)
+    for (uint half = BRIGHTNESS_THREADS / 2; half > 0; half /= 2)
     {
         if (thread < half)
         {
-            Light[0][thread] += Light[0][thread + half];
-            Light[1][thread] += Light[1][thread + half];
+            Brightness[0][thread] += Brightness[0][thread + half];
+            Brightness[1][thread] += Brightness[1][thread + half];
         }
         GroupMemoryBarrierWithGroupSync();
     }
     if (thread == 0)
     {
-        float count = float(sparse.x * sparse.y);
-        float4 apart = abs(Light[1][0] / count - Light[0][0] / count);
-        Small.Store(MARGIN, asuint(24 + 4 * max(max(apart.x, apart.y), max(apart.z, apart.w))));
+        float count = float(brightness_samples.x * brightness_samples.y);
+        float4 difference = abs(Brightness[1][0] / count - Brightness[0][0] / count);
+        Small.Store(OUTLIER_MARGIN, asuint(24 + 4 * max(max(difference.x, difference.y), max(difference.z, difference.w))));
     }
 
-    // Samples, in their order.
-    bool is_asked = false;
+    // Samples, compacted in their order.
+    bool is_valid = false;
     float2 motion = 0;
     float depth = 0;
     uint2 pixel_at = 0;
     if (thread < SAMPLES)
     {
-        pixel_at = (2 * uint2(thread % ASKED.x, thread / ASKED.x) + 1) * Size / (2 * ASKED);
+        pixel_at = (2 * uint2(thread % SAMPLE_GRID.x, thread / SAMPLE_GRID.x) + 1) * Size / (2 * SAMPLE_GRID);
         motion = Motion.Load(int3(pixel_at / GuidanceTiles.x, 0));
         depth = Depth.Load(int3(pixel_at / GuidanceTiles.y, 0));
-        is_asked = all((asuint(motion) & 0x7f800000) != 0x7f800000) && depth >= 0 && depth <= 1;
-        is_asked = is_asked && !is_still(int2(pixel_at));
-        is_asked = is_asked && all(Size >= ASKED) && !is_cut();
-        IsAsked[thread] = is_asked ? 1 : 0;
+        is_valid = all((asuint(motion) & 0x7f800000) != 0x7f800000) && depth >= 0 && depth <= 1;
+        is_valid = is_valid && !is_in_static_mask(int2(pixel_at));
+        is_valid = is_valid && all(Size >= SAMPLE_GRID) && !is_cut();
+        IsValid[thread] = is_valid ? 1 : 0;
     }
     GroupMemoryBarrierWithGroupSync();
-    if (is_asked)
+    if (is_valid)
     {
-        uint place = 0;
+        uint slot = 0;
         [loop]
         for (i = 0; i < thread; i++)
         {
-            place += IsAsked[i];
+            slot += IsValid[i];
         }
         float2 width = float2(float(Size.x), 0);
         float2 center = float2(pixel_at / GuidanceTiles.x * GuidanceTiles.x) + float(GuidanceTiles.x - 1) / 2;
         center -= float2(Size - 1) / 2;
         float2 x = float2(center.x, 0);
         float2 y = float2(center.y, 0);
-        At[place] = float4(divided(x, width), divided(y, width));
-        Was[place] = float4(divided(exact_sum(center.x, motion.x), width), divided(exact_sum(center.y, motion.y), width));
-        float near = 1 - depth;
-        Near[place] = float2(near, 0);
-        IsCounted[place] = 1;
-        InterlockedMax(Nearest, asuint(near));
-        InterlockedMin(Farthest, asuint(near));
+        CurrentPosition[slot] = float4(divided(x, width), divided(y, width));
+        PreviousPosition[slot] = float4(divided(two_sum(center.x, motion.x), width), divided(two_sum(center.y, motion.y), width));
+        float inverse_depth = 1 - depth;
+        InverseDepth[slot] = float2(inverse_depth, 0);
+        IsInlier[slot] = 1;
+        InterlockedMax(Nearest, asuint(inverse_depth));
+        InterlockedMin(Farthest, asuint(inverse_depth));
         InterlockedAdd(Count, 1);
     }
     GroupMemoryBarrierWithGroupSync();
     uint samples = Count;
     float2 nearest_depth = float2(asfloat(Nearest), 0);
-    // Without depths forward motion cannot be told from a picture that grows.
+    // Without depth, forward motion cannot be told from a zoom.
     precise float three_quarters = 0.75 * nearest_depth.x;
     bool has_depth = asfloat(Farthest) < three_quarters;
     if (thread < samples)
@@ -232,21 +234,21 @@ void main(uint thread : SV_GroupIndex)
         float2 scaled = 0;
         if (has_depth)
         {
-            scaled = divided(Near[thread], nearest_depth);
+            scaled = divided(InverseDepth[thread], nearest_depth);
         }
-        Near[thread] = scaled;
+        InverseDepth[thread] = scaled;
     }
     GroupMemoryBarrierWithGroupSync();
-    float within = AGREED / float(Size.x);
+    float within = INLIER_DISTANCE / float(Size.x);
     float bound = within * within;
     uint2 entry = entry_of(min(thread, TRIANGLE - 1));
 
-    // Always 0: the compiler would take loops apart whose first turn it can count.
+    // Always 0, but unknown to the compiler, which would otherwise unroll these loops.
     uint none = IsPair >> 1;
     uint stages = 3 - none;
-    uint numbers = NUMBERS - none;
+    uint parameters = PARAMETERS - none;
 
-    // First of all samples, with guesses beside; then twice of those that agree.
+    // The first stage fits all samples and all trials; two more refit the inliers.
     [loop]
     for (uint stage = none; stage < stages; stage++)
     {
@@ -256,35 +258,35 @@ void main(uint thread : SV_GroupIndex)
             [loop]
             for (i = 0; i < samples; i++)
             {
-                if (IsCounted[i] != 0)
+                if (IsInlier[i] != 0)
                 {
-                    sum = added(sum, part_of(i, thread, entry));
+                    sum = added(sum, product_of(i, thread, entry));
                 }
             }
             Entries[0][thread] = sum;
         }
         GroupMemoryBarrierWithGroupSync();
-        uint solvers = stage == 0 ? GUESSES + 1 : 1;
+        uint solvers = stage == 0 ? RANSAC_TRIALS + 1 : 1;
         if (thread < solvers && samples > 0)
         {
             [loop]
             for (i = 0; i < ENTRIES && thread > 0; i++)
             {
-                uint2 place = entry_of(min(i, TRIANGLE - 1));
+                uint2 row_column = entry_of(min(i, TRIANGLE - 1));
                 float2 sum = 0;
                 [loop]
-                for (uint from = 0; from < GUESSED_FROM; from++)
+                for (uint from = 0; from < TRIAL_SAMPLES; from++)
                 {
-                    sum = added(sum, part_of(RANDOM[GUESSED_FROM * (thread - 1) + from] % samples, i, place));
+                    sum = added(sum, product_of(RANDOM[TRIAL_SAMPLES * (thread - 1) + from] % samples, i, row_column));
                 }
                 Entries[thread][i] = sum;
             }
-            // Cholesky's method.
+            // Cholesky decomposition.
             [loop]
-            for (uint row = none; row < numbers; row++)
+            for (uint row = none; row < parameters; row++)
             {
                 uint of_row = row * (row + 1) / 2;
-                // Where pixels cannot tell, the numbers are near zero.
+                // Tikhonov regularisation: keeps parameters near zero that the samples do not determine.
                 Entries[thread][of_row + row] = added(Entries[thread][of_row + row], float2(9.99999997e-7, 2.5248e-14));
                 [loop]
                 for (uint column = none; column <= row; column++)
@@ -310,12 +312,12 @@ void main(uint thread : SV_GroupIndex)
             }
             bool is_solved = true;
             [loop]
-            for (uint up = none; up < numbers; up++)
+            for (uint up = none; up < parameters; up++)
             {
-                uint of = NUMBERS - 1 - up;
+                uint of = PARAMETERS - 1 - up;
                 float2 right = Entries[thread][TRIANGLE + of];
                 [loop]
-                for (uint k = of + 1; k < numbers; k++)
+                for (uint k = of + 1; k < parameters; k++)
                 {
                     right = added(right, -multiplied(Entries[thread][k * (k + 1) / 2 + of], Entries[thread][TRIANGLE + k]));
                 }
@@ -323,53 +325,53 @@ void main(uint thread : SV_GroupIndex)
                 Entries[thread][TRIANGLE + of] = result;
                 is_solved = is_solved && (asuint(result.x) & 0x7f800000) != 0x7f800000;
             }
-            uint agreeing = 0;
+            uint inliers = 0;
             [loop]
             for (i = 0; i < samples; i++)
             {
-                agreeing += error_of(i, thread) <= bound ? 1 : 0;
+                inliers += error_of(i, thread) <= bound ? 1 : 0;
             }
-            // One more than agree, and nothing for none.
-            Agreeing[thread] = is_solved ? agreeing + 1 : 0;
+            // The number of inliers plus one; 0 for no solution.
+            Inliers[thread] = is_solved ? inliers + 1 : 0;
         }
         GroupMemoryBarrierWithGroupSync();
         if (thread == 0)
         {
             uint best = 0;
-            uint most = Agreeing[0];
-            bool is_lost = samples * 2 < SAMPLES || most == 0 || stage > 0 && IsFound == 0;
+            uint max_inliers = Inliers[0];
+            bool has_failed = samples * 2 < SAMPLES || max_inliers == 0 || stage > 0 && IsFound == 0;
             [loop]
-            for (uint guess = 1; guess < solvers && 10 * (most - 1) < 9 * samples; guess++)
+            for (uint trial = 1; trial < solvers && 10 * (max_inliers - 1) < 9 * samples; trial++)
             {
-                if (Agreeing[guess] > most)
+                if (Inliers[trial] > max_inliers)
                 {
-                    best = guess;
-                    most = Agreeing[guess];
+                    best = trial;
+                    max_inliers = Inliers[trial];
                 }
             }
             [loop]
-            for (i = 0; i < NUMBERS; i++)
+            for (i = 0; i < PARAMETERS; i++)
             {
                 Entries[0][TRIANGLE + i] = Entries[best][TRIANGLE + i];
             }
-            IsFound = is_lost || stage == 2 && 2 * (most - 1) < samples ? 0 : 1;
+            IsFound = has_failed || stage == 2 && 2 * (max_inliers - 1) < samples ? 0 : 1;
         }
         GroupMemoryBarrierWithGroupSync();
         if (thread < samples)
         {
-            bool agrees = error_of(thread, 0) <= bound;
-            IsCounted[thread] = agrees ? 1 : 0;
-            if (stage == 2 && agrees)
+            bool is_inlier = error_of(thread, 0) <= bound;
+            IsInlier[thread] = is_inlier ? 1 : 0;
+            if (stage == 2 && is_inlier)
             {
-                // Of numbers of one sign the bits are in order.
+                // The bits of floats of one sign are ordered like their values.
                 float by = change(thread, 0);
                 if (by < 0)
                 {
-                    InterlockedMax(Ends.x, asuint(-by));
+                    InterlockedMax(ChangeRange.x, asuint(-by));
                 }
                 else
                 {
-                    InterlockedMax(Ends.y, asuint(by));
+                    InterlockedMax(ChangeRange.y, asuint(by));
                 }
             }
         }
@@ -381,26 +383,26 @@ void main(uint thread : SV_GroupIndex)
     }
     float2 width = float2(float(Size.x), 0);
     float2 middle = float2(Size - 1) / 2;
-    float2 across = divided(exact_number(8), width);
-    float2 down = divided(exact_number(9), width);
+    float2 across = divided(exact_parameter(8), width);
+    float2 down = divided(exact_parameter(9), width);
     float2 corner = added(-multiplied(across, float2(middle.x, 0)), -multiplied(down, float2(middle.y, 0)));
-    float2 of_nearness = 0;
+    float2 per_inverse_depth = 0;
     if (has_depth)
     {
-        of_nearness = divided(exact_number(10), nearest_depth);
+        per_inverse_depth = divided(exact_parameter(10), nearest_depth);
     }
-    float least = min(max(-1.25 * asfloat(Ends.x) - 0.02, -0.5), 0.9);
-    float most = min(max(1.25 * asfloat(Ends.y) + 0.02, -0.5), 0.9);
-    Small.Store4(PERSPECTIVE, asuint(float4(of_nearness.x, across.x, down.x, corner.x)));
-    Small.Store2(PERSPECTIVE + 16, asuint(float2(least, most)));
+    float min_change = min(max(-1.25 * asfloat(ChangeRange.x) - 0.02, -0.5), 0.9);
+    float max_change = min(max(1.25 * asfloat(ChangeRange.y) + 0.02, -0.5), 0.9);
+    Small.Store4(DEPTH_CHANGE, asuint(float4(per_inverse_depth.x, across.x, down.x, corner.x)));
+    Small.Store2(DEPTH_CHANGE + 16, asuint(float2(min_change, max_change)));
     if (!has_depth)
     {
         return;
     }
-    // The way back: the inverse of what places count with, and what nearness does then.
+    // Projection from the previous anchor to the current one: the inverse of the 3x3 part, and the column of the inverse depth.
     float2 one = float2(1, 0);
-    float2 a[9] = { added(exact_number(0), one), exact_number(1), exact_number(2), exact_number(4), added(exact_number(5), one),
-        exact_number(6), exact_number(8), exact_number(9), one };
+    float2 a[9] = { added(exact_parameter(0), one), exact_parameter(1), exact_parameter(2), exact_parameter(4), added(exact_parameter(5), one),
+        exact_parameter(6), exact_parameter(8), exact_parameter(9), one };
     float2 minors[9];
     [loop]
     for (uint m = 0; m < 9; m++)
@@ -410,24 +412,24 @@ void main(uint thread : SV_GroupIndex)
         float2 first = multiplied(a[3 * r.x + c.x], a[3 * r.y + c.y]);
         minors[m] = added(first, -multiplied(a[3 * r.x + c.y], a[3 * r.y + c.x]));
     }
-    float2 whole = added(added(multiplied(a[0], minors[0]), multiplied(a[1], minors[1])), multiplied(a[2], minors[2]));
+    float2 determinant = added(added(multiplied(a[0], minors[0]), multiplied(a[1], minors[1])), multiplied(a[2], minors[2]));
     bool is_finite = true;
     [loop]
     for (uint r = 0; r < 3; r++)
     {
         float4 row = 0;
-        float2 of_near = 0;
+        float2 per_inverse_depth_row = 0;
         [unroll]
         for (uint c = 0; c < 3; c++)
         {
-            float2 inverse = divided(minors[3 * c + r], whole);
-            float2 counts = c == 0 ? exact_number(3) : c == 1 ? exact_number(7) : exact_number(10);
-            of_near = added(of_near, -multiplied(inverse, divided(counts, nearest_depth)));
+            float2 inverse = divided(minors[3 * c + r], determinant);
+            float2 counts = c == 0 ? exact_parameter(3) : c == 1 ? exact_parameter(7) : exact_parameter(10);
+            per_inverse_depth_row = added(per_inverse_depth_row, -multiplied(inverse, divided(counts, nearest_depth)));
             row[c] = inverse.x;
         }
-        row.w = of_near.x;
+        row.w = per_inverse_depth_row.x;
         is_finite = is_finite && all((asuint(row) & 0x7f800000) != 0x7f800000);
-        Small.Store4(BACK + 16 * r, asuint(row));
+        Small.Store4(REPROJECTION + 16 * r, asuint(row));
     }
-    Small.Store(HAS_BACK, is_finite ? 1 : 0);
+    Small.Store(HAS_REPROJECTION, is_finite ? 1 : 0);
 }

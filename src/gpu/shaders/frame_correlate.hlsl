@@ -1,11 +1,11 @@
-// How well the tiny pictures correlate when the current one is shifted, over what both share. A group to a shift.
+// Correlation of the tiny pictures for each shift of the current one, over the overlapping part. A group per shift.
 
 #include "frame.hlsli"
 #include "frame_cut.hlsli"
 
 groupshared uint Sums[6];
 
-// a times b, upper word first.
+// a b, upper word first.
 uint2 product(uint a, uint b)
 {
     uint low = (a & 0xffff) * (b & 0xffff);
@@ -42,7 +42,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     uint width = uint(max(end.x - first.x, 0));
     uint pixels = width * uint(max(end.y - first.y, 0));
     uint sums[5] = { 0, 0, 0, 0, 0 };
-    if (Small.Load(IS_DOUBTED) != 0)
+    if (Small.Load(IS_CUT_SUSPECTED) != 0)
     {
         [loop]
         for (uint i = thread; i < pixels; i += 64)

@@ -1,14 +1,14 @@
-// Whether a cut lies between the anchors: if most blocks are nowhere to be found, or fewer and the distribution of brightness has
-// changed as well. The first turn only says whether it may be one. One group.
+// Decides whether there is a cut between the anchors: if most blocks have no match, or fewer and the luma histograms differ as well. Run 0
+// only decides whether one is suspected. One group.
 
 #include "frame.hlsli"
 #include "frame_cut.hlsli"
 
 static const uint THREADS = 256;
-static const float ENOUGH = 0.125;
+static const float MIN_SHARE = 0.125;
 static const float CUT_ALONE = 0.85;
 static const float CUT_WITH_HISTOGRAM = 0.6;
-static const float DISTANCE = 0.3;
+static const float MIN_HISTOGRAM_DISTANCE = 0.3;
 
 groupshared uint Bins[64];
 groupshared uint Count[3];
@@ -33,7 +33,7 @@ void main(uint thread : SV_GroupIndex)
         InterlockedAdd(Count[min(Small.Load(AtBlocks + 4 * i), 2)], 1);
     }
     uint pixels = Reduced.x * Reduced.y;
-    if (Turn == 0)
+    if (Run == 0)
     {
         [loop]
         for (i = thread; i < 2 * pixels; i += THREADS)
@@ -46,8 +46,8 @@ void main(uint thread : SV_GroupIndex)
     {
         return;
     }
-    float apart = asfloat(Small.Load(HISTOGRAM_DISTANCE));
-    if (Turn == 0)
+    float histogram_distance = asfloat(Small.Load(HISTOGRAM_DISTANCE));
+    if (Run == 0)
     {
         uint sum = 0;
         [loop]
@@ -55,22 +55,22 @@ void main(uint thread : SV_GroupIndex)
         {
             sum += max(Bins[i], Bins[i + 32]) - min(Bins[i], Bins[i + 32]);
         }
-        apart = float(sum) / float(2 * pixels);
-        Small.Store(HISTOGRAM_DISTANCE, asuint(apart));
+        histogram_distance = float(sum) / float(2 * pixels);
+        Small.Store(HISTOGRAM_DISTANCE, asuint(histogram_distance));
     }
-    float telling = float(Count[1] + Count[2]);
-    float unexplained = telling > ENOUGH * float(blocks.x * blocks.y) ? float(Count[2]) / telling : 0;
-    bool may_be = unexplained >= CUT_ALONE || unexplained >= CUT_WITH_HISTOGRAM && apart >= DISTANCE;
-    if (IsStated != 0)
+    float with_detail = float(Count[1] + Count[2]);
+    float unexplained = with_detail > MIN_SHARE * float(blocks.x * blocks.y) ? float(Count[2]) / with_detail : 0;
+    bool is_suspected = unexplained >= CUT_ALONE || unexplained >= CUT_WITH_HISTOGRAM && histogram_distance >= MIN_HISTOGRAM_DISTANCE;
+    if (IsCutStated != 0)
     {
         unexplained = 1;
     }
     Small.Store(UNEXPLAINED, asuint(unexplained));
-    if (Turn == 0)
+    if (Run == 0)
     {
-        Small.Store(IS_DOUBTED, may_be ? 1 : 0);
+        Small.Store(IS_CUT_SUSPECTED, is_suspected ? 1 : 0);
     }
-    else if (may_be)
+    else if (is_suspected)
     {
         Small.Store(IS_CUT, 1);
     }

@@ -1,4 +1,4 @@
-// Pixels for a phase after the current anchor, as if its motion went on. A group to a tile.
+// Extrapolates the current anchor along its motion. A group per tile.
 
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
@@ -8,35 +8,35 @@
 void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint index : SV_GroupIndex)
 {
     int2 at = int2(thread.xy);
-    bool is_here = is_on(at);
-    bool is_live = is_here && !is_cut();
+    bool is_inside = is_in_picture(at);
+    bool is_generated = is_inside && !is_cut();
     bool is_hidden = false;
-    bool is_loose = false;
+    bool is_uncovered = false;
     float4 colour = 0;
-    if (is_live)
+    if (is_generated)
     {
-        uint4 tile = tile_at(AtTiles, group.xy);
-        uint2 key = Places.Load2(8 * pixel(at));
-        bool is_whole = tile.z == SMOOTH && all(extent(group.xy) == uint2(TILE, TILE));
-        int reach = WHOLE - phase_of(LandingPhase, key, is_whole ? TILE * int2(group.xy) + TILE / 2 : at);
-        int2 spot = 64 * at + part(vector_of(key), -reach);
-        colour = sampled(CURRENT, spot);
-        is_loose = mark_of(key) == HOLE;
+        uint4 tile = tile_at(AtSplatTiles, group.xy);
+        uint2 key = SplatKeys.Load2(8 * pixel_index(at));
+        bool is_whole = tile.z == UNIFORM && all(extent(group.xy) == uint2(TILE, TILE));
+        int fraction = PHASE_ONE - phase_of(SplatPhase, key, is_whole ? TILE * int2(group.xy) + TILE / 2 : at);
+        int2 position = 64 * at + scaled(vector_of(key), -fraction);
+        colour = sampled(CURRENT, position);
+        is_uncovered = tag_of(key) == HOLE;
         int2 from;
-        if (is_loose && nearest(spot, from))
+        if (is_uncovered && nearest_pixel(position, from))
         {
-            // What stands there now is in front of it, and would be seen twice.
-            uint2 shown = own_of_field(from);
-            is_hidden = !alike(shown, key) && is_nearer(shown, key);
+            // The foreground at that position would be drawn twice.
+            uint2 key_there = field_key(from);
+            is_hidden = !similar_motion(key_there, key) && is_in_front(key_there, key);
         }
     }
-    else if (is_here)
+    else if (is_inside)
     {
-        colour = stored(CURRENT, at);
+        colour = load_pixel(CURRENT, at);
     }
-    if (is_here && !is_hidden)
+    if (is_inside && !is_hidden)
     {
-        show(at, colour);
+        store_pixel(at, colour);
     }
-    note_tile(group.xy, index, is_here, is_hidden, in_levels(colour), is_loose);
+    store_tile_result(group.xy, index, is_inside, is_hidden, in_levels(colour), is_uncovered);
 }

@@ -1,35 +1,35 @@
-// Claims for the places that nothing claims: each borrows one from the left, the right, above or below, or the farthest of a
-// square of tiles around. A group to a tile.
+// Hole filling: each hole inherits the best of the nearest keys to the left, right, above and below, or else the farthest key of a square
+// of tiles around. A group per tile.
 
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
 #include "frame_reprojection.hlsli"
 #include "frame_border.hlsli"
 
-static const int NEAR = 24;
+static const int SEARCH_RADIUS = 24;
 
-// What claims a place by itself: what was borrowed meanwhile does not count.
-uint2 own_at(int2 at)
+// A pixel's own key: keys that were inherited meanwhile do not count.
+uint2 own_key(int2 at)
 {
-    uint2 key = Places.Load2(8 * pixel(at));
-    return mark_of(key) == Mark || is_empty(key) ? EMPTY : key;
+    uint2 key = SplatKeys.Load2(8 * pixel_index(at));
+    return tag_of(key) == InheritedTag || is_empty(key) ? EMPTY : key;
 }
 
 bool is_contradicted(int2 at, uint2 key)
 {
-    int reach = WHOLE - phase_of(LandingPhase, key, at);
+    int fraction = PHASE_ONE - phase_of(SplatPhase, key, at);
     int2 there;
-    if (!nearest(64 * at - part(vector_of(key), reach), there))
+    if (!nearest_pixel(64 * at - scaled(vector_of(key), fraction), there))
     {
         return false;
     }
-    uint2 shown = own_of_field(there);
-    return alike(shown, key) || is_nearer(key, shown);
+    uint2 key_there = field_key(there);
+    return similar_motion(key_there, key) || is_in_front(key, key_there);
 }
 
 uint2 farthest_around(uint2 tile)
 {
-    uint2 found = tile_at(AtTiles, tile).xy;
+    uint2 found = tile_at(AtSplatTiles, tile).xy;
     uint2 size = Tiles;
     uint level = AtLevels;
     [loop]
@@ -40,22 +40,22 @@ uint2 farthest_around(uint2 tile)
         found = Small.Load2(level + 8 * (tile.y * size.x + tile.x));
         level += 8 * size.x * size.y;
     }
-    return is_empty(found) ? key_of(0xffff, 0, 0) : found;
+    return is_empty(found) ? pack(0xffff, 0, 0) : found;
 }
 
 [numthreads(8, 8, 1)]
 void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID)
 {
     int2 at = int2(thread.xy);
-    if (is_cut() || tile_at(AtTiles, group.xy).w == 0 || !is_on(at) || !is_empty(Places.Load2(8 * pixel(at))))
+    if (is_cut() || tile_at(AtSplatTiles, group.xy).w == 0 || !is_in_picture(at) || !is_empty(SplatKeys.Load2(8 * pixel_index(at))))
     {
         return;
     }
-    bool is_shown = Mark == ORPHAN;
+    bool is_visible_in_previous = InheritedTag == PREVIOUS_ONLY;
     float luma = 0;
-    if (is_shown)
+    if (is_visible_in_previous)
     {
-        luma = luma_of(stored(PREVIOUS, at));
+        luma = luma_of(load_pixel(PREVIOUS, at));
     }
     uint2 best = EMPTY;
     uint3 least = 0xffffffff;
@@ -64,24 +64,24 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID)
     {
         int2 step = side == 0 ? int2(-1, 0) : side == 1 ? int2(1, 0) : side == 2 ? int2(0, -1) : int2(0, 1);
         uint2 key = EMPTY;
-        int away = 0;
+        int distance = 0;
         [loop]
-        while (away < NEAR && is_empty(key) && is_on(at + (away + 1) * step))
+        while (distance < SEARCH_RADIUS && is_empty(key) && is_in_picture(at + (distance + 1) * step))
         {
-            away++;
-            key = own_at(at + away * step);
+            distance++;
+            key = own_key(at + distance * step);
         }
         if (is_empty(key))
         {
             continue;
         }
         uint contradicted = is_contradicted(at, key) ? 1 : 0;
-        uint nearness = 0xffff - rank_of(key);
-        uint3 cost = uint3(contradicted, nearness, uint(away));
-        if (is_shown)
+        uint far_first_key = 0xffff - depth_key_of(key);
+        uint3 cost = uint3(contradicted, far_first_key, uint(distance));
+        if (is_visible_in_previous)
         {
-            float apart = abs(luma - luma_of(stored(PREVIOUS, at + away * step)));
-            cost = uint3(contradicted, uint(min(apart, 255)) + uint(away), nearness);
+            float luma_difference = abs(luma - luma_of(load_pixel(PREVIOUS, at + distance * step)));
+            cost = uint3(contradicted, uint(min(luma_difference, 255)) + uint(distance), far_first_key);
         }
         bool is_better = cost.x < least.x || cost.x == least.x && (cost.y < least.y || cost.y == least.y && cost.z < least.z);
         if (is_better)
@@ -90,19 +90,19 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID)
             best = key;
         }
     }
-    if (is_shown && has_past())
+    if (is_visible_in_previous && has_reprojection())
     {
-        best = past_or(at, best);
+        best = reprojected_or(at, best);
     }
     if (is_empty(best))
     {
         best = farthest_around(group.xy);
     }
-    best = marked(best, Mark);
-    if (is_shown && !has_past())
+    best = with_tag(best, InheritedTag);
+    if (is_visible_in_previous && !has_reprojection())
     {
-        uint2 leaves = leaving_at(at);
-        best = is_empty(leaves) ? best : leaves;
+        uint2 border = border_key(at);
+        best = is_empty(border) ? best : border;
     }
-    Places.Store2(8 * pixel(at), best);
+    SplatKeys.Store2(8 * pixel_index(at), best);
 }

@@ -1,4 +1,4 @@
-// Where the whole has gone: the shift that correlates best; of equals none, and then the first from above. One group.
+// Global motion: the shift with the largest correlation; for equal ones no shift wins, then the first in row order. One group.
 
 #include "frame.hlsli"
 #include "frame_cut.hlsli"
@@ -13,9 +13,9 @@ void main(uint thread : SV_GroupIndex)
 {
     uint2 reach = shift_reach();
     uint2 count = 2 * reach + 1;
-    // None comes first.
-    uint still = reach.y * count.x + reach.x;
-    float best = asfloat(Small.Load(AtShifts + 4 * still));
+    // No shift comes first.
+    uint unshifted = reach.y * count.x + reach.x;
+    float best = asfloat(Small.Load(AtShifts + 4 * unshifted));
     uint which = 0;
     [loop]
     for (uint i = thread; i < count.x * count.y; i += THREADS)
@@ -43,8 +43,8 @@ void main(uint thread : SV_GroupIndex)
     }
     if (thread == 0)
     {
-        uint found = Which[0] == 0 ? still : Which[0] - 1;
+        uint found = Which[0] == 0 ? unshifted : Which[0] - 1;
         int2 shift = int2(found % count.x, found / count.x) - int2(reach);
-        Small.Store2(SHIFT, uint2(int(TINY_FACTOR) * shift));
+        Small.Store2(GLOBAL_SHIFT, uint2(int(TINY_FACTOR) * shift));
     }
 }

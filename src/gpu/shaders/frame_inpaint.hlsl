@@ -1,4 +1,4 @@
-// Paints what neither anchor shows in the colours around it, between the middles of the tiles. A group to a tile.
+// Fills pixels that neither anchor shows, with bilinear interpolation between the tiles' colours. A group per tile.
 
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
@@ -12,11 +12,11 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
         return;
     }
     float2 last = float2(Tiles - 1);
-    precise float2 place = (float2(thread.xy) + 0.5) / TILE - 0.5;
-    place = min(max(place, 0), last);
-    uint2 first = min(uint2(place), Tiles - 1);
+    precise float2 position = (float2(thread.xy) + 0.5) / TILE - 0.5;
+    position = min(max(position, 0), last);
+    uint2 first = min(uint2(position), Tiles - 1);
     uint2 next = min(first + 1, Tiles - 1);
-    float2 t = place - float2(first);
+    float2 t = position - float2(first);
     float4 colour = 0;
     float weight = 0;
     [unroll]
@@ -25,7 +25,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
         uint2 cell = uint2((corner & 1) != 0 ? next.x : first.x, corner >= 2 ? next.y : first.y);
         float wx = (corner & 1) != 0 ? t.x : 1 - t.x;
         float wy = corner >= 2 ? t.y : 1 - t.y;
-        uint at = AtCells + 20 * (cell.y * Tiles.x + cell.x);
+        uint at = AtTileColours + 20 * (cell.y * Tiles.x + cell.x);
         precise float4 added = colour + asfloat(Small.Load4(at)) * wx * wy;
         precise float added_weight = weight + asfloat(Small.Load(at + 16)) * wx * wy;
         colour = added;
@@ -33,11 +33,11 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
     }
     float4 levels = colour / max(weight, 1e-6);
     float4 whole = floor(min(max(levels + 0.5, 0), 255));
-    float4 wide = halved(levels / 255);
-    float4 held = whole;
+    float4 wide = rounded_to_half(levels / 255);
+    float4 raw = whole;
     if (IsFloat != 0)
     {
-        held = wide;
+        raw = wide;
     }
-    show(int2(thread.xy), held);
+    store_pixel(int2(thread.xy), raw);
 }

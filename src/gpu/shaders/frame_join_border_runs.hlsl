@@ -1,17 +1,17 @@
-// What leaves over neighbouring lines is one thing, and moves as far as the line needs of which it covers most. The thread of the
-// first of its lines goes along all of them.
+// Joins the runs of adjacent lines into objects; an object moves by its longest run. The thread of an object's first line processes all its
+// lines.
 
 #include "frame.hlsli"
 #include "frame_reprojection.hlsli"
 #include "frame_border.hlsli"
 
-static const uint LEAST_WIDE = 3;
-static const int APART = 8;
+static const uint MIN_LENGTH = 3;
+static const int MAX_LINE_GAP = 8;
 
 [numthreads(64, 1, 1)]
 void main(uint thread : SV_DispatchThreadID)
 {
-    if (is_cut() || has_past() || thread >= 2 * (Size.x + Size.y))
+    if (is_cut() || has_reprojection() || thread >= 2 * (Size.x + Size.y))
     {
         return;
     }
@@ -21,13 +21,13 @@ void main(uint thread : SV_DispatchThreadID)
     int first = int(axis == 0 ? number : number - Size.y);
     int lines = int(axis == 0 ? Size.y : Size.x);
     uint from = 16 * (axis == 0 ? 0 : 2 * Size.y) + 16 * (thread & 1);
-    if (Small.Load(AtRuns + from + 32 * first) == 0)
+    if (Small.Load(AtBorderRuns + from + 32 * first) == 0)
     {
         return;
     }
-    for (int before = max(first - APART, 0); before < first; before++)
+    for (int before = max(first - MAX_LINE_GAP, 0); before < first; before++)
     {
-        if (Small.Load(AtRuns + from + 32 * before) != 0)
+        if (Small.Load(AtBorderRuns + from + 32 * before) != 0)
         {
             return;
         }
@@ -35,34 +35,34 @@ void main(uint thread : SV_DispatchThreadID)
     uint longest = 0;
     int end = first + 1;
     int entry = first;
-    while (entry < lines && entry - end < APART)
+    while (entry < lines && entry - end < MAX_LINE_GAP)
     {
-        uint length = Small.Load(AtRuns + from + 32 * entry);
+        uint length = Small.Load(AtBorderRuns + from + 32 * entry);
         longest = max(longest, length);
         end = length != 0 ? entry + 1 : end;
         entry++;
     }
-    if (longest < LEAST_WIDE)
+    if (longest < MIN_LENGTH)
     {
         return;
     }
-    // Of motion that was found in pictures with its rim, which is mixed with what it covers.
+    // Optical flow includes the anti-aliased edge, whose colours are mixed with the background's.
     int over = 64 * int(longest + IsOpticalFlow);
-    uint3 known = Small.Load3(AtRuns + from + 32 * first);
+    uint3 known = Small.Load3(AtBorderRuns + from + 32 * first);
     int after = first;
     uint3 next = known;
     for (entry = first; entry < end; entry++)
     {
         if (entry > after)
         {
-            // The next that is known: lines without a sign go with the shorter of the two beside them.
+            // The next line with a run; lines without outliers get the shorter of the runs beside them.
             known = next;
             after = entry;
-            next = Small.Load3(AtRuns + from + 32 * after);
+            next = Small.Load3(AtBorderRuns + from + 32 * after);
             while (next.x == 0)
             {
                 after++;
-                next = Small.Load3(AtRuns + from + 32 * after);
+                next = Small.Load3(AtBorderRuns + from + 32 * after);
             }
         }
         uint3 between = known;
@@ -75,6 +75,6 @@ void main(uint thread : SV_DispatchThreadID)
         int along = axis == 0 ? v.x : v.y;
         along = is_far ? min(along, -over) : max(along, over);
         v = axis == 0 ? int2(along, v.y) : int2(v.x, along);
-        Small.Store3(AtJoined + from + 32 * entry, uint3(run.x, key_of(rank_of(run.yz), ORPHAN, v)));
+        Small.Store3(AtJoined + from + 32 * entry, uint3(run.x, pack(depth_key_of(run.yz), PREVIOUS_ONLY, v)));
     }
 }

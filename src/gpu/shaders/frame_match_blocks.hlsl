@@ -1,20 +1,20 @@
-// Looks for a block of the current anchor in the previous one: where it stands and where its vector points, each with a search
-// around; in the second turn, if it was not found, where the whole has gone. A group to a block.
+// Searches a block of the current anchor in the previous one: at the same position and along its motion vector, with a window around both;
+// in run 1, if it was not found, along the global motion. A group per block.
 
 #include "frame.hlsli"
 #include "frame_cut.hlsli"
 
 static const int SEARCH = 3;
-static const uint SQUARE = 49;
-static const float CORRELATION = 0.7;
-static const float EVIDENT = 1.5;
-static const uint LOST = 2;
+static const uint WINDOW = 49;
+static const float MIN_CORRELATION = 0.7;
+static const float MIN_DETAIL = 1.5;
+static const uint NOT_FOUND = 2;
 static const uint FOUND = 1;
 
 groupshared int Here[256];
 groupshared uint IsFound;
 
-// Standard deviations of the block and of the previous anchor at a place, and how well they correlate.
+// Standard deviations of the block and of the previous anchor at a position, and their correlation.
 float3 compare(uint2 side, int2 at)
 {
     int n = int(side.x * side.y);
@@ -38,7 +38,7 @@ float3 compare(uint2 side, int2 at)
             products += here * there;
         }
     }
-    // Of at most 256 numbers of nine bits and a sign, all of this fits 32 bits, but for the sign of the last.
+    // Sums of at most 256 products of 9-bit integers fit 32 bits, except for the sign of the covariance.
     float variance_here = float(uint(n) * squares_here - uint(sum_here * sum_here));
     float variance_there = float(uint(n) * squares_there - uint(sum_there * sum_there));
     uint covariance = uint(n * products - sum_here * sum_there);
@@ -59,11 +59,11 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
 {
     uint2 corner = BLOCK * group.xy;
     uint2 side = min(uint2(BLOCK, BLOCK), Reduced - corner);
-    uint place = AtBlocks + 4 * (group.y * ((Reduced.x + BLOCK - 1) / BLOCK) + group.x);
-    bool is_live = IsStated == 0;
-    if (is_live && Turn != 0)
+    uint address = AtBlocks + 4 * (group.y * ((Reduced.x + BLOCK - 1) / BLOCK) + group.x);
+    bool is_searched = IsCutStated == 0;
+    if (is_searched && Run != 0)
     {
-        is_live = Small.Load(IS_DOUBTED) != 0 && Small.Load(place) == LOST;
+        is_searched = Small.Load(IS_CUT_SUSPECTED) != 0 && Small.Load(address) == NOT_FOUND;
     }
     if (thread == 0)
     {
@@ -80,10 +80,10 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
         Here[i] = here;
     }
     GroupMemoryBarrierWithGroupSync();
-    int2 whole = 0;
-    if (Turn != 0)
+    int2 centre = 0;
+    if (Run != 0)
     {
-        whole = int2(Small.Load2(SHIFT));
+        centre = int2(Small.Load2(GLOBAL_SHIFT));
     }
     else
     {
@@ -91,28 +91,28 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
         float2 v = Motion.Load(int3(middle / GuidanceTiles.x, 0));
         if (all((asuint(v) & 0x7f800000) != 0x7f800000))
         {
-            whole = int2(rounded(v.x / float(Factor)), rounded(v.y / float(Factor)));
+            centre = int2(rounded(v.x / float(Factor)), rounded(v.y / float(Factor)));
         }
     }
-    if (is_live)
+    if (is_searched)
     {
         [loop]
-        for (uint candidate = thread; candidate < (Turn != 0 ? SQUARE : 2 * SQUARE); candidate += 64)
+        for (uint candidate = thread; candidate < (Run != 0 ? WINDOW : 2 * WINDOW); candidate += 64)
         {
-            int2 shift = candidate < SQUARE ? whole : int2(0, 0);
-            uint step = candidate % SQUARE;
+            int2 shift = candidate < WINDOW ? centre : int2(0, 0);
+            uint step = candidate % WINDOW;
             int2 at = int2(corner) + shift + int2(step % 7, step / 7) - SEARCH;
-            if (all(at >= 0) && all(at + int2(side) <= int2(Reduced)) && compare(side, at).z >= CORRELATION)
+            if (all(at >= 0) && all(at + int2(side) <= int2(Reduced)) && compare(side, at).z >= MIN_CORRELATION)
             {
                 InterlockedOr(IsFound, 1);
             }
         }
     }
     GroupMemoryBarrierWithGroupSync();
-    if (is_live && thread == 0)
+    if (is_searched && thread == 0)
     {
         float2 deviations = compare(side, int2(corner)).xy;
-        bool is_evident = max(deviations.x, deviations.y) >= EVIDENT;
-        Small.Store(place, is_evident ? (IsFound != 0 ? FOUND : LOST) : 0);
+        bool has_detail = max(deviations.x, deviations.y) >= MIN_DETAIL;
+        Small.Store(address, has_detail ? (IsFound != 0 ? FOUND : NOT_FOUND) : 0);
     }
 }

@@ -1,5 +1,4 @@
-// Where nothing is known of a whole square of tiles, the mean of the picture serves; black where nothing is known at all. One
-// group.
+// Sets squares of tiles without visible pixels to the picture's mean; to black if no pixel is visible. One group.
 
 #include "frame.hlsli"
 
@@ -11,13 +10,13 @@ groupshared float Weights[THREADS];
 [numthreads(256, 1, 1)]
 void main(uint thread : SV_GroupIndex)
 {
-    uint tiles = Small.Load(IS_BLANK) != 0 ? Tiles.x * Tiles.y : 0;
+    uint tiles = Small.Load(HAS_EMPTY_SQUARE) != 0 ? Tiles.x * Tiles.y : 0;
     float4 colour = 0;
     float weight = 0;
     for (uint i = thread; i < tiles; i += THREADS)
     {
-        colour += asfloat(Small.Load4(AtKnown + 20 * i));
-        weight += asfloat(Small.Load(AtKnown + 20 * i + 16));
+        colour += asfloat(Small.Load4(AtColourSums + 20 * i));
+        weight += asfloat(Small.Load(AtColourSums + 20 * i + 16));
     }
     Colours[thread] = colour;
     Weights[thread] = weight;
@@ -38,10 +37,10 @@ void main(uint thread : SV_GroupIndex)
     }
     for (uint cell = thread; cell < tiles; cell += THREADS)
     {
-        if (asfloat(Small.Load(AtCells + 20 * cell + 16)) == 0)
+        if (asfloat(Small.Load(AtTileColours + 20 * cell + 16)) == 0)
         {
-            Small.Store4(AtCells + 20 * cell, asuint(mean));
-            Small.Store(AtCells + 20 * cell + 16, asuint(1.0));
+            Small.Store4(AtTileColours + 20 * cell, asuint(mean));
+            Small.Store(AtTileColours + 20 * cell + 16, asuint(1.0));
         }
     }
 }

@@ -1,22 +1,22 @@
-// What the previous anchor alone shows, where its depth is known.
+// Reprojection of the previous anchor's depth, for pixels that are visible in the previous anchor only.
 
-bool has_past()
+bool has_reprojection()
 {
-    return PastTile != 0 && Small.Load(HAS_BACK) != 0;
+    return PreviousDepthTile != 0 && Small.Load(HAS_REPROJECTION) != 0;
 }
 
-// How near what the previous anchor shows at a pixel is; what is farthest, and what is no depth, is not near at all.
-float near_in_past(int2 at)
+// Inverse depth of a pixel of the previous anchor; 0 for the far plane and for invalid depths.
+float previous_inverse_depth(int2 at)
 {
-    float depth = PastDepth.Load(int3(uint2(at) / PastTile, 0));
+    float depth = PreviousDepth.Load(int3(uint2(at) / PreviousDepthTile, 0));
     return depth > 0 && depth < 1 ? 1 - depth : 0;
 }
 
-// What a pixel of the previous anchor claims if it is at rest; EMPTY for what is farthest.
-uint2 claim_of_past(int2 at)
+// Key of a static pixel of the previous anchor; EMPTY if it cannot be reprojected.
+uint2 reprojected_key(int2 at)
 {
-    float near = near_in_past(at);
-    if (near <= 0)
+    float inverse_depth = previous_inverse_depth(at);
+    if (inverse_depth <= 0)
     {
         return EMPTY;
     }
@@ -27,8 +27,8 @@ uint2 claim_of_past(int2 at)
     [unroll]
     for (uint i = 0; i < 3; i++)
     {
-        float4 row = asfloat(Small.Load4(BACK + 16 * i));
-        precise float sum = (row.x * uv.x + row.y * uv.y) + (row.z + row.w * near);
+        float4 row = asfloat(Small.Load4(REPROJECTION + 16 * i));
+        precise float sum = (row.x * uv.x + row.y * uv.y) + (row.z + row.w * inverse_depth);
         to[i] = sum;
     }
     if (!(to.z > 0.25))
@@ -36,45 +36,46 @@ uint2 claim_of_past(int2 at)
         return EMPTY;
     }
     precise float2 xy = to.xy / to.z * width + middle;
-    float2 limit = float2(min(64 * int2(Size), LONGEST));
+    float2 limit = float2(min(64 * int2(Size), MAX_COMPONENT));
     precise float2 v = floor(min(max(64 * (float2(at) - xy), -limit), limit) + 0.5);
-    return key_of(rank_of_nearness(near / to.z), ORPHAN, int2(v));
+    return pack(depth_key_from(inverse_depth / to.z), PREVIOUS_ONLY, int2(v));
 }
 
-// Whether a claim from the previous anchor cannot be: the current one shows it, or what is behind it.
-bool past_is_contradicted(int2 at, uint2 claim)
+// Whether the current anchor contradicts a reprojected key: it shows the key's surface, or one behind it.
+bool is_contradicted_reprojection(int2 at, uint2 key)
 {
     int2 there;
-    if (!nearest(64 * at - vector_of(claim), there))
+    if (!nearest_pixel(64 * at - vector_of(key), there))
     {
         return false;
     }
-    uint2 shown = own_of_field(there);
-    return alike(shown, claim) || is_nearer(claim, shown);
+    uint2 key_there = field_key(there);
+    return similar_motion(key_there, key) || is_in_front(key, key_there);
 }
 
-// What claims a pixel of the previous anchor that nothing in the current one does: what is at rest there, if that can be, or
-// what was found beside it.
-uint2 past_or(int2 at, uint2 found)
+// Key of a pixel of the previous anchor that no pixel of the current one covers: the reprojected key if it is not contradicted, else the
+// candidate. A candidate at the same depth that moves differently wins.
+uint2 reprojected_or(int2 at, uint2 candidate)
 {
-    uint2 claim = claim_of_past(at);
-    if (is_empty(claim) || past_is_contradicted(at, claim))
+    uint2 key = reprojected_key(at);
+    if (is_empty(key) || is_contradicted_reprojection(at, key))
     {
-        return found;
+        return candidate;
     }
-    float near = near_in_past(at);
-    bool is_carried = !is_empty(found) && !alike(found, claim) && abs(nearness_of(found) - near) <= near / 32;
-    return is_carried ? found : claim;
+    float inverse_depth = previous_inverse_depth(at);
+    bool moves_with_candidate = !is_empty(candidate) && !similar_motion(candidate, key)
+        && abs(key_inverse_depth(candidate) - inverse_depth) <= inverse_depth / 32;
+    return moves_with_candidate ? candidate : key;
 }
 
-// Whether something stands in front of what claims a pixel of the previous anchor, of which the current one knows nothing.
-bool is_covered_in_past(int2 at, uint2 key, int2 of_key)
+// Whether a surface that is invisible in the current anchor occludes a pixel of the previous one.
+bool is_occluded_in_previous(int2 at, uint2 key, int2 key_position)
 {
-    precise float other = 1.125 * nearness_of(key) / (1 + change_of(key, of_key));
-    if (near_in_past(at) <= other)
+    precise float threshold = 1.125 * key_inverse_depth(key) / (1 + depth_change_of(key, key_position));
+    if (previous_inverse_depth(at) <= threshold)
     {
         return false;
     }
-    uint2 claim = claim_of_past(at);
-    return !is_empty(claim) && !past_is_contradicted(at, claim);
+    uint2 occluder = reprojected_key(at);
+    return !is_empty(occluder) && !is_contradicted_reprojection(at, occluder);
 }

@@ -1,9 +1,9 @@
-// A colour for each tile, which what is hidden there takes: what is known of a tile outweighs what the tiles around lend it, by
-// twos, fours and so on. A group to a square of 16 x 16 tiles.
+// Colour of each tile for inpainting: that of its visible pixels, with little weight for the surrounding 2x2, 4x4, ... tiles. A group per
+// square of 16x16 tiles.
 
 #include "frame.hlsli"
 
-static const float LENT = 1.0 / 16.0;
+static const float PARENT_WEIGHT = 1.0 / 16.0;
 
 groupshared float4 Colours[341];
 groupshared float Weights[341];
@@ -11,19 +11,19 @@ groupshared float Weights[341];
 [numthreads(16, 16, 1)]
 void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint index : SV_GroupIndex)
 {
-    bool is_needed = Small.Load(IS_HIDDEN) != 0;
+    bool is_needed = Small.Load(HAS_HIDDEN) != 0;
     float4 colour = 0;
     float weight = 0;
     uint number = thread.y * Tiles.x + thread.x;
     if (is_needed && all(thread.xy < Tiles))
     {
-        colour = asfloat(Small.Load4(AtKnown + 20 * number));
-        weight = asfloat(Small.Load(AtKnown + 20 * number + 16));
+        colour = asfloat(Small.Load4(AtColourSums + 20 * number));
+        weight = asfloat(Small.Load(AtColourSums + 20 * number + 16));
     }
     Colours[index] = colour;
     Weights[index] = weight;
     GroupMemoryBarrierWithGroupSync();
-    // Up: levels of 16 x 16, 8 x 8 and so on, one after the other.
+    // Upwards: sums of 2x2 cells.
     uint below = 0;
     uint above = 256;
     uint side = 8;
@@ -44,7 +44,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
         above += side * side;
         side /= 2;
     }
-    // Down again: `below` is the level of one cell now.
+    // Downwards: `below` is the level with one cell.
     above = below;
     side = 2;
     [unroll]
@@ -54,11 +54,11 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
         if (index < side * side)
         {
             uint parent = above + (index / side / 2) * (side / 2) + index % side / 2;
-            float lent = LENT / max(Weights[parent], LENT);
-            precise float4 lent_colour = Colours[below + index] + Colours[parent] * lent;
-            precise float lent_weight = Weights[below + index] + Weights[parent] * lent;
-            Colours[below + index] = lent_colour;
-            Weights[below + index] = lent_weight;
+            float weight_of_parent = PARENT_WEIGHT / max(Weights[parent], PARENT_WEIGHT);
+            precise float4 blended_colour = Colours[below + index] + Colours[parent] * weight_of_parent;
+            precise float blended_weight = Weights[below + index] + Weights[parent] * weight_of_parent;
+            Colours[below + index] = blended_colour;
+            Weights[below + index] = blended_weight;
         }
         GroupMemoryBarrierWithGroupSync();
         above = below;
@@ -66,11 +66,11 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
     }
     if (is_needed && all(thread.xy < Tiles))
     {
-        Small.Store4(AtCells + 20 * number, asuint(Colours[index]));
-        Small.Store(AtCells + 20 * number + 16, asuint(Weights[index]));
+        Small.Store4(AtTileColours + 20 * number, asuint(Colours[index]));
+        Small.Store(AtTileColours + 20 * number + 16, asuint(Weights[index]));
         if (Weights[index] == 0)
         {
-            Small.InterlockedOr(IS_BLANK, 1);
+            Small.InterlockedOr(HAS_EMPTY_SQUARE, 1);
         }
     }
 }

@@ -1,33 +1,32 @@
-// What a group of 8 x 8 threads finds out about the colours of its tile: which of its pixels nothing shows, and the sum of the
-// others' colours with their number.
+// Results of a tile, from its 8x8 threads: bits of hidden pixels, and sum and number of the other pixels' colours.
 
 groupshared float4 Colours[64];
 groupshared uint Hidden[2];
-groupshared uint Known;
-groupshared uint Loose;
+groupshared uint VisibleCount;
+groupshared uint UncoveredCount;
 
-void note_tile(uint2 tile, uint index, bool is_on, bool is_hidden, float4 levels, bool is_loose)
+void store_tile_result(uint2 tile, uint index, bool is_inside, bool is_hidden, float4 levels, bool is_uncovered)
 {
     if (index == 0)
     {
         Hidden[0] = 0;
         Hidden[1] = 0;
-        Known = 0;
-        Loose = 0;
+        VisibleCount = 0;
+        UncoveredCount = 0;
     }
-    Colours[index] = is_on && !is_hidden ? levels : 0;
+    Colours[index] = is_inside && !is_hidden ? levels : 0;
     GroupMemoryBarrierWithGroupSync();
-    if (is_on && is_hidden)
+    if (is_inside && is_hidden)
     {
         InterlockedOr(Hidden[index >> 5], 1u << (index & 31));
     }
-    if (is_on && !is_hidden)
+    if (is_inside && !is_hidden)
     {
-        InterlockedAdd(Known, 1);
+        InterlockedAdd(VisibleCount, 1);
     }
-    if (is_loose)
+    if (is_uncovered)
     {
-        InterlockedAdd(Loose, 1);
+        InterlockedAdd(UncoveredCount, 1);
     }
     GroupMemoryBarrierWithGroupSync();
     if (index == 0)
@@ -41,15 +40,15 @@ void note_tile(uint2 tile, uint index, bool is_on, bool is_hidden, float4 levels
         }
         uint number = tile.y * Tiles.x + tile.x;
         Small.Store2(AtHidden + 8 * number, uint2(Hidden[0], Hidden[1]));
-        Small.Store4(AtKnown + 20 * number, asuint(sum));
-        Small.Store(AtKnown + 20 * number + 16, asuint(float(Known)));
+        Small.Store4(AtColourSums + 20 * number, asuint(sum));
+        Small.Store(AtColourSums + 20 * number + 16, asuint(float(VisibleCount)));
         if ((Hidden[0] | Hidden[1]) != 0)
         {
-            Small.InterlockedOr(IS_HIDDEN, 1);
+            Small.InterlockedOr(HAS_HIDDEN, 1);
         }
-        if (Loose != 0)
+        if (UncoveredCount != 0)
         {
-            Small.InterlockedAdd(UNCOVERED, Loose);
+            Small.InterlockedAdd(UNCOVERED, UncoveredCount);
         }
     }
 }

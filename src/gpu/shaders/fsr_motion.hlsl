@@ -1,7 +1,7 @@
 // Motion as a provider can be given it: a vector with a component that is not finite becomes none, and none is longer than the
 // picture. Providers march along a vector pixel by pixel, so that a wild one holds the device up.
 
-#include "numbers.hlsli"
+#include "convert.hlsli"
 
 cbuffer Constants : register(b0)
 {
@@ -20,5 +20,5 @@ void main(uint3 at : SV_DispatchThreadID)
         return;
     }
     float2 v = From.Load(int3(at.xy, 0));
-    To[at.xy] = finite(v.x) && finite(v.y) ? clamp(v, -Limit, Limit) : float2(0, 0);
+    To[at.xy] = is_finite(v.x) && is_finite(v.y) ? clamp(v, -Limit, Limit) : float2(0, 0);
 }

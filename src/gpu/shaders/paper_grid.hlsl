@@ -2,7 +2,7 @@
 // threads does all cells. Sums and differences carry what a float loses in a second one, as the processor computes them in
 // doubles: where neighbours differ little, the gradient would else be what rounding leaves of it.
 
-#include "numbers.hlsli"
+#include "convert.hlsli"
 
 cbuffer Constants : register(b0)
 {
@@ -41,8 +41,8 @@ float2 sum_of(uint cell)
     for (uint channel = 0; channel < Channels; channel++)
     {
         uint index = channel * cells + cell;
-        float before = number(Previous, First.x + index, Half != 0) * SMALL;
-        float now = number(Current, First.y + index, Half != 0) * SMALL;
+        float before = load_number(Previous, First.x + index, Half != 0) * SMALL;
+        float now = load_number(Current, First.y + index, Half != 0) * SMALL;
         float2 difference = sum(now, -before);
         float2 next = sum(total.x, difference.x);
         precise float rest = next.y + (total.y + difference.y);
@@ -76,7 +76,7 @@ float slope(uint2 low, uint2 high, uint apart)
     precise float rest = difference.y + (b.y - a.y);
     float steep = quotient(sum(difference.x, rest), float(apart) * float(Channels));
     // Beyond the floats it is infinite, as the processor's is.
-    return finite(steep) ? steep / SMALL : 0;
+    return is_finite(steep) ? steep / SMALL : 0;
 }
 
 [numthreads(THREADS, 1, 1)]
@@ -88,8 +88,8 @@ void main(uint thread : SV_GroupIndex)
     for (uint cell = thread; cell < cells; cell += THREADS)
     {
         Cells.Store2(cell * WORDS * 4, asuint(sum_of(cell)));
-        float value = number(Current, First.y + cell, Half != 0);
-        if (finite(value))
+        float value = load_number(Current, First.y + cell, Half != 0);
+        if (is_finite(value))
         {
             lowest = min(lowest, value);
             highest = max(highest, value);
@@ -117,8 +117,8 @@ void main(uint thread : SV_GroupIndex)
         uint2 after = min(at + 1, Grid - 1);
         float across = slope(uint2(before.x, at.y), uint2(after.x, at.y), after.x - before.x);
         float down = slope(uint2(at.x, before.y), uint2(at.x, after.y), after.y - before.y);
-        float value = number(Current, First.y + i, Half != 0);
-        float depth = finite(value) && span > 0 ? (value * 0.25 - lowest) / span : 0;
+        float value = load_number(Current, First.y + i, Half != 0);
+        float depth = is_finite(value) && span > 0 ? (value * 0.25 - lowest) / span : 0;
         Cells.Store3((i * WORDS + 2) * 4, asuint(float3(across, down, depth)));
     }
 }

@@ -2,7 +2,7 @@
 // half-pixel centres, edges repeated, numbers clamped to [0, 1] before they are mixed. The same as the processor's own, to the
 // operation.
 
-#include "numbers.hlsli"
+#include "convert.hlsli"
 
 cbuffer Constants : register(b0)
 {
@@ -25,8 +25,8 @@ void main(uint3 at : SV_DispatchThreadID)
     }
     uint2 low, high;
     float2 t;
-    cells_of(at.x, From.x, To.x, low.x, high.x, t.x);
-    cells_of(at.y, From.y, To.y, low.y, high.y, t.y);
+    bilinear_cells(at.x, From.x, To.x, low.x, high.x, t.x);
+    bilinear_cells(at.y, From.y, To.y, low.y, high.y, t.y);
     float4 pixel = 1;
     [unroll]
     for (uint channel = 0; channel < 3; channel++)
@@ -35,9 +35,9 @@ void main(uint3 at : SV_DispatchThreadID)
         uint top = plane + low.y * From.x;
         uint bottom = plane + high.y * From.x;
         // What is not a number counts as 0.
-        float4 corners = float4(number(Planes, top + low.x, Half != 0), number(Planes, top + high.x, Half != 0),
-            number(Planes, bottom + low.x, Half != 0), number(Planes, bottom + high.x, Half != 0));
-        float value = mixed(min(max(corners, 0), 1), t);
+        float4 corners = float4(load_number(Planes, top + low.x, Half != 0), load_number(Planes, top + high.x, Half != 0),
+            load_number(Planes, bottom + low.x, Half != 0), load_number(Planes, bottom + high.x, Half != 0));
+        float value = bilinear(min(max(corners, 0), 1), t);
         // How a float becomes a byte is the adapter's choice within limits; a whole number of levels leaves it none.
         precise float rounded = floor(value * Levels + 0.5) / Levels;
         pixel[channel] = Levels != 0 ? rounded : value;

@@ -1,8 +1,8 @@
 // A picture as a target holds it: the columns of the rows that were made, in the target's colours and format, and black around it where
 // it does not fill the target.
 
-#include "halves.hlsli"
-#include "light.hlsli"
+#include "half_float.hlsli"
+#include "srgb.hlsli"
 
 cbuffer Constants : register(b0)
 {
@@ -51,7 +51,7 @@ float4 encoded(float4 shown)
     [branch]
     if (Colours != 0)
     {
-        float3 light = float3(light_of(shown.x), light_of(shown.y), light_of(shown.z));
+        float3 light = float3(linear_from_srgb(shown.x), linear_from_srgb(shown.y), linear_from_srgb(shown.z));
         if (Colours == 1)
         {
             colour = light * White;
@@ -69,13 +69,13 @@ void write(uint2 at, float4 v)
     uint place = at.y * Pitch;
     if (Written == 3)
     {
-        uint4 h = uint4(half_of(v.x), half_of(v.y), half_of(v.z), half_of(v.w));
+        uint4 h = uint4(half_from_float(v.x), half_from_float(v.y), half_from_float(v.z), half_from_float(v.w));
         Finished.Store2(place + 8 * at.x, uint2(h.x | h.y << 16, h.z | h.w << 16));
         return;
     }
     if (Written == 4)
     {
-        Finished.Store(place + 4 * at.x, small_floats_of(v.xyz));
+        Finished.Store(place + 4 * at.x, r11g11b10_from_float(v.xyz));
         return;
     }
     float4 top = Written == 2 ? float4(1023, 1023, 1023, 3) : float4(255, 255, 255, 255);
