@@ -9,8 +9,8 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use cairn::framegen::cpu::kernels::{
-    BLOCK, Block, DepthKeyRange, Positions, Rule, Sampled, SimdLevel, Source, TILE, VectorRange, depth_ranges,
-    motion_ranges,
+    BLOCK, Block, DepthKeyRange, Positions, Rule, Sampled, SimdLevel, Source, TILE, TileSource, VectorRange,
+    depth_ranges, motion_ranges,
 };
 use half::f16;
 use rayon::prelude::*;
@@ -120,8 +120,9 @@ fn pictures<'a, P: Sampled>(
     lines.push(Line::new(name("tiles"), move || {
         out.par_chunks_exact_mut(TILE * width).enumerate().for_each(|(band, out)| {
             for tile in 0..width / TILE {
-                let (a, b) = (position(tile, band, 1), position(tile, band, -1));
-                black_box(P::tile(level, previous, a, current, b, &rule, &mut out[tile * TILE..], width));
+                let previous = TileSource { picture: previous, at: position(tile, band, 1) };
+                let current = TileSource { picture: current, at: position(tile, band, -1) };
+                black_box(P::merge_tile(level, previous, current, &rule, &mut out[tile * TILE..], width));
             }
         });
     }));
@@ -129,7 +130,12 @@ fn pictures<'a, P: Sampled>(
     lines.push(Line::new(name("tiles of one"), move || {
         out.par_chunks_exact_mut(TILE * width).enumerate().for_each(|(band, out)| {
             for tile in 0..width / TILE {
-                P::tile_of_one(level, current, position(tile, band, 1), &mut out[tile * TILE..], width);
+                P::sample_tile(
+                    level,
+                    TileSource { picture: current, at: position(tile, band, 1) },
+                    &mut out[tile * TILE..],
+                    width,
+                );
             }
         });
     }));
@@ -145,8 +151,8 @@ fn pictures<'a, P: Sampled>(
             });
             let black = [current.pixels[0]; BLOCK];
             let mut out = Block { previous: black, current: black, merged: black };
-            P::pixels_of_one(level, previous, &a, u64::MAX, &mut out.previous);
-            P::pixels_of_one(level, current, &b, u64::MAX, &mut out.current);
+            P::sample_pixels(level, previous, &a, u64::MAX, &mut out.previous);
+            P::sample_pixels(level, current, &b, u64::MAX, &mut out.current);
             black_box(P::merge_block(level, &rule, &mut out));
             black_box(out);
         });

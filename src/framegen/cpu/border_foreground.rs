@@ -21,7 +21,7 @@ const PIXELS_PER_OUTLIER: usize = 3;
 const SIMILAR_LUMA: f32 = 16.0;
 /// Smallest extent of an object, in pixels of its longest line.
 const MIN_LENGTH: usize = 3;
-/// Lines without outliers are bridged if there are fewer than this.
+/// Lines without outliers are bridged if position are fewer than this.
 const MAX_LINE_GAP: usize = 8;
 /// Objects are searched in this fraction (1/n) of a line from each end.
 const LENGTH_DIVISOR: usize = 8;
@@ -96,7 +96,7 @@ impl BorderForeground {
             || is_near(&self.runs[height + x..height + x + across], y, height - y - down)
     }
 
-    /// Key of the foreground at a pixel, if there is any.
+    /// Key of the foreground at a pixel, if position is any.
     pub(super) fn key_at(&self, x: usize, y: usize) -> Option<Key> {
         let [width, height] = self.size;
         let ends = [(&self.runs[y], [x, width - 1 - x]), (&self.runs[height + x], [y, height - 1 - y])];
@@ -132,10 +132,10 @@ fn join_runs(lines: &mut [[BorderRun; 2]], end: usize, axis: usize, edge_width: 
             }
             line += 1;
         }
-        let over = 64 * (longest + edge_width) as i32;
+        let distance = 64 * (longest + edge_width) as i32;
         for run in lines[start..until].iter_mut().map(|ends| &mut ends[end]) {
             let mut vector = splat_key::vector(run.key);
-            vector[axis] = if end == 1 { vector[axis].min(-over) } else { vector[axis].max(over) };
+            vector[axis] = if end == 1 { vector[axis].min(-distance) } else { vector[axis].max(distance) };
             let key = splat_key::pack(splat_key::depth_key(run.key), PREVIOUS_ONLY, vector);
             *run = if longest < MIN_LENGTH { NONE } else { BorderRun { key, ..*run } };
         }
@@ -155,25 +155,25 @@ impl<P: Colour> BorderScan<'_, P> {
     /// The run at one end of a line, with the background's motion.
     fn run(&self, line: usize, axis: usize, is_far: bool) -> BorderRun {
         let size = [self.previous.width, self.previous.height];
-        let (mut len, mut outliers, mut gap, mut last, mut behind) = (0, 0, 0, 0.0, EMPTY);
+        let (mut len, mut outliers, mut gap, mut last, mut background) = (0, 0, 0, 0.0, EMPTY);
         for step in 0..(size[axis] / LENGTH_DIVISOR).min(MAX_COMPONENT as usize / 64) {
             let [x, y] = pixel_at(size, line, axis, is_far, step);
-            let (own, shown) = (self.previous_keys.own_key(x, y), self.previous.pixels[y * size[0] + x]);
+            let (own, colour) = (self.previous_keys.own_key(x, y), self.previous.pixels[y * size[0] + x]);
             if own == EMPTY {
-                if len == step && step > 0 && (shown.luma() - last).abs() <= SIMILAR_LUMA {
-                    (len, last) = (step + 1, shown.luma());
+                if len == step && step > 0 && (colour.luma() - last).abs() <= SIMILAR_LUMA {
+                    (len, last) = (step + 1, colour.luma());
                 }
                 continue;
             }
             let vector = splat_key::vector(own);
             // Background that enters the picture here was not covered before.
-            let outwards = if is_far { -vector[axis] } else { vector[axis] };
-            if outwards < -32 {
+            let outward = if is_far { -vector[axis] } else { vector[axis] };
+            if outward < -32 {
                 break;
             }
-            let there = [64 * x as i32 - vector[0], 64 * y as i32 - vector[1]];
-            if is_colour_outlier(shown, self.current, there, self.margin) {
-                (len, gap, last, behind) = (step + 1, 0, shown.luma(), own);
+            let position = [64 * x as i32 - vector[0], 64 * y as i32 - vector[1]];
+            if is_colour_outlier(colour, self.current, position, self.margin) {
+                (len, gap, last, background) = (step + 1, 0, colour.luma(), own);
                 outliers += 1;
             } else {
                 gap += 1;
@@ -188,9 +188,9 @@ impl<P: Colour> BorderScan<'_, P> {
         BorderRun {
             len,
             key: splat_key::pack(
-                splat_key::depth_key(behind).saturating_sub(DEPTH_KEY_STEP),
+                splat_key::depth_key(background).saturating_sub(DEPTH_KEY_STEP),
                 PREVIOUS_ONLY,
-                splat_key::vector(behind),
+                splat_key::vector(background),
             ),
         }
     }
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_gone_has_moved_over_the_edge_with_all_of_it() {
+    fn foreground_moves_out_of_the_picture_completely() {
         // Five pixels wide; three in one line and none in another.
         let (border, previous_keys) = found(0, |x, y| match y {
             4..8 | 10..16 => x >= 59,
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn it_leaves_over_the_edge_that_cuts_it_off() {
+    fn foreground_leaves_over_the_border_that_cuts_it_off() {
         let (border, _) = found(1, |x, y| y < 3 && (20..30).contains(&x));
         assert_eq!(border.key_at(25, 1).map(splat_key::vector), Some([0, 4 * 64]));
         let (border, _) = found(1, |x, y| y >= 21 && (20..30).contains(&x));
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_edge_cuts_off_and_what_is_narrow_stays() {
+    fn foreground_inside_or_too_narrow_is_ignored() {
         for previous_keys in
             [found(1, |x, y| (40..50).contains(&x) && (6..12).contains(&y)).1, found(1, |x, y| x >= 62 && y == 7).1]
         {

@@ -1,22 +1,19 @@
-//! Camera motion, estimated from motion and depth, and the warp times that follow from it.
+//! Camera fit: the camera motion, estimated from motion and depth of the current anchor.
 //!
-//! A point that moves uniformly in space does not move uniformly on the screen: it gets faster as it comes nearer. With
-//! distances `w0` and `w1` from the camera plane in the two anchors, at phase t it is where linear interpolation of its
-//! screen position is at phase `t w1 / ((1 - t) w0 + t w1)`. In a static world, `w0 / w1 - 1` is `tau q + alpha x +
+//! With distances `w0` and `w1` from the camera plane in the two anchors, `w0 / w1 - 1` of a static point is `tau q + alpha x +
 //! beta y` for a camera that moves forward by `tau` and turns by `alpha` and `beta`; `q`, the inverse depth, is
 //! proportional to `1 / w1` up to a small constant. A pixel at (x, y) in the current anchor was at (u, v) in the
 //! previous one:
 //!
 //! `u (1 + alpha x + beta y + tau q) = x + a x + b y + c + d q`, and the same for `v` with four parameters of its own.
 //!
-//! The eleven parameters are a least-squares fit to a few hundred pixels. If less than nine tenths of these are
+//! The eleven parameters are a least-squares fit to a few hundred pixels. If less than nine tenths of columns are
 //! inliers, RANSAC (M. A. Fischler and R. C. Bolles, Random sample consensus, 1981) selects the inliers, which excludes
 //! objects that move on their own or with the camera. If less than half of the pixels fit, motion is interpolated
 //! linearly.
 
-use super::kernels::TILE;
-use super::splat_key::{Key, PHASE_ONE};
 use super::static_mask::StaticMask;
+use super::warp::DepthChange;
 use crate::guidance::Guidance;
 
 /// Columns and rows of sampled pixels.
@@ -35,23 +32,6 @@ const PARAMETERS: usize = 11;
 const REGULARISATION: f64 = 1e-6;
 /// Range of `w0 / w1 - 1`: half the distance to nearly twice the distance in the previous anchor.
 const CHANGE_RANGE: [f64; 2] = [-0.5, 0.9];
-/// Phases end three intervals after the previous anchor, so that products with motion vectors fit 32 bits.
-const MAX_PHASE: f32 = (3 * PHASE_ONE - 2) as f32;
-
-/// Relative change of distance, `w0 / w1 - 1`, as a linear function of inverse depth and pixel position.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct DepthChange {
-    /// Factor of the inverse depth.
-    pub(super) inverse_depth: f32,
-    /// Gradient along x and y, per pixel.
-    pub(super) slope: [f32; 2],
-    /// Value at pixel (0, 0) and inverse depth 0.
-    pub(super) origin: f32,
-    /// Lower bound of the change, at most 0.
-    pub(super) min: f32,
-    /// Upper bound of the change, at least 0.
-    pub(super) max: f32,
-}
 
 /// Projection of static points from pixels of the previous anchor to the current one.
 #[derive(Debug, Clone, Copy)]
@@ -70,123 +50,6 @@ pub(super) struct CameraFit {
     pub(super) depth_change: DepthChange,
     /// Set if the depth varies.
     pub(super) reprojection: Option<ReprojectionMatrix>,
-}
-
-/// A time between or after the anchors, from which the phase of each pixel of the current anchor follows.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct WarpTime {
-    phase: f32,
-    /// Rest of the interval, 1 - phase.
-    left: f32,
-    depth_change: DepthChange,
-}
-
-/// A warp from one of the anchors to a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Warp {
-    from: i32,
-    to: WarpTime,
-}
-
-/// Inverse depth of the farthest depth key in bits, see `kernels::ranges`.
-const MIN_INVERSE_DEPTH_BITS: u32 = 103 << 23;
-
-/// Depth key of an inverse depth.
-#[inline(always)]
-pub(super) fn depth_key_from(inverse_depth: f32) -> u16 {
-    u16::MAX - (inverse_depth.min(1.0).to_bits().saturating_sub(MIN_INVERSE_DEPTH_BITS) >> 12) as u16
-}
-
-/// Inverse depth of a key: 1 at the near plane, 0 at the far one.
-#[inline(always)]
-pub(super) fn key_inverse_depth(key: Key) -> f32 {
-    f32::from_bits(MIN_INVERSE_DEPTH_BITS + ((u32::from(u16::MAX) - (key >> 48) as u32) << 12))
-}
-
-impl WarpTime {
-    /// `phase` is relative to the previous anchor, in units of 1 / [`PHASE_ONE`] and at most two intervals.
-    pub(super) fn new(phase: i32, depth_change: DepthChange) -> Self {
-        Self { phase: phase as f32, left: (PHASE_ONE - phase) as f32 / PHASE_ONE as f32, depth_change }
-    }
-
-    /// The time of the previous anchor.
-    pub(super) fn previous_anchor() -> Self {
-        Self::new(0, DepthChange::default())
-    }
-
-    /// Phase at which linear motion reaches the position of pixel (x, y) at this time.
-    #[inline(always)]
-    pub(super) fn phase(&self, key: Key, at: [i32; 2]) -> i32 {
-        // Uniform motion.
-        if self.phase == 0.0 || self.depth_change.min >= self.depth_change.max {
-            return self.phase as i32;
-        }
-        self.phase_at(self.depth_change.change(key, at))
-    }
-
-    /// Phases of eight adjacent pixels, the first at (x, y).
-    #[inline(always)]
-    pub(super) fn phases(&self, keys: &[Key; TILE], [x, y]: [i32; 2]) -> [i32; TILE] {
-        let mut phases = [0; TILE];
-        for i in 0..TILE {
-            phases[i] = self.phase(keys[i], [x + i as i32, y]);
-        }
-        phases
-    }
-
-    /// Phase of a uniform tile, taken at its centre.
-    #[inline(always)]
-    pub(super) fn phase_of_tile(&self, key: Key, origin: [usize; 2]) -> i32 {
-        self.phase(key, origin.map(|at| (at + TILE / 2) as i32))
-    }
-
-    #[inline(always)]
-    fn phase_at(&self, change: f32) -> i32 {
-        // Adding 1.5 * 2^23 rounds to the nearest integer, which is then in the low bits.
-        const ROUNDING: f32 = 12_582_912.0;
-        let phase = self.phase / (1.0 + self.left * change);
-        let phase = if phase < MAX_PHASE { phase } else { MAX_PHASE };
-        (phase + ROUNDING).to_bits() as i32 - ROUNDING.to_bits() as i32
-    }
-}
-
-impl Warp {
-    pub(super) fn from_current(to: WarpTime) -> Self {
-        Self { from: PHASE_ONE, to }
-    }
-
-    pub(super) fn from_previous(to: WarpTime) -> Self {
-        Self { from: 0, to }
-    }
-
-    /// Fraction of its motion vector by which the pixel (x, y) is moved.
-    #[inline(always)]
-    pub(super) fn fraction(&self, key: Key, at: [i32; 2]) -> i32 {
-        self.from - self.to.phase(key, at)
-    }
-
-    /// Fractions of eight adjacent pixels, the first at (x, y).
-    #[inline(always)]
-    pub(super) fn fractions(&self, keys: &[Key; TILE], at: [i32; 2]) -> [i32; TILE] {
-        let mut fractions = self.to.phases(keys, at);
-        for fraction in &mut fractions {
-            *fraction = self.from - *fraction;
-        }
-        fractions
-    }
-
-    /// Fraction of a uniform tile.
-    #[inline(always)]
-    pub(super) fn fraction_of_tile(&self, key: Key, origin: [usize; 2]) -> i32 {
-        self.from - self.to.phase_of_tile(key, origin)
-    }
-
-    /// Minimum and maximum fraction of any pixel.
-    pub(super) fn fraction_bounds(&self) -> [i32; 2] {
-        let ends =
-            [self.to.depth_change.min, self.to.depth_change.max].map(|change| self.from - self.to.phase_at(change));
-        [ends[0].min(ends[1]), ends[0].max(ends[1])]
-    }
 }
 
 /// Position of a pixel in both anchors, and its inverse depth. Positions are relative to the picture's centre, in
@@ -218,10 +81,10 @@ impl Sample {
     /// Squared distance between the previous position and the one that the parameters predict.
     fn squared_error(&self, n: &Parameters) -> f64 {
         let [x, y] = self.current;
-        let whole = 1.0 + self.change(n);
+        let scale = 1.0 + self.change(n);
         let expected = |c: usize| {
             (self.current[c] + n[4 * c] * x + n[4 * c + 1] * y + n[4 * c + 2] + n[4 * c + 3] * self.inverse_depth)
-                / whole
+                / scale
         };
         let [x, y] = [expected(0) - self.previous[0], expected(1) - self.previous[1]];
         x * x + y * y
@@ -237,10 +100,10 @@ impl ReprojectionMatrix {
             let [i, j] = [[(i + 1) % 3, (i + 2) % 3], [(j + 1) % 3, (j + 2) % 3]];
             a[i[0]][j[0]] * a[i[1]][j[1]] - a[i[0]][j[1]] * a[i[1]][j[0]]
         };
-        let whole = a[0][0] * minor(0, 0) + a[0][1] * minor(0, 1) + a[0][2] * minor(0, 2);
+        let determinant = a[0][0] * minor(0, 0) + a[0][1] * minor(0, 1) + a[0][2] * minor(0, 2);
         let k = [n[3], n[7], n[10]].map(|v| v / nearest);
         let rows = [0, 1, 2].map(|i| {
-            let row = [0, 1, 2].map(|j| minor(j, i) / whole);
+            let row = [0, 1, 2].map(|j| minor(j, i) / determinant);
             let per_inverse_depth = -(row[0] * k[0] + row[1] * k[1] + row[2] * k[2]);
             [row[0], row[1], row[2], per_inverse_depth].map(|v| v as f32)
         });
@@ -261,18 +124,6 @@ impl ReprojectionMatrix {
     }
 }
 
-impl DepthChange {
-    /// `w0 / w1 - 1` of pixel (x, y).
-    #[inline(always)]
-    pub(super) fn change(&self, key: Key, [x, y]: [i32; 2]) -> f32 {
-        let Self { inverse_depth: per_inverse_depth, slope, origin, min, max } = *self;
-        let change =
-            per_inverse_depth * key_inverse_depth(key) + (slope[0] * x as f32 + (slope[1] * y as f32 + origin));
-        let change = if change < max { change } else { max };
-        if change > min { change } else { min }
-    }
-}
-
 impl CameraFit {
     /// Fits the camera to a guidance, without static pixels.
     pub(super) fn fit(guidance: &Guidance, static_mask: &StaticMask<'_>) -> Self {
@@ -284,8 +135,8 @@ impl CameraFit {
         let (mut count, mut nearest, mut farthest) = (0, 0.0_f64, 1.0_f64);
         let size = [width, height];
         for number in 0..all_samples.len() {
-            let place = [number % SAMPLE_GRID[0], number / SAMPLE_GRID[0]];
-            let at = [0, 1].map(|c| (2 * place[c] + 1) * size[c] / (2 * SAMPLE_GRID[c]));
+            let cell = [number % SAMPLE_GRID[0], number / SAMPLE_GRID[0]];
+            let at = [0, 1].map(|c| (2 * cell[c] + 1) * size[c] / (2 * SAMPLE_GRID[c]));
             if static_mask.is_static(at) {
                 continue;
             }
@@ -345,7 +196,7 @@ fn sample(guidance: &Guidance, [x, y]: [usize; 2]) -> Option<Sample> {
     Some(Sample { current: in_widths(at), previous: in_widths(previous), inverse_depth: f64::from(1.0 - depth) })
 }
 
-/// Parameters with the most inliers, if these are at least half of the samples.
+/// Parameters with the most inliers, if columns are at least half of the samples.
 fn ransac(samples: &[Sample], within: f64) -> Option<Parameters> {
     let bound = within * within;
     let inliers =
@@ -358,11 +209,11 @@ fn ransac(samples: &[Sample], within: f64) -> Option<Parameters> {
             break;
         }
         // Pseudo-random samples (Knuth's MMIX generator), the same in every call.
-        let some: [Sample; TRIAL_SAMPLES] = std::array::from_fn(|_| {
+        let subset: [Sample; TRIAL_SAMPLES] = std::array::from_fn(|_| {
             random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             samples[(random >> 33) as usize % samples.len()]
         });
-        let Some(trial) = least_squares(some.iter()) else { continue };
+        let Some(trial) = least_squares(subset.iter()) else { continue };
         let count = inliers(&trial);
         if count > most_inliers {
             (best, most_inliers) = (trial, count);
@@ -380,11 +231,11 @@ fn least_squares<'a>(samples: impl Iterator<Item = &'a Sample>) -> Option<Parame
     let mut right = [0.0; PARAMETERS];
     for sample in samples {
         for component in 0..2 {
-            let (coefficients, left) = sample.equation(component);
-            let these = || (4 * component..4 * component + 4).chain(8..PARAMETERS);
-            for i in these() {
-                these().take_while(|&j| j <= i).for_each(|j| matrix[i][j] += coefficients[i] * coefficients[j]);
-                right[i] += coefficients[i] * left;
+            let (coefficients, right_hand_side) = sample.equation(component);
+            let columns = || (4 * component..4 * component + 4).chain(8..PARAMETERS);
+            for i in columns() {
+                columns().take_while(|&j| j <= i).for_each(|j| matrix[i][j] += coefficients[i] * coefficients[j]);
+                right[i] += coefficients[i] * right_hand_side;
             }
         }
     }
@@ -408,7 +259,8 @@ fn least_squares<'a>(samples: impl Iterator<Item = &'a Sample>) -> Option<Parame
 pub(super) mod tests {
     use half::f16;
 
-    use super::super::splat_key;
+    use super::super::splat_key::{self, Key, PHASE_ONE};
+    use super::super::warp::{Warp, WarpTime};
     use super::*;
     use crate::guidance::{DepthMap, MotionField, MotionOrigin, paper};
 
@@ -419,7 +271,7 @@ pub(super) mod tests {
 
     /// Position at phase t, in pixels, of a point in the current camera's space, for a camera that moves forward and
     /// turns.
-    pub(in super::super) fn seen([x, y, z]: [f64; 3], t: f64) -> [f64; 2] {
+    pub(in super::super) fn project([x, y, z]: [f64; 3], t: f64) -> [f64; 2] {
         // A small-angle rotation, linear in time.
         let (turn, ahead, aside) = (0.05, 0.12, 0.04);
         let previous = [x + turn * z + aside, y, z - turn * x + ahead];
@@ -428,7 +280,7 @@ pub(super) mod tests {
     }
 
     /// Point that a pixel of the current anchor shows: ground, and two posts on it.
-    pub(in super::super) fn shown(x: f64, y: f64) -> [f64; 3] {
+    pub(in super::super) fn surface_point(x: f64, y: f64) -> [f64; 3] {
         let ray = [(x - centre(SIZE[0] as usize)) / FOCAL, (y - centre(SIZE[1] as usize)) / FOCAL];
         let ground = if ray[1] > 0.02 { 1.6 / ray[1] } else { 80.0 };
         let z = match x as u32 {
@@ -455,8 +307,8 @@ pub(super) mod tests {
 
     /// Motion and depth of the static world.
     pub(in super::super) fn walk(x: f64, y: f64) -> ([f64; 2], f64) {
-        let point = shown(x, y);
-        let previous = seen(point, 0.0);
+        let point = surface_point(x, y);
+        let previous = project(point, 0.0);
         ([previous[0] - x, previous[1] - y], 1.0 - NEAR / point[2])
     }
 
@@ -474,7 +326,7 @@ pub(super) mod tests {
             for phase in [PHASE_ONE / 4, PHASE_ONE / 2, 3 * PHASE_ONE / 4, 3 * PHASE_ONE / 2] {
                 let warp = Warp::from_current(WarpTime::new(phase, depth_change));
                 let fraction = f64::from(warp.fraction(key_of((vector, depth)), [x, y])) / f64::from(PHASE_ONE);
-                let truth = seen(shown(at[0], at[1]), f64::from(phase) / f64::from(PHASE_ONE));
+                let truth = project(surface_point(at[0], at[1]), f64::from(phase) / f64::from(PHASE_ONE));
                 (0..2).for_each(|c| worst = worst.max((at[c] + fraction * vector[c] - truth[c]).abs()));
             }
         }
@@ -482,31 +334,31 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_walk_with_a_turn_is_followed() {
-        let even = worst(DepthChange::default());
-        assert!(even > 0.5, "{even}");
+    fn a_walk_with_a_turn_is_fitted() {
+        let linear = worst(DepthChange::default());
+        assert!(linear > 0.5, "{linear}");
         for tile in [1, 8] {
             let found = worst(CameraFit::fit(&guidance(walk, tile), &StaticMask::default()).depth_change);
-            assert!(found < 0.05 * even, "{found} of {even}, tiles of {tile}");
+            assert!(found < 0.05 * linear, "{found} of {linear}, tiles of {tile}");
         }
     }
 
     #[test]
-    fn what_moves_by_itself_and_what_is_carried_along_count_for_nothing() {
+    fn objects_that_move_on_their_own_or_with_the_camera_are_outliers() {
         let motion = |x: f64, y: f64| match (x as u32, y as u32) {
             (180.., 110..) => ([0.0; 2], 0.3),
             (90..150, 70..120) => ([9.0, -3.0], 0.98),
             _ => walk(x, y),
         };
-        let (found, even) = (
+        let (found, linear) = (
             worst(CameraFit::fit(&guidance(motion, 1), &StaticMask::default()).depth_change),
             worst(DepthChange::default()),
         );
-        assert!(found < 0.1 * even, "{found} of {even}");
+        assert!(found < 0.1 * linear, "{found} of {linear}");
     }
 
     #[test]
-    fn motion_that_tells_nothing_is_even() {
+    fn motion_without_a_camera_fit_is_linear() {
         let any = |x: f64, y: f64| f64::from((x as u32 * 7919 + y as u32 * 104_729) % 257) / 16.0;
         let wild = guidance(|x, y| ([any(x, y), any(y, x)], 1.0 - 0.1 / (1.0 + any(x + 3.0, y))), 1);
         assert_eq!(CameraFit::fit(&wild, &StaticMask::default()).depth_change, DepthChange::default());
@@ -523,7 +375,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn anchors_are_where_they_are_and_bounds_hold() {
+    fn warps_to_the_anchors_are_exact_and_fractions_bounded() {
         let depth_change = CameraFit::fit(&guidance(walk, 1), &StaticMask::default()).depth_change;
         for phase in [0, 1, PHASE_ONE / 3, PHASE_ONE, 2 * PHASE_ONE] {
             let warp = Warp::from_current(WarpTime::new(phase, depth_change));

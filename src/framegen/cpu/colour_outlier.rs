@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_between_those_around_belong_there() {
+    fn colours_within_the_range_of_the_neighbourhood_are_no_outliers() {
         assert!(!is_outlier_at([25, 50, 100, 255], 2));
         assert!(!is_outlier_at([40 + MARGIN as u8, 90, 200, 255], 2));
         assert!(is_outlier_at([41 + MARGIN as u8, 90, 200, 255], 2));
@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_near_counts() {
+    fn only_the_neighbourhood_counts() {
         assert!(!is_outlier_at([10, 20, 200, 255], 1));
         assert!(is_outlier_at([10, 20, 200, 255], 0));
         assert!(!is_outlier_at([255, 255, 255, 255], -1));
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn light_that_changes_everywhere_makes_nothing_foreign() {
+    fn a_change_of_brightness_makes_no_outliers() {
         let bright = [[100, 200, 30, 255]; 20];
         let dark = bright.map(|[r, g, b, a]| [r / 2, g / 2, b / 2, a]);
         let [bright, dark] = [&bright, &dark].map(|pixels| Source { pixels, width: 20, height: 1 });

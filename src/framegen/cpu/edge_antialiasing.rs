@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tile_is_soft_where_surfaces_part_and_else_where_nothing_landed() {
+    fn edges_and_uncovered_pixels_are_blended() {
         let claim = |x| splat_key::pack(9, 0, [x, 0]);
         let right = 0xf0f0_f0f0_f0f0_f0f0;
         assert_eq!(blend_mask(LEVEL, &halves(claim(0), claim(EDGE_MOTION + 1)), 0), u64::MAX);
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn softening_moves_contrast_and_keeps_the_sum() {
+    fn blending_preserves_the_sum() {
         let dark = [40, 80, 120, 255];
         let mut tile = [dark; BLOCK];
         tile[27] = [168, 80, 120, 255];
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_count_themselves_for_what_is_outside() {
+    fn pixels_replace_neighbours_outside_the_tile() {
         let mut tile = [[0, 0, 0, 255]; BLOCK];
         tile[0] = [128, 0, 0, 255];
         antialias(&mut tile, 1, 0);

@@ -1,4 +1,4 @@
-//! Hole filling: keys for pixels that no key covers.
+//! Hole hole_fill: keys for pixels that no key covers.
 //!
 //! A hole continues a surface beside it. In the previous anchor it is a pixel that is occluded in the current one or
 //! has left the picture; in the frame, one that neither anchor shows. Candidates are the nearest keys to the left,
@@ -7,7 +7,6 @@
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use super::border_foreground::BorderForeground;
-use super::camera_fit::Warp;
 use super::colour::Colour;
 use super::kernels::candidates::{self, Candidates, Costs, OutsideCandidates, SIDES};
 use super::kernels::{self, BLOCK, Source, TILE, tile_keys};
@@ -15,6 +14,7 @@ use super::key_buffer::{Grid, KeyBuffer, Tile};
 use super::reprojection::Reprojection;
 use super::resize;
 use super::splat_key::{self, EMPTY, Key, is_in_front, pack, scaled, similar_motion};
+use super::warp::Warp;
 use crate::Result;
 use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
 
@@ -40,7 +40,7 @@ pub(super) struct HoleFiller {
     levels: Vec<PyramidLevel>,
 }
 
-/// Result of filling a tile from candidates.
+/// Result of hole_fill a tile from candidates.
 #[derive(Debug, Clone, Copy, Default)]
 struct Filled {
     /// Holes without a candidate.
@@ -73,29 +73,29 @@ pub(super) struct FillInputs<'a, P> {
 }
 
 impl HoleFiller {
-    /// Gives each hole of `keys_to_fill` an inherited key; returns the number of holes.
+    /// Gives each hole of `buffer` an inherited key; returns the number of holes.
     pub(super) fn fill<P: Colour>(
         &mut self,
         level: kernels::SimdLevel,
-        keys_to_fill: &mut KeyBuffer,
+        buffer: &mut KeyBuffer,
         inputs: &FillInputs<'_, P>,
     ) -> Result<usize> {
-        let grid = keys_to_fill.grid;
+        let grid = buffer.grid;
         self.reserve(grid)?;
-        let holes = self.find_covered(level, keys_to_fill);
+        let holes = self.find_covered(level, buffer);
         if holes == 0 {
             return Ok(0);
         }
         let Self { covered, filled, levels } = self;
-        let mut inherited = std::mem::take(&mut keys_to_fill.inherited);
-        let (filling, has_unfilled) = (HoleFill { level, keys_to_fill, covered, inputs }, AtomicBool::new(false));
+        let mut inherited = std::mem::take(&mut buffer.inherited);
+        let (hole_fill, has_unfilled) = (HoleFill { level, buffer, covered, inputs }, AtomicBool::new(false));
         let rows = inherited.par_chunks_mut(grid.columns).zip(filled.par_chunks_mut(grid.columns));
         rows.enumerate().for_each(|(row, (inherited, filled))| {
             let mut scratch = Scratch { candidates: Candidates::NONE, costs: [[u32::MAX; BLOCK]; SIDES] };
             for (column, (keys, filled)) in inherited.iter_mut().zip(filled).enumerate() {
-                filling.prefetch(column + PREFETCH_AHEAD, row);
-                if filling.keys_to_fill.tiles[row * grid.columns + column].holes > 0 {
-                    *filled = filling.fill_tile([column, row], &mut scratch, keys);
+                hole_fill.prefetch(column + PREFETCH_AHEAD, row);
+                if hole_fill.buffer.tiles[row * grid.columns + column].holes > 0 {
+                    *filled = hole_fill.fill_tile([column, row], &mut scratch, keys);
                     if filled.unfilled != 0 {
                         has_unfilled.store(true, Ordering::Relaxed);
                     }
@@ -104,12 +104,12 @@ impl HoleFiller {
         });
         // Usually every hole has a candidate.
         if has_unfilled.into_inner() {
-            build_pyramid(levels, keys_to_fill);
+            build_pyramid(levels, buffer);
         }
-        let rows = keys_to_fill.tiles.par_chunks_mut(grid.columns).zip(inherited.par_chunks_mut(grid.columns));
-        let rows = rows.zip(filled.par_chunks(grid.columns)).zip(keys_to_fill.vertical_ranges.par_iter_mut());
-        rows.enumerate().for_each(|(row, (((tiles, inherited), filled), vector_range))| {
-            *vector_range = [i32::MAX, i32::MIN];
+        let rows = buffer.tiles.par_chunks_mut(grid.columns).zip(inherited.par_chunks_mut(grid.columns));
+        let rows = rows.zip(filled.par_chunks(grid.columns)).zip(buffer.vertical_ranges.par_iter_mut());
+        rows.enumerate().for_each(|(row, (((tiles, inherited), filled), vertical_range))| {
+            *vertical_range = [i32::MAX, i32::MIN];
             for (column, ((tile, keys), filled)) in tiles.iter_mut().zip(inherited).zip(filled).enumerate() {
                 [tile.low, tile.high] = match (tile.holes, filled.unfilled) {
                     (0, _) => [[i32::MAX; 2], [i32::MIN; 2]],
@@ -123,10 +123,10 @@ impl HoleFiller {
                         tile_keys::vector_range(level, keys)
                     }
                 };
-                *vector_range = [vector_range[0].min(tile.low[1]), vector_range[1].max(tile.high[1])];
+                *vertical_range = [vertical_range[0].min(tile.low[1]), vertical_range[1].max(tile.high[1])];
             }
         });
-        keys_to_fill.inherited = inherited;
+        buffer.inherited = inherited;
         Ok(holes)
     }
 
@@ -147,10 +147,10 @@ impl HoleFiller {
     }
 
     /// Finds the covered pixels; returns the number of holes.
-    fn find_covered(&mut self, level: kernels::SimdLevel, keys_to_fill: &KeyBuffer) -> usize {
-        let grid = keys_to_fill.grid;
+    fn find_covered(&mut self, level: kernels::SimdLevel, buffer: &KeyBuffer) -> usize {
+        let grid = buffer.grid;
         let is_part = |tile: &Tile| tile.holes > 0 && usize::from(tile.holes) < BLOCK;
-        let rows = keys_to_fill.tiles.par_chunks(grid.columns).zip(keys_to_fill.keys.par_chunks(grid.columns));
+        let rows = buffer.tiles.par_chunks(grid.columns).zip(buffer.keys.par_chunks(grid.columns));
         let rows = rows.zip(self.covered.par_chunks_mut(grid.columns)).enumerate();
         let all_holes = AtomicUsize::new(0);
         rows.for_each(|(row, ((tiles, keys), covered))| {
@@ -175,16 +175,16 @@ impl HoleFiller {
 
 /// Builds the pyramid of farthest keys.
 #[inline(never)]
-fn build_pyramid(levels: &mut [PyramidLevel], keys_to_fill: &KeyBuffer) {
+fn build_pyramid(levels: &mut [PyramidLevel], buffer: &KeyBuffer) {
     let pull = |rows: [&[Key]; 2], farthest: &mut [Key]| {
         for (column, farthest) in farthest.iter_mut().enumerate() {
-            let candidates = rows.iter().flat_map(|row| row.iter().skip(2 * column).take(2));
-            *farthest = candidates.copied().fold(0, Key::max);
+            let children = rows.iter().flat_map(|row| row.iter().skip(2 * column).take(2));
+            *farthest = children.copied().fold(0, Key::max);
         }
     };
     let Some((first, _)) = levels.split_first_mut() else { return };
-    let columns = keys_to_fill.grid.columns;
-    first.farthest.par_chunks_mut(first.columns).zip(keys_to_fill.tiles.par_chunks(2 * columns)).for_each(
+    let columns = buffer.grid.columns;
+    first.farthest.par_chunks_mut(first.columns).zip(buffer.tiles.par_chunks(2 * columns)).for_each(
         |(farthest, tiles)| {
             farthest.fill(0);
             for row in tiles.chunks(columns) {
@@ -209,8 +209,8 @@ fn farthest(levels: &[PyramidLevel], tile: &Tile, column: usize, row: usize) -> 
     if tile.key != EMPTY {
         return tile.key;
     }
-    let around = levels.iter().zip(1..);
-    let found = around.map(|(level, power)| level.farthest[(row >> power) * level.columns + (column >> power)]);
+    let squares = levels.iter().zip(1..);
+    let found = squares.map(|(level, power)| level.farthest[(row >> power) * level.columns + (column >> power)]);
     found.into_iter().find(|&farthest| farthest != 0).map_or(pack(u16::MAX, 0, [0; 2]), |farthest| farthest - 1)
 }
 
@@ -247,7 +247,7 @@ struct Scratch {
 /// A key buffer whose holes are being filled.
 struct HoleFill<'a, 'e, P> {
     level: kernels::SimdLevel,
-    keys_to_fill: &'a KeyBuffer,
+    buffer: &'a KeyBuffer,
     covered: &'a [u64],
     inputs: &'a FillInputs<'e, P>,
 }
@@ -256,13 +256,13 @@ impl<P: Colour> HoleFill<'_, '_, P> {
     /// Prefetches a tile.
     #[inline(always)]
     fn prefetch(&self, column: usize, row: usize) {
-        let grid = self.keys_to_fill.grid;
+        let grid = self.buffer.grid;
         let tile = row * grid.columns + column;
         // The keys of a tile without coverage are known to be empty.
-        if column < grid.columns && self.keys_to_fill.tiles[tile].holes > 0 && self.covered[tile] != 0 {
-            KeyBuffer::prefetch_keys(&self.keys_to_fill.keys[tile]);
-            if let Some(shown) = self.inputs.picture {
-                shown.prefetch_tile([column, row].map(|at| 64 * (at * TILE) as i32), 0);
+        if column < grid.columns && self.buffer.tiles[tile].holes > 0 && self.covered[tile] != 0 {
+            KeyBuffer::prefetch_keys(&self.buffer.keys[tile]);
+            if let Some(picture) = self.inputs.picture {
+                picture.prefetch_tile([column, row].map(|at| 64 * (at * TILE) as i32), 0);
             }
         }
     }
@@ -270,8 +270,8 @@ impl<P: Colour> HoleFill<'_, '_, P> {
     /// Fills the holes of a tile that have a candidate.
     #[inline(never)]
     fn fill_tile(&self, [column, row]: [usize; 2], scratch: &mut Scratch, keys: &mut [Key; BLOCK]) -> Filled {
-        let Self { level, keys_to_fill, covered, inputs } = *self;
-        let grid = keys_to_fill.grid;
+        let Self { level, buffer, covered, inputs } = *self;
+        let grid = buffer.grid;
         let tile = row * grid.columns + column;
         let (corner, extent) = ([column * TILE, row * TILE], grid.extent(column, row));
         let (covered, holes) = (covered[tile], pixels_inside(extent) & !covered[tile]);
@@ -288,9 +288,9 @@ impl<P: Colour> HoleFill<'_, '_, P> {
         let mut unfilled = holes & !reprojected;
         let line_coverage = [self.line_coverage::<true>(column, row), self.line_coverage::<false>(column, row)];
         if line_coverage.iter().flatten().any(|&line| line != 0) {
-            let mut outside = self.outside(corner, holes, &line_coverage);
+            let mut outside = self.outside_candidates(corner, holes, &line_coverage);
             let Scratch { candidates, costs } = scratch;
-            candidates::find(level, &keys_to_fill.keys[tile], covered, holes, &outside, candidates);
+            candidates::find(level, &buffer.keys[tile], covered, holes, &outside, candidates);
             let mut wanted = unfilled;
             if let Some(reprojection) = inputs.reprojection.filter(|_| reprojected != 0) {
                 wanted |= reprojection.moving_with(level, keys, &inverse_depths, reprojected, candidates);
@@ -334,7 +334,7 @@ impl<P: Colour> HoleFill<'_, '_, P> {
     /// tile's own.
     #[inline(always)]
     fn line_coverage<const ACROSS: bool>(&self, column: usize, row: usize) -> [u64; TILE] {
-        let Grid { columns, rows, .. } = self.keys_to_fill.grid;
+        let Grid { columns, rows, .. } = self.buffer.grid;
         let (at, len) = if ACROSS { (column, columns) } else { (row, rows) };
         let mut line_coverage = [0; TILE];
         for step in (SEARCH_TILES - SEARCH_TILES.min(at))..(SEARCH_TILES + len - at).min(2 * SEARCH_TILES + 1) {
@@ -350,7 +350,12 @@ impl<P: Colour> HoleFill<'_, '_, P> {
 
     /// The first covered pixel outside the tile, as seen from holes at its edges.
     #[inline(always)]
-    fn outside(&self, [x, y]: [usize; 2], holes: u64, [rows, columns]: &[[u64; TILE]; 2]) -> OutsideCandidates {
+    fn outside_candidates(
+        &self,
+        [x, y]: [usize; 2],
+        holes: u64,
+        [rows, columns]: &[[u64; TILE]; 2],
+    ) -> OutsideCandidates {
         let mut outside = OutsideCandidates::NONE;
         for i in 0..TILE {
             for side in 0..SIDES {
@@ -371,7 +376,7 @@ impl<P: Colour> HoleFill<'_, '_, P> {
                     TILE as i32 + line.trailing_zeros() as i32
                 };
                 let [u, v] = pixel_on_line([x, y], side, i, position as u32);
-                outside.keys[side][i] = self.keys_to_fill.own_key(u, v);
+                outside.keys[side][i] = self.buffer.own_key(u, v);
                 outside.position[side][i] = position as u32;
             }
         }
@@ -389,12 +394,12 @@ impl<P: Colour> HoleFill<'_, '_, P> {
         candidates: &Candidates,
         costs: &mut Costs,
     ) {
-        let Some(shown) = self.inputs.picture else {
+        let Some(picture) = self.inputs.picture else {
             return candidates::cost_by_depth(self.level, candidates, costs);
         };
         let mut lumas = [0.0; BLOCK];
         for (j, lumas) in lumas.as_chunks_mut::<TILE>().0.iter_mut().enumerate().take(down) {
-            let row = &shown.pixels[(corner[1] + j) * shown.width + corner[0]..][..across];
+            let row = &picture.pixels[(corner[1] + j) * picture.width + corner[0]..][..across];
             match row.first_chunk() {
                 Some(row) => *lumas = P::lumas_of(row),
                 None => lumas.iter_mut().zip(row).for_each(|(luma, pixel)| *luma = pixel.luma()),
@@ -403,7 +408,7 @@ impl<P: Colour> HoleFill<'_, '_, P> {
         for side in 0..SIDES {
             for i in (0..TILE).filter(|&i| outside.keys[side][i] != EMPTY) {
                 let [x, y] = pixel_on_line(corner, side, i, outside.position[side][i]);
-                outside.lumas[side][i] = shown.pixels[y * shown.width + x].luma();
+                outside.lumas[side][i] = picture.pixels[y * picture.width + x].luma();
             }
         }
         candidates::cost_by_luma(self.level, candidates, &lumas, covered, holes, outside, costs);
@@ -479,13 +484,13 @@ impl<P: Colour> FillInputs<'_, P> {
         let key = candidates.keys[first as usize % SIDES][index];
         let is_only = candidates.keys.iter().all(|keys| keys[index] == key || keys[index] == EMPTY);
         if !is_only {
-            self.field.prefetch(self.target(at(index), key));
+            self.field.prefetch(self.position_in_current(at(index), key));
         }
     }
 
     /// Position in the current anchor (1/64 px) to which a candidate leads.
     #[inline(always)]
-    fn target(&self, at: [usize; 2], key: Key) -> [i32; 2] {
+    fn position_in_current(&self, at: [usize; 2], key: Key) -> [i32; 2] {
         let ([vx, vy], at) = (splat_key::vector(key), at.map(|at| at as i32));
         let fraction = self.warp.fraction(key, at);
         [64 * at[0] - scaled(vx, fraction), 64 * at[1] - scaled(vy, fraction)]
@@ -495,9 +500,9 @@ impl<P: Colour> FillInputs<'_, P> {
     /// unless it is occluded or outside the current anchor.
     #[inline(always)]
     fn is_contradicted(&self, grid: Grid, at: [usize; 2], key: Key) -> bool {
-        grid.nearest_pixel(self.target(at, key)).is_some_and(|[u, v]| {
-            let shown = self.field.own_key(u, v);
-            similar_motion(shown, key) | is_in_front(key, shown)
+        grid.nearest_pixel(self.position_in_current(at, key)).is_some_and(|[u, v]| {
+            let key_there = self.field.own_key(u, v);
+            similar_motion(key_there, key) | is_in_front(key, key_there)
         })
     }
 }

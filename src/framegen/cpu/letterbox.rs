@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn bars_end_where_something_is_to_be_seen_in_either_anchor() {
+    fn bars_end_at_content_in_either_anchor() {
         let mut before = vec![16; 8 * 6];
         let mut after = before.clone();
         before[2 * 8 + 3] = 90;
@@ -185,14 +185,14 @@ mod tests {
     }
 
     #[test]
-    fn bars_differ_from_line_to_line_but_not_within_one() {
+    fn bars_may_vary_between_lines_but_not_within_one() {
         // Rows of lumas 0, 10, 20, ...: every row is uniform, no column is.
         let slope: Vec<u8> = (0..12 * 20).map(|i| (i / 20 * 10) as u8).collect();
         assert_eq!(active_area(&slope, &slope, 20), (0..20, 12..12));
     }
 
     #[test]
-    fn an_even_picture_is_all_bar() {
+    fn a_uniform_picture_is_all_bar() {
         for (width, height) in [(1, 1), (4, 3), (16, 2), (33, 70)] {
             let (before, after) = (vec![7; width * height], vec![8; width * height]);
             assert_eq!(active_area(&before, &after, width), (width..width, height..height));

@@ -45,9 +45,10 @@ mod static_mask;
 mod static_overlay;
 #[cfg(test)]
 mod tests;
+mod warp;
 
 use border_foreground::BorderForeground;
-use camera_fit::{CameraFit, Warp, WarpTime};
+use camera_fit::CameraFit;
 use colour::Colour;
 use cut::CutDetector;
 use field::FieldBuilder;
@@ -62,6 +63,7 @@ use splat::{KeyOrigin, SplatPass, Splatter};
 use splat_key::{HOLE, PHASE_ONE, PREVIOUS_ONLY};
 use static_mask::StaticMask;
 use static_overlay::StaticPixels;
+use warp::{Warp, WarpTime};
 
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
 use crate::tasks::PoolLease;

@@ -2,17 +2,17 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::camera_fit::{Warp, WarpTime};
 use super::colour::Colour;
 use super::colour_outlier::is_colour_outlier;
 use super::edge_antialiasing::{antialias, blend_mask};
 use super::kernels::tile_keys;
-use super::kernels::{BLOCK, Block, Positions, Rule, SimdLevel, Source, TILE};
+use super::kernels::{BLOCK, Block, Positions, Rule, SimdLevel, Source, TILE, TileSource};
 use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind};
 use super::splat_key::{
     self, EMPTY, HOLE, Key, PHASE_ONE, PREVIOUS_ONLY, is_in_front, motion_within, same_slope, scaled, similar_motion,
 };
 use super::static_overlay::{AnchorIndex, Anchors, StaticPixels};
+use super::warp::{Warp, WarpTime};
 use crate::Raster;
 use crate::tasks::{Parallel, ParallelSliceMut};
 
@@ -86,7 +86,7 @@ impl<P: Colour> Interpolation<'_, P> {
             max_equal_difference: MAX_EQUAL_DIFFERENCE,
             doubt_threshold,
         };
-        let (uncovered, occluded_difference) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let (uncovered, hidden_pixels) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let rows = out.pixels_mut().par_chunks_mut(grid.width * TILE);
         rows.zip(hidden.par_chunks_mut(grid.columns)).enumerate().for_each(|(row, (pixels, hidden))| {
             let block = Block {
@@ -105,9 +105,9 @@ impl<P: Colour> Interpolation<'_, P> {
                 hidden_here += hidden.count_ones() as usize;
             }
             uncovered.fetch_add(uncovered_here, Ordering::Relaxed);
-            occluded_difference.fetch_add(hidden_here, Ordering::Relaxed);
+            hidden_pixels.fetch_add(hidden_here, Ordering::Relaxed);
         });
-        Rendered { uncovered: uncovered.into_inner(), hidden: occluded_difference.into_inner() }
+        Rendered { uncovered: uncovered.into_inner(), hidden: hidden_pixels.into_inner() }
     }
 
     /// Prefetches the keys and pixels of a mixed tile.
@@ -144,23 +144,16 @@ impl<P: Colour> Interpolation<'_, P> {
         let positions = self.positions(corner, tile.key, phase);
         let is_whole = tile.kind == TileKind::Uniform && [across, down] == [TILE, TILE];
         let doubtful = if is_whole && self.is_visible_in_both(tile.key, positions) {
-            Some(P::tile(
-                self.level,
-                self.previous,
-                positions.previous,
-                self.current,
-                positions.current,
-                rule,
-                pixels,
-                grid.width,
-            ))
+            let previous = TileSource { picture: self.previous, at: positions.previous };
+            let current = TileSource { picture: self.current, at: positions.current };
+            Some(P::merge_tile(self.level, previous, current, rule, pixels, grid.width))
         } else if is_whole && self.is_only_in_current([column, row], tile.key, positions) {
-            P::tile_of_one(self.level, self.current, positions.current, pixels, grid.width);
+            P::sample_tile(self.level, TileSource { picture: self.current, at: positions.current }, pixels, grid.width);
             let anchors = self.anchors();
-            let there = grid
+            let mask_in_current = grid
                 .nearest_pixel(positions.current)
                 .map_or(u64::MAX, |at| self.static_pixels.block(self.level, &anchors, at));
-            Some(self.static_pixels.tile(self.level, &anchors, [column, row]) | there)
+            Some(self.static_pixels.tile(self.level, &anchors, [column, row]) | mask_in_current)
         } else {
             None
         };
@@ -224,8 +217,8 @@ impl<P: Colour> Interpolation<'_, P> {
         let shows_nothing = outside.map(|outside| outside == u64::MAX);
         // nor is it at positions outside of it.
         let sample = |anchor, first, at, outside: u64, samples: &mut [P; BLOCK]| match is_whole {
-            true => P::tile_of_one(self.level, anchor, first, samples, TILE),
-            false => P::pixels_of_one(self.level, anchor, at, !outside, samples),
+            true => P::sample_tile(self.level, TileSource { picture: anchor, at: first }, samples, TILE),
+            false => P::sample_pixels(self.level, anchor, at, !outside, samples),
         };
         if shows_nothing != [true, false] {
             sample(self.previous, positions.previous, &previous, outside[0], &mut block.previous);
@@ -251,8 +244,8 @@ impl<P: Colour> Interpolation<'_, P> {
         if unoccluded != 0 {
             unoccluded &= !self.static_pixels.static_at(self.level, &anchors, &previous, unoccluded);
             for index in 0..BLOCK {
-                let is_plain = unoccluded >> index & 1 == 1;
-                block.merged[index] = if is_plain { block.previous[index] } else { block.merged[index] };
+                let is_copied = unoccluded >> index & 1 == 1;
+                block.merged[index] = if is_copied { block.previous[index] } else { block.merged[index] };
             }
         }
         let only_in_current = only_in_current & !static_pixels;
@@ -290,8 +283,8 @@ impl<P: Colour> Interpolation<'_, P> {
             }
             let is_doubtful =
                 uncertain >> index & 1 == 1 || P::merge(block.previous[index], block.current[index], rule).1;
-            let seen = Some(block.previous[index]);
-            match self.choose(at, keys[index], positions, is_doubtful, seen) {
+            let previous_sample = Some(block.previous[index]);
+            match self.choose(at, keys[index], positions, is_doubtful, previous_sample) {
                 Choice::Blend => {}
                 Choice::Previous => block.merged[index] = block.previous[index],
                 Choice::Current => block.merged[index] = block.current[index],
@@ -357,8 +350,8 @@ impl<P: Colour> Interpolation<'_, P> {
         let outside =
             tile_keys::source_positions(self.level, &claims, from, self.time, size, &mut previous, &mut current);
         let foreground_in_both = has_foreground & !(outside[0] | outside[1]);
-        P::pixels_of_one(self.level, self.previous, &previous, foreground_in_both, &mut with_foreground.previous);
-        P::pixels_of_one(self.level, self.current, &current, foreground_in_both, &mut with_foreground.current);
+        P::sample_pixels(self.level, self.previous, &previous, foreground_in_both, &mut with_foreground.previous);
+        P::sample_pixels(self.level, self.current, &current, foreground_in_both, &mut with_foreground.current);
         P::merge_block(self.level, rule, with_foreground);
         foreground_in_both
     }
@@ -407,7 +400,7 @@ impl<P: Colour> Interpolation<'_, P> {
         key: Key,
         positions: SourcePositions,
         is_doubtful: bool,
-        seen: Option<P>,
+        previous_sample: Option<P>,
     ) -> Choice {
         let grid = self.frame_keys.grid;
         let (from, to) = (grid.nearest_pixel(positions.previous), grid.nearest_pixel(positions.current));
@@ -416,25 +409,25 @@ impl<P: Colour> Interpolation<'_, P> {
             if tag == PREVIOUS_ONLY {
                 return true;
             }
-            let own_key = self.previous_keys.key_at(x, y);
-            similar_motion(own_key, key) || splat_key::tag(own_key) == PREVIOUS_ONLY && !is_in_front(own_key, key)
+            let key_there = self.previous_keys.key_at(x, y);
+            similar_motion(key_there, key) || splat_key::tag(key_there) == PREVIOUS_ONLY && !is_in_front(key_there, key)
         });
         let mut in_current = to.is_some_and(|[x, y]| {
-            let shown = self.field.own_key(x, y);
-            similar_motion(shown, key) || tag != PREVIOUS_ONLY && tag != HOLE && is_in_front(key, shown)
+            let key_there = self.field.own_key(x, y);
+            similar_motion(key_there, key) || tag != PREVIOUS_ONLY && tag != HOLE && is_in_front(key, key_there)
         });
         // If only one anchor is occluded, the motion is right and there is no overlay.
         if is_doubtful && (in_previous == in_current || from.is_none() || to.is_none()) {
             let anchors = self.anchors();
             let vector = splat_key::vector(key);
-            let is_overlay = |which, at| self.static_pixels.is_overlay(self.level, &anchors, which, at, vector);
+            let is_overlay = |anchor, at| self.static_pixels.is_overlay(self.level, &anchors, anchor, at, vector);
             if is_overlay(AnchorIndex::Current, at) {
                 return Choice::Static;
             }
             in_previous = in_previous && !from.is_some_and(|from| is_overlay(AnchorIndex::Previous, from));
             in_current = in_current && !to.is_some_and(|to| is_overlay(AnchorIndex::Current, to));
         }
-        let previous = || seen.unwrap_or_else(|| P::sample(self.previous, positions.previous));
+        let previous = || previous_sample.unwrap_or_else(|| P::sample(self.previous, positions.previous));
         match (in_previous, in_current) {
             (true, true)
                 if is_doubtful && is_colour_outlier(previous(), self.current, positions.current, self.margin) =>
@@ -457,13 +450,13 @@ impl<P: Colour> Interpolation<'_, P> {
 
 /// Whether the 8x8 pixels from `position` overlap only uniform tiles that satisfy `can_be`, and are inside the picture.
 #[inline(always)]
-fn is_in_uniform(layer: &KeyBuffer, position: [i32; 2], can_be: impl Fn(&Tile) -> bool) -> bool {
-    let grid = layer.grid;
+fn is_in_uniform(keys: &KeyBuffer, position: [i32; 2], can_be: impl Fn(&Tile) -> bool) -> bool {
+    let grid = keys.grid;
     let last = position.map(|v| v + 64 * (TILE as i32 - 1));
     let (Some(first), Some(last)) = (grid.nearest_pixel(position), grid.nearest_pixel(last)) else { return false };
     // A plain loop: LLVM does not inline closures of `all` here.
     for row in first[1] / TILE..=last[1] / TILE {
-        for tile in &layer.tile_rows(row..row + 1)[first[0] / TILE..=last[0] / TILE] {
+        for tile in &keys.tile_rows(row..row + 1)[first[0] / TILE..=last[0] / TILE] {
             if tile.kind != TileKind::Uniform || !can_be(tile) {
                 return false;
             }
@@ -518,7 +511,7 @@ pub(super) fn extrapolate<P: Colour>(
     hidden: &mut [u64],
 ) -> Rendered {
     let grid = frame_keys.grid;
-    let (uncovered, occluded_difference) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let (uncovered, hidden_pixels) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let warp = Warp::from_current(time);
     let position = |[x, y]: [usize; 2], key: Key, fraction: i32| -> [i32; 2] {
         let at = [64 * x as i32, 64 * y as i32];
@@ -538,7 +531,7 @@ pub(super) fn extrapolate<P: Colour>(
             *hidden = 0;
             if tile.kind == TileKind::Uniform && [across, down] == [TILE, TILE] {
                 let position = position(corner, tile.key, warp.fraction_of_tile(tile.key, corner));
-                P::tile_of_one(level, current, position, pixels, grid.width);
+                P::sample_tile(level, TileSource { picture: current, at: position }, pixels, grid.width);
                 continue;
             }
             let mut at = Positions { x: [0; BLOCK], y: [0; BLOCK] };
@@ -555,33 +548,33 @@ pub(super) fn extrapolate<P: Colour>(
                 if own == EMPTY {
                     uncovered_here += 1;
                     // The foreground at that position would be drawn twice.
-                    let is_covered = grid.nearest_pixel(position).is_some_and(|[x, y]| {
-                        let shown = field.own_key(x, y);
-                        !similar_motion(shown, key) && is_in_front(shown, key)
+                    let is_occluded = grid.nearest_pixel(position).is_some_and(|[x, y]| {
+                        let key_there = field.own_key(x, y);
+                        !similar_motion(key_there, key) && is_in_front(key_there, key)
                     });
-                    *hidden |= u64::from(is_covered) << index;
+                    *hidden |= u64::from(is_occluded) << index;
                 }
             }
             hidden_here += hidden.count_ones() as usize;
-            P::pixels_of_one(level, current, &at, u64::MAX, &mut block);
+            P::sample_pixels(level, current, &at, u64::MAX, &mut block);
             for j in 0..down {
                 pixels[j * grid.width..][..across].copy_from_slice(&block[j * TILE..][..across]);
             }
         }
         uncovered.fetch_add(uncovered_here, Ordering::Relaxed);
-        occluded_difference.fetch_add(hidden_here, Ordering::Relaxed);
+        hidden_pixels.fetch_add(hidden_here, Ordering::Relaxed);
     });
-    Rendered { uncovered: uncovered.into_inner(), hidden: occluded_difference.into_inner() }
+    Rendered { uncovered: uncovered.into_inner(), hidden: hidden_pixels.into_inner() }
 }
 
 /// Difference between two colours: the largest of any channel, in levels.
 pub(super) fn colour_difference<P: Colour>(a: P, b: P) -> f32 {
     let (a, b) = (a.in_levels(), b.in_levels());
-    let mut colour_difference = [0.0_f32; 4];
+    let mut difference = [0.0_f32; 4];
     for c in 0..4 {
-        colour_difference[c] = (a[c] - b[c]).abs();
+        difference[c] = (a[c] - b[c]).abs();
     }
-    0.0_f32.max(colour_difference[0]).max(colour_difference[1]).max(colour_difference[2])
+    0.0_f32.max(difference[0]).max(difference[1]).max(difference[2])
 }
 
 /// Calls `visit` for each set bit, lowest first.

@@ -4,11 +4,14 @@
 //! depth describes. Pixels that are visible in the previous anchor only then have exact motion and a known depth order
 //! instead of inherited ones.
 
-use super::camera_fit::{CameraFit, DepthChange, ReprojectionMatrix, depth_key_from, key_inverse_depth};
+use super::camera_fit::{CameraFit, ReprojectionMatrix};
 use super::kernels::candidates::{Candidates, combine_columns, floor, pack_bits};
 use super::kernels::{BLOCK, SimdLevel, TILE, at_every_level};
 use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind};
-use super::splat_key::{self, EMPTY, Key, MAX_COMPONENT, PREVIOUS_ONLY, is_in_front, similar_motion};
+use super::splat_key::{
+    self, EMPTY, Key, MAX_COMPONENT, PREVIOUS_ONLY, depth_key_from, is_in_front, key_inverse_depth, similar_motion,
+};
+use super::warp::DepthChange;
 use crate::guidance::DepthMap;
 use crate::tasks::{Parallel, ParallelSliceMut};
 
@@ -30,16 +33,16 @@ fn inverse_depth_of(depth: f32) -> f32 {
 #[inline(always)]
 fn reprojected_key(matrix: &ReprojectionMatrix, limit: [f32; 2], [x, y]: [usize; 2], inverse_depth: f32) -> Key {
     let at = [x as i32 as f32, y as i32 as f32];
-    let (was, there, can_be) = matrix.project(at, inverse_depth);
+    let (previous, there, is_valid) = matrix.project(at, inverse_depth);
     // A vector that exceeds the limit leads outside the picture in either case.
     let along = |c: usize| {
-        let along = 64.0 * (at[c] - was[c]);
+        let along = 64.0 * (at[c] - previous[c]);
         let along = if along < limit[c] { along } else { limit[c] };
         let along = if along > -limit[c] { along } else { -limit[c] };
         floor(along + 0.5)
     };
     let key = splat_key::pack(depth_key_from(there), PREVIOUS_ONLY, [along(0), along(1)]);
-    if can_be & (inverse_depth > 0.0) { key } else { EMPTY }
+    if is_valid & (inverse_depth > 0.0) { key } else { EMPTY }
 }
 
 at_every_level! {
@@ -260,11 +263,11 @@ fn occluder_inverse_depth(depth_change: &DepthChange, key: Key, at: [usize; 2]) 
     OCCLUDER_RATIO * key_inverse_depth(key) / (1.0 + depth_change.change(key, at.map(|at| at as i32)))
 }
 
-/// Whether the current anchor, which has the key `shown` at the reprojected position, shows the same surface or one
+/// Whether the current anchor, which has the key `key_there` at the reprojected position, shows the same surface or one
 /// behind it. Then nothing occludes that position, and the reprojected key is wrong.
 #[inline(always)]
-fn contradicts(shown: Key, key: Key) -> bool {
-    similar_motion(shown, key) | is_in_front(key, shown)
+fn contradicts(key_there: Key, key: Key) -> bool {
+    similar_motion(key_there, key) | is_in_front(key, key_there)
 }
 
 /// The previous anchor's depth with the camera motion.
@@ -278,10 +281,10 @@ pub(super) struct Reprojection<'a> {
 
 impl<'a> Reprojection<'a> {
     /// `None` without a depth, without camera motion, or if the depth has another projection than the current anchor's.
-    pub(super) fn new(seen: &CameraFit, depth: Option<&'a DepthMap>, current: &DepthMap) -> Option<Self> {
+    pub(super) fn new(camera: &CameraFit, depth: Option<&'a DepthMap>, current: &DepthMap) -> Option<Self> {
         let depth = depth.filter(|depth| depth.projection() == current.projection())?;
         let limit = [depth.width(), depth.height()].map(|side| (64 * side as i32).min(MAX_COMPONENT) as f32);
-        Some(Self { depth, depth_change: seen.depth_change, matrix: seen.reprojection?, limit })
+        Some(Self { depth, depth_change: camera.depth_change, matrix: camera.reprojection?, limit })
     }
 
     /// Inverse depth of a pixel of the previous anchor.
@@ -333,21 +336,21 @@ impl<'a> Reprojection<'a> {
     ) -> u64 {
         reprojected_keys(level, &self.matrix, self.limit, corner, inverse_depths, keys);
         let mut targets = [0; BLOCK];
-        let [mut can_be, mut inside] = find_targets(level, keys, wanted, corner, field.grid, &mut targets);
+        let [mut remaining, mut inside] = find_targets(level, keys, wanted, corner, field.grid, &mut targets);
         while inside != 0 {
             let index = inside.trailing_zeros() as usize;
             inside &= inside - 1;
             let (tile, at) = (targets[index] as usize / BLOCK, targets[index] as usize % BLOCK);
-            let shown = match field.tiles[tile].kind {
+            let key_there = match field.tiles[tile].kind {
                 TileKind::Uniform => field.tiles[tile].key,
                 TileKind::Mixed => field.keys[tile][at],
             };
-            if contradicts(shown, keys[index]) {
+            if contradicts(key_there, keys[index]) {
                 keys[index] = EMPTY;
-                can_be &= !(1 << index);
+                remaining &= !(1 << index);
             }
         }
-        can_be
+        remaining
     }
 
     /// `wanted` pixels of a tile (bit `8 j + i`) that may belong to a moving surface beside them although their
@@ -469,7 +472,7 @@ impl<'a> Reprojection<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::camera_fit::tests::{SIZE, guidance, key_of, seen, shown, walk};
+    use super::super::camera_fit::tests::{SIZE, guidance, key_of, project, surface_point, walk};
     use super::super::splat_key::depth_key;
     use super::super::static_mask::StaticMask;
     use super::*;
@@ -484,11 +487,11 @@ mod tests {
         for (x, y) in
             (0..4 * SIZE[1]).flat_map(|y| (0..4 * SIZE[0]).map(move |x| (f64::from(x) / 4.0, f64::from(y) / 4.0)))
         {
-            let point = shown(x, y);
-            let was = seen(point, 0.0).map(|v| v.round());
-            if (0..2).all(|c| (0.0..f64::from(SIZE[c])).contains(&was[c])) {
-                let value = &mut values[(was[1] * f64::from(SIZE[0]) + was[0]) as usize];
-                // Distance in the previous anchor, from the rotation and translation of `seen`.
+            let point = surface_point(x, y);
+            let previous = project(point, 0.0).map(|v| v.round());
+            if (0..2).all(|c| (0.0..f64::from(SIZE[c])).contains(&previous[c])) {
+                let value = &mut values[(previous[1] * f64::from(SIZE[0]) + previous[0]) as usize];
+                // Distance in the previous anchor, from the rotation and translation of `project`.
                 *value = value.min(1.0 - (0.1 / (point[2] - 0.05 * point[0] + 0.12)) as f32);
             }
         }
@@ -510,35 +513,35 @@ mod tests {
     }
 
     #[test]
-    fn what_is_at_rest_is_followed_to_the_current_anchor() {
+    fn static_pixels_are_reprojected_to_the_current_anchor() {
         let guidance = guidance(walk, 1);
-        let seen_by = CameraFit::fit(&guidance, &StaticMask::default());
+        let camera = CameraFit::fit(&guidance, &StaticMask::default());
         let depth = depths(0);
-        let past = Reprojection::new(&seen_by, Some(&depth), guidance.depth()).unwrap();
-        let mut followed = 0;
+        let reprojection = Reprojection::new(&camera, Some(&depth), guidance.depth()).unwrap();
+        let mut matching = 0;
         for (x, y) in (20..160).step_by(10).flat_map(|y| (30..290).step_by(10).map(move |x| (x, y))) {
             let (vector, at_depth) = walk(f64::from(x), f64::from(y));
-            let was = [f64::from(x) + vector[0], f64::from(y) + vector[1]].map(|v| v.round() as usize);
-            let key = past.key_at(was);
+            let previous = [f64::from(x) + vector[0], f64::from(y) + vector[1]].map(|v| v.round() as usize);
+            let key = reprojection.key_at(previous);
             assert_ne!(key, EMPTY);
-            let apart = [0, 1].map(|c| (f64::from(splat_key::vector(key)[c]) / 64.0 - vector[c]).abs());
+            let error = [0, 1].map(|c| (f64::from(splat_key::vector(key)[c]) / 64.0 - vector[c]).abs());
             // Adjacent pixels of the ground have other depths.
             if depth_key(key).abs_diff(depth_key(key_of((vector, at_depth)))) < 100 {
-                followed += usize::from(apart[0] < 0.6 && apart[1] < 0.6);
+                matching += usize::from(error[0] < 0.6 && error[1] < 0.6);
             }
         }
-        assert!(followed > 300, "{followed} of 364");
+        assert!(matching > 300, "{matching} of 364");
     }
 
     #[test]
-    fn what_stood_in_front_and_has_left_uncovers_its_places() {
+    fn keys_behind_an_occluder_that_left_are_cleared() {
         let guidance = guidance(walk, 1);
-        let (seen_by, field) = (CameraFit::fit(&guidance, &StaticMask::default()), field(&guidance));
+        let (camera, field) = (CameraFit::fit(&guidance, &StaticMask::default()), field(&guidance));
         let mut previous_keys = KeyBuffer::default();
         previous_keys.reserve(field.grid).unwrap();
         previous_keys.tiles.iter_mut().for_each(|tile| tile.key = key_of(([0.0; 2], 0.99)));
         let depth = depths(6);
-        Reprojection::new(&seen_by, Some(&depth), guidance.depth()).unwrap().clear_occluded(
+        Reprojection::new(&camera, Some(&depth), guidance.depth()).unwrap().clear_occluded(
             SimdLevel::detect(),
             &mut previous_keys,
             &field,
@@ -549,13 +552,13 @@ mod tests {
     }
 
     #[test]
-    fn another_camera_and_no_way_tell_nothing() {
+    fn no_reprojection_without_camera_motion_or_with_another_projection() {
         let (guidance, depth) = (guidance(walk, 1), depths(0));
         let found = CameraFit::fit(&guidance, &StaticMask::default());
-        let mut occluder_inverse_depth = depth.clone();
-        occluder_inverse_depth.set_projection(Projection::new(0.2, 50.0, 1.0).unwrap());
+        let mut other = depth.clone();
+        other.set_projection(Projection::new(0.2, 50.0, 1.0).unwrap());
         assert!(Reprojection::new(&found, Some(&depth), guidance.depth()).is_some());
-        assert!(Reprojection::new(&found, Some(&occluder_inverse_depth), guidance.depth()).is_none());
+        assert!(Reprojection::new(&found, Some(&other), guidance.depth()).is_none());
         assert!(Reprojection::new(&found, None, guidance.depth()).is_none());
         assert!(Reprojection::new(&CameraFit::default(), Some(&depth), guidance.depth()).is_none());
     }

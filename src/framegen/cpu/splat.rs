@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use parking_lot::Mutex;
 
-use super::camera_fit::Warp;
 use super::kernels::tile_keys::{self, SplatTarget};
 use super::kernels::{BLOCK, SimdLevel, TILE, at_every_level};
 use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind};
 use super::splat_key::{self, EMPTY, Key, SLOPE_DEPTH_KEYS, SLOPE_MOTION, pack, warped};
+use super::warp::Warp;
 use super::{reserve, resize};
 use crate::Result;
 use crate::tasks::{self, Parallel, ParallelSliceMut};

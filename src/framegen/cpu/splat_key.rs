@@ -45,6 +45,21 @@ pub(super) fn with_tag(key: Key, tag: u8) -> Key {
     key & !(0xff << 40) | Key::from(tag) << 40
 }
 
+/// Inverse depth of the farthest depth key in bits, see `kernels::ranges`.
+const MIN_INVERSE_DEPTH_BITS: u32 = 103 << 23;
+
+/// Depth key of an inverse depth.
+#[inline(always)]
+pub(super) fn depth_key_from(inverse_depth: f32) -> u16 {
+    u16::MAX - (inverse_depth.min(1.0).to_bits().saturating_sub(MIN_INVERSE_DEPTH_BITS) >> 12) as u16
+}
+
+/// Inverse depth of a key: 1 at the near plane, 0 at the far one.
+#[inline(always)]
+pub(super) fn key_inverse_depth(key: Key) -> f32 {
+    f32::from_bits(MIN_INVERSE_DEPTH_BITS + ((u32::from(u16::MAX) - (key >> 48) as u32) << 12))
+}
+
 /// Largest difference per component between the motion vectors of neighbouring pixels of one surface, in 1/64 px.
 pub(super) const SIMILAR_MOTION: i32 = 64;
 

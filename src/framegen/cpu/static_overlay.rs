@@ -525,7 +525,7 @@ mod tests {
     }
 
     #[test]
-    fn tiles_tell_what_pixels_do() {
+    fn masks_of_tiles_equal_tests_of_pixels() {
         for (width, height) in [(1, 1), (8, 8), (9, 30), (41, 17), (64, 40)] {
             let pictures = pictures(width, height);
             let [previous, current] = [&pictures[0], &pictures[1]].map(|pixels| Source { pixels, width, height });

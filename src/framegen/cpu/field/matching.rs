@@ -312,7 +312,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_levels_judge_alike() {
+    fn all_instruction_sets_match_alike() {
         const SIZE: [usize; 2] = [40, 30];
         // Pseudo-random numbers (Knuth's MMIX generator), the same in every run.
         let mut random = 7_u64;

@@ -7,7 +7,7 @@ mod avx512;
 mod portable;
 
 use super::lanczos::{BEFORE, ONE, PHASES, SINC, TAPS};
-use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, TILE, luma};
+use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, TILE, TileSource, luma};
 use super::scalar::{self, taps};
 use super::{Set, SimdLevel, Source, at_every_level};
 
@@ -50,51 +50,49 @@ impl Sampled for Pixel {
         (if difference <= rule.max_equal_difference { nearer } else { mixed }, difference > rule.doubt_threshold)
     }
 
-    fn tile(
+    fn merge_tile(
         level: SimdLevel,
-        previous: Source<'_, Self>,
-        a: [i32; 2],
-        current: Source<'_, Self>,
-        b: [i32; 2],
+        previous: TileSource<'_, Self>,
+        current: TileSource<'_, Self>,
         rule: &Rule,
         out: &mut [Self],
         stride: usize,
     ) -> u64 {
         match level.0 {
-            Set::Scalar => scalar::tile(previous, a, current, b, rule, out, stride),
-            Set::Portable => portable::tile(previous, a, current, b, rule, out, stride),
+            Set::Scalar => scalar::merge_tile(previous, current, rule, out, stride),
+            Set::Portable => portable::merge_tile(previous, current, rule, out, stride),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: that this level exists proves that the processor has AVX2.
-            Set::Avx2 => unsafe { avx2::tile(previous, a, current, b, rule, out, stride) },
+            Set::Avx2 => unsafe { avx2::merge_tile(previous, current, rule, out, stride) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: that this level exists proves that the processor has all that is asked for.
-            Set::Avx512 => unsafe { avx512::tile(previous, a, current, b, rule, out, stride) },
+            Set::Avx512 => unsafe { avx512::merge_tile(previous, current, rule, out, stride) },
         }
     }
 
-    fn tile_of_one(level: SimdLevel, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize) {
+    fn sample_tile(level: SimdLevel, source: TileSource<'_, Self>, out: &mut [Self], stride: usize) {
         match level.0 {
-            Set::Scalar => scalar::tile_of_one(source, at, out, stride),
-            Set::Portable => portable::tile_of_one(source, at, out, stride),
+            Set::Scalar => scalar::sample_tile(source, out, stride),
+            Set::Portable => portable::sample_tile(source, out, stride),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: that this level exists proves that the processor has AVX2.
-            Set::Avx2 => unsafe { avx2::tile_of_one(source, at, out, stride) },
+            Set::Avx2 => unsafe { avx2::sample_tile(source, out, stride) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: that this level exists proves that the processor has all that is asked for.
-            Set::Avx512 => unsafe { avx512::tile_of_one(source, at, out, stride) },
+            Set::Avx512 => unsafe { avx512::sample_tile(source, out, stride) },
         }
     }
 
-    fn pixels_of_one(level: SimdLevel, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]) {
+    fn sample_pixels(level: SimdLevel, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]) {
         match level.0 {
-            Set::Scalar => scalar::pixels_of_one(source, at, wanted, out),
-            Set::Portable => portable::pixels_of_one(source, at, wanted, out),
+            Set::Scalar => scalar::sample_pixels(source, at, wanted, out),
+            Set::Portable => portable::sample_pixels(source, at, wanted, out),
             #[cfg(target_arch = "x86_64")]
             // SAFETY: that this level exists proves that the processor has AVX2.
-            Set::Avx2 => unsafe { avx2::pixels_of_one(source, at, wanted, out) },
+            Set::Avx2 => unsafe { avx2::sample_pixels(source, at, wanted, out) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: that this level exists proves that the processor has all that is asked for.
-            Set::Avx512 => unsafe { avx512::pixels_of_one(source, at, wanted, out) },
+            Set::Avx512 => unsafe { avx512::sample_pixels(source, at, wanted, out) },
         }
     }
 

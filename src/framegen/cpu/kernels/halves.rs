@@ -6,7 +6,7 @@ use half::f16;
 
 use super::lanczos::TAPS;
 use super::ranges::widened;
-use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, luma};
+use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, TileSource, luma};
 use super::scalar::{self, taps};
 use super::{SimdLevel, Source, at_every_level};
 
@@ -45,25 +45,23 @@ impl Sampled for Pixel {
         (merged, differ_by(rule.doubt_threshold))
     }
 
-    fn tile(
+    fn merge_tile(
         level: SimdLevel,
-        previous: Source<'_, Self>,
-        a: [i32; 2],
-        current: Source<'_, Self>,
-        b: [i32; 2],
+        previous: TileSource<'_, Self>,
+        current: TileSource<'_, Self>,
         rule: &Rule,
         out: &mut [Self],
         stride: usize,
     ) -> u64 {
-        tile(level, previous, a, current, b, rule, out, stride)
+        merge_tile(level, previous, current, rule, out, stride)
     }
 
-    fn tile_of_one(level: SimdLevel, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize) {
-        tile_of_one(level, source, at, out, stride);
+    fn sample_tile(level: SimdLevel, source: TileSource<'_, Self>, out: &mut [Self], stride: usize) {
+        sample_tile(level, source, out, stride);
     }
 
-    fn pixels_of_one(level: SimdLevel, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]) {
-        pixels_of_one(level, source, at, wanted, out);
+    fn sample_pixels(level: SimdLevel, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]) {
+        sample_pixels(level, source, at, wanted, out);
     }
 
     fn merge_block(level: SimdLevel, rule: &Rule, block: &mut Block<Self>) -> u64 {
@@ -84,21 +82,22 @@ impl Sampled for Pixel {
 }
 
 at_every_level! {
-    #[expect(clippy::too_many_arguments, reason = "see the trait")]
-    fn tile(
-        previous: Source<'_, Pixel>, a: [i32; 2], current: Source<'_, Pixel>, b: [i32; 2], rule: &Rule,
+    fn merge_tile(
+        previous: TileSource<'_, Pixel>,
+        current: TileSource<'_, Pixel>,
+        rule: &Rule,
         out: &mut [Pixel], stride: usize,
-    ) -> u64 = scalar::tile | vectors::tile
+    ) -> u64 = scalar::merge_tile | vectors::merge_tile
 }
 
 at_every_level! {
-    fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize)
-        = scalar::tile_of_one | vectors::tile_of_one
+    fn sample_tile(source: TileSource<'_, Pixel>, out: &mut [Pixel], stride: usize)
+        = scalar::sample_tile | vectors::sample_tile
 }
 
 at_every_level! {
-    fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK])
-        = scalar::pixels_of_one | vectors::pixels_of_one
+    fn sample_pixels(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK])
+        = scalar::sample_pixels | vectors::sample_pixels
 }
 
 at_every_level! {

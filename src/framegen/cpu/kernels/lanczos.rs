@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn weights_add_up_and_are_those_of_lanczos() {
+    fn weights_are_those_of_lanczos_and_sum_to_one() {
         let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
         for (phase, weights) in SINC.iter().enumerate() {
             let after = phase as f64 / PHASES as f64;
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn sums_fit_the_numbers_that_kernels_use() {
+    fn sums_fit_the_integers_of_the_kernels() {
         for weights in SINC {
             // Negated weights fit 8 bits, pairs of weighted bytes fit 16, and so do all six after subtracting 128.
             assert!(weights.iter().all(|&w| i8::try_from(-w).is_ok()));

@@ -28,6 +28,15 @@ impl Rule {
     }
 }
 
+/// The pixels of a picture from which a tile is sampled.
+#[derive(Debug, Clone, Copy)]
+pub struct TileSource<'a, P> {
+    /// The picture.
+    pub picture: Source<'a, P>,
+    /// Position of the tile's first pixel, in 1/64 px.
+    pub at: [i32; 2],
+}
+
 /// Positions of a tile's pixels, in 1/64 px.
 #[derive(Debug, Clone, Copy)]
 pub struct Positions {
@@ -74,18 +83,15 @@ pub trait Sampled: Pixel {
     /// Merges two samples; also returns whether their difference is to be reported.
     fn merge(from_previous: Self, from_current: Self, rule: &Rule) -> (Self, bool);
 
-    /// Samples and merges a tile of 8x8 pixels: pixel (i, j) from `a + 64 (i, j)` in `previous` and `b + 64 (i, j)` in
-    /// `current`, into `out[j * stride + i]`. Returns the pixels to report, as bits `8 j + i`.
+    /// Samples and merges a tile of 8x8 pixels: pixel (i, j) from the position `at + 64 (i, j)` of each source,
+    /// into `out[j * stride + i]`. Returns the pixels to report, as bits `8 j + i`.
     ///
     /// # Panics
     /// If `out` is too small.
-    #[expect(clippy::too_many_arguments, reason = "two pictures, a place in each, and a place for the result")]
-    fn tile(
+    fn merge_tile(
         level: SimdLevel,
-        previous: Source<'_, Self>,
-        a: [i32; 2],
-        current: Source<'_, Self>,
-        b: [i32; 2],
+        previous: TileSource<'_, Self>,
+        current: TileSource<'_, Self>,
         rule: &Rule,
         out: &mut [Self],
         stride: usize,
@@ -95,12 +101,12 @@ pub trait Sampled: Pixel {
     ///
     /// # Panics
     /// If `out` is too small.
-    fn tile_of_one(level: SimdLevel, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize);
+    fn sample_tile(level: SimdLevel, source: TileSource<'_, Self>, out: &mut [Self], stride: usize);
 
     /// Samples the `wanted` pixels (bit `8 j + i`), each at its own position. Others are unchanged.
-    fn pixels_of_one(level: SimdLevel, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]);
+    fn sample_pixels(level: SimdLevel, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]);
 
-    /// Merges the samples of a block; returns as [`Self::tile`] does.
+    /// Merges the samples of a block; returns as [`Self::merge_tile`] does.
     fn merge_block(level: SimdLevel, rule: &Rule, block: &mut Block<Self>) -> u64;
 
     /// Adds the channels of a row of pixels to `sums`, in levels from 0 to 255 (see [`Self::levels`]). Sums wrap, which

@@ -25,7 +25,7 @@ impl Random {
 }
 
 #[test]
-fn the_best_level_is_one_of_those_there_are() {
+fn the_best_instruction_set_is_available() {
     let levels: Vec<SimdLevel> = SimdLevel::available().collect();
     assert_eq!(levels[..2], [SimdLevel::SCALAR, SimdLevel::PORTABLE]);
     assert!(levels.is_sorted());

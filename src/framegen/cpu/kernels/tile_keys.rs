@@ -2,8 +2,8 @@
 //!
 //! They compute what the functions of `splat_key` do per key, in loops that compilers vectorise.
 
-use super::super::camera_fit::{Warp, WarpTime};
 use super::super::splat_key::{EMPTY, Key, SIMILAR_MOTION, is_in_front, scaled, vector, warped};
+use super::super::warp::{Warp, WarpTime};
 use super::at_every_level;
 use super::sampling::{BLOCK, Positions, TILE};
 

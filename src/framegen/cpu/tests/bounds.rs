@@ -48,7 +48,7 @@ fn a_generator_takes_sizes_in_any_order() {
 }
 
 #[test]
-fn hostile_vectors_neither_stop_nor_smear() {
+fn hostile_vectors_neither_panic_nor_smear() {
     let picture = draw(40, 30, noise);
     let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 65504.0, -65504.0, 1e9, -1e9, 6e-8, -0.0, 39.0];
     for (i, &x) in odd.iter().enumerate() {
@@ -69,7 +69,7 @@ fn hostile_vectors_neither_stop_nor_smear() {
 }
 
 #[test]
-fn a_frame_that_comes_twice_stays_whatever_its_vectors_say() {
+fn a_repeated_frame_stays_whatever_its_vectors() {
     let picture = draw(64, 48, noise);
     for vector in [[3.5, -2.0], [0.25, 0.0], [-20.0, 11.0]] {
         let (out, report) = generate(&picture, &picture, &guide(64, 48, |_, _| (vector, 0.5)), 0.5);
@@ -80,7 +80,7 @@ fn a_frame_that_comes_twice_stays_whatever_its_vectors_say() {
 }
 
 #[test]
-fn fades_and_flashes_change_the_light_and_nothing_else() {
+fn fades_and_flashes_change_only_brightness() {
     let ground = draw(64, 48, landscape);
     let still = guide(64, 48, |_, _| ([0.0; 2], 0.5));
     for lit in [
@@ -104,7 +104,7 @@ fn fades_and_flashes_change_the_light_and_nothing_else() {
 }
 
 #[test]
-fn half_floats_that_are_no_numbers_stay_where_they_are() {
+fn nan_and_infinity_do_not_spread() {
     let (width, height) = (48, 40);
     let scene = |t: f64| {
         let bytes = draw(width, height, |x, y| texture(x - 6.0 * t, y));
@@ -164,7 +164,7 @@ fn a_picture_of_8k_is_generated() {
 }
 
 #[test]
-fn vectors_that_are_no_numbers_are_no_motion() {
+fn vectors_that_are_not_finite_are_no_motion() {
     let (before, after) = (draw(48, 32, texture), draw(48, 32, |x, y| texture(x + 1.0, y)));
     let still = guide(48, 32, |_, _| ([0.0; 2], 0.5));
     for bad in [[f16::NAN, f16::ONE], [f16::ONE, f16::INFINITY], [f16::NEG_INFINITY, f16::NAN]] {
@@ -195,7 +195,7 @@ fn extrapolation_goes_on_for_one_interval_and_then_holds() {
 }
 
 #[test]
-fn a_stated_cut_is_believed() {
+fn a_stated_cut_is_used() {
     let picture = draw(32, 24, texture);
     let other = draw(32, 24, |x, y| texture(x - 1.0, y));
     let guidance = guide(32, 24, |_, _| ([-1.0, 0.0], 0.5));
@@ -259,7 +259,7 @@ fn the_number_of_threads_and_earlier_calls_change_no_bit() {
 }
 
 #[test]
-fn phases_are_what_they_say() {
+fn phases_contain_what_they_name() {
     assert!(Phases::OnlyHalf.contains(0.5) && !Phases::OnlyHalf.contains(0.25));
     assert!(Phases::Any.contains(0.25) && !Phases::Any.contains(0.0) && !Phases::Any.contains(f32::NAN));
 }

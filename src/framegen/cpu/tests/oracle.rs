@@ -89,11 +89,11 @@ fn assert_same<P: Colour>(picture: &Raster<P>, truth: &Raster<P>, what: &dyn Fn(
 }
 
 #[test]
-fn pictures_of_bytes_are_what_the_description_says() {
+fn pictures_of_bytes_equal_the_reference() {
     compare::<[u8; 4]>(150);
 }
 
 #[test]
-fn pictures_of_half_floats_are_what_the_description_says() {
+fn pictures_of_half_floats_equal_the_reference() {
     compare::<[f16; 4]>(60);
 }

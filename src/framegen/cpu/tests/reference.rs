@@ -7,7 +7,7 @@
 
 use crate::Raster;
 use crate::framegen::cpu::border_foreground::BorderForeground;
-use crate::framegen::cpu::camera_fit::{CameraFit, Warp, WarpTime};
+use crate::framegen::cpu::camera_fit::CameraFit;
 use crate::framegen::cpu::colour::Colour;
 use crate::framegen::cpu::colour_outlier::{self, is_colour_outlier};
 use crate::framegen::cpu::edge_antialiasing::{EDGE_MOTION, NEIGHBOUR_WEIGHT};
@@ -30,6 +30,7 @@ use crate::framegen::cpu::splat_key::{
     same_slope, scaled, similar_motion, warped,
 };
 use crate::framegen::cpu::static_overlay::Anchors;
+use crate::framegen::cpu::warp::{Warp, WarpTime};
 use crate::framegen::cpu::{source, static_mask::StaticMask, tests::oracle::EDGE_TOLERANCE};
 use crate::framegen::{Anchor, AnchorPair};
 use crate::guidance::Guidance;

@@ -76,7 +76,7 @@ fn a_pan_by_parts_of_pixels_is_met_closely() {
 }
 
 #[test]
-fn the_share_nothing_lands_on_is_reported() {
+fn the_uncovered_share_is_reported() {
     let scene = pan(noise, 12.0, 0.0);
     let guidance = guide(WIDTH, HEIGHT, |_, _| ([-12.0, 0.0], 0.5));
     let (_, report) = generate(&scene(0.0), &scene(1.0), &guidance, 0.5);
@@ -101,7 +101,7 @@ fn a_box_over_a_still_background_is_met_exactly_on_both_sides() {
 }
 
 #[test]
-fn a_box_is_met_without_depth_but_beside_its_front() {
+fn a_box_without_depth_is_met_except_beside_its_leading_edge() {
     let guidance = guide(WIDTH, HEIGHT, |x, y| (if on_box(x, y, 1.0) { [-12.0, 0.0] } else { [0.0; 2] }, 0.5));
     // Right of the box, the current anchor occludes the ground; without depth, both surfaces around it are equally
     // likely.

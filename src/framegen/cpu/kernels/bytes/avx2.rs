@@ -7,24 +7,22 @@ use bytemuck::{must_cast, must_cast_ref};
 
 use super::{
     BEFORE, BIAS, BLOCK, Block, Groups, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE,
-    clamped, rows, starts, take_up_to,
+    TileSource, clamped, rows, starts, take_up_to,
 };
 use crate::framegen::cpu::kernels::lanczos::{PAIRS, PHASES};
 
-/// See [`super::Sampled::tile`].
+/// See [`super::Sampled::merge_tile`].
 #[target_feature(enable = "avx2")]
-pub(super) fn tile(
-    previous: Source<'_, Pixel>,
-    a: [i32; 2],
-    current: Source<'_, Pixel>,
-    b: [i32; 2],
+pub(super) fn merge_tile(
+    previous: TileSource<'_, Pixel>,
+    current: TileSource<'_, Pixel>,
     rule: &Rule,
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
     let (mut buffer_a, mut buffer_b) = (None, None);
-    let from_previous = sampled(&Patch::new(&previous, a, &mut buffer_a).prefetch_ahead());
-    let from_current = sampled(&Patch::new(&current, b, &mut buffer_b).prefetch_ahead());
+    let from_previous = sampled(&Patch::new(&previous.picture, previous.at, &mut buffer_a).prefetch_ahead());
+    let from_current = sampled(&Patch::new(&current.picture, current.at, &mut buffer_b).prefetch_ahead());
     let merge = Merge::new(rule);
     let mut mask = 0;
     for j in 0..TILE {
@@ -35,11 +33,13 @@ pub(super) fn tile(
     mask
 }
 
-/// See [`super::Sampled::tile_of_one`].
+/// See [`super::Sampled::sample_tile`].
 #[target_feature(enable = "avx2")]
-pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
+pub(super) fn sample_tile(source: TileSource<'_, Pixel>, out: &mut [Pixel], stride: usize) {
     let mut buffer = None;
-    for (j, row) in sampled(&Patch::new(&source, at, &mut buffer).prefetch_ahead()).into_iter().enumerate() {
+    for (j, row) in
+        sampled(&Patch::new(&source.picture, source.at, &mut buffer).prefetch_ahead()).into_iter().enumerate()
+    {
         store(&mut out[j * stride..], row);
     }
 }
@@ -59,9 +59,9 @@ pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
     mask
 }
 
-/// See [`super::Sampled::pixels_of_one`].
+/// See [`super::Sampled::sample_pixels`].
 #[target_feature(enable = "avx2")]
-pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
+pub(super) fn sample_pixels(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
     let mut groups = Groups::new(at, wanted);
     while let Some((corner, group)) = groups.next() {
         let mut buffer = None;

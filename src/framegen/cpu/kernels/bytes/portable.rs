@@ -2,22 +2,20 @@
 
 use super::{
     BEFORE, BIAS, BLOCK, Groups, NEGATIVE, Patch, Pixel, Positions, ROW, Rule, SINC, SPAN, Sampled, Source, TAPS, TILE,
-    scalar,
+    TileSource, scalar,
 };
 
-/// See [`Sampled::tile`].
-pub(super) fn tile(
-    previous: Source<'_, Pixel>,
-    a: [i32; 2],
-    current: Source<'_, Pixel>,
-    b: [i32; 2],
+/// See [`Sampled::merge_tile`].
+pub(super) fn merge_tile(
+    previous: TileSource<'_, Pixel>,
+    current: TileSource<'_, Pixel>,
     rule: &Rule,
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
     let (mut buffer_a, mut buffer_b) = (None, None);
-    let from_previous = sampled(&Patch::new(&previous, a, &mut buffer_a).prefetch_ahead());
-    let from_current = sampled(&Patch::new(&current, b, &mut buffer_b).prefetch_ahead());
+    let from_previous = sampled(&Patch::new(&previous.picture, previous.at, &mut buffer_a).prefetch_ahead());
+    let from_current = sampled(&Patch::new(&current.picture, current.at, &mut buffer_b).prefetch_ahead());
     let mut mask = 0;
     for j in 0..TILE {
         let (from_previous, from_current) = (from_previous[j].as_chunks::<4>().0, from_current[j].as_chunks::<4>().0);
@@ -30,16 +28,16 @@ pub(super) fn tile(
     mask
 }
 
-/// See [`Sampled::tile_of_one`].
-pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
+/// See [`Sampled::sample_tile`].
+pub(super) fn sample_tile(source: TileSource<'_, Pixel>, out: &mut [Pixel], stride: usize) {
     let mut buffer = None;
-    for (j, row) in sampled(&Patch::new(&source, at, &mut buffer).prefetch_ahead()).iter().enumerate() {
+    for (j, row) in sampled(&Patch::new(&source.picture, source.at, &mut buffer).prefetch_ahead()).iter().enumerate() {
         out[j * stride..][..TILE].as_flattened_mut().copy_from_slice(row);
     }
 }
 
-/// See [`Sampled::pixels_of_one`].
-pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
+/// See [`Sampled::sample_pixels`].
+pub(super) fn sample_pixels(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
     let mut groups = Groups::new(at, wanted);
     while let Some((corner, group)) = groups.next() {
         let mut buffer = None;
@@ -50,7 +48,7 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u
             }
         }
     }
-    scalar::pixels_of_one(source, at, groups.single(), out);
+    scalar::sample_pixels(source, at, groups.single(), out);
 }
 
 /// Samples a tile, row by row.

@@ -6,27 +6,25 @@ use half::f16;
 use super::super::lanczos::{BEFORE, SINC, TAPS};
 use super::super::ranges::widened;
 use super::super::sampling::TILE;
-use super::{BLOCK, Block, Pixel, Positions, Rule, Source, taps};
+use super::{BLOCK, Block, Pixel, Positions, Rule, Source, TileSource, taps};
 
 /// Rows and columns of pixels from which a tile is sampled.
 const SPAN: usize = TILE + TAPS - 1;
 /// Channels of a row of a tile.
 const ROW: usize = 4 * TILE;
 
-/// See [`super::Sampled::tile`].
+/// See [`super::Sampled::merge_tile`].
 #[inline(always)]
-pub(super) fn tile(
-    previous: Source<'_, Pixel>,
-    a: [i32; 2],
-    current: Source<'_, Pixel>,
-    b: [i32; 2],
+pub(super) fn merge_tile(
+    previous: TileSource<'_, Pixel>,
+    current: TileSource<'_, Pixel>,
     rule: &Rule,
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
     let (mut from_previous, mut from_current) = ([[0.0; ROW]; TILE], [[0.0; ROW]; TILE]);
-    sampled(previous, a, &mut from_previous);
-    sampled(current, b, &mut from_current);
+    sampled(previous, &mut from_previous);
+    sampled(current, &mut from_current);
     let mut mask = 0;
     for j in 0..TILE {
         let (row, is_reported) = merged(&from_previous[j], &from_current[j], rule);
@@ -36,11 +34,11 @@ pub(super) fn tile(
     mask
 }
 
-/// See [`super::Sampled::tile_of_one`].
+/// See [`super::Sampled::sample_tile`].
 #[inline(always)]
-pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
+pub(super) fn sample_tile(source: TileSource<'_, Pixel>, out: &mut [Pixel], stride: usize) {
     let mut rows = [[0.0; ROW]; TILE];
-    sampled(source, at, &mut rows);
+    sampled(source, &mut rows);
     for (j, row) in rows.iter().enumerate() {
         *out[j * stride..].first_chunk_mut().expect("a tile fits") = narrowed(row);
     }
@@ -61,9 +59,9 @@ pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
     mask
 }
 
-/// See [`super::Sampled::pixels_of_one`].
+/// See [`super::Sampled::sample_pixels`].
 #[inline(always)]
-pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
+pub(super) fn sample_pixels(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
     for (j, out) in out.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
         let wanted = (wanted >> (TILE * j)) as u8;
         if wanted == 0 {
@@ -135,9 +133,9 @@ fn inside<'a>(source: &Source<'a, Pixel>, at: [i32; 2]) -> Option<[&'a [Pixel; T
 
 /// Samples a tile, rounded to half floats, row by row.
 #[inline(always)]
-fn sampled(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [[f32; ROW]; TILE]) {
+fn sampled(TileSource { picture, at }: TileSource<'_, Pixel>, out: &mut [[f32; ROW]; TILE]) {
     let mut taps = [[[f16::ZERO; 4]; SPAN]; SPAN];
-    source.clamped(at.map(|v| (v >> 6) - BEFORE), &mut taps);
+    picture.clamped(at.map(|v| (v >> 6) - BEFORE), &mut taps);
     let [across, down] = weights(at);
     let mut rows = [[0.0; 4 * SPAN]; SPAN];
     for (row, taps) in rows.iter_mut().zip(&taps) {
@@ -276,7 +274,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn half_floats_are_widened_and_narrowed_as_the_standard_says() {
+    fn half_float_conversions_follow_ieee_754() {
         for bits in 0..=u16::MAX {
             let half = f16::from_bits(bits);
             let expected = if half.is_nan() { 0.0 } else { half.to_f32().clamp(-65504.0, 65504.0) };

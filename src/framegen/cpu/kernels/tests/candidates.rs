@@ -5,7 +5,7 @@ use super::super::candidates::{self, Candidates, OutsideCandidates, SIDES};
 use super::*;
 
 #[test]
-fn all_levels_find_the_same_beside_holes() {
+fn all_instruction_sets_find_the_same_candidates() {
     let mut random = Random(34);
     for round in 0..2000 {
         let key = |random: &mut Random| {

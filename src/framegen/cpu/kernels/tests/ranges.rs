@@ -25,7 +25,7 @@ fn depth(random: &mut Random) -> f32 {
 }
 
 #[test]
-fn all_levels_find_the_same_ranges() {
+fn all_instruction_sets_find_the_same_ranges() {
     let mut random = Random(3);
     for (width, rows) in (1..40_usize).flat_map(|width| (1..=8).map(move |rows| (width, rows))) {
         let motion: Vec<[f16; 2]> = (0..width * rows).map(|_| motion(&mut random)).collect();
@@ -46,7 +46,7 @@ fn all_levels_find_the_same_ranges() {
 }
 
 #[test]
-fn all_levels_land_at_the_same_places() {
+fn all_instruction_sets_warp_rows_alike() {
     let mut random = Random(4);
     for round in 0..4000 {
         let len = 1 + round % TILE;
@@ -68,7 +68,7 @@ fn all_levels_land_at_the_same_places() {
 }
 
 #[test]
-fn ranges_are_those_of_sound_vectors_and_depths() {
+fn ranges_are_those_of_sanitised_values() {
     let half = |v: f32| f16::from_f32(v);
     let mut motion = [[half(1.0), half(-2.0)]; 8 * TILE];
     motion[5] = [half(-3.5), half(0.0)];
@@ -88,7 +88,7 @@ fn ranges_are_those_of_sound_vectors_and_depths() {
 }
 
 #[test]
-fn nearer_is_smaller_and_the_far_is_told_apart() {
+fn depth_keys_increase_with_depth_and_resolve_far_depths() {
     let depth_keys = |depths: &[f32]| -> Vec<u16> {
         depths
             .iter()
@@ -105,7 +105,7 @@ fn nearer_is_smaller_and_the_far_is_told_apart() {
 }
 
 #[test]
-fn all_levels_claim_the_same_for_tiles() {
+fn all_instruction_sets_pack_tiles_alike() {
     let mut random = Random(5);
     for _ in 0..500 {
         let strides = [TILE + random.below(9) as usize, if random.below(3) == 0 { 0 } else { TILE }];

@@ -104,7 +104,7 @@ fn bits<P: Painted>(pixels: &[P]) -> String {
     format!("{pixels:?}")
 }
 
-fn all_levels_make_the_same_tiles<P: Painted>() {
+fn all_instruction_sets_make_the_same_tiles<P: Painted>() {
     let mut random = Random(1);
     for size in SIZES.into_iter().cycle().take(20 * SIZES.len()) {
         let pictures = Pictures::<P>::new(&mut random, size.0, size.1);
@@ -112,18 +112,19 @@ fn all_levels_make_the_same_tiles<P: Painted>() {
         for _ in 0..20 {
             let (a, b, rule) = (position(&mut random, size), position(&mut random, size), rule(&mut random));
             let stride = TILE + random.below(4) as usize;
+            let (previous, current) = (TileSource { picture: previous, at: a }, TileSource { picture: current, at: b });
             let make = |level: Option<SimdLevel>| {
                 // The last row ends with the tile: not a pixel more may be read or written.
                 let mut out = [P::GUARD; 3 * 8 * 12];
                 let len = 7 * stride + TILE;
                 let (merged, rest) = out.split_at_mut(len);
                 let mask = match level {
-                    Some(level) => P::tile(level, previous, a, current, b, &rule, merged, stride),
-                    None => scalar::tile(previous, a, current, b, &rule, merged, stride),
+                    Some(level) => P::merge_tile(level, previous, current, &rule, merged, stride),
+                    None => scalar::merge_tile(previous, current, &rule, merged, stride),
                 };
                 match level {
-                    Some(level) => P::tile_of_one(level, current, b, &mut rest[..len], stride),
-                    None => scalar::tile_of_one(current, b, &mut rest[..len], stride),
+                    Some(level) => P::sample_tile(level, current, &mut rest[..len], stride),
+                    None => scalar::sample_tile(current, &mut rest[..len], stride),
                 }
                 (mask, bits(&out))
             };
@@ -135,7 +136,7 @@ fn all_levels_make_the_same_tiles<P: Painted>() {
     }
 }
 
-fn all_levels_make_the_same_pixels<P: Painted>() {
+fn all_instruction_sets_make_the_same_pixels<P: Painted>() {
     let mut random = Random(2);
     for size in SIZES.into_iter().cycle().take(8 * SIZES.len()) {
         let pictures = Pictures::<P>::new(&mut random, size.0, size.1);
@@ -160,8 +161,8 @@ fn all_levels_make_the_same_pixels<P: Painted>() {
             let mut out = Block { previous: [P::GUARD; BLOCK], current: [P::GUARD; BLOCK], merged: [P::GUARD; BLOCK] };
             for (source, at, samples) in [(previous, &a, &mut out.previous), (current, &b, &mut out.current)] {
                 match level {
-                    Some(level) => P::pixels_of_one(level, source, at, wanted, samples),
-                    None => scalar::pixels_of_one(source, at, wanted, samples),
+                    Some(level) => P::sample_pixels(level, source, at, wanted, samples),
+                    None => scalar::sample_pixels(source, at, wanted, samples),
                 }
             }
             let mask = match level {
@@ -178,26 +179,26 @@ fn all_levels_make_the_same_pixels<P: Painted>() {
 }
 
 #[test]
-fn all_levels_make_the_same_tiles_of_bytes() {
-    all_levels_make_the_same_tiles::<[u8; 4]>();
+fn all_instruction_sets_make_the_same_tiles_of_bytes() {
+    all_instruction_sets_make_the_same_tiles::<[u8; 4]>();
 }
 
 #[test]
-fn all_levels_make_the_same_pixels_of_bytes() {
-    all_levels_make_the_same_pixels::<[u8; 4]>();
+fn all_instruction_sets_make_the_same_pixels_of_bytes() {
+    all_instruction_sets_make_the_same_pixels::<[u8; 4]>();
 }
 
 #[test]
-fn all_levels_make_the_same_tiles_of_half_floats() {
-    all_levels_make_the_same_tiles::<[f16; 4]>();
+fn all_instruction_sets_make_the_same_tiles_of_half_floats() {
+    all_instruction_sets_make_the_same_tiles::<[f16; 4]>();
 }
 
 #[test]
-fn all_levels_make_the_same_pixels_of_half_floats() {
-    all_levels_make_the_same_pixels::<[f16; 4]>();
+fn all_instruction_sets_make_the_same_pixels_of_half_floats() {
+    all_instruction_sets_make_the_same_pixels::<[f16; 4]>();
 }
 
-fn all_levels_find_the_same_lumas<P: Painted>() {
+fn all_instruction_sets_find_the_same_lumas<P: Painted>() {
     let mut random = Random(5);
     for width in [1, 7, 8, 31, 64, 200] {
         for kind in 0..3 {
@@ -219,17 +220,17 @@ fn all_levels_find_the_same_lumas<P: Painted>() {
 }
 
 #[test]
-fn all_levels_find_the_same_lumas_of_bytes() {
-    all_levels_find_the_same_lumas::<[u8; 4]>();
+fn all_instruction_sets_find_the_same_lumas_of_bytes() {
+    all_instruction_sets_find_the_same_lumas::<[u8; 4]>();
 }
 
 #[test]
-fn all_levels_find_the_same_lumas_of_half_floats() {
-    all_levels_find_the_same_lumas::<[f16; 4]>();
+fn all_instruction_sets_find_the_same_lumas_of_half_floats() {
+    all_instruction_sets_find_the_same_lumas::<[f16; 4]>();
 }
 
 #[test]
-fn half_floats_have_the_levels_of_the_bytes_that_they_stand_for() {
+fn half_floats_of_bytes_have_their_levels() {
     for value in 0..=255_u8 {
         let half = f16::from_f32(f32::from(value) / 255.0);
         assert_eq!([half, half, half, f16::INFINITY].levels(), [value, value, value, 255]);

@@ -1,7 +1,7 @@
 //! Kernels over the keys of a tile.
 
-use super::super::super::camera_fit::{DepthChange, Warp, WarpTime};
 use super::super::super::splat_key::{self, EMPTY, HOLE, Key, MAX_COMPONENT, PHASE_ONE, PREVIOUS_ONLY, SIMILAR_MOTION};
+use super::super::super::warp::{DepthChange, Warp, WarpTime};
 use super::super::tile_keys::{self, PaddedTile, SplatTarget};
 use super::*;
 
@@ -52,7 +52,7 @@ fn tile(random: &mut Random) -> [Key; BLOCK] {
 }
 
 #[test]
-fn all_levels_carry_claims_to_the_same_places() {
+fn all_instruction_sets_splat_alike() {
     let mut random = Random(21);
     for (columns, lines) in [(1_usize, 3_usize), (3, 10), (4, 18), (9, 7)] {
         let stride = columns * TILE + 2;
@@ -86,7 +86,7 @@ fn all_levels_carry_claims_to_the_same_places() {
 }
 
 #[test]
-fn a_row_that_stays_together_lands_as_pixels_do() {
+fn a_contiguous_row_is_splatted_like_single_pixels() {
     // From the first pixel to the last, and one outside at each end.
     let (columns, lines) = (2, 3);
     let stride = columns * TILE + 2;
@@ -116,7 +116,7 @@ fn a_row_that_stays_together_lands_as_pixels_do() {
 }
 
 #[test]
-fn all_levels_find_the_same_in_tiles() {
+fn all_instruction_sets_agree_on_tiles_of_keys() {
     let mut random = Random(22);
     for _ in 0..2000 {
         let keys = tile(&mut random);
@@ -158,7 +158,7 @@ fn all_levels_find_the_same_in_tiles() {
 }
 
 #[test]
-fn what_moves_otherwise_is_found_whatever_its_rank() {
+fn different_motion_is_found_at_any_depth() {
     let key = |tag, x| splat_key::pack(30_000, tag, [x, 0]);
     let own = key(5, 0);
     let mut padded: PaddedTile = [[own; TILE + 2]; TILE + 2];
