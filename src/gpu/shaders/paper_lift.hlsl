@@ -1,4 +1,4 @@
-// The paper's guidance brought from the latent grid to render size: bilinear, half-pixel centres, edges repeated.
+// Upsamples the paper's guidance from the latent grid to render size: bilinear, half-pixel centres, clamped to the border.
 
 #include "convert.hlsli"
 
@@ -8,7 +8,7 @@ cbuffer Constants : register(b0)
     uint2 Render;    // width, height
 };
 
-// As paper_grid.hlsl leaves it.
+// Cells as paper_grid.hlsl writes them.
 ByteAddressBuffer Cells : register(t0);
 RWTexture2D<float2> Motion : register(u0);
 RWTexture2D<float> Depth : register(u1);
@@ -35,7 +35,7 @@ void main(uint3 at : SV_DispatchThreadID)
     [unroll]
     for (uint axis = 0; axis < 2; axis++)
     {
-        // Subtracted from 0 rather than negated, so that no motion is +0.
+        // Subtracted from 0 instead of negated, so that no motion is -0.
         precise float m = 0 - COMPRESSION * bilinear(float4(a[axis], b[axis], c[axis], d[axis]), t);
         float limit = float(Render[axis]);
         motion[axis] = is_finite(m) ? min(max(m, -limit), limit) : 0;

@@ -1,12 +1,12 @@
-// Motion and depth of a picture for the same picture made larger, one to a pixel: what lies between vectors that are nearly one, and
-// else the nearest, so that nothing moves as the mean of two things does.
+// Upsamples motion and depth to one value per pixel of a larger picture: motion is interpolated if the vectors are similar, otherwise
+// nearest, so that nothing moves with the mean of two motions.
 
 cbuffer Constants : register(b0)
 {
-    uint2 From;        // of the picture, width and height
-    uint2 To;          // of the larger one
-    uint MotionTile;   // pixels of the picture to a side of a square with one vector
-    uint DepthTile;    // and with one depth
+    uint2 From;        // size of the picture
+    uint2 To;          // size of the larger picture
+    uint MotionTile;   // tile size of motion, in pixels of the picture
+    uint DepthTile;    // tile size of depth
 };
 
 Texture2D<float2> Motion : register(t0);
@@ -14,8 +14,8 @@ Texture2D<float> Depth : register(t1);
 RWTexture2D<float2> LargeMotion : register(u0);
 RWTexture2D<float> LargeDepth : register(u1);
 
-// How far vectors may be apart, in pixels of the picture.
-static const float NEARLY = 1;
+// Largest difference of vectors that are interpolated, in pixels of the picture.
+static const float MAX_DIFFERENCE = 1;
 
 [numthreads(8, 8, 1)]
 void main(uint3 at : SV_DispatchThreadID)
@@ -25,20 +25,20 @@ void main(uint3 at : SV_DispatchThreadID)
         return;
     }
     float2 scale = float2(To) / float2(From);
-    // Where it is in the picture, from its edge on.
-    float2 place = (float2(at.xy) + 0.5) / scale;
-    uint2 pixel = min(uint2(place), From - 1);
+    // Position in the picture, from its corner.
+    float2 position = (float2(at.xy) + 0.5) / scale;
+    uint2 pixel = min(uint2(position), From - 1);
     int2 last = int2((From - 1) / MotionTile);
-    float2 cell = place / MotionTile - 0.5;
+    float2 cell = position / MotionTile - 0.5;
     int2 first = int2(floor(cell));
     float2 part = cell - float2(first);
     float2 v00 = Motion.Load(int3(min(max(first, 0), last), 0));
     float2 v10 = Motion.Load(int3(min(max(first + int2(1, 0), 0), last), 0));
     float2 v01 = Motion.Load(int3(min(max(first + int2(0, 1), 0), last), 0));
     float2 v11 = Motion.Load(int3(min(max(first + 1, 0), last), 0));
-    float2 apart = max(max(v00, v10), max(v01, v11)) - min(min(v00, v10), min(v01, v11));
+    float2 difference = max(max(v00, v10), max(v01, v11)) - min(min(v00, v10), min(v01, v11));
     float2 moved = Motion.Load(int3(pixel / MotionTile, 0));
-    if (all(apart <= NEARLY))
+    if (all(difference <= MAX_DIFFERENCE))
     {
         moved = lerp(lerp(v00, v10, part.x), lerp(v01, v11, part.x), part.y);
     }

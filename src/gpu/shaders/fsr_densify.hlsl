@@ -1,10 +1,10 @@
-// Motion and depth, one to a pixel, of what may be one to a square of several: providers want both at one size.
+// Expands tiled motion and depth to one value per pixel, as providers require.
 
 cbuffer Constants : register(b0)
 {
-    uint2 Size;        // of the picture, width and height
-    uint MotionTile;   // pixels to a side of a square with one vector
-    uint DepthTile;    // and with one depth
+    uint2 Size;        // size of the picture
+    uint MotionTile;   // tile size of motion, in pixels
+    uint DepthTile;    // tile size of depth
 };
 
 Texture2D<float2> Motion : register(t0);
