@@ -62,10 +62,10 @@ impl Sampled for Pixel {
             Set::Scalar => scalar::merge_tile(previous, current, rule, out, stride),
             Set::Portable => portable::merge_tile(previous, current, rule, out, stride),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has AVX2.
+            // SAFETY: a value of this level proves that the processor has AVX2.
             Set::Avx2 => unsafe { avx2::merge_tile(previous, current, rule, out, stride) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has all that is asked for.
+            // SAFETY: a value of this level proves that the processor has these features.
             Set::Avx512 => unsafe { avx512::merge_tile(previous, current, rule, out, stride) },
         }
     }
@@ -75,10 +75,10 @@ impl Sampled for Pixel {
             Set::Scalar => scalar::sample_tile(source, out, stride),
             Set::Portable => portable::sample_tile(source, out, stride),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has AVX2.
+            // SAFETY: a value of this level proves that the processor has AVX2.
             Set::Avx2 => unsafe { avx2::sample_tile(source, out, stride) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has all that is asked for.
+            // SAFETY: a value of this level proves that the processor has these features.
             Set::Avx512 => unsafe { avx512::sample_tile(source, out, stride) },
         }
     }
@@ -88,10 +88,10 @@ impl Sampled for Pixel {
             Set::Scalar => scalar::sample_pixels(source, at, wanted, out),
             Set::Portable => portable::sample_pixels(source, at, wanted, out),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has AVX2.
+            // SAFETY: a value of this level proves that the processor has AVX2.
             Set::Avx2 => unsafe { avx2::sample_pixels(source, at, wanted, out) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has all that is asked for.
+            // SAFETY: a value of this level proves that the processor has these features.
             Set::Avx512 => unsafe { avx512::sample_pixels(source, at, wanted, out) },
         }
     }
@@ -100,10 +100,10 @@ impl Sampled for Pixel {
         match level.0 {
             Set::Scalar | Set::Portable => scalar::merge_block(rule, block),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has AVX2.
+            // SAFETY: a value of this level proves that the processor has AVX2.
             Set::Avx2 => unsafe { avx2::merge_block(rule, block) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has all that is asked for.
+            // SAFETY: a value of this level proves that the processor has these features.
             Set::Avx512 => unsafe { avx512::merge_block(rule, block) },
         }
     }

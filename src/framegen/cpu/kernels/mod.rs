@@ -118,10 +118,10 @@ macro_rules! at_every_level {
                 Set::Scalar => $scalar($($arg),*),
                 Set::Portable => $portable($($arg),*),
                 #[cfg(target_arch = "x86_64")]
-                // SAFETY: that this level exists proves that the processor has AVX2.
+                // SAFETY: a value of this level proves that the processor has AVX2.
                 Set::Avx2 => unsafe { avx2($($arg),*) },
                 #[cfg(target_arch = "x86_64")]
-                // SAFETY: that this level exists proves that the processor has all that is asked for.
+                // SAFETY: a value of this level proves that the processor has these features.
                 Set::Avx512 => unsafe { avx512($($arg),*) },
             }
         }
