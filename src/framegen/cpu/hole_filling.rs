@@ -10,10 +10,10 @@ use super::border_foreground::BorderForeground;
 use super::colour::Colour;
 use super::kernels::candidates::{self, Candidates, Costs, OutsideCandidates, SIDES};
 use super::kernels::{self, BLOCK, Source, TILE, tile_keys};
-use super::key_buffer::{Grid, KeyBuffer, Tile};
+use super::key_buffer::{Grid, KeyBuffer, Tile, for_each_bit, tile_mask};
 use super::reprojection::Reprojection;
 use super::resize;
-use super::splat_key::{self, EMPTY, Key, is_in_front, pack, scaled, similar_motion};
+use super::splat_key::{self, EMPTY, HOLE, Key, is_in_front, pack, scaled, similar_motion};
 use super::warp::Warp;
 use crate::Result;
 use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
@@ -159,12 +159,12 @@ impl HoleFiller {
                 if tiles.get(column + COVERAGE_PREFETCH_AHEAD).is_some_and(is_part) {
                     KeyBuffer::prefetch_keys(&keys[column + COVERAGE_PREFETCH_AHEAD]);
                 }
-                let pixels_inside = pixels_inside(grid.extent(column, row));
+                let inside = tile_mask(grid.extent(column, row));
                 holes += usize::from(tile.holes);
                 *covered = match usize::from(tile.holes) {
-                    0 => pixels_inside,
+                    0 => inside,
                     BLOCK => 0,
-                    _ => pixels_inside & candidates::covered_pixels(level, &keys[column]),
+                    _ => inside & candidates::covered_pixels(level, &keys[column]),
                 };
             }
             all_holes.fetch_add(holes, Ordering::Relaxed);
@@ -223,21 +223,6 @@ fn inherit_farthest(unfilled: u64, far: Key, keys: &mut [Key; BLOCK]) {
     }
 }
 
-/// Pixels of a tile that are inside the picture, as bits `8 j + i`.
-#[inline(always)]
-fn pixels_inside([across, down]: [usize; 2]) -> u64 {
-    let row = 0xff_u64 >> (TILE - across);
-    (row * 0x0101_0101_0101_0101) & u64::MAX >> (TILE * (TILE - down))
-}
-
-#[inline(always)]
-fn for_each_bit(mut indices: u64, mut act: impl FnMut(usize)) {
-    while indices != 0 {
-        act(indices.trailing_zeros() as usize);
-        indices &= indices - 1;
-    }
-}
-
 /// Working memory for one tile, not cleared between tiles.
 struct Scratch {
     candidates: Candidates,
@@ -274,7 +259,7 @@ impl<P: Colour> HoleFill<'_, '_, P> {
         let grid = buffer.grid;
         let tile = row * grid.columns + column;
         let (corner, extent) = ([column * TILE, row * TILE], grid.extent(column, row));
-        let (covered, holes) = (covered[tile], pixels_inside(extent) & !covered[tile]);
+        let (covered, holes) = (covered[tile], tile_mask(extent) & !covered[tile]);
 
         // Reprojected pixels need no candidate, unless they may belong to a moving surface.
         let (mut inverse_depths, mut reprojected) = ([0.0; BLOCK], 0);
@@ -432,6 +417,13 @@ fn transposed(bits: u64) -> u64 {
     let bits = swapped(bits, 7, 0x00aa_00aa_00aa_00aa);
     let bits = swapped(bits, 14, 0x0000_cccc_0000_cccc);
     swapped(bits, 28, 0x0000_0000_f0f0_f0f0)
+}
+
+impl<'a, P> FillInputs<'a, P> {
+    /// Inputs for holes in a frame, which no anchor shows.
+    pub(super) fn in_frame(field: &'a KeyBuffer, warp: Warp) -> Self {
+        Self { field, warp, picture: None, reprojection: None, border: None, tag: HOLE }
+    }
 }
 
 impl<P: Colour> FillInputs<'_, P> {

@@ -57,6 +57,21 @@ impl Grid {
     }
 }
 
+/// Pixels of a tile with this width and height, as bits `8 j + i`.
+#[inline(always)]
+pub(super) fn tile_mask([across, down]: [usize; 2]) -> u64 {
+    (0x0101_0101_0101_0101 * (0xff >> (TILE - across))) & (u64::MAX >> (TILE * (TILE - down)))
+}
+
+/// Calls `visit` with the index of each set bit, lowest first.
+#[inline(always)]
+pub(super) fn for_each_bit(mut mask: u64, mut visit: impl FnMut(usize)) {
+    while mask != 0 {
+        visit(mask.trailing_zeros() as usize);
+        mask &= mask - 1;
+    }
+}
+
 /// How a tile stores its keys.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) enum TileKind {

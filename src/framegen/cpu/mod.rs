@@ -60,7 +60,7 @@ use letterbox::ActiveArea;
 use render::Interpolation;
 use reprojection::Reprojection;
 use splat::{KeyOrigin, SplatPass, Splatter};
-use splat_key::{HOLE, PHASE_ONE, PREVIOUS_ONLY};
+use splat_key::{PHASE_ONE, PREVIOUS_ONLY};
 use static_mask::StaticMask;
 use static_overlay::StaticPixels;
 use warp::{Warp, WarpTime};
@@ -131,7 +131,13 @@ impl CpuGenerator {
     /// Does nothing: a picture depends on its arguments only, and no state but working memory is kept.
     pub fn reset(&mut self) {}
 
-    fn interpolated<P: Colour>(&mut self, pair: &AnchorPair<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
+    /// Generates the frame at `phase` between two anchors without a cut; returns the share of uncovered pixels.
+    fn interpolate_pair<P: Colour>(
+        &mut self,
+        pair: &AnchorPair<'_, P>,
+        phase: i32,
+        out: &mut Raster<P>,
+    ) -> Result<f32> {
         let (previous, current) = (source(pair.previous()), source(pair.current()));
         let is_optical_flow = pair.guidance().origin().is_optical_flow();
         let active_area = ActiveArea::find(self.level, previous, current);
@@ -172,8 +178,7 @@ impl CpuGenerator {
             SplatPass { source: &self.previous_keys, warp: Warp::from_previous(time), origin: KeyOrigin::Inherited },
         ];
         self.splatter.splat(self.level, &passes[..if holes > 0 { 2 } else { 1 }], &mut self.frame_keys)?;
-        let fill_inputs =
-            FillInputs::<P> { field: &self.field, warp, picture: None, reprojection: None, border: None, tag: HOLE };
+        let fill_inputs = FillInputs::<P>::in_frame(&self.field, warp);
         self.hole_filler.fill(self.level, &mut self.frame_keys, &fill_inputs)?;
 
         resize(&mut self.hidden, grid.tiles(), 0)?;
@@ -198,7 +203,13 @@ impl CpuGenerator {
         Ok(rendered.uncovered as f32 / (grid.width * grid.height) as f32)
     }
 
-    fn extrapolated<P: Colour>(&mut self, anchor: &Anchor<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
+    /// Extrapolates an anchor by `phase`; returns the share of uncovered pixels.
+    fn extrapolate_anchor<P: Colour>(
+        &mut self,
+        anchor: &Anchor<'_, P>,
+        phase: i32,
+        out: &mut Raster<P>,
+    ) -> Result<f32> {
         let current = source(anchor.picture());
         let static_mask = StaticMask::new(None, anchor.overlay(), current.width);
         self.field_builder.prepare::<P>(self.level, anchor.guidance(), None, static_mask, &mut self.field)?;
@@ -212,8 +223,7 @@ impl CpuGenerator {
             &[SplatPass { source: &self.field, warp, origin: KeyOrigin::Own }],
             &mut self.frame_keys,
         )?;
-        let fill_inputs =
-            FillInputs::<P> { field: &self.field, warp, picture: None, reprojection: None, border: None, tag: HOLE };
+        let fill_inputs = FillInputs::<P>::in_frame(&self.field, warp);
         self.hole_filler.fill(self.level, &mut self.frame_keys, &fill_inputs)?;
         resize(&mut self.hidden, grid.tiles(), 0)?;
         let rendered =
@@ -253,7 +263,7 @@ impl<P: Colour> FrameGenerator<P> for CpuGenerator {
             return Ok(GenerateReport { outcome: Outcome::CutFallback, uncovered: 0.0, unexplained });
         }
         let phase = ((t * PHASE_ONE as f32 + 0.5) as i32).clamp(1, PHASE_ONE - 1);
-        let uncovered = self.interpolated(pair, phase, out)?;
+        let uncovered = self.interpolate_pair(pair, phase, out)?;
         Ok(GenerateReport { outcome: Outcome::Generated, uncovered, unexplained })
     }
 
@@ -270,7 +280,7 @@ impl<P: Colour> FrameGenerator<P> for CpuGenerator {
             return Ok(GenerateReport { outcome: Outcome::Held, uncovered: 0.0, unexplained: 0.0 });
         }
         let phase = ((t.min(1.0) * PHASE_ONE as f32 + 0.5) as i32).clamp(1, PHASE_ONE);
-        let uncovered = self.extrapolated(anchor, phase, out)?;
+        let uncovered = self.extrapolate_anchor(anchor, phase, out)?;
         let outcome = if t > 1.0 { Outcome::Held } else { Outcome::Generated };
         Ok(GenerateReport { outcome, uncovered, unexplained: 0.0 })
     }

@@ -7,7 +7,7 @@ use super::colour_outlier::is_colour_outlier;
 use super::edge_antialiasing::{antialias, blend_mask};
 use super::kernels::tile_keys;
 use super::kernels::{BLOCK, Block, Positions, Rule, SimdLevel, Source, TILE, TileSource};
-use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind};
+use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind, for_each_bit, tile_mask};
 use super::splat_key::{
     self, EMPTY, HOLE, Key, PHASE_ONE, PREVIOUS_ONLY, is_in_front, motion_within, same_slope, scaled, similar_motion,
 };
@@ -158,7 +158,7 @@ impl<P: Colour> Interpolation<'_, P> {
             None
         };
         if let Some(mask) = doubtful {
-            each_bit(mask, |index| {
+            for_each_bit(mask, |index| {
                 let [i, j] = [index % TILE, index / TILE];
                 let positions = self.positions([corner[0] + i, corner[1] + j], tile.key, phase);
                 let pixel = &mut pixels[j * grid.width + i];
@@ -249,8 +249,7 @@ impl<P: Colour> Interpolation<'_, P> {
             }
         }
         let only_in_current = only_in_current & !static_pixels;
-        let inside = u64::MAX >> (TILE * (TILE - down)) & (0x0101_0101_0101_0101 * (0xff >> (TILE - across)));
-        each_bit(mask & !unoccluded & inside, |index| {
+        for_each_bit(mask & !unoccluded & tile_mask([across, down]), |index| {
             let [i, j] = [index % TILE, index / TILE];
             let at = [corner[0] + i, corner[1] + j];
             let positions = SourcePositions {
@@ -343,7 +342,7 @@ impl<P: Colour> Interpolation<'_, P> {
         }
         let grid = self.frame_keys.grid;
         let mut claims = *keys;
-        each_bit(has_foreground, |index| claims[index] = foreground_keys[index]);
+        for_each_bit(has_foreground, |index| claims[index] = foreground_keys[index]);
         let mut previous = Positions { x: [0; BLOCK], y: [0; BLOCK] };
         let mut current = previous;
         let size = [grid.width, grid.height];
@@ -575,13 +574,4 @@ pub(super) fn colour_difference<P: Colour>(a: P, b: P) -> f32 {
         difference[c] = (a[c] - b[c]).abs();
     }
     0.0_f32.max(difference[0]).max(difference[1]).max(difference[2])
-}
-
-/// Calls `visit` for each set bit, lowest first.
-#[inline(always)]
-fn each_bit(mut mask: u64, mut visit: impl FnMut(usize)) {
-    while mask != 0 {
-        visit(mask.trailing_zeros() as usize);
-        mask &= mask - 1;
-    }
 }

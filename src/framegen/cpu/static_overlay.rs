@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use super::colour::Colour;
 use super::kernels::{Positions, SimdLevel, Source, TILE, at_every_level};
-use super::key_buffer::Grid;
+use super::key_buffer::{Grid, tile_mask};
 use super::reserve;
 use crate::Result;
 
@@ -211,13 +211,6 @@ fn extent<P>(source: Source<'_, P>, [x, y]: [usize; 2]) -> [usize; 2] {
     [TILE.min(source.width - x), TILE.min(source.height - y)]
 }
 
-/// Pixels of the tile at `corner` that are inside the picture, as bits `8 j + i`.
-#[inline(always)]
-fn on_picture<P>(source: Source<'_, P>, corner: [usize; 2]) -> u64 {
-    let [across, down] = extent(source, corner);
-    (0x0101_0101_0101_0101 * (0xff >> (TILE - across))) & (u64::MAX >> (TILE * (TILE - down)))
-}
-
 /// A row of lumas, or of their differences, from one pixel left of a tile, padded to full vectors.
 type Line = [f32; 2 * TILE];
 
@@ -269,7 +262,7 @@ fn static_mask_in_rows<P: Colour>(previous: Source<'_, P>, current: Source<'_, P
         }
         (above, least_above) = (differences, least);
     }
-    static_pixels.into_iter().fold(0, |all, bits| all | bits) & on_picture(current, corner)
+    static_pixels.into_iter().fold(0, |all, bits| all | bits) & tile_mask(extent(current, corner))
 }
 
 /// Whether the neighbourhood of a tile extends beyond the picture.
@@ -324,7 +317,7 @@ fn patch_mask_in_rows<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, corn
             static_patches[i] |= u64::from(is_static_patch) << (TILE * j + i);
         }
     }
-    static_patches.into_iter().fold(0, |all, bits| all | bits) & on_picture(here, corner)
+    static_patches.into_iter().fold(0, |all, bits| all | bits) & tile_mask(extent(here, corner))
 }
 
 /// Lumas of row `j` of a tile's neighbourhood, clamped to the border.

@@ -71,10 +71,7 @@ pub(super) fn interpolated<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (
     let mut moving: Vec<_> = splats_of(&field).into_iter().map(|splat| splat.warped_by(warp)).collect();
     moving.extend(inherited_splats_of(&previous_keys).into_iter().map(|splat| splat.warped_by(back)));
     let mut frame_keys = resolved(field.grid, &moving);
-    fill_holes(
-        &mut frame_keys,
-        &FillInputs::<P> { field: &field, warp, picture: None, reprojection: None, border: None, tag: HOLE },
-    );
+    fill_holes(&mut frame_keys, &FillInputs::<P>::in_frame(&field, warp));
 
     render(&ReferenceFrame {
         previous,
@@ -96,10 +93,7 @@ pub(super) fn extrapolated<P: Colour>(anchor: &Anchor<'_, P>, phase: i32) -> (Ra
     let time = WarpTime::new(PHASE_ONE + phase, CameraFit::fit(anchor.guidance(), &static_mask).depth_change);
     let warp = Warp::from_current(time);
     let mut frame_keys = splatted(&field, &splats_of(&field), warp);
-    fill_holes(
-        &mut frame_keys,
-        &FillInputs::<P> { field: &field, warp, picture: None, reprojection: None, border: None, tag: HOLE },
-    );
+    fill_holes(&mut frame_keys, &FillInputs::<P>::in_frame(&field, warp));
 
     let grid = field.grid;
     let mut out = anchor.picture().clone();
