@@ -64,7 +64,7 @@ impl GuidanceRow {
 impl FieldBuilder {
     /// Fills `field` with the keys of `guidance` and of static foreground. For a pair of anchors without depth, the
     /// match error with the previous anchor replaces depth as the order of keys.
-    pub(super) fn prepare<P: Colour>(
+    pub(super) fn build<P: Colour>(
         &mut self,
         level: SimdLevel,
         guidance: &Guidance,
@@ -127,8 +127,8 @@ fn is_flat(level: SimdLevel, depth: &DepthMap) -> bool {
     let mut is_like_first =
         |depth: &[f32]| depth_keys(depth)[..depth.len()].iter().all(|&depth_key| depth_key == first);
     // A few samples first, which usually decide.
-    let some = depth.depth().chunks(depth.depth().len().div_ceil(64));
-    { some }.all(|some| is_like_first(&some[..1])) && depth.depth().chunks(TILE).all(is_like_first)
+    let samples = depth.depth().chunks(depth.depth().len().div_ceil(64));
+    { samples }.all(|sample| is_like_first(&sample[..1])) && depth.depth().chunks(TILE).all(is_like_first)
 }
 
 /// Extremes of a tile's keys, or of several tiles'.
@@ -157,7 +157,7 @@ impl NeighbourRange {
     }
 
     #[inline(always)]
-    fn and(self, other: &Self) -> Self {
+    fn union(self, other: &Self) -> Self {
         let mut both = self.0;
         for (end, other) in both.iter_mut().zip(other.0) {
             *end = other.min(*end);
@@ -210,12 +210,12 @@ impl GuidanceReader<'_> {
         let Self { level, limit, .. } = *self;
         let width = self.grid.width;
         let motion = self.guidance.motion();
-        let (reader, tile) = (motion.vectors(), motion.tile() as usize);
+        let (values, tile) = (motion.vectors(), motion.tile() as usize);
         if tile == 1 {
-            let rows = row * TILE * width..((row + 1) * TILE * width).min(reader.len());
-            motion_ranges(level, &reader[rows], width, limit, vectors);
+            let rows = row * TILE * width..((row + 1) * TILE * width).min(values.len());
+            motion_ranges(level, &values[rows], width, limit, vectors);
         } else {
-            let of_row = &reader[row * TILE / tile * motion.columns() as usize..];
+            let of_row = &values[row * TILE / tile * motion.columns() as usize..];
             let mut warped_row = WarpedRow::default();
             for (ranges, vectors) in vectors.chunks_mut(tile).zip(of_row.chunks(TILE)) {
                 warp_row(level, vectors, &[0.0; TILE][..vectors.len()], [0; 2], 0, limit, &mut warped_row);
@@ -234,12 +234,12 @@ impl GuidanceReader<'_> {
             depth_keys.fill(DepthKeyRange { near: depth_key, far: depth_key });
             return;
         }
-        let (reader, tile) = (depth.depth(), depth.tile() as usize);
+        let (values, tile) = (depth.depth(), depth.tile() as usize);
         if tile == 1 {
-            let rows = row * TILE * width..((row + 1) * TILE * width).min(reader.len());
-            depth_ranges(level, &reader[rows], width, depth_keys);
+            let rows = row * TILE * width..((row + 1) * TILE * width).min(values.len());
+            depth_ranges(level, &values[rows], width, depth_keys);
         } else {
-            let of_row = &reader[row * TILE / tile * depth.columns() as usize..];
+            let of_row = &values[row * TILE / tile * depth.columns() as usize..];
             let (no_motion, mut warped_row) = ([[f16::ZERO; 2]; TILE], WarpedRow::default());
             for (ranges, depth) in depth_keys.chunks_mut(tile).zip(of_row.chunks(TILE)) {
                 warp_row(level, &no_motion[..depth.len()], depth, [0; 2], 0, limit, &mut warped_row);
@@ -347,7 +347,7 @@ impl<P: Colour> EdgeRefinement<'_, P> {
 
     /// The given row and its neighbours inside the picture.
     #[inline(always)]
-    fn lines<'b>(
+    fn rows_around<'b>(
         &self,
         row: usize,
         window: &'b [GuidanceRow; 3],
@@ -358,8 +358,8 @@ impl<P: Colour> EdgeRefinement<'_, P> {
     /// Extremes of a column of three tiles.
     #[inline(always)]
     fn column(&self, column: usize, row: usize, window: &[GuidanceRow; 3]) -> NeighbourRange {
-        let ranges = self.lines(row, window).filter_map(|guidance_row| guidance_row.ranges.get(column));
-        ranges.fold(NeighbourRange::NONE, |all, ranges| all.and(ranges))
+        let ranges = self.rows_around(row, window).filter_map(|guidance_row| guidance_row.ranges.get(column));
+        ranges.fold(NeighbourRange::NONE, |all, ranges| all.union(ranges))
     }
 
     /// Copies a row from the window and refines its tiles at edges.
@@ -376,7 +376,7 @@ impl<P: Colour> EdgeRefinement<'_, P> {
                 continue;
             }
             let next = self.column(column + 1, row, window);
-            let all = before.and(&here).and(&next);
+            let all = before.union(&here).union(&next);
             (before, here) = (here, next);
             if let Some(ranges) = guidance_row.ranges.get(column + PREFETCH_AHEAD).filter(|ranges| ranges.has_mixed()) {
                 self.prefetch(column + PREFETCH_AHEAD, row, ranges);
@@ -408,10 +408,10 @@ impl<P: Colour> EdgeRefinement<'_, P> {
             || self.anchors.is_some()
                 && (all.has_mixed()
                     || !all.is_similar()
-                        && self.lines(row, window).any(|guidance_row| {
-                            let padded_tile =
+                        && self.rows_around(row, window).any(|guidance_row| {
+                            let neighbours =
                                 &guidance_row.ranges[column.saturating_sub(1)..(column + 2).min(self.grid.columns)];
-                            padded_tile.iter().any(|other| !own.and(other).is_similar())
+                            neighbours.iter().any(|other| !own.union(other).is_similar())
                         }));
         if !is_edge {
             tile.key = splat_key::with_tag(tile.key, UNKNOWN_MATCH_ERROR);

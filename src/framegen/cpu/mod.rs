@@ -142,7 +142,7 @@ impl CpuGenerator {
         let is_optical_flow = pair.guidance().origin().is_optical_flow();
         let active_area = ActiveArea::find(self.level, previous, current);
         let static_mask = StaticMask::new(Some(&active_area), pair.overlay(), current.width);
-        self.field_builder.prepare(
+        self.field_builder.build(
             self.level,
             pair.guidance(),
             Some((previous, current)),
@@ -212,7 +212,7 @@ impl CpuGenerator {
     ) -> Result<f32> {
         let current = source(anchor.picture());
         let static_mask = StaticMask::new(None, anchor.overlay(), current.width);
-        self.field_builder.prepare::<P>(self.level, anchor.guidance(), None, static_mask, &mut self.field)?;
+        self.field_builder.build::<P>(self.level, anchor.guidance(), None, static_mask, &mut self.field)?;
         let grid = self.field.grid;
         self.splatter.reserve(grid)?;
         self.inpainter.reserve(grid)?;

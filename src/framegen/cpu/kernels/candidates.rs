@@ -74,8 +74,8 @@ fn far_first_key(key: Key) -> u32 {
 }
 
 #[inline(always)]
-fn luma_cost(key: Key, distance: u32, luma: f32, other: f32) -> u32 {
-    let luma_difference = (luma - other).abs();
+fn luma_cost(key: Key, distance: u32, luma: f32, candidate_luma: f32) -> u32 {
+    let luma_difference = (luma - candidate_luma).abs();
     let cost = (floor(if luma_difference < 255.0 { luma_difference } else { 255.0 }) as u32).wrapping_add(distance)
         << 16
         | far_first_key(key);
@@ -257,13 +257,14 @@ fn cost_by_luma_in_vectors(
     outside: &OutsideCandidates,
     costs: &mut Costs,
 ) {
-    let (own, mut other) = (lumas.map(f32::to_bits), [[0; BLOCK]; SIDES]);
+    let (own, mut candidate_lumas) = (lumas.map(f32::to_bits), [[0; BLOCK]; SIDES]);
     let ends = outside.lumas.map(|lumas| lumas.map(f32::to_bits));
-    sweep([&own, &own], &masks(covered), [covered, holes], &ends, &mut other);
+    sweep([&own, &own], &masks(covered), [covered, holes], &ends, &mut candidate_lumas);
     for (side, costs) in costs.iter_mut().enumerate() {
-        let (keys, distance, other) = (&candidates.keys[side], &candidates.distance[side], &other[side]);
+        let (keys, distance, candidate_lumas) =
+            (&candidates.keys[side], &candidates.distance[side], &candidate_lumas[side]);
         for i in 0..BLOCK {
-            costs[i] = luma_cost(keys[i], distance[i], lumas[i], f32::from_bits(other[i]));
+            costs[i] = luma_cost(keys[i], distance[i], lumas[i], f32::from_bits(candidate_lumas[i]));
         }
     }
 }
@@ -289,9 +290,9 @@ mod scalar {
         let is_before = side.is_multiple_of(2);
         let available = if is_before { own } else { TILE - 1 - own };
         for distance in 1..=available {
-            let other = if is_before { index - distance * step } else { index + distance * step };
-            if covered >> other & 1 == 1 {
-                return (Some(other), distance);
+            let found = if is_before { index - distance * step } else { index + distance * step };
+            if covered >> found & 1 == 1 {
+                return (Some(found), distance);
             }
         }
         (None, (position as i32).abs_diff(own as i32) as usize)
@@ -318,8 +319,8 @@ mod scalar {
         candidates: &mut Candidates,
     ) {
         for (index, side, line) in each(holes) {
-            let (other, distance) = first_covered(covered, index, side, outside.position[side][line]);
-            let key = other.map_or(outside.keys[side][line], |other| own[other]);
+            let (found, distance) = first_covered(covered, index, side, outside.position[side][line]);
+            let key = found.map_or(outside.keys[side][line], |found| own[found]);
             candidates.keys[side][index] = if distance > SEARCH_RADIUS { EMPTY } else { key };
             candidates.distance[side][index] = distance as u32;
         }
@@ -334,8 +335,8 @@ mod scalar {
         costs: &mut Costs,
     ) {
         for (index, side, line) in each(holes) {
-            let (other, _) = first_covered(covered, index, side, outside.position[side][line]);
-            let luma = other.map_or(outside.lumas[side][line], |other| lumas[other]);
+            let (found, _) = first_covered(covered, index, side, outside.position[side][line]);
+            let luma = found.map_or(outside.lumas[side][line], |found| lumas[found]);
             let (key, distance) = (candidates.keys[side][index], candidates.distance[side][index]);
             costs[side][index] = luma_cost(key, distance, lumas[index], luma);
         }

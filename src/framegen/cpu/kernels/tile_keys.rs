@@ -159,13 +159,13 @@ fn splat_pixels_in_vectors(
         let keys = row(&keys[j * TILE..]);
         let found: &Row<u32> = found[j * TILE..].first_chunk().expect("a row of eight");
         let tiles: &Row<u32> = tiles[j * TILE..].first_chunk().expect("a row of eight");
-        let (mut apart, mut all) = (0, OUTSIDE);
+        let (mut gaps, mut all) = (0, OUTSIDE);
         for i in 0..TILE {
-            apart |= found[i] ^ found[0].wrapping_add(i as u32);
+            gaps |= found[i] ^ found[0].wrapping_add(i as u32);
             all &= found[i];
         }
         // The usual case: the row stays contiguous.
-        if apart == 0 && found[0] != OUTSIDE {
+        if gaps == 0 && found[0] != OUTSIDE {
             let run: &mut Row<Key> = target.keys[found[0] as usize..].first_chunk_mut().expect("it fits");
             for i in 0..TILE {
                 run[i] = run[i].min(keys[i]);
@@ -199,8 +199,8 @@ fn close_row(own: &Row<Key>, a: &Row<Key>, b: &Row<Key>) -> Row<Key> {
     for i in 0..TILE {
         let (own, nearer, farther) = (own[i], a[i].min(b[i]), a[i].max(b[i]));
         let is_surface = (farther != EMPTY) & similar_motion_in_vectors(nearer, farther);
-        let is_occluded = is_in_front(farther, own) & !similar_motion_in_vectors(nearer, own);
-        found[i] = if is_surface & ((own == EMPTY) | is_occluded) { nearer } else { own };
+        let is_behind = is_in_front(farther, own) & !similar_motion_in_vectors(nearer, own);
+        found[i] = if is_surface & ((own == EMPTY) | is_behind) { nearer } else { own };
     }
     found
 }
@@ -258,12 +258,13 @@ fn nearest_other_motion_in_vectors(padded: &PaddedTile, limit: i32, wanted: u64,
         }
         let own = row(&padded[j + 1][1..]);
         let mut first = [EMPTY; TILE];
-        for beside in &padded[j..j + 3] {
+        for neighbours in &padded[j..j + 3] {
             for shift in 0..3 {
-                let beside = row(&beside[shift..]);
+                let neighbours = row(&neighbours[shift..]);
                 for i in 0..TILE {
                     // `EMPTY` is the largest key and so never the minimum.
-                    let other = if motion_within_in_vectors(beside[i], own[i], limit) { EMPTY } else { beside[i] };
+                    let other =
+                        if motion_within_in_vectors(neighbours[i], own[i], limit) { EMPTY } else { neighbours[i] };
                     first[i] = first[i].min(other);
                 }
             }
@@ -293,17 +294,17 @@ fn vector_range_in_vectors(keys: &[Key; BLOCK]) -> [[i32; 2]; 2] {
             high[1][i] = high[1][i].max((y + 1) & MAX);
         }
     }
-    let (mut least, mut largest) = ([MAX; 2], [0; 2]);
+    let (mut min, mut max) = ([MAX; 2], [0; 2]);
     for c in 0..2 {
         for i in 0..TILE {
-            least[c] = least[c].min(low[c][i]);
-            largest[c] = largest[c].max(high[c][i]);
+            min[c] = min[c].min(low[c][i]);
+            max[c] = max[c].max(high[c][i]);
         }
     }
-    if largest == [0; 2] {
+    if max == [0; 2] {
         return [[i32::MAX; 2], [i32::MIN; 2]];
     }
-    let [[x, y], [u, v]] = [least, largest.map(|v| v - 1)];
+    let [[x, y], [u, v]] = [min, max.map(|v| v - 1)];
     [vector(Key::from(x) << 20 | Key::from(y)), vector(Key::from(u) << 20 | Key::from(v))]
 }
 
@@ -408,10 +409,10 @@ mod scalar {
         for (index, other) in others.iter_mut().enumerate() {
             let (i, j) = (index % TILE, index / TILE);
             let own = padded[j + 1][i + 1];
-            let beside = padded[j..j + 3].iter().flat_map(|line| line[i..i + 3].iter().copied());
+            let neighbours = padded[j..j + 3].iter().flat_map(|line| line[i..i + 3].iter().copied());
             let is_wanted = own != EMPTY && wanted >> index & 1 == 1;
             let moves_otherwise = |&key: &Key| is_wanted && key != EMPTY && !motion_within(key, own, limit);
-            *other = beside.filter(moves_otherwise).fold(EMPTY, Key::min);
+            *other = neighbours.filter(moves_otherwise).fold(EMPTY, Key::min);
             changes |= u64::from(*other != EMPTY) << index;
         }
         changes

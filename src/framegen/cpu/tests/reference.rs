@@ -67,10 +67,10 @@ pub(super) fn interpolated<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (
 
     // The field, and the pixels that only the previous anchor shows, are splatted to phase t.
     let time = WarpTime::new(phase, camera.depth_change);
-    let [warp, back] = [Warp::from_current(time), Warp::from_previous(time)];
-    let mut moving: Vec<_> = splats_of(&field).into_iter().map(|splat| splat.warped_by(warp)).collect();
-    moving.extend(inherited_splats_of(&previous_keys).into_iter().map(|splat| splat.warped_by(back)));
-    let mut frame_keys = resolved(field.grid, &moving);
+    let [warp, from_previous] = [Warp::from_current(time), Warp::from_previous(time)];
+    let mut splats: Vec<_> = splats_of(&field).into_iter().map(|splat| splat.warped_by(warp)).collect();
+    splats.extend(inherited_splats_of(&previous_keys).into_iter().map(|splat| splat.warped_by(from_previous)));
+    let mut frame_keys = resolved(field.grid, &splats);
     fill_holes(&mut frame_keys, &FillInputs::<P>::in_frame(&field, warp));
 
     render(&ReferenceFrame {
@@ -107,8 +107,8 @@ pub(super) fn extrapolated<P: Colour>(anchor: &Anchor<'_, P>, phase: i32) -> (Ra
         out.pixels_mut()[y * grid.width + x] = P::sample(current, from);
         if own == EMPTY {
             uncovered += 1;
-            let shown = grid.nearest_pixel(from).map(|[u, v]| field.own_key(u, v));
-            let is_occluded = shown.is_some_and(|shown| !similar_motion(shown, key) && is_in_front(shown, key));
+            let key_there = grid.nearest_pixel(from).map(|[u, v]| field.own_key(u, v));
+            let is_occluded = key_there.is_some_and(|other| !similar_motion(other, key) && is_in_front(other, key));
             hidden[tile] |= u64::from(is_occluded) << index;
         }
     }
@@ -183,14 +183,12 @@ fn motion_field<P: Colour>(
         field.tiles[tile] = guidance_tiles.tiles[tile];
         let key = guidance_tiles.tiles[tile].key;
         let is_uniform = guidance_tiles.tiles[tile].kind == TileKind::Uniform;
-        let around = tiles(grid)
-            .filter(|(_, occluder_inverse_depth)| (0..2).all(|c| occluder_inverse_depth[c].abs_diff(at[c]) <= 1));
-        let moves_differently = |(occluder_inverse_depth, _): (usize, _)| {
-            guidance_tiles.tiles[occluder_inverse_depth].kind == TileKind::Mixed
-                || !similar_motion(guidance_tiles.tiles[occluder_inverse_depth].key, key)
+        let neighbours = tiles(grid).filter(|(_, other)| (0..2).all(|c| other[c].abs_diff(at[c]) <= 1));
+        let moves_differently = |(other, _): (usize, _)| {
+            guidance_tiles.tiles[other].kind == TileKind::Mixed || !similar_motion(guidance_tiles.tiles[other].key, key)
         };
         let is_refined = can_dilate || is_flat && anchors.is_some();
-        if is_uniform && !(is_refined && { around }.any(moves_differently)) {
+        if is_uniform && !(is_refined && { neighbours }.any(moves_differently)) {
             if is_flat {
                 field.tiles[tile].key = splat_key::with_tag(key, UNKNOWN_MATCH_ERROR);
             }
@@ -365,9 +363,10 @@ fn clear_occluded(previous_keys: &mut KeyBuffer, field: &KeyBuffer, reprojection
         let middle = [x, y].map(|at| at / TILE * TILE + TILE / 2);
         reprojection.occluder_inverse_depth(previous_keys.own_key(x, y), if is_uniform { middle } else { [x, y] })
     };
-    let owned = pixels(grid).filter(|&[x, y]| previous_keys.own_key(x, y) != EMPTY);
-    let covered: Vec<_> = owned.filter(|&at| reprojection.is_occluded(field, at, occluder_inverse_depth(at))).collect();
-    covered.into_iter().for_each(|[x, y]| previous_keys.clear_pixel(x, y));
+    let covered = pixels(grid).filter(|&[x, y]| previous_keys.own_key(x, y) != EMPTY);
+    let occluded: Vec<_> =
+        covered.filter(|&at| reprojection.is_occluded(field, at, occluder_inverse_depth(at))).collect();
+    occluded.into_iter().for_each(|[x, y]| previous_keys.clear_pixel(x, y));
 }
 
 /// Gives every hole an inherited key.
@@ -389,18 +388,14 @@ fn fill_holes<P: Colour>(keys: &mut KeyBuffer, inputs: &FillInputs<'_, P>) {
                 })
             });
             // For equal costs the first wins.
-            let best = candidates.reduce(
-                |best, occluder_inverse_depth| {
-                    if occluder_inverse_depth.0 < best.0 { occluder_inverse_depth } else { best }
-                },
-            );
+            let best = candidates.reduce(|best, other| if other.0 < best.0 { other } else { best });
             let found = best.map_or(EMPTY, |(_, key)| key);
             let found = inputs.reprojection.map_or(found, |reprojection| {
                 reprojection.key_or(inputs.field, [x, y], reprojection.key_at([x, y]), found)
             });
             let key = if found == EMPTY { farthest_around(keys, position) } else { found };
-            let leaves = inputs.border.and_then(|border| border.key_at(x, y));
-            keys.inherited[tile][grid.locate(x, y).1] = leaves.unwrap_or(splat_key::with_tag(key, inputs.tag));
+            let border = inputs.border.and_then(|border| border.key_at(x, y));
+            keys.inherited[tile][grid.locate(x, y).1] = border.unwrap_or(splat_key::with_tag(key, inputs.tag));
         }
     }
 }
@@ -418,19 +413,19 @@ fn cost<P: Colour>(
 ) -> (bool, u64, u64) {
     let [vx, vy] = splat_key::vector(key);
     let fraction = inputs.warp.fraction(key, [x as i32, y as i32]);
-    let there = [64 * x as i32 - scaled(vx, fraction), 64 * y as i32 - scaled(vy, fraction)];
-    let is_contradicted = grid.nearest_pixel(there).is_some_and(|[u, v]| {
-        let shown = inputs.field.own_key(u, v);
-        similar_motion(shown, key) || is_in_front(key, shown)
+    let position = [64 * x as i32 - scaled(vx, fraction), 64 * y as i32 - scaled(vy, fraction)];
+    let is_contradicted = grid.nearest_pixel(position).is_some_and(|[u, v]| {
+        let key_there = inputs.field.own_key(u, v);
+        similar_motion(key_there, key) || is_in_front(key, key_there)
     });
-    let nearness = u64::from(u16::MAX - splat_key::depth_key(key));
+    let far_first = u64::from(u16::MAX - splat_key::depth_key(key));
     match inputs.picture {
-        Some(shown) => {
-            let luma = |[x, y]: [usize; 2]| shown.pixels[y * grid.width + x].luma();
+        Some(picture) => {
+            let luma = |[x, y]: [usize; 2]| picture.pixels[y * grid.width + x].luma();
             let luma_difference = (luma([x, y]) - luma(from)).abs().min(255.0) as u64;
-            (is_contradicted, luma_difference + step as u64, nearness)
+            (is_contradicted, luma_difference + step as u64, far_first)
         }
-        None => (is_contradicted, nearness, step as u64),
+        None => (is_contradicted, far_first, step as u64),
     }
 }
 
@@ -476,16 +471,16 @@ fn phase_at(frame_keys: &KeyBuffer, time: &WarpTime, [x, y]: [usize; 2], key: Ke
     time.phase(key, at.map(|at| at as i32))
 }
 
-fn render<P: Colour>(shown: &ReferenceFrame<'_, P>) -> (Raster<P>, f32) {
-    let grid = shown.frame_keys.grid;
+fn render<P: Colour>(frame: &ReferenceFrame<'_, P>) -> (Raster<P>, f32) {
+    let grid = frame.frame_keys.grid;
     let mut out = Raster::new(grid.width as u32, grid.height as u32).unwrap();
     let (mut hidden, mut static_drawn, mut uncovered) = (vec![0; grid.tiles()], vec![0; grid.tiles()], 0);
     for [x, y] in pixels(grid) {
         let (tile, index) = grid.locate(x, y);
-        let own = shown.frame_keys.own_key(x, y);
-        let key = if own == EMPTY { shown.frame_keys.inherited[tile][index] } else { own };
+        let own = frame.frame_keys.own_key(x, y);
+        let key = if own == EMPTY { frame.frame_keys.inherited[tile][index] } else { own };
         uncovered += usize::from(own == EMPTY || splat_key::tag(own) == PREVIOUS_ONLY);
-        match shown.pixel([x, y], tile, own, key) {
+        match frame.pixel([x, y], tile, own, key) {
             Some((pixel, is_static_pixel)) => {
                 out.pixels_mut()[y * grid.width + x] = pixel;
                 static_drawn[tile] |= u64::from(is_static_pixel) << index;
@@ -495,7 +490,7 @@ fn render<P: Colour>(shown: &ReferenceFrame<'_, P>) -> (Raster<P>, f32) {
     }
     let sharp = out.clone();
     for (tile, at) in tiles(grid) {
-        shown.antialias(tile, at, [hidden[tile], static_drawn[tile]], &sharp, &mut out);
+        frame.antialias(tile, at, [hidden[tile], static_drawn[tile]], &sharp, &mut out);
     }
     inpainted(grid, &hidden, &mut out);
     (out, uncovered as f32 / (grid.width * grid.height) as f32)
@@ -552,12 +547,13 @@ impl<P: Colour> ReferenceFrame<'_, P> {
             if !(is_edge || is_uncovered) || is_in(hidden | static_drawn, x, y) {
                 continue;
             }
-            let beside = [[x.wrapping_sub(1), y], [x + 1, y], [x, y.wrapping_sub(1)], [x, y + 1]].map(|[u, v]| {
+            let neighbours = [[x.wrapping_sub(1), y], [x + 1, y], [x, y.wrapping_sub(1)], [x, y + 1]].map(|[u, v]| {
                 let is_own = [u / TILE, v / TILE] == at && !is_in(hidden, u, v);
                 let [u, v] = if is_own { [u, v] } else { [x, y] };
                 sharp.pixels()[v * grid.width + u]
             });
-            out.pixels_mut()[y * grid.width + x] = sharp.pixels()[y * grid.width + x].blended(beside, NEIGHBOUR_WEIGHT);
+            out.pixels_mut()[y * grid.width + x] =
+                sharp.pixels()[y * grid.width + x].blended(neighbours, NEIGHBOUR_WEIGHT);
         }
     }
 
@@ -579,10 +575,10 @@ impl<P: Colour> ReferenceFrame<'_, P> {
         // Beside foreground (without depth, beside any other motion) a pixel belongs to that if the anchors then agree
         // better.
         let moves_otherwise = |other: Key| !splat_key::motion_within(other, key, DISTINCT_MOTION);
-        let around = (at[1].saturating_sub(1)..(at[1] + 2).min(grid.height)).flat_map(|y| {
+        let neighbours = (at[1].saturating_sub(1)..(at[1] + 2).min(grid.height)).flat_map(|y| {
             (at[0].saturating_sub(1)..(at[0] + 2).min(grid.width)).map(move |x| self.frame_keys.key_at(x, y))
         });
-        let foreground = around.filter(|&key| !self.is_optical_flow || moves_otherwise(key)).min().unwrap_or(key);
+        let foreground = neighbours.filter(|&key| !self.is_optical_flow || moves_otherwise(key)).min().unwrap_or(key);
         let [foreground_previous, foreground_current] = self.source_positions(at, foreground, false);
         let has_foreground = (self.is_optical_flow || is_in_front(foreground, key))
             && moves_otherwise(foreground)
@@ -602,24 +598,24 @@ impl<P: Colour> ReferenceFrame<'_, P> {
         }
         let tag = splat_key::tag(key);
         let mut in_previous = from.is_some_and(|[x, y]| {
-            let own_key = self.previous_keys.key_at(x, y);
+            let key_there = self.previous_keys.key_at(x, y);
             tag == PREVIOUS_ONLY
-                || similar_motion(own_key, key)
-                || splat_key::tag(own_key) == PREVIOUS_ONLY && !is_in_front(own_key, key)
+                || similar_motion(key_there, key)
+                || splat_key::tag(key_there) == PREVIOUS_ONLY && !is_in_front(key_there, key)
         });
         let mut in_current = to.is_some_and(|[x, y]| {
-            let shown = self.field.own_key(x, y);
-            similar_motion(shown, key) || tag != PREVIOUS_ONLY && tag != HOLE && is_in_front(key, shown)
+            let key_there = self.field.own_key(x, y);
+            similar_motion(key_there, key) || tag != PREVIOUS_ONLY && tag != HOLE && is_in_front(key, key_there)
         });
         if is_doubtful && (in_previous == in_current || from.is_none() || to.is_none()) {
-            let anchors_shown = Anchors { previous: self.previous, current: self.current };
+            let anchors = Anchors { previous: self.previous, current: self.current };
             let vector = splat_key::vector(key);
-            if anchors_shown.is_overlay_in_current(at, vector) {
+            if anchors.is_overlay_in_current(at, vector) {
                 let index = at[1] * grid.width + at[0];
                 return Some((P::merge(self.previous.pixels[index], self.current.pixels[index], &rule).0, true));
             }
-            in_previous = in_previous && !from.is_some_and(|from| anchors_shown.is_overlay_in_previous(from, vector));
-            in_current = in_current && !to.is_some_and(|to| anchors_shown.is_overlay_in_current(to, vector));
+            in_previous = in_previous && !from.is_some_and(|from| anchors.is_overlay_in_previous(from, vector));
+            in_current = in_current && !to.is_some_and(|to| anchors.is_overlay_in_current(to, vector));
         }
         match (in_previous, in_current) {
             (true, true)
@@ -648,11 +644,11 @@ impl<P: Colour> ReferenceFrame<'_, P> {
         kind == TileKind::Uniform
             && grid.extent(at[0], at[1]) == [TILE, TILE]
             && pixels_of(grid, at).all(|pixel| {
-                let is_visible = |keys: &KeyBuffer, spot| {
-                    grid.nearest_pixel(spot).is_some_and(|[x, y]| {
-                        let shown = keys.tiles[grid.locate(x, y).0];
-                        shown.kind == TileKind::Uniform
-                            && (similar_motion(shown.key, key) || same_slope(shown.key, key))
+                let is_visible = |keys: &KeyBuffer, position| {
+                    grid.nearest_pixel(position).is_some_and(|[x, y]| {
+                        let tile_there = keys.tiles[grid.locate(x, y).0];
+                        tile_there.kind == TileKind::Uniform
+                            && (similar_motion(tile_there.key, key) || same_slope(tile_there.key, key))
                     })
                 };
                 let [previous_position, current_position] = self.source_positions(pixel, key, true);
