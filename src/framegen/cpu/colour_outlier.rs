@@ -32,7 +32,7 @@ pub(super) fn margin<P: Colour>(previous: Source<'_, P>, current: Source<'_, P>)
         sum.map(|sum: f32| sum / count.max(1.0))
     };
     let (before, after) = tasks::join(|| mean(previous), || mean(current));
-    MARGIN + BRIGHTNESS_FACTOR * (0..4).fold(0.0, |most: f32, c| most.max((after[c] - before[c]).abs()))
+    MARGIN + BRIGHTNESS_FACTOR * (0..4).fold(0.0, |max: f32, c| max.max((after[c] - before[c]).abs()))
 }
 
 /// Whether any channel of `colour` exceeds the range of the current anchor's colours around `at` (1/64 px) by more than

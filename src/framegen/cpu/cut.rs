@@ -176,9 +176,9 @@ fn correlation(previous: &ReducedPicture, current: &ReducedPicture, dx: isize, d
     let (columns, rows) = (overlap(dx, current.width), overlap(dy, current.height));
     let (mut here, mut both) = (Sums::default(), Cross::default());
     for y in rows {
-        let there = (y as isize + dy) as usize * previous.width + (columns.start as isize + dx) as usize;
+        let start = (y as isize + dy) as usize * previous.width + (columns.start as isize + dx) as usize;
         let a = &current.luma[y * current.width + columns.start..][..columns.len()];
-        let b = &previous.luma[there..][..columns.len()];
+        let b = &previous.luma[start..][..columns.len()];
         here.add(a);
         both.add(a, b);
     }
@@ -270,8 +270,8 @@ fn histogram_distance(previous: &ReducedPicture, current: &ReducedPicture) -> f3
         bins
     };
     let (a, b) = tasks::join(|| histogram(previous), || histogram(current));
-    let apart: u32 = a.iter().zip(b).map(|(&a, b)| a.abs_diff(b)).sum();
-    apart as f32 / (2 * current.luma.len()) as f32
+    let difference: u32 = a.iter().zip(b).map(|(&a, b)| a.abs_diff(b)).sum();
+    difference as f32 / (2 * current.luma.len()) as f32
 }
 
 /// A block of the current picture.

@@ -15,8 +15,8 @@ pub(super) const NEIGHBOUR_WEIGHT: u8 = 10;
 
 /// Pixels of a tile to blend, as bits `8 j + i`: all if it contains an edge, else those in `uncovered`.
 pub(super) fn blend_mask(level: SimdLevel, keys: &[Key; BLOCK], uncovered: u64) -> u64 {
-    let [least, largest] = tile_keys::vector_range(level, keys);
-    let is_edge = (0..2).any(|axis| largest[axis] - least[axis] > EDGE_MOTION);
+    let [min, max] = tile_keys::vector_range(level, keys);
+    let is_edge = (0..2).any(|axis| max[axis] - min[axis] > EDGE_MOTION);
     if is_edge { u64::MAX } else { uncovered }
 }
 
@@ -67,11 +67,11 @@ mod tests {
 
     #[test]
     fn edges_and_uncovered_pixels_are_blended() {
-        let claim = |x| splat_key::pack(9, 0, [x, 0]);
+        let key = |x| splat_key::pack(9, 0, [x, 0]);
         let right = 0xf0f0_f0f0_f0f0_f0f0;
-        assert_eq!(blend_mask(LEVEL, &halves(claim(0), claim(EDGE_MOTION + 1)), 0), u64::MAX);
-        assert_eq!(blend_mask(LEVEL, &halves(claim(0), claim(EDGE_MOTION)), 0), 0);
-        assert_eq!(blend_mask(LEVEL, &halves(claim(0), claim(EDGE_MOTION)), right), right);
+        assert_eq!(blend_mask(LEVEL, &halves(key(0), key(EDGE_MOTION + 1)), 0), u64::MAX);
+        assert_eq!(blend_mask(LEVEL, &halves(key(0), key(EDGE_MOTION)), 0), 0);
+        assert_eq!(blend_mask(LEVEL, &halves(key(0), key(EDGE_MOTION)), right), right);
     }
 
     #[test]

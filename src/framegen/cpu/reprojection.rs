@@ -33,15 +33,15 @@ fn inverse_depth_of(depth: f32) -> f32 {
 #[inline(always)]
 fn reprojected_key(matrix: &ReprojectionMatrix, limit: [f32; 2], [x, y]: [usize; 2], inverse_depth: f32) -> Key {
     let at = [x as i32 as f32, y as i32 as f32];
-    let (previous, there, is_valid) = matrix.project(at, inverse_depth);
+    let (position, projected_depth, is_valid) = matrix.project(at, inverse_depth);
     // A vector that exceeds the limit leads outside the picture in either case.
     let along = |c: usize| {
-        let along = 64.0 * (at[c] - previous[c]);
+        let along = 64.0 * (at[c] - position[c]);
         let along = if along < limit[c] { along } else { limit[c] };
         let along = if along > -limit[c] { along } else { -limit[c] };
         floor(along + 0.5)
     };
-    let key = splat_key::pack(depth_key_from(there), PREVIOUS_ONLY, [along(0), along(1)]);
+    let key = splat_key::pack(depth_key_from(projected_depth), PREVIOUS_ONLY, [along(0), along(1)]);
     if is_valid & (inverse_depth > 0.0) { key } else { EMPTY }
 }
 

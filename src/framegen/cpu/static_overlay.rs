@@ -202,8 +202,8 @@ fn patch_mask_scalar<P: Colour>(here: Source<'_, P>, there: Source<'_, P>, corne
 
 fn mask_scalar<P>(source: Source<'_, P>, [x, y]: [usize; 2], is: impl Fn([usize; 2]) -> bool) -> u64 {
     let [across, down] = extent(source, [x, y]);
-    let places = (0..down).flat_map(|j| (0..across).map(move |i| (i, j)));
-    places.fold(0, |all, (i, j)| all | u64::from(is([x + i, y + j])) << (TILE * j + i))
+    let pixels = (0..down).flat_map(|j| (0..across).map(move |i| (i, j)));
+    pixels.fold(0, |all, (i, j)| all | u64::from(is([x + i, y + j])) << (TILE * j + i))
 }
 
 /// Width and height of the tile at a corner, in pixels.
@@ -236,7 +236,7 @@ fn static_mask_in_rows<P: Colour>(previous: Source<'_, P>, current: Source<'_, P
     let is_at_edge = is_at_edge(current, corner);
     let mut static_pixels = [0; TILE];
     // Differences of the row above, and minima of adjacent 2x2 sums of the two rows above.
-    let (mut above, mut least_above): (Line, Line) = ([0.0; 2 * TILE], [0.0; 2 * TILE]);
+    let (mut above, mut min_above): (Line, Line) = ([0.0; 2 * TILE], [0.0; 2 * TILE]);
     for j in 0..TILE + 2 {
         let differences = line_differences(&line_around(previous, corner, j), &line_around(current, corner, j));
         let (next_above, next_apart) = (next(&above), next(&differences));
@@ -248,19 +248,19 @@ fn static_mask_in_rows<P: Colour>(previous: Source<'_, P>, current: Source<'_, P
             exclude_outside(current, corner, j, &mut squares);
         }
         let next_squares = next(&squares);
-        let mut least: Line = [0.0; 2 * TILE];
+        let mut min_sum: Line = [0.0; 2 * TILE];
         for i in 0..2 * TILE {
-            least[i] = squares[i].min(next_squares[i]);
+            min_sum[i] = squares[i].min(next_squares[i]);
         }
         if j > 1 {
             // The result is for the row above.
             for i in 0..TILE {
-                let is_static = (least_above[i].min(least[i]) / 4.0 <= MAX_STATIC_DIFFERENCE)
+                let is_static = (min_above[i].min(min_sum[i]) / 4.0 <= MAX_STATIC_DIFFERENCE)
                     & (next_above[i] <= 4.0 * MAX_STATIC_DIFFERENCE);
                 static_pixels[i] |= u64::from(is_static) << (TILE * (j - 2) + i);
             }
         }
-        (above, least_above) = (differences, least);
+        (above, min_above) = (differences, min_sum);
     }
     static_pixels.into_iter().fold(0, |all, bits| all | bits) & tile_mask(extent(current, corner))
 }
@@ -402,8 +402,8 @@ fn static_fits_better<P: Colour>(
     if moved < NOISE * RATIO {
         return false;
     }
-    let still = min_square_mean(&differences(&patch, &lumas(there, x - 1, y - 1)), there, x, y);
-    (still + NOISE) * RATIO <= moved
+    let static_difference = min_square_mean(&differences(&patch, &lumas(there, x - 1, y - 1)), there, x, y);
+    (static_difference + NOISE) * RATIO <= moved
 }
 
 /// 3x3 lumas or differences; the fourth column is padding.
@@ -497,7 +497,7 @@ fn min_square_mean<P>(differences: &Patch, there: Source<'_, P>, x: i32, y: i32)
         usize::from(at == 0 && len > 1)..if at + 1 == len && len > 1 { 1 } else { 2 }
     };
     let squares = starts(y, there.height).flat_map(|j| starts(x, there.width).map(move |i| (j, i)));
-    squares.fold(f32::INFINITY, |least, (j, i)| least.min(square(j, i))) / 4.0
+    squares.fold(f32::INFINITY, |min_sum, (j, i)| min_sum.min(square(j, i))) / 4.0
 }
 
 #[cfg(test)]
@@ -538,8 +538,8 @@ mod tests {
                     );
                     count += usize::from(is_static);
                     if x + TILE <= width && y + TILE <= height {
-                        let places = (0..BLOCK).map(|index| [x + index % TILE, y + index / TILE]);
-                        let expected = places.enumerate().fold(0, |mask, (index, at)| {
+                        let pixels = (0..BLOCK).map(|index| [x + index % TILE, y + index / TILE]);
+                        let expected = pixels.enumerate().fold(0, |mask, (index, at)| {
                             mask | u64::from(static_pixels.is_static_at(level, &anchors, at)) << index
                         });
                         assert_eq!(static_pixels.block(level, &anchors, [x, y]), expected);

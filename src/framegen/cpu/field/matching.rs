@@ -25,8 +25,8 @@ fn better_fit_scalar<P: Colour>(
     let indices = (0..BLOCK).filter(|index| wanted >> index & 1 == 1);
     let fits = indices.filter(|&index| {
         let at = [x + index % TILE, y + index / TILE];
-        let of_nearest = colour_distance(previous, current, at, nearest[index]);
-        of_nearest <= DILATION_TOLERANCE && of_nearest < colour_distance(previous, current, at, own[index])
+        let nearest_distance = colour_distance(previous, current, at, nearest[index]);
+        nearest_distance <= DILATION_TOLERANCE && nearest_distance < colour_distance(previous, current, at, own[index])
     });
     fits.fold(0, |all, index| all | 1 << index)
 }
@@ -49,19 +49,19 @@ fn better_fit_in_rows<P: Colour>(
             wanted &= wanted.wrapping_sub(1);
             *next = index;
         }
-        let (mut at, mut of_nearest, mut of_own) = ([[0; 2]; TILE], [EMPTY; TILE], [EMPTY; TILE]);
+        let (mut at, mut nearest_keys, mut own_keys) = ([[0; 2]; TILE], [EMPTY; TILE], [EMPTY; TILE]);
         let mut here = [P::OPAQUE_BLACK; TILE];
         for (i, &index) in indices.iter().enumerate() {
             let [x, y] = [x + index % TILE, y + index / TILE];
-            (of_nearest[i], of_own[i]) = (nearest[index], own[index]);
+            (nearest_keys[i], own_keys[i]) = (nearest[index], own[index]);
             at[i] = [x as i32, y as i32];
             here[i] = current.pixels[y * current.width + x];
         }
-        let nearest = colour_distances(previous, &here, &at, &of_nearest);
+        let nearest = colour_distances(previous, &here, &at, &nearest_keys);
         if nearest.iter().all(|&colour_distance| colour_distance > DILATION_TOLERANCE) {
             continue;
         }
-        let own = colour_distances(previous, &here, &at, &of_own);
+        let own = colour_distances(previous, &here, &at, &own_keys);
         for (i, &index) in indices.iter().enumerate() {
             better_fit |= u64::from(nearest[i] <= DILATION_TOLERANCE && nearest[i] < own[i]) << index;
         }
@@ -269,8 +269,8 @@ pub(in super::super) fn match_error<P: Colour>(
         for u in [left, left + 1] {
             let u = u.clamp(0, width as i32 - 1) as usize;
             let v = v.clamp(0, height as i32 - 1) as usize;
-            let there = previous.pixels[v * width + u].luma();
-            (low, high) = (low.min(there), high.max(there));
+            let other = previous.pixels[v * width + u].luma();
+            (low, high) = (low.min(other), high.max(other));
         }
     }
     let difference = (low - luma).max(luma - high).max(0.0);

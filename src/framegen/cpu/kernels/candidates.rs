@@ -238,8 +238,8 @@ fn find_in_vectors(
     for (side, (keys, distance)) in candidates.keys.iter_mut().zip(&mut candidates.distance).enumerate() {
         let position = &POSITIONS[side / 2];
         for i in 0..BLOCK {
-            let apart = distance[i].wrapping_sub(position[i]) as i32;
-            distance[i] = apart.unsigned_abs();
+            let difference = distance[i].wrapping_sub(position[i]) as i32;
+            distance[i] = difference.unsigned_abs();
         }
         for i in 0..BLOCK {
             // `EMPTY` is all ones.

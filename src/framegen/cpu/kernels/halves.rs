@@ -22,10 +22,9 @@ impl Sampled for Pixel {
                 |p: [f32; TAPS], w: [f32; TAPS]| (1..TAPS).fold(p[0] * w[0], |sum, tap| sum + p[tap] * w[tap]);
             let columns = std::array::from_fn(|i| weighted(taps.map(|row| row[i][c]), down));
             let inner = taps[1..TAPS - 1].iter().flat_map(|row| &row[1..TAPS - 1]).map(|pixel| pixel[c]);
-            let (least, largest) =
-                (inner.clone().fold(f32::INFINITY, f32::min), inner.fold(f32::NEG_INFINITY, f32::max));
+            let (min, max) = (inner.clone().fold(f32::INFINITY, f32::min), inner.fold(f32::NEG_INFINITY, f32::max));
             // Adding 0 turns -0 into 0.
-            f16::from_f32(weighted(columns, across).clamp(least, largest) + 0.0)
+            f16::from_f32(weighted(columns, across).clamp(min, max) + 0.0)
         })
     }
 

@@ -77,9 +77,9 @@ fn assert_same<P: Colour>(picture: &Raster<P>, truth: &Raster<P>, what: &dyn Fn(
     let mut pixels = picture.pixels().iter().zip(truth.pixels());
     let bits = |pixel: &P| bytemuck::bytes_of(pixel).to_vec();
     let first = pixels.position(|(a, b)| bits(a) != bits(b));
-    let place = first.map(|i| [i as u32 % picture.width(), i as u32 / picture.width()]);
+    let position = first.map(|i| [i as u32 % picture.width(), i as u32 / picture.width()]);
     assert_eq!(
-        place,
+        position,
         None,
         "{}: {:?} is not {:?}",
         what(),

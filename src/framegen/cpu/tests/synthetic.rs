@@ -80,10 +80,10 @@ pub(in crate::framegen::cpu) fn worst(a: &Picture, b: &Picture, inside: impl Fn(
     let width = i64::from(a.width());
     let mut worst = (0, (0, 0));
     for (i, (a, b)) in a.pixels().iter().zip(b.pixels()).enumerate() {
-        let place = (i as i64 % width, i as i64 / width);
+        let position = (i as i64 % width, i as i64 / width);
         let difference = a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
-        if inside(place.0, place.1) && difference > worst.0 {
-            worst = (difference, place);
+        if inside(position.0, position.1) && difference > worst.0 {
+            worst = (difference, position);
         }
     }
     worst
@@ -100,8 +100,8 @@ pub(in crate::framegen::cpu) fn unlike(
     let width = i64::from(a.width());
     let pixels = a.pixels().iter().zip(b.pixels()).enumerate();
     let differs = pixels.filter(|(_, (a, b))| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > levels));
-    let places = differs.map(|(i, _)| (i as i64 % width, i as i64 / width));
-    places.filter(|&(x, y)| inside(x, y)).collect()
+    let positions = differs.map(|(i, _)| (i as i64 % width, i as i64 / width));
+    positions.filter(|&(x, y)| inside(x, y)).collect()
 }
 
 /// Mean absolute difference of all channels.

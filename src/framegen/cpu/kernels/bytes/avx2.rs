@@ -213,8 +213,8 @@ impl Merge {
     #[target_feature(enable = "avx2")]
     #[inline]
     fn eight(&self, b: __m256i, a: __m256i) -> (__m256i, u8) {
-        let apart = _mm256_or_si256(_mm256_subs_epu8(b, a), _mm256_subs_epu8(a, b));
-        let is_within = |limit| _mm256_cmpeq_epi32(_mm256_subs_epu8(apart, limit), _mm256_setzero_si256());
+        let difference = _mm256_or_si256(_mm256_subs_epu8(b, a), _mm256_subs_epu8(a, b));
+        let is_within = |limit| _mm256_cmpeq_epi32(_mm256_subs_epu8(difference, limit), _mm256_setzero_si256());
         let weighted = |pairs| _mm256_mulhrs_epi16(_mm256_maddubs_epi16(pairs, self.shares), _mm256_set1_epi16(256));
         let mixed = _mm256_packus_epi16(weighted(_mm256_unpacklo_epi8(b, a)), weighted(_mm256_unpackhi_epi8(b, a)));
         let nearer = if self.nearer_is_current { a } else { b };

@@ -287,9 +287,9 @@ impl Merge {
     #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
     #[inline]
     fn sixteen(&self, b: __m512i, a: __m512i) -> (__m512i, u16) {
-        let apart = _mm512_or_si512(_mm512_subs_epu8(b, a), _mm512_subs_epu8(a, b));
+        let difference = _mm512_or_si512(_mm512_subs_epu8(b, a), _mm512_subs_epu8(a, b));
         let is_beyond = |limit| {
-            let rest = _mm512_subs_epu8(apart, limit);
+            let rest = _mm512_subs_epu8(difference, limit);
             _mm512_test_epi32_mask(rest, rest)
         };
         let weighted = |pairs| _mm512_mulhrs_epi16(_mm512_maddubs_epi16(pairs, self.shares), _mm512_set1_epi16(256));

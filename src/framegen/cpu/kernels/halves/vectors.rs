@@ -188,9 +188,9 @@ fn merged(from_previous: &[f32; ROW], from_current: &[f32; ROW], rule: &MergeRul
     let mut mixed = [0.0; ROW];
     for i in 0..ROW {
         let (a, b) = (from_previous[i], from_current[i]);
-        let (apart, scale) = ((b - a).abs() * 255.0, larger(a.abs(), b.abs()) + 0.25);
-        is_mixed[i] = u32::from(apart > max_equal_difference * scale);
-        is_reported[i] = u32::from(apart > doubt_threshold * scale);
+        let (difference, scale) = ((b - a).abs() * 255.0, larger(a.abs(), b.abs()) + 0.25);
+        is_mixed[i] = u32::from(difference > max_equal_difference * scale);
+        is_reported[i] = u32::from(difference > doubt_threshold * scale);
         mixed[i] = a + (b - a) * share;
     }
     let (mut row, mut mask) = (*nearer, 0);

@@ -38,13 +38,13 @@ fn all_instruction_sets_find_the_same_candidates() {
             candidates::cost_by_luma(level, &candidates, &lumas, covered, holes, &outside, &mut costs[0]);
             candidates::cost_by_depth(level, &candidates, &mut costs[1]);
             // Only candidates that exist are compared; the distance of others is undefined.
-            let places = (0..SIDES).flat_map(|side| (0..BLOCK).map(move |place| (side, place)));
-            let places = places.filter(|&(_, place)| holes >> place & 1 == 1);
-            places
-                .map(|(side, place)| {
-                    let key = candidates.keys[side][place];
-                    let distance = if key == EMPTY { 0 } else { candidates.distance[side][place] };
-                    (key, distance, [costs[0][side][place], costs[1][side][place]])
+            let pairs = (0..SIDES).flat_map(|side| (0..BLOCK).map(move |index| (side, index)));
+            let pairs = pairs.filter(|&(_, index)| holes >> index & 1 == 1);
+            pairs
+                .map(|(side, index)| {
+                    let key = candidates.keys[side][index];
+                    let distance = if key == EMPTY { 0 } else { candidates.distance[side][index] };
+                    (key, distance, [costs[0][side][index], costs[1][side][index]])
                 })
                 .collect::<Vec<_>>()
         };

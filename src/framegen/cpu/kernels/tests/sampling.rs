@@ -7,22 +7,22 @@ use super::*;
 
 /// A pixel type of which tests make pictures.
 trait Painted: Sampled {
-    fn painted(random: &mut Random, kind: u64, place: usize) -> Self;
-    fn beside(self, random: &mut Random) -> Self;
+    fn painted(random: &mut Random, kind: u64, index: usize) -> Self;
+    fn similar(self, random: &mut Random) -> Self;
     /// A value that no kernel writes in these tests.
     const GUARD: Self;
 }
 
 impl Painted for [u8; 4] {
-    fn painted(random: &mut Random, kind: u64, place: usize) -> Self {
+    fn painted(random: &mut Random, kind: u64, index: usize) -> Self {
         match kind {
             0 => random.bits().to_le_bytes()[..4].try_into().unwrap(),
-            1 => [1, 2, 3, 5].map(|v| (place as u64 * v + random.below(3)) as u8),
+            1 => [1, 2, 3, 5].map(|v| (index as u64 * v + random.below(3)) as u8),
             _ => std::array::from_fn(|_| 255 * random.below(2) as u8),
         }
     }
 
-    fn beside(self, random: &mut Random) -> Self {
+    fn similar(self, random: &mut Random) -> Self {
         self.map(|v| v.saturating_add(random.below(4) as u8))
     }
 
@@ -30,17 +30,17 @@ impl Painted for [u8; 4] {
 }
 
 impl Painted for [f16; 4] {
-    fn painted(random: &mut Random, kind: u64, place: usize) -> Self {
+    fn painted(random: &mut Random, kind: u64, index: usize) -> Self {
         match kind {
             0 => std::array::from_fn(|_| f16::from_bits(random.bits() as u16)),
-            1 => [0.01, 0.2, 3.0, 1.0].map(|v| f16::from_f32(place as f32 * v + random.below(100) as f32 / 64.0)),
+            1 => [0.01, 0.2, 3.0, 1.0].map(|v| f16::from_f32(index as f32 * v + random.below(100) as f32 / 64.0)),
             _ => std::array::from_fn(|_| {
                 [f16::ZERO, f16::MAX, f16::MIN, f16::INFINITY, f16::NAN, f16::from_bits(1)][random.below(6) as usize]
             }),
         }
     }
 
-    fn beside(self, random: &mut Random) -> Self {
+    fn similar(self, random: &mut Random) -> Self {
         self.map(|v| f16::from_f32(v.to_f32() * (1.0 + random.below(8) as f32 / 512.0)))
     }
 
@@ -64,7 +64,7 @@ impl<P: Painted> Pictures<P> {
             .enumerate()
             .map(|(i, &pixel)| match random.below(3) {
                 0 => P::painted(random, kind, i),
-                1 => pixel.beside(random),
+                1 => pixel.similar(random),
                 _ => pixel,
             })
             .collect();
@@ -145,12 +145,12 @@ fn all_instruction_sets_make_the_same_pixels<P: Painted>() {
         let positions = |random: &mut Random| {
             let corners: [[i32; 2]; 4] = std::array::from_fn(|_| position(random, size));
             let (groups, strays) = (random.below(5) as usize, 1 + random.below(8));
-            let all: [[i32; 2]; BLOCK] = std::array::from_fn(|place| {
+            let all: [[i32; 2]; BLOCK] = std::array::from_fn(|index| {
                 if groups == 0 || random.below(8 * strays) == 0 {
                     return position(random, size);
                 }
-                let [x, y] = corners[(place + place / TILE) * groups / (2 * TILE) % corners.len()];
-                [x.wrapping_add(64 * (place % TILE) as i32), y.wrapping_add(64 * (place / TILE) as i32)]
+                let [x, y] = corners[(index + index / TILE) * groups / (2 * TILE) % corners.len()];
+                [x.wrapping_add(64 * (index % TILE) as i32), y.wrapping_add(64 * (index / TILE) as i32)]
             });
             Positions { x: all.map(|at| at[0]), y: all.map(|at| at[1]) }
         };

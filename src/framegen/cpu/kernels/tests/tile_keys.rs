@@ -105,8 +105,8 @@ fn a_contiguous_row_is_splatted_like_single_pixels() {
                 Warp::from_current(WarpTime::previous_anchor()),
                 &mut room,
             );
-            for (place, &found) in keys_out.iter().enumerate() {
-                let [u, v] = [place % stride, place / stride].map(|at| at as i32);
+            for (index, &found) in keys_out.iter().enumerate() {
+                let [u, v] = [index % stride, index / stride].map(|at| at as i32);
                 assert_eq!(found == key, v == y && (x..x + TILE as i32).contains(&u), "{x}, {y}");
             }
             let touched = is_mixed.iter().filter(|is_mixed| **is_mixed).count();
@@ -169,9 +169,9 @@ fn different_motion_is_found_at_any_depth() {
     for level in SimdLevel::available() {
         let mut others = [EMPTY; BLOCK];
         let moving = tile_keys::nearest_other_motion(level, &padded, 8, !(1 << 63), &mut others);
-        for (place, &other) in others.iter().enumerate() {
+        for (index, &other) in others.iter().enumerate() {
             // Pixel (i + 1, j + 1) of `padded`.
-            let (i, j) = (place % TILE, place / TILE);
+            let (i, j) = (index % TILE, index / TILE);
             let is_beside = |x: usize, y: usize| (i + 1).abs_diff(x) <= 1 && (j + 1).abs_diff(y) <= 1;
             let wanted = match (i + 1, j + 1) {
                 (5, 5) => EMPTY,
@@ -184,7 +184,7 @@ fn different_motion_is_found_at_any_depth() {
                 _ => EMPTY,
             };
             assert_eq!(other, wanted, "{i}, {j}");
-            assert_eq!(moving >> place & 1 == 1, wanted != EMPTY, "{i}, {j}");
+            assert_eq!(moving >> index & 1 == 1, wanted != EMPTY, "{i}, {j}");
         }
     }
 }
