@@ -11,6 +11,7 @@ use super::kernels::{
     BLOCK, Landing, Level, RankRange, Source, TILE, VectorRange, claim_tile, depth_ranges, land, motion_ranges,
 };
 use super::layer::{self, ALIKE, EMPTY, Grid, Key, Kind, LONGEST, Layer, SAME_RANK, Tile, key};
+use super::rules::{Rule, Rules};
 use super::standing::Standing;
 use super::{reserve, sized};
 use crate::Result;
@@ -64,6 +65,7 @@ impl Preparation {
     pub(super) fn prepare<P: Colour>(
         &mut self,
         level: Level,
+        rules: Rules,
         guidance: &Guidance,
         anchors: Option<(Source<'_, P>, Source<'_, P>)>,
         standing: Standing<'_>,
@@ -83,9 +85,10 @@ impl Preparation {
             window.iter_mut().try_for_each(|line| line.reserve(grid.columns))?;
         }
         let is_flat = is_flat(level, guidance.depth());
-        let can_draw_out = !is_flat && guidance.motion().tile() == 1;
+        let can_draw_out = !is_flat && guidance.motion().tile() == 1 && rules.has(Rule::EdgeExtension);
+        let is_ranked = is_flat && rules.has(Rule::MatchAsDepth);
         let given = Given { level, guidance, limit, grid, standing };
-        let edges = Edges { level, grid, anchors, is_flat, can_draw_out };
+        let edges = Edges { level, grid, anchors, is_ranked, can_draw_out };
 
         let tiles = field.tiles.par_chunks_mut(in_band * grid.columns);
         let keys = field.keys.par_chunks_mut(in_band * grid.columns);
@@ -314,7 +317,7 @@ struct Edges<'a, P> {
     grid: Grid,
     anchors: Option<(Source<'a, P>, Source<'a, P>)>,
     /// Whether depth says nothing.
-    is_flat: bool,
+    is_ranked: bool,
     /// Whether motion and depth are good enough to draw surfaces out over their rims.
     can_draw_out: bool,
 }
@@ -348,7 +351,7 @@ impl<P: Colour> Edges<'_, P> {
         let line = &window[row % 3];
         tiles.copy_from_slice(&line.tiles);
         let (mut before, mut here) = (Ends::NONE, self.column(0, row, window));
-        let is_judged = self.is_flat || self.can_draw_out;
+        let is_judged = self.is_ranked || self.can_draw_out;
         for (column, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
             if tile.kind == Kind::Rough {
                 *keys = line.keys[column];
@@ -362,7 +365,7 @@ impl<P: Colour> Edges<'_, P> {
             if let Some(ends) = line.ends.get(column + AHEAD).filter(|ends| ends.is_rough()) {
                 self.fetch(column + AHEAD, row, ends);
             }
-            if self.is_flat {
+            if self.is_ranked {
                 self.rank(column, row, window, &all, tile, keys);
             } else if all.near() + i32::from(SAME_RANK) < line.ends[column].far() && !all.is_alike() {
                 // Else nothing around can be in front and move otherwise.

@@ -66,6 +66,8 @@ pub(super) struct Evidence<'a, P> {
     pub(super) shown: Option<Source<'a, P>>,
     /// What the anchor that shows it tells of it, where that is known.
     pub(super) past: Option<&'a Past<'a>>,
+    /// Whether what is at rest by that may move with a surface as far away beside it.
+    pub(super) carries: bool,
     /// What leaves the picture, where that was looked for.
     pub(super) leaving: Option<&'a Leaving>,
     /// What borrowed claims are marked with.
@@ -288,7 +290,7 @@ impl<P: Colour> Filling<'_, '_, P> {
             let Work { beside, orders } = work;
             beside::find(level, &layer.keys[tile], claims, holes, &beyond, beside);
             let mut asked = left;
-            if let Some(past) = evidence.past.filter(|_| sure != 0) {
+            if let Some(past) = evidence.past.filter(|_| sure != 0 && evidence.carries) {
                 asked |= past.carried(level, keys, &nears, sure, beside);
             }
             if asked != 0 {

@@ -8,6 +8,7 @@ use super::kernels::claims::{self, Places};
 use super::kernels::{BLOCK, Level, TILE, at_every_level};
 use super::layer::{self, EMPTY, Grid, Key, Kind, Layer, ONE_SURFACE, SLOPE, Tile, key, landed};
 use super::perspective::Way;
+use super::rules::{Rule, Rules};
 use super::{reserve, sized};
 use crate::Result;
 use crate::tasks::{self, Parallel, ParallelSliceMut};
@@ -140,7 +141,7 @@ fn stride(grid: Grid) -> usize {
 impl Layer {
     /// Fills this layer with what `passes` carry to it. The nearest of those that land on one place gets it; cracks of
     /// a pixel in what lands are closed.
-    pub(super) fn land(&mut self, level: Level, passes: &[Pass<'_>], bands: &Bands) -> Result<()> {
+    pub(super) fn land(&mut self, level: Level, rules: Rules, passes: &[Pass<'_>], bands: &Bands) -> Result<()> {
         let grid = passes[0].layer.grid;
         self.reserve(grid)?;
         // Where there are holes is known only when they are to be filled.
@@ -159,7 +160,9 @@ impl Layer {
         let keys = self.keys.par_chunks_mut(BAND * grid.columns);
         tiles.zip(keys).enumerate().for_each_in_slot(bands.threads, |slot, (number, (tiles, keys))| {
             let mut band = bands.of_threads[slot].lock();
-            let filling = Filling { level, grid, top: number * BAND, rows: tiles.len() / grid.columns };
+            let rows = tiles.len() / grid.columns;
+            let closes_cracks = rules.has(Rule::CrackClosing);
+            let filling = Filling { level, grid, top: number * BAND, rows, closes_cracks };
             filling.fill(passes, spots, &mut band, tiles, keys);
         });
         Ok(())
@@ -215,6 +218,7 @@ struct Filling {
     /// Its first row of tiles, and how many it has.
     top: usize,
     rows: usize,
+    closes_cracks: bool,
 }
 
 impl Filling {
@@ -403,9 +407,14 @@ impl Filling {
     fn take(&self, places: &[Key], column: usize, row: usize, tile: &mut Tile, keys: &mut [Key; BLOCK]) {
         let [across, down] = self.grid.extent(column, self.top + row);
         let stride = stride(self.grid);
-        (tile.holes, tile.key) =
-            claims::close(self.level, &places[row * TILE * stride + column * TILE..], stride, keys);
-        if [across, down] == [TILE, TILE] {
+        let first = row * TILE * stride + column * TILE;
+        if self.closes_cracks {
+            (tile.holes, tile.key) = claims::close(self.level, &places[first..], stride, keys);
+        } else {
+            let inner = places[first + RIM * stride + RIM..].chunks(stride);
+            keys.chunks_mut(TILE).zip(inner).for_each(|(keys, line)| keys.copy_from_slice(&line[..TILE]));
+        }
+        if [across, down] == [TILE, TILE] && self.closes_cracks {
             return;
         }
         (tile.holes, tile.key) = (0, 0);

@@ -41,6 +41,7 @@ mod overlay;
 mod past;
 mod perspective;
 mod render;
+mod rules;
 mod soften;
 mod standing;
 #[cfg(test)]
@@ -58,9 +59,13 @@ use layer::{HOLE, Layer, ORPHAN, WHOLE};
 use leaving::Leaving;
 use overlay::Stills;
 use past::Past;
-use perspective::{Moment, Seen, Way};
+use perspective::{Moment, Perspective, Seen, Way};
 use render::Between;
 use standing::Standing;
+
+#[doc(hidden)]
+pub use rules::Rule;
+use rules::Rules;
 
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
 use crate::tasks::PoolLease;
@@ -72,6 +77,7 @@ use crate::{Error, ErrorKind, Raster, Result};
 #[derive(Debug)]
 pub struct CpuGenerator {
     level: Level,
+    rules: Rules,
     cut: CutDetector,
     preparation: Preparation,
     field: Layer,
@@ -101,6 +107,7 @@ impl CpuGenerator {
     fn at(level: Level) -> Self {
         Self {
             level,
+            rules: Rules::default(),
             cut: CutDetector::default(),
             preparation: Preparation::default(),
             field: Layer::default(),
@@ -114,6 +121,12 @@ impl CpuGenerator {
             hidden: Vec::new(),
             _threads: PoolLease::new(),
         }
+    }
+
+    /// This generator without one of its rules, for measurements.
+    #[doc(hidden)]
+    pub fn without(self, rule: Rule) -> Self {
+        Self { rules: self.rules.without(rule), ..self }
     }
 
     /// `cpu`.
@@ -132,41 +145,66 @@ impl CpuGenerator {
     fn between<P: Colour>(&mut self, pair: &AnchorPair<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
         let (previous, current) = (source(pair.previous()), source(pair.current()));
         let is_optical_flow = pair.guidance().origin().is_optical_flow();
-        let inside = Inside::find(self.level, previous, current);
-        let standing = Standing::new(Some(&inside), pair.overlay(), current.width);
-        self.preparation.prepare(self.level, pair.guidance(), Some((previous, current)), standing, &mut self.field)?;
+        let rules = self.rules;
+        let inside = rules.has(Rule::LetterboxBars).then(|| Inside::find(self.level, previous, current));
+        let standing = Standing::new(inside.as_ref(), pair.overlay(), current.width);
+        self.preparation.prepare(
+            self.level,
+            rules,
+            pair.guidance(),
+            Some((previous, current)),
+            standing,
+            &mut self.field,
+        )?;
         let grid = self.field.grid;
         self.bands.reserve(grid)?;
         self.inpainter.reserve(grid)?;
 
         let way = Way::from_current(Moment::previous());
-        self.owners.land(self.level, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
+        self.owners.land(self.level, rules, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
         let margin = foreign::margin(previous, current);
-        let seen = Seen::find(pair.guidance(), &standing);
-        let past = Past::new(&seen, pair.previous_depth(), pair.guidance().depth());
+        let mut seen = Seen::find(pair.guidance(), &standing);
+        let previous_depth = pair.previous_depth().filter(|_| rules.has(Rule::PreviousDepth));
+        let past = Past::new(&seen, previous_depth, pair.guidance().depth());
         match &past {
             Some(past) => past.uncover(self.level, &mut self.owners, &self.field),
-            None => self.leaving.find(&mut self.owners, previous, current, margin, is_optical_flow.into())?,
+            None if rules.has(Rule::BorderExits) => {
+                self.leaving.find(&mut self.owners, previous, current, margin, is_optical_flow.into())?;
+            }
+            None => {}
         }
-        let leaving = if past.is_none() { Some(&self.leaving) } else { None };
-        let (shown, past) = (Some(previous), past.as_ref());
-        let evidence = Evidence { field: &self.field, way, shown, past, leaving, mark: ORPHAN };
+        let leaving = (past.is_none() && rules.has(Rule::BorderExits)).then_some(&self.leaving);
+        let shown = rules.has(Rule::FillByLikeness).then_some(previous);
+        let carries = rules.has(Rule::CarriedSurfaces);
+        let evidence = Evidence { field: &self.field, way, shown, past: past.as_ref(), carries, leaving, mark: ORPHAN };
         let orphans = self.filler.fill(self.level, &mut self.owners, &evidence)?;
 
+        if !rules.has(Rule::CameraFit) {
+            seen.perspective = Perspective::default();
+        }
         let moment = Moment::new(phase, seen.perspective);
         let way = Way::from_current(moment);
         let passes = [
             Pass { layer: &self.field, way, of: Carried::Own },
             Pass { layer: &self.owners, way: Way::from_previous(moment), of: Carried::Borrowed },
         ];
-        self.places.land(self.level, &passes[..if orphans > 0 { 2 } else { 1 }], &self.bands)?;
-        let evidence = Evidence::<P> { field: &self.field, way, shown: None, past: None, leaving: None, mark: HOLE };
+        self.places.land(self.level, rules, &passes[..if orphans > 0 { 2 } else { 1 }], &self.bands)?;
+        let evidence = Evidence::<P> {
+            field: &self.field,
+            way,
+            shown: None,
+            past: None,
+            carries: false,
+            leaving: None,
+            mark: HOLE,
+        };
         self.filler.fill(self.level, &mut self.places, &evidence)?;
 
         sized(&mut self.hidden, grid.tiles(), 0)?;
-        self.stills.reserve(grid)?;
+        self.stills.reserve(grid, rules.has(Rule::StaticOverlays))?;
         let between = Between {
             level: self.level,
+            rules,
             previous,
             current,
             places: &self.places,
@@ -174,12 +212,12 @@ impl CpuGenerator {
             owners: &self.owners,
             phase,
             moment,
-            margin,
+            margin: if rules.has(Rule::ColourOutliers) { margin } else { f32::INFINITY },
             stills: &self.stills,
             is_optical_flow,
         };
         let rendered = between.render(out, &mut self.hidden);
-        if rendered.hidden > 0 {
+        if rendered.hidden > 0 && rules.has(Rule::Inpainting) {
             self.inpainter.paint(grid, &self.hidden, out)?;
         }
         Ok(rendered.uncovered as f32 / (grid.width * grid.height) as f32)
@@ -188,14 +226,22 @@ impl CpuGenerator {
     fn beyond<P: Colour>(&mut self, anchor: &Anchor<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
         let current = source(anchor.picture());
         let standing = Standing::new(None, anchor.overlay(), current.width);
-        self.preparation.prepare::<P>(self.level, anchor.guidance(), None, standing, &mut self.field)?;
+        self.preparation.prepare::<P>(self.level, self.rules, anchor.guidance(), None, standing, &mut self.field)?;
         let grid = self.field.grid;
         self.bands.reserve(grid)?;
         self.inpainter.reserve(grid)?;
         let moment = Moment::new(WHOLE + phase, Seen::find(anchor.guidance(), &standing).perspective);
         let way = Way::from_current(moment);
-        self.places.land(self.level, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
-        let evidence = Evidence::<P> { field: &self.field, way, shown: None, past: None, leaving: None, mark: HOLE };
+        self.places.land(self.level, self.rules, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
+        let evidence = Evidence::<P> {
+            field: &self.field,
+            way,
+            shown: None,
+            past: None,
+            carries: false,
+            leaving: None,
+            mark: HOLE,
+        };
         self.filler.fill(self.level, &mut self.places, &evidence)?;
         sized(&mut self.hidden, grid.tiles(), 0)?;
         let rendered = render::beyond(self.level, current, &self.places, &self.field, moment, out, &mut self.hidden);
@@ -225,10 +271,12 @@ impl<P: Colour> FrameGenerator<P> for CpuGenerator {
         let (previous, current) = (pair.previous(), pair.current());
         let unexplained = if pair.is_cut() {
             1.0
+        } else if !self.rules.has(Rule::CutDetection) {
+            0.0
         } else {
             self.cut.unexplained(self.level, previous, current, pair.guidance().motion())?
         };
-        if pair.is_cut() || self.cut.is_cut() {
+        if pair.is_cut() || self.rules.has(Rule::CutDetection) && self.cut.is_cut() {
             let nearer = if t < 0.5 { previous } else { current };
             out.pixels_mut().copy_from_slice(nearer.pixels());
             return Ok(GenerateReport { outcome: Outcome::CutFallback, uncovered: 0.0, unexplained });

@@ -51,6 +51,8 @@ pub(super) enum Which {
 #[derive(Debug, Default)]
 pub(super) struct Stills {
     grid: Grid,
+    /// Whether they are looked for; else nothing stands still.
+    is_on: bool,
     /// Bit `8 j + i` of a tile: see [`is_still`].
     tiles: Facts,
     /// The same: see [`is_steady`], for the previous anchor and for the current one.
@@ -87,8 +89,8 @@ impl Facts {
 
 impl Stills {
     /// Forgets all, and makes room for the pictures of a grid.
-    pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
-        self.grid = grid;
+    pub(super) fn reserve(&mut self, grid: Grid, is_on: bool) -> Result<()> {
+        (self.grid, self.is_on) = (grid, is_on);
         self.tiles.reserve(grid.tiles())?;
         self.steady.iter_mut().try_for_each(|steady| steady.reserve(grid.tiles()))
     }
@@ -152,6 +154,9 @@ impl Stills {
     /// The pixels of a tile that stand still: bit `8 j + i`.
     #[inline(always)]
     pub(super) fn of_tile<P: Colour>(&self, level: Level, anchors: &Overlays<'_, P>, at: [usize; 2]) -> u64 {
+        if !self.is_on {
+            return 0;
+        }
         self.tiles.of(at[1] * self.grid.columns + at[0], || {
             stills_of_tile(level, anchors.previous, anchors.current, at.map(|at| at * TILE))
         })
@@ -526,7 +531,7 @@ mod tests {
             let anchors = Overlays { previous, current };
             for level in Level::available() {
                 let mut stills_of = Stills::default();
-                stills_of.reserve(grid).unwrap();
+                stills_of.reserve(grid, true).unwrap();
                 let (mut count, mut over) = (0, 0);
                 for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
                     let is_still = is_still(previous, current, [x, y]);

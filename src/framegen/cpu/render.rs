@@ -11,6 +11,7 @@ use super::layer::{
 };
 use super::overlay::{Overlays, Stills, Which};
 use super::perspective::{Moment, Way};
+use super::rules::Rules;
 use super::soften::{soft, soften};
 use crate::Raster;
 use crate::tasks::{Parallel, ParallelSliceMut};
@@ -38,6 +39,7 @@ pub(super) const fn unseen(is_optical_flow: bool) -> f32 {
 /// What a picture between two anchors is made of.
 pub(super) struct Between<'a, P> {
     pub(super) level: Level,
+    pub(super) rules: Rules,
     pub(super) previous: Source<'a, P>,
     pub(super) current: Source<'a, P>,
     /// What is at phase t.
@@ -187,7 +189,10 @@ impl<P: Colour> Between<'_, P> {
             uncovered += orphans.count_ones() as usize;
             questionable |= orphans;
         }
-        let can_be_soft = self.is_optical_flow && tile.kind == Kind::Rough && [across, down] == [TILE, TILE];
+        let can_be_soft = self.is_optical_flow
+            && self.rules.has(super::Rule::EdgeSoftening)
+            && tile.kind == Kind::Rough
+            && [across, down] == [TILE, TILE];
         let soft = if can_be_soft { soft(self.level, &keys, questionable) } else { 0 };
         let from = corner.map(|at| at as i32);
         let size = [grid.width, grid.height];
@@ -220,7 +225,11 @@ impl<P: Colour> Between<'_, P> {
             if shows_nothing[0] == shows_nothing[1] { P::merge_block(self.level, &strict, block) } else { 0 };
         let mask = questionable | differing;
         let mut fronts = [EMPTY; BLOCK];
-        let has_front = if mask == 0 { 0 } else { self.fronts(column, row, mask, &mut fronts) };
+        let has_front = if mask == 0 || !self.rules.has(super::Rule::ForegroundEdges) {
+            0
+        } else {
+            self.fronts(column, row, mask, &mut fronts)
+        };
         let has_rim = self.rims(from, &keys, &fronts, has_front, &strict, rims);
         // What the previous anchor alone shows, and what the current one alone does.
         let (leaving, entering) = (orphans & beyond[1] & !beyond[0], beyond[0] & !beyond[1]);

@@ -52,6 +52,7 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
         way: Way::from_current(Moment::previous()),
         shown: Some(previous),
         past: past.as_ref(),
+        carries: true,
         leaving: past.is_none().then_some(&leaving),
         mark: ORPHAN,
     };
@@ -63,7 +64,10 @@ pub(super) fn between<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (Raste
     let mut moving: Vec<_> = claims_of(&field).into_iter().map(|claim| claim.carried(way)).collect();
     moving.extend(borrowed_of(&owners).into_iter().map(|claim| claim.carried(back)));
     let mut places = gathered(field.grid, &moving);
-    fill(&mut places, &Evidence::<P> { field: &field, way, shown: None, past: None, leaving: None, mark: HOLE });
+    fill(
+        &mut places,
+        &Evidence::<P> { field: &field, way, shown: None, past: None, carries: false, leaving: None, mark: HOLE },
+    );
 
     render(&Shown {
         previous,
@@ -85,7 +89,10 @@ pub(super) fn beyond<P: Colour>(anchor: &Anchor<'_, P>, phase: i32) -> (Raster<P
     let moment = Moment::new(WHOLE + phase, Seen::find(anchor.guidance(), &standing).perspective);
     let way = Way::from_current(moment);
     let mut places = settled(&field, &claims_of(&field), way);
-    fill(&mut places, &Evidence::<P> { field: &field, way, shown: None, past: None, leaving: None, mark: HOLE });
+    fill(
+        &mut places,
+        &Evidence::<P> { field: &field, way, shown: None, past: None, carries: false, leaving: None, mark: HOLE },
+    );
 
     let grid = field.grid;
     let mut out = anchor.picture().clone();
