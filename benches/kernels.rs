@@ -9,7 +9,8 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use cairn::framegen::cpu::kernels::{
-    BLOCK, Block, Level, Positions, RankRange, Rule, Sampled, Source, TILE, VectorRange, depth_ranges, motion_ranges,
+    BLOCK, Block, DepthKeyRange, Positions, Rule, Sampled, SimdLevel, Source, TILE, TileSource, VectorRange,
+    depth_ranges, motion_ranges,
 };
 use half::f16;
 use rayon::prelude::*;
@@ -39,7 +40,7 @@ fn main() {
 
     let mut lines = vec![average(&previous, &current)];
     // The scalar versions are references for correctness only.
-    for level in Level::available().filter(|&level| level != Level::SCALAR || !is_measured) {
+    for level in SimdLevel::available().filter(|&level| level != SimdLevel::SCALAR || !is_measured) {
         pictures(&mut lines, level, "bytes", [&previous, &current], width);
         pictures(&mut lines, level, "halves", [&previous_half, &current_half], width);
         ranges(&mut lines, level, &motion, &depth, width);
@@ -103,13 +104,13 @@ fn average<'a>(previous: &'a [[u8; 4]], current: &'a [[u8; 4]]) -> Line<'a> {
 /// Lines that make whole pictures, in tiles and in blocks of pixels.
 fn pictures<'a, P: Sampled>(
     lines: &mut Vec<Line<'a>>,
-    level: Level,
+    level: SimdLevel,
     pixels: &str,
     pictures: [&'a [P]; 2],
     width: usize,
 ) {
     let [previous, current] = pictures.map(|pixels| Source { pixels, width, height: pixels.len() / width });
-    let rule = Rule { weight: 64, nearer_is_current: true, agree: 4, careful: 40 };
+    let rule = Rule { weight: 64, nearer_is_current: true, max_equal_difference: 4, doubt_threshold: 40 };
     let name = |what: &str| format!("{what} of {pixels}, {}", level.name());
     let position = move |tile: usize, band: usize, sign: i32| {
         [(64 * TILE * tile) as i32 + sign * DISPLACEMENT[0], (64 * TILE * band) as i32 + sign * DISPLACEMENT[1]]
@@ -119,8 +120,9 @@ fn pictures<'a, P: Sampled>(
     lines.push(Line::new(name("tiles"), move || {
         out.par_chunks_exact_mut(TILE * width).enumerate().for_each(|(band, out)| {
             for tile in 0..width / TILE {
-                let (a, b) = (position(tile, band, 1), position(tile, band, -1));
-                black_box(P::tile(level, previous, a, current, b, &rule, &mut out[tile * TILE..], width));
+                let previous = TileSource { picture: previous, at: position(tile, band, 1) };
+                let current = TileSource { picture: current, at: position(tile, band, -1) };
+                black_box(P::merge_tile(level, previous, current, &rule, &mut out[tile * TILE..], width));
             }
         });
     }));
@@ -128,7 +130,12 @@ fn pictures<'a, P: Sampled>(
     lines.push(Line::new(name("tiles of one"), move || {
         out.par_chunks_exact_mut(TILE * width).enumerate().for_each(|(band, out)| {
             for tile in 0..width / TILE {
-                P::tile_of_one(level, current, position(tile, band, 1), &mut out[tile * TILE..], width);
+                P::sample_tile(
+                    level,
+                    TileSource { picture: current, at: position(tile, band, 1) },
+                    &mut out[tile * TILE..],
+                    width,
+                );
             }
         });
     }));
@@ -143,9 +150,9 @@ fn pictures<'a, P: Sampled>(
                 }
             });
             let black = [current.pixels[0]; BLOCK];
-            let mut out = Block { before: black, after: black, merged: black };
-            P::pixels_of_one(level, previous, &a, u64::MAX, &mut out.before);
-            P::pixels_of_one(level, current, &b, u64::MAX, &mut out.after);
+            let mut out = Block { previous: black, current: black, merged: black };
+            P::sample_pixels(level, previous, &a, u64::MAX, &mut out.previous);
+            P::sample_pixels(level, current, &b, u64::MAX, &mut out.current);
             black_box(P::merge_block(level, &rule, &mut out));
             black_box(out);
         });
@@ -153,14 +160,14 @@ fn pictures<'a, P: Sampled>(
 }
 
 /// Lines that compute the ranges of motion and depth of all tiles.
-fn ranges<'a>(lines: &mut Vec<Line<'a>>, level: Level, motion: &'a [[f16; 2]], depth: &'a [f32], width: usize) {
+fn ranges<'a>(lines: &mut Vec<Line<'a>>, level: SimdLevel, motion: &'a [[f16; 2]], depth: &'a [f32], width: usize) {
     let mut out = vec![VectorRange::default(); width.div_ceil(TILE) * (motion.len() / width).div_ceil(TILE)];
     lines.push(Line::new(format!("ranges of motion, {}", level.name()), move || {
         let bands = out.par_chunks_mut(width.div_ceil(TILE)).zip(motion.par_chunks(TILE * width));
         bands.for_each(|(out, motion)| motion_ranges(level, motion, width, [64 * 1920, 64 * 1080], out));
         black_box(&mut out);
     }));
-    let mut out = vec![RankRange::default(); width.div_ceil(TILE) * (depth.len() / width).div_ceil(TILE)];
+    let mut out = vec![DepthKeyRange::default(); width.div_ceil(TILE) * (depth.len() / width).div_ceil(TILE)];
     lines.push(Line::new(format!("ranges of depth, {}", level.name()), move || {
         let bands = out.par_chunks_mut(width.div_ceil(TILE)).zip(depth.par_chunks(TILE * width));
         bands.for_each(|(out, depth)| depth_ranges(level, depth, width, out));

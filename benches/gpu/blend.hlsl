@@ -1,4 +1,4 @@
-// The mean of two pictures: what every generated frame is told beside.
+// The mean of two pictures, to which the cost of every generated frame is compared.
 
 Texture2D<float4> Before : register(t0);
 Texture2D<float4> After : register(t1);

@@ -48,7 +48,7 @@ pub(super) struct PassThroughDetector {
 
 impl PassThroughDetector {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
-        let code = include_bytes!("../gpu/shaders/compiled/fsr_watch.dxbc");
+        let code = include_bytes!("../gpu/shaders/compiled/fsr_detect_pass_through.dxbc");
         let mut zeroes = MappedBuffer::new(gpu, Heap::Upload, BYTES)?;
         zeroes.write(0, &[0; BYTES]);
         Ok(Self {

@@ -49,7 +49,7 @@ impl Densifier {
         Ok(Self {
             gpu: gpu.clone(),
             size,
-            kernel: Kernel::new(gpu, include_bytes!("../gpu/shaders/compiled/fsr_spread.dxbc"), shape)?,
+            kernel: Kernel::new(gpu, include_bytes!("../gpu/shaders/compiled/fsr_densify.dxbc"), shape)?,
             ring: CommandRing::new(gpu, gpu.frames(), DESCRIPTORS)?,
             dense: [texture(MOTION)?, texture(DEPTH)?],
         })

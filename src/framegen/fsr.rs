@@ -165,7 +165,7 @@ impl OverlayCompositor {
         let inputs = [View::Texture(*anchor, DXGI_FORMAT_R8G8B8A8_UNORM), View::Texture(*mask, DXGI_FORMAT_R8_UNORM)];
         let output = View::Texture(*frame, DXGI_FORMAT_R8G8B8A8_UNORM);
         let mut list = self.ring.begin()?;
-        list.begin_event(c"Cairn: what lies over a generated frame");
+        list.begin_event(c"Cairn: static overlay of a generated frame");
         list.run(&self.kernel, &[self.size.0, self.size.1], &inputs, &[output], groups)?;
         list.end_event();
         list.submit(self.gpu.frames())

@@ -154,7 +154,7 @@ impl Presenter {
             fits(guidance.size(), size, "guidance")?;
         }
         if let Some(overlay) = &stream.overlay {
-            fits(size, overlay.size, "anchor").map_err(|e| e.remedy("Say what lies over anchors of this size"))?;
+            fits(size, overlay.size, "anchor").map_err(|e| e.remedy("Pass an overlay mask of the anchors' size"))?;
         }
         if stream.pacer.is_none() {
             let interval = match (self.options.interval, anchor.latents_per_second()) {

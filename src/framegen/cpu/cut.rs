@@ -1,140 +1,140 @@
-//! Telling a cut from motion.
+//! Cut detection.
 //!
-//! Both anchors are reduced to small luma pictures, and those to their detail, as slopes look alike everywhere. Every
-//! block of the current one is looked for in the previous one: where it stands, where its motion vector points, and
-//! if that leaves most of them lost, where the whole picture seems to have gone, each with a small search around. Blocks are compared by correlation,
-//! which brightness and contrast do not change, so that flashes and fades are no cuts. If most blocks are nowhere to be
-//! found, it is a cut; if fewer are, the distribution of brightness must have changed as well.
+//! Both anchors are reduced to small luma pictures, and these to their detail, because smooth gradients look alike
+//! everywhere. Every block of the current anchor is searched in the previous one: at the same position, along its
+//! motion vector and, if most blocks are not found there, along the global motion, each with a small search window.
+//! Blocks are compared by correlation, which is invariant to brightness and contrast, so that flashes and fades are no
+//! cuts. If most blocks are not found, there is a cut; if fewer are not found, the luma histograms must differ as well.
 
 use bytemuck::must_cast;
 use parking_lot::Mutex;
 
-use super::kernels::{Level, Sampled, at_every_level, fetch};
-use super::sized;
+use super::kernels::{Sampled, SimdLevel, at_every_level, prefetch};
+use super::resize;
 use crate::guidance::MotionField;
 use crate::tasks::{self, Parallel, ParallelSliceMut};
 use crate::{Raster, Result};
 
-/// Finds cuts; keeps its small pictures from call to call.
+/// Detects cuts; keeps its memory.
 #[derive(Debug, Default)]
 pub(super) struct CutDetector {
-    previous: Small,
-    current: Small,
-    tiny: [Small; 2],
-    blocks: Vec<Evidence>,
+    previous: ReducedPicture,
+    current: ReducedPicture,
+    tiny: [ReducedPicture; 2],
+    blocks: Vec<BlockMatch>,
     unexplained: f32,
     histogram_distance: f32,
 }
 
-/// The longer side of the small pictures is at most this.
-const SMALL_SIDE: usize = 320;
-/// Rows of a picture that are read for one of the small picture's, evenly spread; more would tell little more.
+/// Largest side of the reduced pictures, in pixels.
+const REDUCED_SIDE: usize = 320;
+/// Rows that are read per row of a reduced picture, evenly spaced; more would hardly change the result.
 const ROWS_READ: usize = 2;
 /// Pixels of a row that are averaged at a time.
 const RUN: usize = 256;
-/// Small pixels per pixel of the tiny pictures in which the motion of the whole is sought.
+/// Reduction factor from the reduced to the tiny pictures in which the global motion is searched.
 const TINY_FACTOR: usize = 4;
-/// Detail is what remains when the mean over this many small pixels each way is taken out.
+/// Radius of the local mean that is subtracted to get the detail, in reduced pixels.
 const DETAIL_REACH: usize = 4;
-/// Side of a block, in small pixels.
+/// Side of a block, in reduced pixels.
 const BLOCK: usize = 16;
-/// Search around each candidate, in small pixels each way.
+/// Radius of the search window, in reduced pixels.
 const SEARCH: isize = 3;
-/// A block is found where its detail correlates this well.
-const CORRELATION: f32 = 0.7;
-/// Standard deviation of the detail, in levels, from which a block is evidence: what is flat in both anchors neither
-/// proves nor disproves anything, and cannot smear either.
-const EVIDENT: f32 = 1.5;
-/// Share of blocks that must be evidence.
-const ENOUGH: f32 = 0.125;
-/// Unexplained shares that make a cut: alone, and together with this distance of the histograms, 0 to 1.
+/// Smallest correlation of the detail of matching blocks.
+const MIN_CORRELATION: f32 = 0.7;
+/// Smallest standard deviation of the detail, in levels, of blocks that count: in a block that is flat in both anchors
+/// there is nothing to compare.
+const MIN_DETAIL: f32 = 1.5;
+/// Smallest share of blocks that must count.
+const MIN_SHARE: f32 = 0.125;
+/// Share of blocks without a match that makes a cut: alone, or together with a histogram distance (0 to 1).
 const CUT_ALONE: f32 = 0.85;
 const CUT_WITH_HISTOGRAM: f32 = 0.6;
 const HISTOGRAM_DISTANCE: f32 = 0.3;
 
-/// What a block says.
+/// Result of searching a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Evidence {
-    /// Nothing: it is flat.
-    None,
-    /// It is in the previous anchor.
+enum BlockMatch {
+    /// Too little detail to decide.
+    Flat,
+    /// A match in the previous anchor.
     Found,
-    /// It is not.
-    Lost,
+    /// No match.
+    NotFound,
 }
 
 impl CutDetector {
-    /// The share of blocks of `current` with something to see that `previous` does not have.
+    /// Share of the blocks of `current` with detail that have no match in `previous`.
     pub(super) fn unexplained<P: Sampled>(
         &mut self,
-        level: Level,
+        level: SimdLevel,
         previous: &Raster<P>,
         current: &Raster<P>,
         motion: &MotionField,
     ) -> Result<f32> {
         let side = current.width().max(current.height()) as usize;
-        let factor = side.div_ceil(SMALL_SIDE);
-        let (small_previous, small_current) = (&mut self.previous, &mut self.current);
+        let factor = side.div_ceil(REDUCED_SIDE);
+        let (reduced_previous, reduced_current) = (&mut self.previous, &mut self.current);
         let (a, b) = tasks::join_loops(
-            || small_previous.reduce_picture(level, previous, factor),
-            || small_current.reduce_picture(level, current, factor),
+            || reduced_previous.reduce_picture(level, previous, factor),
+            || reduced_current.reduce_picture(level, current, factor),
         );
         a.and(b)?;
         let (previous, current) = (&self.previous, &self.current);
 
         let (across, down) = (current.width.div_ceil(BLOCK), current.height.div_ceil(BLOCK));
-        sized(&mut self.blocks, across * down, Evidence::None)?;
+        resize(&mut self.blocks, across * down, BlockMatch::Flat)?;
         let block_at = |i: usize| Block::new(level, current, i % across * BLOCK, i / across * BLOCK);
-        self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, evidence)| {
+        self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, block_match)| {
             let block = block_at(i);
-            let given = motion_at(motion, block.x + BLOCK / 2, block.y + BLOCK / 2, factor);
-            // Where it stands is compared for both.
-            let in_place = block.compare(previous, block.x, block.y);
-            *evidence = if !block.is_evident(&in_place) {
-                Evidence::None
-            } else if block.is_like(&in_place) || block.is_found_in(previous, &[[0, 0], given]) {
-                Evidence::Found
+            let motion_vector = motion_at(motion, block.x + BLOCK / 2, block.y + BLOCK / 2, factor);
+            // The unshifted comparison serves both tests.
+            let unshifted = block.compare(previous, block.x, block.y);
+            *block_match = if !block.has_detail(&unshifted) {
+                BlockMatch::Flat
+            } else if block.is_similar(&unshifted) || block.is_found_in(previous, &[[0, 0], motion_vector]) {
+                BlockMatch::Found
             } else {
-                Evidence::Lost
+                BlockMatch::NotFound
             };
         });
-        self.unexplained = share_lost(&self.blocks);
+        self.unexplained = share_not_found(&self.blocks);
         self.histogram_distance = histogram_distance(previous, current);
 
-        // Where the whole has gone is sought only if it can make a difference; the room for that is kept ready.
-        for (tiny, small) in self.tiny.iter_mut().zip([&self.previous, &self.current]) {
-            tiny.reserve(small, TINY_FACTOR)?;
+        // The global motion is searched only if it can change the result. Its memory is allocated in any case.
+        for (tiny, reduced) in self.tiny.iter_mut().zip([&self.previous, &self.current]) {
+            tiny.reserve(reduced, TINY_FACTOR)?;
         }
         if self.is_cut() {
             self.tiny[0].reduce(&self.previous, TINY_FACTOR);
             self.tiny[1].reduce(&self.current, TINY_FACTOR);
-            let whole = whole_motion(&self.tiny[0], &self.tiny[1]).map(|v| v * TINY_FACTOR as isize);
-            self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, evidence)| {
-                if *evidence == Evidence::Lost && block_at(i).is_found_in(previous, &[whole]) {
-                    *evidence = Evidence::Found;
+            let global = global_motion(&self.tiny[0], &self.tiny[1]).map(|v| v * TINY_FACTOR as isize);
+            self.blocks.par_iter_mut().with_min_len(16).enumerate().for_each(|(i, block_match)| {
+                if *block_match == BlockMatch::NotFound && block_at(i).is_found_in(previous, &[global]) {
+                    *block_match = BlockMatch::Found;
                 }
             });
-            self.unexplained = share_lost(&self.blocks);
+            self.unexplained = share_not_found(&self.blocks);
         }
         Ok(self.unexplained)
     }
 
-    /// Whether the pair last looked at is a cut.
+    /// Whether there is a cut in the last pair.
     pub(super) fn is_cut(&self) -> bool {
         self.unexplained >= CUT_ALONE
             || self.unexplained >= CUT_WITH_HISTOGRAM && self.histogram_distance >= HISTOGRAM_DISTANCE
     }
 }
 
-/// Of the blocks that say something, the share that is lost; 0 where too few say something.
-fn share_lost(blocks: &[Evidence]) -> f32 {
-    let count = |evidence| blocks.iter().filter(|&&block| block == evidence).count();
-    let (found, lost) = (count(Evidence::Found), count(Evidence::Lost));
-    let is_enough = (found + lost) as f32 > ENOUGH * blocks.len() as f32;
-    if is_enough { lost as f32 / (found + lost) as f32 } else { 0.0 }
+/// Share of blocks without a match among those with detail; 0 if too few have detail.
+fn share_not_found(blocks: &[BlockMatch]) -> f32 {
+    let count = |block_match| blocks.iter().filter(|&&block| block == block_match).count();
+    let (found, not_found) = (count(BlockMatch::Found), count(BlockMatch::NotFound));
+    let is_significant = (found + not_found) as f32 > MIN_SHARE * blocks.len() as f32;
+    if is_significant { not_found as f32 / (found + not_found) as f32 } else { 0.0 }
 }
 
-/// The motion vector at a small pixel, in small pixels; what is not finite is no motion.
+/// Motion vector at a reduced pixel, in reduced pixels; 0 if it is not finite.
 fn motion_at(motion: &MotionField, x: usize, y: usize, factor: usize) -> [isize; 2] {
     let column = (x * factor).min(motion.width() as usize - 1);
     let row = (y * factor).min(motion.height() as usize - 1);
@@ -146,20 +146,20 @@ fn motion_at(motion: &MotionField, x: usize, y: usize, factor: usize) -> [isize;
     }
 }
 
-/// The shift from `current` to `previous` that correlates best, over half the picture's width or more and three
-/// quarters of its height: cameras turn faster than they tilt. Of equals, none, and then the first from above.
-fn whole_motion(previous: &Small, current: &Small) -> [isize; 2] {
+/// The shift from `current` to `previous` with the largest correlation, up to half the width and a quarter of the
+/// height: cameras pan faster than they tilt. For equal correlations no shift wins, then the first in row order.
+fn global_motion(previous: &ReducedPicture, current: &ReducedPicture) -> [isize; 2] {
     let (reach_x, reach_y) = ((current.width / 2) as isize, (current.height / 4) as isize);
     let better = |a: ([isize; 2], f32), b: ([isize; 2], f32)| if b.1 > a.1 { b } else { a };
-    let still = ([0, 0], correlation(previous, current, 0, 0));
-    let best = Mutex::new(still);
+    let unshifted = ([0, 0], correlation(previous, current, 0, 0));
+    let best = Mutex::new(unshifted);
     tasks::for_each_index(2 * reach_y as usize + 1, |row| {
         let dy = row as isize - reach_y;
         let shifts = (-reach_x..=reach_x).map(|dx| ([dx, dy], correlation(previous, current, dx, dy)));
-        let of_row = shifts.fold(still, better);
+        let of_row = shifts.fold(unshifted, better);
         let mut best = best.lock();
-        // Rows end in any order: of equals the first from above stays, and no motion before all.
-        let is_first = of_row.1 == best.1 && best.1 > still.1 && of_row.0[1] < best.0[1];
+        // Rows are processed in any order.
+        let is_first = of_row.1 == best.1 && best.1 > unshifted.1 && of_row.0[1] < best.0[1];
         if of_row.1 > best.1 || is_first {
             *best = of_row;
         }
@@ -167,8 +167,8 @@ fn whole_motion(previous: &Small, current: &Small) -> [isize; 2] {
     best.into_inner().0
 }
 
-/// How well the part that both share correlates, -1 to 1; 0 where one of them is without contrast.
-fn correlation(previous: &Small, current: &Small, dx: isize, dy: isize) -> f32 {
+/// Correlation of the overlapping part, -1 to 1; 0 if one of the pictures is uniform there.
+fn correlation(previous: &ReducedPicture, current: &ReducedPicture, dx: isize, dy: isize) -> f32 {
     let overlap = |shift: isize, len: usize| {
         let len = len as isize;
         (0.max(-shift) as usize)..(len.min(len - shift) as usize)
@@ -185,7 +185,7 @@ fn correlation(previous: &Small, current: &Small, dx: isize, dy: isize) -> f32 {
     both.moments(&here).correlation()
 }
 
-/// Sums of values, and of their squares. A row that is added is short enough that its sums fit 32 bits.
+/// Sums of values and of their squares. Rows are short enough that their sums fit 32 bits.
 #[derive(Debug, Default)]
 struct Sums {
     count: i64,
@@ -208,7 +208,7 @@ impl Sums {
     }
 }
 
-/// Sums of other values beside them, of their squares, and of the products of both.
+/// Sums of a second series of values, of their squares, and of the products with the first.
 #[derive(Default)]
 struct Cross {
     sum: i64,
@@ -236,14 +236,14 @@ impl Cross {
     }
 }
 
-/// What is to be known of pairs of values.
+/// Statistics of two series of values.
 struct Moments<'a> {
     values: &'a Sums,
     others: &'a Cross,
 }
 
 impl Moments<'_> {
-    /// Standard deviations of the two.
+    /// Standard deviations of both series.
     fn deviations(&self) -> [f32; 2] {
         let Self { values: a, others: b } = self;
         [(a.squares, a.sum), (b.squares, b.sum)].map(|(squares, sum)| {
@@ -252,7 +252,7 @@ impl Moments<'_> {
         })
     }
 
-    /// From -1 to 1; 0 where one of the two does not vary.
+    /// Correlation coefficient, -1 to 1; 0 if one of the series is constant.
     fn correlation(&self) -> f32 {
         let Self { values, others } = self;
         let [a, b] = self.deviations();
@@ -262,11 +262,11 @@ impl Moments<'_> {
     }
 }
 
-/// Half the sum of differences between the two distributions of levels: 0 alike, 1 disjoint.
-fn histogram_distance(previous: &Small, current: &Small) -> f32 {
-    let histogram = |small: &Small| {
+/// Half the sum of absolute differences of the luma histograms: 0 for equal ones, 1 for disjoint ones.
+fn histogram_distance(previous: &ReducedPicture, current: &ReducedPicture) -> f32 {
+    let histogram = |reduced: &ReducedPicture| {
         let mut bins = [0_u32; 32];
-        small.luma.iter().for_each(|&v| bins[usize::from(v) / 8] += 1);
+        reduced.luma.iter().for_each(|&v| bins[usize::from(v) / 8] += 1);
         bins
     };
     let (a, b) = tasks::join(|| histogram(previous), || histogram(current));
@@ -276,8 +276,8 @@ fn histogram_distance(previous: &Small, current: &Small) -> f32 {
 
 /// A block of the current picture.
 struct Block<'a> {
-    level: Level,
-    small: &'a Small,
+    level: SimdLevel,
+    reduced: &'a ReducedPicture,
     x: usize,
     y: usize,
     width: usize,
@@ -286,51 +286,51 @@ struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// The block at (x, y), cut off at the far edges.
-    fn new(level: Level, small: &'a Small, x: usize, y: usize) -> Self {
-        let (width, height) = (BLOCK.min(small.width - x), BLOCK.min(small.height - y));
+    /// The block at (x, y), clipped at the right and bottom borders.
+    fn new(level: SimdLevel, reduced: &'a ReducedPicture, x: usize, y: usize) -> Self {
+        let (width, height) = (BLOCK.min(reduced.width - x), BLOCK.min(reduced.height - y));
         let mut sums = Sums::default();
-        (y..y + height).for_each(|y| sums.add(&small.detail[y * small.width + x..][..width]));
-        Self { level, small, x, y, width, height, sums }
+        (y..y + height).for_each(|y| sums.add(&reduced.detail[y * reduced.width + x..][..width]));
+        Self { level, reduced, x, y, width, height, sums }
     }
 
-    /// Whether `previous` has this block within the search of one of the shifts.
-    fn is_found_in(&self, previous: &Small, shifts: &[[isize; 2]]) -> bool {
+    /// Whether `previous` contains this block within the search window of one of the shifts.
+    fn is_found_in(&self, previous: &ReducedPicture, shifts: &[[isize; 2]]) -> bool {
         let around = |&[dx, dy]: &[isize; 2]| {
             (-SEARCH..=SEARCH).flat_map(move |sy| (-SEARCH..=SEARCH).map(move |sx| [dx + sx, dy + sy]))
         };
-        // The shifts themselves first, which mostly settle it.
+        // The shifts themselves first: usually one of them matches.
         shifts.iter().copied().chain(shifts.iter().flat_map(around)).any(|shift| self.is_at(previous, shift))
     }
 
-    /// Whether there is detail here, in this picture or in the previous one, which was compared in place.
-    fn is_evident(&self, in_place: &Cross) -> bool {
-        let [here, there] = in_place.moments(&self.sums).deviations();
-        here.max(there) >= EVIDENT
+    /// Whether this block has detail, in this picture or at the same position in the previous one.
+    fn has_detail(&self, unshifted: &Cross) -> bool {
+        let [here, there] = unshifted.moments(&self.sums).deviations();
+        here.max(there) >= MIN_DETAIL
     }
 
-    fn is_like(&self, there: &Cross) -> bool {
-        there.moments(&self.sums).correlation() >= CORRELATION
+    fn is_similar(&self, there: &Cross) -> bool {
+        there.moments(&self.sums).correlation() >= MIN_CORRELATION
     }
 
-    fn is_at(&self, previous: &Small, [dx, dy]: [isize; 2]) -> bool {
+    fn is_at(&self, previous: &ReducedPicture, [dx, dy]: [isize; 2]) -> bool {
         let (x, y) = (self.x as isize + dx, self.y as isize + dy);
         let fits = |at: isize, len: usize, of: usize| at >= 0 && at as usize + len <= of;
         fits(x, self.width, previous.width)
             && fits(y, self.height, previous.height)
-            && self.is_like(&self.compare(previous, x as usize, y as usize))
+            && self.is_similar(&self.compare(previous, x as usize, y as usize))
     }
 
-    /// The detail of `previous` at (x, y) beside this block's.
-    fn compare(&self, previous: &Small, x: usize, y: usize) -> Cross {
-        let here = &self.small.detail[self.y * self.small.width + self.x..];
+    /// Sums of the previous detail at (x, y) with this block's.
+    fn compare(&self, previous: &ReducedPicture, x: usize, y: usize) -> Cross {
+        let here = &self.reduced.detail[self.y * self.reduced.width + self.x..];
         let there = &previous.detail[y * previous.width + x..];
-        cross(self.level, here, there, [self.small.width, previous.width], [self.width, self.height])
+        cross(self.level, here, there, [self.reduced.width, previous.width], [self.width, self.height])
     }
 }
 
 at_every_level! {
-    /// The sums of a block of `extent`, whose rows begin `strides` after each other.
+    /// Sums of a block of `extent` in two pictures with these strides.
     fn cross(here: &[i16], there: &[i16], strides: [usize; 2], extent: [usize; 2]) -> Cross
         = cross_by_rows | cross_in_vectors
 }
@@ -348,7 +348,7 @@ fn cross_in_vectors(here: &[i16], there: &[i16], strides: [usize; 2], [width, he
     if width != BLOCK {
         return cross_by_rows(here, there, strides, [width, height]);
     }
-    // Of a column at most 16 squares of 255, so that all fit.
+    // At most 16 squares of 255 per column: they fit 32 bits.
     let (mut sums, mut squares, mut products) = ([0_i32; BLOCK], [0_i32; BLOCK], [0_i32; BLOCK]);
     for row in 0..height {
         let here: &[i16; BLOCK] = here[row * strides[0]..].first_chunk().expect("a row of sixteen");
@@ -364,10 +364,10 @@ fn cross_in_vectors(here: &[i16], there: &[i16], strides: [usize; 2], [width, he
     Cross { sum, squares, products }
 }
 
-/// The sums of channels that were summed over at most [`ROWS_READ`] rows.
+/// Sum of channels that were summed over at most [`ROWS_READ`] rows.
 #[inline(always)]
 fn sum_of(columns: &[[u16; 4]]) -> [u32; 4] {
-    // As many as fit 16 bits are added as one number.
+    // Four 16-bit channels are summed as one 64-bit integer; this many do not overflow.
     const PART: usize = 64;
     const { assert!(PART * ROWS_READ * 255 <= u16::MAX as usize) };
     let mut sum = [0_u32; 4];
@@ -379,31 +379,31 @@ fn sum_of(columns: &[[u16; 4]]) -> [u32; 4] {
     sum
 }
 
-/// A small luma picture, and its detail where that was asked for.
+/// A reduced luma picture, and its detail if it was computed.
 #[derive(Debug, Default)]
-struct Small {
+struct ReducedPicture {
     width: usize,
     height: usize,
     luma: Vec<u8>,
     detail: Vec<i16>,
 }
 
-impl Small {
-    /// The mean luma of each `factor` x `factor` square of `picture`, of which some rows are read; squares at the far
-    /// edges may be smaller. And the detail of that.
-    fn reduce_picture<P: Sampled>(&mut self, level: Level, picture: &Raster<P>, factor: usize) -> Result<()> {
+impl ReducedPicture {
+    /// Computes the mean luma of each `factor` x `factor` square of `picture`, from some of its rows, and the detail.
+    /// Squares at the right and bottom borders may be smaller.
+    fn reduce_picture<P: Sampled>(&mut self, level: SimdLevel, picture: &Raster<P>, factor: usize) -> Result<()> {
         let (pixels, width, height) = (picture.pixels(), picture.width() as usize, picture.height() as usize);
         (self.width, self.height) = (width.div_ceil(factor), height.div_ceil(factor));
-        sized(&mut self.luma, self.width * self.height, 0)?;
+        resize(&mut self.luma, self.width * self.height, 0)?;
         let in_run = RUN / factor;
         self.luma.par_chunks_mut(self.width).with_min_len(8).enumerate().for_each(|(y, row)| {
             let rows = (y * factor..((y + 1) * factor).min(height)).step_by(factor.div_ceil(ROWS_READ));
             for (run, means) in row.chunks_mut(in_run).enumerate() {
                 let columns = run * in_run * factor..width.min((run + 1) * in_run * factor);
                 let mut sums = [[0; 4]; RUN];
-                // Processors do not foresee that the other row comes in between.
+                // Prefetches the next run; hardware prefetchers do not follow two alternating rows.
                 let next = columns.end..width.min(columns.end + in_run * factor);
-                rows.clone().for_each(|y| pixels[y * width..][next.clone()].iter().step_by(16).for_each(fetch));
+                rows.clone().for_each(|y| pixels[y * width..][next.clone()].iter().step_by(16).for_each(prefetch));
                 for y in rows.clone() {
                     P::add_levels(level, &pixels[y * width..][columns.clone()], &mut sums);
                 }
@@ -411,7 +411,7 @@ impl Small {
                 let squares = sums[..columns.len()].chunks(factor);
                 for (luma, square) in lumas.iter_mut().zip(squares.clone()) {
                     let sum = sum_of(square);
-                    // The weights of BT.601 over 256.
+                    // BT.601 weights in 1/256.
                     *luma = (77 * sum[0] + 150 * sum[1] + 29 * sum[2]) as i32;
                 }
                 let mean = |luma: i32, len: usize| (luma as f32 / (256 * len * rows.len()) as f32 + 0.5) as u8;
@@ -423,31 +423,31 @@ impl Small {
         self.find_detail()
     }
 
-    /// `detail` = `luma` less the mean around each pixel.
+    /// `detail` = `luma` - local mean.
     fn find_detail(&mut self) -> Result<()> {
-        sized(&mut self.detail, self.luma.len(), 0)?;
+        resize(&mut self.detail, self.luma.len(), 0)?;
         let (width, height, luma) = (self.width, self.height, &self.luma);
         let around = |at: usize, len: usize| at.saturating_sub(DETAIL_REACH)..(at + DETAIL_REACH + 1).min(len);
         self.detail.par_chunks_mut(width).with_min_len(8).enumerate().for_each(|(y, row)| {
             let rows = around(y, height);
-            let mut columns = [0_u16; SMALL_SIDE];
+            let mut columns = [0_u16; REDUCED_SIDE];
             for y in rows.clone() {
                 columns.iter_mut().zip(&luma[y * width..][..width]).for_each(|(sum, &v)| *sum += u16::from(v));
             }
-            // Sums of all columns before each.
-            let mut before = [0_u32; SMALL_SIDE + 1];
+            // Prefix sums of the columns.
+            let mut before = [0_u32; REDUCED_SIDE + 1];
             for x in 0..width {
                 before[x + 1] = before[x] + u32::from(columns[x]);
             }
             let luma = &luma[y * width..][..width];
-            // The half keeps whole quotients from falling below themselves.
+            // The added half keeps exact quotients from rounding down.
             let detail =
                 |v: u8, sum: u32, count: usize| i16::from(v) - ((sum as i32 as f32 + 0.5) / count as f32) as i16;
             for x in (0..width.min(DETAIL_REACH)).chain(width.saturating_sub(DETAIL_REACH)..width) {
                 let columns = around(x, width);
                 row[x] = detail(luma[x], before[columns.end] - before[columns.start], rows.len() * columns.len());
             }
-            // Inside all means are over as many.
+            // Away from the borders all means have the same number of columns.
             const REACHED: usize = 2 * DETAIL_REACH + 1;
             let inside = DETAIL_REACH..width.saturating_sub(DETAIL_REACH).max(DETAIL_REACH);
             let ends = before[..width + 1].iter().zip(before.get(REACHED..).unwrap_or_default());
@@ -459,13 +459,13 @@ impl Small {
         Ok(())
     }
 
-    /// Takes the size of `larger`, `factor` times smaller.
+    /// Sets the size to that of `larger` divided by `factor`.
     fn reserve(&mut self, larger: &Self, factor: usize) -> Result<()> {
         (self.width, self.height) = (larger.width.div_ceil(factor), larger.height.div_ceil(factor));
-        sized(&mut self.luma, self.width * self.height, 0)
+        resize(&mut self.luma, self.width * self.height, 0)
     }
 
-    /// The mean of each `factor` x `factor` square of `larger`, whose size was taken.
+    /// Computes the mean of each `factor` x `factor` square of `larger`, for which memory is reserved.
     fn reduce(&mut self, larger: &Self, factor: usize) {
         for (y, row) in self.luma.chunks_mut(self.width).enumerate() {
             let rows = y * factor..((y + 1) * factor).min(larger.height);

@@ -1,62 +1,62 @@
-//! Colours for what neither anchor shows: from a pyramid of the colours around.
+//! Inpainting of pixels that neither anchor shows, from a pyramid of the surrounding colours.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::colour::Colour;
-use super::kernels::{BLOCK, TILE, fetch};
-use super::layer::Grid;
-use super::sized;
+use super::kernels::{BLOCK, TILE, prefetch};
+use super::key_buffer::Grid;
+use super::resize;
 use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
 use crate::{Raster, Result};
 
-/// Tiles across and down of a square that has a pyramid of its own: of 16 x 16, 8 x 8, 4 x 4, 2 x 2 and one.
-const SIDE: usize = 16;
-/// What a coarser level's colour weighs in a cell, in pixels.
-const LENT: f32 = 1.0 / 16.0;
+/// Side of a square of tiles with its own pyramid of 16x16, 8x8, 4x4, 2x2 and 1 cells.
+const SQUARE_TILES: usize = 16;
+/// Weight of a parent's colour in a cell, in pixels.
+const PARENT_WEIGHT: f32 = 1.0 / 16.0;
 
-/// Three channels and alpha, each times the weight, and the weight: how many pixels are known.
+/// Weighted sum of RGBA, and the weight: the number of visible pixels.
 type Sum = [f32; 5];
 
 /// The pyramids; keeps its memory.
 #[derive(Debug, Default)]
 pub(super) struct Inpainter {
-    /// Squares to a row.
+    /// Squares per row.
     columns: usize,
     /// Which squares are needed.
     is_needed: Vec<bool>,
-    /// The cells of a square stand together, a cell to a tile.
-    cells: Vec<[Sum; SIDE * SIDE]>,
-    /// What is known of each row of tiles.
+    /// One cell per tile, grouped by square.
+    cells: Vec<[Sum; SQUARE_TILES * SQUARE_TILES]>,
+    /// Sum of each row of tiles.
     rows: Vec<Sum>,
 }
 
 impl Inpainter {
-    /// Paints the pixels of `hidden`, one bit for each in a word for each tile. There is a colour for each tile; what is
-    /// known of it outweighs what the tiles around lend it, by twos, fours and so on.
+    /// Fills the pixels in `hidden`, which has one word of bits per tile. A tile's colour is that of its visible
+    /// pixels, with little weight for the surrounding 2x2, 4x4, ... tiles.
     pub(super) fn paint<P: Colour>(&mut self, grid: Grid, hidden: &[u64], out: &mut Raster<P>) -> Result<()> {
         self.reserve(grid)?;
         self.find_needed(grid, hidden);
-        let known = Known { grid, hidden, pixels: out.pixels() };
+        let visible = VisiblePixels { grid, hidden, pixels: out.pixels() };
         let columns = self.columns;
-        let is_blank = AtomicBool::new(false);
+        let has_empty_square = AtomicBool::new(false);
         let squares = self.cells.par_iter_mut().zip(self.is_needed.par_iter()).enumerate();
         squares.for_each(|(square, (cells, &is_needed))| {
-            let corner = [square % columns * SIDE, square / columns * SIDE];
-            if is_needed && known.build(corner, cells) {
-                is_blank.store(true, Ordering::Relaxed);
+            let corner = [square % columns * SQUARE_TILES, square / columns * SQUARE_TILES];
+            if is_needed && visible.build(corner, cells) {
+                has_empty_square.store(true, Ordering::Relaxed);
             }
         });
-        if is_blank.into_inner() {
-            self.lend_everywhere(&known);
+        if has_empty_square.into_inner() {
+            self.fill_empty_squares(&visible);
         }
         let (columns, cells) = (self.columns, &self.cells);
         out.pixels_mut().par_chunks_mut(grid.width * TILE).enumerate().for_each(|(row, lines)| {
             for column in 0..grid.columns {
                 let mut mask = hidden[row * grid.columns + column];
                 while mask != 0 {
-                    let place = mask.trailing_zeros() as usize;
+                    let index = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
-                    let (x, j) = (column * TILE + place % TILE, place / TILE);
+                    let (x, j) = (column * TILE + index % TILE, index / TILE);
                     lines[j * grid.width + x] = P::from_levels(colour(cells, columns, grid, x, row * TILE + j));
                 }
             }
@@ -64,34 +64,34 @@ impl Inpainter {
         Ok(())
     }
 
-    /// Makes room for what the pictures of a grid may need.
+    /// Allocates for a grid.
     pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
-        self.columns = grid.columns.div_ceil(SIDE);
-        let squares = self.columns * grid.rows.div_ceil(SIDE);
-        sized(&mut self.is_needed, squares, false)?;
-        sized(&mut self.cells, squares, [[0.0; 5]; SIDE * SIDE])?;
-        sized(&mut self.rows, grid.rows, [0.0; 5])
+        self.columns = grid.columns.div_ceil(SQUARE_TILES);
+        let squares = self.columns * grid.rows.div_ceil(SQUARE_TILES);
+        resize(&mut self.is_needed, squares, false)?;
+        resize(&mut self.cells, squares, [[0.0; 5]; SQUARE_TILES * SQUARE_TILES])?;
+        resize(&mut self.rows, grid.rows, [0.0; 5])
     }
 
-    /// A pixel is painted from its tile and from those beside it.
+    /// Marks squares that contain a tile with hidden pixels or one beside it.
     fn find_needed(&mut self, grid: Grid, hidden: &[u64]) {
         self.is_needed.fill(false);
         for (tile, _) in hidden.iter().enumerate().filter(|(_, mask)| **mask != 0) {
             let (column, row) = (tile % grid.columns, tile / grid.columns);
             for row in [row.saturating_sub(1), (row + 1).min(grid.rows - 1)] {
                 for column in [column.saturating_sub(1), (column + 1).min(grid.columns - 1)] {
-                    self.is_needed[row / SIDE * self.columns + column / SIDE] = true;
+                    self.is_needed[row / SQUARE_TILES * self.columns + column / SQUARE_TILES] = true;
                 }
             }
         }
     }
 
-    /// Where nothing is known of a whole square, the mean of the picture serves; black where nothing is known at all.
+    /// Sets squares without visible pixels to the picture's mean; to black if no pixel is visible.
     #[cold]
-    fn lend_everywhere<P: Colour>(&mut self, known: &Known<'_, P>) {
+    fn fill_empty_squares<P: Colour>(&mut self, visible: &VisiblePixels<'_, P>) {
         let add = |sum: Sum, other: Sum| -> Sum { std::array::from_fn(|c| sum[c] + other[c]) };
         self.rows.par_iter_mut().enumerate().for_each(|(row, sum)| {
-            *sum = (0..known.grid.columns).map(|column| known.of_tile(column, row)).fold([0.0; 5], add);
+            *sum = (0..visible.grid.columns).map(|column| visible.of_tile(column, row)).fold([0.0; 5], add);
         });
         let sum = self.rows.iter().copied().fold([0.0; 5], add);
         let mean = if sum[4] > 0.0 { sum.map(|v| v / sum[4]) } else { [0.0, 0.0, 0.0, 255.0, 1.0] };
@@ -101,15 +101,15 @@ impl Inpainter {
     }
 }
 
-/// What is known of a picture.
-struct Known<'a, P> {
+/// A picture's visible pixels.
+struct VisiblePixels<'a, P> {
     grid: Grid,
     hidden: &'a [u64],
     pixels: &'a [P],
 }
 
-impl<P: Colour> Known<'_, P> {
-    /// The sum over the pixels of a tile that are not hidden.
+impl<P: Colour> VisiblePixels<'_, P> {
+    /// Sum over the visible pixels of a tile.
     fn of_tile(&self, column: usize, row: usize) -> Sum {
         let grid = self.grid;
         let mut sum = [0.0; 5];
@@ -119,9 +119,9 @@ impl<P: Colour> Known<'_, P> {
         let [across, down] = grid.extent(column, row);
         let mask = self.hidden[row * grid.columns + column];
         if mask == 0 && [across, down] == [TILE; 2] {
-            // Mostly nothing of a tile is hidden.
-            let known = P::sum_of_tile(&self.pixels[row * TILE * grid.width + column * TILE..], grid.width);
-            sum[..4].copy_from_slice(&known);
+            // The usual case: the whole tile is visible.
+            let visible = P::sum_of_tile(&self.pixels[row * TILE * grid.width + column * TILE..], grid.width);
+            sum[..4].copy_from_slice(&visible);
             sum[4] = BLOCK as f32;
             return sum;
         }
@@ -141,19 +141,19 @@ impl<P: Colour> Known<'_, P> {
         sum
     }
 
-    /// Asks for the pixels of a tile.
+    /// Prefetches the pixels of a tile.
     #[inline(always)]
-    fn fetch_tile(&self, column: usize, row: usize) {
+    fn prefetch_tile(&self, column: usize, row: usize) {
         for j in 0..TILE {
-            self.pixels.get((row * TILE + j) * self.grid.width + column * TILE).into_iter().for_each(fetch);
+            self.pixels.get((row * TILE + j) * self.grid.width + column * TILE).into_iter().for_each(prefetch);
         }
     }
 
-    /// Fills the cells of a square; says whether nothing is known of it.
-    fn build(&self, corner: [usize; 2], cells: &mut [Sum; SIDE * SIDE]) -> bool {
+    /// Computes the cells of a square; returns whether it has no visible pixel.
+    fn build(&self, corner: [usize; 2], cells: &mut [Sum; SQUARE_TILES * SQUARE_TILES]) -> bool {
         for (index, cell) in cells.iter_mut().enumerate() {
-            let [column, row] = [corner[0] + index % SIDE, corner[1] + index / SIDE];
-            self.fetch_tile(column, row + 1);
+            let [column, row] = [corner[0] + index % SQUARE_TILES, corner[1] + index / SQUARE_TILES];
+            self.prefetch_tile(column, row + 1);
             *cell = self.of_tile(column, row);
         }
         let mut levels = ([[0.0; 5]; 64], [[0.0; 5]; 16], [[0.0; 5]; 4], [[0.0; 5]; 1]);
@@ -169,7 +169,7 @@ impl<P: Colour> Known<'_, P> {
     }
 }
 
-/// Adds up the cells of a level, four to a cell of the level above, which has `side` of them to a row.
+/// Sums 2x2 cells of a level into each cell of the one above, which has `side` cells per row.
 fn pull(below: &[Sum], above: &mut [Sum], side: usize) {
     for (row, sums) in above.chunks_mut(side).enumerate() {
         for (column, sum) in sums.iter_mut().enumerate() {
@@ -181,19 +181,19 @@ fn pull(below: &[Sum], above: &mut [Sum], side: usize) {
     }
 }
 
-/// Down again: what is known of a cell outweighs what its parent, of which there are `side` to a row, lends it.
+/// Adds the parents' colours to the cells below; `side` is the number of parents per row.
 fn push(above: &[Sum], below: &mut [Sum], side: usize) {
     for (row, sums) in below.chunks_mut(2 * side).enumerate() {
         for (column, sum) in sums.iter_mut().enumerate() {
             let parent = above[row / 2 * side + column / 2];
-            let lent = LENT / parent[4].max(LENT);
-            (0..5).for_each(|c| sum[c] += parent[c] * lent);
+            let weight = PARENT_WEIGHT / parent[4].max(PARENT_WEIGHT);
+            (0..5).for_each(|c| sum[c] += parent[c] * weight);
         }
     }
 }
 
-/// The colour at a pixel, between the middles of the tiles.
-fn colour(cells: &[[Sum; SIDE * SIDE]], columns: usize, grid: Grid, x: usize, y: usize) -> [f32; 4] {
+/// Bilinear interpolation between the tile centres.
+fn colour(cells: &[[Sum; SQUARE_TILES * SQUARE_TILES]], columns: usize, grid: Grid, x: usize, y: usize) -> [f32; 4] {
     let axis = |at: usize, len: usize| {
         let at = ((at as f32 + 0.5) / TILE as f32 - 0.5).clamp(0.0, (len - 1) as f32);
         let first = (at as usize).min(len - 1);
@@ -204,7 +204,8 @@ fn colour(cells: &[[Sum; SIDE * SIDE]], columns: usize, grid: Grid, x: usize, y:
     let mut sum = [0.0; 5];
     for (row, wy) in [(top, 1.0 - fy), (bottom, fy)] {
         for (column, wx) in [(left, 1.0 - fx), (right, fx)] {
-            let cell = cells[row / SIDE * columns + column / SIDE][row % SIDE * SIDE + column % SIDE];
+            let cell = cells[row / SQUARE_TILES * columns + column / SQUARE_TILES]
+                [row % SQUARE_TILES * SQUARE_TILES + column % SQUARE_TILES];
             (0..5).for_each(|c| sum[c] += cell[c] * wx * wy);
         }
     }

@@ -1,92 +1,93 @@
-//! The generator that needs nothing but a CPU.
+//! The frame generator on the CPU.
 //!
-//! A picture at phase t comes about in these steps, each a module of its own:
+//! A frame at phase t is generated in these steps, each a module of its own:
 //!
-//! 1. `cut`: if the two anchors have nothing to do with each other, the nearer one is shown and the rest is left out.
-//!    `bars`: letterbox bars stand still, whatever their vectors say; `standing`: so does what the caller says lies over the anchor.
-//! 2. `field`: the motion of the current anchor, in tiles of 8 x 8 pixels. Where it is smooth a tile has one vector;
-//!    elsewhere every pixel has its own, with a rank that says who is in front.
-//! 3. `landing`: the vectors go to phase 0, where they tell which pixels of the previous anchor have an owner in the
-//!    current one. The rest is what only the previous anchor shows; `fill` gives it the motion of the surface beside it.
-//!    `leaving`: what passed over an edge in front of all else moves at least so far. `past`: with the previous anchor's
-//!    depth, and where the way of the camera is known (see 4), none of that is a guess.
-//! 4. `perspective`: what comes nearer moves faster on the screen. Where motion and depth of most of the picture are those of
-//!    a world at rest, each claim has a phase of its own for t.
-//!    `landing` once more: both go to phase t. Tiles are carried whole where that is smooth, pixel by pixel where
-//!    surfaces meet, the nearest first; cracks are closed, and places nothing lands on are filled.
-//! 5. `render`: both anchors are sampled by six pixels to a side at the displaced places. Where they agree, the nearer in time is
-//!    taken as it is; where one does not show the surface, the other; where both do and differ, a mixture. A pixel beside
-//!    what is in front goes with that if so the anchors agree better.
-//!    `overlay`: what stands still in front of a moving world stays where it is. `foreign`: what only the previous anchor
-//!    knows of is left out. `soften`: edges that depth does not tell are a little soft.
-//! 6. `inpaint`: what neither shows takes the colours around it.
+//! 1. `cut`: detects a cut between the anchors, across which the nearer one is shown. `letterbox` finds the bars;
+//!    `static_mask` combines them with the caller's mask of static pixels.
+//! 2. `field`: the current anchor's motion as splat keys, in tiles of 8x8 pixels. A tile with uniform motion has one
+//!    key, a mixed tile one per pixel. A key's depth decides which surface is in front.
+//! 3. `splat`: forward warp of the field to the previous anchor. Pixels that it does not cover are visible in the
+//!    previous anchor only. `hole_filling` gives them the motion of a neighbouring surface. `reprojection` makes that
+//!    exact where the previous anchor's depth and the camera motion are known; without them, `border_foreground`
+//!    detects foreground that has left the picture.
+//! 4. `camera_fit`: estimates the camera's motion, from which the perspective-correct phase of every pixel follows.
+//!    `splat` then warps the field, and the pixels that only the previous anchor shows, to phase t: uniform tiles as a
+//!    whole, others pixel by pixel. The nearest key wins, cracks are closed, and `hole_filling` fills the rest.
+//! 5. `render`: samples both anchors at the displaced positions with a 6x6 Lanczos kernel and takes the sample nearer
+//!    in time where they agree, the visible one where one anchor is occluded, and a blend otherwise. Pixels beside a
+//!    foreground edge use the foreground's motion if the anchors then agree better. `static_overlay` keeps static
+//!    content in place, `colour_outlier` rejects previous content that the current anchor does not contain, and
+//!    `edge_antialiasing` blends edges that no depth confirms.
+//! 6. `inpaint`: fills pixels that neither anchor shows from the colours around them.
 //!
-//! Places, claims and samples of bytes are computed in whole numbers, the rest in single precision in one order without
-//! fused steps, and every step settles conflicts by a total order: the result is the same to the bit for every number of
-//! threads and every instruction set. `tests/reference.rs` describes it plainly, and is what all of them must equal.
+//! Positions, keys and samples of bytes are integers; everything else is single precision in one order without fused
+//! operations, and ties are broken by a total order. The result has the same bits for every number of threads and every
+//! instruction set. `tests/reference.rs` is a plain implementation that all of them must equal.
 
-mod bars;
+mod border_foreground;
+mod camera_fit;
 mod colour;
+mod colour_outlier;
 mod cut;
+mod edge_antialiasing;
 mod field;
-mod fill;
-mod foreign;
+mod hole_filling;
 mod inpaint;
 #[doc(hidden)]
 pub mod kernels;
-mod landing;
-mod layer;
-mod leaving;
-mod overlay;
-mod past;
-mod perspective;
+mod key_buffer;
+mod letterbox;
 mod render;
+mod reprojection;
 mod rules;
-mod soften;
-mod standing;
+mod splat;
+mod splat_key;
+mod static_mask;
+mod static_overlay;
 #[cfg(test)]
 mod tests;
+mod warp;
 
-use bars::Inside;
+use border_foreground::BorderForeground;
+use camera_fit::CameraFit;
 use colour::Colour;
 use cut::CutDetector;
-use field::Preparation;
-use fill::{Evidence, Filler};
+use field::FieldBuilder;
+use hole_filling::{FillInputs, HoleFiller};
 use inpaint::Inpainter;
-use kernels::{Level, Source};
-use landing::{Bands, Carried, Pass};
-use layer::{HOLE, Layer, ORPHAN, WHOLE};
-use leaving::Leaving;
-use overlay::Stills;
-use past::Past;
-use perspective::{Moment, Perspective, Seen, Way};
-use render::Between;
-use standing::Standing;
-
+use kernels::{SimdLevel, Source};
+use key_buffer::KeyBuffer;
+use letterbox::ActiveArea;
+use render::Interpolation;
+use reprojection::Reprojection;
 #[doc(hidden)]
 pub use rules::Rule;
 use rules::Rules;
+use splat::{KeyOrigin, SplatPass, Splatter};
+use splat_key::{PHASE_ONE, PREVIOUS_ONLY};
+use static_mask::StaticMask;
+use static_overlay::StaticPixels;
+use warp::{DepthChange, Warp, WarpTime};
 
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
 use crate::tasks::PoolLease;
 use crate::{Error, ErrorKind, Raster, Result};
 
-/// Generates frames on the CPU, its rows in parallel, with the best instructions that the
-/// processor has. Keeps working memory of about 45 bytes per pixel from call to call, and after the first allocates
-/// nothing more until a picture of another size comes or more threads share its work.
+/// Generates frames on the CPU, in parallel rows, with the best instruction set of the processor. Keeps about 45 bytes
+/// of working memory per pixel; after the first frame it allocates only for another picture size or more threads.
 #[derive(Debug)]
 pub struct CpuGenerator {
-    level: Level,
+    level: SimdLevel,
     rules: Rules,
     cut: CutDetector,
-    preparation: Preparation,
-    field: Layer,
-    owners: Layer,
-    places: Layer,
-    bands: Bands,
-    leaving: Leaving,
-    filler: Filler,
-    stills: Stills,
+    field_builder: FieldBuilder,
+    field: KeyBuffer,
+    previous_keys: KeyBuffer,
+    frame_keys: KeyBuffer,
+    splatter: Splatter,
+    border: BorderForeground,
+    hole_filler: HoleFiller,
+    static_pixels: StaticPixels,
     inpainter: Inpainter,
     hidden: Vec<u64>,
     _threads: PoolLease,
@@ -94,29 +95,29 @@ pub struct CpuGenerator {
 
 impl Default for CpuGenerator {
     fn default() -> Self {
-        Self::at(Level::detect())
+        Self::at(SimdLevel::detect())
     }
 }
 
 impl CpuGenerator {
-    /// A generator without working memory yet.
+    /// Creates a generator without working memory.
     pub fn new() -> Self {
         Self::default()
     }
 
-    fn at(level: Level) -> Self {
+    fn at(level: SimdLevel) -> Self {
         Self {
             level,
             rules: Rules::default(),
             cut: CutDetector::default(),
-            preparation: Preparation::default(),
-            field: Layer::default(),
-            owners: Layer::default(),
-            places: Layer::default(),
-            bands: Bands::default(),
-            leaving: Leaving::default(),
-            filler: Filler::default(),
-            stills: Stills::default(),
+            field_builder: FieldBuilder::default(),
+            field: KeyBuffer::default(),
+            previous_keys: KeyBuffer::default(),
+            frame_keys: KeyBuffer::default(),
+            splatter: Splatter::default(),
+            border: BorderForeground::default(),
+            hole_filler: HoleFiller::default(),
+            static_pixels: StaticPixels::default(),
             inpainter: Inpainter::default(),
             hidden: Vec::new(),
             _threads: PoolLease::new(),
@@ -129,7 +130,7 @@ impl CpuGenerator {
         Self { rules: self.rules.without(rule), ..self }
     }
 
-    /// `cpu`.
+    /// The generator's name, `cpu`.
     pub fn name(&self) -> &str {
         "cpu"
     }
@@ -139,112 +140,122 @@ impl CpuGenerator {
         Phases::Any
     }
 
-    /// Nothing to forget: every picture depends on its arguments alone, and only working memory is kept.
+    /// Does nothing: a picture depends on its arguments only, and no state but working memory is kept.
     pub fn reset(&mut self) {}
 
-    fn between<P: Colour>(&mut self, pair: &AnchorPair<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
+    /// Generates the frame at `phase` between two anchors without a cut; returns the share of uncovered pixels.
+    fn interpolate_pair<P: Colour>(
+        &mut self,
+        pair: &AnchorPair<'_, P>,
+        phase: i32,
+        out: &mut Raster<P>,
+    ) -> Result<f32> {
         let (previous, current) = (source(pair.previous()), source(pair.current()));
         let is_optical_flow = pair.guidance().origin().is_optical_flow();
         let rules = self.rules;
-        let inside = rules.has(Rule::LetterboxBars).then(|| Inside::find(self.level, previous, current));
-        let standing = Standing::new(inside.as_ref(), pair.overlay(), current.width);
-        self.preparation.prepare(
+        let active_area = rules.has(Rule::LetterboxBars).then(|| ActiveArea::find(self.level, previous, current));
+        let static_mask = StaticMask::new(active_area.as_ref(), pair.overlay(), current.width);
+        self.field_builder.build(
             self.level,
             rules,
             pair.guidance(),
             Some((previous, current)),
-            standing,
+            static_mask,
             &mut self.field,
         )?;
         let grid = self.field.grid;
-        self.bands.reserve(grid)?;
+        self.splatter.reserve(grid)?;
         self.inpainter.reserve(grid)?;
 
-        let way = Way::from_current(Moment::previous());
-        self.owners.land(self.level, rules, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
-        let margin = foreign::margin(previous, current);
-        let mut seen = Seen::find(pair.guidance(), &standing);
+        let warp = Warp::from_current(WarpTime::previous_anchor());
+        self.splatter.splat(
+            self.level,
+            self.rules,
+            &[SplatPass { source: &self.field, warp, origin: KeyOrigin::Own }],
+            &mut self.previous_keys,
+        )?;
+        let margin = colour_outlier::margin(previous, current);
+        let camera = CameraFit::fit(pair.guidance(), &static_mask);
         let previous_depth = pair.previous_depth().filter(|_| rules.has(Rule::PreviousDepth));
-        let past = Past::new(&seen, previous_depth, pair.guidance().depth());
-        match &past {
-            Some(past) => past.uncover(self.level, &mut self.owners, &self.field),
-            None if rules.has(Rule::BorderExits) => {
-                self.leaving.find(&mut self.owners, previous, current, margin, is_optical_flow.into())?;
+        let reprojection = Reprojection::new(&camera, previous_depth, pair.guidance().depth());
+        match &reprojection {
+            Some(reprojection) => reprojection.clear_occluded(self.level, &mut self.previous_keys, &self.field),
+            None if rules.has(Rule::BorderForeground) => {
+                self.border.detect(&mut self.previous_keys, previous, current, margin, is_optical_flow.into())?;
             }
             None => {}
         }
-        let leaving = (past.is_none() && rules.has(Rule::BorderExits)).then_some(&self.leaving);
-        let shown = rules.has(Rule::FillByLikeness).then_some(previous);
-        let carries = rules.has(Rule::CarriedSurfaces);
-        let evidence = Evidence { field: &self.field, way, shown, past: past.as_ref(), carries, leaving, mark: ORPHAN };
-        let orphans = self.filler.fill(self.level, &mut self.owners, &evidence)?;
-
-        if !rules.has(Rule::CameraFit) {
-            seen.perspective = Perspective::default();
-        }
-        let moment = Moment::new(phase, seen.perspective);
-        let way = Way::from_current(moment);
-        let passes = [
-            Pass { layer: &self.field, way, of: Carried::Own },
-            Pass { layer: &self.owners, way: Way::from_previous(moment), of: Carried::Borrowed },
-        ];
-        self.places.land(self.level, rules, &passes[..if orphans > 0 { 2 } else { 1 }], &self.bands)?;
-        let evidence = Evidence::<P> {
+        let fill_inputs = FillInputs {
             field: &self.field,
-            way,
-            shown: None,
-            past: None,
-            carries: false,
-            leaving: None,
-            mark: HOLE,
+            warp,
+            picture: rules.has(Rule::FillByLikeness).then_some(previous),
+            reprojection: reprojection.as_ref(),
+            follows_neighbours: rules.has(Rule::NeighboursMotion),
+            border: (reprojection.is_none() && rules.has(Rule::BorderForeground)).then_some(&self.border),
+            tag: PREVIOUS_ONLY,
         };
-        self.filler.fill(self.level, &mut self.places, &evidence)?;
+        let holes = self.hole_filler.fill(self.level, &mut self.previous_keys, &fill_inputs)?;
 
-        sized(&mut self.hidden, grid.tiles(), 0)?;
-        self.stills.reserve(grid, rules.has(Rule::StaticOverlays))?;
-        let between = Between {
+        let depth_change = if rules.has(Rule::CameraFit) { camera.depth_change } else { DepthChange::default() };
+        let time = WarpTime::new(phase, depth_change);
+        let warp = Warp::from_current(time);
+        let passes = [
+            SplatPass { source: &self.field, warp, origin: KeyOrigin::Own },
+            SplatPass { source: &self.previous_keys, warp: Warp::from_previous(time), origin: KeyOrigin::Inherited },
+        ];
+        self.splatter.splat(self.level, rules, &passes[..if holes > 0 { 2 } else { 1 }], &mut self.frame_keys)?;
+        let fill_inputs = FillInputs::<P>::in_frame(&self.field, warp);
+        self.hole_filler.fill(self.level, &mut self.frame_keys, &fill_inputs)?;
+
+        resize(&mut self.hidden, grid.tiles(), 0)?;
+        self.static_pixels.reserve(grid, rules.has(Rule::StaticOverlays))?;
+        let interpolation = Interpolation {
             level: self.level,
             rules,
             previous,
             current,
-            places: &self.places,
+            frame_keys: &self.frame_keys,
             field: &self.field,
-            owners: &self.owners,
+            previous_keys: &self.previous_keys,
             phase,
-            moment,
+            time,
             margin: if rules.has(Rule::ColourOutliers) { margin } else { f32::INFINITY },
-            stills: &self.stills,
+            static_pixels: &self.static_pixels,
             is_optical_flow,
         };
-        let rendered = between.render(out, &mut self.hidden);
+        let rendered = interpolation.render(out, &mut self.hidden);
         if rendered.hidden > 0 && rules.has(Rule::Inpainting) {
             self.inpainter.paint(grid, &self.hidden, out)?;
         }
         Ok(rendered.uncovered as f32 / (grid.width * grid.height) as f32)
     }
 
-    fn beyond<P: Colour>(&mut self, anchor: &Anchor<'_, P>, phase: i32, out: &mut Raster<P>) -> Result<f32> {
+    /// Extrapolates an anchor by `phase`; returns the share of uncovered pixels.
+    fn extrapolate_anchor<P: Colour>(
+        &mut self,
+        anchor: &Anchor<'_, P>,
+        phase: i32,
+        out: &mut Raster<P>,
+    ) -> Result<f32> {
         let current = source(anchor.picture());
-        let standing = Standing::new(None, anchor.overlay(), current.width);
-        self.preparation.prepare::<P>(self.level, self.rules, anchor.guidance(), None, standing, &mut self.field)?;
+        let static_mask = StaticMask::new(None, anchor.overlay(), current.width);
+        self.field_builder.build::<P>(self.level, self.rules, anchor.guidance(), None, static_mask, &mut self.field)?;
         let grid = self.field.grid;
-        self.bands.reserve(grid)?;
+        self.splatter.reserve(grid)?;
         self.inpainter.reserve(grid)?;
-        let moment = Moment::new(WHOLE + phase, Seen::find(anchor.guidance(), &standing).perspective);
-        let way = Way::from_current(moment);
-        self.places.land(self.level, self.rules, &[Pass { layer: &self.field, way, of: Carried::Own }], &self.bands)?;
-        let evidence = Evidence::<P> {
-            field: &self.field,
-            way,
-            shown: None,
-            past: None,
-            carries: false,
-            leaving: None,
-            mark: HOLE,
-        };
-        self.filler.fill(self.level, &mut self.places, &evidence)?;
-        sized(&mut self.hidden, grid.tiles(), 0)?;
-        let rendered = render::beyond(self.level, current, &self.places, &self.field, moment, out, &mut self.hidden);
+        let time = WarpTime::new(PHASE_ONE + phase, CameraFit::fit(anchor.guidance(), &static_mask).depth_change);
+        let warp = Warp::from_current(time);
+        self.splatter.splat(
+            self.level,
+            self.rules,
+            &[SplatPass { source: &self.field, warp, origin: KeyOrigin::Own }],
+            &mut self.frame_keys,
+        )?;
+        let fill_inputs = FillInputs::<P>::in_frame(&self.field, warp);
+        self.hole_filler.fill(self.level, &mut self.frame_keys, &fill_inputs)?;
+        resize(&mut self.hidden, grid.tiles(), 0)?;
+        let rendered =
+            render::extrapolate(self.level, current, &self.frame_keys, &self.field, time, out, &mut self.hidden);
         if rendered.hidden > 0 {
             self.inpainter.paint(grid, &self.hidden, out)?;
         }
@@ -281,8 +292,8 @@ impl<P: Colour> FrameGenerator<P> for CpuGenerator {
             out.pixels_mut().copy_from_slice(nearer.pixels());
             return Ok(GenerateReport { outcome: Outcome::CutFallback, uncovered: 0.0, unexplained });
         }
-        let phase = ((t * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE - 1);
-        let uncovered = self.between(pair, phase, out)?;
+        let phase = ((t * PHASE_ONE as f32 + 0.5) as i32).clamp(1, PHASE_ONE - 1);
+        let uncovered = self.interpolate_pair(pair, phase, out)?;
         Ok(GenerateReport { outcome: Outcome::Generated, uncovered, unexplained })
     }
 
@@ -298,8 +309,8 @@ impl<P: Colour> FrameGenerator<P> for CpuGenerator {
             out.pixels_mut().copy_from_slice(picture.pixels());
             return Ok(GenerateReport { outcome: Outcome::Held, uncovered: 0.0, unexplained: 0.0 });
         }
-        let phase = ((t.min(1.0) * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE);
-        let uncovered = self.beyond(anchor, phase, out)?;
+        let phase = ((t.min(1.0) * PHASE_ONE as f32 + 0.5) as i32).clamp(1, PHASE_ONE);
+        let uncovered = self.extrapolate_anchor(anchor, phase, out)?;
         let outcome = if t > 1.0 { Outcome::Held } else { Outcome::Generated };
         Ok(GenerateReport { outcome, uncovered, unexplained: 0.0 })
     }
@@ -313,15 +324,15 @@ fn source<P: Colour>(picture: &Raster<P>) -> Source<'_, P> {
     Source { pixels: picture.pixels(), width: picture.width() as usize, height: picture.height() as usize }
 }
 
-/// Brings `buffer` to `len` values, keeping what it has reserved. New values are `value`, old ones stay as they are.
-fn sized<T: Clone>(buffer: &mut Vec<T>, len: usize, value: T) -> Result<()> {
+/// Resizes `buffer` to `len` values. Existing values stay, new ones are `value`.
+fn resize<T: Clone>(buffer: &mut Vec<T>, len: usize, value: T) -> Result<()> {
     buffer.truncate(len);
     reserve(buffer, len)?;
     buffer.resize(len, value);
     Ok(())
 }
 
-/// Makes room for `len` values in all, with refusal instead of an abort where memory is short.
+/// Reserves capacity for `len` values in all; fails instead of aborting if there is not enough memory.
 fn reserve<T>(buffer: &mut Vec<T>, len: usize) -> Result<()> {
     buffer
         .try_reserve_exact(len.saturating_sub(buffer.len()))

@@ -1,291 +1,309 @@
-//! Pixels for phase t from the two anchors.
+//! Colours of a frame from the two anchors.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::colour::Colour;
-use super::foreign::is_foreign;
-use super::kernels::claims;
-use super::kernels::{BLOCK, Block, Level, Positions, Rule, Source, TILE};
-use super::layer::{
-    self, EMPTY, Grid, HOLE, Key, Kind, Layer, ORPHAN, Tile, WHOLE, alike, is_nearer, moves_within, part, slopes,
-};
-use super::overlay::{Overlays, Stills, Which};
-use super::perspective::{Moment, Way};
+use super::colour_outlier::is_colour_outlier;
+use super::edge_antialiasing::{antialias, blend_mask};
+use super::kernels::tile_keys;
+use super::kernels::{BLOCK, Block, Positions, Rule, SimdLevel, Source, TILE, TileSource};
+use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind, for_each_bit, tile_mask};
 use super::rules::Rules;
-use super::soften::{soft, soften};
+use super::splat_key::{
+    self, EMPTY, HOLE, Key, PHASE_ONE, PREVIOUS_ONLY, is_in_front, motion_within, same_slope, scaled, similar_motion,
+};
+use super::static_overlay::{AnchorIndex, Anchors, StaticPixels};
+use super::warp::{Warp, WarpTime};
 use crate::Raster;
 use crate::tasks::{Parallel, ParallelSliceMut};
 
-/// Samples that differ by no more than this many levels agree, and the one nearer in time is taken as it is.
-pub(super) const AGREE: u8 = 1;
-/// Samples that differ by more than this are looked at one by one. Motion that was found in the pictures themselves seldom is that
-/// of what lies behind an overlay.
-pub(super) const fn careful(is_optical_flow: bool) -> u8 {
+/// Samples that differ by at most this many levels are equal, and the one nearer in time is used unchanged.
+pub(super) const MAX_EQUAL_DIFFERENCE: u8 = 1;
+/// Samples that differ by more levels are checked for occlusion and overlays. Optical flow follows overlays instead of
+/// the background behind them, so it is trusted more.
+pub(super) const fn doubt_threshold(is_optical_flow: bool) -> u8 {
     if is_optical_flow { 64 } else { 24 }
 }
-/// The same where surfaces meet.
-pub(super) const STRICT: u8 = 4;
+/// The same threshold at the edges of surfaces.
+pub(super) const STRICT_DOUBT_THRESHOLD: u8 = 4;
 
-/// Vectors (1/64 px) that are farther apart than this along an axis lead to colours that can be told apart.
-pub(super) const DISTINCT: i32 = 8;
-/// Levels within which a pixel beside something in front is that thing's.
-pub(super) const RIM: f32 = 45.0;
-/// The levels that count where an anchor does not show what a pixel claims to be. Where motion was found in pictures, less
-/// is sure of who shows what.
-pub(super) const fn unseen(is_optical_flow: bool) -> f32 {
+/// Largest difference (1/64 px, per component) between motion vectors that lead to the same colours.
+pub(super) const DISTINCT_MOTION: i32 = 8;
+/// Largest difference between the anchors, in levels, for a pixel beside foreground that is assigned to it.
+pub(super) const EDGE_TOLERANCE: f32 = 45.0;
+/// Difference that is assumed between the anchors, in levels, where one of them is occluded. Occlusion from optical
+/// flow is less certain.
+pub(super) const fn occluded_difference(is_optical_flow: bool) -> f32 {
     if is_optical_flow { 40.0 } else { 30.0 }
 }
 
-/// What a picture between two anchors is made of.
-pub(super) struct Between<'a, P> {
-    pub(super) level: Level,
+/// A frame to interpolate between two anchors.
+pub(super) struct Interpolation<'a, P> {
+    pub(super) level: SimdLevel,
+    /// The rules that apply.
     pub(super) rules: Rules,
     pub(super) previous: Source<'a, P>,
     pub(super) current: Source<'a, P>,
-    /// What is at phase t.
-    pub(super) places: &'a Layer,
-    /// The current anchor's motion.
-    pub(super) field: &'a Layer,
-    /// What is in the previous anchor.
-    pub(super) owners: &'a Layer,
-    /// Phase t of [`WHOLE`].
+    /// Keys of the frame.
+    pub(super) frame_keys: &'a KeyBuffer,
+    /// Keys of the current anchor.
+    pub(super) field: &'a KeyBuffer,
+    /// Keys of the previous anchor.
+    pub(super) previous_keys: &'a KeyBuffer,
+    /// Phase, in units of 1 / [`PHASE_ONE`].
     pub(super) phase: i32,
-    /// The same, as seen by claims.
-    pub(super) moment: Moment,
-    /// See [`foreign::margin`](super::foreign::margin).
+    /// The same as a warp time.
+    pub(super) time: WarpTime,
+    /// See [`colour_outlier::margin`](super::colour_outlier::margin).
     pub(super) margin: f32,
-    /// What stands still in both.
-    pub(super) stills: &'a Stills,
-    /// Whether motion, and with it edges, is known from pictures alone.
+    /// Static pixels of the anchors.
+    pub(super) static_pixels: &'a StaticPixels,
+    /// Whether motion is optical flow, which comes without depth.
     pub(super) is_optical_flow: bool,
 }
 
-/// What a rendered picture lacks.
+/// Counts of a rendered picture.
 pub(super) struct Rendered {
-    /// Places that nothing visible in the current anchor landed on.
+    /// Pixels to which no visible pixel of the current anchor is splatted.
     pub(super) uncovered: usize,
-    /// Places that neither anchor shows.
+    /// Pixels that neither anchor shows.
     pub(super) hidden: usize,
 }
 
-/// Where the two anchors show a place.
+/// Positions of a pixel in the two anchors, in 1/64 px.
 #[derive(Clone, Copy)]
-struct Spots {
-    before: [i32; 2],
-    after: [i32; 2],
+struct SourcePositions {
+    previous: [i32; 2],
+    current: [i32; 2],
 }
 
-impl<P: Colour> Between<'_, P> {
-    /// Writes the picture; in `hidden`, one bit for each pixel of a tile, what neither anchor shows.
+impl<P: Colour> Interpolation<'_, P> {
+    /// Renders the picture. `hidden` receives one bit per pixel of a tile that neither anchor shows.
     pub(super) fn render(&self, out: &mut Raster<P>, hidden: &mut [u64]) -> Rendered {
-        let grid = self.places.grid;
+        let grid = self.frame_keys.grid;
         let weight = ((self.phase + 16) >> 5).clamp(1, 127) as u8;
-        let careful = careful(self.is_optical_flow);
-        let rule = Rule { weight, nearer_is_current: self.phase >= WHOLE / 2, agree: AGREE, careful };
-        let (uncovered, unseen) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let doubt_threshold = doubt_threshold(self.is_optical_flow);
+        let rule = Rule {
+            weight,
+            nearer_is_current: self.phase >= PHASE_ONE / 2,
+            max_equal_difference: MAX_EQUAL_DIFFERENCE,
+            doubt_threshold,
+        };
+        let (uncovered, hidden_pixels) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let rows = out.pixels_mut().par_chunks_mut(grid.width * TILE);
         rows.zip(hidden.par_chunks_mut(grid.columns)).enumerate().for_each(|(row, (pixels, hidden))| {
             let block = Block {
-                before: [P::OPAQUE_BLACK; BLOCK],
-                after: [P::OPAQUE_BLACK; BLOCK],
+                previous: [P::OPAQUE_BLACK; BLOCK],
+                current: [P::OPAQUE_BLACK; BLOCK],
                 merged: [P::OPAQUE_BLACK; BLOCK],
             };
             let mut blocks = [block; 2];
-            let (mut loose, mut lost) = (0, 0);
+            let (mut uncovered_here, mut hidden_here) = (0, 0);
             for (column, hidden) in hidden.iter_mut().enumerate() {
                 let pixels = &mut pixels[column * TILE..];
                 if column + 1 < grid.columns {
-                    self.fetch_rough(column + 1, row);
+                    self.prefetch_mixed(column + 1, row);
                 }
-                loose += self.render_tile(column, row, &rule, &mut blocks, pixels, hidden);
-                lost += hidden.count_ones() as usize;
+                uncovered_here += self.render_tile(column, row, &rule, &mut blocks, pixels, hidden);
+                hidden_here += hidden.count_ones() as usize;
             }
-            uncovered.fetch_add(loose, Ordering::Relaxed);
-            unseen.fetch_add(lost, Ordering::Relaxed);
+            uncovered.fetch_add(uncovered_here, Ordering::Relaxed);
+            hidden_pixels.fetch_add(hidden_here, Ordering::Relaxed);
         });
-        Rendered { uncovered: uncovered.into_inner(), hidden: unseen.into_inner() }
+        Rendered { uncovered: uncovered.into_inner(), hidden: hidden_pixels.into_inner() }
     }
 
-    /// Asks for what a tile is made of that is rough.
+    /// Prefetches the keys and pixels of a mixed tile.
     #[inline(always)]
-    fn fetch_rough(&self, column: usize, row: usize) {
-        let index = row * self.places.grid.columns + column;
-        let tile = &self.places.tiles[index];
-        if tile.kind == Kind::Rough {
-            Layer::fetch_keys(&self.places.keys[index]);
-            let spots = self.spots([column * TILE, row * TILE], tile.key, self.phase);
-            self.previous.fetch_tile(spots.before, 2);
-            self.current.fetch_tile(spots.after, 2);
+    fn prefetch_mixed(&self, column: usize, row: usize) {
+        let tile_index = row * self.frame_keys.grid.columns + column;
+        let tile = &self.frame_keys.tiles[tile_index];
+        if tile.kind == TileKind::Mixed {
+            KeyBuffer::prefetch_keys(&self.frame_keys.keys[tile_index]);
+            let positions = self.positions([column * TILE, row * TILE], tile.key, self.phase);
+            self.previous.prefetch_tile(positions.previous, 2);
+            self.current.prefetch_tile(positions.current, 2);
         }
     }
 
-    /// Writes a tile; returns how many of its pixels nothing visible in the current anchor landed on.
+    /// Renders a tile; returns the number of its pixels to which no visible pixel of the current anchor is splatted.
     #[inline(never)]
     fn render_tile(
         &self,
         column: usize,
         row: usize,
         rule: &Rule,
-        [block, rims]: &mut [Block<P>; 2],
+        [block, with_foreground]: &mut [Block<P>; 2],
         pixels: &mut [P],
         hidden: &mut u64,
     ) -> usize {
-        let grid = self.places.grid;
-        let index = row * grid.columns + column;
-        let tile = &self.places.tiles[index];
+        let grid = self.frame_keys.grid;
+        let tile_index = row * grid.columns + column;
+        let tile = &self.frame_keys.tiles[tile_index];
         let [across, down] = grid.extent(column, row);
         let corner = [column * TILE, row * TILE];
         *hidden = 0;
-        let phase = self.moment.phase_of_tile(tile.key, corner);
-        let spots = self.spots(corner, tile.key, phase);
-        let is_whole = tile.kind == Kind::Smooth && [across, down] == [TILE, TILE];
-        let doubtful = if is_whole && self.is_clear(tile.key, spots) {
-            Some(P::tile(self.level, self.previous, spots.before, self.current, spots.after, rule, pixels, grid.width))
-        } else if is_whole && self.is_entering([column, row], tile.key, spots) {
-            P::tile_of_one(self.level, self.current, spots.after, pixels, grid.width);
-            let overlays = self.overlays();
-            let there = grid.nearest(spots.after).map_or(u64::MAX, |at| self.stills.from(self.level, &overlays, at));
-            Some(self.stills.of_tile(self.level, &overlays, [column, row]) | there)
+        let phase = self.time.phase_of_tile(tile.key, corner);
+        let positions = self.positions(corner, tile.key, phase);
+        let is_whole = tile.kind == TileKind::Uniform && [across, down] == [TILE, TILE];
+        let doubtful = if is_whole && self.is_visible_in_both(tile.key, positions) {
+            let previous = TileSource { picture: self.previous, at: positions.previous };
+            let current = TileSource { picture: self.current, at: positions.current };
+            Some(P::merge_tile(self.level, previous, current, rule, pixels, grid.width))
+        } else if is_whole && self.is_only_in_current([column, row], tile.key, positions) {
+            P::sample_tile(self.level, TileSource { picture: self.current, at: positions.current }, pixels, grid.width);
+            let anchors = self.anchors();
+            let mask_in_current = grid
+                .nearest_pixel(positions.current)
+                .map_or(u64::MAX, |at| self.static_pixels.block(self.level, &anchors, at));
+            Some(self.static_pixels.tile(self.level, &anchors, [column, row]) | mask_in_current)
         } else {
             None
         };
         if let Some(mask) = doubtful {
-            each_bit(mask, |place| {
-                let [i, j] = [place % TILE, place / TILE];
-                let spots = self.spots([corner[0] + i, corner[1] + j], tile.key, phase);
+            for_each_bit(mask, |index| {
+                let [i, j] = [index % TILE, index / TILE];
+                let positions = self.positions([corner[0] + i, corner[1] + j], tile.key, phase);
                 let pixel = &mut pixels[j * grid.width + i];
-                match self.decide([corner[0] + i, corner[1] + j], tile.key, spots, true, None) {
-                    Choice::Merged => {}
-                    Choice::Before => *pixel = P::sample(self.previous, spots.before),
-                    Choice::After => *pixel = P::sample(self.current, spots.after),
-                    Choice::Still => *pixel = self.still(corner[0] + i, corner[1] + j, rule),
-                    Choice::Neither => *hidden |= 1 << place,
+                match self.choose([corner[0] + i, corner[1] + j], tile.key, positions, true, None) {
+                    Choice::Blend => {}
+                    Choice::Previous => *pixel = P::sample(self.previous, positions.previous),
+                    Choice::Current => *pixel = P::sample(self.current, positions.current),
+                    Choice::Static => *pixel = self.static_pixel(corner[0] + i, corner[1] + j, rule),
+                    Choice::Hidden => *hidden |= 1 << index,
                 }
             });
             return 0;
         }
 
         let mut keys = match tile.kind {
-            Kind::Smooth => [tile.key; BLOCK],
-            Kind::Rough => self.places.keys[index],
+            TileKind::Uniform => [tile.key; BLOCK],
+            TileKind::Mixed => self.frame_keys.keys[tile_index],
         };
-        let (mut before, mut after) =
+        let (mut previous, mut current) =
             (Positions { x: [0; BLOCK], y: [0; BLOCK] }, Positions { x: [0; BLOCK], y: [0; BLOCK] });
-        let (mut uncovered, mut questionable, mut orphans, mut fixed) = (0, 0, 0, 0);
-        if tile.kind == Kind::Rough {
+        let (mut uncovered, mut uncertain, mut previous_only, mut static_drawn) = (0, 0, 0, 0);
+        if tile.kind == TileKind::Mixed {
             if [across, down] != [TILE, TILE] {
-                // Beyond the edges there is nothing to ask.
-                let beyond = (0..BLOCK).filter(|place| place % TILE >= across || place / TILE >= down);
-                beyond.for_each(|place| keys[place] = layer::key(0, 0, [0; 2]));
+                // Pixels outside the picture get a key without motion.
+                let outside = (0..BLOCK).filter(|index| index % TILE >= across || index / TILE >= down);
+                outside.for_each(|index| keys[index] = splat_key::pack(0, 0, [0; 2]));
             }
             if tile.holes > 0 {
-                let borrowed = &self.places.borrowed[index];
-                for (key, &borrowed) in keys.iter_mut().zip(borrowed).filter(|(key, _)| **key == EMPTY) {
-                    (*key, uncovered) = (borrowed, uncovered + 1);
+                let inherited = &self.frame_keys.inherited[tile_index];
+                for (key, &inherited) in keys.iter_mut().zip(inherited).filter(|(key, _)| **key == EMPTY) {
+                    (*key, uncovered) = (inherited, uncovered + 1);
                 }
-                questionable |= claims::having(self.level, &keys, HOLE);
+                uncertain |= tile_keys::tagged(self.level, &keys, HOLE);
             }
-            orphans = claims::having(self.level, &keys, ORPHAN);
-            uncovered += orphans.count_ones() as usize;
-            questionable |= orphans;
+            previous_only = tile_keys::tagged(self.level, &keys, PREVIOUS_ONLY);
+            uncovered += previous_only.count_ones() as usize;
+            uncertain |= previous_only;
         }
-        let can_be_soft = self.is_optical_flow
-            && self.rules.has(super::Rule::EdgeSoftening)
-            && tile.kind == Kind::Rough
+        let can_blend_edges = self.is_optical_flow
+            && self.rules.has(super::Rule::EdgeAntialiasing)
+            && tile.kind == TileKind::Mixed
             && [across, down] == [TILE, TILE];
-        let soft = if can_be_soft { soft(self.level, &keys, questionable) } else { 0 };
+        let blend_mask = if can_blend_edges { blend_mask(self.level, &keys, uncertain) } else { 0 };
         let from = corner.map(|at| at as i32);
         let size = [grid.width, grid.height];
-        let beyond = if is_whole {
-            positions(grid, spots, &mut before, &mut after)
+        let outside = if is_whole {
+            tile_positions(grid, positions, &mut previous, &mut current)
         } else {
-            claims::spots(self.level, &keys, from, self.moment, size, &mut before, &mut after)
+            tile_keys::source_positions(self.level, &keys, from, self.time, size, &mut previous, &mut current)
         };
-        questionable |= beyond[0] | beyond[1];
-        // What decides will be asked for while the pixels are sampled.
-        for place in (0..BLOCK).step_by(TILE).flat_map(|first| [first, first + TILE - 1]) {
-            self.owners.fetch([before.x[place], before.y[place]]);
-            self.field.fetch([after.x[place], after.y[place]]);
+        uncertain |= outside[0] | outside[1];
+        // Keys that the visibility test reads are prefetched while the pixels are sampled.
+        for index in (0..BLOCK).step_by(TILE).flat_map(|first| [first, first + TILE - 1]) {
+            self.previous_keys.prefetch([previous.x[index], previous.y[index]]);
+            self.field.prefetch([current.x[index], current.y[index]]);
         }
-        let strict = Rule { careful: STRICT, ..*rule };
-        // An anchor that shows nothing of the tile is not asked.
-        let shows_nothing = beyond.map(|beyond| beyond == u64::MAX);
-        // Nor is one for what lies beyond its edges.
-        let sample = |anchor, first, at, beyond: u64, samples: &mut [P; BLOCK]| match is_whole {
-            true => P::tile_of_one(self.level, anchor, first, samples, TILE),
-            false => P::pixels_of_one(self.level, anchor, at, !beyond, samples),
+        let strict = Rule { doubt_threshold: STRICT_DOUBT_THRESHOLD, ..*rule };
+        // An anchor that shows no pixel of the tile is not sampled,
+        let shows_nothing = outside.map(|outside| outside == u64::MAX);
+        // nor is it at positions outside of it.
+        let sample = |anchor, first, at, outside: u64, samples: &mut [P; BLOCK]| match is_whole {
+            true => P::sample_tile(self.level, TileSource { picture: anchor, at: first }, samples, TILE),
+            false => P::sample_pixels(self.level, anchor, at, !outside, samples),
         };
         if shows_nothing != [true, false] {
-            sample(self.previous, spots.before, &before, beyond[0], &mut block.before);
+            sample(self.previous, positions.previous, &previous, outside[0], &mut block.previous);
         }
         if shows_nothing != [false, true] {
-            sample(self.current, spots.after, &after, beyond[1], &mut block.after);
+            sample(self.current, positions.current, &current, outside[1], &mut block.current);
         }
         let differing =
             if shows_nothing[0] == shows_nothing[1] { P::merge_block(self.level, &strict, block) } else { 0 };
-        let mask = questionable | differing;
-        let mut fronts = [EMPTY; BLOCK];
-        let has_front = if mask == 0 || !self.rules.has(super::Rule::ForegroundEdges) {
-            0
-        } else {
-            self.fronts(column, row, mask, &mut fronts)
-        };
-        let has_rim = self.rims(from, &keys, &fronts, has_front, &strict, rims);
-        // What the previous anchor alone shows, and what the current one alone does.
-        let (leaving, entering) = (orphans & beyond[1] & !beyond[0], beyond[0] & !beyond[1]);
-        let overlays = self.overlays();
-        let stills = if questionable == 0 { 0 } else { self.stills.of_tile(self.level, &overlays, [column, row]) };
-        // What leaves where nothing stands still, as mostly, needs no other look than for what may show over it.
-        let mut plain = leaving & !stills & !has_rim;
-        if plain != 0 {
-            plain &= !self.stills.at_each(self.level, &overlays, &before, plain);
-            for place in 0..BLOCK {
-                let is_plain = plain >> place & 1 == 1;
-                block.merged[place] = if is_plain { block.before[place] } else { block.merged[place] };
+        let mask = uncertain | differing;
+        let mut foreground_keys = [EMPTY; BLOCK];
+        let follows_foreground = mask != 0 && self.rules.has(super::Rule::ForegroundEdges);
+        let has_foreground =
+            if follows_foreground { self.foreground_keys(column, row, mask, &mut foreground_keys) } else { 0 };
+        let foreground_in_both =
+            self.with_foreground(from, &keys, &foreground_keys, has_foreground, &strict, with_foreground);
+        // Pixels that only one of the anchors shows.
+        let (only_in_previous, only_in_current) = (previous_only & outside[1] & !outside[0], outside[0] & !outside[1]);
+        let anchors = self.anchors();
+        let static_pixels =
+            if uncertain == 0 { 0 } else { self.static_pixels.tile(self.level, &anchors, [column, row]) };
+        // Fast path: pixels visible only in the previous anchor need only the occlusion test where this tile has no
+        // static overlay.
+        let mut unoccluded = only_in_previous & !static_pixels & !foreground_in_both;
+        if unoccluded != 0 {
+            unoccluded &= !self.static_pixels.static_at(self.level, &anchors, &previous, unoccluded);
+            for index in 0..BLOCK {
+                let is_copied = unoccluded >> index & 1 == 1;
+                block.merged[index] = if is_copied { block.previous[index] } else { block.merged[index] };
             }
         }
-        let entering = entering & !stills;
-        let inside = u64::MAX >> (TILE * (TILE - down)) & (0x0101_0101_0101_0101 * (0xff >> (TILE - across)));
-        each_bit(mask & !plain & inside, |place| {
-            let [i, j] = [place % TILE, place / TILE];
+        let only_in_current = only_in_current & !static_pixels;
+        for_each_bit(mask & !unoccluded & tile_mask([across, down]), |index| {
+            let [i, j] = [index % TILE, index / TILE];
             let at = [corner[0] + i, corner[1] + j];
-            let spots = Spots { before: [before.x[place], before.y[place]], after: [after.x[place], after.y[place]] };
-            if has_rim >> place & 1 == 1 {
-                let of_rim = apart(rims.before[place], rims.after[place]);
-                let own = |is_seen| match is_seen {
-                    true => apart(block.before[place], block.after[place]),
-                    false => unseen(self.is_optical_flow),
+            let positions = SourcePositions {
+                previous: [previous.x[index], previous.y[index]],
+                current: [current.x[index], current.y[index]],
+            };
+            if foreground_in_both >> index & 1 == 1 {
+                let foreground_difference =
+                    colour_difference(with_foreground.previous[index], with_foreground.current[index]);
+                let own = |is_visible| match is_visible {
+                    true => colour_difference(block.previous[index], block.current[index]),
+                    false => occluded_difference(self.is_optical_flow),
                 };
-                if of_rim <= RIM && of_rim < own(self.is_seen(keys[place], spots)) {
-                    block.merged[place] = rims.merged[place];
+                if foreground_difference <= EDGE_TOLERANCE
+                    && foreground_difference < own(self.is_visible_in_anchors(keys[index], positions))
+                {
+                    block.merged[index] = with_foreground.merged[index];
                     return;
                 }
             }
-            if entering >> place & 1 == 1 {
+            if only_in_current >> index & 1 == 1 {
                 let is_shown = |[x, y]: [usize; 2]| {
-                    alike(self.field.owner(x, y), keys[place]) && !self.stills.holds(self.level, &overlays, [x, y])
+                    similar_motion(self.field.own_key(x, y), keys[index])
+                        && !self.static_pixels.is_static_at(self.level, &anchors, [x, y])
                 };
-                if grid.nearest(spots.after).is_some_and(is_shown) {
-                    block.merged[place] = block.after[place];
+                if grid.nearest_pixel(positions.current).is_some_and(is_shown) {
+                    block.merged[index] = block.current[index];
                     return;
                 }
             }
             let is_doubtful =
-                questionable >> place & 1 == 1 || P::merge(block.before[place], block.after[place], rule).1;
-            let seen = Some(block.before[place]);
-            match self.decide(at, keys[place], spots, is_doubtful, seen) {
-                Choice::Merged => {}
-                Choice::Before => block.merged[place] = block.before[place],
-                Choice::After => block.merged[place] = block.after[place],
-                Choice::Still => {
-                    block.merged[place] = self.still(at[0], at[1], rule);
-                    fixed |= 1 << place;
+                uncertain >> index & 1 == 1 || P::merge(block.previous[index], block.current[index], rule).1;
+            let previous_sample = Some(block.previous[index]);
+            match self.choose(at, keys[index], positions, is_doubtful, previous_sample) {
+                Choice::Blend => {}
+                Choice::Previous => block.merged[index] = block.previous[index],
+                Choice::Current => block.merged[index] = block.current[index],
+                Choice::Static => {
+                    block.merged[index] = self.static_pixel(at[0], at[1], rule);
+                    static_drawn |= 1 << index;
                 }
-                Choice::Neither => *hidden |= 1 << place,
+                Choice::Hidden => *hidden |= 1 << index,
             }
         });
-        if soft & !fixed != 0 {
-            soften(&mut block.merged, soft & !fixed, *hidden);
+        if blend_mask & !static_drawn != 0 {
+            antialias(&mut block.merged, blend_mask & !static_drawn, *hidden);
         }
         for j in 0..down {
             pixels[j * grid.width..][..across].copy_from_slice(&block.merged[j * TILE..][..across]);
@@ -293,149 +311,160 @@ impl<P: Colour> Between<'_, P> {
         uncovered
     }
 
-    /// Where the anchors show what is at a place with a claim, by even motion at `phase`.
+    /// Positions of a pixel in both anchors, with linear motion at `phase`.
     #[inline(always)]
-    fn spots(&self, [x, y]: [usize; 2], key: Key, phase: i32) -> Spots {
+    fn positions(&self, [x, y]: [usize; 2], key: Key, phase: i32) -> SourcePositions {
         let at = [64 * x as i32, 64 * y as i32];
-        let vector = layer::vector(key);
-        let before: [i32; 2] = std::array::from_fn(|c| at[c] + part(vector[c], phase));
-        Spots { before, after: std::array::from_fn(|c| before[c] - vector[c]) }
+        let vector = splat_key::vector(key);
+        let previous: [i32; 2] = std::array::from_fn(|c| at[c] + scaled(vector[c], phase));
+        SourcePositions { previous, current: std::array::from_fn(|c| previous[c] - vector[c]) }
     }
 
-    /// For each pixel of a tile that is asked for what may show over it of the nine claims around it, and where something
-    /// may: the nearest where that is in front of its own. Where depth says nothing, anything that moves otherwise may be in
-    /// front: the best match of that.
+    /// Foreground keys that may cover the `wanted` pixels of a tile: the nearest key of the 3x3 neighbourhood if it is
+    /// in front of the pixel's own. Without depth, any key with different motion may be in front; the one with the
+    /// smallest match error is used. Returns the bits of pixels that have one.
     #[inline(never)]
-    fn fronts(&self, column: usize, row: usize, asked: u64, fronts: &mut [Key; BLOCK]) -> u64 {
-        let around = self.places.around(column, row, true);
+    fn foreground_keys(&self, column: usize, row: usize, wanted: u64, foreground_keys: &mut [Key; BLOCK]) -> u64 {
+        let padded_tile = self.frame_keys.padded_tile(column, row, true);
         if self.is_optical_flow {
-            claims::other_around(self.level, &around, DISTINCT, asked, fronts)
+            tile_keys::nearest_other_motion(self.level, &padded_tile, DISTINCT_MOTION, wanted, foreground_keys)
         } else {
-            claims::nearest_around(self.level, &around, DISTINCT, fronts) & asked
+            tile_keys::nearest_neighbours(self.level, &padded_tile, DISTINCT_MOTION, foreground_keys) & wanted
         }
     }
 
-    /// The colours at places beside something in front (`has_front`), as they are if those move with that (`fronts`): the
-    /// rim of a surface is mixed with what is behind it. Returns at which of them both anchors show that.
+    /// Samples the pixels of `has_foreground` as if they moved with the foreground: pixels at a surface's edge are
+    /// mixed with its background. Returns the bits of those that are inside both anchors.
     #[inline(never)]
-    fn rims(
+    fn with_foreground(
         &self,
         from: [i32; 2],
         keys: &[Key; BLOCK],
-        fronts: &[Key; BLOCK],
-        has_front: u64,
+        foreground_keys: &[Key; BLOCK],
+        has_foreground: u64,
         rule: &Rule,
-        rims: &mut Block<P>,
+        with_foreground: &mut Block<P>,
     ) -> u64 {
-        if has_front == 0 {
+        if has_foreground == 0 {
             return 0;
         }
-        let grid = self.places.grid;
+        let grid = self.frame_keys.grid;
         let mut claims = *keys;
-        each_bit(has_front, |place| claims[place] = fronts[place]);
-        let mut before = Positions { x: [0; BLOCK], y: [0; BLOCK] };
-        let mut after = before;
+        for_each_bit(has_foreground, |index| claims[index] = foreground_keys[index]);
+        let mut previous = Positions { x: [0; BLOCK], y: [0; BLOCK] };
+        let mut current = previous;
         let size = [grid.width, grid.height];
-        let beyond = claims::spots(self.level, &claims, from, self.moment, size, &mut before, &mut after);
-        let has_rim = has_front & !(beyond[0] | beyond[1]);
-        P::pixels_of_one(self.level, self.previous, &before, has_rim, &mut rims.before);
-        P::pixels_of_one(self.level, self.current, &after, has_rim, &mut rims.after);
-        P::merge_block(self.level, rule, rims);
-        has_rim
+        let outside =
+            tile_keys::source_positions(self.level, &claims, from, self.time, size, &mut previous, &mut current);
+        let foreground_in_both = has_foreground & !(outside[0] | outside[1]);
+        P::sample_pixels(self.level, self.previous, &previous, foreground_in_both, &mut with_foreground.previous);
+        P::sample_pixels(self.level, self.current, &current, foreground_in_both, &mut with_foreground.current);
+        P::merge_block(self.level, rule, with_foreground);
+        foreground_in_both
     }
 
-    /// Whether both anchors show what a pixel claims to be.
-    fn is_seen(&self, key: Key, spots: Spots) -> bool {
-        let grid = self.places.grid;
-        grid.nearest(spots.before).is_some_and(|[x, y]| alike(self.owners.claim(x, y), key))
-            && grid.nearest(spots.after).is_some_and(|[x, y]| alike(self.field.owner(x, y), key))
+    /// Whether the surface of a key is visible in both anchors.
+    fn is_visible_in_anchors(&self, key: Key, positions: SourcePositions) -> bool {
+        let grid = self.frame_keys.grid;
+        grid.nearest_pixel(positions.previous)
+            .is_some_and(|[x, y]| similar_motion(self.previous_keys.key_at(x, y), key))
+            && grid.nearest_pixel(positions.current).is_some_and(|[x, y]| similar_motion(self.field.own_key(x, y), key))
     }
 
-    fn overlays(&self) -> Overlays<'_, P> {
-        Overlays { previous: self.previous, current: self.current }
+    fn anchors(&self) -> Anchors<'_, P> {
+        Anchors { previous: self.previous, current: self.current }
     }
 
-    /// Whether both anchors show all of a smooth tile: it lies in tiles that are smooth as well and move alike.
+    /// Whether a uniform tile is visible in both anchors: it overlaps only uniform tiles with similar motion.
     #[inline(always)]
-    fn is_clear(&self, key: Key, spots: Spots) -> bool {
-        let can_be = |tile: &Tile| alike(tile.key, key) || slopes(tile.key, key);
-        is_in_smooth(self.owners, spots.before, can_be) && is_in_smooth(self.field, spots.after, can_be)
+    fn is_visible_in_both(&self, key: Key, positions: SourcePositions) -> bool {
+        let can_be = |tile: &Tile| similar_motion(tile.key, key) || same_slope(tile.key, key);
+        is_in_uniform(self.previous_keys, positions.previous, can_be)
+            && is_in_uniform(self.field, positions.current, can_be)
     }
 
-    /// Whether the current anchor alone shows a smooth tile, and all of it: the previous one shows not even its rim. Nothing
-    /// around it is in front, or may be.
+    /// Whether a uniform tile is completely visible in the current anchor, completely outside the previous one, and no
+    /// foreground may overlap it.
     #[inline(always)]
-    fn is_entering(&self, [column, row]: [usize; 2], key: Key, spots: Spots) -> bool {
-        let grid = self.places.grid;
+    fn is_only_in_current(&self, [column, row]: [usize; 2], key: Key, positions: SourcePositions) -> bool {
+        let grid = self.frame_keys.grid;
         let is_off = |at: i32, len: usize| at + 64 * (TILE as i32 - 1) < -32 || at + 32 >= 64 * len as i32;
-        let moves_along = |tile: &Tile| moves_within(tile.key, key, DISTINCT);
-        let can_show = |tile: &Tile| self.is_optical_flow || is_nearer(tile.key, key);
-        let is_in_front = |tile: &Tile| tile.kind == Kind::Rough || can_show(tile) && !moves_along(tile);
+        let moves_along = |tile: &Tile| motion_within(tile.key, key, DISTINCT_MOTION);
+        let can_show = |tile: &Tile| self.is_optical_flow || is_in_front(tile.key, key);
+        let is_in_front = |tile: &Tile| tile.kind == TileKind::Mixed || can_show(tile) && !moves_along(tile);
         let columns = column.saturating_sub(1)..(column + 2).min(grid.columns);
         let mut rows = row.saturating_sub(1)..(row + 2).min(grid.rows);
-        (is_off(spots.before[0], grid.width) || is_off(spots.before[1], grid.height))
-            && is_in_smooth(self.field, spots.after, |tile| alike(tile.key, key))
-            && !rows.any(|row| self.places.row(row..row + 1)[columns.clone()].iter().any(is_in_front))
+        (is_off(positions.previous[0], grid.width) || is_off(positions.previous[1], grid.height))
+            && is_in_uniform(self.field, positions.current, |tile| similar_motion(tile.key, key))
+            && !rows.any(|row| self.frame_keys.tile_rows(row..row + 1)[columns.clone()].iter().any(is_in_front))
     }
 
-    /// What to show where the anchors disagree, or where it is not known that the current one shows the place. Overlays
-    /// are looked for where that is doubtful.
+    /// Decides which anchor a pixel is taken from, by visibility. Overlays are searched where the pixel `is_doubtful`.
     #[inline(never)]
-    fn decide(&self, at: [usize; 2], key: Key, spots: Spots, is_doubtful: bool, seen: Option<P>) -> Choice {
-        let grid = self.places.grid;
-        let (from, to) = (grid.nearest(spots.before), grid.nearest(spots.after));
-        let mark = layer::mark(key);
-        let mut is_before = from.is_some_and(|[x, y]| {
-            if mark == ORPHAN {
+    fn choose(
+        &self,
+        at: [usize; 2],
+        key: Key,
+        positions: SourcePositions,
+        is_doubtful: bool,
+        previous_sample: Option<P>,
+    ) -> Choice {
+        let grid = self.frame_keys.grid;
+        let (from, to) = (grid.nearest_pixel(positions.previous), grid.nearest_pixel(positions.current));
+        let tag = splat_key::tag(key);
+        let mut in_previous = from.is_some_and(|[x, y]| {
+            if tag == PREVIOUS_ONLY {
                 return true;
             }
-            let owner = self.owners.claim(x, y);
-            alike(owner, key) || layer::mark(owner) == ORPHAN && !is_nearer(owner, key)
+            let key_there = self.previous_keys.key_at(x, y);
+            similar_motion(key_there, key) || splat_key::tag(key_there) == PREVIOUS_ONLY && !is_in_front(key_there, key)
         });
-        let mut is_after = to.is_some_and(|[x, y]| {
-            let shown = self.field.owner(x, y);
-            alike(shown, key) || mark != ORPHAN && mark != HOLE && is_nearer(key, shown)
+        let mut in_current = to.is_some_and(|[x, y]| {
+            let key_there = self.field.own_key(x, y);
+            similar_motion(key_there, key) || tag != PREVIOUS_ONLY && tag != HOLE && is_in_front(key, key_there)
         });
-        // Where one of them is hidden by something that moves, the vector is right and no overlay in question.
-        if is_doubtful && (is_before == is_after || from.is_none() || to.is_none()) {
-            let overlays = self.overlays();
-            let vector = layer::vector(key);
-            let is_over = |which, at| self.stills.is_over(self.level, &overlays, which, at, vector);
-            if is_over(Which::Current, at) {
-                return Choice::Still;
+        // If only one anchor is occluded, the motion is right and there is no overlay.
+        if is_doubtful && (in_previous == in_current || from.is_none() || to.is_none()) {
+            let anchors = self.anchors();
+            let vector = splat_key::vector(key);
+            let is_overlay = |anchor, at| self.static_pixels.is_overlay(self.level, &anchors, anchor, at, vector);
+            if is_overlay(AnchorIndex::Current, at) {
+                return Choice::Static;
             }
-            is_before = is_before && !from.is_some_and(|from| is_over(Which::Previous, from));
-            is_after = is_after && !to.is_some_and(|to| is_over(Which::Current, to));
+            in_previous = in_previous && !from.is_some_and(|from| is_overlay(AnchorIndex::Previous, from));
+            in_current = in_current && !to.is_some_and(|to| is_overlay(AnchorIndex::Current, to));
         }
-        let before = || seen.unwrap_or_else(|| P::sample(self.previous, spots.before));
-        match (is_before, is_after) {
-            (true, true) if is_doubtful && is_foreign(before(), self.current, spots.after, self.margin) => {
-                Choice::After
+        let previous = || previous_sample.unwrap_or_else(|| P::sample(self.previous, positions.previous));
+        match (in_previous, in_current) {
+            (true, true)
+                if is_doubtful && is_colour_outlier(previous(), self.current, positions.current, self.margin) =>
+            {
+                Choice::Current
             }
-            (true, true) => Choice::Merged,
-            (true, false) => Choice::Before,
-            (false, true) => Choice::After,
-            (false, false) => Choice::Neither,
+            (true, true) => Choice::Blend,
+            (true, false) => Choice::Previous,
+            (false, true) => Choice::Current,
+            (false, false) => Choice::Hidden,
         }
     }
 
-    /// A pixel of something that stands still.
-    fn still(&self, x: usize, y: usize, rule: &Rule) -> P {
-        let place = y * self.previous.width + x;
-        P::merge(self.previous.pixels[place], self.current.pixels[place], rule).0
+    /// A static pixel.
+    fn static_pixel(&self, x: usize, y: usize, rule: &Rule) -> P {
+        let index = y * self.previous.width + x;
+        P::merge(self.previous.pixels[index], self.current.pixels[index], rule).0
     }
 }
 
-/// Whether the tiles of a layer on which 8 x 8 pixels from `spot` on lie are on the picture, smooth, and what `can_be` says.
+/// Whether the 8x8 pixels from `position` overlap only uniform tiles that satisfy `can_be`, and are inside the picture.
 #[inline(always)]
-fn is_in_smooth(layer: &Layer, spot: [i32; 2], can_be: impl Fn(&Tile) -> bool) -> bool {
-    let grid = layer.grid;
-    let last = spot.map(|v| v + 64 * (TILE as i32 - 1));
-    let (Some(first), Some(last)) = (grid.nearest(spot), grid.nearest(last)) else { return false };
-    // A plain loop: closures of `all` are left as functions of their own.
+fn is_in_uniform(keys: &KeyBuffer, position: [i32; 2], can_be: impl Fn(&Tile) -> bool) -> bool {
+    let grid = keys.grid;
+    let last = position.map(|v| v + 64 * (TILE as i32 - 1));
+    let (Some(first), Some(last)) = (grid.nearest_pixel(position), grid.nearest_pixel(last)) else { return false };
+    // A plain loop: LLVM does not inline closures of `all` here.
     for row in first[1] / TILE..=last[1] / TILE {
-        for tile in &layer.row(row..row + 1)[first[0] / TILE..=last[0] / TILE] {
-            if tile.kind != Kind::Smooth || !can_be(tile) {
+        for tile in &keys.tile_rows(row..row + 1)[first[0] / TILE..=last[0] / TILE] {
+            if tile.kind != TileKind::Uniform || !can_be(tile) {
                 return false;
             }
         }
@@ -443,118 +472,114 @@ fn is_in_smooth(layer: &Layer, spot: [i32; 2], can_be: impl Fn(&Tile) -> bool) -
     true
 }
 
-/// Where the anchors show the pixels of a tile that moves as a whole; which pixels they do not show, as
-/// [`claims::spots`] tells it.
-fn positions(grid: Grid, spots: Spots, before: &mut Positions, after: &mut Positions) -> [u64; 2] {
-    [(spots.before, before), (spots.after, after)].map(|(first, at)| {
-        let mut beyond = 0;
-        for place in 0..BLOCK {
-            let [x, y] = [first[0] + 64 * (place % TILE) as i32, first[1] + 64 * (place / TILE) as i32];
-            (at.x[place], at.y[place]) = (x, y);
-            beyond |= u64::from(!grid.holds([x, y])) << place;
+/// Positions of the pixels of a uniform tile; returns the bits of those outside each anchor, as
+/// [`tile_keys::source_positions`] does.
+fn tile_positions(
+    grid: Grid,
+    positions: SourcePositions,
+    previous: &mut Positions,
+    current: &mut Positions,
+) -> [u64; 2] {
+    [(positions.previous, previous), (positions.current, current)].map(|(first, at)| {
+        let mut outside = 0;
+        for index in 0..BLOCK {
+            let [x, y] = [first[0] + 64 * (index % TILE) as i32, first[1] + 64 * (index / TILE) as i32];
+            (at.x[index], at.y[index]) = (x, y);
+            outside |= u64::from(!grid.contains_position([x, y])) << index;
         }
-        beyond
+        outside
     })
 }
 
-/// Which anchor a pixel comes from.
+/// Where a pixel is taken from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Choice {
-    /// Both.
-    Merged,
-    /// The previous one.
-    Before,
-    /// The current one.
-    After,
-    /// Both, where the place itself is: something that stands still lies over it.
-    Still,
-    /// None.
-    Neither,
+    /// Both anchors.
+    Blend,
+    /// The previous anchor.
+    Previous,
+    /// The current anchor.
+    Current,
+    /// Both anchors, without motion: a static overlay.
+    Static,
+    /// Neither anchor shows it.
+    Hidden,
 }
 
-/// Writes the picture of a `moment` after `current`; in `hidden` what it does not show.
+/// Renders an extrapolated picture. `hidden` receives the bits of pixels that `current` does not show.
 #[inline(never)]
-pub(super) fn beyond<P: Colour>(
-    level: Level,
+pub(super) fn extrapolate<P: Colour>(
+    level: SimdLevel,
     current: Source<'_, P>,
-    places: &Layer,
-    field: &Layer,
-    moment: Moment,
+    frame_keys: &KeyBuffer,
+    field: &KeyBuffer,
+    time: WarpTime,
     out: &mut Raster<P>,
     hidden: &mut [u64],
 ) -> Rendered {
-    let grid = places.grid;
-    let (uncovered, unseen) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let way = Way::from_current(moment);
-    let spot = |[x, y]: [usize; 2], key: Key, reach: i32| -> [i32; 2] {
+    let grid = frame_keys.grid;
+    let (uncovered, hidden_pixels) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let warp = Warp::from_current(time);
+    let position = |[x, y]: [usize; 2], key: Key, fraction: i32| -> [i32; 2] {
         let at = [64 * x as i32, 64 * y as i32];
-        let vector = layer::vector(key);
-        std::array::from_fn(|c| at[c] + part(vector[c], -reach))
+        let vector = splat_key::vector(key);
+        std::array::from_fn(|c| at[c] + scaled(vector[c], -fraction))
     };
     let rows = out.pixels_mut().par_chunks_mut(grid.width * TILE);
     rows.zip(hidden.par_chunks_mut(grid.columns)).enumerate().for_each(|(row, (pixels, hidden))| {
         let mut block = [P::OPAQUE_BLACK; BLOCK];
-        let (mut loose, mut lost) = (0, 0);
+        let (mut uncovered_here, mut hidden_here) = (0, 0);
         for (column, hidden) in hidden.iter_mut().enumerate() {
-            let index = row * grid.columns + column;
-            let tile = &places.tiles[index];
+            let tile_index = row * grid.columns + column;
+            let tile = &frame_keys.tiles[tile_index];
             let [across, down] = grid.extent(column, row);
             let corner = [column * TILE, row * TILE];
             let pixels = &mut pixels[column * TILE..];
             *hidden = 0;
-            if tile.kind == Kind::Smooth && [across, down] == [TILE, TILE] {
-                let spot = spot(corner, tile.key, way.reach_of_tile(tile.key, corner));
-                P::tile_of_one(level, current, spot, pixels, grid.width);
+            if tile.kind == TileKind::Uniform && [across, down] == [TILE, TILE] {
+                let position = position(corner, tile.key, warp.fraction_of_tile(tile.key, corner));
+                P::sample_tile(level, TileSource { picture: current, at: position }, pixels, grid.width);
                 continue;
             }
             let mut at = Positions { x: [0; BLOCK], y: [0; BLOCK] };
-            for place in 0..BLOCK {
-                let [i, j] = [place % TILE, place / TILE];
+            for index in 0..BLOCK {
+                let [i, j] = [index % TILE, index / TILE];
                 let pixel = [corner[0] + i, corner[1] + j];
                 if i >= across || j >= down {
                     continue;
                 }
-                let own = if tile.kind == Kind::Smooth { tile.key } else { places.keys[index][place] };
-                let claim = if own == EMPTY { places.borrowed[index][place] } else { own };
-                let spot = spot(pixel, claim, way.reach(claim, pixel.map(|at| at as i32)));
-                (at.x[place], at.y[place]) = (spot[0], spot[1]);
+                let own = if tile.kind == TileKind::Uniform { tile.key } else { frame_keys.keys[tile_index][index] };
+                let key = if own == EMPTY { frame_keys.inherited[tile_index][index] } else { own };
+                let position = position(pixel, key, warp.fraction(key, pixel.map(|at| at as i32)));
+                (at.x[index], at.y[index]) = (position[0], position[1]);
                 if own == EMPTY {
-                    loose += 1;
-                    // What stands there now is in front of it, and would be seen twice.
-                    let is_covered = grid.nearest(spot).is_some_and(|[x, y]| {
-                        let shown = field.owner(x, y);
-                        !alike(shown, claim) && is_nearer(shown, claim)
+                    uncovered_here += 1;
+                    // The foreground at that position would be drawn twice.
+                    let is_occluded = grid.nearest_pixel(position).is_some_and(|[x, y]| {
+                        let key_there = field.own_key(x, y);
+                        !similar_motion(key_there, key) && is_in_front(key_there, key)
                     });
-                    *hidden |= u64::from(is_covered) << place;
+                    *hidden |= u64::from(is_occluded) << index;
                 }
             }
-            lost += hidden.count_ones() as usize;
-            P::pixels_of_one(level, current, &at, u64::MAX, &mut block);
+            hidden_here += hidden.count_ones() as usize;
+            P::sample_pixels(level, current, &at, u64::MAX, &mut block);
             for j in 0..down {
                 pixels[j * grid.width..][..across].copy_from_slice(&block[j * TILE..][..across]);
             }
         }
-        uncovered.fetch_add(loose, Ordering::Relaxed);
-        unseen.fetch_add(lost, Ordering::Relaxed);
+        uncovered.fetch_add(uncovered_here, Ordering::Relaxed);
+        hidden_pixels.fetch_add(hidden_here, Ordering::Relaxed);
     });
-    Rendered { uncovered: uncovered.into_inner(), hidden: unseen.into_inner() }
+    Rendered { uncovered: uncovered.into_inner(), hidden: hidden_pixels.into_inner() }
 }
 
-/// How far two colours are apart: the levels of the channel that differs most.
-pub(super) fn apart<P: Colour>(a: P, b: P) -> f32 {
+/// Difference between two colours: the largest of any channel, in levels.
+pub(super) fn colour_difference<P: Colour>(a: P, b: P) -> f32 {
     let (a, b) = (a.in_levels(), b.in_levels());
-    let mut apart = [0.0_f32; 4];
+    let mut difference = [0.0_f32; 4];
     for c in 0..4 {
-        apart[c] = (a[c] - b[c]).abs();
+        difference[c] = (a[c] - b[c]).abs();
     }
-    0.0_f32.max(apart[0]).max(apart[1]).max(apart[2])
-}
-
-/// Calls `visit` for each bit that is set, lowest first.
-#[inline(always)]
-fn each_bit(mut mask: u64, mut visit: impl FnMut(usize)) {
-    while mask != 0 {
-        visit(mask.trailing_zeros() as usize);
-        mask &= mask - 1;
-    }
+    0.0_f32.max(difference[0]).max(difference[1]).max(difference[2])
 }

@@ -9,30 +9,30 @@ pub enum Rule {
     CutDetection,
     /// Treats uniform bars at the picture's borders as static, whatever their vectors say.
     LetterboxBars,
-    /// Ranks surfaces by how well they match the other anchor where depth is constant.
+    /// Orders surfaces by how well they match the other anchor where depth is constant.
     MatchAsDepth,
-    /// Extends a nearer surface over its anti-aliased edge where the anchors agree better with it.
-    EdgeExtension,
+    /// Dilates a nearer surface over its anti-aliased edge where the anchors agree better with it.
+    EdgeDilation,
     /// Finds foreground in the previous anchor that a border cuts off and that has left the current one.
-    BorderExits,
+    BorderForeground,
     /// Warps what only the previous anchor shows by that anchor's depth and the camera fit.
     PreviousDepth,
-    /// Among such pixels, lets those as far away as a neighbour move with it.
-    CarriedSurfaces,
+    /// Lets such a pixel follow a neighbouring surface at the same distance that moves by itself.
+    NeighboursMotion,
     /// Fits the camera to motion and depth, so that what comes nearer moves faster towards the end of the interval.
     CameraFit,
     /// Chooses hole filling's candidate by likeness of brightness rather than by distance.
     FillByLikeness,
     /// Closes cracks of one pixel between vectors of one surface.
     CrackClosing,
-    /// Gives a pixel beside a nearer surface to that surface where the anchors agree better.
+    /// Gives a pixel beside a foreground edge the foreground's motion where the anchors then agree better.
     ForegroundEdges,
     /// Keeps static overlays, such as a head-up display, where they are.
     StaticOverlays,
     /// Rejects a colour of the previous anchor that the current one has nowhere near.
     ColourOutliers,
-    /// Softens edges that depth does not know.
-    EdgeSoftening,
+    /// Blends edges that no depth confirms.
+    EdgeAntialiasing,
     /// Paints what neither anchor shows from the colours around it.
     Inpainting,
 }
@@ -43,17 +43,17 @@ impl Rule {
         Self::CutDetection,
         Self::LetterboxBars,
         Self::MatchAsDepth,
-        Self::EdgeExtension,
-        Self::BorderExits,
+        Self::EdgeDilation,
+        Self::BorderForeground,
         Self::PreviousDepth,
-        Self::CarriedSurfaces,
+        Self::NeighboursMotion,
         Self::CameraFit,
         Self::FillByLikeness,
         Self::CrackClosing,
         Self::ForegroundEdges,
         Self::StaticOverlays,
         Self::ColourOutliers,
-        Self::EdgeSoftening,
+        Self::EdgeAntialiasing,
         Self::Inpainting,
     ];
 }

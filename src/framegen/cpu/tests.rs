@@ -1,7 +1,7 @@
-//! What every generator must do, on scenes whose in-between pictures are known.
+//! Tests on scenes whose true frames are known, and against a reference implementation.
 
 mod bounds;
 mod oracle;
 mod reference;
 mod scenes;
-pub(super) mod world;
+pub(super) mod synthetic;

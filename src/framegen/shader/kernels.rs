@@ -30,6 +30,5 @@ macro_rules! kernels {
 }
 
 kernels! {
-    begin, lines, reduce, detail, block, verdict, tiny, shift, whole, seen, given, field, claim, settle,
-    leave, join, free, pyramid, fill, render, beyond, squares, mean, paint,
+    clear, letterbox, reduce, detail, match_blocks, decide_cut, tiny, correlate, global_shift, camera_fit, guidance_tiles, field, splat, resolve, border_runs, join_border_runs, clear_border, pyramid, fill_holes, interpolate, extrapolate, tile_colours, mean_colour, inpaint,
 }

@@ -40,9 +40,9 @@ pub(super) struct Constants {
     pub(super) is_cut_stated: u32,
     /// 1 if there is an overlay mask.
     pub(super) has_hud: u32,
-    /// Phase of the frame, a numerator over `WHOLE`.
+    /// Phase of the frame, a numerator over `PHASE_ONE`.
     pub(super) phase: i32,
-    /// Phase to which pixels are splatted, a numerator over `WHOLE`.
+    /// Phase to which pixels are splatted, a numerator over `PHASE_ONE`.
     pub(super) splat_phase: i32,
     /// 1 if pixels with inherited motion are splatted as well.
     pub(super) splats_inherited: u32,

@@ -24,7 +24,7 @@ use memory::Memory;
 use steps::Steps;
 
 /// Fixed-point phase 1: the time between two anchors.
-const WHOLE: i32 = 1 << 12;
+const PHASE_ONE: i32 = 1 << 12;
 /// Tag of a pixel of the previous anchor to which no pixel of the current one is warped.
 const PREVIOUS_ONLY: u32 = 254;
 /// Tag of a pixel of the frame to which nothing is warped.
@@ -237,12 +237,12 @@ impl ShaderGenerator {
                 .field("t")
                 .remedy("Pass a positive number of anchor intervals"));
         }
-        let phase = ((t.min(1.0) * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE);
+        let phase = ((t.min(1.0) * PHASE_ONE as f32 + 0.5) as i32).clamp(1, PHASE_ONE);
         let checked = self.check_inputs(current, guidance)?;
         let written = target.format(&self.gpu, frame, self.layout.constants.size)?;
         let extrapolated = Constants {
             is_cut_stated: is_after_cut.into(),
-            splat_phase: WHOLE + phase,
+            splat_phase: PHASE_ONE + phase,
             inherited_tag: HOLE,
             at_splat_tiles: self.layout.at_frame_tiles,
             ..self.constants(&checked, &written)
@@ -254,12 +254,12 @@ impl ShaderGenerator {
         let kernels = &self.kernels;
         let mut steps = self.steps(frame, &table);
         steps.begin(extrapolated);
-        steps.once(&kernels.seen, extrapolated);
-        steps.per_tile(&kernels.given, extrapolated);
+        steps.once(&kernels.camera_fit, extrapolated);
+        steps.per_tile(&kernels.guidance_tiles, extrapolated);
         steps.per_tile(&kernels.field, extrapolated);
         steps.splat(extrapolated);
         steps.fill_holes(extrapolated);
-        steps.per_tile(&kernels.beyond, extrapolated);
+        steps.per_tile(&kernels.extrapolate, extrapolated);
         steps.inpaint(extrapolated);
         self.copy(frame, &written, target)
     }
@@ -297,7 +297,7 @@ impl ShaderGenerator {
         };
         let mut steps = self.steps(frame, &table);
         steps.begin(constants);
-        steps.per_tile(&self.kernels.render, constants);
+        steps.per_tile(&self.kernels.interpolate, constants);
         self.copy(frame, &written, target)
     }
 
@@ -337,7 +337,7 @@ impl ShaderGenerator {
                 .field("t")
                 .remedy("Show an anchor itself at phases 0 and 1"));
         }
-        Ok(Phase { phase: ((t * WHOLE as f32 + 0.5) as i32).clamp(1, WHOLE - 1), cut_shows_current: t >= 0.5 })
+        Ok(Phase { phase: ((t * PHASE_ONE as f32 + 0.5) as i32).clamp(1, PHASE_ONE - 1), cut_shows_current: t >= 0.5 })
     }
 
     /// Checks the inputs of a pair before anything is recorded.
@@ -399,15 +399,15 @@ impl ShaderGenerator {
         };
         let mut steps = self.steps(frame, table);
         steps.begin(in_previous);
-        steps.per_line(&kernels.lines, in_previous);
+        steps.per_line(&kernels.letterbox, in_previous);
         steps.find_cut(in_previous);
-        steps.once(&kernels.seen, in_previous);
-        steps.per_tile(&kernels.given, in_previous);
+        steps.once(&kernels.camera_fit, in_previous);
+        steps.per_tile(&kernels.guidance_tiles, in_previous);
         steps.per_tile(&kernels.field, in_previous);
         steps.splat(in_previous);
-        steps.per_end(&kernels.leave, in_previous);
-        steps.per_end(&kernels.join, in_previous);
-        steps.per_tile(&kernels.free, in_previous);
+        steps.per_end(&kernels.border_runs, in_previous);
+        steps.per_end(&kernels.join_border_runs, in_previous);
+        steps.per_tile(&kernels.clear_border, in_previous);
         steps.fill_holes(in_previous);
     }
 
@@ -424,7 +424,7 @@ impl ShaderGenerator {
         let constants = Constants {
             phase,
             splat_phase: phase,
-            nearer_is_current: (phase >= WHOLE / 2).into(),
+            nearer_is_current: (phase >= PHASE_ONE / 2).into(),
             cut_shows_current: cut_shows_current.into(),
             splats_inherited: 1,
             inherited_tag: HOLE,
@@ -434,7 +434,7 @@ impl ShaderGenerator {
         let mut steps = self.steps(frame, table);
         steps.splat(constants);
         steps.fill_holes(constants);
-        steps.per_tile(&self.kernels.render, constants);
+        steps.per_tile(&self.kernels.interpolate, constants);
         steps.inpaint(constants);
         self.copy(frame, &written, target)
     }
@@ -474,7 +474,7 @@ impl std::fmt::Debug for ShaderGenerator {
 /// Fixed-point time of a frame between the anchors.
 #[derive(Clone, Copy)]
 struct Phase {
-    /// Numerator over [`WHOLE`].
+    /// Numerator over [`PHASE_ONE`].
     phase: i32,
     /// Whether the current anchor is shown at this phase if there is a cut.
     cut_shows_current: bool,

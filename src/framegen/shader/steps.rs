@@ -60,7 +60,7 @@ impl Steps<'_, '_> {
     /// Clears splat keys and coverage; in run 0 also the results of the frame before.
     fn clear(&mut self, constants: Constants) {
         let groups = self.layout.splat_pixels.div_ceil(u64::from(SPLAT_PIXELS)) as u32;
-        self.dispatch(&self.kernels.begin, constants, [groups, 1, 1]);
+        self.dispatch(&self.kernels.clear, constants, [groups, 1, 1]);
     }
 
     /// Detects a cut between the anchors. The second half does its work only if the first half found a possible cut.
@@ -71,35 +71,35 @@ impl Steps<'_, '_> {
         let run = |run| Constants { run, ..constants };
         self.dispatch(&kernels.reduce, constants, of_both(constants.reduced));
         self.dispatch(&kernels.detail, constants, of_both(constants.reduced));
-        self.dispatch(&kernels.block, run(0), [blocks[0], blocks[1], 1]);
-        self.once(&kernels.verdict, run(0));
+        self.dispatch(&kernels.match_blocks, run(0), [blocks[0], blocks[1], 1]);
+        self.once(&kernels.decide_cut, run(0));
         self.dispatch(&kernels.tiny, constants, of_both(tiny));
-        self.dispatch(&kernels.shift, constants, [shifts[0], shifts[1], 1]);
-        self.once(&kernels.whole, constants);
-        self.dispatch(&kernels.block, run(1), [blocks[0], blocks[1], 1]);
-        self.once(&kernels.verdict, run(1));
+        self.dispatch(&kernels.correlate, constants, [shifts[0], shifts[1], 1]);
+        self.once(&kernels.global_shift, constants);
+        self.dispatch(&kernels.match_blocks, run(1), [blocks[0], blocks[1], 1]);
+        self.once(&kernels.decide_cut, run(1));
     }
 
     /// Splats (forward-warps) pixels, keeps the nearest one at each destination pixel, and closes cracks.
     pub(super) fn splat(&mut self, constants: Constants) {
         let run = |run| Constants { run, ..constants };
         self.clear(run(1));
-        self.per_tile(&self.kernels.claim, run(0));
-        self.per_tile(&self.kernels.claim, run(1));
-        self.per_tile(&self.kernels.settle, constants);
+        self.per_tile(&self.kernels.splat, run(0));
+        self.per_tile(&self.kernels.splat, run(1));
+        self.per_tile(&self.kernels.resolve, constants);
     }
 
     /// Fills holes: uncovered pixels inherit motion.
     pub(super) fn fill_holes(&mut self, constants: Constants) {
         self.once(&self.kernels.pyramid, constants);
-        self.per_tile(&self.kernels.fill, constants);
+        self.per_tile(&self.kernels.fill_holes, constants);
     }
 
     /// Fills pixels that neither anchor shows with surrounding colours.
     pub(super) fn inpaint(&mut self, constants: Constants) {
         let [across, down] = constants.tiles.map(|len| len.div_ceil(SQUARE));
-        self.dispatch(&self.kernels.squares, constants, [across, down, 1]);
-        self.once(&self.kernels.mean, constants);
-        self.per_tile(&self.kernels.paint, constants);
+        self.dispatch(&self.kernels.tile_colours, constants, [across, down, 1]);
+        self.once(&self.kernels.mean_colour, constants);
+        self.per_tile(&self.kernels.inpaint, constants);
     }
 }

@@ -1,9 +1,9 @@
-// Whether two buffers hold the same bits: sets the verdict to 1 where they do not, and leaves it alone else.
+// Compares two buffers: sets the verdict to 1 if their bits differ, otherwise leaves it unchanged.
 
 cbuffer Constants : register(b0)
 {
-    uint Words;   // of four bytes, the last padded alike in both
-    uint Threads; // all there are
+    uint Words;   // 32-bit words; the last is padded equally in both
+    uint Threads; // number of threads
 };
 
 ByteAddressBuffer Found : register(t0);

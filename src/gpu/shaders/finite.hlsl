@@ -1,10 +1,10 @@
-// Whether every number of a buffer is finite: sets the verdict to 1 where one is not, and leaves it alone else.
+// Checks a buffer of floats: sets the verdict to 1 if one is not finite, otherwise leaves it unchanged.
 
 cbuffer Constants : register(b0)
 {
-    uint Words;      // of four bytes, the last padded with zeroes
-    uint2 Exponents; // the bits of a word that are all set where its one float, or its first or second half, is not finite
-    uint Threads;    // all there are
+    uint Words;      // 32-bit words; the last is padded with zeros
+    uint2 Exponents; // exponent bits of a word's float, or of its two half floats; all are set if it is not finite
+    uint Threads;    // number of threads
 };
 
 ByteAddressBuffer Numbers : register(t0);

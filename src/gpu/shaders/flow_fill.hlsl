@@ -1,25 +1,25 @@
-// In place of motion that is not trusted that of the nearest trusted pixels along eight rays, drawn on to it, weighted by nearness
-// and by likeness. Nobody reads what is written here meanwhile.
+// Replaces untrusted motion by that of the nearest trusted pixels along eight rays, extrapolated, weighted by distance and colour
+// similarity. Only untrusted pixels are written, and only trusted ones read.
 
 #include "flow.hlsli"
 #include "flow_trust.hlsli"
 
 static const uint STEPS[14] = { 1, 2, 3, 4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 86 };
 static const float COLOUR_SCALE = 20;
-static const int LEAST_REACH = 8;
-static const float STEEP = 0.3;
+static const int MIN_GRADIENT_STEPS = 8;
+static const float EDGE_GRADIENT = 0.3;
 
-// The motion of a trusted pixel, drawn on in a line over `distance` steps back along `ray`.
-float2 drawn_on(int2 place, int2 ray, int distance)
+// Motion of a trusted pixel, extrapolated linearly by `distance` steps against `ray`.
+float2 extrapolated(int2 position, int2 ray, int distance)
 {
-    int reach = max(distance, LEAST_REACH);
-    int2 behind = place + reach * ray;
-    float2 v = motion_at(AtDense.x, uint(place.y) * Level.x + uint(place.x));
+    int steps = max(distance, MIN_GRADIENT_STEPS);
+    int2 behind = position + steps * ray;
+    float2 v = motion_at(AtDense.x, uint(position.y) * Level.x + uint(position.x));
     if (is_in_level(behind) && is_trusted(uint2(behind)))
     {
-        precise float2 slope = (v - motion_at(AtDense.x, uint(behind.y) * Level.x + uint(behind.x))) / float(reach);
-        precise float2 on = v + slope * float(distance);
-        v = max(abs(slope.x), abs(slope.y)) < STEEP ? on : v;
+        precise float2 slope = (v - motion_at(AtDense.x, uint(behind.y) * Level.x + uint(behind.x))) / float(steps);
+        precise float2 extrapolated_motion = v + slope * float(distance);
+        v = max(abs(slope.x), abs(slope.y)) < EDGE_GRADIENT ? extrapolated_motion : v;
     }
     return v;
 }
@@ -27,7 +27,7 @@ float2 drawn_on(int2 place, int2 ray, int distance)
 [numthreads(8, 8, 1)]
 void main(uint3 at : SV_DispatchThreadID)
 {
-    if (any(at.xy >= Level) || !is_wanted(at.xy) || is_mean(at.xy))
+    if (any(at.xy >= Level) || !is_filled(at.xy) || is_interpolated(at.xy))
     {
         return;
     }
@@ -52,12 +52,12 @@ void main(uint3 at : SV_DispatchThreadID)
             is_found = is_trusted(uint2(there));
             if (is_found)
             {
-                precise float3 apart = colour_of(OF_CURRENT, uint2(there) << Halvings) - own;
-                precise float unlike = (apart.x * apart.x + apart.y * apart.y + apart.z * apart.z) / 3;
-                precise float alike = 1 + unlike / (COLOUR_SCALE * COLOUR_SCALE);
-                precise float weight = 1 / (alike * alike * float(distance));
+                precise float3 difference = colour_of(OF_CURRENT, uint2(there) << Halvings) - own;
+                precise float squared_difference = (difference.x * difference.x + difference.y * difference.y + difference.z * difference.z) / 3;
+                precise float similarity = 1 + squared_difference / (COLOUR_SCALE * COLOUR_SCALE);
+                precise float weight = 1 / (similarity * similarity * float(distance));
                 weights += weight;
-                sum += weight * drawn_on(there, step, distance);
+                sum += weight * extrapolated(there, step, distance);
             }
         }
     }

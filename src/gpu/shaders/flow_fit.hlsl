@@ -1,6 +1,5 @@
-// The motion of the whole picture: that of a plane before a moving camera, on which most of the grid agrees. One group to a
-// direction; least squares, again and again, each sample counting the less the farther it was off. The order of operations is that of
-// the processor.
+// Fits the global motion: that of a plane before a moving camera, by iteratively reweighted least squares over the grid. A group per
+// direction. The order of operations is the CPU's.
 
 #include "flow.hlsli"
 
@@ -8,17 +7,17 @@ static const uint THREADS = 64;
 static const uint SUMS = 21;
 static const uint N = 8;
 static const uint ROUNDS = 5;
-static const float KNOWN = 4;
+static const float HALF_WEIGHT_INFORMATION = 4;
 static const float NOISE = 1;
 static const float RIDGE = 1e-5;
 
 groupshared float Sums[SUMS][THREADS];
 groupshared float Totals[SUMS];
-groupshared float Numbers[N];
-groupshared uint IsKnown;
+groupshared float Parameters[N];
+groupshared uint HasModel;
 
-// Which of the sums stands in each place of the upper half of the system, row by row; 21 is none.
-static const uint PLACES[N * N] =
+// Index of the sum at each entry of the system's upper triangle, row by row; 21 is zero.
+static const uint ENTRIES[N * N] =
 {
     0, 1, 2, 21, 21, 21, 3, 4,
     0, 3, 4, 21, 21, 21, 6, 7,
@@ -30,7 +29,7 @@ static const uint PLACES[N * N] =
     0, 0, 0, 0, 0, 0, 0, 12
 };
 
-// Solves the positive definite system that the sums make; none where nothing is in it.
+// Solves the positive definite system; false if it is singular.
 bool solved()
 {
     precise float rows[N * N];
@@ -42,31 +41,31 @@ bool solved()
         [unroll]
         for (uint column = row; column < N; column++)
         {
-            uint sum = PLACES[row * N + column];
+            uint sum = ENTRIES[row * N + column];
             rows[row * N + column] = sum < SUMS ? Totals[min(sum, SUMS - 1)] : 0;
         }
         right[row] = Totals[13 + row];
         trace += rows[row * N + row];
     }
     precise float ridge = RIDGE / N * trace;
-    bool is_known = true;
+    bool is_solved = true;
     [unroll]
     for (uint i = 0; i < N; i++)
     {
         precise float pivot = rows[i * N + i] + ridge;
         rows[i * N + i] = pivot;
-        // Not a number fails this too.
-        is_known = is_known && pivot > 0;
+        // False for NaN as well.
+        is_solved = is_solved && pivot > 0;
         [unroll]
         for (uint j = i + 1; j < N; j++)
         {
-            precise float part = rows[i * N + j] / pivot;
+            precise float factor = rows[i * N + j] / pivot;
             [unroll]
             for (uint k = j; k < N; k++)
             {
-                rows[j * N + k] -= part * rows[i * N + k];
+                rows[j * N + k] -= factor * rows[i * N + k];
             }
-            right[j] -= part * right[i];
+            right[j] -= factor * right[i];
         }
     }
     [unroll]
@@ -79,10 +78,10 @@ bool solved()
             right[last] -= rows[last * N + k] * right[k];
         }
         right[last] /= rows[last * N + last];
-        Numbers[last] = right[last];
-        is_known = is_known && finite(right[last]);
+        Parameters[last] = right[last];
+        is_solved = is_solved && is_finite(right[last]);
     }
-    return is_known;
+    return is_solved;
 }
 
 [numthreads(THREADS, 1, 1)]
@@ -94,11 +93,11 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     precise float unit = 2 / float(max(size.x, size.y));
     if (thread < N)
     {
-        Numbers[thread] = 0;
+        Parameters[thread] = 0;
     }
     if (thread == 0)
     {
-        IsKnown = 1;
+        HasModel = 1;
     }
     GroupMemoryBarrierWithGroupSync();
     [loop]
@@ -118,19 +117,19 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
         {
             uint2 cell = Step * uint2(sample % samples.x, sample / samples.x);
             uint number = cell.y * Cells.x + cell.x;
-            uint place = of_two(AtFound, direction) + 32 * number;
-            float residual = asfloat(Work.Load(place + 12));
-            float3 hessian = asfloat(Work.Load3(place + 16));
+            uint position = of_two(AtFound, direction) + 32 * number;
+            float residual = asfloat(Work.Load(position + 12));
+            float3 hessian = asfloat(Work.Load3(position + 16));
             float2 v = motion_at(of_two(AtFlow, direction), number);
             precise float information = (hessian.x + hessian.z) / (residual + NOISE);
             precise float2 p = ((float2(cell) + 0.5) * float(Stride) - 0.5 * float2(size)) * unit;
-            precise float bend = Numbers[6] * p.x + Numbers[7] * p.y;
+            precise float perspective = Parameters[6] * p.x + Parameters[7] * p.y;
             precise float2 plane =
-                float2(Numbers[0] + Numbers[1] * p.x + Numbers[2] * p.y, Numbers[3] + Numbers[4] * p.x + Numbers[5] * p.y);
-            precise float2 of_model = plane + bend * p;
-            precise float2 apart = v - of_model;
-            precise float off = 1 + (apart.x * apart.x + apart.y * apart.y) * inverse;
-            precise float w = information / (information + KNOWN) / (off * off);
+                float2(Parameters[0] + Parameters[1] * p.x + Parameters[2] * p.y, Parameters[3] + Parameters[4] * p.x + Parameters[5] * p.y);
+            precise float2 of_model = plane + perspective * p;
+            precise float2 difference = v - of_model;
+            precise float penalty = 1 + (difference.x * difference.x + difference.y * difference.y) * inverse;
+            precise float w = information / (information + HALF_WEIGHT_INFORMATION) / (penalty * penalty);
             float x = p.x;
             float y = p.y;
             precise float xx = x * x;
@@ -166,17 +165,17 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
         GroupMemoryBarrierWithGroupSync();
         if (thread == 0 && !solved())
         {
-            IsKnown = 0;
+            HasModel = 0;
         }
         GroupMemoryBarrierWithGroupSync();
     }
     uint model = of_two(AtModel, direction);
     if (thread < N)
     {
-        Work.Store(model + 4 + 4 * thread, IsKnown != 0 ? asuint(Numbers[thread]) : 0);
+        Work.Store(model + 4 + 4 * thread, HasModel != 0 ? asuint(Parameters[thread]) : 0);
     }
     if (thread == 0)
     {
-        Work.Store(model, IsKnown);
+        Work.Store(model, HasModel);
     }
 }

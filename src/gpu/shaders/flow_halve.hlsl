@@ -1,4 +1,4 @@
-// Luma of both anchors halved: means of 2 x 2 pixels, of which an odd last column counts twice.
+// Halves the luma of both anchors: means of 2 x 2 pixels; an odd last column counts twice.
 
 #include "flow.hlsli"
 

@@ -1,4 +1,4 @@
-// Luma of both anchors in code values, or of what halves them: means of 2 x 2 pixels, of which an odd last column counts twice.
+// Luma of both anchors in code values, full size or halved: means of 2 x 2 pixels; an odd last column counts twice.
 
 #include "flow.hlsli"
 
@@ -16,7 +16,7 @@ void main(uint3 at : SV_DispatchThreadID)
     {
         return;
     }
-    uint place = of_two(AtLuma, at.z) + 4 * (at.y * Level.x + at.x);
+    uint position = of_two(AtLuma, at.z) + 4 * (at.y * Level.x + at.x);
     float luma;
     [branch]
     if (IsHalved == 0)
@@ -33,5 +33,5 @@ void main(uint3 at : SV_DispatchThreadID)
         precise float four = 0.25 * ((a + luma_of(at.z, uint2(high.x, low.y))) + (b + luma_of(at.z, high)));
         luma = high.x == low.x ? pair : four;
     }
-    Work.Store(place, asuint(luma));
+    Work.Store(position, asuint(luma));
 }

@@ -1,26 +1,26 @@
-// The search of every patch: the best of several starts, and inverse-compositional steps from it. Eight threads to a patch, each
-// with one column of it; all groups make as many turns, so that all threads meet.
+// Patch search: the best of several starts, then inverse compositional descent from it. Eight threads per patch, one column each; all
+// groups run the same number of iterations, as barriers need all threads.
 
 #include "flow.hlsli"
 
 static const uint PATCHES = 8;
 static const uint SIDE = 8;
 static const float AREA = 64;
-static const float FEWEST = 16;
+static const float MIN_OVERLAP = 16;
 static const uint STARTS = 7;
 static const uint STARTS_AGAIN = 6;
-static const uint MOST_STEPS = 8;
-static const float SETTLED = 0.02;
-static const float NEAR = 0.3;
-static const float MARGIN = 1;
+static const uint MAX_STEPS = 8;
+static const float CONVERGED_STEP = 0.02;
+static const float SAME_START = 0.3;
+static const float MIN_IMPROVEMENT = 1;
 static const float DAMPING = 0.02;
-static const float STRAIGHT = 2;
-static const float NOTHING_KNOWN = 1000000;
+static const float MAX_EXTRAPOLATED_STEP = 2;
+static const float NO_RESIDUAL = 1000000;
 
 groupshared float2 Starts[PATCHES][SIDE];
 groupshared float4 Columns[2][PATCHES * SIDE];
 
-// The sum over a patch of what each of its threads has of a column, in a tree. Calls with one `turn` have one with another between.
+// Sum over a patch of its threads' columns, as a tree. Two calls with one `turn` need another call between them.
 float4 summed(uint turn, uint thread, float4 of_column)
 {
     Columns[turn][thread] = of_column;
@@ -32,8 +32,8 @@ float4 summed(uint turn, uint thread, float4 of_column)
     return sum;
 }
 
-// How many of eight pixels from both places on lie within `len`.
-float shared_of(int a, int b, int len)
+// How many of eight consecutive pixels starting at `a` and at `b` are both inside `len`.
+float overlap_of(int a, int b, int len)
 {
     int low = max(max(-a, -b), 0);
     int high = min(min(len - a, len - b), int(SIDE));
@@ -56,16 +56,16 @@ float2 middle_of(uint2 cell)
     return middle;
 }
 
-// Motion number `which` to try anew: the smooth motion, that of the whole, and those of neighbours, drawn on in a line.
-float2 start_again(uint direction, uint2 at, uint which)
+// Start number `which` of a repeated search: the smoothed motion, the global motion, and the neighbours' motion, extrapolated.
+float2 refined_start(uint direction, uint2 at, uint which)
 {
     int2 cell = int2(at);
     float2 start = smooth_at(direction, cell);
     if (which == 1)
     {
-        float2 whole;
-        bool is_known = whole_at(of_two(AtModel, direction), Cells * Stride, 1, middle_of(at), whole);
-        start = is_known ? whole : start;
+        float2 global;
+        bool has_match = global_motion_at(of_two(AtModel, direction), Cells * Stride, 1, middle_of(at), global);
+        start = has_match ? global : start;
     }
     else if (which > 1)
     {
@@ -77,7 +77,7 @@ float2 start_again(uint direction, uint2 at, uint which)
             {
                 precise float2 slope = start - smooth_at(direction, cell + 2 * step);
                 precise float2 on = start + slope;
-                start = max(abs(slope.x), abs(slope.y)) < STRAIGHT ? on : start;
+                start = max(abs(slope.x), abs(slope.y)) < MAX_EXTRAPOLATED_STEP ? on : start;
             }
         }
     }
@@ -86,12 +86,12 @@ float2 start_again(uint direction, uint2 at, uint which)
 
 float2 coarse_at(uint direction, int2 cell)
 {
-    uint2 place = uint2(clamp(cell, 0, int2(CoarseCells) - 1));
-    return 2 * motion_at(of_two(AtCoarseFlow, direction), place.y * CoarseCells.x + place.x);
+    uint2 position = uint2(clamp(cell, 0, int2(CoarseCells) - 1));
+    return 2 * motion_at(of_two(AtCoarseFlow, direction), position.y * CoarseCells.x + position.x);
 }
 
-// Motion number `which` to try first: of the cell that it lies in on the coarser level, of the whole, of the cells beside it, none.
-float2 start_first(uint direction, uint2 cell, uint which)
+// Start number `which` of a first search: the coarser level's motion, the global motion, motion of adjacent cells, zero.
+float2 first_start(uint direction, uint2 cell, uint which)
 {
     float2 start = 0;
     if (CoarseCells.x == 0)
@@ -100,9 +100,9 @@ float2 start_first(uint direction, uint2 cell, uint which)
     }
     if (which == 1)
     {
-        float2 whole;
-        bool is_known = whole_at(of_two(AtModel, direction), CoarseCells * CoarseStride, 2, middle_of(cell), whole);
-        start = is_known ? whole : start;
+        float2 global;
+        bool has_match = global_motion_at(of_two(AtModel, direction), CoarseCells * CoarseStride, 2, middle_of(cell), global);
+        start = has_match ? global : start;
     }
     else if (Stride == 2 * CoarseStride)
     {
@@ -130,15 +130,15 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     uint patch = thread >> 3;
     int column = int(thread & 7);
     uint number = group.x * PATCHES + patch;
-    bool is_here = number < Cells.x * Cells.y;
-    number = is_here ? number : 0;
+    bool is_cell_inside = number < Cells.x * Cells.y;
+    number = is_cell_inside ? number : 0;
     uint2 cell = uint2(number % Cells.x, number / Cells.x);
     int2 origin = int2(cell * Stride) - int((SIDE - Stride) / 2);
     int2 level = int2(Level);
 
-    // The template: values and centred gradients, of which those outside the picture do not count.
+    // Template: lumas and centred gradients, without pixels outside the picture.
     bool is_whole = all(origin >= 1) && all(origin + int(SIDE) + 1 <= level);
-    float own_count = shared_of(origin.x, origin.x, level.x) * shared_of(origin.y, origin.y, level.y);
+    float own_count = overlap_of(origin.x, origin.x, level.x) * overlap_of(origin.y, origin.y, level.y);
     bool is_column = origin.x + column >= 0 && origin.x + column < level.x;
     float value[8];
     float across[8];
@@ -184,27 +184,27 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     precise float4 shared_out = squares * (1 / AREA);
     float3 hessian = is_whole ? shared_out.xyz : divided.xyz;
 
-    // What is tried.
+    // Starts.
     uint count = IsAgain != 0 ? STARTS_AGAIN : CoarseCells.x == 0 ? 1 : STARTS;
-    uint place = of_two(AtFound, direction) + 32 * number;
+    uint position = of_two(AtFound, direction) + 32 * number;
     float2 found = 0;
     [branch]
     if (IsAgain != 0)
     {
-        found = asfloat(Work.Load2(place));
-        Starts[patch][column] = start_again(direction, cell, uint(column));
+        found = asfloat(Work.Load2(position));
+        Starts[patch][column] = refined_start(direction, cell, uint(column));
     }
     else
     {
-        Starts[patch][column] = start_first(direction, cell, uint(column));
+        Starts[patch][column] = first_start(direction, cell, uint(column));
     }
     GroupMemoryBarrierWithGroupSync();
     bool is_kept = IsAgain != 0;
     for (uint s = 0; s < STARTS_AGAIN; s++)
     {
-        is_kept = is_kept && near(Starts[patch][s], found, NEAR);
+        is_kept = is_kept && is_near(Starts[patch][s], found, SAME_START);
     }
-    bool is_searched = is_here && !is_kept;
+    bool is_searched = is_cell_inside && !is_kept;
 
     precise float xx = hessian.x + DAMPING;
     precise float yy = hessian.z + DAMPING;
@@ -216,10 +216,10 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     float2 slope = 0;
     float residual = 0;
     float brightening = 0;
-    bool is_known = false;
+    bool has_match = false;
     bool is_done = false;
     [loop]
-    for (uint turn = 0; turn < STARTS + MOST_STEPS; turn++)
+    for (uint turn = 0; turn < STARTS + MAX_STEPS; turn++)
     {
         bool is_start = turn < STARTS;
         float2 next = Starts[patch][min(turn, SIDE - 1)];
@@ -229,7 +229,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
             [unroll]
             for (uint earlier = 0; earlier + 1 < STARTS; earlier++)
             {
-                is_tried = is_tried && (earlier >= turn || !near(next, Starts[patch][earlier], NEAR));
+                is_tried = is_tried && (earlier >= turn || !is_near(next, Starts[patch][earlier], SAME_START));
             }
         }
         else
@@ -238,22 +238,22 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
             precise float2 step = float2((yy * slope.x - xy * slope.y) * reciprocal, (xx * slope.y - xy * slope.x) * reciprocal);
             precise float2 on = flow - step;
             next = on;
-            bool goes_on = is_searched && is_known && !is_done;
-            bool is_settled = max(abs(step.x), abs(step.y)) < SETTLED;
-            float2 gone = abs(next - descended_from);
-            bool is_far = max(gone.x, gone.y) > float(SIDE);
-            flow = goes_on && is_settled ? next : flow;
-            is_tried = goes_on && !is_settled && !is_far;
+            bool continues = is_searched && has_match && !is_done;
+            bool has_converged = max(abs(step.x), abs(step.y)) < CONVERGED_STEP;
+            float2 distance = abs(next - descended_from);
+            bool is_too_far = max(distance.x, distance.y) > float(SIDE);
+            flow = continues && has_converged ? next : flow;
+            is_tried = continues && !has_converged && !is_too_far;
             is_done = is_done || !is_tried;
         }
 
-        // The template against the other picture.
-        int2 whole = int2(floor(min(max(next, -FAR), FAR)));
-        precise float2 part = next - float2(whole);
-        int2 there = origin + whole;
+        // Compares the template with the other picture.
+        int2 whole_pixels = int2(floor(min(max(next, -FAR), FAR)));
+        precise float2 part = next - float2(whole_pixels);
+        int2 there = origin + whole_pixels;
         bool is_inside = is_whole && all(there >= 0) && all(there + int(SIDE) + 1 <= level);
-        float shared_count = shared_of(origin.x, there.x, level.x) * shared_of(origin.y, there.y, level.y);
-        bool is_comparable = is_tried && shared_count > 0 && shared_count >= min(FEWEST, own_count);
+        float overlap = overlap_of(origin.x, there.x, level.x) * overlap_of(origin.y, there.y, level.y);
+        bool is_comparable = is_tried && overlap > 0 && overlap >= min(MIN_OVERLAP, own_count);
         bool is_shared = is_column && there.x + column >= 0 && there.x + column < level.x;
         float difference[8];
         float counted[8];
@@ -269,53 +269,54 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
         [branch]
         if (is_comparable)
         {
-            float upper = between(luma_at(to, there + int2(column, 0)), luma_at(to, there + int2(column + 1, 0)), part.x);
+            float upper = lerp_exact(luma_at(to, there + int2(column, 0)), luma_at(to, there + int2(column + 1, 0)), part.x);
             [unroll]
             for (int d = 0; d < 8; d++)
             {
                 int2 below = there + int2(column, d + 1);
-                float lower = between(luma_at(to, below), luma_at(to, below + int2(1, 0)), part.x);
-                precise float apart = upper + (lower - upper) * part.y - value[d];
+                float lower = lerp_exact(luma_at(to, below), luma_at(to, below + int2(1, 0)), part.x);
+                precise float value_difference = upper + (lower - upper) * part.y - value[d];
                 bool is_row = all(int2(origin.y, there.y) + d >= 0) && all(int2(origin.y, there.y) + d < level.y);
-                difference[d] = apart;
+                difference[d] = value_difference;
                 counted[d] = is_inside || is_shared && is_row ? 1 : 0;
-                precise float counts = apart * counted[d];
-                precise float4 added = of_column + float4(counts, apart * apart, across[d] * apart, down[d] * apart);
+                precise float counts = value_difference * counted[d];
+                precise float4 added = of_column
+                    + float4(counts, value_difference * value_difference, across[d] * value_difference, down[d] * value_difference);
                 of_column = added;
                 upper = lower;
             }
         }
         float4 all_of = summed(0, thread, of_column);
         precise float4 mean_of = all_of * (1 / AREA);
-        precise float at_edge = all_of.x / max(shared_count, 1);
+        precise float at_edge = all_of.x / max(overlap, 1);
         float mean = is_inside ? mean_of.x : at_edge;
         of_column = 0;
         [unroll]
         for (int e = 0; e < 8; e++)
         {
-            precise float apart = (difference[e] - mean) * counted[e];
-            precise float4 added = of_column + float4(apart * apart, across[e] * apart, down[e] * apart, 0);
+            precise float centred = (difference[e] - mean) * counted[e];
+            precise float4 added = of_column + float4(centred * centred, across[e] * centred, down[e] * centred, 0);
             of_column = added;
         }
         float4 edge_of = summed(1, thread, of_column);
-        precise float4 edge_mean = edge_of / max(shared_count, 1);
+        precise float4 edge_mean = edge_of / max(overlap, 1);
         precise float variance = mean_of.y - mean * mean;
-        float left_over = is_inside ? max(variance, 0) : edge_mean.x;
+        float next_residual = is_inside ? max(variance, 0) : edge_mean.x;
 
-        // The first wins where another start is not clearly better; a step where it is not worse.
-        precise float needed = left_over + (is_start ? MARGIN : 0);
-        bool is_number = left_over < NOTHING_KNOWN * NOTHING_KNOWN;
-        bool is_better = is_comparable && is_number && (!is_known || needed < residual);
+        // An earlier start wins unless a later one is clearly better; a descent step must not be worse.
+        precise float compared = next_residual + (is_start ? MIN_IMPROVEMENT : 0);
+        bool is_number = next_residual < NO_RESIDUAL * NO_RESIDUAL;
+        bool is_better = is_comparable && is_number && (!has_match || compared < residual);
         is_done = is_done || !is_start && !is_better;
         flow = is_better ? next : flow;
         slope = is_better ? (is_inside ? mean_of.zw : edge_mean.yz) : slope;
-        residual = is_better ? left_over : residual;
+        residual = is_better ? next_residual : residual;
         brightening = is_better ? mean : brightening;
-        is_known = is_known || is_better;
+        has_match = has_match || is_better;
     }
     if (is_searched && column == 0)
     {
-        Work.Store4(place, asuint(float4(flow, brightening, is_known ? residual : NOTHING_KNOWN)));
-        Work.Store4(place + 16, asuint(float4(hessian, means.x)));
+        Work.Store4(position, asuint(float4(flow, brightening, has_match ? residual : NO_RESIDUAL)));
+        Work.Store4(position + 16, asuint(float4(hessian, means.x)));
     }
 }

@@ -1,5 +1,5 @@
-// Rounds of the smoothing: patches that fix their motion well keep it, the others take their neighbours'. A thread to a cell; a
-// group also works at the cells around its own, as many deep as it makes rounds, or has all cells there are.
+// Jacobi iterations of the smoothing: patches with much information keep their motion, others take their neighbours'. A thread per cell; a
+// group also computes as many cells around its own as it runs iterations, unless it covers the whole grid.
 
 #include "flow.hlsli"
 
@@ -16,28 +16,28 @@ void main(uint3 group : SV_GroupID, uint3 of_group : SV_GroupThreadID, uint inde
     uint direction = Direction + group.z;
     int2 within = int2(of_group.xy);
     int2 cell = int2(group.xy) * (SIDE - 2 * int(Halo)) - int(Halo) + within;
-    bool is_here = all(cell >= 0) && all(cell < int2(Cells));
-    uint number = is_here ? uint(cell.y) * Cells.x + uint(cell.x) : 0;
+    bool is_cell = all(cell >= 0) && all(cell < int2(Cells));
+    uint number = is_cell ? uint(cell.y) * Cells.x + uint(cell.x) : 0;
     uint searched = of_two(AtFound, direction);
     float4 found = asfloat(Work.Load4(searched + 32 * number));
     float4 known = asfloat(Work.Load4(searched + 32 * number + 16));
-    precise float certain = 1 / (found.w + NOISE);
-    precise float3 hessian = known.xyz * certain;
+    precise float confidence = 1 / (found.w + NOISE);
+    precise float3 hessian = known.xyz * confidence;
 
-    // How alike the neighbours' luma is; of those that are not there 0.
-    float4 alike = 0;
+    // 1 + squared luma difference of each neighbour; 0 if there is none.
+    float4 similarity = 0;
     [unroll]
     for (int side = 0; side < 4; side++)
     {
         int2 step = side == 0 ? int2(-1, 0) : side == 1 ? int2(1, 0) : side == 2 ? int2(0, -1) : int2(0, 1);
         int2 there = cell + step;
-        bool is_there = is_here && all(there >= 0) && all(there < int2(Cells)) && all(within + step >= 0) && all(within + step < SIDE);
-        if (is_there)
+        bool has_neighbour = is_cell && all(there >= 0) && all(there < int2(Cells)) && all(within + step >= 0) && all(within + step < SIDE);
+        if (has_neighbour)
         {
             float other = asfloat(Work.Load(searched + 32 * (uint(there.y) * Cells.x + uint(there.x)) + 28));
-            precise float unlike = (other - known.w) * (1 / LUMA_SCALE);
-            precise float one_more = 1 + unlike * unlike;
-            alike[side] = one_more;
+            precise float luma_ratio = (other - known.w) * (1 / LUMA_SCALE);
+            precise float one_more = 1 + luma_ratio * luma_ratio;
+            similarity[side] = one_more;
         }
     }
     float2 here = IsSource != 0 ? motion_at(of_two(AtSource, direction), number) : found.xy;
@@ -51,16 +51,16 @@ void main(uint3 group : SV_GroupID, uint3 of_group : SV_GroupThreadID, uint inde
         [unroll]
         for (int other = 0; other < 4; other++)
         {
-            int beside = int(index) + (other == 0 ? -1 : other == 1 ? 1 : other == 2 ? -SIDE : SIDE);
-            float2 there = Flow[clamp(beside, 0, SIDE * SIDE - 1)];
-            precise float2 apart = there - here;
-            precise float change = apart.x * apart.x + apart.y * apart.y;
-            precise float quotient = LAMBDA / (alike[other] * (change + 1));
-            float weight = alike[other] > 0 ? quotient : 0;
+            int neighbour = int(index) + (other == 0 ? -1 : other == 1 ? 1 : other == 2 ? -SIDE : SIDE);
+            float2 there = Flow[clamp(neighbour, 0, SIDE * SIDE - 1)];
+            precise float2 difference = there - here;
+            precise float change = difference.x * difference.x + difference.y * difference.y;
+            precise float quotient = LAMBDA / (similarity[other] * (change + 1));
+            float weight = similarity[other] > 0 ? quotient : 0;
             precise float more = weights + weight;
-            precise float2 pulled = pull + weight * apart;
+            precise float2 pulled = pull + weight * difference;
             weights = more;
-            pull = alike[other] > 0 ? pulled : pull;
+            pull = similarity[other] > 0 ? pulled : pull;
         }
         precise float2 back = found.xy - here;
         precise float2 right = float2(
@@ -75,7 +75,7 @@ void main(uint3 group : SV_GroupID, uint3 of_group : SV_GroupThreadID, uint inde
         Flow[index] = here;
         GroupMemoryBarrierWithGroupSync();
     }
-    if (is_here && all(within >= int(Halo)) && all(within < SIDE - int(Halo)))
+    if (is_cell && all(within >= int(Halo)) && all(within < SIDE - int(Halo)))
     {
         Work.Store2(of_two(AtTarget, direction) + 8 * number, asuint(here));
     }

@@ -1,5 +1,5 @@
-// For patches whose search ended in a poor match: all whole-pixel motions around it. One that matches clearly better than the rest, in
-// both directions, is taken. A group to a patch; each thread compares the whole patch at some of the motions.
+// Exhaustive search for patches with a poor match: all whole-pixel motions around it. One that matches clearly better than the others, in
+// both directions, is used. A group per patch; each thread compares the whole patch at some of the motions.
 
 #include "flow.hlsli"
 
@@ -14,21 +14,21 @@ static const float POOR = 200;
 static const float MAX_RATIO = 0.6;
 static const float MAX_RATIO_TO_SECOND = 0.7;
 static const int MAX_RETURN_ERROR = 1;
-// More than any residual; stands for one of a motion that leads out of the picture.
+// Residual of motions that lead outside the picture: more than any other.
 static const float NONE = 3.0e38;
 
 groupshared float Own[SIDE * SIDE];
 groupshared float Region[REGION * REGION];
 groupshared float Residuals[MOTIONS];
-groupshared float Least[THREADS];
-groupshared uint LeastAt[THREADS];
+groupshared float MinResidual[THREADS];
+groupshared uint MinIndex[THREADS];
 
 struct Best
 {
     int2 motion;
     float residual;
     float brightening;
-    float second; // the least residual of motions more than a pixel away
+    float second_residual; // smallest residual of motions more than a pixel away
 };
 
 bool is_patch_inside(int2 at)
@@ -36,8 +36,8 @@ bool is_patch_inside(int2 at)
     return all(at >= 0) && all(at + SIDE <= int2(Level));
 }
 
-// The sum over a patch of the sums of its columns, in a tree.
-float tree(float columns[8])
+// Sum of a patch's columns, as a tree.
+float tree_sum(float columns[8])
 {
     precise float even = (columns[0] + columns[4]) + (columns[2] + columns[6]);
     precise float odd = (columns[1] + columns[5]) + (columns[3] + columns[7]);
@@ -45,7 +45,7 @@ float tree(float columns[8])
     return sum;
 }
 
-// Mean square of the differences between the patch and the one at (column, row) of the region, their mean removed; also their mean.
+// Variance of the differences between the patch and the one at (column, row) of the region; also their mean.
 float residual_at(int column, int row, out float mean)
 {
     float sums[8];
@@ -62,20 +62,20 @@ float residual_at(int column, int row, out float mean)
         [unroll]
         for (int i = 0; i < SIDE; i++)
         {
-            precise float apart = Region[(row + y) * REGION + column + i] - Own[y * SIDE + i];
-            precise float sum = sums[i] + apart;
-            precise float square = squares[i] + apart * apart;
+            precise float difference = Region[(row + y) * REGION + column + i] - Own[y * SIDE + i];
+            precise float sum = sums[i] + difference;
+            precise float square = squares[i] + difference * difference;
             sums[i] = sum;
             squares[i] = square;
         }
     }
-    precise float middle = tree(sums) * (1 / AREA);
-    precise float variance = tree(squares) * (1 / AREA) - middle * middle;
+    precise float middle = tree_sum(sums) * (1 / AREA);
+    precise float variance = tree_sum(squares) * (1 / AREA) - middle * middle;
     mean = middle;
     return max(variance, 0);
 }
 
-// The best motion of the patch at `origin` within RADIUS of `start`. All threads of a group must call it, and get the same.
+// The best motion of the patch at `origin` within RADIUS of `start`. All threads of a group must call it; all get the result.
 Best best_near(uint thread, bool is_wanted, uint from, uint to, int2 origin, int2 start)
 {
     int2 corner = origin + start - RADIUS;
@@ -91,7 +91,7 @@ Best best_near(uint thread, bool is_wanted, uint from, uint to, int2 origin, int
         }
     }
     GroupMemoryBarrierWithGroupSync();
-    float least = NONE;
+    float min_residual = NONE;
     uint at = 0;
     [branch]
     if (is_wanted)
@@ -108,51 +108,51 @@ Best best_near(uint thread, bool is_wanted, uint from, uint to, int2 origin, int
                 residual = residual_at(offset.x, offset.y, mean);
             }
             Residuals[k] = residual;
-            bool is_less = residual < least;
-            least = is_less ? residual : least;
+            bool is_less = residual < min_residual;
+            min_residual = is_less ? residual : min_residual;
             at = is_less ? k : at;
         }
     }
-    Least[thread] = least;
-    LeastAt[thread] = at;
+    MinResidual[thread] = min_residual;
+    MinIndex[thread] = at;
     GroupMemoryBarrierWithGroupSync();
-    // Of equal ones the first in the order of the processor, rows from the top.
+    // For equal residuals the first in row order wins, as on the CPU.
     [loop]
     for (uint other = 0; other < THREADS; other++)
     {
-        bool is_before = Least[other] < least || Least[other] == least && LeastAt[other] < at;
-        least = is_before ? Least[other] : least;
-        at = is_before ? LeastAt[other] : at;
+        bool is_before = MinResidual[other] < min_residual || MinResidual[other] == min_residual && MinIndex[other] < at;
+        min_residual = is_before ? MinResidual[other] : min_residual;
+        at = is_before ? MinIndex[other] : at;
     }
-    int2 place = int2(at % uint(DIAMETER), at / uint(DIAMETER));
-    float apart = NONE;
+    int2 position = int2(at % uint(DIAMETER), at / uint(DIAMETER));
+    float second_residual = NONE;
     [branch]
     if (is_wanted)
     {
         [loop]
         for (uint k = thread; k < MOTIONS; k += THREADS)
         {
-            int2 away = abs(int2(k % uint(DIAMETER), k / uint(DIAMETER)) - place);
-            apart = max(away.x, away.y) > 1 ? min(apart, Residuals[k]) : apart;
+            int2 distance = abs(int2(k % uint(DIAMETER), k / uint(DIAMETER)) - position);
+            second_residual = max(distance.x, distance.y) > 1 ? min(second_residual, Residuals[k]) : second_residual;
         }
     }
     GroupMemoryBarrierWithGroupSync();
-    Least[thread] = apart;
+    MinResidual[thread] = second_residual;
     GroupMemoryBarrierWithGroupSync();
     [loop]
     for (uint another = 0; another < THREADS; another++)
     {
-        apart = min(apart, Least[another]);
+        second_residual = min(second_residual, MinResidual[another]);
     }
     Best best;
-    best.motion = start - RADIUS + place;
-    best.residual = least;
-    best.second = apart;
+    best.motion = start - RADIUS + position;
+    best.residual = min_residual;
+    best.second_residual = second_residual;
     best.brightening = 0;
     [branch]
-    if (is_wanted && least < NONE)
+    if (is_wanted && min_residual < NONE)
     {
-        residual_at(place.x, place.y, best.brightening);
+        residual_at(position.x, position.y, best.brightening);
     }
     return best;
 }
@@ -164,18 +164,18 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     uint from = of_two(AtLuma, start_of(direction));
     uint to = of_two(AtLuma, 1 - start_of(direction));
     int2 origin = int2(group.xy * Stride) - int((uint(SIDE) - Stride) / 2);
-    uint place = of_two(AtFound, direction) + 32 * (group.y * Cells.x + group.x);
-    float4 found = asfloat(Work.Load4(place));
+    uint position = of_two(AtFound, direction) + 32 * (group.y * Cells.x + group.x);
+    float4 found = asfloat(Work.Load4(position));
     int2 start = int2(floor(min(max(found.xy + 0.5, -FAR), FAR)));
     bool is_wanted = found.w > POOR && is_patch_inside(origin);
     Best best = best_near(thread, is_wanted, from, to, origin, start);
     precise float least_of_found = MAX_RATIO * found.w;
-    precise float least_of_second = MAX_RATIO_TO_SECOND * best.second;
+    precise float least_of_second = MAX_RATIO_TO_SECOND * best.second_residual;
     bool is_better = is_wanted && best.residual < min(least_of_found, least_of_second);
     Best back = best_near(thread, is_better, to, from, is_better ? origin + best.motion : 0, is_better ? -best.motion : 0);
-    int2 missed = abs(best.motion + back.motion);
-    if (is_better && max(missed.x, missed.y) <= MAX_RETURN_ERROR && thread == 0)
+    int2 return_error = abs(best.motion + back.motion);
+    if (is_better && max(return_error.x, return_error.y) <= MAX_RETURN_ERROR && thread == 0)
     {
-        Work.Store4(place, asuint(float4(float2(best.motion), best.brightening, best.residual)));
+        Work.Store4(position, asuint(float4(float2(best.motion), best.brightening, best.residual)));
     }
 }

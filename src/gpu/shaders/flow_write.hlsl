@@ -1,9 +1,8 @@
-// Motion and depth as they are given out: each pixel that of the finest level, in pixels of the picture, as halves
-// hold them.
+// Writes motion, in pixels of the picture and rounded to half floats, and constant depth; each pixel takes that of the finest level.
 
 #include "flow.hlsli"
 #include "flow_trust.hlsli"
-#include "halves.hlsli"
+#include "half_float.hlsli"
 
 static const float FLAT_DEPTH = 0.5;
 
@@ -18,11 +17,11 @@ void main(uint3 at : SV_DispatchThreadID)
     {
         return;
     }
-    uint2 place = at.xy >> Halvings;
-    place.y -= is_as_above(place) ? 1 : 0;
-    uint pixel = place.y * Level.x + place.x;
+    uint2 position = at.xy >> Halvings;
+    position.y -= copies_above(position) ? 1 : 0;
+    uint pixel = position.y * Level.x + position.x;
     float2 found;
-    if (is_mean(place))
+    if (is_interpolated(position))
     {
         precise float2 mean = 0.5 * (motion_at(AtDense.x, pixel - 1) + motion_at(AtDense.x, pixel + 1));
         found = mean;
@@ -32,7 +31,7 @@ void main(uint3 at : SV_DispatchThreadID)
         found = motion_at(AtDense.x, pixel);
     }
     float2 limit = float2(Size);
-    // Added to 0 so that no motion is +0.
+    // The addition turns -0 into +0.
     precise float2 motion = 0 + min(max(found * float(1u << Halvings), -limit), limit);
-    Motion[at.xy] = f16tof32(uint2(half_of(motion.x), half_of(motion.y)));
+    Motion[at.xy] = f16tof32(uint2(half_from_float(motion.x), half_from_float(motion.y)));
 }

@@ -1,10 +1,9 @@
-// Colours of the anchors: levels of 1/255 as whole numbers, or floats as they are; of light, what is shown for it.
+// Colours of the anchors: integer levels of 1/255 for byte formats, otherwise floats, sRGB-encoded if the anchors are linear.
 
-#include "halves.hlsli"
-#include "light.hlsli"
+#include "half_float.hlsli"
+#include "srgb.hlsli"
 
-// Weights of six pixels for positions of 0, 1, 2 and so on in 1/64 px after the third of them: the windowed sinc of Lanczos with
-// three lobes.
+// Lanczos kernel with three lobes: weights of six pixels for a position n/64 after the third.
 static const int SINC[384] =
 {
     0, 0, 128, 0, 0, 0, 0, -2, 128, 2, 0, 0, 1, -3, 128, 3, -1, 0, 1, -5, 128, 5, -1, 0, 2, -6, 127, 7, -2, 0, 2, -7,
@@ -26,71 +25,71 @@ static const int SINC[384] =
 static const uint PREVIOUS = 0;
 static const uint CURRENT = 1;
 
-// A pixel of one of the anchors as it is held, light as it is shown; the edge pixels go on beyond the edges.
-float4 stored(uint anchor, int2 at)
+// A pixel of an anchor, sRGB-encoded, clamped to the border.
+float4 load_pixel(uint anchor, int2 at)
 {
-    int3 place = int3(clamp(at, 0, int2(Size) - 1), 0);
+    int3 location = int3(clamp(at, 0, int2(Size) - 1), 0);
     float4 v;
     [branch]
     if (anchor == PREVIOUS)
     {
-        v = Previous.Load(place);
+        v = Previous.Load(location);
     }
     else
     {
-        v = Current.Load(place);
+        v = Current.Load(location);
     }
     [branch]
-    if (IsLight != 0)
+    if (IsLinear != 0)
     {
-        v = shown_for4(v);
+        v = srgb_from_linear4(v);
     }
     precise float4 level = floor(v * 255 + 0.5);
     return IsFloat != 0 ? v : level;
 }
 
-// What is no number as 0, the infinite as the largest half.
+// NaN becomes 0, infinity the largest half float.
 float4 finite4(float4 v)
 {
     return float4(bounded(v.x), bounded(v.y), bounded(v.z), bounded(v.w));
 }
 
 // In levels of 1/255 of full scale.
-float4 in_levels(float4 held)
+float4 in_levels(float4 raw)
 {
-    precise float4 wide = finite4(held) * 255;
-    return IsFloat != 0 ? wide : held;
+    precise float4 wide = finite4(raw) * 255;
+    return IsFloat != 0 ? wide : raw;
 }
 
-// In whole levels from 0 to 255.
-uint4 whole_levels(float4 held)
+// In integer levels from 0 to 255.
+uint4 whole_levels(float4 raw)
 {
-    precise float4 wide = min(max(finite4(held), 0), 1) * 255 + 0.5;
-    return IsFloat != 0 ? uint4(wide) : uint4(held);
+    precise float4 wide = min(max(finite4(raw), 0), 1) * 255 + 0.5;
+    return IsFloat != 0 ? uint4(wide) : uint4(raw);
 }
 
-float luma_of(float4 held)
+float luma_of(float4 raw)
 {
-    float4 v = in_levels(held);
+    float4 v = in_levels(raw);
     precise float luma = (0.299 * v.x + 0.587 * v.y) + 0.114 * v.z;
     return luma;
 }
 
-uint whole_luma(float4 held)
+uint whole_luma(float4 raw)
 {
-    uint4 v = whole_levels(held);
+    uint4 v = whole_levels(raw);
     return (77 * v.x + 150 * v.y + 29 * v.z) >> 8;
 }
 
-float4 halved(float4 v)
+float4 rounded_to_half(float4 v)
 {
-    return f16tof32(uint4(half_of(v.x), half_of(v.y), half_of(v.z), half_of(v.w)));
+    return f16tof32(uint4(half_from_float(v.x), half_from_float(v.y), half_from_float(v.z), half_from_float(v.w)));
 }
 
-// The weighted mean of the 6 x 6 pixels from `first` on, for a position `phase` / 64 after the third of them.
-float4 filtered(uint anchor, int2 first, uint2 phase)
+// Weighted sum of the 6 x 6 pixels from `first`, for a position `phase` / 64 after the third of them.
+float4 lanczos_sample(uint anchor, int2 first, uint2 phase)
 {
-    float4 found = 0;
+    float4 result = 0;
     [branch]
     if (IsFloat == 0)
     {
@@ -102,17 +101,17 @@ float4 filtered(uint anchor, int2 first, uint2 phase)
             [unroll]
             for (int i = 0; i < 6; i++)
             {
-                row += int4(stored(anchor, first + int2(i, j))) * SINC[6 * phase.x + i];
+                row += int4(load_pixel(anchor, first + int2(i, j))) * SINC[6 * phase.x + i];
             }
             sum += row * SINC[6 * phase.y + j];
         }
-        found = float4(clamp((sum + (1 << 13)) >> 14, 0, 255));
+        result = float4(clamp((sum + (1 << 13)) >> 14, 0, 255));
     }
     else
     {
         float4 total = 0;
-        float4 least = asfloat(0x7f800000);
-        float4 largest = asfloat(0xff800000);
+        float4 min_value = asfloat(0x7f800000);
+        float4 max_value = asfloat(0xff800000);
         [loop]
         for (int c = 0; c < 6; c++)
         {
@@ -122,7 +121,7 @@ float4 filtered(uint anchor, int2 first, uint2 phase)
             [unroll]
             for (int r = 0; r < 6; r++)
             {
-                float4 v = finite4(stored(anchor, first + int2(c, r)));
+                float4 v = finite4(load_pixel(anchor, first + int2(c, r)));
                 precise float4 weighted = v * (SINC[6 * phase.y + r] / 128.0);
                 precise float4 added = column + weighted;
                 column = r == 0 ? weighted : added;
@@ -132,40 +131,40 @@ float4 filtered(uint anchor, int2 first, uint2 phase)
             precise float4 weighted_column = column * (SINC[6 * phase.x + c] / 128.0);
             precise float4 added_column = total + weighted_column;
             total = c == 0 ? weighted_column : added_column;
-            least = c > 0 && c < 5 ? min(least, low) : least;
-            largest = c > 0 && c < 5 ? max(largest, high) : largest;
+            min_value = c > 0 && c < 5 ? min(min_value, low) : min_value;
+            max_value = c > 0 && c < 5 ? max(max_value, high) : max_value;
         }
-        found = halved(min(max(total, least), largest) + 0);
+        result = rounded_to_half(min(max(total, min_value), max_value) + 0);
     }
-    return found;
+    return result;
 }
 
-// A colour at a position in 1/64 px.
-float4 sampled(uint anchor, int2 spot)
+// Sample at a position in 1/64 px.
+float4 sampled(uint anchor, int2 position)
 {
-    int2 first = (spot >> 6) - 2;
-    uint2 phase = uint2(spot & 63);
-    float4 found = 0;
+    int2 first = (position >> 6) - 2;
+    uint2 phase = uint2(position & 63);
+    float4 result = 0;
     [branch]
     if (all(phase == 0))
     {
-        found = stored(anchor, first + 2);
-        found = IsFloat != 0 ? finite4(found) + 0 : found;
+        result = load_pixel(anchor, first + 2);
+        result = IsFloat != 0 ? finite4(result) + 0 : result;
     }
     else
     {
-        found = filtered(anchor, first, phase);
+        result = lanczos_sample(anchor, first, phase);
     }
-    return found;
+    return result;
 }
 
-static const float AGREE = 1;
-static const float CAREFUL = 24;
-// The same where motion was found in the pictures themselves: it seldom is that of what lies behind an overlay.
-static const float CAREFUL_IF_FOUND = 64;
-static const float STRICT = 4;
+static const float MAX_EQUAL_DIFFERENCE = 1;
+static const float DOUBT_THRESHOLD = 24;
+// The same for optical flow, which follows overlays instead of the background behind them.
+static const float DOUBT_THRESHOLD_OF_FLOW = 64;
+static const float STRICT_DOUBT_THRESHOLD = 4;
 
-// Whether some channel differs by more than so many levels.
+// Whether any channel differs by more than `levels`.
 bool differ(float4 before, float4 after, float levels)
 {
     if (IsFloat == 0)
@@ -174,15 +173,15 @@ bool differ(float4 before, float4 after, float levels)
     }
     float4 a = finite4(before);
     float4 b = finite4(after);
-    precise float4 apart = abs(b - a) * 255;
+    precise float4 difference = abs(b - a) * 255;
     precise float4 allowed = levels * (max(abs(a), abs(b)) + 0.25);
-    return any(apart > allowed);
+    return any(difference > allowed);
 }
 
-// One colour of two: that nearer in time where they agree, else a mixture.
+// Merges two samples: the one nearer in time if they are equal, otherwise a blend.
 float4 merged(float4 before, float4 after)
 {
-    if (!differ(before, after, AGREE))
+    if (!differ(before, after, MAX_EQUAL_DIFFERENCE))
     {
         return NearerIsCurrent != 0 ? after : before;
     }
@@ -193,27 +192,27 @@ float4 merged(float4 before, float4 after)
     }
     float4 a = finite4(before);
     precise float4 mixed = a + (finite4(after) - a) * (share / 128.0);
-    return halved(mixed);
+    return rounded_to_half(mixed);
 }
 
-// How far two colours are apart: the levels of the channel that differs most.
-float apart_by(float4 a, float4 b)
+// Difference between two colours: the largest of any channel, in levels.
+float colour_difference(float4 a, float4 b)
 {
     float4 d = abs(in_levels(a) - in_levels(b));
     return max(max(d.x, d.y), d.z);
 }
 
-// Whether a colour is none of those around a position in the current anchor.
-bool is_foreign(float4 colour, int2 spot)
+// Whether a colour exceeds the range of the current anchor's colours around a position.
+bool is_colour_outlier(float4 colour, int2 position)
 {
     int2 at;
-    if (!nearest(spot, at))
+    if (!nearest_pixel(position, at))
     {
         return false;
     }
-    float margin = asfloat(Small.Load(MARGIN));
+    float margin = asfloat(Small.Load(OUTLIER_MARGIN));
     float4 levels = in_levels(colour);
-    if (all(abs(levels - in_levels(stored(CURRENT, at))) <= margin))
+    if (all(abs(levels - in_levels(load_pixel(CURRENT, at))) <= margin))
     {
         return false;
     }
@@ -225,7 +224,7 @@ bool is_foreign(float4 colour, int2 spot)
         [loop]
         for (int u = max(at.x - 2, 0); u <= min(at.x + 2, int(Size.x) - 1); u++)
         {
-            float4 there = in_levels(stored(CURRENT, int2(u, v)));
+            float4 there = in_levels(load_pixel(CURRENT, int2(u, v)));
             low = min(low, there);
             high = max(high, there);
         }
@@ -233,33 +232,33 @@ bool is_foreign(float4 colour, int2 spot)
     return any(levels < low - margin) || any(levels > high + margin);
 }
 
-// Writes a colour of the frame.
-void show(int2 at, float4 held)
+// Stores a pixel of the frame in the target format.
+void store_pixel(int2 at, float4 raw)
 {
-    uint place = uint(at.y) * Pitch;
-    if (Written >= 3)
+    uint address = uint(at.y) * Pitch;
+    if (TargetFormat >= 3)
     {
-        float4 v = IsFloat != 0 ? held : held / 255;
+        float4 v = IsFloat != 0 ? raw : raw / 255;
         [branch]
-        if (WritesLight != 0)
+        if (WritesLinear != 0)
         {
-            v = light_of4(v);
+            v = linear_from_srgb4(v);
         }
         [branch]
-        if (Written == 4)
+        if (TargetFormat == 4)
         {
-            Picture.Store(place + 4 * at.x, small_floats_of(v.xyz));
+            Picture.Store(address + 4 * at.x, r11g11b10_from_float(v.xyz));
             return;
         }
-        uint4 h = uint4(half_of(v.x), half_of(v.y), half_of(v.z), half_of(v.w));
-        Picture.Store2(place + 8 * at.x, uint2(h.x | h.y << 16, h.z | h.w << 16));
+        uint4 h = uint4(half_from_float(v.x), half_from_float(v.y), half_from_float(v.z), half_from_float(v.w));
+        Picture.Store2(address + 8 * at.x, uint2(h.x | h.y << 16, h.z | h.w << 16));
         return;
     }
-    float4 part = IsFloat != 0 ? min(max(finite4(held), 0), 1) : held / 255;
-    uint4 levels = uint4(floor(part * (Written == 2 ? float4(1023, 1023, 1023, 3) : float4(255, 255, 255, 255)) + 0.5));
-    uint first = Written == 1 ? levels.z : levels.x;
-    uint third = Written == 1 ? levels.x : levels.z;
-    uint bits = Written == 2 ? first | levels.y << 10 | third << 20 | levels.w << 30
+    float4 clamped = IsFloat != 0 ? min(max(finite4(raw), 0), 1) : raw / 255;
+    uint4 levels = uint4(floor(clamped * (TargetFormat == 2 ? float4(1023, 1023, 1023, 3) : float4(255, 255, 255, 255)) + 0.5));
+    uint first = TargetFormat == 1 ? levels.z : levels.x;
+    uint third = TargetFormat == 1 ? levels.x : levels.z;
+    uint bits = TargetFormat == 2 ? first | levels.y << 10 | third << 20 | levels.w << 30
                              : first | levels.y << 8 | third << 16 | levels.w << 24;
-    Picture.Store(place + 4 * at.x, bits);
+    Picture.Store(address + 4 * at.x, bits);
 }

@@ -1,4 +1,4 @@
-// Small pictures of the two anchors, in which cuts are looked for: the previous one's come first.
+// Reduced pictures of the two anchors for cut detection, the previous one first.
 
 static const uint BLOCK = 16;
 static const uint TINY_FACTOR = 4;
@@ -18,7 +18,7 @@ uint2 tiny_size()
     return (Reduced + TINY_FACTOR - 1) / TINY_FACTOR;
 }
 
-// How far the shifts of the tiny pictures go.
+// Largest shift of the tiny pictures.
 uint2 shift_reach()
 {
     return tiny_size() / uint2(2, 4);

@@ -1,4 +1,4 @@
-// What remains of the small pictures without the mean around each pixel. A thread to a pixel.
+// Detail of the reduced pictures: luma - local mean. A thread per pixel.
 
 #include "frame.hlsli"
 #include "frame_cut.hlsli"
@@ -25,7 +25,7 @@ void main(uint3 thread : SV_DispatchThreadID)
         }
     }
     int2 side = last - first + 1;
-    // The half keeps whole quotients from falling below themselves.
+    // The added half keeps exact quotients from rounding down.
     precise float mean = (float(sum) + 0.5) / float(side.x * side.y);
     int detail = int(luma_at(thread.z, thread.xy)) - int(mean);
     Small.Store(AtDetails + 4 * (thread.z * Reduced.x * Reduced.y + thread.y * Reduced.x + thread.x), uint(detail));

@@ -1,132 +1,132 @@
-// What happens where surfaces meet: the rim of a surface belongs to what is in front; without depth, to what matches better. A
-// group to a tile.
+// Refines keys at the edges of surfaces: foreground is dilated over its anti-aliased edge; without depth, keys are tagged with their match
+// errors. A group per tile.
 
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
 
-static const float RIM = 38;
-static const float WORST_MATCH = 250;
-static const uint UNKNOWN_MATCH = 24;
+static const float DILATION_TOLERANCE = 38;
+static const float MAX_MATCH_ERROR = 250;
+static const uint UNKNOWN_MATCH_ERROR = 24;
 
-groupshared uint IsApart;
+groupshared uint HasOtherMotion;
 groupshared uint IsChanged;
 
-uint2 given(int2 at)
+uint2 guidance_key(int2 at)
 {
-    return Scratch.Load2(8 * pixel(at));
+    return Scratch.Load2(8 * pixel_index(at));
 }
 
-// The levels by which the luma of a pixel lies outside those of the four around the place that a claim leads to.
-uint match_of(int2 at, uint2 claim)
+// Levels by which a pixel's luma exceeds the range of the 2x2 pixels around the position to which its key leads.
+uint match_error(int2 at, uint2 key)
 {
-    int2 first = (64 * at + vector_of(claim)) >> 6;
-    float luma = luma_of(stored(CURRENT, at));
-    float4 there = float4(luma_of(stored(PREVIOUS, first)), luma_of(stored(PREVIOUS, first + int2(1, 0))),
-        luma_of(stored(PREVIOUS, first + int2(0, 1))), luma_of(stored(PREVIOUS, first + int2(1, 1))));
+    int2 first = (64 * at + vector_of(key)) >> 6;
+    float luma = luma_of(load_pixel(CURRENT, at));
+    float4 there = float4(luma_of(load_pixel(PREVIOUS, first)), luma_of(load_pixel(PREVIOUS, first + int2(1, 0))),
+        luma_of(load_pixel(PREVIOUS, first + int2(0, 1))), luma_of(load_pixel(PREVIOUS, first + int2(1, 1))));
     float low = min(min(there.x, there.y), min(there.z, there.w));
     float high = max(max(there.x, there.y), max(there.z, there.w));
-    return uint(min(max(max(low - luma, luma - high), 0), WORST_MATCH));
+    return uint(min(max(max(low - luma, luma - high), 0), MAX_MATCH_ERROR));
 }
 
-// How far a pixel is from what is read bilinearly where a claim leads to.
-float distance_of(int2 at, uint2 claim)
+// Difference between a pixel and the bilinear sample at the position to which a key leads, in levels.
+float colour_distance(int2 at, uint2 key)
 {
-    int2 spot = 64 * at + vector_of(claim);
-    float2 t = float2(spot & 63) / 64;
-    int2 first = spot >> 6;
-    float4 a = in_levels(stored(PREVIOUS, first));
-    float4 b = in_levels(stored(PREVIOUS, first + int2(1, 0)));
-    float4 c = in_levels(stored(PREVIOUS, first + int2(0, 1)));
-    float4 d = in_levels(stored(PREVIOUS, first + int2(1, 1)));
+    int2 position = 64 * at + vector_of(key);
+    float2 t = float2(position & 63) / 64;
+    int2 first = position >> 6;
+    float4 a = in_levels(load_pixel(PREVIOUS, first));
+    float4 b = in_levels(load_pixel(PREVIOUS, first + int2(1, 0)));
+    float4 c = in_levels(load_pixel(PREVIOUS, first + int2(0, 1)));
+    float4 d = in_levels(load_pixel(PREVIOUS, first + int2(1, 1)));
     precise float4 above = a + (b - a) * t.x;
     precise float4 below = c + (d - c) * t.x;
-    precise float4 apart = abs(above + (below - above) * t.y - in_levels(stored(CURRENT, at)));
-    return max(max(apart.x, apart.y), apart.z);
+    precise float4 difference = abs(above + (below - above) * t.y - in_levels(load_pixel(CURRENT, at)));
+    return max(max(difference.x, difference.y), difference.z);
 }
 
 [numthreads(8, 8, 1)]
 void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint index : SV_GroupIndex)
 {
     bool is_flat = Small.Load(HAS_DEPTH) == 0;
-    bool dilates = !is_flat && GuidanceTiles.x == 1;
-    uint4 tile = tile_at(AtGivenTiles, group.xy);
+    bool can_dilate = !is_flat && GuidanceTiles.x == 1;
+    uint4 tile = tile_at(AtGuidanceTiles, group.xy);
     int2 at = int2(thread.xy);
-    bool is_here = is_on(at) && !is_cut();
+    bool is_inside = is_in_picture(at) && !is_cut();
     if (index == 0)
     {
-        IsApart = 0;
+        HasOtherMotion = 0;
         IsChanged = 0;
     }
     GroupMemoryBarrierWithGroupSync();
-    if (index < 9 && tile.z == SMOOTH)
+    if (index < 9 && tile.z == UNIFORM)
     {
         int2 other = int2(group.xy) + int2(index % 3, index / 3) - 1;
         if (all(other >= 0) && all(other < int2(Tiles)))
         {
-            uint4 beside = tile_at(AtGivenTiles, uint2(other));
-            if (beside.z == ROUGH || !alike(beside.xy, tile.xy))
+            uint4 neighbour = tile_at(AtGuidanceTiles, uint2(other));
+            if (neighbour.z == MIXED || !similar_motion(neighbour.xy, tile.xy))
             {
-                InterlockedOr(IsApart, 1);
+                InterlockedOr(HasOtherMotion, 1);
             }
         }
     }
     GroupMemoryBarrierWithGroupSync();
-    bool is_kept = tile.z == SMOOTH && !((dilates || is_flat && IsPair != 0) && IsApart != 0);
+    bool is_kept = tile.z == UNIFORM && !((can_dilate || is_flat && IsPair != 0) && HasOtherMotion != 0);
     if (is_kept)
     {
-        tile.xy = is_flat ? marked(tile.xy, UNKNOWN_MATCH) : tile.xy;
-        if (is_here)
+        tile.xy = is_flat ? with_tag(tile.xy, UNKNOWN_MATCH_ERROR) : tile.xy;
+        if (is_inside)
         {
-            Field.Store2(8 * pixel(at), tile.xy);
+            FieldKeys.Store2(8 * pixel_index(at), tile.xy);
         }
     }
-    else if (is_here)
+    else if (is_inside)
     {
-        uint2 own = given(at);
+        uint2 own = guidance_key(at);
         uint2 key = own;
         if (is_flat && IsPair != 0)
         {
-            key = marked(own, match_of(at, own));
+            key = with_tag(own, match_error(at, own));
             InterlockedOr(IsChanged, 1);
         }
-        else if (dilates)
+        else if (can_dilate)
         {
-            uint2 front = EMPTY;
+            uint2 foreground = EMPTY;
             [loop]
             for (int v = max(at.y - 1, 0); v <= min(at.y + 1, int(Size.y) - 1); v++)
             {
                 [loop]
                 for (int u = max(at.x - 1, 0); u <= min(at.x + 1, int(Size.x) - 1); u++)
                 {
-                    front = nearer_of(front, given(int2(u, v)));
+                    foreground = nearer_of(foreground, guidance_key(int2(u, v)));
                 }
             }
-            if (is_nearer(front, own) && !alike(front, own))
+            if (is_in_front(foreground, own) && !similar_motion(foreground, own))
             {
                 bool fits = IsPair == 0;
                 if (!fits)
                 {
-                    float of_front = distance_of(at, front);
-                    fits = of_front <= RIM && of_front < distance_of(at, own);
+                    float foreground_distance = colour_distance(at, foreground);
+                    fits = foreground_distance <= DILATION_TOLERANCE && foreground_distance < colour_distance(at, own);
                 }
                 if (fits)
                 {
-                    key = front;
+                    key = foreground;
                     InterlockedOr(IsChanged, 1);
                 }
             }
         }
-        Field.Store2(8 * pixel(at), key);
+        FieldKeys.Store2(8 * pixel_index(at), key);
     }
     GroupMemoryBarrierWithGroupSync();
     if (index == 0)
     {
-        bool is_rough = !is_kept && (tile.z == ROUGH || IsChanged != 0);
-        uint4 kept = uint4(tile.xy, SMOOTH, 0);
-        uint4 rough = uint4(EMPTY, ROUGH, 0);
-        if (is_rough)
+        bool is_mixed = !is_kept && (tile.z == MIXED || IsChanged != 0);
+        uint4 kept = uint4(tile.xy, UNIFORM, 0);
+        uint4 mixed = uint4(EMPTY, MIXED, 0);
+        if (is_mixed)
         {
-            kept = rough;
+            kept = mixed;
         }
         Small.Store4(AtFieldTiles + 16 * (group.y * Tiles.x + group.x), kept);
     }

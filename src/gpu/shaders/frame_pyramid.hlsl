@@ -1,4 +1,4 @@
-// The farthest claims of ever larger squares of tiles. One group makes all levels.
+// Pyramid of the farthest keys of the tiles. One group computes all levels.
 
 #include "frame.hlsli"
 
@@ -13,8 +13,8 @@ uint2 farthest_at(uint level, uint2 size, uint2 at, uint stride)
     return Small.Load2(level + stride * (at.y * size.x + at.x));
 }
 
-// Of what claims anything.
-uint2 farther_claim(uint2 a, uint2 b)
+// The farther of two keys, ignoring EMPTY.
+uint2 farther_key(uint2 a, uint2 b)
 {
     return is_empty(a) ? b : is_empty(b) ? a : farther_of(a, b);
 }
@@ -23,7 +23,7 @@ uint2 farther_claim(uint2 a, uint2 b)
 void main(uint thread : SV_GroupIndex)
 {
     uint2 below = Tiles;
-    uint from = AtTiles;
+    uint from = AtSplatTiles;
     uint stride = 16;
     uint level = AtLevels;
     [loop]
@@ -38,7 +38,7 @@ void main(uint thread : SV_GroupIndex)
             [unroll]
             for (uint child = 0; child < 4; child++)
             {
-                found = farther_claim(found, farthest_at(from, below, at + uint2(child & 1, child >> 1), stride));
+                found = farther_key(found, farthest_at(from, below, at + uint2(child & 1, child >> 1), stride));
             }
             Small.Store2(level + 8 * i, found);
         }

@@ -1,4 +1,4 @@
-// Small pictures of the lumas of both anchors: the mean of squares of pixels, of which some rows are read. A thread to a pixel.
+// Reduced luma pictures of both anchors: means of squares of pixels, from some of their rows. A thread per pixel.
 
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
@@ -22,7 +22,7 @@ void main(uint3 thread : SV_DispatchThreadID)
         [loop]
         for (uint x = first.x; x < end.x; x++)
         {
-            sum += whole_levels(stored(thread.z, int2(x, y)));
+            sum += whole_levels(load_pixel(thread.z, int2(x, y)));
             count++;
         }
     }

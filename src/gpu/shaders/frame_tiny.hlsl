@@ -1,4 +1,4 @@
-// Smaller pictures still, in which it is seen where the whole has gone. Only where there may be a cut. A thread to a pixel.
+// Tiny pictures, in which the global motion is searched, if a cut is suspected. A thread per pixel.
 
 #include "frame.hlsli"
 #include "frame_cut.hlsli"
@@ -7,7 +7,7 @@
 void main(uint3 thread : SV_DispatchThreadID)
 {
     uint2 size = tiny_size();
-    if (any(thread.xy >= size) || Small.Load(IS_DOUBTED) == 0)
+    if (any(thread.xy >= size) || Small.Load(IS_CUT_SUSPECTED) == 0)
     {
         return;
     }

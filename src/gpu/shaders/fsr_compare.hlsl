@@ -1,12 +1,11 @@
-// How far one picture is from another: the sum of the differences of their inner parts, on a grid of samples, of colours that
-// are clamped to [0, 1] and counted in steps of 1/255.
+// Difference of two pictures: the sum of absolute differences over a grid of samples, of colours clamped to [0, 1] in steps of 1/255.
 
 cbuffer Constants : register(b0)
 {
-    uint2 First;   // the first sample
-    uint2 Step;    // from one sample to the next
-    uint2 Samples; // across and down, at most 512 x 512, so that the sum fits
-    uint At;       // the byte that the sum is added to
+    uint2 First;   // first sample
+    uint2 Step;    // step between samples
+    uint2 Samples; // columns and rows of samples, at most 512 x 512, so that the sum fits 32 bits
+    uint At;       // byte offset of the sum
 };
 
 Texture2D<float4> Found : register(t0);
@@ -20,10 +19,10 @@ void main(uint3 at : SV_DispatchThreadID)
     {
         return;
     }
-    int3 place = int3(First + at.xy * Step, 0);
-    // A minimum takes the number of a number and what is none, so what is not a number counts as 1.
-    float3 found = max(min(Found.Load(place).rgb, 1), 0);
-    float3 expected = max(min(Expected.Load(place).rgb, 1), 0);
+    int3 pixel = int3(First + at.xy * Step, 0);
+    // min returns its other argument for NaN, so that NaN counts as 1.
+    float3 found = max(min(Found.Load(pixel).rgb, 1), 0);
+    float3 expected = max(min(Expected.Load(pixel).rgb, 1), 0);
     uint3 steps = uint3(abs(found - expected) * 255 + 0.5);
     Sums.InterlockedAdd(At, steps.x + steps.y + steps.z);
 }

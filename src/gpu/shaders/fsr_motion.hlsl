@@ -1,12 +1,12 @@
-// Motion as a provider can be given it: a vector with a component that is not finite becomes none, and none is longer than the
-// picture. Providers march along a vector pixel by pixel, so that a wild one holds the device up.
+// Sanitises motion for a provider: a vector that is not finite becomes 0, and none exceeds the picture. Providers march along vectors pixel
+// by pixel, so that a wrong one would stall the device.
 
-#include "numbers.hlsli"
+#include "convert.hlsli"
 
 cbuffer Constants : register(b0)
 {
     uint2 Size;    // width, height
-    float2 Limit;  // the longest in x and in y, as the texture counts
+    float2 Limit;  // largest components, in units of the texture
 };
 
 Texture2D<float2> From : register(t0);
@@ -20,5 +20,5 @@ void main(uint3 at : SV_DispatchThreadID)
         return;
     }
     float2 v = From.Load(int3(at.xy, 0));
-    To[at.xy] = finite(v.x) && finite(v.y) ? clamp(v, -Limit, Limit) : float2(0, 0);
+    To[at.xy] = is_finite(v.x) && is_finite(v.y) ? clamp(v, -Limit, Limit) : float2(0, 0);
 }

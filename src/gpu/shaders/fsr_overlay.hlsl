@@ -1,8 +1,8 @@
-// What lies over an anchor and stands still, over a frame that was generated without knowing of it.
+// Composites an anchor's static overlay onto a generated frame.
 
 cbuffer Constants : register(b0)
 {
-    uint2 Size;  // of all three
+    uint2 Size;  // of all three textures
 };
 
 Texture2D<float4> Anchor : register(t0);

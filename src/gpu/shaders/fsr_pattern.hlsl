@@ -1,30 +1,29 @@
-// Two layers whose motion is known: a background, and in front of it a grid of square blocks that moves another way. Written are a
-// frame of them, their motion or depth, or what a provider makes half way between frames 0 and 1 of the motion that it believes in.
+// Test pattern of two layers with known motion: a background, and in front of it a grid of square blocks. Writes a frame, its motion or
+// depth, or the frame that a provider should generate half way between frames 0 and 1 with the motion it assumes.
 
 cbuffer Constants : register(b0)
 {
-    uint2 Size;          // of the picture written, in its pixels
-    float2 Scale;        // pixels of a frame in one of the picture's
-    float2 Jitter;       // of the camera, in the picture's pixels
+    uint2 Size;          // size of the picture written
+    float2 Scale;        // pixels of a frame per pixel of the picture
+    float2 Jitter;       // of the camera, in pixels of the picture
     uint Mode;
-    float Number;        // of the frame; 0 and 1 are those that a provider is shown
-    float2 Background;   // from frame 0 to frame 1, in pixels of a frame
-    float2 Foreground;   // the same of the blocks
-    float2 OfBackground; // the value of its pixels, or how far the provider believes that it moves
-    float2 OfForeground; // the same of the blocks
+    float Number;        // of the frame; a provider gets 0 and 1
+    float2 Background;   // motion from frame 0 to frame 1, in pixels of a frame
+    float2 Foreground;   // the same for the blocks
+    float2 OfBackground; // value of its pixels, or the motion that the provider assumes
+    float2 OfForeground; // the same for the blocks
     float Side;          // of a block, in pixels of a frame
-    float Wave;          // 1 for frames of 640 columns: waves are as long in parts of the picture for every size
-    float Margin;        // pixels of a frame beside an edge of a block that are not compared
+    float Wave;          // frequency factor, 1 for frames of 640 columns: the pattern scales with the size
+    float Margin;        // pixels beside a block's edge that are not compared, in pixels of a frame
 };
 
 static const uint FRAME = 0, VALUES = 1, GENERATED = 2, REVERSED = 3, BLACK = 4;
 
-// What the provider made.
+// The provider's frame.
 Texture2D<float4> Found : register(t0);
 RWTexture2D<float4> Picture : register(u0);
 
-// Whether a block of the grid, which repeats after two sides and has not moved, is there; a block that is larger by so much at each
-// edge.
+// Whether a block of the unshifted grid, which has a period of two sides, covers a position; `larger` extends the block at each edge.
 bool is_block(float2 at, float larger)
 {
     float2 from_centre = abs(at / (2 * Side) - 0.25 - round(at / (2 * Side) - 0.25)) * 2 * Side;
@@ -52,7 +51,7 @@ float3 frame(float2 at, float number)
 float3 generated(float2 at)
 {
     bool is_front = is_block(at - Foreground / 2, 0);
-    // With the order of depths reversed the background hides a block wherever its motion leads.
+    // With reversed depth the background occludes the blocks.
     if (Mode == REVERSED && !is_block(at + OfBackground / 2 - Foreground, 0))
     {
         is_front = false;
@@ -61,7 +60,7 @@ float3 generated(float2 at)
     return (frame(at + half_way, 1) + frame(at - half_way, 0)) / 2;
 }
 
-// Not what is hidden in one of the frames, which nobody can know, and not the edges, over which providers filter.
+// Excludes content that is occluded in one of the frames, and the filtered edges.
 bool is_compared(float2 at)
 {
     bool is_front = is_block(at - Foreground / 2, -Margin);

@@ -1,31 +1,31 @@
-// The paper's guidance on the latent grid: the gradient of the mean difference of two latents, and the pseudo-depth. One group of
-// threads does all cells. Sums and differences carry what a float loses in a second one, as the processor computes them in
-// doubles: where neighbours differ little, the gradient would else be what rounding leaves of it.
+// The paper's guidance on the latent grid: gradient of the mean difference of two latents, and pseudo-depth. One group computes all cells.
+// Sums and differences are double floats, as the CPU computes them in double precision: where neighbours differ little, the gradient would
+// otherwise be rounding errors.
 
-#include "numbers.hlsli"
+#include "convert.hlsli"
 
 cbuffer Constants : register(b0)
 {
     uint2 Grid;      // width, height
-    uint2 First;     // the first numbers of the previous and the current latent, counted in numbers
+    uint2 First;     // index of the first element of the previous and of the current latent
     uint Channels;
-    uint Half;       // 1: the numbers are halves, 0: floats
+    uint Half;       // 1: half floats, 0: floats
 };
 
 ByteAddressBuffer Previous : register(t0);
 ByteAddressBuffer Current : register(t1);
-// Per cell the sum of differences in two floats, then gradient across, gradient down and depth.
+// Per cell the sum of differences as a double float, then gradient along x, along y, and depth.
 RWByteAddressBuffer Cells : register(u0);
 
 static const uint THREADS = 256;
 static const uint WORDS = 5;
-// Differences and sums of any floats stay finite at this size.
+// Differences and sums of any floats stay finite at this scale.
 static const float SMALL = 1.0 / 65536.0;
 
 groupshared float Lowest[THREADS];
 groupshared float Highest[THREADS];
 
-// a + b, and what the first of the two lacks.
+// a + b as a double float.
 float2 sum(float a, float b)
 {
     precise float s = a + b;
@@ -41,8 +41,8 @@ float2 sum_of(uint cell)
     for (uint channel = 0; channel < Channels; channel++)
     {
         uint index = channel * cells + cell;
-        float before = number(Previous, First.x + index, Half != 0) * SMALL;
-        float now = number(Current, First.y + index, Half != 0) * SMALL;
+        float before = load_number(Previous, First.x + index, Half != 0) * SMALL;
+        float now = load_number(Current, First.y + index, Half != 0) * SMALL;
         float2 difference = sum(now, -before);
         float2 next = sum(total.x, difference.x);
         precise float rest = next.y + (total.y + difference.y);
@@ -51,8 +51,8 @@ float2 sum_of(uint cell)
     return total;
 }
 
-// A sum over a whole number below 4096, rounded once: the quotient is multiplied back, in two
-// parts of which each product is exact, and what is missing is divided as well.
+// A double float divided by an integer below 4096, correctly rounded: the quotient is multiplied back in two parts, whose products are
+// exact, and the remainder is divided as well.
 float quotient(float2 total, float n)
 {
     precise float q = total.x / n;
@@ -75,8 +75,8 @@ float slope(uint2 low, uint2 high, uint apart)
     float2 difference = sum(b.x, -a.x);
     precise float rest = difference.y + (b.y - a.y);
     float steep = quotient(sum(difference.x, rest), float(apart) * float(Channels));
-    // Beyond the floats it is infinite, as the processor's is.
-    return finite(steep) ? steep / SMALL : 0;
+    // Infinite beyond the range of floats, as on the CPU.
+    return is_finite(steep) ? steep / SMALL : 0;
 }
 
 [numthreads(THREADS, 1, 1)]
@@ -88,8 +88,8 @@ void main(uint thread : SV_GroupIndex)
     for (uint cell = thread; cell < cells; cell += THREADS)
     {
         Cells.Store2(cell * WORDS * 4, asuint(sum_of(cell)));
-        float value = number(Current, First.y + cell, Half != 0);
-        if (finite(value))
+        float value = load_number(Current, First.y + cell, Half != 0);
+        if (is_finite(value))
         {
             lowest = min(lowest, value);
             highest = max(highest, value);
@@ -107,7 +107,7 @@ void main(uint thread : SV_GroupIndex)
         }
         GroupMemoryBarrierWithGroupSync();
     }
-    // A quarter of each, so that no difference is too large for a float.
+    // A quarter of each value, so that no difference overflows.
     lowest = Lowest[0] * 0.25;
     float span = Highest[0] * 0.25 - lowest;
     for (uint i = thread; i < cells; i += THREADS)
@@ -117,8 +117,8 @@ void main(uint thread : SV_GroupIndex)
         uint2 after = min(at + 1, Grid - 1);
         float across = slope(uint2(before.x, at.y), uint2(after.x, at.y), after.x - before.x);
         float down = slope(uint2(at.x, before.y), uint2(at.x, after.y), after.y - before.y);
-        float value = number(Current, First.y + i, Half != 0);
-        float depth = finite(value) && span > 0 ? (value * 0.25 - lowest) / span : 0;
+        float value = load_number(Current, First.y + i, Half != 0);
+        float depth = is_finite(value) && span > 0 ? (value * 0.25 - lowest) / span : 0;
         Cells.Store3((i * WORDS + 2) * 4, asuint(float3(across, down, depth)));
     }
 }

@@ -1,6 +1,6 @@
-// The paper's guidance brought from the latent grid to render size: bilinear, half-pixel centres, edges repeated.
+// Upsamples the paper's guidance from the latent grid to render size: bilinear, half-pixel centres, clamped to the border.
 
-#include "numbers.hlsli"
+#include "convert.hlsli"
 
 cbuffer Constants : register(b0)
 {
@@ -8,7 +8,7 @@ cbuffer Constants : register(b0)
     uint2 Render;    // width, height
 };
 
-// As paper_grid.hlsl leaves it.
+// Cells as paper_grid.hlsl writes them.
 ByteAddressBuffer Cells : register(t0);
 RWTexture2D<float2> Motion : register(u0);
 RWTexture2D<float> Depth : register(u1);
@@ -25,8 +25,8 @@ void main(uint3 at : SV_DispatchThreadID)
     }
     uint2 low, high;
     float2 t;
-    cells_of(at.x, Grid.x, Render.x, low.x, high.x, t.x);
-    cells_of(at.y, Grid.y, Render.y, low.y, high.y, t.y);
+    bilinear_cells(at.x, Grid.x, Render.x, low.x, high.x, t.x);
+    bilinear_cells(at.y, Grid.y, Render.y, low.y, high.y, t.y);
     float3 a = asfloat(Cells.Load3(((low.y * Grid.x + low.x) * WORDS + 2) * 4));
     float3 b = asfloat(Cells.Load3(((low.y * Grid.x + high.x) * WORDS + 2) * 4));
     float3 c = asfloat(Cells.Load3(((high.y * Grid.x + low.x) * WORDS + 2) * 4));
@@ -35,11 +35,11 @@ void main(uint3 at : SV_DispatchThreadID)
     [unroll]
     for (uint axis = 0; axis < 2; axis++)
     {
-        // Subtracted from 0 rather than negated, so that no motion is +0.
-        precise float m = 0 - COMPRESSION * mixed(float4(a[axis], b[axis], c[axis], d[axis]), t);
+        // Subtracted from 0 instead of negated, so that no motion is -0.
+        precise float m = 0 - COMPRESSION * bilinear(float4(a[axis], b[axis], c[axis], d[axis]), t);
         float limit = float(Render[axis]);
-        motion[axis] = finite(m) ? min(max(m, -limit), limit) : 0;
+        motion[axis] = is_finite(m) ? min(max(m, -limit), limit) : 0;
     }
     Motion[at.xy] = motion;
-    Depth[at.xy] = min(max(mixed(float4(a.z, b.z, c.z, d.z), t), 0), 1);
+    Depth[at.xy] = min(max(bilinear(float4(a.z, b.z, c.z, d.z), t), 0), 1);
 }

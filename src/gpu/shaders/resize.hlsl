@@ -1,16 +1,15 @@
-// One picture of a decoder's planes, red, green, blue, each [height, width], into a texture of another size: bilinear,
-// half-pixel centres, edges repeated, numbers clamped to [0, 1] before they are mixed. The same as the processor's own, to the
-// operation.
+// Resizes a decoder's planes (red, green, blue, each [height, width]) into a texture: bilinear, half-pixel centres, clamped to the border;
+// values are clamped to [0, 1] before interpolation. The same operations as on the CPU.
 
-#include "numbers.hlsli"
+#include "convert.hlsli"
 
 cbuffer Constants : register(b0)
 {
-    uint2 From;      // width, height of a plane
-    uint2 To;        // width, height of the texture
-    uint First;      // the first number of the picture, counted in numbers
-    uint Half;       // 1: the numbers are halves, 0: floats
-    uint Levels;     // 255: rounded to bytes; 0: written as they are
+    uint2 From;      // size of a plane
+    uint2 To;        // size of the texture
+    uint First;      // index of the picture's first element
+    uint Half;       // 1: half floats, 0: floats
+    uint Levels;     // 255: rounded to bytes; 0: unchanged
 };
 
 ByteAddressBuffer Planes : register(t0);
@@ -25,8 +24,8 @@ void main(uint3 at : SV_DispatchThreadID)
     }
     uint2 low, high;
     float2 t;
-    cells_of(at.x, From.x, To.x, low.x, high.x, t.x);
-    cells_of(at.y, From.y, To.y, low.y, high.y, t.y);
+    bilinear_cells(at.x, From.x, To.x, low.x, high.x, t.x);
+    bilinear_cells(at.y, From.y, To.y, low.y, high.y, t.y);
     float4 pixel = 1;
     [unroll]
     for (uint channel = 0; channel < 3; channel++)
@@ -34,11 +33,11 @@ void main(uint3 at : SV_DispatchThreadID)
         uint plane = First + channel * From.x * From.y;
         uint top = plane + low.y * From.x;
         uint bottom = plane + high.y * From.x;
-        // What is not a number counts as 0.
-        float4 corners = float4(number(Planes, top + low.x, Half != 0), number(Planes, top + high.x, Half != 0),
-            number(Planes, bottom + low.x, Half != 0), number(Planes, bottom + high.x, Half != 0));
-        float value = mixed(min(max(corners, 0), 1), t);
-        // How a float becomes a byte is the adapter's choice within limits; a whole number of levels leaves it none.
+        // min and max turn NaN into 0.
+        float4 corners = float4(load_number(Planes, top + low.x, Half != 0), load_number(Planes, top + high.x, Half != 0),
+            load_number(Planes, bottom + low.x, Half != 0), load_number(Planes, bottom + high.x, Half != 0));
+        float value = bilinear(min(max(corners, 0), 1), t);
+        // Adapters may round floats to bytes differently; integer levels leave no choice.
         precise float rounded = floor(value * Levels + 0.5) / Levels;
         pixel[channel] = Levels != 0 ? rounded : value;
     }

@@ -1,22 +1,21 @@
-// A picture as a target holds it: the columns of the rows that were made, in the target's colours and format, and black around it where
-// it does not fill the target.
+// Output pass: scales the columns of the rows that scale_rows.hlsl wrote, converts to the target's colours and format, and writes black
+// bars where the picture does not fill the target.
 
-#include "halves.hlsli"
-#include "light.hlsli"
+#include "half_float.hlsli"
+#include "srgb.hlsli"
 
 cbuffer Constants : register(b0)
 {
-    uint2 From;     // width of the rows, and their number
-    uint2 To;       // width and height of the picture
-    uint AtTaps;    // byte where the tables of columns lie
-    uint Taps;      // how many weights each has
-    uint2 Target;   // width and height of the target
-    uint2 At;       // where in it the picture begins
-    uint Pitch;     // bytes from one row of it to the next
-    uint Written;   // its format, as of frames: 0 RGBA8, 1 BGRA8, 2 RGB10A2, 3 RGBA16F,
-                    // 4 R11G11B10F
-    uint Colours;   // 0: as the picture has them; 1: light; 2: PQ, with the primaries of BT.2020
-    float White;    // how bright white is: for light the number that it has, for PQ its nits
+    uint2 From;         // width of the rows, and their number
+    uint2 To;           // size of the picture
+    uint AtTaps;        // byte offset of the column tables
+    uint Taps;          // number of weights per column
+    uint2 Target;       // size of the target
+    uint2 At;           // the picture's top left pixel in the target
+    uint Pitch;         // bytes per row
+    uint TargetFormat;  // 0 RGBA8, 1 BGRA8, 2 RGB10A2, 3 RGBA16F, 4 R11G11B10F
+    uint Encoding;      // 0: sRGB; 1: linear; 2: PQ with BT.2020 primaries
+    float White;        // white level: linear value, or nits for PQ
 };
 
 ByteAddressBuffer Between : register(t0);
@@ -30,59 +29,59 @@ float4 held(uint2 at)
     return float4(parts) / 64 - 256;
 }
 
-// Light of the primaries of sRGB in those of BT.2020 (ITU-R BT.2087).
-float3 wide(float3 light)
+// Linear colours from sRGB to BT.2020 primaries (ITU-R BT.2087).
+float3 bt2020_from_srgb(float3 colour)
 {
-    return float3(dot(light, float3(0.6274, 0.3293, 0.0433)), dot(light, float3(0.0691, 0.9195, 0.0114)),
-        dot(light, float3(0.0164, 0.0880, 0.8956)));
+    return float3(dot(colour, float3(0.6274, 0.3293, 0.0433)), dot(colour, float3(0.0691, 0.9195, 0.0114)),
+        dot(colour, float3(0.0164, 0.0880, 0.8956)));
 }
 
-// The curve of PQ (SMPTE ST 2084) for so many nits.
+// PQ encoding (SMPTE ST 2084) of a luminance in nits.
 float3 pq(float3 nits)
 {
     float3 power = pow(min(max(nits, 0.000001), 10000) / 10000, 0.1593017578125);
     return pow((0.8359375 + 18.8515625 * power) / (1 + 18.6875 * power), 78.84375);
 }
 
-// What numbers of 0 to 1 in sRGB are in the target's colours.
-float4 encoded(float4 shown)
+// sRGB-encoded colours in the target's encoding.
+float4 encoded(float4 colour_in_srgb)
 {
-    float3 colour = shown.rgb;
+    float3 colour = colour_in_srgb.rgb;
     [branch]
-    if (Colours != 0)
+    if (Encoding != 0)
     {
-        float3 light = float3(light_of(shown.x), light_of(shown.y), light_of(shown.z));
-        if (Colours == 1)
+        float3 linear_colour = float3(linear_from_srgb(colour_in_srgb.x), linear_from_srgb(colour_in_srgb.y), linear_from_srgb(colour_in_srgb.z));
+        if (Encoding == 1)
         {
-            colour = light * White;
+            colour = linear_colour * White;
         }
         else
         {
-            colour = pq(wide(light) * White);
+            colour = pq(bt2020_from_srgb(linear_colour) * White);
         }
     }
-    return float4(colour, shown.w);
+    return float4(colour, colour_in_srgb.w);
 }
 
 void write(uint2 at, float4 v)
 {
     uint place = at.y * Pitch;
-    if (Written == 3)
+    if (TargetFormat == 3)
     {
-        uint4 h = uint4(half_of(v.x), half_of(v.y), half_of(v.z), half_of(v.w));
+        uint4 h = uint4(half_from_float(v.x), half_from_float(v.y), half_from_float(v.z), half_from_float(v.w));
         Finished.Store2(place + 8 * at.x, uint2(h.x | h.y << 16, h.z | h.w << 16));
         return;
     }
-    if (Written == 4)
+    if (TargetFormat == 4)
     {
-        Finished.Store(place + 4 * at.x, small_floats_of(v.xyz));
+        Finished.Store(place + 4 * at.x, r11g11b10_from_float(v.xyz));
         return;
     }
-    float4 top = Written == 2 ? float4(1023, 1023, 1023, 3) : float4(255, 255, 255, 255);
+    float4 top = TargetFormat == 2 ? float4(1023, 1023, 1023, 3) : float4(255, 255, 255, 255);
     uint4 levels = uint4(floor(min(max(v, 0), 1) * top + 0.5));
-    uint first = Written == 1 ? levels.z : levels.x;
-    uint third = Written == 1 ? levels.x : levels.z;
-    uint bits = Written == 2 ? first | levels.y << 10 | third << 20 | levels.w << 30
+    uint first = TargetFormat == 1 ? levels.z : levels.x;
+    uint third = TargetFormat == 1 ? levels.x : levels.z;
+    uint bits = TargetFormat == 2 ? first | levels.y << 10 | third << 20 | levels.w << 30
                              : first | levels.y << 8 | third << 16 | levels.w << 24;
     Finished.Store(place + 4 * at.x, bits);
 }

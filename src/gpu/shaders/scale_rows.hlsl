@@ -1,12 +1,12 @@
-// The rows of a picture of another height: each the weighted mean of rows of what is given, in levels of 1/255. A sum may lie beyond
-// them, as filters swing over at edges, and is held in 1/64 of a level from -256 on.
+// Scales a picture vertically: each row is a weighted sum of source rows, in levels of 1/255. Filters overshoot at edges, so sums are
+// stored in 1/64 level with an offset of 256 levels.
 
 cbuffer Constants : register(b0)
 {
-    uint2 From;   // width and height of the picture
-    uint2 To;     // width and height of the one that is made
-    uint AtTaps;  // byte where the tables of rows lie: for each the first that counts, and the weights from there on
-    uint Taps;    // how many weights
+    uint2 From;   // size of the picture
+    uint2 To;     // size of the result
+    uint AtTaps;  // byte offset of the row tables: first source row, then its weights
+    uint Taps;    // number of weights
 };
 
 Texture2D<float4> Given : register(t0);

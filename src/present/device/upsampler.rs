@@ -86,7 +86,7 @@ impl Upsampler {
             no_motion: OwnedGuidance::new(gpu, from, [1, 1])?,
             upsample_guidance: Kernel::new(
                 gpu,
-                include_bytes!("../../gpu/shaders/compiled/fsr_enlarge.dxbc"),
+                include_bytes!("../../gpu/shaders/compiled/fsr_upsample.dxbc"),
                 Shape { constants: 6, inputs: 2, outputs: 2 },
             )?,
             ring: CommandRing::new(gpu, gpu.frames(), DESCRIPTORS)?,

@@ -1,4 +1,4 @@
-// The curves in which frames hold light.
+// Transfer functions of frames.
 
 float3 of_srgb(float3 c)
 {
@@ -10,7 +10,7 @@ float3 to_srgb(float3 light)
     return light <= 0.0031308 ? light * 12.92 : 1.055 * pow(max(light, 0.0031308), 1 / 2.4) - 0.055;
 }
 
-// Of 10,000 nits.
+// Relative to 10,000 nits.
 float3 of_pq(float3 c)
 {
     float3 p = pow(max(c, 0), 1 / 78.84375);

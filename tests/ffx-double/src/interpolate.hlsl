@@ -1,20 +1,19 @@
-// The frame half way between two, as far as the double needs it: where motion points, from this frame and the one before, mixed
-// in linear light.
+// Interpolates half way between two frames, as far as the double needs it: a blend of both along the motion, in linear light.
 
 #include "curves.hlsli"
 
 cbuffer Constants : register(b0)
 {
-    uint2 Size;         // of the frames
-    uint2 RenderSize;   // of depth
+    uint2 Size;         // size of the frames
+    uint2 RenderSize;   // size of depth
     uint2 MotionSize;
     float2 Scale;       // from motion to render pixels
-    int4 Part;          // left, top, right, bottom of what is generated; the rest is copied
-    float2 Jitter;      // what motion holds of the cameras', render pixels
+    int4 Part;          // left, top, right, bottom of the generated part; the rest is copied
+    float2 Jitter;      // camera jitter contained in motion, in render pixels
     float2 Luminance;   // nits
     uint Transfer;      // 0: sRGB, 1: PQ, 2: scRGB
     uint Flags;
-    uint Loops;         // how often it is done over
+    uint Loops;         // number of repetitions
 };
 
 static const uint RESET = 1, HUDLESS = 2, DISTORTED = 4, INVERTED = 8, THROUGH = 16, BLACK = 32, WRONG_SIGN = 64,
@@ -64,11 +63,11 @@ float3 world(int2 at)
     return (Flags & HUDLESS) != 0 ? Hudless.Load(int3(at, 0)).rgb : Shown.Load(int3(at, 0)).rgb;
 }
 
-// Light of this frame at one place and of the one before at another, both between pixels.
+// Blend of this frame and the previous one in linear light, each at its own position, bilinear.
 float3 light(float2 now, float2 then)
 {
     float3 sum = 0;
-    // In one loop: a compiler for a processor takes long over what is written out.
+    // One loop: on a software device, unrolled code takes long to compile.
     [loop]
     for (uint i = 0; i < 8; i++)
     {
@@ -90,7 +89,7 @@ bool is_nearer(float a, float b)
     return is_inverted ? a > b : a < b;
 }
 
-// Pixels of the frames from this frame to the one before, and the depth, by what is nearest among the neighbours.
+// Motion from this frame to the previous one in pixels, and depth, of the nearest neighbour.
 float3 motion_of(int2 at)
 {
     int2 centre = int2((float2(at) + 0.5) * float2(RenderSize) / float2(Size));
@@ -109,13 +108,13 @@ float3 motion_of(int2 at)
     }
     int2 place = int2((float2(nearest) + 0.5) * float2(MotionSize) / float2(RenderSize));
     float2 v = Motion.Load(int3(place, 0)) * Scale - ((Flags & WRONG_JITTER) != 0 ? -Jitter : Jitter);
-    // Motion of the size shown is in its pixels already.
+    // Motion of display size is in its pixels already.
     v = all(MotionSize == Size) ? v : v * float2(Size) / float2(RenderSize);
     return float3((Flags & WRONG_SIGN) != 0 ? -v.x : v.x, (Flags & (WRONG_SIGN | UPSIDE_DOWN)) != 0 ? -v.y : v.y, depth);
 }
 
-// Motion of what crosses a pixel half way, of the nearest where there are several: what is found around the pixel is traced to where
-// it would be now, and counts where the motion there is the same.
+// Motion and depth of the nearest surface that crosses a pixel half way: a neighbour's motion is followed to its position in this frame,
+// and counts if the motion there is the same.
 float2 motion(int2 at)
 {
     float3 best = motion_of(at);
@@ -165,7 +164,7 @@ void main(uint3 id : SV_DispatchThreadID)
             }
             made = encoded(light(from - half_way, from + half_way) / 2);
         }
-        // The interface lies where the frame differs from the world.
+        // The interface is where the frame differs from the one without it.
         if ((Flags & HUDLESS) != 0 && any(abs(shown - world(at)) > 0.1))
         {
             made = shown;

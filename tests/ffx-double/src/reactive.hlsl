@@ -1,4 +1,4 @@
-// Where the past of a frame is not to be trusted: how far it is from the same frame without what is transparent.
+// Reactive mask: where history is not to be trusted, the difference between a frame and the same frame without transparent objects.
 
 cbuffer Constants : register(b0)
 {

@@ -1,19 +1,19 @@
-// A larger frame, as far as the double needs it: this frame between its pixels, mixed with the one before where motion points, by what
-// it is told of how far that one is to be trusted.
+// Upscales a frame, as far as the double needs it: this frame, bilinear, blended with the previous output along the motion, weighted by the
+// reactive mask.
 
 #include "curves.hlsli"
 
 cbuffer Constants : register(b0)
 {
-    uint2 Size;         // of the larger frame
-    uint2 RenderSize;   // of the frame
+    uint2 Size;         // size of the output
+    uint2 RenderSize;   // size of the frame
     uint2 MotionSize;
     float2 Scale;       // from motion to render pixels
-    float2 Jitter;      // of the camera, render pixels
+    float2 Jitter;      // camera jitter, in render pixels
     float Sharpness;
-    float PreExposure;  // what the frame was multiplied by
+    float PreExposure;  // factor by which the frame was multiplied
     uint Flags;
-    float2 HeldJitter;  // what motion holds of the cameras', render pixels
+    float2 HeldJitter;  // camera jitter contained in motion, in render pixels
 };
 
 static const uint RESET = 1, EXPOSED = 2, REACTIVE = 4, TRANSPARENT = 8, INVERTED = 16, SRGB = 32, PQ = 64, JITTERED = 128;
@@ -54,7 +54,7 @@ float3 encoded(float3 light)
     return light;
 }
 
-// Light between the pixels of this frame, or of the larger one before.
+// Bilinear sample of this frame, or of the previous output, in linear light.
 float3 between(float2 at, bool is_before)
 {
     int2 last = int2(is_before ? Size : RenderSize) - 1;
@@ -90,7 +90,7 @@ void main(uint3 id : SV_DispatchThreadID)
     }
     float3 mixed = now;
     int2 centre = clamp(int2(round(at)), int2(0, 0), int2(RenderSize) - 1);
-    // Motion of what is nearest.
+    // Motion of the nearest neighbour.
     int2 nearest = centre;
     float depth = Depth.Load(int3(centre, 0));
     [loop]
@@ -114,7 +114,7 @@ void main(uint3 id : SV_DispatchThreadID)
         float weight = 0.5;
         weight *= (Flags & REACTIVE) != 0 ? 1 - saturate(Reactive.Load(int3(centre, 0))) : 1;
         weight *= (Flags & TRANSPARENT) != 0 ? 1 - saturate(Transparency.Load(int3(centre, 0))) / 2 : 1;
-        // What is bright counts less, as the screen will show it.
+        // Bright pixels get less weight, as after tone mapping.
         float exposure = ((Flags & EXPOSED) != 0 ? Exposure.Load(int3(0, 0, 0)) : 1) / PreExposure;
         float3 a = now * exposure, b = between(then, true) * exposure;
         float3 shown = lerp(a / (1 + a), b / (1 + b), weight);

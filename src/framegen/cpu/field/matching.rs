@@ -1,92 +1,92 @@
-//! How well what claims a pixel fits what the anchors show.
+//! Match of keys with the colours of the anchors.
 
 use super::super::colour::Colour;
 use super::super::kernels::{BLOCK, Source, TILE, at_every_level};
-use super::super::layer::{self, EMPTY, Key, WORST_MATCH};
-use super::RIM;
+use super::super::splat_key::{self, EMPTY, Key, MAX_MATCH_ERROR};
+use super::DILATION_TOLERANCE;
 
 at_every_level! {
-    /// Which of the pixels of a tile at `corner` that are asked for (bit `8 j + i`) the nearest claim fits better than
-    /// their own.
-    pub(super) fn fitting<P: Colour>(
-        previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], asked: u64, nearest: &[Key; BLOCK],
+    /// `wanted` pixels of the tile at `corner` (bit `8 j + i`) that match better with the nearest key than with their
+    /// own.
+    pub(super) fn better_fit<P: Colour>(
+        previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], wanted: u64, nearest: &[Key; BLOCK],
         own: &[Key; BLOCK],
-    ) -> u64 = fitting_one_by_one | fitting_side_by_side
+    ) -> u64 = better_fit_scalar | better_fit_in_rows
 }
 
-fn fitting_one_by_one<P: Colour>(
+fn better_fit_scalar<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
     [x, y]: [usize; 2],
-    asked: u64,
+    wanted: u64,
     nearest: &[Key; BLOCK],
     own: &[Key; BLOCK],
 ) -> u64 {
-    let places = (0..BLOCK).filter(|place| asked >> place & 1 == 1);
-    let fits = places.filter(|&place| {
-        let at = [x + place % TILE, y + place / TILE];
-        let of_nearest = distance(previous, current, at, nearest[place]);
-        of_nearest <= RIM && of_nearest < distance(previous, current, at, own[place])
+    let indices = (0..BLOCK).filter(|index| wanted >> index & 1 == 1);
+    let fits = indices.filter(|&index| {
+        let at = [x + index % TILE, y + index / TILE];
+        let of_nearest = colour_distance(previous, current, at, nearest[index]);
+        of_nearest <= DILATION_TOLERANCE && of_nearest < colour_distance(previous, current, at, own[index])
     });
-    fits.fold(0, |all, place| all | 1 << place)
+    fits.fold(0, |all, index| all | 1 << index)
 }
 
 #[inline(always)]
-fn fitting_side_by_side<P: Colour>(
+fn better_fit_in_rows<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
     [x, y]: [usize; 2],
-    mut asked: u64,
+    mut wanted: u64,
     nearest: &[Key; BLOCK],
     own: &[Key; BLOCK],
 ) -> u64 {
-    let mut fitting = 0;
-    while asked != 0 {
-        // Eight at a time; what is left over is looked at more than once.
-        let (mut places, mut place) = ([0; TILE], 0);
-        for next in &mut places {
-            place = if asked != 0 { asked.trailing_zeros() as usize } else { place };
-            asked &= asked.wrapping_sub(1);
-            *next = place;
+    let mut better_fit = 0;
+    while wanted != 0 {
+        // Eight pixels at a time; the last group repeats its last pixel.
+        let (mut indices, mut index) = ([0; TILE], 0);
+        for next in &mut indices {
+            index = if wanted != 0 { wanted.trailing_zeros() as usize } else { index };
+            wanted &= wanted.wrapping_sub(1);
+            *next = index;
         }
         let (mut at, mut of_nearest, mut of_own) = ([[0; 2]; TILE], [EMPTY; TILE], [EMPTY; TILE]);
         let mut here = [P::OPAQUE_BLACK; TILE];
-        for (i, &place) in places.iter().enumerate() {
-            let [x, y] = [x + place % TILE, y + place / TILE];
-            (of_nearest[i], of_own[i]) = (nearest[place], own[place]);
+        for (i, &index) in indices.iter().enumerate() {
+            let [x, y] = [x + index % TILE, y + index / TILE];
+            (of_nearest[i], of_own[i]) = (nearest[index], own[index]);
             at[i] = [x as i32, y as i32];
             here[i] = current.pixels[y * current.width + x];
         }
-        let nearest = distances(previous, &here, &at, &of_nearest);
-        if nearest.iter().all(|&distance| distance > RIM) {
+        let nearest = colour_distances(previous, &here, &at, &of_nearest);
+        if nearest.iter().all(|&colour_distance| colour_distance > DILATION_TOLERANCE) {
             continue;
         }
-        let own = distances(previous, &here, &at, &of_own);
-        for (i, &place) in places.iter().enumerate() {
-            fitting |= u64::from(nearest[i] <= RIM && nearest[i] < own[i]) << place;
+        let own = colour_distances(previous, &here, &at, &of_own);
+        for (i, &index) in indices.iter().enumerate() {
+            better_fit |= u64::from(nearest[i] <= DILATION_TOLERANCE && nearest[i] < own[i]) << index;
         }
     }
-    fitting
+    better_fit
 }
 
-/// The [`distance`] of each of eight pixels.
+/// [`colour_distance`] of eight pixels.
 #[inline(always)]
-fn distances<P: Colour>(
+fn colour_distances<P: Colour>(
     previous: Source<'_, P>,
     here: &[P; TILE],
     at: &[[i32; 2]; TILE],
-    claims: &[Key; TILE],
+    keys: &[Key; TILE],
 ) -> [f32; TILE] {
     const CHANNELS: usize = 4 * TILE;
     let (mut fx, mut fy) = ([0.0; CHANNELS], [0.0; CHANNELS]);
     let mut corners = [[P::OPAQUE_BLACK; TILE]; 4];
     for i in 0..TILE {
-        let [vx, vy] = layer::vector(claims[i]);
+        let [vx, vy] = splat_key::vector(keys[i]);
         let (u, v) = (64 * at[i][0] + vx, 64 * at[i][1] + vy);
         fx[4 * i..][..4].fill((u & 63) as f32 / 64.0);
         fy[4 * i..][..4].fill((v & 63) as f32 / 64.0);
         let (left, top) = (u >> 6, v >> 6);
-        // What is negative is far beyond.
+        // Negative coordinates wrap to large unsigned values and fail the bounds check.
         let is_inside = (left as u32 as usize) < previous.width - 1 && (top as u32 as usize) < previous.height - 1;
         let on_axis = |at: i32, len: usize| at.clamp(0, len as i32 - 1) as usize;
         let [left, right] = if is_inside {
@@ -112,58 +112,58 @@ fn distances<P: Colour>(
     };
     let [a, b, c, d] = [levels(&corners[0]), levels(&corners[1]), levels(&corners[2]), levels(&corners[3])];
     let here = levels(here);
-    let mut apart = [0.0_f32; CHANNELS];
+    let mut difference = [0.0_f32; CHANNELS];
     for k in 0..CHANNELS {
         let above = a[k] + (b[k] - a[k]) * fx[k];
         let below = c[k] + (d[k] - c[k]) * fx[k];
-        apart[k] = (above + (below - above) * fy[k] - here[k]).abs();
+        difference[k] = (above + (below - above) * fy[k] - here[k]).abs();
     }
-    let mut distances = [0.0; TILE];
-    for (distance, apart) in distances.iter_mut().zip(apart.chunks_exact(4)) {
-        *distance = apart[2].max(apart[1].max(apart[0].max(0.0)));
+    let mut colour_distances = [0.0; TILE];
+    for (colour_distance, difference) in colour_distances.iter_mut().zip(difference.chunks_exact(4)) {
+        *colour_distance = difference[2].max(difference[1].max(difference[0].max(0.0)));
     }
-    distances
+    colour_distances
 }
 
 at_every_level! {
-    /// Marks the claims of the pixels of a tile at `corner` with how badly they match, see [`match_of`].
-    pub(super) fn mark_matches<P: Colour>(
+    /// Tags the keys of the tile at `corner` with their match errors, see [`match_error`].
+    pub(super) fn tag_match_errors<P: Colour>(
         previous: Source<'_, P>, current: Source<'_, P>, corner: [usize; 2], keys: &mut [Key; BLOCK],
-    ) = mark_one_by_one | mark_side_by_side
+    ) = tag_match_errors_scalar | tag_match_errors_in_rows
 }
 
-fn mark_one_by_one<P: Colour>(
+fn tag_match_errors_scalar<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
     [x, y]: [usize; 2],
     keys: &mut [Key; BLOCK],
 ) {
-    for (place, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
-        *key = layer::marked(*key, match_of(previous, current, [x + place % TILE, y + place / TILE], *key));
+    for (index, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
+        *key = splat_key::with_tag(*key, match_error(previous, current, [x + index % TILE, y + index / TILE], *key));
     }
 }
 
 #[inline(always)]
-fn mark_side_by_side<P: Colour>(
+fn tag_match_errors_in_rows<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
     [x, y]: [usize; 2],
     keys: &mut [Key; BLOCK],
 ) {
-    // The least and the largest of each two of a row beside each other, for the row below.
+    // Minimum and maximum of horizontally adjacent lumas, reused for the row below.
     let mut last: Option<(usize, [[f32; TILE]; 2])> = None;
     for (j, keys) in keys.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
         let here = current.pixels.get((y + j) * current.width + x..).and_then(|row| row.first_chunk::<TILE>());
-        let run = rows_of_run(previous, [x, y + j], keys);
-        let squares = if run.is_none() { squares_of(previous, [x, y + j], keys) } else { None };
+        let run = rows_in_previous(previous, [x, y + j], keys);
+        let squares = if run.is_none() { squares_in_previous(previous, [x, y + j], keys) } else { None };
         let (mut low, mut high) = ([0.0; TILE], [0.0; TILE]);
         match (here, run, &squares) {
             (Some(_), Some((start, [above, below])), _) => {
                 let [low_above, high_above] = match last {
-                    Some((place, ends)) if place == start => ends,
-                    _ => ends_of_pairs(&P::lumas_of(above)),
+                    Some((index, ends)) if index == start => ends,
+                    _ => pair_ranges(&P::lumas_of(above)),
                 };
-                let [low_below, high_below] = ends_of_pairs(&P::lumas_of(below));
+                let [low_below, high_below] = pair_ranges(&P::lumas_of(below));
                 for i in 0..TILE {
                     low[i] = low_above[i].min(low_below[i]);
                     high[i] = high_above[i].max(high_below[i]);
@@ -179,22 +179,22 @@ fn mark_side_by_side<P: Colour>(
             }
             _ => {
                 for (i, key) in keys.iter_mut().enumerate().filter(|(_, key)| **key != EMPTY) {
-                    *key = layer::marked(*key, match_of(previous, current, [x + i, y + j], *key));
+                    *key = splat_key::with_tag(*key, match_error(previous, current, [x + i, y + j], *key));
                 }
                 continue;
             }
         }
         let Some(here) = here.map(P::lumas_of) else { continue };
         for i in 0..TILE {
-            let apart = (low[i] - here[i]).max(here[i] - high[i]).max(0.0);
-            keys[i] = layer::marked(keys[i], (apart as u8).min(WORST_MATCH));
+            let difference = (low[i] - here[i]).max(here[i] - high[i]).max(0.0);
+            keys[i] = splat_key::with_tag(keys[i], (difference as u8).min(MAX_MATCH_ERROR));
         }
     }
 }
 
-/// The least and the largest of each two beside each other.
+/// Minimum and maximum of horizontally adjacent lumas.
 #[inline(always)]
-fn ends_of_pairs(lumas: &[f32; 2 * TILE]) -> [[f32; TILE]; 2] {
+fn pair_ranges(lumas: &[f32; 2 * TILE]) -> [[f32; TILE]; 2] {
     let (mut low, mut high) = ([0.0; TILE], [0.0; TILE]);
     for i in 0..TILE {
         low[i] = lumas[i].min(lumas[i + 1]);
@@ -203,22 +203,22 @@ fn ends_of_pairs(lumas: &[f32; 2 * TILE]) -> [[f32; TILE]; 2] {
     [low, high]
 }
 
-/// The two rows of the previous anchor between which a row of a tile comes from, if its pixels lie side by side there, and
-/// where the first begins.
+/// If the row's pixels are contiguous in the previous anchor, the two rows there between which they lie, and the start
+/// of the first.
 #[inline(always)]
-fn rows_of_run<'a, P: Colour>(
+fn rows_in_previous<'a, P: Colour>(
     previous: Source<'a, P>,
     [x, y]: [usize; 2],
     keys: &[Key; TILE],
 ) -> Option<(usize, [&'a [P; 2 * TILE]; 2])> {
-    let whole = |key: Key| layer::vector(key).map(|v| v >> 6);
+    let whole = |key: Key| splat_key::vector(key).map(|v| v >> 6);
     let [left, top] = whole(keys[0]);
     let mut is_run = true;
     for &key in keys {
         let [u, v] = whole(key);
         is_run &= (key != EMPTY) & (u == left) & (v == top);
     }
-    // What is negative is far beyond.
+    // Negative coordinates wrap to large unsigned values and fail the bounds check.
     let (u, v) = ((x as i32 + left) as u32 as usize, (y as i32 + top) as u32 as usize);
     if !is_run || u.saturating_add(TILE) >= previous.width || v.saturating_add(1) >= previous.height {
         return None;
@@ -228,14 +228,17 @@ fn rows_of_run<'a, P: Colour>(
     Some((start, [row(start)?, row(start + previous.width)?]))
 }
 
-/// The four pixels of the previous anchor around where each of eight beside each other comes from, if all have claims and
-/// come from inside.
+/// The 2x2 pixels of the previous anchor around the positions of eight pixels, if all of them have keys and are inside.
 #[inline(always)]
-fn squares_of<P: Colour>(previous: Source<'_, P>, [x, y]: [usize; 2], keys: &[Key; TILE]) -> Option<[[P; TILE]; 4]> {
+fn squares_in_previous<P: Colour>(
+    previous: Source<'_, P>,
+    [x, y]: [usize; 2],
+    keys: &[Key; TILE],
+) -> Option<[[P; TILE]; 4]> {
     let mut squares = [[P::OPAQUE_BLACK; TILE]; 4];
     for (i, &key) in keys.iter().enumerate() {
-        let [vx, vy] = layer::vector(key);
-        // What is negative is far beyond.
+        let [vx, vy] = splat_key::vector(key);
+        // Negative coordinates wrap to large unsigned values and fail the bounds check.
         let (u, v) = ((x + i) as i32 + (vx >> 6), y as i32 + (vy >> 6));
         let (u, v) = (u as u32 as usize, v as u32 as usize);
         if key == EMPTY || u + 1 >= previous.width || v + 1 >= previous.height {
@@ -249,16 +252,16 @@ fn squares_of<P: Colour>(previous: Source<'_, P>, [x, y]: [usize; 2], keys: &[Ke
     Some(squares)
 }
 
-/// The levels by which the luma of a pixel of the current anchor lies outside those of the four pixels of the previous
-/// one around the place that a claim leads to.
-pub(in super::super) fn match_of<P: Colour>(
+/// Levels by which a pixel's luma exceeds the range of the 2x2 pixels of the previous anchor around the position to
+/// which its key leads.
+pub(in super::super) fn match_error<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
     [x, y]: [usize; 2],
-    claim: Key,
+    key: Key,
 ) -> u8 {
     let (width, height) = (previous.width, previous.height);
-    let [vx, vy] = layer::vector(claim);
+    let [vx, vy] = splat_key::vector(key);
     let (left, top) = ((64 * x as i32 + vx) >> 6, (64 * y as i32 + vy) >> 6);
     let luma = current.pixels[y * width + x].luma();
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
@@ -270,19 +273,19 @@ pub(in super::super) fn match_of<P: Colour>(
             (low, high) = (low.min(there), high.max(there));
         }
     }
-    let apart = (low - luma).max(luma - high).max(0.0);
-    (apart as u8).min(WORST_MATCH)
+    let difference = (low - luma).max(luma - high).max(0.0);
+    (difference as u8).min(MAX_MATCH_ERROR)
 }
 
-/// How far a pixel of the current anchor is from what is read bilinearly where a claim leads to in the previous one:
-/// the levels of the channel that differs most.
-pub(in super::super) fn distance<P: Colour>(
+/// Difference between a pixel of the current anchor and the bilinear sample of the previous one at the position to
+/// which a key leads: the largest of any channel, in levels.
+pub(in super::super) fn colour_distance<P: Colour>(
     previous: Source<'_, P>,
     current: Source<'_, P>,
     [x, y]: [usize; 2],
-    claim: Key,
+    key: Key,
 ) -> f32 {
-    let [vx, vy] = layer::vector(claim);
+    let [vx, vy] = splat_key::vector(key);
     let (u, v) = (64 * x as i32 + vx, 64 * y as i32 + vy);
     let (fx, fy) = ((u & 63) as f32 / 64.0, (v & 63) as f32 / 64.0);
     let at = |u: i32, v: i32| {
@@ -293,25 +296,25 @@ pub(in super::super) fn distance<P: Colour>(
     let (left, top) = (u >> 6, v >> 6);
     let corners = [at(left, top), at(left + 1, top), at(left, top + 1), at(left + 1, top + 1)];
     let here = current.pixels[y * current.width + x].in_levels();
-    // Plain loops over all channels: closures are at times left as functions of their own, one call to a channel.
-    let mut apart = [0.0_f32; 4];
+    // A plain loop: LLVM does not always inline closures here.
+    let mut difference = [0.0_f32; 4];
     for c in 0..4 {
         let above = corners[0][c] + (corners[1][c] - corners[0][c]) * fx;
         let below = corners[2][c] + (corners[3][c] - corners[2][c]) * fx;
-        apart[c] = (above + (below - above) * fy - here[c]).abs();
+        difference[c] = (above + (below - above) * fy - here[c]).abs();
     }
-    apart[2].max(apart[1].max(apart[0].max(0.0)))
+    difference[2].max(difference[1].max(difference[0].max(0.0)))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::kernels::Level;
+    use super::super::super::kernels::SimdLevel;
     use super::*;
 
     #[test]
-    fn all_levels_judge_alike() {
+    fn all_instruction_sets_match_alike() {
         const SIZE: [usize; 2] = [40, 30];
-        // Numbers that look random (Knuth's MMIX generator), the same in every run.
+        // Pseudo-random numbers (Knuth's MMIX generator), the same in every run.
         let mut random = 7_u64;
         let mut below = |end: u64| {
             random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -325,28 +328,28 @@ mod tests {
         let mut fitted = 0;
         for round in 0..2000 {
             let corner = [0, 1].map(|c| TILE * below((SIZE[c] / TILE) as u64) as usize);
-            // A common vector, one of a few, or any; some places claim nothing.
+            // One vector, one of a few, or any; some pixels have no key.
             let mut keys = || -> [Key; BLOCK] {
                 let common = [0, 1].map(|_| below(1280) as i32 - 640);
                 [EMPTY; BLOCK].map(|empty| match round % 4 {
-                    0 => layer::key(9, 0, common),
-                    1 => layer::key(9, 0, common.map(|v| v + below(3) as i32 * 64)),
-                    2 => layer::key(9, 0, [0, 1].map(|_| below(9000) as i32 - 4500)),
+                    0 => splat_key::pack(9, 0, common),
+                    1 => splat_key::pack(9, 0, common.map(|v| v + below(3) as i32 * 64)),
+                    2 => splat_key::pack(9, 0, [0, 1].map(|_| below(9000) as i32 - 4500)),
                     _ if below(8) == 0 => empty,
-                    _ => layer::key(9, 0, common.map(|v| v + below(90) as i32)),
+                    _ => splat_key::pack(9, 0, common.map(|v| v + below(90) as i32)),
                 })
             };
             let (own, nearest) = (keys(), keys());
-            let asked = (0..BLOCK).filter(|&at| own[at] != EMPTY && nearest[at] != EMPTY && below(3) > 0);
-            let asked = asked.fold(0, |all, place| all | 1 << place);
+            let wanted = (0..BLOCK).filter(|&at| own[at] != EMPTY && nearest[at] != EMPTY && below(3) > 0);
+            let wanted = wanted.fold(0, |all, index| all | 1 << index);
             let judge = |level| {
-                let mut marked = own;
-                mark_matches(level, previous, current, corner, &mut marked);
-                (marked, fitting(level, previous, current, corner, asked, &nearest, &own))
+                let mut tagged = own;
+                tag_match_errors(level, previous, current, corner, &mut tagged);
+                (tagged, better_fit(level, previous, current, corner, wanted, &nearest, &own))
             };
-            let expected = judge(Level::SCALAR);
+            let expected = judge(SimdLevel::SCALAR);
             fitted += expected.1.count_ones();
-            for level in Level::available() {
+            for level in SimdLevel::available() {
                 assert_eq!(judge(level), expected, "{} in round {round}", level.name());
             }
         }

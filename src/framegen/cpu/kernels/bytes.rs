@@ -1,4 +1,4 @@
-//! Pictures of bytes.
+//! Kernels for pictures of bytes.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -6,10 +6,10 @@ mod avx2;
 mod avx512;
 mod portable;
 
-use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE, luma};
+use super::lanczos::{BEFORE, ONE, PHASES, SINC, TAPS};
+use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, TILE, TileSource, luma};
 use super::scalar::{self, taps};
-use super::weights::{BEFORE, ONE, PHASES, SINC, TAPS};
-use super::{Level, Set, Source, at_every_level};
+use super::{Set, SimdLevel, Source, at_every_level};
 
 type Pixel = [u8; 4];
 
@@ -17,7 +17,7 @@ impl Sampled for Pixel {
     #[inline]
     fn sample(source: Source<'_, Self>, at: [i32; 2]) -> Self {
         let (taps, [across, down]) = taps(&source, at, [0; 4]);
-        // Plain loops: closures of arrays are at times left as functions of their own, one call to a channel.
+        // Plain loops: LLVM does not always inline closures of arrays here.
         let mut sums = [1 << 13; 4];
         for (row, down) in taps.iter().zip(down) {
             let mut of_row = [0; 4];
@@ -38,82 +38,81 @@ impl Sampled for Pixel {
     }
 
     #[inline]
-    fn merge(before: Self, after: Self, rule: &Rule) -> (Self, bool) {
+    fn merge(from_previous: Self, from_current: Self, rule: &Rule) -> (Self, bool) {
         let share = u16::from(rule.share());
         let (mut difference, mut mixed) = (0, [0; 4]);
         for c in 0..4 {
-            difference = difference.max(before[c].abs_diff(after[c]));
-            mixed[c] = ((u16::from(before[c]) * (128 - share) + u16::from(after[c]) * share + 64) >> 7) as u8;
+            difference = difference.max(from_previous[c].abs_diff(from_current[c]));
+            mixed[c] =
+                ((u16::from(from_previous[c]) * (128 - share) + u16::from(from_current[c]) * share + 64) >> 7) as u8;
         }
-        let nearer = if rule.nearer_is_current { after } else { before };
-        (if difference <= rule.agree { nearer } else { mixed }, difference > rule.careful)
+        let nearer = if rule.nearer_is_current { from_current } else { from_previous };
+        (if difference <= rule.max_equal_difference { nearer } else { mixed }, difference > rule.doubt_threshold)
     }
 
-    fn tile(
-        level: Level,
-        previous: Source<'_, Self>,
-        a: [i32; 2],
-        current: Source<'_, Self>,
-        b: [i32; 2],
+    fn merge_tile(
+        level: SimdLevel,
+        previous: TileSource<'_, Self>,
+        current: TileSource<'_, Self>,
         rule: &Rule,
         out: &mut [Self],
         stride: usize,
     ) -> u64 {
         match level.0 {
-            Set::Scalar => scalar::tile(previous, a, current, b, rule, out, stride),
-            Set::Portable => portable::tile(previous, a, current, b, rule, out, stride),
+            Set::Scalar => scalar::merge_tile(previous, current, rule, out, stride),
+            Set::Portable => portable::merge_tile(previous, current, rule, out, stride),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has AVX2.
-            Set::Avx2 => unsafe { avx2::tile(previous, a, current, b, rule, out, stride) },
+            // SAFETY: a value of this level proves that the processor has AVX2.
+            Set::Avx2 => unsafe { avx2::merge_tile(previous, current, rule, out, stride) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has all that is asked for.
-            Set::Avx512 => unsafe { avx512::tile(previous, a, current, b, rule, out, stride) },
+            // SAFETY: a value of this level proves that the processor has these features.
+            Set::Avx512 => unsafe { avx512::merge_tile(previous, current, rule, out, stride) },
         }
     }
 
-    fn tile_of_one(level: Level, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize) {
+    fn sample_tile(level: SimdLevel, source: TileSource<'_, Self>, out: &mut [Self], stride: usize) {
         match level.0 {
-            Set::Scalar => scalar::tile_of_one(source, at, out, stride),
-            Set::Portable => portable::tile_of_one(source, at, out, stride),
+            Set::Scalar => scalar::sample_tile(source, out, stride),
+            Set::Portable => portable::sample_tile(source, out, stride),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has AVX2.
-            Set::Avx2 => unsafe { avx2::tile_of_one(source, at, out, stride) },
+            // SAFETY: a value of this level proves that the processor has AVX2.
+            Set::Avx2 => unsafe { avx2::sample_tile(source, out, stride) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has all that is asked for.
-            Set::Avx512 => unsafe { avx512::tile_of_one(source, at, out, stride) },
+            // SAFETY: a value of this level proves that the processor has these features.
+            Set::Avx512 => unsafe { avx512::sample_tile(source, out, stride) },
         }
     }
 
-    fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]) {
+    fn sample_pixels(level: SimdLevel, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]) {
         match level.0 {
-            Set::Scalar => scalar::pixels_of_one(source, at, wanted, out),
-            Set::Portable => portable::pixels_of_one(source, at, wanted, out),
+            Set::Scalar => scalar::sample_pixels(source, at, wanted, out),
+            Set::Portable => portable::sample_pixels(source, at, wanted, out),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has AVX2.
-            Set::Avx2 => unsafe { avx2::pixels_of_one(source, at, wanted, out) },
+            // SAFETY: a value of this level proves that the processor has AVX2.
+            Set::Avx2 => unsafe { avx2::sample_pixels(source, at, wanted, out) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has all that is asked for.
-            Set::Avx512 => unsafe { avx512::pixels_of_one(source, at, wanted, out) },
+            // SAFETY: a value of this level proves that the processor has these features.
+            Set::Avx512 => unsafe { avx512::sample_pixels(source, at, wanted, out) },
         }
     }
 
-    fn merge_block(level: Level, rule: &Rule, block: &mut Block<Self>) -> u64 {
+    fn merge_block(level: SimdLevel, rule: &Rule, block: &mut Block<Self>) -> u64 {
         match level.0 {
             Set::Scalar | Set::Portable => scalar::merge_block(rule, block),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has AVX2.
+            // SAFETY: a value of this level proves that the processor has AVX2.
             Set::Avx2 => unsafe { avx2::merge_block(rule, block) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: that this level exists proves that the processor has all that is asked for.
+            // SAFETY: a value of this level proves that the processor has these features.
             Set::Avx512 => unsafe { avx512::merge_block(rule, block) },
         }
     }
 
-    fn add_levels(level: Level, row: &[Self], sums: &mut [[u16; 4]]) {
+    fn add_levels(level: SimdLevel, row: &[Self], sums: &mut [[u16; 4]]) {
         add_levels(level, row, sums);
     }
 
-    fn lumas(level: Level, row: &[Self], lumas: &mut [u8]) {
+    fn lumas(level: SimdLevel, row: &[Self], lumas: &mut [u8]) {
         lumas_of(level, row, lumas);
     }
 
@@ -145,17 +144,17 @@ fn lumas_in_vectors(row: &[Pixel], lumas: &mut [u8]) {
     }
 }
 
-/// Rows of a picture that a tile is made from, and columns.
+/// Rows and columns of pixels from which a tile is sampled.
 const SPAN: usize = TILE + TAPS - 1;
-/// Pixels of each of those rows that can be read: a whole vector.
+/// Readable pixels of each of those rows: a whole vector.
 const PATCH_WIDTH: usize = 16;
 /// Bytes of a row of a tile.
 const ROW: usize = 4 * TILE;
 
-/// Room for a patch that reaches over the edge.
-type Room = [[Pixel; PATCH_WIDTH]; SPAN];
+/// Copy of a patch that extends beyond the border.
+type PatchBuffer = [[Pixel; PATCH_WIDTH]; SPAN];
 
-/// Thirteen rows of a picture around a tile, each with sixteen pixels to read, and the phases of its position.
+/// The 13 rows around a tile, with 16 readable pixels each, and the subpixel phases of its position.
 #[derive(Clone, Copy)]
 struct Patch<'a> {
     pixels: &'a [Pixel],
@@ -164,55 +163,55 @@ struct Patch<'a> {
 }
 
 impl<'a> Patch<'a> {
-    /// The patch for the tile at a position.
+    /// The patch of the tile at a position.
     #[inline(always)]
-    fn new(source: &Source<'a, Pixel>, at: [i32; 2], room: &'a mut Option<Room>) -> Self {
+    fn new(source: &Source<'a, Pixel>, at: [i32; 2], buffer: &'a mut Option<PatchBuffer>) -> Self {
         let ([x, y], phases) = (at.map(|v| (v >> 6) - BEFORE), at.map(|v| (v & 63) as usize));
         let is_inside = x >= 0 && y >= 0 && x as usize + SPAN <= source.width && y as usize + SPAN <= source.height;
         if is_inside {
             let start = y as usize * source.width + x as usize;
-            // Rows are read beyond their end, into the next one; below the picture's last there is none.
+            // Rows are read beyond their end, into the next one; after the picture's last row there is none.
             let end = start + (SPAN - 1) * source.width + PATCH_WIDTH;
             if let Some(pixels) = source.pixels.get(start..end) {
                 return Self { pixels, stride: source.width, phases };
             }
         }
-        let room = room.insert([[[0; 4]; PATCH_WIDTH]; SPAN]);
-        source.clamped([x, y], room);
-        Self { pixels: room.as_flattened(), stride: PATCH_WIDTH, phases }
+        let buffer = buffer.insert([[[0; 4]; PATCH_WIDTH]; SPAN]);
+        source.clamped([x, y], buffer);
+        Self { pixels: buffer.as_flattened(), stride: PATCH_WIDTH, phases }
     }
 
-    /// Asks for what the tiles to the right will read: thirteen rows are more than processors foresee by themselves.
+    /// Prefetches rows of the tiles to the right: thirteen rows are too many for hardware prefetchers.
     #[inline(always)]
-    fn fetch_ahead(self) -> Self {
+    fn prefetch_ahead(self) -> Self {
         #[cfg(target_arch = "x86_64")]
         for row in 0..SPAN {
             use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-            let ahead = self.pixels.as_ptr().wrapping_add(row * self.stride + AHEAD);
+            let ahead = self.pixels.as_ptr().wrapping_add(row * self.stride + PREFETCH_AHEAD);
             // SAFETY: a hint, which reads nothing and may name any address.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(ahead.cast()) };
         }
         self
     }
 
-    /// `N` pixels of a row from its pixel `from` on.
+    /// `N` pixels of a row, starting at `from`.
     #[inline(always)]
     fn row<const N: usize>(&self, row: usize, from: usize) -> &[Pixel; N] {
         self.pixels[row * self.stride + from..].first_chunk().expect("a patch has sixteen pixels in each row")
     }
 
-    /// Whether the tile lies on the pixels themselves.
+    /// Whether the position is a whole pixel.
     #[inline(always)]
     fn is_whole(&self) -> bool {
         self.phases == [0, 0]
     }
 }
 
-/// Pixels ahead of a patch: six tiles.
+/// Prefetch distance in pixels: six tiles.
 #[cfg(target_arch = "x86_64")]
-const AHEAD: usize = 6 * TILE;
+const PREFETCH_AHEAD: usize = 6 * TILE;
 
-/// Minus the weights, as signed bytes: so the 128 fits. Two more are nothing.
+/// Negated weights as signed bytes, because 128 does not fit but -128 does. The last two are 0.
 static NEGATIVE: [[i8; EIGHT]; PHASES] = {
     let mut table = [[0; EIGHT]; PHASES];
     let mut phase = 0;
@@ -227,120 +226,122 @@ static NEGATIVE: [[i8; EIGHT]; PHASES] = {
     table
 };
 
-/// Added to minus the sum of six weighted bytes, this leaves minus the sum that the same bytes less 128 would give,
-/// which fits 16 bits; and as weights add up to 128, the 64 are the half that rounds the final sum.
+/// Added to the negated sum of six weighted bytes, this gives the negated sum of the same bytes less 128, which fits 16
+/// bits. As weights add up to 128, the 64 is the half for rounding.
 const BIAS: i16 = 128 * ONE - 64;
 
-/// Pixels that are read of a row: two more than make a sample.
+/// Pixels that are read per row: two more than a sample needs.
 const EIGHT: usize = 8;
 
-/// As many pixels that lie side by side in the picture cost about as much sampled as a tile as one by one.
-const TOGETHER: u32 = 10;
-/// So many groups are looked for that turn out to be smaller.
-const LOOKS: usize = 3;
-/// Positions that are no farther away along an axis, and those a tile from them, are numbers.
-const FAR: i32 = 1 << 30;
+/// Smallest group of contiguous pixels for which a tile is sampled instead of single pixels.
+const MIN_GROUP: u32 = 10;
+/// Number of smaller groups after which the search ends.
+const MAX_SMALL_GROUPS: usize = 3;
+/// Positions within this, and those a tile away, do not overflow.
+const MAX_POSITION: i32 = 1 << 30;
 
-/// Splits the pixels of a block into groups that lie in the picture as they do in their tile, as those of one surface
-/// mostly do, and others.
+/// Splits the pixels of a block into groups that are contiguous in the picture, as those of one surface usually are,
+/// and single pixels.
 struct Groups<'a> {
     at: &'a Positions,
     left: u64,
-    alone: u64,
-    looks: usize,
+    single: u64,
+    attempts: usize,
 }
 
 impl<'a> Groups<'a> {
     #[inline(always)]
     fn new(at: &'a Positions, wanted: u64) -> Self {
-        Self { at, left: wanted, alone: 0, looks: LOOKS }
+        Self { at, left: wanted, single: 0, attempts: MAX_SMALL_GROUPS }
     }
 
-    /// Another group, and where its tile lies; none where there is none that is worth it.
+    /// The next group with the position of its tile; `None` if no large one is left.
     #[inline(always)]
     fn next(&mut self) -> Option<([i32; 2], u64)> {
-        while self.left.count_ones() >= TOGETHER && self.looks > 0 {
-            let place = self.left.trailing_zeros() as usize;
-            let at = [self.at.x[place], self.at.y[place]];
-            let corner = [at[0].wrapping_sub(along(place % TILE)), at[1].wrapping_sub(along(place / TILE))];
-            let is_far = at.iter().any(|v| !(-FAR..FAR).contains(v));
-            let group = if is_far { 0 } else { self.with(corner) };
-            self.left &= !(group | 1 << place);
-            if group.count_ones() >= TOGETHER {
+        while self.left.count_ones() >= MIN_GROUP && self.attempts > 0 {
+            let index = self.left.trailing_zeros() as usize;
+            let at = [self.at.x[index], self.at.y[index]];
+            let corner = [at[0].wrapping_sub(to_fixed(index % TILE)), at[1].wrapping_sub(to_fixed(index / TILE))];
+            let is_outside_range = at.iter().any(|v| !(-MAX_POSITION..MAX_POSITION).contains(v));
+            let group = if is_outside_range { 0 } else { self.members(corner) };
+            self.left &= !(group | 1 << index);
+            if group.count_ones() >= MIN_GROUP {
                 return Some((corner, group));
             }
-            self.alone |= group | 1 << place;
-            self.looks -= 1;
+            self.single |= group | 1 << index;
+            self.attempts -= 1;
         }
         None
     }
 
-    /// Those that are in no group.
+    /// Pixels without a group.
     #[inline(always)]
-    fn alone(&self) -> u64 {
-        self.alone | self.left
+    fn single(&self) -> u64 {
+        self.single | self.left
     }
 
-    /// Those left that lie as in a tile at `corner`.
+    /// Remaining pixels that are where a tile at `corner` would have them.
     #[inline(always)]
-    fn with(&self, corner: [i32; 2]) -> u64 {
-        let mut lanes = [0_u64; TILE];
+    fn members(&self, corner: [i32; 2]) -> u64 {
+        let mut columns = [0_u64; TILE];
         for j in 0..TILE {
-            for (i, lane) in lanes.iter_mut().enumerate() {
-                let place = TILE * j + i;
-                let is_in = (self.at.x[place] == corner[0] + along(i)) & (self.at.y[place] == corner[1] + along(j));
-                *lane |= u64::from(is_in) << place;
+            for (i, column) in columns.iter_mut().enumerate() {
+                let index = TILE * j + i;
+                let is_in =
+                    (self.at.x[index] == corner[0] + to_fixed(i)) & (self.at.y[index] == corner[1] + to_fixed(j));
+                *column |= u64::from(is_in) << index;
             }
         }
-        lanes.into_iter().fold(0, |all, bits| all | bits) & self.left
+        columns.into_iter().fold(0, |all, bits| all | bits) & self.left
     }
 }
 
-/// Takes up to `N` places out of those `wanted`, and says how many; the last of them once more where there are fewer.
+/// Removes up to `N` indices from `wanted`. Returns them with their number; missing ones repeat the last.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-fn some_of<const N: usize>(wanted: &mut u64) -> ([usize; N], usize) {
-    let (mut places, mut last) = ([0; N], 0);
+fn take_up_to<const N: usize>(wanted: &mut u64) -> ([usize; N], usize) {
+    let (mut indices, mut last) = ([0; N], 0);
     let count = N.min(wanted.count_ones() as usize);
-    for place in &mut places {
+    for index in &mut indices {
         last = if *wanted == 0 { last } else { wanted.trailing_zeros() as usize };
         *wanted &= wanted.wrapping_sub(1);
-        // So that compilers see that it is a place.
-        *place = last % BLOCK;
+        // Shows the compiler that it is in bounds.
+        *index = last % BLOCK;
     }
-    (places, count)
+    (indices, count)
 }
 
-/// So many pixels, in 1/64 px.
+/// Pixels in 1/64 px.
 #[inline(always)]
-fn along(pixels: usize) -> i32 {
+fn to_fixed(pixels: usize) -> i32 {
     64 * pixels as i32
 }
 
-/// Where the pixels around each position of a block begin in the picture, or [`BEYOND`] where some are outside.
+/// Index of the first of the 6x6 pixels around each position of a block, or [`OUTSIDE`] if some of them are outside the
+/// picture.
 #[inline(always)]
 fn starts(source: &Source<'_, Pixel>, at: &Positions) -> [u32; BLOCK] {
     let [width, height] = [source.width, source.height].map(|len| len as u32);
     std::array::from_fn(|i| {
-        // As unsigned numbers, what is negative is far beyond.
+        // Negative coordinates wrap to large unsigned values and fail the bounds check.
         let [x, y] = [at.x[i], at.y[i]].map(|v| ((v >> 6) - BEFORE) as u32);
         let last = TAPS as u32 - 1;
         let is_inside = (x < width.saturating_sub(last)) & (y < height.saturating_sub(last));
-        if is_inside { y.wrapping_mul(width).wrapping_add(x) } else { BEYOND }
+        if is_inside { y.wrapping_mul(width).wrapping_add(x) } else { OUTSIDE }
     })
 }
 
-const BEYOND: u32 = u32::MAX;
+const OUTSIDE: u32 = u32::MAX;
 
-/// The rows of the pixels from `start` on; none where that says nothing. Rows are read beyond their end, into the next
-/// one; below the picture's last there is none.
+/// The six rows at `start`; `None` if that is [`OUTSIDE`]. Rows are read beyond their end, into the next one; after the
+/// picture's last row there is none.
 #[inline(always)]
 fn rows<'a>(source: &Source<'a, Pixel>, start: u32) -> Option<[&'a [Pixel; EIGHT]; TAPS]> {
     let row = |j: usize| source.pixels.get(start as usize + j * source.width..).and_then(|row| row.first_chunk());
     Some([row(0)?, row(1)?, row(2)?, row(3)?, row(4)?, row(5)?])
 }
 
-/// The pixels around a position, wherever it is.
+/// The 6x6 pixels around any position, clamped to the border.
 #[cold]
 #[inline(never)]
 fn clamped(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[Pixel; EIGHT]; TAPS] {

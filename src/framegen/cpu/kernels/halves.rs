@@ -1,14 +1,14 @@
-//! Pictures of half floats.
+//! Kernels for pictures of half floats.
 
 mod vectors;
 
 use half::f16;
 
+use super::lanczos::TAPS;
 use super::ranges::widened;
-use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, luma};
+use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, TileSource, luma};
 use super::scalar::{self, taps};
-use super::weights::TAPS;
-use super::{Level, Source, at_every_level};
+use super::{SimdLevel, Source, at_every_level};
 
 type Pixel = [f16; 4];
 
@@ -24,57 +24,55 @@ impl Sampled for Pixel {
             let inner = taps[1..TAPS - 1].iter().flat_map(|row| &row[1..TAPS - 1]).map(|pixel| pixel[c]);
             let (least, largest) =
                 (inner.clone().fold(f32::INFINITY, f32::min), inner.fold(f32::NEG_INFINITY, f32::max));
-            // Adding 0 leaves one kind of zero.
+            // Adding 0 turns -0 into 0.
             f16::from_f32(weighted(columns, across).clamp(least, largest) + 0.0)
         })
     }
 
-    fn merge(before: Self, after: Self, rule: &Rule) -> (Self, bool) {
-        let (a, b) = (before.map(finite), after.map(finite));
+    fn merge(from_previous: Self, from_current: Self, rule: &Rule) -> (Self, bool) {
+        let (a, b) = (from_previous.map(finite), from_current.map(finite));
         let differ_by = |levels: u8| {
             a.iter().zip(b).any(|(&a, b)| (b - a).abs() * 255.0 > f32::from(levels) * (a.abs().max(b.abs()) + 0.25))
         };
         let share = f32::from(rule.share()) / 128.0;
-        let merged = if differ_by(rule.agree) {
+        let merged = if differ_by(rule.max_equal_difference) {
             std::array::from_fn(|c| f16::from_f32(a[c] + (b[c] - a[c]) * share))
         } else if rule.nearer_is_current {
-            after
+            from_current
         } else {
-            before
+            from_previous
         };
-        (merged, differ_by(rule.careful))
+        (merged, differ_by(rule.doubt_threshold))
     }
 
-    fn tile(
-        level: Level,
-        previous: Source<'_, Self>,
-        a: [i32; 2],
-        current: Source<'_, Self>,
-        b: [i32; 2],
+    fn merge_tile(
+        level: SimdLevel,
+        previous: TileSource<'_, Self>,
+        current: TileSource<'_, Self>,
         rule: &Rule,
         out: &mut [Self],
         stride: usize,
     ) -> u64 {
-        tile(level, previous, a, current, b, rule, out, stride)
+        merge_tile(level, previous, current, rule, out, stride)
     }
 
-    fn tile_of_one(level: Level, source: Source<'_, Self>, at: [i32; 2], out: &mut [Self], stride: usize) {
-        tile_of_one(level, source, at, out, stride);
+    fn sample_tile(level: SimdLevel, source: TileSource<'_, Self>, out: &mut [Self], stride: usize) {
+        sample_tile(level, source, out, stride);
     }
 
-    fn pixels_of_one(level: Level, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]) {
-        pixels_of_one(level, source, at, wanted, out);
+    fn sample_pixels(level: SimdLevel, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]) {
+        sample_pixels(level, source, at, wanted, out);
     }
 
-    fn merge_block(level: Level, rule: &Rule, block: &mut Block<Self>) -> u64 {
+    fn merge_block(level: SimdLevel, rule: &Rule, block: &mut Block<Self>) -> u64 {
         merge_block(level, rule, block)
     }
 
-    fn add_levels(level: Level, row: &[Self], sums: &mut [[u16; 4]]) {
+    fn add_levels(level: SimdLevel, row: &[Self], sums: &mut [[u16; 4]]) {
         add_levels(level, row, sums);
     }
 
-    fn lumas(level: Level, row: &[Self], lumas: &mut [u8]) {
+    fn lumas(level: SimdLevel, row: &[Self], lumas: &mut [u8]) {
         lumas_of(level, row, lumas);
     }
 
@@ -84,21 +82,22 @@ impl Sampled for Pixel {
 }
 
 at_every_level! {
-    #[expect(clippy::too_many_arguments, reason = "see the trait")]
-    fn tile(
-        previous: Source<'_, Pixel>, a: [i32; 2], current: Source<'_, Pixel>, b: [i32; 2], rule: &Rule,
+    fn merge_tile(
+        previous: TileSource<'_, Pixel>,
+        current: TileSource<'_, Pixel>,
+        rule: &Rule,
         out: &mut [Pixel], stride: usize,
-    ) -> u64 = scalar::tile | vectors::tile
+    ) -> u64 = scalar::merge_tile | vectors::merge_tile
 }
 
 at_every_level! {
-    fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize)
-        = scalar::tile_of_one | vectors::tile_of_one
+    fn sample_tile(source: TileSource<'_, Pixel>, out: &mut [Pixel], stride: usize)
+        = scalar::sample_tile | vectors::sample_tile
 }
 
 at_every_level! {
-    fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK])
-        = scalar::pixels_of_one | vectors::pixels_of_one
+    fn sample_pixels(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK])
+        = scalar::sample_pixels | vectors::sample_pixels
 }
 
 at_every_level! {
@@ -127,17 +126,18 @@ fn lumas_in_vectors(row: &[Pixel], lumas: &mut [u8]) {
     }
 }
 
-/// The level of a half float, from its bits.
+/// Level of a half float, from its bits.
 #[inline(always)]
 fn level_of(bits: u16) -> u16 {
-    // What is negative, or no number, is 0; what exceeds 1, 1: in bits, positive numbers are in order.
+    // Negative values and NaN become 0, values above 1 become 1: the bits of positive half floats are ordered like
+    // their values.
     const INFINITE: u16 = 0x7c00;
     const ONE: u16 = 0x3c00;
     let inside = if bits > INFINITE { 0 } else { bits.min(ONE) };
     (widened(inside) * 255.0 + 0.5) as i32 as u16
 }
 
-/// As a single float; what is no number as 0, the infinite as the largest half float.
+/// As single precision; NaN becomes 0, infinity the largest finite half float.
 fn finite(value: f16) -> f32 {
     if value.is_nan() { 0.0 } else { value.to_f32().clamp(-65504.0, 65504.0) }
 }

@@ -1,32 +1,32 @@
-//! The inner loops of the generator, each for several instruction sets.
+//! Inner loops of the generator, each for several instruction sets.
 //!
-//! Every kernel has a plainly written scalar twin that says what is computed, a form over arrays that compilers turn
-//! into vectors (SSE2, NEON), and forms for newer x86 processors. All of them give the same bits: pictures of bytes are
-//! computed in whole numbers, pictures of half floats in single precision in one stated order without fused steps. The
-//! level is found once, at run time; tests and benches take others.
+//! Every kernel has a scalar version that defines its result, a version over arrays that compilers vectorise (SSE2,
+//! NEON), and versions for newer x86 processors. All give the same bits: pictures of bytes are computed in integers,
+//! pictures of half floats in single precision in one fixed order without fused operations. The instruction set is
+//! detected at run time; tests and benchmarks select others.
 //!
-//! Common to all: positions are in 1/64 of a pixel, (0, 0) being the centre of the first one, and beyond the edges of a
-//! picture its edge pixels go on. Nothing panics for any position, vector or depth, and nothing allocates.
+//! Positions are in 1/64 of a pixel, (0, 0) is the centre of the first pixel, and reads outside a picture are clamped
+//! to its border. Nothing panics for any position, vector or depth, and nothing allocates.
 //!
-//! Public for the benches; not part of what the library promises.
+//! Public for benchmarks only; not part of the library's interface.
 
-pub(super) mod beside;
 mod bytes;
-pub(super) mod claims;
+pub(super) mod candidates;
 mod halves;
+mod lanczos;
 mod ranges;
-mod sampled;
+mod sampling;
 mod scalar;
 #[cfg(test)]
 mod tests;
-mod weights;
+pub(super) mod tile_keys;
 
-pub use ranges::{Landing, RankRange, VectorRange, claim_tile, depth_ranges, land, motion_ranges};
-pub use sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE};
+pub use ranges::{DepthKeyRange, VectorRange, WarpedRow, depth_ranges, motion_ranges, pack_tile, warp_row};
+pub use sampling::{BLOCK, Block, Positions, Rule, Sampled, TILE, TileSource};
 
-/// An instruction set that kernels are written for. That a value exists proves that this processor has it.
+/// An instruction set. A value proves that this processor has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Level(pub(in crate::framegen::cpu) Set);
+pub struct SimdLevel(pub(in crate::framegen::cpu) Set);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(in crate::framegen::cpu) enum Set {
@@ -39,18 +39,18 @@ pub(in crate::framegen::cpu) enum Set {
     Avx512,
 }
 
-impl Level {
-    /// Plain loops over pixels: the oracle.
+impl SimdLevel {
+    /// Plain loops over pixels: the reference.
     pub const SCALAR: Self = Self(Set::Scalar);
-    /// What every processor of the target has.
+    /// The instructions that every processor of the target has.
     pub const PORTABLE: Self = Self(Set::Portable);
 
-    /// The highest level that this processor has.
+    /// The best instruction set of this processor.
     pub fn detect() -> Self {
         Self::available().max().unwrap_or(Self::PORTABLE)
     }
 
-    /// All levels that this processor has, the lowest first.
+    /// All instruction sets of this processor, the lowest first.
     pub fn available() -> impl Iterator<Item = Self> {
         let sets: &[Set] = &[
             Set::Scalar,
@@ -96,13 +96,13 @@ impl Set {
     }
 }
 
-/// Defines a function that does its work at a [`Level`]: by `$scalar`, or by `$portable`, which is `#[inline(always)]`
-/// and is compiled once for each instruction set.
+/// Defines a function for every [`SimdLevel`]: `$scalar`, or `$portable`, which is `#[inline(always)]` and compiled
+/// once per instruction set.
 macro_rules! at_every_level {
     ($(#[$attribute:meta])* $vis:vis fn $name:ident $(<$generic:ident: $bound:path>)? ($($arg:ident: $type:ty),* $(,)?)
         $(-> $result:ty)? = $scalar:path | $portable:path) => {
         $(#[$attribute])*
-        $vis fn $name $(<$generic: $bound>)? (level: $crate::framegen::cpu::kernels::Level, $($arg: $type),*) $(-> $result)? {
+        $vis fn $name $(<$generic: $bound>)? (level: $crate::framegen::cpu::kernels::SimdLevel, $($arg: $type),*) $(-> $result)? {
             use $crate::framegen::cpu::kernels::Set;
             #[cfg(target_arch = "x86_64")]
             #[target_feature(enable = "avx2")]
@@ -118,10 +118,10 @@ macro_rules! at_every_level {
                 Set::Scalar => $scalar($($arg),*),
                 Set::Portable => $portable($($arg),*),
                 #[cfg(target_arch = "x86_64")]
-                // SAFETY: that this level exists proves that the processor has AVX2.
+                // SAFETY: a value of this level proves that the processor has AVX2.
                 Set::Avx2 => unsafe { avx2($($arg),*) },
                 #[cfg(target_arch = "x86_64")]
-                // SAFETY: that this level exists proves that the processor has all that is asked for.
+                // SAFETY: a value of this level proves that the processor has these features.
                 Set::Avx512 => unsafe { avx512($($arg),*) },
             }
         }
@@ -129,9 +129,9 @@ macro_rules! at_every_level {
 }
 pub(in crate::framegen::cpu) use at_every_level;
 
-/// Asks for what will be read soon.
+/// Prefetches a value.
 #[inline(always)]
-pub(super) fn fetch<T>(value: &T) {
+pub(super) fn prefetch<T>(value: &T) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
@@ -142,34 +142,34 @@ pub(super) fn fetch<T>(value: &T) {
     let _ = value;
 }
 
-/// Pixels of a picture, row by row without padding, to read from.
+/// A view of a picture's pixels, row by row without padding.
 #[derive(Debug, Clone, Copy)]
 pub struct Source<'a, P> {
     /// `width * height` pixels.
     pub pixels: &'a [P],
-    /// Pixels to a row, at least 1.
+    /// Pixels per row, at least 1.
     pub width: usize,
     /// Rows, at least 1.
     pub height: usize,
 }
 
 impl<P: Copy> Source<'_, P> {
-    /// Asks for the rows of a tile at a position (1/64 px), and `around` more pixels on each side, as far as they are in
-    /// the picture. Processors foresee neither so many rows nor where the next tile is that is not like its neighbours.
+    /// Prefetches the tile at a position (1/64 px) with `around` more pixels on each side, clipped to the picture.
+    /// Hardware prefetchers follow neither that many rows nor positions that jump.
     #[inline(always)]
-    pub(super) fn fetch_tile(&self, at: [i32; 2], around: i32) {
+    pub(super) fn prefetch_tile(&self, at: [i32; 2], around: i32) {
         let [x, y] = at.map(|v| (v >> 6) - around);
         let side = TILE as i32 + 2 * around;
         for row in y.max(0)..(y + side).min(self.height as i32) {
-            // What is negative is far beyond.
+            // A negative x starts in the row above, which is as good for a prefetch.
             let start = (row as usize * self.width).saturating_add_signed(x as isize);
             for at in [start, start + side as usize - 1] {
-                self.pixels.get(at).into_iter().for_each(fetch);
+                self.pixels.get(at).into_iter().for_each(prefetch);
             }
         }
     }
 
-    /// The pixels from (x, y) on, the edge pixels going on beyond the edges.
+    /// Copies the pixels at (x, y), clamped to the border.
     fn clamped<const W: usize, const H: usize>(&self, [x, y]: [i32; 2], patch: &mut [[P; W]; H]) {
         let on_axis = |at: i32, len: usize| at.clamp(0, len as i32 - 1) as usize;
         for (j, to) in patch.iter_mut().enumerate() {

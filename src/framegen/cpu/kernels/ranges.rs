@@ -1,42 +1,42 @@
-//! What a tile of guidance holds, and where its pixels land.
+//! Conversion of guidance to splat keys, and ranges of motion and depth keys per tile.
 
 use half::f16;
 
-use super::sampled::{BLOCK, TILE};
-use super::{at_every_level, fetch};
+use super::sampling::{BLOCK, TILE};
+use super::{at_every_level, prefetch};
 
-/// The vectors of a tile, in 1/64 px.
+/// Range of a tile's motion vectors, in 1/64 px.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct VectorRange {
-    /// The least of each component.
+    /// Minimum of each component.
     pub low: [i32; 2],
-    /// The largest of each component.
+    /// Maximum of each component.
     pub high: [i32; 2],
 }
 
-/// The ranks of a tile.
+/// Range of a tile's depth keys.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct RankRange {
-    /// The least, of what is nearest.
+pub struct DepthKeyRange {
+    /// The smallest, nearest one.
     pub near: u16,
-    /// The largest, of what is farthest.
+    /// The largest, farthest one.
     pub far: u16,
 }
 
-/// Where a run of pixels lands, and with what claim.
+/// Destinations and splat keys of up to eight adjacent pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Landing {
-    /// Whole pixels across.
+pub struct WarpedRow {
+    /// Column of the nearest pixel.
     pub x: [i32; TILE],
-    /// Whole pixels down.
+    /// Row of the nearest pixel.
     pub y: [i32; TILE],
-    /// The smallest key wins a place: rank in the upper 16 bits, 8 bits of 0, then the vector's components in 20 bits
-    /// each, x first, 2^19 being none.
+    /// Splat keys: depth key in the upper 16 bits, 8 bits of 0, then x and y of the motion vector in 20 bits each, with
+    /// an offset of 2^19.
     pub keys: [u64; TILE],
 }
 
-/// A vector in 1/64 px, rounded to the nearest (ties to even) and kept within `limit` (at most 8191 px) each way; what
-/// is not finite in both components is no motion.
+/// Motion vector in 1/64 px, rounded to the nearest (ties to even) and clamped to `limit` (at most 8191 px); 0 if a
+/// component is not finite.
 #[inline(always)]
 fn vector(motion: [f16; 2], limit: [i32; 2]) -> [i32; 2] {
     if !(motion[0].is_finite() && motion[1].is_finite()) {
@@ -45,69 +45,69 @@ fn vector(motion: [f16; 2], limit: [i32; 2]) -> [i32; 2] {
     std::array::from_fn(|c| ((motion[c].to_f32() * 64.0).round_ties_even() as i32).min(limit[c]).max(-limit[c]))
 }
 
-/// A depth kept within 0 and 1; what is no number is 1.
+/// Depth clamped to 0..1; NaN becomes 1.
 #[inline(always)]
 fn bounded(depth: f32) -> f32 {
     let depth = if depth < 1.0 { depth } else { 1.0 };
     if depth > 0.0 { depth } else { 0.0 }
 }
 
-/// A depth as a rank, finer the farther away: 0 is nearest. The logarithm of the distance to the far plane in steps of
-/// 1/2048 octave, over 24 octaves; what is no number is farthest.
+/// Depth key, 0 nearest, with higher resolution for farther depths: the logarithm of `1 - depth` in steps of 1/2048
+/// octave, over 24 octaves. NaN is farthest.
 #[inline(always)]
-fn rank(depth: f32) -> u16 {
+fn depth_key(depth: f32) -> u16 {
     let to_far = 1.0 - bounded(depth);
-    let least = (1.0 / 16_777_216.0_f32).to_bits() as i32;
-    u16::MAX - ((to_far.to_bits() as i32 - least).max(0) >> 12) as u16
+    let min_bits = (1.0 / 16_777_216.0_f32).to_bits() as i32;
+    u16::MAX - ((to_far.to_bits() as i32 - min_bits).max(0) >> 12) as u16
 }
 
 at_every_level! {
-    /// For each tile of a row of tiles, the range of its vectors. `motion` holds up to eight rows of `width` vectors,
-    /// `out` as many tiles as they begin; the last may be narrower.
+    /// Motion range of each tile of a row of tiles. `motion` has up to eight rows of `width` vectors, `out` one element
+    /// per tile; the last tile may be narrower.
     pub fn motion_ranges(motion: &[[f16; 2]], width: usize, limit: [i32; 2], out: &mut [VectorRange])
         = scalar::motion_ranges | motion_ranges_in_vectors
 }
 
 at_every_level! {
-    /// For each tile of a row of tiles, the range of its ranks. `depth` holds up to eight rows of `width` depths, `out`
-    /// as many tiles as they begin; the last may be narrower.
-    pub fn depth_ranges(depth: &[f32], width: usize, out: &mut [RankRange]) = scalar::depth_ranges | depth_ranges_in_vectors
+    /// Depth key range of each tile of a row of tiles. `depth` has up to eight rows of `width` values, `out` one
+    /// element per tile; the last tile may be narrower.
+    pub fn depth_ranges(depth: &[f32], width: usize, out: &mut [DepthKeyRange]) = scalar::depth_ranges | depth_ranges_in_vectors
 }
 
 at_every_level! {
-    /// Where a run of up to eight pixels from `at` on lands when it goes `reach` / 1024 of its vectors, which are kept
-    /// within `limit`. Numbers beyond the run keep what they were.
-    pub fn land(motion: &[[f16; 2]], depth: &[f32], at: [i32; 2], reach: i32, limit: [i32; 2], out: &mut Landing)
-        = scalar::land | land_in_vectors
+    /// Warps up to eight adjacent pixels, the first at `at`, by `fraction` / 1024 of their motion vectors, which are
+    /// clamped to `limit`. Elements beyond the pixels are unchanged.
+    pub fn warp_row(motion: &[[f16; 2]], depth: &[f32], at: [i32; 2], fraction: i32, limit: [i32; 2], out: &mut WarpedRow)
+        = scalar::warp_row | warp_row_in_vectors
 }
 
 at_every_level! {
-    /// The claims of a tile of 8 x 8 pixels, see [`Landing::keys`]. `motion` begins at its first pixel and has
-    /// `strides[0]` vectors to a row of the picture, `depth` likewise; a stride of 0 is one row for all.
+    /// Splat keys of a tile of 8x8 pixels, see [`WarpedRow::keys`]. `motion` starts at its first pixel and has rows of
+    /// `strides[0]` vectors, `depth` likewise; a stride of 0 repeats one row.
     ///
     /// # Panics
-    /// When one of them ends before the tile does.
-    pub fn claim_tile(motion: &[[f16; 2]], depth: &[f32], strides: [usize; 2], limit: [i32; 2], keys: &mut [u64; BLOCK])
-        = scalar::claim_tile | claim_tile_in_vectors
+    /// If a slice ends before the tile does.
+    pub fn pack_tile(motion: &[[f16; 2]], depth: &[f32], strides: [usize; 2], limit: [i32; 2], keys: &mut [u64; BLOCK])
+        = scalar::pack_tile | pack_tile_in_vectors
 }
 
-/// Tiles ahead of the one that is looked at whose numbers are asked for. Processors foresee too few of eight rows.
-const AHEAD: usize = 16;
+/// Tiles whose values are prefetched ahead of the current one: hardware prefetchers do not follow eight rows.
+const PREFETCH_AHEAD: usize = 16;
 
-/// Asks for what is [`AHEAD`] of a tile.
+/// Prefetches the tile [`PREFETCH_AHEAD`] tiles after this one.
 #[inline(always)]
-fn fetch_ahead<T>(values: &[T], width: usize, tile: usize) {
-    // Two tiles to a line of the cache.
+fn prefetch_ahead<T>(values: &[T], width: usize, tile: usize) {
+    // Two tiles per cache line.
     if tile.is_multiple_of(2) {
-        let at = (tile + AHEAD) * TILE;
-        values.chunks(width).filter_map(|row| row.get(at)).for_each(fetch);
+        let at = (tile + PREFETCH_AHEAD) * TILE;
+        values.chunks(width).filter_map(|row| row.get(at)).for_each(prefetch);
     }
 }
 
-/// Numbers of a row of a tile of vectors.
+/// Components of a row of a tile.
 const ROW: usize = 2 * TILE;
 
-/// Half floats as whole numbers of the same order, and back: what is negative counts down.
+/// Maps half-float bits to integers of the same order, and back.
 #[inline(always)]
 fn in_order(bits: i16) -> i16 {
     bits ^ ((bits >> 15) & 0x7fff)
@@ -115,9 +115,9 @@ fn in_order(bits: i16) -> i16 {
 
 #[inline(always)]
 fn motion_ranges_in_vectors(motion: &[[f16; 2]], width: usize, limit: [i32; 2], out: &mut [VectorRange]) {
-    // Rounding and limits keep the order, so that the range of the numbers as they are decides.
+    // Rounding and clamping are monotonic, so that the extremes can be found before.
     for i in 0..out.len() {
-        fetch_ahead(motion, width, i);
+        prefetch_ahead(motion, width, i);
         let mut low = [i16::MAX; ROW];
         let mut high = [i16::MIN; ROW];
         for row in motion.chunks(width) {
@@ -146,9 +146,9 @@ fn motion_ranges_in_vectors(motion: &[[f16; 2]], width: usize, limit: [i32; 2], 
 }
 
 #[inline(always)]
-fn depth_ranges_in_vectors(depth: &[f32], width: usize, out: &mut [RankRange]) {
+fn depth_ranges_in_vectors(depth: &[f32], width: usize, out: &mut [DepthKeyRange]) {
     for i in 0..out.len() {
-        fetch_ahead(depth, width, i);
+        prefetch_ahead(depth, width, i);
         let (mut near, mut far) = ([1.0_f32; TILE], [0.0_f32; TILE]);
         for row in depth.chunks(width) {
             let Some(depths) = row.get(i * TILE..).and_then(|row| row.first_chunk::<TILE>()) else {
@@ -162,39 +162,46 @@ fn depth_ranges_in_vectors(depth: &[f32], width: usize, out: &mut [RankRange]) {
         }
         let of = |ends: [f32; TILE], better: fn(f32, f32) -> f32| {
             let half: [f32; 4] = std::array::from_fn(|x| better(ends[x], ends[x + 4]));
-            rank(better(better(half[0], half[1]), better(half[2], half[3])))
+            depth_key(better(better(half[0], half[1]), better(half[2], half[3])))
         };
-        out[i] = RankRange { near: of(near, smaller), far: of(far, larger) };
+        out[i] = DepthKeyRange { near: of(near, smaller), far: of(far, larger) };
     }
 }
 
-/// Of two that are numbers.
+/// Minimum of two values that are not NaN.
 #[inline(always)]
 fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Of two that are numbers.
+/// Maximum of two values that are not NaN.
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
 #[inline(always)]
-fn land_in_vectors(motion: &[[f16; 2]], depth: &[f32], at: [i32; 2], reach: i32, limit: [i32; 2], out: &mut Landing) {
+fn warp_row_in_vectors(
+    motion: &[[f16; 2]],
+    depth: &[f32],
+    at: [i32; 2],
+    fraction: i32,
+    limit: [i32; 2],
+    out: &mut WarpedRow,
+) {
     let (Some(motion), Some(depth)) = (motion.first_chunk::<TILE>(), depth.first_chunk::<TILE>()) else {
-        return scalar::land(motion, depth, at, reach, limit, out);
+        return scalar::warp_row(motion, depth, at, fraction, limit, out);
     };
     let [x, y] = components(motion, limit);
     for i in 0..TILE {
-        let landed = |vector: i32, from: i32| (64 * from + ((vector * reach + 512) >> 10) + 32) >> 6;
-        (out.x[i], out.y[i]) = (landed(x[i], at[0] + i as i32), landed(y[i], at[1]));
+        let warped = |vector: i32, from: i32| (64 * from + ((vector * fraction + 512) >> 10) + 32) >> 6;
+        (out.x[i], out.y[i]) = (warped(x[i], at[0] + i as i32), warped(y[i], at[1]));
     }
-    out.keys = claims(&[x, y], depth);
+    out.keys = pack_row(&[x, y], depth);
 }
 
 #[inline(always)]
-fn claim_tile_in_vectors(
+fn pack_tile_in_vectors(
     motion: &[[f16; 2]],
     depth: &[f32],
     strides: [usize; 2],
@@ -204,11 +211,11 @@ fn claim_tile_in_vectors(
     for (j, keys) in keys.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
         let motion = motion[j * strides[0]..].first_chunk().expect("a row of eight");
         let depth = depth[j * strides[1]..].first_chunk().expect("a row of eight");
-        *keys = claims(&components(motion, limit), depth);
+        *keys = pack_row(&components(motion, limit), depth);
     }
 }
 
-/// The components of eight vectors.
+/// Components of eight motion vectors.
 #[inline(always)]
 fn components(motion: &[[f16; 2]; TILE], limit: [i32; 2]) -> [[i32; TILE]; 2] {
     let (mut x, mut y) = ([0; TILE], [0; TILE]);
@@ -222,34 +229,34 @@ fn components(motion: &[[f16; 2]; TILE], limit: [i32; 2]) -> [[i32; TILE]; 2] {
     [x, y]
 }
 
-/// What eight pixels claim.
+/// Splat keys of eight pixels.
 #[inline(always)]
-fn claims([x, y]: &[[i32; TILE]; 2], depth: &[f32; TILE]) -> [u64; TILE] {
+fn pack_row([x, y]: &[[i32; TILE]; 2], depth: &[f32; TILE]) -> [u64; TILE] {
     let mut keys = [0; TILE];
     for i in 0..TILE {
         let [x, y] = [x[i], y[i]].map(|v| (v + (1 << 19)) as u32 as u64);
-        keys[i] = u64::from(rank(depth[i])) << 48 | x << 20 | y;
+        keys[i] = u64::from(depth_key(depth[i])) << 48 | x << 20 | y;
     }
     keys
 }
 
-/// A finite half float as a single one; exact.
+/// Converts a finite half float to single precision; exact.
 #[inline(always)]
 pub(super) fn widened(bits: u16) -> f32 {
-    // The exponents' biases differ by 112; multiplying also brings numbers below the least normal one into place.
+    // The exponents' biases differ by 112; the multiplication also normalises denormal values.
     let magnitude = f32::from_bits(u32::from(bits & 0x7fff) << 13) * f32::from_bits((254 - 15) << 23);
     f32::from_bits(magnitude.to_bits() | u32::from(bits & 0x8000) << 16)
 }
 
-/// To the nearest whole number, ties to even, for at most 2^22 either way.
+/// Rounds to the nearest integer, ties to even, for |value| up to 2^22.
 #[inline(always)]
 fn rounded_even(value: f32) -> i32 {
-    // Where singles are whole numbers, adding rounds; the number is in the lower bits.
-    const WHOLE: f32 = 12_582_912.0;
-    (value + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
+    // Adding 1.5 * 2^23 rounds to the nearest integer, which is then in the low bits.
+    const ROUNDING: f32 = 12_582_912.0;
+    (value + ROUNDING).to_bits() as i32 - ROUNDING.to_bits() as i32
 }
 
-/// The plainly written twins.
+/// The scalar versions.
 mod scalar {
     use super::*;
 
@@ -257,7 +264,7 @@ mod scalar {
         motion_ranges_from(0, motion, width, limit, out);
     }
 
-    /// The same from the tile `first` on.
+    /// The same, starting at tile `first`.
     pub(super) fn motion_ranges_from(
         first: usize,
         motion: &[[f16; 2]],
@@ -277,52 +284,52 @@ mod scalar {
         }
     }
 
-    pub(super) fn depth_ranges(depth: &[f32], width: usize, out: &mut [RankRange]) {
+    pub(super) fn depth_ranges(depth: &[f32], width: usize, out: &mut [DepthKeyRange]) {
         depth_ranges_from(0, depth, width, out);
     }
 
-    /// The same from the tile `first` on.
-    pub(super) fn depth_ranges_from(first: usize, depth: &[f32], width: usize, out: &mut [RankRange]) {
+    /// The same, starting at tile `first`.
+    pub(super) fn depth_ranges_from(first: usize, depth: &[f32], width: usize, out: &mut [DepthKeyRange]) {
         for (i, range) in out.iter_mut().enumerate().skip(first) {
-            *range = RankRange { near: u16::MAX, far: 0 };
+            *range = DepthKeyRange { near: u16::MAX, far: 0 };
             for row in depth.chunks(width) {
                 for &depth in &row[i * TILE..width.min((i + 1) * TILE)] {
-                    let rank = rank(depth);
-                    *range = RankRange { near: range.near.min(rank), far: range.far.max(rank) };
+                    let depth_key = depth_key(depth);
+                    *range = DepthKeyRange { near: range.near.min(depth_key), far: range.far.max(depth_key) };
                 }
             }
         }
     }
 
-    pub(super) fn claim_tile(
+    pub(super) fn pack_tile(
         motion: &[[f16; 2]],
         depth: &[f32],
         strides: [usize; 2],
         limit: [i32; 2],
         keys: &mut [u64; BLOCK],
     ) {
-        let mut landing = Landing::default();
+        let mut warped_row = WarpedRow::default();
         for (j, keys) in keys.chunks_mut(TILE).enumerate() {
             let (motion, depth) = (&motion[j * strides[0]..][..TILE], &depth[j * strides[1]..][..TILE]);
-            land(motion, depth, [0; 2], 0, limit, &mut landing);
-            keys.copy_from_slice(&landing.keys);
+            warp_row(motion, depth, [0; 2], 0, limit, &mut warped_row);
+            keys.copy_from_slice(&warped_row.keys);
         }
     }
 
-    pub(super) fn land(
+    pub(super) fn warp_row(
         motion: &[[f16; 2]],
         depth: &[f32],
         at: [i32; 2],
-        reach: i32,
+        fraction: i32,
         limit: [i32; 2],
-        out: &mut Landing,
+        out: &mut WarpedRow,
     ) {
         for (i, (&motion, &depth)) in motion.iter().zip(depth).enumerate().take(TILE) {
             let vector = vector(motion, limit);
-            let landed = |c: usize, from: i32| (64 * from + ((vector[c] * reach + 512) >> 10) + 32) >> 6;
-            (out.x[i], out.y[i]) = (landed(0, at[0] + i as i32), landed(1, at[1]));
+            let warped = |c: usize, from: i32| (64 * from + ((vector[c] * fraction + 512) >> 10) + 32) >> 6;
+            (out.x[i], out.y[i]) = (warped(0, at[0] + i as i32), warped(1, at[1]));
             let [x, y] = vector.map(|v| (v + (1 << 19)) as u64);
-            out.keys[i] = u64::from(rank(depth)) << 48 | x << 20 | y;
+            out.keys[i] = u64::from(depth_key(depth)) << 48 | x << 20 | y;
         }
     }
 }

@@ -1,33 +1,34 @@
-//! The plainly written twins, pixel by pixel.
+//! The scalar versions, pixel by pixel.
 
 use super::Source;
-use super::sampled::{BLOCK, Block, Positions, Rule, Sampled, TILE, luma};
-use super::weights::{BEFORE, SINC, TAPS};
+use super::lanczos::{BEFORE, SINC, TAPS};
+use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, TILE, TileSource, luma};
 
-/// See [`Sampled::tile`].
-pub(super) fn tile<P: Sampled>(
-    previous: Source<'_, P>,
-    a: [i32; 2],
-    current: Source<'_, P>,
-    b: [i32; 2],
+/// See [`Sampled::merge_tile`].
+pub(super) fn merge_tile<P: Sampled>(
+    previous: TileSource<'_, P>,
+    current: TileSource<'_, P>,
     rule: &Rule,
     out: &mut [P],
     stride: usize,
 ) -> u64 {
     let mut mask = 0;
     for (j, i) in (0..TILE).flat_map(|j| (0..TILE).map(move |i| (j, i))) {
-        let (before, after) = (P::sample(previous, moved(a, i, j)), P::sample(current, moved(b, i, j)));
-        let (merged, is_reported) = P::merge(before, after, rule);
+        let (from_previous, from_current) = (
+            P::sample(previous.picture, moved(previous.at, i, j)),
+            P::sample(current.picture, moved(current.at, i, j)),
+        );
+        let (merged, is_reported) = P::merge(from_previous, from_current, rule);
         out[j * stride + i] = merged;
         mask |= u64::from(is_reported) << (TILE * j + i);
     }
     mask
 }
 
-/// See [`Sampled::tile_of_one`].
-pub(super) fn tile_of_one<P: Sampled>(source: Source<'_, P>, at: [i32; 2], out: &mut [P], stride: usize) {
+/// See [`Sampled::sample_tile`].
+pub(super) fn sample_tile<P: Sampled>(source: TileSource<'_, P>, out: &mut [P], stride: usize) {
     for (j, i) in (0..TILE).flat_map(|j| (0..TILE).map(move |i| (j, i))) {
-        out[j * stride + i] = P::sample(source, moved(at, i, j));
+        out[j * stride + i] = P::sample(source.picture, moved(source.at, i, j));
     }
 }
 
@@ -35,15 +36,15 @@ pub(super) fn tile_of_one<P: Sampled>(source: Source<'_, P>, at: [i32; 2], out: 
 pub(super) fn merge_block<P: Sampled>(rule: &Rule, block: &mut Block<P>) -> u64 {
     let mut mask = 0;
     for i in 0..BLOCK {
-        let (merged, is_reported) = P::merge(block.before[i], block.after[i], rule);
+        let (merged, is_reported) = P::merge(block.previous[i], block.current[i], rule);
         block.merged[i] = merged;
         mask |= u64::from(is_reported) << i;
     }
     mask
 }
 
-/// See [`Sampled::pixels_of_one`].
-pub(super) fn pixels_of_one<P: Sampled>(source: Source<'_, P>, at: &Positions, wanted: u64, out: &mut [P; BLOCK]) {
+/// See [`Sampled::sample_pixels`].
+pub(super) fn sample_pixels<P: Sampled>(source: Source<'_, P>, at: &Positions, wanted: u64, out: &mut [P; BLOCK]) {
     for (i, pixel) in out.iter_mut().enumerate().filter(|(i, _)| wanted >> i & 1 == 1) {
         *pixel = P::sample(source, [at.x[i], at.y[i]]);
     }
@@ -64,12 +65,12 @@ pub(super) fn lumas<P: Sampled>(row: &[P], lumas: &mut [u8]) {
     }
 }
 
-/// The position of the pixel (i, j) of a tile at `at`.
+/// Position of pixel (i, j) of a tile at `at`.
 fn moved(at: [i32; 2], i: usize, j: usize) -> [i32; 2] {
     [at[0].saturating_add(64 * i as i32), at[1].saturating_add(64 * j as i32)]
 }
 
-/// The pixels around a position, and their weights across and down.
+/// The 6x6 pixels around a position, and their horizontal and vertical weights.
 #[inline(always)]
 pub(super) fn taps<P: Copy>(source: &Source<'_, P>, at: [i32; 2], zero: P) -> ([[P; TAPS]; TAPS], [[i16; TAPS]; 2]) {
     let mut taps = [[zero; TAPS]; TAPS];

@@ -1,13 +1,13 @@
-//! Every level against the scalar twins, and the twins against what they promise.
+//! Every instruction set against the scalar versions, and the scalar versions against their documentation.
 
-mod beside;
-mod claims;
-mod pictures;
+mod candidates;
 mod ranges;
+mod sampling;
+mod tile_keys;
 
 use super::*;
 
-/// Numbers that are the same in every run: SplitMix64.
+/// Pseudo-random numbers, the same in every run: SplitMix64.
 struct Random(u64);
 
 impl Random {
@@ -18,16 +18,16 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// From 0 to `end` - 1.
+    /// A number from 0 to `end` - 1.
     fn below(&mut self, end: u64) -> u64 {
         self.bits() % end
     }
 }
 
 #[test]
-fn the_best_level_is_one_of_those_there_are() {
-    let levels: Vec<Level> = Level::available().collect();
-    assert_eq!(levels[..2], [Level::SCALAR, Level::PORTABLE]);
+fn the_best_instruction_set_is_available() {
+    let levels: Vec<SimdLevel> = SimdLevel::available().collect();
+    assert_eq!(levels[..2], [SimdLevel::SCALAR, SimdLevel::PORTABLE]);
     assert!(levels.is_sorted());
-    assert_eq!(levels.last(), Some(&Level::detect()));
+    assert_eq!(levels.last(), Some(&SimdLevel::detect()));
 }

@@ -1,8 +1,8 @@
-//! Sizes, phases and vectors at and beyond what makes sense.
+//! Sizes, phases and motion vectors at and beyond their limits.
 
 use half::f16;
 
-use super::world::{draw, generate, guide, landscape, noise, texture, unlike, worst};
+use super::synthetic::{draw, generate, guide, landscape, noise, texture, unlike, worst};
 use crate::framegen::cpu::CpuGenerator;
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome, Phases};
 use crate::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, paper};
@@ -28,7 +28,7 @@ fn every_size_works_and_a_still_picture_stays_as_it_is() {
                 0,
                 "{width} x {height}"
             );
-            // Vectors that say otherwise are told to be wrong by the pictures, or sample within them.
+            // Contradicted by the pictures, these vectors must only stay within bounds.
             generate(&picture, &picture, &moving, t);
         }
     }
@@ -48,7 +48,7 @@ fn a_generator_takes_sizes_in_any_order() {
 }
 
 #[test]
-fn hostile_vectors_neither_stop_nor_smear() {
+fn hostile_vectors_neither_panic_nor_smear() {
     let picture = draw(40, 30, noise);
     let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 65504.0, -65504.0, 1e9, -1e9, 6e-8, -0.0, 39.0];
     for (i, &x) in odd.iter().enumerate() {
@@ -59,7 +59,7 @@ fn hostile_vectors_neither_stop_nor_smear() {
             for t in [0.25, 0.5, 0.75] {
                 let (out, report) = generate(&picture, &picture, &guidance, t);
                 assert_eq!(report.outcome, Outcome::Generated);
-                // Standing still explains what those vectors do not, wherever noise has contrast.
+                // Static content explains the pictures better than those vectors wherever the noise has contrast.
                 let wrong = unlike(&out, &picture, 1, |_, _| true);
                 assert!(wrong.len() <= 12, "({x}, {y}) at {t}: {} pixels, the first at {:?}", wrong.len(), wrong[0]);
             }
@@ -69,7 +69,7 @@ fn hostile_vectors_neither_stop_nor_smear() {
 }
 
 #[test]
-fn a_frame_that_comes_twice_stays_whatever_its_vectors_say() {
+fn a_repeated_frame_stays_whatever_its_vectors() {
     let picture = draw(64, 48, noise);
     for vector in [[3.5, -2.0], [0.25, 0.0], [-20.0, 11.0]] {
         let (out, report) = generate(&picture, &picture, &guide(64, 48, |_, _| (vector, 0.5)), 0.5);
@@ -80,7 +80,7 @@ fn a_frame_that_comes_twice_stays_whatever_its_vectors_say() {
 }
 
 #[test]
-fn fades_and_flashes_change_the_light_and_nothing_else() {
+fn fades_and_flashes_change_only_brightness() {
     let ground = draw(64, 48, landscape);
     let still = guide(64, 48, |_, _| ([0.0; 2], 0.5));
     for lit in [
@@ -104,7 +104,7 @@ fn fades_and_flashes_change_the_light_and_nothing_else() {
 }
 
 #[test]
-fn half_floats_that_are_no_numbers_stay_where_they_are() {
+fn nan_and_infinity_do_not_spread() {
     let (width, height) = (48, 40);
     let scene = |t: f64| {
         let bytes = draw(width, height, |x, y| texture(x - 6.0 * t, y));
@@ -132,7 +132,7 @@ fn half_floats_that_are_no_numbers_stay_where_they_are() {
         let out = made(Some(bad));
         for (i, (a, b)) in out.pixels().iter().zip(clean.pixels()).enumerate() {
             let (x, y) = (i as u32 % width, i as u32 / width);
-            // Samples reach three pixels far, and what lies over the picture is looked for in threes.
+            // Samples reach three pixels, and overlay detection uses patches of three.
             let is_near = x.abs_diff(23) <= 6 && y.abs_diff(20) <= 3;
             assert!(is_near || a == b, "{bad} at ({x}, {y})");
             assert!(a.iter().all(|v| v.is_finite()), "{bad} at ({x}, {y})");
@@ -164,7 +164,7 @@ fn a_picture_of_8k_is_generated() {
 }
 
 #[test]
-fn vectors_that_are_no_numbers_are_no_motion() {
+fn vectors_that_are_not_finite_are_no_motion() {
     let (before, after) = (draw(48, 32, texture), draw(48, 32, |x, y| texture(x + 1.0, y)));
     let still = guide(48, 32, |_, _| ([0.0; 2], 0.5));
     for bad in [[f16::NAN, f16::ONE], [f16::ONE, f16::INFINITY], [f16::NEG_INFINITY, f16::NAN]] {
@@ -183,7 +183,7 @@ fn extrapolation_goes_on_for_one_interval_and_then_holds() {
     for t in [0.25, 0.5, 0.75, 1.0] {
         let (picture, outcome) = extrapolate(&anchor, t);
         assert_eq!(outcome, Outcome::Generated);
-        // What comes in at the left is in no anchor yet.
+        // Content that enters at the left is in no anchor.
         let unseen = (12.0 * t) as i64;
         assert_eq!(worst(&picture, &scene(1.0 + f64::from(t)), |x, _| x >= unseen).0, 0, "t = {t}");
     }
@@ -195,7 +195,7 @@ fn extrapolation_goes_on_for_one_interval_and_then_holds() {
 }
 
 #[test]
-fn a_stated_cut_is_believed() {
+fn a_stated_cut_is_used() {
     let picture = draw(32, 24, texture);
     let other = draw(32, 24, |x, y| texture(x - 1.0, y));
     let guidance = guide(32, 24, |_, _| ([-1.0, 0.0], 0.5));
@@ -239,7 +239,8 @@ fn wrong_sizes_and_phases_are_refused() {
 #[test]
 fn the_number_of_threads_and_earlier_calls_change_no_bit() {
     let (before, after) = (draw(90, 70, texture), draw(90, 70, |x, y| texture(x * 0.97 - 3.0, y + 2.0)));
-    // Vectors that collide, part and leave the picture, so that the order of ranks decides many places.
+    // Motion vectors that collide, diverge and leave the picture, so that many pixels depend on the order of depth
+    // keys.
     let guidance = guide(90, 70, |x, y| ([(y * 0.7).sin() * 9.0 - x * 0.1, (x * 0.5).cos() * 7.0], 0.5));
     let mut generator = CpuGenerator::new();
     let mut pictures = Vec::new();
@@ -258,7 +259,7 @@ fn the_number_of_threads_and_earlier_calls_change_no_bit() {
 }
 
 #[test]
-fn phases_are_what_they_say() {
+fn phases_contain_what_they_name() {
     assert!(Phases::OnlyHalf.contains(0.5) && !Phases::OnlyHalf.contains(0.25));
     assert!(Phases::Any.contains(0.25) && !Phases::Any.contains(0.0) && !Phases::Any.contains(f32::NAN));
 }

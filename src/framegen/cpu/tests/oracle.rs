@@ -1,4 +1,4 @@
-//! The generator beside its plain description: the same bits, for every instruction set and number of threads.
+//! The generator against the reference implementation: the same bits for every instruction set and number of threads.
 
 use half::f16;
 
@@ -6,21 +6,21 @@ use super::reference;
 use crate::Raster;
 use crate::framegen::cpu::CpuGenerator;
 use crate::framegen::cpu::colour::Colour;
-use crate::framegen::cpu::kernels::Level;
-use crate::framegen::cpu::layer::WHOLE;
+use crate::framegen::cpu::kernels::SimdLevel;
+use crate::framegen::cpu::splat_key::PHASE_ONE;
 use crate::framegen::{Anchor, AnchorPair, FrameGenerator, Outcome};
 use crate::tasks::Pool;
 use cases::{Random, guidance, overlay, pictures, previous_depth};
 
-// The compute shaders are compared on the same cases. The crate `test-support` cannot be used here: its types are those of another copy of
-// this library.
+// The compute shaders are compared on the same cases. The crate `test-support` cannot be used here: its types are those
+// of another copy of this library.
 #[path = "../../../../tests/gpu-testing/src/frame_cases.rs"]
 #[allow(unreachable_pub, reason = "the crate exports it")]
 mod cases;
 
-/// Levels within which the two anchors' colours of a pixel beside something in front are that thing's: stated here anew, as a
-/// description that took it from the generator would follow a fault of it.
-pub(super) const RIM_BETWEEN: f32 = 45.0;
+/// Largest difference, in levels, for a pixel beside foreground that is assigned to it. A copy of the generator's
+/// constant, so that a change of that is noticed.
+pub(super) const EDGE_TOLERANCE: f32 = 45.0;
 
 fn raster<P: Colour>(size: (u32, u32), levels: &[[f32; 4]]) -> Raster<P> {
     let mut picture = Raster::new(size.0, size.1).unwrap();
@@ -28,11 +28,11 @@ fn raster<P: Colour>(size: (u32, u32), levels: &[[f32; 4]]) -> Raster<P> {
     picture
 }
 
-/// Holds many random cases of one kind of pixel against the description.
+/// Compares many random cases of one pixel type with the reference.
 fn compare<P: Colour>(cases: u64) {
     let pool = |threads| Pool::new(threads).unwrap();
     let pools: Vec<Pool> = [1, 2, 5].map(pool).into();
-    let mut generators: Vec<_> = Level::available().map(|level| (level, CpuGenerator::at(level))).collect();
+    let mut generators: Vec<_> = SimdLevel::available().map(|level| (level, CpuGenerator::at(level))).collect();
     let mut generated = 0;
     for seed in 0..cases {
         let mut random = Random(seed);
@@ -41,7 +41,7 @@ fn compare<P: Colour>(cases: u64) {
         let guidance = guidance(&mut random, size);
         let [previous, current] = pictures(&mut random, size).map(|levels| raster::<P>(size, &levels));
         let t = [0.5, 1.0 / 3.0, 0.25, 0.75, f32::MIN_POSITIVE, 1.0 - f32::EPSILON, 0.1, 0.9][random.below(8) as usize];
-        let phase = ((t * WHOLE as f32).round() as i32).max(1);
+        let phase = ((t * PHASE_ONE as f32).round() as i32).max(1);
         let pair = AnchorPair::new(&previous, &current, &guidance).unwrap();
         let depth = previous_depth(&mut random, guidance.depth());
         let mut pair = if random.below(3) == 0 { pair } else { pair.with_previous_depth(&depth).unwrap() };
@@ -50,7 +50,7 @@ fn compare<P: Colour>(cases: u64) {
         if random.below(2) == 0 {
             (pair, anchor) = (pair.with_overlay(&mask).unwrap(), anchor.with_overlay(&mask).unwrap());
         }
-        let (mut between, beyond) = (None, reference::beyond(&anchor, phase));
+        let (mut interpolated, extrapolated) = (None, reference::extrapolated(&anchor, phase));
         let mut out = previous.clone();
         for (level, generator) in &mut generators {
             let pool = &pools[random.below(3) as usize];
@@ -58,7 +58,7 @@ fn compare<P: Colour>(cases: u64) {
             let report = pool.install(|| generator.generate(&pair, t, &mut out)).unwrap();
             if report.outcome == Outcome::Generated {
                 let (picture, uncovered) =
-                    between.get_or_insert_with(|| reference::between(&pair, phase.min(WHOLE - 1)));
+                    interpolated.get_or_insert_with(|| reference::interpolated(&pair, phase.min(PHASE_ONE - 1)));
                 assert_same(&out, picture, &what);
                 assert_eq!(report.uncovered, *uncovered, "{}", what());
                 generated += 1;
@@ -66,8 +66,8 @@ fn compare<P: Colour>(cases: u64) {
                 assert!(out == if t < 0.5 { previous.clone() } else { current.clone() }, "{}", what());
             }
             let report = pool.install(|| generator.extrapolate(&anchor, t, &mut out)).unwrap();
-            assert_same(&out, &beyond.0, &what);
-            assert_eq!(report.uncovered, beyond.1, "{}", what());
+            assert_same(&out, &extrapolated.0, &what);
+            assert_eq!(report.uncovered, extrapolated.1, "{}", what());
         }
     }
     assert!(generated > cases * generators.len() as u64 / 2, "most cases are no cuts");
@@ -89,11 +89,11 @@ fn assert_same<P: Colour>(picture: &Raster<P>, truth: &Raster<P>, what: &dyn Fn(
 }
 
 #[test]
-fn pictures_of_bytes_are_what_the_description_says() {
+fn pictures_of_bytes_equal_the_reference() {
     compare::<[u8; 4]>(150);
 }
 
 #[test]
-fn pictures_of_half_floats_are_what_the_description_says() {
+fn pictures_of_half_floats_equal_the_reference() {
     compare::<[f16; 4]>(60);
 }

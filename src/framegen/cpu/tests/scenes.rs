@@ -1,6 +1,6 @@
-//! Scenes with a known truth at every phase.
+//! Scenes whose true frame is known at every phase.
 
-use super::world::{draw, generate, guide, landscape, mean_difference, noise, texture, unlike};
+use super::synthetic::{draw, generate, guide, landscape, mean_difference, noise, texture, unlike};
 use crate::Picture;
 use crate::framegen::Outcome;
 use crate::guidance::Guidance;
@@ -9,24 +9,23 @@ const WIDTH: u32 = 96;
 const HEIGHT: u32 = 64;
 const FAR: f32 = 0.9;
 const NEAR: f32 = 0.2;
-/// Of the phases between two pictures 12 pixels apart, those at whole pixels.
+/// Phases at which a shift of 12 pixels is a whole number of pixels.
 const WHOLE_PHASES: [f32; 5] = [0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.75];
 
-/// A picture of a scene at phase t.
+/// Picture of a scene at phase t.
 type Scene<'a> = &'a dyn Fn(f64) -> Picture;
 
-/// Everywhere the same.
+/// Includes every pixel.
 fn anywhere(_: i64, _: i64) -> bool {
     true
 }
 
-/// Asserts that every whole phase is met exactly where `inside` says, and that something was really generated.
+/// Asserts that generated frames equal the truth at all such phases where `inside` holds, and that they were generated.
 fn assert_exact(scene: Scene<'_>, guidance: &Guidance, inside: impl Fn(i64, i64) -> bool + Copy) {
     assert_exact_but(0, scene, guidance, inside);
 }
 
-/// The same, but for a few pixels. Who owns a pixel on the rim of a surface is told from its colour, and a colour of
-/// noise can look like that of another place by chance.
+/// The same, except for a few pixels: dilation goes by colour, and a noise pixel may match another position by chance.
 fn assert_exact_but(few: usize, scene: Scene<'_>, guidance: &Guidance, inside: impl Fn(i64, i64) -> bool + Copy) {
     for t in WHOLE_PHASES {
         let (picture, report) = generate(&scene(0.0), &scene(1.0), guidance, t);
@@ -36,9 +35,9 @@ fn assert_exact_but(few: usize, scene: Scene<'_>, guidance: &Guidance, inside: i
     }
 }
 
-/// Asserts that the middle is met with a mean difference of at most `bound` levels, and seven times better than by a
-/// mixture of the two anchors: where vectors differ by less than three quarters of a pixel, tiles of eight pixels share
-/// one.
+/// Asserts that frames have a mean difference of at most `bound` levels from the truth, and a seventh of that of a
+/// plain blend of the anchors. Not exact, because tiles of 8x8 pixels share one vector if their vectors differ by less
+/// than three quarters of a pixel.
 fn assert_close(scene: Scene<'_>, guidance: &Guidance, bound: f64) {
     let (before, after) = (scene(0.0), scene(1.0));
     for t in [0.25, 0.5, 0.75] {
@@ -65,7 +64,7 @@ fn a_uniform_pan_is_met_exactly_up_to_the_edges() {
         let guidance = guide(WIDTH, HEIGHT, |_, _| ([-dx, -dy], 0.5));
         assert_exact(&pan(noise, dx, dy), &guidance, anywhere);
     }
-    // Across the diagonal, two corners hold something that neither anchor shows.
+    // With diagonal motion, neither anchor shows two of the corners.
     let guidance = guide(WIDTH, HEIGHT, |_, _| ([-12.0, 24.0], 0.5));
     assert_exact(&pan(noise, 12.0, -24.0), &guidance, |x, y| (12..84).contains(&x) || (24..40).contains(&y));
 }
@@ -77,15 +76,15 @@ fn a_pan_by_parts_of_pixels_is_met_closely() {
 }
 
 #[test]
-fn the_share_nothing_lands_on_is_reported() {
+fn the_uncovered_share_is_reported() {
     let scene = pan(noise, 12.0, 0.0);
     let guidance = guide(WIDTH, HEIGHT, |_, _| ([-12.0, 0.0], 0.5));
     let (_, report) = generate(&scene(0.0), &scene(1.0), &guidance, 0.5);
-    // At half way the current anchor's pixels stand 6 columns back, so that 6 on the right are left over.
+    // Half way, the current anchor's pixels are displaced by 6 columns, which leaves 6 at the right uncovered.
     assert_eq!(report.uncovered, 6.0 / 96.0);
 }
 
-/// Whether (x, y) is on the box that moves by 12 pixels, at phase t.
+/// Whether (x, y) is on the box, which moves by 12 pixels, at phase t.
 fn on_box(x: f64, y: f64, t: f64) -> bool {
     let left = (30.0 + 12.0 * t).round();
     (left..left + 20.0).contains(&x) && (20.0..44.0).contains(&y)
@@ -102,9 +101,10 @@ fn a_box_over_a_still_background_is_met_exactly_on_both_sides() {
 }
 
 #[test]
-fn a_box_is_met_without_depth_but_beside_its_front() {
+fn a_box_without_depth_is_met_except_beside_its_leading_edge() {
     let guidance = guide(WIDTH, HEIGHT, |x, y| (if on_box(x, y, 1.0) { [-12.0, 0.0] } else { [0.0; 2] }, 0.5));
-    // What the current anchor hides lies right of the box; without depth, both surfaces around it are as good a guess.
+    // Right of the box, the current anchor occludes the ground; without depth, both surfaces around it are equally
+    // likely.
     assert_exact(&box_over_ground, &guidance, |x, y| !((50..62).contains(&x) && (20..44).contains(&y)));
 }
 
@@ -173,7 +173,7 @@ fn a_still_hud_over_a_pan_stays_still_although_its_vectors_move() {
 
 #[test]
 fn a_periodic_texture_is_met_exactly() {
-    // Stripes that repeat after 8 pixels and move by 12: standing still and several wrong motions match as well.
+    // Stripes with a period of 8 pixels that move by 12: no motion, and several wrong motions, match as well.
     let stripes = |x: f64, _: f64| if x.rem_euclid(8.0) < 4.0 { [230, 30, 90] } else { [20, 160, 220] };
     let scene = pan(stripes, 12.0, 0.0);
     assert_exact(&scene, &guide(WIDTH, HEIGHT, |_, _| ([-12.0, 0.0], 0.5)), anywhere);
@@ -192,7 +192,7 @@ fn letterbox_bars_stay_black_and_the_picture_between_them_moves() {
                 },
             )
         };
-        // Once with guidance that knows the bars, once with guidance that does not.
+        // With and without guidance that includes the bars.
         let knowing = guide(WIDTH, HEIGHT, |_, y| if on_bar(y) { ([0.0; 2], 0.0) } else { ([-dx, -dy], 0.5) });
         assert_exact_but(6, &scene, &knowing, anywhere);
         let unknowing = guide(WIDTH, HEIGHT, |_, _| ([-dx, -dy], 0.5));
@@ -229,7 +229,7 @@ fn flashes_fades_and_fast_turns_are_no_cuts() {
         let (_, report) = generate(&ground, &lit, &still, 0.5);
         assert_eq!(report.outcome, Outcome::Generated, "{report:?}");
     }
-    // A third of the picture within one interval, and no vectors to tell of it.
+    // A third of the picture within one interval, and no motion vectors for it.
     let turned = draw(WIDTH, HEIGHT, |x, y| landscape(x - 32.0, y));
     let (_, report) = generate(&ground, &turned, &still, 0.5);
     assert_eq!(report.outcome, Outcome::Generated, "{report:?}");

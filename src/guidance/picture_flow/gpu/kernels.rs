@@ -29,4 +29,4 @@ macro_rules! kernels {
     };
 }
 
-kernels! { luma, halve, search, wide, smooth, fit, spread, check, fill, write }
+kernels! { luma, halve, search, wide, smooth, fit, densify, check, fill, write }

@@ -58,11 +58,11 @@ impl Steps<'_, '_> {
         }
         let blocks = |level: usize| levels[level].size;
         if finest == checked {
-            self.dispatch(&self.kernels.spread, self.of(finest), blocks(finest), GROUP, BOTH);
+            self.dispatch(&self.kernels.densify, self.of(finest), blocks(finest), GROUP, BOTH);
         } else {
-            self.dispatch(&self.kernels.spread, self.of(finest), blocks(finest), GROUP, 1);
+            self.dispatch(&self.kernels.densify, self.of(finest), blocks(finest), GROUP, 1);
             let forth = Constants { direction: 1, ..self.of(checked) };
-            self.dispatch(&self.kernels.spread, forth, blocks(checked), GROUP, 1);
+            self.dispatch(&self.kernels.densify, forth, blocks(checked), GROUP, 1);
         }
         self.dispatch(&self.kernels.check, self.of(finest), levels[finest].size, GROUP, 1);
         self.dispatch(&self.kernels.fill, self.of(finest), levels[finest].size, GROUP, 1);

@@ -1,5 +1,5 @@
-//! AVX2: a row of eight pixels is two vectors of 16-bit channels, the first holding pixels 0, 1, 4, 5 and the second
-//! 2, 3, 6, 7, as unpacking within lanes leaves them; packing puts them in order again.
+//! AVX2: a row of eight pixels is two vectors of 16-bit channels, the first with pixels 0, 1, 4, 5 and the second with
+//! 2, 3, 6, 7, as unpacking within 128-bit lanes leaves them; packing restores the order.
 
 use std::arch::x86_64::*;
 
@@ -7,39 +7,39 @@ use bytemuck::{must_cast, must_cast_ref};
 
 use super::{
     BEFORE, BIAS, BLOCK, Block, Groups, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE,
-    clamped, rows, some_of, starts,
+    TileSource, clamped, rows, starts, take_up_to,
 };
-use crate::framegen::cpu::kernels::weights::{PAIRS, PHASES};
+use crate::framegen::cpu::kernels::lanczos::{PAIRS, PHASES};
 
-/// See [`super::Sampled::tile`].
+/// See [`super::Sampled::merge_tile`].
 #[target_feature(enable = "avx2")]
-pub(super) fn tile(
-    previous: Source<'_, Pixel>,
-    a: [i32; 2],
-    current: Source<'_, Pixel>,
-    b: [i32; 2],
+pub(super) fn merge_tile(
+    previous: TileSource<'_, Pixel>,
+    current: TileSource<'_, Pixel>,
     rule: &Rule,
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
-    let (mut room_a, mut room_b) = (None, None);
-    let before = sampled(&Patch::new(&previous, a, &mut room_a).fetch_ahead());
-    let after = sampled(&Patch::new(&current, b, &mut room_b).fetch_ahead());
+    let (mut buffer_a, mut buffer_b) = (None, None);
+    let from_previous = sampled(&Patch::new(&previous.picture, previous.at, &mut buffer_a).prefetch_ahead());
+    let from_current = sampled(&Patch::new(&current.picture, current.at, &mut buffer_b).prefetch_ahead());
     let merge = Merge::new(rule);
     let mut mask = 0;
     for j in 0..TILE {
-        let (row, is_reported) = merge.eight(before[j], after[j]);
+        let (row, is_reported) = merge.eight(from_previous[j], from_current[j]);
         store(&mut out[j * stride..], row);
         mask |= u64::from(is_reported) << (TILE * j);
     }
     mask
 }
 
-/// See [`super::Sampled::tile_of_one`].
+/// See [`super::Sampled::sample_tile`].
 #[target_feature(enable = "avx2")]
-pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
-    let mut room = None;
-    for (j, row) in sampled(&Patch::new(&source, at, &mut room).fetch_ahead()).into_iter().enumerate() {
+pub(super) fn sample_tile(source: TileSource<'_, Pixel>, out: &mut [Pixel], stride: usize) {
+    let mut buffer = None;
+    for (j, row) in
+        sampled(&Patch::new(&source.picture, source.at, &mut buffer).prefetch_ahead()).into_iter().enumerate()
+    {
         store(&mut out[j * stride..], row);
     }
 }
@@ -49,56 +49,55 @@ pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pi
 pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
     let merge = Merge::new(rule);
     let rows = |pixels| -> &[[Pixel; TILE]; TILE] { must_cast_ref::<[Pixel; BLOCK], _>(pixels) };
-    let (before, after) = (rows(&block.before), rows(&block.after));
+    let (from_previous, from_current) = (rows(&block.previous), rows(&block.current));
     let mut mask = 0;
     for j in 0..TILE {
-        let (row, is_reported) = merge.eight(must_cast(before[j]), must_cast(after[j]));
+        let (row, is_reported) = merge.eight(must_cast(from_previous[j]), must_cast(from_current[j]));
         store(&mut block.merged[j * TILE..], row);
         mask |= u64::from(is_reported) << (TILE * j);
     }
     mask
 }
 
-/// See [`super::Sampled::pixels_of_one`].
+/// See [`super::Sampled::sample_pixels`].
 #[target_feature(enable = "avx2")]
-pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
+pub(super) fn sample_pixels(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
     let mut groups = Groups::new(at, wanted);
     while let Some((corner, group)) = groups.next() {
-        let mut room = None;
-        for (j, row) in sampled(&Patch::new(&source, corner, &mut room)).into_iter().enumerate() {
+        let mut buffer = None;
+        for (j, row) in sampled(&Patch::new(&source, corner, &mut buffer)).into_iter().enumerate() {
             let pixels: [Pixel; TILE] = must_cast(row);
             for (i, (out, pixel)) in out[TILE * j..].iter_mut().zip(pixels).enumerate() {
                 *out = if group >> (TILE * j + i) & 1 == 1 { pixel } else { *out };
             }
         }
     }
-    each_pixel(source, at, groups.alone(), out);
+    each_pixel(source, at, groups.single(), out);
 }
 
-/// Some pixels, one at a time.
+/// Samples single pixels.
 #[target_feature(enable = "avx2")]
 fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &mut [Pixel; BLOCK]) {
     if wanted == 0 {
         return;
     }
-    // Of two pixels beside each other, a channel of both behind each other.
+    // Interleaves the channels of two adjacent pixels.
     let by_channel = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 1, 8, 9, 2, 3, 10, 11, 4, 5, 12, 13, 6, 7, 14, 15));
     let bias = _mm256_set1_epi16(BIAS);
     let starts = starts(&source, at);
     while wanted != 0 {
-        let (places, count) = some_of::<4>(&mut wanted);
+        let (indices, count) = take_up_to::<4>(&mut wanted);
         let mut sums = [_mm_setzero_si128(); 4];
-        for (&place, sum) in places.iter().zip(&mut sums).take(count) {
-            let at = [at.x[place], at.y[place]];
-            let rows: [__m256i; TAPS] = match rows(&source, starts[place]) {
+        for (&index, sum) in indices.iter().zip(&mut sums).take(count) {
+            let at = [at.x[index], at.y[index]];
+            let rows: [__m256i; TAPS] = match rows(&source, starts[index]) {
                 Some([a, b, c, d, e, f]) => {
                     [must_cast(*a), must_cast(*b), must_cast(*c), must_cast(*d), must_cast(*e), must_cast(*f)]
                 }
                 None => must_cast(clamped(&source, at)),
             };
             let [fx, fy] = [at[0] & 63, at[1] & 63].map(|v| v as usize);
-            // Minus what the columns have, and the bias: those of the first two pixels and of the fifth and sixth, and those of the
-            // third and fourth.
+            // Negated column sums with the bias: columns 0, 1, 4, 5 and columns 2, 3.
             let (mut outer, mut inner) = (bias, bias);
             for (pair, [p, q]) in PAIRS.into_iter().enumerate() {
                 let down = _mm256_set1_epi16(DOWN[fy][pair]);
@@ -116,13 +115,13 @@ fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &
         let [a, b, c, d] = sums.map(|sum| _mm_srai_epi32(sum, 14));
         let levels = _mm_packs_epi16(_mm_packs_epi32(a, b), _mm_packs_epi32(c, d));
         let pixels: [Pixel; 4] = must_cast(_mm_xor_si128(levels, _mm_set1_epi8(-128)));
-        for (&place, pixel) in places[..count].iter().zip(pixels) {
-            out[place] = pixel;
+        for (&index, pixel) in indices[..count].iter().zip(pixels) {
+            out[index] = pixel;
         }
     }
 }
 
-/// Minus the weights of each of [`PAIRS`], as bytes of one number.
+/// Negated weights of each of [`PAIRS`], as two bytes.
 static DOWN: [[i16; TAPS / 2]; PHASES] = {
     let mut table = [[0; TAPS / 2]; PHASES];
     let mut i = 0;
@@ -135,21 +134,21 @@ static DOWN: [[i16; TAPS / 2]; PHASES] = {
     table
 };
 
-/// Minus the weights of pixels in a row, two to a channel: those of the first two and of the fifth and sixth, then those of the
-/// third and fourth; two more pixels have none.
+/// Negated horizontal weights, two per channel: of columns 0, 1, 4, 5, then of columns 2, 3; the last two columns have
+/// none.
 static ACROSS: [[[i16; 16]; 2]; PHASES] = {
     let mut table = [[[0; 16]; 2]; PHASES];
     let mut i = 0;
     while i < PHASES * 32 {
-        let (phase, inner, place) = (i / 32, i / 16 % 2, i % 16);
-        let tap = 4 * (place / 8) + 2 * inner + place % 2;
-        table[phase][inner][place] = if tap < TAPS { -SINC[phase][tap] } else { 0 };
+        let (phase, inner, index) = (i / 32, i / 16 % 2, i % 16);
+        let tap = 4 * (index / 8) + 2 * inner + index % 2;
+        table[phase][inner][index] = if tap < TAPS { -SINC[phase][tap] } else { 0 };
         i += 1;
     }
     table
 };
 
-/// The tile as levels, row by row.
+/// Samples a tile, row by row.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn sampled(patch: &Patch<'_>) -> [__m256i; TILE] {
@@ -192,8 +191,8 @@ fn sampled(patch: &Patch<'_>) -> [__m256i; TILE] {
 /// A [`Rule`] in vectors.
 struct Merge {
     shares: __m256i,
-    agree: __m256i,
-    careful: __m256i,
+    max_equal_difference: __m256i,
+    doubt_threshold: __m256i,
     nearer_is_current: bool,
 }
 
@@ -204,13 +203,13 @@ impl Merge {
         let share = i16::from(rule.share());
         Self {
             shares: _mm256_set1_epi16((128 - share) | share << 8),
-            agree: _mm256_set1_epi8(rule.agree as i8),
-            careful: _mm256_set1_epi8(rule.careful as i8),
+            max_equal_difference: _mm256_set1_epi8(rule.max_equal_difference as i8),
+            doubt_threshold: _mm256_set1_epi8(rule.doubt_threshold as i8),
             nearer_is_current: rule.nearer_is_current,
         }
     }
 
-    /// Eight pixels, and the bits of those to report.
+    /// Merges eight pixels; also returns the bits of those to report.
     #[target_feature(enable = "avx2")]
     #[inline]
     fn eight(&self, b: __m256i, a: __m256i) -> (__m256i, u8) {
@@ -219,8 +218,8 @@ impl Merge {
         let weighted = |pairs| _mm256_mulhrs_epi16(_mm256_maddubs_epi16(pairs, self.shares), _mm256_set1_epi16(256));
         let mixed = _mm256_packus_epi16(weighted(_mm256_unpacklo_epi8(b, a)), weighted(_mm256_unpackhi_epi8(b, a)));
         let nearer = if self.nearer_is_current { a } else { b };
-        let is_reported = !_mm256_movemask_ps(_mm256_castsi256_ps(is_within(self.careful)));
-        (_mm256_blendv_epi8(mixed, nearer, is_within(self.agree)), is_reported as u8)
+        let is_reported = !_mm256_movemask_ps(_mm256_castsi256_ps(is_within(self.doubt_threshold)));
+        (_mm256_blendv_epi8(mixed, nearer, is_within(self.max_equal_difference)), is_reported as u8)
     }
 }
 

@@ -1,53 +1,53 @@
-//! AVX-512: a row of eight pixels is one vector of 32 channels of 16 bits, two rows one of 64 bytes.
+//! AVX-512: a row of eight pixels is one vector of 32 16-bit channels; two rows are one of 64 bytes.
 
 use std::arch::x86_64::*;
 
 use bytemuck::{must_cast, must_cast_mut, must_cast_ref};
 
 use super::{
-    AHEAD, BEFORE, BIAS, BLOCK, Block, Groups, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE,
-    clamped, some_of, starts,
+    BEFORE, BIAS, BLOCK, Block, Groups, NEGATIVE, PREFETCH_AHEAD, Patch, Pixel, Positions, Rule, SINC, SPAN, Source,
+    TAPS, TILE, TileSource, clamped, starts, take_up_to,
 };
-use crate::framegen::cpu::kernels::weights::{PAIRS, PHASES};
+use crate::framegen::cpu::kernels::lanczos::{PAIRS, PHASES};
 
-/// Pixels of a vector.
+/// Pixels per vector.
 const PIXELS: usize = 16;
-/// The row and the column of a patch where the tile itself begins.
+/// Row and column of the tile in its patch.
 const OWN: usize = BEFORE as usize;
 
-/// See [`super::Sampled::tile`].
+/// See [`super::Sampled::merge_tile`].
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
-pub(super) fn tile(
-    previous: Source<'_, Pixel>,
-    a: [i32; 2],
-    current: Source<'_, Pixel>,
-    b: [i32; 2],
+pub(super) fn merge_tile(
+    previous: TileSource<'_, Pixel>,
+    current: TileSource<'_, Pixel>,
     rule: &Rule,
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
-    let (mut room_a, mut room_b) = (None, None);
-    let before = sampled(&Patch::new(&previous, a, &mut room_a).fetch_ahead());
-    let after = sampled(&Patch::new(&current, b, &mut room_b).fetch_ahead());
+    let (mut buffer_a, mut buffer_b) = (None, None);
+    let from_previous = sampled(&Patch::new(&previous.picture, previous.at, &mut buffer_a).prefetch_ahead());
+    let from_current = sampled(&Patch::new(&current.picture, current.at, &mut buffer_b).prefetch_ahead());
     let merge = Merge::new(rule);
     let mut mask = 0;
     for row in 0..TILE {
-        // The tiles to the right are written next.
-        _mm_prefetch::<_MM_HINT_ET0>(out.as_ptr().wrapping_add(row * stride + AHEAD).cast());
+        // Prefetches the tiles to the right for writing.
+        _mm_prefetch::<_MM_HINT_ET0>(out.as_ptr().wrapping_add(row * stride + PREFETCH_AHEAD).cast());
     }
     for pair in 0..TILE / 2 {
-        let (rows, is_reported) = merge.sixteen(before[pair], after[pair]);
+        let (rows, is_reported) = merge.sixteen(from_previous[pair], from_current[pair]);
         store(out, 2 * pair, stride, rows);
         mask |= u64::from(is_reported) << (PIXELS * pair);
     }
     mask
 }
 
-/// See [`super::Sampled::tile_of_one`].
+/// See [`super::Sampled::sample_tile`].
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
-pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
-    let mut room = None;
-    for (pair, rows) in sampled(&Patch::new(&source, at, &mut room).fetch_ahead()).into_iter().enumerate() {
+pub(super) fn sample_tile(source: TileSource<'_, Pixel>, out: &mut [Pixel], stride: usize) {
+    let mut buffer = None;
+    for (pair, rows) in
+        sampled(&Patch::new(&source.picture, source.at, &mut buffer).prefetch_ahead()).into_iter().enumerate()
+    {
         store(out, 2 * pair, stride, rows);
     }
 }
@@ -56,34 +56,34 @@ pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pi
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
 pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
     let merge = Merge::new(rule);
-    let before: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&block.before);
-    let after: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&block.after);
+    let from_previous: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&block.previous);
+    let from_current: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&block.current);
     let merged: &mut [[Pixel; PIXELS]; 4] = must_cast_mut::<[Pixel; BLOCK], _>(&mut block.merged);
     let mut mask = 0;
     for i in 0..4 {
-        let (pixels, is_reported) = merge.sixteen(must_cast(before[i]), must_cast(after[i]));
+        let (pixels, is_reported) = merge.sixteen(must_cast(from_previous[i]), must_cast(from_current[i]));
         merged[i] = must_cast(pixels);
         mask |= u64::from(is_reported) << (PIXELS * i);
     }
     mask
 }
 
-/// See [`super::Sampled::pixels_of_one`].
+/// See [`super::Sampled::sample_pixels`].
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
-pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
+pub(super) fn sample_pixels(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
     let mut groups = Groups::new(at, wanted);
     while let Some((corner, group)) = groups.next() {
-        let mut room = None;
-        let rows = sampled(&Patch::new(&source, corner, &mut room));
+        let mut buffer = None;
+        let rows = sampled(&Patch::new(&source, corner, &mut buffer));
         let out = must_cast_mut::<_, [[Pixel; PIXELS]; TILE / 2]>(out);
         for (pair, (out, rows)) in out.iter_mut().zip(rows).enumerate() {
             *out = must_cast(_mm512_mask_mov_epi32(must_cast(*out), (group >> (PIXELS * pair)) as u16, rows));
         }
     }
-    each_pixel(source, at, groups.alone(), out);
+    each_pixel(source, at, groups.single(), out);
 }
 
-/// Some pixels, two at a time.
+/// Samples single pixels, two at a time.
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
 fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &mut [Pixel; BLOCK]) {
     if wanted == 0 {
@@ -93,16 +93,16 @@ fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &
     let bias = _mm512_set1_epi64(BIAS.into());
     let starts = starts(&source, at);
     while wanted != 0 {
-        let (places, count) = some_of::<PIXELS>(&mut wanted);
-        // Two pixels, their sums where the even numbers are and again where the odd ones are.
+        let (indices, count) = take_up_to::<PIXELS>(&mut wanted);
+        // Sums of two pixels, in even elements and again in odd ones.
         let mut sums = [_mm512_setzero_si512(); PIXELS / 2];
         for (pair, sums) in sums.iter_mut().enumerate().take(count.div_ceil(2)) {
-            // Minus the weighted rows of each, two rows together: a lane to a channel, and in it for each row what its first
-            // four taps have and what the others have. And minus the weights of the rows.
+            // Negated weighted rows, two per vector: a 128-bit lane per channel, with the sums of the first four taps
+            // and of the others for each row. And the vertical phases.
             let mut rows = [[_mm512_setzero_si512(); TAPS / 2]; 2];
             let mut phases = [0; 2];
             for (side, (rows, phase)) in rows.iter_mut().zip(&mut phases).enumerate() {
-                let pixel = places[2 * pair + side];
+                let pixel = indices[2 * pair + side];
                 let at = [at.x[pixel], at.y[pixel]];
                 let [fx, fy] = at.map(|v| (v & 63) as usize);
                 let two = |upper, lower| {
@@ -139,13 +139,13 @@ fn each_pixel(source: Source<'_, Pixel>, at: &Positions, mut wanted: u64, out: &
         let sixteen = _mm512_packs_epi16(eight(a, b, c, d), eight(e, f, g, h));
         let pixels = _mm512_permutexvar_epi8(levels, _mm512_xor_si512(sixteen, _mm512_set1_epi8(-128)));
         let pixels: [Pixel; PIXELS] = must_cast(pixels);
-        for (&place, pixel) in places[..count].iter().zip(pixels) {
-            out[place] = pixel;
+        for (&index, pixel) in indices[..count].iter().zip(pixels) {
+            out[index] = pixel;
         }
     }
 }
 
-/// Minus the weights down of the first four rows, each twice.
+/// Negated vertical weights of the first four rows, each twice.
 static DOWN: [[i16; 8]; PHASES] = {
     let mut table = [[0; 8]; PHASES];
     let mut i = 0;
@@ -156,7 +156,7 @@ static DOWN: [[i16; 8]; PHASES] = {
     table
 };
 
-/// The same of the last two.
+/// The same for the last two rows.
 static DOWN_LAST: [[i16; 4]; PHASES] = {
     let mut table = [[0; 4]; PHASES];
     let mut i = 0;
@@ -167,7 +167,7 @@ static DOWN_LAST: [[i16; 4]; PHASES] = {
     table
 };
 
-/// From two rows of eight pixels: a lane to a channel, in it two numbers to a row, in these a byte to a tap.
+/// Byte order from two rows of eight pixels to one 128-bit lane per channel, 64 bits per row, one byte per tap.
 static TAPS_BY_CHANNEL: [u8; 64] = {
     let mut order = [0; 64];
     let mut i = 0;
@@ -179,13 +179,13 @@ static TAPS_BY_CHANNEL: [u8; 64] = {
     order
 };
 
-/// From a lane to a channel, with the pixels in the order in which they were packed, to pixels.
+/// Byte order from one lane per channel, with pixels in packed order, to pixels.
 static LEVELS_BY_PIXEL: [u8; 64] = {
     let mut order = [0; 64];
     let mut i = 0;
     while i < 64 {
         let (pixel, channel) = (i / 4, i % 4);
-        // Of four pixels, blending put the third between the first two.
+        // Blending swapped pixels 1 and 2 of every four.
         let in_four = [0, 2, 1, 3][pixel % 4];
         order[i] = (16 * channel + pixel / 4 * 4 + in_four) as u8;
         i += 1;
@@ -193,20 +193,20 @@ static LEVELS_BY_PIXEL: [u8; 64] = {
     order
 };
 
-/// The bytes of a row that meet the taps of a pair, in turn.
+/// Byte order that interleaves the two taps of a pair.
 static BYTES_OF_PAIRS: [[u8; 64]; TAPS / 2] = {
     let mut bytes = [[0; 64]; TAPS / 2];
     let mut i = 0;
     while i < 64 * bytes.len() {
         let (pair, byte) = (i / 64, i % 64);
-        // Those beyond the tile are not used.
+        // Bytes beyond the tile are not used.
         bytes[pair][byte] = ((byte / 2 + 4 * PAIRS[pair][byte % 2]) % 64) as u8;
         i += 1;
     }
     bytes
 };
 
-/// The tile as levels, two rows to a vector.
+/// Samples a tile, two rows per vector.
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
 #[inline]
 fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
@@ -216,7 +216,7 @@ fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
             _mm512_inserti64x4(_mm512_castsi256_si512(upper), lower, 1)
         });
     }
-    // Packing goes lane by lane; this puts the rows behind each other.
+    // Restores the row order after packing within lanes.
     let in_order = _mm512_setr_epi64(0, 2, 4, 6, 1, 3, 5, 7);
     let packed = |upper, lower| {
         let levels = _mm512_xor_si512(_mm512_packs_epi16(upper, lower), _mm512_set1_epi8(-128));
@@ -226,14 +226,14 @@ fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
     let weights = PAIRS.map(|[p, q]| _mm512_set1_epi16(weights[p] | weights[q] << 8));
     let bytes_of_pairs: [__m512i; TAPS / 2] = must_cast(BYTES_OF_PAIRS);
     let bias = _mm512_set1_epi16(BIAS);
-    // Minus what a row has at the tile's columns, and the bias.
+    // Negated horizontal sums of a row at the tile's columns, with the bias.
     let across = |j: usize| {
         let bytes: __m512i = must_cast(*patch.row::<PIXELS>(j, 0));
         let pair = |i: usize| _mm512_maddubs_epi16(_mm512_permutexvar_epi8(bytes_of_pairs[i], bytes), weights[i]);
         _mm512_add_epi16(_mm512_add_epi16(pair(0), pair(1)), _mm512_add_epi16(pair(2), bias))
     };
     if patch.phases[1] == 0 {
-        // Nothing to weight down: 128 times a row over 2^14 is the row over 2^7.
+        // Whole rows: 128 times a row over 2^14 is the row over 2^7.
         let row = |j: usize| _mm512_srai_epi16(_mm512_sub_epi16(_mm512_setzero_si512(), across(j)), 7);
         return std::array::from_fn(|pair| packed(row(2 * pair + OWN), row(2 * pair + 1 + OWN)));
     }
@@ -265,8 +265,8 @@ fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
 /// A [`Rule`] in vectors.
 struct Merge {
     shares: __m512i,
-    agree: __m512i,
-    careful: __m512i,
+    max_equal_difference: __m512i,
+    doubt_threshold: __m512i,
     nearer_is_current: bool,
 }
 
@@ -277,13 +277,13 @@ impl Merge {
         let share = i16::from(rule.share());
         Self {
             shares: _mm512_set1_epi16((128 - share) | share << 8),
-            agree: _mm512_set1_epi8(rule.agree as i8),
-            careful: _mm512_set1_epi8(rule.careful as i8),
+            max_equal_difference: _mm512_set1_epi8(rule.max_equal_difference as i8),
+            doubt_threshold: _mm512_set1_epi8(rule.doubt_threshold as i8),
             nearer_is_current: rule.nearer_is_current,
         }
     }
 
-    /// Sixteen pixels, and the bits of those to report.
+    /// Merges sixteen pixels; also returns the bits of those to report.
     #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
     #[inline]
     fn sixteen(&self, b: __m512i, a: __m512i) -> (__m512i, u16) {
@@ -295,11 +295,11 @@ impl Merge {
         let weighted = |pairs| _mm512_mulhrs_epi16(_mm512_maddubs_epi16(pairs, self.shares), _mm512_set1_epi16(256));
         let mixed = _mm512_packus_epi16(weighted(_mm512_unpacklo_epi8(b, a)), weighted(_mm512_unpackhi_epi8(b, a)));
         let nearer = if self.nearer_is_current { a } else { b };
-        (_mm512_mask_blend_epi32(is_beyond(self.agree), nearer, mixed), is_beyond(self.careful))
+        (_mm512_mask_blend_epi32(is_beyond(self.max_equal_difference), nearer, mixed), is_beyond(self.doubt_threshold))
     }
 }
 
-/// Two rows of a tile, from its row `j` on.
+/// Stores two rows of a tile, starting at row `j`.
 #[inline(always)]
 fn store(out: &mut [Pixel], j: usize, stride: usize, rows: __m512i) {
     let [upper, lower]: [[Pixel; TILE]; 2] = must_cast(rows);

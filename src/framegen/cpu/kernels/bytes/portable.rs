@@ -1,28 +1,26 @@
-//! The form over arrays: a row of eight pixels is one vector of 32 channels.
+//! The version for the compiler's vectoriser: a row of eight pixels is one vector of 32 channels.
 
 use super::{
     BEFORE, BIAS, BLOCK, Groups, NEGATIVE, Patch, Pixel, Positions, ROW, Rule, SINC, SPAN, Sampled, Source, TAPS, TILE,
-    scalar,
+    TileSource, scalar,
 };
 
-/// See [`Sampled::tile`].
-pub(super) fn tile(
-    previous: Source<'_, Pixel>,
-    a: [i32; 2],
-    current: Source<'_, Pixel>,
-    b: [i32; 2],
+/// See [`Sampled::merge_tile`].
+pub(super) fn merge_tile(
+    previous: TileSource<'_, Pixel>,
+    current: TileSource<'_, Pixel>,
     rule: &Rule,
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
-    let (mut room_a, mut room_b) = (None, None);
-    let before = sampled(&Patch::new(&previous, a, &mut room_a).fetch_ahead());
-    let after = sampled(&Patch::new(&current, b, &mut room_b).fetch_ahead());
+    let (mut buffer_a, mut buffer_b) = (None, None);
+    let from_previous = sampled(&Patch::new(&previous.picture, previous.at, &mut buffer_a).prefetch_ahead());
+    let from_current = sampled(&Patch::new(&current.picture, current.at, &mut buffer_b).prefetch_ahead());
     let mut mask = 0;
     for j in 0..TILE {
-        let (before, after) = (before[j].as_chunks::<4>().0, after[j].as_chunks::<4>().0);
+        let (from_previous, from_current) = (from_previous[j].as_chunks::<4>().0, from_current[j].as_chunks::<4>().0);
         for (i, out) in out[j * stride..][..TILE].iter_mut().enumerate() {
-            let (merged, is_reported) = Pixel::merge(before[i], after[i], rule);
+            let (merged, is_reported) = Pixel::merge(from_previous[i], from_current[i], rule);
             *out = merged;
             mask |= u64::from(is_reported) << (TILE * j + i);
         }
@@ -30,30 +28,30 @@ pub(super) fn tile(
     mask
 }
 
-/// See [`Sampled::tile_of_one`].
-pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
-    let mut room = None;
-    for (j, row) in sampled(&Patch::new(&source, at, &mut room).fetch_ahead()).iter().enumerate() {
+/// See [`Sampled::sample_tile`].
+pub(super) fn sample_tile(source: TileSource<'_, Pixel>, out: &mut [Pixel], stride: usize) {
+    let mut buffer = None;
+    for (j, row) in sampled(&Patch::new(&source.picture, source.at, &mut buffer).prefetch_ahead()).iter().enumerate() {
         out[j * stride..][..TILE].as_flattened_mut().copy_from_slice(row);
     }
 }
 
-/// See [`Sampled::pixels_of_one`].
-pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
+/// See [`Sampled::sample_pixels`].
+pub(super) fn sample_pixels(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
     let mut groups = Groups::new(at, wanted);
     while let Some((corner, group)) = groups.next() {
-        let mut room = None;
-        for (j, row) in sampled(&Patch::new(&source, corner, &mut room)).iter().enumerate() {
+        let mut buffer = None;
+        for (j, row) in sampled(&Patch::new(&source, corner, &mut buffer)).iter().enumerate() {
             let pixels = out[TILE * j..].iter_mut().zip(row.as_chunks::<4>().0).enumerate();
             for (_, (out, pixel)) in pixels.filter(|(i, _)| group >> (TILE * j + i) & 1 == 1) {
                 *out = *pixel;
             }
         }
     }
-    scalar::pixels_of_one(source, at, groups.alone(), out);
+    scalar::sample_pixels(source, at, groups.single(), out);
 }
 
-/// The tile, row by row.
+/// Samples a tile, row by row.
 fn sampled(patch: &Patch<'_>) -> [[u8; ROW]; TILE] {
     if patch.is_whole() {
         return std::array::from_fn(|j| *bytes(patch.row(j + BEFORE as usize, BEFORE as usize)));

@@ -1,45 +1,44 @@
-//! The form over arrays: half floats are widened once, and a row of eight pixels is a vector of 32 singles.
+//! The version for the compiler's vectoriser: half floats are widened once, and a row of eight pixels is a vector of 32
+//! floats.
 
 use half::f16;
 
+use super::super::lanczos::{BEFORE, SINC, TAPS};
 use super::super::ranges::widened;
-use super::super::sampled::TILE;
-use super::super::weights::{BEFORE, SINC, TAPS};
-use super::{BLOCK, Block, Pixel, Positions, Rule, Source, taps};
+use super::super::sampling::TILE;
+use super::{BLOCK, Block, Pixel, Positions, Rule, Source, TileSource, taps};
 
-/// Rows of a picture that a tile is made from, and columns.
+/// Rows and columns of pixels from which a tile is sampled.
 const SPAN: usize = TILE + TAPS - 1;
 /// Channels of a row of a tile.
 const ROW: usize = 4 * TILE;
 
-/// See [`super::Sampled::tile`].
+/// See [`super::Sampled::merge_tile`].
 #[inline(always)]
-pub(super) fn tile(
-    previous: Source<'_, Pixel>,
-    a: [i32; 2],
-    current: Source<'_, Pixel>,
-    b: [i32; 2],
+pub(super) fn merge_tile(
+    previous: TileSource<'_, Pixel>,
+    current: TileSource<'_, Pixel>,
     rule: &Rule,
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
-    let (mut before, mut after) = ([[0.0; ROW]; TILE], [[0.0; ROW]; TILE]);
-    sampled(previous, a, &mut before);
-    sampled(current, b, &mut after);
+    let (mut from_previous, mut from_current) = ([[0.0; ROW]; TILE], [[0.0; ROW]; TILE]);
+    sampled(previous, &mut from_previous);
+    sampled(current, &mut from_current);
     let mut mask = 0;
     for j in 0..TILE {
-        let (row, is_reported) = merged(&before[j], &after[j], rule);
+        let (row, is_reported) = merged(&from_previous[j], &from_current[j], rule);
         *out[j * stride..].first_chunk_mut().expect("a tile fits") = narrowed(&row);
         mask |= is_reported << (TILE * j);
     }
     mask
 }
 
-/// See [`super::Sampled::tile_of_one`].
+/// See [`super::Sampled::sample_tile`].
 #[inline(always)]
-pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pixel], stride: usize) {
+pub(super) fn sample_tile(source: TileSource<'_, Pixel>, out: &mut [Pixel], stride: usize) {
     let mut rows = [[0.0; ROW]; TILE];
-    sampled(source, at, &mut rows);
+    sampled(source, &mut rows);
     for (j, row) in rows.iter().enumerate() {
         *out[j * stride..].first_chunk_mut().expect("a tile fits") = narrowed(row);
     }
@@ -50,25 +49,25 @@ pub(super) fn tile_of_one(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [Pi
 pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
     let mut mask = 0;
     for j in 0..TILE {
-        let (mut before, mut after) = ([0.0; ROW], [0.0; ROW]);
-        widen(block.before[TILE * j..].as_flattened(), &mut before);
-        widen(block.after[TILE * j..].as_flattened(), &mut after);
-        let (row, is_reported) = merged(&before, &after, rule);
+        let (mut from_previous, mut from_current) = ([0.0; ROW], [0.0; ROW]);
+        widen(block.previous[TILE * j..].as_flattened(), &mut from_previous);
+        widen(block.current[TILE * j..].as_flattened(), &mut from_current);
+        let (row, is_reported) = merged(&from_previous, &from_current, rule);
         block.merged[TILE * j..][..TILE].copy_from_slice(&narrowed(&row));
         mask |= is_reported << (TILE * j);
     }
     mask
 }
 
-/// See [`super::Sampled::pixels_of_one`].
+/// See [`super::Sampled::sample_pixels`].
 #[inline(always)]
-pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
+pub(super) fn sample_pixels(source: Source<'_, Pixel>, at: &Positions, wanted: u64, out: &mut [Pixel; BLOCK]) {
     for (j, out) in out.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
         let wanted = (wanted >> (TILE * j)) as u8;
         if wanted == 0 {
             continue;
         }
-        // A row of eight pixels: their columns and the weights of these, tap by tap.
+        // A row of eight pixels: their column sums and horizontal weights, per tap.
         let mut sums = [[0.0; ROW]; TAPS];
         let (mut low, mut high, mut across) = (sums, sums, sums);
         for x in 0..TILE {
@@ -96,7 +95,7 @@ pub(super) fn pixels_of_one(source: Source<'_, Pixel>, at: &Positions, wanted: u
     }
 }
 
-/// The pixels around a position, as singles.
+/// The 6x6 pixels around a position in single precision.
 #[inline(always)]
 fn around(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[f32; 4 * TAPS]; TAPS] {
     let mut rows = [[0.0; 4 * TAPS]; TAPS];
@@ -120,7 +119,7 @@ fn around_edge(source: &Source<'_, Pixel>, at: [i32; 2]) -> [[f32; 4 * TAPS]; TA
     rows
 }
 
-/// The rows of the pixels around a position, where all of them are in the picture.
+/// The same as half floats, if all of them are inside the picture.
 #[inline(always)]
 fn inside<'a>(source: &Source<'a, Pixel>, at: [i32; 2]) -> Option<[&'a [Pixel; TAPS]; TAPS]> {
     let [x, y] = at.map(|v| usize::try_from((v >> 6) - BEFORE).ok());
@@ -132,11 +131,11 @@ fn inside<'a>(source: &Source<'a, Pixel>, at: [i32; 2]) -> Option<[&'a [Pixel; T
     Some([row(0)?, row(1)?, row(2)?, row(3)?, row(4)?, row(5)?])
 }
 
-/// The tile at a position, rounded to half floats, row by row.
+/// Samples a tile, rounded to half floats, row by row.
 #[inline(always)]
-fn sampled(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [[f32; ROW]; TILE]) {
+fn sampled(TileSource { picture, at }: TileSource<'_, Pixel>, out: &mut [[f32; ROW]; TILE]) {
     let mut taps = [[[f16::ZERO; 4]; SPAN]; SPAN];
-    source.clamped(at.map(|v| (v >> 6) - BEFORE), &mut taps);
+    picture.clamped(at.map(|v| (v >> 6) - BEFORE), &mut taps);
     let [across, down] = weights(at);
     let mut rows = [[0.0; 4 * SPAN]; SPAN];
     for (row, taps) in rows.iter_mut().zip(&taps) {
@@ -151,7 +150,7 @@ fn sampled(source: Source<'_, Pixel>, at: [i32; 2], out: &mut [[f32; ROW]; TILE]
     }
 }
 
-/// The weighted sums of six rows, and the least and the largest of the four in the middle.
+/// Weighted sums of six rows, with minimum and maximum of the inner four.
 #[inline(always)]
 fn columns<const N: usize>(rows: &[[f32; N]; TAPS], down: [f32; TAPS]) -> ([f32; N], [f32; N], [f32; N]) {
     let [p, q, r, s, t, u] = rows;
@@ -164,12 +163,12 @@ fn columns<const N: usize>(rows: &[[f32; N]; TAPS], down: [f32; TAPS]) -> ([f32;
     (sums, low, high)
 }
 
-/// The weighted sum of six columns, kept between the least and the largest of the four in the middle.
+/// Weighted sum of six columns, clamped to the range of the inner four.
 #[inline(always)]
 fn sample(sums: [f32; TAPS], low: [f32; TAPS], high: [f32; TAPS], across: [f32; TAPS]) -> f32 {
     let low = smaller(smaller(low[1], low[2]), smaller(low[3], low[4]));
     let high = larger(larger(high[1], high[2]), larger(high[3], high[4]));
-    // Adding 0 leaves one kind of zero.
+    // Adding 0 turns -0 into 0.
     smaller(larger(weighted(sums, across), low), high) + 0.0
 }
 
@@ -179,19 +178,19 @@ fn weighted(p: [f32; TAPS], w: [f32; TAPS]) -> f32 {
     ((((p[0] * w[0] + p[1] * w[1]) + p[2] * w[2]) + p[3] * w[3]) + p[4] * w[4]) + p[5] * w[5]
 }
 
-/// A row of pixels from two, not yet rounded, and the bits of those to report.
+/// Merges a row of pixels, without rounding; also returns the bits of those to report.
 #[inline(always)]
-fn merged(before: &[f32; ROW], after: &[f32; ROW], rule: &Rule) -> ([f32; ROW], u64) {
+fn merged(from_previous: &[f32; ROW], from_current: &[f32; ROW], rule: &Rule) -> ([f32; ROW], u64) {
     let share = f32::from(rule.share()) / 128.0;
-    let nearer = if rule.nearer_is_current { after } else { before };
-    let [agree, careful] = [rule.agree, rule.careful].map(f32::from);
+    let nearer = if rule.nearer_is_current { from_current } else { from_previous };
+    let [max_equal_difference, doubt_threshold] = [rule.max_equal_difference, rule.doubt_threshold].map(f32::from);
     let (mut is_mixed, mut is_reported) = ([0; ROW], [0; ROW]);
     let mut mixed = [0.0; ROW];
     for i in 0..ROW {
-        let (a, b) = (before[i], after[i]);
+        let (a, b) = (from_previous[i], from_current[i]);
         let (apart, scale) = ((b - a).abs() * 255.0, larger(a.abs(), b.abs()) + 0.25);
-        is_mixed[i] = u32::from(apart > agree * scale);
-        is_reported[i] = u32::from(apart > careful * scale);
+        is_mixed[i] = u32::from(apart > max_equal_difference * scale);
+        is_reported[i] = u32::from(apart > doubt_threshold * scale);
         mixed[i] = a + (b - a) * share;
     }
     let (mut row, mut mask) = (*nearer, 0);
@@ -205,7 +204,7 @@ fn merged(before: &[f32; ROW], after: &[f32; ROW], rule: &Rule) -> ([f32; ROW], 
     (row, mask)
 }
 
-/// The weights of a position, across and down, as parts of 1.
+/// Horizontal and vertical weights of a position, as fractions of 1.
 #[inline(always)]
 fn weights(at: [i32; 2]) -> [[f32; TAPS]; 2] {
     let mut weights = [[0.0; TAPS]; 2];
@@ -217,7 +216,7 @@ fn weights(at: [i32; 2]) -> [[f32; TAPS]; 2] {
     weights
 }
 
-/// Half floats as singles that are finite.
+/// Half floats in finite single precision.
 #[inline(always)]
 fn widen<const N: usize>(halves: &[f16], singles: &mut [f32; N]) {
     for (single, half) in singles.iter_mut().zip(halves) {
@@ -225,7 +224,7 @@ fn widen<const N: usize>(halves: &[f16], singles: &mut [f32; N]) {
     }
 }
 
-/// The half float of these bits as a single one; what is no number as 0, the infinite as the largest half float.
+/// Single precision of a half float's bits; NaN becomes 0, infinity the largest finite half float.
 #[inline(always)]
 fn finite(bits: u16) -> f32 {
     const INFINITE: u16 = 0x7c00;
@@ -234,21 +233,21 @@ fn finite(bits: u16) -> f32 {
     widened(if magnitude > INFINITE { 0 } else { bounded })
 }
 
-/// The bits of the half float nearest to a number that is no larger than the largest; ties to even.
+/// Bits of the nearest half float of a value within its range; ties to even.
 #[inline(always)]
 fn nearest(value: f32) -> u16 {
     const LEAST_NORMAL: u32 = (127 - 14) << 23;
     const HALF: f32 = 0.5;
     let sign = (value.to_bits() >> 16) & 0x8000;
     let magnitude = value.to_bits() & 0x7fff_ffff;
-    // To the upper ten bits of the mantissa, with the exponent's other bias.
+    // Rounds to ten bits of mantissa and changes the exponent's bias.
     let normal = (magnitude.wrapping_sub(112 << 23) + 0xfff + (magnitude >> 13 & 1)) >> 13;
-    // Singles at a half are as far apart as the least half floats: adding rounds.
+    // Floats around 0.5 have the spacing of denormal half floats, so that adding rounds.
     let small = (f32::from_bits(magnitude) + HALF).to_bits().wrapping_sub(HALF.to_bits());
     (sign | if magnitude < LEAST_NORMAL { small } else { normal }) as u16
 }
 
-/// A row as half floats.
+/// Rounds a row to half floats.
 #[inline(always)]
 fn narrowed(row: &[f32; ROW]) -> [Pixel; TILE] {
     let mut bits = [0; ROW];
@@ -258,13 +257,13 @@ fn narrowed(row: &[f32; ROW]) -> [Pixel; TILE] {
     bytemuck::must_cast(bits)
 }
 
-/// Of two that are numbers.
+/// Minimum of two values that are not NaN.
 #[inline(always)]
 fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Of two that are numbers.
+/// Maximum of two values that are not NaN.
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
@@ -275,13 +274,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn half_floats_are_widened_and_narrowed_as_the_standard_says() {
+    fn half_float_conversions_follow_ieee_754() {
         for bits in 0..=u16::MAX {
             let half = f16::from_bits(bits);
             let expected = if half.is_nan() { 0.0 } else { half.to_f32().clamp(-65504.0, 65504.0) };
             assert_eq!(finite(bits).to_bits(), expected.to_bits(), "{half:?}");
             if half.is_finite() {
-                // Itself, halfway to the next, and what lies beside that.
+                // The value itself, half way to the next, and the floats beside that.
                 let next = f16::from_bits(bits + 1).to_f32();
                 let halfway = half.to_f32() + (next.clamp(-65504.0, 65504.0) - half.to_f32()) / 2.0;
                 for value in [half.to_f32(), halfway, halfway.next_up(), halfway.next_down()] {
