@@ -9,7 +9,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use cairn::framegen::cpu::kernels::{
-    BLOCK, Block, DepthKeyRange, Positions, Rule, Sampled, SimdLevel, Source, TILE, TileSource, VectorRange,
+    BLOCK, Block, DepthKeyRange, MergeRule, Positions, Sampled, SimdLevel, Source, TILE, TileSource, VectorRange,
     depth_ranges, motion_ranges,
 };
 use half::f16;
@@ -110,7 +110,7 @@ fn pictures<'a, P: Sampled>(
     width: usize,
 ) {
     let [previous, current] = pictures.map(|pixels| Source { pixels, width, height: pixels.len() / width });
-    let rule = Rule { weight: 64, nearer_is_current: true, max_equal_difference: 4, doubt_threshold: 40 };
+    let rule = MergeRule { weight: 64, nearer_is_current: true, max_equal_difference: 4, doubt_threshold: 40 };
     let name = |what: &str| format!("{what} of {pixels}, {}", level.name());
     let position = move |tile: usize, band: usize, sign: i32| {
         [(64 * TILE * tile) as i32 + sign * DISPLACEMENT[0], (64 * TILE * band) as i32 + sign * DISPLACEMENT[1]]

@@ -6,7 +6,7 @@ use super::colour::Colour;
 use super::colour_outlier::is_colour_outlier;
 use super::edge_antialiasing::{antialias, blend_mask};
 use super::kernels::tile_keys;
-use super::kernels::{BLOCK, Block, Positions, Rule, SimdLevel, Source, TILE, TileSource};
+use super::kernels::{BLOCK, Block, MergeRule, Positions, SimdLevel, Source, TILE, TileSource};
 use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind, for_each_bit, tile_mask};
 use super::rules::Rules;
 use super::splat_key::{
@@ -83,7 +83,7 @@ impl<P: Colour> Interpolation<'_, P> {
         let grid = self.frame_keys.grid;
         let weight = ((self.phase + 16) >> 5).clamp(1, 127) as u8;
         let doubt_threshold = doubt_threshold(self.is_optical_flow);
-        let rule = Rule {
+        let rule = MergeRule {
             weight,
             nearer_is_current: self.phase >= PHASE_ONE / 2,
             max_equal_difference: MAX_EQUAL_DIFFERENCE,
@@ -132,7 +132,7 @@ impl<P: Colour> Interpolation<'_, P> {
         &self,
         column: usize,
         row: usize,
-        rule: &Rule,
+        rule: &MergeRule,
         [block, with_foreground]: &mut [Block<P>; 2],
         pixels: &mut [P],
         hidden: &mut u64,
@@ -218,7 +218,7 @@ impl<P: Colour> Interpolation<'_, P> {
             self.previous_keys.prefetch([previous.x[index], previous.y[index]]);
             self.field.prefetch([current.x[index], current.y[index]]);
         }
-        let strict = Rule { doubt_threshold: STRICT_DOUBT_THRESHOLD, ..*rule };
+        let strict = MergeRule { doubt_threshold: STRICT_DOUBT_THRESHOLD, ..*rule };
         // An anchor that shows no pixel of the tile is not sampled,
         let shows_nothing = outside.map(|outside| outside == u64::MAX);
         // nor is it at positions outside of it.
@@ -342,7 +342,7 @@ impl<P: Colour> Interpolation<'_, P> {
         keys: &[Key; BLOCK],
         foreground_keys: &[Key; BLOCK],
         has_foreground: u64,
-        rule: &Rule,
+        rule: &MergeRule,
         with_foreground: &mut Block<P>,
     ) -> u64 {
         if has_foreground == 0 {
@@ -449,7 +449,7 @@ impl<P: Colour> Interpolation<'_, P> {
     }
 
     /// A static pixel.
-    fn static_pixel(&self, x: usize, y: usize, rule: &Rule) -> P {
+    fn static_pixel(&self, x: usize, y: usize, rule: &MergeRule) -> P {
         let index = y * self.previous.width + x;
         P::merge(self.previous.pixels[index], self.current.pixels[index], rule).0
     }

@@ -7,7 +7,7 @@ mod avx512;
 mod portable;
 
 use super::lanczos::{BEFORE, ONE, PHASES, SINC, TAPS};
-use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, TILE, TileSource, luma};
+use super::sampling::{BLOCK, Block, MergeRule, Positions, Sampled, TILE, TileSource, luma};
 use super::scalar::{self, taps};
 use super::{Set, SimdLevel, Source, at_every_level};
 
@@ -38,7 +38,7 @@ impl Sampled for Pixel {
     }
 
     #[inline]
-    fn merge(from_previous: Self, from_current: Self, rule: &Rule) -> (Self, bool) {
+    fn merge(from_previous: Self, from_current: Self, rule: &MergeRule) -> (Self, bool) {
         let share = u16::from(rule.share());
         let (mut difference, mut mixed) = (0, [0; 4]);
         for c in 0..4 {
@@ -54,7 +54,7 @@ impl Sampled for Pixel {
         level: SimdLevel,
         previous: TileSource<'_, Self>,
         current: TileSource<'_, Self>,
-        rule: &Rule,
+        rule: &MergeRule,
         out: &mut [Self],
         stride: usize,
     ) -> u64 {
@@ -96,7 +96,7 @@ impl Sampled for Pixel {
         }
     }
 
-    fn merge_block(level: SimdLevel, rule: &Rule, block: &mut Block<Self>) -> u64 {
+    fn merge_block(level: SimdLevel, rule: &MergeRule, block: &mut Block<Self>) -> u64 {
         match level.0 {
             Set::Scalar | Set::Portable => scalar::merge_block(rule, block),
             #[cfg(target_arch = "x86_64")]

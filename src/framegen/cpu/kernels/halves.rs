@@ -6,7 +6,7 @@ use half::f16;
 
 use super::lanczos::TAPS;
 use super::ranges::widened;
-use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, TileSource, luma};
+use super::sampling::{BLOCK, Block, MergeRule, Positions, Sampled, TileSource, luma};
 use super::scalar::{self, taps};
 use super::{SimdLevel, Source, at_every_level};
 
@@ -29,7 +29,7 @@ impl Sampled for Pixel {
         })
     }
 
-    fn merge(from_previous: Self, from_current: Self, rule: &Rule) -> (Self, bool) {
+    fn merge(from_previous: Self, from_current: Self, rule: &MergeRule) -> (Self, bool) {
         let (a, b) = (from_previous.map(finite), from_current.map(finite));
         let differ_by = |levels: u8| {
             a.iter().zip(b).any(|(&a, b)| (b - a).abs() * 255.0 > f32::from(levels) * (a.abs().max(b.abs()) + 0.25))
@@ -49,7 +49,7 @@ impl Sampled for Pixel {
         level: SimdLevel,
         previous: TileSource<'_, Self>,
         current: TileSource<'_, Self>,
-        rule: &Rule,
+        rule: &MergeRule,
         out: &mut [Self],
         stride: usize,
     ) -> u64 {
@@ -64,7 +64,7 @@ impl Sampled for Pixel {
         sample_pixels(level, source, at, wanted, out);
     }
 
-    fn merge_block(level: SimdLevel, rule: &Rule, block: &mut Block<Self>) -> u64 {
+    fn merge_block(level: SimdLevel, rule: &MergeRule, block: &mut Block<Self>) -> u64 {
         merge_block(level, rule, block)
     }
 
@@ -85,7 +85,7 @@ at_every_level! {
     fn merge_tile(
         previous: TileSource<'_, Pixel>,
         current: TileSource<'_, Pixel>,
-        rule: &Rule,
+        rule: &MergeRule,
         out: &mut [Pixel], stride: usize,
     ) -> u64 = scalar::merge_tile | vectors::merge_tile
 }
@@ -101,7 +101,7 @@ at_every_level! {
 }
 
 at_every_level! {
-    fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 = scalar::merge_block | vectors::merge_block
+    fn merge_block(rule: &MergeRule, block: &mut Block<Pixel>) -> u64 = scalar::merge_block | vectors::merge_block
 }
 
 at_every_level! {

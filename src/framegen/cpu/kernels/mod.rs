@@ -22,7 +22,7 @@ mod tests;
 pub(super) mod tile_keys;
 
 pub use ranges::{DepthKeyRange, VectorRange, WarpedRow, depth_ranges, motion_ranges, pack_tile, warp_row};
-pub use sampling::{BLOCK, Block, Positions, Rule, Sampled, TILE, TileSource};
+pub use sampling::{BLOCK, Block, MergeRule, Positions, Sampled, TILE, TileSource};
 
 /// An instruction set. A value proves that this processor has it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

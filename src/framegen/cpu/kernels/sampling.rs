@@ -10,7 +10,7 @@ pub const BLOCK: usize = TILE * TILE;
 
 /// How the samples of two anchors are merged: the one nearer in time if they are equal, otherwise a blend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Rule {
+pub struct MergeRule {
     /// Weight of the current anchor in a blend, of 128; clamped to 1..127.
     pub weight: u8,
     /// Whether the current anchor is the nearer one in time.
@@ -21,7 +21,7 @@ pub struct Rule {
     pub doubt_threshold: u8,
 }
 
-impl Rule {
+impl MergeRule {
     /// Weight of the current anchor in a blend, of 128.
     pub(super) fn share(&self) -> u8 {
         self.weight.clamp(1, 127)
@@ -65,23 +65,24 @@ pub struct Block<P> {
 /// `wy`) are integers that add up to 128. At whole positions it is the pixel itself.
 ///
 /// - Bytes: `clamp((sum_j wy[j] * sum_i wx[i] * p[j][i] + 2^13) >> 14, 0, 255)`, in integers.
-/// - Half floats, in single precision and this order: columns `c[i] = (((((p[0][i] * wy[0] + p[1][i] * wy[1]) + p[2][i]
-///   * wy[2]) + p[3][i] * wy[3]) + p[4][i] * wy[4]) + p[5][i] * wy[5]`, then the same with `wx`, weights divided by
-///   128; clamped to the range of the inner 4x4 pixels, so that highlights get no halo, and rounded to the nearest half
-///   float. NaN counts as 0 and infinity as 65504 of its sign, so that neither spreads beyond its 6x6 pixels.
+/// - Half floats, in single precision and this order: columns `c[i] =
+///   (((((p[0][i] * wy[0] + p[1][i] * wy[1]) + p[2][i] * wy[2]) + p[3][i] * wy[3]) + p[4][i] * wy[4]) + p[5][i] * wy[5]`,
+///   then the same with `wx`, weights divided by 128; clamped to the range of the inner 4x4 pixels, so that highlights
+///   get no halo, and rounded to the nearest half float. NaN counts as 0 and infinity as 65504 of its sign, so that
+///   neither spreads beyond its 6x6 pixels.
 ///
 /// # Merging
 ///
-/// - Bytes: the difference is the largest of any channel; a blend is `(previous * (128 - weight) + current * weight +
-///   64) >> 7`.
-/// - Half floats: channels differ by more than `n` levels if `|b - a| * 255 > n * (max(|a|, |b|) + 1/4)`; a blend is `a
-///   + (b - a) * (weight / 128)`, rounded to the nearest half float.
+/// - Bytes: the difference is the largest of any channel; a blend is
+///   `(previous * (128 - weight) + current * weight + 64) >> 7`.
+/// - Half floats: channels differ by more than `n` levels if `|b - a| * 255 > n * (max(|a|, |b|) + 1/4)`; a blend is
+///   `a + (b - a) * (weight / 128)`, rounded to the nearest half float.
 pub trait Sampled: Pixel {
     /// Samples one position.
     fn sample(source: Source<'_, Self>, at: [i32; 2]) -> Self;
 
     /// Merges two samples; also returns whether their difference is to be reported.
-    fn merge(from_previous: Self, from_current: Self, rule: &Rule) -> (Self, bool);
+    fn merge(from_previous: Self, from_current: Self, rule: &MergeRule) -> (Self, bool);
 
     /// Samples and merges a tile of 8x8 pixels: pixel (i, j) from the position `at + 64 (i, j)` of each source,
     /// into `out[j * stride + i]`. Returns the pixels to report, as bits `8 j + i`.
@@ -92,7 +93,7 @@ pub trait Sampled: Pixel {
         level: SimdLevel,
         previous: TileSource<'_, Self>,
         current: TileSource<'_, Self>,
-        rule: &Rule,
+        rule: &MergeRule,
         out: &mut [Self],
         stride: usize,
     ) -> u64;
@@ -107,7 +108,7 @@ pub trait Sampled: Pixel {
     fn sample_pixels(level: SimdLevel, source: Source<'_, Self>, at: &Positions, wanted: u64, out: &mut [Self; BLOCK]);
 
     /// Merges the samples of a block; returns as [`Self::merge_tile`] does.
-    fn merge_block(level: SimdLevel, rule: &Rule, block: &mut Block<Self>) -> u64;
+    fn merge_block(level: SimdLevel, rule: &MergeRule, block: &mut Block<Self>) -> u64;
 
     /// Adds the channels of a row of pixels to `sums`, in levels from 0 to 255 (see [`Self::levels`]). Sums wrap, which
     /// those of up to 257 rows do not.

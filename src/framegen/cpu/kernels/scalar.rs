@@ -2,13 +2,13 @@
 
 use super::Source;
 use super::lanczos::{BEFORE, SINC, TAPS};
-use super::sampling::{BLOCK, Block, Positions, Rule, Sampled, TILE, TileSource, luma};
+use super::sampling::{BLOCK, Block, MergeRule, Positions, Sampled, TILE, TileSource, luma};
 
 /// See [`Sampled::merge_tile`].
 pub(super) fn merge_tile<P: Sampled>(
     previous: TileSource<'_, P>,
     current: TileSource<'_, P>,
-    rule: &Rule,
+    rule: &MergeRule,
     out: &mut [P],
     stride: usize,
 ) -> u64 {
@@ -33,7 +33,7 @@ pub(super) fn sample_tile<P: Sampled>(source: TileSource<'_, P>, out: &mut [P], 
 }
 
 /// See [`Sampled::merge_block`].
-pub(super) fn merge_block<P: Sampled>(rule: &Rule, block: &mut Block<P>) -> u64 {
+pub(super) fn merge_block<P: Sampled>(rule: &MergeRule, block: &mut Block<P>) -> u64 {
     let mut mask = 0;
     for i in 0..BLOCK {
         let (merged, is_reported) = P::merge(block.previous[i], block.current[i], rule);

@@ -16,7 +16,7 @@ use crate::framegen::cpu::field::{
 };
 use crate::framegen::cpu::hole_filling::{FillInputs, SEARCH_RADIUS};
 use crate::framegen::cpu::inpaint::Inpainter;
-use crate::framegen::cpu::kernels::{BLOCK, Rule, SimdLevel, Source, TILE, WarpedRow, warp_row};
+use crate::framegen::cpu::kernels::{BLOCK, MergeRule, SimdLevel, Source, TILE, WarpedRow, warp_row};
 use crate::framegen::cpu::key_buffer::{Grid, KeyBuffer, Tile, TileKind};
 use crate::framegen::cpu::letterbox::ActiveArea;
 use crate::framegen::cpu::render::{
@@ -504,9 +504,9 @@ fn inpainted<P: Colour>(grid: Grid, hidden: &[u64], out: &mut Raster<P>) {
 }
 
 impl<P: Colour> ReferenceFrame<'_, P> {
-    fn rule(&self, doubt_threshold: u8) -> Rule {
+    fn rule(&self, doubt_threshold: u8) -> MergeRule {
         let weight = ((self.phase + 16) / 32).clamp(1, 127) as u8;
-        Rule {
+        MergeRule {
             weight,
             nearer_is_current: 2 * self.phase >= PHASE_ONE,
             max_equal_difference: MAX_EQUAL_DIFFERENCE,

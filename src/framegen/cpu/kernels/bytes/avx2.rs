@@ -6,7 +6,7 @@ use std::arch::x86_64::*;
 use bytemuck::{must_cast, must_cast_ref};
 
 use super::{
-    BEFORE, BIAS, BLOCK, Block, Groups, NEGATIVE, Patch, Pixel, Positions, Rule, SINC, SPAN, Source, TAPS, TILE,
+    BEFORE, BIAS, BLOCK, Block, Groups, MergeRule, NEGATIVE, Patch, Pixel, Positions, SINC, SPAN, Source, TAPS, TILE,
     TileSource, clamped, rows, starts, take_up_to,
 };
 use crate::framegen::cpu::kernels::lanczos::{PAIRS, PHASES};
@@ -16,7 +16,7 @@ use crate::framegen::cpu::kernels::lanczos::{PAIRS, PHASES};
 pub(super) fn merge_tile(
     previous: TileSource<'_, Pixel>,
     current: TileSource<'_, Pixel>,
-    rule: &Rule,
+    rule: &MergeRule,
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
@@ -46,7 +46,7 @@ pub(super) fn sample_tile(source: TileSource<'_, Pixel>, out: &mut [Pixel], stri
 
 /// See [`super::Sampled::merge_block`].
 #[target_feature(enable = "avx2")]
-pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
+pub(super) fn merge_block(rule: &MergeRule, block: &mut Block<Pixel>) -> u64 {
     let merge = Merge::new(rule);
     let rows = |pixels| -> &[[Pixel; TILE]; TILE] { must_cast_ref::<[Pixel; BLOCK], _>(pixels) };
     let (from_previous, from_current) = (rows(&block.previous), rows(&block.current));
@@ -188,7 +188,7 @@ fn sampled(patch: &Patch<'_>) -> [__m256i; TILE] {
     levels
 }
 
-/// A [`Rule`] in vectors.
+/// A [`MergeRule`] in vectors.
 struct Merge {
     shares: __m256i,
     max_equal_difference: __m256i,
@@ -199,7 +199,7 @@ struct Merge {
 impl Merge {
     #[target_feature(enable = "avx2")]
     #[inline]
-    fn new(rule: &Rule) -> Self {
+    fn new(rule: &MergeRule) -> Self {
         let share = i16::from(rule.share());
         Self {
             shares: _mm256_set1_epi16((128 - share) | share << 8),

@@ -5,8 +5,8 @@ use std::arch::x86_64::*;
 use bytemuck::{must_cast, must_cast_mut, must_cast_ref};
 
 use super::{
-    BEFORE, BIAS, BLOCK, Block, Groups, NEGATIVE, PREFETCH_AHEAD, Patch, Pixel, Positions, Rule, SINC, SPAN, Source,
-    TAPS, TILE, TileSource, clamped, starts, take_up_to,
+    BEFORE, BIAS, BLOCK, Block, Groups, MergeRule, NEGATIVE, PREFETCH_AHEAD, Patch, Pixel, Positions, SINC, SPAN,
+    Source, TAPS, TILE, TileSource, clamped, starts, take_up_to,
 };
 use crate::framegen::cpu::kernels::lanczos::{PAIRS, PHASES};
 
@@ -20,7 +20,7 @@ const OWN: usize = BEFORE as usize;
 pub(super) fn merge_tile(
     previous: TileSource<'_, Pixel>,
     current: TileSource<'_, Pixel>,
-    rule: &Rule,
+    rule: &MergeRule,
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
@@ -54,7 +54,7 @@ pub(super) fn sample_tile(source: TileSource<'_, Pixel>, out: &mut [Pixel], stri
 
 /// See [`super::Sampled::merge_block`].
 #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
-pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
+pub(super) fn merge_block(rule: &MergeRule, block: &mut Block<Pixel>) -> u64 {
     let merge = Merge::new(rule);
     let from_previous: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&block.previous);
     let from_current: &[[Pixel; PIXELS]; 4] = must_cast_ref::<[Pixel; BLOCK], _>(&block.current);
@@ -262,7 +262,7 @@ fn sampled(patch: &Patch<'_>) -> [__m512i; TILE / 2] {
     std::array::from_fn(|pair| packed(row(2 * pair), row(2 * pair + 1)))
 }
 
-/// A [`Rule`] in vectors.
+/// A [`MergeRule`] in vectors.
 struct Merge {
     shares: __m512i,
     max_equal_difference: __m512i,
@@ -273,7 +273,7 @@ struct Merge {
 impl Merge {
     #[target_feature(enable = "avx2,avx512f,avx512bw,avx512dq,avx512vl,avx512vbmi,avx512vnni")]
     #[inline]
-    fn new(rule: &Rule) -> Self {
+    fn new(rule: &MergeRule) -> Self {
         let share = i16::from(rule.share());
         Self {
             shares: _mm512_set1_epi16((128 - share) | share << 8),

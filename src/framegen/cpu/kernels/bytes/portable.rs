@@ -1,15 +1,15 @@
 //! The version for the compiler's vectoriser: a row of eight pixels is one vector of 32 channels.
 
 use super::{
-    BEFORE, BIAS, BLOCK, Groups, NEGATIVE, Patch, Pixel, Positions, ROW, Rule, SINC, SPAN, Sampled, Source, TAPS, TILE,
-    TileSource, scalar,
+    BEFORE, BIAS, BLOCK, Groups, MergeRule, NEGATIVE, Patch, Pixel, Positions, ROW, SINC, SPAN, Sampled, Source, TAPS,
+    TILE, TileSource, scalar,
 };
 
 /// See [`Sampled::merge_tile`].
 pub(super) fn merge_tile(
     previous: TileSource<'_, Pixel>,
     current: TileSource<'_, Pixel>,
-    rule: &Rule,
+    rule: &MergeRule,
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {

@@ -6,7 +6,7 @@ use half::f16;
 use super::super::lanczos::{BEFORE, SINC, TAPS};
 use super::super::ranges::widened;
 use super::super::sampling::TILE;
-use super::{BLOCK, Block, Pixel, Positions, Rule, Source, TileSource, taps};
+use super::{BLOCK, Block, MergeRule, Pixel, Positions, Source, TileSource, taps};
 
 /// Rows and columns of pixels from which a tile is sampled.
 const SPAN: usize = TILE + TAPS - 1;
@@ -18,7 +18,7 @@ const ROW: usize = 4 * TILE;
 pub(super) fn merge_tile(
     previous: TileSource<'_, Pixel>,
     current: TileSource<'_, Pixel>,
-    rule: &Rule,
+    rule: &MergeRule,
     out: &mut [Pixel],
     stride: usize,
 ) -> u64 {
@@ -46,7 +46,7 @@ pub(super) fn sample_tile(source: TileSource<'_, Pixel>, out: &mut [Pixel], stri
 
 /// See [`super::Sampled::merge_block`].
 #[inline(always)]
-pub(super) fn merge_block(rule: &Rule, block: &mut Block<Pixel>) -> u64 {
+pub(super) fn merge_block(rule: &MergeRule, block: &mut Block<Pixel>) -> u64 {
     let mut mask = 0;
     for j in 0..TILE {
         let (mut from_previous, mut from_current) = ([0.0; ROW], [0.0; ROW]);
@@ -180,7 +180,7 @@ fn weighted(p: [f32; TAPS], w: [f32; TAPS]) -> f32 {
 
 /// Merges a row of pixels, without rounding; also returns the bits of those to report.
 #[inline(always)]
-fn merged(from_previous: &[f32; ROW], from_current: &[f32; ROW], rule: &Rule) -> ([f32; ROW], u64) {
+fn merged(from_previous: &[f32; ROW], from_current: &[f32; ROW], rule: &MergeRule) -> ([f32; ROW], u64) {
     let share = f32::from(rule.share()) / 128.0;
     let nearer = if rule.nearer_is_current { from_current } else { from_previous };
     let [max_equal_difference, doubt_threshold] = [rule.max_equal_difference, rule.doubt_threshold].map(f32::from);

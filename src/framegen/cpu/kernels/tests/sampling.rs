@@ -90,8 +90,8 @@ fn position(random: &mut Random, (width, height): (usize, usize)) -> [i32; 2] {
     [on_axis(width), on_axis(height)]
 }
 
-fn rule(random: &mut Random) -> Rule {
-    Rule {
+fn rule(random: &mut Random) -> MergeRule {
+    MergeRule {
         weight: random.below(256) as u8,
         nearer_is_current: random.below(2) == 0,
         max_equal_difference: random.below(8) as u8,
