@@ -290,6 +290,35 @@ mod tests {
     }
 
     #[test]
+    fn frames_change_without_rules_that_their_input_meets() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::new(folder.path().to_owned(), false);
+        let mut clips: Vec<Box<dyn Clip>> =
+            vec![Box::new(clips::SceneClip::moving(scenes::Family::Forest, 4, Scale::Smoke).unwrap())];
+        let losses = measure(&mut clips, None, &store, &Progress::quiet(), &AtomicBool::new(false)).unwrap();
+        let changes = |rule: Rule, input| {
+            let found: Vec<&Loss> = losses.iter().filter(|loss| loss.rule == rule && loss.input == input).collect();
+            assert!(found.len() <= 1 && found.iter().all(|loss| loss.time > 0.0 && loss.lost[2] == 0.0));
+            found.first().is_some_and(|loss| loss.lost[0] != 0.0)
+        };
+        use cairn::framegen::cpu::Rule as G;
+        use cairn::guidance::picture_flow::Rule as F;
+        for rule in [G::CrackClosing, G::ForegroundEdges, G::PreviousDepth, G::CameraFit] {
+            assert!(changes(Rule::Generator(rule), Input::Truth), "{rule:?}");
+        }
+        for rule in [G::MatchAsDepth, G::EdgeAntialiasing, G::FillByLikeness] {
+            assert!(changes(Rule::Generator(rule), Input::Flow), "{rule:?}");
+        }
+        for rule in [F::RepeatedSearch, F::ConsistencyCheck] {
+            assert!(changes(Rule::Flow(rule), Input::Flow), "{rule:?}");
+        }
+        // There is no cut, depth orders surfaces, and motion that is given is not searched for.
+        assert!(!changes(Rule::Generator(G::CutDetection), Input::Truth));
+        assert!(!changes(Rule::Generator(G::MatchAsDepth), Input::Truth));
+        assert!(losses.iter().all(|loss| loss.input == Input::Flow || matches!(loss.rule, Rule::Generator(_))));
+    }
+
+    #[test]
     fn sealed_clips_and_seeds_are_refused() {
         let settings = |clips: &str, seed| AblationSettings {
             clips: clips.into(),
