@@ -37,6 +37,7 @@ mod grid;
 mod model;
 mod patch;
 mod pyramid;
+mod rules;
 mod wide;
 
 use std::time::{Duration, Instant};
@@ -53,6 +54,9 @@ use dense::Dense;
 pub use gpu::{DESCRIPTORS, GpuExtractor};
 use grid::Grid;
 use pyramid::Pyramid;
+#[doc(hidden)]
+pub use rules::Rule;
+use rules::Rules;
 
 use crate::tasks::{self, Parallel, ParallelSliceMut, PoolLease};
 
@@ -84,6 +88,7 @@ pub fn extract(previous: &Picture, current: &Picture, out: &mut Guidance) -> Res
 #[derive(Debug)]
 pub struct Extractor {
     level: Level,
+    rules: Rules,
     current: Pyramid,
     previous: Pyramid,
     backward: DirectedFlow,
@@ -132,6 +137,7 @@ impl Extractor {
     fn at(level: Level) -> Self {
         Self {
             level,
+            rules: Rules::default(),
             current: Pyramid::default(),
             previous: Pyramid::default(),
             backward: DirectedFlow::default(),
@@ -140,6 +146,12 @@ impl Extractor {
             times: StageTimes::default(),
             _threads: PoolLease::new(),
         }
+    }
+
+    /// This extractor without one of its rules, for measurements.
+    #[doc(hidden)]
+    pub fn without(self, rule: Rule) -> Self {
+        Self { rules: self.rules.without(rule), ..self }
     }
 
     /// Writes the guidance for the step from `previous` to `current` to `out`, which is resized to one vector and one depth per pixel
@@ -165,10 +177,12 @@ impl Extractor {
         // The forward flow only checks the backward one: in a large picture one level coarser is enough.
         let finest = self.previous.finest();
         let checked = if finest > 0 { (finest + 1).min(self.previous.levels().len() - 1) } else { 0 };
-        let Self { level, previous: from, current: to, backward, forward, .. } = &mut *self;
-        let (level, from, to) = (*level, &*from, &*to);
-        let (back, forth) =
-            tasks::join_loops(|| backward.search(level, to, from, finest), || forward.search(level, from, to, checked));
+        let Self { level, rules, previous: from, current: to, backward, forward, .. } = &mut *self;
+        let (level, rules, from, to) = (*level, *rules, &*from, &*to);
+        let (back, forth) = tasks::join_loops(
+            || backward.search(level, rules, to, from, finest),
+            || forward.search(level, rules, from, to, checked),
+        );
         back.and(forth)?;
         let searched = Instant::now();
 
@@ -176,7 +190,7 @@ impl Extractor {
         forward.densify(level, from, to, checked)?;
         let densified = Instant::now();
 
-        self.consistency.check(&self.backward.dense, &self.forward.dense, checked - finest)?;
+        self.consistency.check(&self.backward.dense, &self.forward.dense, checked - finest, rules)?;
         let compared = Instant::now();
 
         self.write(current, finest, out);
@@ -263,7 +277,7 @@ impl Extractor {
 
 impl DirectedFlow {
     /// Patch motion from `from` to `to`, coarse to fine down to level `finest`.
-    fn search(&mut self, simd: Level, from: &Pyramid, to: &Pyramid, finest: usize) -> Result<()> {
+    fn search(&mut self, simd: Level, rules: Rules, from: &Pyramid, to: &Pyramid, finest: usize) -> Result<()> {
         // Swap so that the finest level always ends up in the same grid; the other's memory then stays small.
         if (from.levels().len() - finest) % 2 == 1 {
             std::mem::swap(&mut self.coarse, &mut self.fine);
@@ -279,23 +293,29 @@ impl DirectedFlow {
                 to_plane,
                 coarse,
                 if is_large { grid::WIDE_STRIDE } else { grid::STRIDE },
+                rules.has(Rule::WideSearch),
             )?;
             self.fine.smooth(simd)?;
             let rounds = match level {
-                _ if level == finest => 0,
+                _ if level == finest || !rules.has(Rule::RepeatedSearch) => 0,
                 _ if from_plane.luma.len() <= SMALL_LEVEL => ROUNDS,
                 _ => 1,
             };
             for _ in 0..rounds {
-                self.fine.fit()?;
+                self.fit(rules)?;
                 self.fine.search_again(simd, from_plane, to_plane);
                 self.fine.smooth(simd)?;
             }
             if level > finest {
-                self.fine.fit()?;
+                self.fit(rules)?;
             }
         }
         Ok(())
+    }
+
+    /// Fits the global model, if there is one.
+    fn fit(&mut self, rules: Rules) -> Result<()> {
+        if rules.has(Rule::GlobalModel) { self.fine.fit() } else { Ok(()) }
     }
 
     /// Densifies the motion on level `finest`.

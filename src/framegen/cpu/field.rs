@@ -12,6 +12,7 @@ use super::kernels::{
     warp_row,
 };
 use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind};
+use super::rules::{Rule, Rules};
 use super::splat_key::{self, DEPTH_KEY_TOLERANCE, EMPTY, Key, MAX_COMPONENT, SIMILAR_MOTION, pack};
 use super::static_mask::StaticMask;
 use super::{reserve, resize};
@@ -67,6 +68,7 @@ impl FieldBuilder {
     pub(super) fn build<P: Colour>(
         &mut self,
         level: SimdLevel,
+        rules: Rules,
         guidance: &Guidance,
         anchors: Option<(Source<'_, P>, Source<'_, P>)>,
         static_mask: StaticMask<'_>,
@@ -87,9 +89,10 @@ impl FieldBuilder {
             window.iter_mut().try_for_each(|guidance_row| guidance_row.reserve(grid.columns))?;
         }
         let is_flat = is_flat(level, guidance.depth());
-        let can_dilate = !is_flat && guidance.motion().tile() == 1;
+        let can_dilate = !is_flat && guidance.motion().tile() == 1 && rules.has(Rule::EdgeDilation);
+        let orders_by_match = is_flat && rules.has(Rule::MatchAsDepth);
         let reader = GuidanceReader { level, guidance, limit, grid, static_mask };
-        let refinement = EdgeRefinement { level, grid, anchors, is_flat, can_dilate };
+        let refinement = EdgeRefinement { level, grid, anchors, orders_by_match, can_dilate };
 
         let tiles = field.tiles.par_chunks_mut(band_rows * grid.columns);
         let keys = field.keys.par_chunks_mut(band_rows * grid.columns);
@@ -329,7 +332,7 @@ struct EdgeRefinement<'a, P> {
     grid: Grid,
     anchors: Option<(Source<'a, P>, Source<'a, P>)>,
     /// Whether the depth is constant.
-    is_flat: bool,
+    orders_by_match: bool,
     /// Whether motion and depth are per pixel, so that foreground can be dilated.
     can_dilate: bool,
 }
@@ -367,7 +370,7 @@ impl<P: Colour> EdgeRefinement<'_, P> {
         let guidance_row = &window[row % 3];
         tiles.copy_from_slice(&guidance_row.tiles);
         let (mut before, mut here) = (NeighbourRange::NONE, self.column(0, row, window));
-        let is_refined = self.is_flat || self.can_dilate;
+        let is_refined = self.orders_by_match || self.can_dilate;
         for (column, (tile, keys)) in tiles.iter_mut().zip(keys).enumerate() {
             if tile.kind == TileKind::Mixed {
                 *keys = guidance_row.keys[column];
@@ -381,7 +384,7 @@ impl<P: Colour> EdgeRefinement<'_, P> {
             if let Some(ranges) = guidance_row.ranges.get(column + PREFETCH_AHEAD).filter(|ranges| ranges.has_mixed()) {
                 self.prefetch(column + PREFETCH_AHEAD, row, ranges);
             }
-            if self.is_flat {
+            if self.orders_by_match {
                 self.tag_match_errors(column, row, window, &all, tile, keys);
             } else if all.near() + i32::from(DEPTH_KEY_TOLERANCE) < guidance_row.ranges[column].far()
                 && !all.is_similar()

@@ -66,6 +66,8 @@ pub(super) struct FillInputs<'a, P> {
     pub(super) picture: Option<Source<'a, P>>,
     /// Reprojection of that anchor's depth, if it is known.
     pub(super) reprojection: Option<&'a Reprojection<'a>>,
+    /// Whether a reprojected hole may follow the motion of a neighbouring surface at the same distance.
+    pub(super) follows_neighbours: bool,
     /// Foreground at the borders, if it was detected.
     pub(super) border: Option<&'a BorderForeground>,
     /// Tag of inherited keys.
@@ -277,7 +279,7 @@ impl<P: Colour> HoleFill<'_, '_, P> {
             let Scratch { candidates, costs } = scratch;
             candidates::find(level, &buffer.keys[tile], covered, holes, &outside, candidates);
             let mut wanted = unfilled;
-            if let Some(reprojection) = inputs.reprojection.filter(|_| reprojected != 0) {
+            if let Some(reprojection) = inputs.reprojection.filter(|_| reprojected != 0 && inputs.follows_neighbours) {
                 wanted |= reprojection.moving_with(level, keys, &inverse_depths, reprojected, candidates);
             }
             if wanted != 0 {
@@ -422,7 +424,7 @@ fn transposed(bits: u64) -> u64 {
 impl<'a, P> FillInputs<'a, P> {
     /// Inputs for holes in a frame, which no anchor shows.
     pub(super) fn in_frame(field: &'a KeyBuffer, warp: Warp) -> Self {
-        Self { field, warp, picture: None, reprojection: None, border: None, tag: HOLE }
+        Self { field, warp, picture: None, reprojection: None, follows_neighbours: false, border: None, tag: HOLE }
     }
 }
 

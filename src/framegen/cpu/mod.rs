@@ -39,6 +39,7 @@ mod key_buffer;
 mod letterbox;
 mod render;
 mod reprojection;
+mod rules;
 mod splat;
 mod splat_key;
 mod static_mask;
@@ -59,11 +60,14 @@ use key_buffer::KeyBuffer;
 use letterbox::ActiveArea;
 use render::Interpolation;
 use reprojection::Reprojection;
+#[doc(hidden)]
+pub use rules::Rule;
+use rules::Rules;
 use splat::{KeyOrigin, SplatPass, Splatter};
 use splat_key::{PHASE_ONE, PREVIOUS_ONLY};
 use static_mask::StaticMask;
 use static_overlay::StaticPixels;
-use warp::{Warp, WarpTime};
+use warp::{DepthChange, Warp, WarpTime};
 
 use super::{Anchor, AnchorPair, FrameGenerator, GenerateReport, Outcome, Phases, pair::check_size};
 use crate::tasks::PoolLease;
@@ -74,6 +78,7 @@ use crate::{Error, ErrorKind, Raster, Result};
 #[derive(Debug)]
 pub struct CpuGenerator {
     level: SimdLevel,
+    rules: Rules,
     cut: CutDetector,
     field_builder: FieldBuilder,
     field: KeyBuffer,
@@ -103,6 +108,7 @@ impl CpuGenerator {
     fn at(level: SimdLevel) -> Self {
         Self {
             level,
+            rules: Rules::default(),
             cut: CutDetector::default(),
             field_builder: FieldBuilder::default(),
             field: KeyBuffer::default(),
@@ -116,6 +122,12 @@ impl CpuGenerator {
             hidden: Vec::new(),
             _threads: PoolLease::new(),
         }
+    }
+
+    /// This generator without one of its rules, for measurements.
+    #[doc(hidden)]
+    pub fn without(self, rule: Rule) -> Self {
+        Self { rules: self.rules.without(rule), ..self }
     }
 
     /// The generator's name, `cpu`.
@@ -140,10 +152,12 @@ impl CpuGenerator {
     ) -> Result<f32> {
         let (previous, current) = (source(pair.previous()), source(pair.current()));
         let is_optical_flow = pair.guidance().origin().is_optical_flow();
-        let active_area = ActiveArea::find(self.level, previous, current);
-        let static_mask = StaticMask::new(Some(&active_area), pair.overlay(), current.width);
+        let rules = self.rules;
+        let active_area = rules.has(Rule::LetterboxBars).then(|| ActiveArea::find(self.level, previous, current));
+        let static_mask = StaticMask::new(active_area.as_ref(), pair.overlay(), current.width);
         self.field_builder.build(
             self.level,
+            rules,
             pair.guidance(),
             Some((previous, current)),
             static_mask,
@@ -156,35 +170,48 @@ impl CpuGenerator {
         let warp = Warp::from_current(WarpTime::previous_anchor());
         self.splatter.splat(
             self.level,
+            self.rules,
             &[SplatPass { source: &self.field, warp, origin: KeyOrigin::Own }],
             &mut self.previous_keys,
         )?;
         let margin = colour_outlier::margin(previous, current);
         let camera = CameraFit::fit(pair.guidance(), &static_mask);
-        let reprojection = Reprojection::new(&camera, pair.previous_depth(), pair.guidance().depth());
+        let previous_depth = pair.previous_depth().filter(|_| rules.has(Rule::PreviousDepth));
+        let reprojection = Reprojection::new(&camera, previous_depth, pair.guidance().depth());
         match &reprojection {
             Some(reprojection) => reprojection.clear_occluded(self.level, &mut self.previous_keys, &self.field),
-            None => self.border.detect(&mut self.previous_keys, previous, current, margin, is_optical_flow.into())?,
+            None if rules.has(Rule::BorderForeground) => {
+                self.border.detect(&mut self.previous_keys, previous, current, margin, is_optical_flow.into())?;
+            }
+            None => {}
         }
-        let border = if reprojection.is_none() { Some(&self.border) } else { None };
-        let (picture, reprojection) = (Some(previous), reprojection.as_ref());
-        let fill_inputs = FillInputs { field: &self.field, warp, picture, reprojection, border, tag: PREVIOUS_ONLY };
+        let fill_inputs = FillInputs {
+            field: &self.field,
+            warp,
+            picture: rules.has(Rule::FillByLikeness).then_some(previous),
+            reprojection: reprojection.as_ref(),
+            follows_neighbours: rules.has(Rule::NeighboursMotion),
+            border: (reprojection.is_none() && rules.has(Rule::BorderForeground)).then_some(&self.border),
+            tag: PREVIOUS_ONLY,
+        };
         let holes = self.hole_filler.fill(self.level, &mut self.previous_keys, &fill_inputs)?;
 
-        let time = WarpTime::new(phase, camera.depth_change);
+        let depth_change = if rules.has(Rule::CameraFit) { camera.depth_change } else { DepthChange::default() };
+        let time = WarpTime::new(phase, depth_change);
         let warp = Warp::from_current(time);
         let passes = [
             SplatPass { source: &self.field, warp, origin: KeyOrigin::Own },
             SplatPass { source: &self.previous_keys, warp: Warp::from_previous(time), origin: KeyOrigin::Inherited },
         ];
-        self.splatter.splat(self.level, &passes[..if holes > 0 { 2 } else { 1 }], &mut self.frame_keys)?;
+        self.splatter.splat(self.level, rules, &passes[..if holes > 0 { 2 } else { 1 }], &mut self.frame_keys)?;
         let fill_inputs = FillInputs::<P>::in_frame(&self.field, warp);
         self.hole_filler.fill(self.level, &mut self.frame_keys, &fill_inputs)?;
 
         resize(&mut self.hidden, grid.tiles(), 0)?;
-        self.static_pixels.reserve(grid)?;
+        self.static_pixels.reserve(grid, rules.has(Rule::StaticOverlays))?;
         let interpolation = Interpolation {
             level: self.level,
+            rules,
             previous,
             current,
             frame_keys: &self.frame_keys,
@@ -192,12 +219,12 @@ impl CpuGenerator {
             previous_keys: &self.previous_keys,
             phase,
             time,
-            margin,
+            margin: if rules.has(Rule::ColourOutliers) { margin } else { f32::INFINITY },
             static_pixels: &self.static_pixels,
             is_optical_flow,
         };
         let rendered = interpolation.render(out, &mut self.hidden);
-        if rendered.hidden > 0 {
+        if rendered.hidden > 0 && rules.has(Rule::Inpainting) {
             self.inpainter.paint(grid, &self.hidden, out)?;
         }
         Ok(rendered.uncovered as f32 / (grid.width * grid.height) as f32)
@@ -212,7 +239,7 @@ impl CpuGenerator {
     ) -> Result<f32> {
         let current = source(anchor.picture());
         let static_mask = StaticMask::new(None, anchor.overlay(), current.width);
-        self.field_builder.build::<P>(self.level, anchor.guidance(), None, static_mask, &mut self.field)?;
+        self.field_builder.build::<P>(self.level, self.rules, anchor.guidance(), None, static_mask, &mut self.field)?;
         let grid = self.field.grid;
         self.splatter.reserve(grid)?;
         self.inpainter.reserve(grid)?;
@@ -220,6 +247,7 @@ impl CpuGenerator {
         let warp = Warp::from_current(time);
         self.splatter.splat(
             self.level,
+            self.rules,
             &[SplatPass { source: &self.field, warp, origin: KeyOrigin::Own }],
             &mut self.frame_keys,
         )?;
@@ -247,17 +275,19 @@ impl<P: Colour> FrameGenerator<P> for CpuGenerator {
     fn generate(&mut self, pair: &AnchorPair<'_, P>, t: f32, out: &mut Raster<P>) -> Result<GenerateReport> {
         check_size(out.size(), pair.size(), "out")?;
         if !Self::phases(self).contains(t) {
-            return Err(Error::new(ErrorKind::InvalidArgument, format!("a phase of {t} is not active_area (0, 1)"))
+            return Err(Error::new(ErrorKind::InvalidArgument, format!("a phase of {t} is not inside (0, 1)"))
                 .field("t")
                 .remedy("Show an anchor itself at phases 0 and 1"));
         }
         let (previous, current) = (pair.previous(), pair.current());
         let unexplained = if pair.is_cut() {
             1.0
+        } else if !self.rules.has(Rule::CutDetection) {
+            0.0
         } else {
             self.cut.unexplained(self.level, previous, current, pair.guidance().motion())?
         };
-        if pair.is_cut() || self.cut.is_cut() {
+        if pair.is_cut() || self.rules.has(Rule::CutDetection) && self.cut.is_cut() {
             let nearer = if t < 0.5 { previous } else { current };
             out.pixels_mut().copy_from_slice(nearer.pixels());
             return Ok(GenerateReport { outcome: Outcome::CutFallback, uncovered: 0.0, unexplained });
@@ -273,7 +303,7 @@ impl<P: Colour> FrameGenerator<P> for CpuGenerator {
         if !(t > 0.0 && t.is_finite()) {
             return Err(Error::new(ErrorKind::InvalidArgument, format!("{t} intervals after an anchor"))
                 .field("t")
-                .remedy("SplatPass a positive number of anchor intervals"));
+                .remedy("Pass a positive number of anchor intervals"));
         }
         if anchor.is_after_cut() {
             out.pixels_mut().copy_from_slice(picture.pixels());

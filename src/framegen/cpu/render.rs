@@ -8,6 +8,7 @@ use super::edge_antialiasing::{antialias, blend_mask};
 use super::kernels::tile_keys;
 use super::kernels::{BLOCK, Block, MergeRule, Positions, SimdLevel, Source, TILE, TileSource};
 use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind, for_each_bit, tile_mask};
+use super::rules::Rules;
 use super::splat_key::{
     self, EMPTY, HOLE, Key, PHASE_ONE, PREVIOUS_ONLY, is_in_front, motion_within, same_slope, scaled, similar_motion,
 };
@@ -39,6 +40,8 @@ pub(super) const fn occluded_difference(is_optical_flow: bool) -> f32 {
 /// A frame to interpolate between two anchors.
 pub(super) struct Interpolation<'a, P> {
     pub(super) level: SimdLevel,
+    /// The rules that apply.
+    pub(super) rules: Rules,
     pub(super) previous: Source<'a, P>,
     pub(super) current: Source<'a, P>,
     /// Keys of the frame.
@@ -197,7 +200,10 @@ impl<P: Colour> Interpolation<'_, P> {
             uncovered += previous_only.count_ones() as usize;
             uncertain |= previous_only;
         }
-        let can_blend_edges = self.is_optical_flow && tile.kind == TileKind::Mixed && [across, down] == [TILE, TILE];
+        let can_blend_edges = self.is_optical_flow
+            && self.rules.has(super::Rule::EdgeAntialiasing)
+            && tile.kind == TileKind::Mixed
+            && [across, down] == [TILE, TILE];
         let blend_mask = if can_blend_edges { blend_mask(self.level, &keys, uncertain) } else { 0 };
         let from = corner.map(|at| at as i32);
         let size = [grid.width, grid.height];
@@ -230,7 +236,9 @@ impl<P: Colour> Interpolation<'_, P> {
             if shows_nothing[0] == shows_nothing[1] { P::merge_block(self.level, &strict, block) } else { 0 };
         let mask = uncertain | differing;
         let mut foreground_keys = [EMPTY; BLOCK];
-        let has_foreground = if mask == 0 { 0 } else { self.foreground_keys(column, row, mask, &mut foreground_keys) };
+        let follows_foreground = mask != 0 && self.rules.has(super::Rule::ForegroundEdges);
+        let has_foreground =
+            if follows_foreground { self.foreground_keys(column, row, mask, &mut foreground_keys) } else { 0 };
         let foreground_in_both =
             self.with_foreground(from, &keys, &foreground_keys, has_foreground, &strict, with_foreground);
         // Pixels that only one of the anchors shows.

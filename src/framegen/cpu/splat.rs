@@ -7,6 +7,7 @@ use crate::locks::Mutex;
 use super::kernels::tile_keys::{self, SplatTarget};
 use super::kernels::{BLOCK, SimdLevel, TILE, at_every_level};
 use super::key_buffer::{Grid, KeyBuffer, Tile, TileKind};
+use super::rules::{Rule, Rules};
 use super::splat_key::{self, EMPTY, Key, SLOPE_DEPTH_KEYS, SLOPE_MOTION, pack, warped};
 use super::warp::Warp;
 use super::{reserve, resize};
@@ -136,7 +137,13 @@ impl Splatter {
 
     /// Splats the keys of `passes` into `target`, keeps the nearest at each destination pixel, and closes cracks one
     /// pixel wide.
-    pub(super) fn splat(&self, level: SimdLevel, passes: &[SplatPass<'_>], target: &mut KeyBuffer) -> Result<()> {
+    pub(super) fn splat(
+        &self,
+        level: SimdLevel,
+        rules: Rules,
+        passes: &[SplatPass<'_>],
+        target: &mut KeyBuffer,
+    ) -> Result<()> {
         let grid = passes[0].source.grid;
         target.reserve(grid)?;
         // Allocated for all tiles: which have holes is known only after splatting.
@@ -155,7 +162,8 @@ impl Splatter {
         let keys = target.keys.par_chunks_mut(BAND_ROWS * grid.columns);
         tiles.zip(keys).enumerate().for_each_in_slot(self.threads, |slot, (number, (tiles, keys))| {
             let mut memory = self.bands[slot].lock();
-            let band = BandSplat { level, grid, top: number * BAND_ROWS, rows: tiles.len() / grid.columns };
+            let (top, rows) = (number * BAND_ROWS, tiles.len() / grid.columns);
+            let band = BandSplat { level, grid, top, rows, closes_cracks: rules.has(Rule::CrackClosing) };
             band.run(passes, destinations, &mut memory, tiles, keys);
         });
         Ok(())
@@ -215,6 +223,7 @@ struct BandSplat {
     /// First row of tiles, and number of rows.
     top: usize,
     rows: usize,
+    closes_cracks: bool,
 }
 
 impl BandSplat {
@@ -414,14 +423,19 @@ impl BandSplat {
         tile_keys::splat_rectangle(self.level, key, &mut band.splatted, stride(self.grid), start, extent);
     }
 
-    /// Copies the keys of a mixed tile from the band, with cracks closed.
+    /// Copies the keys of a mixed tile from the band, with cracks closed if that rule applies.
     #[inline(never)]
     fn resolve_tile(&self, splatted: &[Key], column: usize, row: usize, tile: &mut Tile, keys: &mut [Key; BLOCK]) {
         let [across, down] = self.grid.extent(column, self.top + row);
         let stride = stride(self.grid);
-        (tile.holes, tile.key) =
-            tile_keys::close_cracks(self.level, &splatted[row * TILE * stride + column * TILE..], stride, keys);
-        if [across, down] == [TILE, TILE] {
+        let first = row * TILE * stride + column * TILE;
+        if self.closes_cracks {
+            (tile.holes, tile.key) = tile_keys::close_cracks(self.level, &splatted[first..], stride, keys);
+        } else {
+            let inner = splatted[first + BORDER * stride + BORDER..].chunks(stride);
+            keys.chunks_mut(TILE).zip(inner).for_each(|(keys, line)| keys.copy_from_slice(&line[..TILE]));
+        }
+        if [across, down] == [TILE, TILE] && self.closes_cracks {
             return;
         }
         (tile.holes, tile.key) = (0, 0);

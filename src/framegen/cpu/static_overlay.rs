@@ -51,6 +51,8 @@ pub(super) enum AnchorIndex {
 #[derive(Debug, Default)]
 pub(super) struct StaticPixels {
     grid: Grid,
+    /// Whether they are searched for; otherwise no pixel is static.
+    is_on: bool,
     /// Bits `8 j + i`: see [`is_static`].
     tiles: LazyMasks,
     /// Bits `8 j + i`: see [`is_static_patch`], for the previous and the current anchor.
@@ -87,8 +89,8 @@ impl LazyMasks {
 
 impl StaticPixels {
     /// Discards all masks and allocates for a grid.
-    pub(super) fn reserve(&mut self, grid: Grid) -> Result<()> {
-        self.grid = grid;
+    pub(super) fn reserve(&mut self, grid: Grid, is_on: bool) -> Result<()> {
+        (self.grid, self.is_on) = (grid, is_on);
         self.tiles.reserve(grid.tiles())?;
         self.static_patches.iter_mut().try_for_each(|static_patches| static_patches.reserve(grid.tiles()))
     }
@@ -158,6 +160,9 @@ impl StaticPixels {
     /// Static pixels of a tile, as bits `8 j + i`.
     #[inline(always)]
     pub(super) fn tile<P: Colour>(&self, level: SimdLevel, anchors: &Anchors<'_, P>, at: [usize; 2]) -> u64 {
+        if !self.is_on {
+            return 0;
+        }
         self.tiles.of(at[1] * self.grid.columns + at[0], || {
             static_mask_of_tile(level, anchors.previous, anchors.current, at.map(|at| at * TILE))
         })
@@ -526,7 +531,7 @@ mod tests {
             let anchors = Anchors { previous, current };
             for level in SimdLevel::available() {
                 let mut static_pixels = StaticPixels::default();
-                static_pixels.reserve(grid).unwrap();
+                static_pixels.reserve(grid, true).unwrap();
                 let (mut count, mut over) = (0, 0);
                 for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
                     let is_static = is_static(previous, current, [x, y]);

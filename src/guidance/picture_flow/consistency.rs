@@ -3,6 +3,7 @@
 use super::dense::Dense;
 use super::pyramid::floor;
 use super::reserve;
+use super::rules::{Rule, Rules};
 use crate::tasks::{Parallel, ParallelSlice, ParallelSliceMut};
 use crate::{Picture, Result};
 
@@ -26,12 +27,15 @@ const RAYS: [[i32; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, 1], 
 pub(super) struct Consistency {
     width: usize,
     consistent: Vec<bool>,
+    fills_by_gradient: bool,
 }
 
 impl Consistency {
     /// Marks the pixels whose motion in `flow` found a match and is cancelled by `back` at its end point. Motion that leads out of the
     /// picture cannot be checked and counts as inconsistent. `back` has `flow`'s size halved `halvings` times.
-    pub(super) fn check(&mut self, flow: &Dense, back: &Dense, halvings: usize) -> Result<()> {
+    pub(super) fn check(&mut self, flow: &Dense, back: &Dense, halvings: usize, rules: Rules) -> Result<()> {
+        self.fills_by_gradient = rules.has(Rule::FillByGradient);
+        let compares = rules.has(Rule::ConsistencyCheck);
         let scale = (1_u32 << halvings) as f32;
         let (width, height) = (flow.width, flow.flow.len() / flow.width);
         let (right, bottom) = ((width - 1) as f32, (height - 1) as f32);
@@ -50,7 +54,7 @@ impl Consistency {
                         let [bu, bv] = back.flow[j * back.width + i];
                         let (bu, bv) = (scale * bu, scale * bv);
                         let error = (u + bu) * (u + bu) + (v + bv) * (v + bv);
-                        error <= TOLERANCE + TOLERANCE_PER_LENGTH * (u * u + v * v + bu * bu + bv * bv)
+                        !compares || error <= TOLERANCE + TOLERANCE_PER_LENGTH * (u * u + v * v + bu * bu + bv * bv)
                     };
             }
         });
@@ -112,7 +116,7 @@ impl Consistency {
         let farther = [0, 1].map(|axis| position[axis] + gradient_steps * ray[axis]);
         let vector = flow.flow[at(position)];
         let is_inside = farther[0] >= 0 && farther[1] >= 0 && farther[0] < width && farther[1] < height;
-        if !(is_inside && self.consistent[at(farther)]) {
+        if !(self.fills_by_gradient && is_inside && self.consistent[at(farther)]) {
             return vector;
         }
         let there = flow.flow[at(farther)];

@@ -113,13 +113,14 @@ impl Grid {
         to: &Plane,
         coarse: Option<&Grid>,
         stride: usize,
+        searches_widely: bool,
     ) -> Result<()> {
         self.stride = stride;
         (self.across, self.down) = (from.width.div_ceil(self.stride), from.height.div_ceil(self.stride));
         let across = self.across;
         reserve(&mut self.matches, across * self.down, PatchMatch::default())?;
         self.matches.par_chunks_mut(across).enumerate().for_each(|(j, row)| {
-            dispatch!(level, simd => search_row(simd, from, to, coarse, stride, j, row));
+            dispatch!(level, simd => search_row(simd, from, to, coarse, stride, searches_widely, j, row));
         });
         Ok(())
     }
@@ -298,11 +299,12 @@ fn search_row<S: Simd>(
     to: &Plane,
     coarse: Option<&Grid>,
     stride: usize,
+    searches_widely: bool,
     j: usize,
     row: &mut [PatchMatch],
 ) {
     let margin = (SIDE - stride) as i32 / 2;
-    let is_small = from.luma.len() <= SMALL_LEVEL;
+    let is_small = searches_widely && from.luma.len() <= SMALL_LEVEL;
     for (i, found) in row.iter_mut().enumerate() {
         let origin = [i, j].map(|k| (k * stride) as i32 - margin);
         let template = Template::new(simd, from, origin);

@@ -165,7 +165,7 @@ fn inconsistent_motion_is_replaced_from_neighbours_of_similar_colour() {
         let mut dense = Dense::default();
         let plane = pyramid::Plane { width: 32, height: 16, luma: vec![0.0; 32 * 16] };
         let mut grid = Grid::default();
-        grid.search(Level::new(), &plane, &plane, None, grid::STRIDE).unwrap();
+        grid.search(Level::new(), &plane, &plane, None, grid::STRIDE, true).unwrap();
         grid.smooth(Level::new()).unwrap();
         dense.densify(Level::new(), &plane, &plane, &grid).unwrap();
         for (k, flow) in dense.flow.iter_mut().enumerate() {
@@ -177,7 +177,7 @@ fn inconsistent_motion_is_replaced_from_neighbours_of_similar_colour() {
     let back = field(&|x| half(x).map(|v| -v));
     let seen = picture(32, 16, |x, _| if x < 16.0 { 40.0 } else { 200.0 });
     let mut consistency = Consistency::default();
-    consistency.check(&flow, &back, 0).unwrap();
+    consistency.check(&flow, &back, 0, Rules::default()).unwrap();
     let y = 8;
     for x in 0..32 {
         assert_eq!(consistency.row(y)[x], !wrong(x), "{x}");

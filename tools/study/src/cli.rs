@@ -12,6 +12,7 @@ use clap::{Parser, Subcommand as Subcommands};
 use crate::output::MANIFEST;
 use crate::progress::Progress;
 
+mod ablate;
 mod cadence;
 mod compare;
 mod demo;
@@ -88,6 +89,9 @@ enum Command {
     /// Generated frames against true ones, beside other ways to make them
     #[command(after_help = quality::EXAMPLES)]
     Quality(quality::QualityArgs),
+    /// What each rule of the generator gains: frames made without it, against the true ones
+    #[command(after_help = ablate::EXAMPLES)]
+    Ablate(ablate::AblateArgs),
     /// Which motion is best: every source of motion and depth against the scenes' truth, and the frames made with each
     #[command(after_help = motion::EXAMPLES)]
     Motion(motion::MotionArgs),
@@ -131,6 +135,7 @@ impl Command {
             Self::Compare(args) => args,
             Self::Reconstruct(args) => args,
             Self::Quality(args) => args,
+            Self::Ablate(args) => args,
             Self::Motion(args) => args,
             Self::Cadence(args) => args,
             Self::Sweep(args) => args,
@@ -269,6 +274,7 @@ mod tests {
             compare::EXAMPLES,
             reconstruct::EXAMPLES,
             quality::EXAMPLES,
+            ablate::EXAMPLES,
             motion::EXAMPLES,
             cadence::EXAMPLES,
             sweep::EXAMPLES,
@@ -278,7 +284,7 @@ mod tests {
         ];
         let joined = all.join("\n").replace("\\\n", " ");
         let examples: Vec<&str> = joined.lines().map(str::trim).filter(|l| l.starts_with("study ")).collect();
-        assert!(examples.len() >= 24);
+        assert!(examples.len() >= 27);
         for example in examples {
             let parsed = Cli::try_parse_from(example.split_whitespace()).unwrap_or_else(|e| panic!("{example}: {e}"));
             parsed.command.inner().check().unwrap_or_else(|e| panic!("{example}: {e}"));

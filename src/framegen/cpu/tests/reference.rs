@@ -60,6 +60,7 @@ pub(super) fn interpolated<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (
         warp: Warp::from_current(WarpTime::previous_anchor()),
         picture: Some(previous),
         reprojection: reprojection.as_ref(),
+        follows_neighbours: true,
         border: reprojection.is_none().then_some(&border),
         tag: PREVIOUS_ONLY,
     };

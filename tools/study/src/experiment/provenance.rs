@@ -28,9 +28,10 @@ struct Page {
 }
 
 /// All of them.
-const PAGES: [Page; 7] = [
+const PAGES: [Page; 8] = [
     Page { path: "quality.md", command: "study quality --speed --publish" },
     Page { path: "quality-sealed.md", command: "study quality --sealed --rows all --publish" },
+    Page { path: "generator-rules.md", command: "study ablate --publish" },
     Page { path: "motion.md", command: "study motion --publish" },
     Page { path: "cadence.md", command: "study cadence --publish" },
     Page { path: "world.md", command: "study world-quality --publish" },

@@ -241,7 +241,7 @@ pub(super) fn guidance(clip: &mut dyn Clip, anchor: usize, store: &Store) -> Res
 }
 
 /// An engine's motion and depth of the two anchors of an interval, if one drew the clip.
-fn engine_guidance(clip: &mut dyn Clip, anchor: usize) -> Result<[Option<Guidance>; 2]> {
+pub(super) fn engine_guidance(clip: &mut dyn Clip, anchor: usize) -> Result<[Option<Guidance>; 2]> {
     let before = if anchor >= 2 { clip.engine_guidance(anchor - 1)? } else { None };
     Ok([before, clip.engine_guidance(anchor)?])
 }
@@ -334,7 +334,7 @@ fn pictures(
 }
 
 /// A true picture and the mask of scored pixels.
-struct Truth {
+pub(super) struct Truth {
     phase: Phase,
     picture: Picture,
     counts: Option<Vec<bool>>,
@@ -344,7 +344,7 @@ struct Truth {
 }
 
 impl Truth {
-    fn new(clip: &mut dyn Clip, anchor: usize, phase: Phase, store: &Store) -> Result<Self> {
+    pub(super) fn new(clip: &mut dyn Clip, anchor: usize, phase: Phase, store: &Store) -> Result<Self> {
         let (picture, counts) = (clip.truth(anchor, phase, store)?, clip.scored(anchor, phase, store)?);
         let mask: Vec<u8> = counts.iter().flatten().map(|counts| u8::from(*counts)).collect();
         let key = digest([phase.to_string().as_bytes(), digest_picture(&picture).as_bytes(), &mask]);
@@ -352,7 +352,7 @@ impl Truth {
     }
 
     /// Scores `picture`, with LPIPS if available. Pixels that are not scored are first made equal to the truth, for every row.
-    fn score(&self, mut picture: Picture, lpips: Option<&Lpips>) -> Result<Score> {
+    pub(super) fn score(&self, mut picture: Picture, lpips: Option<&Lpips>) -> Result<Score> {
         if let Some(counts) = &self.counts {
             for ((pixel, truth), counts) in picture.pixels_mut().iter_mut().zip(self.picture.pixels()).zip(counts) {
                 if !counts {

@@ -11,6 +11,7 @@
 //! The unit of statistics is the clip: frames of one clip resemble each other, so they are averaged first, and
 //! differences between rows are computed clip by clip.
 
+mod ablate;
 mod claims;
 mod clips;
 mod figure;
@@ -37,6 +38,7 @@ use crate::media::{describe_io, encode_png};
 use crate::metrics::{Lpips, Net};
 use crate::progress::Progress;
 use crate::sets;
+pub use ablate::{AblationOutcome, AblationSettings, ablate};
 use clips::Scale;
 pub use floors::{FloorSettings, FloorsOutcome, floors};
 use ledger::{Entry, LEDGER, Ledger, OWN_LEDGER, Sources};
