@@ -52,7 +52,7 @@ use consistency::Consistency;
 use dense::Dense;
 #[cfg(windows)]
 pub use gpu::{DESCRIPTORS, GpuExtractor};
-use grid::Grid;
+use grid::{FirstSearch, Grid};
 use pyramid::Pyramid;
 #[doc(hidden)]
 pub use rules::Rule;
@@ -287,14 +287,11 @@ impl DirectedFlow {
             std::mem::swap(&mut self.coarse, &mut self.fine);
             let coarse = (level + 1 < from.levels().len()).then_some(&self.coarse);
             let is_large = level > 0 && level == from.finest();
-            self.fine.search(
-                simd,
-                from_plane,
-                to_plane,
-                coarse,
-                if is_large { grid::WIDE_STRIDE } else { grid::STRIDE },
-                rules.has(Rule::WideSearch),
-            )?;
+            let first = FirstSearch {
+                stride: if is_large { grid::WIDE_STRIDE } else { grid::STRIDE },
+                is_wide: rules.has(Rule::WideSearch),
+            };
+            self.fine.search(simd, from_plane, to_plane, coarse, first)?;
             self.fine.smooth(simd)?;
             let rounds = match level {
                 _ if level == finest || !rules.has(Rule::RepeatedSearch) => 0,

@@ -77,6 +77,15 @@ struct SmoothingRow<'a> {
     below: &'a [f32],
 }
 
+/// How the first search of a level goes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FirstSearch {
+    /// Distance of the patches, in pixels.
+    pub(super) stride: usize,
+    /// Whether all motions nearby are compared where the match is poor, on a small level.
+    pub(super) is_wide: bool,
+}
+
 impl<const N: usize> Default for Padded<N> {
     fn default() -> Self {
         Self { pitch: 0, planes: std::array::from_fn(|_| Vec::new()) }
@@ -112,15 +121,14 @@ impl Grid {
         from: &Plane,
         to: &Plane,
         coarse: Option<&Grid>,
-        stride: usize,
-        searches_widely: bool,
+        first: FirstSearch,
     ) -> Result<()> {
-        self.stride = stride;
+        self.stride = first.stride;
         (self.across, self.down) = (from.width.div_ceil(self.stride), from.height.div_ceil(self.stride));
         let across = self.across;
         reserve(&mut self.matches, across * self.down, PatchMatch::default())?;
         self.matches.par_chunks_mut(across).enumerate().for_each(|(j, row)| {
-            dispatch!(level, simd => search_row(simd, from, to, coarse, stride, searches_widely, j, row));
+            dispatch!(level, simd => search_row(simd, from, to, coarse, first, j, row));
         });
         Ok(())
     }
@@ -298,13 +306,12 @@ fn search_row<S: Simd>(
     from: &Plane,
     to: &Plane,
     coarse: Option<&Grid>,
-    stride: usize,
-    searches_widely: bool,
+    FirstSearch { stride, is_wide }: FirstSearch,
     j: usize,
     row: &mut [PatchMatch],
 ) {
     let margin = (SIDE - stride) as i32 / 2;
-    let is_small = searches_widely && from.luma.len() <= SMALL_LEVEL;
+    let is_wide = is_wide && from.luma.len() <= SMALL_LEVEL;
     for (i, found) in row.iter_mut().enumerate() {
         let origin = [i, j].map(|k| (k * stride) as i32 - margin);
         let template = Template::new(simd, from, origin);
@@ -312,7 +319,7 @@ fn search_row<S: Simd>(
             Some(coarse) => template.search(simd, to, &coarse.starts(i, j, stride)),
             None => template.search(simd, to, &[[0.0; 2]]),
         };
-        if is_small && found.residual > wide::POOR {
+        if is_wide && found.residual > wide::POOR {
             wide::search(simd, from, to, origin, found);
         }
     }

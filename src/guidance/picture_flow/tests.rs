@@ -165,7 +165,7 @@ fn inconsistent_motion_is_replaced_from_neighbours_of_similar_colour() {
         let mut dense = Dense::default();
         let plane = pyramid::Plane { width: 32, height: 16, luma: vec![0.0; 32 * 16] };
         let mut grid = Grid::default();
-        grid.search(Level::new(), &plane, &plane, None, grid::STRIDE, true).unwrap();
+        grid.search(Level::new(), &plane, &plane, None, FirstSearch { stride: grid::STRIDE, is_wide: true }).unwrap();
         grid.smooth(Level::new()).unwrap();
         dense.densify(Level::new(), &plane, &plane, &grid).unwrap();
         for (k, flow) in dense.flow.iter_mut().enumerate() {
