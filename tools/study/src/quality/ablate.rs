@@ -154,6 +154,8 @@ impl Variant {
 /// Invalid settings, no clip at all, a full disk, `Cancelled` where `stop` is set.
 pub fn ablate(settings: &AblationSettings, progress: &Progress, stop: &AtomicBool) -> Result<AblationOutcome> {
     settings.check()?;
+    // Before the work of minutes: it fails where the sources are not at hand.
+    let lines = Rule::all().into_iter().map(Rule::lines).collect::<Result<Vec<_>>>()?;
     let cache = provision::cache_dir().map_err(|e| not_provided(&e))?;
     let store = Store::new(cache.join("quality"), true);
     progress.phase("opening clips");
@@ -169,7 +171,7 @@ pub fn ablate(settings: &AblationSettings, progress: &Progress, stop: &AtomicBoo
         return Err(Error::new(ErrorKind::Unsupported, format!("no clip is left: {}", left_out.join("; "))));
     }
     let losses = measure(&mut open, lpips.as_ref(), &store, progress, stop)?;
-    let text = page::text(settings, &losses, &open, &left_out)?;
+    let text = page::text(settings, &losses, &lines, &open, &left_out);
     let mut files = Files::default();
     files.add(PAGE, text.clone());
     files.add(TABLE, page::csv(&losses));

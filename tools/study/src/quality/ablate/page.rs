@@ -2,8 +2,6 @@
 
 use std::fmt::Write as _;
 
-use cairn::Result;
-
 use super::{AblationSettings, Input, Loss, Rule};
 use crate::quality::clips::Clip;
 use crate::statistics;
@@ -18,13 +16,14 @@ struct OnClip<'a> {
     lost: [f64; 3],
 }
 
-/// The page.
+/// The page. `lines` are those of each rule's own file, in the order of [`Rule::all`].
 pub(super) fn text(
     settings: &AblationSettings,
     losses: &[Loss],
+    lines: &[Option<usize>],
     clips: &[Box<dyn Clip>],
     left_out: &[String],
-) -> Result<String> {
+) -> String {
     let names: Vec<&str> = clips.iter().map(|clip| clip.name()).collect();
     let mut out = String::from(
         "# What each rule of the generator gains\n\n\
@@ -46,9 +45,9 @@ pub(super) fn text(
         _ = write!(out, " lost, {} motion |", input.label());
     }
     out += " at most | at least | |\n|---|--:|--:|--:|--:|--:|---|---|---|\n";
-    for rule in Rule::all() {
+    for (rule, lines) in Rule::all().into_iter().zip(lines) {
         let of_clips = by_clip(losses, rule, &names);
-        let lines = rule.lines()?.map_or_else(|| "in a stage".to_owned(), |lines| lines.to_string());
+        let lines = lines.map_or_else(|| "in a stage".to_owned(), |lines| lines.to_string());
         _ = write!(out, "| {} | {lines} | {:.2} |", rule.label(), median_time(losses, rule));
         for input in Input::ALL {
             let mean =
@@ -85,7 +84,7 @@ pub(super) fn text(
         _ = writeln!(out, "\nLeft out: {}.", left_out.join("; "));
     }
     out += "\n```sh\ncargo run --release -p study -- ablate --publish\n```\n";
-    Ok(out)
+    out
 }
 
 /// The means over the frames of each clip, for each input.
