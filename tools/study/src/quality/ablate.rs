@@ -88,18 +88,21 @@ enum Input {
     Flow,
     /// Motion and depth as an engine gives them.
     Engine,
-    /// True motion and depth, and the previous anchor's depth.
+    /// True motion and depth, the previous anchor's depth, and the mask of a head-up display where there is one.
     Truth,
+    /// True motion and depth alone.
+    Alone,
 }
 
 impl Input {
-    const ALL: [Self; 3] = [Self::Flow, Self::Engine, Self::Truth];
+    const ALL: [Self; 4] = [Self::Flow, Self::Engine, Self::Truth, Self::Alone];
 
     fn label(self) -> &'static str {
         match self {
-            Self::Flow => "`picture_flow`",
-            Self::Engine => "an engine's",
+            Self::Flow => "of `picture_flow`",
+            Self::Engine => "of an engine",
             Self::Truth => "true",
+            Self::Alone => "true, without mask and previous depth",
         }
     }
 
@@ -108,6 +111,7 @@ impl Input {
             Self::Flow => "flow",
             Self::Engine => "engine",
             Self::Truth => "truth",
+            Self::Alone => "alone",
         }
     }
 }
@@ -209,9 +213,10 @@ fn measure(
                     Input::Flow => [None, Some(&flow)],
                     Input::Engine => engine.each_ref().map(Option::as_ref),
                     Input::Truth => exact.each_ref().map(Option::as_ref),
+                    Input::Alone => [None, exact[1].as_ref()],
                 };
                 let Some(guidance) = current else { continue };
-                let overlay = overlay.as_deref().filter(|_| input != Input::Flow);
+                let overlay = overlay.as_deref().filter(|_| matches!(input, Input::Engine | Input::Truth));
                 let given = Given { guidance, before, overlay };
                 let (made, _) = given.make(&mut generator, &anchors)?;
                 let score = truth.score(made.clone(), lpips)?;

@@ -42,9 +42,9 @@ pub(super) fn text(
     );
     out += "| rule | lines | time |";
     for input in Input::ALL {
-        _ = write!(out, " lost, {} motion |", input.label());
+        _ = write!(out, " lost, motion {} |", input.label());
     }
-    out += " at most | at least | |\n|---|--:|--:|--:|--:|--:|---|---|---|\n";
+    out += " at most | at least | |\n|---|--:|--:|--:|--:|--:|--:|---|---|---|\n";
     for (rule, lines) in Rule::all().into_iter().zip(lines) {
         let of_clips = by_clip(losses, rule, &names);
         let lines = lines.map_or_else(|| "in a stage".to_owned(), |lines| lines.to_string());
@@ -73,7 +73,7 @@ pub(super) fn text(
     let seeds: Vec<String> = settings.seeds.iter().map(ToString::to_string).collect();
     _ = write!(
         out,
-        "\nMeasured on {} clips: {}. Scenes have the seeds {}; LPIPS is that of `{}`. No clip of the sealed set is among them, and cuts, fades \
+        "\nMeasured on {} clips: {}. Scenes have seed {}; LPIPS is that of `{}`. No clip of the sealed set is among them, and cuts, fades \
          and bars are in few of them: what the rules for those gain is the loss on their clips, not the mean.\n",
         names.len(),
         names.join(", "),
