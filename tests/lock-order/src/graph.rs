@@ -13,13 +13,32 @@ pub(crate) struct Lock {
     id: AtomicU64,
 }
 
-/// Places where a thread that held one lock took another; shared, since a cycle may be long.
-type Place = Arc<Backtrace>;
+/// Where a thread that held one lock took another; `None` unless [`PLACES`] is set. Shared, since a cycle may be long.
+type Place = Option<Arc<Backtrace>>;
 
-#[derive(Default)]
+/// Environment variable with which places are recorded, which is slow and allocates.
+const PLACES: &str = "CAIRN_LOCK_ORDER_PLACES";
+
+/// Room that is reserved at the start, so that tests which count allocations see none for a new edge.
+const EDGES: usize = 1 << 14;
+const NODES: usize = 1 << 12;
+
 struct Graph {
-    /// For each lock, those that were taken while it was held, with the place of the first time.
-    after: HashMap<u64, HashMap<u64, Place>>,
+    /// Pairs of a lock and one that was taken while it was held, with the place of the first time.
+    edges: HashMap<(u64, u64), Place>,
+    /// Scratch of the search: the locks that were reached, each with the position of the one before it.
+    reached: Vec<(u64, usize)>,
+    records_places: bool,
+}
+
+impl Default for Graph {
+    fn default() -> Self {
+        Self {
+            edges: HashMap::with_capacity(EDGES),
+            reached: Vec::with_capacity(NODES),
+            records_places: std::env::var_os(PLACES).is_some(),
+        }
+    }
 }
 
 static GRAPH: LazyLock<Mutex<Graph>> = LazyLock::new(Mutex::default);
@@ -38,6 +57,8 @@ impl Lock {
         static NEXT: AtomicU64 = AtomicU64::new(1);
         match self.id.load(Ordering::Relaxed) {
             0 => {
+                // With the first lock, so that no test that counts allocations meets it later.
+                LazyLock::force(&GRAPH);
                 let new = NEXT.fetch_add(1, Ordering::Relaxed);
                 self.id.compare_exchange(0, new, Ordering::Relaxed, Ordering::Relaxed).map_or_else(|id| id, |_| new)
             }
@@ -86,9 +107,7 @@ impl Drop for Lock {
             return;
         }
         let mut graph = GRAPH.lock().unwrap_or_else(PoisonError::into_inner);
-        graph.after.remove(&id);
-        graph.after.values_mut().for_each(|after| _ = after.remove(&id));
-        graph.after.retain(|_, after| !after.is_empty());
+        graph.edges.retain(|(before, after), _| *before != id && *after != id);
     }
 }
 
@@ -98,31 +117,40 @@ impl Graph {
         if before == after {
             return Some(Vec::new());
         }
-        if self.after.get(&before).is_some_and(|known| known.contains_key(&after)) {
+        if self.edges.contains_key(&(before, after)) {
             return None;
         }
         let back = self.path(after, before);
         if back.is_none() {
-            // Captured where RUST_BACKTRACE is set.
-            self.after.entry(before).or_default().insert(after, Arc::new(Backtrace::capture()));
+            let place = self.records_places.then(|| Arc::new(Backtrace::force_capture()));
+            self.edges.insert((before, after), place);
         }
         back
     }
 
-    /// Places of a path from one lock to another.
-    fn path(&self, from: u64, to: u64) -> Option<Vec<Place>> {
-        let mut seen = vec![from];
-        let mut paths = vec![(from, Vec::new())];
-        while let Some((at, path)) = paths.pop() {
+    /// Places of a path from one lock to another, the last first.
+    fn path(&mut self, from: u64, to: u64) -> Option<Vec<Place>> {
+        let Self { edges, reached, .. } = self;
+        reached.clear();
+        reached.push((from, 0));
+        let mut next = 0;
+        while next < reached.len() {
+            let at = reached[next].0;
             if at == to {
-                return Some(path);
+                let mut places = Vec::new();
+                while next > 0 {
+                    let (lock, before) = reached[next];
+                    places.extend(edges.get(&(reached[before].0, lock)).cloned());
+                    next = before;
+                }
+                return Some(places);
             }
-            for (next, place) in self.after.get(&at).into_iter().flatten() {
-                if !seen.contains(next) {
-                    seen.push(*next);
-                    paths.push((*next, path.iter().chain([place]).cloned().collect()));
+            for (_, after) in edges.keys().filter(|(before, _)| *before == at) {
+                if !reached.iter().any(|(lock, _)| lock == after) {
+                    reached.push((*after, next));
                 }
             }
+            next += 1;
         }
         None
     }
@@ -136,9 +164,9 @@ fn report(places: &[Place]) -> ! {
         Backtrace::force_capture()
     );
     for place in places {
-        text.push_str(&format!(
-            "\nBefore, one lock was taken while another was held (RUST_BACKTRACE=1 says where):\n{place}\n"
-        ));
+        let place =
+            place.as_ref().map_or_else(|| format!("not recorded; {PLACES}=1 records it"), |place| place.to_string());
+        text.push_str(&format!("\nBefore, one lock was taken while another was held, here:\n{place}\n"));
     }
     // Directly: tests capture what macros print.
     _ = std::io::stderr().write_all(text.as_bytes());
