@@ -6,7 +6,6 @@
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use super::border_foreground::BorderForeground;
 use super::colour::Colour;
 use super::kernels::candidates::{self, Candidates, Costs, OutsideCandidates, SIDES};
 use super::kernels::{self, BLOCK, Source, TILE, tile_keys};
@@ -68,8 +67,6 @@ pub(super) struct FillInputs<'a, P> {
     pub(super) reprojection: Option<&'a Reprojection<'a>>,
     /// Whether a reprojected hole may follow the motion of a neighbouring surface at the same distance.
     pub(super) follows_neighbours: bool,
-    /// Foreground at the borders, if it was detected.
-    pub(super) border: Option<&'a BorderForeground>,
     /// Tag of inherited keys.
     pub(super) tag: u8,
 }
@@ -306,14 +303,6 @@ impl<P: Colour> HoleFill<'_, '_, P> {
                 });
             }
         }
-        if let Some(border) = inputs.border.filter(|border| border.may_touch(corner, extent)) {
-            for_each_bit(holes, |index| {
-                if let Some(key) = border.key_at(corner[0] + index % TILE, corner[1] + index / TILE) {
-                    keys[index] = key;
-                    unfilled &= !(1 << index);
-                }
-            });
-        }
         Filled { unfilled, vector_range: tile_keys::vector_range(level, keys) }
     }
 
@@ -424,7 +413,7 @@ fn transposed(bits: u64) -> u64 {
 impl<'a, P> FillInputs<'a, P> {
     /// Inputs for holes in a frame, which no anchor shows.
     pub(super) fn in_frame(field: &'a KeyBuffer, warp: Warp) -> Self {
-        Self { field, warp, picture: None, reprojection: None, follows_neighbours: false, border: None, tag: HOLE }
+        Self { field, warp, picture: None, reprojection: None, follows_neighbours: false, tag: HOLE }
     }
 }
 

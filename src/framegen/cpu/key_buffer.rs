@@ -170,6 +170,7 @@ impl KeyBuffer {
     }
 
     /// Removes a pixel's key.
+    #[cfg(test)]
     pub(super) fn clear_pixel(&mut self, x: usize, y: usize) {
         let (number, index) = self.grid.locate(x, y);
         let extent = self.grid.extent(number % self.grid.columns, number / self.grid.columns);

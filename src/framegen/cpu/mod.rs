@@ -8,26 +8,22 @@
 //!    key, a mixed tile one per pixel. A key's depth decides which surface is in front.
 //! 3. `splat`: forward warp of the field to the previous anchor. Pixels that it does not cover are visible in the
 //!    previous anchor only. `hole_filling` gives them the motion of a neighbouring surface. `reprojection` makes that
-//!    exact where the previous anchor's depth and the camera motion are known; without them, `border_foreground`
-//!    detects foreground that has left the picture.
+//!    exact where the previous anchor's depth and the camera motion are known.
 //! 4. `camera_fit`: estimates the camera's motion, from which the perspective-correct phase of every pixel follows.
 //!    `splat` then warps the field, and the pixels that only the previous anchor shows, to phase t: uniform tiles as a
 //!    whole, others pixel by pixel. The nearest key wins, cracks are closed, and `hole_filling` fills the rest.
 //! 5. `render`: samples both anchors at the displaced positions with a 6x6 Lanczos kernel and takes the sample nearer
 //!    in time where they agree, the visible one where one anchor is occluded, and a blend otherwise. Pixels beside a
 //!    foreground edge use the foreground's motion if the anchors then agree better. `static_overlay` keeps static
-//!    content in place, `colour_outlier` rejects previous content that the current anchor does not contain, and
-//!    `edge_antialiasing` blends edges that no depth confirms.
+//!    content in place, and `edge_antialiasing` blends edges that no depth confirms.
 //! 6. `inpaint`: fills pixels that neither anchor shows from the colours around them.
 //!
 //! Positions, keys and samples of bytes are integers; everything else is single precision in one order without fused
 //! operations, and ties are broken by a total order. The result has the same bits for every number of threads and every
 //! instruction set. `tests/reference.rs` is a plain implementation that all of them must equal.
 
-mod border_foreground;
 mod camera_fit;
 mod colour;
-mod colour_outlier;
 mod cut;
 mod edge_antialiasing;
 mod field;
@@ -48,7 +44,6 @@ mod static_overlay;
 mod tests;
 mod warp;
 
-use border_foreground::BorderForeground;
 use camera_fit::CameraFit;
 use colour::Colour;
 use cut::CutDetector;
@@ -85,7 +80,6 @@ pub struct CpuGenerator {
     previous_keys: KeyBuffer,
     frame_keys: KeyBuffer,
     splatter: Splatter,
-    border: BorderForeground,
     hole_filler: HoleFiller,
     static_pixels: StaticPixels,
     inpainter: Inpainter,
@@ -115,7 +109,6 @@ impl CpuGenerator {
             previous_keys: KeyBuffer::default(),
             frame_keys: KeyBuffer::default(),
             splatter: Splatter::default(),
-            border: BorderForeground::default(),
             hole_filler: HoleFiller::default(),
             static_pixels: StaticPixels::default(),
             inpainter: Inpainter::default(),
@@ -174,16 +167,11 @@ impl CpuGenerator {
             &[SplatPass { source: &self.field, warp, origin: KeyOrigin::Own }],
             &mut self.previous_keys,
         )?;
-        let margin = colour_outlier::margin(previous, current);
         let camera = CameraFit::fit(pair.guidance(), &static_mask);
         let previous_depth = pair.previous_depth().filter(|_| rules.has(Rule::PreviousDepth));
         let reprojection = Reprojection::new(&camera, previous_depth, pair.guidance().depth());
-        match &reprojection {
-            Some(reprojection) => reprojection.clear_occluded(self.level, &mut self.previous_keys, &self.field),
-            None if rules.has(Rule::BorderForeground) => {
-                self.border.detect(&mut self.previous_keys, previous, current, margin, is_optical_flow.into())?;
-            }
-            None => {}
+        if let Some(reprojection) = &reprojection {
+            reprojection.clear_occluded(self.level, &mut self.previous_keys, &self.field);
         }
         let fill_inputs = FillInputs {
             field: &self.field,
@@ -191,7 +179,6 @@ impl CpuGenerator {
             picture: rules.has(Rule::FillByLikeness).then_some(previous),
             reprojection: reprojection.as_ref(),
             follows_neighbours: rules.has(Rule::NeighboursMotion),
-            border: (reprojection.is_none() && rules.has(Rule::BorderForeground)).then_some(&self.border),
             tag: PREVIOUS_ONLY,
         };
         let holes = self.hole_filler.fill(self.level, &mut self.previous_keys, &fill_inputs)?;
@@ -208,7 +195,9 @@ impl CpuGenerator {
         self.hole_filler.fill(self.level, &mut self.frame_keys, &fill_inputs)?;
 
         resize(&mut self.hidden, grid.tiles(), 0)?;
-        self.static_pixels.reserve(grid, rules.has(Rule::StaticOverlays))?;
+        // With a mask it is known where an overlay is.
+        let finds_overlays = pair.overlay().is_none() && rules.has(Rule::StaticOverlays);
+        self.static_pixels.reserve(grid, finds_overlays)?;
         let interpolation = Interpolation {
             level: self.level,
             rules,
@@ -219,7 +208,6 @@ impl CpuGenerator {
             previous_keys: &self.previous_keys,
             phase,
             time,
-            margin: if rules.has(Rule::ColourOutliers) { margin } else { f32::INFINITY },
             static_pixels: &self.static_pixels,
             is_optical_flow,
         };

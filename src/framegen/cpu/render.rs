@@ -3,7 +3,6 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::colour::Colour;
-use super::colour_outlier::is_colour_outlier;
 use super::edge_antialiasing::{antialias, blend_mask};
 use super::kernels::tile_keys;
 use super::kernels::{BLOCK, Block, MergeRule, Positions, SimdLevel, Source, TILE, TileSource};
@@ -54,8 +53,6 @@ pub(super) struct Interpolation<'a, P> {
     pub(super) phase: i32,
     /// The same as a warp time.
     pub(super) time: WarpTime,
-    /// See [`colour_outlier::margin`](super::colour_outlier::margin).
-    pub(super) margin: f32,
     /// Static pixels of the anchors.
     pub(super) static_pixels: &'a StaticPixels,
     /// Whether motion is optical flow, which comes without depth.
@@ -165,7 +162,7 @@ impl<P: Colour> Interpolation<'_, P> {
                 let [i, j] = [index % TILE, index / TILE];
                 let positions = self.positions([corner[0] + i, corner[1] + j], tile.key, phase);
                 let pixel = &mut pixels[j * grid.width + i];
-                match self.choose([corner[0] + i, corner[1] + j], tile.key, positions, true, None) {
+                match self.choose([corner[0] + i, corner[1] + j], tile.key, positions, true) {
                     Choice::Blend => {}
                     Choice::Previous => *pixel = P::sample(self.previous, positions.previous),
                     Choice::Current => *pixel = P::sample(self.current, positions.current),
@@ -290,8 +287,7 @@ impl<P: Colour> Interpolation<'_, P> {
             }
             let is_doubtful =
                 uncertain >> index & 1 == 1 || P::merge(block.previous[index], block.current[index], rule).1;
-            let previous_sample = Some(block.previous[index]);
-            match self.choose(at, keys[index], positions, is_doubtful, previous_sample) {
+            match self.choose(at, keys[index], positions, is_doubtful) {
                 Choice::Blend => {}
                 Choice::Previous => block.merged[index] = block.previous[index],
                 Choice::Current => block.merged[index] = block.current[index],
@@ -401,14 +397,7 @@ impl<P: Colour> Interpolation<'_, P> {
 
     /// Decides which anchor a pixel is taken from, by visibility. Overlays are searched where the pixel `is_doubtful`.
     #[inline(never)]
-    fn choose(
-        &self,
-        at: [usize; 2],
-        key: Key,
-        positions: SourcePositions,
-        is_doubtful: bool,
-        previous_sample: Option<P>,
-    ) -> Choice {
+    fn choose(&self, at: [usize; 2], key: Key, positions: SourcePositions, is_doubtful: bool) -> Choice {
         let grid = self.frame_keys.grid;
         let (from, to) = (grid.nearest_pixel(positions.previous), grid.nearest_pixel(positions.current));
         let tag = splat_key::tag(key);
@@ -434,13 +423,7 @@ impl<P: Colour> Interpolation<'_, P> {
             in_previous = in_previous && !from.is_some_and(|from| is_overlay(AnchorIndex::Previous, from));
             in_current = in_current && !to.is_some_and(|to| is_overlay(AnchorIndex::Current, to));
         }
-        let previous = || previous_sample.unwrap_or_else(|| P::sample(self.previous, positions.previous));
         match (in_previous, in_current) {
-            (true, true)
-                if is_doubtful && is_colour_outlier(previous(), self.current, positions.current, self.margin) =>
-            {
-                Choice::Current
-            }
             (true, true) => Choice::Blend,
             (true, false) => Choice::Previous,
             (false, true) => Choice::Current,

@@ -13,8 +13,6 @@ pub enum Rule {
     MatchAsDepth,
     /// Dilates a nearer surface over its anti-aliased edge where the anchors agree better with it.
     EdgeDilation,
-    /// Finds foreground in the previous anchor that a border cuts off and that has left the current one.
-    BorderForeground,
     /// Warps what only the previous anchor shows by that anchor's depth and the camera fit.
     PreviousDepth,
     /// Lets such a pixel follow a neighbouring surface at the same distance that moves by itself.
@@ -27,10 +25,8 @@ pub enum Rule {
     CrackClosing,
     /// Gives a pixel beside a foreground edge the foreground's motion where the anchors then agree better.
     ForegroundEdges,
-    /// Keeps static overlays, such as a head-up display, where they are.
+    /// Finds static overlays, such as a head-up display, where the caller gives no mask of them.
     StaticOverlays,
-    /// Rejects a colour of the previous anchor that the current one has nowhere near.
-    ColourOutliers,
     /// Blends edges that no depth confirms.
     EdgeAntialiasing,
     /// Paints what neither anchor shows from the colours around it.
@@ -39,12 +35,11 @@ pub enum Rule {
 
 impl Rule {
     /// All rules, in the order of the stages that apply them.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 13] = [
         Self::CutDetection,
         Self::LetterboxBars,
         Self::MatchAsDepth,
         Self::EdgeDilation,
-        Self::BorderForeground,
         Self::PreviousDepth,
         Self::NeighboursMotion,
         Self::CameraFit,
@@ -52,7 +47,6 @@ impl Rule {
         Self::CrackClosing,
         Self::ForegroundEdges,
         Self::StaticOverlays,
-        Self::ColourOutliers,
         Self::EdgeAntialiasing,
         Self::Inpainting,
     ];

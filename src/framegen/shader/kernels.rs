@@ -30,5 +30,5 @@ macro_rules! kernels {
 }
 
 kernels! {
-    clear, letterbox, reduce, detail, match_blocks, decide_cut, tiny, correlate, global_shift, camera_fit, guidance_tiles, field, splat, resolve, border_runs, join_border_runs, clear_border, pyramid, fill_holes, interpolate, extrapolate, tile_colours, mean_colour, inpaint,
+    clear, letterbox, reduce, detail, match_blocks, decide_cut, tiny, correlate, global_shift, camera_fit, guidance_tiles, field, splat, resolve, pyramid, fill_holes, interpolate, extrapolate, tile_colours, mean_colour, inpaint,
 }

@@ -10,8 +10,6 @@ const TINY_FACTOR: u32 = 4;
 const BLOCK: u32 = 16;
 /// Bytes reserved for single-word results.
 const STATE: u32 = 1024;
-/// Step between the rows whose brightness is summed.
-const SPARSE: u32 = 8;
 
 /// Root constants of all shaders of a frame, in the order of `frame.hlsli`. `at_` marks a byte offset into the buffer `small`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -60,6 +58,8 @@ pub(super) struct Constants {
     pub(super) cut_shows_current: u32,
     /// 1 if motion is optical flow.
     pub(super) is_optical_flow: u32,
+    /// 1 if static overlays are found in the pictures.
+    pub(super) finds_overlays: u32,
     /// Tiles of the guidance.
     pub(super) at_guidance_tiles: u32,
     /// Tiles of the current anchor's motion.
@@ -78,12 +78,6 @@ pub(super) struct Constants {
     pub(super) at_colour_sums: u32,
     /// Colours of tiles with which hidden pixels are filled.
     pub(super) at_tile_colours: u32,
-    /// Foreground cut off by the border, at the ends of rows and columns.
-    pub(super) at_border_runs: u32,
-    /// The same, joined with neighbouring ends.
-    pub(super) at_joined: u32,
-    /// Brightness sums of every eighth row.
-    pub(super) at_row_sums: u32,
     /// Reduced pictures.
     pub(super) at_lumas: u32,
     /// Reduced pictures without the local mean.
@@ -97,7 +91,7 @@ pub(super) struct Constants {
 }
 
 /// Number of 32-bit words of [`Constants`].
-pub(super) const WORDS: usize = 43;
+pub(super) const WORDS: usize = 41;
 
 impl Constants {
     /// The words in the order in which shaders read them.
@@ -129,6 +123,7 @@ impl Constants {
             self.nearer_is_current,
             self.cut_shows_current,
             self.is_optical_flow,
+            self.finds_overlays,
             self.at_guidance_tiles,
             self.at_field_tiles,
             self.at_previous_tiles,
@@ -138,9 +133,6 @@ impl Constants {
             self.at_hidden,
             self.at_colour_sums,
             self.at_tile_colours,
-            self.at_border_runs,
-            self.at_joined,
-            self.at_row_sums,
             self.at_lumas,
             self.at_details,
             self.at_blocks,
@@ -187,7 +179,6 @@ impl Layout {
             start as u32
         };
         let area = |[across, down]: [u32; 2]| u64::from(across) * u64::from(down);
-        let ends = 2 * (u64::from(width) + u64::from(height));
         let (count, mut levels, mut level) = (area(tiles), 0, tiles);
         while level != [1, 1] {
             level = level.map(|len| len.div_ceil(2));
@@ -206,9 +197,6 @@ impl Layout {
             at_hidden: reserve(8 * count),
             at_colour_sums: reserve(20 * count),
             at_tile_colours: reserve(20 * count),
-            at_border_runs: reserve(16 * ends),
-            at_joined: reserve(16 * ends),
-            at_row_sums: reserve(32 * u64::from(height.div_ceil(SPARSE))),
             at_lumas: reserve(8 * area(reduced)),
             at_details: reserve(8 * area(reduced)),
             at_blocks: reserve(4 * area(blocks)),

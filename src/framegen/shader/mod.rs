@@ -380,6 +380,8 @@ impl ShaderGenerator {
             guidance_tiles: [guidance.motion_tile, guidance.depth_tile],
             has_hud: guidance.hud.is_some().into(),
             is_optical_flow: guidance.motion_origin.is_optical_flow().into(),
+            // With a mask it is known where an overlay is.
+            finds_overlays: guidance.hud.is_none().into(),
             is_float: anchor.is_float.into(),
             is_linear: anchor.is_linear.into(),
             ..self.layout.constants
@@ -405,9 +407,6 @@ impl ShaderGenerator {
         steps.per_tile(&kernels.guidance_tiles, in_previous);
         steps.per_tile(&kernels.field, in_previous);
         steps.splat(in_previous);
-        steps.per_end(&kernels.border_runs, in_previous);
-        steps.per_end(&kernels.join_border_runs, in_previous);
-        steps.per_tile(&kernels.clear_border, in_previous);
         steps.fill_holes(in_previous);
     }
 

@@ -6,8 +6,6 @@ use crate::gpu::compute::{CommandRecorder, Kernel, Table};
 
 /// Threads per group over splat pixels.
 const SPLAT_PIXELS: u32 = 1024;
-/// Threads per group over the ends of rows and columns.
-const ENDS: u32 = 64;
 /// Side of the square of tiles whose colours one group computes, in tiles.
 const SQUARE: u32 = 16;
 /// Side of a thread group over a reduced picture, in threads.
@@ -39,12 +37,6 @@ impl Steps<'_, '_> {
     pub(super) fn per_line(&mut self, kernel: &Kernel, constants: Constants) {
         let [width, height] = constants.size;
         self.dispatch(kernel, constants, [height + width.div_ceil(COLUMNS), 1, 1]);
-    }
-
-    /// Dispatches one thread per end of a row or column.
-    pub(super) fn per_end(&mut self, kernel: &Kernel, constants: Constants) {
-        let [width, height] = constants.size;
-        self.dispatch(kernel, constants, [(2 * (width + height)).div_ceil(ENDS), 1, 1]);
     }
 
     /// Dispatches one group.

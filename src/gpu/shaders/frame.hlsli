@@ -25,6 +25,7 @@ cbuffer Constants : register(b0)
     uint NearerIsCurrent;   // 1: the current anchor is the nearer one in time
     uint CutShowsCurrent;   // 1: the current anchor is shown across a cut
     uint IsOpticalFlow;     // 1: motion is optical flow, and depth is constant
+    uint FindsOverlays;     // 1: static overlays are found in the pictures
     // Byte offsets into `Small`.
     uint AtGuidanceTiles;   // tiles of the guidance: key, kind, number of holes
     uint AtFieldTiles;      // tiles of the current anchor's keys
@@ -35,9 +36,6 @@ cbuffer Constants : register(b0)
     uint AtHidden;          // pixels that neither anchor shows, 64 bits per tile
     uint AtColourSums;      // sums of the colours of each tile
     uint AtTileColours;     // colours of tiles with which hidden pixels are filled
-    uint AtBorderRuns;      // border foreground at the ends of rows and columns
-    uint AtJoined;          // the same, joined with neighbouring lines
-    uint AtRowSums;         // colour sums of every eighth row
     uint AtLumas;           // reduced pictures
     uint AtDetails;         // reduced pictures without the local mean
     uint AtBlocks;          // results of cut detection per block
@@ -73,7 +71,6 @@ static const uint RIGHT = 20;
 static const uint UNCOVERED = 24;
 static const uint HAS_HIDDEN = 28;
 static const uint HAS_EMPTY_SQUARE = 32;
-static const uint OUTLIER_MARGIN = 36;
 static const uint DEPTH_CHANGE = 40;   // factor of the inverse depth, slopes along x and y, origin, minimum, maximum
 static const uint HAS_REPROJECTION = 64;
 static const uint REPROJECTION = 68;          // 3x4 matrix

@@ -1,11 +1,10 @@
 // Estimates the camera's motion from motion and depth of the current anchor, without static pixels: a least-squares fit of eleven
 // parameters to a few hundred samples; if less than nine tenths are inliers, of the inliers of the best RANSAC trial. Values that need more
-// than a float are double floats. Also computes the colour outlier margin. One group.
+// than a float are double floats. One group.
 
 #include "frame.hlsli"
 #include "double_float.hlsli"
 
-static const uint BRIGHTNESS_THREADS = 64;
 static const uint2 SAMPLE_GRID = uint2(20, 12);
 static const uint SAMPLES = 240;
 static const float INLIER_DISTANCE = 0.5;
@@ -46,7 +45,6 @@ groupshared uint IsInlier[SAMPLES];
 // Normal equations of the fit and of each trial; the right-hand side becomes the solution.
 groupshared float2 Entries[RANSAC_TRIALS + 1][ENTRIES];
 groupshared uint Inliers[RANSAC_TRIALS + 1];
-groupshared float4 Brightness[2][BRIGHTNESS_THREADS];
 groupshared uint Count;
 groupshared uint IsFound;
 groupshared uint Nearest;
@@ -142,23 +140,6 @@ float error_of(uint sample, uint solver)
 void main(uint thread : SV_GroupIndex)
 {
     uint i;
-    float4 before = 0;
-    float4 after = 0;
-    uint2 brightness_samples = (Size + 7) / 8;
-    if (IsPair != 0)
-    {
-        [loop]
-        for (i = thread; i < brightness_samples.y && thread < BRIGHTNESS_THREADS; i += BRIGHTNESS_THREADS)
-        {
-            before += asfloat(Small.Load4(AtRowSums + 32 * i));
-            after += asfloat(Small.Load4(AtRowSums + 32 * i + 16));
-        }
-    }
-    if (thread < BRIGHTNESS_THREADS)
-    {
-        Brightness[0][thread] = before;
-        Brightness[1][thread] = after;
-    }
     if (thread == 0)
     {
         Count = 0;
@@ -168,22 +149,6 @@ void main(uint thread : SV_GroupIndex)
         ChangeRange = 0;
     }
     GroupMemoryBarrierWithGroupSync();
-    [loop]
-    for (uint half = BRIGHTNESS_THREADS / 2; half > 0; half /= 2)
-    {
-        if (thread < half)
-        {
-            Brightness[0][thread] += Brightness[0][thread + half];
-            Brightness[1][thread] += Brightness[1][thread + half];
-        }
-        GroupMemoryBarrierWithGroupSync();
-    }
-    if (thread == 0)
-    {
-        float count = float(brightness_samples.x * brightness_samples.y);
-        float4 difference = abs(Brightness[1][0] / count - Brightness[0][0] / count);
-        Small.Store(OUTLIER_MARGIN, asuint(24 + 4 * max(max(difference.x, difference.y), max(difference.z, difference.w))));
-    }
 
     // Samples, compacted in their order.
     bool is_valid = false;

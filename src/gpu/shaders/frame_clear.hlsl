@@ -28,10 +28,6 @@ void main(uint at : SV_DispatchThreadID)
         }
         return;
     }
-    if (at < 2 * (Size.x + Size.y))
-    {
-        Small.Store(AtJoined + 16 * at, 0);
-    }
     if (at < 128)
     {
         Small.Store(4 * at, at == TOP / 4 ? Size.y : at == LEFT / 4 ? Size.x : at == IS_CUT / 4 ? IsCutStated : 0);

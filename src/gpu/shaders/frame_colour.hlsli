@@ -202,36 +202,6 @@ float colour_difference(float4 a, float4 b)
     return max(max(d.x, d.y), d.z);
 }
 
-// Whether a colour exceeds the range of the current anchor's colours around a position.
-bool is_colour_outlier(float4 colour, int2 position)
-{
-    int2 at;
-    if (!nearest_pixel(position, at))
-    {
-        return false;
-    }
-    float margin = asfloat(Small.Load(OUTLIER_MARGIN));
-    float4 levels = in_levels(colour);
-    if (all(abs(levels - in_levels(load_pixel(CURRENT, at))) <= margin))
-    {
-        return false;
-    }
-    float4 low = asfloat(0x7f800000);
-    float4 high = asfloat(0xff800000);
-    [loop]
-    for (int v = max(at.y - 2, 0); v <= min(at.y + 2, int(Size.y) - 1); v++)
-    {
-        [loop]
-        for (int u = max(at.x - 2, 0); u <= min(at.x + 2, int(Size.x) - 1); u++)
-        {
-            float4 there = in_levels(load_pixel(CURRENT, int2(u, v)));
-            low = min(low, there);
-            high = max(high, there);
-        }
-    }
-    return any(levels < low - margin) || any(levels > high + margin);
-}
-
 // Stores a pixel of the frame in the target format.
 void store_pixel(int2 at, float4 raw)
 {

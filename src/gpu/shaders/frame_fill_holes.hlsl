@@ -4,7 +4,6 @@
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
 #include "frame_reprojection.hlsli"
-#include "frame_border.hlsli"
 
 static const int SEARCH_RADIUS = 24;
 
@@ -99,10 +98,5 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID)
         best = farthest_around(group.xy);
     }
     best = with_tag(best, InheritedTag);
-    if (is_visible_in_previous && !has_reprojection())
-    {
-        uint2 border = border_key(at);
-        best = is_empty(border) ? best : border;
-    }
     SplatKeys.Store2(8 * pixel_index(at), best);
 }

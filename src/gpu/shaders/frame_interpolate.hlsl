@@ -170,7 +170,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
             }
             bool is_static = false;
             [branch]
-            if (is_doubtful && (in_previous == in_current || !has_from || !has_to))
+            if (is_doubtful && FindsOverlays != 0 && (in_previous == in_current || !has_from || !has_to))
             {
                 // Overlay tests: the pixel itself, then its positions in the previous and in the current anchor.
                 [loop]
@@ -194,19 +194,11 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
                 is_static_pixel = true;
                 colour = merged(load_pixel(PREVIOUS, at), load_pixel(CURRENT, at));
             }
-            else if (in_previous && in_current)
-            {
-                [branch]
-                if (is_doubtful && is_colour_outlier(of_previous, current_position))
-                {
-                    colour = of_current;
-                }
-            }
-            else if (in_previous || in_current)
+            else if (in_previous != in_current)
             {
                 colour = in_previous ? of_previous : of_current;
             }
-            else
+            else if (!in_previous)
             {
                 is_hidden = true;
             }

@@ -2,14 +2,12 @@
 //! and instruction sets.
 //!
 //! It shares with the generator the definition of keys (`splat_key`), the tests of single pixels (`StaticMask`,
-//! `Anchors`, `is_colour_outlier`, `colour_distance`, `match_error`), the reprojection of single pixels, the camera
-//! fit, border foreground and inpainting, which have no other form.
+//! `Anchors`, `colour_distance`, `match_error`), the reprojection of single pixels, the camera
+//! fit and inpainting, which have no other form.
 
 use crate::Raster;
-use crate::framegen::cpu::border_foreground::BorderForeground;
 use crate::framegen::cpu::camera_fit::CameraFit;
 use crate::framegen::cpu::colour::Colour;
-use crate::framegen::cpu::colour_outlier::{self, is_colour_outlier};
 use crate::framegen::cpu::edge_antialiasing::{EDGE_MOTION, NEIGHBOUR_WEIGHT};
 use crate::framegen::cpu::field::{
     self, DILATION_TOLERANCE, UNIFORM_RANGE as UNIFORM_GUIDANCE_RANGE, UNKNOWN_MATCH_ERROR,
@@ -44,16 +42,11 @@ pub(super) fn interpolated<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (
     let field = motion_field(pair.guidance(), Some((previous, current)), &static_mask);
 
     let mut previous_keys = splatted(&field, &splats_of(&field), Warp::from_current(WarpTime::previous_anchor()));
-    let mut border = BorderForeground::default();
     let is_optical_flow = pair.guidance().origin().is_optical_flow();
     let camera = CameraFit::fit(pair.guidance(), &static_mask);
     let reprojection = Reprojection::new(&camera, pair.previous_depth(), pair.guidance().depth());
-    match &reprojection {
-        Some(reprojection) => clear_occluded(&mut previous_keys, &field, reprojection),
-        None => {
-            let margin = colour_outlier::margin(previous, current);
-            border.detect(&mut previous_keys, previous, current, margin, is_optical_flow.into()).unwrap();
-        }
+    if let Some(reprojection) = &reprojection {
+        clear_occluded(&mut previous_keys, &field, reprojection);
     }
     let inputs = FillInputs {
         field: &field,
@@ -61,7 +54,6 @@ pub(super) fn interpolated<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (
         picture: Some(previous),
         reprojection: reprojection.as_ref(),
         follows_neighbours: true,
-        border: reprojection.is_none().then_some(&border),
         tag: PREVIOUS_ONLY,
     };
     fill_holes(&mut previous_keys, &inputs);
@@ -83,6 +75,7 @@ pub(super) fn interpolated<P: Colour>(pair: &AnchorPair<'_, P>, phase: i32) -> (
         phase,
         time,
         is_optical_flow,
+        finds_overlays: pair.overlay().is_none(),
     })
 }
 
@@ -395,8 +388,7 @@ fn fill_holes<P: Colour>(keys: &mut KeyBuffer, inputs: &FillInputs<'_, P>) {
                 reprojection.key_or(inputs.field, [x, y], reprojection.key_at([x, y]), found)
             });
             let key = if found == EMPTY { farthest_around(keys, position) } else { found };
-            let border = inputs.border.and_then(|border| border.key_at(x, y));
-            keys.inherited[tile][grid.locate(x, y).1] = border.unwrap_or(splat_key::with_tag(key, inputs.tag));
+            keys.inherited[tile][grid.locate(x, y).1] = splat_key::with_tag(key, inputs.tag);
         }
     }
 }
@@ -459,6 +451,7 @@ struct ReferenceFrame<'a, P> {
     time: WarpTime,
     /// Whether motion is optical flow, which comes without depth.
     is_optical_flow: bool,
+    finds_overlays: bool,
 }
 
 /// Phase of a pixel with linear motion; with `is_whole` that of its tile if the tile is uniform.
@@ -608,7 +601,7 @@ impl<P: Colour> ReferenceFrame<'_, P> {
             let key_there = self.field.own_key(x, y);
             similar_motion(key_there, key) || tag != PREVIOUS_ONLY && tag != HOLE && is_in_front(key, key_there)
         });
-        if is_doubtful && (in_previous == in_current || from.is_none() || to.is_none()) {
+        if is_doubtful && self.finds_overlays && (in_previous == in_current || from.is_none() || to.is_none()) {
             let anchors = Anchors { previous: self.previous, current: self.current };
             let vector = splat_key::vector(key);
             if anchors.is_overlay_in_current(at, vector) {
@@ -619,17 +612,6 @@ impl<P: Colour> ReferenceFrame<'_, P> {
             in_current = in_current && !to.is_some_and(|to| anchors.is_overlay_in_current(to, vector));
         }
         match (in_previous, in_current) {
-            (true, true)
-                if is_doubtful
-                    && is_colour_outlier(
-                        of_previous,
-                        self.current,
-                        current_position,
-                        colour_outlier::margin(self.previous, self.current),
-                    ) =>
-            {
-                Some((of_current, false))
-            }
             (true, true) => Some((merged, false)),
             (true, false) => Some((of_previous, false)),
             (false, true) => Some((of_current, false)),
