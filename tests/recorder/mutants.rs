@@ -201,8 +201,11 @@ hooks! {
     device.CreateShaderResourceView[original](
         this, resource: *mut c_void, desc: *const D3D12_SHADER_RESOURCE_VIEW_DESC, at: D3D12_CPU_DESCRIPTOR_HANDLE
     ) {
+        if !is(ViewOutOfBounds) {
+            return original(this, resource, desc, at);
+        }
         let mut desc = desc.read();
-        if is(ViewOutOfBounds) && desc.ViewDimension == D3D12_SRV_DIMENSION_BUFFER {
+        if desc.ViewDimension == D3D12_SRV_DIMENSION_BUFFER {
             desc.Anonymous.Buffer.NumElements += 1 << 20;
         }
         original(this, resource, &raw const desc, at);
