@@ -1,13 +1,14 @@
 /* An ONNX Runtime shim whose calls tests can observe: it loads the real library, which CAIRN_ONNXRUNTIME names, and returns its table
    of functions with some of them wrapped. */
+#include <stdint.h>
 #ifdef _WIN32
 #include <windows.h>
 #define dlopen(path, flags) ((void *)LoadLibraryA(path))
-#define dlsym(library, name) ((void *)GetProcAddress((HMODULE)(library), name))
+/* ISO C has no direct conversion of a pointer to a function. */
+#define dlsym(library, name) ((void *)(uintptr_t)GetProcAddress((HMODULE)(library), name))
 #else
 #include <dlfcn.h>
 #endif
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
