@@ -193,6 +193,8 @@ unsafe extern "system" fn execute(this: *mut c_void, count: u32, lists: *const *
 
 /// Records the residency calls of devices like `gpu` for the rest of the process, and the calls of its own queue for anchors.
 pub(crate) fn install(gpu: &Gpu) {
+    // Objects of an earlier device are gone, and a new one may have the address of one that was evicted.
+    *LOG.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = None;
     static UNUSED: [OnceLock<Move>; 2] = [const { OnceLock::new() }; 2];
     static UNUSED_ENQUEUE: OnceLock<Enqueue> = OnceLock::new();
     static UNUSED_PRIORITY: OnceLock<SetPriority> = OnceLock::new();
