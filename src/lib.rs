@@ -41,6 +41,7 @@ mod error;
 mod libraries;
 mod object_count;
 mod picture;
+mod rule_set;
 mod texels;
 
 pub use error::{Error, ErrorKind, Result};

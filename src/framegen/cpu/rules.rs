@@ -1,5 +1,7 @@
 //! The optional rules of the generator, which measurements leave out one at a time.
 
+use crate::rule_set;
+
 /// A rule without which the generator still makes frames. The library applies all of them; `study ablate` measures what each
 /// one gains.
 #[doc(hidden)]
@@ -17,7 +19,7 @@ pub enum Rule {
     PreviousDepth,
     /// Lets such a pixel follow a neighbouring surface at the same distance that moves by itself.
     NeighboursMotion,
-    /// Fits the camera to motion and depth, so that what comes nearer moves faster towards the end of the interval.
+    /// Fits the camera to motion and depth, for perspective-correct phases: approaching surfaces accelerate.
     CameraFit,
     /// Chooses hole filling's candidate by likeness of brightness rather than by distance.
     FillByLikeness,
@@ -52,36 +54,11 @@ impl Rule {
     ];
 }
 
+impl rule_set::Rule for Rule {
+    fn index(self) -> u32 {
+        self as u32
+    }
+}
+
 /// The rules that a generator applies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Rules(u16);
-
-impl Default for Rules {
-    /// All of them.
-    fn default() -> Self {
-        Self(u16::MAX)
-    }
-}
-
-impl Rules {
-    pub(super) fn without(self, rule: Rule) -> Self {
-        Self(self.0 & !(1 << rule as u16))
-    }
-
-    pub(super) fn has(self, rule: Rule) -> bool {
-        self.0 >> rule as u16 & 1 == 1
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn one_rule_is_left_out_and_no_other() {
-        for left_out in Rule::ALL {
-            let rules = Rules::default().without(left_out);
-            assert!(Rule::ALL.iter().all(|rule| rules.has(*rule) == (*rule != left_out)));
-        }
-    }
-}
+pub(super) type Rules = rule_set::RuleSet<Rule>;
