@@ -1,13 +1,12 @@
 //! Records live input as a control script.
 
-use crate::locks::Mutex;
-
 use super::boundary::call;
 use super::controls::{cairn_controls, read_controls};
 use super::handles::{Handle, Kind, Object, destroy, enter_exclusive, insert};
 use super::results::{CAIRN_OK, Failure, cairn_result};
 use super::script::{cairn_script, span};
 use super::structs::check_out;
+use crate::locks::Mutex;
 use crate::world::{Key, ScriptRecorder, WorldTime};
 
 /// Records a player's input and makes a script of it. The input is single events as they happen, or the controls of whole latent steps.

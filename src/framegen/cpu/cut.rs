@@ -6,12 +6,12 @@
 //! Blocks are compared by correlation, which is invariant to brightness and contrast, so that flashes and fades are no
 //! cuts. If most blocks are not found, there is a cut; if fewer are not found, the luma histograms must differ as well.
 
-use crate::locks::Mutex;
 use bytemuck::must_cast;
 
 use super::kernels::{Sampled, SimdLevel, at_every_level, prefetch};
 use super::resize;
 use crate::guidance::MotionField;
+use crate::locks::Mutex;
 use crate::tasks::{self, Parallel, ParallelSliceMut};
 use crate::{Raster, Result};
 

@@ -2,7 +2,6 @@
 
 mod prepare;
 
-use crate::locks::{Mutex, MutexGuard};
 use windows::Win32::Graphics::Direct3D12::ID3D12GraphicsCommandList;
 use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_UNKNOWN};
 
@@ -12,6 +11,7 @@ use super::presenter::{DrawMode, FrameInfo, Presenter};
 pub use super::{Preference, RendererOptions};
 use crate::gpu::compute::{CommandRing, GpuTimeStatistics};
 use crate::gpu::{FencePoint, Gpu, Target, Uploads};
+use crate::locks::{Mutex, MutexGuard};
 use crate::object_count::count_created;
 use crate::runtime::Device;
 use crate::{Colours, Error, ErrorKind, Result};

@@ -1,6 +1,6 @@
 //! Kernels over the splat keys of a tile.
 //!
-//! They compute what the functions of `splat_key` do per key, in loops that compilers vectorise.
+//! The same results as the functions of `splat_key`, for a whole tile at a time, in loops that compilers vectorise.
 
 use super::super::splat_key::{EMPTY, Key, SIMILAR_MOTION, is_in_front, scaled, vector, warped};
 use super::super::warp::{Warp, WarpTime};
