@@ -127,7 +127,7 @@ fn text_of(text: &[std::ffi::c_char]) -> String {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Reach {
     Host,
-    /// Something else takes the place of what failed.
+    /// The library falls back to its own code, and no call of the host fails.
     Nobody,
 }
 
@@ -166,7 +166,8 @@ fn fail_each(source: Source, reach: Reach, failure: fn(u64) -> Failure, count: u
     };
     let (all, failed) = trial(None);
     assert_eq!(failed, 0, "nothing fails");
-    assert!(all > 10, "{all} calls were counted");
+    let least = if matches!(source, Source::Direct3d) { 50 } else { 10 };
+    assert!(all > least, "{all} calls were counted");
     let trials = chosen_calls(source, all, count);
     let failures: u32 = trials.iter().map(|call| trial(Some(failure(*call))).1).sum();
     println!("{all} calls, of which {} failed; {failures} calls of the C interface failed", trials.len());
