@@ -143,7 +143,7 @@ fn references(engine: &Engine) -> [u32; 2] {
     [reference_count(&engine.device), reference_count(&engine.direct)]
 }
 
-/// What the callbacks of a preparation use.
+/// The arguments of a preparation's callbacks.
 struct CallbackData {
     handles: Handles,
     engine: Engine,

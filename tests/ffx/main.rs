@@ -214,7 +214,7 @@ fn library_messages_and_failed_destruction_are_logged() {
             let double = DoubleFolder::empty().with(LibraryKind::FrameGeneration, &[release[0], release[1], &answers]);
             drop(made(&double.load().expect("loaded"), Choice::Any).expect("a context"));
             assert!(logged(log::Level::Error, &format!("the word {said}")), "the library's own words");
-            assert!(logged(log::Level::Error, "a context is lost, with its memory: "), "what comes of it");
+            assert!(logged(log::Level::Error, "a context is lost, with its memory: "), "the consequence");
             assert!(logged(log::Level::Error, "ffxDestroyContext answered 3 (RUNTIME_ERROR)"));
             LOG.lock().expect("no panic").clear();
         }

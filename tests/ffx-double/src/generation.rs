@@ -101,7 +101,7 @@ pub(crate) struct PictureRequest {
     pub(crate) constants: [u32; CONSTANTS],
 }
 
-/// What a checked call records.
+/// A dispatch that passed the checks.
 pub(crate) enum Request {
     Prepare(PrepareRequest),
     Picture(PictureRequest),

@@ -132,7 +132,7 @@ class World:
         return self._passes[window]
 
     def kernels(self, preset: Preset, fused: dict[str, int] | None = None) -> int:
-        """Nodes of the graphs that run for one latent; a runtime that fuses nodes starts fewer kernels. `fused` has what a node counts for."""
+        """Kernels of one latent, estimated from the nodes of the graphs: `fused` has the number of elementary operators that a node stands for."""
         weight = {"Reshape": 0, "Cast": 0} | (fused or {})
         counts = [sum(weight.get(n.op_type, 1) for n in self._graphs[k].model().graph.node) for k in ("transformer", "decoder")]
         return preset.passes * counts[0] + counts[1]

@@ -27,7 +27,7 @@ Exit status: 0 well, 1 failed, 2 wrong usage, 130 interrupted.";
 
 #[derive(Args)]
 pub(super) struct AblateArgs {
-    /// What the frames are made from: all, scenes, moving, real, or a list as that of study quality
+    /// The clips: all, scenes, moving, real, or a list as that of study quality
     #[arg(long, value_name = "LIST", default_value = "all")]
     clips: String,
     /// Seeds of the scenes

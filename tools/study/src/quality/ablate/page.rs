@@ -28,23 +28,24 @@ pub(super) fn text(
     let mut out = String::from(
         "# What each rule of the generator gains\n\n\
          Beside warping and visibility, the generator and `picture_flow` have rules for special cases. Each one is left out here, all others \
-         stay, and the frames in the middle between two anchors are compared with the true ones. A rule that gains nothing on any clip is \
-         removed from the library.\n\n",
+         stay, and the frames in the middle between two anchors are compared with the true ones. A rule that gains nothing is removed from \
+         the library, unless no clip has what it is for: none of these has letterbox bars.\n\n",
     );
     _ = write!(
         out,
-        "*Lost* is what is worse without the rule: PSNR in dB, then LPIPS in thousandths; a minus means that frames are better without it. \
-         The means are over clips, for each source of motion and depth; *at most* and *at least* are the clips on which the rule helps and \
-         harms most in PSNR. A rule is *worth it* where it gains {} dB or {} LPIPS on some clip. *Time* is that of a frame with the rule over \
-         that without it, the median; for the rules of `picture_flow` it contains the extraction. *Lines* are those of the rule's own file \
-         without its tests; the others are parts of a stage.\n\n",
+        "- **gain**: the mean over clips, for each source of motion and depth: PSNR in dB, then LPIPS in thousandths. Plus: frames are nearer \
+         to the truth with the rule. Minus: they are nearer without it.\n\
+         - **most**, **least**: the clips with the largest and the smallest gain in PSNR.\n\
+         - **worth it**: the rule gains {} dB or {} LPIPS on at least one clip.\n\
+         - **time**: of a frame with the rule, over that of a frame without it (median). For rules of `picture_flow` the extraction counts too.\n\
+         - **lines**: of the rule's own file without tests. Other rules are parts of a stage.\n\n",
         WORTH[0], WORTH[1]
     );
     out += "| rule | lines | time |";
     for input in Input::ALL {
-        _ = write!(out, " lost, motion {} |", input.label());
+        _ = write!(out, " gain, motion {} |", input.label());
     }
-    out += " at most | at least | |\n|---|--:|--:|--:|--:|--:|--:|---|---|---|\n";
+    out += " most | least | |\n|---|--:|--:|--:|--:|--:|--:|---|---|---|\n";
     for (rule, lines) in Rule::all().into_iter().zip(lines) {
         let of_clips = by_clip(losses, rule, &names);
         let lines = lines.map_or_else(|| "in a stage".to_owned(), |lines| lines.to_string());
@@ -73,8 +74,8 @@ pub(super) fn text(
     let seeds: Vec<String> = settings.seeds.iter().map(ToString::to_string).collect();
     _ = write!(
         out,
-        "\nMeasured on {} clips: {}. Scenes have seed {}; LPIPS is that of `{}`. No clip of the sealed set is among them, and cuts, fades \
-         and bars are in few of them: what the rules for those gain is the loss on their clips, not the mean.\n",
+        "\nMeasured on {} clips: {}. Scenes have seed {}; LPIPS is that of `{}`. No clip of the sealed set is among them. Few clips have cuts or \
+         fades, so that the gain of the rules for these is that on such a clip, and not the mean.\n",
         names.len(),
         names.join(", "),
         seeds.join(", "),
