@@ -208,7 +208,7 @@ impl Swapchain {
         };
         let options = *options;
         let head = head_of(&options, (shown.0, shown.1), SurfaceFormat::from_dxgi(shown.2.0.cast_unsigned()));
-        let generator = generator(gpu, api, &options, head)?;
+        let generator = generator(gpu, api, &options, head).map_err(|error| gpu.or_removed(error))?;
         let callback_data = Box::new(CallbackData {
             api: *api,
             context: ReentrantMutex::new(Cell::new(generator.context().raw())),
@@ -220,7 +220,7 @@ impl Swapchain {
         let (presented, ring) =
             (PresentFence::new(gpu)?, CommandRing::new(gpu, gpu.frames(), SanitisedMotion::DESCRIPTORS)?);
         let motion = SanitisedMotion::new(gpu, motion_size_at(&head, head.max_render_size))?;
-        let pacer = create_pacing_context(gpu, api, &mut structs, from)?;
+        let pacer = create_pacing_context(gpu, api, &mut structs, from).map_err(|error| gpu.or_removed(error))?;
         if structs.swapchain.is_null() {
             return Err(Error::new(ErrorKind::Device, "AMD's library says that it succeeded, and gave no swap chain"));
         }
@@ -374,7 +374,8 @@ impl Swapchain {
         }
         // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame or
         // by `self`; the swap chain and the callback's data outlive generation, which is turned off first.
-        let (id, reset) = unsafe { generator.prepare(&request, settings) }?;
+        let prepared = unsafe { generator.prepare(&request, settings) };
+        let (id, reset) = prepared.map_err(|error| self.gpu.or_removed(error))?;
         self.callback_data.reset.store(if reset { id } else { 0 }, Ordering::Relaxed);
         drop(lock);
         frame.resume();
@@ -393,7 +394,7 @@ impl Swapchain {
         if let Some(generator) = self.generator.as_mut().filter(|_| self.is_on) {
             // Without the lock: the library may wait here for a frame that its callback is generating.
             // SAFETY: a live swap chain of the library's.
-            unsafe { generator.turn_off(self.swapchain.as_raw()) }?;
+            unsafe { generator.turn_off(self.swapchain.as_raw()) }.map_err(|error| self.gpu.or_removed(error))?;
             (self.is_on, self.must_wait) = (false, true);
         }
         // Also where an earlier call could not wait.
@@ -408,7 +409,7 @@ impl Swapchain {
         let pacer = &self.pacer;
         // SAFETY: our own context; the chain has one struct.
         unsafe { pacer.api().dispatch(pacer.raw(), &mut Chain::new(DispatchWait::default())) }
-            .map_err(|failure| failure.error())?;
+            .map_err(|failure| self.gpu.or_removed(failure.error()))?;
         self.must_wait = false;
         Ok(())
     }
@@ -439,7 +440,8 @@ impl Swapchain {
         }
         let pacer = &self.pacer;
         // SAFETY: our own context; the picture is held until it is replaced.
-        unsafe { pacer.api().configure(pacer.raw(), &mut Chain::new(config)) }.map_err(|failure| failure.error())?;
+        unsafe { pacer.api().configure(pacer.raw(), &mut Chain::new(config)) }
+            .map_err(|failure| self.gpu.or_removed(failure.error()))?;
         self.interface = next;
         Ok(())
     }
@@ -469,7 +471,8 @@ impl Swapchain {
         let mut chain = Chain::new(ConfigureSwapchainKeyValue { key, pointer, ..Default::default() });
         let pacer = &self.pacer;
         // SAFETY: our own context, and a struct that is read during the call.
-        unsafe { pacer.api().configure(pacer.raw(), &mut chain) }.map_err(|failure| failure.error())
+        unsafe { pacer.api().configure(pacer.raw(), &mut chain) }
+            .map_err(|failure| self.gpu.or_removed(failure.error()))
     }
 
     /// Adapts the generator to the size and format of the buffers. Call it after `ResizeBuffers`, before the next frame. If it
@@ -488,7 +491,7 @@ impl Swapchain {
         self.end_generator()?;
         let options = SwapchainOptions { self_test: false, ..self.options };
         let head = head_of(&options, (size.width, size.height), format);
-        let mut made = generator(&self.gpu, &self.api, &options, head)?;
+        let mut made = generator(&self.gpu, &self.api, &options, head).map_err(|error| self.gpu.or_removed(error))?;
         made.continue_after(self.last_id);
         self.callback_data.context.lock().set(made.context().raw());
         self.generator = Some(made);

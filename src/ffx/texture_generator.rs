@@ -113,7 +113,7 @@ impl TextureGenerator {
         let mut refused = Vec::new();
         let mut choice = options.choice;
         loop {
-            let mut made = Self::untested(gpu, api, options, choice)?;
+            let mut made = Self::untested(gpu, api, options, choice).map_err(|error| gpu.or_removed(error))?;
             let tested = if options.self_test { self_test::run(&mut made, options) } else { Ok(()) };
             let why = match tested {
                 Ok(()) => {
@@ -196,7 +196,8 @@ impl TextureGenerator {
         let is_checked = parts.record(&mut frame, pictures, params);
         let fence_point = is_checked.and_then(|is_checked| Ok((is_checked, frame.submit(gpu.frames())?)));
         // The library's history would contain a frame that never runs.
-        let (is_checked, fence_point) = fence_point.inspect_err(|_| generator.drop_history())?;
+        let (is_checked, fence_point) =
+            fence_point.inspect_err(|_| generator.drop_history()).map_err(|error| gpu.or_removed(error))?;
         if let (Some(detector), true) = (detector, is_checked) {
             detector.expect_result_at(&fence_point);
         }
@@ -224,7 +225,7 @@ impl TextureGenerator {
             RecordingParts { gpu, generator: &mut *generator, motion, intermediate, detector: detector.as_mut() };
         let is_checked = parts.record(&mut frame, pictures, params);
         drop(frame);
-        let is_checked = is_checked.inspect_err(|_| generator.drop_history())?;
+        let is_checked = is_checked.inspect_err(|_| generator.drop_history()).map_err(|error| gpu.or_removed(error))?;
         if let (Some(detector), true) = (detector, is_checked) {
             detector.expect_result_at(until);
         }

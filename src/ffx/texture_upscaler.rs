@@ -66,7 +66,8 @@ impl TextureUpscaler {
     /// As [`Upscaler::create`]; `Unsupported` with the field `provider` for one that requires another kind of input.
     pub fn new(gpu: &Gpu, api: &Api, choice: Choice, head: CreateUpscale) -> Result<Self> {
         // SAFETY: a live device, to which this holds a reference as long as the upscaler lives.
-        let mut upscaler = unsafe { Upscaler::create(api, gpu.device().as_raw(), choice, head) }?;
+        let made = unsafe { Upscaler::create(api, gpu.device().as_raw(), choice, head) };
+        let mut upscaler = made.map_err(|error| gpu.or_removed(error))?;
         let [required, _] = upscaler.resources()?.unwrap_or_default();
         if !(required - KNOWN).is_empty() {
             let why = format!("{} needs pictures of kinds {required:?}", upscaler.provider().version);
@@ -120,7 +121,7 @@ impl TextureUpscaler {
         let recorded = parts.record(&mut frame, pictures, params);
         let fence_point = recorded.and_then(|()| frame.submit(gpu.frames()));
         // The library's history would contain a frame that never runs.
-        fence_point.inspect_err(|_| upscaler.drop_history())
+        fence_point.inspect_err(|_| upscaler.drop_history()).map_err(|error| gpu.or_removed(error))
     }
 
     /// As [`upscale`](Self::upscale), but records into an open list of the engine's for its frame queue. `until` is the fence point
@@ -141,7 +142,8 @@ impl TextureUpscaler {
         let Self { ring, upscaler, gpu, motion, intermediate, required } = self;
         let mut frame = ring.begin_in(list, until)?;
         let mut parts = RecordingParts { gpu, upscaler: &mut *upscaler, motion, intermediate, required: *required };
-        parts.record(&mut frame, pictures, params).inspect_err(|_| upscaler.drop_history())
+        let recorded = parts.record(&mut frame, pictures, params);
+        recorded.inspect_err(|_| upscaler.drop_history()).map_err(|error| gpu.or_removed(error))
     }
 
     /// Computes a reactive mask for [`UpscaleTextures::reactive`] of the same frame, on the device's frame queue, from the frame
@@ -177,7 +179,8 @@ impl TextureUpscaler {
                 check_and_describe(output, written),
                 mask,
             )
-        }?;
+        }
+        .map_err(|error| self.gpu.or_removed(error))?;
         frame.resume();
         frame.submit(self.gpu.frames())
     }

@@ -146,6 +146,14 @@ impl Gpu {
         removed(&self.0.device)
     }
 
+    /// The removal reason in the place of `error` if the device was removed and `error` is of a library that does not say so.
+    pub(crate) fn or_removed(&self, error: Error) -> Error {
+        match error.kind() {
+            ErrorKind::Device | ErrorKind::OutOfMemory => self.removed().unwrap_or(error),
+            _ => error,
+        }
+    }
+
     /// Checks that an object belongs to this device.
     pub(crate) fn owns(&self, object: &impl Interface, name: &str) -> Result<()> {
         owns(&self.0.device, object, name)

@@ -141,8 +141,12 @@ impl ShaderWork {
         Ok(made)
     }
 
-    /// Number of recorded frames that have not run.
+    /// Number of recorded frames that have not run and still may: none once the device is removed.
     pub(crate) fn in_flight(&self) -> u64 {
+        // SAFETY: a live device.
+        if unsafe { self.device.GetDeviceRemovedReason() }.is_err() {
+            return 0;
+        }
         let mut completed_numbers = 0;
         self.with_mapping(&self.completed_numbers, |numbers| {
             completed_numbers = numbers.iter().copied().max().unwrap_or(0)

@@ -206,3 +206,8 @@ fn shaders_make_frames_where_amds_libraries_fail_for_ever() {
 fn each_call_to_direct3d_beneath_may_fail_once() {
     fail(false, CAIRN_PREFER_REQUIRE, Failure::Once, 2);
 }
+
+#[test]
+fn the_device_may_be_removed_at_each_call_beneath() {
+    fail(false, CAIRN_PREFER_REQUIRE, Failure::Removal, 3);
+}
