@@ -31,7 +31,7 @@ windows::core::link!("version.dll" "system" fn GetFileVersionInfoW(file: PCWSTR,
 windows::core::link!("version.dll" "system" fn VerQueryValueW(block: *const c_void, name: PCWSTR, found: *mut *const c_void, length: *mut u32) -> BOOL);
 
 /// The start of VS_FIXEDFILEINFO: signature, version of this struct, and the file's own version, most significant half first.
-type Fixed = [u32; 4];
+type FileInfoStart = [u32; 4];
 
 /// A file's version, most significant part first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -57,11 +57,11 @@ impl LibraryVersion {
         let (mut found, mut length) = (std::ptr::null(), 0);
         // SAFETY: a block that the call above filled, a static name, and pointers that are valid during the call.
         let has_version = unsafe { VerQueryValueW(block.as_ptr().cast(), w!("\\"), &mut found, &mut length) };
-        if !has_version.as_bool() || found.is_null() || (length as usize) < size_of::<Fixed>() {
+        if !has_version.as_bool() || found.is_null() || (length as usize) < size_of::<FileInfoStart>() {
             return None;
         }
         // SAFETY: inside the block and long enough, as checked; it may be unaligned.
-        let [_, _, high, low] = unsafe { found.cast::<Fixed>().read_unaligned() };
+        let [_, _, high, low] = unsafe { found.cast::<FileInfoStart>().read_unaligned() };
         let halves = |word: u32| [(word >> 16) as u16, word as u16];
         let ([a, b], [c, d]) = (halves(high), halves(low));
         Some(Self([a, b, c, d]))

@@ -1,4 +1,4 @@
-"""What notebooks show of anchors and rollouts. Writes PNG files with zlib alone."""
+"""Representations of anchors and rollouts in notebooks, and PNG files, written with zlib alone."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .rollout import Anchor, Rollout
 
 _GAP = 4
-"""Transparent pixels between the pictures of a strip."""
+"""Transparent pixels between the pictures of a contact sheet."""
 
 
 def png(picture: Bytes) -> bytes:
@@ -44,7 +44,7 @@ def animation(pictures: Sequence[Bytes], rate: int) -> bytes:
     return _file(pictures[0].shape, chunks)
 
 
-def strip(pictures: Sequence[Bytes], columns: int) -> Bytes:
+def contact_sheet(pictures: Sequence[Bytes], columns: int) -> Bytes:
     """Pictures of one size in rows, from left to right and from top to bottom, as one picture."""
     height, width, _ = pictures[0].shape
     columns = min(columns, len(pictures))
@@ -72,15 +72,15 @@ def _compressed(picture: Bytes) -> bytes:
     differences.
     """
     height, width, _ = picture.shape
-    before = np.zeros_like(picture)
-    before[:, 1:] = picture[:, :-1]
+    left = np.zeros_like(picture)
+    left[:, 1:] = picture[:, :-1]
     above = np.zeros_like(picture)
     above[1:] = picture[:-1]
-    ways = np.stack([picture - before, picture - above]).reshape(2, height, 4 * width)
-    sizes = np.abs(ways.view(np.int8).astype(np.int16)).sum(axis=2, dtype=np.int64)
+    filtered = np.stack([picture - left, picture - above]).reshape(2, height, 4 * width)
+    sizes = np.abs(filtered.view(np.int8).astype(np.int16)).sum(axis=2, dtype=np.int64)
     rows = np.empty((height, 1 + 4 * width), np.uint8)
     rows[:, 0] = 1 + (sizes[1] < sizes[0])
-    rows[:, 1:] = np.where((sizes[1] < sizes[0])[:, None], ways[1], ways[0])
+    rows[:, 1:] = np.where((sizes[1] < sizes[0])[:, None], filtered[1], filtered[0])
     return zlib.compress(rows.tobytes(), 6)
 
 
@@ -90,7 +90,7 @@ def anchor(shown: Anchor) -> dict[str, object]:
         return {"text/plain": "an anchor that is closed"}
     info = shown.info
     text = f"anchor {info.latent}: {info.pictures} of {info.width}x{info.height} pixels{', a cut' if info.cut else ''}"
-    return {"text/plain": text, "image/png": png(strip(shown.pictures(), info.pictures))}
+    return {"text/plain": text, "image/png": png(contact_sheet(shown.pictures(), info.pictures))}
 
 
 def rollout(shown: Rollout) -> dict[str, object]:
@@ -103,6 +103,6 @@ def rollout(shown: Rollout) -> dict[str, object]:
         if info.latents == 0:
             return {"text/plain": text}
         with shown.anchor() as last:
-            return {"text/plain": text, "image/png": png(strip(last.pictures(), last.info.pictures))}
+            return {"text/plain": text, "image/png": png(contact_sheet(last.pictures(), last.info.pictures))}
     except Error as why:
         return {"text/plain": f"a rollout: {why.cause or why}"}

@@ -11,8 +11,8 @@ from ctypes import byref, c_size_t, c_void_p
 from pathlib import Path
 from typing import Any
 
-from . import _file
 from . import _interface as c
+from . import _library_file
 from .errors import Error, LibraryMissing, kind_of, refuse
 
 VARIABLE = "CAIRN_LIBRARY"
@@ -58,14 +58,14 @@ class Library:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        if wrong := _file.mismatch(path):
+        if wrong := _library_file.mismatch(path):
             raise _unusable(path, *wrong)
-        others = _file.other_copies(FILE, path)
+        others = _library_file.other_copies(FILE, path)
         try:
             # CDLL, not PyDLL: the GIL is released during every call.
             loaded = ctypes.CDLL(str(path))
         except OSError as why:
-            raise _unusable(path, *(_file.explain_failure(str(why)) or (f"cannot be loaded: {why}", REMEDY))) from None
+            raise _unusable(path, *(_library_file.explain_failure(str(why)) or (f"cannot be loaded: {why}", REMEDY))) from None
         self.abi_version = self._resolve(loaded, "abi_version")()
         if self.abi_version != c.ABI_VERSION:
             cause = f"has the binary interface {self.abi_version}, and this package was made for {c.ABI_VERSION}"

@@ -22,16 +22,16 @@ _WIDTH = 100
 
 # The reason for each requirement, for users who want to repair an installation.
 _WHY = {
-    "python": "The package is written for Python 3.11 and newer, and speaks to the library by ctypes, of 64 bits as the library is.",
+    "python": "The package needs Python 3.11 or newer. It calls the library through ctypes, so both must have 64 bits.",
     "library": "Cairn itself: one shared library in Rust, with the C interface of include/cairn.h. This package is a thin layer over it.",
     "onnxruntime": "ONNX Runtime runs the world's neural networks. It is not part of Cairn and is loaded when a device is made.",
     "platform": "The processor and the system the library was built for.",
     "memory": "A world keeps its weights and its memory of the past in the system's memory; `world.memory` has the figures.",
-    "fsr": "AMD's signed libraries generate frames where they are there. They are not part of Cairn; other generators do without them.",
-    "fsr-provider": "What generates frames: in AMD's libraries, or in the driver of a Radeon, which may bring a newer one.",
-    "fsr-system": "The trained providers (ml) ask for Windows 11 and an RDNA 4 adapter; the written ones (analytic) for neither.",
-    "fsr-direct3d": "Which Direct3D 12 a process gets, the program decides: it exports D3D12SDKVersion and D3D12SDKPath.",
-    "fsr-shaders": "The shaders of a provider are compiled for a shader model, which adapter, driver and Direct3D 12 bring.",
+    "fsr": "AMD's signed libraries generate frames if they are installed. They are not part of Cairn; its own generators do not need them.",
+    "fsr-provider": "A provider is AMD's implementation of frame generation: in its libraries, or, often newer, in a Radeon's driver.",
+    "fsr-system": "Providers with a neural network (ml) need Windows 11 and an RDNA 4 adapter; those without (analytic) need neither.",
+    "fsr-direct3d": "A program selects a newer Direct3D 12 (Agility SDK) by exporting D3D12SDKVersion and D3D12SDKPath.",
+    "fsr-shaders": "A provider's shaders need a shader model, which adapter, driver and Direct3D 12 must support.",
     "device": "A device is what a world runs on. The CPU device works on every system.",
     "world": "A world is a bundle: graphs, weights, licence and checksums (docs/bundle.md).",
     "step": "A step makes the next latent of a rollout from the player's controls, and pictures of it.",

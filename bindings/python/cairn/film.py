@@ -74,7 +74,7 @@ class Film:
         if columns < 1 or every < 1:
             raise refuse("columns" if columns < 1 else "every", f"{min(columns, every)} is too small", "Give at least 1")
         self._require()
-        return Strip(_display.strip(self.pictures[::every], columns))
+        return Strip(_display.contact_sheet(self.pictures[::every], columns))
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, object]:
         height, width, _ = self.pictures[0].shape

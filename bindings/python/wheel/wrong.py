@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from cairn import _file, _library, _onnxruntime
+from cairn import _library, _library_file, _onnxruntime
 
 WINDOWS = sys.platform == "win32"
 LOAD = "import cairn\nfrom cairn import _library\n"
@@ -48,10 +48,10 @@ def later_glibc(library: bytes) -> bytes:
 
 
 def main(folder: Path, stand_ins: Path) -> None:
-    package = Path(_file.__file__).parent
+    package = Path(_library_file.__file__).parent
     own = package / _library.FILE
     whole = own.read_bytes()
-    here = str(_file.this_process())
+    here = str(_library_file.this_process())
 
     def library(name: str, content: bytes) -> str:
         place = folder / name / _library.FILE

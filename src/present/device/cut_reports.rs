@@ -22,14 +22,15 @@ struct ReportSlot {
     memory: MappedBuffer,
     /// The fence point at which the frame has run.
     finished: Option<FencePoint>,
-    /// Whether a cut in this report is to be counted.
-    counts: bool,
+    /// Whether this report may show a cut that was not counted yet.
+    may_be_cut: bool,
 }
 
 impl CutReports {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
-        let slot =
-            || Ok(ReportSlot { memory: MappedBuffer::new(gpu, Heap::Readback, BYTES)?, finished: None, counts: false });
+        let slot = || {
+            Ok(ReportSlot { memory: MappedBuffer::new(gpu, Heap::Readback, BYTES)?, finished: None, may_be_cut: false })
+        };
         Ok(Self { slots: (0..FRAMES_IN_FLIGHT).map(|_| slot()).collect::<Result<_>>()?, cuts: 0 })
     }
 
@@ -51,13 +52,13 @@ impl CutReports {
     /// Sets the fence point at which the report is complete, and whether it may show a cut.
     pub(super) fn set_fence_point(&mut self, slot: usize, fence_point: &FencePoint, may_be_cut: bool) {
         let slot = &mut self.slots[slot];
-        (slot.finished, slot.counts) = (Some(fence_point.clone()), may_be_cut);
+        (slot.finished, slot.may_be_cut) = (Some(fence_point.clone()), may_be_cut);
     }
 
     /// Number of frames that have finished since the last call and show an anchor because the device detected a cut.
     pub(super) fn take_count(&mut self) -> u64 {
         for slot in 0..self.slots.len() {
-            if self.slots[slot].counts && self.slots[slot].finished.as_ref().is_some_and(FencePoint::reached) {
+            if self.slots[slot].may_be_cut && self.slots[slot].finished.as_ref().is_some_and(FencePoint::reached) {
                 self.read(slot);
             }
         }
@@ -67,7 +68,7 @@ impl CutReports {
     /// Counts the cut of a finished report once.
     fn read(&mut self, slot: usize) {
         let slot = &mut self.slots[slot];
-        if std::mem::take(&mut slot.counts) {
+        if std::mem::take(&mut slot.may_be_cut) {
             self.cuts += u64::from(slot.cut() != 0);
         }
     }

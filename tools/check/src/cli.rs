@@ -19,9 +19,10 @@ const UNUSABLE: u8 = 2;
 
 /// Judges this machine's graphics adapter for Cairn: what is there, whether results on it are right, and how long they take.
 ///
-/// Without options it runs every check in at most five minutes (on an emulated adapter as with --quick), writes report.html and report.json, and ends with status 0 if all passed, 1 if one
-/// failed, and 3 if none failed but some could not tell. Nothing is installed or sent; the report names adapter, drivers, processor and system, and
-/// neither users nor folders. Each check runs in a process of its own, so that a driver that crashes or hangs is a line of the report.
+/// Without options it runs every check in at most five minutes (on an emulated adapter as with --quick), and writes report.html and
+/// report.json. The exit status is 0 if all passed, 1 if one failed, and 3 if none failed but some could not tell. Nothing is installed or sent;
+/// the report names adapter, drivers, processor and system, and neither users nor folders. Each check runs in a process of its own, so that a
+/// driver that crashes or hangs is a line of the report.
 #[derive(Debug, Parser)]
 #[command(name = "cairn-check", version, args_conflicts_with_subcommands = true)]
 struct Arguments {

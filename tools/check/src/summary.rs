@@ -15,7 +15,7 @@ const WIDTH: usize = 110;
 /// The bar while checks run, on standard error, and the line of each.
 pub(crate) struct Progress {
     bar: ProgressBar,
-    /// Seconds that the remaining checks may take, each at its limit.
+    /// Whether the bar is visible: standard error is a terminal.
     is_shown: bool,
 }
 

@@ -58,7 +58,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let layout = record::rust_layout(workspace)?;
     tally.check((record::compose(&layout, &declared) != recorded).then(|| differs(record::RECORD)));
     tally.check(unannounced_breaking_change(workspace, &recorded)?);
-    compilers(context, log, &work, &committed, &declared, &recorded, &mut tally)?;
+    check_with_compilers(context, log, &work, &committed, &declared, &recorded, &mut tally)?;
 
     let library = library(context, log)?;
     tally.check(exports(&library, &declared)?);
@@ -174,7 +174,7 @@ pub(super) struct Compiler {
 }
 
 /// All compilers to test with; a missing one is skipped by name.
-pub(super) fn matrix(tally: &mut Tally) -> Vec<Compiler> {
+pub(super) fn available_compilers(tally: &mut Tally) -> Vec<Compiler> {
     let console = Console::new();
     let mut all = Vec::new();
     for (name, cpp) in [("gcc", false), ("g++", true)] {
@@ -198,7 +198,8 @@ pub(super) fn matrix(tally: &mut Tally) -> Vec<Compiler> {
     all
 }
 
-fn compilers(
+/// Compiles the header, its example and the record of its layout with each compiler.
+fn check_with_compilers(
     context: &Context<'_>,
     log: &mut Log,
     work: &Path,
@@ -220,7 +221,7 @@ fn compilers(
         write("loop.c", &example(header)?)?,
     ];
     let cpp = [write("alone.cpp", alone)?, write("layout.cpp", &record::assertions(recorded))?];
-    for compiler in matrix(tally) {
+    for compiler in available_compilers(tally) {
         for source in if compiler.cpp { &cpp[..] } else { &c[..] } {
             let mut command = Command::new(&compiler.program);
             command.args(compiler.first).arg(if compiler.cpp { "-std=c++17" } else { "-std=c11" }).args(STRICT);

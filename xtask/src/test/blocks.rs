@@ -75,7 +75,7 @@ pub(super) fn check(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> 
         _ => {}
     }
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
-    let compilers = abi::matrix(tally);
+    let compilers = abi::available_compilers(tally);
     for page in pages(context.workspace)? {
         let text = context.workspace.read(&page)?;
         let blocks = parse(&text);

@@ -40,7 +40,7 @@ pub(super) fn run(
         // Hosts may use stricter flags than we do for our own sources.
         command.arg("-std=c++17").args(STRICT).arg("-Wshadow").arg("-I").arg(root.join("include"));
     };
-    for compiler in abi::matrix(&mut Tally::default()).iter().filter(|compiler| compiler.cpp) {
+    for compiler in abi::available_compilers(&mut Tally::default()).iter().filter(|compiler| compiler.cpp) {
         for ((how, flags), source) in WAYS.iter().flat_map(|way| sources.iter().map(move |source| (way, source))) {
             let mut command = Command::new(&compiler.program);
             command.args(compiler.first);

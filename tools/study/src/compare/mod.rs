@@ -1,7 +1,7 @@
 //! The paper's experiment: every scene in every branch, measured against the renderer's truth, and a report.
 //!
 //! ```text
-//! walk, layout (scripts, files) -> plan (cells) -> make (a process for each cell that resume does not find complete)
+//! walk, paths (scripts, files) -> plan (cells) -> make (a process for each cell that resume does not find complete)
 //!   -> score (truth, series: frame by frame; turn_onset) -> summary (metrics of each rollout)
 //!   -> budget (work counted, times measured) -> video (side by side) -> report
 //! ```
@@ -11,9 +11,9 @@
 
 mod branch;
 pub(crate) mod budget;
-pub(crate) mod layout;
 pub(crate) mod make;
 mod panels;
+pub(crate) mod paths;
 pub(crate) mod plan;
 mod report;
 pub(crate) mod resume;

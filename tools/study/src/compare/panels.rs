@@ -5,7 +5,7 @@ use std::path::Path;
 use cairn::{Picture, Result};
 
 use super::branch::Branch;
-use super::layout::{TRUTH, frame};
+use super::paths::{TRUTH, frame};
 use super::plan::Settings;
 use super::walk::{RATE, STRIDE};
 use crate::manifest::read_bounded;

@@ -7,8 +7,8 @@ use cairn::Result;
 use cairn::world::WorldTime;
 
 use super::branch::Branch;
-use super::layout::TRUTH;
 use super::make::Rollouts;
+use super::paths::TRUTH;
 use super::plan::{Cell, Settings};
 use super::series::{Comparison, Series, Stream, from_csv, to_csv};
 use super::summary::{RolloutMetrics, summarise};

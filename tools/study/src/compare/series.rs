@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 
 use cairn::{Picture, Result};
 
-use super::layout::frame;
+use super::paths::frame;
 use super::walk::{RATE, STRIDE};
 use crate::manifest::read_bounded;
 use crate::metrics::{Features, Lpips, MS_SSIM_SIDE, ms_ssim, psnr, ssim};

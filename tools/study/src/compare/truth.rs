@@ -8,7 +8,7 @@ use cairn::{Error, ErrorKind, Result};
 use scenes::{Clip, ClipOptions, Scene};
 use serde::{Deserialize, Serialize};
 
-use super::layout::{TRUTH, frame};
+use super::paths::{TRUTH, frame};
 use super::walk::{self, RATE};
 use crate::manifest::{MANIFEST_VERSION, read_manifest, sha256, to_json};
 use crate::media::{RealDisk, describe_io, encode_png, write_whole};

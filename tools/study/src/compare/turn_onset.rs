@@ -13,7 +13,7 @@ use std::sync::atomic::AtomicBool;
 use cairn::guidance::{Guidance, paper, picture_flow};
 use cairn::{Picture, Result};
 
-use super::layout::frame;
+use super::paths::frame;
 use super::walk::{RATE, SECONDS_AFTER_TURN};
 use crate::manifest::read_bounded;
 use crate::picture::{decode, shrink};

@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn names_follow_every_part() {
+    fn keys_depend_on_every_part() {
         let split = |parts: [&str; 2]| digest(parts.map(str::as_bytes));
         assert_ne!(split(["ab", "c"]), split(["a", "bc"]));
         let wide = Picture::new(2, 1).unwrap();

@@ -13,8 +13,8 @@ use cairn::bundle::Bundle;
 use cairn::{Error, ErrorKind, Result};
 
 use super::plan::{Cell, Settings};
-use crate::compare::layout::TRUTH;
 use crate::compare::make::{Common, prepare};
+use crate::compare::paths::TRUTH;
 use crate::compare::resume::{CellState, Digests, expect_rollout, find_rollout};
 use crate::compare::score::{SERIES, measure_series, series_key, stored_series};
 use crate::compare::series::{Comparison, Series, Stream};

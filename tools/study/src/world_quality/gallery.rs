@@ -202,19 +202,19 @@ fn difference(target: &[f32], other: &[f32], [down, right]: [isize; 2]) -> f32 {
     let line = 3 * SMALL.0;
     let shared = line - 3 * right.unsigned_abs();
     let [above, below] = [down.max(0), (-down).max(0)].map(|rows| rows as usize * line);
-    let [left, beyond] = [right.max(0), (-right).max(0)].map(|columns| 3 * columns as usize);
+    let [target_left, other_left] = [right.max(0), (-right).max(0)].map(|columns| 3 * columns as usize);
     let rows = target[above..].chunks_exact(line).zip(other[below..].chunks_exact(line));
     let (mut sum, mut count) = (0.0, 0);
     for (target, other) in rows {
-        let pairs = target[left..left + shared].iter().zip(&other[beyond..beyond + shared]);
+        let pairs = target[target_left..target_left + shared].iter().zip(&other[other_left..other_left + shared]);
         sum += pairs.map(|(a, b)| (a - b).powi(2)).sum::<f32>();
         count += shared;
     }
     sum / count as f32
 }
 
-/// Radians by which a camera turns for things to move by so many of the `all` pixels across a view whose half is `aspect` times the tangent of
-/// half the vertical field of view.
+/// Camera rotation in radians that moves the picture by `pixels` of the `all` pixels along an axis, half of which spans
+/// `aspect * tan(vertical_fov / 2)`.
 fn angle(pixels: isize, all: usize, aspect: f32) -> f32 {
     let half = aspect * (62_f32.to_radians() / 2.0).tan();
     (2.0 * half * pixels as f32 / all as f32).atan()

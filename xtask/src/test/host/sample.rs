@@ -24,7 +24,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log, setup: &HostSetup, tally
         .filter(is_source)
         .map(|file| context.workspace.root.join(file))
         .collect();
-    for compiler in abi::matrix(&mut Tally::default()).iter().filter(|compiler| !compiler.cpp) {
+    for compiler in abi::available_compilers(&mut Tally::default()).iter().filter(|compiler| !compiler.cpp) {
         for source in &sources {
             check_compiles(log, compiler, &setup.include, source, tally)?;
         }

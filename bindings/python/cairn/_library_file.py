@@ -19,7 +19,7 @@ _MACH = {0x01000007: "x86-64", 0x0100000C: "arm64"}
 
 
 @dataclass(frozen=True)
-class Kind:
+class Platform:
     """A system and a processor; `None` for the processor means any."""
 
     system: str
@@ -28,12 +28,12 @@ class Kind:
     def __str__(self) -> str:
         return f"{self.system} on {self.processor}" if self.processor else self.system
 
-    def fits(self, process: Kind) -> bool:
-        """Whether a process of that kind can load such a library."""
+    def fits(self, process: Platform) -> bool:
+        """Whether a process of that platform can load such a library."""
         return self.system == process.system and (self.processor is None or self.processor == process.processor)
 
 
-def this_process() -> Kind:
+def this_process() -> Platform:
     """The system and processor of this process, which may differ from the machine's."""
     system = {"win32": "Windows", "darwin": "macOS"}.get(sys.platform, "Linux")
     platform = sysconfig.get_platform().lower().replace("_", "-")
@@ -51,8 +51,8 @@ def this_process() -> Kind:
     }
     for name, processor in names.items():
         if platform.endswith(name):
-            return Kind(system, "x86" if narrow and processor == "x86-64" else processor)
-    return Kind(system, _OTHER)
+            return Platform(system, "x86" if narrow and processor == "x86-64" else processor)
+    return Platform(system, _OTHER)
 
 
 def mismatch(path: Path) -> tuple[str, str] | None:
@@ -63,12 +63,13 @@ def mismatch(path: Path) -> tuple[str, str] | None:
             length = os.fstat(file.fileno()).st_size
     except OSError as why:
         return f"cannot be read: {why.strerror or why}", "Make it a file that this user may read"
-    kind = _kind(head)
-    if kind is None:
+    built_for = _platform(head)
+    if built_for is None:
         return "is no shared library", "Name the file that is Cairn's library, and whole"
     process = this_process()
-    if not kind.fits(process):
-        return f"is made for {kind}, and this Python is {process}", f"Install the wheel for {process}, or use a Python for {kind}"
+    if not built_for.fits(process):
+        remedy = f"Install the wheel for {process}, or use a Python for {built_for}"
+        return f"is made for {built_for}, and this Python is {process}", remedy
     size = _minimum_size(head)
     if length < size:
         # The system's loader may crash on such a file.
@@ -76,22 +77,22 @@ def mismatch(path: Path) -> tuple[str, str] | None:
     return None
 
 
-def _kind(head: bytes) -> Kind | None:
-    """The kind of a library file; `None` if the file is not a library."""
+def _platform(head: bytes) -> Platform | None:
+    """The platform of a library file; `None` if the file is not a library."""
     if head[:4] == b"\x7fELF" and len(head) >= 64:
         # Little-endian, as all supported processors.
         processor = _ELF.get(int.from_bytes(head[18:20], "little"), _OTHER) if head[5] == 1 else _OTHER
         # The x32 ABI has 32-bit ELF files.
-        return Kind("Linux", "x32" if processor == "x86-64" and head[4] == 1 else processor)
+        return Platform("Linux", "x32" if processor == "x86-64" and head[4] == 1 else processor)
     if head[:2] == b"MZ" and len(head) >= 64:
         at = int.from_bytes(head[60:64], "little")
         if head[at : at + 4] != b"PE\0\0":
             return None
-        return Kind("Windows", _PE.get(int.from_bytes(head[at + 4 : at + 6], "little"), _OTHER))
+        return Platform("Windows", _PE.get(int.from_bytes(head[at + 4 : at + 6], "little"), _OTHER))
     if head[:4] == b"\xcf\xfa\xed\xfe":
-        return Kind("macOS", _MACH.get(int.from_bytes(head[4:8], "little"), _OTHER))
+        return Platform("macOS", _MACH.get(int.from_bytes(head[4:8], "little"), _OTHER))
     # A universal binary for several processors.
-    return Kind("macOS", None) if head[:4] == b"\xca\xfe\xba\xbe" else None
+    return Platform("macOS", None) if head[:4] == b"\xca\xfe\xba\xbe" else None
 
 
 def _minimum_size(head: bytes) -> int:
@@ -116,18 +117,18 @@ def _minimum_size(head: bytes) -> int:
     return end
 
 
-def explain_failure(said: str) -> tuple[str, str] | None:
-    """An explanation and a remedy for a known message with which a system refuses to load a library of the right kind."""
-    if found := re.search(r"GLIBC_(\d+(?:\.\d+)+)[^\d.].*not found", said):
+def explain_failure(message: str) -> tuple[str, str] | None:
+    """An explanation and a remedy for a known message with which a system refuses to load a library of the right platform."""
+    if found := re.search(r"GLIBC_(\d+(?:\.\d+)+)[^\d.].*not found", message):
         cause = f"needs glibc {found[1]} or newer, and this system has {_c_library()}"
         remedy = "Use a newer Linux, such as Debian 10, Ubuntu 20.04, RHEL 8 or later for the wheel, or build the library on this one"
         return cause, remedy
     if sys.platform.startswith("linux") and not _glibc():
         remedy = "Use a Linux with glibc, or build the library on this one"
-        return f"is made for glibc, and this system has {_c_library()}: {said}", remedy
-    if sys.platform == "win32" and "126" in said:
+        return f"is made for glibc, and this system has {_c_library()}: {message}", remedy
+    if sys.platform == "win32" and "126" in message:
         remedy = "Use Windows 10 or later, with all its updates"
-        return f"needs a library that this system does not have: {said}", remedy
+        return f"needs a library that this system does not have: {message}", remedy
     return None
 
 
