@@ -118,6 +118,26 @@ fn a_latent_equals_the_cpu_providers() {
 }
 
 #[test]
+fn weights_in_8_and_4_bits_run_on_the_device() {
+    for (name, bound) in [("miniature-8bit", 1e-2), ("miniature-4bit", 1e-2)] {
+        let world = |device: &Device| {
+            let options = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
+            World::load(device, &bundle(name), options).expect("a world")
+        };
+        let truth = latent(&world(&worlds::device()));
+        let folder = Folder::new(name);
+        let gpu = Gpu::on_adapter(None).expect("a device");
+        let profile = Some(folder.0.join("nodes"));
+        let options = DirectMlOptions { deterministic: true, profile, ..Default::default() };
+        let found = latent(&world(&Device::directml(&ort(), &gpu, options).expect("DirectML")));
+        let nodes = nodes_by_provider(&folder.0);
+        assert_eq!(nodes.keys().collect::<Vec<_>>(), ["DmlExecutionProvider"], "every node runs on DirectML");
+        let error = error(&found, &truth);
+        assert!(error > 0.0 && error <= bound, "{name}: a relative error of {error:e} from the CPU provider's");
+    }
+}
+
+#[test]
 fn a_rollout_repeats_bit_for_bit_also_from_a_saved_state() {
     let world = directml(Precision::F16, None);
     let bits = |rollout: &mut Rollout| fingerprint(rollout).expect("bits");

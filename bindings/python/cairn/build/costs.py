@@ -18,7 +18,7 @@ class NodeCost:
     name: str
     operator: str
     output: str  # name of its first output
-    multiply_adds: int  # of MatMul, FusedMatMul and Conv; 0 for others
+    multiply_adds: int  # of MatMul, FusedMatMul, MatMulNBits and Conv; 0 for others
     read: int  # bytes of all inputs, weights included; a Reshape moves none
     written: int  # bytes of all outputs
 
@@ -44,7 +44,7 @@ def node_costs(graph: Graph, dimensions: dict[str, int]) -> list[NodeCost]:
             constants.update(node.output)
             continue
         terms = 0
-        if node.op_type in ("MatMul", "FusedMatMul"):
+        if node.op_type in ("MatMul", "FusedMatMul", "MatMulNBits"):
             terms = shapes[inputs[0]][-1]
         elif node.op_type == "Conv":
             terms = math.prod(shapes[inputs[1]][1:])
