@@ -11,7 +11,7 @@ use cairn::bundle::Precision;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COMMON;
 use cairn::gpu::{Gpu, read_texture};
 use cairn::runtime::{Device, DirectMlOptions};
-use cairn::world::{KeptAnchor, KvPart, Rollout, World, WorldOptions};
+use cairn::world::{KeptAnchor, KvPart, OperatingPoint, Rollout, Schedule, World, WorldOptions};
 use cairn::{ErrorKind, Picture};
 use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, seeded};
 
@@ -119,6 +119,13 @@ fn a_latent_equals_the_cpu_providers() {
 
 #[test]
 fn weights_in_8_and_4_bits_run_on_the_device() {
+    // One pass: the lab emulates the device.
+    let latent = |world: &Arc<World>| {
+        let schedule = Schedule::Explicit(vec![0.45, 0.0]);
+        let mut rollout = seeded(world, &OperatingPoint { schedule, ..point(world) }, 7);
+        steps(&mut rollout, 0..1);
+        rollout.latent().expect("a latent").to_vec()
+    };
     for (name, bound) in [("miniature-8bit", 1e-2), ("miniature-4bit", 1e-2)] {
         let world = |device: &Device| {
             let options = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
