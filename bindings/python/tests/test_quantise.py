@@ -10,9 +10,9 @@ from conftest import ROOT, TINY, relative, session
 from onnx import numpy_helper
 from rollout import Rollout
 
-from cairn.build import archive, cli, costs
+from cairn.build import PRESETS, archive, cli, costs, rates
 from cairn.build.errors import BuildError
-from cairn.build.quantise import NUMBERS, SCALES, Quantisation, counts, restored, rounded
+from cairn.build.quantise import NUMBERS, SCALES, Quantisation, counts, largest_matrix, restored, rounded
 from cairn.build.random_weights import RandomWeights
 from cairn.build.stored import rebuild
 from cairn.build.weights import stored_transformer
@@ -225,3 +225,17 @@ def test_a_bundle_is_quantised_once(tiny, tmp_path):
     with pytest.raises(BuildError, match="16-bit numbers are lost"):
         rebuild(small, tmp_path / "again", progress=silent)
     assert not (tmp_path / "again").exists()
+
+
+def test_rates_count_the_bytes_of_small_weights(capsys):
+    g = PRESETS["demo"][1]
+    worlds = [rates.World("demo", g, q) for q in (None, Quantisation(8), Quantisation(4))]
+    stock = rates.PRESETS_OF_THE_LIBRARY[0]
+    moved = [world.one_pass(stock.window).bytes for world in worlds]
+    smaller, _ = counts(g, Quantisation(8))
+    memory = [world.memory(stock.window) * 2**30 for world in worlds]
+    assert memory[0] - memory[1] == pytest.approx(smaller * (1 - 2 / 32) - largest_matrix(g, Quantisation(8)))
+    assert moved[0] - moved[1] == smaller * (1 - 2 / 32) and moved[1] - moved[2] == smaller / 2
+    assert len({world.one_pass(stock.window).flops for world in worlds}) == 1
+    assert cli.main(["rates", "--preset", "tiny", "--weights", "8"]) == 0
+    assert "tiny, 8-bit weights" in capsys.readouterr().out

@@ -124,6 +124,7 @@ def parser() -> argparse.ArgumentParser:
     )
     of_rates.add_argument("bundles", type=Path, nargs="*", metavar="bundle", help="folders or .cairn files (or --preset)")
     of_rates.add_argument("--preset", choices=list(PRESETS), action="append", default=[], help="shapes instead; may come again")
+    _weights(of_rates)
     of_rates.add_argument("--summary", action="store_true", help="one short table: two presets, no limits")
     of_rates.add_argument("--points", action="store_true", help="instead, the published rates that the ranges come from")
     of_rates.add_argument(
@@ -135,6 +136,8 @@ def parser() -> argparse.ArgumentParser:
     )
     of_nodes.add_argument("bundles", type=Path, nargs="*", metavar="bundle", help="folders or .cairn files (or --preset)")
     of_nodes.add_argument("--preset", choices=list(PRESETS), action="append", default=[], help="shapes instead; may come again")
+
+    _weights(of_nodes)
 
     again = commands.add_parser(
         "rebuild", help="an existing bundle again, with this version's graphs", description=REBUILD_HELP, formatter_class=raw
@@ -172,6 +175,10 @@ def parser() -> argparse.ArgumentParser:
     pack.add_argument("--out", type=Path, required=True, help="what to write")
     pack.add_argument("--replace", action="store_true", help="replace what is there")
     return top
+
+
+def _weights(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--weights", type=int, choices=[16, 8, 4], default=16, help="bits of a preset's weights (16); a bundle has its own")
 
 
 def _streaming(command: argparse.ArgumentParser) -> None:
@@ -332,7 +339,7 @@ def _rates(options: argparse.Namespace) -> int:
     if options.points:
         print(rates.evidence())
         return 0
-    worlds = [rates.World(name, g) for name, g in _named_worlds(options)]
+    worlds = [rates.World(*named) for named in _named_worlds(options)]
     if options.reports is None:
         print((rates.summary if options.summary else rates.table)(worlds))
         return 0
@@ -348,17 +355,19 @@ def _rates(options: argparse.Namespace) -> int:
     return 0
 
 
-def _named_worlds(options: argparse.Namespace) -> list[tuple[str, Geometry]]:
-    """Names and shapes of the bundles and presets."""
-    worlds = [(bundle.stem, archive.read_geometry(bundle)) for bundle in options.bundles]
-    worlds += [(name, PRESETS[name][1]) for name in options.preset]
+def _named_worlds(options: argparse.Namespace) -> list[tuple[str, Geometry, Quantisation | None]]:
+    """Names, shapes and smaller weights of the bundles and presets."""
+    worlds = [(b.stem, archive.read_geometry(b), archive.read_quantisation(b)) for b in options.bundles]
+    quantisation = None if options.weights == 16 else Quantisation(options.weights)
+    suffix = "" if quantisation is None else f", {options.weights}-bit weights"
+    worlds += [(name + suffix, PRESETS[name][1], quantisation) for name in options.preset]
     if not worlds:
         raise BuildError("no world is named", field="bundle", remedy="Name a bundle, or shapes: --preset 360p --preset 720p.")
     return worlds
 
 
 def _costs(options: argparse.Namespace) -> int:
-    print(json.dumps({name: costs.world_costs(g) for name, g in _named_worlds(options)}))
+    print(json.dumps({name: costs.world_costs(g, q) for name, g, q in _named_worlds(options)}))
     return 0
 
 

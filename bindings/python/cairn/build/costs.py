@@ -7,6 +7,7 @@ from dataclasses import astuple, dataclass
 
 from .geometry import Geometry
 from .graph import Graph
+from .quantise import Quantisation
 from .table import ITEM_BYTES, value_sizes
 from .writer import build_graphs
 
@@ -62,9 +63,9 @@ def node_costs(graph: Graph, dimensions: dict[str, int]) -> list[NodeCost]:
     return costs
 
 
-def world_costs(g: Geometry) -> dict:
+def world_costs(g: Geometry, quantisation: Quantisation | None = None) -> dict:
     """Costs of the graphs in float16 at the stock window, for `json`: for each graph a list of its nodes' values."""
-    graphs = build_graphs(g, "f16")
+    graphs = build_graphs(g, "f16", quantisation=quantisation)
     dimensions = {"transformer": g.dimensions(g.global_window)}
     rows = {
         kind: [list(astuple(node)) for node in node_costs(graph, dimensions.get(kind, {}))]

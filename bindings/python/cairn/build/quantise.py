@@ -105,6 +105,11 @@ def counts(g: Geometry, quantisation: Quantisation) -> tuple[int, int]:
     return sum(w.count for w in weights if quantisation.takes(w)), sum(w.count for w in weights)
 
 
+def largest_matrix(g: Geometry, quantisation: Quantisation) -> int:
+    """Bytes of the largest matrix that becomes smaller, unpacked to float16. Providers unpack one at a time."""
+    return max((2 * p.whole.count for p in stored_transformer(g) if quantisation.takes(p.whole)), default=0)
+
+
 def rounded(matrix: np.ndarray, bits: int, block: int) -> tuple[np.ndarray, np.ndarray]:
     """A float16 matrix [K, N] as integers uint8 [N, K / block, block * bits / 8] and scales float16 [N, K / block].
 
