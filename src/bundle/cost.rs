@@ -6,11 +6,11 @@ use crate::Result;
 /// Cost of one run of a graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct GraphCost {
-    /// Multiply-add operations of `MatMul`, `FusedMatMul` and `Conv`; each counts as two floating-point operations. Other operators are not
+    /// Multiply-add operations of `MatMul`, `FusedMatMul`, `MatMulNBits` and `Conv`; each counts as two floating-point operations. Other operators are not
     /// counted.
     ///
     /// ```text
-    /// MatMul [.., m, k] x [.., k, n]             m n k for each pair of matrices, as FusedMatMul
+    /// MatMul [.., m, k] x [.., k, n]             m n k for each pair of matrices, as FusedMatMul and MatMulNBits
     /// Conv   [o, i, kh, kw] -> [b, o, h, w]      b o h w i kh kw
     /// ```
     pub multiply_adds: u64,

@@ -27,6 +27,9 @@ pub struct Manifest {
     pub picture: PictureSizes,
     /// File names of the models.
     pub graphs: Graphs,
+    /// How the matrices of the transformer's layers are stored in fewer than 16 bits; `None` where all weights have 16.
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    pub quantisation: Option<Quantisation>,
     /// Every file of the bundle but the manifest.
     pub files: Vec<FileEntry>,
     /// Terms of use.
@@ -198,8 +201,22 @@ pub struct Graphs {
 }
 
 /// A member that may be missing, but not null.
-fn present<'de, D: serde::Deserializer<'de>>(value: D) -> Result<Option<GraphFiles>, D::Error> {
-    GraphFiles::deserialize(value).map(Some)
+fn present<'de, T: Deserialize<'de>, D: serde::Deserializer<'de>>(value: D) -> Result<Option<T>, D::Error> {
+    T::deserialize(value).map(Some)
+}
+
+/// Storage of matrices in fewer than 16 bits: `docs/bundle.md` section 4.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Quantisation {
+    /// Bits of a stored number: 8 or 4.
+    pub bits: u32,
+    /// Rows of a column that share a scale: 16, 32, 64, 128 or 256.
+    pub block: u32,
+    /// Bits of the activations that the CPU provider multiplies such matrices by in f32 graphs: 8, or 16 for the graph's own precision.
+    pub activation_bits: u32,
+    /// Layers and matrices that stay in 16 bits, by the start of their names.
+    pub kept_in_16_bits: Vec<String>,
 }
 
 /// File names of the three models in one precision.

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 
 use serde::Deserialize;
 
-use super::manifest::{Geometry, Manifest, SCHEMA_VERSION};
+use super::manifest::{Geometry, Manifest, Quantisation, SCHEMA_VERSION};
 use super::{MANIFEST_NAME, invalid, names};
 use crate::picture::MAX_SIDE;
 use crate::{Error, ErrorKind, Result};
@@ -134,6 +134,7 @@ fn check(m: &Manifest) -> Result<()> {
     equal("controls.buttons", m.controls.buttons.into(), "the count of virtual keys", 256)?;
     equal("controls.scroll", m.controls.scroll.into(), "the count of scroll numbers", 1)?;
     check_picture(m)?;
+    m.quantisation.as_ref().map_or(Ok(()), check_quantisation)?;
     check_files(m)
 }
 
@@ -236,6 +237,23 @@ fn check_picture(m: &Manifest) -> Result<()> {
     }
     if m.picture.range != [0.0, 1.0] {
         return bad("picture.range", format!("{:?} is not [0, 1]", m.picture.range));
+    }
+    Ok(())
+}
+
+fn check_quantisation(q: &Quantisation) -> Result<()> {
+    let one_of = |member: &str, value: u32, allowed: &[u32]| {
+        if allowed.contains(&value) {
+            return Ok(());
+        }
+        bad(&format!("quantisation.{member}"), format!("{value} is none of {allowed:?}"))
+    };
+    one_of("bits", q.bits, &[4, 8])?;
+    one_of("block", q.block, &[16, 32, 64, 128, 256])?;
+    one_of("activation_bits", q.activation_bits, &[8, 16])?;
+    let is_name = |name: &String| (1..=200).contains(&name.len()) && name.bytes().all(|b| b.is_ascii_graphic());
+    if q.kept_in_16_bits.len() > MAX_FILES || !q.kept_in_16_bits.iter().all(is_name) {
+        return bad("quantisation.kept_in_16_bits", "a name has 1 to 200 printable ASCII characters without spaces");
     }
     Ok(())
 }

@@ -37,12 +37,13 @@ pub(super) fn load(mut container: Container, options: &OpenOptions<'_>) -> Resul
     let mut reader = Reader { container, options, done: 0, total };
     let mut files = BTreeMap::new();
     // Models first, so that a bad one is refused before weights are read.
-    let mut models = Vec::new();
+    let (mut models, mut scales) = (Vec::new(), Vec::new());
     for (precision, kind, path) in manifest.graphs.paths() {
         let Some(entry) = manifest.file(path) else { continue };
         let bytes = reader.read(entry)?;
-        let onnx::ExternalData { external } =
-            onnx::check(&bytes, onnx::ModelContext { manifest: &manifest, kind, precision })?;
+        let context = onnx::ModelContext { manifest: &manifest, kind, precision };
+        let onnx::ExternalData { external, scales: found } = onnx::check(&bytes, context)?;
+        scales.push((context, external.clone(), found));
         models.push(Model { kind, precision, path: path.to_owned(), external });
         files.insert(path.to_owned(), bytes);
     }
@@ -51,6 +52,14 @@ pub(super) fn load(mut container: Container, options: &OpenOptions<'_>) -> Resul
             files.insert(entry.path.clone(), reader.read(entry)?);
         }
     }
+    for (context, external, scales) in &scales {
+        for scales in scales {
+            let file = external.iter().find(|(location, _)| *location == scales.location);
+            let bytes = file.and_then(|(_, file)| files.get(file)).map_or(&[][..], AsRef::as_ref);
+            scales.check(bytes).map_err(|cause| context.invalid(cause))?;
+        }
+    }
+    drop(scales);
     Ok(Bundle { manifest, digest, files, models })
 }
 

@@ -16,7 +16,7 @@ use super::execution_context::{
 };
 use super::failure::{make, ort_failure};
 use super::finite::all_finite;
-use super::graph::TensorSpec;
+use super::graph::{ElementType, TensorSpec};
 use super::{Graph, Ort};
 use crate::bundle::{ModelSource, Precision};
 use crate::tasks::physical_cores;
@@ -276,13 +276,17 @@ fn bind_one(
     let value = make("bind a tensor", || {
         let host = MemoryInfo::new(AllocationDevice::CPU, 0, AllocatorType::Device, MemoryType::Default)?;
         match spec.element {
-            Precision::F32 => {
+            ElementType::F32 => {
                 // SAFETY: the address is host memory of the tensor's size that outlives the binding.
                 unsafe { TensorRefMut::<f32>::from_raw(host, address.cast(), shape) }.map(TensorRefMut::into_dyn)
             }
-            Precision::F16 => {
+            ElementType::F16 => {
                 // SAFETY: as above.
                 unsafe { TensorRefMut::<half::f16>::from_raw(host, address.cast(), shape) }.map(TensorRefMut::into_dyn)
+            }
+            ElementType::U8 => {
+                // SAFETY: as above.
+                unsafe { TensorRefMut::<u8>::from_raw(host, address.cast(), shape) }.map(TensorRefMut::into_dyn)
             }
         }
     })?;

@@ -13,22 +13,47 @@ use super::failure::{make, ort_failure};
 use crate::bundle::{ModelSource, Precision};
 use crate::{Error, ErrorKind, Result};
 
+/// Element type of a graph's input or output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ElementType {
+    /// float32.
+    F32,
+    /// float16.
+    F16,
+    /// Unsigned bytes: stored weights of 8 or 4 bits.
+    U8,
+}
+
+impl From<Precision> for ElementType {
+    fn from(precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Self::F32,
+            Precision::F16 => Self::F16,
+        }
+    }
+}
+
 /// Name, element type and shape of an input or output, as in `docs/bundle.md` section 4.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct TensorSpec {
     pub(crate) name: String,
-    pub(crate) element: Precision,
+    pub(crate) element: ElementType,
     pub(crate) shape: Vec<usize>,
 }
 
 impl TensorSpec {
-    pub(crate) fn new(name: impl Into<String>, element: Precision, shape: &[usize]) -> Self {
-        Self { name: name.into(), element, shape: shape.to_vec() }
+    pub(crate) fn new(name: impl Into<String>, element: impl Into<ElementType>, shape: &[usize]) -> Self {
+        Self { name: name.into(), element: element.into(), shape: shape.to_vec() }
     }
 
     /// Size in bytes.
     pub(crate) fn bytes(&self) -> usize {
-        self.shape.iter().product::<usize>() * element_size(self.element)
+        let element = match self.element {
+            ElementType::F32 => 4,
+            ElementType::F16 => 2,
+            ElementType::U8 => 1,
+        };
+        self.shape.iter().product::<usize>() * element
     }
 }
 
@@ -140,8 +165,9 @@ fn compare(what: &str, side: &str, found: &[Outlet], expected: &[TensorSpec]) ->
             return broken(format!("{side} `{}` is no tensor", found.name()));
         };
         let element = match ty {
-            TensorElementType::Float32 => Some(Precision::F32),
-            TensorElementType::Float16 => Some(Precision::F16),
+            TensorElementType::Float32 => Some(ElementType::F32),
+            TensorElementType::Float16 => Some(ElementType::F16),
+            TensorElementType::Uint8 => Some(ElementType::U8),
             _ => None,
         };
         let same_shape = shape.len() == expected.shape.len()

@@ -15,6 +15,7 @@ mod graph_spec;
 mod keys;
 mod kv_cache;
 mod latent_budget;
+mod missing_operator;
 mod noise;
 mod operating_point;
 mod passes;

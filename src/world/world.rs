@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::graph_spec::{self, GraphSpec, Shapes};
+use super::missing_operator;
 use super::operating_point::OperatingPoint;
 use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Precision, available_memory};
 use crate::runtime::{Device, Graph};
@@ -47,8 +48,8 @@ impl World {
     ///
     /// # Errors
     /// `InvalidArgument` for a global window that the bundle does not support; `Unsupported` for a precision that it does not
-    /// contain; `OutOfMemory`, with figures, when it does not fit; `InvalidBundle` when the graphs contradict the manifest;
-    /// `Device` when ONNX Runtime refuses a graph.
+    /// contain, and for weights of fewer than 16 bits that the device's provider has no operator for; `OutOfMemory`, with figures, when it
+    /// does not fit; `InvalidBundle` when the graphs contradict the manifest; `Device` when ONNX Runtime refuses a graph.
     pub fn load(device: &Device, bundle: &Arc<Bundle>, options: WorldOptions) -> Result<Arc<World>> {
         Self::load_with(device, bundle, options, &|_| Ok(()))
     }
@@ -90,7 +91,8 @@ impl World {
         let sessions = GraphKind::ALL.len() as u64;
         let graph = |kind, what, dimensions: &[(&str, usize)], spec: GraphSpec| {
             proceed(sessions)?;
-            device.graph(what, &bundle.model(kind, precision)?, dimensions, spec.inputs, spec.outputs)
+            let made = device.graph(what, &bundle.model(kind, precision)?, dimensions, spec.inputs, spec.outputs);
+            made.map_err(|error| missing_operator::explain(error, manifest, &device.describe()))
         };
         let transformer = graph(
             GraphKind::Transformer,

@@ -1,6 +1,7 @@
 //! Reading bundles as untrusted input. The tests make the bundles.
 
 mod archives;
+mod blocks;
 mod files;
 mod manifest;
 mod models;

@@ -11,7 +11,7 @@ use cairn::bundle::Precision;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COMMON;
 use cairn::gpu::{Gpu, read_texture};
 use cairn::runtime::{Device, DirectMlOptions};
-use cairn::world::{KeptAnchor, KvPart, Rollout, World, WorldOptions};
+use cairn::world::{KeptAnchor, KvPart, OperatingPoint, Rollout, Schedule, World, WorldOptions};
 use cairn::{ErrorKind, Picture};
 use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, seeded};
 
@@ -114,6 +114,33 @@ fn a_latent_equals_the_cpu_providers() {
             error > 0.0,
             "{precision:?}: the providers differ in rounding, so equal bits mean that one of them did not run"
         );
+    }
+}
+
+#[test]
+fn weights_in_8_and_4_bits_run_on_the_device() {
+    // One pass: the lab emulates the device.
+    let latent = |world: &Arc<World>| {
+        let schedule = Schedule::Explicit(vec![0.45, 0.0]);
+        let mut rollout = seeded(world, &OperatingPoint { schedule, ..point(world) }, 7);
+        steps(&mut rollout, 0..1);
+        rollout.latent().expect("a latent").to_vec()
+    };
+    for (name, bound) in [("miniature-8bit", 1e-2), ("miniature-4bit", 1e-2)] {
+        let world = |device: &Device| {
+            let options = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
+            World::load(device, &bundle(name), options).expect("a world")
+        };
+        let truth = latent(&world(&worlds::device()));
+        let folder = Folder::new(name);
+        let gpu = Gpu::on_adapter(None).expect("a device");
+        let profile = Some(folder.0.join("nodes"));
+        let options = DirectMlOptions { deterministic: true, profile, ..Default::default() };
+        let found = latent(&world(&Device::directml(&ort(), &gpu, options).expect("DirectML")));
+        let nodes = nodes_by_provider(&folder.0);
+        assert_eq!(nodes.keys().collect::<Vec<_>>(), ["DmlExecutionProvider"], "every node runs on DirectML");
+        let error = error(&found, &truth);
+        assert!(error > 0.0 && error <= bound, "{name}: a relative error of {error:e} from the CPU provider's");
     }
 }
 

@@ -1,5 +1,6 @@
 //! Checks a whole model against `docs/bundle.md` section 4.
 
+use super::blocks::{Scales, check_blocks};
 use super::interface::Interface;
 use super::operators::check_node;
 use super::proto::{self, Data, Model, Tensor};
@@ -19,6 +20,8 @@ const OPSETS: std::ops::RangeInclusive<i64> = 17..=20;
 pub(in crate::bundle) struct ExternalData {
     /// Each external location as written in the graph, with the bundle file it names; no duplicates.
     pub(in crate::bundle) external: Vec<(String, String)>,
+    /// Scales of matrices in fewer than 16 bits, whose numbers are still to be checked.
+    pub(in crate::bundle) scales: Vec<Scales>,
 }
 
 /// Identifies a model: the bundle's manifest, and the graph's kind and precision.
@@ -34,11 +37,16 @@ impl ModelContext<'_> {
         self.manifest.graphs.of(self.precision).map_or("", |files| files.of(self.kind))
     }
 
+    /// The error for the model, with `cause`.
+    pub(in crate::bundle) fn invalid(&self, cause: String) -> crate::Error {
+        invalid(self.path(), cause, "Build the model again, or convert it as docs/bundle.md section 4 says")
+    }
+
     fn refuse(&self, fault: Fault) -> crate::Error {
         if fault.memory {
             return Error::new(ErrorKind::OutOfMemory, fault.cause).field(self.path());
         }
-        invalid(self.path(), fault.cause, "Build the model again, or convert it as docs/bundle.md section 4 says")
+        self.invalid(fault.cause)
     }
 }
 
@@ -95,12 +103,13 @@ fn inspect(onnx: &[u8], context: ModelContext<'_>) -> Check<ExternalData> {
     Interface::of(context.kind, context.precision, context.manifest)
         .check(&model.graph.inputs, &model.graph.outputs)?;
     let external = check_tensors(&model.graph.tensors, context)?;
+    let scales = check_blocks(&model.graph, context.kind, context.manifest.quantisation.as_ref())?;
     // Shape inference must succeed at the smallest, the stock and the largest window. Other windows are checked when used.
     let window = context.manifest.geometry.global;
     for g in [window.dilation, window.window, window.max_window] {
         footprint_at(&model, context, g)?;
     }
-    Ok(ExternalData { external })
+    Ok(ExternalData { external, scales })
 }
 
 fn footprint_at(model: &Model<'_>, context: ModelContext<'_>, g: u32) -> Check<Footprint> {
@@ -129,8 +138,8 @@ fn check_tensors(tensors: &[Tensor<'_>], context: ModelContext<'_>) -> Check<Vec
                 }
             }
             Data::External { location, offset, length } => {
-                if shape.element != Element::F16 {
-                    return Err(fault(format!("external data is float16, this is {}", shape.element)));
+                if !matches!(shape.element, Element::F16 | Element::U8) {
+                    return Err(fault(format!("external data is float16 or uint8, this is {}", shape.element)));
                 }
                 if bytes != Some(length) {
                     return Err(fault(format!("{length} bytes of data for {} {:?}", shape.element, shape.dims)));

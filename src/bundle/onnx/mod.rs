@@ -2,11 +2,13 @@
 //!
 //! - [`wire`] and [`proto`] parse the bytes, field by field.
 //! - [`operators`] and [`shape_inference`] check that every operator is on the list and that every shape follows from the inputs' shapes.
+//! - [`blocks`] checks the matrices that are stored in fewer than 16 bits.
 //! - [`interface`] compares inputs and outputs with the format's tables.
 //! - [`check`] combines these checks, and checks that weights lie inside files that the bundle lists.
 //!
 //! Nothing here recurses, and nothing allocates more than a small multiple of the model's own size.
 
+mod blocks;
 mod check;
 mod interface;
 mod operators;
@@ -63,6 +65,7 @@ fn quoted(name: &str) -> String {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Element {
     F32 = 1,
+    U8 = 2,
     I64 = 7,
     F16 = 10,
 }
@@ -71,17 +74,25 @@ impl Element {
     fn of(data_type: i64) -> Check<Self> {
         match data_type {
             1 => Ok(Self::F32),
+            2 => Ok(Self::U8),
             7 => Ok(Self::I64),
             10 => Ok(Self::F16),
             other => {
-                Err(Fault::new(format!("the element type {other} is none of float32 (1), int64 (7) and float16 (10)")))
+                let known = "float32 (1), uint8 (2), int64 (7) and float16 (10)";
+                Err(Fault::new(format!("the element type {other} is none of {known}")))
             }
         }
+    }
+
+    /// Whether operators compute with it; others only carry stored integers.
+    fn is_float(self) -> bool {
+        matches!(self, Self::F32 | Self::F16)
     }
 
     fn bytes(self) -> u64 {
         match self {
             Self::F32 => 4,
+            Self::U8 => 1,
             Self::I64 => 8,
             Self::F16 => 2,
         }
@@ -92,6 +103,7 @@ impl std::fmt::Display for Element {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::F32 => "float32",
+            Self::U8 => "uint8",
             Self::I64 => "int64",
             Self::F16 => "float16",
         })

@@ -40,6 +40,9 @@ struct Operator {
     rule: fn(&Call<'_>) -> Check<Vec<Shape>>,
 }
 
+/// The product with a matrix that is stored as integers and scales.
+pub(super) const NBITS: &str = "MatMulNBits";
+
 const UNLIMITED: usize = usize::MAX;
 
 /// The allow-list. `docs/bundle.md` section 4 names the same operators; a test compares the two.
@@ -57,6 +60,9 @@ const TABLE: &[Operator] = &[
     Operator { name: "Div", inputs: (2, 2), outputs: 1, attributes: &[], rule: broadcast },
     Operator { name: "FusedMatMul", inputs: (2, 2), outputs: 1, attributes: &[("alpha", Kind::Float), ("transB", Kind::Int)], rule: fused_matmul },
     Operator { name: "MatMul", inputs: (2, 2), outputs: 1, attributes: &[], rule: matmul },
+    Operator { name: NBITS, inputs: (3, 4), outputs: 1, attributes: &[
+        ("K", Kind::Int), ("N", Kind::Int), ("accuracy_level", Kind::Int), ("bits", Kind::Int), ("block_size", Kind::Int),
+    ], rule: matmul_nbits },
     Operator { name: "Mul", inputs: (2, 2), outputs: 1, attributes: &[], rule: broadcast },
     Operator { name: "ReduceMean", inputs: (1, 2), outputs: 1, attributes: &[
         ("axes", Kind::Ints), ("keepdims", Kind::Int), ("noop_with_empty_axes", Kind::Int),
@@ -80,7 +86,7 @@ const TABLE: &[Operator] = &[
 ];
 
 /// Those of [`proto::CONTRIB`](super::proto::CONTRIB); all others are of the default domain.
-const CONTRIB_OPERATORS: [&str; 2] = ["FusedMatMul", "RotaryEmbedding"];
+const CONTRIB_OPERATORS: [&str; 3] = ["FusedMatMul", NBITS, "RotaryEmbedding"];
 
 /// The names of the operators a bundle's graphs may use, in order.
 pub fn operators() -> impl Iterator<Item = &'static str> {
@@ -159,7 +165,7 @@ impl<'a> Call<'a> {
     /// A floating-point input.
     fn tensor(&self, i: usize) -> Check<&'a Shape> {
         let operand = self.inputs.get(i).copied().flatten().ok_or_else(|| self.fault(format!("lacks input {i}")))?;
-        if operand.shape.element == Element::I64 {
+        if !operand.shape.element.is_float() {
             return Err(self.fault("computes with integers"));
         }
         Ok(operand.shape)
@@ -197,10 +203,7 @@ impl<'a> Call<'a> {
     }
 
     fn int(&self, name: &str) -> Option<i64> {
-        match self.attribute(name) {
-            Some(Attribute::Int(value)) => Some(*value),
-            _ => None,
-        }
+        int_attribute(self.node, name)
     }
 
     fn ints(&self, name: &str) -> Option<&'a [i64]> {
@@ -242,6 +245,14 @@ impl<'a> Call<'a> {
     }
 }
 
+/// An integer attribute of a node.
+pub(super) fn int_attribute(node: &Node<'_>, name: &str) -> Option<i64> {
+    match node.attributes.iter().find(|(known, _)| *known == name)?.1 {
+        Attribute::Int(value) => Some(value),
+        _ => None,
+    }
+}
+
 fn same(call: &Call<'_>) -> Check<Vec<Shape>> {
     Ok(vec![call.tensor(0)?.clone()])
 }
@@ -250,8 +261,8 @@ fn cast(call: &Call<'_>) -> Check<Vec<Shape>> {
     let x = call.tensor(0)?;
     let to = call.int("to").ok_or_else(|| call.fault("does not say to what"))?;
     match Element::of(to)? {
-        Element::I64 => Err(call.fault("goes to an integer")),
-        element => Ok(vec![Shape { element, dims: x.dims.clone() }]),
+        element if element.is_float() => Ok(vec![Shape { element, dims: x.dims.clone() }]),
+        _ => Err(call.fault("goes to an integer")),
     }
 }
 
@@ -323,6 +334,49 @@ fn fused_matmul(call: &Call<'_>) -> Check<Vec<Shape>> {
         (trans, dims) => return Err(call.fault(format!("has the transB {trans} for {dims:?}"))),
     }
     product(call, a, &a.dims, &turned)
+}
+
+/// `a b^T`. Columns of b `[N, K]` are stored in blocks along K, as integers `[N, K / block, block * bits / 8]` and scales `[N, K / block]`; the
+/// integer 2^(bits - 1) stands for 0.
+fn matmul_nbits(call: &Call<'_>) -> Check<Vec<Shape>> {
+    let (a, scales) = (call.tensor(0)?, call.tensor(2)?);
+    let one_of = |name: &str, default: i64, allowed: &[i64]| {
+        let value = call.int(name).unwrap_or(default);
+        let known = allowed.contains(&value).then_some(value.unsigned_abs());
+        known.ok_or_else(|| call.fault(format!("has the {name} {value}, which is none of {allowed:?}")))
+    };
+    let bits = one_of("bits", 0, &[4, 8])?;
+    let block = one_of("block_size", 0, &[16, 32, 64, 128, 256])?;
+    one_of("accuracy_level", 0, &[0, 4])?;
+    if !call.absent(3) {
+        let name = call.node.inputs.get(3).copied().unwrap_or_default();
+        return Err(call.fault(format!("has the zero points {}; stored integers are symmetric", quoted(name))));
+    }
+    let size = |name: &str| call.int(name).and_then(|value| u64::try_from(value).ok()).filter(|&value| value > 0);
+    let (Some(rows), Some(columns)) = (size("K"), size("N")) else {
+        return Err(call.fault("has no positive K and N"));
+    };
+    if a.dims.last() != Some(&rows) || !rows.is_multiple_of(block) {
+        return Err(call.fault(format!("multiplies {:?} by {rows} rows in blocks of {block}", a.dims)));
+    }
+    let numbers = call.inputs.get(1).copied().flatten().map(|operand| operand.shape);
+    let expected = [columns, rows / block, block * bits / 8];
+    if numbers.is_none_or(|shape| shape.element != Element::U8 || shape.dims != expected) {
+        let found = numbers.map_or_else(String::new, |shape| format!("{} {:?}", shape.element, shape.dims));
+        return Err(call.fault(format!("reads the integers {found}, its attributes ask for uint8 {expected:?}")));
+    }
+    if scales.element != a.element || scales.dims != expected[..2] {
+        return Err(call.fault(format!(
+            "reads the scales {} {:?}, its attributes ask for {} {:?}",
+            scales.element,
+            scales.dims,
+            a.element,
+            &expected[..2]
+        )));
+    }
+    let mut dims = a.dims.clone();
+    *dims.last_mut().expect("compared above") = columns;
+    Call::one(a, dims)
 }
 
 /// Normalises the last axis by its root mean square, and multiplies it by a gain.

@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use super::operators::{Call, Operand, infer};
+use super::operators::{Call, NBITS, Operand, infer};
 use super::proto::{Data, Dim, Graph, Node, Tensor};
 use super::{Check, Element, Fault, Shape, quoted};
 use crate::bundle::cost::GraphCost;
@@ -156,7 +156,7 @@ impl<'a> SizeInference<'a> {
         let dims = |n: usize| read.get(n).map_or(&[][..], |&v| &self.values[v].shape.dims);
         // Multiplications for one element of the output.
         let terms = match node.operator {
-            "MatMul" | "FusedMatMul" => dims(0).last().copied().unwrap_or(0),
+            "MatMul" | "FusedMatMul" | NBITS => dims(0).last().copied().unwrap_or(0),
             "Conv" => dims(1).iter().skip(1).fold(1_u64, |all, &n| all.saturating_mul(n)),
             _ => 0,
         };

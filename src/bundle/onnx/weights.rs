@@ -1,5 +1,6 @@
 //! Rewrites a model so that its large weights are inputs. The caller can then supply their memory, which the runtime would own otherwise.
 
+use super::operators::NBITS;
 use super::proto::{self, Data, Graph};
 use super::wire::Fields;
 use super::writer::{write_bytes, write_int};
@@ -14,8 +15,10 @@ const SMALLEST: u64 = 32 << 10;
 pub(crate) struct Weight<'a> {
     /// Name in the model.
     pub(crate) name: &'a str,
+    /// Whether it holds unsigned bytes, and not half floats.
+    pub(crate) is_integer: bool,
     pub(crate) shape: Vec<usize>,
-    /// Half floats, little-endian.
+    /// Little-endian.
     pub(crate) bytes: &'a [u8],
 }
 
@@ -45,12 +48,13 @@ fn rewrite<'a>(model: &ModelSource<'a>) -> Check<(Vec<u8>, Vec<Weight<'a>>)> {
 fn weights<'a>(graph: &Graph<'a>, model: &ModelSource<'a>) -> Check<Vec<Weight<'a>>> {
     let is_multiplied = |name: &str| {
         let mut users = graph.nodes.iter().filter(|node| node.inputs.contains(&name));
-        users.all(|node| matches!(node.operator, "MatMul" | "Gemm" | "Conv"))
+        users.all(|node| matches!(node.operator, "MatMul" | "Gemm" | "Conv" | NBITS))
     };
     let mut weights = Vec::new();
     for tensor in &graph.tensors {
         let Data::External { location, offset, length } = tensor.data else { continue };
-        if length < SMALLEST || tensor.data_type != Element::F16 as i64 || !is_multiplied(tensor.name) {
+        let element = Element::of(tensor.data_type)?;
+        if length < SMALLEST || !matches!(element, Element::F16 | Element::U8) || !is_multiplied(tensor.name) {
             continue;
         }
         let file = model.external.iter().find(|(name, _)| *name == location);
@@ -60,7 +64,7 @@ fn weights<'a>(graph: &Graph<'a>, model: &ModelSource<'a>) -> Check<Vec<Weight<'
         let (Some(bytes), Ok(shape)) = (bytes, shape) else {
             return Err(Fault::new(format!("initializer {} lies outside its file", quoted(tensor.name))));
         };
-        weights.push(Weight { name: tensor.name, shape, bytes });
+        weights.push(Weight { name: tensor.name, is_integer: element == Element::U8, shape, bytes });
     }
     Ok(weights)
 }
@@ -100,7 +104,7 @@ fn input(weight: &Weight<'_>) -> Vec<u8> {
         write_int(&mut dimension, 1, n as u64);
         write_bytes(&mut shape, 1, &dimension);
     }
-    write_int(&mut tensor, 1, Element::F16 as u64);
+    write_int(&mut tensor, 1, if weight.is_integer { Element::U8 } else { Element::F16 } as u64);
     write_bytes(&mut tensor, 2, &shape);
     write_bytes(&mut kind, 1, &tensor);
     write_bytes(&mut value, 1, weight.name.as_bytes());
@@ -151,7 +155,7 @@ mod tests {
             write_bytes(&mut graph, 1, &node(operator, inputs, output));
         }
         initializers.iter().for_each(|tensor| write_bytes(&mut graph, 5, tensor));
-        let whole = Weight { name: "x", shape: vec![1, 256], bytes: &[] };
+        let whole = Weight { name: "x", is_integer: false, shape: vec![1, 256], bytes: &[] };
         write_bytes(&mut graph, 11, &input(&whole));
         write_bytes(&mut graph, 12, &input(&Weight { name: "y", ..whole }));
         write_int(&mut model, 1, 8);

@@ -32,7 +32,7 @@ use crate::runtime::execution_context::{
     MAX_GROUPS, RecordedCopiesId, RecordedCopy, Region, Work,
 };
 use crate::runtime::failure::{make, ort_failure};
-use crate::runtime::graph::TensorSpec;
+use crate::runtime::graph::{ElementType, TensorSpec};
 use crate::{Error, Result};
 
 /// The shader that checks whether all values of a buffer are finite.
@@ -579,13 +579,17 @@ fn bind_one(
     let shape = Shape::new(spec.shape.iter().map(|&d| d as i64));
     let address = **allocation;
     let value = match spec.element {
-        Precision::F32 => {
+        ElementType::F32 => {
             // SAFETY: the provider's allocation of a buffer of the tensor's size, which outlives the binding.
             unsafe { TensorRefMut::<f32>::from_raw(device, address.cast(), shape) }?.into_dyn()
         }
-        Precision::F16 => {
+        ElementType::F16 => {
             // SAFETY: as above.
             unsafe { TensorRefMut::<half::f16>::from_raw(device, address.cast(), shape) }?.into_dyn()
+        }
+        ElementType::U8 => {
+            // SAFETY: as above.
+            unsafe { TensorRefMut::<u8>::from_raw(device, address.cast(), shape) }?.into_dyn()
         }
     };
     // The `ort` crate's own method copies borrowed tensors.

@@ -170,8 +170,7 @@ impl Backend for DirectMlBackend {
         // rollout uses them.
         let (onnx, weights) = weights_as_inputs(model)?;
         let model = ModelSource { onnx: &onnx, external: model.external.clone() };
-        let specs: Vec<_> =
-            weights.iter().map(|weight| TensorSpec::new(weight.name, Precision::F16, &weight.shape)).collect();
+        let specs: Vec<_> = weights.iter().map(weights::spec).collect();
         let commit = |is_captured| {
             let builder = make("prepare a session", || self.session(&options, dimensions, is_captured));
             builder.and_then(|builder| Graph::commit(builder, what, &model, inputs.clone(), &specs, outputs.clone()))

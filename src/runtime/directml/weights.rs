@@ -6,9 +6,9 @@ use crate::locks::Mutex;
 
 use super::context::Buffer;
 use super::recorder::Recorder;
-use crate::bundle::{Precision, Weight};
+use crate::bundle::Weight;
 use crate::gpu::{Gpu, ResidencySet};
-use crate::runtime::graph::TensorSpec;
+use crate::runtime::graph::{ElementType, TensorSpec};
 use crate::{Error, ErrorKind, Result};
 
 /// Maximum bytes of weights in flight to the device while a graph is loaded.
@@ -24,6 +24,12 @@ struct Residency {
     set: ResidencySet,
     /// Contexts that hold the weights. At 0 the weights may be resident or evicted.
     holders: usize,
+}
+
+/// The session's input for a weight.
+pub(super) fn spec(weight: &Weight<'_>) -> TensorSpec {
+    let element = if weight.is_integer { ElementType::U8 } else { ElementType::F16 };
+    TensorSpec::new(weight.name, element, &weight.shape)
 }
 
 impl Weights {
@@ -46,7 +52,7 @@ impl Weights {
                     in_flight = 0;
                 }
             }
-            inputs.push((name, TensorSpec::new(weight.name, Precision::F16, &weight.shape), memory));
+            inputs.push((name, spec(weight), memory));
         }
         recorder.submit_and_signal()?.wait()?;
         Ok(Self { inputs, residency: Mutex::new(Residency { set, holders: 0 }) })

@@ -1,30 +1,34 @@
-//! Random-weight worlds for the tests and the demo, made by this repository's bundle builder.
+//! Worlds for the tests and the demo, made by this repository's bundle builder: of random weights, or of the embedded world's in fewer bits.
 
 use std::fs;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use sha2::{Digest, Sha256};
 
 use crate::python::{python_env, python_path, text};
-use crate::{Error, Progress, Result, cache, process};
+use crate::{Error, Progress, Result, cache, process, repository};
 
-/// The worlds that can be made: three for tests, one for the demo.
-pub const BUNDLES: [&str; 4] = ["tiny", "window", "stream", "demo"];
+/// The worlds that can be made: three of random weights for tests, one for the demo, and the embedded world in 8 and in 4 bits.
+pub const BUNDLES: [&str; 6] = ["tiny", "window", "stream", "demo", "miniature-8bit", "miniature-4bit"];
 
-/// The directory of the random-weight world `name`, one of [`BUNDLES`]; built on first use.
+/// The world inside the library.
+const EMBEDDED: &str = "samples/worlds/miniature.cairn";
+
+/// The directory of the world `name`, one of [`BUNDLES`]; built on first use.
 ///
-/// A built world is kept as long as the builder's sources stay the same, to the byte.
+/// A built world is kept as long as the builder's sources and the embedded world stay the same, to the byte.
 ///
 /// # Errors
 /// An unknown name, no Python environment, or a builder that fails.
 pub fn bundle(name: &str, progress: &dyn Progress) -> Result<PathBuf> {
-    let wanted = format!("the random-weight world \"{name}\"");
+    let wanted = format!("the test world \"{name}\"");
     if !BUNDLES.contains(&name) {
         let remedy = format!("Ask for one of {}", BUNDLES.join(", "));
         return Err(Error::new(wanted, "there is no such world", remedy));
     }
-    let key = builder_key(&python_path())?;
+    let key = key()?;
     let folder = cache::cache_dir()?.join("bundles").join(&key).join(name);
     let complete = folder.join("cairn-world.json");
     if complete.is_file() {
@@ -41,10 +45,16 @@ pub fn bundle(name: &str, progress: &dyn Progress) -> Result<PathBuf> {
     let scratch = cache::scratch(&item, &held)?;
     let unfinished = scratch.join(name);
     let mut command = Command::new(interpreter);
-    command
-        .args(["-m", "cairn.build", "random", "--preset", name, "--out", text(&unfinished)?])
-        .env("PYTHONPATH", python_path())
-        .env("PYTHONDONTWRITEBYTECODE", "1");
+    command.args(["-m", "cairn.build"]);
+    match name.strip_prefix("miniature-").and_then(|bits| bits.strip_suffix("bit")) {
+        Some(bits) => {
+            command.arg("quantise").arg(repository().join(EMBEDDED)).args(["--weights", bits]);
+        }
+        None => {
+            command.args(["random", "--preset", name]);
+        }
+    }
+    command.args(["--out", text(&unfinished)?]).env("PYTHONPATH", python_path()).env("PYTHONDONTWRITEBYTECODE", "1");
     let outcome = process::run(&mut command, |line| progress.detail(line)).map_err(|e| Error::io(&scratch, &e))?;
     if !outcome.status.success() {
         let cause = format!("the bundle builder failed:\n{}\n", outcome.tail(6));
@@ -71,7 +81,22 @@ pub fn test_bundles(progress: &dyn Progress) -> Result<PathBuf> {
     for name in BUNDLES {
         bundle(name, progress)?;
     }
-    Ok(cache::cache_dir()?.join("bundles").join(builder_key(&python_path())?))
+    Ok(cache::cache_dir()?.join("bundles").join(key()?))
+}
+
+/// Cache key of all worlds: of the builder, and of the embedded world.
+fn key() -> Result<String> {
+    // The archive begins with the manifest, which has the checksums of all other files.
+    const BEGINNING: u64 = 16 << 10;
+    let world = repository().join(EMBEDDED);
+    let mut beginning = Vec::new();
+    fs::File::open(&world)
+        .and_then(|file| file.take(BEGINNING).read_to_end(&mut beginning))
+        .map_err(|e| Error::io(&world, &e))?;
+    let mut hash = Sha256::new();
+    hash.update(builder_key(&python_path())?);
+    hash.update(beginning);
+    Ok(cache::hex(&hash.finalize())[..16].to_owned())
 }
 
 /// Cache key of the builder: a hash over the paths and bytes of all its files.
@@ -115,7 +140,10 @@ mod tests {
     #[test]
     fn an_unknown_world_is_refused_with_the_names_of_the_known_ones() {
         let refused = bundle("huge", &Silent).unwrap_err().to_string();
-        assert!(refused.contains("huge") && refused.contains("tiny, window, stream, demo"), "{refused}");
+        assert!(
+            refused.contains("huge") && refused.contains("tiny, window, stream, demo, miniature-8bit, miniature-4bit"),
+            "{refused}"
+        );
     }
 
     #[test]

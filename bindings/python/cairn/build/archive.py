@@ -19,6 +19,7 @@ from .errors import BuildError
 from .geometry import Geometry
 from .manifest import MANIFEST_FILE, geometry_of
 from .files import fresh_folder
+from .quantise import Quantisation, of_manifest
 
 SUFFIX = ".cairn"
 MANIFEST_LIMIT = 1 << 20
@@ -80,6 +81,14 @@ def read_geometry(bundle: Path) -> Geometry:
     with _opened(bundle) as entries:
         manifest = json.loads(_manifest_bytes(entries))
         return _with_widths(manifest, lambda name: _entry(entries, name).read())
+
+
+def read_quantisation(bundle: Path) -> Quantisation | None:
+    """How the weights of a folder or an archive are quantised; `None` where all have 16 bits."""
+    if bundle.is_dir():
+        return of_manifest(_read_manifest(bundle))
+    with _opened(bundle) as entries:
+        return of_manifest(json.loads(_manifest_bytes(entries)))
 
 
 def _with_widths(manifest: dict, read: Callable[[str], bytes]) -> Geometry:

@@ -13,6 +13,7 @@ from .checkpoint import open_checkpoint
 from .errors import BuildError
 from .geometry import PRESETS, Geometry
 from .manifest import Licence
+from .quantise import BLOCKS, KEPT, Quantisation
 from .random_weights import RandomWeights
 from .stored import rebuild
 from .writer import build_bundle
@@ -30,6 +31,7 @@ examples:
   python -m cairn.build describe worlds/demo
   python -m cairn.build rates waypoint.cairn
   python -m cairn.build costs --preset 360p
+  python -m cairn.build quantise waypoint.cairn --weights 8 --out waypoint-8bit.cairn
   python -m cairn.build pack worlds/demo --out worlds/demo.cairn
 """
 
@@ -50,6 +52,12 @@ left out.
 REBUILD_HELP = """\
 Writes a bundle again with the graphs of this version of the builder, which may run faster than those it was built with. The numbers of its
 weights stay the same; the files of weights may hold them in another order.
+"""
+
+QUANTISE_HELP = """\
+Writes a bundle again with the matrices of the transformer's layers in 8 or 4 bits instead of 16: it needs less memory, on the CPU provider
+and on DirectML. Its latents differ from the original's; docs/bundle.md has measured differences. Everything outside the layers stays in
+16 bits, and so do the matrices that --keep-16 names.
 """
 
 CHECKPOINT_HELP = """\
@@ -116,6 +124,7 @@ def parser() -> argparse.ArgumentParser:
     )
     of_rates.add_argument("bundles", type=Path, nargs="*", metavar="bundle", help="folders or .cairn files (or --preset)")
     of_rates.add_argument("--preset", choices=list(PRESETS), action="append", default=[], help="shapes instead; may come again")
+    _weights(of_rates)
     of_rates.add_argument("--summary", action="store_true", help="one short table: two presets, no limits")
     of_rates.add_argument("--points", action="store_true", help="instead, the published rates that the ranges come from")
     of_rates.add_argument(
@@ -128,6 +137,8 @@ def parser() -> argparse.ArgumentParser:
     of_nodes.add_argument("bundles", type=Path, nargs="*", metavar="bundle", help="folders or .cairn files (or --preset)")
     of_nodes.add_argument("--preset", choices=list(PRESETS), action="append", default=[], help="shapes instead; may come again")
 
+    _weights(of_nodes)
+
     again = commands.add_parser(
         "rebuild", help="an existing bundle again, with this version's graphs", description=REBUILD_HELP, formatter_class=raw
     )
@@ -136,11 +147,38 @@ def parser() -> argparse.ArgumentParser:
     again.add_argument("--replace", action="store_true", help="replace the bundle that is there, once the new one is complete")
     again.add_argument("--quiet", action="store_true", help="no progress")
 
+    smaller = commands.add_parser(
+        "quantise", help="an existing bundle again, with smaller weights", description=QUANTISE_HELP, formatter_class=raw
+    )
+    smaller.add_argument("bundle", type=Path, help="a folder or a .cairn file with 16-bit weights")
+    smaller.add_argument("--weights", type=int, choices=[8, 4], required=True, help="bits of a weight")
+    smaller.add_argument("--block", type=int, choices=BLOCKS, default=32, help="rows of a column that share a scale (32)")
+    smaller.add_argument(
+        "--activations",
+        type=int,
+        choices=[16, 8],
+        default=16,
+        help="8 lets the CPU provider round activations to 8 bits in blocks, too, which is faster; DirectML does not (16)",
+    )
+    smaller.add_argument(
+        "--keep-16",
+        default=",".join(KEPT),
+        metavar="LIST",
+        help=f"layers or matrices that stay in 16 bits, with commas between them, or none ({','.join(KEPT)})",
+    )
+    smaller.add_argument("--out", type=Path, required=True, help="the folder, or the file *.cairn, to write")
+    smaller.add_argument("--replace", action="store_true", help="replace the bundle that is there, once the new one is complete")
+    smaller.add_argument("--quiet", action="store_true", help="no progress and no table")
+
     pack = commands.add_parser("pack", help="folder to .cairn file, or back", formatter_class=raw)
     pack.add_argument("bundle", type=Path, help="a folder to pack, or a .cairn file to unpack")
     pack.add_argument("--out", type=Path, required=True, help="what to write")
     pack.add_argument("--replace", action="store_true", help="replace what is there")
     return top
+
+
+def _weights(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--weights", type=int, choices=[16, 8, 4], default=16, help="bits of a preset's weights (16); a bundle has its own")
 
 
 def _streaming(command: argparse.ArgumentParser) -> None:
@@ -291,7 +329,7 @@ def _random(options: argparse.Namespace) -> int:
 
 def _describe(options: argparse.Namespace) -> int:
     if options.bundle is not None:
-        print(table.describe(archive.read_geometry(options.bundle)))
+        print(table.describe(archive.read_geometry(options.bundle), archive.read_quantisation(options.bundle)))
     else:
         print(table.describe(chosen_geometry(options)))
     return 0
@@ -301,7 +339,7 @@ def _rates(options: argparse.Namespace) -> int:
     if options.points:
         print(rates.evidence())
         return 0
-    worlds = [rates.World(name, g) for name, g in _named_worlds(options)]
+    worlds = [rates.World(*named) for named in _named_worlds(options)]
     if options.reports is None:
         print((rates.summary if options.summary else rates.table)(worlds))
         return 0
@@ -317,17 +355,19 @@ def _rates(options: argparse.Namespace) -> int:
     return 0
 
 
-def _named_worlds(options: argparse.Namespace) -> list[tuple[str, Geometry]]:
-    """Names and shapes of the bundles and presets."""
-    worlds = [(bundle.stem, archive.read_geometry(bundle)) for bundle in options.bundles]
-    worlds += [(name, PRESETS[name][1]) for name in options.preset]
+def _named_worlds(options: argparse.Namespace) -> list[tuple[str, Geometry, Quantisation | None]]:
+    """Names, shapes and smaller weights of the bundles and presets."""
+    worlds = [(b.stem, archive.read_geometry(b), archive.read_quantisation(b)) for b in options.bundles]
+    quantisation = None if options.weights == 16 else Quantisation(options.weights)
+    suffix = "" if quantisation is None else f", {options.weights}-bit weights"
+    worlds += [(name + suffix, PRESETS[name][1], quantisation) for name in options.preset]
     if not worlds:
         raise BuildError("no world is named", field="bundle", remedy="Name a bundle, or shapes: --preset 360p --preset 720p.")
     return worlds
 
 
 def _costs(options: argparse.Namespace) -> int:
-    print(json.dumps({name: costs.world_costs(g) for name, g in _named_worlds(options)}))
+    print(json.dumps({name: costs.world_costs(g, q) for name, g, q in _named_worlds(options)}))
     return 0
 
 
@@ -337,6 +377,18 @@ def _rebuild(options: argparse.Namespace) -> int:
     progress.close()
     if not options.quiet:
         print(f"wrote {options.out}")
+    return 0
+
+
+def _quantise(options: argparse.Namespace) -> int:
+    kept = () if options.keep_16 == "none" else tuple(name.strip() for name in options.keep_16.split(","))
+    quantisation = Quantisation(options.weights, options.block, options.activations, kept)
+    progress = Printer(options.quiet)
+    rebuild(options.bundle, options.out, progress=progress, replace=options.replace, quantisation=quantisation)
+    progress.close()
+    if not options.quiet:
+        print(table.describe(archive.read_geometry(options.out), quantisation))
+        print(f"\nwrote {options.out}")
     return 0
 
 
@@ -356,5 +408,6 @@ _COMMANDS = {
     "rates": _rates,
     "costs": _costs,
     "rebuild": _rebuild,
+    "quantise": _quantise,
     "pack": _pack,
 }

@@ -27,6 +27,18 @@ def _product(context) -> None:
     context.set_output_type(0, out)
 
 
+def _product_of_blocks(context) -> None:
+    """a b, where b is stored in blocks and has `N` columns."""
+    a = context.get_input_type(0)
+    if not a.tensor_type.HasField("shape"):
+        return
+    out = onnx.TypeProto()
+    out.CopyFrom(a)
+    out.tensor_type.shape.dim[-1].Clear()
+    out.tensor_type.shape.dim[-1].dim_value = context.get_attribute("N").i
+    context.set_output_type(0, out)
+
+
 def _register(name: str, domain: str, inputs: list[tuple[str, str]], attributes: dict, infer) -> None:
     schema = _Schema(
         name,
@@ -52,5 +64,8 @@ def register() -> None:
     norm = {"axis": _INT, "epsilon": _FLOAT}
     _register("SimplifiedLayerNormalization", "", [("X", "T"), ("scale", "T")], norm, _like_first)
     _register("FusedMatMul", CONTRIB_DOMAIN, [("A", "T"), ("B", "T")], {"alpha": _FLOAT, "transB": _INT}, _product)
+    sizes = dict.fromkeys(("K", "N", "bits", "block_size", "accuracy_level"), _INT)
+    inputs = [("A", "T"), ("B", "tensor(uint8)"), ("scales", "T")]
+    _register("MatMulNBits", CONTRIB_DOMAIN, inputs, sizes, _product_of_blocks)
     inputs = [("X", "T"), ("position_ids", "tensor(int64)"), ("cos_cache", "T"), ("sin_cache", "T")]
     _register("RotaryEmbedding", CONTRIB_DOMAIN, inputs, {"interleaved": _INT}, _like_first)

@@ -7,6 +7,7 @@ from dataclasses import astuple, dataclass
 
 from .geometry import Geometry
 from .graph import Graph
+from .quantise import Quantisation
 from .table import ITEM_BYTES, value_sizes
 from .writer import build_graphs
 
@@ -18,7 +19,7 @@ class NodeCost:
     name: str
     operator: str
     output: str  # name of its first output
-    multiply_adds: int  # of MatMul, FusedMatMul and Conv; 0 for others
+    multiply_adds: int  # of MatMul, FusedMatMul, MatMulNBits and Conv; 0 for others
     read: int  # bytes of all inputs, weights included; a Reshape moves none
     written: int  # bytes of all outputs
 
@@ -44,7 +45,7 @@ def node_costs(graph: Graph, dimensions: dict[str, int]) -> list[NodeCost]:
             constants.update(node.output)
             continue
         terms = 0
-        if node.op_type in ("MatMul", "FusedMatMul"):
+        if node.op_type in ("MatMul", "FusedMatMul", "MatMulNBits"):
             terms = shapes[inputs[0]][-1]
         elif node.op_type == "Conv":
             terms = math.prod(shapes[inputs[1]][1:])
@@ -62,9 +63,9 @@ def node_costs(graph: Graph, dimensions: dict[str, int]) -> list[NodeCost]:
     return costs
 
 
-def world_costs(g: Geometry) -> dict:
+def world_costs(g: Geometry, quantisation: Quantisation | None = None) -> dict:
     """Costs of the graphs in float16 at the stock window, for `json`: for each graph a list of its nodes' values."""
-    graphs = build_graphs(g, "f16")
+    graphs = build_graphs(g, "f16", quantisation=quantisation)
     dimensions = {"transformer": g.dimensions(g.global_window)}
     rows = {
         kind: [list(astuple(node)) for node in node_costs(graph, dimensions.get(kind, {}))]

@@ -6,33 +6,38 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
+from .quantise import NUMBERS, SCALES, Quantisation
 from .weights import Placed
 
 OPSET = 18
 IR_VERSION = 8
 PRODUCER = "cairn.build"
+# The `accuracy_level` of `MatMulNBits` that lets the CPU provider round activations to 8 bits.
+INT8_ACTIVATIONS = 4
 # Operators allowed in a graph of a bundle: `docs/bundle.md`, section 4. All of them run on DirectML.
 OPERATORS = (
-    "Add Cast Clip Concat Conv Cos DepthToSpace Div FusedMatMul MatMul Mul ReduceMean Relu Reshape Resize RotaryEmbedding "
-    "Sigmoid SimplifiedLayerNormalization Sin Slice Softmax Split Sqrt Sub Tanh Transpose"
+    "Add Cast Clip Concat Conv Cos DepthToSpace Div FusedMatMul MatMul MatMulNBits Mul ReduceMean Relu Reshape Resize "
+    "RotaryEmbedding Sigmoid SimplifiedLayerNormalization Sin Slice Softmax Split Sqrt Sub Tanh Transpose"
 ).split()
 # Those of ONNX Runtime's own domain. `SimplifiedLayerNormalization` is its own, too, but it keeps it in the default domain.
 CONTRIB_DOMAIN = "com.microsoft"
-CONTRIB_OPERATORS = ("FusedMatMul", "RotaryEmbedding")
+CONTRIB_OPERATORS = ("FusedMatMul", "MatMulNBits", "RotaryEmbedding")
 ONNX_TYPE = {"f32": TensorProto.FLOAT, "f16": TensorProto.FLOAT16}
 NUMPY_TYPE = {"f32": np.float32, "f16": np.float16}
+STORED_TYPE = {"f16": TensorProto.FLOAT16, "u8": TensorProto.UINT8}
 
 
 class Graph:
-    """One graph in one precision. Values are names; `kind` is "f32" or "f16" for each of them.
+    """One graph in one precision. Values are names; `kind` is "f32" or "f16" for each of them, or "u8" for stored integers.
 
     Writes only the operators of `docs/bundle.md`, section 4.
     """
 
-    def __init__(self, name: str, precision: str, weights: dict[str, Placed]):
+    def __init__(self, name: str, precision: str, weights: dict[str, Placed], quantisation: Quantisation | None = None):
         self.name = name
         self.precision = precision
         self.weights = weights
+        self.quantisation = quantisation
         self.used_weights: set[str] = set()
         self._nodes: list[onnx.NodeProto] = []
         self._inputs: list[onnx.ValueInfoProto] = []
@@ -62,18 +67,18 @@ class Graph:
         self._outputs.append(helper.make_tensor_value_info(name, ONNX_TYPE[self._kinds[value]], shape))
 
     def weight(self, name: str, kind: str | None = None) -> str:
-        """A stored weight, cast to `kind` (the graph's precision unless given)."""
+        """A stored weight, cast to `kind` (the graph's precision unless given); integers stay as they are."""
         if name not in self.used_weights:
             placed = self.weights[name]
-            tensor = TensorProto(name=name, data_type=TensorProto.FLOAT16, dims=placed.weight.shape)
+            tensor = TensorProto(name=name, data_type=STORED_TYPE[placed.weight.kind], dims=placed.weight.shape)
             tensor.data_location = TensorProto.EXTERNAL
             for key, value in (("location", placed.file), ("offset", placed.offset), ("length", placed.length)):
                 tensor.external_data.add(key=key, value=str(value))
             self._initializers.append(tensor)
-            self._kinds[name] = "f16"
+            self._kinds[name] = placed.weight.kind
             self._names.add(name)
             self.used_weights.add(name)
-        return self.cast(name, kind or self.precision)
+        return name if self._kinds[name] == "u8" else self.cast(name, kind or self.precision)
 
     def number(self, value: float, kind: str) -> str:
         """A scalar constant."""
@@ -149,7 +154,20 @@ class Graph:
 
     def linear(self, x: str, name: str, label: str) -> str:
         """x times the stored matrix `name`, in x's kind."""
+        if f"{name}.weight{NUMBERS}" in self.weights:
+            return self._linear_of_blocks(x, f"{name}.weight", label)
         return self.matmul(x, self.weight(f"{name}.weight", self._kinds[x]), label)
+
+    def _linear_of_blocks(self, x: str, name: str, label: str) -> str:
+        """x times the matrix `name`, which is stored as integers and the scales of its blocks."""
+        how = self.quantisation
+        rows = self.weights[name + NUMBERS].weight.fan_in
+        columns = self.weights[name + NUMBERS].weight.shape[0]
+        rounds = how.activation_bits == 8 and self._kinds[x] == "f32"
+        attributes = {"K": rows, "N": columns, "bits": how.bits, "block_size": how.block}
+        attributes["accuracy_level"] = INT8_ACTIVATIONS if rounds else 0
+        inputs = [x, self.weight(name + NUMBERS), self.weight(name + SCALES, self._kinds[x])]
+        return self.node("MatMulNBits", inputs, label, **attributes)
 
     def silu(self, x: str, label: str) -> str:
         """x * sigmoid(x)."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from .errors import BuildError
 from .geometry import AUTOENCODER_TEMPORAL, Geometry
+from .quantise import Quantisation
 
 MANIFEST_FILE = "cairn-world.json"
 SCHEMA_VERSION = 1
@@ -36,6 +37,7 @@ def manifest(
     licence: Licence,
     provenance: dict[str, str],
     rounding: str,
+    quantisation: Quantisation | None = None,
 ) -> dict:
     """The whole manifest; `files` maps a path to its size and SHA-256. `rounding` is that of noise levels and RoPE frequencies."""
     return {
@@ -74,6 +76,7 @@ def manifest(
         "controls": {"mouse": 2, "buttons": g.buttons, "scroll": 1},
         "picture": {"decoded": list(g.decoded), "render": list(g.render), "range": [0, 1]},
         "graphs": graphs,
+        **({} if quantisation is None else {"quantisation": quantisation.manifest()}),
         "files": [{"path": path, "size": size, "sha256": sha} for path, (size, sha) in sorted(files.items())],
         "licence": {"spdx": licence.spdx, "file": licence.file if licence.text is not None else None},
         "provenance": provenance,

@@ -6,6 +6,9 @@
     estimate of a latent   from the larger of limit / worst share, and nodes x `SLOW_KERNEL_SECONDS`
                            to the larger of limit / best share, and nodes x `fast_kernel_seconds()`
 
+Weights of fewer bits move fewer bytes and need less memory; products are counted at the float16 rate, because a provider unpacks the
+weights and multiplies in float16.
+
 Data sheets do not say what share of its peak a GPU reaches. `published.py` lists every rate of Waypoint-1.5 that others published with the
 GPU's name; the worst and the best of those in 16 bits bound the estimate. Rates that were measured with Cairn come from reports
 (`measured.py`).
@@ -22,6 +25,7 @@ from .geometry import PRESETS, Geometry
 from .graph import Graph
 from .measured import PRESET, WORLD, Measured, Reports, is_same
 from .published import POINTS, Point
+from .quantise import Quantisation, largest_matrix
 from .table import activation_peak, ring_bytes, slab_bytes, weight_bytes
 from .writer import build_graphs
 
@@ -112,11 +116,12 @@ class Run:
 
 
 class World:
-    """The cost of a world's graphs in float16."""
+    """The cost of a world's graphs in float16, with its weights in 16 bits or as `quantisation` stores them."""
 
-    def __init__(self, name: str, g: Geometry):
+    def __init__(self, name: str, g: Geometry, quantisation: Quantisation | None = None):
         self.name, self.geometry = name, g
-        self._graphs = build_graphs(g, "f16")
+        self._graphs = build_graphs(g, "f16", quantisation=quantisation)
+        self._unpacked = 0 if quantisation is None else largest_matrix(g, quantisation)
         self._weights = {kind: weight_bytes({kind: graph}) for kind, graph in self._graphs.items()}
         pictures = 3 * math.prod(g.decoded) * 4
         self.decode = Run(2.0 * multiply_adds(self._graphs["decoder"], {}), self._weights["decoder"] + pictures)
@@ -138,12 +143,12 @@ class World:
         return preset.passes * counts[0] + counts[1]
 
     def memory(self, window: int) -> float:
-        """GiB for weights, past keys and values, and intermediate values."""
+        """GiB for weights, past keys and values, intermediate values, and one matrix that is unpacked to 16 bits."""
         g = self.geometry
         if window not in self._memory:
             dimensions = {"transformer": g.dimensions(window)}
             alive = max(activation_peak(graph, dimensions.get(kind, {}))[0] for kind, graph in self._graphs.items())
-            total = sum(self._weights.values()) + ring_bytes(g, window, "f16") + slab_bytes(g, "f16") + alive
+            total = sum(self._weights.values()) + ring_bytes(g, window, "f16") + slab_bytes(g, "f16") + alive + self._unpacked
             self._memory[window] = total / 2**30
         return self._memory[window]
 

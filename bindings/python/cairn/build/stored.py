@@ -1,7 +1,8 @@
-"""The weights of an existing bundle, to write it again with the graphs of this version of the builder."""
+"""The weights of an existing bundle, to write it again: with the graphs of this version of the builder, or with smaller weights."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import tempfile
 from pathlib import Path
@@ -14,8 +15,13 @@ from . import archive
 from .errors import BuildError
 from .geometry import Geometry
 from .manifest import MANIFEST_FILE, Licence
+from .quantise import Quantisation, of_manifest
 from .weights import Packed, Weight, stored_autoencoder, stored_transformer
 from .writer import Progress, build_bundle
+
+# The entry of a provenance that names the 16-bit bundle: its name, and its digest.
+ORIGIN = "quantised_from"
+NAME_LIMIT = 100
 
 
 class StoredWeights:
@@ -23,6 +29,12 @@ class StoredWeights:
 
     def __init__(self, geometry: Geometry, folder: Path):
         manifest = json.loads((folder / MANIFEST_FILE).read_text(encoding="utf-8"))
+        if (quantisation := of_manifest(manifest)) is not None:
+            raise BuildError(
+                f"its weights have {quantisation.bits} bits, and their 16-bit numbers are lost",
+                field="quantisation",
+                remedy=f"Name the bundle that it was made from{_origin(manifest)}.",
+            )
         self._stored: dict[str, tuple[Path, int, tuple[int, ...]]] = {}
         for name in manifest["graphs"]["f32"].values():
             graph = folder / name
@@ -53,23 +65,38 @@ class StoredWeights:
         return np.fromfile(file, "<f2", count=int(np.prod(shape)), offset=offset)
 
 
-def rebuild(bundle: Path, out: Path, *, progress: Progress, replace: bool = False) -> Path:
-    """Writes `bundle`, a folder or an archive, to `out` with the graphs of this version. Its numbers and its manifest's facts stay as they are."""
+def _origin(manifest: dict) -> str:
+    stated = manifest.get("provenance", {}).get(ORIGIN)
+    return "" if stated is None else f": {stated}"
+
+
+def rebuild(
+    bundle: Path, out: Path, *, progress: Progress, replace: bool = False, quantisation: Quantisation | None = None
+) -> Path:
+    """Writes `bundle`, a folder or an archive, to `out` with the graphs of this version. Its numbers and its manifest's facts stay as they are,
+    except that `quantisation` stores the matrices of its layers in fewer bits, and then the name says so."""
     with tempfile.TemporaryDirectory() as work:
         folder = bundle if bundle.is_dir() else archive.unpack(bundle, Path(work) / "bundle")
         geometry = archive.read_geometry(folder)
-        manifest = json.loads((folder / MANIFEST_FILE).read_text(encoding="utf-8"))
+        content = (folder / MANIFEST_FILE).read_bytes()
+        manifest = json.loads(content)
+        name, provenance = manifest["name"], manifest["provenance"]
+        if quantisation is not None:
+            provenance = provenance | {ORIGIN: f"{name}, {hashlib.sha256(content).hexdigest()}"}
+            suffix = f", {quantisation.bits}-bit weights"
+            name = name[: NAME_LIMIT - len(suffix)] + suffix
         licence, file = manifest["licence"], manifest["licence"]["file"]
         terms = Licence(licence["spdx"]) if file is None else Licence(licence["spdx"], (folder / file).read_text("utf-8"), file)
         return build_bundle(
             geometry,
             StoredWeights(geometry, folder),
             out,
-            name=manifest["name"],
-            provenance=manifest["provenance"],
+            name=name,
+            provenance=provenance,
             licence=terms,
             rounding=manifest["sampler"]["sigma_rounding"],
             precisions=tuple(p for p in ("f32", "f16") if p in manifest["graphs"]),
             progress=progress,
             replace=replace,
+            quantisation=quantisation,
         )

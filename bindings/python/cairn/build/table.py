@@ -10,14 +10,15 @@ from onnx import shape_inference
 from . import contrib
 from .geometry import Geometry
 from .graph import Graph
+from .quantise import Quantisation, counts as quantised_counts
 from .weights import autoencoder_weights, transformer_weights
-from .writer import build_graphs
+from .writer import build_graphs, layouts
 
 # The paper's context windows; the table shows those that the world's dilation and largest window allow.
 WINDOWS = (112, 128, 384, 512)
 _BYTES = {"f32": 4, "f16": 2}
 # Bytes of one number by its ONNX type.
-ITEM_BYTES = {onnx.TensorProto.FLOAT: 4, onnx.TensorProto.FLOAT16: 2, onnx.TensorProto.INT64: 8}
+ITEM_BYTES = {onnx.TensorProto.FLOAT: 4, onnx.TensorProto.FLOAT16: 2, onnx.TensorProto.INT64: 8, onnx.TensorProto.UINT8: 1}
 
 
 def windows(g: Geometry) -> list[int]:
@@ -88,20 +89,22 @@ def activation_peak(graph: Graph, dimensions: dict[str, int]) -> tuple[int, int]
 
 
 def weight_bytes(graphs: dict[str, Graph]) -> int:
-    """Bytes of all weights in memory: float16 as stored, or float32 if a graph casts them, which happens once, when it is loaded."""
+    """Bytes of all weights in memory: as stored, or float32 if a graph casts them, which happens once, when it is loaded."""
     total = 0
     for graph in graphs.values():
         model = graph.model()
         cast = {n.input[0] for n in model.graph.node if n.op_type == "Cast"}
-        total += sum(graph.weights[name].weight.count * (4 if name in cast else 2) for name in graph.used_weights)
+        placed = [graph.weights[name] for name in graph.used_weights]
+        total += sum(p.weight.count * 4 if p.weight.name in cast else p.length for p in placed)
     return total
 
 
-def describe(g: Geometry) -> str:
+def describe(g: Geometry, quantisation: Quantisation | None = None) -> str:
     """The table, as text."""
     transformer, autoencoder = transformer_weights(g), autoencoder_weights(g)
     counts = [sum(w.count for w in group) for group in (transformer, autoencoder)]
     width, height = g.decoded
+    groups = layouts(g, quantisation)
     lines = [
         f"tokens     {g.tokens} ({g.grid[0]} x {g.grid[1]}), latent {g.latent_channels} x {g.latent_height} x {g.latent_width}, "
         f"decoded {width} x {height}, render {g.render[0]} x {g.render[1]}",
@@ -109,14 +112,15 @@ def describe(g: Geometry) -> str:
         f"{g.kv_heads}, local window {g.local_window}, global every {g.global_dilation}th up to {g.global_max_window}",
         f"{'':11}{'parameters':>16}{'tensors':>10}{'stored, MiB':>14}",
         *(
-            f"{name:11}{count:16,}{len(group):10}{2 * count / 2**20:14.1f}"
-            for name, count, group in zip(("transformer", "autoencoder"), counts, (transformer, autoencoder))
+            f"{name:11}{count:16,}{len(group):10}{sum(p.length for p in placed.values()) / 2**20:14.1f}"
+            for name, count, group, placed in zip(("transformer", "autoencoder"), counts, (transformer, autoencoder), groups)
         ),
+        *([] if quantisation is None else [_describe_bits(g, quantisation)]),
         "",
         f"{'MiB':11}" + "".join(f"{c:>13}" for c in ("weights", "K/V ring", "K/V step", "largest", "alive", "peak")),
     ]
     for precision in _BYTES:
-        graphs = build_graphs(g, precision)
+        graphs = build_graphs(g, precision, quantisation=quantisation)
         weights = weight_bytes(graphs)
         others = max(activation_peak(graphs[k], {})[0] for k in ("encoder", "decoder"))
         for window in windows(g):
@@ -127,3 +131,13 @@ def describe(g: Geometry) -> str:
             lines.append(f"{precision} g{window:<6}" + "".join(f"{v / 2**20:13.1f}" for v in row))
     lines.append("\nalive: all intermediate values at the worst moment; peak: weights, ring, one step's K/V and alive together.")
     return "\n".join(lines)
+
+
+def _describe_bits(g: Geometry, quantisation: Quantisation) -> str:
+    smaller, all_of_them = quantised_counts(g, quantisation)
+    kept = ", ".join(quantisation.kept) or "no layer"
+    activations = "" if quantisation.activation_bits == 16 else ", activations in 8 bits on the CPU"
+    return (
+        f"weights    {100 * smaller / all_of_them:.0f} % of the transformer's in {quantisation.bits} bits, blocks of {quantisation.block}"
+        f"{activations}; in 16 bits: {kept}"
+    )

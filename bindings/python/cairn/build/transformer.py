@@ -10,6 +10,7 @@ import numpy as np
 
 from .geometry import FOURIER_WIDTH, Geometry
 from .graph import Graph
+from .quantise import Quantisation
 from .weights import MODULATIONS, Placed
 
 # The epsilon of an RMS norm without one: the step of float32 at 1.
@@ -48,15 +49,21 @@ def attention_chunks(g: Geometry, layer: int) -> tuple[int, int]:
     return g.kv_heads, rows
 
 
-def build_transformer(g: Geometry, precision: str, weights: dict[str, Placed], fourier_rounding: str = "none") -> Graph:
+def build_transformer(
+    g: Geometry,
+    precision: str,
+    weights: dict[str, Placed],
+    fourier_rounding: str = "none",
+    quantisation: Quantisation | None = None,
+) -> Graph:
     """The whole graph; its inputs and outputs are those of `docs/bundle.md`, in order."""
-    return _Transformer(g, precision, weights).build(fourier_rounding)
+    return _Transformer(g, precision, weights, quantisation).build(fourier_rounding)
 
 
 class _Transformer:
-    def __init__(self, g: Geometry, precision: str, weights: dict[str, Placed]):
+    def __init__(self, g: Geometry, precision: str, weights: dict[str, Placed], quantisation: Quantisation | None):
         self.g = g
-        self.graph = Graph("transformer", precision, weights)
+        self.graph = Graph("transformer", precision, weights, quantisation)
 
     def build(self, fourier_rounding: str) -> Graph:
         g, o, F = self.g, self.graph, self.graph.precision

@@ -17,16 +17,18 @@ from .geometry import AUTOENCODER_PATCH, CONDITIONER_RATIO, FOURIER_WIDTH, MEMOR
 TRANSFORMER_FILE = "transformer.bin"
 AUTOENCODER_FILE = "autoencoder.bin"
 ALIGNMENT = 64
+ITEM_BYTES = {"f16": 2, "u8": 1}
 MODULATIONS = ("attn scale", "attn shift", "attn gate", "mlp scale", "mlp shift", "mlp gate")
 
 
 @dataclass(frozen=True)
 class Weight:
-    """One stored tensor: its name, its stored shape, and the number of inputs that each output number sums."""
+    """One stored tensor: its name, its stored shape, the number of inputs that each output number sums, and its kind: "f16" or "u8"."""
 
     name: str
     shape: tuple[int, ...]
     fan_in: int
+    kind: str = "f16"
 
     @property
     def count(self) -> int:
@@ -35,6 +37,11 @@ class Weight:
         for size in self.shape:
             total *= size
         return total
+
+    @property
+    def length(self) -> int:
+        """Its bytes in a file."""
+        return self.count * ITEM_BYTES[self.kind]
 
 
 @dataclass(frozen=True)
@@ -52,7 +59,7 @@ class Packed:
 
 @dataclass(frozen=True)
 class Placed:
-    """A stored tensor and the position of its float16 bytes."""
+    """A stored tensor and the position of its bytes."""
 
     packed: Packed
     file: str
@@ -66,7 +73,7 @@ class Placed:
     @property
     def length(self) -> int:
         """Bytes in the file."""
-        return 2 * self.weight.count
+        return self.weight.length
 
 
 def _linear(name: str, inputs: int, outputs: int) -> Weight:
@@ -210,7 +217,7 @@ def place(tensors: list[Packed], file: str) -> dict[str, Placed]:
     placed, offset = {}, 0
     for packed in tensors:
         placed[packed.whole.name] = Placed(packed, file, offset)
-        offset += -(-2 * packed.whole.count // ALIGNMENT) * ALIGNMENT
+        offset += -(-packed.whole.length // ALIGNMENT) * ALIGNMENT
     return placed
 
 

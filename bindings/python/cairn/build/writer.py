@@ -19,6 +19,7 @@ from .files import check_free, fresh_folder
 from .geometry import Geometry
 from .graph import Graph
 from .manifest import MANIFEST_FILE, Licence, manifest
+from .quantise import Quantisation
 from .transformer import build_transformer
 from .weights import (
     ALIGNMENT,
@@ -42,16 +43,21 @@ class WeightSource(Protocol):
         """The float16 numbers of one tensor, in its stored layout."""
 
 
-def layouts(g: Geometry) -> tuple[dict[str, Placed], dict[str, Placed]]:
+def layouts(g: Geometry, quantisation: Quantisation | None = None) -> tuple[dict[str, Placed], dict[str, Placed]]:
     """Positions of the transformer's and the autoencoder's weights in their files."""
-    return place(stored_transformer(g), TRANSFORMER_FILE), place(stored_autoencoder(g), AUTOENCODER_FILE)
+    transformer = stored_transformer(g)
+    if quantisation is not None:
+        transformer = quantisation.stored(transformer)
+    return place(transformer, TRANSFORMER_FILE), place(stored_autoencoder(g), AUTOENCODER_FILE)
 
 
-def build_graphs(g: Geometry, precision: str, fourier_rounding: str = "none") -> dict[str, Graph]:
+def build_graphs(
+    g: Geometry, precision: str, fourier_rounding: str = "none", quantisation: Quantisation | None = None
+) -> dict[str, Graph]:
     """The three graphs of one precision. They only refer to the weights by name, so building them is cheap at any size."""
-    transformer, autoencoder = layouts(g)
+    transformer, autoencoder = layouts(g, quantisation)
     return {
-        "transformer": build_transformer(g, precision, transformer, fourier_rounding),
+        "transformer": build_transformer(g, precision, transformer, fourier_rounding, quantisation),
         "encoder": build_encoder(g, precision, autoencoder),
         "decoder": build_decoder(g, precision, autoencoder),
     }
@@ -69,15 +75,17 @@ def build_bundle(
     precisions: tuple[str, ...] = ("f32", "f16"),
     progress: Progress = lambda what, done, total: None,
     replace: bool = False,
+    quantisation: Quantisation | None = None,
 ) -> Path:
     """Writes the bundle to `out`: a folder, or an archive if the name ends in `.cairn`.
 
-    `rounding` is `bf16` if noise levels, Fourier and RoPE frequencies are rounded to bfloat16, as in the released engine. An existing bundle at
+    `rounding` is `bf16` if noise levels, Fourier and RoPE frequencies are rounded to bfloat16, as in the released engine. `quantisation` stores
+    the matrices of the transformer's layers in fewer bits. An existing bundle at
     `out` stays until the new one is complete; a failure leaves no incomplete files.
     """
     out = Path(out)
     check_free(out, replace)
-    facts = (name, provenance, licence, rounding, precisions, progress)
+    facts = (name, provenance, licence, rounding, precisions, progress, quantisation)
     if out.suffix == archive.SUFFIX:
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
@@ -89,9 +97,9 @@ def build_bundle(
     return out
 
 
-def _write(folder, g, source, name, provenance, licence, rounding, precisions, progress) -> None:
+def _write(folder, g, source, name, provenance, licence, rounding, precisions, progress, quantisation) -> None:
     files: dict[str, tuple[int, str]] = {}
-    placed = layouts(g)
+    placed = layouts(g, quantisation)
     total = sum(p.length for group in placed for p in group.values())
     done = 0
     for group in placed:
@@ -101,7 +109,7 @@ def _write(folder, g, source, name, provenance, licence, rounding, precisions, p
     for precision in precisions:
         progress(f"graphs, {precision}", done, total + 1)
         graphs[precision] = {}
-        for kind, graph in build_graphs(g, precision, rounding).items():
+        for kind, graph in build_graphs(g, precision, rounding, quantisation).items():
             file = f"{kind}.{precision}.onnx"
             data = graph.model().SerializeToString(deterministic=True)
             _write_file(folder, file, data, files)
@@ -110,7 +118,14 @@ def _write(folder, g, source, name, provenance, licence, rounding, precisions, p
     if licence.text is not None:
         _write_file(folder, licence.file, licence.text.encode(), files)
     content = manifest(
-        g, name=name, graphs=graphs, files=files, licence=licence, provenance=provenance, rounding=rounding
+        g,
+        name=name,
+        graphs=graphs,
+        files=files,
+        licence=licence,
+        provenance=provenance,
+        rounding=rounding,
+        quantisation=quantisation,
     )
     (folder / MANIFEST_FILE).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     progress("complete", total, total)

@@ -54,6 +54,8 @@ impl Message {
 
 /// ONNX's number of the type `FLOAT`.
 pub const F32: i64 = 1;
+/// ONNX's number of the type `UINT8`.
+pub const U8: i64 = 2;
 /// ONNX's number of the type `INT64`.
 pub const I64: i64 = 7;
 /// ONNX's number of the type `FLOAT16`.

@@ -1,0 +1,118 @@
+//! Matrices that are stored as integers of 8 or 4 bits and the scales of their blocks, and the products that read them: `MatMulNBits`.
+
+use half::f16;
+
+use super::operators::{NBITS, int_attribute};
+use super::proto::{Data, Graph, Node, Tensor};
+use super::{Check, Element, Fault, quoted};
+use crate::bundle::{GraphKind, Quantisation};
+
+/// Scales of a matrix, whose numbers can be checked once the files of weights are read.
+pub(in crate::bundle) struct Scales {
+    tensor: String,
+    /// Their location as written in the graph.
+    pub(in crate::bundle) location: String,
+    offset: u64,
+    length: u64,
+}
+
+impl Scales {
+    /// Checks the numbers in `file`, all bytes of the file at [`location`](Self::location).
+    ///
+    /// # Errors
+    /// The cause, with the tensor's name.
+    pub(in crate::bundle) fn check(&self, file: &[u8]) -> Result<(), String> {
+        let range =
+            usize::try_from(self.offset).ok().zip(usize::try_from(self.offset.saturating_add(self.length)).ok());
+        let bytes = range.and_then(|(start, end)| file.get(start..end)).unwrap_or_default();
+        positive(bytes).map_err(|cause| format!("initializer {}: {cause}", quoted(&self.tensor)))
+    }
+}
+
+/// Checks that all of these half floats are finite and above 0.
+fn positive(bytes: &[u8]) -> Result<(), String> {
+    let scales = bytes.as_chunks::<2>().0.iter().map(|&bytes| f16::from_le_bytes(bytes));
+    match scales.enumerate().find(|(_, scale)| !(scale.is_finite() && *scale > f16::ZERO)) {
+        Some((i, scale)) => Err(format!("scale {i} is {scale}, a scale is finite and above 0")),
+        None => Ok(()),
+    }
+}
+
+/// Checks that the products of `graph` read stored matrices in the form that the manifest states, and returns their scales.
+pub(super) fn check_blocks(graph: &Graph<'_>, kind: GraphKind, stated: Option<&Quantisation>) -> Check<Vec<Scales>> {
+    let mut found = Vec::new();
+    for node in graph.nodes.iter().filter(|node| node.operator == NBITS) {
+        let within = |fault: Fault| fault.within(&format!("node {}", quoted(node.name)));
+        check_form(node, stated).map_err(within)?;
+        let [_, numbers, scales, ..] = node.inputs.as_slice() else {
+            return Err(within(Fault::new(format!("{NBITS} has {} inputs", node.inputs.len()))));
+        };
+        stored(graph, numbers, Element::U8, false).map_err(within)?;
+        let scales = stored(graph, scales, Element::F16, true).map_err(within)?;
+        match scales.data {
+            Data::Inline(bytes) => {
+                let inner = |cause| Fault::new(format!("initializer {}: {cause}", quoted(scales.name)));
+                positive(bytes).map_err(inner)?;
+            }
+            Data::External { location, offset, length } => {
+                found.push(Scales { tensor: scales.name.to_owned(), location: location.to_owned(), offset, length });
+            }
+        }
+    }
+    let has_products = graph.nodes.iter().any(|node| node.operator == NBITS);
+    if kind == GraphKind::Transformer && stated.is_some() && !has_products {
+        return Err(Fault::new(format!("the manifest states a `quantisation`, and the graph has no {NBITS}")));
+    }
+    Ok(found)
+}
+
+/// Checks that a product has the bits, blocks and activations that the manifest states.
+fn check_form(node: &Node<'_>, stated: Option<&Quantisation>) -> Check<()> {
+    let Some(stated) = stated else {
+        return Err(Fault::new(format!("{NBITS} is there, and the manifest states no `quantisation`")));
+    };
+    for (name, wanted) in [("bits", stated.bits), ("block_size", stated.block)] {
+        let value = int_attribute(node, name);
+        if value != Some(i64::from(wanted)) {
+            let value = value.map_or("none".to_owned(), |value| value.to_string());
+            return Err(Fault::new(format!("{NBITS} has the {name} {value}, the manifest states {wanted}")));
+        }
+    }
+    if int_attribute(node, "accuracy_level") == Some(4) && stated.activation_bits != 8 {
+        return Err(Fault::new(format!("{NBITS} rounds activations to 8 bits, the manifest states 16")));
+    }
+    Ok(())
+}
+
+/// The stored tensor called `name`, or one that a `Cast` makes it of if `is_cast_allowed`.
+fn stored<'g, 'a>(graph: &'g Graph<'a>, name: &str, element: Element, is_cast_allowed: bool) -> Check<&'g Tensor<'a>> {
+    let cast = graph.nodes.iter().find(|node| node.operator == "Cast" && node.outputs.first() == Some(&name));
+    let source = cast.filter(|_| is_cast_allowed).and_then(|node| node.inputs.first().copied()).unwrap_or(name);
+    let tensor = graph.tensors.iter().find(|tensor| tensor.name == source);
+    tensor
+        .filter(|tensor| tensor.data_type == element as i64)
+        .ok_or_else(|| Fault::new(format!("{NBITS} reads {}, which is no stored tensor of {element}", quoted(name))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scale_that_is_not_positive_is_found() {
+        let bytes = |scales: &[f32]| -> Vec<u8> {
+            scales.iter().flat_map(|&scale| f16::from_f32(scale).to_le_bytes()).collect()
+        };
+        assert_eq!(positive(&bytes(&[1.0, 6e-8, 65504.0])), Ok(()));
+        for (scale, text) in
+            [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (0.0, "0"), (-0.0, "-0"), (-1.0, "-1"), (1e-9, "0")]
+        {
+            let cause = positive(&bytes(&[1.0, scale])).unwrap_err();
+            assert_eq!(cause, format!("scale 1 is {text}, a scale is finite and above 0"));
+        }
+        let scales = Scales { tensor: "w.scales".into(), location: "a.bin".into(), offset: 2, length: 4 };
+        assert!(scales.check(&bytes(&[-1.0, 1.0, 1.0, 0.0])).is_ok());
+        let cause = scales.check(&bytes(&[1.0, 1.0, 0.0])).unwrap_err();
+        assert_eq!(cause, "initializer `w.scales`: scale 1 is 0, a scale is finite and above 0");
+    }
+}

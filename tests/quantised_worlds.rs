@@ -1,0 +1,75 @@
+//! The embedded world with weights in 8 and 4 bits: its latents stay near those of the 16-bit weights, from the same past.
+
+use std::sync::Arc;
+
+use cairn::Picture;
+use cairn::bundle::{Bundle, Precision};
+use cairn::world::{OperatingPoint, Rollout, Schedule, World, WorldOptions};
+use test_support::worlds::{bundle, controls, device, point};
+
+const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/worlds");
+/// Latents of the common past, after the seed.
+const PAST: u64 = 4;
+/// The widest interval of the stock schedule, as the only pass of a step.
+const WIDEST: f64 = 0.45;
+
+/// A place in the world, 320 x 180 pixels.
+fn place() -> Picture {
+    let file = std::fs::read(format!("{FOLDER}/place.ppm")).expect("the picture");
+    let pixels = file.strip_prefix(b"P6\n320 180\n255\n").expect("a PPM of that size");
+    Picture::from_rgba(320, 180, pixels.chunks_exact(3).flat_map(|px| [px[0], px[1], px[2], 255]).collect())
+        .expect("a picture")
+}
+
+fn load(bundle: &Arc<Bundle>) -> Arc<World> {
+    let options = WorldOptions { precision: Some(Precision::F32), ..WorldOptions::default() };
+    World::load(&device(), bundle, options).expect("a world")
+}
+
+fn seeded(world: &Arc<World>, point: &OperatingPoint) -> Rollout {
+    let mut rollout = Rollout::new(world, point, 7).expect("a rollout");
+    rollout.append(&place()).expect("a seed");
+    rollout
+}
+
+/// Relative error in the L2 norm.
+fn error(found: &[f32], truth: &[f32]) -> f64 {
+    let square = |v: f32| f64::from(v) * f64::from(v);
+    let apart: f64 = found.iter().zip(truth).map(|(a, b)| square(a - b)).sum();
+    (apart / truth.iter().map(|v| square(*v)).sum::<f64>()).sqrt()
+}
+
+/// The latent of one step by `schedule`, after the same latents of the past.
+fn next_latent(world: &Arc<World>, past: &[Vec<f32>], schedule: &Schedule) -> Vec<f32> {
+    let mut rollout = seeded(world, &OperatingPoint { schedule: schedule.clone(), ..point(world) });
+    for latent in past {
+        rollout.append_latent(latent).expect("a latent");
+    }
+    rollout.step(&controls(PAST)).expect("a step");
+    rollout.latent().expect("a latent").to_vec()
+}
+
+#[test]
+fn small_weights_change_a_latent_little() {
+    let full = load(&Bundle::open(format!("{FOLDER}/miniature.cairn").as_ref()).expect("the embedded world"));
+    let mut rollout = seeded(&full, &point(&full));
+    let mut past = Vec::new();
+    for i in 0..PAST {
+        rollout.step(&controls(i)).expect("a step");
+        past.push(rollout.latent().expect("a latent").to_vec());
+    }
+    // For one pass and for a whole step. The small worlds' own keys and values of the past differ, too.
+    let mut needs = vec![full.memory_need().weights];
+    for (name, bits, bounds) in [("miniature-8bit", 8, [0.01, 0.02]), ("miniature-4bit", 4, [0.2, 0.3])] {
+        let bundle = bundle(name);
+        assert_eq!(bundle.manifest().quantisation.as_ref().map(|q| (q.bits, q.block)), Some((bits, 32)));
+        let small = load(&bundle);
+        for (schedule, bound) in [Schedule::Explicit(vec![WIDEST, 0.0]), Schedule::Stock].into_iter().zip(bounds) {
+            let error = error(&next_latent(&small, &past, &schedule), &next_latent(&full, &past, &schedule));
+            println!("{name}, {schedule:?}: {:.3} %", 100.0 * error);
+            assert!(error > 0.0 && error <= bound, "{name}, {schedule:?}: a relative error of {error:e}");
+        }
+        needs.push(small.memory_need().weights);
+    }
+    assert!(needs.is_sorted_by(|more, less| more > less), "fewer bits need less memory: {needs:?}");
+}
