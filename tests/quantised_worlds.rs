@@ -58,9 +58,9 @@ fn small_weights_change_a_latent_little() {
         rollout.step(&controls(i)).expect("a step");
         past.push(rollout.latent().expect("a latent").to_vec());
     }
-    // For one pass and for a whole step. The small worlds' own keys and values of the past differ, too.
+    // For one pass and for a whole step, after a past whose keys and values differ, too: more than the error of a pass from equal inputs.
     let mut needs = vec![full.memory_need().weights];
-    for (name, bits, bounds) in [("miniature-8bit", 8, [0.01, 0.02]), ("miniature-4bit", 4, [0.2, 0.3])] {
+    for (name, bits, bounds) in [("miniature-8bit", 8, [0.015, 0.02]), ("miniature-4bit", 4, [0.2, 0.3])] {
         let bundle = bundle(name);
         assert_eq!(bundle.manifest().quantisation.as_ref().map(|q| (q.bits, q.block)), Some((bits, 32)));
         let small = load(&bundle);

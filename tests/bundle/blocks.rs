@@ -12,6 +12,9 @@ const MODELS: [&str; 2] = ["transformer.f32.onnx", "transformer.f16.onnx"];
 /// Offset of the scales in the file of weights, and their count.
 const SCALES: (usize, usize) = (512, 16);
 
+/// Name of a case, a change of a model, and a part of the error's text.
+type Case = (&'static str, fn(&mut Model), &'static str);
+
 /// A stored tensor of bytes.
 fn bytes(name: &str, dims: &[i64], offset: u64) -> Tensor {
     let mut tensor = external(name, dims, WEIGHTS, offset);
@@ -62,8 +65,21 @@ fn set(m: &mut Model, i: usize, value: i64) {
     product(m).attributes[i] = int(name, value);
 }
 
-/// A name, a change of a valid model, and a part of the error.
-type Case = (&'static str, fn(&mut Model), &'static str);
+/// Checks that each change is refused with its text, and that the error names the model's file.
+#[track_caller]
+fn check(cases: &[Case]) {
+    for (case, change, part) in cases {
+        let mut toy = with_product(8);
+        change(toy.model(MODELS[0]));
+        let error = refusal(case, Bundle::from_memory(toy.files()));
+        assert_eq!(
+            (error.kind(), error.offending_field()),
+            (ErrorKind::InvalidBundle, Some(MODELS[0])),
+            "{case}: {error}"
+        );
+        assert!(error.to_string().contains(part), "{case}: `{error}` does not say `{part}`");
+    }
+}
 
 #[test]
 fn both_widths_are_read_and_counted() {
@@ -125,17 +141,7 @@ fn an_invalid_product_is_refused() {
         ("sizes that overflow", |m| tensor(m, "numbers").dims = vec![1 << 32, 1 << 32, 32], "initializer `numbers`"),
         ("integers that are computed with", |m| product(m).inputs[0] = "numbers".into(), "MatMulNBits"),
     ];
-    for (case, change, part) in cases {
-        let mut toy = with_product(8);
-        change(toy.model(MODELS[0]));
-        let error = refusal(case, Bundle::from_memory(toy.files()));
-        assert_eq!(
-            (error.kind(), error.offending_field()),
-            (ErrorKind::InvalidBundle, Some(MODELS[0])),
-            "{case}: {error}"
-        );
-        assert!(error.to_string().contains(part), "{case}: `{error}` does not say `{part}`");
-    }
+    check(&cases);
 }
 
 #[test]
@@ -157,17 +163,7 @@ fn operands_that_are_not_stored_are_refused() {
         ("half floats as integers", |m| product(m).inputs[1] = "scales".into(), "no stored tensor of uint8"),
         ("bytes in a sum", |m| m.nodes.push(node("Add", &["numbers", "numbers"], &["sum"], vec![])), "integers"),
     ];
-    for (case, change, part) in cases {
-        let mut toy = with_product(8);
-        change(toy.model(MODELS[0]));
-        let error = refusal(case, Bundle::from_memory(toy.files()));
-        assert_eq!(
-            (error.kind(), error.offending_field()),
-            (ErrorKind::InvalidBundle, Some(MODELS[0])),
-            "{case}: {error}"
-        );
-        assert!(error.to_string().contains(part), "{case}: `{error}` does not say `{part}`");
-    }
+    check(&cases);
 }
 
 #[test]
