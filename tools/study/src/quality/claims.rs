@@ -59,12 +59,16 @@ fn better(table: &Table, group: &str, row: Kind, others: &[Kind], which: &[usize
     for &i in which {
         let Some(own) = own[i] else { continue };
         let of = |(kind, scores): &(Kind, [Option<f64>; 3])| Some((*kind, scores[i]?));
-        let nearest = rivals.iter().filter_map(of).reduce(|a, b| if is_better(i, a.1, b.1) { a } else { b });
+        let digits = if i == 0 { 2 } else { 4 };
+        // Of rivals that are equal in the digits shown the first is named, so that page and table name the same one.
+        let shown = |value: f64| (value * 10_f64.powi(digits)).round();
+        let is_nearer = |a: f64, b: f64| is_better(i, shown(a), shown(b));
+        let nearest = rivals.iter().filter_map(of).reduce(|a, b| if is_nearer(b.1, a.1) { b } else { a });
         let Some((kind, rival)) = nearest else { continue };
-        let wins = is_better(i, own, rival);
+        let wins = rivals.iter().filter_map(of).all(|(_, rival)| is_better(i, own, rival));
         held &= wins;
         let sign = if wins { "" } else { "not " };
-        let digits = if i == 0 { 2 } else { 4 };
+        let digits = digits.unsigned_abs() as usize;
         figures.push(format!("{} {own:.digits$}, {sign}better than {rival:.digits$} of {}", MEASURES[i], kind.name()));
     }
     let lost = lost(table, group, row, others, which);
