@@ -5,7 +5,7 @@ use std::sync::Arc;
 use cairn::Picture;
 use cairn::bundle::{Bundle, Precision};
 use cairn::world::{OperatingPoint, Rollout, Schedule, World, WorldOptions};
-use test_support::worlds::{bundle, controls, device, point};
+use test_support::worlds::{bundle, controls, device, ort, point};
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/worlds");
 /// Latents of the common past, after the seed.
@@ -72,4 +72,13 @@ fn small_weights_change_a_latent_little() {
         needs.push(small.memory_need().weights);
     }
     assert!(needs.is_sorted_by(|more, less| more > less), "fewer bits need less memory: {needs:?}");
+}
+
+/// The library tells that a provider lacks the operator by texts in ONNX Runtime's messages (`src/world/missing_operator.rs`).
+#[test]
+fn onnx_runtime_has_the_texts_of_a_missing_operator() {
+    let file = std::fs::read(ort().path()).expect("ONNX Runtime's file");
+    for text in ["MatMulNBits", "but fallback to CPU EP has been explicitly disabled by the user"] {
+        assert!(file.windows(text.len()).any(|bytes| bytes == text.as_bytes()), "{text}");
+    }
 }

@@ -6,7 +6,7 @@ use crate::Result;
 /// Cost of one run of a graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct GraphCost {
-    /// Multiply-add operations of `MatMul`, `FusedMatMul`, `MatMulNBits` and `Conv`; each counts as two floating-point operations. Other operators are not
+    /// Multiply-add operations of `MatMul`, `FusedMatMul`, `MatMulNBits` and `Conv`; each is two floating-point operations. Other operators are not
     /// counted.
     ///
     /// ```text

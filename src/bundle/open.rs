@@ -43,7 +43,10 @@ pub(super) fn load(mut container: Container, options: &OpenOptions<'_>) -> Resul
         let bytes = reader.read(entry)?;
         let context = onnx::ModelContext { manifest: &manifest, kind, precision };
         let onnx::ExternalData { external, scales: found } = onnx::check(&bytes, context)?;
-        scales.push((context, external.clone(), found));
+        for found in found {
+            let file = external.iter().find(|(location, _)| *location == found.location);
+            scales.push((context, file.map(|(_, file)| file.clone()).unwrap_or_default(), found));
+        }
         models.push(Model { kind, precision, path: path.to_owned(), external });
         files.insert(path.to_owned(), bytes);
     }
@@ -52,14 +55,10 @@ pub(super) fn load(mut container: Container, options: &OpenOptions<'_>) -> Resul
             files.insert(entry.path.clone(), reader.read(entry)?);
         }
     }
-    for (context, external, scales) in &scales {
-        for scales in scales {
-            let file = external.iter().find(|(location, _)| *location == scales.location);
-            let bytes = file.and_then(|(_, file)| files.get(file)).map_or(&[][..], AsRef::as_ref);
-            scales.check(bytes).map_err(|cause| context.invalid(cause))?;
-        }
+    for (context, file, scales) in scales {
+        let bytes = files.get(&file).map_or(&[][..], AsRef::as_ref);
+        scales.check(bytes).map_err(|cause| context.invalid(cause))?;
     }
-    drop(scales);
     Ok(Bundle { manifest, digest, files, models })
 }
 

@@ -1,4 +1,4 @@
-"""Bundles with weights in 8 and 4 bits: how numbers are rounded, what a pass changes by, and what is refused."""
+"""Bundles with weights in 8 and 4 bits: rounding, the error of a pass, and invalid options."""
 
 import json
 

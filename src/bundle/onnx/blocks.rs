@@ -22,10 +22,10 @@ impl Scales {
     /// # Errors
     /// The cause, with the tensor's name.
     pub(in crate::bundle) fn check(&self, file: &[u8]) -> Result<(), String> {
-        let range =
-            usize::try_from(self.offset).ok().zip(usize::try_from(self.offset.saturating_add(self.length)).ok());
-        let bytes = range.and_then(|(start, end)| file.get(start..end)).unwrap_or_default();
-        positive(bytes).map_err(|cause| format!("initializer {}: {cause}", quoted(&self.tensor)))
+        let end = self.offset.checked_add(self.length).and_then(|end| usize::try_from(end).ok());
+        let bytes = usize::try_from(self.offset).ok().zip(end).and_then(|(start, end)| file.get(start..end));
+        let checked = bytes.map_or_else(|| Err("its scales are outside the file".to_owned()), positive);
+        checked.map_err(|cause| format!("initializer {}: {cause}", quoted(&self.tensor)))
     }
 }
 
@@ -114,5 +114,7 @@ mod tests {
         assert!(scales.check(&bytes(&[-1.0, 1.0, 1.0, 0.0])).is_ok());
         let cause = scales.check(&bytes(&[1.0, 1.0, 0.0])).unwrap_err();
         assert_eq!(cause, "initializer `w.scales`: scale 1 is 0, a scale is finite and above 0");
+        let cause = scales.check(&bytes(&[1.0, 1.0])).unwrap_err();
+        assert_eq!(cause, "initializer `w.scales`: its scales are outside the file");
     }
 }

@@ -59,16 +59,15 @@ fn better(table: &Table, group: &str, row: Kind, others: &[Kind], which: &[usize
     for &i in which {
         let Some(own) = own[i] else { continue };
         let of = |(kind, scores): &(Kind, [Option<f64>; 3])| Some((*kind, scores[i]?));
-        let digits = if i == 0 { 2 } else { 4 };
+        let (digits, unit) = if i == 0 { (2, 0.01) } else { (4, 0.0001) };
         // Of rivals that are equal in the digits shown the first is named, so that page and table name the same one.
-        let shown = |value: f64| (value * 10_f64.powi(digits)).round();
+        let shown = |value: f64| (value / unit).round();
         let is_nearer = |a: f64, b: f64| is_better(i, shown(a), shown(b));
         let nearest = rivals.iter().filter_map(of).reduce(|a, b| if is_nearer(b.1, a.1) { b } else { a });
         let Some((kind, rival)) = nearest else { continue };
         let wins = rivals.iter().filter_map(of).all(|(_, rival)| is_better(i, own, rival));
         held &= wins;
         let sign = if wins { "" } else { "not " };
-        let digits = digits.unsigned_abs() as usize;
         figures.push(format!("{} {own:.digits$}, {sign}better than {rival:.digits$} of {}", MEASURES[i], kind.name()));
     }
     let lost = lost(table, group, row, others, which);
@@ -159,6 +158,22 @@ mod tests {
         assert!(claims[0].starts_with("held") && claims[0].ends_with("; lost on snow-6 (PSNR, SSIM)"), "{claims:?}");
         assert!(claims[1].starts_with("held    bunny-bird: cairn-flow beats blend"), "{claims:?}");
         assert!(claims[2].starts_with("MISSED  bunny-brook: cairn-flow beats blend"), "{claims:?}");
+    }
+
+    #[test]
+    fn of_rivals_that_are_equal_as_shown_the_first_is_named() {
+        let of = |blend: f64, flowfps: f64| {
+            let table = Table::new(&[
+                record("snow-5", Kind::Blend, blend, None),
+                record("snow-5", Kind::FlowFps, flowfps, None),
+                record("snow-5", Kind::Flow, 40.0, None),
+            ]);
+            judge(&table).swap_remove(0)
+        };
+        assert!(of(30.001, 30.002).figures.contains("better than 30.00 of blend"));
+        assert!(of(30.001, 30.02).figures.contains("better than 30.02 of flowfps"));
+        // The verdict is of exact values.
+        assert!(!of(39.0, 40.001).held && of(39.0, 39.999).held);
     }
 
     #[test]
