@@ -33,7 +33,7 @@ use crate::runtime::execution_context::{
 };
 use crate::runtime::failure::{make, ort_failure};
 use crate::runtime::graph::{ElementType, TensorSpec};
-use crate::{Error, Result};
+use crate::Result;
 
 /// The shader that checks whether all values of a buffer are finite.
 const FINITE: &[u8] = include_bytes!("../../gpu/shaders/compiled/finite.dxbc");
@@ -241,7 +241,8 @@ impl DirectMlContext {
         drop(run_lock);
         self.in_onnxruntime += start.elapsed();
         // SAFETY: the status is what the call above returned, used once.
-        unsafe { ort::Error::result_from_status(status) }.map_err(|e| self.or_removed(ort_failure("run a graph", &e)))
+        unsafe { ort::Error::result_from_status(status) }
+            .map_err(|e| self.gpu.or_removed(ort_failure("run a graph", &e)))
     }
 
     /// Fills a buffer with zeroes, including the padding of its last 32-bit word, which shaders read.
@@ -293,11 +294,6 @@ impl DirectMlContext {
         self.waited.fetch_add(nanoseconds, Ordering::Relaxed);
         reached
     }
-
-    /// The error for a removed device if the device is removed, else `error`.
-    fn or_removed(&self, error: Error) -> Error {
-        self.gpu.removed().unwrap_or(error)
-    }
 }
 
 impl ExecutionContext for DirectMlContext {
@@ -323,18 +319,18 @@ impl ExecutionContext for DirectMlContext {
         }
         assert_eq!(tensors.len(), graph.tensors().len(), "one buffer for each input and output");
         let binding = make("bind a tensor", || graph.session().create_binding());
-        let mut binding = binding.map_err(|e| self.or_removed(e))?;
+        let mut binding = binding.map_err(|e| self.gpu.or_removed(e))?;
         for (i, ((name, spec), buffer)) in graph.tensors().iter().zip(tensors).enumerate() {
             let memory = &self.buffers[buffer.0];
             assert_eq!(memory.bytes, spec.bytes(), "{}: the buffer fits the tensor", spec.name);
             let input = i < graph.input_count();
             assert!(input || tensors.iter().filter(|b| *b == buffer).count() == 1, "{}: written alone", spec.name);
             make("bind a tensor", || bind_one(&mut binding, name, input, spec, &memory.allocation))
-                .map_err(|e| self.or_removed(e))?;
+                .map_err(|e| self.gpu.or_removed(e))?;
         }
         for (name, spec, memory) in graph.directml().weights().inputs() {
             make("bind a weight", || bind_one(&mut binding, name, true, spec, &memory.allocation))
-                .map_err(|e| self.or_removed(e))?;
+                .map_err(|e| self.gpu.or_removed(e))?;
         }
         let same = self.bindings.iter().find(|bound| Arc::ptr_eq(&bound.graph, graph));
         let kind = same.map(|bound| bound.kind).unwrap_or_else(|| self.recorder.get_mut().kind());

@@ -37,6 +37,8 @@ struct Host<'a, 'b> {
     frames: i32,
     /// Frames that were prepared and presented.
     prepared: u64,
+    /// Whether the device was removed.
+    is_lost: bool,
 }
 
 /// The host's device, swap chain and frames.
@@ -62,7 +64,7 @@ fn present(trial: &mut Trial<'_>, calls: &FailingCalls) {
         unsafe { cairn_swapchain_create_for_window(device, &options, raw, window.0.0, desc, null(), place) }
     };
     if trial.call("a swap chain", create) {
-        let mut host = Host { trial, swapchain, gpu, frames: 0, prepared: 0 };
+        let mut host = Host { trial, swapchain, gpu, frames: 0, prepared: 0, is_lost: false };
         host.run();
         // SAFETY: a live handle, destroyed once.
         trial.end("the swap chain's end", || unsafe { cairn_swapchain_destroy(swapchain) });
@@ -100,12 +102,22 @@ impl Host<'_, '_> {
             dxgi.ResizeBuffers(3, RESIZED.width, RESIZED.height, DXGI_FORMAT_UNKNOWN, DXGI_SWAP_CHAIN_FLAG(0))
         });
         drop(dxgi);
-        resized.expect("it is resized");
+        if self.is_removed(resized.is_ok()) {
+            return;
+        }
         // SAFETY: as above.
         self.trial.call("the new size", || unsafe { cairn_swapchain_fit(swapchain) });
         let textures = panning(&self.gpu, RESIZED);
         (0..2).for_each(|_| self.frame(&textures, RESIZED));
         self.statistics();
+    }
+
+    /// Whether this call or an earlier one failed, as only a removed device's may: frames are then neither presented nor counted.
+    fn is_removed(&mut self, succeeded: bool) -> bool {
+        let is_removal = matches!(self.trial.failure, Some(Failure::Removal(_)));
+        assert!(succeeded || is_removal, "with {:?}", self.trial.failure);
+        self.is_lost |= !succeeded;
+        self.is_lost
     }
 
     /// The DXGI swap chain, with a new reference.
@@ -130,21 +142,30 @@ impl Host<'_, '_> {
         (frame.motion, frame.motion_state) = (motion.resource.as_raw().cast(), motion.state.0.cast_unsigned());
         (frame.render_width, frame.render_height) = (size.width, size.height);
         frame.frame_time_ms = 1000.0 / 15.0;
-        let swapchain = self.swapchain;
+        let (swapchain, mut is_prepared) = (self.swapchain, false);
         run_list(&self.gpu, |list| {
             // SAFETY: a live handle, an open list, and textures that live.
             let prepare = || unsafe { cairn_swapchain_prepare(swapchain, list.as_raw().cast(), &frame) };
-            assert!(self.trial.call("a frame", prepare));
+            is_prepared = self.trial.call("a frame", prepare);
             copy(list, &textures.color, &TestResource { resource: buffer.clone(), state: PRESENT });
         });
+        if self.is_removed(is_prepared) {
+            return;
+        }
         // SAFETY: a live swap chain, whose lists have run.
-        self.trial.attempt(|| unsafe { dxgi.Present(0, DXGI_PRESENT(0)) }).ok().expect("presented");
+        let presented = self.trial.attempt(|| unsafe { dxgi.Present(0, DXGI_PRESENT(0)) });
+        if self.is_removed(presented.is_ok()) {
+            return;
+        }
         self.frames += 1;
         self.prepared += 1;
     }
 
     /// Every frame was generated, or a failure is reported.
     fn statistics(&mut self) {
+        if self.is_lost {
+            return;
+        }
         let mut done: cairn_swapchain_statistics =
             with_struct_size(|s: &mut cairn_swapchain_statistics| &mut s.struct_size);
         let (swapchain, place) = (self.swapchain, &raw mut done);
@@ -172,9 +193,10 @@ const FAILED_ENDS: [&str; 4] = [
     "its generator is still there",
 ];
 
-fn fail(failure: fn(u64) -> Failure) {
+fn fail(failure: fn(u64) -> Failure, count: u64) {
     let calls = FailingCalls::of_process();
-    fail_each(Source::Amd(calls), Reach::Host, failure, 2, |trial| present(trial, calls));
+    let source = if matches!(failure(1), Failure::Removal(_)) { Source::Direct3d } else { Source::Amd(calls) };
+    fail_each(source, Reach::Host, failure, count, |trial| present(trial, calls));
     if !calls.is_amds {
         let mut violations = calls.folder.violations();
         violations.retain(|line| !FAILED_ENDS.iter().any(|end| line.contains(end)));
@@ -184,10 +206,15 @@ fn fail(failure: fn(u64) -> Failure) {
 
 #[test]
 fn each_call_of_its_functions_may_fail_once() {
-    fail(Failure::Once);
+    fail(Failure::Once, 2);
 }
 
 #[test]
 fn its_functions_may_fail_for_ever_from_each_call_on() {
-    fail(Failure::ForEver);
+    fail(Failure::ForEver, 2);
+}
+
+#[test]
+fn the_device_may_be_removed_at_each_call_to_direct3d() {
+    fail(Failure::Removal, 4);
 }
