@@ -13,8 +13,8 @@ use crate::gpu::{FencePoint, Gpu, writable_texture};
 use crate::guidance::Projection;
 use crate::{Error, ErrorKind, Result};
 
-/// Descriptors of a list that composites the overlay.
-const DESCRIPTORS: u32 = 3;
+/// Descriptors of a list that completes a frame.
+const DESCRIPTORS: u32 = 4;
 /// Side of a thread group, in threads.
 const GROUP: u32 = 8;
 /// Largest far plane that is passed to the provider, in multiples of the near plane: effectively infinite for single-precision depth.
@@ -32,10 +32,12 @@ pub struct FsrGenerator {
     /// Size of motion and depth.
     guidance_size: (u32, u32),
     densifier: Densifier,
-    overlay: OverlayCompositor,
-    /// The generated frame.
+    finisher: FrameFinisher,
+    /// The provider's frame.
     output: ID3D12Resource,
-    /// The later anchor of the last pair, whose frame is in `output`, and the fence point of that frame.
+    /// The frame with the anchor's alpha and static overlay.
+    finished: ID3D12Resource,
+    /// The later anchor of the last pair, whose frame is in `finished`, and the fence point of that frame.
     last: Option<(AnchorId, FencePoint)>,
 }
 
@@ -67,14 +69,16 @@ impl FsrGenerator {
                 .remedy(format!("Use pictures of at least {shortest} x {shortest} pixels, or another generator")));
         }
         let (frames, guidance) = (dimensions(size), dimensions(guidance_size));
+        let texture = || writable_texture(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_COMMON);
         let options = TextureOptions { choice, ..TextureOptions::new(frames, guidance, SurfaceFormat::R8G8B8A8_UNORM) };
         Ok(Self {
             generator: TextureGenerator::new(gpu, api, &options)?,
             size,
             guidance_size,
             densifier: Densifier::new(gpu, guidance_size)?,
-            overlay: OverlayCompositor::new(gpu, size)?,
-            output: writable_texture(gpu, size, DXGI_FORMAT_R8G8B8A8_UNORM, D3D12_RESOURCE_STATE_COMMON)?,
+            finisher: FrameFinisher::new(gpu, size)?,
+            output: texture()?,
+            finished: texture()?,
             last: None,
         })
     }
@@ -85,7 +89,7 @@ impl FsrGenerator {
     }
 
     /// Generates the frame half way between the anchors of a pair, whose motion and depth have the size given to [`new`](Self::new). Returns the
-    /// frame, RGBA8 and in the state COMMON, and the fence point of its completion; the frame is valid until the next call.
+    /// frame, RGBA8 with the later anchor's alpha and in the state COMMON, and the fence point of its completion; the frame is valid until the next call.
     ///
     /// # Errors
     /// As of [`TextureGenerator::generate`]. The next frame then resets the history.
@@ -96,7 +100,7 @@ impl FsrGenerator {
     ) -> Result<(ID3D12Resource, FencePoint)> {
         let last = self.last.take();
         if let Some((anchor, fence_point)) = last.as_ref().filter(|(anchor, _)| *anchor == pair_params.anchor) {
-            let made = (self.output.clone(), fence_point.clone());
+            let made = (self.finished.clone(), fence_point.clone());
             self.last = Some((*anchor, fence_point.clone()));
             return Ok(made);
         }
@@ -119,13 +123,12 @@ impl FsrGenerator {
         if !follows {
             self.generator.generate(&pictures(pair.previous), &params(true))?;
         }
-        let mut fence_point = self.generator.generate(&pictures(pair.current), &params(false))?;
-        if let Some(hud) = &pair.guidance.hud {
-            let output = ResourceWithState { resource: &self.output, state: D3D12_RESOURCE_STATE_COMMON };
-            fence_point = self.overlay.composite(&pair.current, hud, &output)?;
-        }
+        self.generator.generate(&pictures(pair.current), &params(false))?;
+        let in_common = |resource| ResourceWithState { resource, state: D3D12_RESOURCE_STATE_COMMON };
+        let [generated, finished] = [&self.output, &self.finished].map(in_common);
+        let fence_point = self.finisher.finish(&generated, &pair.current, pair.guidance.hud.as_ref(), &finished)?;
         self.last = Some((pair_params.anchor, fence_point.clone()));
-        Ok((self.output.clone(), fence_point))
+        Ok((self.finished.clone(), fence_point))
     }
 }
 
@@ -135,41 +138,49 @@ impl std::fmt::Debug for FsrGenerator {
     }
 }
 
-/// Composites the static overlay onto frames, in lists of its own.
-struct OverlayCompositor {
+/// Writes the alpha and the static overlay of anchors into frames, in lists of its own.
+struct FrameFinisher {
     gpu: Gpu,
     size: (u32, u32),
     kernel: Kernel,
     ring: CommandRing,
 }
 
-impl OverlayCompositor {
+impl FrameFinisher {
     fn new(gpu: &Gpu, size: (u32, u32)) -> Result<Self> {
-        let code = include_bytes!("../gpu/shaders/compiled/fsr_overlay.dxbc");
+        let code = include_bytes!("../gpu/shaders/compiled/fsr_finish.dxbc");
         Ok(Self {
             gpu: gpu.clone(),
             size,
-            kernel: Kernel::new(gpu, code, Shape { constants: 2, inputs: 2, outputs: 1 })?,
+            kernel: Kernel::new(gpu, code, Shape { constants: 3, inputs: 3, outputs: 1 })?,
             ring: CommandRing::new(gpu, gpu.frames(), DESCRIPTORS)?,
         })
     }
 
-    /// Copies the pixels of `anchor` where `mask` is not 0 to `frame`; returns the fence point of its completion.
-    fn composite(
+    /// Writes `generated` to `finished`, with the alpha of `anchor` and its pixels where `mask` is not 0; returns the fence point of its completion.
+    fn finish(
         &mut self,
+        generated: &ResourceWithState<'_>,
         anchor: &ResourceWithState<'_>,
-        mask: &ResourceWithState<'_>,
-        frame: &ResourceWithState<'_>,
+        mask: Option<&ResourceWithState<'_>>,
+        finished: &ResourceWithState<'_>,
     ) -> Result<FencePoint> {
         let groups = [self.size.0.div_ceil(GROUP), self.size.1.div_ceil(GROUP), 1];
-        let inputs = [View::Texture(*anchor, DXGI_FORMAT_R8G8B8A8_UNORM), View::Texture(*mask, DXGI_FORMAT_R8_UNORM)];
-        let output = View::Texture(*frame, DXGI_FORMAT_R8G8B8A8_UNORM);
+        // Without a mask the shader does not read it, and any texture is bound.
+        let mask_view = mask.map_or_else(|| picture(anchor), |mask| View::Texture(*mask, DXGI_FORMAT_R8_UNORM));
+        let inputs = [picture(generated), picture(anchor), mask_view];
+        let constants = [self.size.0, self.size.1, u32::from(mask.is_some())];
         let mut list = self.ring.begin()?;
-        list.begin_event(c"Cairn: static overlay of a generated frame");
-        list.run(&self.kernel, &[self.size.0, self.size.1], &inputs, &[output], groups)?;
+        list.begin_event(c"Cairn: alpha and static overlay of a generated frame");
+        list.run(&self.kernel, &constants, &inputs, &[picture(finished)], groups)?;
         list.end_event();
         list.submit(self.gpu.frames())
     }
+}
+
+/// A view of an RGBA8 picture.
+fn picture<'a>(texture: &ResourceWithState<'a>) -> View<'a> {
+    View::Texture(*texture, DXGI_FORMAT_R8G8B8A8_UNORM)
 }
 
 /// A camera at the origin that looks ahead: the true pose is unknown, and the motion texture contains all motion.

@@ -545,7 +545,7 @@ fn a_removed_device_is_reported_and_nothing_hangs() {
             assert_eq!(gone.kind(), ErrorKind::DeviceRemoved, "{gone}");
         }
         drop(generator);
-        assert_eq!(double.violations(), ["destroy: 1 frames are under way"], "one was recorded, and never runs");
+        assert_eq!(double.violations(), [""; 0], "a frame that was recorded and never runs is not waited for");
     });
 }
 

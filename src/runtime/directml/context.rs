@@ -21,6 +21,7 @@ use super::recorder::Recorder;
 use super::reusable_list::ReusableList;
 use super::snapshot::Snapshot;
 use super::submission_throttle::SubmissionThrottle;
+use crate::Result;
 use crate::bundle::Precision;
 use crate::gpu::compute::{CommandRing, ResourceWithState};
 use crate::gpu::{
@@ -33,7 +34,6 @@ use crate::runtime::execution_context::{
 };
 use crate::runtime::failure::{make, ort_failure};
 use crate::runtime::graph::{ElementType, TensorSpec};
-use crate::Result;
 
 /// The shader that checks whether all values of a buffer are finite.
 const FINITE: &[u8] = include_bytes!("../../gpu/shaders/compiled/finite.dxbc");

@@ -170,5 +170,6 @@ void main(uint3 id : SV_DispatchThreadID)
             made = shown;
         }
     }
-    Output[id.xy] = float4(made, 1);
+    // As AMD's library, provider 3.1.5: alpha is no alpha.
+    Output[id.xy] = float4(made, made.r);
 }

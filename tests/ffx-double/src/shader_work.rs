@@ -143,15 +143,14 @@ impl ShaderWork {
 
     /// Number of recorded frames that have not run and still may: none once the device is removed.
     pub(crate) fn in_flight(&self) -> u64 {
-        // SAFETY: a live device.
-        if unsafe { self.device.GetDeviceRemovedReason() }.is_err() {
-            return 0;
-        }
         let mut completed_numbers = 0;
         self.with_mapping(&self.completed_numbers, |numbers| {
             completed_numbers = numbers.iter().copied().max().unwrap_or(0)
         });
-        self.recorded - completed_numbers
+        // Asked last, since the mapping fails too if the device is removed meanwhile.
+        // SAFETY: a live device.
+        let is_removed = unsafe { self.device.GetDeviceRemovedReason() }.is_err();
+        if is_removed { 0 } else { self.recorded - completed_numbers }
     }
 
     /// Records a frame. Every texture returns to its stated state. Writes the size of motion into `constants`.

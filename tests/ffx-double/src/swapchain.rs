@@ -165,7 +165,10 @@ pub(crate) unsafe fn make(
             Some((SwapchainContext { swapchain, proxy: Some(proxy) }, for_host))
         }
         Err(e) => {
-            faults.push(format!("the swap chain cannot be made: {e}"));
+            // The host can do nothing about a removed device.
+            if e.code() != DXGI_ERROR_DEVICE_REMOVED {
+                faults.push(format!("the swap chain cannot be made: {e}"));
+            }
             None
         }
     }

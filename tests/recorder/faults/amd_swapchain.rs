@@ -106,7 +106,10 @@ impl Host<'_, '_> {
             return;
         }
         // SAFETY: as above.
-        self.trial.call("the new size", || unsafe { cairn_swapchain_fit(swapchain) });
+        let is_fitted = self.trial.call("the new size", || unsafe { cairn_swapchain_fit(swapchain) });
+        if self.is_removed(is_fitted) {
+            return;
+        }
         let textures = panning(&self.gpu, RESIZED);
         (0..2).for_each(|_| self.frame(&textures, RESIZED));
         self.statistics();

@@ -87,7 +87,7 @@ fn ensure(is_right: bool, what: impl std::fmt::Debug) -> Tested {
 
 fn the_help_teaches() -> Tested {
     let help = String::from_utf8(program(&["--help"]).stdout).expect("text");
-    for word in ["report.html", "status 0", "--only", "--quick", "--adapter", "compare"] {
+    for word in ["report.html", "exit status is 0", "--only", "--quick", "--adapter", "compare"] {
         ensure(help.contains(word), word)?;
     }
     ensure(!help.contains("run-one"), "hidden commands are not in the help")
