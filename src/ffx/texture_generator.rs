@@ -50,7 +50,7 @@ pub struct GenerationTextures<'a> {
     /// The frame at display size, in the format that the generator was created for.
     pub color: ResourceWithState<'a>,
     /// Receives the generated frame, of the same size and format. If shaders may not write it, as with a swap chain's buffers, the
-    /// frame is generated into a texture of the generator's and copied.
+    /// frame is generated into a texture of the generator's and copied. AMD's provider 3.1.5 writes the value of red into its alpha.
     pub output: ResourceWithState<'a>,
     /// Device depth at render size.
     pub depth: ResourceWithState<'a>,
