@@ -10,7 +10,7 @@ use super::bindings::{
     Configure, CreateContext, DestroyContext, Dispatch, EffectId, Query, RawContext, ReturnCode, StructId,
 };
 use super::diagnosis::Diagnosis;
-use super::{Chain, FfxStruct, message};
+use super::{Chain, FfxStruct, exception, message};
 use crate::{Error, ErrorKind, Result};
 
 /// The functions of one library.
@@ -61,9 +61,9 @@ impl Api {
     /// The chain's pointers are valid, as its fields describe, as long as the context lives.
     pub(super) unsafe fn create<Head: FfxStruct>(&self, chain: &mut Chain<Head>) -> Result<RawContext, Failure> {
         let mut context = null_mut();
-        let head = chain.as_ptr();
+        let (place, head) = (&raw mut context, chain.as_ptr());
         // SAFETY: a linked chain; its pointers are as the caller promises.
-        let code = call_library(|| unsafe { (self.create)(&mut context, head, null()) });
+        let code = call_library(|| unsafe { (self.create)(place, head, null()) });
         check_chain_call("ffxCreateContext", code, chain)?;
         if context.is_null() {
             let messages = "it says that it succeeded, and gave no context".to_owned();
@@ -84,8 +84,9 @@ impl Api {
     /// # Safety
     /// A context of this library that the device no longer uses, and that is not used again.
     pub(super) unsafe fn destroy(&self, mut context: RawContext) -> Result<(), Failure> {
+        let place = &raw mut context;
         // SAFETY: as the caller promises.
-        let code = call_library(|| unsafe { (self.destroy)(&mut context, null()) });
+        let code = call_library(|| unsafe { (self.destroy)(place, null()) });
         check_call("ffxDestroyContext", code, || (String::new(), Diagnosis::OF_DESTROY))
     }
 
@@ -128,9 +129,9 @@ impl Api {
         mut context: RawContext,
         chain: &mut Chain<Head>,
     ) -> Result<(), Failure> {
-        let head = chain.as_ptr();
+        let (place, head) = (&raw mut context, chain.as_ptr());
         // SAFETY: as the caller promises.
-        let code = call_library(|| unsafe { (self.dispatch)(&mut context, head) });
+        let code = call_library(|| unsafe { (self.dispatch)(place, head) });
         check_chain_call("ffxDispatch", code, chain)
     }
 }
@@ -142,8 +143,9 @@ impl Api {
     /// # Safety
     /// A live context of this library; the library has just passed the struct to a callback for dispatch.
     pub(super) unsafe fn forward(&self, mut context: RawContext, head: *const Header) -> ReturnCode {
+        let place = &raw mut context;
         // SAFETY: as the caller promises.
-        call_library(|| unsafe { (self.dispatch)(&mut context, head) })
+        call_library(|| unsafe { (self.dispatch)(place, head) })
     }
 }
 
@@ -152,10 +154,14 @@ fn or_null(context: &mut RawContext) -> *mut RawContext {
     if context.is_null() { null_mut() } else { context }
 }
 
-/// Makes a call, after clearing the messages recorded on this thread.
-fn call_library(call: impl FnOnce() -> ReturnCode) -> ReturnCode {
+/// Makes a call, after clearing the messages recorded on this thread. AMD's libraries throw C++ exceptions where Direct3D fails, for example since
+/// the device is removed: that is `RUNTIME_ERROR`, with a message.
+fn call_library(call: impl Fn() -> ReturnCode + Copy) -> ReturnCode {
     message::clear();
-    call()
+    exception::catch(call).unwrap_or_else(|| {
+        message::record(log::Level::Error, "the call threw a C++ exception");
+        ReturnCode::RUNTIME_ERROR
+    })
 }
 
 fn check_chain_call<Head: FfxStruct>(call: &'static str, code: ReturnCode, chain: &Chain<Head>) -> Result<(), Failure> {

@@ -60,7 +60,11 @@ unsafe fn read(call: &'static str, mut at: *const Header) -> ReturnCode {
     code
 }
 
-unsafe extern "C" fn create(context: *mut RawContext, head: *mut Header, _: *const AllocationCallbacks) -> ReturnCode {
+unsafe extern "C-unwind" fn create(
+    context: *mut RawContext,
+    head: *mut Header,
+    _: *const AllocationCallbacks,
+) -> ReturnCode {
     // SAFETY: a linked chain.
     let code = unsafe { read("create", head) };
     let mut at: *const Header = head;
@@ -81,12 +85,12 @@ unsafe extern "C" fn create(context: *mut RawContext, head: *mut Header, _: *con
     code
 }
 
-unsafe extern "C" fn destroy(_: *mut RawContext, _: *const AllocationCallbacks) -> ReturnCode {
+unsafe extern "C-unwind" fn destroy(_: *mut RawContext, _: *const AllocationCallbacks) -> ReturnCode {
     // SAFETY: no chain.
     unsafe { read("destroy", null_mut()) }
 }
 
-unsafe extern "C" fn configure(_: *mut RawContext, head: *const Header) -> ReturnCode {
+unsafe extern "C-unwind" fn configure(_: *mut RawContext, head: *const Header) -> ReturnCode {
     // SAFETY: a linked chain.
     let code = unsafe { read("configure", head) };
     // SAFETY: the id tells the struct's type.
@@ -103,7 +107,7 @@ unsafe extern "C" fn configure(_: *mut RawContext, head: *const Header) -> Retur
     code
 }
 
-unsafe extern "C" fn query(_: *mut RawContext, head: *mut Header) -> ReturnCode {
+unsafe extern "C-unwind" fn query(_: *mut RawContext, head: *mut Header) -> ReturnCode {
     // SAFETY: a linked chain.
     let code = unsafe { read("query", head) };
     // SAFETY: the id tells the struct's type, and its arrays have the stated capacity.
@@ -136,7 +140,7 @@ unsafe extern "C" fn query(_: *mut RawContext, head: *mut Header) -> ReturnCode 
     }
 }
 
-unsafe extern "C" fn dispatch(_: *mut RawContext, head: *const Header) -> ReturnCode {
+unsafe extern "C-unwind" fn dispatch(_: *mut RawContext, head: *const Header) -> ReturnCode {
     // SAFETY: a linked chain.
     unsafe { read("dispatch", head) }
 }

@@ -35,18 +35,20 @@ pub(super) unsafe extern "C" fn receive(kind: u32, text: *const u16) {
     let length = (0..LONGEST).take_while(|&at| unsafe { text.add(at).read() } != 0).count();
     // SAFETY: the units that were read above.
     let text = String::from_utf16_lossy(unsafe { std::slice::from_raw_parts(text, length) });
-    let text = text.trim();
+    let level = if kind == 0 { log::Level::Error } else { log::Level::Warn };
     // A host's logger may panic; the panic must not unwind into the library.
-    _ = catch_unwind(AssertUnwindSafe(|| {
-        let level = if kind == 0 { log::Level::Error } else { log::Level::Warn };
-        log::log!(target: "cairn::ffx", level, "{text}");
-        MESSAGES.with_borrow_mut(|messages| {
-            if messages.len() < LONGEST {
-                messages.push_str(if messages.is_empty() { "" } else { ", " });
-                messages.push_str(text);
-            }
-        });
-    }));
+    _ = catch_unwind(AssertUnwindSafe(|| record(level, text.trim())));
+}
+
+/// Logs a message, and adds it to those of this thread.
+pub(super) fn record(level: log::Level, text: &str) {
+    log::log!(target: "cairn::ffx", level, "{text}");
+    MESSAGES.with_borrow_mut(|messages| {
+        if messages.len() < LONGEST {
+            messages.push_str(if messages.is_empty() { "" } else { ", " });
+            messages.push_str(text);
+        }
+    });
 }
 
 #[cfg(test)]

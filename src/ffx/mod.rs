@@ -8,6 +8,7 @@ pub mod bindings;
 mod chain;
 mod context;
 mod diagnosis;
+mod exception;
 #[cfg(test)]
 mod fake_library;
 mod generator;

@@ -10,15 +10,16 @@ use crate::ffx::Header;
 pub type RawContext = *mut c_void;
 
 /// `ffxCreateContext`.
-pub type CreateContext = unsafe extern "C" fn(*mut RawContext, *mut Header, *const AllocationCallbacks) -> ReturnCode;
+pub type CreateContext =
+    unsafe extern "C-unwind" fn(*mut RawContext, *mut Header, *const AllocationCallbacks) -> ReturnCode;
 /// `ffxDestroyContext`.
-pub type DestroyContext = unsafe extern "C" fn(*mut RawContext, *const AllocationCallbacks) -> ReturnCode;
+pub type DestroyContext = unsafe extern "C-unwind" fn(*mut RawContext, *const AllocationCallbacks) -> ReturnCode;
 /// `ffxConfigure`; the context may be null.
-pub type Configure = unsafe extern "C" fn(*mut RawContext, *const Header) -> ReturnCode;
+pub type Configure = unsafe extern "C-unwind" fn(*mut RawContext, *const Header) -> ReturnCode;
 /// `ffxQuery`; the context may be null.
-pub type Query = unsafe extern "C" fn(*mut RawContext, *mut Header) -> ReturnCode;
+pub type Query = unsafe extern "C-unwind" fn(*mut RawContext, *mut Header) -> ReturnCode;
 /// `ffxDispatch`.
-pub type Dispatch = unsafe extern "C" fn(*mut RawContext, *const Header) -> ReturnCode;
+pub type Dispatch = unsafe extern "C-unwind" fn(*mut RawContext, *const Header) -> ReturnCode;
 
 /// Receives a message: 0 for an error or 1 for a warning, and NUL-terminated UTF-16 text, as on Windows.
 pub type MessageCallback = unsafe extern "C" fn(u32, *const u16);

@@ -5,22 +5,25 @@ use std::ffi::c_void;
 use windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryA};
 use windows::core::{PCSTR, s};
 
+use crate::THREW;
+use crate::exception::catch;
+
 /// An exported function of unknown type.
 type Export = unsafe extern "system" fn() -> isize;
-type Create = unsafe extern "C" fn(*mut *mut c_void, *mut u8, *const c_void) -> u32;
-type Destroy = unsafe extern "C" fn(*mut *mut c_void, *const c_void) -> u32;
-type Query = unsafe extern "C" fn(*mut *mut c_void, *mut u8) -> u32;
+type Create = unsafe extern "C-unwind" fn(*mut *mut c_void, *mut u8, *const c_void) -> u32;
+type Destroy = unsafe extern "C-unwind" fn(*mut *mut c_void, *const c_void) -> u32;
+type Query = unsafe extern "C-unwind" fn(*mut *mut c_void, *mut u8) -> u32;
 /// `ffxConfigure` and `ffxDispatch`.
-type ConstCall = unsafe extern "C" fn(*mut *mut c_void, *const u8) -> u32;
+type ConstCall = unsafe extern "C-unwind" fn(*mut *mut c_void, *const u8) -> u32;
 
 /// The functions of an effect's library.
 #[derive(Clone, Copy)]
 pub(crate) struct EffectLibrary {
-    pub(crate) create: Create,
-    pub(crate) destroy: Destroy,
-    pub(crate) configure: ConstCall,
-    pub(crate) query: Query,
-    pub(crate) dispatch: ConstCall,
+    create: Create,
+    destroy: Destroy,
+    configure: ConstCall,
+    query: Query,
+    dispatch: ConstCall,
 }
 
 impl EffectLibrary {
@@ -46,5 +49,49 @@ impl EffectLibrary {
                 dispatch: std::mem::transmute::<Export, ConstCall>(find(s!("ffxDispatch"))?),
             }
         })
+    }
+    /// `ffxCreateContext`; [`THREW`] if it throws a C++ exception.
+    ///
+    /// # Safety
+    /// As for ffx-api's function.
+    pub(crate) unsafe fn create(&self, context: *mut *mut c_void, head: *mut u8, callbacks: *const c_void) -> u32 {
+        // SAFETY: the caller's promise.
+        catch(|| unsafe { (self.create)(context, head, callbacks) }).unwrap_or(THREW)
+    }
+
+    /// `ffxDestroyContext`; [`THREW`] if it throws a C++ exception.
+    ///
+    /// # Safety
+    /// As for ffx-api's function.
+    pub(crate) unsafe fn destroy(&self, context: *mut *mut c_void, callbacks: *const c_void) -> u32 {
+        // SAFETY: the caller's promise.
+        catch(|| unsafe { (self.destroy)(context, callbacks) }).unwrap_or(THREW)
+    }
+
+    /// `ffxConfigure`; [`THREW`] if it throws a C++ exception.
+    ///
+    /// # Safety
+    /// As for ffx-api's function.
+    pub(crate) unsafe fn configure(&self, context: *mut *mut c_void, head: *const u8) -> u32 {
+        // SAFETY: the caller's promise.
+        catch(|| unsafe { (self.configure)(context, head) }).unwrap_or(THREW)
+    }
+
+    /// `ffxQuery`; [`THREW`] if it throws a C++ exception.
+    ///
+    /// # Safety
+    /// As for ffx-api's function.
+    pub(crate) unsafe fn query(&self, context: *mut *mut c_void, head: *mut u8) -> u32 {
+        // SAFETY: the caller's promise.
+        catch(|| unsafe { (self.query)(context, head) }).unwrap_or(THREW)
+    }
+
+    /// `ffxDispatch`; [`THREW`] if it throws a C++ exception.
+    ///
+    /// # Safety
+    /// As for ffx-api's function.
+    pub(crate) unsafe fn dispatch(&self, context: *mut *mut c_void, head: *const u8) -> u32 {
+        // SAFETY: the caller's promise.
+        catch(|| unsafe { (self.dispatch)(context, head) }).unwrap_or(THREW)
     }
 }

@@ -1,9 +1,11 @@
 //! Calls that fail on purpose, before they reach the library.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+
+use windows::Win32::System::Diagnostics::Debug::RaiseException;
 
 use crate::library::Library;
-use crate::{MEMORY, RUNTIME};
+use crate::{MEMORY, RUNTIME, THREW};
 
 /// Whether calls are counted, and fail when it is their turn.
 static IS_ARMED: AtomicBool = AtomicBool::new(false);
@@ -11,8 +13,14 @@ static IS_ARMED: AtomicBool = AtomicBool::new(false);
 static COUNT: AtomicU64 = AtomicU64::new(0);
 /// Number of the call that fails, from 1; 0 for none.
 static FAILING: AtomicU64 = AtomicU64::new(0);
-/// Whether all later calls fail too.
-static IS_FOR_EVER: AtomicBool = AtomicBool::new(false);
+/// How it fails: one of the numbers below.
+static MANNER: AtomicU32 = AtomicU32::new(ONCE);
+/// For lack of memory.
+const ONCE: u32 = 0;
+/// With all later ones.
+const FOR_EVER: u32 = 1;
+/// By a C++ exception, as AMD's libraries fail where Direct3D does.
+const THROWING: u32 = 2;
 /// Calls of `ffxDestroyContext` that failed.
 static FAILED_DESTROYS: AtomicU64 = AtomicU64::new(0);
 
@@ -22,23 +30,37 @@ pub(crate) fn injected(call: &str) -> Option<u32> {
         return None;
     }
     let (number, failing) = (COUNT.fetch_add(1, Ordering::SeqCst) + 1, FAILING.load(Ordering::SeqCst));
-    let is_for_ever = IS_FOR_EVER.load(Ordering::SeqCst);
-    if failing == 0 || number < failing || (number > failing && !is_for_ever) {
+    let manner = MANNER.load(Ordering::SeqCst);
+    if failing == 0 || number < failing || (number > failing && manner != FOR_EVER) {
         return None;
     }
     if call == "destroy" {
         FAILED_DESTROYS.fetch_add(1, Ordering::SeqCst);
     }
-    Some(if is_for_ever { RUNTIME } else { MEMORY })
+    Some(match manner {
+        FOR_EVER => RUNTIME,
+        THROWING => THREW,
+        _ => MEMORY,
+    })
 }
 
-/// While armed, makes call number `call`, from 1 on, fail: once for lack of memory, or with all later ones. 0 for no call. Calls are counted
-/// anew.
+/// Throws a C++ exception as Microsoft's compilers do.
+pub(crate) fn throw() {
+    /// Its code, flag, and first argument (Microsoft, `ehdata.h`).
+    const CPP_EXCEPTION: u32 = 0xE06D_7363;
+    const NONCONTINUABLE: u32 = 1;
+    const MAGIC: usize = 0x1993_0520;
+    // SAFETY: four numbers; no handler reads an object through them.
+    unsafe { RaiseException(CPP_EXCEPTION, NONCONTINUABLE, Some(&[MAGIC, 0, 0, 0])) };
+}
+
+/// While armed, makes call number `call`, from 1 on, fail in a manner: 0 once for lack of memory, 1 with all later ones, 2 once by a C++
+/// exception. 0 for no call. Calls are counted anew.
 #[unsafe(no_mangle)]
-pub(crate) extern "C" fn DoubleFailCall(call: u64, is_for_ever: u32) {
+pub(crate) extern "C" fn DoubleFailCall(call: u64, manner: u32) {
     COUNT.store(0, Ordering::SeqCst);
     FAILED_DESTROYS.store(0, Ordering::SeqCst);
-    IS_FOR_EVER.store(is_for_ever != 0, Ordering::SeqCst);
+    MANNER.store(manner, Ordering::SeqCst);
     FAILING.store(call, Ordering::SeqCst);
 }
 

@@ -14,6 +14,9 @@
 
 mod config;
 mod effect_library;
+// The same file as the library's: a loader in front of AMD's own libraries catches what they throw.
+#[path = "../../../src/ffx/exception.rs"]
+mod exception;
 mod faults;
 mod field_access;
 mod generation;
@@ -37,13 +40,19 @@ const RUNTIME: u32 = 3;
 const NO_PROVIDER: u32 = 4;
 const MEMORY: u32 = 5;
 const PARAMETER: u32 = 6;
+/// No code of ffx-api: the call ends with a C++ exception.
+const THREW: u32 = u32::MAX;
 
 /// Creates a context.
 ///
 /// # Safety
 /// As for ffx-api's function.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn ffxCreateContext(context: *mut *mut c_void, head: *mut u8, callbacks: *const c_void) -> u32 {
+pub unsafe extern "C-unwind" fn ffxCreateContext(
+    context: *mut *mut c_void,
+    head: *mut u8,
+    callbacks: *const c_void,
+) -> u32 {
     // SAFETY: the caller's promise about the chain and the context's address.
     Library::called("create", |library| unsafe { library.create(context, head, callbacks) })
 }
@@ -53,7 +62,7 @@ pub unsafe extern "C" fn ffxCreateContext(context: *mut *mut c_void, head: *mut 
 /// # Safety
 /// As for ffx-api's function.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn ffxDestroyContext(context: *mut *mut c_void, callbacks: *const c_void) -> u32 {
+pub unsafe extern "C-unwind" fn ffxDestroyContext(context: *mut *mut c_void, callbacks: *const c_void) -> u32 {
     // SAFETY: the caller's promise about the context's address.
     Library::called("destroy", |library| unsafe { library.destroy(context, callbacks) })
 }
@@ -63,7 +72,7 @@ pub unsafe extern "C" fn ffxDestroyContext(context: *mut *mut c_void, callbacks:
 /// # Safety
 /// As for ffx-api's function.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn ffxConfigure(context: *mut *mut c_void, head: *const u8) -> u32 {
+pub unsafe extern "C-unwind" fn ffxConfigure(context: *mut *mut c_void, head: *const u8) -> u32 {
     // SAFETY: the caller's promise about the chain and the context's address.
     Library::called("configure", |library| unsafe { library.configure(context, head) })
 }
@@ -73,7 +82,7 @@ pub unsafe extern "C" fn ffxConfigure(context: *mut *mut c_void, head: *const u8
 /// # Safety
 /// As for ffx-api's function.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn ffxQuery(context: *mut *mut c_void, head: *mut u8) -> u32 {
+pub unsafe extern "C-unwind" fn ffxQuery(context: *mut *mut c_void, head: *mut u8) -> u32 {
     // SAFETY: the caller's promise about the chain and the context's address.
     Library::called("query", |library| unsafe { library.query(context, head) })
 }
@@ -83,7 +92,7 @@ pub unsafe extern "C" fn ffxQuery(context: *mut *mut c_void, head: *mut u8) -> u
 /// # Safety
 /// As for ffx-api's function.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn ffxDispatch(context: *mut *mut c_void, head: *const u8) -> u32 {
+pub unsafe extern "C-unwind" fn ffxDispatch(context: *mut *mut c_void, head: *const u8) -> u32 {
     // SAFETY: the caller's promise about the chain and the context's address.
     Library::called("dispatch", |library| unsafe { library.dispatch(context, head) })
 }

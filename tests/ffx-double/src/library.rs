@@ -18,7 +18,7 @@ use crate::shader_work::{CONSTANTS, RESET, ShaderWork};
 use crate::swapchain::{self, SwapchainContext};
 use crate::swapchain_config;
 use crate::upscale::{MASK, UPSCALE, UpscalerState};
-use crate::{NO_PROVIDER, OK, PARAMETER, RUNTIME, UNKNOWN_STRUCT};
+use crate::{NO_PROVIDER, OK, PARAMETER, RUNTIME, THREW, UNKNOWN_STRUCT};
 
 /// Struct ids, with the effect in the upper bits.
 pub(crate) mod id {
@@ -99,12 +99,16 @@ pub(crate) enum ContextKind {
 static LIBRARY: OnceLock<Result<Mutex<Library>, String>> = OnceLock::new();
 
 impl Library {
-    /// Handles a call of one of the five functions, unless it fails on purpose.
+    /// Handles a call of one of the five functions, unless it fails on purpose. It throws with the library unlocked.
     pub(crate) fn called(call: &'static str, act: impl FnOnce(&mut Self) -> u32) -> u32 {
-        match crate::faults::injected(call) {
+        let code = match crate::faults::injected(call) {
             Some(code) => Self::handle(call, |library| library.log_call(call, &[], code)),
             None => Self::handle(call, act),
+        };
+        if code == THREW {
+            crate::faults::throw();
         }
+        code
     }
 
     /// Handles one call. ffx-api forbids concurrent calls of one context and has no lock; here they take turns and are checked.
@@ -207,7 +211,7 @@ impl Library {
                 return self.log_call("create", &chain, NO_PROVIDER);
             };
             // SAFETY: forwarded unchanged.
-            let code = unsafe { (effect_library.create)(context, head, callbacks) };
+            let code = unsafe { effect_library.create(context, head, callbacks) };
             if code == OK {
                 // SAFETY: written by the call.
                 self.owners.insert(unsafe { *context } as usize, first & EFFECT);
@@ -384,7 +388,7 @@ impl Library {
         if let Some(effect) = self.owners.remove(&known) {
             let Some(effect_library) = self.effect_library(effect) else { return NO_PROVIDER };
             // SAFETY: forwarded unchanged.
-            let code = unsafe { (effect_library.destroy)(context, callbacks) };
+            let code = unsafe { effect_library.destroy(context, callbacks) };
             return self.log_call("destroy", &[], code);
         }
         if !self.has_chain(known) {
@@ -427,7 +431,7 @@ impl Library {
             let mut context = *context as *mut c_void;
             if let Some(effect_library) = self.effect_library(*effect) {
                 // SAFETY: the caller's promise.
-                unsafe { (effect_library.destroy)(&mut context, std::ptr::null()) };
+                unsafe { effect_library.destroy(&mut context, std::ptr::null()) };
             }
         }
         owners.len() as u64
@@ -448,7 +452,7 @@ impl Library {
         if let Some(effect) = known.and_then(|known| self.owners.get(&known).copied()) {
             let Some(effect_library) = self.effect_library(effect) else { return NO_PROVIDER };
             // SAFETY: forwarded unchanged.
-            let code = unsafe { (effect_library.configure)(context, head) };
+            let code = unsafe { effect_library.configure(context, head) };
             return self.log_call("configure", &chain, code);
         }
         if known.is_some_and(|known| !self.contexts.contains_key(&known)) {
@@ -595,7 +599,7 @@ impl Library {
         if let Some(effect) = self.owners.get(&known).copied() {
             let Some(effect_library) = self.effect_library(effect) else { return NO_PROVIDER };
             // SAFETY: forwarded unchanged.
-            let code = unsafe { (effect_library.dispatch)(context, head) };
+            let code = unsafe { effect_library.dispatch(context, head) };
             return self.log_call("dispatch", &chain, code);
         }
         if !self.contexts.contains_key(&known) {

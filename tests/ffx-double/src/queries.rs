@@ -32,7 +32,7 @@ impl Library {
             let effect_library = effect.and_then(|effect| self.effect_library(effect));
             // SAFETY: forwarded unchanged.
             let code =
-                effect_library.map_or(NO_PROVIDER, |effect_library| unsafe { (effect_library.query)(context, head) });
+                effect_library.map_or(NO_PROVIDER, |effect_library| unsafe { effect_library.query(context, head) });
             return self.log_call("query", &chain, code);
         }
         let code = match (chain[0].0, known) {

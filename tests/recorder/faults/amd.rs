@@ -173,7 +173,7 @@ fn reported(presenter: *mut cairn_presenter) -> [String; 2] {
 /// Lets about `count` calls fail.
 fn fail(is_of_amd: bool, preference: u32, failure: fn(u64) -> Failure, count: u64) {
     let calls = FailingCalls::of_process();
-    let source = if is_of_amd { Source::Amd(calls) } else { Source::Direct3d };
+    let source = if is_of_amd { Source::Amd(calls) } else { Source::BeneathAmd(calls) };
     // Where AMD's libraries are not required, the library's own shaders make the frames.
     let reach = if is_of_amd && preference == CAIRN_PREFER_AUTO { Reach::Nobody } else { Reach::Host };
     fail_each(source, reach, failure, count, |trial| show(trial, preference, calls));
@@ -185,6 +185,11 @@ fn fail(is_of_amd: bool, preference: u32, failure: fn(u64) -> Failure, count: u6
 #[test]
 fn each_call_of_required_libraries_may_fail_once() {
     fail(true, CAIRN_PREFER_REQUIRE, Failure::Once, 2);
+}
+
+#[test]
+fn each_call_of_required_libraries_may_throw() {
+    fail(true, CAIRN_PREFER_REQUIRE, Failure::Throwing, 2);
 }
 
 #[test]

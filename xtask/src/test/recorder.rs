@@ -142,10 +142,21 @@ fn run_faults(context: &Context<'_>, log: &mut Log, tests: &str, which: &str, am
     command.env(EVERY_FAILURE, which);
     let CommandOutput { success, output } =
         with_recorder(&context.windows_programs(), &mut command, |command| log.run(command))?;
-    let (output, messages) = separate(&output)?;
+    let (output, mut messages) = separate(&output)?;
     let mut tally = windows_build::judge(&CommandOutput { success, output }, &[tests]);
+    if let Amd::Own(_) = amd {
+        messages.retain(|message| !is_of_amds(message));
+    }
     tally.failures.extend(known.others(&messages));
     Ok(tally)
+}
+
+/// Whether AMD's own library broke the rule: it leaves textures in states that its next call does not expect and descriptors unwritten, and loses
+/// what it had created when it throws, with the device.
+fn is_of_amds(message: &Message) -> bool {
+    message.text.ends_with("[amd_fidelityfx_framegeneration_dx12.dll]")
+        || message.text.contains("EffectLibrary::create")
+        || message.id == "D3D12_MESSAGE_ID_LIVE_DEVICE"
 }
 
 /// Gives a command its variables.

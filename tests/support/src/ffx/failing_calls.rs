@@ -20,6 +20,17 @@ unsafe extern "system" {
 /// AMD's upscaler, as a line of the double's configuration.
 const UPSCALER: &str = "offers 0xf600000001000003 4.0.3";
 
+/// How a call fails; the numbers are the double's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Manner {
+    /// For lack of memory.
+    Once = 0,
+    /// With all later ones.
+    ForEver = 1,
+    /// By a C++ exception.
+    Throwing = 2,
+}
+
 /// A folder with a double of AMD's loader. One for the whole process: the loader finds the libraries of effects by their names.
 pub struct FailingCalls {
     /// The folder.
@@ -54,13 +65,13 @@ impl FailingCalls {
         })
     }
 
-    /// While [`while_failing`](Self::while_failing) runs something, call number `call`, from 1 on, fails: once for lack of memory, or with all
-    /// later ones. Calls are counted anew.
-    pub fn set(&self, call: u64, is_for_ever: bool) {
+    /// While [`while_failing`](Self::while_failing) runs something, call number `call`, from 1 on, fails in that manner; 0 for none. Calls are
+    /// counted anew.
+    pub fn set(&self, call: u64, manner: Manner) {
         // SAFETY: the double's function.
         let set = unsafe { function::<unsafe extern "C" fn(u64, u32)>(s!("DoubleFailCall")) };
         // SAFETY: numbers only.
-        set.into_iter().for_each(|set| unsafe { set(call, is_for_ever.into()) });
+        set.into_iter().for_each(|set| unsafe { set(call, manner as u32) });
     }
 
     /// Runs something with failing calls; returns its result, and the number of counted calls so far.
