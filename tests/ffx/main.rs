@@ -351,10 +351,11 @@ fn frames_are_generated_with_each_release() {
             });
             // The picture is right only if list, textures and states were described correctly.
             for (index, found) in (0..).zip(textures.generated()) {
-                let [red, rest @ ..] = pixel(index % size.width, index / size.width);
+                // Alpha is no alpha: AMD's library writes red there.
+                let [red, rest @ .., _] = pixel(index % size.width, index / size.width);
                 let starts = number == 1 || reset;
                 let as_expected = if starts { found[0] == red } else { (red - 39..red).contains(&found[0]) };
-                let near = found[1..].iter().zip(rest).all(|(a, b)| a.abs_diff(b) <= 1);
+                let near = found[1..3].iter().zip(rest).all(|(a, b)| a.abs_diff(b) <= 1);
                 assert!(as_expected && near, "pixel {index} of frame {number}: {found:?}");
             }
         }

@@ -92,13 +92,13 @@ fn pair(
     textures.generated()
 }
 
-/// Maximum difference of a channel from the expected pixels, over a part of the picture.
+/// Maximum difference of a colour channel from the expected pixels, over a part of the picture. Alpha is no alpha: AMD's library writes red there.
 fn off(found: &[[u8; 4]], part: [u32; 4], expected: impl Fn(u32, u32) -> [u8; 4]) -> u8 {
     let [left, top, right, bottom] = part;
     let places = (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));
     let differences = places.flat_map(|(x, y)| {
         let (a, b) = (found[(y * SIZE.width + x) as usize], expected(x, y));
-        a.into_iter().zip(b).map(|(a, b)| a.abs_diff(b))
+        a.into_iter().zip(b).take(3).map(|(a, b)| a.abs_diff(b))
     });
     differences.max().unwrap_or(0)
 }
