@@ -41,7 +41,7 @@ const NO_PROVIDER: u32 = 4;
 const MEMORY: u32 = 5;
 const PARAMETER: u32 = 6;
 /// No code of ffx-api: the call ends with a C++ exception.
-const THREW: u32 = u32::MAX;
+const THREW: u32 = 0xE06D_7363;
 
 /// Creates a context.
 ///
