@@ -73,12 +73,13 @@ fn with_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Resul
     fs::write(folder.join(format!("{AMD}.txt")), ROLE).map_err(failed)?;
     let mut command = context.windows_tests(["d3d12_presenter", "host"], log)?;
     context.provide_windows_worlds(&mut command)?;
-    Amd::Double(folder.clone()).provide(&mut command);
+    let double = Amd::Double(folder.clone());
+    double.provide(&mut command);
     command.args(["--", "--exact"]).args(OVER_THE_DOUBLE);
     // Unity's test double uses the recorder's rules. The list's entries are for all tests of a program.
-    let mut counted = recorder::run_tests(context, log, &mut command, &[])?;
+    let mut counted = recorder::run_tests(context, log, &mut command, &[], &double)?;
     let mut driver = context.windows_tests([DRIVER], log)?;
-    Amd::Double(folder.clone()).provide(&mut driver);
+    double.provide(&mut driver);
     counted.add(windows_build::run(&mut driver, &[], log)?);
     let ran = counted.passed + counted.failures.len();
     tally.add(counted);

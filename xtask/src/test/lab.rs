@@ -62,7 +62,7 @@ fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, S
     in_unity.arg("--");
     amd.beside(&programs, || {
         let mut tally = windows_build::run(&mut command, &[], log)?;
-        tally.add(recorder::run_tests(context, log, &mut in_unity, &[IN_UNITY])?);
+        tally.add(recorder::run_tests(context, log, &mut in_unity, &[IN_UNITY], amd)?);
         Ok(tally)
     })
 }

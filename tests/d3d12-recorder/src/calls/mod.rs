@@ -160,8 +160,12 @@ impl Calls {
         self.ids.iter().filter(|(_, id)| is_queue(id)).map(|(address, _)| *address as *mut c_void).collect()
     }
 
-    /// A new object.
+    /// A new object. Findings name the library that made it, if it is not the program itself.
     fn add(&mut self, object: *mut c_void, kind: ObjectKind, label: impl Into<String>) -> Id {
+        let mut label = label.into();
+        if let Some(library) = module_of(self.recorder.caller()).filter(|module| module.ends_with(".dll")) {
+            label = format!("{label} by {library}");
+        }
         let id = self.recorder.create(kind, label, Some(Backtrace::force_capture()));
         self.ids.insert(object as usize, id);
         id

@@ -323,6 +323,11 @@ impl Recorder {
         self.caller = caller;
     }
 
+    /// Code address of the call that is being recorded; 0 if it is unknown.
+    pub fn caller(&self) -> usize {
+        self.caller
+    }
+
     /// Asks `completions` for fence values before work counts as unfinished. A program can wait for a fence by an event, which no call to
     /// Direct3D shows.
     pub fn set_completions(&mut self, completions: impl FnMut() -> Vec<(Id, u64)> + Send + 'static) {
