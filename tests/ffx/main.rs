@@ -351,7 +351,7 @@ fn frames_are_generated_with_each_release() {
             });
             // The picture is right only if list, textures and states were described correctly.
             for (index, found) in (0..).zip(textures.generated()) {
-                // Alpha is no alpha: AMD's library writes red there.
+                // AMD's library writes red into alpha.
                 let [red, rest @ .., _] = pixel(index % size.width, index / size.width);
                 let starts = number == 1 || reset;
                 let as_expected = if starts { found[0] == red } else { (red - 39..red).contains(&found[0]) };

@@ -92,7 +92,7 @@ fn pair(
     textures.generated()
 }
 
-/// Maximum difference of a colour channel from the expected pixels, over a part of the picture. Alpha is no alpha: AMD's library writes red there.
+/// Maximum difference of a colour channel from the expected pixels, over a part of the picture. AMD's library writes red into alpha.
 fn off(found: &[[u8; 4]], part: [u32; 4], expected: impl Fn(u32, u32) -> [u8; 4]) -> u8 {
     let [left, top, right, bottom] = part;
     let places = (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y)));

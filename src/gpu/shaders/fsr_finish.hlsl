@@ -1,4 +1,4 @@
-// Completes a frame of AMD's library, which leaves its own values in alpha: alpha of the anchor, and the anchor's static overlay.
+// Completes a frame of AMD's library, which writes red into alpha: with the anchor's alpha, and the anchor's static overlay.
 
 cbuffer Constants : register(b0)
 {

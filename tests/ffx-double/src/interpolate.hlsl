@@ -170,6 +170,6 @@ void main(uint3 id : SV_DispatchThreadID)
             made = shown;
         }
     }
-    // As AMD's library, provider 3.1.5: alpha is no alpha.
+    // As AMD's provider 3.1.5 does, which writes red into alpha.
     Output[id.xy] = float4(made, made.r);
 }

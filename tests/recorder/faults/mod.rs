@@ -1,7 +1,7 @@
-//! Every call to Direct3D, or to AMD's libraries, fails in turn while a host calls the C interface: once, or with all later ones, to Direct3D
-//! since the device is removed; AMD's also throw. Each of the host's calls returns an error with a message or succeeds. After a single failure the same call
-//! succeeds; after a removal the device is said to be removed; and AMD's libraries are used again once they no longer fail. Results are right,
-//! rules are kept, and no reference stays.
+//! Every call to Direct3D, or to AMD's libraries, fails in turn while a host calls the C interface. One call fails, or it fails with all later ones:
+//! to Direct3D since the device is removed. Calls of AMD's libraries also throw C++ exceptions. Each of the host's calls returns an error with a
+//! message or succeeds. After a single failure the same call succeeds; after a removal the device is said to be removed; and AMD's libraries are
+//! used again once they no longer fail. Results are right, rules are kept, and no reference stays.
 
 use std::collections::HashSet;
 
@@ -35,7 +35,7 @@ enum Failure {
     Removal(u64),
     /// With all later ones, of AMD's libraries.
     ForEver(u64),
-    /// By a C++ exception, of AMD's libraries.
+    /// With a C++ exception, of AMD's libraries.
     Throwing(u64),
 }
 
