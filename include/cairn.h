@@ -668,7 +668,7 @@ typedef struct cairn_world_memory {
     uint64_t ring;
     /** Keys and values of the current latent. */
     uint64_t slabs;
-    /** Intermediate values of a pass. */
+    /** Intermediate values of a pass, and the largest matrix that a pass unpacks from 8 or 4 bits. */
     uint64_t intermediates;
     /** Intermediate values, pictures and state of encoder and decoder. */
     uint64_t autoencoder;

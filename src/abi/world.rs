@@ -164,7 +164,7 @@ pub struct cairn_world_memory {
     pub ring: u64,
     /// Keys and values of the current latent.
     pub slabs: u64,
-    /// Intermediate values of a pass.
+    /// Intermediate values of a pass, and the largest matrix that a pass unpacks from 8 or 4 bits.
     pub intermediates: u64,
     /// Intermediate values, pictures and state of encoder and decoder.
     pub autoencoder: u64,
@@ -280,7 +280,7 @@ pub unsafe extern "C" fn cairn_world_get_memory(
             weights: need.weights,
             ring: need.ring,
             slabs: need.slabs,
-            intermediates: need.intermediates,
+            intermediates: need.intermediates.saturating_add(need.unpacked),
             autoencoder: need.autoencoder,
             arena: need.arena,
             total: need.total,

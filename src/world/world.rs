@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::graph_spec::{self, GraphSpec, Shapes};
 use super::missing_operator;
 use super::operating_point::OperatingPoint;
-use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Precision, available_memory};
+use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Precision, Processor, available_memory};
 use crate::runtime::{Device, Graph};
 use crate::{Error, ErrorKind, Result};
 
@@ -74,8 +74,9 @@ impl World {
                 .remedy("Use another precision, or build the bundle with it"));
         }
         let global_window = options.global_window.unwrap_or(geometry.global.window);
+        let processor = if device.is_gpu() { Processor::Gpu } else { Processor::Cpu };
         let fits = |g: u32| {
-            let need = bundle.memory_need(precision, g)?;
+            let need = bundle.memory_need(precision, processor, g)?;
             // Available memory already excludes the loaded bundle.
             let limit = options.memory_limit.or_else(|| Some(available_memory()?.saturating_add(need.bundle)));
             limit.map_or(Ok(()), |limit| need.check_fits(limit))?;

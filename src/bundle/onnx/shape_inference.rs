@@ -6,6 +6,7 @@
 
 use std::collections::HashMap;
 
+use super::blocks::Unpacked;
 use super::operators::{Call, NBITS, Operand, infer};
 use super::proto::{Data, Dim, Graph, Node, Tensor};
 use super::{Check, Element, Fault, Shape, quoted};
@@ -25,6 +26,8 @@ pub(in crate::bundle) struct Footprint {
     pub(in crate::bundle) peak: u64,
     /// The largest intermediate value.
     pub(in crate::bundle) largest: u64,
+    /// The largest matrix that a product unpacks from 8 or 4 bits.
+    pub(in crate::bundle) unpacked: Unpacked,
     /// Cost of a run.
     pub(in crate::bundle) cost: GraphCost,
 }
@@ -136,6 +139,11 @@ impl<'a> SizeInference<'a> {
         }
         if !known {
             self.add_cost(node, &read, &shapes)?;
+            if node.operator == NBITS
+                && let Some(product) = shapes.first()
+            {
+                self.footprint.unpacked = self.footprint.unpacked.max(Unpacked::of(node, product.element));
+            }
         }
         let origin = if known { Origin::Constant { held: false } } else { Origin::Node(i) };
         for (&name, shape) in node.outputs.iter().zip(shapes) {
