@@ -11,6 +11,7 @@ from onnx import numpy_helper
 from rollout import Rollout
 
 import cairn
+import runtime
 from cairn.build import PRESETS, archive, cli, costs, rates
 from cairn.build.errors import BuildError
 from cairn.build.quantise import NUMBERS, SCALES, Quantisation, counts, restored, rounded, unpacked_bytes
@@ -249,6 +250,7 @@ def test_memory_counts_the_unpacked_matrix_as_the_library_does(tiny, tmp_path, c
     numbers = TINY.width**2 * TINY.mlp_ratio
     counted = {precision: unpacked_bytes(TINY, quantisation, precision) for precision in ("f32", "f16")}
     assert counted == {"f32": 4 * numbers if options == (8,) else 0, "f16": 2 * numbers}
+    runtime.need_library()
     with cairn.Device.cpu(threads=1) as device, device.load_world(tiny) as full, device.load_world(small) as world:
         assert world.memory.intermediates - full.memory.intermediates == counted["f32"]
         assert world.memory.total < full.memory.total

@@ -11,7 +11,7 @@ from pathlib import Path
 from . import archive, costs, measured, rates, table
 from .checkpoint import open_checkpoint
 from .errors import BuildError
-from .geometry import PRESETS, Geometry
+from .geometry import PRESETS, RESIDUALS, Geometry
 from .manifest import Licence
 from .quantise import BLOCKS, KEPT, Quantisation
 from .random_weights import RandomWeights
@@ -32,6 +32,7 @@ examples:
   python -m cairn.build rates waypoint.cairn
   python -m cairn.build costs --preset 360p
   python -m cairn.build quantise waypoint.cairn --weights 8 --out waypoint-8bit.cairn
+  python -m cairn.build rebuild waypoint.cairn --residual float32 --out waypoint-residual.cairn
   python -m cairn.build pack worlds/demo --out worlds/demo.cairn
 """
 
@@ -103,6 +104,7 @@ def parser() -> argparse.ArgumentParser:
     checkpoint.add_argument("--licence", default="Apache-2.0", help="SPDX expression of the weights (Apache-2.0)")
     checkpoint.add_argument("--licence-file", type=Path, help="its text; LICENSE in the directory unless given")
     _streaming(checkpoint)
+    _residual(checkpoint)
     _output(checkpoint)
 
     presets = "".join(f"  {name:8} {what}\n" for name, (what, _) in PRESETS.items())
@@ -111,6 +113,7 @@ def parser() -> argparse.ArgumentParser:
     )
     _geometry(random)
     _streaming(random)
+    _residual(random)
     random.add_argument("--seed", type=int, default=1, help="0 to 2^64 - 1 (1)")
     random.add_argument("--name", help="shown to people")
     _output(random)
@@ -143,6 +146,7 @@ def parser() -> argparse.ArgumentParser:
         "rebuild", help="an existing bundle again, with this version's graphs", description=REBUILD_HELP, formatter_class=raw
     )
     again.add_argument("bundle", type=Path, help="a folder or a .cairn file")
+    _residual(again, "as in the bundle")
     again.add_argument("--out", type=Path, required=True, help="the folder, or the file *.cairn, to write")
     again.add_argument("--replace", action="store_true", help="replace the bundle that is there, once the new one is complete")
     again.add_argument("--quiet", action="store_true", help="no progress")
@@ -166,6 +170,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="LIST",
         help=f"layers or matrices that stay in 16 bits, with commas between them, or none ({','.join(KEPT)})",
     )
+    _residual(smaller, "as in the bundle")
     smaller.add_argument("--out", type=Path, required=True, help="the folder, or the file *.cairn, to write")
     smaller.add_argument("--replace", action="store_true", help="replace the bundle that is there, once the new one is complete")
     smaller.add_argument("--quiet", action="store_true", help="no progress and no table")
@@ -186,6 +191,14 @@ def _streaming(command: argparse.ArgumentParser) -> None:
         "--streaming-encoder",
         action="store_true",
         help="the encoder is handed its memories, so that rollouts may keep its stream from one appended picture to the next",
+    )
+
+
+def _residual(command: argparse.ArgumentParser, default: str = "float16") -> None:
+    command.add_argument(
+        "--residual",
+        choices=RESIDUALS,
+        help=f"type of the sums of the residual stream in f16 graphs: float32 where float16 overflows or is not accurate enough ({default})",
     )
 
 
@@ -275,8 +288,9 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
 
 
-def _with_stream(options: argparse.Namespace, geometry: Geometry) -> Geometry:
-    return geometry.with_(streaming_encoder=True) if options.streaming_encoder else geometry
+def _with_options(options: argparse.Namespace, geometry: Geometry) -> Geometry:
+    geometry = geometry.with_(streaming_encoder=True) if options.streaming_encoder else geometry
+    return geometry if options.residual is None else geometry.with_(residual=options.residual)
 
 
 def _build(options: argparse.Namespace, geometry: Geometry, source, **facts) -> int:
@@ -301,7 +315,7 @@ def _checkpoint(options: argparse.Namespace) -> int:
         licence = Licence(options.licence)
     result = _build(
         options,
-        _with_stream(options, found.geometry),
+        _with_options(options, found.geometry),
         found,
         name=options.name or options.directory.resolve().name[:100],
         provenance={**found.provenance, "rounding": options.rounding},
@@ -316,7 +330,7 @@ def _checkpoint(options: argparse.Namespace) -> int:
 def _random(options: argparse.Namespace) -> int:
     if not 0 <= options.seed < 1 << 64:
         raise BuildError(f"{options.seed} is outside 0 .. 2^64 - 1", field="--seed", remedy="Choose a seed in that range.")
-    geometry = _with_stream(options, chosen_geometry(options))
+    geometry = _with_options(options, chosen_geometry(options))
     return _build(
         options,
         geometry,
@@ -373,7 +387,7 @@ def _costs(options: argparse.Namespace) -> int:
 
 def _rebuild(options: argparse.Namespace) -> int:
     progress = Printer(options.quiet)
-    rebuild(options.bundle, options.out, progress=progress, replace=options.replace)
+    rebuild(options.bundle, options.out, progress=progress, replace=options.replace, residual=options.residual)
     progress.close()
     if not options.quiet:
         print(f"wrote {options.out}")
@@ -384,7 +398,8 @@ def _quantise(options: argparse.Namespace) -> int:
     kept = () if options.keep_16 == "none" else tuple(name.strip() for name in options.keep_16.split(","))
     quantisation = Quantisation(options.weights, options.block, options.activations, kept)
     progress = Printer(options.quiet)
-    rebuild(options.bundle, options.out, progress=progress, replace=options.replace, quantisation=quantisation)
+    facts = {"quantisation": quantisation, "residual": options.residual}
+    rebuild(options.bundle, options.out, progress=progress, replace=options.replace, **facts)
     progress.close()
     if not options.quiet:
         print(table.describe(archive.read_geometry(options.out), quantisation))
