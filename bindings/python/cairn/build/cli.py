@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from . import archive, costs, measured, rates, table
+from . import archive, costs, measured, rates, sensitivity, table
 from .checkpoint import open_checkpoint
 from .errors import BuildError
 from .geometry import PRESETS, RESIDUALS, Geometry
@@ -32,6 +32,7 @@ examples:
   python -m cairn.build rates waypoint.cairn
   python -m cairn.build costs --preset 360p
   python -m cairn.build quantise waypoint.cairn --weights 8 --out waypoint-8bit.cairn
+  python -m cairn.build sensitivity waypoint.cairn --weights 8 --bound 0.01
   python -m cairn.build rebuild waypoint.cairn --residual float32 --out waypoint-residual.cairn
   python -m cairn.build pack worlds/demo --out worlds/demo.cairn
 """
@@ -59,6 +60,13 @@ QUANTISE_HELP = """\
 Writes a bundle again with the matrices of the transformer's layers in 8 or 4 bits instead of 16: it needs less memory, on the CPU provider
 and on DirectML. Its latents differ from the original's; docs/bundle.md has measured differences. Everything outside the layers stays in
 16 bits, and so do the matrices that --keep-16 names.
+"""
+
+SENSITIVITY_HELP = """\
+Measures how much each matrix of the transformer's layers loses in 8 or 4 bits, and proposes the list for `quantise --keep-16`. Passes of the f32
+transformer run on the CPU from the same past with one matrix rounded at a time, then with one layer, then with all. The past comes from walks of
+the world itself. The list keeps those matrices in 16 bits that take the most from the error for their size, until the measured error is at most
+the bound. The bundle stays as it is.
 """
 
 CHECKPOINT_HELP = """\
@@ -175,6 +183,19 @@ def parser() -> argparse.ArgumentParser:
     smaller.add_argument("--replace", action="store_true", help="replace the bundle that is there, once the new one is complete")
     smaller.add_argument("--quiet", action="store_true", help="no progress and no table")
 
+    of_layers = commands.add_parser(
+        "sensitivity", help="which layers to keep in 16 bits when quantising", description=SENSITIVITY_HELP, formatter_class=raw
+    )
+    of_layers.add_argument("bundle", type=Path, help="a folder or a .cairn file with 16-bit weights")
+    of_layers.add_argument("--weights", type=int, choices=[8, 4], default=8, help="bits of a weight (8)")
+    of_layers.add_argument("--block", type=int, choices=BLOCKS, default=32, help="rows of a column that share a scale (32)")
+    of_layers.add_argument(
+        "--bound", type=float, default=sensitivity.BOUND, help=f"the largest relative error of a pass ({sensitivity.BOUND})"
+    )
+    of_layers.add_argument("--walks", type=int, default=4, help="walks whose errors are averaged, 1 to 64 (4)")
+    of_layers.add_argument("--threads", type=int, default=0, help="threads of a pass; 0 is one for each physical core (0)")
+    of_layers.add_argument("--quiet", action="store_true", help="no progress")
+
     pack = commands.add_parser("pack", help="folder to .cairn file, or back", formatter_class=raw)
     pack.add_argument("bundle", type=Path, help="a folder to pack, or a .cairn file to unpack")
     pack.add_argument("--out", type=Path, required=True, help="what to write")
@@ -249,10 +270,11 @@ def chosen_geometry(options: argparse.Namespace) -> Geometry:
 
 
 class Printer:
-    """Progress on standard error: rewritten in place on a terminal, elsewhere one line at most every two seconds."""
+    """Progress on standard error: rewritten in place on a terminal, elsewhere one line at most every two seconds. Counts bytes, or `unit`s."""
 
-    def __init__(self, quiet: bool):
+    def __init__(self, quiet: bool, unit: str | None = None):
         self.quiet = quiet
+        self.unit = unit
         self.live = sys.stderr.isatty()
         self.last = 0.0
         self.started = time.monotonic()
@@ -265,7 +287,11 @@ class Printer:
         self.last = now
         share = 100 * done / total if total else 100
         left = (now - self.started) * (total - done) / done if done else 0
-        line = f"{share:5.1f} %  {done / 2**20:8.1f} of {total / 2**20:.1f} MiB  {left:4.0f} s left  {what}"
+        if self.unit is None:
+            count = f"{done / 2**20:8.1f} of {total / 2**20:.1f} MiB"
+        else:
+            count = f"[{'#' * int(share / 5):20}] {done} of {total} {self.unit}"
+        line = f"{share:5.1f} %  {count}  {left:4.0f} s left  {what}"
         print(f"\r{line[:118]:<118}" if self.live else line, end="" if self.live else "\n", file=sys.stderr, flush=True)
 
     def close(self) -> None:
@@ -407,6 +433,22 @@ def _quantise(options: argparse.Namespace) -> int:
     return 0
 
 
+def _sensitivity(options: argparse.Namespace) -> int:
+    progress = Printer(options.quiet, "passes")
+    report = sensitivity.measure(
+        options.bundle,
+        options.weights,
+        options.block,
+        options.bound,
+        walks=options.walks,
+        threads=options.threads,
+        progress=progress,
+    )
+    progress.close()
+    print(sensitivity.table(report))
+    return 0
+
+
 def _pack(options: argparse.Namespace) -> int:
     if options.bundle.is_dir():
         archive.pack(options.bundle, options.out, options.replace)
@@ -424,5 +466,6 @@ _COMMANDS = {
     "costs": _costs,
     "rebuild": _rebuild,
     "quantise": _quantise,
+    "sensitivity": _sensitivity,
     "pack": _pack,
 }

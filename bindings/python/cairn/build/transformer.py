@@ -24,14 +24,17 @@ ONES_LIMIT = 16384
 FOURIER_BASE = 10000.0
 
 
+def to_bfloat16(values: np.ndarray) -> np.ndarray:
+    """float32 numbers rounded to bfloat16, ties to even, still as float32."""
+    bits = values.view(np.uint32)
+    return ((bits + 0x7FFF + ((bits >> 16) & 1)) & np.uint32(0xFFFF0000)).view(np.float32)
+
+
 def fourier_frequencies(rounding: str) -> np.ndarray:
     """`FOURIER_BASE ^ -(i / 255)`, i = 0 .. 255, in float32; `bf16` rounds them as the released engine does."""
     n = FOURIER_WIDTH // 2
     exact = (FOURIER_BASE ** -(np.arange(n, dtype=np.float64) / (n - 1))).astype(np.float32)
-    if rounding == "none":
-        return exact
-    bits = exact.view(np.uint32)
-    return ((bits + 0x7FFF + ((bits >> 16) & 1)) & np.uint32(0xFFFF0000)).view(np.float32)
+    return exact if rounding == "none" else to_bfloat16(exact)
 
 
 def attention_chunks(g: Geometry, layer: int) -> tuple[int, int]:
