@@ -95,13 +95,23 @@ fn a_world_is_checked_only_on_request_and_only_in_float16() {
 
 #[test]
 fn sums_that_pass_float16_are_named_and_float32_mends_them() {
-    let error = checked(&louder("tiny", 5e4)).expect_err("an overflow");
+    let loud = louder("tiny", 5e4);
+    let error = checked(&loud).expect_err("an overflow");
     println!("{error}");
     assert_eq!(error.kind(), ErrorKind::Unsupported);
     let tensor = error.offending_field().expect("a tensor");
     assert!(tensor.starts_with("blocks.") && tensor.ends_with(".sum"), "{tensor}");
     assert!(error.to_string().contains("a sum of the residual stream reaches"), "{error}");
     assert!(error.remedy_text().is_some_and(|text| text.contains("--residual float32")), "{error}");
+
+    // A graphics adapter computes in float16, so a rollout would have failed. The processor's provider computes the sums in float32.
+    if device().is_gpu() {
+        let options = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
+        let world = World::load(&device(), &loud, options).expect("a world");
+        let mut rollout = Rollout::new(&world, &point(&world), 1).expect("a rollout");
+        let made = rollout.append(&picture(40, 30, 1)).and_then(|_| rollout.step(&controls(0)));
+        assert_eq!(made.expect_err("infinite sums").kind(), ErrorKind::Device);
+    }
 
     let world = checked(&louder("tiny-residual", 5e4)).expect("a world");
     let found = world.half_precision().expect("a comparison");
