@@ -558,6 +558,15 @@ CAIRN_API cairn_result cairn_device_requirements(
  */
 #define CAIRN_WORLD_FIT_WINDOW 1
 
+/**
+ * A flag of cairn_world_options, for graphs in CAIRN_PRECISION_F16: makes one latent with the bundle's f32 graphs as well and compares
+ * the two. The load fails with CAIRN_ERROR_UNSUPPORTED if a value passes float16's largest number, 65504, or the latent's relative
+ * error is more than 3 %; the message names the tensor or layer, and the remedy. The f32 graphs of the transformer are loaded first and
+ * dropped then; they need about twice the memory of the f16 graphs' weights. The result depends only on the bundle and the device: one
+ * load of both needs it, for example after an installation or a driver's update.
+ */
+#define CAIRN_WORLD_CHECK_PRECISION 2
+
 /** A loaded world. It may have any number of rollouts, which share its weights. */
 typedef struct cairn_world cairn_world;
 
@@ -602,7 +611,7 @@ typedef struct cairn_world_options {
     cairn_load_callback progress;
     /** Passed to the callback. */
     void *user;
-    /** CAIRN_WORLD_FIT_WINDOW */
+    /** CAIRN_WORLD_FIT_WINDOW, CAIRN_WORLD_CHECK_PRECISION */
     uint32_t flags;
     /** 0 */
     uint32_t reserved;
@@ -668,7 +677,7 @@ typedef struct cairn_world_memory {
     uint64_t ring;
     /** Keys and values of the current latent. */
     uint64_t slabs;
-    /** Intermediate values of a pass. */
+    /** Intermediate values of a pass, and the largest matrix that a pass unpacks from 8 or 4 bits. */
     uint64_t intermediates;
     /** Intermediate values, pictures and state of encoder and decoder. */
     uint64_t autoencoder;
@@ -689,7 +698,7 @@ typedef struct cairn_world_memory {
  * Threads: any thread, at any time, also several loads at once.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that does not fit the
  * world; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE; CAIRN_ERROR_UNSUPPORTED for another version of
- * the format, a precision the bundle does not have, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers;
+ * the format, a precision the bundle does not have or that CAIRN_WORLD_CHECK_PRECISION refuses, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers;
  * CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
  * Since: 0.1.0
  */

@@ -7,7 +7,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use cairn::ErrorKind;
-use cairn::bundle::{Bundle, GraphKind, MANIFEST_NAME, OpenOptions, Precision};
+use cairn::bundle::{Bundle, GraphKind, MANIFEST_NAME, OpenOptions, Precision, Processor};
 use libtest_mimic::{Arguments, Failed, Trial};
 
 /// Name and function of a test.
@@ -76,7 +76,7 @@ fn memory_need_grows_with_the_window(directory: &Path) -> Result<(), Failed> {
     let window = bundle.geometry().global;
     let mut last = 0;
     for g in (window.dilation..=window.max_window).step_by(window.dilation as usize) {
-        let need = bundle.memory_need(Precision::F32, g)?;
+        let need = bundle.memory_need(Precision::F32, Processor::Cpu, g)?;
         let layers = bundle.geometry().layers;
         let ring: u64 = (0..layers)
             .map(|i| {
@@ -91,7 +91,7 @@ fn memory_need_grows_with_the_window(directory: &Path) -> Result<(), Failed> {
         last = need.total;
     }
     for g in [0, window.dilation + 1, window.max_window + window.dilation, u32::MAX] {
-        let refused = bundle.memory_need(Precision::F32, g).err().map(|error| error.kind());
+        let refused = bundle.memory_need(Precision::F32, Processor::Cpu, g).err().map(|error| error.kind());
         assert_eq!(refused, Some(ErrorKind::InvalidArgument), "g{g}");
     }
     Ok(())
@@ -110,7 +110,10 @@ fn work_grows_by_the_attention_of_global_layers(directory: &Path) -> Result<(), 
         let global = (0..shape.layers).filter(|&i| shape.is_global(i)).count() as u64;
         let attention = 2 * global * u64::from(shape.heads * shape.tokens * shape.head_width) * keys;
         assert_eq!(most.pass.multiply_adds - cost.pass.multiply_adds, attention, "g{g}");
-        assert!(most.pass.bytes > cost.pass.bytes && cost.pass.bytes > bundle.memory_need(Precision::F32, g)?.ring);
+        assert!(
+            most.pass.bytes > cost.pass.bytes
+                && cost.pass.bytes > bundle.memory_need(Precision::F32, Processor::Cpu, g)?.ring
+        );
     }
     // A lower bound: every layer has projections of queries and output, and an MLP.
     let layer = 2 * shape.width * shape.width + 2 * shape.mlp_ratio * shape.width * shape.width;

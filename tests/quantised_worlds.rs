@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use cairn::Picture;
-use cairn::bundle::{Bundle, Precision};
+use cairn::bundle::{Bundle, Precision, Processor};
 use cairn::world::{OperatingPoint, Rollout, Schedule, World, WorldOptions};
 use test_support::worlds::{bundle, controls, device, ort, point};
 
@@ -72,6 +72,23 @@ fn small_weights_change_a_latent_little() {
         needs.push(small.memory_need().weights);
     }
     assert!(needs.is_sorted_by(|more, less| more > less), "fewer bits need less memory: {needs:?}");
+}
+
+/// As `cairn.build` counts it: `bindings/python/tests/test_quantise.py`.
+#[test]
+fn memory_counts_the_largest_matrix_that_is_unpacked() {
+    for (name, bits) in [("miniature-8bit", 8), ("miniature-4bit", 4)] {
+        let bundle = bundle(name);
+        let geometry = bundle.geometry();
+        let window = geometry.global.window;
+        let numbers = u64::from(geometry.width * geometry.width * geometry.mlp_ratio);
+        let need = |precision, on| bundle.memory_need(precision, on, window).expect("figures").unpacked;
+        assert_eq!(need(Precision::F16, Processor::Gpu), 2 * numbers, "{name}");
+        assert_eq!(need(Precision::F32, Processor::Gpu), 4 * numbers, "{name}");
+        let on_cpu = Precision::ALL.map(|precision| need(precision, Processor::Cpu));
+        assert_eq!(on_cpu, [if bits == 8 { 4 * numbers } else { 0 }; 2], "{name}");
+        assert_eq!(load(&bundle).memory_need().unpacked, on_cpu[0], "{name}: a world on the processor");
+    }
 }
 
 /// The library tells that a provider lacks the operator by texts in ONNX Runtime's messages (`src/world/missing_operator.rs`).

@@ -1,5 +1,6 @@
 //! Invalid calls of a rollout are refused, and a failure leaves it unchanged.
 
+use cairn::bundle::{Precision, Processor};
 use cairn::runtime::{CpuOptions, Device};
 use cairn::world::{ControlInput, KeySet, OperatingPoint, Rollout, World, WorldOptions};
 use cairn::{Error, ErrorKind, Picture};
@@ -125,7 +126,7 @@ fn an_operating_point_of_another_window_is_refused() {
 #[test]
 fn worlds_larger_than_memory_are_refused_with_sizes_before_loading() {
     let (device, bundle) = (worlds::device(), worlds::bundle("tiny"));
-    let need = bundle.memory_need(cairn::bundle::Precision::F32, 64).expect("figures");
+    let need = bundle.memory_need(Precision::F32, Processor::Cpu, 64).expect("figures");
     let load = |limit| {
         let options = WorldOptions { global_window: Some(64), memory_limit: Some(limit), ..Default::default() };
         World::load(&device, &bundle, options)
@@ -139,8 +140,8 @@ fn worlds_larger_than_memory_are_refused_with_sizes_before_loading() {
 #[test]
 fn a_window_is_narrowed_to_the_available_memory_on_request() {
     let (device, bundle) = (worlds::device(), worlds::bundle("tiny"));
-    let precision = cairn::bundle::Precision::F32;
-    let need = |g| bundle.memory_need(precision, g).expect("figures").total;
+    let precision = Precision::F32;
+    let need = |g| bundle.memory_need(precision, Processor::Cpu, g).expect("figures").total;
     let load = |limit| {
         let options = WorldOptions { global_window: Some(64), memory_limit: Some(limit), ..Default::default() };
         World::load(&device, &bundle, WorldOptions { precision: Some(precision), fit_window: true, ..options })

@@ -65,6 +65,12 @@ impl Object for LoadedWorld {}
 /// A flag of cairn_world_options: if the global window needs more memory than memory_limit or than the adapter has free, the widest
 /// window that fits is used instead, and cairn_rollout_info names it. Without the flag the load fails.
 pub const CAIRN_WORLD_FIT_WINDOW: u32 = 1;
+/// A flag of cairn_world_options, for graphs in CAIRN_PRECISION_F16: makes one latent with the bundle's f32 graphs as well and compares
+/// the two. The load fails with CAIRN_ERROR_UNSUPPORTED if a value passes float16's largest number, 65504, or the latent's relative
+/// error is more than 3 %; the message names the tensor or layer, and the remedy. The f32 graphs of the transformer are loaded first and
+/// dropped then; they need about twice the memory of the f16 graphs' weights. The result depends only on the bundle and the device: one
+/// load of both needs it, for example after an installation or a driver's update.
+pub const CAIRN_WORLD_CHECK_PRECISION: u32 = 2;
 
 /// Options of loading a world.
 #[repr(C)]
@@ -86,7 +92,7 @@ pub struct cairn_world_options {
     pub progress: cairn_load_callback,
     /// Passed to the callback.
     pub user: *mut c_void,
-    /// CAIRN_WORLD_FIT_WINDOW
+    /// CAIRN_WORLD_FIT_WINDOW, CAIRN_WORLD_CHECK_PRECISION
     pub flags: u32,
     /// 0
     pub reserved: u32,
@@ -164,7 +170,7 @@ pub struct cairn_world_memory {
     pub ring: u64,
     /// Keys and values of the current latent.
     pub slabs: u64,
-    /// Intermediate values of a pass.
+    /// Intermediate values of a pass, and the largest matrix that a pass unpacks from 8 or 4 bits.
     pub intermediates: u64,
     /// Intermediate values, pictures and state of encoder and decoder.
     pub autoencoder: u64,
@@ -187,7 +193,7 @@ describe!(cairn_world_memory, [], {
 /// Threads: any thread, at any time, also several loads at once.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that does not fit the
 /// world; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE; CAIRN_ERROR_UNSUPPORTED for another version of
-/// the format, a precision the bundle does not have, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers;
+/// the format, a precision the bundle does not have or that CAIRN_WORLD_CHECK_PRECISION refuses, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers;
 /// CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -280,7 +286,7 @@ pub unsafe extern "C" fn cairn_world_get_memory(
             weights: need.weights,
             ring: need.ring,
             slabs: need.slabs,
-            intermediates: need.intermediates,
+            intermediates: need.intermediates.saturating_add(need.unpacked),
             autoencoder: need.autoencoder,
             arena: need.arena,
             total: need.total,
@@ -329,7 +335,7 @@ fn load(
     point: Option<&str>,
     options: &cairn_world_options,
 ) -> Outcome<LoadedWorld> {
-    if options.flags & !CAIRN_WORLD_FIT_WINDOW != 0 {
+    if options.flags & !(CAIRN_WORLD_FIT_WINDOW | CAIRN_WORLD_CHECK_PRECISION) != 0 {
         return Err(Failure::argument("options.flags", format!("{:#x} has an unknown bit", options.flags)));
     }
     if options.reserved != 0 {
@@ -355,6 +361,7 @@ fn load(
         precision: precision(options.precision, "options.precision")?,
         memory_limit: Some(options.memory_limit).filter(|limit| *limit > 0),
         fit_window: options.flags & CAIRN_WORLD_FIT_WINDOW != 0,
+        check_precision: options.flags & CAIRN_WORLD_CHECK_PRECISION != 0,
     };
     let prepared = Cell::new(0);
     let world = World::load_with(device, &bundle, world_options, &|total| {

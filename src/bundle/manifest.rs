@@ -27,6 +27,9 @@ pub struct Manifest {
     pub picture: PictureSizes,
     /// File names of the models.
     pub graphs: Graphs,
+    /// Type of the residual stream of the f16 transformer; `None` for float16.
+    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    pub residual: Option<Residual>,
     /// How the matrices of the transformer's layers are stored in fewer than 16 bits; `None` where all weights have 16.
     #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
     pub quantisation: Option<Quantisation>,
@@ -203,6 +206,14 @@ pub struct Graphs {
 /// A member that may be missing, but not null.
 fn present<'de, T: Deserialize<'de>, D: serde::Deserializer<'de>>(value: D) -> Result<Option<T>, D::Error> {
     T::deserialize(value).map(Some)
+}
+
+/// A type of the residual stream that differs from the other values of an f16 transformer: `docs/bundle.md` section 4.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Residual {
+    /// float32: where the sums of the layers would pass float16's largest number, or are not accurate enough.
+    Float32,
 }
 
 /// Storage of matrices in fewer than 16 bits: `docs/bundle.md` section 4.

@@ -134,6 +134,12 @@ fn check(m: &Manifest) -> Result<()> {
     equal("controls.buttons", m.controls.buttons.into(), "the count of virtual keys", 256)?;
     equal("controls.scroll", m.controls.scroll.into(), "the count of scroll numbers", 1)?;
     check_picture(m)?;
+    if m.residual.is_some() && m.graphs.f16.is_none() {
+        return bad(
+            "residual",
+            "only f16 graphs have a residual stream of another type than theirs, and there are none",
+        );
+    }
     m.quantisation.as_ref().map_or(Ok(()), check_quantisation)?;
     check_files(m)
 }

@@ -4,6 +4,15 @@ use super::onnx::{Footprint, ModelContext, footprint};
 use super::{Bundle, Geometry, GraphKind, Precision};
 use crate::{Error, ErrorKind, Result};
 
+/// The kind of processor that runs a world's graphs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Processor {
+    /// The host's processor.
+    Cpu,
+    /// A graphics adapter.
+    Gpu,
+}
+
 /// Memory of one world with one rollout at one global window, in bytes.
 ///
 /// With F the bytes of one number of the graphs' precision:
@@ -14,7 +23,8 @@ use crate::{Error, ErrorKind, Result};
 /// weights       = every constant that a run reads, in the type in which it reads it: an f32 graph holds f16 weights as f32
 /// intermediates = peak of the transformer's live intermediate values over all nodes; a value lives from the node that produces
 ///                 it to the last node that reads it, and `Reshape` shares its input's memory
-/// autoencoder   = the same for encoder and decoder, + their inputs and outputs
+/// unpacked      = the largest matrix that a processor unpacks from 8 or 4 bits to multiply by it; one at a time is unpacked
+/// autoencoder   = the same as intermediates for encoder and decoder, + their inputs and outputs
 /// arena         = intermediates + encoder's and decoder's intermediate values, a second time
 /// total         = bundle + the sum of these
 /// ```
@@ -22,6 +32,9 @@ use crate::{Error, ErrorKind, Result};
 /// `arena` is the overhead of the runtime's allocator: it grows during the first run and from the second on holds one planned block
 /// as well (measured with ONNX Runtime 1.24: 2.3 times the intermediates in total). During loading the runtime briefly holds weights
 /// in both types.
+///
+/// `unpacked` was measured, too (`docs/bundle.md`, section 4). A CPU unpacks a matrix of 8 bits to float32, in graphs of both precisions, unless
+/// its activations have 8 bits as well; it multiplies by one of 4 bits as it is stored. A GPU unpacks every such matrix to F.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MemoryNeed {
     /// The bundle's own files, which stay in memory.
@@ -36,6 +49,8 @@ pub struct MemoryNeed {
     pub intermediates: u64,
     /// The largest single intermediate value; included in `intermediates`.
     pub largest_intermediate: u64,
+    /// The largest matrix in 8 or 4 bits, as a pass unpacks it; 0 if none is unpacked.
+    pub unpacked: u64,
     /// Intermediate values, pictures, latents and memories of encoder and decoder.
     pub autoencoder: u64,
     /// Overhead of the runtime's allocator.
@@ -55,13 +70,14 @@ impl MemoryNeed {
         }
         let mib = |bytes: u64| bytes.div_ceil(1 << 20);
         let cause = format!(
-            "{} MiB are needed (bundle {}, weights {}, ring {}, slabs {}, intermediates {}, autoencoder {}, arena {}), {} MiB are available",
+            "{} MiB are needed (bundle {}, weights {}, ring {}, slabs {}, intermediates {}, unpacked {}, autoencoder {}, arena {}), {} MiB are available",
             mib(self.total),
             mib(self.bundle),
             mib(self.weights),
             mib(self.ring),
             mib(self.slabs),
             mib(self.intermediates),
+            mib(self.unpacked),
             mib(self.autoencoder),
             mib(self.arena),
             limit >> 20
@@ -120,12 +136,12 @@ impl Geometry {
 }
 
 impl Bundle {
-    /// The memory that a world and one rollout need at a global window of `g` latents.
+    /// The memory that a world and one rollout need on `processor` at a global window of `g` latents.
     ///
     /// # Errors
     /// `InvalidArgument` for a window that the bundle does not allow; `Unsupported` if it lacks the precision; `InvalidBundle` if a graph's
     /// shapes are inconsistent at this window.
-    pub fn memory_need(&self, precision: Precision, g: u32) -> Result<MemoryNeed> {
+    pub fn memory_need(&self, precision: Precision, processor: Processor, g: u32) -> Result<MemoryNeed> {
         let geometry = self.geometry();
         geometry.check_window(g)?;
         let [transformer, encoder, decoder] = GraphKind::ALL.map(|kind| self.footprint(kind, precision, g));
@@ -136,13 +152,14 @@ impl Bundle {
         // Products cannot overflow: the manifest's limits keep each below 2^60. Sums saturate.
         let ring = (0..geometry.layers).map(|i| geometry.past_len(i, g) * pairs).fold(0, u64::saturating_add);
         let slabs = u64::from(geometry.layers).saturating_mul(geometry.slab_len() * pairs);
-        let held = |f: &Footprint| f.weights;
-        let weights = [&transformer, &encoder, &decoder].map(held).into_iter().fold(0, u64::saturating_add);
+        let graphs = [&transformer, &encoder, &decoder];
+        let weights = graphs.map(|f: &Footprint| f.weights).into_iter().fold(0, u64::saturating_add);
+        let unpacked = graphs.map(|f| f.unpacked.on(processor)).into_iter().fold(0, u64::max);
         let coding = encoder.peak.saturating_add(decoder.peak);
         let autoencoder = coding.saturating_add(self.autoencoder_ports() * number);
         let arena = coding.saturating_add(transformer.peak);
         let bundle = self.files.values().map(|bytes| bytes.len() as u64).fold(0, u64::saturating_add);
-        let parts = [bundle, weights, ring, slabs, transformer.peak, autoencoder, arena];
+        let parts = [bundle, weights, ring, slabs, transformer.peak, unpacked, autoencoder, arena];
         Ok(MemoryNeed {
             bundle,
             weights,
@@ -150,6 +167,7 @@ impl Bundle {
             slabs,
             intermediates: transformer.peak,
             largest_intermediate: transformer.largest,
+            unpacked,
             autoencoder,
             arena,
             total: parts.into_iter().fold(0, u64::saturating_add),
@@ -200,6 +218,7 @@ mod tests {
             slabs: 0,
             intermediates: 4 << 20,
             largest_intermediate: 1 << 20,
+            unpacked: 0,
             autoencoder: 0,
             arena: 0,
             total: 10 << 20,

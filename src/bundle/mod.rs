@@ -21,7 +21,8 @@ use std::sync::Arc;
 
 pub use cost::{GraphCost, WorldCost};
 pub use manifest::*;
-pub use memory_need::{MemoryNeed, available_memory};
+pub use memory_need::{MemoryNeed, Processor, available_memory};
+pub(crate) use onnx::ModelWithPeaks;
 pub use onnx::operators;
 #[cfg(windows)]
 pub(crate) use onnx::{Weight, weights_as_inputs};

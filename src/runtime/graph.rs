@@ -126,12 +126,12 @@ impl Graph {
     }
 
     /// Inputs, then outputs.
-    pub(super) fn tensors(&self) -> &[(CString, TensorSpec)] {
+    pub(crate) fn tensors(&self) -> &[(CString, TensorSpec)] {
         &self.tensors
     }
 
     /// Number of inputs in [`tensors`](Self::tensors).
-    pub(super) fn input_count(&self) -> usize {
+    pub(crate) fn input_count(&self) -> usize {
         self.inputs
     }
 }

@@ -12,7 +12,7 @@ use crate::bundle::Precision;
 use crate::runtime::{BindingId, BufferId, ExecutionContext, Region, element_size};
 
 /// The mask value of a hidden key: representable in f16, and far below any attention score.
-const HIDDEN: f32 = -10_000.0;
+pub(super) const HIDDEN: f32 = -10_000.0;
 
 /// Bytes of a row of the sigma table: sigma and dsigma, both f32.
 const ROW: usize = 8;

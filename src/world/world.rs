@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use super::graph_spec::{self, GraphSpec, Shapes};
+use super::half_precision::{HalfPrecision, Reference};
 use super::missing_operator;
 use super::operating_point::OperatingPoint;
-use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Precision, available_memory};
+use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Precision, Processor, available_memory};
 use crate::runtime::{Device, Graph};
 use crate::{Error, ErrorKind, Result};
 
@@ -22,6 +23,12 @@ pub struct WorldOptions {
     /// If true and the global window does not fit in memory, the widest window that fits is used; [`World::global_window`] returns it.
     /// If false, a world that does not fit is refused.
     pub fit_window: bool,
+    /// For graphs in f16: makes one latent with the f32 graphs as well, compares the two, and refuses the bundle on this device if a value passes
+    /// float16's largest number or the latent's error is larger than [`MAX_LATENT_ERROR`](super::MAX_LATENT_ERROR);
+    /// [`World::half_precision`] returns the comparison. While the f32 transformer is loaded, which is before all other graphs, it needs about
+    /// twice the memory of the f16 graphs' weights. The result depends only on the bundle and the device, so one load of both needs it. Without an
+    /// effect in f32.
+    pub check_precision: bool,
 }
 
 /// A loaded bundle: sessions, weights and geometry.
@@ -35,6 +42,7 @@ pub struct World {
     precision: Precision,
     global_window: u32,
     need: MemoryNeed,
+    half_precision: Option<HalfPrecision>,
     pub(super) shapes: Shapes,
     pub(super) transformer: Arc<Graph>,
     pub(super) encoder: Arc<Graph>,
@@ -48,8 +56,8 @@ impl World {
     ///
     /// # Errors
     /// `InvalidArgument` for a global window that the bundle does not support; `Unsupported` for a precision that it does not
-    /// contain, and for weights of fewer than 16 bits that the device's provider has no operator for; `OutOfMemory`, with figures, when it
-    /// does not fit; `InvalidBundle` when the graphs contradict the manifest; `Device` when ONNX Runtime refuses a graph.
+    /// contain, for weights of fewer than 16 bits that the device's provider has no operator for, and for a bundle that f16 is not enough for if
+    /// that is checked, with the tensor or layer; `OutOfMemory`, with figures, when it does not fit; `InvalidBundle` when the graphs contradict the manifest; `Device` when ONNX Runtime refuses a graph.
     pub fn load(device: &Device, bundle: &Arc<Bundle>, options: WorldOptions) -> Result<Arc<World>> {
         Self::load_with(device, bundle, options, &|_| Ok(()))
     }
@@ -74,25 +82,41 @@ impl World {
                 .remedy("Use another precision, or build the bundle with it"));
         }
         let global_window = options.global_window.unwrap_or(geometry.global.window);
-        let fits = |g: u32| {
-            let need = bundle.memory_need(precision, g)?;
+        let processor = if device.is_gpu() { Processor::Gpu } else { Processor::Cpu };
+        let fits_in = |precision, g: u32| {
+            let need = bundle.memory_need(precision, processor, g)?;
             // Available memory already excludes the loaded bundle.
             let limit = options.memory_limit.or_else(|| Some(available_memory()?.saturating_add(need.bundle)));
             limit.map_or(Ok(()), |limit| need.check_fits(limit))?;
             device.available_memory().map_or(Ok(()), |available| need.check_fits_on_device(available))?;
             Ok(need)
         };
+        let fits = |g: u32| fits_in(precision, g);
         let (global_window, need) = match options.fit_window {
             true => widest(global_window, geometry.global.dilation, fits)?,
             false => (global_window, fits(global_window)?),
         };
 
         let shapes = Shapes::new(manifest, global_window);
-        let sessions = GraphKind::ALL.len() as u64;
+        let is_checked = options.check_precision && precision == Precision::F16;
+        let sessions = GraphKind::ALL.len() as u64 + u64::from(is_checked);
+        let explain = |error| missing_operator::explain(error, manifest, &device.describe());
+        let reference = match is_checked {
+            true => {
+                fits_in(Precision::F32, geometry.global.dilation).map_err(|error| {
+                    let remedy =
+                        "Free memory, or load it without the check, which holds the f32 transformer for a while";
+                    error.field("check_precision").remedy(remedy)
+                })?;
+                proceed(sessions)?;
+                Some(Reference::make(device, bundle).map_err(explain)?)
+            }
+            false => None,
+        };
         let graph = |kind, what, dimensions: &[(&str, usize)], spec: GraphSpec| {
             proceed(sessions)?;
             let made = device.graph(what, &bundle.model(kind, precision)?, dimensions, spec.inputs, spec.outputs);
-            made.map_err(|error| missing_operator::explain(error, manifest, &device.describe()))
+            made.map_err(explain)
         };
         let transformer = graph(
             GraphKind::Transformer,
@@ -100,6 +124,11 @@ impl World {
             &graph_spec::dimensions(&shapes),
             graph_spec::transformer(geometry, &shapes, precision),
         )?;
+        let half_precision = reference.map(|made| made.compare(device, &transformer, manifest, &shapes)).transpose()?;
+        if let Some(found) = &half_precision {
+            log::info!("f16 beside f32 on {}: {found:?}", device.describe());
+            found.check()?;
+        }
         let encoder = graph(GraphKind::Encoder, "encoder", &[], graph_spec::encoder(geometry, &shapes, precision))?;
         let decoder = graph(GraphKind::Decoder, "decoder", &[], graph_spec::decoder(geometry, &shapes, precision))?;
         proceed(sessions)?;
@@ -110,6 +139,7 @@ impl World {
             precision,
             global_window,
             need,
+            half_precision,
             shapes,
             transformer,
             encoder,
@@ -174,6 +204,11 @@ impl World {
     /// Precision of the graphs.
     pub fn precision(&self) -> Precision {
         self.precision
+    }
+
+    /// The comparison of f16 with f32, if [`WorldOptions::check_precision`] asked for it.
+    pub fn half_precision(&self) -> Option<&HalfPrecision> {
+        self.half_precision.as_ref()
     }
 
     /// The global window g, in latents.

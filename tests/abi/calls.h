@@ -311,7 +311,7 @@ static const struct field fields[] = {
     FIELD(cairn_world_options, precision, CHOICE_FIELD, 2),
     FIELD(cairn_world_options, path, TEXT_FIELD, 0),
     FIELD(cairn_world_options, operating_point, TEXT_FIELD, 0),
-    FIELD(cairn_world_options, flags, FLAGS_FIELD, 1),
+    FIELD(cairn_world_options, flags, FLAGS_FIELD, 3),
     FIELD(cairn_world_options, reserved, CHOICE_FIELD, 0),
     FIELD(cairn_rollout_options, queue_capacity, CHOICE_FIELD, CAIRN_MAX_QUEUE),
     FIELD(cairn_rollout_options, operating_point, TEXT_FIELD, 0),

@@ -70,7 +70,7 @@ static void invalid_worlds_are_refused(void)
     /* Not even the narrowest window fits into a byte; the widest fits into the available memory. */
     options.flags = CAIRN_WORLD_FIT_WINDOW;
     ANSWERS(CAIRN_ERROR_OUT_OF_MEMORY, cairn_world_load(device, &options, &world));
-    options.flags = 2;
+    options.flags = 1u << 31;
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_world_load(device, &options, &world));
 #endif
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_world_load(device, NULL, &world));

@@ -1,7 +1,7 @@
 //! Matrices in 8 or 4 bits: valid forms are read, and every invalid one is refused with the tensor or node and the reason.
 
 use cairn::ErrorKind;
-use cairn::bundle::{Bundle, Precision};
+use cairn::bundle::{Bundle, Precision, Processor};
 use serde_json::json;
 use test_support::bundles::onnx_writer::*;
 use test_support::bundles::toy_bundle::{ToyBundle, WEIGHTS};
@@ -91,15 +91,42 @@ fn both_widths_are_read_and_counted() {
         for precision in Precision::ALL {
             let [with, without] = [&bundle, &plain].map(|bundle| bundle.cost(precision, 4).unwrap().pass);
             assert_eq!(with.multiply_adds - without.multiply_adds, 2 * 256);
-            let held = [&bundle, &plain].map(|bundle| bundle.memory_need(precision, 4).unwrap().weights);
+            let need = |bundle: &Bundle, processor| bundle.memory_need(precision, processor, 4).unwrap();
+            let held = [&bundle, &plain].map(|bundle| need(bundle, Processor::Cpu).weights);
             // Integers as stored, scales in f32, and the bounds of the slice.
             assert_eq!(held[0] - held[1], 64 * bits.unsigned_abs() + 4 * 16 + 3 * 8);
         }
     }
-    let mut rounding = with_product(8);
-    rounding.manifest["quantisation"]["activation_bits"] = json!(8);
-    MODELS.iter().for_each(|name| set(rounding.model(name), 4, 4));
-    Bundle::from_memory(rounding.files()).unwrap();
+}
+
+#[test]
+fn memory_counts_the_matrix_that_a_processor_unpacks() {
+    let with = |bits: i64, rounds: bool| {
+        let mut toy = with_product(bits);
+        if rounds {
+            toy.manifest["quantisation"]["activation_bits"] = json!(8);
+            MODELS.iter().for_each(|name| set(toy.model(name), 4, 4));
+        }
+        Bundle::from_memory(toy.files()).unwrap()
+    };
+    let plain = Bundle::from_memory(ToyBundle::new().files()).unwrap();
+    // The product's activations are the controls, which are float32 in both models.
+    let matrix = 256 * 2 * 4;
+    for precision in Precision::ALL {
+        let unpacked = |bundle: &Bundle| {
+            [Processor::Cpu, Processor::Gpu].map(|on| {
+                let need = bundle.memory_need(precision, on, 4).unwrap();
+                let parts = need.bundle + need.weights + need.ring + need.slabs + need.intermediates + need.autoencoder;
+                assert_eq!(need.total, parts + need.arena + need.unpacked);
+                need.unpacked
+            })
+        };
+        assert_eq!(unpacked(&plain), [0, 0]);
+        assert_eq!(unpacked(&with(8, false)), [matrix, matrix]);
+        // With 8-bit activations, and with 4 bits, the CPU provider multiplies by the matrix as it is stored.
+        assert_eq!(unpacked(&with(8, true)), [0, matrix]);
+        assert_eq!(unpacked(&with(4, false)), [0, matrix]);
+    }
 }
 
 #[test]

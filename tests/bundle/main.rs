@@ -6,6 +6,7 @@ mod files;
 mod manifest;
 mod models;
 mod mutations;
+mod residual;
 
 use cairn::bundle::Bundle;
 use cairn::{Error, Result};

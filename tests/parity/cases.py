@@ -17,6 +17,13 @@ MISSED_BY = 10
 SHORT_CASES: dict[str, dict] = {
     "short": {"latents": 6, "append": "0,3", "schedule": "explicit:1:0.5:0"},
     "short, half precision": {"latents": 6, "append": "0,3", "schedule": "explicit:1:0.5:0", "precision": "f16"},
+    "short, half precision, residual stream in float32": {
+        "bundle": "tiny-residual",
+        "latents": 6,
+        "append": "0,3",
+        "schedule": "explicit:1:0.5:0",
+        "precision": "f16",
+    },
 }
 
 # `tiny` has a local window of 4 latents and a global window of 16: both rings wrap twice in 32 commits.
@@ -40,6 +47,12 @@ LONG_CASES: dict[str, dict] = {
     "no picture at the start": {"latents": 20, "append": "3"},
     "larger global window": {"latents": 40, "global_window": 32, "schedule": "explicit:1:0.5:0"},
     "half precision": {"latents": 36, "append": "0,21", "precision": "f16"},
+    "half precision, residual stream in float32": {
+        "bundle": "tiny-residual",
+        "latents": 36,
+        "append": "0,21",
+        "precision": "f16",
+    },
     "half precision, fused": {"latents": 36, "cache": "fused", "schedule": "refined:6", "precision": "f16"},
 }
 

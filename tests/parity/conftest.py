@@ -29,12 +29,12 @@ def set_up_bundles() -> Path:
 
 def lacking(folder: Path) -> list[str]:
     """The required bundles that `folder` lacks."""
-    return [name for name in ("tiny", "window") if not (folder / name / "cairn-world.json").is_file()]
+    return [name for name in ("tiny", "tiny-residual", "window") if not (folder / name / "cairn-world.json").is_file()]
 
 
 @pytest.fixture(scope="session")
 def bundles() -> Path:
-    """The folder with the bundles `tiny` and `window`."""
+    """The folder with the bundles `tiny`, `tiny-residual` and `window`."""
     folder = Path(os.environ.get("CAIRN_TEST_BUNDLE") or set_up_bundles())
     if missing := lacking(folder):
         cause = f"{folder} lacks the test bundles {missing}"

@@ -214,6 +214,12 @@ namespace Cairn
         /// <summary>Narrows the global window if it does not fit the memory, instead of failing.</summary>
         public bool FitWindow { get; set; }
 
+        /// <summary>
+        /// For graphs in F16: makes one latent in F32 as well, and fails if F16 is not enough for the bundle on this device. Needs about twice the
+        /// memory of the F16 graphs' weights for a while; one load of a bundle and a device needs it.
+        /// </summary>
+        public bool CheckPrecision { get; set; }
+
         /// <summary>Progress callback, which may end the load; an exception from it ends it too. May be null.</summary>
         public LoadProgress Progress { get; set; }
     }
@@ -339,7 +345,8 @@ namespace Cairn
                         memory_limit = Check.NotNegative(options.MemoryLimit, nameof(options)),
                         progress = options.Progress == null ? IntPtr.Zero : CallbackAddress,
                         user = (void*)GCHandle.ToIntPtr(user),
-                        flags = options.FitWindow ? (uint)Native.WORLD_FIT_WINDOW : 0,
+                        flags = (options.FitWindow ? (uint)Native.WORLD_FIT_WINDOW : 0)
+                            | (options.CheckPrecision ? (uint)Native.WORLD_CHECK_PRECISION : 0),
                     };
                     IntPtr world = IntPtr.Zero;
                     int result = Library.C.world_load(Value, &native, &world);

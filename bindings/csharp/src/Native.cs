@@ -70,6 +70,7 @@ namespace Cairn
         internal const int LOAD_READING = 1;
         internal const int LOAD_PREPARING = 2;
         internal const int WORLD_FIT_WINDOW = 1;
+        internal const int WORLD_CHECK_PRECISION = 2;
         internal const int FORMAT_RGBA8 = 0;
         internal const int FORMAT_BGRA8 = 1;
         internal const int FORMAT_RGBA16F = 2;

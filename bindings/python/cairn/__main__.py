@@ -11,7 +11,7 @@ HELP = """\
 Cairn from the command line.
 
   python -m cairn doctor                 whether Cairn works here, and what to do where it does not
-  python -m cairn doctor --world PATH    the same, with a world of your own
+  python -m cairn doctor --world PATH    the same, with a world of your own; --half: is float16 enough for it?
   python -m cairn.build --help           makes world bundles
 """
 
@@ -30,6 +30,7 @@ def parser() -> argparse.ArgumentParser:
     )
     check.add_argument("--world", metavar="PATH", help="load this bundle instead of the world inside the library")
     check.add_argument("--onnxruntime", metavar="FILE", help="the library file of ONNX Runtime; else it is looked for")
+    check.add_argument("--half", action="store_true", help="check as well that float16 is enough for the world")
     check.add_argument("--verbose", action="store_true", help="say of everything what it is for")
     return top
 
@@ -37,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     """Runs a command and returns its exit status."""
     given = parser().parse_args(arguments)
-    return 0 if doctor.run(given.world, given.onnxruntime, verbose=given.verbose) else 1
+    return 0 if doctor.run(given.world, given.onnxruntime, verbose=given.verbose, half=given.half) else 1
 
 
 if __name__ == "__main__":

@@ -34,6 +34,7 @@ _WHY = {
     "fsr-shaders": "A provider's shaders need a shader model, which adapter, driver and Direct3D 12 must support.",
     "device": "A device is what a world runs on. The CPU device works on every system.",
     "world": "A world is a bundle: graphs, weights, licence and checksums (docs/bundle.md).",
+    "float16": "Graphs in f16 run on graphics adapters. A value above 65504 is infinite there, so a latent is made in f32 as well and compared.",
     "step": "A step makes the next latent of a rollout from the player's controls, and pictures of it.",
 }
 
@@ -70,9 +71,9 @@ class Report:
         self.explain(_WHY.get(what, ""), f"What to do: {remedy}." if remedy else "")
 
 
-def run(world: str | None = None, onnxruntime: str | None = None, *, verbose: bool = False) -> bool:
+def run(world: str | None = None, onnxruntime: str | None = None, *, verbose: bool = False, half: bool = False) -> bool:
     """Checks everything from Python up to a step of a world: the world at `path`, or the embedded one. Prints the findings, and returns whether
-    all is well.
+    all is well. `half` also loads the world in f16, and checks that float16 is enough for it.
     """
     report = Report()
 
@@ -112,6 +113,11 @@ def run(world: str | None = None, onnxruntime: str | None = None, *, verbose: bo
             return False
         with loaded:
             _world(report, loaded, good)
+        if half:
+            checked = _try(report, "float16", lambda: device.load_world(world, precision="f16", check_precision=True))
+            if checked is not None:
+                checked.close()
+                good("float16", "it is enough for this world: no value passes 65504, and a latent is near that of f32 on this device")
     if report.good:
         print("\nAll is well.")
     return report.good

@@ -170,6 +170,7 @@ class Device(Object):
         operating_point: str | None = None,
         memory_limit: int = 0,
         fit_window: bool = False,
+        check_precision: bool = False,
         progress: Progress | None = None,
     ) -> World:
         """Loads a world: reads and checks the bundle, compares the memory it needs with the memory available, and prepares its graphs. Takes
@@ -178,8 +179,10 @@ class Device(Object):
         `path` is a bundle, a folder or a file; None is the world embedded in the library, if there is one. `precision` None is the device's
         default. `operating_point` is a preset with changes after commas, such as "coherence" or "stock,g64,native"; None is "stock" with the
         bundle's own window. `memory_limit` is in bytes for the world and one rollout; 0 for the memory that the system has available. `fit_window` narrows
-        the global window if it does not fit that memory, instead of failing; the rollout's operating point names it. `progress` is called on
-        this thread.
+        the global window if it does not fit that memory, instead of failing; the rollout's operating point names it. `check_precision` makes one
+        latent in "f16" and in "f32", and raises `Unsupported` with the tensor or layer if float16 is not enough for the bundle on this device:
+        a value passes 65504, or the latent's relative error is more than 3 %. For a while that needs about twice the memory of the weights; one
+        load of a bundle and a device needs it. `progress` is called on this thread.
 
         Raises `InvalidArgument`, `FileError`, `InvalidBundle`, `Unsupported`, `OutOfMemory` with the numbers, `DeviceError`; `Cancelled` if
         `progress` returned False; and what `progress` raises.
@@ -205,7 +208,7 @@ class Device(Object):
             path=encoded(path, "path"),
             operating_point=encoded(operating_point, "operating_point"),
             memory_limit=memory_limit,
-            flags=c.WORLD_FIT_WINDOW * fit_window,
+            flags=c.WORLD_FIT_WINDOW * fit_window | c.WORLD_CHECK_PRECISION * check_precision,
             # Set even without a caller's callback, because Ctrl+C is noticed there.
             progress=c.load_callback(on_progress),
         )

@@ -10,9 +10,11 @@ from conftest import ROOT, TINY, relative, session
 from onnx import numpy_helper
 from rollout import Rollout
 
+import cairn
+import runtime
 from cairn.build import PRESETS, archive, cli, costs, rates
 from cairn.build.errors import BuildError
-from cairn.build.quantise import NUMBERS, SCALES, Quantisation, counts, largest_matrix, restored, rounded
+from cairn.build.quantise import NUMBERS, SCALES, Quantisation, counts, restored, rounded, unpacked_bytes
 from cairn.build.random_weights import RandomWeights
 from cairn.build.stored import rebuild
 from cairn.build.weights import stored_transformer
@@ -234,8 +236,27 @@ def test_rates_count_the_bytes_of_small_weights(capsys):
     moved = [world.one_pass(stock.window).bytes for world in worlds]
     smaller, _ = counts(g, Quantisation(8))
     memory = [world.memory(stock.window) * 2**30 for world in worlds]
-    assert memory[0] - memory[1] == pytest.approx(smaller * (1 - 2 / 32) - largest_matrix(g, Quantisation(8)))
+    assert memory[0] - memory[1] == pytest.approx(smaller * (1 - 2 / 32) - unpacked_bytes(g, Quantisation(8), "f16"))
     assert moved[0] - moved[1] == smaller * (1 - 2 / 32) and moved[1] - moved[2] == smaller / 2
     assert len({world.one_pass(stock.window).flops for world in worlds}) == 1
     assert cli.main(["rates", "--preset", "tiny", "--weights", "8"]) == 0
     assert "tiny, 8-bit weights" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("options", [(8,), (8, "--activations", 8), (4,)])
+def test_memory_counts_the_unpacked_matrix_as_the_library_does(tiny, tmp_path, capsys, options):
+    small = quantised(tiny, tmp_path / "small", "--weights", *options)
+    quantisation = archive.read_quantisation(small)
+    numbers = TINY.width**2 * TINY.mlp_ratio
+    counted = {precision: unpacked_bytes(TINY, quantisation, precision) for precision in ("f32", "f16")}
+    assert counted == {"f32": 4 * numbers if options == (8,) else 0, "f16": 2 * numbers}
+    runtime.need_library()
+    with cairn.Device.cpu(threads=1) as device, device.load_world(tiny) as full, device.load_world(small) as world:
+        assert world.memory.intermediates - full.memory.intermediates == counted["f32"]
+        assert world.memory.total < full.memory.total
+    assert cli.main(["describe", str(small)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for precision, count in counted.items():
+        head, first = (next(line for line in lines if line.startswith(word)) for word in ("MiB", precision))
+        columns, row = ([line[at : at + 13].strip() for at in range(11, len(line), 13)] for line in (head, first))
+        assert float(dict(zip(columns, row, strict=True))["unpacked"]) == pytest.approx(count / 2**20, abs=0.051)

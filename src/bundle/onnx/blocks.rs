@@ -5,7 +5,43 @@ use half::f16;
 use super::operators::{NBITS, int_attribute};
 use super::proto::{Data, Graph, Node, Tensor};
 use super::{Check, Element, Fault, quoted};
-use crate::bundle::{GraphKind, Quantisation};
+use crate::bundle::{GraphKind, Processor, Quantisation};
+
+/// Bytes of the largest stored matrix as each kind of processor unpacks it to multiply by it; 0 if it unpacks none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(in crate::bundle) struct Unpacked {
+    cpu: u64,
+    gpu: u64,
+}
+
+impl Unpacked {
+    /// Those of `processor`.
+    pub(in crate::bundle) fn on(self, processor: Processor) -> u64 {
+        match processor {
+            Processor::Cpu => self.cpu,
+            Processor::Gpu => self.gpu,
+        }
+    }
+
+    /// The matrix of a product whose activations are of type `element`.
+    pub(super) fn of(product: &Node<'_>, element: Element) -> Self {
+        let attribute = |name| int_attribute(product, name).unwrap_or(0);
+        let size = |name| u64::try_from(attribute(name)).unwrap_or(0);
+        let numbers = size("K").saturating_mul(size("N"));
+        // Without 8-bit activations the CPU provider has no kernel for 8 bits, and multiplies in float32.
+        let is_unpacked_on_cpu = attribute("bits") == 8 && attribute("accuracy_level") != INT8_ACTIVATIONS;
+        let cpu = if is_unpacked_on_cpu { numbers.saturating_mul(Element::F32.bytes()) } else { 0 };
+        Self { cpu, gpu: numbers.saturating_mul(element.bytes()) }
+    }
+
+    /// The larger one on each processor.
+    pub(super) fn max(self, other: Self) -> Self {
+        Self { cpu: self.cpu.max(other.cpu), gpu: self.gpu.max(other.gpu) }
+    }
+}
+
+/// The `accuracy_level` that lets the CPU provider round activations to 8 bits.
+const INT8_ACTIVATIONS: i64 = 4;
 
 /// Scales of a matrix, whose numbers can be checked once the files of weights are read.
 pub(in crate::bundle) struct Scales {
@@ -78,7 +114,7 @@ fn check_form(node: &Node<'_>, stated: Option<&Quantisation>) -> Check<()> {
             return Err(Fault::new(format!("{NBITS} has the {name} {value}, the manifest states {wanted}")));
         }
     }
-    if int_attribute(node, "accuracy_level") == Some(4) && stated.activation_bits != 8 {
+    if int_attribute(node, "accuracy_level") == Some(INT8_ACTIVATIONS) && stated.activation_bits != 8 {
         return Err(Fault::new(format!("{NBITS} rounds activations to 8 bits, the manifest states 16")));
     }
     Ok(())

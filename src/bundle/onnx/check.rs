@@ -4,7 +4,8 @@ use super::blocks::{Scales, check_blocks};
 use super::interface::Interface;
 use super::operators::check_node;
 use super::proto::{self, Data, Model, Tensor};
-use super::shape_inference::{Footprint, infer_sizes, tensor_shape};
+use super::residual::ResidualStream;
+use super::shape_inference::{Footprint, Reader, infer_sizes, tensor_shape};
 use super::{Check, Element, Fault, quoted};
 use crate::bundle::{GraphKind, Manifest, Precision, invalid, names};
 use crate::{Error, ErrorKind, Result};
@@ -63,7 +64,9 @@ pub(in crate::bundle) fn check(onnx: &[u8], context: ModelContext<'_>) -> Result
 /// # Errors
 /// `InvalidBundle` if shape inference fails at this window.
 pub(in crate::bundle) fn footprint(onnx: &[u8], context: ModelContext<'_>, g: u32) -> Result<Footprint> {
-    parse(onnx).and_then(|model| footprint_at(&model, context, g)).map_err(|fault| context.refuse(fault))
+    parse(onnx)
+        .and_then(|model| footprint_at(&model, context, g, &mut |_, _, _| ()))
+        .map_err(|fault| context.refuse(fault))
 }
 
 fn parse(onnx: &[u8]) -> Check<Model<'_>> {
@@ -107,16 +110,36 @@ fn inspect(onnx: &[u8], context: ModelContext<'_>) -> Check<ExternalData> {
     // Shape inference must succeed at the smallest, the stock and the largest window. Other windows are checked when used.
     let window = context.manifest.geometry.global;
     for g in [window.dilation, window.window, window.max_window] {
-        footprint_at(&model, context, g)?;
+        footprint_at(&model, context, g, &mut |_, _, _| ())?;
+    }
+    if (context.kind, context.precision) == (GraphKind::Transformer, Precision::F16) {
+        residual_stream(&model, context)?.check(context.manifest.residual, context.manifest.geometry.layers)?;
     }
     Ok(ExternalData { external, scales })
 }
 
-fn footprint_at(model: &Model<'_>, context: ModelContext<'_>, g: u32) -> Check<Footprint> {
+/// The residual stream of a transformer.
+fn residual_stream<'a>(model: &'a Model<'a>, context: ModelContext<'_>) -> Check<ResidualStream<'a>> {
+    let mut stream = ResidualStream::new(&context.manifest.geometry);
+    read_nodes(model, context, &mut |node, inputs, outputs| stream.read(node, inputs, outputs))?;
+    Ok(stream)
+}
+
+/// Hands the nodes of a model to `reader`, with shapes at the narrowest window.
+pub(super) fn read_nodes<'a>(model: &'a Model<'a>, context: ModelContext<'_>, reader: Reader<'_, 'a>) -> Check<()> {
+    footprint_at(model, context, context.manifest.geometry.global.dilation, reader).map(drop)
+}
+
+fn footprint_at<'a>(
+    model: &'a Model<'a>,
+    context: ModelContext<'_>,
+    g: u32,
+    reader: Reader<'_, 'a>,
+) -> Check<Footprint> {
     let Interface { inputs, outputs } = Interface::of(context.kind, context.precision, context.manifest);
     let inputs: Vec<_> = inputs.iter().map(|port| (port.name.as_str(), port.shape(context.manifest, g))).collect();
     let outputs: Vec<_> = outputs.iter().map(|port| (port.name.as_str(), port.shape(context.manifest, g))).collect();
-    infer_sizes(&model.graph, opset(model)?, &inputs, &outputs)
+    infer_sizes(&model.graph, opset(model)?, &inputs, &outputs, reader)
 }
 
 fn check_tensors(tensors: &[Tensor<'_>], context: ModelContext<'_>) -> Check<Vec<(String, String)>> {

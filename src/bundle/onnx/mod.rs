@@ -2,7 +2,9 @@
 //!
 //! - [`wire`] and [`proto`] parse the bytes, field by field.
 //! - [`operators`] and [`shape_inference`] check that every operator is on the list and that every shape follows from the inputs' shapes.
+//! - [`residual`] finds the residual stream and checks its type.
 //! - [`blocks`] checks the matrices that are stored in fewer than 16 bits.
+//! - [`peaks`] adds outputs to a model: the largest magnitudes of its values.
 //! - [`interface`] compares inputs and outputs with the format's tables.
 //! - [`check`] combines these checks, and checks that weights lie inside files that the bundle lists.
 //!
@@ -12,16 +14,18 @@ mod blocks;
 mod check;
 mod interface;
 mod operators;
+mod peaks;
 mod proto;
+mod residual;
 mod shape_inference;
 #[cfg(any(windows, test))]
 mod weights;
 mod wire;
-#[cfg(any(windows, test))]
 mod writer;
 
 pub(super) use check::{ExternalData, ModelContext, check, footprint};
 pub use operators::operators;
+pub(crate) use peaks::ModelWithPeaks;
 pub(super) use shape_inference::Footprint;
 #[cfg(windows)]
 pub(crate) use weights::{Weight, weights_as_inputs};

@@ -6,6 +6,7 @@
 
 use std::collections::HashMap;
 
+use super::blocks::Unpacked;
 use super::operators::{Call, NBITS, Operand, infer};
 use super::proto::{Data, Dim, Graph, Node, Tensor};
 use super::{Check, Element, Fault, Shape, quoted};
@@ -25,6 +26,8 @@ pub(in crate::bundle) struct Footprint {
     pub(in crate::bundle) peak: u64,
     /// The largest intermediate value.
     pub(in crate::bundle) largest: u64,
+    /// The largest matrix that a product unpacks from 8 or 4 bits.
+    pub(in crate::bundle) unpacked: Unpacked,
     /// Cost of a run.
     pub(in crate::bundle) cost: GraphCost,
 }
@@ -59,22 +62,27 @@ struct SizeInference<'a> {
 /// Names and shapes of inputs or outputs.
 pub(super) type Named<'a> = [(&'a str, Shape)];
 
+/// Gets each node that runs, in order, with the shapes of its inputs, `None` for a constant, and of its outputs.
+pub(super) type Reader<'r, 'a> = &'r mut dyn FnMut(&'a Node<'a>, &[Option<&Shape>], &[Shape]);
+
 /// Infers all sizes of `graph` from the shapes of `inputs`, and checks that its outputs have the shapes of `outputs`.
 pub(super) fn infer_sizes<'a>(
     graph: &'a Graph<'a>,
     opset: i64,
-    inputs: &Named<'a>,
+    inputs: &Named<'_>,
     outputs: &Named<'_>,
+    reader: Reader<'_, 'a>,
 ) -> Check<Footprint> {
     let mut inference = SizeInference { values: Vec::new(), names: HashMap::new(), footprint: Footprint::default() };
-    for (name, shape) in inputs {
-        inference.add(name, shape.clone(), None, Origin::Input)?;
+    // The names were compared before.
+    for (value, (_, shape)) in graph.inputs.iter().zip(inputs) {
+        inference.add(value.name, shape.clone(), None, Origin::Input)?;
     }
     for tensor in &graph.tensors {
         inference.constant(tensor).map_err(|fault| within("initializer", tensor.name, fault))?;
     }
     for (i, node) in graph.nodes.iter().enumerate() {
-        inference.node(i, node, opset).map_err(|fault| within("node", node.name, fault))?;
+        inference.node(i, node, opset, reader).map_err(|fault| within("node", node.name, fault))?;
     }
     inference.check_declared(graph)?;
     let made = outputs.iter().map(|(name, shape)| inference.output(name, shape)).collect::<Check<Vec<_>>>()?;
@@ -118,7 +126,7 @@ impl<'a> SizeInference<'a> {
         self.add(tensor.name, shape, data, Origin::Constant { held: false }).map(drop)
     }
 
-    fn node(&mut self, i: usize, node: &'a Node<'a>, opset: i64) -> Check<()> {
+    fn node(&mut self, i: usize, node: &'a Node<'a>, opset: i64, reader: Reader<'_, 'a>) -> Check<()> {
         let mut inputs = Vec::with_capacity(node.inputs.len());
         for &name in &node.inputs {
             inputs.push(if name.is_empty() { None } else { Some(self.find(name)?) });
@@ -136,6 +144,14 @@ impl<'a> SizeInference<'a> {
         }
         if !known {
             self.add_cost(node, &read, &shapes)?;
+            let is_made = |v: &usize| !matches!(self.values[*v].origin, Origin::Constant { .. });
+            let made = read.iter().map(|v| Some(&self.values[*v].shape).filter(|_| is_made(v)));
+            reader(node, &made.collect::<Vec<_>>(), &shapes);
+            if node.operator == NBITS
+                && let Some(product) = shapes.first()
+            {
+                self.footprint.unpacked = self.footprint.unpacked.max(Unpacked::of(node, product.element));
+            }
         }
         let origin = if known { Origin::Constant { held: false } } else { Origin::Node(i) };
         for (&name, shape) in node.outputs.iter().zip(shapes) {

@@ -10,8 +10,10 @@ use sha2::{Digest, Sha256};
 use crate::python::{python_env, python_path, text};
 use crate::{Error, Progress, Result, cache, process, repository};
 
-/// The worlds that can be made: three of random weights for tests, one for the demo, and the embedded world in 8 and in 4 bits.
-pub const BUNDLES: [&str; 6] = ["tiny", "window", "stream", "demo", "miniature-8bit", "miniature-4bit"];
+/// The worlds that can be made: three of random weights for tests, one for the demo, `tiny` with a float32 residual stream in f16, and the
+/// embedded world in 8 and in 4 bits.
+pub const BUNDLES: [&str; 7] =
+    ["tiny", "window", "stream", "demo", "tiny-residual", "miniature-8bit", "miniature-4bit"];
 
 /// The world inside the library.
 const EMBEDDED: &str = "samples/worlds/miniature.cairn";
@@ -51,7 +53,10 @@ pub fn bundle(name: &str, progress: &dyn Progress) -> Result<PathBuf> {
             command.arg("quantise").arg(repository().join(EMBEDDED)).args(["--weights", bits]);
         }
         None => {
-            command.args(["random", "--preset", name]);
+            command.args(["random", "--preset", name.trim_end_matches("-residual")]);
+            if name.ends_with("-residual") {
+                command.args(["--residual", "float32"]);
+            }
         }
     }
     command.args(["--out", text(&unfinished)?]).env("PYTHONPATH", python_path()).env("PYTHONDONTWRITEBYTECODE", "1");
@@ -141,7 +146,8 @@ mod tests {
     fn an_unknown_world_is_refused_with_the_names_of_the_known_ones() {
         let refused = bundle("huge", &Silent).unwrap_err().to_string();
         assert!(
-            refused.contains("huge") && refused.contains("tiny, window, stream, demo, miniature-8bit, miniature-4bit"),
+            refused.contains("huge")
+                && refused.contains("tiny, window, stream, demo, tiny-residual, miniature-8bit, miniature-4bit"),
             "{refused}"
         );
     }

@@ -1,5 +1,5 @@
 //! Worlds on DirectML, in the lab or on Windows, pass the same tests as worlds on the processor: parity with the oracle, bit-exact
-//! continuation of saved states, and budgets. Every run has a short form, `--thorough` runs all.
+//! continuation of saved states, budgets, and the check that float16 is enough. Every run has a short form, `--thorough` runs all.
 
 use std::process::Command;
 
@@ -10,6 +10,7 @@ use crate::shell::Log;
 
 const STATES: &str = "rollout_state";
 const BUDGETS: &str = "rollout_budget";
+const HALF_PRECISION: &str = "half_precision";
 const TRACE: &str = "parity-trace";
 
 /// The short form's tests that load no world of their own: each world takes gigabytes if the processor emulates the device.
@@ -28,6 +29,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         context.with_and_without_amd(&mut tally, |amd| {
             let mut tally = tests(context, log, STATES, Some(&SHORT_STATES), amd)?;
             tally.add(tests(context, log, BUDGETS, Some(&SHORT_BUDGETS), amd)?);
+            tally.add(tests(context, log, HALF_PRECISION, None, amd)?);
             tally.add(parity(context, log, true, amd)?);
             Ok(tally)
         })?;

@@ -8,10 +8,10 @@ import sys
 import time
 from pathlib import Path
 
-from . import archive, costs, measured, rates, table
+from . import archive, costs, measured, rates, sensitivity, table
 from .checkpoint import open_checkpoint
 from .errors import BuildError
-from .geometry import PRESETS, Geometry
+from .geometry import PRESETS, RESIDUALS, Geometry
 from .manifest import Licence
 from .quantise import BLOCKS, KEPT, Quantisation
 from .random_weights import RandomWeights
@@ -32,6 +32,8 @@ examples:
   python -m cairn.build rates waypoint.cairn
   python -m cairn.build costs --preset 360p
   python -m cairn.build quantise waypoint.cairn --weights 8 --out waypoint-8bit.cairn
+  python -m cairn.build sensitivity waypoint.cairn --weights 8 --bound 0.01
+  python -m cairn.build rebuild waypoint.cairn --residual float32 --out waypoint-residual.cairn
   python -m cairn.build pack worlds/demo --out worlds/demo.cairn
 """
 
@@ -58,6 +60,13 @@ QUANTISE_HELP = """\
 Writes a bundle again with the matrices of the transformer's layers in 8 or 4 bits instead of 16: it needs less memory, on the CPU provider
 and on DirectML. Its latents differ from the original's; docs/bundle.md has measured differences. Everything outside the layers stays in
 16 bits, and so do the matrices that --keep-16 names.
+"""
+
+SENSITIVITY_HELP = """\
+Measures how much each matrix of the transformer's layers loses in 8 or 4 bits, and proposes the list for `quantise --keep-16`. Passes of the f32
+transformer run on the CPU from the same past with one matrix rounded at a time, then with one layer, then with all. The past comes from walks of
+the world itself. The list keeps those matrices in 16 bits that take the most from the error for their size, until the measured error is at most
+the bound. The bundle stays as it is.
 """
 
 CHECKPOINT_HELP = """\
@@ -103,6 +112,7 @@ def parser() -> argparse.ArgumentParser:
     checkpoint.add_argument("--licence", default="Apache-2.0", help="SPDX expression of the weights (Apache-2.0)")
     checkpoint.add_argument("--licence-file", type=Path, help="its text; LICENSE in the directory unless given")
     _streaming(checkpoint)
+    _residual(checkpoint)
     _output(checkpoint)
 
     presets = "".join(f"  {name:8} {what}\n" for name, (what, _) in PRESETS.items())
@@ -111,6 +121,7 @@ def parser() -> argparse.ArgumentParser:
     )
     _geometry(random)
     _streaming(random)
+    _residual(random)
     random.add_argument("--seed", type=int, default=1, help="0 to 2^64 - 1 (1)")
     random.add_argument("--name", help="shown to people")
     _output(random)
@@ -143,6 +154,7 @@ def parser() -> argparse.ArgumentParser:
         "rebuild", help="an existing bundle again, with this version's graphs", description=REBUILD_HELP, formatter_class=raw
     )
     again.add_argument("bundle", type=Path, help="a folder or a .cairn file")
+    _residual(again, "as in the bundle")
     again.add_argument("--out", type=Path, required=True, help="the folder, or the file *.cairn, to write")
     again.add_argument("--replace", action="store_true", help="replace the bundle that is there, once the new one is complete")
     again.add_argument("--quiet", action="store_true", help="no progress")
@@ -166,9 +178,23 @@ def parser() -> argparse.ArgumentParser:
         metavar="LIST",
         help=f"layers or matrices that stay in 16 bits, with commas between them, or none ({','.join(KEPT)})",
     )
+    _residual(smaller, "as in the bundle")
     smaller.add_argument("--out", type=Path, required=True, help="the folder, or the file *.cairn, to write")
     smaller.add_argument("--replace", action="store_true", help="replace the bundle that is there, once the new one is complete")
     smaller.add_argument("--quiet", action="store_true", help="no progress and no table")
+
+    of_layers = commands.add_parser(
+        "sensitivity", help="which layers to keep in 16 bits when quantising", description=SENSITIVITY_HELP, formatter_class=raw
+    )
+    of_layers.add_argument("bundle", type=Path, help="a folder or a .cairn file with 16-bit weights")
+    of_layers.add_argument("--weights", type=int, choices=[8, 4], default=8, help="bits of a weight (8)")
+    of_layers.add_argument("--block", type=int, choices=BLOCKS, default=32, help="rows of a column that share a scale (32)")
+    of_layers.add_argument(
+        "--bound", type=float, default=sensitivity.BOUND, help=f"the largest relative error of a pass ({sensitivity.BOUND})"
+    )
+    of_layers.add_argument("--walks", type=int, default=4, help="walks whose errors are averaged, 1 to 64 (4)")
+    of_layers.add_argument("--threads", type=int, default=0, help="threads of a pass; 0 is one for each physical core (0)")
+    of_layers.add_argument("--quiet", action="store_true", help="no progress")
 
     pack = commands.add_parser("pack", help="folder to .cairn file, or back", formatter_class=raw)
     pack.add_argument("bundle", type=Path, help="a folder to pack, or a .cairn file to unpack")
@@ -186,6 +212,14 @@ def _streaming(command: argparse.ArgumentParser) -> None:
         "--streaming-encoder",
         action="store_true",
         help="the encoder is handed its memories, so that rollouts may keep its stream from one appended picture to the next",
+    )
+
+
+def _residual(command: argparse.ArgumentParser, default: str = "float16") -> None:
+    command.add_argument(
+        "--residual",
+        choices=RESIDUALS,
+        help=f"type of the sums of the residual stream in f16 graphs: float32 where float16 overflows or is not accurate enough ({default})",
     )
 
 
@@ -236,10 +270,11 @@ def chosen_geometry(options: argparse.Namespace) -> Geometry:
 
 
 class Printer:
-    """Progress on standard error: rewritten in place on a terminal, elsewhere one line at most every two seconds."""
+    """Progress on standard error: rewritten in place on a terminal, elsewhere one line at most every two seconds. Counts bytes, or `unit`s."""
 
-    def __init__(self, quiet: bool):
+    def __init__(self, quiet: bool, unit: str | None = None):
         self.quiet = quiet
+        self.unit = unit
         self.live = sys.stderr.isatty()
         self.last = 0.0
         self.started = time.monotonic()
@@ -252,7 +287,11 @@ class Printer:
         self.last = now
         share = 100 * done / total if total else 100
         left = (now - self.started) * (total - done) / done if done else 0
-        line = f"{share:5.1f} %  {done / 2**20:8.1f} of {total / 2**20:.1f} MiB  {left:4.0f} s left  {what}"
+        if self.unit is None:
+            count = f"{done / 2**20:8.1f} of {total / 2**20:.1f} MiB"
+        else:
+            count = f"[{'#' * int(share / 5):20}] {done} of {total} {self.unit}"
+        line = f"{share:5.1f} %  {count}  {left:4.0f} s left  {what}"
         print(f"\r{line[:118]:<118}" if self.live else line, end="" if self.live else "\n", file=sys.stderr, flush=True)
 
     def close(self) -> None:
@@ -275,8 +314,9 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
 
 
-def _with_stream(options: argparse.Namespace, geometry: Geometry) -> Geometry:
-    return geometry.with_(streaming_encoder=True) if options.streaming_encoder else geometry
+def _with_options(options: argparse.Namespace, geometry: Geometry) -> Geometry:
+    geometry = geometry.with_(streaming_encoder=True) if options.streaming_encoder else geometry
+    return geometry if options.residual is None else geometry.with_(residual=options.residual)
 
 
 def _build(options: argparse.Namespace, geometry: Geometry, source, **facts) -> int:
@@ -301,7 +341,7 @@ def _checkpoint(options: argparse.Namespace) -> int:
         licence = Licence(options.licence)
     result = _build(
         options,
-        _with_stream(options, found.geometry),
+        _with_options(options, found.geometry),
         found,
         name=options.name or options.directory.resolve().name[:100],
         provenance={**found.provenance, "rounding": options.rounding},
@@ -316,7 +356,7 @@ def _checkpoint(options: argparse.Namespace) -> int:
 def _random(options: argparse.Namespace) -> int:
     if not 0 <= options.seed < 1 << 64:
         raise BuildError(f"{options.seed} is outside 0 .. 2^64 - 1", field="--seed", remedy="Choose a seed in that range.")
-    geometry = _with_stream(options, chosen_geometry(options))
+    geometry = _with_options(options, chosen_geometry(options))
     return _build(
         options,
         geometry,
@@ -373,7 +413,7 @@ def _costs(options: argparse.Namespace) -> int:
 
 def _rebuild(options: argparse.Namespace) -> int:
     progress = Printer(options.quiet)
-    rebuild(options.bundle, options.out, progress=progress, replace=options.replace)
+    rebuild(options.bundle, options.out, progress=progress, replace=options.replace, residual=options.residual)
     progress.close()
     if not options.quiet:
         print(f"wrote {options.out}")
@@ -384,11 +424,28 @@ def _quantise(options: argparse.Namespace) -> int:
     kept = () if options.keep_16 == "none" else tuple(name.strip() for name in options.keep_16.split(","))
     quantisation = Quantisation(options.weights, options.block, options.activations, kept)
     progress = Printer(options.quiet)
-    rebuild(options.bundle, options.out, progress=progress, replace=options.replace, quantisation=quantisation)
+    facts = {"quantisation": quantisation, "residual": options.residual}
+    rebuild(options.bundle, options.out, progress=progress, replace=options.replace, **facts)
     progress.close()
     if not options.quiet:
         print(table.describe(archive.read_geometry(options.out), quantisation))
         print(f"\nwrote {options.out}")
+    return 0
+
+
+def _sensitivity(options: argparse.Namespace) -> int:
+    progress = Printer(options.quiet, "passes")
+    report = sensitivity.measure(
+        options.bundle,
+        options.weights,
+        options.block,
+        options.bound,
+        walks=options.walks,
+        threads=options.threads,
+        progress=progress,
+    )
+    progress.close()
+    print(sensitivity.table(report))
     return 0
 
 
@@ -409,5 +466,6 @@ _COMMANDS = {
     "costs": _costs,
     "rebuild": _rebuild,
     "quantise": _quantise,
+    "sensitivity": _sensitivity,
     "pack": _pack,
 }

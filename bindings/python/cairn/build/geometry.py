@@ -15,6 +15,8 @@ AUTOENCODER_STRIDE = 8
 AUTOENCODER_TEMPORAL = 4
 STAGES = 3
 MEMORIES_PER_STAGE = 3
+# Types that the residual stream of an f16 graph can have.
+RESIDUALS = ("float16", "float32")
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,8 @@ class Geometry:
     render: tuple[int, int] = field(default=(0, 0))
     # Whether the encoder's graph takes its memories as inputs, so that a rollout can continue its stream.
     streaming_encoder: bool = False
+    # Type of the transformer's residual stream in f16 graphs: "float16" or "float32".
+    residual: str = "float16"
 
     def __post_init__(self) -> None:
         positive = (
@@ -87,6 +91,8 @@ class Geometry:
                 field="schedule",
                 remedy="Give 2 to 64 falling noise levels, such as 1 0.9 0.75 0.3 0.",
             )
+        if self.residual not in RESIDUALS:
+            raise BuildError(f"{self.residual!r} is none of {', '.join(RESIDUALS)}", field="residual", remedy="Choose one of these.")
         if 0 in self.render:
             object.__setattr__(self, "render", square_pixels(self.decoded))
 

@@ -76,6 +76,7 @@ def manifest(
         "controls": {"mouse": 2, "buttons": g.buttons, "scroll": 1},
         "picture": {"decoded": list(g.decoded), "render": list(g.render), "range": [0, 1]},
         "graphs": graphs,
+        **({} if g.residual == "float16" else {"residual": g.residual}),
         **({} if quantisation is None else {"quantisation": quantisation.manifest()}),
         "files": [{"path": path, "size": size, "sha256": sha} for path, (size, sha) in sorted(files.items())],
         "licence": {"spdx": licence.spdx, "file": licence.file if licence.text is not None else None},
@@ -114,6 +115,7 @@ def geometry_of(content: dict) -> Geometry:
             decoder_widths=(*stages, stages[2]),
             streaming_encoder=bool(g["autoencoder"].get("encoder_memories")),
             render=tuple(content["picture"]["render"]),
+            residual=content.get("residual", "float16"),
         )
     except (KeyError, IndexError, TypeError, AttributeError) as error:
         cause = f"a member is missing or of another kind: {error!r}"

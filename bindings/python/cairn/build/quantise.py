@@ -105,9 +105,16 @@ def counts(g: Geometry, quantisation: Quantisation) -> tuple[int, int]:
     return sum(w.count for w in weights if quantisation.takes(w)), sum(w.count for w in weights)
 
 
-def largest_matrix(g: Geometry, quantisation: Quantisation) -> int:
-    """Bytes of the largest matrix that becomes smaller, unpacked to float16. Providers unpack one at a time."""
-    return max((2 * p.whole.count for p in stored_transformer(g) if quantisation.takes(p.whole)), default=0)
+def unpacked_bytes(g: Geometry, quantisation: Quantisation | None, precision: str) -> int:
+    """Bytes of the largest matrix in 8 or 4 bits, as a pass unpacks it: `Bundle::memory_need` counts the same in Rust. Providers unpack one at a time.
+
+    DirectML, which runs the graphs in f16, unpacks each to float16. The CPU provider, which runs those in f32, unpacks one of 8 bits to float32
+    unless activations have 8 bits, too, and never one of 4 bits.
+    """
+    if quantisation is None or (precision == "f32" and (quantisation.bits == 4 or quantisation.activation_bits == 8)):
+        return 0
+    numbers = max((p.whole.count for p in stored_transformer(g) if quantisation.takes(p.whole)), default=0)
+    return numbers * (2 if precision == "f16" else 4)
 
 
 def rounded(matrix: np.ndarray, bits: int, block: int) -> tuple[np.ndarray, np.ndarray]:

@@ -25,7 +25,7 @@ from .geometry import PRESETS, Geometry
 from .graph import Graph
 from .measured import PRESET, WORLD, Measured, Reports, is_same
 from .published import POINTS, Point
-from .quantise import Quantisation, largest_matrix
+from .quantise import Quantisation, unpacked_bytes
 from .table import activation_peak, ring_bytes, slab_bytes, weight_bytes
 from .writer import build_graphs
 
@@ -121,7 +121,7 @@ class World:
     def __init__(self, name: str, g: Geometry, quantisation: Quantisation | None = None):
         self.name, self.geometry = name, g
         self._graphs = build_graphs(g, "f16", quantisation=quantisation)
-        self._unpacked = 0 if quantisation is None else largest_matrix(g, quantisation)
+        self._unpacked = unpacked_bytes(g, quantisation, "f16")
         self._weights = {kind: weight_bytes({kind: graph}) for kind, graph in self._graphs.items()}
         pictures = 3 * math.prod(g.decoded) * 4
         self.decode = Run(2.0 * multiply_adds(self._graphs["decoder"], {}), self._weights["decoder"] + pictures)

@@ -71,13 +71,21 @@ def _origin(manifest: dict) -> str:
 
 
 def rebuild(
-    bundle: Path, out: Path, *, progress: Progress, replace: bool = False, quantisation: Quantisation | None = None
+    bundle: Path,
+    out: Path,
+    *,
+    progress: Progress,
+    replace: bool = False,
+    quantisation: Quantisation | None = None,
+    residual: str | None = None,
 ) -> Path:
     """Writes `bundle`, a folder or an archive, to `out` with the graphs of this version. Its numbers and its manifest's facts stay as they are,
-    except that `quantisation` stores the matrices of its layers in fewer bits, and then the name says so."""
+    except that `quantisation` stores the matrices of its layers in fewer bits, and then the name says so. `residual` is the type of the residual
+    stream in f16 graphs, if it is to change."""
     with tempfile.TemporaryDirectory() as work:
         folder = bundle if bundle.is_dir() else archive.unpack(bundle, Path(work) / "bundle")
         geometry = archive.read_geometry(folder)
+        geometry = geometry if residual is None else geometry.with_(residual=residual)
         content = (folder / MANIFEST_FILE).read_bytes()
         manifest = json.loads(content)
         name, provenance = manifest["name"], manifest["provenance"]

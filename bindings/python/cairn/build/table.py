@@ -10,7 +10,7 @@ from onnx import shape_inference
 from . import contrib
 from .geometry import Geometry
 from .graph import Graph
-from .quantise import Quantisation, counts as quantised_counts
+from .quantise import Quantisation, counts as quantised_counts, unpacked_bytes
 from .weights import autoencoder_weights, transformer_weights
 from .writer import build_graphs, layouts
 
@@ -105,6 +105,7 @@ def describe(g: Geometry, quantisation: Quantisation | None = None) -> str:
     counts = [sum(w.count for w in group) for group in (transformer, autoencoder)]
     width, height = g.decoded
     groups = layouts(g, quantisation)
+    columns = ["weights", "K/V ring", "K/V step", "largest", "alive"] + ([] if quantisation is None else ["unpacked"]) + ["peak"]
     lines = [
         f"tokens     {g.tokens} ({g.grid[0]} x {g.grid[1]}), latent {g.latent_channels} x {g.latent_height} x {g.latent_width}, "
         f"decoded {width} x {height}, render {g.render[0]} x {g.render[1]}",
@@ -117,19 +118,23 @@ def describe(g: Geometry, quantisation: Quantisation | None = None) -> str:
         ),
         *([] if quantisation is None else [_describe_bits(g, quantisation)]),
         "",
-        f"{'MiB':11}" + "".join(f"{c:>13}" for c in ("weights", "K/V ring", "K/V step", "largest", "alive", "peak")),
+        f"{'MiB':11}" + "".join(f"{column:>13}" for column in columns),
     ]
     for precision in _BYTES:
         graphs = build_graphs(g, precision, quantisation=quantisation)
         weights = weight_bytes(graphs)
+        unpacked = unpacked_bytes(g, quantisation, precision)
         others = max(activation_peak(graphs[k], {})[0] for k in ("encoder", "decoder"))
         for window in windows(g):
             alive, largest = activation_peak(graphs["transformer"], g.dimensions(window))
             alive = max(alive, others)
             row = [weights, ring_bytes(g, window, precision), slab_bytes(g, precision), largest, alive]
-            row.append(row[0] + row[1] + row[2] + alive)
+            row += [] if quantisation is None else [unpacked]
+            row.append(sum(row[:3]) + alive + unpacked)
             lines.append(f"{precision} g{window:<6}" + "".join(f"{v / 2**20:13.1f}" for v in row))
     lines.append("\nalive: all intermediate values at the worst moment; peak: weights, ring, one step's K/V and alive together.")
+    if quantisation is not None:
+        lines.append("unpacked: the largest matrix that a pass unpacks from fewer bits; it is part of the peak.")
     return "\n".join(lines)
 
 

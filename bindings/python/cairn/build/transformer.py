@@ -1,7 +1,8 @@
 """The Waypoint-1.5 transformer as an ONNX graph: `docs/bundle.md`, section 4.
 
 T tokens of width D, H query heads over G key/value heads of width d, P = d / 2 rotation pairs. In a float16 graph the
-noise conditioner, the control embedding, RMS norms with their modulation, RoPE and the Euler step stay in float32.
+noise conditioner, the control embedding, RMS norms with their modulation, RoPE and the Euler step stay in float32, and with
+`Geometry.residual` "float32" also the gates and the sums of the residual stream.
 """
 
 from __future__ import annotations
@@ -23,14 +24,17 @@ ONES_LIMIT = 16384
 FOURIER_BASE = 10000.0
 
 
+def to_bfloat16(values: np.ndarray) -> np.ndarray:
+    """float32 numbers rounded to bfloat16, ties to even, still as float32."""
+    bits = values.view(np.uint32)
+    return ((bits + 0x7FFF + ((bits >> 16) & 1)) & np.uint32(0xFFFF0000)).view(np.float32)
+
+
 def fourier_frequencies(rounding: str) -> np.ndarray:
     """`FOURIER_BASE ^ -(i / 255)`, i = 0 .. 255, in float32; `bf16` rounds them as the released engine does."""
     n = FOURIER_WIDTH // 2
     exact = (FOURIER_BASE ** -(np.arange(n, dtype=np.float64) / (n - 1))).astype(np.float32)
-    if rounding == "none":
-        return exact
-    bits = exact.view(np.uint32)
-    return ((bits + 0x7FFF + ((bits >> 16) & 1)) & np.uint32(0xFFFF0000)).view(np.float32)
+    return exact if rounding == "none" else to_bfloat16(exact)
 
 
 def attention_chunks(g: Geometry, layer: int) -> tuple[int, int]:
@@ -65,8 +69,13 @@ class _Transformer:
         self.g = g
         self.graph = Graph("transformer", precision, weights, quantisation)
 
+    @property
+    def residual(self) -> str:
+        """Kind of the residual stream."""
+        return "f32" if self.g.residual == "float32" else self.graph.precision
+
     def build(self, fourier_rounding: str) -> Graph:
-        g, o, F = self.g, self.graph, self.graph.precision
+        g, o, F, R = self.g, self.graph, self.graph.precision, self.residual
         T, D, P = g.tokens, g.width, g.head_width // 2
         rows, columns = g.grid
         latent = [1, g.latent_channels, g.latent_height, g.latent_width]
@@ -95,6 +104,7 @@ class _Transformer:
             strides=list(g.patch),
         )  # [1, D, rows, columns]
         h = o.transpose(o.reshape(h, [1, D, T], "patchify.flat"), [0, 2, 1], "tokens")  # [1, T, D]
+        h = o.cast(h, R)
 
         presents = []
         for i in range(g.layers):
@@ -102,12 +112,12 @@ class _Transformer:
             s0, b0, g0, s1, b1, g1 = modulations[i]
             y, k, v = self.attention(i, self.modulated_norm(h, s0, b0, f"{block}.attn.norm"), past[i])
             presents.append((k, v))
-            h = o.add(h, o.mul(y, g0, f"{block}.attn.gated"), f"{block}.attn.sum")
+            h = o.add(h, o.mul(o.cast(y, R), g0, f"{block}.attn.gated"), f"{block}.attn.sum")
             if g.sees_controls(i):
-                h = o.add(h, self.control_fusion(block, h, ctrl), f"{block}.ctrl.sum")
+                h = o.add(h, o.cast(self.control_fusion(block, h, ctrl), R), f"{block}.ctrl.sum")
             y = o.linear(self.modulated_norm(h, s1, b1, f"{block}.mlp.norm"), f"{block}.mlp.fc1", f"{block}.mlp.hidden")
             y = o.linear(o.silu(y, f"{block}.mlp.act"), f"{block}.mlp.fc2", f"{block}.mlp.out")
-            h = o.add(h, o.mul(y, g1, f"{block}.mlp.gated"), f"{block}.mlp.sum")
+            h = o.add(h, o.mul(o.cast(y, R), g1, f"{block}.mlp.gated"), f"{block}.mlp.sum")
 
         v = self.velocity(h, cond)  # [1, C, h, w]
         step = o.mul(dsigma, o.cast(v, "f32"), "step")
@@ -131,7 +141,7 @@ class _Transformer:
         return o.linear(hidden, "denoise_step_emb.mlp.fc2", "cond")
 
     def modulations(self, cond: str) -> list[list[str]]:
-        """Scale plus one, shift and gate of both sublayers for every layer: [D] f32, [1, 1, D] f32 and [1, 1, D] F.
+        """Scale plus one, shift and gate of both sublayers for every layer: [D] f32, [1, 1, D] f32 and [1, 1, D] of the residual stream's kind.
 
         The six matrices are shared by all layers, so that one product gives all vectors: [L, D] x [6, D, D].
         """
@@ -142,11 +152,12 @@ class _Transformer:
         all_gates = o.matmul(h, o.weight("cond_head.cond_proj.weight"), "cond.modulations")  # [6, L, D]
         is_scale = np.array([m.endswith("scale") for m in MODULATIONS], np.float32)
         one = o.constant("scale.one", is_scale[:, None, None])
+        gates = o.cast(all_gates, self.residual)
         all_norms = o.add(o.cast(all_gates, "f32"), one, "cond.gains")
 
         def vectors(j: int) -> list[str]:
             label = "cond." + MODULATIONS[j].replace(" ", ".")
-            meaning = o.slice(all_gates if MODULATIONS[j].endswith("gate") else all_norms, j, j + 1, 0, label)
+            meaning = o.slice(gates if MODULATIONS[j].endswith("gate") else all_norms, j, j + 1, 0, label)
             parts = o.split(meaning, L, 1, f"{label}.layer")
             return [o.reshape(part, [D], f"{label}.vector") for part in parts] if is_scale[j] else parts
 

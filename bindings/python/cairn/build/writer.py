@@ -84,6 +84,12 @@ def build_bundle(
     `out` stays until the new one is complete; a failure leaves no incomplete files.
     """
     out = Path(out)
+    if g.residual != "float16" and "f16" not in precisions:
+        raise BuildError(
+            "only f16 graphs have a residual stream of another type than theirs, and none are written",
+            field="residual",
+            remedy="Write both precisions, or leave it out.",
+        )
     check_free(out, replace)
     facts = (name, provenance, licence, rounding, precisions, progress, quantisation)
     if out.suffix == archive.SUFFIX:
