@@ -14,7 +14,7 @@ use super::passes::HIDDEN;
 use super::rope::RopeTable;
 use super::schedule::Schedule;
 use crate::bundle::{Bundle, GraphKind, Manifest, ModelSource, ModelWithPeaks, Precision, Residual};
-use crate::runtime::{BufferId, Device, ExecutionContext, Graph, TensorSpec, element_size};
+use crate::runtime::{BindingId, BufferId, Device, ExecutionContext, Graph, TensorSpec, element_size};
 use crate::{Error, ErrorKind, Result};
 
 /// The largest relative error, in the L2 norm, of a latent that is made in float16.
@@ -205,7 +205,7 @@ struct Run {
     outputs: Vec<BufferId>,
     slabs: usize,
     slab_len: usize,
-    binding: crate::runtime::BindingId,
+    binding: BindingId,
     more: Vec<f32>,
 }
 
