@@ -698,8 +698,8 @@ typedef struct cairn_world_memory {
  * Threads: any thread, at any time, also several loads at once.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that does not fit the
  * world; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE; CAIRN_ERROR_UNSUPPORTED for another version of
- * the format, a precision the bundle does not have or that CAIRN_WORLD_CHECK_PRECISION refuses, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers;
- * CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
+ * the format, a precision the bundle does not have or that CAIRN_WORLD_CHECK_PRECISION refuses, or no embedded world;
+ * CAIRN_ERROR_OUT_OF_MEMORY with the numbers; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_world_load(

@@ -57,7 +57,8 @@ impl World {
     /// # Errors
     /// `InvalidArgument` for a global window that the bundle does not support; `Unsupported` for a precision that it does not
     /// contain, for weights of fewer than 16 bits that the device's provider has no operator for, and for a bundle that f16 is not enough for if
-    /// that is checked, with the tensor or layer; `OutOfMemory`, with figures, when it does not fit; `InvalidBundle` when the graphs contradict the manifest; `Device` when ONNX Runtime refuses a graph.
+    /// that is checked, with the tensor or layer; `OutOfMemory`, with figures, when it does not fit; `InvalidBundle` when the graphs contradict
+    /// the manifest; `Device` when ONNX Runtime refuses a graph.
     pub fn load(device: &Device, bundle: &Arc<Bundle>, options: WorldOptions) -> Result<Arc<World>> {
         Self::load_with(device, bundle, options, &|_| Ok(()))
     }
