@@ -66,8 +66,52 @@ fn main() -> Result<(), Box<dyn Error>> {
         let path = bundle(name)?;
         let world = World::load(&device, &Bundle::open(&path)?, WorldOptions::default())?;
         measure(&ort, &world, &path)?;
+        measure_slices(&world, &Bundle::open(&path)?)?;
     }
     Ok(())
+}
+
+/// Compares steps of a world in slices with those of the whole one. They alternate, so all run under the same load.
+fn measure_slices(whole: &Arc<World>, bundle: &Arc<Bundle>) -> Result<(), Box<dyn Error>> {
+    let layers = bundle.geometry().layers;
+    let mut rollouts = vec![(1, seeded(whole)?, Vec::new())];
+    for slices in [2, 4, layers] {
+        let options = WorldOptions { slices: Some(slices), ..WorldOptions::default() };
+        rollouts.push((slices, seeded(&World::load(whole.device(), bundle, options)?)?, Vec::new()));
+    }
+    let start = Instant::now();
+    let mut step = 0;
+    while step < WARM_UP + AT_LEAST.1 || start.elapsed() < 2 * AT_LEAST.0 {
+        for (_, rollout, times) in &mut rollouts {
+            let info = rollout.step(&ControlInput::default())?;
+            if step >= WARM_UP {
+                times.push((info.stages.denoise.time + info.stages.cache.time).as_secs_f64());
+            }
+        }
+        step += 1;
+    }
+    let median = |times: &mut Vec<f64>| {
+        times.sort_by(f64::total_cmp);
+        times[times.len() / 2]
+    };
+    let all = median(&mut rollouts[0].2);
+    println!("  passes of a step, median                 {:>10.2} ms", 1e3 * all);
+    for (slices, _, times) in &mut rollouts[1..] {
+        println!("  the same in {slices:>2} slices, relative           {:>10.3}", median(times) / all);
+    }
+    Ok(())
+}
+
+fn seeded(world: &Arc<World>) -> Result<Rollout, Box<dyn Error>> {
+    let point = OperatingPoint {
+        global_window: world.global_window(),
+        schedule: Schedule::Stock,
+        cache_mode: CacheMode::Separate,
+        ..Preset::Decoded60.operating_point()
+    };
+    let mut rollout = Rollout::new(world, &point, 1)?;
+    rollout.append(&Picture::from_rgba(64, 36, vec![128; 64 * 36 * 4])?)?;
+    Ok(rollout)
 }
 
 /// The random-weight world `name`, from the folder that `cargo xtask` names.
@@ -79,14 +123,7 @@ fn bundle(name: &str) -> Result<PathBuf, Box<dyn Error>> {
 }
 
 fn measure(ort: &Ort, world: &Arc<World>, path: &Path) -> Result<(), Box<dyn Error>> {
-    let point = OperatingPoint {
-        global_window: world.global_window(),
-        schedule: Schedule::Stock,
-        cache_mode: CacheMode::Separate,
-        ..Preset::Decoded60.operating_point()
-    };
-    let mut rollout = Rollout::new(world, &point, 1)?;
-    rollout.append(&Picture::from_rgba(64, 36, vec![128; 64 * 36 * 4])?)?;
+    let mut rollout = seeded(world)?;
     let passes = rollout.planner().plan_step(&ControlInput::default())?.dsigmas.len() + 1;
     let mut bare = BareProcess::start(ort, world, path, passes)?;
     let (mut ours, mut theirs) = (Duration::ZERO, Duration::ZERO);

@@ -615,6 +615,20 @@ typedef struct cairn_world_options {
     uint32_t flags;
     /** 0 */
     uint32_t reserved;
+    /**
+     * Number of slices of the transformer, 1 to the number of its layers: graphs of consecutive layers that run one after the other. Between
+     * two slices of a pass an engine's frame gets its turn on the device, and cairn_rollout_cancel ends the step. On the processor every
+     * number of slices gives the same bits in CAIRN_PRECISION_F32. More slices need more memory. 0 for 1, or with longest_submission_us for as
+     * many as the limit needs.
+     */
+    uint32_t slices;
+    /**
+     * Limit on the time of a slice in microseconds; 0 for none. With slices 0, passes are measured at load, by the device's own clock if
+     * it has one, and the transformer gets the fewest slices of which the longest is within the limit; if none is, as many as there are
+     * layers, or as fit in memory. cairn_world_info has the number and the time. Such a load takes several times as long. On Direct3D 12,
+     * rollouts of this world also wait before they submit more work than this, as with cairn_d3d12_options.longest_submission_us.
+     */
+    uint32_t longest_submission_us;
 } cairn_world_options;
 
 /** Properties of a world. */
@@ -661,6 +675,13 @@ typedef struct cairn_world_info {
     char licence[64];
     /** The bundle's identity: SHA-256 of its manifest, in hexadecimal. */
     char digest[72];
+    /** Slices of the transformer. */
+    uint32_t slices;
+    /**
+     * Time of the longest slice in microseconds, as measured at load; 0 if the number of slices was not chosen by
+     * cairn_world_options.longest_submission_us.
+     */
+    uint32_t longest_slice_us;
 } cairn_world_info;
 
 /** Bytes that a world and one rollout need. */
@@ -697,9 +718,9 @@ typedef struct cairn_world_memory {
  * options point to is read during the call only.
  * Threads: any thread, at any time, also several loads at once.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that does not fit the
- * world; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE; CAIRN_ERROR_UNSUPPORTED for another version of
- * the format, a precision the bundle does not have or that CAIRN_WORLD_CHECK_PRECISION refuses, or no embedded world;
- * CAIRN_ERROR_OUT_OF_MEMORY with the numbers; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
+ * world, and for more slices than the transformer can have; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE;
+ * CAIRN_ERROR_UNSUPPORTED for another version of the format, a precision the bundle does not have or that CAIRN_WORLD_CHECK_PRECISION
+ * refuses, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_world_load(
@@ -996,7 +1017,7 @@ CAIRN_API cairn_result cairn_rollout_create(
     const cairn_world *world, const cairn_rollout_options *options, cairn_rollout **rollout);
 
 /**
- * Destroys the handle of a rollout; null is allowed. Queued steps are dropped, and the step in progress ends before its next pass.
+ * Destroys the handle of a rollout; null is allowed. Queued steps are dropped, and the step in progress ends before its next pass or slice.
  *
  * Ownership: on success rollout is no longer a handle; on failure it is unchanged. Anchors that were taken from it remain.
  * Threads: any thread; waits for calls in flight on the rollout, and for its worker.
@@ -1996,7 +2017,7 @@ typedef struct cairn_rollout_statistics {
     uint64_t device_passes;
     /** Total time of these passes, in nanoseconds of the device's clock. */
     uint64_t device_passes_ns;
-    /** Time of the longest of these passes, in nanoseconds of the device's clock. */
+    /** Time of the longest of these passes, or of the longest slice of one, in nanoseconds of the device's clock. */
     uint64_t device_pass_longest_ns;
     /** Passes of the decoder whose time was measured by the device's clock. */
     uint64_t device_decodes;
@@ -2012,7 +2033,7 @@ typedef struct cairn_rollout_statistics {
     uint64_t runtime_ns;
     /** Nanoseconds of wall time spent waiting for the device. */
     uint64_t waited_ns;
-    /** Number of waits because of cairn_d3d12_options.longest_submission_us. */
+    /** Number of waits because of longest_submission_us of cairn_d3d12_options or of cairn_world_options. */
     uint64_t yields;
     /** Passes with buffers of their own that run from captured commands: see cairn_d3d12_options.captured_passes. */
     uint32_t captured_passes;
@@ -2191,8 +2212,8 @@ typedef struct cairn_d3d12_options {
     uint32_t captured_passes;
     /**
      * Longest work of a rollout that may be queued on the anchors' queue at a time, in microseconds of the device's clock, so that the
-     * engine's frames run in between. A pass that would exceed it waits for the work that is queued already. Passes are never split:
-     * cairn_rollout_statistics has the longest pass and the number of waits. 0 for no limit.
+     * engine's frames run in between. A pass that would exceed it waits for the work that is queued already. Passes are split only into
+     * the slices of their world (cairn_world_options): cairn_rollout_statistics has the longest one and the number of waits. 0 for no limit.
      */
     uint32_t longest_submission_us;
 } cairn_d3d12_options;

@@ -29,6 +29,9 @@ pub mod bundle;
 
 pub mod ffx;
 
+#[cfg(test)]
+mod shader_constants;
+
 #[cfg(windows)]
 pub mod gpu;
 

@@ -116,8 +116,8 @@ pub struct cairn_d3d12_options {
     /// captured pass is used only if it gives the same bits as a normal one, which its first runs show. 0 for none.
     pub captured_passes: u32,
     /// Longest work of a rollout that may be queued on the anchors' queue at a time, in microseconds of the device's clock, so that the
-    /// engine's frames run in between. A pass that would exceed it waits for the work that is queued already. Passes are never split:
-    /// cairn_rollout_statistics has the longest pass and the number of waits. 0 for no limit.
+    /// engine's frames run in between. A pass that would exceed it waits for the work that is queued already. Passes are split only into
+    /// the slices of their world (cairn_world_options): cairn_rollout_statistics has the longest one and the number of waits. 0 for no limit.
     pub longest_submission_us: u32,
 }
 describe!(cairn_d3d12_options, [], { struct_size, flags, captured_passes, longest_submission_us });

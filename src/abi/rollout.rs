@@ -150,7 +150,7 @@ pub unsafe extern "C" fn cairn_rollout_create(
     })
 }
 
-/// Destroys the handle of a rollout; null is allowed. Queued steps are dropped, and the step in progress ends before its next pass.
+/// Destroys the handle of a rollout; null is allowed. Queued steps are dropped, and the step in progress ends before its next pass or slice.
 ///
 /// Ownership: on success rollout is no longer a handle; on failure it is unchanged. Anchors that were taken from it remain.
 /// Threads: any thread; waits for calls in flight on the rollout, and for its worker.

@@ -55,7 +55,7 @@ pub struct cairn_rollout_statistics {
     pub device_passes: u64,
     /// Total time of these passes, in nanoseconds of the device's clock.
     pub device_passes_ns: u64,
-    /// Time of the longest of these passes, in nanoseconds of the device's clock.
+    /// Time of the longest of these passes, or of the longest slice of one, in nanoseconds of the device's clock.
     pub device_pass_longest_ns: u64,
     /// Passes of the decoder whose time was measured by the device's clock.
     pub device_decodes: u64,
@@ -71,7 +71,7 @@ pub struct cairn_rollout_statistics {
     pub runtime_ns: u64,
     /// Nanoseconds of wall time spent waiting for the device.
     pub waited_ns: u64,
-    /// Number of waits because of cairn_d3d12_options.longest_submission_us.
+    /// Number of waits because of longest_submission_us of cairn_d3d12_options or of cairn_world_options.
     pub yields: u64,
     /// Passes with buffers of their own that run from captured commands: see cairn_d3d12_options.captured_passes.
     pub captured_passes: u32,

@@ -5,6 +5,7 @@ use std::ffi::{c_char, c_void};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use super::boundary::call;
 use super::device::{cairn_device, precision, precision_number};
@@ -96,9 +97,19 @@ pub struct cairn_world_options {
     pub flags: u32,
     /// 0
     pub reserved: u32,
+    /// Number of slices of the transformer, 1 to the number of its layers: graphs of consecutive layers that run one after the other. Between
+    /// two slices of a pass an engine's frame gets its turn on the device, and cairn_rollout_cancel ends the step. On the processor every
+    /// number of slices gives the same bits in CAIRN_PRECISION_F32. More slices need more memory. 0 for 1, or with longest_submission_us for as
+    /// many as the limit needs.
+    pub slices: u32,
+    /// Limit on the time of a slice in microseconds; 0 for none. With slices 0, passes are measured at load, by the device's own clock if
+    /// it has one, and the transformer gets the fewest slices of which the longest is within the limit; if none is, as many as there are
+    /// layers, or as fit in memory. cairn_world_info has the number and the time. Such a load takes several times as long. On Direct3D 12,
+    /// rollouts of this world also wait before they submit more work than this, as with cairn_d3d12_options.longest_submission_us.
+    pub longest_submission_us: u32,
 }
-describe!(cairn_world_options, [48], {
-    struct_size, precision, path, operating_point, memory_limit, progress, user, flags, reserved,
+describe!(cairn_world_options, [48, 56], {
+    struct_size, precision, path, operating_point, memory_limit, progress, user, flags, reserved, slices, longest_submission_us,
 });
 
 /// Properties of a world.
@@ -147,11 +158,16 @@ pub struct cairn_world_info {
     pub licence: [c_char; 64],
     /// The bundle's identity: SHA-256 of its manifest, in hexadecimal.
     pub digest: [c_char; 72],
+    /// Slices of the transformer.
+    pub slices: u32,
+    /// Time of the longest slice in microseconds, as measured at load; 0 if the number of slices was not chosen by
+    /// cairn_world_options.longest_submission_us.
+    pub longest_slice_us: u32,
 }
-describe!(cairn_world_info, [], {
+describe!(cairn_world_info, [336], {
     struct_size, precision, render_width, render_height, decoded_width, decoded_height, latent_channels, latent_height,
     latent_width, tokens, layers, pictures_per_latent, local_window, global_window, max_global_window, global_dilation,
-    latents_per_second, keys, name, licence, digest,
+    latents_per_second, keys, name, licence, digest, slices, longest_slice_us,
 });
 
 /// Bytes that a world and one rollout need.
@@ -192,9 +208,9 @@ describe!(cairn_world_memory, [], {
 /// options point to is read during the call only.
 /// Threads: any thread, at any time, also several loads at once.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that does not fit the
-/// world; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE; CAIRN_ERROR_UNSUPPORTED for another version of
-/// the format, a precision the bundle does not have or that CAIRN_WORLD_CHECK_PRECISION refuses, or no embedded world;
-/// CAIRN_ERROR_OUT_OF_MEMORY with the numbers; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
+/// world, and for more slices than the transformer can have; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE;
+/// CAIRN_ERROR_UNSUPPORTED for another version of the format, a precision the bundle does not have or that CAIRN_WORLD_CHECK_PRECISION
+/// refuses, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_world_load(
@@ -258,6 +274,8 @@ pub unsafe extern "C" fn cairn_world_get_info(world: *const cairn_world, info: *
             name: fixed_text(&manifest.name),
             licence: fixed_text(&manifest.licence.spdx),
             digest: fixed_text(world.digest()),
+            slices: world.slices(),
+            longest_slice_us: world.longest_slice().map_or(0, microseconds),
         });
         Ok(CAIRN_OK)
     })
@@ -362,6 +380,10 @@ fn load(
         memory_limit: Some(options.memory_limit).filter(|limit| *limit > 0),
         fit_window: options.flags & CAIRN_WORLD_FIT_WINDOW != 0,
         check_precision: options.flags & CAIRN_WORLD_CHECK_PRECISION != 0,
+        slices: Some(options.slices).filter(|slices| *slices > 0),
+        longest_submission: Some(options.longest_submission_us)
+            .filter(|limit| *limit > 0)
+            .map(|microseconds| Duration::from_micros(microseconds.into())),
     };
     let prepared = Cell::new(0);
     let world = World::load_with(device, &bundle, world_options, &|total| {
@@ -370,6 +392,11 @@ fn load(
     })?;
     let point = OperatingPoint { global_window: world.global_window(), ..point };
     Ok(LoadedWorld { licence: bundle.licence_text().map(str::to_owned), world, point })
+}
+
+/// Whole microseconds, at least 1, since 0 has a meaning of its own.
+fn microseconds(time: Duration) -> u32 {
+    u32::try_from(time.as_micros()).unwrap_or(u32::MAX).max(1)
 }
 
 /// Calls the host's progress callback, and records whether it cancelled the load.

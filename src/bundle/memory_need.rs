@@ -1,6 +1,6 @@
 //! Estimate of the memory that a world needs, computed before anything is loaded.
 
-use super::onnx::{Footprint, ModelContext, footprint};
+use super::onnx::{Footprint, ModelContext, Slices, footprint};
 use super::{Bundle, Geometry, GraphKind, Precision};
 use crate::{Error, ErrorKind, Result};
 
@@ -32,6 +32,9 @@ pub enum Processor {
 /// `arena` is the overhead of the runtime's allocator: it grows during the first run and from the second on holds one planned block
 /// as well (measured with ONNX Runtime 1.24: 2.3 times the intermediates in total). During loading the runtime briefly holds weights
 /// in both types.
+///
+/// In several slices, `weights`, `intermediates` and `unpacked` are the sums of all slices, because each has an allocator of its own, which keeps
+/// what it needed once; `intermediates` also has the values that slices hand over, and `arena` those of all slices.
 ///
 /// `unpacked` was measured, too (`docs/bundle.md`, section 4). A CPU unpacks a matrix of 8 bits to float32, in graphs of both precisions, unless
 /// its activations have 8 bits as well; it multiplies by one of 4 bits as it is stored. A GPU unpacks every such matrix to F.
@@ -135,6 +138,36 @@ impl Geometry {
     }
 }
 
+/// Memory of the transformer, of all slices.
+struct Need {
+    weights: u64,
+    peak: u64,
+    largest: u64,
+    unpacked: u64,
+    /// Values that slices hand over.
+    handed: u64,
+}
+
+impl Need {
+    fn of(footprints: &[Footprint], processor: Processor) -> Self {
+        let sum =
+            |part: fn(&Footprint) -> u64| footprints.iter().map(part).fold(0, |sum: u64, n| sum.saturating_add(n));
+        Self {
+            weights: sum(|f| f.weights),
+            peak: sum(|f| f.peak),
+            largest: footprints.iter().map(|f| f.largest).max().unwrap_or(0),
+            unpacked: footprints.iter().map(|f| f.unpacked.on(processor)).fold(0, u64::saturating_add),
+            handed: 0,
+        }
+    }
+
+    fn in_slices(slices: &Slices, processor: Processor) -> Self {
+        let footprints: Vec<Footprint> = slices.models.iter().map(|model| model.footprint).collect();
+        let handed = slices.memories.iter().map(|&bytes| bytes as u64).fold(0, u64::saturating_add);
+        Self { handed, ..Self::of(&footprints, processor) }
+    }
+}
+
 impl Bundle {
     /// The memory that a world and one rollout need on `processor` at a global window of `g` latents.
     ///
@@ -142,30 +175,49 @@ impl Bundle {
     /// `InvalidArgument` for a window that the bundle does not allow; `Unsupported` if it lacks the precision; `InvalidBundle` if a graph's
     /// shapes are inconsistent at this window.
     pub fn memory_need(&self, precision: Precision, processor: Processor, g: u32) -> Result<MemoryNeed> {
+        self.memory_need_in(precision, processor, g, 1)
+    }
+
+    /// As [`memory_need`](Self::memory_need), with the transformer in `slices` slices.
+    ///
+    /// # Errors
+    /// As [`memory_need`](Self::memory_need), and `InvalidArgument` for a number of slices that the transformer cannot have.
+    pub fn memory_need_in(
+        &self,
+        precision: Precision,
+        processor: Processor,
+        g: u32,
+        slices: u32,
+    ) -> Result<MemoryNeed> {
         let geometry = self.geometry();
         geometry.check_window(g)?;
         let [transformer, encoder, decoder] = GraphKind::ALL.map(|kind| self.footprint(kind, precision, g));
         let (transformer, encoder, decoder) = (transformer?, encoder?, decoder?);
+        let transformer = match slices {
+            1 => Need::of(&[transformer], processor),
+            _ => Need::in_slices(&self.splitting(precision, g)?.split(slices)?, processor),
+        };
 
         let number = precision.bytes() as u64;
         let pairs = 2 * number;
         // Products cannot overflow: the manifest's limits keep each below 2^60. Sums saturate.
         let ring = (0..geometry.layers).map(|i| geometry.past_len(i, g) * pairs).fold(0, u64::saturating_add);
         let slabs = u64::from(geometry.layers).saturating_mul(geometry.slab_len() * pairs);
-        let graphs = [&transformer, &encoder, &decoder];
-        let weights = graphs.map(|f: &Footprint| f.weights).into_iter().fold(0, u64::saturating_add);
-        let unpacked = graphs.map(|f| f.unpacked.on(processor)).into_iter().fold(0, u64::max);
+        let others = [&encoder, &decoder];
+        let weights = others.map(|f: &Footprint| f.weights).into_iter().fold(transformer.weights, u64::saturating_add);
+        let unpacked = others.map(|f| f.unpacked.on(processor)).into_iter().fold(transformer.unpacked, u64::max);
         let coding = encoder.peak.saturating_add(decoder.peak);
         let autoencoder = coding.saturating_add(self.autoencoder_ports() * number);
         let arena = coding.saturating_add(transformer.peak);
+        let intermediates = transformer.peak.saturating_add(transformer.handed);
         let bundle = self.files.values().map(|bytes| bytes.len() as u64).fold(0, u64::saturating_add);
-        let parts = [bundle, weights, ring, slabs, transformer.peak, unpacked, autoencoder, arena];
+        let parts = [bundle, weights, ring, slabs, intermediates, unpacked, autoencoder, arena];
         Ok(MemoryNeed {
             bundle,
             weights,
             ring,
             slabs,
-            intermediates: transformer.peak,
+            intermediates,
             largest_intermediate: transformer.largest,
             unpacked,
             autoencoder,

@@ -22,10 +22,10 @@ use std::sync::Arc;
 pub use cost::{GraphCost, WorldCost};
 pub use manifest::*;
 pub use memory_need::{MemoryNeed, Processor, available_memory};
-pub(crate) use onnx::ModelWithPeaks;
-pub use onnx::operators;
+pub(crate) use onnx::{ModelWithPeaks, SliceModel, SliceTensor, Slices};
 #[cfg(windows)]
 pub(crate) use onnx::{Weight, weights_as_inputs};
+pub use onnx::{operators, slice_transformer};
 pub use open::{OpenOptions, OpenProgress};
 
 use crate::{Error, ErrorKind, Result};

@@ -173,6 +173,12 @@ fn vec_of<T: Clone>(len: usize, value: T) -> Result<Vec<T>> {
     Ok(values)
 }
 
+/// The constants of these modules that shaders have too, for `constants.hlsli`.
+#[cfg(test)]
+pub(crate) fn shader_constants() -> Vec<crate::shader_constants::Constants> {
+    [picture_flow::shader_constants(), vec![resample::SHADER_CONSTANTS, paper::SHADER_CONSTANTS]].concat()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

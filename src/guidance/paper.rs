@@ -30,6 +30,9 @@ pub use gpu::{GpuExtractor, LatentBuffer};
 /// Autoencoder pixels per latent cell, as the paper recorded it.
 pub const COMPRESSION: f32 = 8.0;
 
+#[cfg(test)]
+crate::shader_constants::shader_constants!("PAPER_": float COMPRESSION);
+
 /// The camera stated for the pseudo-depth: near 0.1, far 100, and, as the paper names none, 60 degrees vertically.
 pub const PROJECTION: Projection = Projection::constant(0.1, 100.0, std::f32::consts::FRAC_PI_3);
 

@@ -64,6 +64,10 @@ use crate::tasks::{self, Parallel, ParallelSliceMut, PoolLease};
 pub const PROJECTION: Projection = paper::PROJECTION;
 /// The depth given to every pixel, in device depth.
 pub const FLAT_DEPTH: f32 = 0.5;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!("PICTURE_FLOW_": float FLAT_DEPTH);
+
 /// Repeated searches on a level of at most [`SMALL_LEVEL`] pixels.
 const ROUNDS: usize = 4;
 /// Largest level that gets [`ROUNDS`] repetitions and the search over all motions nearby: correct motion has far to spread there, and
@@ -329,6 +333,20 @@ fn reserve<T: Clone>(values: &mut Vec<T>, len: usize, value: T) -> Result<()> {
     })?;
     values.resize(len, value);
     Ok(())
+}
+
+/// The constants of these modules that shaders have too, for `constants.hlsli`.
+#[cfg(test)]
+pub(super) fn shader_constants() -> Vec<crate::shader_constants::Constants> {
+    vec![
+        SHADER_CONSTANTS,
+        patch::SHADER_CONSTANTS,
+        wide::SHADER_CONSTANTS,
+        model::SHADER_CONSTANTS,
+        grid::SHADER_CONSTANTS,
+        dense::SHADER_CONSTANTS,
+        consistency::SHADER_CONSTANTS,
+    ]
 }
 
 #[cfg(test)]

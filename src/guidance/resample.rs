@@ -9,6 +9,9 @@ use crate::Result;
 /// different objects, and their mean would be the motion of neither.
 const MAX_DIFFERENCE: f32 = 1.0;
 
+#[cfg(test)]
+crate::shader_constants::shader_constants!("RESAMPLE_": float MAX_DIFFERENCE);
+
 impl Guidance {
     /// Motion and depth resampled to a picture of `size`, one value per pixel. Vectors are scaled to pixels of that size.
     ///

@@ -1,6 +1,7 @@
 //! Runs worlds on the host's processor: ONNX Runtime's CPU provider over memory of our own.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use ort::AsPointer;
 use ort::memory::{AllocationDevice, AllocatorType, MemoryInfo, MemoryType};
@@ -111,7 +112,7 @@ impl Backend for CpuBackend {
         Graph::commit(builder, what, model, inputs, &[], outputs).map(Arc::new)
     }
 
-    fn context(&self) -> Result<Box<dyn ExecutionContext>> {
+    fn context(&self, _: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {
         let (memories, bindings, recorded, finite_checks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Ok(Box::new(CpuContext {
             memories,

@@ -1,6 +1,7 @@
 //! The devices that run worlds.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::cpu::{CpuBackend, CpuOptions};
 use super::graph::TensorSpec;
@@ -25,7 +26,7 @@ pub(super) trait Backend: Send + Sync {
         outputs: Vec<TensorSpec>,
     ) -> Result<Arc<Graph>>;
 
-    fn context(&self) -> Result<Box<dyn ExecutionContext>>;
+    fn context(&self, longest_submission: Option<Duration>) -> Result<Box<dyn ExecutionContext>>;
 
     /// Its Direct3D 12 device; `None` for other devices.
     #[cfg(windows)]
@@ -198,7 +199,13 @@ impl Device {
     }
 
     pub(crate) fn context(&self) -> Result<Box<dyn ExecutionContext>> {
-        self.backend.context()
+        self.backend.context(None)
+    }
+
+    /// A context that waits before it queues more work on a graphics device than `longest_submission`, as one does whose device has
+    /// that limit. The smaller of both limits holds; a processor has no queue.
+    pub(crate) fn context_with_limit(&self, longest_submission: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {
+        self.backend.context(longest_submission)
     }
 }
 

@@ -36,7 +36,7 @@ pub(crate) use execution_context::{
 pub use execution_context::{CaptureStatistics, ExternalTimes};
 #[cfg(windows)]
 pub(crate) use execution_context::{Decoded, Work};
-pub(crate) use graph::{Graph, TensorSpec, element_size};
+pub(crate) use graph::{ElementType, Graph, TensorSpec, element_size};
 pub use library::Ort;
 #[cfg(windows)]
 pub use module::{LoadedLibrary, loaded_libraries};

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use super::execution_context::{
     Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region,
@@ -18,9 +19,9 @@ pub(crate) struct StoppableContext {
 }
 
 impl StoppableContext {
-    /// A context of `device` that is stopped by `stop`.
-    pub(crate) fn new(device: &Device, stop: Arc<AtomicBool>) -> Result<Self> {
-        Ok(Self { inner: device.context()?, stop })
+    /// A context of `device` that is stopped by `stop`, with a [limit](Device::context_with_limit) on queued work.
+    pub(crate) fn new(device: &Device, longest_submission: Option<Duration>, stop: Arc<AtomicBool>) -> Result<Self> {
+        Ok(Self { inner: device.context_with_limit(longest_submission)?, stop })
     }
 }
 

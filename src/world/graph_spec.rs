@@ -4,6 +4,7 @@ use crate::bundle::{Geometry, Manifest, Precision};
 use crate::runtime::TensorSpec;
 
 /// Inputs and outputs of one graph, in order.
+#[derive(Clone)]
 pub(super) struct GraphSpec {
     pub(super) inputs: Vec<TensorSpec>,
     pub(super) outputs: Vec<TensorSpec>,

@@ -3,18 +3,17 @@
 //! The float32 transformer also returns the largest magnitude of each value that the float16 transformer holds in float16. So an overflow is found,
 //! and its tensor named, also on a device that does not compute in float16 itself: ONNX Runtime's CPU provider does most of it in float32.
 
-use std::sync::Arc;
-
 use half::f16;
 
 use super::convert::{self, Uploader};
-use super::graph_spec::{self, Shapes};
+use super::graph_spec::{self, GraphSpec, Shapes};
 use super::noise::NoiseKey;
 use super::passes::HIDDEN;
 use super::rope::RopeTable;
 use super::schedule::Schedule;
+use super::transformer::{PassBinding, Transformer};
 use crate::bundle::{Bundle, GraphKind, Manifest, ModelSource, ModelWithPeaks, Precision, Residual};
-use crate::runtime::{BindingId, BufferId, Device, ExecutionContext, Graph, TensorSpec, element_size};
+use crate::runtime::{BufferId, Device, ExecutionContext, TensorSpec, element_size};
 use crate::{Error, ErrorKind, Result};
 
 /// The largest relative error, in the L2 norm, of a latent that is made in float16.
@@ -106,8 +105,10 @@ impl Reference {
         let ModelSource { external, .. } = bundle.model(GraphKind::Transformer, Precision::F32)?;
         let source = ModelSource { onnx: &with_peaks.onnx, external };
         let dimensions = graph_spec::dimensions(&shapes);
-        let graph = device.graph("transformer in f32", &source, &dimensions, spec.inputs, spec.outputs)?;
-        let latent = Latent::make(device, &graph, manifest, &shapes, Precision::F32, None)?;
+        let GraphSpec { inputs, outputs } = spec.clone();
+        let graph = device.graph("transformer in f32", &source, &dimensions, inputs, outputs)?;
+        let transformer = Transformer::whole(graph, spec);
+        let latent = Latent::make(device, &transformer, manifest, &shapes, Precision::F32, None)?;
         if !latent.x.iter().chain(latent.states.iter().flatten()).all(|v| v.is_finite()) {
             let cause = "the check of f16 made a latent in f32 with a value that is not finite";
             return Err(Error::new(ErrorKind::Device, cause).remedy("Build the bundle again: its weights are damaged"));
@@ -119,15 +120,15 @@ impl Reference {
         })
     }
 
-    /// Makes the same latent with `graph`, a float16 transformer on `device`, and compares the two.
+    /// Makes the same latent with a float16 transformer on `device`, and compares the two.
     pub(super) fn compare(
         self,
         device: &Device,
-        graph: &Arc<Graph>,
+        transformer: &Transformer,
         manifest: &Manifest,
         shapes: &Shapes,
     ) -> Result<HalfPrecision> {
-        let half = Latent::make(device, graph, manifest, shapes, Precision::F16, Some(&self.latent.x))?;
+        let half = Latent::make(device, transformer, manifest, shapes, Precision::F16, Some(&self.latent.x))?;
         let errors: Vec<f64> =
             half.states.iter().zip(&self.latent.states).map(|(half, full)| relative_error(half, full)).collect();
         let first_bad = errors.iter().position(|error| !error.is_finite());
@@ -173,14 +174,14 @@ impl Latent {
     /// Runs the denoise passes, then the cache pass: on `committed` if that is given, else on the latent that was made.
     fn make(
         device: &Device,
-        graph: &Arc<Graph>,
+        transformer: &Transformer,
         manifest: &Manifest,
         shapes: &Shapes,
         precision: Precision,
         committed: Option<&[f32]>,
     ) -> Result<Self> {
         let mut context = device.context()?;
-        let mut run = Run::new(&mut *context, graph, manifest, shapes, precision)?;
+        let mut run = Run::new(&mut *context, transformer, manifest, shapes, precision)?;
         let mut x = convert::zeroed(shapes.latent_len())?;
         NoiseKey { seed: 0, latent: 0 }.fill(&mut x);
         // Both precisions start from the same numbers.
@@ -195,7 +196,7 @@ impl Latent {
     }
 }
 
-/// Buffers of one graph and the binding that reads and writes them.
+/// Buffers of one transformer and the binding that reads and writes them.
 struct Run {
     precision: Precision,
     uploader: Uploader,
@@ -205,20 +206,20 @@ struct Run {
     outputs: Vec<BufferId>,
     slabs: usize,
     slab_len: usize,
-    binding: BindingId,
+    binding: PassBinding,
     more: Vec<f32>,
 }
 
 impl Run {
     fn new(
         context: &mut dyn ExecutionContext,
-        graph: &Arc<Graph>,
+        transformer: &Transformer,
         manifest: &Manifest,
         shapes: &Shapes,
         precision: Precision,
     ) -> Result<Self> {
         let buffers: Vec<BufferId> =
-            graph.tensors().iter().map(|(_, spec)| context.buffer(spec.bytes())).collect::<Result<_>>()?;
+            transformer.tensors().iter().map(|spec| context.buffer(spec.bytes())).collect::<Result<_>>()?;
         let rope = RopeTable::new(&manifest.geometry)?;
         let (mut cos, mut sin) = (convert::zeroed(rope.len())?, convert::zeroed(rope.len())?);
         rope.fill(0, &mut cos, &mut sin)?;
@@ -234,8 +235,9 @@ impl Run {
             mask[..past].fill(HIDDEN);
             uploader.upload(context, buffer, &mask)?;
         }
-        let binding = context.bind(graph, &buffers)?;
-        let (inputs, outputs) = buffers.split_at(graph.input_count());
+        let memories = transformer.memories(context)?;
+        let binding = transformer.bind(context, &buffers, &memories)?;
+        let (inputs, outputs) = buffers.split_at(transformer.input_count());
         let slabs = 2 * shapes.layers;
         Ok(Self {
             precision,
@@ -254,7 +256,7 @@ impl Run {
         for (buffer, value) in [(self.inputs[1], sigma), (self.inputs[2], dsigma)] {
             context.upload(buffer, 0, &value.to_ne_bytes())?;
         }
-        context.run(self.binding)?;
+        self.binding.run(context)?;
         for (largest, buffer) in self.more.iter_mut().zip(&self.outputs[1 + self.slabs..]) {
             let mut bytes = [0; size_of::<f32>()];
             context.read(*buffer, 0, &mut bytes)?;

@@ -30,6 +30,7 @@ mod schedule;
 mod script;
 mod statistics;
 mod time;
+mod transformer;
 mod worker;
 #[expect(clippy::module_inception, reason = "the module's main type is the world")]
 mod world;

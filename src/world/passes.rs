@@ -6,10 +6,11 @@ use super::kv_cache::KvCache;
 use super::plan::{RingPlan, StepPlan};
 use super::rope::RopeTable;
 use super::schedule::MAX_POINTS;
+use super::transformer::PassBinding;
 use super::world::World;
 use crate::Result;
 use crate::bundle::Precision;
-use crate::runtime::{BindingId, BufferId, ExecutionContext, Region, element_size};
+use crate::runtime::{BufferId, ExecutionContext, Region, element_size};
 
 /// The mask value of a hidden key: representable in f16, and far below any attention score.
 pub(super) const HIDDEN: f32 = -10_000.0;
@@ -36,7 +37,7 @@ pub(super) struct Passes {
     /// All sigmas of a latent step, a [`ROW`] for each pass; each pass copies its row on the device.
     table: BufferId,
     /// `bindings[i]` reads `x[i]` and writes the other.
-    bindings: [BindingId; 2],
+    bindings: [PassBinding; 2],
     uploader: Uploader,
     staging: Staging,
 }
@@ -64,10 +65,11 @@ impl Passes {
         let controls = buffer(shapes.controls, f32_size)?;
         let (local_mask, global_mask) = (buffer(shapes.keys(false), element)?, buffer(shapes.keys(true), element)?);
         let table = buffer(MAX_POINTS, ROW)?;
+        let memories = world.transformer.memories(context)?;
         let mut bind = |x: BufferId, x_next: BufferId| {
             let inputs = [x, sigma, dsigma, rope_cos, rope_sin, controls, local_mask, global_mask];
             let tensors: Vec<_> = inputs.into_iter().chain(kv.rings()).chain([x_next]).chain(kv.slabs()).collect();
-            context.bind(&world.transformer, &tensors)
+            world.transformer.bind(context, &tensors, &memories)
         };
         let bindings = [bind(x[0], x[1])?, bind(x[1], x[0])?];
         let staging = Staging {
@@ -154,7 +156,7 @@ impl Passes {
         for (buffer, offset) in [(self.sigma, 0), (self.dsigma, ROW / 2)] {
             context.copy(buffer, self.table, &[Region { to: 0, from: row * ROW + offset, len: ROW / 2 }])?;
         }
-        context.run(self.bindings[from])
+        self.bindings[from].run(context)
     }
 
     /// Uploads a latent from the caller.

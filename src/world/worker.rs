@@ -144,7 +144,7 @@ impl Worker {
         Self { shared: Arc::new(shared), thread: Mutex::new(None), capacity }
     }
 
-    /// Stops the step in progress before its next pass, cancels all queued ones and accepts no more. Calls that wait for steps return.
+    /// Stops the step in progress before its next pass or slice of one, cancels all queued ones and accepts no more. Calls that wait for steps return.
     pub fn close(&self) {
         let mut queue = self.shared.queue.lock();
         queue.closing = true;
@@ -247,7 +247,7 @@ impl Worker {
         }
     }
 
-    /// Stops the step in progress before its next pass, on whatever thread it runs, and cancels all queued ones.
+    /// Stops the step in progress before its next pass or slice of one, on whatever thread it runs, and cancels all queued ones.
     pub fn cancel(&self) {
         let mut queue = self.shared.queue.lock();
         self.shared.stop.store(true, Ordering::SeqCst);

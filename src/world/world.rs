@@ -1,11 +1,14 @@
 //! A world: a bundle loaded on one device, shared by its rollouts.
 
+use std::cell::Cell;
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::graph_spec::{self, GraphSpec, Shapes};
 use super::half_precision::{HalfPrecision, Reference};
 use super::missing_operator;
 use super::operating_point::OperatingPoint;
+use super::transformer::{Transformer, TransformerSource};
 use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Precision, Processor, available_memory};
 use crate::runtime::{Device, Graph};
 use crate::{Error, ErrorKind, Result};
@@ -29,6 +32,17 @@ pub struct WorldOptions {
     /// twice the memory of the f16 graphs' weights. The result depends only on the bundle and the device, so one load of both needs it. Without an
     /// effect in f32.
     pub check_precision: bool,
+    /// Number of slices of the transformer: graphs of consecutive layers that run one after the other, 1 to the number of layers. Between two
+    /// slices of a pass other work of a graphics device gets its turn, and a cancelled step ends. On the processor every number of slices
+    /// gives the same bits in f32. Each slice has an allocator of its own, so more of them need more memory. `None`: 1 without
+    /// [`longest_submission`](Self::longest_submission).
+    pub slices: Option<u32>,
+    /// Limit on the time of a slice. Without `slices`, passes are measured at load, by the device's own clock if it has one, and the
+    /// transformer gets the fewest slices of which the longest is within the limit, or if none is, as many as there are layers, or as fit in
+    /// memory; [`World::longest_slice`] returns what was measured. That takes several times as long to load. On a graphics device, rollouts of
+    /// this world also wait before they have more work than this on the queue at a time, as with
+    /// `DirectMlOptions::longest_submission`.
+    pub longest_submission: Option<Duration>,
 }
 
 /// A loaded bundle: sessions, weights and geometry.
@@ -44,7 +58,9 @@ pub struct World {
     need: MemoryNeed,
     half_precision: Option<HalfPrecision>,
     pub(super) shapes: Shapes,
-    pub(super) transformer: Arc<Graph>,
+    longest_submission: Option<Duration>,
+    longest_slice: Option<Duration>,
+    pub(super) transformer: Transformer,
     pub(super) encoder: Arc<Graph>,
     pub(super) decoder: Arc<Graph>,
 }
@@ -55,7 +71,7 @@ impl World {
     /// afterwards.
     ///
     /// # Errors
-    /// `InvalidArgument` for a global window that the bundle does not support; `Unsupported` for a precision that it does not
+    /// `InvalidArgument` for a global window that the bundle does not support, and for a number of slices that the transformer cannot have; `Unsupported` for a precision that it does not
     /// contain, for weights of fewer than 16 bits that the device's provider has no operator for, and for a bundle that f16 is not enough for if
     /// that is checked, with the tensor or layer; `OutOfMemory`, with figures, when it does not fit; `InvalidBundle` when the graphs contradict
     /// the manifest; `Device` when ONNX Runtime refuses a graph.
@@ -64,7 +80,8 @@ impl World {
     }
 
     /// As [`World::load`], with progress: `proceed` is called with the total number of sessions, before each session is created and
-    /// after the last. An error from it stops loading.
+    /// after the last. An error from it stops loading. The total grows when the transformer is split because of
+    /// [`longest_submission`](WorldOptions::longest_submission).
     ///
     /// # Errors
     /// As [`World::load`], and the errors of `proceed`.
@@ -84,55 +101,69 @@ impl World {
         }
         let global_window = options.global_window.unwrap_or(geometry.global.window);
         let processor = if device.is_gpu() { Processor::Gpu } else { Processor::Cpu };
-        let fits_in = |precision, g: u32| {
-            let need = bundle.memory_need(precision, processor, g)?;
+        let fits_in = |precision, g: u32, slices: u32| {
+            let need = bundle.memory_need_in(precision, processor, g, slices)?;
             // Available memory already excludes the loaded bundle.
             let limit = options.memory_limit.or_else(|| Some(available_memory()?.saturating_add(need.bundle)));
             limit.map_or(Ok(()), |limit| need.check_fits(limit))?;
             device.available_memory().map_or(Ok(()), |available| need.check_fits_on_device(available))?;
             Ok(need)
         };
-        let fits = |g: u32| fits_in(precision, g);
-        let (global_window, need) = match options.fit_window {
+        let fits = |g: u32| fits_in(precision, g, options.slices.unwrap_or(1));
+        let (global_window, mut need) = match options.fit_window {
             true => widest(global_window, geometry.global.dilation, fits)?,
             false => (global_window, fits(global_window)?),
         };
 
         let shapes = Shapes::new(manifest, global_window);
         let is_checked = options.check_precision && precision == Precision::F16;
-        let sessions = GraphKind::ALL.len() as u64 + u64::from(is_checked);
+        // Encoder, decoder, and what the transformer and the check add.
+        let sessions = Cell::new(2 + u64::from(is_checked) + u64::from(options.slices.unwrap_or(1)));
+        let proceed = || proceed(sessions.get());
         let explain = |error| missing_operator::explain(error, manifest, &device.describe());
         let reference = match is_checked {
             true => {
-                fits_in(Precision::F32, geometry.global.dilation).map_err(|error| {
+                fits_in(Precision::F32, geometry.global.dilation, 1).map_err(|error| {
                     let remedy =
                         "Free memory, or load it without the check, which holds the f32 transformer for a while";
                     error.field("check_precision").remedy(remedy)
                 })?;
-                proceed(sessions)?;
+                proceed()?;
                 Some(Reference::make(device, bundle).map_err(explain)?)
             }
             false => None,
         };
-        let graph = |kind, what, dimensions: &[(&str, usize)], spec: GraphSpec| {
-            proceed(sessions)?;
-            let made = device.graph(what, &bundle.model(kind, precision)?, dimensions, spec.inputs, spec.outputs);
+        let graph = |kind, what, spec: GraphSpec| {
+            proceed()?;
+            let made = device.graph(what, &bundle.model(kind, precision)?, &[], spec.inputs, spec.outputs);
             made.map_err(explain)
         };
-        let transformer = graph(
-            GraphKind::Transformer,
-            "transformer",
-            &graph_spec::dimensions(&shapes),
-            graph_spec::transformer(geometry, &shapes, precision),
-        )?;
+        let source = TransformerSource { device, bundle, precision, shapes: &shapes, global_window };
+        let (transformer, longest_slice) = match (options.slices, options.longest_submission) {
+            (None, Some(limit)) => {
+                let fits = |slices| fits_in(precision, global_window, slices).is_ok();
+                let counted = Cell::new(1);
+                let proceed = |slices: u32| {
+                    // Sessions of the transformer in fewer slices were made as well.
+                    if counted.replace(slices) != slices {
+                        sessions.set(sessions.get() + u64::from(slices));
+                    }
+                    proceed()
+                };
+                let (transformer, longest) = source.load_within(limit, &fits, &proceed).map_err(explain)?;
+                need = fits_in(precision, global_window, transformer.slices())?;
+                (transformer, Some(longest))
+            }
+            (slices, _) => (source.load(slices.unwrap_or(1), &proceed).map_err(explain)?, None),
+        };
         let half_precision = reference.map(|made| made.compare(device, &transformer, manifest, &shapes)).transpose()?;
         if let Some(found) = &half_precision {
             log::info!("f16 beside f32 on {}: {found:?}", device.describe());
             found.check()?;
         }
-        let encoder = graph(GraphKind::Encoder, "encoder", &[], graph_spec::encoder(geometry, &shapes, precision))?;
-        let decoder = graph(GraphKind::Decoder, "decoder", &[], graph_spec::decoder(geometry, &shapes, precision))?;
-        proceed(sessions)?;
+        let encoder = graph(GraphKind::Encoder, "encoder", graph_spec::encoder(geometry, &shapes, precision))?;
+        let decoder = graph(GraphKind::Decoder, "decoder", graph_spec::decoder(geometry, &shapes, precision))?;
+        proceed()?;
         Ok(Arc::new(World {
             device: device.clone(),
             manifest: manifest.clone(),
@@ -142,6 +173,8 @@ impl World {
             need,
             half_precision,
             shapes,
+            longest_submission: options.longest_submission,
+            longest_slice,
             transformer,
             encoder,
             decoder,
@@ -162,9 +195,14 @@ impl World {
         Ok(())
     }
 
-    /// Bytes of a rollout's rings and slabs.
+    /// Bytes of a rollout's rings, slabs and values that slices hand over.
     pub(super) fn rollout_need(&self) -> u64 {
-        self.need.ring.saturating_add(self.need.slabs)
+        self.need.ring.saturating_add(self.need.slabs).saturating_add(self.transformer.handed_bytes())
+    }
+
+    /// The limit on a rollout's queued work.
+    pub(super) fn longest_submission(&self) -> Option<Duration> {
+        self.longest_submission
     }
 
     /// Checks that the memory of one more rollout is available, before it is allocated. `freed` bytes count as available, because the
@@ -215,6 +253,16 @@ impl World {
     /// The global window g, in latents.
     pub fn global_window(&self) -> u32 {
         self.global_window
+    }
+
+    /// Number of slices of the transformer.
+    pub fn slices(&self) -> u32 {
+        self.transformer.slices()
+    }
+
+    /// The time of the longest slice as it was measured at load; `None` if no number of slices had to be chosen.
+    pub fn longest_slice(&self) -> Option<Duration> {
+        self.longest_slice
     }
 
     /// Memory that this world and one rollout need.

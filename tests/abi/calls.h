@@ -313,6 +313,8 @@ static const struct field fields[] = {
     FIELD(cairn_world_options, operating_point, TEXT_FIELD, 0),
     FIELD(cairn_world_options, flags, FLAGS_FIELD, 3),
     FIELD(cairn_world_options, reserved, CHOICE_FIELD, 0),
+    /* The layers of the test world. */
+    FIELD(cairn_world_options, slices, CHOICE_FIELD, 8),
     FIELD(cairn_rollout_options, queue_capacity, CHOICE_FIELD, CAIRN_MAX_QUEUE),
     FIELD(cairn_rollout_options, operating_point, TEXT_FIELD, 0),
     FIELD(cairn_picture, format, CHOICE_FIELD, 1),

@@ -227,7 +227,7 @@ static const struct sized sized[] = {
     {"cairn_device_options", in_device_options, sizeof(cairn_device_options), _Alignof(cairn_device_options), 1, {0, 0}},
     {"requirements", in_requirements, sizeof(cairn_device_options), _Alignof(cairn_device_options), 1, {0, 0}},
     {"cairn_device_info", NULL, sizeof(cairn_device_info), _Alignof(cairn_device_info), 1, {144, 0}},
-    {"cairn_world_info", NULL, sizeof(cairn_world_info), _Alignof(cairn_world_info), 1, {0, 0}},
+    {"cairn_world_info", NULL, sizeof(cairn_world_info), _Alignof(cairn_world_info), 1, {336, 0}},
     {"cairn_world_memory", NULL, sizeof(cairn_world_memory), _Alignof(cairn_world_memory), 1, {0, 0}},
     {"cairn_rollout_options", in_rollout_options, sizeof(cairn_rollout_options), _Alignof(cairn_rollout_options), 1, {0, 0}},
     {"cairn_rollout_info", NULL, sizeof(cairn_rollout_info), _Alignof(cairn_rollout_info), 1, {0, 0}},
@@ -240,7 +240,7 @@ static const struct sized sized[] = {
     {"cairn_anchor_info", NULL, sizeof(cairn_anchor_info), _Alignof(cairn_anchor_info), 1, {0, 0}},
     {"cairn_picture", NULL, sizeof(cairn_picture), _Alignof(cairn_picture), 0, {0, 0}},
     {"cairn_target", NULL, sizeof(cairn_target), _Alignof(cairn_target), 0, {0, 0}},
-    {"cairn_world_options", NULL, sizeof(cairn_world_options), _Alignof(cairn_world_options), 0, {48, 0}},
+    {"cairn_world_options", NULL, sizeof(cairn_world_options), _Alignof(cairn_world_options), 0, {48, 56}},
 };
 
 static cairn_result call_sized(const struct sized *one, void *s)

@@ -73,11 +73,61 @@ static void invalid_worlds_are_refused(void)
     options.flags = 1u << 31;
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_world_load(device, &options, &world));
 #endif
+#ifdef CAIRN_WORLD_CHECK_PRECISION /* Slices came after it. */
+    options = good;
+    options.slices = UINT32_MAX;
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_world_load(device, &options, &world));
+    CHECK(strstr(message(), "it can be split into 1 to ") != NULL);
+#endif
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_world_load(device, NULL, &world));
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_world_load(device, &good, NULL));
     CHECK(world == (cairn_world *)(uintptr_t)0x1234);
     OK(cairn_device_destroy(device));
 }
+
+#ifdef CAIRN_WORLD_CHECK_PRECISION /* Slices came after it. */
+/* The latent that a world makes in so many slices, or in as many as the limit needs; info gets the world's properties. */
+static void latent_in_slices(cairn_device *device, uint32_t slices, uint32_t limit, float latent[4 * 4 * 8],
+                             cairn_world_info *info)
+{
+    cairn_world *world = NULL;
+    const cairn_world_options options = {.struct_size = sizeof options,
+                                         .path = world_path(),
+                                         .slices = slices,
+                                         .longest_submission_us = limit};
+    OK(cairn_world_load(device, &options, &world));
+    OK(cairn_world_get_info(world, info));
+    const cairn_rollout_options rollout_options = {.struct_size = sizeof rollout_options, .seed = 5};
+    cairn_rollout *rollout = NULL;
+    OK(cairn_rollout_create(world, &rollout_options, &rollout));
+    const cairn_picture picture = seed_picture();
+    OK(cairn_rollout_append(rollout, &picture, NULL));
+    const cairn_controls c = controls(1);
+    OK(cairn_rollout_step(rollout, &c, NULL));
+    cairn_anchor *anchor = NULL;
+    OK(cairn_rollout_get_anchor(rollout, &anchor));
+    OK(cairn_anchor_read_latent(anchor, latent, 4 * 4 * 8));
+    OK(cairn_anchor_destroy(anchor));
+    OK(cairn_rollout_destroy(rollout));
+    OK(cairn_world_destroy(world));
+}
+
+static void slices_give_the_same_latent(void)
+{
+    cairn_device *device = make_device();
+    static float whole[4 * 4 * 8], sliced[4 * 4 * 8];
+    cairn_world_info info = {.struct_size = sizeof info};
+    latent_in_slices(device, 0, 0, whole, &info);
+    CHECK(info.slices == 1 && info.longest_slice_us == 0);
+    const uint32_t layers = info.layers;
+    latent_in_slices(device, layers, 0, sliced, &info);
+    CHECK(info.slices == layers && memcmp(whole, sliced, sizeof whole) == 0);
+    /* No slice takes a microsecond. */
+    latent_in_slices(device, 0, 1, sliced, &info);
+    CHECK(info.slices == layers && info.longest_slice_us > 0 && memcmp(whole, sliced, sizeof whole) == 0);
+    OK(cairn_device_destroy(device));
+}
+#endif
 
 /* The calls of a progress callback, and when it cancels. */
 struct watch {
@@ -189,6 +239,9 @@ int main(void)
     RUN(a_world_describes_itself);
     RUN(without_a_path_the_embedded_world_is_loaded);
     RUN(invalid_worlds_are_refused);
+#ifdef CAIRN_WORLD_CHECK_PRECISION
+    RUN(slices_give_the_same_latent);
+#endif
     RUN(loading_reports_progress_and_can_be_cancelled_at_every_call);
     RUN(a_tampered_bundle_is_refused);
     RUN(twenty_worlds_leak_nothing);

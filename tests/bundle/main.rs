@@ -7,6 +7,7 @@ mod manifest;
 mod models;
 mod mutations;
 mod residual;
+mod slices;
 
 use cairn::bundle::Bundle;
 use cairn::{Error, Result};

@@ -232,6 +232,40 @@ fn a_submission_limit_yields_the_queue_between_passes() {
 }
 
 #[test]
+fn slices_yield_the_queue_within_a_pass() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let options = DirectMlOptions { deterministic: true, ..Default::default() };
+    let device = Device::directml(&ort(), &gpu, options).expect("DirectML");
+    let bundle = bundle("tiny");
+    // One world at a time: each session takes memory of the device.
+    let run = |slices, longest_submission| {
+        let precision = Some(Precision::F16);
+        let options = WorldOptions { precision, slices, longest_submission, ..WorldOptions::default() };
+        let world = World::load(&device, &bundle, options).expect("a world");
+        let mut rollout = seeded(&world, &point(&world), 7);
+        steps(&mut rollout, 0..1);
+        rollout.latent().expect("a latent");
+        let before = rollout.device_times().expect("a Direct3D 12 device");
+        steps(&mut rollout, 1..2);
+        let bits = fingerprint(&mut rollout).expect("bits");
+        let after = rollout.device_times().expect("a Direct3D 12 device");
+        assert_eq!(after.passes.frames - before.passes.frames, 5, "passes, not slices");
+        (bits, world.slices(), world.longest_slice(), after.external.yields - before.external.yields)
+    };
+    let (whole, slices, longest, yields) = run(None, None);
+    assert_eq!((slices, longest, yields), (1, None, 0));
+    let (bits, slices, longest, yields) = run(Some(4), None);
+    assert_eq!((slices, longest, yields), (4, None, 0));
+    assert!(bits == whole, "the same bits in four slices");
+    // No slice takes so little, so every layer is one, and each waits for the one before it: those of five passes, and the decoder.
+    let (bits, slices, longest, yields) = run(None, Some(Duration::from_nanos(1)));
+    let layers = bundle.geometry().layers;
+    assert_eq!((slices, yields), (layers, 5 * u64::from(layers)));
+    assert!(longest.is_some_and(|longest| !longest.is_zero()), "a measured time");
+    assert!(bits == whole, "the same bits in a slice for each layer");
+}
+
+#[test]
 fn captured_passes_give_the_same_bits_and_others_report_the_reason() {
     let gpu = Gpu::on_adapter(None).expect("a device");
     let world = |captured_passes| {

@@ -37,7 +37,7 @@ pub(crate) fn provide_all(workspace: &Workspace, progress: &dyn Progress) -> Res
     provision::test_bundles(progress).map_err(text)?;
     provision::lpips_weights(progress).map_err(text)?;
     // As the runners that need it do.
-    _ = tools::nightly(&["miri", "rust-src"], progress);
+    _ = tools::nightly(&["rust-src"], progress);
     provision::training_env(progress).map_err(text)?;
     _ = (provision::mono(progress), provision::dotnet(progress));
     if provision::lab::possible().is_ok() {

@@ -15,8 +15,10 @@ use sha2::{Digest, Sha256};
 use crate::workspace::Workspace;
 use crate::{lab, shell};
 
+/// Folder of the library's shaders.
+pub(crate) const LIBRARY: &str = "src/gpu/shaders";
 /// Folders of the shaders' sources.
-pub(crate) const FOLDERS: [&str; 3] = ["src/gpu/shaders", "benches/gpu", "tests/ffx-double/src"];
+pub(crate) const FOLDERS: [&str; 3] = [LIBRARY, "benches/gpu", "tests/ffx-double/src"];
 /// The Windows program that calls the compiler.
 const COMPILER: &str = "tests/lab/compile.rs";
 /// Folder of the blobs and of their record, in the folder of the sources.
@@ -55,7 +57,8 @@ impl Shaders {
         Ok(Self { name, folder, names, included })
     }
 
-    fn source(&self, name: &str) -> PathBuf {
+    /// The source of a shader.
+    pub(crate) fn source(&self, name: &str) -> PathBuf {
         self.folder.join(format!("{name}.hlsl"))
     }
 
@@ -142,8 +145,16 @@ pub(crate) fn output(out: &Path, name: &str) -> PathBuf {
     out.join(format!("{name}.dxbc"))
 }
 
-/// Compiles every shader, and rewrites blobs and records.
+/// File of the constants that the library's shaders share with its code for the processor, made of those in Rust by a test of the library.
+const CONSTANTS: &str = "src/gpu/shaders/constants.hlsli";
+const CONSTANTS_TEST: &str = "shader_constants::tests::the_shaders_have_the_constants_of_the_processors_code";
+/// Tells the test where to write the file, which it otherwise compares.
+const WRITE_CONSTANTS: &str = "CAIRN_WRITE_SHADER_CONSTANTS";
+
+/// Writes the constants; compiles every shader, and rewrites blobs and records.
 pub(crate) fn compile(workspace: &Workspace) -> Result<(), String> {
+    let mut constants = workspace.cargo(["test", "--package", "cairn", "--lib", "--", "--exact", CONSTANTS_TEST]);
+    shell::pass_through(constants.env(WRITE_CONSTANTS, workspace.root.join(CONSTANTS)))?;
     for folder in FOLDERS {
         let shaders = Shaders::find(workspace, folder)?;
         let out = workspace.target.join("xtask").join("shaders");

@@ -220,6 +220,19 @@ namespace Cairn
         /// </summary>
         public bool CheckPrecision { get; set; }
 
+        /// <summary>
+        /// Slices of the transformer, 1 to the number of its layers: graphs of consecutive layers that run one after the other, so that an engine's
+        /// frame gets its turn between them. On the processor every number gives the same bits in F32; more need more memory. 0 for 1, or with
+        /// <see cref="LongestSubmissionUs"/> for as many as that limit needs.
+        /// </summary>
+        public int Slices { get; set; }
+
+        /// <summary>
+        /// Limit on the time of a slice in microseconds; 0 for none. Without <see cref="Slices"/> passes are measured at load, which takes several times
+        /// as long then. On Direct3D 12 a rollout also waits before it submits more work than this.
+        /// </summary>
+        public int LongestSubmissionUs { get; set; }
+
         /// <summary>Progress callback, which may end the load; an exception from it ends it too. May be null.</summary>
         public LoadProgress Progress { get; set; }
     }
@@ -347,6 +360,8 @@ namespace Cairn
                         user = (void*)GCHandle.ToIntPtr(user),
                         flags = (options.FitWindow ? (uint)Native.WORLD_FIT_WINDOW : 0)
                             | (options.CheckPrecision ? (uint)Native.WORLD_CHECK_PRECISION : 0),
+                        slices = Check.NotNegative(options.Slices, nameof(options)),
+                        longest_submission_us = Check.NotNegative(options.LongestSubmissionUs, nameof(options)),
                     };
                     IntPtr world = IntPtr.Zero;
                     int result = Library.C.world_load(Value, &native, &world);

@@ -212,6 +212,8 @@ namespace Cairn
             internal void* user;
             internal uint flags;
             internal uint reserved;
+            internal uint slices;
+            internal uint longest_submission_us;
         }
 
         [StructLayout(LayoutKind.Sequential)]
@@ -238,6 +240,8 @@ namespace Cairn
             internal fixed byte name[128];
             internal fixed byte licence[64];
             internal fixed byte digest[72];
+            internal uint slices;
+            internal uint longest_slice_us;
         }
 
         [StructLayout(LayoutKind.Sequential)]

@@ -24,6 +24,8 @@ namespace Cairn
             GlobalDilation = (int)from.global_dilation;
             LatentsPerSecond = (int)from.latents_per_second;
             Keys = (int)from.keys;
+            Slices = (int)from.slices;
+            LongestSliceUs = (long)from.longest_slice_us;
             fixed (byte* name = from.name) Name = Text.Decode(name, 128);
             fixed (byte* licence = from.licence) Licence = Text.Decode(licence, 64);
             fixed (byte* digest = from.digest) Digest = Text.Decode(digest, 72);
@@ -88,6 +90,12 @@ namespace Cairn
 
         /// <summary>Number of keys that it knows: virtual-key codes from 0 to this minus 1.</summary>
         public int Keys { get; }
+
+        /// <summary>Slices of the transformer.</summary>
+        public int Slices { get; }
+
+        /// <summary>Time of the longest slice in microseconds, as measured at load; 0 if no number of slices had to be chosen.</summary>
+        public long LongestSliceUs { get; }
     }
 
     /// <summary>Memory in bytes of a world and one rollout, as computed before loading.</summary>

@@ -62,6 +62,25 @@ namespace Cairn.Tests
         }
 
         [Test]
+        private static void TheNumberOfSlicesIsGivenOrChosenByALimit()
+        {
+            int layers = Shared.World.Info.Layers;
+            Expect.Equal(1, Shared.World.Info.Slices);
+            foreach (WorldOptions options in new[] { new WorldOptions { Slices = layers }, new WorldOptions { LongestSubmissionUs = 1 } })
+            {
+                using (World world = Shared.Device.LoadWorld(options))
+                {
+                    Expect.Equal(world.Info.Layers, world.Info.Slices);
+                    Expect.Equal(options.Slices == 0, world.Info.LongestSliceUs > 0);
+                }
+            }
+            CairnException thrown = Expect.Fails(Result.InvalidArgument, () => Shared.Device.LoadWorld(new WorldOptions { Slices = layers + 1 }));
+            Expect.Equal("slices", thrown.Field);
+            Expect.Throws<ArgumentOutOfRangeException>(() => Shared.Device.LoadWorld(new WorldOptions { Slices = -1 }));
+            Expect.Throws<ArgumentOutOfRangeException>(() => Shared.Device.LoadWorld(new WorldOptions { LongestSubmissionUs = -1 }));
+        }
+
+        [Test]
         private static void ALoadEndsIfItsCallbackReturnsFalseOrThrows()
         {
             Expect.Fails(Result.Cancelled, () => Shared.Device.LoadWorld(new WorldOptions { Progress = (stage, done, total) => false }));

@@ -217,7 +217,7 @@ class WorldOptions(Sized):
         ("memory_limit", c_uint64),
         ("progress", load_callback),
         ("user", c_void_p),
-        *_each(c_uint32, "flags reserved"),
+        *_each(c_uint32, "flags reserved slices longest_submission_us"),
     ]
 
 
@@ -232,6 +232,7 @@ class WorldInfo(Sized):
         ("name", c_char * 128),
         ("licence", c_char * 64),
         ("digest", c_char * 72),
+        *_each(c_uint32, "slices longest_slice_us"),
     ]
 
 

@@ -171,6 +171,8 @@ class Device(Object):
         memory_limit: int = 0,
         fit_window: bool = False,
         check_precision: bool = False,
+        slices: int = 0,
+        longest_submission_us: int = 0,
         progress: Progress | None = None,
     ) -> World:
         """Loads a world: reads and checks the bundle, compares the memory it needs with the memory available, and prepares its graphs. Takes
@@ -182,7 +184,12 @@ class Device(Object):
         the global window if it does not fit that memory, instead of failing; the rollout's operating point names it. `check_precision` makes one
         latent in "f16" and in "f32", and raises `Unsupported` with the tensor or layer if float16 is not enough for the bundle on this device:
         a value passes 65504, or the latent's relative error is more than 3 %. For a while that needs about twice the memory of the weights; one
-        load of a bundle and a device needs it. `progress` is called on this thread.
+        load of a bundle and a device needs it.
+
+        `slices` divides the transformer, 1 to the number of its layers: graphs of consecutive layers that run one after the other, so that other
+        work gets its turn on a device and a cancelled step ends sooner. On the processor every number gives the same bits in "f32"; more need more
+        memory. 0 is 1 or, with `longest_submission_us`, as many as keep the longest slice within so many microseconds: passes are measured at
+        load, which takes several times as long then. `World.info` has the number and the time. `progress` is called on this thread.
 
         Raises `InvalidArgument`, `FileError`, `InvalidBundle`, `Unsupported`, `OutOfMemory` with the numbers, `DeviceError`; `Cancelled` if
         `progress` returned False; and what `progress` raises.
@@ -191,6 +198,9 @@ class Device(Object):
             raise refuse("precision", f"{precision!r} is no precision", 'Use "f32" or "f16", or None')
         if not 0 <= memory_limit < 1 << 64:
             raise refuse("memory_limit", f"{memory_limit} is no number of bytes", "Give bytes, or 0 for no limit of your own")
+        for name, value in (("slices", slices), ("longest_submission_us", longest_submission_us)):
+            if not 0 <= value < 1 << 32:
+                raise refuse(name, f"{value} does not fit into 32 bits", "Give a number from 0 to 4294967295")
         raised: list[BaseException] = []
 
         def on_progress(state: Any, _user: object) -> int:
@@ -211,6 +221,8 @@ class Device(Object):
             flags=c.WORLD_FIT_WINDOW * fit_window | c.WORLD_CHECK_PRECISION * check_precision,
             # Set even without a caller's callback, because Ctrl+C is noticed there.
             progress=c.load_callback(on_progress),
+            slices=slices,
+            longest_submission_us=longest_submission_us,
         )
         try:
             return World(make("world_load", self._handle, byref(options)))
@@ -226,7 +238,8 @@ class WorldInfo:
 
     `render_*` is the size of an anchor's pictures, in square pixels, and `decoded_*` that of the autoencoder's pictures, whose pixels may not
     be square. `latent_*` is the shape of a latent. `global_window` is the context window of a global layer, as loaded; `keys` is one more than
-    the highest virtual-key code that the model knows; `digest` is the bundle's identity.
+    the highest virtual-key code that the model knows; `digest` is the bundle's identity. `slices` are those of the transformer, and
+    `longest_slice_us` is the time of the longest as measured at load; 0 if no number of slices had to be chosen.
     """
 
     name: str
@@ -249,6 +262,8 @@ class WorldInfo:
     global_dilation: int
     latents_per_second: int
     keys: int
+    slices: int
+    longest_slice_us: int
 
 
 @dataclass(frozen=True)

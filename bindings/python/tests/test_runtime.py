@@ -56,6 +56,26 @@ def shown(world, walk, seed=7) -> np.ndarray:
     return np.stack(pictures)
 
 
+def test_slices_give_the_same_pictures(device, world, world_path):
+    assert (world.info.slices, world.info.longest_slice_us) == (1, 0)
+    layers, expected = world.info.layers, shown(world, WALK[:2])
+    for slices in (2, layers):
+        with device.load_world(world_path, slices=slices) as sliced:
+            assert sliced.info.slices == slices
+            assert np.array_equal(shown(sliced, WALK[:2]), expected)
+    with pytest.raises(cairn.InvalidArgument, match=f"it can be split into 1 to {layers}") as raised:
+        device.load_world(world_path, slices=layers + 1)
+    assert raised.value.field == "slices"
+    # No slice takes a microsecond, and none takes half an hour.
+    for limit, slices in ((1, layers), (1_800_000_000, 1)):
+        stages = []
+        with device.load_world(
+            world_path, longest_submission_us=limit, progress=lambda *at: stages.append(at)
+        ) as chosen:
+            assert chosen.info.slices == slices and chosen.info.longest_slice_us > 0
+        assert stages[-1][1] == stages[-1][2] >= slices + 2
+
+
 def test_a_whole_rollout(device, world_path):
     stages = []
     with device.load_world(world_path, progress=lambda *at: stages.append(at)) as world:
@@ -194,6 +214,9 @@ def test_invalid_texts_are_refused(device):
         lambda device, world: world.rollout(queue_capacity=65),
         lambda device, world: world.rollout(operating_point="nonsense"),
         lambda device, world: device.load_world(precision="f8"),
+        lambda device, world: device.load_world(slices=-1),
+        lambda device, world: device.load_world(slices=1 << 32),
+        lambda device, world: device.load_world(longest_submission_us=-1),
         lambda device, world: cairn.Controls(keys="W"),
         lambda device, world: cairn.Controls(keys=["NO_SUCH_KEY"]),
         lambda device, world: cairn.Controls(keys=[256]),

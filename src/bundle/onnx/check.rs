@@ -43,7 +43,8 @@ impl ModelContext<'_> {
         invalid(self.path(), cause, "Build the model again, or convert it as docs/bundle.md section 4 says")
     }
 
-    fn refuse(&self, fault: Fault) -> crate::Error {
+    /// The error for the model, of a fault.
+    pub(super) fn refuse(&self, fault: Fault) -> crate::Error {
         if fault.memory {
             return Error::new(ErrorKind::OutOfMemory, fault.cause).field(self.path());
         }
@@ -69,7 +70,8 @@ pub(in crate::bundle) fn footprint(onnx: &[u8], context: ModelContext<'_>, g: u3
         .map_err(|fault| context.refuse(fault))
 }
 
-fn parse(onnx: &[u8]) -> Check<Model<'_>> {
+/// Parses a model that is not too large.
+pub(super) fn parse(onnx: &[u8]) -> Check<Model<'_>> {
     if onnx.len() > MAX_MODEL {
         return Err(Fault::new(format!("the model has {} bytes, at most {MAX_MODEL} are read", onnx.len())));
     }
@@ -77,7 +79,7 @@ fn parse(onnx: &[u8]) -> Check<Model<'_>> {
 }
 
 /// The version of the default domain. ONNX Runtime's domain may follow it.
-fn opset(model: &Model<'_>) -> Check<i64> {
+pub(super) fn opset(model: &Model<'_>) -> Check<i64> {
     match model.opsets.as_slice() {
         [("" | "ai.onnx", version)] | [("" | "ai.onnx", version), (proto::CONTRIB, 1)] if OPSETS.contains(version) => {
             Ok(*version)
@@ -130,7 +132,8 @@ pub(super) fn read_nodes<'a>(model: &'a Model<'a>, context: ModelContext<'_>, re
     footprint_at(model, context, context.manifest.geometry.global.dilation, reader).map(drop)
 }
 
-fn footprint_at<'a>(
+/// Infers the sizes of a model at a global window of `g` latents, and hands the nodes that run to `reader`.
+pub(super) fn footprint_at<'a>(
     model: &'a Model<'a>,
     context: ModelContext<'_>,
     g: u32,

@@ -5,6 +5,7 @@
 //! - [`residual`] finds the residual stream and checks its type.
 //! - [`blocks`] checks the matrices that are stored in fewer than 16 bits.
 //! - [`peaks`] adds outputs to a model: the largest magnitudes of its values.
+//! - [`slices`] splits a transformer into models of consecutive layers.
 //! - [`interface`] compares inputs and outputs with the format's tables.
 //! - [`check`] combines these checks, and checks that weights lie inside files that the bundle lists.
 //!
@@ -18,6 +19,7 @@ mod peaks;
 mod proto;
 mod residual;
 mod shape_inference;
+mod slices;
 #[cfg(any(windows, test))]
 mod weights;
 mod wire;
@@ -27,6 +29,8 @@ pub(super) use check::{ExternalData, ModelContext, check, footprint};
 pub use operators::operators;
 pub(crate) use peaks::ModelWithPeaks;
 pub(super) use shape_inference::Footprint;
+pub use slices::slice_transformer;
+pub(crate) use slices::{SliceModel, SliceTensor, Slices};
 #[cfg(windows)]
 pub(crate) use weights::{Weight, weights_as_inputs};
 

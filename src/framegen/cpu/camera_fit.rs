@@ -23,10 +23,27 @@ const INLIER_DISTANCE: f64 = 0.5;
 /// Number of RANSAC trials, and samples per trial: two equations each, one more than there are parameters.
 const RANSAC_TRIALS: usize = 24;
 const TRIAL_SAMPLES: usize = 6;
+/// What chooses their samples: pseudo-random numbers of 31 bits by Knuth's MMIX generator, the same in every call.
+const RANDOM: [u32; RANSAC_TRIALS * TRIAL_SAMPLES] = {
+    let (mut numbers, mut state, mut n) = ([0; RANSAC_TRIALS * TRIAL_SAMPLES], 1_u64, 0);
+    while n < numbers.len() {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        numbers[n] = (state >> 33) as u32;
+        n += 1;
+    }
+    numbers
+};
 /// Refits to the inliers of the last fit.
 const REFITS: usize = 2;
 /// Number of parameters.
 const PARAMETERS: usize = 11;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!(
+    "CAMERA_FIT_": uint2 SAMPLE_GRID, float INLIER_DISTANCE, uint RANSAC_TRIALS, uint TRIAL_SAMPLES, [uint] RANDOM,
+    uint PARAMETERS
+);
+
 /// Tikhonov regularisation: keeps parameters near zero that the samples do not determine. Variance of the motion over
 /// that of the parameters.
 const REGULARISATION: f64 = 1e-6;
@@ -203,16 +220,11 @@ fn ransac(samples: &[Sample], within: f64) -> Option<Parameters> {
         |parameters: &Parameters| samples.iter().filter(|sample| sample.squared_error(parameters) <= bound).count();
     let mut best = least_squares(samples.iter())?;
     let mut most_inliers = inliers(&best);
-    let mut random = 1_u64;
-    for _ in 0..RANSAC_TRIALS {
+    for numbers in RANDOM.chunks_exact(TRIAL_SAMPLES) {
         if 10 * most_inliers >= 9 * samples.len() {
             break;
         }
-        // Pseudo-random samples (Knuth's MMIX generator), the same in every call.
-        let subset: [Sample; TRIAL_SAMPLES] = std::array::from_fn(|_| {
-            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            samples[(random >> 33) as usize % samples.len()]
-        });
+        let subset: [Sample; TRIAL_SAMPLES] = std::array::from_fn(|n| samples[numbers[n] as usize % samples.len()]);
         let Some(trial) = least_squares(subset.iter()) else { continue };
         let count = inliers(&trial);
         if count > most_inliers {

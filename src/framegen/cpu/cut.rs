@@ -27,17 +27,17 @@ pub(super) struct CutDetector {
 }
 
 /// Largest side of the reduced pictures, in pixels.
-const REDUCED_SIDE: usize = 320;
+pub(in crate::framegen) const REDUCED_SIDE: usize = 320;
 /// Rows that are read per row of a reduced picture, evenly spaced; more would hardly change the result.
 const ROWS_READ: usize = 2;
 /// Pixels of a row that are averaged at a time.
 const RUN: usize = 256;
 /// Reduction factor from the reduced to the tiny pictures in which the global motion is searched.
-const TINY_FACTOR: usize = 4;
+pub(in crate::framegen) const TINY_FACTOR: usize = 4;
 /// Radius of the local mean that is subtracted to get the detail, in reduced pixels.
 const DETAIL_REACH: usize = 4;
 /// Side of a block, in reduced pixels.
-const BLOCK: usize = 16;
+pub(in crate::framegen) const BLOCK: usize = 16;
 /// Radius of the search window, in reduced pixels.
 const SEARCH: isize = 3;
 /// Smallest correlation of the detail of matching blocks.
@@ -51,6 +51,12 @@ const MIN_SHARE: f32 = 0.125;
 const CUT_ALONE: f32 = 0.85;
 const CUT_WITH_HISTOGRAM: f32 = 0.6;
 const HISTOGRAM_DISTANCE: f32 = 0.3;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!(
+    "CUT_": uint TINY_FACTOR, int DETAIL_REACH, uint BLOCK, int SEARCH, float MIN_CORRELATION, float MIN_DETAIL,
+    float MIN_SHARE, float CUT_ALONE, float CUT_WITH_HISTOGRAM, float HISTOGRAM_DISTANCE
+);
 
 /// Result of searching a block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

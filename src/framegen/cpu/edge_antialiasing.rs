@@ -13,6 +13,9 @@ pub(super) const EDGE_MOTION: i32 = 3 * 64;
 /// Weight of each of the four neighbours, of 128.
 pub(super) const NEIGHBOUR_WEIGHT: u8 = 10;
 
+#[cfg(test)]
+crate::shader_constants::shader_constants!("EDGE_ANTIALIASING_": int EDGE_MOTION, int NEIGHBOUR_WEIGHT);
+
 /// Pixels of a tile to blend, as bits `8 j + i`: all if it contains an edge, else those in `uncovered`.
 pub(super) fn blend_mask(level: SimdLevel, keys: &[Key; BLOCK], uncovered: u64) -> u64 {
     let [min, max] = tile_keys::vector_range(level, keys);

@@ -36,6 +36,11 @@ const MIN_BAND_ROWS: usize = 4;
 /// Match error of a uniform tile, which is not measured: neither good nor bad.
 pub(super) const UNKNOWN_MATCH_ERROR: u8 = 24;
 
+#[cfg(test)]
+crate::shader_constants::shader_constants!(
+    "FIELD_": int UNIFORM_RANGE, float DILATION_TOLERANCE, uint UNKNOWN_MATCH_ERROR
+);
+
 /// Builds the field of a guidance; keeps its working memory.
 #[derive(Debug, Default)]
 pub(super) struct FieldBuilder {

@@ -25,6 +25,10 @@ const COVERAGE_PREFETCH_AHEAD: usize = 6;
 const PIXELS_PREFETCH_AHEAD: usize = 6;
 /// Largest distance of a candidate, in pixels.
 pub(super) const SEARCH_RADIUS: usize = 24;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!("HOLE_FILLING_": int SEARCH_RADIUS);
+
 /// The same in tiles.
 const SEARCH_TILES: usize = SEARCH_RADIUS / TILE;
 const _: () = assert!(SEARCH_RADIUS == SEARCH_TILES * TILE && SEARCH_TILES == 3);

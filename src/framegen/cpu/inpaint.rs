@@ -14,6 +14,9 @@ const SQUARE_TILES: usize = 16;
 /// Weight of a parent's colour in a cell, in pixels.
 const PARENT_WEIGHT: f32 = 1.0 / 16.0;
 
+#[cfg(test)]
+crate::shader_constants::shader_constants!("INPAINT_": float PARENT_WEIGHT);
+
 /// Weighted sum of RGBA, and the weight: the number of visible pixels.
 type Sum = [f32; 5];
 

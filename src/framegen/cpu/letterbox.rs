@@ -7,6 +7,10 @@ use crate::tasks;
 
 /// Largest luma range of a bar's row or column over both anchors, in levels.
 const MAX_RANGE: u8 = 3;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!("LETTERBOX_": uint MAX_RANGE);
+
 /// Pixels whose luma is computed at a time.
 const RUN: usize = 64;
 /// Columns that are scanned together, and the number of rows after which a scan may end early.

@@ -47,6 +47,8 @@ mod warp;
 use camera_fit::CameraFit;
 use colour::Colour;
 use cut::CutDetector;
+#[cfg(windows)]
+pub(super) use cut::{BLOCK as CUT_BLOCK, REDUCED_SIDE, TINY_FACTOR};
 use field::FieldBuilder;
 use hole_filling::{FillInputs, HoleFiller};
 use inpaint::Inpainter;
@@ -59,7 +61,9 @@ use reprojection::Reprojection;
 pub use rules::Rule;
 use rules::Rules;
 use splat::{KeyOrigin, SplatPass, Splatter};
-use splat_key::{PHASE_ONE, PREVIOUS_ONLY};
+#[cfg(windows)]
+pub(super) use splat_key::HOLE;
+pub(super) use splat_key::{PHASE_ONE, PREVIOUS_ONLY};
 use static_mask::StaticMask;
 use static_overlay::StaticPixels;
 use warp::{DepthChange, Warp, WarpTime};
@@ -325,4 +329,24 @@ fn reserve<T>(buffer: &mut Vec<T>, len: usize) -> Result<()> {
     buffer
         .try_reserve_exact(len.saturating_sub(buffer.len()))
         .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("working memory for {len} pixels cannot be allocated")))
+}
+
+/// The constants of these modules that shaders have too, for `constants.hlsli`.
+#[cfg(test)]
+pub(crate) fn shader_constants() -> Vec<crate::shader_constants::Constants> {
+    let own = [
+        splat_key::SHADER_CONSTANTS,
+        cut::SHADER_CONSTANTS,
+        letterbox::SHADER_CONSTANTS,
+        field::SHADER_CONSTANTS,
+        camera_fit::SHADER_CONSTANTS,
+        splat::SHADER_CONSTANTS,
+        reprojection::SHADER_CONSTANTS,
+        hole_filling::SHADER_CONSTANTS,
+        render::SHADER_CONSTANTS,
+        static_overlay::SHADER_CONSTANTS,
+        edge_antialiasing::SHADER_CONSTANTS,
+        inpaint::SHADER_CONSTANTS,
+    ];
+    [&kernels::SHADER_CONSTANTS[..], &own].concat()
 }

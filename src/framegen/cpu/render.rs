@@ -20,9 +20,8 @@ use crate::tasks::{Parallel, ParallelSliceMut};
 pub(super) const MAX_EQUAL_DIFFERENCE: u8 = 1;
 /// Samples that differ by more levels are checked for occlusion and overlays. Optical flow follows overlays instead of
 /// the background behind them, so it is trusted more.
-pub(super) const fn doubt_threshold(is_optical_flow: bool) -> u8 {
-    if is_optical_flow { 64 } else { 24 }
-}
+const DOUBT_THRESHOLD: u8 = 24;
+const DOUBT_THRESHOLD_OF_FLOW: u8 = 64;
 /// The same threshold at the edges of surfaces.
 pub(super) const STRICT_DOUBT_THRESHOLD: u8 = 4;
 
@@ -32,8 +31,24 @@ pub(super) const DISTINCT_MOTION: i32 = 8;
 pub(super) const EDGE_TOLERANCE: f32 = 45.0;
 /// Difference that is assumed between the anchors, in levels, where one of them is occluded. Occlusion from optical
 /// flow is less certain.
+const OCCLUDED_DIFFERENCE: f32 = 30.0;
+const OCCLUDED_DIFFERENCE_OF_FLOW: f32 = 40.0;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!(
+    "RENDER_": float MAX_EQUAL_DIFFERENCE, float DOUBT_THRESHOLD, float DOUBT_THRESHOLD_OF_FLOW,
+    float STRICT_DOUBT_THRESHOLD, int DISTINCT_MOTION, float EDGE_TOLERANCE, float OCCLUDED_DIFFERENCE,
+    float OCCLUDED_DIFFERENCE_OF_FLOW
+);
+
+/// Difference from which samples are checked for occlusion and overlays, in levels.
+pub(super) const fn doubt_threshold(is_optical_flow: bool) -> u8 {
+    if is_optical_flow { DOUBT_THRESHOLD_OF_FLOW } else { DOUBT_THRESHOLD }
+}
+
+/// Difference that is assumed where an anchor is occluded, in levels.
 pub(super) const fn occluded_difference(is_optical_flow: bool) -> f32 {
-    if is_optical_flow { 40.0 } else { 30.0 }
+    if is_optical_flow { OCCLUDED_DIFFERENCE_OF_FLOW } else { OCCLUDED_DIFFERENCE }
 }
 
 /// A frame to interpolate between two anchors.

@@ -19,6 +19,10 @@ use crate::tasks::{Parallel, ParallelSliceMut};
 const OCCLUDER_RATIO: f32 = 1.125;
 /// Largest relative difference between inverse depths of one surface.
 const SAME_DEPTH: f32 = 1.0 / 32.0;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!("REPROJECTION_": float OCCLUDER_RATIO, float SAME_DEPTH);
+
 /// Tiles whose keys are prefetched ahead of the current one.
 const PREFETCH_AHEAD: usize = 2;
 

@@ -22,6 +22,10 @@ const PREFETCH_AHEAD: usize = 2;
 const BORDER: usize = 1;
 /// Largest difference per component between the motion vectors that cover a uniform tile, in 1/64 px.
 pub(super) const UNIFORM_RANGE: i32 = 48;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!("SPLAT_": int UNIFORM_RANGE);
+
 /// A key buffer to splat, and the warp for it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SplatPass<'a> {

@@ -11,9 +11,9 @@ pub(super) const EMPTY: Key = Key::MAX;
 pub(super) const MAX_MATCH_ERROR: u8 = 250;
 /// Tag of pixels of the previous anchor that are not visible in the current one: no key of the current anchor is
 /// splatted to them.
-pub(super) const PREVIOUS_ONLY: u8 = 254;
+pub(in crate::framegen) const PREVIOUS_ONLY: u8 = 254;
 /// Tag of pixels of the frame to which no key is splatted.
-pub(super) const HOLE: u8 = 255;
+pub(in crate::framegen) const HOLE: u8 = 255;
 
 const ORIGIN: i32 = 1 << 19;
 const COMPONENT: Key = (1 << 20) - 1;
@@ -101,9 +101,15 @@ pub(super) fn same_slope(a: Key, b: Key) -> bool {
 }
 
 /// Fixed-point 1 of phases and of fractions of a motion vector: the interval between two anchors.
-pub(super) const PHASE_ONE: i32 = 1 << 12;
+pub(in crate::framegen) const PHASE_ONE: i32 = 1 << 12;
 /// Largest component of a motion vector, in 1/64 px: its product with a fraction fits 32 bits.
 pub(super) const MAX_COMPONENT: i32 = 4095 * 64;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!(
+    "": float MAX_MATCH_ERROR, uint PREVIOUS_ONLY, uint HOLE, uint MIN_INVERSE_DEPTH_BITS, int SIMILAR_MOTION,
+    uint DEPTH_KEY_TOLERANCE, int SLOPE_MOTION, uint SLOPE_DEPTH_KEYS, int PHASE_ONE, int MAX_COMPONENT
+);
 
 /// `fraction` of a component of a motion vector, in 1/64 px.
 #[inline(always)]

@@ -12,13 +12,20 @@ use super::reserve;
 use crate::Result;
 
 /// A pixel belongs to an overlay if it differs by at most `MAX_STATIC_DIFFERENCE` levels from the same position, and by
-/// less than along its motion vector by the factor `RATIO` after adding `NOISE` to the static difference. If the vector
-/// leads outside the picture, the whole patch must be static and have `MIN_CONTRAST`, which a moving surface would not
-/// repeat by chance.
+/// less than along its motion vector by the factor `RATIO` after adding `NOISE` to the static difference. The static
+/// pixels of the patch around it must differ along the vector by `MIN_MISMATCH` levels, as an inexact vector on a smooth
+/// surface does not. If the vector leads outside the picture, the whole patch must be static and have `MIN_CONTRAST`,
+/// which a moving surface would not repeat by chance.
 const MAX_STATIC_DIFFERENCE: f32 = 4.0;
 const RATIO: f32 = 2.0;
 const NOISE: f32 = 2.0;
+const MIN_MISMATCH: f32 = 18.0;
 const MIN_CONTRAST: f32 = 12.0;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!(
+    "STATIC_OVERLAY_": float MAX_STATIC_DIFFERENCE, float RATIO, float NOISE, float MIN_MISMATCH, float MIN_CONTRAST
+);
 
 /// The two anchors.
 pub(super) struct Anchors<'a, P> {
@@ -402,13 +409,26 @@ fn static_fits_better<P: Colour>(
 ) -> bool {
     let (x, y) = (x as i32, y as i32);
     let patch = lumas::<P, 3>(here, x - 1, y - 1);
-    let moved = difference(&patch, there, x, y, vector);
+    let moved = moved_differences(&patch, there, x, y, vector);
     // The usual case: the vector matches.
-    if moved < NOISE * RATIO {
+    if values(&moved).all(|difference| difference < MIN_MISMATCH) {
         return false;
     }
-    let static_difference = min_square_mean(&differences(&patch, &lumas(there, x - 1, y - 1)), there, x, y);
-    (static_difference + NOISE) * RATIO <= moved
+    let unmoved = differences(&patch, &lumas(there, x - 1, y - 1));
+    is_mismatch(&moved, &unmoved)
+        && (min_square_mean(&unmoved, there, x, y) + NOISE) * RATIO <= min_square_mean(&moved, there, x, y)
+}
+
+/// Whether the static pixels of a patch differ along the vector; at an overlay's corner these are the overlay's.
+#[inline(always)]
+fn is_mismatch(moved: &Patch, unmoved: &Patch) -> bool {
+    let (mut sum, mut pixels) = (0.0, 0.0);
+    for (moved, unmoved) in values(moved).zip(values(unmoved)) {
+        if unmoved <= MAX_STATIC_DIFFERENCE {
+            (sum, pixels) = (sum + moved, pixels + 1.0);
+        }
+    }
+    sum >= MIN_MISMATCH * pixels
 }
 
 /// 3x3 lumas or differences; the fourth column is padding.
@@ -452,9 +472,9 @@ fn lumas_at_edge<P: Colour, const N: usize>(source: Source<'_, P>, x: i32, y: i3
     lumas
 }
 
-/// Difference between the patch centred on (x, y) and the bilinear sample of `there` along `vector`.
+/// Differences between the patch centred on (x, y) and the bilinear samples of `there` along `vector`.
 #[inline(always)]
-fn difference<P: Colour>(patch: &Patch, there: Source<'_, P>, x: i32, y: i32, vector: [i32; 2]) -> f32 {
+fn moved_differences<P: Colour>(patch: &Patch, there: Source<'_, P>, x: i32, y: i32, vector: [i32; 2]) -> Patch {
     let [u, v] = [64 * (x - 1) + vector[0], 64 * (y - 1) + vector[1]];
     let [fx, fy] = [u, v].map(|at| (at & 63) as f32 / 64.0);
     let lumas: [[f32; 4]; 4] = lumas(there, u >> 6, v >> 6);
@@ -471,7 +491,7 @@ fn difference<P: Colour>(patch: &Patch, there: Source<'_, P>, x: i32, y: i32, ve
             between[j][i] = across[j][i] + (across[j + 1][i] - across[j][i]) * fy;
         }
     }
-    min_square_mean(&differences(patch, &between), there, x, y)
+    differences(patch, &between)
 }
 
 #[inline(always)]

@@ -1,13 +1,15 @@
 //! Root constants of a frame's shaders, and the layout of their memory.
 
+use super::super::cpu::{self, kernels};
+
 /// Side of a tile, in pixels.
-pub(super) const TILE: u32 = 8;
+pub(super) const TILE: u32 = kernels::TILE as u32;
 /// Largest side of the reduced pictures for cut detection, in pixels.
-const SMALL_SIDE: u32 = 320;
+const REDUCED_SIDE: u32 = cpu::REDUCED_SIDE as u32;
 /// Reduction factor from those to the tiny pictures in which the global motion is searched.
-const TINY_FACTOR: u32 = 4;
+const TINY_FACTOR: u32 = cpu::TINY_FACTOR as u32;
 /// Side of the blocks of the reduced pictures, in pixels.
-const BLOCK: u32 = 16;
+const BLOCK: u32 = cpu::CUT_BLOCK as u32;
 /// Bytes reserved for single-word results.
 const STATE: u32 = 1024;
 
@@ -165,7 +167,7 @@ impl Layout {
     pub(super) fn new((width, height): (u32, u32)) -> Self {
         let size = [width, height];
         let tiles = size.map(|len| len.div_ceil(TILE));
-        let factor = width.max(height).div_ceil(SMALL_SIDE);
+        let factor = width.max(height).div_ceil(REDUCED_SIDE);
         let reduced = size.map(|len| len.div_ceil(factor));
         let blocks = reduced.map(|len| len.div_ceil(BLOCK));
         let tiny = reduced.map(|len| len.div_ceil(TINY_FACTOR));

@@ -13,6 +13,7 @@ mod steps;
 
 use windows::Win32::Graphics::Dxgi::Common::*;
 
+use super::cpu::{HOLE, PHASE_ONE, PREVIOUS_ONLY};
 use crate::gpu::Gpu;
 use crate::gpu::compute::picture_formats::{self, PictureFormat};
 use crate::gpu::compute::{CommandRecorder, Output, ResourceWithState, Table, Transfer, View};
@@ -23,12 +24,6 @@ use layout::{Constants, Layout};
 use memory::Memory;
 use steps::Steps;
 
-/// Fixed-point phase 1: the time between two anchors.
-const PHASE_ONE: i32 = 1 << 12;
-/// Tag of a pixel of the previous anchor to which no pixel of the current one is warped.
-const PREVIOUS_ONLY: u32 = 254;
-/// Tag of a pixel of the frame to which nothing is warped.
-const HOLE: u32 = 255;
 /// Formats of motion and of depth.
 const MOTION: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R16G16_FLOAT, DXGI_FORMAT_R32G32_FLOAT];
 const DEPTH: [DXGI_FORMAT; 2] = [DXGI_FORMAT_R32_FLOAT, DXGI_FORMAT_R16_FLOAT];
@@ -243,7 +238,7 @@ impl ShaderGenerator {
         let extrapolated = Constants {
             is_cut_stated: is_after_cut.into(),
             splat_phase: PHASE_ONE + phase,
-            inherited_tag: HOLE,
+            inherited_tag: HOLE.into(),
             at_splat_tiles: self.layout.at_frame_tiles,
             ..self.constants(&checked, &written)
         };
@@ -291,7 +286,7 @@ impl ShaderGenerator {
             cut_shows_current: 1,
             is_float: anchor.is_float.into(),
             is_linear: anchor.is_linear.into(),
-            inherited_tag: HOLE,
+            inherited_tag: HOLE.into(),
             at_splat_tiles: self.layout.at_frame_tiles,
             ..self.constants(&checked, &written)
         };
@@ -395,7 +390,7 @@ impl ShaderGenerator {
         self.prepared = Some(checked.identity());
         let kernels = &self.kernels;
         let in_previous = Constants {
-            inherited_tag: PREVIOUS_ONLY,
+            inherited_tag: PREVIOUS_ONLY.into(),
             at_splat_tiles: checked.constants.at_previous_tiles,
             ..checked.constants
         };
@@ -426,7 +421,7 @@ impl ShaderGenerator {
             nearer_is_current: (phase >= PHASE_ONE / 2).into(),
             cut_shows_current: cut_shows_current.into(),
             splats_inherited: 1,
-            inherited_tag: HOLE,
+            inherited_tag: HOLE.into(),
             at_splat_tiles: self.layout.at_frame_tiles,
             ..self.constants(checked, &written)
         };

@@ -20,6 +20,6 @@ void main(uint3 at : SV_DispatchThreadID)
     }
     if (differs)
     {
-        Verdict.InterlockedOr(0, 1);
+        Verdict.InterlockedOr(0, 1u);
     }
 }

@@ -20,6 +20,6 @@ void main(uint3 at : SV_DispatchThreadID)
     }
     if (bad)
     {
-        Verdict.InterlockedOr(0, 1);
+        Verdict.InterlockedOr(0, 1u);
     }
 }

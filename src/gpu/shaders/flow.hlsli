@@ -1,6 +1,7 @@
 // Bindings and shared functions of the optical flow shaders (`picture_flow`). The CPU extractor documents the purpose of each step; names
 // are the same, and so is the order of every sum.
 
+#include "constants.hlsli"
 #include "srgb.hlsli"
 #include "convert.hlsli"
 
@@ -49,8 +50,6 @@ RWTexture2D<float> Depth : register(u2);
 static const uint BACK = 0;
 static const uint OF_PREVIOUS = 0;
 static const uint OF_CURRENT = 1;
-// Motion is clamped to this; it leads out of every picture.
-static const float FAR = 1048576;
 
 uint of_two(uint2 pair, uint which)
 {

@@ -1,9 +1,7 @@
 // Forward-backward consistency check: motion is trusted if it matches, stays inside the picture, and the reverse flow leads back.
 
+#include "constants.hlsli"
 #include "flow.hlsli"
-
-static const float TOLERANCE = 0.5;
-static const float TOLERANCE_PER_LENGTH = 0.01;
 
 [numthreads(8, 8, 1)]
 void main(uint3 at : SV_DispatchThreadID)
@@ -23,7 +21,7 @@ void main(uint3 at : SV_DispatchThreadID)
         precise float2 back = motion_at(AtDense.y, other.y * CheckedLevel.x + other.x) * float(1u << CheckedHalvings);
         precise float2 sum = v + back;
         precise float return_error = sum.x * sum.x + sum.y * sum.y;
-        precise float tolerance = TOLERANCE + TOLERANCE_PER_LENGTH * (v.x * v.x + v.y * v.y + back.x * back.x + back.y * back.y);
+        precise float tolerance = CONSISTENCY_TOLERANCE + CONSISTENCY_TOLERANCE_PER_LENGTH * (v.x * v.x + v.y * v.y + back.x * back.x + back.y * back.y);
         is_trusted = return_error <= tolerance;
     }
     Work.Store(AtTrusted + 4 * pixel, is_trusted ? 1 : 0);

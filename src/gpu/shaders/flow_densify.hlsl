@@ -1,28 +1,18 @@
 // Dense motion from patches: bilinear where motion is continuous; elsewhere the motion of the window that matches best in the 5 x 5 pixels
 // around each pixel. A group per block of 8 x 8 pixels.
 
+#include "constants.hlsli"
 #include "flow.hlsli"
 
-static const int BLOCK = 8;
-static const int RADIUS = 2;
-static const uint BLOCK_WITH_MARGIN = 12;
-static const uint MAX_CANDIDATES = 8;
-static const float MERGE_DISTANCE = 0.25;
-static const float SAME_SURFACE = 1;
-static const float MAX_DIFFERENCE = 20;
-static const float OUTSIDE_DIFFERENCE = 8;
-static const float MISMATCH = 400;
-static const float DISCONTINUITY = 0.5;
-// Cells of a window, by distance from its centre.
-static const uint ORDER_OF_9[9] = { 4, 3, 5, 1, 7, 0, 2, 6, 8 };
-static const uint ORDER_OF_16[16] = { 5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 15 };
+// Pixels that are compared around each.
+static const float WINDOW = (2 * DENSE_RADIUS + 1) * (2 * DENSE_RADIUS + 1);
 
 groupshared float2 Flow[16];
 groupshared float Brightening[16];
 groupshared uint HasDiscontinuity;
-groupshared uint Candidates[MAX_CANDIDATES];
+groupshared uint Candidates[DENSE_MAX_CANDIDATES];
 groupshared uint Count;
-groupshared float Differences[2][BLOCK_WITH_MARGIN * BLOCK_WITH_MARGIN];
+groupshared float Differences[2][DENSE_BLOCK_WITH_MARGIN * DENSE_BLOCK_WITH_MARGIN];
 
 float2 smooth_at(uint direction, int2 cell)
 {
@@ -34,7 +24,7 @@ float2 smooth_at(uint direction, int2 cell)
 bool is_discontinuous(float2 own, float2 one, float2 other)
 {
     precise float2 deviation = abs(0.5 * (one + other) - own);
-    return any(deviation > DISCONTINUITY * float(Stride));
+    return any(deviation > GRID_DISCONTINUITY * float(Stride));
 }
 
 // The two cells between which pixel `x` of eight is interpolated.
@@ -61,7 +51,7 @@ void main(uint3 group : SV_GroupID, uint3 of_group : SV_GroupThreadID, uint inde
     uint from = of_two(AtLuma, start_of(direction));
     uint to = of_two(AtLuma, 1 - start_of(direction));
     uint side = Stride == 8 ? 3 : 4;
-    if (index < MAX_CANDIDATES)
+    if (index < DENSE_MAX_CANDIDATES)
     {
         Candidates[index] = 0;
     }
@@ -90,14 +80,14 @@ void main(uint3 group : SV_GroupID, uint3 of_group : SV_GroupThreadID, uint inde
         // Distinct motions of the window.
         uint count = 0;
         [loop]
-        for (uint k = 0; k < side * side && count < MAX_CANDIDATES; k++)
+        for (uint k = 0; k < side * side && count < DENSE_MAX_CANDIDATES; k++)
         {
-            uint cell = side == 3 ? ORDER_OF_9[min(k, 8)] : ORDER_OF_16[k];
+            uint cell = side == 3 ? DENSE_ORDER_OF_9[min(k, 8)] : DENSE_ORDER_OF_16[k];
             bool is_new = true;
             [unroll]
-            for (uint other = 0; other + 1 < MAX_CANDIDATES; other++)
+            for (uint other = 0; other + 1 < DENSE_MAX_CANDIDATES; other++)
             {
-                is_new = is_new && (other >= count || !is_near(Flow[Candidates[other]], Flow[cell], MERGE_DISTANCE));
+                is_new = is_new && (other >= count || !is_near(Flow[Candidates[other]], Flow[cell], DENSE_MERGE_DISTANCE));
             }
             if (is_new)
             {
@@ -110,11 +100,11 @@ void main(uint3 group : SV_GroupID, uint3 of_group : SV_GroupThreadID, uint inde
     GroupMemoryBarrierWithGroupSync();
 
     // Matching difference of each candidate around this pixel.
-    int2 corner = int2(group.xy) * BLOCK - RADIUS;
+    int2 corner = int2(group.xy) * DENSE_BLOCK - DENSE_RADIUS;
     uint chosen = 0;
     float least = asfloat(0x7f7fffff);
     [loop]
-    for (uint number = 0; number < MAX_CANDIDATES; number++)
+    for (uint number = 0; number < DENSE_MAX_CANDIDATES; number++)
     {
         bool is_compared = number < Count;
         [branch]
@@ -122,30 +112,30 @@ void main(uint3 group : SV_GroupID, uint3 of_group : SV_GroupThreadID, uint inde
         {
             uint cell = Candidates[number];
             float2 flow = Flow[cell];
-            int2 whole = int2(floor(min(max(flow, -FAR), FAR)));
+            int2 whole = int2(floor(min(max(flow, -WIDE_FAR), WIDE_FAR)));
             precise float2 fraction = flow - float2(whole);
             [loop]
-            for (uint k = index; k < BLOCK_WITH_MARGIN * BLOCK_WITH_MARGIN; k += 64)
+            for (uint k = index; k < DENSE_BLOCK_WITH_MARGIN * DENSE_BLOCK_WITH_MARGIN; k += 64)
             {
-                int2 position = corner + int2(uint2(k % BLOCK_WITH_MARGIN, k / BLOCK_WITH_MARGIN));
+                int2 position = corner + int2(uint2(k % DENSE_BLOCK_WITH_MARGIN, k / DENSE_BLOCK_WITH_MARGIN));
                 int2 there = position + whole;
                 float above = lerp_exact(luma_at(to, there), luma_at(to, there + int2(1, 0)), fraction.x);
                 float below = lerp_exact(luma_at(to, there + int2(0, 1)), luma_at(to, there + int2(1, 1)), fraction.x);
                 precise float difference = abs(above + (below - above) * fraction.y - luma_at(from, position) - Brightening[cell]);
-                Differences[number & 1][k] = is_in_level(there) ? min(difference, MAX_DIFFERENCE) : OUTSIDE_DIFFERENCE;
+                Differences[number & 1][k] = is_in_level(there) ? min(difference, DENSE_MAX_DIFFERENCE) : DENSE_OUTSIDE_DIFFERENCE;
             }
         }
         GroupMemoryBarrierWithGroupSync();
         if (is_compared)
         {
-            uint first = of_group.y * BLOCK_WITH_MARGIN + of_group.x;
+            uint first = of_group.y * DENSE_BLOCK_WITH_MARGIN + of_group.x;
             precise float sum = 0;
             for (uint x = 0; x < 5; x++)
             {
                 precise float of_column = 0;
                 for (uint y = 0; y < 5; y++)
                 {
-                    of_column += Differences[number & 1][first + y * BLOCK_WITH_MARGIN + x];
+                    of_column += Differences[number & 1][first + y * DENSE_BLOCK_WITH_MARGIN + x];
                 }
                 sum += of_column;
             }
@@ -170,7 +160,7 @@ void main(uint3 group : SV_GroupID, uint3 of_group : SV_GroupThreadID, uint inde
         for (uint cell = 0; cell < side * side; cell++)
         {
             precise float2 difference = Flow[cell] - own;
-            if (max(abs(difference.x), abs(difference.y)) < SAME_SURFACE)
+            if (max(abs(difference.x), abs(difference.y)) < DENSE_SAME_SURFACE)
             {
                 precise float weight_of_cell =
                     tent(closer.x, farther.x, weight.x, cell % side) * tent(closer.y, farther.y, weight.y, cell / side);
@@ -199,7 +189,7 @@ void main(uint3 group : SV_GroupID, uint3 of_group : SV_GroupThreadID, uint inde
         Work.Store2(of_two(AtDense, direction) + 8 * pixel, asuint(motion));
         if (direction == BACK)
         {
-            Work.Store(AtTrusted + 4 * pixel, HasDiscontinuity == 0 || least <= MISMATCH ? 1 : 0);
+            Work.Store(AtTrusted + 4 * pixel, HasDiscontinuity == 0 || least <= DENSE_MISMATCH * WINDOW ? 1 : 0);
         }
     }
 }

@@ -1,25 +1,21 @@
 // Replaces untrusted motion by that of the nearest trusted pixels along eight rays, extrapolated, weighted by distance and colour
 // similarity. Only untrusted pixels are written, and only trusted ones read.
 
+#include "constants.hlsli"
 #include "flow.hlsli"
 #include "flow_trust.hlsli"
-
-static const uint STEPS[14] = { 1, 2, 3, 4, 6, 8, 11, 15, 20, 27, 36, 48, 64, 86 };
-static const float COLOUR_SCALE = 20;
-static const int MIN_GRADIENT_STEPS = 8;
-static const float EDGE_GRADIENT = 0.3;
 
 // Motion of a trusted pixel, extrapolated linearly by `distance` steps against `ray`.
 float2 extrapolated(int2 position, int2 ray, int distance)
 {
-    int steps = max(distance, MIN_GRADIENT_STEPS);
+    int steps = max(distance, CONSISTENCY_MIN_GRADIENT_STEPS);
     int2 behind = position + steps * ray;
     float2 v = motion_at(AtDense.x, uint(position.y) * Level.x + uint(position.x));
     if (is_in_level(behind) && is_trusted(uint2(behind)))
     {
         precise float2 slope = (v - motion_at(AtDense.x, uint(behind.y) * Level.x + uint(behind.x))) / float(steps);
         precise float2 extrapolated_motion = v + slope * float(distance);
-        v = max(abs(slope.x), abs(slope.y)) < EDGE_GRADIENT ? extrapolated_motion : v;
+        v = max(abs(slope.x), abs(slope.y)) < CONSISTENCY_EDGE_GRADIENT ? extrapolated_motion : v;
     }
     return v;
 }
@@ -43,7 +39,7 @@ void main(uint3 at : SV_DispatchThreadID)
         [loop]
         for (uint n = 0; n < 14 && !is_found; n++)
         {
-            int distance = int(STEPS[n]);
+            int distance = int(CONSISTENCY_STEPS[n]);
             int2 there = int2(at.xy) + step * distance;
             if (!is_in_level(there))
             {
@@ -54,7 +50,7 @@ void main(uint3 at : SV_DispatchThreadID)
             {
                 precise float3 difference = colour_of(OF_CURRENT, uint2(there) << Halvings) - own;
                 precise float squared_difference = (difference.x * difference.x + difference.y * difference.y + difference.z * difference.z) / 3;
-                precise float similarity = 1 + squared_difference / (COLOUR_SCALE * COLOUR_SCALE);
+                precise float similarity = 1 + squared_difference / (CONSISTENCY_COLOUR_SCALE * CONSISTENCY_COLOUR_SCALE);
                 precise float weight = 1 / (similarity * similarity * float(distance));
                 weights += weight;
                 sum += weight * extrapolated(there, step, distance);

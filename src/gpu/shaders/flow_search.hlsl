@@ -1,24 +1,16 @@
 // Patch search: the best of several starts, then inverse compositional descent from it. Eight threads per patch, one column each; all
 // groups run the same number of iterations, as barriers need all threads.
 
+#include "constants.hlsli"
 #include "flow.hlsli"
 
 static const uint PATCHES = 8;
-static const uint SIDE = 8;
-static const float AREA = 64;
-static const float MIN_OVERLAP = 16;
 static const uint STARTS = 7;
 static const uint STARTS_AGAIN = 6;
-static const uint MAX_STEPS = 8;
-static const float CONVERGED_STEP = 0.02;
-static const float SAME_START = 0.3;
-static const float MIN_IMPROVEMENT = 1;
-static const float DAMPING = 0.02;
-static const float MAX_EXTRAPOLATED_STEP = 2;
 static const float NO_RESIDUAL = 1000000;
 
-groupshared float2 Starts[PATCHES][SIDE];
-groupshared float4 Columns[2][PATCHES * SIDE];
+groupshared float2 Starts[PATCHES][PATCH_SIDE];
+groupshared float4 Columns[2][PATCHES * PATCH_SIDE];
 
 // Sum over a patch of its threads' columns, as a tree. Two calls with one `turn` need another call between them.
 float4 summed(uint turn, uint thread, float4 of_column)
@@ -36,7 +28,7 @@ float4 summed(uint turn, uint thread, float4 of_column)
 float overlap_of(int a, int b, int len)
 {
     int low = max(max(-a, -b), 0);
-    int high = min(min(len - a, len - b), int(SIDE));
+    int high = min(min(len - a, len - b), int(PATCH_SIDE));
     return float(max(high - low, 0));
 }
 
@@ -77,7 +69,7 @@ float2 refined_start(uint direction, uint2 at, uint which)
             {
                 precise float2 slope = start - smooth_at(direction, cell + 2 * step);
                 precise float2 on = start + slope;
-                start = max(abs(slope.x), abs(slope.y)) < MAX_EXTRAPOLATED_STEP ? on : start;
+                start = max(abs(slope.x), abs(slope.y)) < GRID_MAX_EXTRAPOLATED_STEP ? on : start;
             }
         }
     }
@@ -121,7 +113,7 @@ float2 first_start(uint direction, uint2 cell, uint which)
     return start;
 }
 
-[numthreads(PATCHES * SIDE, 1, 1)]
+[numthreads(PATCHES * PATCH_SIDE, 1, 1)]
 void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
 {
     uint direction = Direction + group.z;
@@ -133,11 +125,11 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     bool is_cell_inside = number < Cells.x * Cells.y;
     number = is_cell_inside ? number : 0;
     uint2 cell = uint2(number % Cells.x, number / Cells.x);
-    int2 origin = int2(cell * Stride) - int((SIDE - Stride) / 2);
+    int2 origin = int2(cell * Stride) - int((PATCH_SIDE - Stride) / 2);
     int2 level = int2(Level);
 
     // Template: lumas and centred gradients, without pixels outside the picture.
-    bool is_whole = all(origin >= 1) && all(origin + int(SIDE) + 1 <= level);
+    bool is_whole = all(origin >= 1) && all(origin + int(PATCH_SIDE) + 1 <= level);
     float own_count = overlap_of(origin.x, origin.x, level.x) * overlap_of(origin.y, origin.y, level.y);
     bool is_column = origin.x + column >= 0 && origin.x + column < level.x;
     float value[8];
@@ -165,7 +157,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     }
     sums = summed(0, thread, sums);
     precise float4 quotients = sums / own_count;
-    precise float4 parts = sums * (1 / AREA);
+    precise float4 parts = sums * (1 / PATCH_AREA);
     float4 means = is_whole ? parts : quotients;
     float4 squares = 0;
     [unroll]
@@ -181,7 +173,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     }
     squares = summed(1, thread, squares);
     precise float4 divided = squares / own_count;
-    precise float4 shared_out = squares * (1 / AREA);
+    precise float4 shared_out = squares * (1 / PATCH_AREA);
     float3 hessian = is_whole ? shared_out.xyz : divided.xyz;
 
     // Starts.
@@ -202,12 +194,12 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     bool is_kept = IsAgain != 0;
     for (uint s = 0; s < STARTS_AGAIN; s++)
     {
-        is_kept = is_kept && is_near(Starts[patch][s], found, SAME_START);
+        is_kept = is_kept && is_near(Starts[patch][s], found, PATCH_SAME_START);
     }
     bool is_searched = is_cell_inside && !is_kept;
 
-    precise float xx = hessian.x + DAMPING;
-    precise float yy = hessian.z + DAMPING;
+    precise float xx = hessian.x + PATCH_DAMPING;
+    precise float yy = hessian.z + PATCH_DAMPING;
     precise float xy = hessian.y;
     precise float determinant = xx * yy - xy * xy;
     precise float reciprocal = 1 / determinant;
@@ -219,17 +211,17 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     bool has_match = false;
     bool is_done = false;
     [loop]
-    for (uint turn = 0; turn < STARTS + MAX_STEPS; turn++)
+    for (uint turn = 0; turn < STARTS + PATCH_MAX_STEPS; turn++)
     {
         bool is_start = turn < STARTS;
-        float2 next = Starts[patch][min(turn, SIDE - 1)];
+        float2 next = Starts[patch][min(turn, PATCH_SIDE - 1)];
         bool is_tried = is_searched && turn < count;
         if (is_start)
         {
             [unroll]
             for (uint earlier = 0; earlier + 1 < STARTS; earlier++)
             {
-                is_tried = is_tried && (earlier >= turn || !is_near(next, Starts[patch][earlier], SAME_START));
+                is_tried = is_tried && (earlier >= turn || !is_near(next, Starts[patch][earlier], PATCH_SAME_START));
             }
         }
         else
@@ -239,21 +231,21 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
             precise float2 on = flow - step;
             next = on;
             bool continues = is_searched && has_match && !is_done;
-            bool has_converged = max(abs(step.x), abs(step.y)) < CONVERGED_STEP;
+            bool has_converged = max(abs(step.x), abs(step.y)) < PATCH_CONVERGED_STEP;
             float2 distance = abs(next - descended_from);
-            bool is_too_far = max(distance.x, distance.y) > float(SIDE);
+            bool is_too_far = max(distance.x, distance.y) > float(PATCH_SIDE);
             flow = continues && has_converged ? next : flow;
             is_tried = continues && !has_converged && !is_too_far;
             is_done = is_done || !is_tried;
         }
 
         // Compares the template with the other picture.
-        int2 whole_pixels = int2(floor(min(max(next, -FAR), FAR)));
+        int2 whole_pixels = int2(floor(min(max(next, -WIDE_FAR), WIDE_FAR)));
         precise float2 part = next - float2(whole_pixels);
         int2 there = origin + whole_pixels;
-        bool is_inside = is_whole && all(there >= 0) && all(there + int(SIDE) + 1 <= level);
+        bool is_inside = is_whole && all(there >= 0) && all(there + int(PATCH_SIDE) + 1 <= level);
         float overlap = overlap_of(origin.x, there.x, level.x) * overlap_of(origin.y, there.y, level.y);
-        bool is_comparable = is_tried && overlap > 0 && overlap >= min(MIN_OVERLAP, own_count);
+        bool is_comparable = is_tried && overlap > 0 && overlap >= min(PATCH_MIN_OVERLAP, own_count);
         bool is_shared = is_column && there.x + column >= 0 && there.x + column < level.x;
         float difference[8];
         float counted[8];
@@ -287,7 +279,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
             }
         }
         float4 all_of = summed(0, thread, of_column);
-        precise float4 mean_of = all_of * (1 / AREA);
+        precise float4 mean_of = all_of * (1 / PATCH_AREA);
         precise float at_edge = all_of.x / max(overlap, 1);
         float mean = is_inside ? mean_of.x : at_edge;
         of_column = 0;
@@ -304,7 +296,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
         float next_residual = is_inside ? max(variance, 0) : edge_mean.x;
 
         // An earlier start wins unless a later one is clearly better; a descent step must not be worse.
-        precise float compared = next_residual + (is_start ? MIN_IMPROVEMENT : 0);
+        precise float compared = next_residual + (is_start ? PATCH_MIN_IMPROVEMENT : 0);
         bool is_number = next_residual < NO_RESIDUAL * NO_RESIDUAL;
         bool is_better = is_comparable && is_number && (!has_match || compared < residual);
         is_done = is_done || !is_start && !is_better;

@@ -1,12 +1,10 @@
 // Jacobi iterations of the smoothing: patches with much information keep their motion, others take their neighbours'. A thread per cell; a
 // group also computes as many cells around its own as it runs iterations, unless it covers the whole grid.
 
+#include "constants.hlsli"
 #include "flow.hlsli"
 
 static const int SIDE = 32;
-static const float LAMBDA = 0.3;
-static const float NOISE = 1;
-static const float LUMA_SCALE = 25;
 
 groupshared float2 Flow[SIDE * SIDE];
 
@@ -21,7 +19,7 @@ void main(uint3 group : SV_GroupID, uint3 of_group : SV_GroupThreadID, uint inde
     uint searched = of_two(AtFound, direction);
     float4 found = asfloat(Work.Load4(searched + 32 * number));
     float4 known = asfloat(Work.Load4(searched + 32 * number + 16));
-    precise float confidence = 1 / (found.w + NOISE);
+    precise float confidence = 1 / (found.w + GRID_NOISE);
     precise float3 hessian = known.xyz * confidence;
 
     // 1 + squared luma difference of each neighbour; 0 if there is none.
@@ -35,7 +33,7 @@ void main(uint3 group : SV_GroupID, uint3 of_group : SV_GroupThreadID, uint inde
         if (has_neighbour)
         {
             float other = asfloat(Work.Load(searched + 32 * (uint(there.y) * Cells.x + uint(there.x)) + 28));
-            precise float luma_ratio = (other - known.w) * (1 / LUMA_SCALE);
+            precise float luma_ratio = (other - known.w) * (1 / GRID_LUMA_SCALE);
             precise float one_more = 1 + luma_ratio * luma_ratio;
             similarity[side] = one_more;
         }
@@ -55,7 +53,7 @@ void main(uint3 group : SV_GroupID, uint3 of_group : SV_GroupThreadID, uint inde
             float2 there = Flow[clamp(neighbour, 0, SIDE * SIDE - 1)];
             precise float2 difference = there - here;
             precise float change = difference.x * difference.x + difference.y * difference.y;
-            precise float quotient = LAMBDA / (similarity[other] * (change + 1));
+            precise float quotient = GRID_LAMBDA / (similarity[other] * (change + 1));
             float weight = similarity[other] > 0 ? quotient : 0;
             precise float more = weights + weight;
             precise float2 pulled = pull + weight * difference;

@@ -1,19 +1,14 @@
 // Exhaustive search for patches with a poor match: all whole-pixel motions around it. One that matches clearly better than the others, in
 // both directions, is used. A group per patch; each thread compares the whole patch at some of the motions.
 
+#include "constants.hlsli"
 #include "flow.hlsli"
 
 static const uint THREADS = 64;
-static const int SIDE = 8;
-static const float AREA = 64;
-static const int RADIUS = 8;
-static const int DIAMETER = 2 * RADIUS + 1;
+static const int SIDE = PATCH_SIDE;
+static const int DIAMETER = 2 * WIDE_RADIUS + 1;
 static const uint MOTIONS = DIAMETER * DIAMETER;
-static const int REGION = SIDE + 2 * RADIUS;
-static const float POOR = 200;
-static const float MAX_RATIO = 0.6;
-static const float MAX_RATIO_TO_SECOND = 0.7;
-static const int MAX_RETURN_ERROR = 1;
+static const int REGION = SIDE + 2 * WIDE_RADIUS;
 // Residual of motions that lead outside the picture: more than any other.
 static const float NONE = 3.0e38;
 
@@ -69,16 +64,16 @@ float residual_at(int column, int row, out float mean)
             squares[i] = square;
         }
     }
-    precise float middle = tree_sum(sums) * (1 / AREA);
-    precise float variance = tree_sum(squares) * (1 / AREA) - middle * middle;
+    precise float middle = tree_sum(sums) * (1 / PATCH_AREA);
+    precise float variance = tree_sum(squares) * (1 / PATCH_AREA) - middle * middle;
     mean = middle;
     return max(variance, 0);
 }
 
-// The best motion of the patch at `origin` within RADIUS of `start`. All threads of a group must call it; all get the result.
+// The best motion of the patch at `origin` within WIDE_RADIUS of `start`. All threads of a group must call it; all get the result.
 Best best_near(uint thread, bool is_wanted, uint from, uint to, int2 origin, int2 start)
 {
-    int2 corner = origin + start - RADIUS;
+    int2 corner = origin + start - WIDE_RADIUS;
     GroupMemoryBarrierWithGroupSync();
     [branch]
     if (is_wanted)
@@ -145,7 +140,7 @@ Best best_near(uint thread, bool is_wanted, uint from, uint to, int2 origin, int
         second_residual = min(second_residual, MinResidual[another]);
     }
     Best best;
-    best.motion = start - RADIUS + position;
+    best.motion = start - WIDE_RADIUS + position;
     best.residual = min_residual;
     best.second_residual = second_residual;
     best.brightening = 0;
@@ -166,15 +161,15 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     int2 origin = int2(group.xy * Stride) - int((uint(SIDE) - Stride) / 2);
     uint position = of_two(AtFound, direction) + 32 * (group.y * Cells.x + group.x);
     float4 found = asfloat(Work.Load4(position));
-    int2 start = int2(floor(min(max(found.xy + 0.5, -FAR), FAR)));
-    bool is_wanted = found.w > POOR && is_patch_inside(origin);
+    int2 start = int2(floor(min(max(found.xy + 0.5, -WIDE_FAR), WIDE_FAR)));
+    bool is_wanted = found.w > WIDE_POOR && is_patch_inside(origin);
     Best best = best_near(thread, is_wanted, from, to, origin, start);
-    precise float least_of_found = MAX_RATIO * found.w;
-    precise float least_of_second = MAX_RATIO_TO_SECOND * best.second_residual;
+    precise float least_of_found = WIDE_MAX_RATIO * found.w;
+    precise float least_of_second = WIDE_MAX_RATIO_TO_SECOND * best.second_residual;
     bool is_better = is_wanted && best.residual < min(least_of_found, least_of_second);
     Best back = best_near(thread, is_better, to, from, is_better ? origin + best.motion : 0, is_better ? -best.motion : 0);
     int2 return_error = abs(best.motion + back.motion);
-    if (is_better && max(return_error.x, return_error.y) <= MAX_RETURN_ERROR && thread == 0)
+    if (is_better && max(return_error.x, return_error.y) <= WIDE_MAX_RETURN_ERROR && thread == 0)
     {
         Work.Store4(position, asuint(float4(float2(best.motion), best.brightening, best.residual)));
     }

@@ -1,17 +1,16 @@
 // Writes motion, in pixels of the picture and rounded to half floats, and constant depth; each pixel takes that of the finest level.
 
+#include "constants.hlsli"
 #include "flow.hlsli"
 #include "flow_trust.hlsli"
 #include "half_float.hlsli"
-
-static const float FLAT_DEPTH = 0.5;
 
 [numthreads(8, 8, 1)]
 void main(uint3 at : SV_DispatchThreadID)
 {
     if (all(at.xy < DepthSize))
     {
-        Depth[at.xy] = FLAT_DEPTH;
+        Depth[at.xy] = PICTURE_FLOW_FLAT_DEPTH;
     }
     if (any(at.xy >= Size))
     {

@@ -1,6 +1,8 @@
 // Bindings of the shaders of a generated frame, splat keys, and warps. They compute the same as the CPU generator, whose modules document the
 // purpose of each step, under the same names and with the same bits except for divisions and roots.
 
+#include "constants.hlsli"
+
 cbuffer Constants : register(b0)
 {
     uint2 Size;             // width and height of the pictures, in pixels
@@ -79,15 +81,8 @@ static const uint IS_CUT_SUSPECTED = 120;   // whether a cut is suspected
 static const uint GLOBAL_SHIFT = 124;        // global motion, in reduced pixels
 static const uint HISTOGRAM_DISTANCE = 132;
 
-static const int TILE = 8;
-static const int PHASE_ONE = 4096;
-static const int MAX_COMPONENT = 4095 * 64;
-static const uint PREVIOUS_ONLY = 254;
-static const uint HOLE = 255;
 static const uint UNIFORM = 0;
 static const uint MIXED = 1;
-// Bits of 2^-24, the inverse depth of the farthest depth key.
-static const uint MIN_INVERSE_DEPTH_BITS = 103u << 23;
 
 // A splat key of two words, compared as one number with `x` the more significant; the smallest is kept. From the top: depth key (16 bits),
 // tag (8), x and y of the motion vector in 1/64 px with an offset of 2^19 (20 each).
@@ -141,17 +136,28 @@ uint2 farther_of(uint2 a, uint2 b)
 
 bool similar_motion(uint2 a, uint2 b)
 {
-    return all(abs(vector_of(a) - vector_of(b)) <= 64);
+    return all(abs(vector_of(a) - vector_of(b)) <= SIMILAR_MOTION);
 }
 
 bool is_in_front(uint2 a, uint2 b)
 {
-    return min(depth_key_of(a) + 32, 0xffff) < depth_key_of(b);
+    return min(depth_key_of(a) + DEPTH_KEY_TOLERANCE, 0xffff) < depth_key_of(b);
 }
 
 bool same_slope(uint2 a, uint2 b)
 {
-    return all(abs(vector_of(a) - vector_of(b)) <= 256) && abs(int(depth_key_of(a)) - int(depth_key_of(b))) <= 2048;
+    return all(abs(vector_of(a) - vector_of(b)) <= SLOPE_MOTION) && abs(int(depth_key_of(a)) - int(depth_key_of(b))) <= int(SLOPE_DEPTH_KEYS);
+}
+
+// A number of the same order without a sign, as atomics on memory need it in every shader language.
+uint2 ordered_uint(int2 v)
+{
+    return asuint(v) ^ 0x80000000;
+}
+
+int4 from_ordered_uint(uint4 ordered)
+{
+    return asint(ordered ^ 0x80000000);
 }
 
 int2 scaled(int2 v, int fraction)

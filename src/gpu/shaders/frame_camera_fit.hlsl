@@ -2,39 +2,14 @@
 // parameters to a few hundred samples; if less than nine tenths are inliers, of the inliers of the best RANSAC trial. Values that need more
 // than a float are double floats. One group.
 
+#include "constants.hlsli"
 #include "frame.hlsli"
 #include "double_float.hlsli"
 
-static const uint2 SAMPLE_GRID = uint2(20, 12);
-static const uint SAMPLES = 240;
-static const float INLIER_DISTANCE = 0.5;
-static const uint RANSAC_TRIALS = 24;
-static const uint TRIAL_SAMPLES = 6;
-static const uint PARAMETERS = 11;
+static const uint SAMPLES = CAMERA_FIT_SAMPLE_GRID.x * CAMERA_FIT_SAMPLE_GRID.y;
 // Entries of the normal equations: the lower triangle of the matrix, then the right-hand side.
 static const uint TRIANGLE = 66;
 static const uint ENTRIES = 77;
-
-// Knuth's MMIX generator from 1, without the lower 33 bits.
-static const uint RANDOM[144] =
-{
-    908834774, 1093944153, 1392341196, 822192870, 1708211034, 1074839795, 1189567130, 140486902, 1803298089,
-    426146746, 1601520123, 1150530802, 1682947452, 680858400, 523087034, 1610444812, 911684890, 1228670495,
-    1337093332, 436429365, 1859467627, 2103721357, 1180584926, 1334893410, 831492669, 1692817328, 1266356004,
-    117939872, 2071799121, 1906775968, 608200607, 1374987538, 688839708, 1175113925, 1158372494, 533141082,
-    1718403786, 394474858, 37380316, 656418589, 482739455, 1369587172, 2119158410, 770417080, 1249254861, 618054934,
-    399563508, 1201712901, 28406063, 391455394, 984900522, 617997544, 1364384636, 7673794, 1281938461, 2091209000,
-    764341718, 2013003955, 1795705207, 157133830, 604743753, 1365789462, 507872748, 1806540341, 1415970151, 190801055,
-    1141628083, 480884856, 1962063522, 266621479, 1075841442, 451693341, 740520689, 2105384108, 1690019975,
-    2066809988, 79738089, 784673094, 1314613935, 1227025925, 1020159361, 211819947, 942966199, 161510978, 299002642,
-    554815857, 1431204920, 40102131, 186427448, 1167932542, 1457584022, 91427608, 1937264127, 1837909334, 1489476929,
-    1116992738, 781101941, 1846053444, 1510409499, 979403040, 1213155369, 425751264, 1543602590, 2132147786,
-    473200398, 1394691133, 874726676, 633766899, 680606958, 623239532, 431608954, 1840424448, 1603652883, 1936177049,
-    602668305, 920036969, 795010395, 1968016884, 1876175849, 1326006200, 1292171382, 307973244, 1498976071, 874638097,
-    1440355075, 1232874369, 495446914, 1958416728, 340578886, 763585204, 1835566148, 1261545781, 1234806524,
-    1610932083, 1207922366, 1839948950, 568697870, 1981494699, 1648148983, 887041119, 1334714574, 580271668,
-    801694302, 105918053
-};
 
 // Per sample: position in both anchors as double floats (x, then y), and inverse depth. Lengths are in picture widths from the centre.
 groupshared float4 CurrentPosition[SAMPLES];
@@ -43,8 +18,8 @@ groupshared float2 InverseDepth[SAMPLES];
 groupshared uint IsValid[SAMPLES];
 groupshared uint IsInlier[SAMPLES];
 // Normal equations of the fit and of each trial; the right-hand side becomes the solution.
-groupshared float2 Entries[RANSAC_TRIALS + 1][ENTRIES];
-groupshared uint Inliers[RANSAC_TRIALS + 1];
+groupshared float2 Entries[CAMERA_FIT_RANSAC_TRIALS + 1][ENTRIES];
+groupshared uint Inliers[CAMERA_FIT_RANSAC_TRIALS + 1];
 groupshared uint Count;
 groupshared uint IsFound;
 groupshared uint Nearest;
@@ -73,7 +48,7 @@ uint2 entry_of(uint entry)
 {
     uint row = 0;
     [unroll]
-    for (uint next = 1; next < PARAMETERS; next++)
+    for (uint next = 1; next < CAMERA_FIT_PARAMETERS; next++)
     {
         row += entry >= next * (next + 1) / 2 ? 1 : 0;
     }
@@ -157,12 +132,12 @@ void main(uint thread : SV_GroupIndex)
     uint2 pixel_at = 0;
     if (thread < SAMPLES)
     {
-        pixel_at = (2 * uint2(thread % SAMPLE_GRID.x, thread / SAMPLE_GRID.x) + 1) * Size / (2 * SAMPLE_GRID);
+        pixel_at = (2 * uint2(thread % CAMERA_FIT_SAMPLE_GRID.x, thread / CAMERA_FIT_SAMPLE_GRID.x) + 1) * Size / (2 * CAMERA_FIT_SAMPLE_GRID);
         motion = Motion.Load(int3(pixel_at / GuidanceTiles.x, 0));
         depth = Depth.Load(int3(pixel_at / GuidanceTiles.y, 0));
         is_valid = all((asuint(motion) & 0x7f800000) != 0x7f800000) && depth >= 0 && depth <= 1;
         is_valid = is_valid && !is_in_static_mask(int2(pixel_at));
-        is_valid = is_valid && all(Size >= SAMPLE_GRID) && !is_cut();
+        is_valid = is_valid && all(Size >= CAMERA_FIT_SAMPLE_GRID) && !is_cut();
         IsValid[thread] = is_valid ? 1 : 0;
     }
     GroupMemoryBarrierWithGroupSync();
@@ -204,14 +179,14 @@ void main(uint thread : SV_GroupIndex)
         InverseDepth[thread] = scaled;
     }
     GroupMemoryBarrierWithGroupSync();
-    float within = INLIER_DISTANCE / float(Size.x);
+    float within = CAMERA_FIT_INLIER_DISTANCE / float(Size.x);
     float bound = within * within;
     uint2 entry = entry_of(min(thread, TRIANGLE - 1));
 
     // Always 0, but unknown to the compiler, which would otherwise unroll these loops.
     uint none = IsPair >> 1;
     uint stages = 3 - none;
-    uint parameters = PARAMETERS - none;
+    uint parameters = CAMERA_FIT_PARAMETERS - none;
 
     // The first stage fits all samples and all trials; two more refit the inliers.
     [loop]
@@ -231,7 +206,7 @@ void main(uint thread : SV_GroupIndex)
             Entries[0][thread] = sum;
         }
         GroupMemoryBarrierWithGroupSync();
-        uint solvers = stage == 0 ? RANSAC_TRIALS + 1 : 1;
+        uint solvers = stage == 0 ? CAMERA_FIT_RANSAC_TRIALS + 1 : 1;
         if (thread < solvers && samples > 0)
         {
             [loop]
@@ -240,9 +215,9 @@ void main(uint thread : SV_GroupIndex)
                 uint2 row_column = entry_of(min(i, TRIANGLE - 1));
                 float2 sum = 0;
                 [loop]
-                for (uint from = 0; from < TRIAL_SAMPLES; from++)
+                for (uint from = 0; from < CAMERA_FIT_TRIAL_SAMPLES; from++)
                 {
-                    sum = added(sum, product_of(RANDOM[TRIAL_SAMPLES * (thread - 1) + from] % samples, i, row_column));
+                    sum = added(sum, product_of(CAMERA_FIT_RANDOM[CAMERA_FIT_TRIAL_SAMPLES * (thread - 1) + from] % samples, i, row_column));
                 }
                 Entries[thread][i] = sum;
             }
@@ -279,7 +254,7 @@ void main(uint thread : SV_GroupIndex)
             [loop]
             for (uint up = none; up < parameters; up++)
             {
-                uint of = PARAMETERS - 1 - up;
+                uint of = CAMERA_FIT_PARAMETERS - 1 - up;
                 float2 right = Entries[thread][TRIANGLE + of];
                 [loop]
                 for (uint k = of + 1; k < parameters; k++)
@@ -315,7 +290,7 @@ void main(uint thread : SV_GroupIndex)
                 }
             }
             [loop]
-            for (i = 0; i < PARAMETERS; i++)
+            for (i = 0; i < CAMERA_FIT_PARAMETERS; i++)
             {
                 Entries[0][TRIANGLE + i] = Entries[best][TRIANGLE + i];
             }

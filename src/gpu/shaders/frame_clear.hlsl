@@ -15,7 +15,7 @@ void main(uint at : SV_DispatchThreadID)
         // Minimum and maximum motion, motion sums, area; smallest depth key and tag, largest depth key, whether keys of single pixels reach
         // the tile.
         uint coverage = AtCoverage + 40 * at;
-        Small.Store4(coverage, uint4(0x7fffffff, 0x7fffffff, 0x80000000, 0x80000000));
+        Small.Store4(coverage, uint4(0xffffffff, 0xffffffff, 0, 0));
         Small.Store4(coverage + 16, uint4(0, 0, 0, 0xffffffff));
         Small.Store2(coverage + 32, uint2(0, 0));
     }

@@ -1,26 +1,8 @@
 // Colours of the anchors: integer levels of 1/255 for byte formats, otherwise floats, sRGB-encoded if the anchors are linear.
 
+#include "constants.hlsli"
 #include "half_float.hlsli"
 #include "srgb.hlsli"
-
-// Lanczos kernel with three lobes: weights of six pixels for a position n/64 after the third.
-static const int SINC[384] =
-{
-    0, 0, 128, 0, 0, 0, 0, -2, 128, 2, 0, 0, 1, -3, 128, 3, -1, 0, 1, -5, 128, 5, -1, 0, 2, -6, 127, 7, -2, 0, 2, -7,
-    126, 9, -2, 0, 2, -8, 126, 11, -3, 0, 3, -10, 125, 13, -3, 0, 3, -11, 125, 15, -4, 0, 3, -12, 124, 18, -5, 0, 3,
-    -13, 123, 20, -5, 0, 3, -14, 122, 22, -6, 1, 3, -15, 120, 25, -6, 1, 3, -15, 119, 27, -7, 1, 4, -16, 117, 30, -8,
-    1, 4, -17, 116, 32, -8, 1, 4, -17, 114, 35, -9, 1, 4, -18, 113, 37, -9, 1, 4, -18, 111, 40, -10, 1, 4, -18, 109,
-    43, -11, 1, 4, -18, 107, 45, -11, 1, 4, -19, 105, 48, -12, 2, 4, -19, 103, 51, -13, 2, 4, -19, 101, 53, -13, 2, 4,
-    -19, 98, 56, -13, 2, 4, -19, 96, 59, -14, 2, 4, -19, 94, 62, -15, 2, 4, -19, 91, 65, -15, 2, 4, -19, 89, 67, -16,
-    3, 3, -18, 86, 70, -16, 3, 3, -18, 84, 73, -17, 3, 3, -18, 81, 76, -17, 3, 3, -17, 78, 78, -17, 3, 3, -17, 76, 81,
-    -18, 3, 3, -17, 73, 84, -18, 3, 3, -16, 70, 86, -18, 3, 3, -16, 67, 89, -19, 4, 2, -15, 65, 91, -19, 4, 2, -15,
-    62, 94, -19, 4, 2, -14, 59, 96, -19, 4, 2, -13, 56, 98, -19, 4, 2, -13, 53, 101, -19, 4, 2, -13, 51, 103, -19, 4,
-    2, -12, 48, 105, -19, 4, 1, -11, 45, 107, -18, 4, 1, -11, 43, 109, -18, 4, 1, -10, 40, 111, -18, 4, 1, -9, 37,
-    113, -18, 4, 1, -9, 35, 114, -17, 4, 1, -8, 32, 116, -17, 4, 1, -8, 30, 117, -16, 4, 1, -7, 27, 119, -15, 3, 1,
-    -6, 25, 120, -15, 3, 1, -6, 22, 122, -14, 3, 0, -5, 20, 123, -13, 3, 0, -5, 18, 124, -12, 3, 0, -4, 15, 125, -11,
-    3, 0, -3, 13, 125, -10, 3, 0, -3, 11, 126, -8, 2, 0, -2, 9, 126, -7, 2, 0, -2, 7, 127, -6, 2, 0, -1, 5, 128, -5,
-    1, 0, -1, 3, 128, -3, 1, 0, 0, 2, 128, -2, 0
-};
 
 static const uint PREVIOUS = 0;
 static const uint CURRENT = 1;
@@ -101,9 +83,9 @@ float4 lanczos_sample(uint anchor, int2 first, uint2 phase)
             [unroll]
             for (int i = 0; i < 6; i++)
             {
-                row += int4(load_pixel(anchor, first + int2(i, j))) * SINC[6 * phase.x + i];
+                row += int4(load_pixel(anchor, first + int2(i, j))) * LANCZOS_SINC[6 * phase.x + i];
             }
-            sum += row * SINC[6 * phase.y + j];
+            sum += row * LANCZOS_SINC[6 * phase.y + j];
         }
         result = float4(clamp((sum + (1 << 13)) >> 14, 0, 255));
     }
@@ -122,13 +104,13 @@ float4 lanczos_sample(uint anchor, int2 first, uint2 phase)
             for (int r = 0; r < 6; r++)
             {
                 float4 v = finite4(load_pixel(anchor, first + int2(c, r)));
-                precise float4 weighted = v * (SINC[6 * phase.y + r] / 128.0);
+                precise float4 weighted = v * (LANCZOS_SINC[6 * phase.y + r] / 128.0);
                 precise float4 added = column + weighted;
                 column = r == 0 ? weighted : added;
                 low = r > 0 && r < 5 ? min(low, v) : low;
                 high = r > 0 && r < 5 ? max(high, v) : high;
             }
-            precise float4 weighted_column = column * (SINC[6 * phase.x + c] / 128.0);
+            precise float4 weighted_column = column * (LANCZOS_SINC[6 * phase.x + c] / 128.0);
             precise float4 added_column = total + weighted_column;
             total = c == 0 ? weighted_column : added_column;
             min_value = c > 0 && c < 5 ? min(min_value, low) : min_value;
@@ -158,12 +140,6 @@ float4 sampled(uint anchor, int2 position)
     return result;
 }
 
-static const float MAX_EQUAL_DIFFERENCE = 1;
-static const float DOUBT_THRESHOLD = 24;
-// The same for optical flow, which follows overlays instead of the background behind them.
-static const float DOUBT_THRESHOLD_OF_FLOW = 64;
-static const float STRICT_DOUBT_THRESHOLD = 4;
-
 // Whether any channel differs by more than `levels`.
 bool differ(float4 before, float4 after, float levels)
 {
@@ -181,7 +157,7 @@ bool differ(float4 before, float4 after, float levels)
 // Merges two samples: the one nearer in time if they are equal, otherwise a blend.
 float4 merged(float4 before, float4 after)
 {
-    if (!differ(before, after, MAX_EQUAL_DIFFERENCE))
+    if (!differ(before, after, RENDER_MAX_EQUAL_DIFFERENCE))
     {
         return NearerIsCurrent != 0 ? after : before;
     }

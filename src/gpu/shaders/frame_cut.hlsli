@@ -1,7 +1,6 @@
 // Reduced pictures of the two anchors for cut detection, the previous one first.
 
-static const uint BLOCK = 16;
-static const uint TINY_FACTOR = 4;
+#include "constants.hlsli"
 
 uint luma_at(uint anchor, uint2 at)
 {
@@ -15,7 +14,7 @@ int detail_at(uint anchor, uint2 at)
 
 uint2 tiny_size()
 {
-    return (Reduced + TINY_FACTOR - 1) / TINY_FACTOR;
+    return (Reduced + CUT_TINY_FACTOR - 1) / CUT_TINY_FACTOR;
 }
 
 // Largest shift of the tiny pictures.

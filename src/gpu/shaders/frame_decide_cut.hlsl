@@ -1,14 +1,11 @@
 // Decides whether there is a cut between the anchors: if most blocks have no match, or fewer and the luma histograms differ as well. Run 0
 // only decides whether one is suspected. One group.
 
+#include "constants.hlsli"
 #include "frame.hlsli"
 #include "frame_cut.hlsli"
 
 static const uint THREADS = 256;
-static const float MIN_SHARE = 0.125;
-static const float CUT_ALONE = 0.85;
-static const float CUT_WITH_HISTOGRAM = 0.6;
-static const float MIN_HISTOGRAM_DISTANCE = 0.3;
 
 groupshared uint Bins[64];
 groupshared uint Count[3];
@@ -25,7 +22,7 @@ void main(uint thread : SV_GroupIndex)
         Count[thread] = 0;
     }
     GroupMemoryBarrierWithGroupSync();
-    uint2 blocks = (Reduced + BLOCK - 1) / BLOCK;
+    uint2 blocks = (Reduced + CUT_BLOCK - 1) / CUT_BLOCK;
     uint i;
     [loop]
     for (i = thread; i < blocks.x * blocks.y; i += THREADS)
@@ -59,8 +56,8 @@ void main(uint thread : SV_GroupIndex)
         Small.Store(HISTOGRAM_DISTANCE, asuint(histogram_distance));
     }
     float with_detail = float(Count[1] + Count[2]);
-    float unexplained = with_detail > MIN_SHARE * float(blocks.x * blocks.y) ? float(Count[2]) / with_detail : 0;
-    bool is_suspected = unexplained >= CUT_ALONE || unexplained >= CUT_WITH_HISTOGRAM && histogram_distance >= MIN_HISTOGRAM_DISTANCE;
+    float unexplained = with_detail > CUT_MIN_SHARE * float(blocks.x * blocks.y) ? float(Count[2]) / with_detail : 0;
+    bool is_suspected = unexplained >= CUT_ALONE || unexplained >= CUT_WITH_HISTOGRAM && histogram_distance >= CUT_HISTOGRAM_DISTANCE;
     if (IsCutStated != 0)
     {
         unexplained = 1;

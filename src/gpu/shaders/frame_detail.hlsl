@@ -1,9 +1,8 @@
 // Detail of the reduced pictures: luma - local mean. A thread per pixel.
 
+#include "constants.hlsli"
 #include "frame.hlsli"
 #include "frame_cut.hlsli"
-
-static const int REACH = 4;
 
 [numthreads(8, 8, 1)]
 void main(uint3 thread : SV_DispatchThreadID)
@@ -12,8 +11,8 @@ void main(uint3 thread : SV_DispatchThreadID)
     {
         return;
     }
-    int2 first = max(int2(thread.xy) - REACH, 0);
-    int2 last = min(int2(thread.xy) + REACH, int2(Reduced) - 1);
+    int2 first = max(int2(thread.xy) - CUT_DETAIL_REACH, 0);
+    int2 last = min(int2(thread.xy) + CUT_DETAIL_REACH, int2(Reduced) - 1);
     uint sum = 0;
     [loop]
     for (int y = first.y; y <= last.y; y++)

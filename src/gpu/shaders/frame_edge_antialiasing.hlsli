@@ -1,10 +1,7 @@
 // Anti-aliasing of edges that no depth confirms: in tiles that contain an edge, and at uncovered pixels, a pixel is blended with its
 // neighbours in the tile.
 
-// Smallest difference between motion vectors of different surfaces, in 1/64 px.
-static const int EDGE_MOTION = 192;
-// Weight of each of the four neighbours, of 128.
-static const int NEIGHBOUR_WEIGHT = 10;
+#include "constants.hlsli"
 
 groupshared float4 Sharp[64];
 groupshared uint HiddenBits[2];
@@ -38,7 +35,7 @@ float4 antialiased(uint index, uint2 key, bool is_mixed, bool is_hidden, bool is
     InterlockedMax(MaxVector[0], v.x);
     InterlockedMax(MaxVector[1], v.y);
     GroupMemoryBarrierWithGroupSync();
-    bool is_edge = MaxVector[0] - MinVector[0] > EDGE_MOTION || MaxVector[1] - MinVector[1] > EDGE_MOTION;
+    bool is_edge = MaxVector[0] - MinVector[0] > EDGE_ANTIALIASING_EDGE_MOTION || MaxVector[1] - MinVector[1] > EDGE_ANTIALIASING_EDGE_MOTION;
     bool is_blended = is_mixed && (is_edge || tag == PREVIOUS_ONLY || tag == HOLE) && !is_hidden && !is_static_pixel;
     float4 left = neighbour(index, (index & 7) > 0, index - 1);
     float4 right = neighbour(index, (index & 7) < 7, index + 1);
@@ -49,13 +46,13 @@ float4 antialiased(uint index, uint2 key, bool is_mixed, bool is_hidden, bool is
     if (IsFloat == 0)
     {
         int4 sum = int4(left) + int4(right) + int4(above) + int4(below);
-        blended = float4((int4(colour) * (128 - 4 * NEIGHBOUR_WEIGHT) + sum * NEIGHBOUR_WEIGHT + 64) >> 7);
+        blended = float4((int4(colour) * (128 - 4 * EDGE_ANTIALIASING_NEIGHBOUR_WEIGHT) + sum * EDGE_ANTIALIASING_NEIGHBOUR_WEIGHT + 64) >> 7);
     }
     else
     {
         float4 own = finite4(colour);
         precise float4 difference = (((finite4(left) - own) + (finite4(right) - own)) + (finite4(above) - own)) + (finite4(below) - own);
-        precise float4 step_to_neighbours = difference * (NEIGHBOUR_WEIGHT / 128.0);
+        precise float4 step_to_neighbours = difference * (EDGE_ANTIALIASING_NEIGHBOUR_WEIGHT / 128.0);
         precise float4 blended_float = own + step_to_neighbours;
         blended = rounded_to_half(blended_float);
     }

@@ -1,12 +1,9 @@
 // Refines keys at the edges of surfaces: foreground is dilated over its anti-aliased edge; without depth, keys are tagged with their match
 // errors. A group per tile.
 
+#include "constants.hlsli"
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
-
-static const float DILATION_TOLERANCE = 38;
-static const float MAX_MATCH_ERROR = 250;
-static const uint UNKNOWN_MATCH_ERROR = 24;
 
 groupshared uint HasOtherMotion;
 groupshared uint IsChanged;
@@ -74,7 +71,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
     bool is_kept = tile.z == UNIFORM && !((can_dilate || is_flat && IsPair != 0) && HasOtherMotion != 0);
     if (is_kept)
     {
-        tile.xy = is_flat ? with_tag(tile.xy, UNKNOWN_MATCH_ERROR) : tile.xy;
+        tile.xy = is_flat ? with_tag(tile.xy, FIELD_UNKNOWN_MATCH_ERROR) : tile.xy;
         if (is_inside)
         {
             FieldKeys.Store2(8 * pixel_index(at), tile.xy);
@@ -107,7 +104,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
                 if (!fits)
                 {
                     float foreground_distance = colour_distance(at, foreground);
-                    fits = foreground_distance <= DILATION_TOLERANCE && foreground_distance < colour_distance(at, own);
+                    fits = foreground_distance <= FIELD_DILATION_TOLERANCE && foreground_distance < colour_distance(at, own);
                 }
                 if (fits)
                 {

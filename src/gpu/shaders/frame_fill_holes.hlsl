@@ -1,11 +1,10 @@
 // Hole filling: each hole inherits the best of the nearest keys to the left, right, above and below, or else the farthest key of a square
 // of tiles around. A group per tile.
 
+#include "constants.hlsli"
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
 #include "frame_reprojection.hlsli"
-
-static const int SEARCH_RADIUS = 24;
 
 // A pixel's own key: keys that were inherited meanwhile do not count.
 uint2 own_key(int2 at)
@@ -65,7 +64,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID)
         uint2 key = EMPTY;
         int distance = 0;
         [loop]
-        while (distance < SEARCH_RADIUS && is_empty(key) && is_in_picture(at + (distance + 1) * step))
+        while (distance < HOLE_FILLING_SEARCH_RADIUS && is_empty(key) && is_in_picture(at + (distance + 1) * step))
         {
             distance++;
             key = own_key(at + distance * step);

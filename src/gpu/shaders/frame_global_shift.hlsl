@@ -45,6 +45,6 @@ void main(uint thread : SV_GroupIndex)
     {
         uint found = Which[0] == 0 ? unshifted : Which[0] - 1;
         int2 shift = int2(found % count.x, found / count.x) - int2(reach);
-        Small.Store2(GLOBAL_SHIFT, uint2(int(TINY_FACTOR) * shift));
+        Small.Store2(GLOBAL_SHIFT, uint2(int(CUT_TINY_FACTOR) * shift));
     }
 }

@@ -1,8 +1,7 @@
 // Converts guidance to splat keys, sanitised, and classifies tiles as uniform or mixed. A group per tile.
 
+#include "constants.hlsli"
 #include "frame.hlsli"
-
-static const int UNIFORM_RANGE = 48;
 
 groupshared int2 Low;
 groupshared int2 High;
@@ -67,7 +66,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
     {
         of_tile = pack(0, 0, 0);
     }
-    else if (StaticCount == 0 && all(High - Low <= UNIFORM_RANGE))
+    else if (StaticCount == 0 && all(High - Low <= FIELD_UNIFORM_RANGE))
     {
         of_tile = pack(NearestDepthKey, 0, (Low + High) >> 1);
     }
@@ -85,7 +84,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
         Small.Store4(AtGuidanceTiles + 16 * (group.y * Tiles.x + group.x), uint4(of_tile, kind, 0));
         if (HasDepth != 0)
         {
-            Small.InterlockedOr(HAS_DEPTH, 1);
+            Small.InterlockedOr(HAS_DEPTH, 1u);
         }
     }
 }

@@ -1,17 +1,12 @@
 // Colours of a frame between the anchors: the sample nearer in time where they agree, the visible one where one anchor is occluded,
 // otherwise a blend. A group per tile.
 
+#include "constants.hlsli"
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
 #include "frame_static_overlay.hlsli"
 #include "frame_tile_result.hlsli"
 #include "frame_edge_antialiasing.hlsli"
-
-static const float EDGE_TOLERANCE = 45;
-static const float OCCLUDED_DIFFERENCE = 30;
-static const float OCCLUDED_DIFFERENCE_OF_FLOW = 40;
-// In 1/64 px.
-static const int DISTINCT_MOTION = 8;
 
 groupshared uint IsPartlyHidden;
 
@@ -27,7 +22,7 @@ uint2 previous_key(int2 at)
 
 bool moves_otherwise(uint2 key, int2 v)
 {
-    return any(abs(vector_of(key) - v) > DISTINCT_MOTION);
+    return any(abs(vector_of(key) - v) > RENDER_DISTINCT_MOTION);
 }
 
 // Whether a position lies in a uniform tile with motion similar to `key`.
@@ -107,9 +102,9 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
         bool has_to = nearest_pixel(current_position, to);
         uint tag = tag_of(key);
         is_uncovered = tag == HOLE || tag == PREVIOUS_ONLY;
-        bool is_doubtful = differ(of_previous, of_current, IsOpticalFlow != 0 ? DOUBT_THRESHOLD_OF_FLOW : DOUBT_THRESHOLD)
+        bool is_doubtful = differ(of_previous, of_current, IsOpticalFlow != 0 ? RENDER_DOUBT_THRESHOLD_OF_FLOW : RENDER_DOUBT_THRESHOLD)
             || is_uncovered || !has_from || !has_to;
-        bool is_decided = !is_doubtful && (is_visible_tile || !differ(of_previous, of_current, STRICT_DOUBT_THRESHOLD));
+        bool is_decided = !is_doubtful && (is_visible_tile || !differ(of_previous, of_current, RENDER_STRICT_DOUBT_THRESHOLD));
         [branch]
         if (!is_decided && !is_visible_tile)
         {
@@ -143,9 +138,9 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
                     is_visible = similar_motion(previous_key(from), key) && similar_motion(field_key(to), key);
                 }
                 float own_difference = is_visible ? colour_difference(of_previous, of_current)
-                    : IsOpticalFlow != 0 ? OCCLUDED_DIFFERENCE_OF_FLOW : OCCLUDED_DIFFERENCE;
+                    : IsOpticalFlow != 0 ? RENDER_OCCLUDED_DIFFERENCE_OF_FLOW : RENDER_OCCLUDED_DIFFERENCE;
                 float foreground_difference = colour_difference(a, b);
-                if (foreground_difference <= EDGE_TOLERANCE && foreground_difference < own_difference)
+                if (foreground_difference <= RENDER_EDGE_TOLERANCE && foreground_difference < own_difference)
                 {
                     colour = merged(a, b);
                     is_decided = true;

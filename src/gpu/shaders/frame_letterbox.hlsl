@@ -1,10 +1,9 @@
 // Letterbox bars: rows and columns at the border that are uniform and equal in both anchors. A group scans one row, or eight columns;
 // threads stop as soon as the result is known.
 
+#include "constants.hlsli"
 #include "frame.hlsli"
 #include "frame_colour.hlsli"
-
-static const uint MAX_RANGE = 3;
 
 groupshared uint Low[8];
 groupshared uint High[8];
@@ -24,7 +23,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     int2 step = is_row ? int2(64, 0) : int2(0, 8);
     uint low = 255;
     uint high = 0;
-    while (is_in_picture(at) && (low > high || high - low <= MAX_RANGE))
+    while (is_in_picture(at) && (low > high || high - low <= LETTERBOX_MAX_RANGE))
     {
         uint before = whole_luma(load_pixel(PREVIOUS, at));
         uint after = whole_luma(load_pixel(CURRENT, at));
@@ -36,7 +35,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     InterlockedMin(Low[entry], low);
     InterlockedMax(High[entry], high);
     GroupMemoryBarrierWithGroupSync();
-    if (thread < (is_row ? 1u : 8u) && High[thread] > Low[thread] && High[thread] - Low[thread] > MAX_RANGE)
+    if (thread < (is_row ? 1u : 8u) && High[thread] > Low[thread] && High[thread] - Low[thread] > LETTERBOX_MAX_RANGE)
     {
         uint number = is_row ? group.x : 8 * (group.x - Size.y) + thread;
         Small.InterlockedMin(is_row ? TOP : LEFT, number);

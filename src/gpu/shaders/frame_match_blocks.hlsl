@@ -1,13 +1,11 @@
 // Searches a block of the current anchor in the previous one: at the same position and along its motion vector, with a window around both;
 // in run 1, if it was not found, along the global motion. A group per block.
 
+#include "constants.hlsli"
 #include "frame.hlsli"
 #include "frame_cut.hlsli"
 
-static const int SEARCH = 3;
-static const uint WINDOW = 49;
-static const float MIN_CORRELATION = 0.7;
-static const float MIN_DETAIL = 1.5;
+static const uint WINDOW = (2 * CUT_SEARCH + 1) * (2 * CUT_SEARCH + 1);
 static const uint NOT_FOUND = 2;
 static const uint FOUND = 1;
 
@@ -29,7 +27,7 @@ float3 compare(uint2 side, int2 at)
         [loop]
         for (uint x = 0; x < side.x; x++)
         {
-            int here = Here[BLOCK * y + x];
+            int here = Here[CUT_BLOCK * y + x];
             int there = detail_at(0, uint2(at) + uint2(x, y));
             sum_here += here;
             sum_there += there;
@@ -57,9 +55,9 @@ int rounded(float v)
 [numthreads(64, 1, 1)]
 void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
 {
-    uint2 corner = BLOCK * group.xy;
-    uint2 side = min(uint2(BLOCK, BLOCK), Reduced - corner);
-    uint address = AtBlocks + 4 * (group.y * ((Reduced.x + BLOCK - 1) / BLOCK) + group.x);
+    uint2 corner = CUT_BLOCK * group.xy;
+    uint2 side = min(uint2(CUT_BLOCK, CUT_BLOCK), Reduced - corner);
+    uint address = AtBlocks + 4 * (group.y * ((Reduced.x + CUT_BLOCK - 1) / CUT_BLOCK) + group.x);
     bool is_searched = IsCutStated == 0;
     if (is_searched && Run != 0)
     {
@@ -69,9 +67,9 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     {
         IsFound = 0;
     }
-    for (uint i = thread; i < BLOCK * BLOCK; i += 64)
+    for (uint i = thread; i < CUT_BLOCK * CUT_BLOCK; i += 64)
     {
-        uint2 at = uint2(i % BLOCK, i / BLOCK);
+        uint2 at = uint2(i % CUT_BLOCK, i / CUT_BLOCK);
         int here = 0;
         if (all(at < side))
         {
@@ -87,7 +85,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     }
     else
     {
-        uint2 middle = min((corner + BLOCK / 2) * Factor, Size - 1);
+        uint2 middle = min((corner + CUT_BLOCK / 2) * Factor, Size - 1);
         float2 v = Motion.Load(int3(middle / GuidanceTiles.x, 0));
         if (all((asuint(v) & 0x7f800000) != 0x7f800000))
         {
@@ -101,8 +99,8 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
         {
             int2 shift = candidate < WINDOW ? centre : int2(0, 0);
             uint step = candidate % WINDOW;
-            int2 at = int2(corner) + shift + int2(step % 7, step / 7) - SEARCH;
-            if (all(at >= 0) && all(at + int2(side) <= int2(Reduced)) && compare(side, at).z >= MIN_CORRELATION)
+            int2 at = int2(corner) + shift + int2(step % 7, step / 7) - CUT_SEARCH;
+            if (all(at >= 0) && all(at + int2(side) <= int2(Reduced)) && compare(side, at).z >= CUT_MIN_CORRELATION)
             {
                 InterlockedOr(IsFound, 1);
             }
@@ -112,7 +110,7 @@ void main(uint3 group : SV_GroupID, uint thread : SV_GroupIndex)
     if (is_searched && thread == 0)
     {
         float2 deviations = compare(side, int2(corner)).xy;
-        bool has_detail = max(deviations.x, deviations.y) >= MIN_DETAIL;
+        bool has_detail = max(deviations.x, deviations.y) >= CUT_MIN_DETAIL;
         Small.Store(address, has_detail ? (IsFound != 0 ? FOUND : NOT_FOUND) : 0);
     }
 }

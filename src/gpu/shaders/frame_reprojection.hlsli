@@ -64,14 +64,14 @@ uint2 reprojected_or(int2 at, uint2 candidate)
     }
     float inverse_depth = previous_inverse_depth(at);
     bool moves_with_candidate = !is_empty(candidate) && !similar_motion(candidate, key)
-        && abs(key_inverse_depth(candidate) - inverse_depth) <= inverse_depth / 32;
+        && abs(key_inverse_depth(candidate) - inverse_depth) <= REPROJECTION_SAME_DEPTH * inverse_depth;
     return moves_with_candidate ? candidate : key;
 }
 
 // Whether a surface that is invisible in the current anchor occludes a pixel of the previous one.
 bool is_occluded_in_previous(int2 at, uint2 key, int2 key_position)
 {
-    precise float threshold = 1.125 * key_inverse_depth(key) / (1 + depth_change_of(key, key_position));
+    precise float threshold = REPROJECTION_OCCLUDER_RATIO * key_inverse_depth(key) / (1 + depth_change_of(key, key_position));
     if (previous_inverse_depth(at) <= threshold)
     {
         return false;

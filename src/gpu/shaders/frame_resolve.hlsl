@@ -1,12 +1,9 @@
 // Resolves splatted keys: a tile is uniform if uniform tiles cover most of it with similar motion; in others each pixel has the nearest
 // key, with cracks closed. A group per tile.
 
+#include "constants.hlsli"
 #include "frame.hlsli"
 #include "frame_reprojection.hlsli"
-
-static const int UNIFORM_RANGE = 48;
-static const int SLOPE_MOTION = 256;
-static const uint SLOPE_DEPTH_KEYS = 2048;
 
 groupshared uint Holes;
 groupshared uint IsOccluded;
@@ -44,18 +41,18 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
     int2 at = int2(thread.xy);
     bool is_inside = is_in_picture(at) && !is_cut();
     uint number = group.y * Tiles.x + group.x;
-    uint4 extremes = Small.Load4(AtCoverage + 40 * number);
+    int4 extremes = from_ordered_uint(Small.Load4(AtCoverage + 40 * number));
     uint4 sums = Small.Load4(AtCoverage + 40 * number + 16);
     uint2 rest = Small.Load2(AtCoverage + 40 * number + 32);
-    int2 low = int2(extremes.xy);
-    int2 high = int2(extremes.zw);
+    int2 low = extremes.xy;
+    int2 high = extremes.zw;
     uint area = sums.z;
     uint2 side = extent(group.xy);
     bool is_uniform = rest.y == 0 && 4 * area >= 3 * side.x * side.y;
     uint2 key = EMPTY;
     if (is_uniform)
     {
-        int max_range = rest.x - min(rest.x, sums.w >> 8) <= SLOPE_DEPTH_KEYS ? SLOPE_MOTION : UNIFORM_RANGE;
+        int max_range = rest.x - min(rest.x, sums.w >> 8) <= SLOPE_DEPTH_KEYS ? SLOPE_MOTION : SPLAT_UNIFORM_RANGE;
         is_uniform = all(high - low <= max_range);
         // Relative to the minimum, as the whole sum may not fit 32 bits.
         uint2 above = sums.xy - uint2(low) * area;

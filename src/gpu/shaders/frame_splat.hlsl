@@ -27,7 +27,7 @@ void splat_pixel(int2 at, uint2 key)
     splat(at, key);
     if (Run == 0 && all(at >= 0) && all(at < TILE * int2(Tiles)))
     {
-        Small.InterlockedOr(AtCoverage + 40 * (uint(at.y) / TILE * Tiles.x + uint(at.x) / TILE) + 36, 1);
+        Small.InterlockedOr(AtCoverage + 40 * (uint(at.y) / TILE * Tiles.x + uint(at.x) / TILE) + 36, 1u);
     }
 }
 
@@ -43,10 +43,11 @@ void add_coverage(int2 first, int2 last, int2 tile, uint2 key)
     uint at = AtCoverage + 40 * uint(tile.y * int(Tiles.x) + tile.x);
     int2 v = vector_of(key);
     uint area = uint((end.x - start.x + 1) * (end.y - start.y + 1));
-    Small.InterlockedMin(at, v.x);
-    Small.InterlockedMin(at + 4, v.y);
-    Small.InterlockedMax(at + 8, v.x);
-    Small.InterlockedMax(at + 12, v.y);
+    uint2 ordered = ordered_uint(v);
+    Small.InterlockedMin(at, ordered.x);
+    Small.InterlockedMin(at + 4, ordered.y);
+    Small.InterlockedMax(at + 8, ordered.x);
+    Small.InterlockedMax(at + 12, ordered.y);
     // Overflow beyond 32 bits cancels out where the sums are used.
     Small.InterlockedAdd(at + 16, uint(v.x) * area);
     Small.InterlockedAdd(at + 20, uint(v.y) * area);

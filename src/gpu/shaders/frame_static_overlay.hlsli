@@ -1,9 +1,6 @@
 // Detection of static overlays such as HUDs and watermarks.
 
-static const float MAX_STATIC_DIFFERENCE = 4;
-static const float RATIO = 2;
-static const float NOISE = 2;
-static const float MIN_CONTRAST = 12;
+#include "constants.hlsli"
 
 // The smallest mean of the four 2x2 squares that contain the centre of 3x3 values. A square that extends beyond the border is excluded if
 // there is another.
@@ -32,7 +29,7 @@ bool is_overlay(uint here, int2 at, int2 v)
     uint there = here == PREVIOUS ? CURRENT : PREVIOUS;
     bool result = false;
     [branch]
-    if (any(v != 0) && abs(luma_of(load_pixel(here, at)) - luma_of(load_pixel(there, at))) <= 4 * MAX_STATIC_DIFFERENCE)
+    if (any(v != 0) && abs(luma_of(load_pixel(here, at)) - luma_of(load_pixel(there, at))) <= 4 * STATIC_OVERLAY_MAX_STATIC_DIFFERENCE)
     {
         float patch[9];
         float differences[9];
@@ -62,6 +59,9 @@ bool is_overlay(uint here, int2 at, int2 v)
             int2 first = (from >> 6) - 1;
             float2 t = float2(from & 63) / 64;
             float3 above = 0;
+            // The sum of the differences of the patch's static pixels, and their number.
+            float mismatch = 0;
+            float static_pixels = 0;
             [loop]
             for (int row = 0; row < 4; row++)
             {
@@ -75,13 +75,21 @@ bool is_overlay(uint here, int2 at, int2 v)
                 precise float3 between = above + (across - above) * t.y;
                 if (row > 0)
                 {
-                    differences[3 * row - 3] = abs(between.x - patch[3 * row - 3]);
-                    differences[3 * row - 2] = abs(between.y - patch[3 * row - 2]);
-                    differences[3 * row - 1] = abs(between.z - patch[3 * row - 1]);
+                    [loop]
+                    for (int at_row = 0; at_row < 3; at_row++)
+                    {
+                        int index = 3 * row - 3 + at_row;
+                        bool is_static = differences[index] <= STATIC_OVERLAY_MAX_STATIC_DIFFERENCE;
+                        differences[index] = abs(between[at_row] - patch[index]);
+                        precise float next_mismatch = mismatch + (is_static ? differences[index] : 0);
+                        mismatch = next_mismatch;
+                        static_pixels += is_static ? 1 : 0;
+                    }
                 }
                 above = across;
             }
-            result = static_difference <= MAX_STATIC_DIFFERENCE && (static_difference + NOISE) * RATIO <= min_square_mean(differences, at);
+            result = static_difference <= STATIC_OVERLAY_MAX_STATIC_DIFFERENCE && mismatch >= STATIC_OVERLAY_MIN_MISMATCH * static_pixels
+                && (static_difference + STATIC_OVERLAY_NOISE) * STATIC_OVERLAY_RATIO <= min_square_mean(differences, at);
         }
         else
         {
@@ -93,7 +101,7 @@ bool is_overlay(uint here, int2 at, int2 v)
                 precise float next = contrast + abs(patch[b] - mean);
                 contrast = next;
             }
-            result = static_difference <= MAX_STATIC_DIFFERENCE && difference_sum / 9 <= MAX_STATIC_DIFFERENCE && contrast / 9 >= MIN_CONTRAST;
+            result = static_difference <= STATIC_OVERLAY_MAX_STATIC_DIFFERENCE && difference_sum / 9 <= STATIC_OVERLAY_MAX_STATIC_DIFFERENCE && contrast / 9 >= STATIC_OVERLAY_MIN_CONTRAST;
         }
     }
     return result;

@@ -1,9 +1,8 @@
 // Colour of each tile for inpainting: that of its visible pixels, with little weight for the surrounding 2x2, 4x4, ... tiles. A group per
 // square of 16x16 tiles.
 
+#include "constants.hlsli"
 #include "frame.hlsli"
-
-static const float PARENT_WEIGHT = 1.0 / 16.0;
 
 groupshared float4 Colours[341];
 groupshared float Weights[341];
@@ -54,7 +53,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
         if (index < side * side)
         {
             uint parent = above + (index / side / 2) * (side / 2) + index % side / 2;
-            float weight_of_parent = PARENT_WEIGHT / max(Weights[parent], PARENT_WEIGHT);
+            float weight_of_parent = INPAINT_PARENT_WEIGHT / max(Weights[parent], INPAINT_PARENT_WEIGHT);
             precise float4 blended_colour = Colours[below + index] + Colours[parent] * weight_of_parent;
             precise float blended_weight = Weights[below + index] + Weights[parent] * weight_of_parent;
             Colours[below + index] = blended_colour;
@@ -70,7 +69,7 @@ void main(uint3 group : SV_GroupID, uint3 thread : SV_DispatchThreadID, uint ind
         Small.Store(AtTileColours + 20 * number + 16, asuint(Weights[index]));
         if (Weights[index] == 0)
         {
-            Small.InterlockedOr(HAS_EMPTY_SQUARE, 1);
+            Small.InterlockedOr(HAS_EMPTY_SQUARE, 1u);
         }
     }
 }

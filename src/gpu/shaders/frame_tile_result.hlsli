@@ -44,7 +44,7 @@ void store_tile_result(uint2 tile, uint index, bool is_inside, bool is_hidden, f
         Small.Store(AtColourSums + 20 * number + 16, asuint(float(VisibleCount)));
         if ((Hidden[0] | Hidden[1]) != 0)
         {
-            Small.InterlockedOr(HAS_HIDDEN, 1);
+            Small.InterlockedOr(HAS_HIDDEN, 1u);
         }
         if (UncoveredCount != 0)
         {

@@ -11,8 +11,8 @@ void main(uint3 thread : SV_DispatchThreadID)
     {
         return;
     }
-    uint2 first = TINY_FACTOR * thread.xy;
-    uint2 end = min(first + TINY_FACTOR, Reduced);
+    uint2 first = CUT_TINY_FACTOR * thread.xy;
+    uint2 end = min(first + CUT_TINY_FACTOR, Reduced);
     uint sum = 0;
     [loop]
     for (uint y = first.y; y < end.y; y++)

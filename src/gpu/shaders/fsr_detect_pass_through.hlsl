@@ -35,14 +35,14 @@ void main(uint3 at : SV_DispatchThreadID)
     float3 generated = Generated.Load(int3(pixel, 0)).rgb;
     if (any(abs(here - there) > 8.0 / 255))
     {
-        Counts.InterlockedAdd(0, 1);
+        Counts.InterlockedAdd(0, 1u);
         if (all(abs(generated - here) < 0.6 / 255))
         {
-            Counts.InterlockedAdd(4, 1);
+            Counts.InterlockedAdd(4, 1u);
         }
         if (all(generated <= 0) && any(here > 8.0 / 255))
         {
-            Counts.InterlockedAdd(8, 1);
+            Counts.InterlockedAdd(8, 1u);
         }
     }
 }

@@ -1,6 +1,8 @@
 // Upsamples motion and depth to one value per pixel of a larger picture: motion is interpolated if the vectors are similar, otherwise
 // nearest, so that nothing moves with the mean of two motions.
 
+#include "constants.hlsli"
+
 cbuffer Constants : register(b0)
 {
     uint2 From;        // size of the picture
@@ -13,9 +15,6 @@ Texture2D<float2> Motion : register(t0);
 Texture2D<float> Depth : register(t1);
 RWTexture2D<float2> LargeMotion : register(u0);
 RWTexture2D<float> LargeDepth : register(u1);
-
-// Largest difference of vectors that are interpolated, in pixels of the picture.
-static const float MAX_DIFFERENCE = 1;
 
 [numthreads(8, 8, 1)]
 void main(uint3 at : SV_DispatchThreadID)
@@ -38,7 +37,7 @@ void main(uint3 at : SV_DispatchThreadID)
     float2 v11 = Motion.Load(int3(min(max(first + 1, 0), last), 0));
     float2 difference = max(max(v00, v10), max(v01, v11)) - min(min(v00, v10), min(v01, v11));
     float2 moved = Motion.Load(int3(pixel / MotionTile, 0));
-    if (all(difference <= MAX_DIFFERENCE))
+    if (all(difference <= RESAMPLE_MAX_DIFFERENCE))
     {
         moved = lerp(lerp(v00, v10, part.x), lerp(v01, v11, part.x), part.y);
     }

@@ -1,5 +1,6 @@
 // Upsamples the paper's guidance from the latent grid to render size: bilinear, half-pixel centres, clamped to the border.
 
+#include "constants.hlsli"
 #include "convert.hlsli"
 
 cbuffer Constants : register(b0)
@@ -14,7 +15,6 @@ RWTexture2D<float2> Motion : register(u0);
 RWTexture2D<float> Depth : register(u1);
 
 static const uint WORDS = 5;
-static const float COMPRESSION = 8;
 
 [numthreads(8, 8, 1)]
 void main(uint3 at : SV_DispatchThreadID)
@@ -36,7 +36,7 @@ void main(uint3 at : SV_DispatchThreadID)
     for (uint axis = 0; axis < 2; axis++)
     {
         // Subtracted from 0 instead of negated, so that no motion is -0.
-        precise float m = 0 - COMPRESSION * bilinear(float4(a[axis], b[axis], c[axis], d[axis]), t);
+        precise float m = 0 - PAPER_COMPRESSION * bilinear(float4(a[axis], b[axis], c[axis], d[axis]), t);
         float limit = float(Render[axis]);
         motion[axis] = is_finite(m) ? min(max(m, -limit), limit) : 0;
     }

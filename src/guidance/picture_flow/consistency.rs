@@ -19,6 +19,13 @@ const COLOUR_SCALE: f32 = 20.0;
 const MIN_GRADIENT_STEPS: i32 = 8;
 /// A motion gradient of at least this is an edge, in pixels per step.
 const EDGE_GRADIENT: f32 = 0.3;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!(
+    "CONSISTENCY_": float TOLERANCE, float TOLERANCE_PER_LENGTH, [uint] STEPS, float COLOUR_SCALE,
+    int MIN_GRADIENT_STEPS, float EDGE_GRADIENT
+);
+
 /// Ray directions of hole filling.
 const RAYS: [[i32; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, 1], [1, -1], [-1, -1]];
 

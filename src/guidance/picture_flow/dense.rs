@@ -78,6 +78,13 @@ const fn taps(stride: usize) -> Taps {
 const ORDER_OF_9: [usize; 9] = [4, 3, 5, 1, 7, 0, 2, 6, 8];
 const ORDER_OF_16: [usize; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 15];
 
+#[cfg(test)]
+crate::shader_constants::shader_constants!(
+    "DENSE_": int BLOCK, int RADIUS, uint BLOCK_WITH_MARGIN, uint MAX_CANDIDATES, float MERGE_DISTANCE,
+    float SAME_SURFACE, float MAX_DIFFERENCE, float OUTSIDE_DIFFERENCE, float MISMATCH, [uint] ORDER_OF_9,
+    [uint] ORDER_OF_16
+);
+
 impl Dense {
     /// Motion of the pixels of row `y`.
     pub(super) fn row(&self, y: usize) -> &[[f32; 2]] {

@@ -31,6 +31,13 @@ const DISCONTINUITY: f32 = 0.5;
 const HALF_WEIGHT_INFORMATION: f32 = 4.0;
 /// Motion is extrapolated from two neighbours only if they differ by less than this, in pixels.
 const MAX_EXTRAPOLATED_STEP: f32 = 2.0;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!(
+    "GRID_": float LAMBDA, float NOISE, float LUMA_SCALE, float DISCONTINUITY, float HALF_WEIGHT_INFORMATION,
+    float MAX_EXTRAPOLATED_STEP
+);
+
 /// Largest number of cells sampled for the global model.
 pub(super) const SAMPLES: usize = 400;
 /// Cells processed at once by vector instructions.

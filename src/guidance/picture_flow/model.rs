@@ -20,6 +20,10 @@ const RIDGE: f32 = 1e-5;
 const PARTS: usize = 64;
 /// Different sums of the normal equations: 13 of the matrix and 8 of the right side.
 const SUMS: usize = MATRIX_SUMS + N;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!("MODEL_": uint N, float RIDGE, uint PARTS, uint SUMS);
+
 const MATRIX_SUMS: usize = 13;
 /// For each entry of the upper half of the matrix its sum; [`ZERO`] where it is 0.
 const ENTRIES: [[usize; N]; N] = [

@@ -22,6 +22,12 @@ const MIN_IMPROVEMENT: f32 = 1.0;
 /// Added per pixel to the diagonal of H, in squared code values. Keeps H invertible on a flat patch.
 const DAMPING: f32 = 0.02;
 
+#[cfg(test)]
+crate::shader_constants::shader_constants!(
+    "PATCH_": uint SIDE, float AREA, float MIN_OVERLAP, uint MAX_STEPS, float CONVERGED_STEP, float SAME_START,
+    float MIN_IMPROVEMENT, float DAMPING
+);
+
 /// One value for each pixel of a patch.
 type PatchPixels = [[f32; SIDE]; SIDE];
 

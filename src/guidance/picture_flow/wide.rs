@@ -25,6 +25,11 @@ const MAX_RETURN_ERROR: i32 = 1;
 /// Motion is clamped to this along each axis, in pixels. It leads out of every picture.
 const FAR: i32 = 1 << 20;
 
+#[cfg(test)]
+crate::shader_constants::shader_constants!(
+    "WIDE_": int RADIUS, float POOR, float MAX_RATIO, float MAX_RATIO_TO_SECOND, int MAX_RETURN_ERROR, float FAR
+);
+
 /// The best of the motions that were compared.
 struct Best {
     motion: [i32; 2],

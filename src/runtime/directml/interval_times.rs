@@ -7,8 +7,8 @@ use windows::Win32::Graphics::Direct3D12::ID3D12GraphicsCommandList;
 use crate::Result;
 use crate::gpu::{FencePoint, Gpu, GpuTimeStatistics, TimestampPairs};
 
-/// Maximum number of intervals in flight; two latent steps have fewer. Further ones are not timed.
-const PAIRS: usize = 64;
+/// Maximum number of intervals in flight; two latent steps of 20 passes in 24 slices have fewer. Further ones are not timed.
+const PAIRS: usize = 1024;
 
 /// Handle of a kind of work of one context. The times of all intervals of a kind are added up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -54,8 +54,9 @@ pub struct DirectMlOptions {
     /// capture off, as memory grows with each rollout that is made. 16 are enough for eight rollouts.
     pub captured_passes: usize,
     /// Maximum work of a rollout on the queue for anchors at a time, in device time, so that an engine's frames get their turn in
-    /// between: before a pass that would exceed it, the rollout waits until the queued work is done. A pass is never divided:
-    /// [`DeviceTimes`](crate::world::DeviceTimes) has the longest pass and the number of waits. `None`, the default, sets no limit.
+    /// between: before a pass that would exceed it, the rollout waits until the queued work is done. A pass is divided only if its world is in
+    /// [slices](crate::world::WorldOptions::slices): [`DeviceTimes`](crate::world::DeviceTimes) has the longest slice and the number of waits.
+    /// `None`, the default, sets no limit.
     pub longest_submission: Option<Duration>,
     /// Makes ONNX Runtime write a profile with the provider and duration of each node: a JSON file for each session, complete when
     /// the session is dropped. The file name begins with this path; the session's number, date and time follow. Costs time in every
@@ -192,8 +193,10 @@ impl Backend for DirectMlBackend {
         graph.and_then(with_data).map_err(|e| self.gpu.removed().unwrap_or(e))
     }
 
-    fn context(&self) -> Result<Box<dyn ExecutionContext>> {
-        Ok(Box::new(context::DirectMlContext::new(&self.gpu, &self.kernels, self.options.lock().longest_submission)?))
+    fn context(&self, longest_submission: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {
+        let limits = [self.options.lock().longest_submission, longest_submission];
+        let longest = limits.into_iter().flatten().min();
+        Ok(Box::new(context::DirectMlContext::new(&self.gpu, &self.kernels, longest)?))
     }
 
     fn gpu(&self) -> Option<&Gpu> {

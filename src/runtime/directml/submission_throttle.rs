@@ -8,7 +8,7 @@ use super::interval_times::WorkKind;
 use crate::Result;
 
 /// Estimated duration of a context's queued work, against the limit of
-/// [`longest_submission`](super::DirectMlOptions::longest_submission).
+/// [`longest_submission`](super::DirectMlOptions::longest_submission). A pass here is one run of a graph: each slice of a transformer is one.
 pub(super) struct SubmissionThrottle {
     longest: Option<Duration>,
     /// Nanoseconds of queued work, estimated from each pass's last duration; at least 1 for each queued pass.

@@ -59,7 +59,8 @@ pub(super) struct DeviceState {
 impl DeviceState {
     /// Allocates the memory of a rollout of `world` and binds its graphs. While `stop` is set, no graph runs.
     pub(super) fn new(world: &World, stop: Arc<AtomicBool>) -> Result<Self> {
-        let mut context: Box<dyn ExecutionContext> = Box::new(StoppableContext::new(world.device(), stop)?);
+        let mut context: Box<dyn ExecutionContext> =
+            Box::new(StoppableContext::new(world.device(), world.longest_submission(), stop)?);
         let kv = KvCache::new(&mut *context, world)?;
         let passes = Passes::new(&mut *context, world, &kv)?;
         let autoencoder = Autoencoder::new(&mut *context, world, passes.latent())?;

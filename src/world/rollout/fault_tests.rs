@@ -13,6 +13,7 @@ use crate::bundle::Precision;
 use crate::runtime::{
     Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, Graph, RecordedCopiesId, RecordedCopy, Region,
 };
+use crate::world::{World, WorldOptions};
 use crate::{Error, ErrorKind, Result};
 
 /// Which calls fail.
@@ -24,6 +25,8 @@ struct Fault {
     is_permanent: AtomicBool,
     /// Whether a call has failed.
     has_failed: AtomicBool,
+    /// Set instead, so that the rollout is stopped at the call that would fail.
+    stop: Option<Arc<AtomicBool>>,
 }
 
 impl Fault {
@@ -36,6 +39,10 @@ impl Fault {
             return Ok(());
         }
         self.has_failed.store(true, Ordering::Relaxed);
+        if let Some(stop) = &self.stop {
+            stop.store(true, Ordering::SeqCst);
+            return Ok(());
+        }
         Err(Error::new(ErrorKind::Device, "a fault made by this test"))
     }
 }
@@ -143,15 +150,92 @@ fn fail_each_call<T>(rollout: &mut Rollout, fault: &Fault, act: impl Fn(&mut Rol
     unreachable!("`act` makes a finite number of calls")
 }
 
+/// A rollout whose device fails as `fault` says, or that is stopped.
+fn faulty(world: &Arc<World>, fault: &Arc<Fault>) -> Rollout {
+    let stop = fault.stop.clone().unwrap_or_default();
+    let mut rollout = Rollout::with_stop(world, &worlds::point(world), 1, stop, 0).expect("a rollout");
+    let placeholder = world.device().context().expect("a context");
+    let inner = std::mem::replace(&mut rollout.device.context, placeholder);
+    rollout.device.context = Box::new(Faulty { inner, fault: fault.clone() });
+    rollout
+}
+
+/// The test world `tiny` in `slices` slices.
+fn in_slices(slices: u32) -> Arc<World> {
+    let precision = Some(Precision::F32);
+    let options = WorldOptions { precision, slices: Some(slices), ..WorldOptions::default() };
+    World::load(&worlds::device(), &worlds::bundle("tiny"), options).expect("a world")
+}
+
+#[test]
+fn a_failed_slice_changes_nothing() {
+    const SLICES: u64 = 3;
+    let world = in_slices(SLICES as u32);
+    let fault = Arc::new(Fault::default());
+    let mut rollout = faulty(&world, &fault);
+    let mut reference = worlds::seeded(&worlds::world("tiny"), &worlds::point(&world), 1);
+    rollout.append(&worlds::picture(40, 30, 1)).expect("a seed");
+    let faults = fail_each_call(&mut rollout, &fault, |r| r.step(&worlds::controls(0)));
+    assert!(faults > 14 + 4 * (SLICES - 1), "{faults} calls in a step");
+    reference.step(&worlds::controls(0)).expect("a step");
+    assert!(rollout.save().expect("a state") == reference.save().expect("a state"));
+}
+
+#[test]
+fn a_step_is_cancelled_between_slices_and_changes_nothing() {
+    const SLICES: u64 = 4;
+    let world = in_slices(SLICES as u32);
+    let stop: Arc<AtomicBool> = Arc::default();
+    let fault = Arc::new(Fault { stop: Some(stop.clone()), ..Fault::default() });
+    let mut rollout = faulty(&world, &fault);
+    rollout.append(&worlds::picture(40, 30, 1)).expect("a seed");
+    let before = rollout.save().expect("a state");
+    let mut cancelled = 0;
+    for call in 1.. {
+        fault.calls_left.store(call, Ordering::Relaxed);
+        let result = rollout.step(&worlds::controls(0));
+        fault.calls_left.store(0, Ordering::Relaxed);
+        stop.store(false, Ordering::SeqCst);
+        match result {
+            Err(error) => assert_eq!(error.kind(), ErrorKind::Cancelled, "call {call}: {error}"),
+            Ok(_) => break,
+        }
+        cancelled += 1;
+        assert!(rollout.save().expect("a state") == before, "call {call} changed the rollout");
+    }
+    // Four denoise passes and a cache pass, each in slices.
+    assert!(cancelled >= 5 * SLICES, "a step was cancelled at {cancelled} calls");
+    rollout.restore(&before).expect("a state");
+    rollout.step(&worlds::controls(0)).expect("a step");
+    let mut reference = worlds::seeded(&world, &worlds::point(&world), 1);
+    reference.step(&worlds::controls(0)).expect("a step");
+    assert!(rollout.save().expect("a state") == reference.save().expect("a state"));
+}
+
+#[test]
+fn a_value_that_is_bound_to_the_memory_of_another_is_noticed() {
+    let latent = |world: &Arc<World>| {
+        let mut rollout = worlds::seeded(world, &worlds::point(world), 1);
+        rollout.step(&worlds::controls(0)).expect("a step");
+        rollout.latent().expect("a latent").to_vec()
+    };
+    let expected = latent(&worlds::world("tiny"));
+    let count = in_slices(3).transformer.mutants();
+    assert!(count > 10, "{count} pairs of values that could be confused");
+    // Not all of them: each loads the world again.
+    for mutant in (0..count).step_by(count.div_ceil(8)) {
+        let mut world = Arc::into_inner(in_slices(3)).expect("the only owner");
+        world.transformer.mutate(mutant);
+        assert!(latent(&Arc::new(world)) != expected, "mutant {mutant} of {count}");
+    }
+}
+
 #[test]
 fn a_failed_device_call_changes_nothing() {
     let world = worlds::world("tiny");
     let mut reference = Rollout::new(&world, &worlds::point(&world), 1).expect("a rollout");
-    let mut rollout = Rollout::new(&world, &worlds::point(&world), 1).expect("a rollout");
     let fault = Arc::new(Fault::default());
-    let placeholder = world.device().context().expect("a context");
-    let inner = std::mem::replace(&mut rollout.device.context, placeholder);
-    rollout.device.context = Box::new(Faulty { inner, fault: fault.clone() });
+    let mut rollout = faulty(&world, &fault);
 
     // The first append primes the decoder, which overwrites the committed memories.
     let seed = worlds::picture(20, 10, 1);

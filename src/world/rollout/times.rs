@@ -17,7 +17,8 @@ use crate::world::world::World;
 pub struct DeviceTimes {
     /// Encoder runs.
     pub encode: GpuTimeStatistics,
-    /// Transformer passes: denoise passes and cache passes, which make K and V for the ring.
+    /// Transformer passes: denoise passes and cache passes, which make K and V for the ring. In a world of several slices `longest` is the
+    /// longest slice, and `last` the last one.
     pub passes: GpuTimeStatistics,
     /// Decoder runs, including those that only prime the decoder.
     pub decode: GpuTimeStatistics,
@@ -68,10 +69,14 @@ impl Times {
     #[cfg(windows)]
     pub(super) fn device_times(&self, context: &mut dyn ExecutionContext, world: &World) -> Option<DeviceTimes> {
         let mut gpu_time = |work| context.gpu_time(work);
+        let mut slices = world.transformer.graphs().map(|graph| gpu_time(Work::Runs(graph)));
+        let first = slices.next().flatten()?;
+        let passes =
+            slices.try_fold(first, |sum, slice| Some(GpuTimeStatistics { frames: sum.frames, ..sum.merge(slice?) }));
         let earlier = &self.earlier;
         Some(DeviceTimes {
             encode: earlier.encode.merge(gpu_time(Work::Runs(&world.encoder))?),
-            passes: earlier.passes.merge(gpu_time(Work::Runs(&world.transformer))?),
+            passes: earlier.passes.merge(passes?),
             decode: earlier.decode.merge(gpu_time(Work::Runs(&world.decoder))?),
             commit: earlier.commit.merge(gpu_time(Work::RecordedCopies)?),
             external: earlier.external.merge(context.external_times()?),

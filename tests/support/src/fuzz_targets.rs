@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use std::sync::LazyLock;
 
 use cairn::ErrorKind;
-use cairn::bundle::{GraphKind, Manifest, Precision, check_model};
+use cairn::bundle::{GraphKind, Manifest, Precision, check_model, slice_transformer};
 use cairn::world::{ControlScript, Rollout, WorldTime};
 use sha2::{Digest, Sha256};
 
@@ -36,12 +36,22 @@ pub fn manifest(bytes: &[u8]) {
     assert!(g.check_window(g.global.window).is_ok() && g.check_window(g.global.max_window).is_ok());
 }
 
-/// The first byte chooses the model's kind and precision, the rest is the model.
+/// The first byte chooses the model's kind and precision, the rest is the model. A transformer that is accepted is also split.
 pub fn onnx(bytes: &[u8]) {
     let Some((choice, model)) = bytes.split_first() else { return };
     let (kind, precision) = MODELS[usize::from(*choice) % MODELS.len()];
-    if let Err(error) = check_model(model, &TOY, kind, precision) {
-        assert!(error.offending_field().is_some() && error.to_string().len() < 2000);
+    let check = |error: cairn::Error| assert!(error.offending_field().is_some() && error.to_string().len() < 2000);
+    match check_model(model, &TOY, kind, precision) {
+        Err(error) => check(error),
+        Ok(()) if kind == GraphKind::Transformer => {
+            for slices in 1..=TOY.geometry.layers {
+                match slice_transformer(model, &TOY, precision, TOY.geometry.global.window, slices) {
+                    Ok(models) => assert_eq!(models.len(), slices as usize),
+                    Err(error) => check(error),
+                }
+            }
+        }
+        Ok(()) => {}
     }
 }
 

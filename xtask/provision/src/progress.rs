@@ -37,8 +37,8 @@ struct Job {
     last_line: Instant,
 }
 
-/// Without a terminal an occasional log line suffices to show activity.
-const LOG_EVERY_SECONDS: u64 = 15;
+/// Without a terminal an occasional log line suffices to show activity, and a log of an hour stays one that is read.
+const LOG_EVERY_SECONDS: u64 = 60;
 
 impl Console {
     /// A console without output yet.
@@ -76,7 +76,7 @@ impl Progress for Console {
                 let _ = std::io::stderr().flush();
             } else if job.last_line.elapsed().as_secs() >= LOG_EVERY_SECONDS {
                 job.last_line = Instant::now();
-                eprintln!("  {} ... {detail}, {seconds} s", job.what);
+                eprintln!("    {seconds} s: {detail}");
             }
         });
     }

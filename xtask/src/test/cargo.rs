@@ -10,7 +10,7 @@ use crate::shell::{CommandOutput, Log};
 pub(crate) const DENY_VERSION: &str = "0.20.2";
 
 /// The fuzz targets' own workspace.
-const FUZZ: &str = "fuzz/Cargo.toml";
+pub(super) const FUZZ: &str = "fuzz/Cargo.toml";
 
 pub(super) fn fmt(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     tools::rust_component("rustfmt", "rustfmt", &Console::new()).map_err(|e| e.to_string())?;
@@ -23,33 +23,61 @@ pub(super) fn fmt(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 pub(super) fn clippy(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     tools::rust_component("clippy", "cargo-clippy", &Console::new()).map_err(|e| e.to_string())?;
     tools::rust_target(tools::WINDOWS_TARGET, &Console::new()).map_err(|e| e.to_string())?;
-    let own = crate::shell::output(std::process::Command::new("rustc").args(["--print", "host-tuple"]))?;
-    let mut command = context.workspace.cargo(["clippy", "--workspace", "--all-targets", "--target", own.trim()]);
+    let mut command = context.workspace.cargo(["clippy", "--workspace", "--all-targets", "--target", &host()?]);
     if !cfg!(windows) {
         command.args(["--target", tools::WINDOWS_TARGET]);
     }
     let ended = log.run(command.args(["--", "-D", "warnings"]))?;
     let mut tally = Tally::checked(ended.success, "clippy has something to say");
-    // The fuzz targets are a workspace of their own. Only their instrumentation needs the nightly compiler.
-    let mut command = context.workspace.cargo(["clippy", "--locked", "--manifest-path", FUZZ, "--all-targets"]);
-    command.env("CARGO_TARGET_DIR", context.workspace.target.join("fuzz")).args(["--", "-D", "warnings"]);
+    // The fuzz targets are a workspace of their own, which is compiled with `--thorough` only.
+    let mut command = context.workspace.cargo(["tree", "--quiet", "--locked", "--manifest-path", FUZZ, "--depth", "0"]);
     let ended = log.run(&mut command)?;
-    tally.check((!ended.success).then(|| "a fuzz target does not compile, clippy has something to say, or fuzz/Cargo.lock is not that of its manifest".to_owned()));
+    tally.check((!ended.success).then(|| "fuzz/Cargo.lock is not that of its manifest".to_owned()));
     Ok(tally)
 }
 
+/// This machine's target.
+fn host() -> Result<String, String> {
+    let printed = crate::shell::output(std::process::Command::new("rustc").args(["--print", "host-tuple"]))?;
+    Ok(printed.trim().to_owned())
+}
+
+/// For a target by name, as clippy, so that the dependencies that it checked are not checked a second time.
 pub(super) fn docs(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let mut command = context.workspace.cargo(["doc", "--workspace", "--no-deps"]);
+    let mut command = context.workspace.cargo(["doc", "--workspace", "--no-deps", "--target", &host()?]);
     let ended = log.run(command.env("RUSTDOCFLAGS", "-D warnings"))?;
     Ok(Tally::checked(ended.success, "the documentation has warnings"))
 }
 
+/// Test programs of the study and of the scenes, and their tests that take a minute or more, which run with `--thorough` only.
+const LONG: [(&str, &str); 4] = [
+    ("cadence", "a_quick_look_has_every_phase_of_every_cadence"),
+    ("cast", "the_walk_meets_every_member_of_the_cast"),
+    ("reconstruct", "both_sources_of_motion_beat_the_nearer_anchor"),
+    ("world_quality", "a_quick_look_has_every_row_and_goes_on_where_it_was"),
+];
+
 pub(super) fn tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut command = test_command(context)?;
+    // By full name: another test whose name contains one of them still runs, and so does a renamed one.
+    command.args(["--", "--exact"]).args(LONG.iter().flat_map(|(_, test)| ["--skip", test]));
+    Ok(count(&log.run(&mut command)?))
+}
+
+/// The tests that [`tests`] leaves out.
+pub(super) fn long_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let (programs, tests) = (LONG.map(|(program, _)| program), LONG.map(|(_, test)| test));
+    let mut command = test_command(context)?;
+    command.args(programs.iter().flat_map(|program| ["--test", program])).args(["--", "--exact"]).args(tests);
+    Ok(count_named(&log.run(&mut command)?, &tests))
+}
+
+/// Cargo's command for tests of the workspace, without a choice.
+fn test_command(context: &Context<'_>) -> Result<std::process::Command, String> {
     let mut command = context.workspace.cargo(["test", "--workspace", "--no-fail-fast"]);
     context.provide_worlds(&mut command)?;
     context.provide_lpips(&mut command)?;
-    let ended = log.run(&mut command)?;
-    Ok(count(&ended))
+    Ok(command)
 }
 
 /// Sums up the output of the test programs of one cargo run.

@@ -35,6 +35,9 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let library = provision::onnxruntime_for_windows(&Console::new()).map_err(|e| e.to_string())?;
     command.env("CAIRN_ONNXRUNTIME", library);
     let own = Amd::own()?;
+    if own.is_none() {
+        windows_build::copy_descriptors(&mut command);
+    }
     own.as_ref().unwrap_or(&Amd::None).provide(&mut command);
     tally.add(windows_build::run(&mut command, &[], log)?);
     with_double(context, log, &mut tally)?;
@@ -75,6 +78,7 @@ fn with_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Resul
     context.provide_windows_worlds(&mut command)?;
     let double = Amd::Double(folder.clone());
     double.provide(&mut command);
+    windows_build::copy_descriptors(&mut command);
     command.args(["--", "--exact"]).args(OVER_THE_DOUBLE);
     // Unity's test double uses the recorder's rules. The list's entries are for all tests of a program.
     let mut counted = recorder::run_tests(context, log, &mut command, &[], &double)?;

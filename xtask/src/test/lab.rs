@@ -50,7 +50,7 @@ pub(super) fn lab_run() -> Result<Command, String> {
 
 /// The library's tests of Direct3D 12 and DirectML, and the plugin's in the Unity test host, built for Windows.
 fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, String> {
-    let mut command = context.windows_tests(["d3d12*", "directml", "hostile"], log)?;
+    let mut command = context.windows_tests(own_programs(amd), log)?;
     context.provide_windows_worlds(&mut command)?;
     amd.provide(&mut command);
     // Folder of the test programs, where the plugin linked into two of them looks for AMD's libraries.
@@ -59,12 +59,27 @@ fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, S
     let mut in_unity = context.windows_tests([IN_UNITY], log)?;
     context.provide_windows_worlds(&mut in_unity)?;
     amd.provide(&mut in_unity);
+    if let Amd::None = amd {
+        windows_build::copy_descriptors(&mut in_unity);
+    }
     in_unity.arg("--");
     amd.beside(&programs, || {
         let mut tally = windows_build::run(&mut command, &[], log)?;
         tally.add(recorder::run_tests(context, log, &mut in_unity, &[IN_UNITY], amd)?);
         Ok(tally)
     })
+}
+
+/// Programs that run here with AMD's own libraries only, and else in the thorough part `recorder-all`: they load a world for each test.
+const RECORDED_WHEN_THOROUGH: [&str; 2] = ["d3d12_memory", "d3d12_residency"];
+
+/// Their programs. Without AMD's libraries, those that the runner `recorder` always runs are not run a second time.
+fn own_programs(amd: &Amd) -> Vec<&'static str> {
+    let is_own = matches!(amd, Amd::Own(_));
+    let with_recorder = recorder::short().filter(|_| is_own);
+    let own = recorder::LONG.into_iter().filter(|program| is_own || !RECORDED_WHEN_THOROUGH.contains(program));
+    let programs = own.chain(["d3d12_hostile", "hostile"]).chain(with_recorder);
+    programs.filter(|program| *program != "recorder").collect()
 }
 
 /// The plugin's tests in Unity's test double, which uses the rules of the recorder of Direct3D's calls.
@@ -382,4 +397,29 @@ fn mounts() -> Result<Vec<String>, String> {
     let path = Path::new("/proc/self/mounts");
     let text = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(text.lines().filter(|line| line.contains("lab")).map(str::to_owned).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_program_on_direct3d_12_runs_in_one_runner_at_least() {
+        let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests");
+        let names = fs::read_dir(tests).expect("the tests").map(|entry| entry.expect("an entry").path());
+        let stems = names.map(|path| path.file_stem().expect("a name").to_string_lossy().into_owned());
+        let programs: Vec<String> =
+            stems.filter(|name| name.starts_with("d3d12") && name != "d3d12-recorder").collect();
+        assert!(programs.len() > 10, "{programs:?}");
+        let here = own_programs(&Amd::None);
+        for program in &programs {
+            let (is_here, is_recorded) =
+                (here.contains(&program.as_str()), recorder::short().any(|short| short == program));
+            let is_thorough =
+                RECORDED_WHEN_THOROUGH.iter().any(|name| name == program && recorder::LONG.contains(name));
+            assert!(is_here || is_recorded || is_thorough, "no runner starts {program}");
+        }
+        let with_amd = own_programs(&Amd::Own(PathBuf::new()));
+        assert!(programs.iter().all(|program| with_amd.contains(&program.as_str())));
+    }
 }

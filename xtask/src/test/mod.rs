@@ -85,11 +85,10 @@ const RUNNERS: &[Runner] = &[
     },
     Runner { name: "host", what: "C programs load and use the library, and write a video", run: host::run },
     Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
-    Runner { name: "miri", what: "the C interface's tests without foreign code, under Miri", run: nightly::miri },
     Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: nightly::races },
     Runner {
         name: "pytest",
-        what: "the Python package, parity with the oracle, and training at its smallest",
+        what: "the Python package, parity with the oracle, and the training's short tests",
         run: python::run,
     },
     Runner {
@@ -97,7 +96,11 @@ const RUNNERS: &[Runner] = &[
         what: "the C# binding against the library, on Mono and .NET; the package for Unity compiles",
         run: csharp::run,
     },
-    Runner { name: "shaders", what: "compiled shaders are what their sources compile to", run: shaders::run },
+    Runner {
+        name: "shaders",
+        what: "compiled shaders are what their sources compile to, and the sources compile to SPIR-V",
+        run: shaders::run,
+    },
     Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
     Runner {
         name: "validation",
@@ -166,7 +169,38 @@ struct Part {
 
 /// Run with `--thorough` only.
 const THOROUGH: &[Part] = &[
-    Part { runner: Runner { name: "fuzz", what: "every fuzz target for a minute", run: thorough::fuzz }, minutes: 30 },
+    Part {
+        runner: Runner {
+            name: "fuzz",
+            what: "clippy for the fuzz targets, and each of them for a minute",
+            run: thorough::fuzz,
+        },
+        minutes: 30,
+    },
+    Part {
+        runner: Runner {
+            name: "miri",
+            what: "the C interface's tests without foreign code, under Miri",
+            run: nightly::miri,
+        },
+        minutes: 10,
+    },
+    Part {
+        runner: Runner {
+            name: "long",
+            what: "tests of the study and of the scenes that take a minute or more",
+            run: cargo::long_tests,
+        },
+        minutes: 10,
+    },
+    Part {
+        runner: Runner {
+            name: "training",
+            what: "the training's tests that take minutes, from nothing to a world among them",
+            run: python::long_training,
+        },
+        minutes: 15,
+    },
     Part {
         runner: Runner { name: "faults", what: "every fault at every call, in C", run: abi::run_faults },
         minutes: 30,
@@ -180,7 +214,11 @@ const THOROUGH: &[Part] = &[
         minutes: 45,
     },
     Part {
-        runner: Runner { name: "directml-budgets", what: "budgets on DirectML", run: directml::run_budgets },
+        runner: Runner {
+            name: "directml-budgets",
+            what: "budgets, and the check of float16, on DirectML",
+            run: directml::run_budgets,
+        },
         minutes: 45,
     },
     Part {
@@ -254,6 +292,14 @@ const THOROUGH: &[Part] = &[
             run: abi::run_all_on_windows,
         },
         minutes: 30,
+    },
+    Part {
+        runner: Runner {
+            name: "units-windows",
+            what: "unit tests of the study and of other packages on Windows",
+            run: study_windows::run_units,
+        },
+        minutes: 15,
     },
     Part {
         runner: Runner {

@@ -1,5 +1,5 @@
 //! The Python tests: the package's, which use the bundle builder and the shared library, the runtime's parity with the
-//! oracle, and the training of the miniature world at its smallest.
+//! oracle, and the training of the miniature world, whose tests that take minutes are thorough.
 
 use std::fs;
 use std::path::Path;
@@ -12,16 +12,21 @@ use super::tally::Tally;
 use crate::shell::Log;
 
 /// Their folders; each has its own settings, so each is a separate run.
-const FOLDERS: [&str; 3] = ["bindings/python", "tests/parity", TRAINING];
+const FOLDERS: [&str; 3] = [PACKAGE, PARITY, TRAINING];
+const PACKAGE: &str = "bindings/python";
+const PARITY: &str = "tests/parity";
 /// The one that needs JAX.
 const TRAINING: &str = "samples/worlds/miniature";
+
+/// The largest number of processes that run tests of a folder: each may take 2 GiB of memory.
+const MOST_PROCESSES: usize = 4;
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     // The tests use the library and a program of the workspace.
     context.build_programs(log)?;
     let mut tally = Tally::default();
     for folder in FOLDERS {
-        let found = suite(context, log, folder)?;
+        let found = suite(context, log, folder, "not long")?;
         tally.add(if found.is_empty() { Tally::broken(format!("{folder} ran no test")) } else { found });
     }
     let library = abi::library(context, log)?;
@@ -29,6 +34,12 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.test(installed(context, log, &library, included_library)?);
     }
     Ok(tally)
+}
+
+/// The training's tests that take minutes.
+pub(super) fn long_training(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    context.build_programs(log)?;
+    suite(context, log, TRAINING, "long")
 }
 
 /// Installs the package as its page says, and checks that it contains the library and finds it without further settings.
@@ -57,7 +68,8 @@ fn installed(
     Ok((!found).then(|| format!("the installed package does not find its library: {}", ended.output.trim())))
 }
 
-fn suite(context: &Context<'_>, log: &mut Log, folder: &str) -> Result<Tally, String> {
+/// Runs the tests of a folder whose markers `chosen` takes.
+fn suite(context: &Context<'_>, log: &mut Log, folder: &str, chosen: &str) -> Result<Tally, String> {
     let python = if folder == TRAINING { context.training_python()? } else { context.python()? };
     let mut command = Command::new(python);
     command
@@ -69,7 +81,16 @@ fn suite(context: &Context<'_>, log: &mut Log, folder: &str) -> Result<Tally, St
     if folder == TRAINING {
         context.provide_lpips(&mut command)?;
     }
-    pytest(context, log, command, folder, (&folder.replace('/', "-"), &[]))
+    let processes = std::thread::available_parallelism().map_or(1, |cores| cores.get().min(MOST_PROCESSES)).to_string();
+    // Most tests use one core: they compile, or wait. Those of a file share what its fixtures make; the training's files are too few.
+    let side_by_side: &[&str] = match folder {
+        TRAINING => &["-n", &processes, "--dist", "worksteal"],
+        PACKAGE => &["-n", &processes, "--dist", "loadfile"],
+        // Rollouts that several tests share are made once, with every core.
+        _ => &[],
+    };
+    let options = [&["-m", chosen], side_by_side].concat();
+    pytest(context, log, command, folder, (&folder.replace('/', "-"), &options))
 }
 
 /// Sweeps through Ray, in the only Python environment that has it.
@@ -85,16 +106,17 @@ pub(super) fn cluster(context: &Context<'_>, log: &mut Log) -> Result<Tally, Str
         // Otherwise its workers would run at a lower priority than every other program.
         .env("RAY_worker_niceness", "0");
     context.provide_worlds(&mut command)?;
-    pytest(context, log, command, FOLDERS[0], ("bindings-python-cluster", &["cluster"]))
+    pytest(context, log, command, PACKAGE, ("bindings-python-cluster", &["cluster"]))
 }
 
-/// Runs the tests `chosen` with a Python that has the packages that `folder` needs; the report is called `name`.
+/// Runs the tests of `folder`, or those that `options` of pytest choose, with a Python that has the packages that they need; the report is
+/// called `name`.
 pub(super) fn pytest(
     context: &Context<'_>,
     log: &mut Log,
     mut python: Command,
     folder: &str,
-    (name, chosen): (&str, &[&str]),
+    (name, options): (&str, &[&str]),
 ) -> Result<Tally, String> {
     let report = context.workspace.target.join("xtask").join(format!("{name}.xml"));
     match fs::remove_file(&report) {
@@ -104,7 +126,7 @@ pub(super) fn pytest(
     python
         .args(["-m", "pytest", "-v", "-ra", "-p", "no:cacheprovider", "--junitxml"])
         .arg(&report)
-        .args(chosen)
+        .args(options)
         .current_dir(context.workspace.root.join(folder))
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .env("PYTHONUNBUFFERED", "1");

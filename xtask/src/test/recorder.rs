@@ -18,20 +18,26 @@ use crate::shell::{CommandOutput, Log};
 /// Broken rules that are no faults.
 const LIST: &str = "xtask/recorder.toml";
 
-/// Programs of every run: the recorder's own, and those whose tests load no world.
-const SHORT: [&str; 8] = [
-    "recorder",
-    "d3d12",
-    "d3d12_drawer",
-    "d3d12_flow",
-    "d3d12_generator",
-    "d3d12_prepare",
-    "d3d12_presenter",
-    "d3d12_shaders",
-];
+/// Programs of every run, which the runner `lab` leaves to this one: those whose tests load no world.
+const SHORT: [&str; 6] =
+    ["d3d12", "d3d12_flow", "d3d12_generator", "d3d12_prepare", "d3d12_presenter", "d3d12_shaders"];
+
+/// Another one, one of whose tests loads a world.
+const SHORT_WORLDS: [&str; 1] = ["d3d12_drawer"];
+
+/// The recorder's own program, and parts of the names of its tests that load worlds: the counts of a latent step run each time, failing calls
+/// with `--thorough`.
+const OWN: [&str; 1] = ["recorder"];
+const OWN_WORLDS: [&str; 2] = [FAULTS_WORLDS, COUNTS];
+const COUNTS: &str = "counts::";
+
+/// All programs of every run.
+pub(super) fn short() -> impl Iterator<Item = &'static str> {
+    SHORT.into_iter().chain(SHORT_WORLDS).chain(OWN)
+}
 
 /// More programs. `host`, Unity's test double, always runs with the recorder: in the runners `lab` and `ffx`.
-const LONG: [&str; 7] = [
+pub(super) const LONG: [&str; 7] = [
     "d3d12_interface",
     "d3d12_libraries",
     "d3d12_lifecycle",
@@ -60,11 +66,20 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let mut tally = run_programs(
         context,
         &[
-            (&SHORT, |context, command| {
-                command.env(counts::FILE_VARIABLE, counts_file(context));
+            (&OWN, |context, command| {
+                windows_build::copy_descriptors(command.args(OWN_WORLDS.iter().flat_map(|name| ["--skip", name])));
                 context.provide_windows_worlds(command)
             }),
-            (&SHORT_AMD, |context, command| context.provide_windows_tools(command)),
+            (&OWN, |context, command| {
+                command.arg(COUNTS).env(counts::FILE_VARIABLE, counts_file(context));
+                context.provide_windows_worlds(command)
+            }),
+            (&SHORT_WORLDS, |context, command| context.provide_windows_worlds(command)),
+            (&SHORT, |context, command| {
+                windows_build::copy_descriptors(command);
+                context.provide_windows_worlds(command)
+            }),
+            (&SHORT_AMD, provide_amd),
         ],
         log,
     )?;
@@ -72,6 +87,12 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         compare_counts(context, log, &mut tally)?;
     }
     Ok(tally)
+}
+
+/// Programs with doubles of AMD's libraries load no world.
+fn provide_amd(context: &Context<'_>, command: &mut Command) -> Result<(), String> {
+    windows_build::copy_descriptors(command);
+    context.provide_windows_tools(command)
 }
 
 /// Where the program `recorder` writes the counts of a latent step.
@@ -97,8 +118,7 @@ pub(super) fn run_all(context: &Context<'_>, log: &mut Log) -> Result<Tally, Str
 
 /// Programs with doubles of AMD's libraries that the short form leaves out, and the study's comparison.
 pub(super) fn run_amd_and_study(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let mut tally =
-        run_programs(context, &[(&LONG_AMD, |context, command| context.provide_windows_tools(command))], log)?;
+    let mut tally = run_programs(context, &[(&LONG_AMD, provide_amd)], log)?;
     if tally.skips.is_empty() {
         run_comparison(context, log, &mut tally)?;
     }
@@ -141,6 +161,9 @@ fn run_faults(context: &Context<'_>, log: &mut Log, tests: &str, which: &str, am
     command.args(["--", "--test-threads=1", "--nocapture", tests]);
     context.provide_windows_worlds(&mut command)?;
     amd.provide(&mut command);
+    if tests != FAULTS_WORLDS && matches!(amd, Amd::None) {
+        windows_build::copy_descriptors(&mut command);
+    }
     command.env(EVERY_FAILURE, which);
     if let Amd::Own(_) = amd {
         command.args(["--skip", AMDS_CRASH]);

@@ -1,4 +1,4 @@
-//! The study for Windows, in the lab or on Windows itself: its own tests, and the paper's experiment at a small size on DirectML, with
+//! The study for Windows, in the lab or on Windows itself: tests of its program, and the paper's experiment at a small size on DirectML, with
 //! generated frames first by the library's shaders and then by the test double of AMD's libraries.
 
 use std::fs;
@@ -71,18 +71,33 @@ pub(super) fn comparison_by_shaders(context: &Context<'_>, folder: &str) -> Resu
     Comparison::new(context, &folder)?.command("shader", &Amd::None)
 }
 
-/// The study's tests of itself.
+/// The study's tests of its program.
 fn own_tests(context: &Context<'_>, log: &mut Log, amd: &Amd) -> Result<Tally, String> {
+    let mut command = context.windows_tests(PROGRAMS, log)?;
+    // By full name: another test whose name contains one of them still runs, and so does a renamed one.
+    command.args(["--", "--exact"]).args(LONG.iter().flat_map(|name| ["--skip", name]));
+    run_tests(context, log, &mut command, amd)
+}
+
+/// Unit tests of the study and of other packages, which every run runs on this system.
+pub(super) fn run_units(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
-    for mut command in [context.windows_unit_tests(log)?, context.windows_tests(PROGRAMS, log)?] {
-        // By full name: another test whose name contains one of them still runs, and so does a renamed one.
-        command.args(["--", "--exact"]).args(LONG.iter().flat_map(|name| ["--skip", name]));
-        context.provide_windows_tools(&mut command)?;
-        context.provide_lpips(&mut command)?;
-        amd.provide(&mut command);
-        tally.add(windows_build::run(&mut command, &[], log)?);
+    if let Some(skip) = lab::skip_unless_possible("unit tests on Windows")? {
+        tally.skips.push(skip);
+        return Ok(tally);
     }
+    context.with_and_without_amd(&mut tally, |amd| {
+        let mut command = context.windows_unit_tests(log)?;
+        run_tests(context, log, &mut command, amd)
+    })?;
     Ok(tally)
+}
+
+fn run_tests(context: &Context<'_>, log: &mut Log, command: &mut Command, amd: &Amd) -> Result<Tally, String> {
+    context.provide_windows_tools(command)?;
+    context.provide_lpips(command)?;
+    amd.provide(command);
+    windows_build::run(command, &[], log)
 }
 
 /// A comparison that is run twice in one folder.

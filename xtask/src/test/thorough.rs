@@ -20,7 +20,13 @@ const FUZZ_SECONDS: u32 = 60;
 pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let files = context.workspace.files()?;
     let targets = files.iter().filter_map(|file| file.strip_prefix("fuzz/fuzz_targets/")?.strip_suffix(".rs"));
+    let target = context.workspace.target.join("fuzz");
+    tools::rust_component("clippy", "cargo-clippy", &Console::new()).map_err(|e| e.to_string())?;
+    // The targets are a workspace of their own, whose dependencies clippy would check once more in every run.
+    let mut clippy = context.workspace.cargo(["clippy", "--locked", "--manifest-path", cargo::FUZZ, "--all-targets"]);
+    let ended = log.run(clippy.env("CARGO_TARGET_DIR", &target).args(["--", "-D", "warnings"]))?;
     let mut tally = Tally::default();
+    tally.check((!ended.success).then(|| "a fuzz target does not compile, clippy has something to say, or fuzz/Cargo.lock is not that of its manifest".to_owned()));
     // libFuzzer's instrumentation needs the nightly compiler.
     let toolchain = match tools::nightly(&["rust-src"], &Console::new()) {
         Ok(toolchain) => toolchain,
@@ -29,8 +35,7 @@ pub(super) fn fuzz(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
             return Ok(tally);
         }
     };
-    let target = context.workspace.target.join("fuzz");
-    let mut seeds = context.workspace.cargo(["run", "--manifest-path", "fuzz/Cargo.toml", "--example", "seeds"]);
+    let mut seeds = context.workspace.cargo(["run", "--manifest-path", cargo::FUZZ, "--example", "seeds"]);
     context.provide_worlds(seeds.env("CARGO_TARGET_DIR", &target))?;
     let ended = log.run(&mut seeds)?;
     tally.check((!ended.success).then(|| "the seed inputs could not be written".to_owned()));

@@ -137,6 +137,7 @@ def test_latents_of_shifted_pictures_are_shifted_latents_where_the_encoder_is_ev
         assert train_autoencoder.equivariance(lambda rgb: means({}, rgb), ramp, even * jnp.arange(6)[:, None], key) > 1e-3
 
 
+@pytest.mark.long
 def test_sharp_training_is_the_same_in_pieces_and_keeps_the_discriminator_to_itself(drawn, tmp_path):
     said = []
     whole = train_autoencoder.train(tmp_path / "whole.npz", SQUARE, PLAN, drawn, minutes=60, say=said.append)
@@ -150,6 +151,7 @@ def test_sharp_training_is_the_same_in_pieces_and_keeps_the_discriminator_to_its
     assert store.mean_parameters(tmp_path / "whole.npz").keys() == autoencoder.initial(SQUARE, 1).keys()
 
 
+@pytest.mark.long
 def test_before_its_step_the_adversary_changes_nothing(drawn):
     p = autoencoder.initial(SQUARE, 1) | adversary.initial(1)
     pictures = train_autoencoder.sample(np.random.default_rng(1), drawn, PLAN)

@@ -10,23 +10,25 @@ from miniature.shapes import PRESETS, SMOKE, AutoencoderPlan, Stage
 # These tests compile longer than they run.
 jax.config.update("jax_disable_most_optimizations", True)
 KEY = jax.random.key(3)
+# Every kind of layer once.
+SMALL = SMOKE.with_(layers=2, control_period=2, global_period=2)
 
 
 def window(frames: int):
     """Parameters, noisy and clean frames, noise levels and controls of a window."""
     rng = np.random.default_rng(5)
-    p = {name: jnp.asarray(value + 0.05 * rng.standard_normal(value.shape)) for name, value in transformer.initial(SMOKE, 1).items()}
-    x = jnp.asarray(rng.standard_normal((3, frames, SMOKE.latent_height, SMOKE.latent_width, SMOKE.latent_channels)), jnp.float32)
+    p = {name: jnp.asarray(value + 0.05 * rng.standard_normal(value.shape)) for name, value in transformer.initial(SMALL, 1).items()}
+    x = jnp.asarray(rng.standard_normal((3, frames, SMALL.latent_height, SMALL.latent_width, SMALL.latent_channels)), jnp.float32)
     sigma = jnp.asarray(rng.uniform(0, 1, (3, frames)), jnp.float32)
-    controls = jnp.asarray(rng.standard_normal((frames, 2 + SMOKE.buttons + 1)), jnp.float32)
+    controls = jnp.asarray(rng.standard_normal((frames, 2 + SMALL.buttons + 1)), jnp.float32)
     return {name: value.astype(jnp.float32) for name, value in p.items()}, x, sigma, controls
 
 
 def test_all_blocks_at_once_give_the_same_velocities_and_gradients():
     for frames in (16, 48):
         p, x, sigma, controls = window(frames)
-        mean = lambda p, wide: jnp.mean(jnp.square(transformer.velocity(p, SMOKE, x, sigma, controls, 128, wide)))
-        (narrow, wide) = (jax.value_and_grad(mean)(p, wide) for wide in (False, True))
+        mean = lambda p, wide: jnp.mean(jnp.square(transformer.velocity(p, SMALL, x, sigma, controls, 128, wide)))
+        (narrow, wide) = (jax.jit(jax.value_and_grad(mean), static_argnums=1)(p, wide) for wide in (False, True))
         assert abs(narrow[0] - wide[0]) < 1e-5 * narrow[0] and narrow[0] > 0.01
         for name, gradient in narrow[1].items():
             np.testing.assert_allclose(wide[1][name], gradient, atol=2e-5 * float(jnp.abs(gradient).max()) + 1e-7, err_msg=name)
@@ -34,7 +36,8 @@ def test_all_blocks_at_once_give_the_same_velocities_and_gradients():
 
 def test_half_precision_stays_near():
     p, x, sigma, controls = window(16)
-    exact, near = (train_world._velocity(p, SMOKE, x, sigma, controls, 128, wide) for wide in (False, True))
+    velocity = jax.jit(lambda p, x, wide: train_world._velocity(p, SMALL, x, sigma, controls, 128, wide), static_argnums=2)
+    exact, near = (velocity(p, x, wide) for wide in (False, True))
     assert near.dtype == jnp.float32
     assert 1e-5 < jnp.sqrt(jnp.mean(jnp.square(exact - near)) / jnp.mean(jnp.square(exact))) < 0.03
 
@@ -150,7 +153,8 @@ def test_mixed_copies_have_a_loss_of_their_own():
     losses = []
     for mixed in (0, 1):
         stage = Stage(steps=0, frames=16, batch=1, noisy=2, few_step=True, mixed=mixed)
-        losses.append(float(train_world.loss(p, SMOKE, stage, jnp.int32(128), x[0], x[1], controls, KEY)[0]))
+        loss = jax.jit(lambda p, g, x, stage=stage: train_world.loss(p, SMALL, stage, g, x[0], x[1], controls, KEY)[0])
+        losses.append(float(loss(p, jnp.int32(128), x)))
     assert np.isfinite(losses).all() and losses[0] != losses[1]
 
 
@@ -182,13 +186,15 @@ def test_a_decoder_learns_for_pictures_of_another_size():
 def judged(pull: float | None, few_step: bool):
     """Gradient and figures of a window with a discriminator."""
     p, x, _, controls = window(16)
-    p |= {name: jnp.asarray(value) for name, value in latent_adversary.initial(SMOKE.latent_channels, 1).items()}
+    p |= {name: jnp.asarray(value) for name, value in latent_adversary.initial(SMALL.latent_channels, 1).items()}
     stage = Stage(steps=0, frames=16, batch=1, noisy=2, few_step=few_step, mixed=int(few_step), adversary=pull)
-    (_, figures), gradient = jax.value_and_grad(train_world.loss, has_aux=True)(p, SMOKE, stage, jnp.int32(128), x[0], x[1], controls, KEY)
+    loss = lambda p, g: train_world.loss(p, SMALL, stage, g, x[0], x[1], controls, KEY)
+    (_, figures), gradient = jax.jit(jax.value_and_grad(loss, has_aux=True))(p, jnp.int32(128))
     norm = lambda of: float(jnp.sqrt(sum(jnp.sum(jnp.square(g)) for name, g in gradient.items() if name.startswith(adversary.PREFIX) == of)))
     return {name: g for name, g in gradient.items() if not name.startswith(adversary.PREFIX)}, norm(False), norm(True), figures
 
 
+@pytest.mark.long
 def test_the_discriminator_of_latents_learns_alone_and_then_pulls():
     for few_step in (False, True):
         (without, norm, none, _), (alone, _, learns, figures), (pulled, _, again, _) = (judged(pull, few_step) for pull in (None, 0.0, 0.5))

@@ -122,6 +122,7 @@ def test_the_autoencoder_learns(drawn, tmp_path):
     assert psnr[-1] > psnr[0] + 1, shown
 
 
+@pytest.mark.long
 def test_the_transformer_learns_and_goes_through_its_curriculum(walks, tmp_path):
     stages = (Stage(60, frames=8, batch=2, noisy=2), Stage(2, frames=8, batch=1, noisy=1), Stage(2, frames=8, batch=1, noisy=1, few_step=True))
     plan = WorldPlan((Walks(2, 0.5),), rate=3e-3, decay=0.0, stages=stages)
@@ -231,13 +232,15 @@ def test_channels_means_count_in_frames_of_noise_alone(walks):
     latents_, others, controls = (x[0] for x in train_world.batch(np.random.default_rng(3), walks, Stage(1, frames=8, batch=1, noisy=1)))
 
     def loss(**how):
-        return train_world.loss(transformer.initial(g, 1), g, Stage(1, 8, 1, 4, **how), 128, latents_, others, controls, KEY)
+        of = jax.jit(lambda p: train_world.loss(p, g, Stage(1, 8, 1, 4, **how), 128, latents_, others, controls, KEY))
+        return of(transformer.initial(g, 1))
 
     (plain, figures), (heavy, same) = (loss(few_step=True, means=means) for means in (0.0, 16.0))
     assert figures["means"] > 0 and np.isclose(heavy - plain, 16 * same["means"], rtol=1e-3)
     assert loss(means=16.0)[1]["means"] == 0, "at levels below 1 a frame tells its own means"
 
 
+@pytest.mark.long
 def test_windows_side_by_side_are_windows_one_by_one(walks):
     g = SMOKE.with_(layers=2, control_period=2, global_period=2)
     settings = optimiser.Settings(rate=0.0, steps=10, muon_rate=0.0)

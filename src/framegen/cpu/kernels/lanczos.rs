@@ -34,6 +34,9 @@ pub(super) static SINC: [[i16; TAPS]; PHASES] = {
     table
 };
 
+#[cfg(test)]
+crate::shader_constants::shader_constants!("LANCZOS_": [int] SINC.flattened);
+
 /// Weights for a position up to half a pixel after the third, rounded to the nearest; the rest of the sum goes to those
 /// that rounding changed most.
 const fn weights(after: f64) -> [i16; TAPS] {

@@ -21,6 +21,10 @@ mod scalar;
 mod tests;
 pub(super) mod tile_keys;
 
+#[cfg(test)]
+pub(super) const SHADER_CONSTANTS: [crate::shader_constants::Constants; 2] =
+    [sampling::SHADER_CONSTANTS, lanczos::SHADER_CONSTANTS];
+
 pub use ranges::{DepthKeyRange, VectorRange, WarpedRow, depth_ranges, motion_ranges, pack_tile, warp_row};
 pub use sampling::{BLOCK, Block, MergeRule, Positions, Sampled, TILE, TileSource};
 

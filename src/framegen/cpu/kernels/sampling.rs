@@ -5,6 +5,10 @@ use crate::picture::Pixel;
 
 /// Side of a tile, in pixels.
 pub const TILE: usize = 8;
+
+#[cfg(test)]
+crate::shader_constants::shader_constants!("": int TILE);
+
 /// Pixels of a tile.
 pub const BLOCK: usize = TILE * TILE;
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use super::{LAYER, PACKAGES, PREFIX, RELEASE, WANTED, WINE, isolated_command};
+use super::{OVERLAY, PACKAGES, PREFIX, RELEASE, WANTED, WINE, isolated_command};
 use crate::{Error, Progress, Result, cache, process, tools};
 
 /// Files in Debian that are replaced, and their names in the build folder.
@@ -57,10 +57,10 @@ pub(super) fn build(folder: &Path, progress: &dyn Progress) -> Result<()> {
     cache::remove(&archives)
 }
 
-/// Copies Vulkan's validation layer from a package of the Debian of the lab in `folder` into the folder `to`.
-pub(super) fn copy_layer(folder: &Path, to: &Path, progress: &dyn Progress) -> Result<()> {
+/// Copies something from packages of the Debian of the lab in `folder` into the folder `to`, as `script` does.
+pub(super) fn copy_from_packages(script: &str, folder: &Path, to: &Path, progress: &dyn Progress) -> Result<()> {
     let mut command = isolated_command();
-    command.args(["sh", "-euc", LAYER, "sh"]).args([folder, to]);
+    command.args(["sh", "-euc", &format!("{OVERLAY}{script}"), "sh"]).args([folder, to]);
     BuildSteps { folder, progress }.run(clean(&mut command)).map(drop)
 }
 

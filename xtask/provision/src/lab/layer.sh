@@ -1,11 +1,4 @@
-# In mount and process namespaces of its own: copies Vulkan's validation layer from a package of the Debian of the lab at $1 into
-# the folder $2. The lab stays as it is.
-cd "$1"
-mount -t tmpfs lab run
-mkdir run/upper run/work run/root
-mount -t overlay -o lowerdir=root,upperdir=run/upper,workdir=run/work lab run/root
-mount -t proc proc run/root/proc
-mount --rbind /dev run/root/dev
+# After overlay.sh: copies Vulkan's validation layer from a package.
 chroot run/root sh -euc '
     cd /tmp
     apt-get update -q

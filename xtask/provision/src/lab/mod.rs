@@ -22,7 +22,9 @@ const WINE: &str = include_str!("wine.sh");
 const PREFIX: &str = include_str!("prefix.sh");
 const ENTER: &str = include_str!("enter.sh");
 const INSIDE: &str = include_str!("inside.sh");
+const OVERLAY: &str = include_str!("overlay.sh");
 const LAYER: &str = include_str!("layer.sh");
+const SPIRV: &str = include_str!("spirv.sh");
 
 /// Value of `Error::wanted` in every error here.
 const WANTED: &str = "the Windows lab";
@@ -63,7 +65,21 @@ impl Lab {
     /// # Errors
     /// As [`possible`]; the mirror cannot be reached; the package does not contain the layer. The error has the last lines of output.
     pub fn validation_layer(&self, progress: &dyn Progress) -> Result<PathBuf> {
-        let item = format!("layer-{}", key(&[LAYER]));
+        self.fetched("layer", LAYER, "Vulkan's validation layer", progress)
+    }
+
+    /// Programs that compile HLSL to SPIR-V and validate it. They are fetched on first use (20 MB) and kept in the lab's folder.
+    ///
+    /// # Errors
+    /// As [`Self::validation_layer`].
+    pub fn spirv_tools(&self, progress: &dyn Progress) -> Result<SpirvTools> {
+        self.fetched("spirv", SPIRV, "a compiler and a validator of SPIR-V", progress)
+            .map(|folder| SpirvTools { folder })
+    }
+
+    /// The folder of something from packages of the lab's Debian, which `script` copies there on first use.
+    fn fetched(&self, name: &str, script: &str, what: &str, progress: &dyn Progress) -> Result<PathBuf> {
+        let item = format!("{name}-{}", key(&[OVERLAY, script]));
         let folder = self.folder.join(&item);
         if folder.is_dir() {
             return Ok(folder);
@@ -73,12 +89,37 @@ impl Lab {
         if folder.is_dir() {
             return Ok(folder);
         }
-        progress.start("the lab: fetching Vulkan's validation layer");
+        progress.start(&format!("the lab: fetching {what}"));
         let scratch = cache::scratch(&item, &held)?;
-        build::copy_layer(&self.folder, &scratch, progress)?;
+        build::copy_from_packages(script, &self.folder, &scratch, progress)?;
         cache::publish(&scratch, &folder)?;
-        progress.done("the lab: fetching Vulkan's validation layer: done");
+        progress.done(&format!("the lab: fetching {what}: done"));
         Ok(folder)
+    }
+}
+
+/// A compiler of HLSL to SPIR-V (glslang) and SPIR-V's validator, with their own libraries, so that they run on every machine that can have
+/// the lab.
+#[derive(Debug, Clone)]
+pub struct SpirvTools {
+    folder: PathBuf,
+}
+
+impl SpirvTools {
+    /// The command of the compiler; arguments as `glslangValidator --help` lists them.
+    pub fn compiler(&self) -> Command {
+        self.program("glslangValidator")
+    }
+
+    /// The command of the validator; arguments as `spirv-val --help` lists them.
+    pub fn validator(&self) -> Command {
+        self.program("spirv-val")
+    }
+
+    fn program(&self, name: &str) -> Command {
+        let mut command = Command::new(self.folder.join("ld-linux-x86-64.so.2"));
+        command.arg("--library-path").arg(&self.folder).arg(self.folder.join(name));
+        command
     }
 }
 

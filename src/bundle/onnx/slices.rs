@@ -1,0 +1,670 @@
+//! Splits a transformer into slices: models of consecutive layers that compute together, to the bit, what the whole model computes.
+//!
+//! A slice is a range of the transformer's nodes that run. Constants, and nodes that read only constants, go into each slice that uses them.
+//! A value that one slice makes and a later one reads is handed over: it becomes an output of the first and an input of the second.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use super::check::{footprint_at, opset, parse};
+use super::interface::{Interface, Port};
+use super::proto::{self, Graph};
+use super::shape_inference::{Footprint, Named, infer_sizes};
+use super::wire::{Field, Fields};
+use super::writer::{write_bytes, write_int};
+use super::{Check, Element, Fault, ModelContext, Shape, quoted};
+use crate::bundle::cost::GraphCost;
+use crate::bundle::{Bundle, GraphKind, Manifest, Precision};
+use crate::{Error, ErrorKind, Result};
+
+/// Multiply-adds that count as much as one byte that is moved. Processors do fewer in that time, graphics adapters more; the layers of a
+/// transformer are so much alike that the shares hardly depend on it.
+const MULTIPLY_ADDS_PER_BYTE: u64 = 16;
+
+/// A transformer, and the nodes between which it can be split.
+pub(crate) struct Splitting<'a> {
+    onnx: &'a [u8],
+    context: ModelContext<'a>,
+    opset: i64,
+    graph: Graph<'a>,
+    fields: GraphFields<'a>,
+    inputs: Vec<Port>,
+    outputs: Vec<Port>,
+    /// The global window of all shapes, in latents.
+    window: u32,
+    values: Vec<Value<'a>>,
+    names: HashMap<&'a str, usize>,
+    /// For each node, whether it runs: whether it reads more than constants.
+    runs: Vec<bool>,
+    /// The node at which each part starts: 0, and one between each two layers that can be separated.
+    starts: Vec<usize>,
+    /// Estimated work of each part.
+    work: Vec<u64>,
+}
+
+/// The fields of a graph as they stand in the file, in the order of the lists in [`Graph`].
+#[derive(Default)]
+struct GraphFields<'a> {
+    name: Option<Field<'a>>,
+    nodes: Vec<Field<'a>>,
+    tensors: Vec<Field<'a>>,
+    inputs: Vec<&'a [u8]>,
+    outputs: Vec<&'a [u8]>,
+}
+
+/// A value of the graph.
+struct Value<'a> {
+    name: &'a str,
+    origin: Origin,
+    /// Known for inputs and for values of nodes that run.
+    shape: Option<Shape>,
+    /// The last node that runs and reads it; 0 if none does.
+    last_use: usize,
+    /// Its position among the graph's outputs.
+    output: Option<usize>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Origin {
+    /// A position among the graph's inputs.
+    Input(usize),
+    /// A position among the graph's initializers.
+    Tensor(usize),
+    /// A node that reads constants only.
+    Folded(usize),
+    /// A node that runs.
+    Node(usize),
+}
+
+/// A transformer in slices.
+pub(crate) struct Slices {
+    /// In the order in which they run.
+    pub(crate) models: Vec<SliceModel>,
+    /// The values that slices hand over.
+    pub(crate) handed: Vec<HandedValue>,
+    /// Sizes in bytes of the memories that these values share.
+    pub(crate) memories: Vec<usize>,
+}
+
+/// One slice.
+pub(crate) struct SliceModel {
+    /// A model whose weights are those of the whole model.
+    pub(crate) onnx: Vec<u8>,
+    pub(crate) inputs: Vec<SliceTensor>,
+    pub(crate) outputs: Vec<SliceTensor>,
+    pub(in crate::bundle) footprint: Footprint,
+}
+
+/// An input or output of a slice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum SliceTensor {
+    /// The whole model's input at this position.
+    Input(usize),
+    /// The whole model's output at this position.
+    Output(usize),
+    /// The value at this position of [`Slices::handed`].
+    Handed(usize),
+}
+
+/// A value that one slice makes and later ones read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct HandedValue {
+    pub(crate) name: String,
+    pub(crate) precision: Precision,
+    pub(crate) shape: Vec<usize>,
+    /// The memory that holds it, a position in [`Slices::memories`]. Other values use it before this one is made and after the last slice
+    /// that reads this one.
+    pub(crate) memory: usize,
+    /// The slice that makes it, and the last one that reads it.
+    slices: (usize, usize),
+}
+
+impl Bundle {
+    /// Finds where the transformer can be split, at a global window of `g` latents.
+    ///
+    /// # Errors
+    /// `Unsupported` if the bundle has no graphs of `precision`; `InvalidBundle` if shapes are inconsistent at this window.
+    pub(crate) fn splitting(&self, precision: Precision, g: u32) -> Result<Splitting<'_>> {
+        let onnx = self.model(GraphKind::Transformer, precision)?.onnx;
+        Splitting::of(onnx, &self.manifest, precision, g)
+    }
+}
+
+/// The models of a transformer in `slices` slices, in the order in which they run, at a global window of `g` latents. Their weights are
+/// those of the whole model. For tools and tests: [`World::load`](crate::world::World::load) splits a transformer itself.
+///
+/// # Errors
+/// `InvalidBundle` for a model that is no transformer of this manifest; `InvalidArgument` for a number of slices that it cannot have, and for a
+/// window that the manifest does not allow.
+pub fn slice_transformer(
+    onnx: &[u8],
+    manifest: &Manifest,
+    precision: Precision,
+    g: u32,
+    slices: u32,
+) -> Result<Vec<Vec<u8>>> {
+    manifest.geometry.check_window(g)?;
+    let slices = Splitting::of(onnx, manifest, precision, g)?.split(slices)?;
+    Ok(slices.models.into_iter().map(|model| model.onnx).collect())
+}
+
+impl<'a> Splitting<'a> {
+    fn of(onnx: &'a [u8], manifest: &'a Manifest, precision: Precision, g: u32) -> Result<Self> {
+        let context = ModelContext { manifest, kind: GraphKind::Transformer, precision };
+        Self::find(onnx, context, g).map_err(|fault| context.refuse(fault))
+    }
+
+    fn find(onnx: &'a [u8], context: ModelContext<'a>, window: u32) -> Check<Self> {
+        let model = parse(onnx)?;
+        let Interface { inputs, outputs } = Interface::of(context.kind, context.precision, context.manifest);
+        let interface = Interface { inputs, outputs };
+        interface.check(&model.graph.inputs, &model.graph.outputs)?;
+        let mut shapes = Vec::new();
+        footprint_at(&model, context, window, &mut |_, _, outputs| shapes.push(outputs.to_vec()))?;
+
+        let Interface { inputs, outputs } = interface;
+        let mut splitting = Self {
+            onnx,
+            context,
+            opset: opset(&model)?,
+            fields: GraphFields::of(onnx)?,
+            graph: model.graph,
+            inputs,
+            outputs,
+            window,
+            values: Vec::new(),
+            names: HashMap::new(),
+            runs: Vec::new(),
+            starts: Vec::new(),
+            work: Vec::new(),
+        };
+        splitting.add_values(shapes)?;
+        splitting.starts = splitting.starts()?;
+        splitting.work = splitting.part_work()?;
+        Ok(splitting)
+    }
+
+    /// The most slices that the transformer can have.
+    pub(crate) fn max_slices(&self) -> u32 {
+        u32::try_from(self.starts.len()).unwrap_or(u32::MAX)
+    }
+
+    /// Estimated share of the longest of `slices` slices in a pass, above 0 and at most 1.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a number of slices that the transformer cannot have.
+    pub(crate) fn longest_share(&self, slices: u32) -> Result<f64> {
+        let sum = |parts: &Range<usize>| self.work[parts.clone()].iter().map(|&work| work as f64).sum::<f64>();
+        let longest = self.groups(slices)?.iter().map(sum).fold(0.0, f64::max);
+        Ok(longest / sum(&(0..self.work.len())))
+    }
+
+    /// The transformer in `slices` slices of about the same work.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a number of slices that the transformer cannot have; `InvalidBundle` if a value that slices would hand over is
+    /// no floating-point tensor.
+    pub(crate) fn split(&self, slices: u32) -> Result<Slices> {
+        let mut split = Slices { models: Vec::new(), handed: Vec::new(), memories: Vec::new() };
+        let mut handed = HashMap::new();
+        let mut write = |slice, parts: Range<usize>| {
+            let model = self.write(slice, self.nodes(&parts), &mut handed, &mut split.handed)?;
+            split.models.push(model);
+            Ok(())
+        };
+        for (slice, parts) in self.groups(slices)?.into_iter().enumerate() {
+            write(slice, parts).map_err(|fault: Fault| self.context.refuse(fault))?;
+        }
+        split.assign_memories();
+        Ok(split)
+    }
+
+    fn groups(&self, slices: u32) -> Result<Vec<Range<usize>>> {
+        let most = self.max_slices();
+        if slices == 0 || slices > most {
+            let cause = format!("the transformer cannot run in {slices} slices: it can be split into 1 to {most}");
+            let remedy = format!("Use 1 to {most}: a slice has one layer at least");
+            return Err(Error::new(ErrorKind::InvalidArgument, cause).field("slices").remedy(remedy));
+        }
+        Ok(groups(&self.work, slices as usize))
+    }
+
+    /// The nodes of consecutive parts.
+    fn nodes(&self, parts: &Range<usize>) -> Range<usize> {
+        let start = |part| self.starts.get(part).copied().unwrap_or(self.graph.nodes.len());
+        start(parts.start)..start(parts.end)
+    }
+
+    /// Fills `values`, `names` and `runs`. `shapes` has the shapes of the outputs of each node that runs.
+    fn add_values(&mut self, shapes: Vec<Vec<Shape>>) -> Check<()> {
+        let mut shapes = shapes.into_iter();
+        for (i, (value, port)) in self.graph.inputs.iter().zip(&self.inputs).enumerate() {
+            let shape = Some(port.shape(self.context.manifest, self.window));
+            add(&mut self.values, &mut self.names, value.name, Origin::Input(i), shape)?;
+        }
+        for (i, tensor) in self.graph.tensors.iter().enumerate() {
+            add(&mut self.values, &mut self.names, tensor.name, Origin::Tensor(i), None)?;
+        }
+        for (i, node) in self.graph.nodes.iter().enumerate() {
+            let mut runs = false;
+            let mut read = Vec::with_capacity(node.inputs.len());
+            for name in node.inputs.iter().filter(|name| !name.is_empty()) {
+                let value = find(&self.names, name)?;
+                runs |= matches!(self.values[value].origin, Origin::Input(_) | Origin::Node(_));
+                read.push(value);
+            }
+            self.runs.try_reserve(1).map_err(Fault::no_memory)?;
+            self.runs.push(runs);
+            let made = if runs { shapes.next() } else { None };
+            for (j, name) in node.outputs.iter().enumerate() {
+                let origin = if runs { Origin::Node(i) } else { Origin::Folded(i) };
+                let shape = made.as_ref().and_then(|made| made.get(j)).cloned();
+                add(&mut self.values, &mut self.names, name, origin, shape)?;
+            }
+            if runs {
+                read.into_iter().for_each(|value| self.values[value].last_use = i);
+            }
+        }
+        for (i, output) in self.graph.outputs.iter().enumerate() {
+            let value = find(&self.names, output.name)?;
+            self.values[value].output = Some(i);
+        }
+        Ok(())
+    }
+
+    /// Finds where parts start. Between two layers, all nodes that read keys or values of the ring, or make those of the current latent, belong
+    /// to one side; of the places where that is so, the one at which the fewest bytes are handed over is taken, the last of several.
+    fn starts(&self) -> Check<Vec<usize>> {
+        let (nodes, layers) = (self.graph.nodes.len(), self.context.manifest.geometry.layers as usize);
+        let mut touched: Vec<Option<(usize, usize)>> = vec![None; layers];
+        for (i, node) in self.graph.nodes.iter().enumerate().filter(|(i, _)| self.runs[*i]) {
+            let layer = |name: &&str, of: fn(&Self, &Value<'_>) -> Option<usize>| {
+                self.names.get(name).and_then(|&value| of(self, &self.values[value]))
+            };
+            let read = node.inputs.iter().filter_map(|name| layer(name, Self::past_layer));
+            let made = node.outputs.iter().filter_map(|name| layer(name, Self::present_layer));
+            for layer in read.chain(made) {
+                let range = touched.get_mut(layer).ok_or_else(|| Fault::new("a layer is out of range"))?;
+                *range = Some(range.map_or((i, i), |(first, _)| (first, i)));
+            }
+        }
+
+        let handed = self.handed_bytes();
+        // The first node of all later layers, for each layer.
+        let mut first = vec![nodes; layers];
+        for layer in (0..layers.saturating_sub(1)).rev() {
+            first[layer] = first[layer + 1].min(touched[layer + 1].map_or(nodes, |(first, _)| first));
+        }
+        let (mut starts, mut last) = (vec![0], None);
+        for layer in 0..layers.saturating_sub(1) {
+            last = last.max(touched[layer].map(|(_, last)| last));
+            let (earliest, latest) = (last.map_or(0, |last| last + 1), first[layer]);
+            let places = (earliest..=latest).filter(|&at| starts.last().is_some_and(|&start| start < at) && at < nodes);
+            starts.extend(places.min_by_key(|&at| (handed[at], std::cmp::Reverse(at))));
+        }
+        Ok(starts)
+    }
+
+    /// The layer whose keys or values in the ring a value is.
+    fn past_layer(&self, value: &Value<'_>) -> Option<usize> {
+        let Origin::Input(at) = value.origin else { return None };
+        self.layer(at, self.inputs.len())
+    }
+
+    /// The layer whose keys or values of the current latent a value is.
+    fn present_layer(&self, value: &Value<'_>) -> Option<usize> {
+        self.layer(value.output?, self.outputs.len())
+    }
+
+    /// The layer of an input or output: two of each layer end the lists, in the order of the layers.
+    fn layer(&self, at: usize, all: usize) -> Option<usize> {
+        let pairs = 2 * self.context.manifest.geometry.layers as usize;
+        Some(at.checked_sub(all.checked_sub(pairs)?)? / 2)
+    }
+
+    /// For each node, the bytes of values that are made before it and read by it or a later one.
+    fn handed_bytes(&self) -> Vec<u64> {
+        let nodes = self.graph.nodes.len();
+        let (mut begin, mut end) = (vec![0_u64; nodes + 1], vec![0_u64; nodes + 1]);
+        for value in &self.values {
+            if let (Origin::Node(made), Some(shape)) = (value.origin, &value.shape)
+                && value.last_use > made
+            {
+                let bytes = shape.count().unwrap_or(u64::MAX).saturating_mul(shape.element.bytes());
+                begin[made + 1] = begin[made + 1].saturating_add(bytes);
+                end[value.last_use + 1] = end[value.last_use + 1].saturating_add(bytes);
+            }
+        }
+        let mut live = 0_u64;
+        let at = |(begin, end)| {
+            live = live.saturating_add(begin).saturating_sub(end);
+            live
+        };
+        begin.into_iter().zip(end).map(at).collect()
+    }
+
+    /// Estimated work of each part.
+    fn part_work(&self) -> Check<Vec<u64>> {
+        let (mut handed, mut list) = (HashMap::new(), Vec::new());
+        let mut work = |part: usize| {
+            let model = self.write(part, self.nodes(&(part..part + 1)), &mut handed, &mut list)?;
+            let GraphCost { multiply_adds, bytes } = model.footprint.cost;
+            Ok(multiply_adds.saturating_add(bytes.saturating_mul(MULTIPLY_ADDS_PER_BYTE)).max(1))
+        };
+        (0..self.starts.len()).map(&mut work).collect()
+    }
+
+    /// Writes the model of a slice and infers its sizes. `handed` has the values that slices hand over, by their position in `values`, and `list`
+    /// their description.
+    fn write(
+        &self,
+        slice: usize,
+        nodes: Range<usize>,
+        handed: &mut HashMap<usize, usize>,
+        list: &mut Vec<HandedValue>,
+    ) -> Check<SliceModel> {
+        let (mut kept_nodes, mut kept_tensors) =
+            (vec![false; self.graph.nodes.len()], vec![false; self.graph.tensors.len()]);
+        let (mut inputs, mut outputs, mut pending) = (Vec::new(), Vec::new(), Vec::new());
+        for i in nodes.clone().filter(|&i| self.runs[i]) {
+            kept_nodes[i] = true;
+            pending.push(i);
+            for name in &self.graph.nodes[i].outputs {
+                let value = find(&self.names, name)?;
+                match self.values[value] {
+                    Value { output: Some(at), .. } => outputs.push((SliceTensor::Output(at), value)),
+                    Value { last_use, .. } if last_use >= nodes.end => {
+                        let at = self.hand_over(slice, value, handed, list)?;
+                        outputs.push((SliceTensor::Handed(at), value));
+                    }
+                    _ => {}
+                }
+            }
+        }
+        let mut is_input = vec![false; self.values.len()];
+        while let Some(i) = pending.pop() {
+            for name in self.graph.nodes[i].inputs.iter().filter(|name| !name.is_empty()) {
+                let value = find(&self.names, name)?;
+                let input = match self.values[value] {
+                    Value { origin: Origin::Tensor(at), .. } => {
+                        kept_tensors[at] = true;
+                        None
+                    }
+                    Value { origin: Origin::Folded(at), .. } => {
+                        if !std::mem::replace(&mut kept_nodes[at], true) {
+                            pending.push(at);
+                        }
+                        None
+                    }
+                    Value { origin: Origin::Node(at), .. } if nodes.contains(&at) => None,
+                    Value { origin: Origin::Input(at), .. } => Some(SliceTensor::Input(at)),
+                    Value { output: Some(at), .. } => Some(SliceTensor::Output(at)),
+                    _ => {
+                        let at = handed.get(&value).copied();
+                        let at = at.ok_or_else(|| Fault::new(format!("{} is not handed over", quoted(name))))?;
+                        list[at].slices.1 = slice;
+                        Some(SliceTensor::Handed(at))
+                    }
+                };
+                if let Some(tensor) = input
+                    && !std::mem::replace(&mut is_input[value], true)
+                {
+                    inputs.push((tensor, value));
+                }
+            }
+        }
+        // Inputs in the order in which they are made; it does not depend on the order of the search.
+        inputs.sort_by_key(|(_, value)| *value);
+
+        let mut graph = Vec::new();
+        for (field, _) in self.fields.nodes.iter().zip(&kept_nodes).filter(|(_, is_kept)| **is_kept) {
+            field.write(&mut graph);
+        }
+        self.fields.name.iter().for_each(|name| name.write(&mut graph));
+        for (field, _) in self.fields.tensors.iter().zip(&kept_tensors).filter(|(_, is_kept)| **is_kept) {
+            field.write(&mut graph);
+        }
+        for (number, tensors) in [(11, &inputs), (12, &outputs)] {
+            for &(tensor, value) in tensors {
+                match tensor {
+                    SliceTensor::Input(at) => write_bytes(&mut graph, number, self.fields.inputs[at]),
+                    SliceTensor::Output(at) => write_bytes(&mut graph, number, self.fields.outputs[at]),
+                    SliceTensor::Handed(_) => write_bytes(&mut graph, number, &value_info(&self.values[value])),
+                }
+            }
+        }
+        let mut onnx = Vec::new();
+        let mut fields = Fields::new("the model", self.onnx);
+        while let Some(field) = fields.next()? {
+            match field.number {
+                7 => write_bytes(&mut onnx, 7, &graph),
+                _ => field.write(&mut onnx),
+            }
+        }
+
+        let footprint = self.check_written(&onnx, &inputs, &outputs)?;
+        let tensors = |list: Vec<(SliceTensor, usize)>| list.into_iter().map(|(tensor, _)| tensor).collect();
+        Ok(SliceModel { onnx, inputs: tensors(inputs), outputs: tensors(outputs), footprint })
+    }
+
+    /// Reads a written slice as any model, and infers its sizes.
+    fn check_written(
+        &self,
+        onnx: &[u8],
+        inputs: &[(SliceTensor, usize)],
+        outputs: &[(SliceTensor, usize)],
+    ) -> Check<Footprint> {
+        let model = proto::model(onnx)?;
+        let shapes = |list: &[(SliceTensor, usize)]| -> Check<Vec<(&str, Shape)>> {
+            let named = |&(_, value): &(SliceTensor, usize)| {
+                let Value { name, shape, .. } = &self.values[value];
+                let shape = shape.clone().ok_or_else(|| Fault::new(format!("{} has no shape", quoted(name))))?;
+                Ok((*name, shape))
+            };
+            list.iter().map(named).collect()
+        };
+        let (inputs, outputs) = (shapes(inputs)?, shapes(outputs)?);
+        let (inputs, outputs): (&Named<'_>, &Named<'_>) = (&inputs, &outputs);
+        infer_sizes(&model.graph, self.opset, inputs, outputs, &mut |_, _, _| ())
+    }
+
+    /// Adds a value that `slice` makes and a later one reads; returns its position in `list`.
+    fn hand_over(
+        &self,
+        slice: usize,
+        value: usize,
+        handed: &mut HashMap<usize, usize>,
+        list: &mut Vec<HandedValue>,
+    ) -> Check<usize> {
+        let Value { name, shape, .. } = &self.values[value];
+        let fault = |what: &str| Fault::new(format!("{} goes from layer to layer and {what}", quoted(name)));
+        let shape = shape.as_ref().ok_or_else(|| fault("has no shape"))?;
+        let precision = match shape.element {
+            Element::F32 => Precision::F32,
+            Element::F16 => Precision::F16,
+            Element::U8 | Element::I64 => return Err(fault(&format!("is {}", shape.element))),
+        };
+        let shape = shape.dims.iter().map(|&n| usize::try_from(n)).collect::<std::result::Result<Vec<_>, _>>();
+        let shape = shape.map_err(|_| fault("is too large"))?;
+        handed.try_reserve(1).map_err(Fault::no_memory)?;
+        handed.insert(value, list.len());
+        list.push(HandedValue { name: (*name).to_owned(), precision, shape, memory: 0, slices: (slice, slice) });
+        Ok(list.len() - 1)
+    }
+}
+
+impl<'a> GraphFields<'a> {
+    fn of(onnx: &'a [u8]) -> Check<Self> {
+        let mut found = Self::default();
+        let mut fields = Fields::new("the model", onnx);
+        while let Some(field) = fields.next()? {
+            if field.number != 7 {
+                continue;
+            }
+            let mut fields = field.message("the graph")?;
+            while let Some(field) = fields.next()? {
+                match field.number {
+                    1 => found.nodes.push(field),
+                    2 => found.name = Some(field),
+                    5 => found.tensors.push(field),
+                    11 => found.inputs.push(field.bytes()?),
+                    12 => found.outputs.push(field.bytes()?),
+                    _ => {}
+                }
+            }
+        }
+        Ok(found)
+    }
+}
+
+impl HandedValue {
+    /// Size in bytes.
+    fn bytes(&self) -> usize {
+        self.shape.iter().product::<usize>() * self.precision.bytes()
+    }
+}
+
+impl Slices {
+    /// Lets values of one size share memory, where the slices that make or read them differ.
+    fn assign_memories(&mut self) {
+        // For each memory, the last slice that uses it.
+        let mut used_until: Vec<usize> = Vec::new();
+        for value in &mut self.handed {
+            let (bytes, (made, last)) = (value.bytes(), value.slices);
+            let free = (0..self.memories.len()).find(|&at| self.memories[at] == bytes && used_until[at] < made);
+            value.memory = free.unwrap_or_else(|| {
+                self.memories.push(bytes);
+                used_until.push(0);
+                self.memories.len() - 1
+            });
+            used_until[value.memory] = last;
+        }
+    }
+}
+
+fn add<'a>(
+    values: &mut Vec<Value<'a>>,
+    names: &mut HashMap<&'a str, usize>,
+    name: &'a str,
+    origin: Origin,
+    shape: Option<Shape>,
+) -> Check<()> {
+    values.try_reserve(1).map_err(Fault::no_memory)?;
+    names.try_reserve(1).map_err(Fault::no_memory)?;
+    names.insert(name, values.len());
+    values.push(Value { name, origin, shape, last_use: 0, output: None });
+    Ok(())
+}
+
+fn find(names: &HashMap<&str, usize>, name: &str) -> Check<usize> {
+    names.get(name).copied().ok_or_else(|| Fault::new(format!("{} is read before it is made", quoted(name))))
+}
+
+/// `ValueInfoProto` of a value with known dimensions.
+fn value_info(value: &Value<'_>) -> Vec<u8> {
+    let (mut shape, mut tensor, mut kind, mut written) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    if let Some(Shape { element, dims }) = &value.shape {
+        for &n in dims {
+            let mut dimension = Vec::new();
+            write_int(&mut dimension, 1, n);
+            write_bytes(&mut shape, 1, &dimension);
+        }
+        write_int(&mut tensor, 1, *element as u64);
+    }
+    write_bytes(&mut tensor, 2, &shape);
+    write_bytes(&mut kind, 1, &tensor);
+    write_bytes(&mut written, 1, value.name.as_bytes());
+    write_bytes(&mut written, 2, &kind);
+    written
+}
+
+/// Divides consecutive parts into `count` groups whose largest sum of `work` is as small as it can be. There are at least `count` parts, and
+/// `count` is at least 1.
+fn groups(work: &[u64], count: usize) -> Vec<Range<usize>> {
+    let needed = |limit: u64| {
+        let (mut groups, mut sum) = (1, 0_u64);
+        for &part in work {
+            sum = sum.saturating_add(part);
+            if sum > limit {
+                (groups, sum) = (groups + 1, part);
+            }
+        }
+        groups
+    };
+    let largest = work.iter().copied().max().unwrap_or(0);
+    let (mut low, mut high) = (largest, work.iter().fold(0_u64, |sum, &part| sum.saturating_add(part)));
+    while low < high {
+        let middle = low + (high - low) / 2;
+        if needed(middle) <= count { high = middle } else { low = middle + 1 }
+    }
+    let (mut groups, mut start, mut sum) = (Vec::with_capacity(count), 0, 0_u64);
+    for (at, &part) in work.iter().enumerate() {
+        sum = sum.saturating_add(part);
+        // Every group that is left needs a part.
+        let are_parts_short = work.len() - at == count - groups.len() - 1;
+        if at > start && (sum > high || are_parts_short) {
+            groups.push(start..at);
+            (start, sum) = (at, part);
+        }
+    }
+    groups.push(start..work.len());
+    groups
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_are_as_many_as_asked_for_and_their_largest_is_as_small_as_can_be() {
+        assert_eq!(groups(&[1, 1, 1, 1], 2), [0..2, 2..4]);
+        assert_eq!(groups(&[1, 1, 1, 9], 2), [0..3, 3..4]);
+        assert_eq!(groups(&[9, 1, 1, 1], 3), [0..1, 1..3, 3..4]);
+        assert_eq!(groups(&[u64::MAX; 3], 3), [0..1, 1..2, 2..3]);
+        assert_eq!(groups(&[u64::MAX; 3], 1), vec![0..3]);
+        // Every division is tried.
+        fn smallest(work: &[u64], count: usize) -> u64 {
+            if count == 1 {
+                return work.iter().sum();
+            }
+            let first = 1..=work.len() - (count - 1);
+            let largest = |n: usize| work[..n].iter().sum::<u64>().max(smallest(&work[n..], count - 1));
+            first.map(largest).min().expect("a division")
+        }
+        for work in [[3, 1, 4, 1, 5, 9, 2, 6], [1, 1, 1, 1, 1, 1, 1, 1], [8, 7, 6, 5, 4, 3, 2, 1]] {
+            for count in 1..=work.len() {
+                let found = groups(&work, count);
+                let ends = found.iter().map(|group| group.end).chain([work.len()]);
+                assert!(std::iter::once(0).chain(ends).is_sorted() && found.iter().all(|group| !group.is_empty()));
+                assert_eq!((found.len(), found[0].start, found[count - 1].end), (count, 0, work.len()));
+                assert!(found.windows(2).all(|pair| pair[0].end == pair[1].start));
+                let largest = found.iter().map(|group| work[group.clone()].iter().sum::<u64>()).max();
+                assert_eq!(largest, Some(smallest(&work, count)), "{work:?} in {count}");
+            }
+        }
+    }
+
+    #[test]
+    fn values_share_memory_only_while_no_slice_needs_both() {
+        let value = |shape: &[usize], slices| HandedValue {
+            name: String::new(),
+            precision: Precision::F16,
+            shape: shape.to_vec(),
+            memory: 0,
+            slices,
+        };
+        let handed = vec![
+            value(&[4], (0, 1)),
+            value(&[4], (0, 3)),
+            value(&[8], (0, 1)),
+            value(&[4], (1, 2)),
+            value(&[2, 2], (2, 3)),
+            value(&[4], (3, 4)),
+        ];
+        let mut slices = Slices { models: Vec::new(), handed, memories: Vec::new() };
+        slices.assign_memories();
+        let memories: Vec<usize> = slices.handed.iter().map(|value| value.memory).collect();
+        assert_eq!(memories, [0, 1, 2, 3, 0, 3]);
+        assert_eq!(slices.memories, [8, 8, 16, 8]);
+    }
+}

@@ -1,0 +1,326 @@
+//! The transformer of a world: one graph, or slices of it that run one after the other.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use half::f16;
+
+use super::graph_spec::{self, GraphSpec, Shapes};
+use crate::Result;
+use crate::bundle::{Bundle, GraphKind, Manifest, ModelSource, Precision, SliceModel, SliceTensor, Slices};
+#[cfg(windows)]
+use crate::runtime::Work;
+use crate::runtime::{BindingId, BufferId, Device, ElementType, ExecutionContext, Graph, TensorSpec};
+
+/// Measured passes, after one that is not measured because graphs allocate memory in it.
+const MEASURED_PASSES: usize = 3;
+
+/// Numbers that are uploaded at a time before the measurement.
+const FILLED_AT_ONCE: usize = 64 << 10;
+
+/// The graphs of a transformer and how they fit together. Shared by rollouts.
+pub(super) struct Transformer {
+    /// In the order in which they run.
+    slices: Vec<Slice>,
+    /// Inputs of the whole transformer, then its outputs.
+    tensors: Vec<TensorSpec>,
+    /// Number of inputs in `tensors`.
+    inputs: usize,
+    /// Sizes in bytes of the memories in which slices hand values over.
+    memories: Vec<usize>,
+}
+
+struct Slice {
+    graph: Arc<Graph>,
+    /// The tensor of each input, then of each output.
+    tensors: Vec<Tensor>,
+}
+
+/// What an input or output of a slice is bound to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Tensor {
+    /// An input or output of the whole transformer, a position in [`Transformer::tensors`].
+    Whole(usize),
+    /// A memory, a position in [`Transformer::memories`].
+    Memory(usize),
+}
+
+/// A transformer with all inputs and outputs bound to buffers of one context.
+pub(super) struct PassBinding(Vec<BindingId>);
+
+impl PassBinding {
+    /// Runs the slices. Between two of them a context that is stopped ends the pass, and one with a limit on queued work may wait.
+    pub(super) fn run(&self, context: &mut dyn ExecutionContext) -> Result<()> {
+        self.0.iter().try_for_each(|slice| context.run(*slice))
+    }
+}
+
+/// What a transformer is loaded from.
+pub(super) struct TransformerSource<'a> {
+    pub(super) device: &'a Device,
+    pub(super) bundle: &'a Bundle,
+    pub(super) precision: Precision,
+    pub(super) shapes: &'a Shapes,
+    pub(super) global_window: u32,
+}
+
+impl TransformerSource<'_> {
+    fn manifest(&self) -> &Manifest {
+        self.bundle.manifest()
+    }
+
+    /// Makes the sessions of `slices` slices; `proceed` is called before each.
+    ///
+    /// # Errors
+    /// As [`World::load_with`](super::World::load_with).
+    pub(super) fn load(&self, slices: u32, proceed: &dyn Fn() -> Result<()>) -> Result<Transformer> {
+        let source = self.bundle.model(GraphKind::Transformer, self.precision)?;
+        let spec = graph_spec::transformer(&self.manifest().geometry, self.shapes, self.precision);
+        let dimensions = graph_spec::dimensions(self.shapes);
+        if slices == 1 {
+            proceed()?;
+            let GraphSpec { inputs, outputs } = spec.clone();
+            let graph = self.device.graph("transformer", &source, &dimensions, inputs, outputs)?;
+            return Ok(Transformer::whole(graph, spec));
+        }
+        let Slices { models, handed, memories } =
+            self.bundle.splitting(self.precision, self.global_window)?.split(slices)?;
+        let (inputs, whole) = (spec.inputs.len(), [spec.inputs, spec.outputs].concat());
+        let position = |tensor: &SliceTensor| match *tensor {
+            SliceTensor::Input(at) => Tensor::Whole(at),
+            SliceTensor::Output(at) => Tensor::Whole(inputs + at),
+            SliceTensor::Handed(at) => Tensor::Memory(handed[at].memory),
+        };
+        let spec_of = |tensor: &SliceTensor| match *tensor {
+            SliceTensor::Input(at) => whole[at].clone(),
+            SliceTensor::Output(at) => whole[inputs + at].clone(),
+            SliceTensor::Handed(at) => TensorSpec::new(&handed[at].name, handed[at].precision, &handed[at].shape),
+        };
+        let make = |(i, model): (usize, &SliceModel)| {
+            proceed()?;
+            let what = format!("transformer, slice {} of {slices}", i + 1);
+            let slice = ModelSource { onnx: &model.onnx, external: source.external.clone() };
+            let specs = |tensors: &[SliceTensor]| tensors.iter().map(spec_of).collect();
+            let (inputs, outputs) = (specs(&model.inputs), specs(&model.outputs));
+            let graph = self.device.graph(&what, &slice, &dimensions, inputs, outputs)?;
+            Ok(Slice { graph, tensors: model.inputs.iter().chain(&model.outputs).map(position).collect() })
+        };
+        let slices = models.iter().enumerate().map(make).collect::<Result<_>>()?;
+        Ok(Transformer { slices, tensors: whole, inputs, memories })
+    }
+
+    /// Makes the sessions of as few slices as keep the longest within `limit`, and returns the measured time of the longest one. The whole
+    /// transformer is measured first; how many slices are needed is estimated from that time, and measured again. `fits` says whether so many
+    /// slices fit in memory. If no number of slices keeps the limit, the largest one that fits is taken.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub(super) fn load_within(
+        &self,
+        limit: Duration,
+        fits: &dyn Fn(u32) -> bool,
+        proceed: &dyn Fn(u32) -> Result<()>,
+    ) -> Result<(Transformer, Duration)> {
+        let splitting = self.bundle.splitting(self.precision, self.global_window)?;
+        let mut slices = 1;
+        loop {
+            let transformer = self.load(slices, &|| proceed(slices))?;
+            let longest = transformer.measure(self.device)?.into_iter().max().unwrap_or_default();
+            log::info!("the longest of {slices} slices of the transformer takes {longest:?}, the limit is {limit:?}");
+            let next = more_slices(slices, longest, limit, splitting.max_slices(), |n| splitting.longest_share(n))?;
+            let Some(next) = next.and_then(|next| (slices + 1..=next).rev().find(|&n| fits(n))) else {
+                if longest > limit {
+                    log::warn!("a slice of the transformer takes {longest:?}, more than the limit of {limit:?}");
+                }
+                return Ok((transformer, longest));
+            };
+            slices = next;
+        }
+    }
+}
+
+/// The number of slices to try after `slices`, of which the longest takes `longest`; `None` if that is within `limit` or no more than `most`
+/// are possible. `share` is the estimated share of the longest of so many slices.
+fn more_slices(
+    slices: u32,
+    longest: Duration,
+    limit: Duration,
+    most: u32,
+    share: impl Fn(u32) -> Result<f64>,
+) -> Result<Option<u32>> {
+    if longest <= limit || slices >= most {
+        return Ok(None);
+    }
+    let wanted = share(slices)? * limit.as_secs_f64() / longest.as_secs_f64();
+    // A quarter more at least: estimates that are always too low must not load every number in turn.
+    for more in (slices + slices.div_ceil(4)).min(most)..most {
+        if share(more)? <= wanted {
+            return Ok(Some(more));
+        }
+    }
+    Ok(Some(most))
+}
+
+impl Transformer {
+    /// A transformer that is one graph with these inputs and outputs.
+    pub(super) fn whole(graph: Arc<Graph>, spec: GraphSpec) -> Self {
+        let (inputs, tensors) = (spec.inputs.len(), [spec.inputs, spec.outputs].concat());
+        let slice = Slice { graph, tensors: (0..tensors.len()).map(Tensor::Whole).collect() };
+        Self { slices: vec![slice], tensors, inputs, memories: Vec::new() }
+    }
+
+    /// Number of slices.
+    pub(super) fn slices(&self) -> u32 {
+        u32::try_from(self.slices.len()).unwrap_or(u32::MAX)
+    }
+
+    /// The graphs, in the order in which they run.
+    #[cfg(windows)]
+    pub(super) fn graphs(&self) -> impl Iterator<Item = &Arc<Graph>> {
+        self.slices.iter().map(|slice| &slice.graph)
+    }
+
+    /// Inputs, then outputs.
+    pub(super) fn tensors(&self) -> &[TensorSpec] {
+        &self.tensors
+    }
+
+    /// Number of inputs in [`tensors`](Self::tensors).
+    pub(super) fn input_count(&self) -> usize {
+        self.inputs
+    }
+
+    /// Bytes of a rollout's memories for values that slices hand over.
+    pub(super) fn handed_bytes(&self) -> u64 {
+        self.memories.iter().map(|&bytes| bytes as u64).sum()
+    }
+
+    /// The memories in which slices hand values over, for [`bind`](Self::bind). Bindings of one context may share them, because its passes
+    /// follow each other.
+    pub(super) fn memories(&self, context: &mut dyn ExecutionContext) -> Result<Vec<BufferId>> {
+        self.memories.iter().map(|&bytes| context.buffer(bytes)).collect()
+    }
+
+    /// Binds all slices permanently: `tensors` are the inputs of the whole transformer in order, then its outputs in order.
+    pub(super) fn bind(
+        &self,
+        context: &mut dyn ExecutionContext,
+        tensors: &[BufferId],
+        memories: &[BufferId],
+    ) -> Result<PassBinding> {
+        assert_eq!(tensors.len(), self.tensors.len(), "one buffer for each input and output");
+        let buffer = |tensor: &Tensor| match *tensor {
+            Tensor::Whole(at) => tensors[at],
+            Tensor::Memory(at) => memories[at],
+        };
+        let bind = |slice: &Slice| {
+            let buffers: Vec<BufferId> = slice.tensors.iter().map(buffer).collect();
+            context.bind(&slice.graph, &buffers)
+        };
+        self.slices.iter().map(bind).collect::<Result<_>>().map(PassBinding)
+    }
+
+    /// For tests: pairs of values that slices hand over in memories of one size, of which a slice could read the wrong one.
+    #[cfg(test)]
+    fn confusable(&self) -> Vec<(usize, usize, usize)> {
+        let mut pairs = Vec::new();
+        for (i, slice) in self.slices.iter().enumerate() {
+            let inputs = slice.graph.input_count();
+            for (at, tensor) in slice.tensors[..inputs].iter().enumerate() {
+                let Tensor::Memory(own) = *tensor else { continue };
+                let alike = |&other: &usize| other != own && self.memories[other] == self.memories[own];
+                pairs.extend((0..self.memories.len()).filter(alike).map(|other| (i, at, other)));
+            }
+        }
+        pairs
+    }
+
+    /// For tests: number of mutants for [`mutate`](Self::mutate).
+    #[cfg(test)]
+    pub(super) fn mutants(&self) -> usize {
+        self.confusable().len()
+    }
+
+    /// For tests: binds an input of a slice to the memory of another value.
+    #[cfg(test)]
+    pub(super) fn mutate(&mut self, mutant: usize) {
+        let (slice, input, memory) = self.confusable()[mutant];
+        self.slices[slice].tensors[input] = Tensor::Memory(memory);
+    }
+
+    /// Measures passes: the median time of each slice, by the device's clock if it has one.
+    fn measure(&self, device: &Device) -> Result<Vec<Duration>> {
+        let mut context = device.context()?;
+        let buffers: Vec<BufferId> =
+            self.tensors.iter().map(|spec| context.buffer(spec.bytes())).collect::<Result<_>>()?;
+        // Typical values: zeroes have a speed of their own.
+        let (wide, half) = (vec![0.1_f32; FILLED_AT_ONCE], vec![f16::from_f32(0.1); FILLED_AT_ONCE]);
+        for (buffer, spec) in buffers.iter().zip(&self.tensors[..self.inputs]) {
+            let values: &[u8] = match spec.element {
+                ElementType::F16 => bytemuck::cast_slice(&half),
+                _ => bytemuck::cast_slice(&wide),
+            };
+            for at in (0..spec.bytes()).step_by(values.len()) {
+                context.upload(*buffer, at, &values[..values.len().min(spec.bytes() - at)])?;
+            }
+        }
+        let memories = self.memories(&mut *context)?;
+        let binding = self.bind(&mut *context, &buffers, &memories)?;
+        let mut times = vec![Vec::with_capacity(MEASURED_PASSES); self.slices.len()];
+        for pass in 0..=MEASURED_PASSES {
+            for ((slice, binding), times) in self.slices.iter().zip(&binding.0).zip(&mut times) {
+                let start = Instant::now();
+                context.run(*binding)?;
+                // Waits for the device.
+                context.read(buffers[0], 0, &mut [0; 2])?;
+                let took = device_time(&mut *context, &slice.graph).unwrap_or_else(|| start.elapsed());
+                if pass > 0 {
+                    times.push(took);
+                }
+            }
+        }
+        let median = |mut times: Vec<Duration>| {
+            times.sort_unstable();
+            times[times.len() / 2]
+        };
+        Ok(times.into_iter().map(median).collect())
+    }
+}
+
+/// Time of the last run of a graph by the device's own clock; `None` if it has none.
+fn device_time(context: &mut dyn ExecutionContext, graph: &Arc<Graph>) -> Option<Duration> {
+    #[cfg(windows)]
+    return context.gpu_time(Work::Runs(graph)).map(|time| time.last).filter(|last| !last.is_zero());
+    #[cfg(not(windows))]
+    {
+        let _ = (context, graph);
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_slices_are_tried_as_the_time_of_the_longest_suggests() {
+        const MS: Duration = Duration::from_millis(1);
+        // 24 layers of equal work.
+        let share = |slices: u32| Ok(f64::from(24_u32.div_ceil(slices)) / 24.0);
+        let more = |slices, longest: u32, limit: u32| {
+            more_slices(slices, longest * MS, limit * MS, 24, share).expect("a number")
+        };
+        assert_eq!(more(1, 24, 24), None);
+        assert_eq!(more(1, 24, 23), Some(2));
+        assert_eq!(more(1, 24, 8), Some(3));
+        // Five slices have five layers at most, as six have four.
+        assert_eq!(more(1, 24, 4), Some(6));
+        assert_eq!(more(1, 24, 1), Some(24));
+        assert_eq!(more(1, 24, 0), Some(24));
+        // The estimate was too low: the next one starts from what was measured, and is a quarter more at least.
+        assert_eq!(more(6, 5, 4), Some(8));
+        assert_eq!(more(12, 5, 4), Some(24));
+        assert_eq!(more(23, 2, 1), Some(24));
+        assert_eq!(more(24, 2, 1), None);
+    }
+}
