@@ -5,9 +5,9 @@ use std::io::Cursor;
 
 use cairn::Picture;
 
-use crate::media::{Y4mReader, y4m_header};
 use crate::metrics::check_weights;
 use crate::picture;
+use media::{Y4mReader, y4m_header};
 
 /// Pixels of the largest picture that is decoded: more only takes longer.
 const MAX_PIXELS: u64 = 1 << 20;
@@ -59,9 +59,9 @@ pub fn lpips_weights(bytes: &[u8]) {
 pub mod seeds {
     use cairn::Picture;
 
-    use crate::media::{JpegQuality, encode_jpeg, encode_png, y4m_header};
     use crate::metrics::small_weights;
     use crate::picture;
+    use media::{JpegQuality, encode_jpeg, encode_png, y4m_header};
 
     fn drawn() -> Picture {
         let mut drawn = Picture::new(16, 16).expect("a picture");

@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 use cairn::{Error, ErrorKind, Result};
 
 use crate::generator::GeneratorChoice;
-use crate::media::{Disk, FrameRate, Recorder, VideoFormat, WrittenFile};
 use crate::progress::Progress;
+use media::{Disk, FrameRate, Recorder, VideoFormat, WrittenFile};
 use pipeline::{Counts, Stages, Steps};
 use source::Input;
 use target::Target;

@@ -15,11 +15,11 @@ use crate::inputs::{self, LoadedInputs};
 use crate::latents::LatentFile;
 use crate::machine::{self, Versions};
 use crate::manifest::{Counts, MANIFEST_VERSION, Manifest, Output, absolute, to_json};
-use crate::media::{Disk, FrameRate, Recorder, VideoFormat, encode_small_png, write_whole};
 use crate::output::{Folder, LATENTS, MANIFEST, RAW, SHEET, VIDEO, sinks};
 use crate::progress::Progress;
 use crate::settings::{ParsedSettings, Settings};
 use crate::sheet::Sheet;
+use media::{Disk, FrameRate, Recorder, VideoFormat, encode_small_png, write_whole};
 use stream::{End, Makers, Stream};
 
 mod stream;

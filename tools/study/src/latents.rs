@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use cairn::{Error, ErrorKind, Result};
 
-use crate::media::{Disk, GrowingFile};
+use media::{Disk, GrowingFile};
 
 /// Size of the header, padded with spaces as the format allows.
 const HEADER: usize = 248;
@@ -153,7 +153,7 @@ pub(crate) fn first_difference(a: &[u8], b: &[u8]) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::media::RealDisk;
+    use media::RealDisk;
 
     fn write(path: &Path, latents: &[[f32; 6]]) -> Vec<u8> {
         let mut file = LatentFile::create(&RealDisk, path, [1, 2, 3]).unwrap();

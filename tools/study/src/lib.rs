@@ -3,7 +3,6 @@
 //! | module | content |
 //! |---|---|
 //! | [`metrics`] | PSNR, SSIM, MS-SSIM and LPIPS of a picture against the true one |
-//! | [`media`] | video (AV1 in MP4, Y4M) and pictures (PNG), written so that a full disk costs one frame |
 //! | [`motion`], [`cadence`] | experiments on frame generation, in scenes whose motion and depth are known |
 //! | [`quality`] | generated frames beside those of other methods |
 //! | [`world_quality`] | a world against the truth of the scenes |
@@ -39,7 +38,6 @@ mod level;
 mod losses;
 mod machine;
 mod manifest;
-pub mod media;
 pub mod metrics;
 pub mod motion;
 mod output;

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::machine::Versions;
-use crate::media::describe_io;
 use crate::settings::Settings;
+use media::describe_io;
 
 /// The version that this program writes, and the newest that it reads.
 pub const MANIFEST_VERSION: u32 = 1;

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use cairn::{Error, ErrorKind, Result};
 
 use crate::manifest::{Output, digest_file};
-use crate::media::{Disk, Mp4Sink, PngSink, Sink, VideoFormat, WrittenFile, Y4mSink, describe_io};
 use crate::settings::Formats;
+use media::{Disk, Mp4Sink, PngSink, Sink, VideoFormat, WrittenFile, Y4mSink, describe_io};
 
 pub(crate) const MANIFEST: &str = "manifest.json";
 pub(crate) const SHEET: &str = "contact-sheet.png";

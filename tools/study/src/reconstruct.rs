@@ -16,13 +16,13 @@ use crate::generator::GeneratorChoice;
 use crate::inputs;
 use crate::machine::Versions;
 use crate::manifest::{Input, MANIFEST_VERSION, Output, read_manifest, sha256, to_json};
-use crate::media::{Disk, FrameRate, Mp4Sink, Recorder, RecorderReport, VideoFormat, encode_small_png, write_whole};
 use crate::metrics::Net;
 use crate::output::reconstruct::{COMPARISON, COMPARISON_VIDEO, RAW, TABLE, VIDEO};
 use crate::output::{Folder, MANIFEST, SHEET, sinks};
 use crate::progress::Progress;
 use crate::sets;
 use crate::settings::Formats;
+use media::{Disk, FrameRate, Mp4Sink, Recorder, RecorderReport, VideoFormat, encode_small_png, write_whole};
 pub use scores::Summary;
 use stream::Stream;
 use walk::Walk;
@@ -278,7 +278,7 @@ pub fn reconstruct(job: &Reconstruction<'_>) -> Result<ReconstructOutcome> {
     let recorder = Recorder::start(sinks(&job.disk, &folder, settings.formats, [VIDEO, RAW], &format, 0)?, size)?;
     let mut stream = Stream::new(settings, walk, lpips)?;
     let wide = VideoFormat { size: stream.comparison_size(), ..format };
-    let comparison: Box<dyn crate::media::Sink> =
+    let comparison: Box<dyn media::Sink> =
         Box::new(Mp4Sink::create(job.disk.as_ref(), &folder.join(COMPARISON_VIDEO), &wide, 0)?);
     let comparison = Recorder::start(vec![comparison], wide.size)?;
     let loading = began.elapsed();

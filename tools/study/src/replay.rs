@@ -12,11 +12,11 @@ use crate::job::{Job, Outcome, run};
 use crate::latents::first_difference;
 use crate::machine::Versions;
 use crate::manifest::{Input, Inputs, Manifest, Output, job_of};
-use crate::media::RealDisk;
 use crate::output::LATENTS;
 use crate::progress::Progress;
 use crate::reconstruct::{self, ReconstructManifest, ReconstructOutcome, Reconstruction, reconstruct};
 use crate::settings::Settings;
+use media::RealDisk;
 
 /// A replay job.
 pub struct Replay<'a> {

@@ -15,7 +15,7 @@ use scenes::Family;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
-use crate::media::describe_io;
+use media::describe_io;
 
 /// The repository's sets.
 const SETS: &str = include_str!("../sets.toml");

@@ -10,7 +10,7 @@ use cairn::{ErrorKind, Picture};
 use common::clips::{load, picture, store, walk, y4m};
 use common::decoder::{decode, psnr as luma_psnr};
 use common::small_disk::SmallDisk;
-use study::media::{Disk, FrameRate, RealDisk, Store, Yuv420};
+use media::{Disk, FrameRate, RealDisk, Store, Yuv420};
 use study::metrics::psnr;
 use study::{GeneratorChoice, Interpolation, Progress, Report, interpolate};
 
@@ -246,7 +246,7 @@ fn folders_that_cannot_be_used_are_refused_before_anything_is_made() {
     refused(&input.join("1.png"), None, InvalidArgument, &["1.png", "Name the folder"]);
 
     store(&input, &walk(SIZE, 12));
-    std::fs::write(input.join("10.png"), study::media::encode_png(&picture((64, 36), 1, 0)).unwrap()).unwrap();
+    std::fs::write(input.join("10.png"), media::encode_png(&picture((64, 36), 1, 0)).unwrap()).unwrap();
     refused(&input, None, InvalidArgument, &["10.png", "64 x 36", "1.png", "128 x 72"]);
     std::fs::write(input.join("10.png"), b"hello").unwrap();
     refused(&input, None, InvalidArgument, &["10.png", "PNG or JPEG"]);

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use cairn::{ErrorKind, Picture};
 use common::decoder::{decode, psnr};
 use common::small_disk::SmallDisk;
-use study::media::{
+use media::{
     Disk, FrameRate, Mp4Sink, PngSink, RealDisk, Recorder, RecorderReport, Sink, VideoFormat, Y4mSink, Yuv420,
 };
 

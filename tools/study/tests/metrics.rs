@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 use cairn::{ErrorKind, Picture};
 use common::pairs::{Pair, large_pairs, pairs};
 use common::weights::lpips;
-use study::media::encode_png;
+use media::encode_png;
 use study::metrics::{Net, ms_ssim, psnr, ssim};
 use study::sha256;
 

@@ -12,8 +12,8 @@ use cairn::{ErrorKind, Picture};
 use common::clips::load;
 use common::decoder::decode;
 use common::small_disk::SmallDisk;
+use media::{Disk, RealDisk, Store};
 use scenes::{Clip, ClipOptions, Family, Scene};
-use study::media::{Disk, RealDisk, Store};
 use study::metrics::{psnr, ssim};
 use study::{
     Difference, Formats, Overrides, Progress, ReconstructManifest, ReconstructOutcome, ReconstructSettings,

@@ -12,7 +12,7 @@ use cairn::ErrorKind;
 use common::decoder::decode;
 use common::small_disk::SmallDisk;
 use common::worlds::{make, make_on, read_checked, short};
-use study::media::{Disk, RealDisk, Store};
+use media::{Disk, RealDisk, Store};
 use study::{DeviceChoice, Difference, Formats, Manifest, Overrides, Progress, Replay, Settings, replay};
 
 fn replay_of(manifest: &Path, out: &Path, overrides: Overrides) -> cairn::Result<study::ReplayReport> {

@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use cairn::Picture;
 use common::pairs::{Pair, pairs};
 use common::weights::lpips;
-use study::media::encode_png;
+use media::encode_png;
 use study::metrics::{Net, psnr, ssim};
 
 fn score(arguments: &[&str], folder: &Path) -> (i32, String, String) {

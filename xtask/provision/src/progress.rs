@@ -1,8 +1,9 @@
 //! Reports to the caller what is being fetched.
 
-use std::io::{IsTerminal, Write};
-use std::sync::Mutex;
+use std::sync::{LazyLock, Mutex};
 use std::time::Instant;
+
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
 /// Receives progress reports. One job at a time: `start`, any number of `detail`s, then `done` unless it failed.
 pub trait Progress: Sync {
@@ -24,7 +25,7 @@ impl Progress for Silent {
     fn done(&self, _: &str) {}
 }
 
-/// Writes to standard error: one line that is rewritten on a terminal, plain lines elsewhere.
+/// Writes to standard error: on a terminal a line for each job that runs, elsewhere plain lines.
 #[derive(Debug, Default)]
 pub struct Console {
     current: Mutex<Option<Job>>,
@@ -33,9 +34,13 @@ pub struct Console {
 #[derive(Debug)]
 struct Job {
     what: String,
+    bar: ProgressBar,
     began: Instant,
     last_line: Instant,
 }
+
+/// The lines of all consoles of this process, whose jobs may run beside each other. Hidden where standard error is no terminal.
+static LINES: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
 /// Without a terminal an occasional log line suffices to show activity, and a log of an hour stays one that is read.
 const LOG_EVERY_SECONDS: u64 = 60;
@@ -50,44 +55,63 @@ impl Console {
         // A poisoned lock only means that another thread died while printing; the text is still good.
         act(&mut self.current.lock().unwrap_or_else(std::sync::PoisonError::into_inner));
     }
+
+    /// A line that stays.
+    fn print(line: &str) {
+        if LINES.is_hidden() {
+            eprintln!("{line}");
+        } else {
+            // Progress is a courtesy: a closed stderr is no reason to stop the work.
+            _ = LINES.println(line);
+        }
+    }
 }
 
 impl Progress for Console {
     fn start(&self, what: &str) {
         self.with_job(|job| {
             let now = Instant::now();
-            *job = Some(Job { what: what.to_owned(), began: now, last_line: now });
-            if std::io::stderr().is_terminal() {
-                eprint!("\r\x1b[K  {what} ...");
-                // Progress is a courtesy: a closed stderr is no reason to stop the work.
-                let _ = std::io::stderr().flush();
-            } else {
+            let bar = LINES.add(ProgressBar::new_spinner().with_prefix(what.to_owned()));
+            if let Ok(style) = ProgressStyle::with_template("  {prefix} ... {elapsed} {wide_msg}") {
+                bar.set_style(style);
+            }
+            bar.tick();
+            if LINES.is_hidden() {
                 eprintln!("  {what} ...");
             }
+            *job = Some(Job { what: what.to_owned(), bar, began: now, last_line: now });
         });
     }
 
     fn detail(&self, detail: &str) {
         self.with_job(|job| {
             let Some(job) = job else { return };
-            let seconds = job.began.elapsed().as_secs();
-            if std::io::stderr().is_terminal() {
-                eprint!("\r\x1b[K  {} ... {detail}, {seconds} s", job.what);
-                let _ = std::io::stderr().flush();
-            } else if job.last_line.elapsed().as_secs() >= LOG_EVERY_SECONDS {
+            job.bar.set_message(detail.to_owned());
+            if LINES.is_hidden() && job.last_line.elapsed().as_secs() >= LOG_EVERY_SECONDS {
                 job.last_line = Instant::now();
-                eprintln!("    {seconds} s: {detail}");
+                // What a job is doing is told after a colon, and its line said it.
+                let name = job.what.split(':').next().unwrap_or_default();
+                eprintln!("    {name}, {} s: {detail}", job.began.elapsed().as_secs());
             }
         });
     }
 
     fn done(&self, outcome: &str) {
-        self.with_job(|job| {
-            let clear = if std::io::stderr().is_terminal() { "\r\x1b[K" } else { "" };
-            match job.take() {
-                Some(job) => eprintln!("{clear}  {outcome} ({:.1} s)", job.began.elapsed().as_secs_f64()),
-                None => eprintln!("{clear}  {outcome}"),
+        self.with_job(|job| match job.take() {
+            Some(job) => {
+                let seconds = job.began.elapsed().as_secs_f64();
+                drop(job);
+                Self::print(&format!("  {outcome} ({seconds:.1} s)"));
             }
+            None => Self::print(&format!("  {outcome}")),
         });
+    }
+}
+
+impl Drop for Job {
+    /// A job that failed leaves no line behind its error.
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+        LINES.remove(&self.bar);
     }
 }

@@ -4,6 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::atomic::Ordering;
 
 use super::Context;
 use super::tally::{Skip, Tally};
@@ -97,7 +98,7 @@ impl Context<'_> {
                 }
                 tally.add(with);
             }
-            None if !self.amd_skipped.replace(true) => {
+            None if !self.amd_skipped.swap(true, Ordering::Relaxed) => {
                 let name = "programs on Direct3D 12 with AMD's own libraries".to_owned();
                 tally.skips.push(Skip { name, reason: format!("needs amd-dlls: {VARIABLE} names no folder") });
             }

@@ -1,4 +1,4 @@
-//! `cargo xtask test`: runs named runners one after the other, and sums up their results.
+//! `cargo xtask test`: runs named runners, those of the lab beside the others, and sums up their results.
 
 mod abi;
 mod amd;
@@ -37,10 +37,12 @@ mod validation;
 mod wheels;
 mod windows_build;
 
-use std::cell::{Cell, OnceCell};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::OnceLock;
+use std::sync::atomic::AtomicBool;
+use std::thread;
 use std::time::Instant;
 
 use provision::Console;
@@ -63,8 +65,8 @@ struct Runner {
     run: fn(&Context<'_>, &mut Log) -> Result<Tally, String>,
 }
 
-/// In the order they run: quick and often failing ones first, then those that reuse the compiled code of their predecessor.
-const RUNNERS: &[Runner] = &[
+/// Before all others: quick and often failing ones, then builds whose compiled code the others reuse.
+const FIRST: &[Runner] = &[
     Runner { name: "fmt", what: "the code is formatted", run: cargo::fmt },
     Runner {
         name: "repository",
@@ -84,23 +86,10 @@ const RUNNERS: &[Runner] = &[
         run: abi::run,
     },
     Runner { name: "host", what: "C programs load and use the library, and write a video", run: host::run },
-    Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
-    Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: nightly::races },
-    Runner {
-        name: "pytest",
-        what: "the Python package, parity with the oracle, and the training's short tests",
-        run: python::run,
-    },
-    Runner {
-        name: "csharp",
-        what: "the C# binding against the library, on Mono and .NET; the package for Unity compiles",
-        run: csharp::run,
-    },
-    Runner {
-        name: "shaders",
-        what: "compiled shaders are what their sources compile to, and the sources compile to SPIR-V",
-        run: shaders::run,
-    },
+];
+
+/// Everything that uses the lab, one after the other: some of these look at all of its processes.
+const IN_THE_LAB: &[Runner] = &[
     Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
     Runner {
         name: "validation",
@@ -117,11 +106,7 @@ const RUNNERS: &[Runner] = &[
         what: "parity with the oracle, saved states and budgets on DirectML, in short",
         run: directml::run,
     },
-    Runner {
-        name: "study-windows",
-        what: "the study on Windows, and its comparison on DirectML by shaders and by a double of AMD's library",
-        run: study_windows::run,
-    },
+    Runner { name: "study-windows", what: "the study's program on Windows", run: study_windows::run },
     Runner {
         name: "cairn-check",
         what: "cairn-check in the lab: altered results must fail, right ones pass, and its window is on the display",
@@ -139,6 +124,11 @@ const RUNNERS: &[Runner] = &[
         run: ffx::run,
     },
     Runner {
+        name: "shaders",
+        what: "compiled shaders are what their sources compile to, and the sources compile to SPIR-V",
+        run: shaders::run,
+    },
+    Runner {
         name: "dist",
         what: "archives are the same each time, and hosts are built and run from them alone",
         run: dist::run,
@@ -147,6 +137,22 @@ const RUNNERS: &[Runner] = &[
         name: "wheels",
         what: "Python wheels: what is in them, whom pip gives them to, and that they run, on Windows in the lab",
         run: wheels::run,
+    },
+];
+
+/// The others, beside those of the lab, which leave a processor idle half of the time.
+const BESIDE_THE_LAB: &[Runner] = &[
+    Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
+    Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: nightly::races },
+    Runner {
+        name: "pytest",
+        what: "the Python package, parity with the oracle, and the training's short tests",
+        run: python::run,
+    },
+    Runner {
+        name: "csharp",
+        what: "the C# binding against the library, on Mono and .NET; the package for Unity compiles",
+        run: csharp::run,
     },
     Runner {
         name: "study",
@@ -159,6 +165,16 @@ const RUNNERS: &[Runner] = &[
     Runner { name: "book", what: "the documentation as a book: chapters, links, names, results", run: book::run },
     Runner { name: "deny", what: "licences and sources of the dependencies", run: cargo::deny },
 ];
+
+/// The runners of every run.
+fn runners() -> impl Iterator<Item = &'static Runner> {
+    [FIRST, IN_THE_LAB, BESIDE_THE_LAB].into_iter().flatten()
+}
+
+/// The runners that run with `--thorough` only.
+fn parts() -> impl Iterator<Item = &'static Runner> {
+    THOROUGH.iter().map(|part| &part.runner)
+}
 
 /// A part of the thorough tests, of at most [`thorough_record::LONGEST`] minutes.
 struct Part {
@@ -303,6 +319,14 @@ const THOROUGH: &[Part] = &[
     },
     Part {
         runner: Runner {
+            name: "comparison-windows",
+            what: "the study's comparison on DirectML, by shaders and by a double of AMD's library",
+            run: study_windows::run_comparison,
+        },
+        minutes: 15,
+    },
+    Part {
+        runner: Runner {
             name: "cycles-devices",
             what: "1,000 devices on Direct3D 12 come and go",
             run: lab::run_device_cycles,
@@ -342,29 +366,29 @@ const THOROUGH: &[Part] = &[
 /// Shared state of the runners: the workspace, and the libraries, worlds and environments that were fetched for them.
 struct Context<'a> {
     workspace: &'a Workspace,
-    library: OnceCell<Result<PathBuf, String>>,
-    bundles: OnceCell<Result<PathBuf, String>>,
-    lpips: OnceCell<Result<PathBuf, String>>,
-    python: OnceCell<Result<PathBuf, String>>,
-    training: OnceCell<Result<PathBuf, String>>,
-    cluster: OnceCell<Result<PathBuf, String>>,
-    built: OnceCell<Result<(), String>>,
-    built_for_windows: OnceCell<Result<String, String>>,
+    library: OnceLock<Result<PathBuf, String>>,
+    bundles: OnceLock<Result<PathBuf, String>>,
+    lpips: OnceLock<Result<PathBuf, String>>,
+    python: OnceLock<Result<PathBuf, String>>,
+    training: OnceLock<Result<PathBuf, String>>,
+    cluster: OnceLock<Result<PathBuf, String>>,
+    built: OnceLock<Result<(), String>>,
+    built_for_windows: OnceLock<Result<String, String>>,
     /// Whether the absence of AMD's own libraries was reported already.
-    amd_skipped: Cell<bool>,
+    amd_skipped: AtomicBool,
 }
 
 impl<'a> Context<'a> {
     fn new(workspace: &'a Workspace) -> Self {
-        let (library, bundles, lpips) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
-        let (python, training, cluster) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
-        let (built, built_for_windows, amd_skipped) = (OnceCell::new(), OnceCell::new(), Cell::new(false));
+        let (library, bundles, lpips) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+        let (python, training, cluster) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
+        let (built, built_for_windows, amd_skipped) = (OnceLock::new(), OnceLock::new(), AtomicBool::new(false));
         Self { workspace, library, bundles, lpips, python, training, cluster, built, built_for_windows, amd_skipped }
     }
 
     /// Provides something once. A failure is cached too, so that an unreachable index is tried only once.
     fn provide(
-        cell: &OnceCell<Result<PathBuf, String>>,
+        cell: &OnceLock<Result<PathBuf, String>>,
         how: fn(&dyn provision::Progress) -> provision::Result<PathBuf>,
     ) -> Result<&Path, String> {
         cell.get_or_init(|| how(&Console::new()).map_err(|e| e.to_string())).as_deref().map_err(String::clone)
@@ -438,11 +462,69 @@ impl<'a> Context<'a> {
     }
 }
 
+/// What [`run`] and the threads that run its runners share.
+struct Session<'a> {
+    context: Context<'a>,
+    /// Numbers of the runners are of these.
+    chosen: Vec<&'static Runner>,
+    /// The skips that are allowed; none if every skip is.
+    allowed: Option<Allowed>,
+    /// The commit that the record of thorough parts names, if they are recorded.
+    commit: Option<String>,
+}
+
+/// What a runner has found, with its log.
+struct Outcome {
+    name: &'static str,
+    tally: Tally,
+    seconds: f64,
+    log: PathBuf,
+}
+
+impl Session<'_> {
+    /// Runs those of `runners` that are chosen, one after the other.
+    fn run<'r>(&self, runners: impl IntoIterator<Item = &'r Runner>) -> Result<Vec<Outcome>, String> {
+        let chosen = runners.into_iter().filter_map(|runner| {
+            let place = self.chosen.iter().position(|chosen| chosen.name == runner.name)?;
+            Some(self.run_one(place))
+        });
+        chosen.collect()
+    }
+
+    /// Runs the runner at this place of the chosen ones.
+    fn run_one(&self, place: usize) -> Result<Outcome, String> {
+        let (runner, workspace) = (self.chosen[place], self.context.workspace);
+        let began = Instant::now();
+        let path = workspace.target.join("xtask").join(format!("{}.log", runner.name));
+        let title = format!("[{}/{}] {}: {}", place + 1, self.chosen.len(), runner.name, runner.what);
+        let mut log = Log::new(&path, &title)?;
+        let mut tally = (runner.run)(&self.context, &mut log).unwrap_or_else(Tally::broken);
+        if tally.is_empty() {
+            tally = Tally::broken("it ran no test and no check");
+        }
+        let (seconds, is_part) = (began.elapsed().as_secs(), parts().any(|part| part.name == runner.name));
+        if is_part && seconds > 60 * thorough_record::LONGEST {
+            let longest = thorough_record::LONGEST;
+            tally.failures.push(format!("it took {} minutes, and a part may take {longest}: split it", seconds / 60));
+        }
+        if let Some(allowed) = &self.allowed {
+            tally.fail_skips_unless(|skip| allowed.covers(skip));
+        }
+        if let Some(commit) = self.commit.as_ref().filter(|_| is_part) {
+            thorough_record::append(workspace, runner.name, commit, seconds, &tally)?;
+        }
+        for failure in &tally.failures {
+            log.line(&format!("failed: {failure}"))?;
+        }
+        log.end(&format!("{}: {}", runner.name, tally.with_checks()));
+        Ok(Outcome { name: runner.name, tally, seconds: began.elapsed().as_secs_f64(), log: path })
+    }
+}
+
 /// Runs the runners that `options` choose; returns whether nothing failed.
 pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, String> {
-    let parts = || THOROUGH.iter().map(|part| &part.runner);
     if options.list {
-        RUNNERS.iter().for_each(|runner| println!("{:18}{}", runner.name, runner.what));
+        runners().for_each(|runner| println!("{:18}{}", runner.name, runner.what));
         println!("\nWith --thorough only:");
         let record = Record::read(workspace)?;
         for part in THOROUGH {
@@ -450,9 +532,9 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
         }
         return Ok(true);
     }
-    let all: Vec<&Runner> = RUNNERS.iter().chain(parts().filter(|_| options.thorough)).collect();
+    let all: Vec<&Runner> = runners().chain(parts().filter(|_| options.thorough)).collect();
     if let Some(filter) = options.filters.iter().find(|f| !all.iter().any(|runner| runner.name.contains(f.as_str()))) {
-        let [names, thorough] = [RUNNERS.iter().collect::<Vec<_>>(), parts().collect()]
+        let [names, thorough] = [runners().collect::<Vec<_>>(), parts().collect()]
             .map(|runners| runners.iter().map(|runner| runner.name).collect::<Vec<_>>().join(", "));
         return Err(format!("no runner's name holds {filter:?}. There are {names}; with --thorough also {thorough}"));
     }
@@ -464,75 +546,62 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
     if options.filters.is_empty() {
         disk_space::require(workspace)?;
     }
-    let allowed = Allowed::read(&workspace.read("xtask/skips.toml")?)?;
     let must_allow = std::env::var_os("CI").is_some_and(|value| value == "true" || value == "1");
+    let allowed = if must_allow { Some(Allowed::read(&workspace.read("xtask/skips.toml")?)?) } else { None };
 
     if options.filters.is_empty() {
         prefetch(workspace);
     }
-    let context = Context::new(workspace);
-    let mut lines = Vec::new();
-    let mut failures = String::new();
-    let mut skipped = String::new();
-    let mut total = Tally::default();
-    for (number, runner) in chosen.iter().enumerate() {
-        let began = Instant::now();
-        let path = workspace.target.join("xtask").join(format!("{}.log", runner.name));
-        let mut log = Log::new(&path, &format!("[{}/{}] {}: {}", number + 1, chosen.len(), runner.name, runner.what))?;
-        let mut tally = (runner.run)(&context, &mut log).unwrap_or_else(Tally::broken);
-        if tally.is_empty() {
-            tally = Tally::broken("it ran no test and no check");
-        }
-        let (seconds, is_part) = (began.elapsed().as_secs(), parts().any(|part| part.name == runner.name));
-        if is_part && seconds > 60 * thorough_record::LONGEST {
-            let longest = thorough_record::LONGEST;
-            tally.failures.push(format!("it took {} minutes, and a part may take {longest}: split it", seconds / 60));
-        }
-        if must_allow {
-            tally.fail_skips_unless(|skip| allowed.covers(skip));
-        }
-        if let Some(commit) = commit.as_ref().filter(|_| is_part) {
-            thorough_record::append(workspace, runner.name, commit, seconds, &tally)?;
-        }
-        for failure in &tally.failures {
-            log.line(&format!("failed: {failure}"))?;
-        }
-        log.end(&format!("{}: {}", runner.name, tally.with_checks()));
-        if !tally.failures.is_empty() {
-            describe_failures(&mut failures, runner.name, &tally, &path);
-        }
-        for skip in &tally.skips {
-            _ = writeln!(skipped, "  {}: {} ({})", runner.name, skip.name, skip.reason);
-        }
-        lines.push(format!("{:18}{}{:>9.1} s", runner.name, tally.columns(), began.elapsed().as_secs_f64()));
-        total.add(tally);
-    }
+    let session = Session { context: Context::new(workspace), chosen, allowed, commit };
+    let mut outcomes = session.run(FIRST)?;
+    let (in_the_lab, beside) = thread::scope(|scope| {
+        let lab = thread::Builder::new().name("lab".to_owned()).spawn_scoped(scope, || session.run(IN_THE_LAB));
+        let beside = session.run(BESIDE_THE_LAB);
+        let lab = lab.map_err(|e| format!("a thread for the lab: {e}"))?;
+        let lab = lab.join().map_err(|_| "the thread of the lab's runners has panicked".to_owned())?;
+        Ok::<_, String>((lab?, beside?))
+    })?;
+    outcomes.extend(in_the_lab.into_iter().chain(beside));
+    outcomes.extend(session.run(parts())?);
+    Ok(report(outcomes))
+}
 
-    if !failures.is_empty() {
-        println!("{failures}");
+/// Prints failures with their logs, a table of the runners, and what was skipped; returns whether nothing failed.
+fn report(outcomes: Vec<Outcome>) -> bool {
+    for outcome in outcomes.iter().filter(|outcome| !outcome.tally.failures.is_empty()) {
+        println!("{}", describe_failures(outcome));
     }
     println!("\n{:18}{}{:>11}", "runner", Tally::column_heads(), "time");
-    lines.iter().for_each(|line| println!("{line}"));
+    let mut skipped = String::new();
+    let mut total = Tally::default();
+    for Outcome { name, tally, seconds, .. } in outcomes {
+        println!("{name:18}{}{seconds:>9.1} s", tally.columns());
+        for skip in &tally.skips {
+            _ = writeln!(skipped, "  {name}: {} ({})", skip.name, skip.reason);
+        }
+        total.add(tally);
+    }
     println!("{:18}{}", "all", total.columns());
     if !skipped.is_empty() {
         println!("\nSkipped:\n{skipped}");
     }
     println!("\n{total}");
-    Ok(total.failures.is_empty())
+    total.failures.is_empty()
 }
 
 /// Fetches the runners' tools and packages on another thread, while the first runners compile. A runner that needs an item before it is
 /// complete waits for its lock. Errors are ignored here: the runner that needs the item tries again and reports them.
 fn prefetch(workspace: &Workspace) {
     let workspace = workspace.clone();
-    std::thread::spawn(move || _ = crate::demo::provide_all(&workspace, &provision::Silent));
+    thread::spawn(move || _ = crate::demo::provide_all(&workspace, &provision::Silent));
 }
 
 /// A failed runner's whole log, and its failures.
-fn describe_failures(text: &mut String, name: &str, tally: &Tally, log: &Path) {
+fn describe_failures(Outcome { name, tally, log, .. }: &Outcome) -> String {
     let output = std::fs::read_to_string(log).unwrap_or_else(|e| format!("the log is lost: {e}\n"));
-    _ = write!(text, "\n---- {name}: {} ----\n{output}\n", log.display());
+    let mut text = format!("\n---- {name}: {} ----\n{output}\n", log.display());
     for failure in &tally.failures {
         _ = writeln!(text, "{name} failed: {failure}");
     }
+    text
 }

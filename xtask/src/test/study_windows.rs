@@ -17,7 +17,7 @@ use crate::shell::{CommandOutput, Log};
 
 /// The test programs whose results may depend on the system: processes, streams, files and their locks, videos.
 const PROGRAMS: [&str; 5] = ["compare", "media", "program", "score", "sweep"];
-/// Tests among these that are slow and run on the processor: the comparison below does the same on DirectML.
+/// Tests among these that are slow and run on the processor: the thorough part `comparison-windows` does the same on DirectML.
 const LONG: [&str; 2] =
     ["a_comparison_is_made_once_and_goes_on_where_it_was_broken_off", "a_sweep_is_made_once_and_nothing_whole_again"];
 
@@ -39,14 +39,25 @@ const BRANCHES: [(&str, u64, u64); 5] =
 /// Libraries used on a graphics device, and whether their files contain a version: Wine's own do not.
 const LIBRARIES: [(&str, bool); 3] = [("onnxruntime.dll", true), ("DirectML.dll", true), ("d3d12.dll", false)];
 
+/// The study's own tests.
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
-    if let Some(skip) = lab::skip_unless_possible("the study's own tests on Windows, and its comparison on DirectML")? {
+    if let Some(skip) = lab::skip_unless_possible("the study's own tests on Windows")? {
+        tally.skips.push(skip);
+        return Ok(tally);
+    }
+    context.with_and_without_amd(&mut tally, |amd| own_tests(context, log, amd))?;
+    Ok(tally)
+}
+
+/// The comparison on DirectML, by shaders and by AMD's libraries.
+pub(super) fn run_comparison(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    if let Some(skip) = lab::skip_unless_possible("the study's comparison on DirectML")? {
         tally.skips.push(skip);
         return Ok(tally);
     }
     context.build_for_windows(log)?;
-    context.with_and_without_amd(&mut tally, |amd| own_tests(context, log, amd))?;
     let folder = context.workspace.target.join("xtask").join("study-windows");
     match fs::remove_dir_all(&folder) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),

@@ -10,8 +10,8 @@ use clap::Args;
 use super::{Subcommand, encoder_hint, progress, stop_on_interrupt};
 use crate::generator::GeneratorChoice;
 use crate::interpolate::{self, Interpolation, Report, interpolate};
-use crate::media::{ASSEMBLY, FrameRate, RealDisk};
 use crate::progress::duration;
+use media::{ASSEMBLY, FrameRate, RealDisk};
 
 pub(super) const EXAMPLES: &str = "\
 Examples:

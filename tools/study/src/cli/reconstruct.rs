@@ -9,7 +9,6 @@ use clap::{Args, ValueEnum};
 use scenes::LANDSCAPES;
 
 use super::{Subcommand, encoder_hint, progress, size, status, stop_on_interrupt};
-use crate::media::{ASSEMBLY, RealDisk};
 use crate::metrics::{Lpips, Net};
 use crate::output::{self, Folder, SHEET};
 use crate::progress::duration;
@@ -17,6 +16,7 @@ use crate::reconstruct::{
     ANCHOR_RATE, ReconstructOutcome, ReconstructSettings, Reconstruction, TruthOrPicture, reconstruct,
 };
 use crate::settings::Formats;
+use media::{ASSEMBLY, RealDisk};
 
 pub(super) const EXAMPLES: &str = "\
 Examples:

@@ -11,8 +11,8 @@ use clap::Args;
 use super::{Subcommand, encoder_hint, progress, size, status, stop_on_interrupt};
 use crate::demo;
 use crate::job::{Job, run as run_job};
-use crate::media::{ASSEMBLY, RealDisk};
 use crate::settings::{Formats, Settings};
+use media::{ASSEMBLY, RealDisk};
 
 #[derive(Args)]
 pub(super) struct RolloutArgs {

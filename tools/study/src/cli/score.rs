@@ -11,9 +11,9 @@ use clap::Args;
 
 use super::{Subcommand, progress, stop_on_interrupt};
 use crate::inputs::lpips;
-use crate::media::{RealDisk, describe_io, write_whole};
 use crate::metrics::{Lpips, Net, psnr, ssim};
 use crate::picture::decode;
+use media::{RealDisk, describe_io, write_whole};
 
 pub(super) const EXAMPLES: &str = "\
 Examples:

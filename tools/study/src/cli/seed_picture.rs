@@ -8,8 +8,8 @@ use clap::Args;
 use scenes::{Family, Scene};
 
 use super::{Subcommand, size};
-use crate::media::{RealDisk, encode_png, write_whole};
 use crate::{level, seed_picture, sets};
+use media::{RealDisk, encode_png, write_whole};
 
 #[derive(Args)]
 pub(super) struct SeedPictureArgs {

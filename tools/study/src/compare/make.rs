@@ -15,13 +15,13 @@ use super::walk;
 use crate::experiment::cells::{Cells, complete};
 use crate::inputs;
 use crate::manifest::{Manifest, sha256};
-use crate::media::{RealDisk, describe_io, encode_png, write_whole};
 use crate::output::LATENTS;
 use crate::progress::Progress;
 use crate::scene_id::SceneId;
 use crate::seed_picture;
 use crate::settings::Settings as Rollout;
 use crate::workers::Work;
+use media::{RealDisk, describe_io, encode_png, write_whole};
 
 /// All cells, complete.
 #[derive(Debug)]

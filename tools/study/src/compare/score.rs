@@ -16,11 +16,11 @@ use super::truth;
 use super::turn_onset::onset;
 use super::walk::{RATE, first_turn, straight_seconds};
 use crate::manifest::{Manifest, sha256, to_json};
-use crate::media::{RealDisk, describe_io, write_whole};
 use crate::metrics::Lpips;
 use crate::output::MANIFEST;
 use crate::progress::Progress;
 use crate::scene_id::SceneId;
+use media::{RealDisk, describe_io, write_whole};
 
 /// File of the per-frame series.
 pub(crate) const SERIES: &str = "series.csv";

@@ -285,8 +285,8 @@ pub(crate) fn from_csv(key: &str, text: &str) -> Option<Vec<Series>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::media::encode_png;
     use crate::output::FRAMES;
+    use media::encode_png;
 
     /// Frames of a gradient whose brightness and position are given by `shown`.
     fn stream(folder: &Path, name: &str, step: u64, shown: impl Fn(u64) -> u32, count: u64) -> Stream {

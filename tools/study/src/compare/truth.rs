@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 use super::paths::{TRUTH, frame};
 use super::walk::{self, RATE};
 use crate::manifest::{MANIFEST_VERSION, read_manifest, sha256, to_json};
-use crate::media::{RealDisk, describe_io, encode_png, write_whole};
 use crate::output::{FRAMES, MANIFEST};
 use crate::progress::Progress;
 use crate::scene_id::SceneId;
+use media::{RealDisk, describe_io, encode_png, write_whole};
 
 /// Folder of the truth of the walk without the mouse.
 const STRAIGHT: &str = "truth-straight";

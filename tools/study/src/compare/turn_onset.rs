@@ -119,8 +119,8 @@ fn first_run(differences: &[f64], command: usize) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::media::encode_png;
     use crate::output::FRAMES;
+    use media::encode_png;
 
     /// Frames of a texture that moves down steadily and turns by `turn` pixels a frame from frame `from` on.
     fn film(folder: &Path, turn: i64, from: u64) -> Motion {

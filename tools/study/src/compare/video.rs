@@ -10,9 +10,9 @@ use super::panels::SideBySide;
 use super::plan::Settings;
 use super::walk::RATE;
 use crate::manifest::{MANIFEST_VERSION, digest_file, read_manifest, to_json};
-use crate::media::{FrameRate, Mp4Sink, RealDisk, Recorder, VideoFormat, write_whole};
 use crate::progress::Progress;
 use crate::scene_id::SceneId;
+use media::{FrameRate, Mp4Sink, RealDisk, Recorder, VideoFormat, write_whole};
 
 /// File name of the video in its scene's folder.
 pub(super) const VIDEO: &str = "side-by-side.mp4";

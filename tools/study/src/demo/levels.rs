@@ -14,11 +14,11 @@ use scenes::Family;
 
 use crate::device::DeviceChoice;
 use crate::experiment::files::write_all;
-use crate::media::{FrameRate, Mp4Sink, RealDisk, Recorder, VideoFormat, describe_io, encode_small_png};
 use crate::picture::{canvas, paste, shrink};
 use crate::progress::{Progress, check_stop};
 use crate::text::{LARGE, SMALL, write};
 use crate::{device, inputs, level, seed_picture};
+use media::{FrameRate, Mp4Sink, RealDisk, Recorder, VideoFormat, describe_io, encode_small_png};
 
 /// The film.
 pub(crate) const FILM: &str = "levels/film.mp4";

@@ -8,8 +8,8 @@ use cairn::Result;
 
 use crate::experiment::provenance::stamped_with;
 use crate::manifest::Manifest;
-use crate::media::{JpegQuality, RealDisk, describe_io, encode_jpeg, write_whole};
 use crate::table::Table;
+use media::{JpegQuality, RealDisk, describe_io, encode_jpeg, write_whole};
 
 pub(crate) use page::escaped;
 

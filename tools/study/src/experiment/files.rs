@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use cairn::{Picture, Result};
 
 use super::provenance::stamped;
-use crate::media::{JpegQuality, RealDisk, describe_io, encode_jpeg, write_whole};
+use media::{JpegQuality, RealDisk, describe_io, encode_jpeg, write_whole};
 
 /// Folder of the pages' pictures, within the docs.
 const IMAGES: &str = "images";

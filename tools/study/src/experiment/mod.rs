@@ -24,12 +24,12 @@ use cairn::world::{OperatingPoint, World, WorldOptions};
 use cairn::{Error, ErrorKind, Picture, Result};
 
 use crate::inputs;
-use crate::media::encode_small_png;
 use crate::metrics::{Lpips, Net};
 use crate::progress::Progress;
 use crate::scene_id::SceneId;
 use crate::sets;
 use files::Files;
+use media::encode_small_png;
 
 /// Scene seeds that an [`Experiment`] measures in each family by default.
 const SEEDS: [u64; 3] = [41, 42, 43];

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::files::{docs, write_all};
-use crate::media::describe_io;
+use media::describe_io;
 
 /// Folders and files of the generator's sources: frame generation on the processor, its shaders, and optical flow.
 const SOURCES: [&str; 4] =

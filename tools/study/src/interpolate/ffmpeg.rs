@@ -11,7 +11,7 @@ use std::time::Duration;
 use cairn::{Error, ErrorKind, Picture, Result};
 
 use super::source::{Input, Source};
-use crate::media::{Matrix, Y4mReader};
+use media::{Matrix, Y4mReader};
 
 /// Environment variable with the path of an ffmpeg that is not on the path.
 const VARIABLE: &str = "CAIRN_FFMPEG";

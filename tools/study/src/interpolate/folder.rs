@@ -8,8 +8,8 @@ use cairn::{Error, ErrorKind, Picture, Result};
 
 use super::source::{Input, Source};
 use crate::manifest::read_bounded;
-use crate::media::describe_io;
 use crate::picture;
+use media::describe_io;
 
 /// Maximum file size of a picture, in bytes.
 const MAX_BYTES: u64 = 512 << 20;

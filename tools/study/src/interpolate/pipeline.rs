@@ -12,7 +12,7 @@ use cairn::{Error, ErrorKind, Picture, Result};
 
 use super::ffmpeg::Stopper;
 use super::source::Source;
-use crate::media::Recorder;
+use media::Recorder;
 
 /// Capacity of a channel between two threads. Bounds the memory.
 const QUEUE: usize = 1;

@@ -8,8 +8,8 @@ use cairn::{Error, ErrorKind, Picture, Result};
 
 use super::ffmpeg;
 use super::folder;
-use crate::media::{FrameRate, Y4M_MAGIC, Y4mReader, describe_io};
 use crate::sets;
+use media::{FrameRate, Y4M_MAGIC, Y4mReader, describe_io};
 
 /// Frames of one size in order of time.
 pub(super) trait Source: Send {

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use cairn::{Error, ErrorKind, Result};
 
 use crate::manifest::absolute;
-use crate::media::{Disk, Mp4Sink, PngSink, Sink, VideoFormat, Y4mSink, describe_io};
 use crate::output::remove_numbered;
+use media::{Disk, Mp4Sink, PngSink, Sink, VideoFormat, Y4mSink, describe_io};
 
 /// One file, or a folder.
 #[derive(Debug, PartialEq, Eq)]

@@ -14,10 +14,10 @@ use super::{Job, impossible, stopped};
 use crate::inputs::LoadedInputs;
 use crate::latents::LatentFile;
 use crate::manifest::Counts;
-use crate::media::{Recorder, WrittenFile};
 use crate::settings::ParsedSettings;
 use crate::sheet::Sheet;
 use crate::upscaler::{Scaling, UpscalerChoice};
+use media::{Recorder, WrittenFile};
 
 /// How the loop ended without an error.
 pub(super) enum End {

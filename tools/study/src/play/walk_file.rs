@@ -6,7 +6,7 @@ use cairn::world::ControlScript;
 use cairn::{Error, ErrorKind, Result};
 
 use crate::manifest::read_bounded;
-use crate::media::{RealDisk, describe_io, write_whole};
+use media::{RealDisk, describe_io, write_whole};
 
 /// The largest script, plus one byte so that the library reports the error.
 const MAX_BYTES: u64 = (4 << 20) + 1;

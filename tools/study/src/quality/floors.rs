@@ -22,11 +22,11 @@ use super::store::Store;
 use super::table::{Table, is_better, measures};
 use super::{figure, open_lpips_of, published};
 use crate::experiment::files::write_all;
-use crate::media::{describe_io, encode_png};
 use crate::metrics::Score;
 use crate::picture::paste;
 use crate::progress::Progress;
 use footage::FOOTAGE;
+use media::{describe_io, encode_png};
 
 /// The committed scores, relative to the repository's root.
 const FILE: &str = "tools/study/floors.csv";

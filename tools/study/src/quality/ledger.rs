@@ -14,7 +14,7 @@ use jiff::Timestamp;
 use super::rows;
 use super::store::{digest, digest_of_sources};
 use super::table::Table;
-use crate::media::describe_io;
+use media::describe_io;
 
 /// The repository's ledger, from its root.
 pub(super) const LEDGER: &str = "docs/sealed-ledger.csv";

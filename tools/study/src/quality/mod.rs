@@ -34,7 +34,6 @@ use cairn::{Error, ErrorKind, Result};
 
 use crate::experiment::files::Files;
 use crate::inputs;
-use crate::media::{describe_io, encode_png};
 use crate::metrics::{Lpips, Net};
 use crate::progress::Progress;
 use crate::sets;
@@ -43,6 +42,7 @@ use clips::Scale;
 pub use floors::{FloorSettings, FloorsOutcome, floors};
 use ledger::{Entry, LEDGER, Ledger, OWN_LEDGER, Sources};
 use measure::{Measurements, Plan};
+use media::{describe_io, encode_png};
 use rows::program::not_provided;
 use store::Store;
 use table::Table;

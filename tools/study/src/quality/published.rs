@@ -12,7 +12,7 @@ use super::rows::KINDS;
 use super::table::{Table, is_better, measures};
 use super::{REPORT, SUMMARY, report, speed};
 use crate::experiment::files::docs;
-use crate::media::describe_io;
+use media::describe_io;
 
 /// The claims of a page: the verdict, the claim, and the figures that decide it.
 fn claims_of(page: &str) -> Vec<Claim> {

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use cairn::{Error, ErrorKind, Picture, Result};
 use sha2::{Digest, Sha256};
 
-use crate::media::{describe_io, encode_png};
 use crate::picture::decode;
+use media::{describe_io, encode_png};
 
 /// Cache key of bytes: the first 24 hexadecimal digits of their SHA-256.
 pub(super) fn digest<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> String {

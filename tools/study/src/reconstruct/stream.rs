@@ -12,10 +12,10 @@ use super::panels::Panels;
 use super::scores::{Entry, Score, Scores};
 use super::walk::{Walk, write_guidance};
 use super::{ANCHOR_RATE, ReconstructCounts, ReconstructSettings, TruthOrPicture};
-use crate::media::Recorder;
 use crate::metrics::Lpips;
 use crate::sheet::Sheet;
 use crate::text::{SMALL, fit, write};
+use media::Recorder;
 
 /// State of the stream.
 pub(super) struct Stream {

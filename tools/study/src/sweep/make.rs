@@ -24,12 +24,12 @@ use crate::experiment::cells::Cells;
 use crate::inputs;
 use crate::job::{self, Job};
 use crate::manifest::Manifest;
-use crate::media::{RealDisk, describe_io};
 use crate::metrics::Net;
 use crate::output::MANIFEST;
 use crate::progress::Progress;
 use crate::scene_id::SceneId;
 use crate::workers::Work;
+use media::{RealDisk, describe_io};
 
 /// A complete cell.
 pub(super) struct CompleteCell {

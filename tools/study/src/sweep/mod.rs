@@ -32,10 +32,10 @@ use crate::compare::summary::summarise;
 use crate::experiment::cells::{Cells, complete};
 use crate::inputs;
 use crate::manifest::{absolute, to_json};
-use crate::media::{RealDisk, write_whole};
 use crate::metrics::Net;
 use crate::progress::Progress;
 use make::SweepInputs;
+use media::{RealDisk, write_whole};
 use report::{CellResult, Sweep};
 
 /// Version of the output of [`list`].

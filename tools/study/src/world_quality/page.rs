@@ -6,7 +6,7 @@ use cairn::{Picture, Result};
 
 use crate::experiment::files::{docs, write_all};
 use crate::experiment::provenance::stamped;
-use crate::media::{JpegQuality, encode_jpeg};
+use media::{JpegQuality, encode_jpeg};
 
 const INTRODUCTION: &str = "\
 # The world inside the library

@@ -11,8 +11,8 @@ use super::place::Place;
 use super::walk::{Shown, WalkScores};
 use crate::experiment::files::write_all;
 use crate::manifest::sha256;
-use crate::media::{describe_io, encode_png};
 use crate::picture::{decode, paste};
+use media::{describe_io, encode_png};
 
 /// Changes when walks are measured in another way.
 const VERSION: u32 = 1;

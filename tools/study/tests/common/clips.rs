@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use cairn::Picture;
-use study::media::{RealDisk, Yuv420, encode_png, write_whole};
+use media::{RealDisk, Yuv420, encode_png, write_whole};
 
 /// A textured picture that moves by 3 pixels a frame; another `place` is another picture altogether.
 pub fn picture(size: (u32, u32), place: u32, number: u32) -> Picture {

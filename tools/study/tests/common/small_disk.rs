@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use study::media::{Disk, Store};
+use media::{Disk, Store};
 
 /// Real files that share `room` bytes. Cutting a file gives nothing back: the worst case.
 pub struct SmallDisk {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use study::media::{Disk, RealDisk};
+use media::{Disk, RealDisk};
 use study::{Formats, Job, Manifest, Outcome, Progress, Settings, run_job};
 
 /// The random world `tiny`, an absolute path: in the folder that `CAIRN_TEST_BUNDLE` names, else the one `cargo xtask setup` keeps.

@@ -6,7 +6,7 @@ use cairn::Result;
 use cairn::framegen::cpu;
 use cairn::guidance::picture_flow;
 
-use crate::media::describe_io;
+use media::describe_io;
 
 /// A rule of the generator or of `picture_flow`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

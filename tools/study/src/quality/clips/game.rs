@@ -10,11 +10,11 @@ use half::f16;
 use provision::Progress;
 
 use super::{Clip, Phase, Scale, Target, evenly};
-use crate::media::describe_io;
 use crate::quality::rows::MAX_HISTORY;
 use crate::quality::rows::program::{Scratch, not_provided, read_pictures, run};
 use crate::quality::store::{Capture, Store};
 use crate::sets::{self, Set};
+use media::describe_io;
 
 /// Python script that records a walk with exact depth.
 const DRIVER: &str = include_str!("../../../drivers/doom.py");

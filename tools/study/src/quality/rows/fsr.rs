@@ -16,10 +16,10 @@ use provision::{lab, tools};
 
 use super::program::not_provided;
 use super::{Interval, Row};
-use crate::media::describe_io;
 use crate::progress::Progress;
 use crate::quality::clips::Phase;
 use crate::quality::store::digest_of_sources;
+use media::describe_io;
 
 /// Anchors before the interval's two that the provider gets first, the first of them with a reset. Provider 3.1.5 made the same frames bit for bit
 /// with 0, 1, 2 and 3 of them, in the forest of seed 5.

@@ -11,10 +11,10 @@ use cairn::{Error, ErrorKind, Picture, Result};
 
 use super::{Interval, Row};
 use crate::inputs;
-use crate::media::describe_io;
 use crate::progress::Progress;
 use crate::quality::clips::Phase;
 use crate::quality::store::digest;
+use media::describe_io;
 
 /// The generator with optical flow between the two anchors.
 pub(super) struct Flow {

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use cairn::{Error, ErrorKind, Picture, Result};
 
 use crate::inputs;
-use crate::media::describe_io;
+use media::describe_io;
 
 /// A folder for one run, removed when dropped.
 pub(in crate::quality) struct Scratch {

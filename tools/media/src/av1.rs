@@ -193,7 +193,7 @@ fn level((width, height): (u32, u32), rate: u32) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::media::FrameRate;
+    use crate::FrameRate;
     use cairn::Picture;
 
     #[test]

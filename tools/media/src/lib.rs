@@ -2,6 +2,7 @@
 //!
 //! Every file grows under a temporary name by complete units (a frame, a fragment) and is renamed when it is closed. A full disk costs only the
 //! unit that is being written.
+#![warn(missing_docs)]
 
 mod av1;
 mod colour;
@@ -21,9 +22,9 @@ pub use disk::{Disk, GrowingFile, RealDisk, Store, describe_io, write_whole};
 pub use format::{FrameRate, VideoFormat};
 pub use from_yuv::{Chroma, FromYuv, Layout, Matrix};
 pub use mp4::Mp4Sink;
-pub(crate) use png::{JpegQuality, encode_jpeg};
+pub use png::{JpegQuality, encode_jpeg};
 pub use png::{PngSink, encode_png, encode_small_png};
 pub use recorder::{Frame, Recorder, RecorderReport, Sink, WrittenFile};
 pub use y4m::Y4mSink;
-pub(crate) use y4m_reader::parse as y4m_header;
+pub use y4m_reader::parse as y4m_header;
 pub use y4m_reader::{Y4M_MAGIC, Y4mHeader, Y4mReader};

@@ -39,7 +39,7 @@ impl FrameRate {
     }
 
     /// Milliseconds between two frames.
-    pub(crate) fn interval_ms(self) -> f32 {
+    pub fn interval_ms(self) -> f32 {
         (1000.0 * f64::from(self.denominator) / f64::from(self.numerator)) as f32
     }
 

@@ -13,7 +13,7 @@ use super::{Disk, write_whole};
 
 /// How strongly a JPEG is compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum JpegQuality {
+pub enum JpegQuality {
     /// Blocks are not visible.
     Page,
     /// About half the size: for files that are kept in a repository.
@@ -85,7 +85,7 @@ pub fn encode_small_png(picture: &Picture) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// As [`encode_png`].
-pub(crate) fn encode_jpeg(picture: &Picture, quality: JpegQuality) -> Result<Vec<u8>> {
+pub fn encode_jpeg(picture: &Picture, quality: JpegQuality) -> Result<Vec<u8>> {
     let mut file = Vec::new();
     JpegEncoder::new_with_quality(&mut file, quality.percent())
         .write_image(&colours(picture)?, picture.width(), picture.height(), ExtendedColorType::Rgb8)

@@ -129,7 +129,7 @@ fn no_y4m(cause: &str) -> Error {
 }
 
 /// Parses the header line, without its newline.
-pub(crate) fn parse(line: &[u8]) -> Result<Y4mHeader> {
+pub fn parse(line: &[u8]) -> Result<Y4mHeader> {
     let text = std::str::from_utf8(line).map_err(|_| no_y4m("its header is no text"))?;
     let mut words = text.split(' ');
     if words.next().map(str::as_bytes) != Some(Y4M_MAGIC) {

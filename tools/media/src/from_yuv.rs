@@ -228,7 +228,7 @@ fn weights(layout: &Layout) -> [i32; 5] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::media::Yuv420;
+    use crate::Yuv420;
 
     const ALL: [Chroma; 6] = [
         Chroma::Mono,
