@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::provenance::Source;
 use crate::generator::GeneratorChoice;
-use crate::media;
 
 /// Software and hardware of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
