@@ -42,6 +42,12 @@ fn host() -> Result<String, String> {
     Ok(printed.trim().to_owned())
 }
 
+/// Builds what the other runners use, without a warning.
+pub(super) fn build(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    context.build_programs(log)?;
+    Ok(Tally::checked(true, ""))
+}
+
 /// For a target by name, as clippy, so that the dependencies that it checked are not checked a second time.
 pub(super) fn docs(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut command = context.workspace.cargo(["doc", "--workspace", "--no-deps", "--target", &host()?]);

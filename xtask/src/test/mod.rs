@@ -1,4 +1,4 @@
-//! `cargo xtask test`: runs named runners, those of the lab beside the others, and sums up their results.
+//! `cargo xtask test`: runs named runners, two beside each other once everything is built, and sums up their results.
 
 mod abi;
 mod amd;
@@ -40,8 +40,8 @@ mod windows_build;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 use std::time::Instant;
 
@@ -65,7 +65,7 @@ struct Runner {
     run: fn(&Context<'_>, &mut Log) -> Result<Tally, String>,
 }
 
-/// Before all others: quick and often failing ones, then builds whose compiled code the others reuse.
+/// Before all others: quick and often failing ones, then builds whose compiled code the others use.
 const FIRST: &[Runner] = &[
     Runner { name: "fmt", what: "the code is formatted", run: cargo::fmt },
     Runner {
@@ -75,21 +75,16 @@ const FIRST: &[Runner] = &[
     },
     Runner { name: "clippy", what: "no warning, all targets, for this system and for Windows", run: cargo::clippy },
     Runner { name: "docs", what: "documentation without a warning", run: cargo::docs },
+    Runner { name: "build", what: "libraries, programs and tests build for this system", run: cargo::build },
     Runner {
         name: "link-windows",
         what: "libraries, programs and tests build and link for Windows",
         run: windows_build::link,
     },
-    Runner {
-        name: "abi",
-        what: "the C and C++ headers, the record of the interface, and programs that use them",
-        run: abi::run,
-    },
-    Runner { name: "host", what: "C programs load and use the library, and write a video", run: host::run },
 ];
 
-/// Everything that uses the lab, one after the other: some of these look at all of its processes.
-const IN_THE_LAB: &[Runner] = &[
+/// One after the other, since they put other libraries beside the same Windows programs. They leave a processor idle half of the time.
+const BY_WINDOWS_PROGRAMS: &[Runner] = &[
     Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
     Runner {
         name: "validation",
@@ -123,11 +118,28 @@ const IN_THE_LAB: &[Runner] = &[
         what: "AMD's ffx-api: a double of each release, and AMD's own where CAIRN_FFX_DIR is",
         run: ffx::run,
     },
+];
+
+/// Beside those, and in any order.
+const INDEPENDENT: &[Runner] = &[
+    Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
     Runner {
-        name: "shaders",
-        what: "compiled shaders are what their sources compile to, and the sources compile to SPIR-V",
-        run: shaders::run,
+        name: "study",
+        what: "a short video, its replay, which motion is best, a small sweep and a small quality table, through the program",
+        run: study::run,
     },
+    Runner {
+        name: "abi",
+        what: "the C and C++ headers, the record of the interface, and programs that use them",
+        run: abi::run,
+    },
+    Runner { name: "host", what: "C programs load and use the library, and write a video", run: host::run },
+    Runner {
+        name: "pytest",
+        what: "the Python package, parity with the oracle, and the training's short tests",
+        run: python::run,
+    },
+    Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: nightly::races },
     Runner {
         name: "dist",
         what: "archives are the same each time, and hosts are built and run from them alone",
@@ -138,26 +150,15 @@ const IN_THE_LAB: &[Runner] = &[
         what: "Python wheels: what is in them, whom pip gives them to, and that they run, on Windows in the lab",
         run: wheels::run,
     },
-];
-
-/// The others, beside those of the lab, which leave a processor idle half of the time.
-const BESIDE_THE_LAB: &[Runner] = &[
-    Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
-    Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: nightly::races },
-    Runner {
-        name: "pytest",
-        what: "the Python package, parity with the oracle, and the training's short tests",
-        run: python::run,
-    },
     Runner {
         name: "csharp",
         what: "the C# binding against the library, on Mono and .NET; the package for Unity compiles",
         run: csharp::run,
     },
     Runner {
-        name: "study",
-        what: "a short video, its replay, which motion is best, a small sweep and a small quality table, through the program",
-        run: study::run,
+        name: "shaders",
+        what: "compiled shaders are what their sources compile to, and the sources compile to SPIR-V",
+        run: shaders::run,
     },
     Runner { name: "cluster", what: "a sweep through Ray, on an instance of this machine", run: python::cluster },
     Runner { name: "browser", what: "the video and the report of a comparison, in Chromium", run: browser::run },
@@ -168,7 +169,7 @@ const BESIDE_THE_LAB: &[Runner] = &[
 
 /// The runners of every run.
 fn runners() -> impl Iterator<Item = &'static Runner> {
-    [FIRST, IN_THE_LAB, BESIDE_THE_LAB].into_iter().flatten()
+    [FIRST, BY_WINDOWS_PROGRAMS, INDEPENDENT].into_iter().flatten()
 }
 
 /// The runners that run with `--thorough` only.
@@ -374,6 +375,8 @@ struct Context<'a> {
     cluster: OnceLock<Result<PathBuf, String>>,
     built: OnceLock<Result<(), String>>,
     built_for_windows: OnceLock<Result<String, String>>,
+    /// Held by a runner that writes or reads the folder of the runner `study`.
+    study: Mutex<()>,
     /// Whether the absence of AMD's own libraries was reported already.
     amd_skipped: AtomicBool,
 }
@@ -383,7 +386,19 @@ impl<'a> Context<'a> {
         let (library, bundles, lpips) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
         let (python, training, cluster) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
         let (built, built_for_windows, amd_skipped) = (OnceLock::new(), OnceLock::new(), AtomicBool::new(false));
-        Self { workspace, library, bundles, lpips, python, training, cluster, built, built_for_windows, amd_skipped }
+        Self {
+            workspace,
+            library,
+            bundles,
+            lpips,
+            python,
+            training,
+            cluster,
+            built,
+            built_for_windows,
+            study: Mutex::new(()),
+            amd_skipped,
+        }
     }
 
     /// Provides something once. A failure is cached too, so that an unreachable index is tried only once.
@@ -451,6 +466,11 @@ impl<'a> Context<'a> {
         Ok(())
     }
 
+    /// Waits until no other runner uses the folder of the runner `study`.
+    fn study_folder(&self) -> MutexGuard<'_, ()> {
+        self.study.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Builds the workspace's libraries and programs, once. `--lib` is needed because cargo puts only named targets beside the programs;
     /// `--tests` makes the features those of `cargo test`, so that nothing heavy is compiled a second time.
     fn build_programs(&self, log: &mut Log) -> Result<(), String> {
@@ -475,6 +495,8 @@ struct Session<'a> {
 
 /// What a runner has found, with its log.
 struct Outcome {
+    /// Among the chosen ones.
+    place: usize,
     name: &'static str,
     tally: Tally,
     seconds: f64,
@@ -517,7 +539,7 @@ impl Session<'_> {
             log.line(&format!("failed: {failure}"))?;
         }
         log.end(&format!("{}: {}", runner.name, tally.with_checks()));
-        Ok(Outcome { name: runner.name, tally, seconds: began.elapsed().as_secs_f64(), log: path })
+        Ok(Outcome { place, name: runner.name, tally, seconds: began.elapsed().as_secs_f64(), log: path })
     }
 }
 
@@ -554,14 +576,16 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
     }
     let session = Session { context: Context::new(workspace), chosen, allowed, commit };
     let mut outcomes = session.run(FIRST)?;
-    let (in_the_lab, beside) = thread::scope(|scope| {
-        let lab = thread::Builder::new().name("lab".to_owned()).spawn_scoped(scope, || session.run(IN_THE_LAB));
-        let beside = session.run(BESIDE_THE_LAB);
-        let lab = lab.map_err(|e| format!("a thread for the lab: {e}"))?;
-        let lab = lab.join().map_err(|_| "the thread of the lab's runners has panicked".to_owned())?;
-        Ok::<_, String>((lab?, beside?))
+    let queue = Mutex::new(INDEPENDENT.iter());
+    let independent = || std::iter::from_fn(|| queue.lock().unwrap_or_else(PoisonError::into_inner).next());
+    let both = thread::scope(|scope| {
+        let windows = scope.spawn(|| session.run(BY_WINDOWS_PROGRAMS.iter().chain(independent())));
+        let others = session.run(independent());
+        let windows = windows.join().map_err(|_| "a thread of runners has panicked".to_owned())?;
+        Ok::<_, String>([windows?, others?])
     })?;
-    outcomes.extend(in_the_lab.into_iter().chain(beside));
+    outcomes.extend(both.into_iter().flatten());
+    outcomes.sort_by_key(|outcome| outcome.place);
     outcomes.extend(session.run(parts())?);
     Ok(report(outcomes))
 }
