@@ -42,10 +42,16 @@ fn host() -> Result<String, String> {
     Ok(printed.trim().to_owned())
 }
 
-/// Builds what the other runners use, without a warning.
+/// Builds the libraries, programs and tests that the runners after this one use.
 pub(super) fn build(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    context.build_programs(log)?;
-    Ok(Tally::checked(true, ""))
+    let mut tally = Tally::default();
+    tally.check(warning(context.build_programs(log)?));
+    Ok(tally)
+}
+
+/// The error if a build printed a warning.
+pub(super) fn warning(printed: &str) -> Option<String> {
+    printed.lines().find(|line| line.starts_with("warning")).map(|line| format!("the build warns: {line}"))
 }
 
 /// For a target by name, as clippy, so that the dependencies that it checked are not checked a second time.
@@ -178,6 +184,14 @@ mod tests {
         assert_eq!(count_named(&ended, &["a::of_rollouts", "of_states"]).to_string(), "2 passed, 0 failed, 0 skipped");
         let renamed = count_named(&ended, &["a::of_rollouts", "a::of_worlds"]);
         assert_eq!(renamed.failures, ["no test of the name a::of_worlds has run: was it renamed?"]);
+    }
+
+    #[test]
+    fn a_warning_is_a_line_that_starts_with_the_word() {
+        let built = "   Compiling cairn v0.1.0\n  a warning\n    Finished `dev` profile\n";
+        assert_eq!(warning(built), None);
+        let warned = format!("{built}warning: unused variable: `a`\n");
+        assert_eq!(warning(&warned).as_deref(), Some("the build warns: warning: unused variable: `a`"));
     }
 
     #[test]

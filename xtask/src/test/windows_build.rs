@@ -175,9 +175,8 @@ pub(super) fn link(context: &Context<'_>, log: &mut Log) -> Result<Tally, String
         }
         ended.output
     };
-    let warnings = printed.lines().find(|line| line.starts_with("warning"));
     let mut tally = Tally::default();
-    tally.check(warnings.map(|line| format!("the build warns: {line}")));
+    tally.check(cargo::warning(&printed));
     for name in ["cairn.dll", "cairn_unity.dll"] {
         let dll = context.windows_programs().join(name);
         tally.check(match std::fs::read(&dll) {
