@@ -66,7 +66,6 @@ frame.onload = async () => {
 const EXPECTED: &str = "played 256x144 for 0.53 s, drew 2 frames or more";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let _folder = context.study_folder();
     let Some(chromium) = tools::chromium(&Console::new()) else {
         let skip = Skip {
             name: "the video plays in a browser".to_owned(),

@@ -41,7 +41,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::thread;
 use std::time::Instant;
 
@@ -83,93 +83,95 @@ const FIRST: &[Runner] = &[
     },
 ];
 
-/// One after the other, since they put other libraries beside the same Windows programs. They leave a processor idle half of the time.
-const BY_WINDOWS_PROGRAMS: &[Runner] = &[
-    Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
-    Runner {
-        name: "validation",
-        what: "Direct3D 12 over Vulkan's validation layer, which must find mutants; some of its tests",
-        run: validation::run,
-    },
-    Runner {
-        name: "recorder",
-        what: "Direct3D 12 through a recorder of its calls, which must find misuse and mutants; some of its tests",
-        run: recorder::run,
-    },
-    Runner {
-        name: "directml",
-        what: "parity with the oracle, saved states and budgets on DirectML, in short",
-        run: directml::run,
-    },
-    Runner { name: "study-windows", what: "the study's program on Windows", run: study_windows::run },
-    Runner {
-        name: "cairn-check",
-        what: "cairn-check in the lab: altered results must fail, right ones pass, and its window is on the display",
-        run: check::run,
-    },
-    Runner { name: "host-d3d12", what: "samples/host-d3d12 shows a world on a display", run: host::run_windows },
-    Runner {
-        name: "unreal",
-        what: "the plugin for Unreal Engine 5.1 to 5.8, by declarations of it and in a small engine",
-        run: unreal::run,
-    },
-    Runner {
-        name: "ffx",
-        what: "AMD's ffx-api: a double of each release, and AMD's own where CAIRN_FFX_DIR is",
-        run: ffx::run,
-    },
-];
-
-/// Beside those, and in any order.
-const INDEPENDENT: &[Runner] = &[
-    Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests },
-    Runner {
-        name: "study",
-        what: "a short video, its replay, which motion is best, a small sweep and a small quality table, through the program",
-        run: study::run,
-    },
-    Runner {
+/// After those, two groups beside each other: one runner alone leaves a processor idle much of the time. Runners of a group run in turn.
+const GROUPS: &[&[Runner]] = &[
+    // They put other libraries beside the same Windows programs.
+    &[
+        Runner { name: "lab", what: "Windows programs run, with Direct3D 12 and DirectML", run: lab::run },
+        Runner {
+            name: "validation",
+            what: "Direct3D 12 over Vulkan's validation layer, which must find mutants; some of its tests",
+            run: validation::run,
+        },
+        Runner {
+            name: "recorder",
+            what: "Direct3D 12 through a recorder of its calls, which must find misuse and mutants; some of its tests",
+            run: recorder::run,
+        },
+        Runner {
+            name: "directml",
+            what: "parity with the oracle, saved states and budgets on DirectML, in short",
+            run: directml::run,
+        },
+        Runner { name: "study-windows", what: "the study's program on Windows", run: study_windows::run },
+        Runner {
+            name: "cairn-check",
+            what: "cairn-check in the lab: altered results must fail, right ones pass, and its window is on the display",
+            run: check::run,
+        },
+        Runner { name: "host-d3d12", what: "samples/host-d3d12 shows a world on a display", run: host::run_windows },
+        Runner {
+            name: "unreal",
+            what: "the plugin for Unreal Engine 5.1 to 5.8, by declarations of it and in a small engine",
+            run: unreal::run,
+        },
+        Runner {
+            name: "ffx",
+            what: "AMD's ffx-api: a double of each release, and AMD's own where CAIRN_FFX_DIR is",
+            run: ffx::run,
+        },
+    ],
+    &[Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests }],
+    // The browser plays the video of the study.
+    &[
+        Runner {
+            name: "study",
+            what: "a short video, its replay, which motion is best, a small sweep and a small quality table, through the program",
+            run: study::run,
+        },
+        Runner { name: "browser", what: "the video and the report of a comparison, in Chromium", run: browser::run },
+    ],
+    &[Runner {
         name: "abi",
         what: "the C and C++ headers, the record of the interface, and programs that use them",
         run: abi::run,
-    },
-    Runner { name: "host", what: "C programs load and use the library, and write a video", run: host::run },
-    Runner {
+    }],
+    &[Runner { name: "host", what: "C programs load and use the library, and write a video", run: host::run }],
+    &[Runner {
         name: "pytest",
         what: "the Python package, parity with the oracle, and the training's short tests",
         run: python::run,
-    },
-    Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: nightly::races },
-    Runner {
+    }],
+    &[Runner { name: "races", what: "submit and poll under ThreadSanitizer", run: nightly::races }],
+    &[Runner {
         name: "dist",
         what: "archives are the same each time, and hosts are built and run from them alone",
         run: dist::run,
-    },
-    Runner {
+    }],
+    &[Runner {
         name: "wheels",
         what: "Python wheels: what is in them, whom pip gives them to, and that they run, on Windows in the lab",
         run: wheels::run,
-    },
-    Runner {
+    }],
+    &[Runner {
         name: "csharp",
         what: "the C# binding against the library, on Mono and .NET; the package for Unity compiles",
         run: csharp::run,
-    },
-    Runner {
+    }],
+    &[Runner {
         name: "shaders",
         what: "compiled shaders are what their sources compile to, and the sources compile to SPIR-V",
         run: shaders::run,
-    },
-    Runner { name: "cluster", what: "a sweep through Ray, on an instance of this machine", run: python::cluster },
-    Runner { name: "browser", what: "the video and the report of a comparison, in Chromium", run: browser::run },
-    Runner { name: "readme", what: "what the documents show: commands exist, code compiles", run: readme::run },
-    Runner { name: "book", what: "the documentation as a book: chapters, links, names, results", run: book::run },
-    Runner { name: "deny", what: "licences and sources of the dependencies", run: cargo::deny },
+    }],
+    &[Runner { name: "cluster", what: "a sweep through Ray, on an instance of this machine", run: python::cluster }],
+    &[Runner { name: "readme", what: "what the documents show: commands exist, code compiles", run: readme::run }],
+    &[Runner { name: "book", what: "the documentation as a book: chapters, links, names, results", run: book::run }],
+    &[Runner { name: "deny", what: "licences and sources of the dependencies", run: cargo::deny }],
 ];
 
 /// The runners of every run.
 fn runners() -> impl Iterator<Item = &'static Runner> {
-    [FIRST, BY_WINDOWS_PROGRAMS, INDEPENDENT].into_iter().flatten()
+    FIRST.iter().chain(GROUPS.iter().copied().flatten())
 }
 
 /// The runners that run with `--thorough` only.
@@ -375,8 +377,6 @@ struct Context<'a> {
     cluster: OnceLock<Result<PathBuf, String>>,
     built: OnceLock<Result<String, String>>,
     built_for_windows: OnceLock<Result<String, String>>,
-    /// Held by a runner that writes or reads the folder of the runner `study`.
-    study: Mutex<()>,
     /// Whether the absence of AMD's own libraries was reported already.
     amd_skipped: AtomicBool,
 }
@@ -386,19 +386,7 @@ impl<'a> Context<'a> {
         let (library, bundles, lpips) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
         let (python, training, cluster) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
         let (built, built_for_windows, amd_skipped) = (OnceLock::new(), OnceLock::new(), AtomicBool::new(false));
-        Self {
-            workspace,
-            library,
-            bundles,
-            lpips,
-            python,
-            training,
-            cluster,
-            built,
-            built_for_windows,
-            study: Mutex::new(()),
-            amd_skipped,
-        }
+        Self { workspace, library, bundles, lpips, python, training, cluster, built, built_for_windows, amd_skipped }
     }
 
     /// Provides something once. A failure is cached too, so that an unreachable index is tried only once.
@@ -464,11 +452,6 @@ impl<'a> Context<'a> {
     fn provide_lpips(&self, command: &mut Command) -> Result<(), String> {
         command.env("CAIRN_LPIPS", Self::provide(&self.lpips, provision::lpips_weights)?);
         Ok(())
-    }
-
-    /// Waits until no other runner uses the folder of the runner `study`.
-    fn study_folder(&self) -> MutexGuard<'_, ()> {
-        self.study.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Builds the workspace's libraries and programs, once; returns what cargo printed. `--lib` is needed because cargo puts only named targets beside the programs;
@@ -577,15 +560,16 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
     }
     let session = Session { context: Context::new(workspace), chosen, allowed, commit };
     let mut outcomes = session.run(FIRST)?;
-    let queue = Mutex::new(INDEPENDENT.iter());
-    let independent = || std::iter::from_fn(|| queue.lock().unwrap_or_else(PoisonError::into_inner).next());
+    let queue = Mutex::new(GROUPS.iter());
+    let next_group = || queue.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let run_groups = || session.run(std::iter::from_fn(next_group).copied().flatten());
     let both = thread::scope(|scope| {
-        let windows = scope.spawn(|| session.run(BY_WINDOWS_PROGRAMS.iter().chain(independent())));
-        let others = session.run(independent());
-        let windows = windows.join().map_err(|_| "a thread of runners has panicked".to_owned())?;
-        Ok::<_, String>([windows?, others?])
-    })?;
-    outcomes.extend(both.into_iter().flatten());
+        let (one, other) = (scope.spawn(run_groups), run_groups());
+        [one.join().map_err(|_| "a runner has panicked".to_owned()).flatten(), other]
+    });
+    for of_one in both {
+        outcomes.extend(of_one?);
+    }
     outcomes.sort_by_key(|outcome| outcome.place);
     outcomes.extend(session.run(parts())?);
     Ok(report(outcomes))

@@ -66,7 +66,6 @@ fn find_video(folder: &Path) -> Option<PathBuf> {
 }
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let _folder = context.study_folder();
     let mut tally = rollouts(context, log)?;
     tally.add(quality::run(context, log)?);
     Ok(tally)
