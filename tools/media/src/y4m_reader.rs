@@ -129,6 +129,10 @@ fn no_y4m(cause: &str) -> Error {
 }
 
 /// Parses the header line, without its newline.
+///
+/// # Errors
+/// [`ErrorKind::InvalidArgument`] where a word of it is missing or cannot be read; [`ErrorKind::Unsupported`] for interlaced video and for a form
+/// of colour that [`Y4mReader`] does not read.
 pub fn parse(line: &[u8]) -> Result<Y4mHeader> {
     let text = std::str::from_utf8(line).map_err(|_| no_y4m("its header is no text"))?;
     let mut words = text.split(' ');

@@ -16,7 +16,7 @@ pub(super) fn require(workspace: &Workspace) -> Result<(), String> {
     fs::create_dir_all(&workspace.target).map_err(|e| format!("{}: {e}", workspace.target.display()))?;
     // A file system that does not report its free space is not a reason to stop.
     let Ok(free) = fs4::available_space(&workspace.target) else { return Ok(()) };
-    // The last folder that the runners build.
+    // A folder that is built late.
     let built = workspace.target.join("tsan").is_dir();
     let needed = if built { BUILT_BEFORE } else { FROM_NOTHING };
     if free >= needed {
