@@ -11,7 +11,7 @@ use super::presenter::{cairn_frame, cairn_presenter, to_c_frame};
 use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info, step_info};
 use super::structs::{Out, check_out, describe, read};
-use crate::runtime::Device;
+use crate::runtime::{Device, DeviceKind};
 use crate::world::Job;
 use types::{AnchorTexture, FenceValue, FramePreparation, FrameResult, FrameTarget, WorldOptions};
 
@@ -534,7 +534,7 @@ pub unsafe extern "C" fn cairn_presenter_release_d3d12(presenter: *mut cairn_pre
 
 /// Refuses a device that is not a Direct3D 12 device.
 fn check_gpu(device: &Device) -> Outcome<()> {
-    if device.is_gpu() { Ok(()) } else { Err(Failure::no_d3d12()) }
+    if device.kind() == DeviceKind::Direct3d12 { Ok(()) } else { Err(Failure::no_d3d12()) }
 }
 
 /// Refuses a null pointer to a Direct3D object.

@@ -10,7 +10,7 @@ use super::structs::{Out, check_out, describe, read_or_default};
 use super::text::{fixed_text, optional_text};
 use crate::LibrarySearch;
 use crate::bundle::Precision;
-use crate::runtime::{CpuOptions, Device, Ort};
+use crate::runtime::{CpuOptions, Device, DeviceKind, Ort};
 
 /// The host's processor, by ONNX Runtime's CPU provider.
 pub const CAIRN_DEVICE_CPU: u32 = 1;
@@ -133,7 +133,10 @@ pub unsafe extern "C" fn cairn_device_get_info(
         let memory = device.memory().unwrap_or_default();
         info.write(&cairn_device_info {
             struct_size: 0,
-            kind: if device.is_gpu() { CAIRN_DEVICE_D3D12 } else { CAIRN_DEVICE_CPU },
+            kind: match device.kind() {
+                DeviceKind::Cpu => CAIRN_DEVICE_CPU,
+                DeviceKind::Direct3d12 => CAIRN_DEVICE_D3D12,
+            },
             precision: precision_number(device.precision()),
             threads: u32::try_from(device.threads()).unwrap_or(u32::MAX),
             description: fixed_text(&device.describe()),

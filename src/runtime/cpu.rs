@@ -10,7 +10,7 @@ use ort::session::{IoBinding, Session};
 use ort::value::{Shape, TensorRefMut};
 
 use super::aligned_buffer::AlignedBuffer;
-use super::device::Backend;
+use super::device::{Backend, DeviceKind};
 use super::execution_context::{
     Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, MAX_GROUPS, RecordedCopiesId, RecordedCopy,
     Region,
@@ -112,6 +112,15 @@ impl Backend for CpuBackend {
         Graph::commit(builder, what, model, inputs, &[], outputs).map(Arc::new)
     }
 
+    fn kind(&self) -> DeviceKind {
+        DeviceKind::Cpu
+    }
+
+    #[cfg(windows)]
+    fn as_any(&self) -> &dyn std::any::Any {
+        self
+    }
+
     fn context(&self, _: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {
         let (memories, bindings, recorded, finite_checks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Ok(Box::new(CpuContext {
@@ -136,6 +145,9 @@ struct CpuContext {
     bytes: Bytes,
     read: std::sync::atomic::AtomicU64,
 }
+
+/// Buffers with copies of their contents.
+type HostBackup = Vec<(BufferId, Vec<u8>)>;
 
 /// A session with its inputs and outputs bound to addresses.
 struct Bound {
@@ -219,18 +231,13 @@ impl ExecutionContext for CpuContext {
             copy.extend_from_slice(contents);
             Ok((*buffer, copy))
         };
-        of.iter().map(copy).collect::<Result<_>>().map(Backup::Host)
+        of.iter().map(copy).collect::<Result<HostBackup>>().map(Backup::new)
     }
 
     fn restore_backup(&mut self, backup: Backup) -> Result<()> {
-        match backup {
-            Backup::Host(copies) => {
-                copies.iter().for_each(|(to, bytes)| self.memories[to.0].bytes_mut().copy_from_slice(bytes));
-                Ok(())
-            }
-            #[cfg(windows)]
-            Backup::Device(_) => unreachable!("a backup of another context"),
-        }
+        let copies = backup.into_contents::<HostBackup>();
+        copies.iter().for_each(|(to, bytes)| self.memories[to.0].bytes_mut().copy_from_slice(bytes));
+        Ok(())
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {

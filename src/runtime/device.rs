@@ -34,11 +34,25 @@ pub(super) trait Backend: Send + Sync {
         None
     }
 
-    /// Its DirectML options; `None` for devices without DirectML.
-    #[cfg(windows)]
-    fn directml_options(&self) -> Option<&crate::locks::Mutex<super::DirectMlOptions>> {
+    fn kind(&self) -> DeviceKind;
+
+    /// A graphics device's memory budget and use; `None` where there is none or the system reports none.
+    fn memory(&self) -> Option<DeviceMemory> {
         None
     }
+
+    /// Itself, for options of one backend alone.
+    #[cfg(windows)]
+    fn as_any(&self) -> &dyn std::any::Any;
+}
+
+/// What a [`Device`] is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DeviceKind {
+    /// The host's processor.
+    Cpu,
+    /// A Direct3D 12 device, through DirectML.
+    Direct3d12,
 }
 
 /// Memory of a graphics device, in bytes.
@@ -131,7 +145,7 @@ impl Device {
     /// Its DirectML options; `None` for a device without DirectML.
     #[cfg(windows)]
     pub fn directml_options(&self) -> Option<super::DirectMlOptions> {
-        self.backend.directml_options().map(|options| options.lock().clone())
+        self.directml_backend().map(|backend| backend.options.lock().clone())
     }
 
     /// Sets its DirectML options, for worlds that are loaded and rollouts that are made from now on.
@@ -140,32 +154,33 @@ impl Device {
     /// `Unsupported` on a device that is not a Direct3D 12 device.
     #[cfg(windows)]
     pub fn set_directml_options(&self, options: super::DirectMlOptions) -> Result<()> {
-        let ours = self.backend.directml_options().ok_or_else(|| {
+        let backend = self.directml_backend().ok_or_else(|| {
             let cause = format!("{} does not use DirectML", self.describe());
             crate::Error::new(crate::ErrorKind::Unsupported, cause).remedy("Set them on a Direct3D 12 device")
         })?;
-        *ours.lock() = options;
+        *backend.options.lock() = options;
         Ok(())
     }
 
-    /// Whether it is a Direct3D 12 device.
+    #[cfg(windows)]
+    fn directml_backend(&self) -> Option<&super::directml::DirectMlBackend> {
+        self.backend.as_any().downcast_ref()
+    }
+
+    /// Whether its worlds are in a graphics device's memory.
     pub fn is_gpu(&self) -> bool {
-        #[cfg(windows)]
-        return self.gpu().is_some();
-        #[cfg(not(windows))]
-        false
+        self.kind() != DeviceKind::Cpu
+    }
+
+    /// What it is.
+    pub fn kind(&self) -> DeviceKind {
+        self.backend.kind()
     }
 
     /// A graphics device's memory budget and use, as the system reports them now; `None` for a processor, and where the system
     /// reports none.
     pub fn memory(&self) -> Option<DeviceMemory> {
-        #[cfg(windows)]
-        return self
-            .gpu()
-            .and_then(|gpu| gpu.budget().ok().flatten())
-            .map(|budget| DeviceMemory { granted: budget.granted, used: budget.used });
-        #[cfg(not(windows))]
-        None
+        self.backend.memory()
     }
 
     /// Notification of changes of its memory budget; `None` for a processor, and where the system reports none.

@@ -1,5 +1,6 @@
 //! The memory, bound graphs and ordered work of one rollout on a device.
 
+use std::any::Any;
 use std::sync::Arc;
 
 use super::Graph;
@@ -186,11 +187,18 @@ pub(crate) trait ExecutionContext: Send {
     }
 }
 
-/// Backed-up contents of buffers of one context.
-pub(crate) enum Backup {
-    Host(Vec<(BufferId, Vec<u8>)>),
-    #[cfg(windows)]
-    Device(super::directml::DeviceBackup),
+/// Backed-up contents of buffers of one context, in the form that its backend keeps them in.
+pub(crate) struct Backup(Box<dyn Any>);
+
+impl Backup {
+    pub(super) fn new(contents: impl Any) -> Self {
+        Self(Box::new(contents))
+    }
+
+    /// The contents. Only the backend that made the backup is given it.
+    pub(super) fn into_contents<T: Any>(self) -> Box<T> {
+        self.0.downcast().expect("a backup of this context")
+    }
 }
 
 /// How many passes are captured, and why others are not. A pass here is a graph with one set of bound buffers.

@@ -1,5 +1,6 @@
 //! A session: one graph, loaded from memory and checked against the expected inputs and outputs.
 
+use std::any::Any;
 use std::ffi::CString;
 
 use ort::AsPointer;
@@ -7,8 +8,6 @@ use ort::session::Session;
 use ort::session::builder::SessionBuilder;
 use ort::value::{Outlet, TensorElementType, ValueType};
 
-#[cfg(windows)]
-use super::directml::DirectMlGraph;
 use super::failure::{make, ort_failure};
 use crate::bundle::{ModelSource, Precision};
 use crate::{Error, ErrorKind, Result};
@@ -70,9 +69,8 @@ pub(crate) struct Graph {
     session: Session,
     tensors: Vec<(CString, TensorSpec)>,
     inputs: usize,
-    /// Data of the DirectML backend; `None` for graphs of other devices.
-    #[cfg(windows)]
-    directml: Option<DirectMlGraph>,
+    /// What its backend keeps with it.
+    data: Box<dyn Any + Send + Sync>,
 }
 
 impl Graph {
@@ -100,25 +98,19 @@ impl Graph {
                 Ok((name, spec))
             })
             .collect::<Result<_>>()?;
-        Ok(Self {
-            session,
-            tensors,
-            inputs: count,
-            #[cfg(windows)]
-            directml: None,
-        })
+        Ok(Self { session, tensors, inputs: count, data: Box::new(()) })
     }
 
-    /// The same graph with data of the DirectML backend.
-    #[cfg(windows)]
-    pub(super) fn with_directml(self, data: DirectMlGraph) -> Self {
-        Self { directml: Some(data), ..self }
+    /// The same graph with data of its backend.
+    #[cfg_attr(not(any(windows, test)), expect(dead_code, reason = "only some backends have such data"))]
+    pub(super) fn with_data(self, data: impl Any + Send + Sync) -> Self {
+        Self { data: Box::new(data), ..self }
     }
 
-    /// Data of the DirectML backend. A context of that backend is only given graphs that have it.
-    #[cfg(windows)]
-    pub(super) fn directml(&self) -> &DirectMlGraph {
-        self.directml.as_ref().expect("a graph of the DirectML backend")
+    /// The data of its backend. A context is only given graphs of its own backend.
+    #[cfg_attr(not(any(windows, test)), expect(dead_code, reason = "only some backends have such data"))]
+    pub(super) fn data<T: Any>(&self) -> &T {
+        self.data.downcast_ref().expect("a graph of this backend")
     }
 
     pub(super) fn session(&self) -> &Session {

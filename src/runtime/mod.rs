@@ -23,7 +23,7 @@ mod stoppable;
 
 pub use cpu::CpuOptions;
 pub(crate) use device::MemoryChanges;
-pub use device::{Device, DeviceMemory};
+pub use device::{Device, DeviceKind, DeviceMemory};
 #[cfg(windows)]
 pub use directml::DirectMlOptions;
 #[cfg(windows)]

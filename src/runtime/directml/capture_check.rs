@@ -4,6 +4,7 @@ use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
 
 use super::capture::{CaptureRunOptions, CaptureState};
 use super::context::{DirectMlContext, groups_for};
+use super::graph_data::DirectMlGraph;
 use crate::Result;
 use crate::gpu::{Heap, buffer};
 use crate::runtime::execution_context::{BindingId, BufferId, Region};
@@ -16,7 +17,7 @@ impl DirectMlContext {
         let bound = &mut self.bindings[id.0];
         let (name, times) = match std::mem::replace(&mut bound.capture, CaptureState::Untried) {
             CaptureState::Checked(name, times) => (name, times),
-            _ => match bound.graph.directml().captures().next_capture() {
+            _ => match DirectMlGraph::of(&bound.graph).captures().next_capture() {
                 Some(name) => (name, 0),
                 None => {
                     bound.capture = CaptureState::Never("as many passes are captured as may be".to_owned());

@@ -16,6 +16,7 @@ use windows::core::Interface;
 
 use super::capture::{CaptureRunOptions, CaptureState};
 use super::finite_check::FiniteCheck;
+use super::graph_data::DirectMlGraph;
 use super::interval_times::WorkKind;
 use super::recorder::Recorder;
 use super::reusable_list::ReusableList;
@@ -233,11 +234,11 @@ impl DirectMlContext {
         let Bound { binding, graph, .. } = &self.bindings[id.0];
         let run = ort::api().RunWithBinding;
         let start = Instant::now();
-        let run_lock = self.uncaptured_options.as_ref().map(|_| graph.directml().captures().run_lock.lock());
+        let run_lock = self.uncaptured_options.as_ref().map(|_| DirectMlGraph::of(graph).captures().run_lock.lock());
         let session = graph.session().ptr().cast_mut();
         // SAFETY: a session may run on several threads; this binding and its buffers are used by `&mut self` alone.
         let run = || unsafe { run(session, options, binding.ptr()) };
-        let status = self.gpu.anchors().with_event(graph.directml().title(), run);
+        let status = self.gpu.anchors().with_event(DirectMlGraph::of(graph).title(), run);
         drop(run_lock);
         self.in_onnxruntime += start.elapsed();
         // SAFETY: the status is what the call above returned, used once.
@@ -262,7 +263,7 @@ impl DirectMlContext {
         }
         let mut held = 0;
         let mut hold = |graph: &Arc<Graph>| {
-            graph.directml().weights().hold(&self.gpu)?;
+            DirectMlGraph::of(graph).weights().hold(&self.gpu)?;
             held += 1;
             Ok(())
         };
@@ -276,7 +277,7 @@ impl DirectMlContext {
 
     /// Releases weights. No submitted work may use them any more.
     fn release(&self, of: &[Arc<Graph>]) {
-        of.iter().for_each(|graph| graph.directml().weights().release(&self.gpu));
+        of.iter().for_each(|graph| DirectMlGraph::of(graph).weights().release(&self.gpu));
     }
 
     /// Waits until `fence_point`, which follows all submitted work, is reached, and adds the time to `waited`.
@@ -314,7 +315,7 @@ impl ExecutionContext for DirectMlContext {
     fn bind(&mut self, graph: &Arc<Graph>, tensors: &[BufferId]) -> Result<BindingId> {
         self.make_resident()?;
         if !self.graphs_with_weights.iter().any(|held| Arc::ptr_eq(held, graph)) {
-            graph.directml().weights().hold(&self.gpu)?;
+            DirectMlGraph::of(graph).weights().hold(&self.gpu)?;
             self.graphs_with_weights.push(graph.clone());
         }
         assert_eq!(tensors.len(), graph.tensors().len(), "one buffer for each input and output");
@@ -328,13 +329,14 @@ impl ExecutionContext for DirectMlContext {
             make("bind a tensor", || bind_one(&mut binding, name, input, spec, &memory.allocation))
                 .map_err(|e| self.gpu.or_removed(e))?;
         }
-        for (name, spec, memory) in graph.directml().weights().inputs() {
+        for (name, spec, memory) in DirectMlGraph::of(graph).weights().inputs() {
             make("bind a weight", || bind_one(&mut binding, name, true, spec, &memory.allocation))
                 .map_err(|e| self.gpu.or_removed(e))?;
         }
         let same = self.bindings.iter().find(|bound| Arc::ptr_eq(&bound.graph, graph));
         let kind = same.map(|bound| bound.kind).unwrap_or_else(|| self.recorder.get_mut().kind());
-        let (outputs, capture) = (tensors[graph.input_count()..].to_vec(), graph.directml().captures().initial_state());
+        let (outputs, capture) =
+            (tensors[graph.input_count()..].to_vec(), DirectMlGraph::of(graph).captures().initial_state());
         if !matches!(capture, CaptureState::Never(_)) && self.uncaptured_options.is_none() {
             self.uncaptured_options = Some(CaptureRunOptions::none()?);
         }
@@ -420,11 +422,11 @@ impl ExecutionContext for DirectMlContext {
         let resources = of.iter().map(|buffer| &self.buffers[buffer.0]);
         let contents: Vec<_> = resources.map(|buffer| (&buffer.resource, buffer.bytes)).collect();
         self.recorder.get_mut().submit()?;
-        super::DeviceBackup::new(&self.gpu, &contents).map(Backup::Device)
+        super::DeviceBackup::new(&self.gpu, &contents).map(Backup::new)
     }
 
     fn restore_backup(&mut self, backup: Backup) -> Result<()> {
-        let Backup::Device(backup) = backup else { unreachable!("a backup of another context") };
+        let backup = backup.into_contents::<super::DeviceBackup>();
         let recorder = self.recorder.get_mut();
         // Commands recorded before the failure may write to the restored buffers, so they must run first or be discarded.
         recorder.submit().or_else(|_| recorder.discard())?;

@@ -4,9 +4,10 @@ use std::ffi::{CStr, CString};
 
 use super::capture::CaptureQuota;
 use super::weights::Weights;
+use crate::runtime::Graph;
 
 /// Profiler name, capture quota and weights of a graph. The general [`Graph`](crate::runtime::Graph) only stores it.
-pub(in crate::runtime) struct DirectMlGraph {
+pub(super) struct DirectMlGraph {
     /// Name of its runs in GPU profilers.
     title: CString,
     captures: CaptureQuota,
@@ -17,6 +18,11 @@ impl DirectMlGraph {
     /// Data of the graph called `what`. Its session allows `captures`, and takes `weights` as inputs after the graph's own inputs.
     pub(super) fn new(what: &str, captures: CaptureQuota, weights: Weights) -> Self {
         Self { title: CString::new(format!("Cairn: {what}")).unwrap_or_default(), captures, weights }
+    }
+
+    /// The data of a graph of this backend.
+    pub(super) fn of(graph: &Graph) -> &Self {
+        graph.data()
     }
 
     /// Name of its runs in GPU profilers.

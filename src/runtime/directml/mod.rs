@@ -26,12 +26,12 @@ use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use windows::Win32::AI::MachineLearning::DirectML::IDMLDevice;
 use windows::core::Interface;
 
-use super::device::Backend;
+use super::device::{Backend, DeviceKind, DeviceMemory};
 use super::failure::make;
 use super::graph::TensorSpec;
 use super::{ExecutionContext, Graph, Ort};
-pub(crate) use backup::DeviceBackup;
-pub(super) use graph_data::DirectMlGraph;
+use backup::DeviceBackup;
+use graph_data::DirectMlGraph;
 pub(crate) use snapshot::Snapshot;
 
 use capture::CaptureQuota;
@@ -83,7 +83,8 @@ pub(super) struct DirectMlBackend {
     device: IDMLDevice,
     kernels: Arc<context::Kernels>,
     name: String,
-    options: Mutex<DirectMlOptions>,
+    /// For worlds that are loaded and rollouts that are made from now on.
+    pub(super) options: Mutex<DirectMlOptions>,
 }
 
 // SAFETY: IDMLDevice may be used from any thread by DirectML's contract; the bindings do not know it.
@@ -188,7 +189,7 @@ impl Backend for DirectMlBackend {
         };
         let with_data = |graph: Graph| {
             let data = DirectMlGraph::new(what, captures, Weights::new(&self.gpu, &weights)?);
-            Ok(Arc::new(graph.with_directml(data)))
+            Ok(Arc::new(graph.with_data(data)))
         };
         graph.and_then(with_data).map_err(|e| self.gpu.removed().unwrap_or(e))
     }
@@ -203,8 +204,17 @@ impl Backend for DirectMlBackend {
         Some(&self.gpu)
     }
 
-    fn directml_options(&self) -> Option<&Mutex<DirectMlOptions>> {
-        Some(&self.options)
+    fn kind(&self) -> DeviceKind {
+        DeviceKind::Direct3d12
+    }
+
+    fn memory(&self) -> Option<DeviceMemory> {
+        let budget = self.gpu.budget().ok().flatten()?;
+        Some(DeviceMemory { granted: budget.granted, used: budget.used })
+    }
+
+    fn as_any(&self) -> &dyn std::any::Any {
+        self
     }
 }
 
