@@ -30,7 +30,7 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Fetch what the demo needs: ONNX Runtime, a Python environment, a random-weight world, nasm where apt has it
     Setup {
-        /// Fetch what the tests need as well: the test worlds, the weights of LPIPS, the Windows target with a linker, Mono and .NET, cargo-deny, mdBook
+        /// Fetch what the tests need as well: the test worlds, ONNX Runtime with its WebGPU provider and its newest version, the weights of LPIPS, the Windows target with a linker, Mono and .NET, cargo-deny, mdBook
         #[arg(long)]
         all: bool,
     },
@@ -111,7 +111,7 @@ pub(crate) struct DistOptions {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum LabCommand {
-    /// Run a Windows program; the lab is built first where it is missing
+    /// Run a Windows program, or a Linux program on the lab's Vulkan driver; the lab is built first where it is missing
     #[command(
         after_help = "Working directory, arguments, variables, standard streams and the exit status are the program's own; paths\n\
                             mean what they mean outside, and the machine's root is the drive Z:. Of an exit status the lowest\n\
@@ -119,7 +119,8 @@ pub(crate) enum LabCommand {
                             it starts ends with it, also after Ctrl-C; what it writes to C: is gone afterwards, and the\n\
                             machine's /usr, /etc, /var and /run are not seen.\n\n\
                             Wine's remarks are off: WINEDEBUG=err+all, VKD3D_DEBUG=warn show them. On Windows the program runs\n\
-                            as it is."
+                            as it is.\n\n\
+                            A Linux program runs without Wine and without a display, on the lab's software Vulkan driver."
     )]
     Run {
         /// The program, a path of this machine, and its arguments, handed on as they are

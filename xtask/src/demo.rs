@@ -35,6 +35,10 @@ pub(crate) fn provide_all(workspace: &Workspace, progress: &dyn Progress) -> Res
     _ = (tools::clang("clang++", progress), tools::mingw_compiler(true, progress), tools::cmake(progress));
     provision::python_env(progress).map_err(text)?;
     provision::test_bundles(progress).map_err(text)?;
+    if cfg!(target_os = "linux") {
+        provision::onnxruntime_with_webgpu(progress).map_err(text)?;
+        provision::newest_onnxruntime(progress).map_err(text)?;
+    }
     provision::lpips_weights(progress).map_err(text)?;
     // As the runners that need it do.
     _ = tools::nightly(&["rust-src"], progress);

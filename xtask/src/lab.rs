@@ -1,6 +1,8 @@
-//! `cargo xtask lab`: runs Windows programs on this machine.
+//! `cargo xtask lab`: runs Windows programs, and Linux programs that need Vulkan, on this machine.
 
 use std::ffi::OsString;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 use std::process::{Command, ExitCode, ExitStatus};
 use std::sync::mpsc::channel;
@@ -22,8 +24,8 @@ const INTERRUPTED: u8 = 130;
 /// Interval at which the program's exit is polled.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
-/// Runs a Windows program with our own streams, in the lab or natively on Windows; returns its exit status. Ctrl-C ends the program
-/// and all that it started.
+/// Runs a program with our own streams, in the lab or natively on Windows; returns its exit status. Ctrl-C ends the program and all
+/// that it started.
 pub(crate) fn run(program: &Path, arguments: &[OsString]) -> Result<ExitCode, String> {
     let mut command = command(program)?;
     let failed = |e: std::io::Error| format!("{}: {e}", program.display());
@@ -45,12 +47,20 @@ pub(crate) fn run(program: &Path, arguments: &[OsString]) -> Result<ExitCode, St
     Ok(ExitCode::from(status))
 }
 
-/// A command that runs a Windows program, in the lab or natively.
+/// A command that runs a program, in the lab or natively on Windows.
 pub(crate) fn command(program: &Path) -> Result<Command, String> {
     if cfg!(windows) {
         return Ok(Command::new(program));
     }
-    provision::lab::lab(&Console::new()).and_then(|lab| lab.command(program)).map_err(|e| e.to_string())
+    let lab = provision::lab::lab(&Console::new()).map_err(|e| e.to_string())?;
+    let command = if is_elf(program) { lab.linux_command(program) } else { lab.command(program) };
+    command.map_err(|e| e.to_string())
+}
+
+/// Whether a file is a Linux program. One that cannot be read is not.
+fn is_elf(program: &Path) -> bool {
+    let mut start = [0; 4];
+    File::open(program).and_then(|mut file| file.read_exact(&mut start)).is_ok_and(|()| start == *b"\x7fELF")
 }
 
 /// The exit status in eight bits: any failure stays different from 0.

@@ -3,6 +3,8 @@
 //! | function | provides | source |
 //! |---|---|---|
 //! | [`onnxruntime`] | the ONNX Runtime library | its PyPI wheel, checked against a pinned SHA-256 |
+//! | [`newest_onnxruntime`] | the newest version of it that is tested | the same |
+//! | [`onnxruntime_with_webgpu`] | the library with the plugin of its WebGPU provider | two PyPI wheels, checked against pinned SHA-256 |
 //! | [`python_env`] | a Python with the builder's and the tests' packages | PyPI, pinned versions |
 //! | [`training_env`] | the same with JAX, which trains the miniature world | PyPI, pinned versions |
 //! | [`cluster_env`] | another with Ray, for sweeps on a cluster | PyPI, pinned versions |
@@ -47,7 +49,10 @@ pub use error::{Error, Result};
 pub use lpips::{FILES as LPIPS_FILES, PACKAGE as LPIPS_PACKAGE, lpips_weights};
 pub use mdbook::mdbook;
 pub use mono::{Mono, mono};
-pub use onnxruntime::{VERSION as ONNXRUNTIME_VERSION, onnxruntime, onnxruntime_for_windows, onnxruntime_with_terms};
+pub use onnxruntime::{
+    NEWEST_VERSION as NEWEST_ONNXRUNTIME_VERSION, VERSION as ONNXRUNTIME_VERSION, newest_onnxruntime, onnxruntime,
+    onnxruntime_for_windows, onnxruntime_with_terms, onnxruntime_with_webgpu, onnxruntime_with_webgpu_for_windows,
+};
 pub use progress::{Console, Progress, Silent};
 pub use python::{build_package, cluster_env, install_package, python_env, python_path, training_env};
 

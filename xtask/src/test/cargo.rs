@@ -37,7 +37,7 @@ pub(super) fn clippy(context: &Context<'_>, log: &mut Log) -> Result<Tally, Stri
 }
 
 /// This machine's target.
-fn host() -> Result<String, String> {
+pub(super) fn host() -> Result<String, String> {
     let printed = crate::shell::output(std::process::Command::new("rustc").args(["--print", "host-tuple"]))?;
     Ok(printed.trim().to_owned())
 }

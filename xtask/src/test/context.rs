@@ -88,6 +88,14 @@ impl<'a> Context<'a> {
         Ok(())
     }
 
+    /// Sets a command's variables for the test worlds and for an ONNX Runtime that has the plugin of its WebGPU provider beside it.
+    pub(super) fn provide_webgpu_worlds(&self, command: &mut Command) -> Result<(), String> {
+        let library = provision::onnxruntime_with_webgpu(&Console::new()).map_err(|e| e.to_string())?;
+        command.env("CAIRN_ONNXRUNTIME", library);
+        command.env("CAIRN_TEST_BUNDLE", Self::provide(&self.bundles, provision::test_bundles)?);
+        Ok(())
+    }
+
     /// Cargo's folder of programs for Windows; test programs are in its folder `deps`.
     pub(super) fn windows_programs(&self) -> PathBuf {
         self.workspace.windows_programs()

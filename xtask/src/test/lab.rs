@@ -1,4 +1,5 @@
-//! Windows programs in the lab, or on Windows itself: what `lab run` passes through, Direct3D 12, and ONNX Runtime with DirectML.
+//! Windows programs in the lab, or on Windows itself: what `lab run` passes through, for Linux programs too, Direct3D 12, and ONNX
+//! Runtime with DirectML.
 
 use std::fs;
 use std::io::Write;
@@ -34,7 +35,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// The command that runs a program of the Windows target.
+/// The command that runs a program in the lab, or natively on Windows.
 pub(super) fn lab_run() -> Result<Command, String> {
     // A build of the workspace may have replaced this program's file since it started; Linux keeps the running one as
     // `/proc/PID/exe`.
@@ -174,10 +175,15 @@ pub(crate) fn for_windows(command: &mut Command) -> Result<(), String> {
             "MinGW-w64's GCC is needed to link programs for the lab: apt install gcc-mingw-w64-x86-64".to_owned()
         );
     }
+    command.args(["--target", tools::WINDOWS_TARGET]);
+    run_in_lab(command, tools::WINDOWS_TARGET)
+}
+
+/// Makes a cargo command run this target's programs in the lab.
+pub(super) fn run_in_lab(command: &mut Command, target: &str) -> Result<(), String> {
     let runner = lab_run()?;
     let words: Vec<_> = std::iter::once(runner.get_program()).chain(runner.get_args()).map(quoted).collect();
-    let runner = format!("target.{}.runner=[{}]", tools::WINDOWS_TARGET, words.join(","));
-    command.args(["--target", tools::WINDOWS_TARGET, "--config", &runner]);
+    command.args(["--config", &format!("target.{target}.runner=[{}]", words.join(","))]);
     Ok(())
 }
 
@@ -199,7 +205,7 @@ fn quoted(word: &std::ffi::OsStr) -> String {
 }
 
 /// Tests that arguments, streams, variables, the working directory, paths and exit statuses pass through the lab, and that a run leaves no
-/// process and no mount behind.
+/// process and no mount behind. Most cases run a Windows program, some a Linux program.
 fn check_pass_through(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let folder = context.workspace.target.join("xtask").join("lab").join("a folder");
     fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
@@ -237,6 +243,29 @@ fn check_pass_through(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -
         ("exit status 3", echo.run(&["exit", "3"], b"")?, EchoOutput::new(3, "", "")),
         ("exit status 255", echo.run(&["exit", "255"], b"")?, EchoOutput::new(255, "", "")),
         ("exit status 512, which is not success", echo.run(&["exit", "512"], b"")?, EchoOutput::new(1, "", "")),
+    ] {
+        log.line(&format!("{what}: {found:?}"))?;
+        tally.test((found != expected).then(|| format!("{what}: {found:?}, not {expected:?}")));
+    }
+    let shell = Echo { program: "/bin/sh".into(), folder: echo.folder.clone() };
+    let script = r#"printf '%s\n' "$@" "$CAIRN_ECHO" "$PWD"; cat; echo error >&2; exit 3"#;
+    let printed = format!("\ntwo words\n--help\na value\n{}\ninput", shell.folder.display());
+    for (what, found, expected) in [
+        (
+            "what a Linux program is given",
+            shell.run(&["-c", script, "sh", "", "two words", "--help"], b"input")?,
+            EchoOutput::new(3, &printed, "error\n"),
+        ),
+        (
+            "the GPU of a Linux program",
+            shell.run(&["-c", "cd -P /sys/class/drm/card*/device && pwd && cat vendor device"], b"")?,
+            EchoOutput::new(0, "/sys/devices/pci0000:00/0000:00:01.0\n0x1af4\n0x1050\n", ""),
+        ),
+        (
+            "a Linux program that a signal ends",
+            shell.run(&["-c", "kill -s KILL $$"], b"")?,
+            EchoOutput::new(137, "", "Killed\n"),
+        ),
     ] {
         log.line(&format!("{what}: {found:?}"))?;
         tally.test((found != expected).then(|| format!("{what}: {found:?}, not {expected:?}")));

@@ -36,6 +36,7 @@ mod thorough_record;
 mod unity;
 mod unreal;
 mod validation;
+mod webgpu;
 mod wheels;
 mod windows_build;
 

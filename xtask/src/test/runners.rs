@@ -3,7 +3,7 @@
 use super::tally::Tally;
 use super::{
     Context, abi, book, browser, cargo, check, csharp, directml, dist, ffx, host, lab, nightly, python, readme,
-    recorder, repository, shaders, study, study_windows, thorough, unreal, validation, wheels, windows_build,
+    recorder, repository, shaders, study, study_windows, thorough, unreal, validation, webgpu, wheels, windows_build,
 };
 use crate::shell::Log;
 
@@ -70,6 +70,11 @@ pub(super) const GROUPS: &[&[Runner]] = &[
             run: ffx::run,
         },
     ],
+    &[Runner {
+        name: "webgpu",
+        what: "worlds on ONNX Runtime's WebGPU provider, over a software Vulkan driver",
+        run: webgpu::run,
+    }],
     &[Runner { name: "cargo", what: "unit, integration, example and doc tests of the workspace", run: cargo::tests }],
     // The browser plays the video of the study.
     &[

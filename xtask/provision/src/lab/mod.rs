@@ -2,7 +2,7 @@
 //!
 //! It is Wine and a software Vulkan driver in a Debian of their own. Two files of Wine are rebuilt from Debian's source so that
 //! Microsoft's DirectML runs and programs have enough time to end. Debian's packages come through debootstrap from the
-//! mirror that the machine's own apt uses.
+//! mirror that the machine's own apt uses. Linux programs can use its Vulkan driver too.
 
 mod build;
 
@@ -22,6 +22,7 @@ const WINE: &str = include_str!("wine.sh");
 const PREFIX: &str = include_str!("prefix.sh");
 const ENTER: &str = include_str!("enter.sh");
 const INSIDE: &str = include_str!("inside.sh");
+const LINUX: &str = include_str!("linux.sh");
 const OVERLAY: &str = include_str!("overlay.sh");
 const LAYER: &str = include_str!("layer.sh");
 const SPIRV: &str = include_str!("spirv.sh");
@@ -53,10 +54,30 @@ impl Lab {
     /// `program` does not exist.
     pub fn command(&self, program: &Path) -> Result<Command> {
         let program = fs::canonicalize(program)
-            .map_err(|e| Error::new(program.display().to_string(), e.to_string(), "Name a Windows program"))?;
+            .map_err(|e| Error::new(program.display().to_string(), e.to_string(), "Name a program"))?;
+        Ok(self.enter(&program, INSIDE))
+    }
+
+    /// A command that runs a Linux program in the lab, on its software Vulkan driver and with its system libraries. It passes the
+    /// same through as [`Self::command`], has no display, and ends with everything that it started in the same way. The exit status
+    /// of a program that a signal ended is 128 plus the signal's number. `/sys` contains nothing but a GPU, because ONNX Runtime
+    /// searches for GPUs there.
+    ///
+    /// # Errors
+    /// `program` does not exist.
+    pub fn linux_command(&self, program: &Path) -> Result<Command> {
+        // Links are kept: the Python of a virtual environment finds its packages by the path that it is started with.
+        let program = fs::metadata(program)
+            .and_then(|_| std::path::absolute(program))
+            .map_err(|e| Error::new(program.display().to_string(), e.to_string(), "Name a program"))?;
+        Ok(self.enter(&program, LINUX))
+    }
+
+    /// A command that enters the lab and runs the script `inside` there, with the program's path and arguments.
+    fn enter(&self, program: &Path, inside: &str) -> Command {
         let mut command = isolated_command();
-        command.args(["sh", "-euc", ENTER, "sh"]).arg(&self.folder).arg(program).env("LAB_INSIDE", INSIDE);
-        Ok(command)
+        command.args(["sh", "-euc", ENTER, "sh"]).arg(&self.folder).arg(program).env("LAB_INSIDE", inside);
+        command
     }
 
     /// The folder of Vulkan's validation layer, for programs in the lab: its manifest and its library. It is fetched on first use (6 MB)
