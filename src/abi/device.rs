@@ -17,6 +17,9 @@ pub const CAIRN_DEVICE_CPU: u32 = 1;
 /// A Direct3D 12 adapter, by ONNX Runtime's DirectML provider.
 pub const CAIRN_DEVICE_D3D12: u32 = 2;
 
+/// A graphics adapter, by ONNX Runtime's WebGPU provider.
+pub const CAIRN_DEVICE_WEBGPU: u32 = 3;
+
 /// Float32.
 pub const CAIRN_PRECISION_F32: u32 = 1;
 /// Float16.
@@ -70,7 +73,7 @@ describe!(cairn_device_options, [], { struct_size, threads, flags, reserved, onn
 pub struct cairn_device_info {
     /// sizeof(cairn_device_info)
     pub struct_size: u32,
-    /// CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12
+    /// CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12 or CAIRN_DEVICE_WEBGPU
     pub kind: u32,
     /// Default precision of worlds: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16
     pub precision: u32,
@@ -136,6 +139,7 @@ pub unsafe extern "C" fn cairn_device_get_info(
             kind: match device.kind() {
                 DeviceKind::Cpu => CAIRN_DEVICE_CPU,
                 DeviceKind::Direct3d12 => CAIRN_DEVICE_D3D12,
+                DeviceKind::WebGpu => CAIRN_DEVICE_WEBGPU,
             },
             precision: precision_number(device.precision()),
             threads: u32::try_from(device.threads()).unwrap_or(u32::MAX),

@@ -22,7 +22,9 @@ use std::sync::Arc;
 pub use cost::{GraphCost, WorldCost};
 pub use manifest::*;
 pub use memory_need::{MemoryNeed, Processor, available_memory};
-pub(crate) use onnx::{ModelWithPeaks, SliceModel, SliceTensor, Slices};
+pub(crate) use onnx::{
+    ModelWithPeaks, ModelWriter, SliceModel, SliceTensor, Slices, ValueType, without_fused_products,
+};
 #[cfg(windows)]
 pub(crate) use onnx::{Weight, weights_as_inputs};
 pub use onnx::{operators, slice_transformer};

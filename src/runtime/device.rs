@@ -53,6 +53,8 @@ pub enum DeviceKind {
     Cpu,
     /// A Direct3D 12 device, through DirectML.
     Direct3d12,
+    /// A graphics adapter, through ONNX Runtime's WebGPU provider.
+    WebGpu,
 }
 
 /// Memory of a graphics device, in bytes.
@@ -110,6 +112,18 @@ impl Device {
     #[cfg(windows)]
     pub fn directml(ort: &Ort, gpu: &crate::gpu::Gpu, options: super::DirectMlOptions) -> Result<Device> {
         Ok(Self::of(Arc::new(super::directml::DirectMlBackend::new(ort, gpu, options)?)))
+    }
+
+    /// A graphics adapter, through ONNX Runtime's WebGPU provider: by Vulkan on Linux. It needs the plugin's library,
+    /// `libonnxruntime_providers_webgpu.so`, beside ONNX Runtime's own.
+    ///
+    /// All WebGPU devices of a process share one adapter, and their work takes turns.
+    ///
+    /// # Errors
+    /// `RuntimeMissing` when the plugin is not beside ONNX Runtime or does not fit it; `Unsupported` when there is no adapter; `Device` when
+    /// the adapter does not work.
+    pub fn webgpu(ort: &Ort, options: &super::WebGpuOptions) -> Result<Device> {
+        Ok(Self::of(Arc::new(super::webgpu::WebGpuBackend::new(ort, options)?)))
     }
 
     fn of(backend: Arc<dyn Backend>) -> Self {

@@ -10,6 +10,7 @@ use ort::value::{Outlet, TensorElementType, ValueType};
 
 use super::failure::{make, ort_failure};
 use crate::bundle::{ModelSource, Precision};
+use crate::locks::Mutex;
 use crate::{Error, ErrorKind, Result};
 
 /// Element type of a graph's input or output.
@@ -66,11 +67,14 @@ pub(crate) const fn element_size(element: Precision) -> usize {
 
 /// A loaded graph, shared by rollouts; several may run it at the same time, each through its own bindings.
 pub(crate) struct Graph {
-    session: Session,
+    /// Present until it is dropped.
+    session: Option<Session>,
     tensors: Vec<(CString, TensorSpec)>,
     inputs: usize,
     /// What its backend keeps with it.
     data: Box<dyn Any + Send + Sync>,
+    /// Held while the session is dropped, for backends whose sessions share what is not safe to use from two threads.
+    drop_lock: Option<&'static Mutex<()>>,
 }
 
 impl Graph {
@@ -98,13 +102,20 @@ impl Graph {
                 Ok((name, spec))
             })
             .collect::<Result<_>>()?;
-        Ok(Self { session, tensors, inputs: count, data: Box::new(()) })
+        Ok(Self { session: Some(session), tensors, inputs: count, data: Box::new(()), drop_lock: None })
     }
 
     /// The same graph with data of its backend.
     #[cfg_attr(not(any(windows, test)), expect(dead_code, reason = "only some backends have such data"))]
-    pub(super) fn with_data(self, data: impl Any + Send + Sync) -> Self {
-        Self { data: Box::new(data), ..self }
+    pub(super) fn with_data(mut self, data: impl Any + Send + Sync) -> Self {
+        self.data = Box::new(data);
+        self
+    }
+
+    /// The same graph with a lock that is held while its session is dropped.
+    pub(super) fn with_drop_lock(mut self, lock: &'static Mutex<()>) -> Self {
+        self.drop_lock = Some(lock);
+        self
     }
 
     /// The data of its backend. A context is only given graphs of its own backend.
@@ -114,7 +125,7 @@ impl Graph {
     }
 
     pub(super) fn session(&self) -> &Session {
-        &self.session
+        self.session.as_ref().expect("present until it is dropped")
     }
 
     /// Inputs, then outputs.
@@ -125,6 +136,13 @@ impl Graph {
     /// Number of inputs in [`tensors`](Self::tensors).
     pub(crate) fn input_count(&self) -> usize {
         self.inputs
+    }
+}
+
+impl Drop for Graph {
+    fn drop(&mut self) {
+        let _held = self.drop_lock.map(Mutex::lock);
+        self.session = None;
     }
 }
 

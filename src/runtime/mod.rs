@@ -20,6 +20,7 @@ mod library_search;
 mod module;
 mod pin;
 mod stoppable;
+mod webgpu;
 
 pub use cpu::CpuOptions;
 pub(crate) use device::MemoryChanges;
@@ -41,3 +42,4 @@ pub use library::Ort;
 #[cfg(windows)]
 pub use module::{LoadedLibrary, loaded_libraries};
 pub(crate) use stoppable::StoppableContext;
+pub use webgpu::WebGpuOptions;

@@ -5,6 +5,8 @@
 //! - [`residual`] finds the residual stream and checks its type.
 //! - [`blocks`] checks the matrices that are stored in fewer than 16 bits.
 //! - [`peaks`] adds outputs to a model: the largest magnitudes of its values.
+//! - [`products`] rewrites the products of attention for providers without `FusedMatMul`.
+//! - [`model_writer`] writes the small models that move and check values on a device.
 //! - [`slices`] splits a transformer into models of consecutive layers.
 //! - [`interface`] compares inputs and outputs with the format's tables.
 //! - [`check`] combines these checks, and checks that weights lie inside files that the bundle lists.
@@ -14,8 +16,10 @@
 mod blocks;
 mod check;
 mod interface;
+mod model_writer;
 mod operators;
 mod peaks;
+mod products;
 mod proto;
 mod residual;
 mod shape_inference;
@@ -26,8 +30,10 @@ mod wire;
 mod writer;
 
 pub(super) use check::{ExternalData, ModelContext, check, footprint};
+pub(crate) use model_writer::{ModelWriter, ValueType};
 pub use operators::operators;
 pub(crate) use peaks::ModelWithPeaks;
+pub(crate) use products::without_fused_products;
 pub(super) use shape_inference::Footprint;
 pub use slices::slice_transformer;
 pub(crate) use slices::{SliceModel, SliceTensor, Slices};

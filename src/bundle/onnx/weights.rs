@@ -1,9 +1,10 @@
 //! Rewrites a model so that its large weights are inputs. The caller can then supply their memory, which the runtime would own otherwise.
 
+use super::model_writer::{ValueType, value_info};
 use super::operators::NBITS;
 use super::proto::{self, Data, Graph};
 use super::wire::Fields;
-use super::writer::{write_bytes, write_int};
+use super::writer::write_bytes;
 use super::{Check, Element, Fault, quoted};
 use crate::bundle::ModelSource;
 use crate::{Error, ErrorKind, Result};
@@ -81,7 +82,8 @@ fn graph_without(weights: &[Weight<'_>], mut fields: Fields<'_>) -> Check<Vec<u8
         field.write(&mut written);
     }
     for weight in weights {
-        write_bytes(&mut written, 11, &input(weight));
+        let element = if weight.is_integer { ValueType::U8 } else { ValueType::F16 };
+        write_bytes(&mut written, 11, &value_info(weight.name, element, &weight.shape));
     }
     Ok(written)
 }
@@ -94,22 +96,6 @@ fn name_of<'a>(mut fields: Fields<'a>) -> Check<&'a str> {
         }
     }
     Ok("")
-}
-
-/// `ValueInfoProto`, with its `TypeProto`, `TypeProto.Tensor` and `TensorShapeProto`.
-fn input(weight: &Weight<'_>) -> Vec<u8> {
-    let (mut shape, mut tensor, mut kind, mut value) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    for &n in &weight.shape {
-        let mut dimension = Vec::new();
-        write_int(&mut dimension, 1, n as u64);
-        write_bytes(&mut shape, 1, &dimension);
-    }
-    write_int(&mut tensor, 1, if weight.is_integer { Element::U8 } else { Element::F16 } as u64);
-    write_bytes(&mut tensor, 2, &shape);
-    write_bytes(&mut kind, 1, &tensor);
-    write_bytes(&mut value, 1, weight.name.as_bytes());
-    write_bytes(&mut value, 2, &kind);
-    value
 }
 
 #[cfg(test)]

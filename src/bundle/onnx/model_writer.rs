@@ -1,0 +1,130 @@
+//! Writes small models: those that move and check values on a device.
+
+use super::writer::{write_bytes, write_int};
+
+/// Element types of values, with ONNX's numbers for them (`TensorProto.DataType`).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ValueType {
+    F32 = 1,
+    U8 = 2,
+    I32 = 6,
+    I64 = 7,
+    F16 = 10,
+}
+
+/// Version of the operators: the one that ONNX Runtime 1.24 has on every provider.
+const OPSET: u64 = 21;
+/// Version of the file format that belongs to it.
+const IR_VERSION: u64 = 10;
+
+/// A model that is being written. Names must be unique; nodes stand in the order in which they run.
+#[derive(Default)]
+pub(crate) struct ModelWriter {
+    /// The fields of the `GraphProto`. Their order is free.
+    graph: Vec<u8>,
+}
+
+impl ModelWriter {
+    pub(crate) fn input(&mut self, name: &str, element: ValueType, dims: &[usize]) {
+        write_bytes(&mut self.graph, 11, &value_info(name, element, dims));
+    }
+
+    pub(crate) fn output(&mut self, name: &str, element: ValueType, dims: &[usize]) {
+        write_bytes(&mut self.graph, 12, &value_info(name, element, dims));
+    }
+
+    /// A constant with one element for each of `values`.
+    pub(crate) fn constant(&mut self, name: &str, values: &[i32]) {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        write_bytes(&mut self.graph, 5, &tensor(name, ValueType::I32, &[values.len()], &bytes));
+    }
+
+    /// A node of ONNX's own operators, with attributes that are integers.
+    pub(crate) fn node(&mut self, operator: &str, inputs: &[&str], outputs: &[&str], attributes: &[(&str, i64)]) {
+        let attributes: Vec<_> = attributes.iter().map(|(name, value)| attribute(name, &[*value], false)).collect();
+        write_bytes(&mut self.graph, 1, &node(operator, outputs[0], inputs, outputs, &attributes));
+    }
+
+    /// The model.
+    pub(crate) fn finish(mut self) -> Vec<u8> {
+        write_bytes(&mut self.graph, 2, b"cairn");
+        let (mut opset, mut model) = (Vec::new(), Vec::new());
+        write_int(&mut opset, 2, OPSET);
+        write_int(&mut model, 1, IR_VERSION);
+        write_bytes(&mut model, 8, &opset);
+        write_bytes(&mut model, 7, &self.graph);
+        model
+    }
+}
+
+/// `NodeProto`, with attributes that were written before.
+pub(super) fn node(operator: &str, name: &str, inputs: &[&str], outputs: &[&str], attributes: &[Vec<u8>]) -> Vec<u8> {
+    let mut node = Vec::new();
+    inputs.iter().for_each(|input| write_bytes(&mut node, 1, input.as_bytes()));
+    outputs.iter().for_each(|output| write_bytes(&mut node, 2, output.as_bytes()));
+    write_bytes(&mut node, 3, name.as_bytes());
+    write_bytes(&mut node, 4, operator.as_bytes());
+    attributes.iter().for_each(|attribute| write_bytes(&mut node, 5, attribute));
+    node
+}
+
+/// `AttributeProto`: a list of integers, or one integer.
+pub(super) fn attribute(name: &str, values: &[i64], is_list: bool) -> Vec<u8> {
+    let mut attribute = Vec::new();
+    write_bytes(&mut attribute, 1, name.as_bytes());
+    let (field, kind) = if is_list { (8, 7) } else { (3, 2) };
+    values.iter().for_each(|value| write_int(&mut attribute, field, value.cast_unsigned()));
+    write_int(&mut attribute, 20, kind);
+    attribute
+}
+
+/// `TensorProto` with its elements in little-endian bytes.
+pub(super) fn tensor(name: &str, element: ValueType, dims: &[usize], bytes: &[u8]) -> Vec<u8> {
+    let mut tensor = Vec::new();
+    dims.iter().for_each(|&n| write_int(&mut tensor, 1, n as u64));
+    write_int(&mut tensor, 2, element as u64);
+    write_bytes(&mut tensor, 8, name.as_bytes());
+    write_bytes(&mut tensor, 9, bytes);
+    tensor
+}
+
+/// `ValueInfoProto`, with its `TypeProto`, `TypeProto.Tensor` and `TensorShapeProto`.
+pub(super) fn value_info(name: &str, element: ValueType, dims: &[usize]) -> Vec<u8> {
+    let (mut shape, mut tensor, mut kind, mut value) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for &n in dims {
+        let mut dimension = Vec::new();
+        write_int(&mut dimension, 1, n as u64);
+        write_bytes(&mut shape, 1, &dimension);
+    }
+    write_int(&mut tensor, 1, element as u64);
+    write_bytes(&mut tensor, 2, &shape);
+    write_bytes(&mut kind, 1, &tensor);
+    write_bytes(&mut value, 1, name.as_bytes());
+    write_bytes(&mut value, 2, &kind);
+    value
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::proto::{self, Attribute, Data};
+    use super::*;
+
+    #[test]
+    fn a_written_model_is_read_back() {
+        let mut model = ModelWriter::default();
+        model.input("x", ValueType::F32, &[2, 3]);
+        model.constant("two", &[2, -2]);
+        model.node("Mul", &["x", "two"], &["doubled"], &[]);
+        model.node("ReduceMax", &["doubled"], &["y"], &[("keepdims", 0)]);
+        model.output("y", ValueType::F32, &[]);
+        let written = model.finish();
+        let read = proto::model(&written).unwrap();
+        assert_eq!((read.ir_version, read.opsets), (10, vec![("", 21)]));
+        let graph = read.graph;
+        assert_eq!(graph.nodes.iter().map(|node| node.operator).collect::<Vec<_>>(), ["Mul", "ReduceMax"]);
+        assert_eq!(graph.nodes[1].attributes, [("keepdims", Attribute::Int(0))]);
+        assert_eq!((graph.inputs[0].name, graph.inputs[0].data_type, graph.outputs[0].name), ("x", 1, "y"));
+        let Data::Inline(bytes) = graph.tensors[0].data else { panic!("bytes of a constant") };
+        assert_eq!((&*graph.tensors[0].dims, bytes), (&[2][..], &[2, 0, 0, 0, 254, 255, 255, 255][..]));
+    }
+}

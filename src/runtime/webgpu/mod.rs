@@ -1,0 +1,122 @@
+//! Runs worlds on a graphics adapter through ONNX Runtime's WebGPU provider, a plugin that uses Vulkan on Linux.
+//!
+//! All values stay in buffers on the adapter. The provider gives no access to its queue, so moves and checks of values are small graphs of
+//! their own ([`helper_graphs`]).
+
+mod buffer;
+mod context;
+mod helper_graphs;
+mod plugin;
+mod value;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use ort::session::Session;
+use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
+
+use super::device::{Backend, DeviceKind};
+use super::failure::make;
+use super::graph::TensorSpec;
+use super::{ExecutionContext, Graph, Ort};
+use crate::bundle::{ModelSource, Precision, without_fused_products};
+use crate::{Error, ErrorKind, Result};
+use context::WebGpuContext;
+pub use plugin::WebGpuOptions;
+use plugin::{LOCK, Plugin};
+
+/// The backend of [`Device::webgpu`](super::Device::webgpu).
+pub(super) struct WebGpuBackend {
+    plugin: Arc<Plugin>,
+    precision: Precision,
+    deterministic: bool,
+}
+
+impl WebGpuBackend {
+    pub(super) fn new(ort: &Ort, options: &WebGpuOptions) -> Result<Self> {
+        let plugin = Arc::new(Plugin::load(ort, options)?);
+        let computes = |precision| {
+            let model = helper_graphs::self_test(precision);
+            let builder = make("prepare a session", || plugin.session(options.deterministic))?;
+            helper_graphs::passes_self_test(&plugin, builder, &model, precision)
+        };
+        if !computes(Precision::F32)? {
+            let cause = format!("{} gives a wrong sum", plugin.describe());
+            return Err(Error::new(ErrorKind::Device, cause).remedy("Update its driver, or use a CPU device"));
+        }
+        // Adapters without half floats refuse the graph.
+        let has_half = computes(Precision::F16).unwrap_or_else(|refusal| {
+            log::info!("worlds are float32 on {}: {refusal}", plugin.describe());
+            false
+        });
+        let precision = if has_half { Precision::F16 } else { Precision::F32 };
+        Ok(Self { plugin, precision, deterministic: options.deterministic })
+    }
+
+    /// The session options that all graphs share.
+    fn session(&self, dimensions: &[(&str, usize)]) -> ort::Result<SessionBuilder> {
+        let mut builder = self.plugin.session(self.deterministic)?;
+        for &(name, size) in dimensions {
+            builder = builder.with_dimension_override(name, i64::try_from(size).unwrap_or(i64::MAX))?;
+        }
+        Ok(builder)
+    }
+}
+
+impl Backend for WebGpuBackend {
+    fn describe(&self) -> String {
+        let deterministic = if self.deterministic { ", deterministic" } else { "" };
+        format!("{}{deterministic}", self.plugin.describe())
+    }
+
+    fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    fn threads(&self) -> usize {
+        1
+    }
+
+    fn kind(&self) -> DeviceKind {
+        DeviceKind::WebGpu
+    }
+
+    #[cfg(windows)]
+    fn as_any(&self) -> &dyn std::any::Any {
+        self
+    }
+
+    fn graph(
+        &self,
+        what: &str,
+        model: &ModelSource<'_>,
+        dimensions: &[(&str, usize)],
+        inputs: Vec<TensorSpec>,
+        outputs: Vec<TensorSpec>,
+    ) -> Result<Arc<Graph>> {
+        let rewritten = without_fused_products(model.onnx)?;
+        let model = ModelSource { onnx: rewritten.as_deref().unwrap_or(model.onnx), external: model.external.clone() };
+        let builder = make("prepare a session", || self.session(dimensions))?;
+        let _held = LOCK.lock();
+        let graph = Graph::commit(builder, what, &model, inputs, &[], outputs)?.with_drop_lock(&LOCK);
+        plugin::refuse_other_providers(graph.session(), what, &self.plugin.describe())?;
+        Ok(Arc::new(graph))
+    }
+
+    fn context(&self, _: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {
+        Ok(Box::new(WebGpuContext::new(&self.plugin)))
+    }
+}
+
+impl Plugin {
+    /// The options of every session on the adapter.
+    fn session(&self, deterministic: bool) -> ort::Result<SessionBuilder> {
+        let builder = Session::builder(self.environment())?
+            .with_optimization_level(GraphOptimizationLevel::Level3)?
+            .with_parallel_execution(false)?
+            .with_intra_threads(1)?
+            .with_deterministic_compute(deterministic)?
+            .with_config_entry(plugin::RECORD_PROVIDERS, "1")?;
+        Ok(builder.with_devices([self.device()], Some(self.provider_options()))?)
+    }
+}

@@ -1,0 +1,221 @@
+//! The provider's library, and the adapter that it uses.
+
+use std::ffi::{CStr, c_char};
+use std::path::Path;
+use std::ptr::null_mut;
+
+use ort::AsPointer;
+use ort::device::Device;
+use ort::environment::Environment;
+use ort::session::Session;
+use ort::sys;
+
+use super::super::failure::make;
+use super::value::check;
+use crate::locks::Mutex;
+use crate::runtime::Ort;
+use crate::{Error, ErrorKind, Result};
+
+/// The plugin's file, beside ONNX Runtime's.
+const FILE: &str =
+    if cfg!(windows) { "onnxruntime_providers_webgpu.dll" } else { "libonnxruntime_providers_webgpu.so" };
+/// The provider's name in ONNX Runtime.
+const PROVIDER: &str = "WebGpuExecutionProvider";
+/// The session option with which a session can tell which provider runs each node.
+pub(super) const RECORD_PROVIDERS: &str = "session.record_ep_graph_assignment_info";
+
+/// Held during every call that reaches the provider. It has one queue and one set of buffers for the whole process, which are not safe to use
+/// from two threads.
+pub(super) static LOCK: Mutex<()> = Mutex::new(());
+
+/// Whether the plugin was registered. That can be done once in a process, and lasts until it ends.
+static IS_REGISTERED: Mutex<bool> = Mutex::new(false);
+
+/// Options of a WebGPU device.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct WebGpuOptions {
+    /// Uses ONNX Runtime's deterministic kernels only.
+    pub deterministic: bool,
+    /// Prefers the adapter that saves power, usually one in the processor, to the fastest. The first device of a process decides.
+    pub low_power: bool,
+}
+
+/// The registered plugin, and the adapter.
+pub(super) struct Plugin {
+    ort: Ort,
+    /// ONNX Runtime's descriptions of the adapter and of its memory, which last as long as the process.
+    device: *const sys::OrtEpDevice,
+    memory: *const sys::OrtMemoryInfo,
+    allocator: *mut sys::OrtAllocator,
+    options: Vec<(String, String)>,
+    description: String,
+}
+
+// SAFETY: the pointers are to objects of ONNX Runtime's environment, which may be used from any thread, the allocator under `LOCK`.
+unsafe impl Send for Plugin {}
+// SAFETY: as above.
+unsafe impl Sync for Plugin {}
+
+impl Plugin {
+    /// Registers the plugin that lies beside ONNX Runtime, and chooses an adapter.
+    pub(super) fn load(ort: &Ort, options: &super::WebGpuOptions) -> Result<Self> {
+        register(ort)?;
+        let mut devices = ort.environment().devices().filter(|device| device.ep().is_ok_and(|name| name == PROVIDER));
+        let device = devices.next().ok_or_else(no_adapter)?;
+        let (device, memory) = (device.ptr(), device.memory_info(false).ptr());
+        let mut allocator = null_mut();
+        let shared = ort::api().GetSharedAllocator;
+        // SAFETY: a live environment, the description of the device's memory, and a place for the allocator.
+        let status = unsafe { shared(ort.environment().ptr().cast_mut(), memory, &mut allocator) };
+        check("allocate on the adapter", status)?;
+        if allocator.is_null() {
+            return Err(Error::new(ErrorKind::Device, "the WebGPU provider has no allocator for its adapter"));
+        }
+        let preference = if options.low_power { "low-power" } else { "high-performance" };
+        let options = [
+            ("powerPreference", preference),
+            // Buffers outlive sessions.
+            ("preserveDevice", "1"),
+        ];
+        let options = options.map(|(name, value)| (format!("{PROVIDER}.{name}"), value.to_owned())).to_vec();
+        let description = format!("ONNX Runtime {} WebGPU {}", ort.version(), version_of(device));
+        Ok(Self { ort: ort.clone(), device, memory, allocator, options, description })
+    }
+
+    pub(super) fn describe(&self) -> &str {
+        &self.description
+    }
+
+    pub(super) fn environment(&self) -> &Environment {
+        self.ort.environment()
+    }
+
+    pub(super) fn environment_ptr(&self) -> *mut sys::OrtEnv {
+        self.environment().ptr().cast_mut()
+    }
+
+    /// The adapter, for session options.
+    pub(super) fn device(&self) -> Device<'_> {
+        let mut all = self.environment().devices();
+        all.find(|device| device.ptr() == self.device).expect("adapters stay listed")
+    }
+
+    /// The provider's options, for session options.
+    pub(super) fn provider_options(&self) -> &[(String, String)] {
+        &self.options
+    }
+
+    /// The description of the adapter's memory.
+    pub(super) fn memory(&self) -> *const sys::OrtMemoryInfo {
+        self.memory
+    }
+
+    pub(super) fn allocator(&self) -> *mut sys::OrtAllocator {
+        self.allocator
+    }
+}
+
+/// Registers the plugin once.
+fn register(ort: &Ort) -> Result<()> {
+    let mut is_registered = IS_REGISTERED.lock();
+    if *is_registered {
+        return Ok(());
+    }
+    let path = ort.path().with_file_name(FILE);
+    if !path.is_file() {
+        return Err(missing(&path, "is not there"));
+    }
+    make("load its WebGPU provider", || ort.environment().register_ep_library("cairn-webgpu", &path))
+        .map_err(|error| missing(&path, error.cause()))?;
+    *is_registered = true;
+    Ok(())
+}
+
+fn missing(path: &Path, why: &str) -> Error {
+    Error::new(ErrorKind::RuntimeMissing, format!("ONNX Runtime's WebGPU provider cannot be used: {why}"))
+        .field(path.display().to_string())
+        .remedy(format!(
+            "Put {FILE} of the PyPI package onnxruntime-ep-webgpu 0.4.0 beside ONNX Runtime's own library \
+             (`cargo xtask setup` fetches both), or use a CPU device"
+        ))
+}
+
+fn no_adapter() -> Error {
+    let (cause, remedy) = if cfg!(target_os = "linux") {
+        (
+            "ONNX Runtime finds no graphics adapter under /sys/class/drm",
+            "Install the adapter's driver; in a container, let it see the adapter (--device /dev/dri); or use a CPU device",
+        )
+    } else {
+        ("ONNX Runtime finds no graphics adapter", "Install the adapter's driver, or use a CPU device")
+    };
+    Error::new(ErrorKind::Unsupported, cause).remedy(remedy)
+}
+
+/// The version that the plugin gives for itself.
+fn version_of(device: *const sys::OrtEpDevice) -> String {
+    // SAFETY: a device of the environment, whose metadata lives as long; the key is NUL-terminated.
+    let value = unsafe {
+        let metadata = (ort::api().EpDevice_EpMetadata)(device);
+        (ort::api().GetKeyValue)(metadata, c"version".as_ptr())
+    };
+    // SAFETY: null or a text that lives as long as the metadata.
+    unsafe { text(value) }.unwrap_or_else(|| "of an unknown version".to_owned())
+}
+
+/// # Safety
+/// Null, or a live NUL-terminated text.
+unsafe fn text(value: *const c_char) -> Option<String> {
+    // SAFETY: the caller's promise.
+    (!value.is_null()).then(|| unsafe { CStr::from_ptr(value) }.to_string_lossy().into_owned())
+}
+
+/// Refuses a session that runs nodes elsewhere than on the adapter: each would copy its values to the host and back in every pass.
+pub(super) fn refuse_other_providers(session: &Session, what: &str, device: &str) -> Result<()> {
+    let elsewhere = nodes_elsewhere(session)?;
+    let Some((name, operator, provider)) = elsewhere.first() else { return Ok(()) };
+    let more = if elsewhere.len() > 1 { format!(" and {} more", elsewhere.len() - 1) } else { String::new() };
+    Err(Error::new(
+        ErrorKind::Unsupported,
+        format!("{device} has no {operator} for the node {name}{more} of the {what}, which {provider} would run"),
+    )
+    .remedy("Use a CPU device, or a newer plugin"))
+}
+
+/// Name, operator and provider of the nodes that another provider runs.
+fn nodes_elsewhere(session: &Session) -> Result<Vec<(String, String, String)>> {
+    let api = ort::api();
+    let (mut parts, mut count) = (std::ptr::null(), 0);
+    // SAFETY: a live session, and places for the list, which the session owns.
+    let status = unsafe { (api.Session_GetEpGraphAssignmentInfo)(session.ptr(), &mut parts, &mut count) };
+    check("tell which provider runs each node", status)?;
+    let mut elsewhere = Vec::new();
+    for i in 0..count {
+        // SAFETY: one of the list's `count` parts.
+        let part = unsafe { *parts.add(i) };
+        let mut provider = std::ptr::null();
+        // SAFETY: a live part, and a place for its text.
+        check("name a provider", unsafe { (api.EpAssignedSubgraph_GetEpName)(part, &mut provider) })?;
+        // SAFETY: a text of the part.
+        let provider = unsafe { text(provider) }.unwrap_or_default();
+        if provider == PROVIDER {
+            continue;
+        }
+        let (mut nodes, mut node_count) = (std::ptr::null(), 0);
+        // SAFETY: a live part, and places for its nodes.
+        check("list nodes", unsafe { (api.EpAssignedSubgraph_GetNodes)(part, &mut nodes, &mut node_count) })?;
+        for j in 0..node_count {
+            // SAFETY: one of the part's nodes.
+            let node = unsafe { *nodes.add(j) };
+            let (mut name, mut operator) = (std::ptr::null(), std::ptr::null());
+            // SAFETY: a live node, and a place for its text.
+            check("name a node", unsafe { (api.EpAssignedNode_GetName)(node, &mut name) })?;
+            // SAFETY: as above.
+            check("name an operator", unsafe { (api.EpAssignedNode_GetOperatorType)(node, &mut operator) })?;
+            // SAFETY: texts of the node.
+            let (name, operator) = unsafe { (text(name), text(operator)) };
+            elsewhere.push((name.unwrap_or_default(), operator.unwrap_or_default(), provider.clone()));
+        }
+    }
+    Ok(elsewhere)
+}
