@@ -1,5 +1,6 @@
 //! A session: one graph, loaded from memory and checked against the expected inputs and outputs.
 
+#[cfg(windows)]
 use std::any::Any;
 use std::ffi::CString;
 
@@ -72,6 +73,7 @@ pub(crate) struct Graph {
     tensors: Vec<(CString, TensorSpec)>,
     inputs: usize,
     /// What its backend keeps with it.
+    #[cfg(windows)]
     data: Box<dyn Any + Send + Sync>,
     /// Held while the session is dropped, for backends whose sessions share what is not safe to use from two threads.
     drop_lock: Option<&'static Mutex<()>>,
@@ -102,11 +104,18 @@ impl Graph {
                 Ok((name, spec))
             })
             .collect::<Result<_>>()?;
-        Ok(Self { session: Some(session), tensors, inputs: count, data: Box::new(()), drop_lock: None })
+        Ok(Self {
+            session: Some(session),
+            tensors,
+            inputs: count,
+            #[cfg(windows)]
+            data: Box::new(()),
+            drop_lock: None,
+        })
     }
 
     /// The same graph with data of its backend.
-    #[cfg_attr(not(any(windows, test)), expect(dead_code, reason = "only some backends have such data"))]
+    #[cfg(windows)]
     pub(super) fn with_data(mut self, data: impl Any + Send + Sync) -> Self {
         self.data = Box::new(data);
         self
@@ -119,7 +128,7 @@ impl Graph {
     }
 
     /// The data of its backend. A context is only given graphs of its own backend.
-    #[cfg_attr(not(any(windows, test)), expect(dead_code, reason = "only some backends have such data"))]
+    #[cfg(windows)]
     pub(super) fn data<T: Any>(&self) -> &T {
         self.data.downcast_ref().expect("a graph of this backend")
     }

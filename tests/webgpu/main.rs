@@ -5,9 +5,8 @@
 use std::sync::Arc;
 
 use cairn::bundle::Precision;
-use cairn::runtime::{Device, DeviceKind, WebGpuOptions};
-use cairn::world::{OperatingPoint, Rollout, Schedule, World, WorldOptions};
-use cairn::{ErrorKind, LibrarySearch};
+use cairn::runtime::{Device, WebGpuOptions};
+use cairn::world::{Rollout, World, WorldOptions};
 use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, seeded};
 
 fn webgpu() -> Device {

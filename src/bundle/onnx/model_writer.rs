@@ -6,6 +6,7 @@ use super::writer::{write_bytes, write_int};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ValueType {
     F32 = 1,
+    #[cfg(any(windows, test))]
     U8 = 2,
     I32 = 6,
     I64 = 7,

@@ -100,6 +100,7 @@ fn name_of<'a>(mut fields: Fields<'a>) -> Check<&'a str> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::writer::write_int;
     use super::*;
 
     /// An initializer of half floats in `weights.bin`.
@@ -142,8 +143,8 @@ mod tests {
         }
         initializers.iter().for_each(|tensor| write_bytes(&mut graph, 5, tensor));
         let whole = Weight { name: "x", is_integer: false, shape: vec![1, 256], bytes: &[] };
-        write_bytes(&mut graph, 11, &input(&whole));
-        write_bytes(&mut graph, 12, &input(&Weight { name: "y", ..whole }));
+        write_bytes(&mut graph, 11, &value_info(whole.name, ValueType::F16, &whole.shape));
+        write_bytes(&mut graph, 12, &value_info("y", ValueType::F16, &whole.shape));
         write_int(&mut model, 1, 8);
         write_bytes(&mut model, 7, &graph);
         write_bytes(&mut model, 8, &[]);

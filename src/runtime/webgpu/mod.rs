@@ -99,7 +99,7 @@ impl Backend for WebGpuBackend {
         let builder = make("prepare a session", || self.session(dimensions))?;
         let _held = LOCK.lock();
         let graph = Graph::commit(builder, what, &model, inputs, &[], outputs)?.with_drop_lock(&LOCK);
-        plugin::refuse_other_providers(graph.session(), what, &self.plugin.describe())?;
+        plugin::refuse_other_providers(graph.session(), what, self.plugin.describe())?;
         Ok(Arc::new(graph))
     }
 
