@@ -346,6 +346,8 @@ CAIRN_API cairn_result cairn_set_scheduler(const cairn_scheduler *scheduler);
 #define CAIRN_DEVICE_CPU 1
 /** A Direct3D 12 adapter, by ONNX Runtime's DirectML provider. */
 #define CAIRN_DEVICE_D3D12 2
+/** A graphics adapter, by ONNX Runtime's WebGPU provider. */
+#define CAIRN_DEVICE_WEBGPU 3
 /** Float32. */
 #define CAIRN_PRECISION_F32 1
 /** Float16. */
@@ -399,7 +401,7 @@ typedef struct cairn_device_options {
 typedef struct cairn_device_info {
     /** sizeof(cairn_device_info) */
     uint32_t struct_size;
-    /** CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12 */
+    /** CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12 or CAIRN_DEVICE_WEBGPU */
     uint32_t kind;
     /** Default precision of worlds: CAIRN_PRECISION_F32 or CAIRN_PRECISION_F16 */
     uint32_t precision;
@@ -430,6 +432,27 @@ typedef struct cairn_device_info {
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_device_create_cpu(const cairn_device_options *options, cairn_device **device);
+
+/**
+ * Creates a device on a graphics adapter, by ONNX Runtime's WebGPU provider: on Linux by Vulkan. Experimental: this function may change without a
+ * new CAIRN_ABI_VERSION. The provider's library, of the PyPI package onnxruntime-ep-webgpu 0.4.0, must be beside ONNX Runtime's:
+ * libonnxruntime_providers_webgpu.so, on Windows onnxruntime_providers_webgpu.dll. Worlds are float16 where the adapter has it.
+ *
+ * adapter: a part of the adapter's name in any case, its vendor such as "0x1002", or its number among those that Vulkan lists, UTF-8. An adapter
+ * that the processor emulates is used only if it is named so. Null for the fastest; on Windows it must be null. All such devices of a process
+ * use one adapter, and their work takes turns.
+ * options: may be null for the defaults. threads and ffx are not used.
+ *
+ * Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written. What adapter and options point to is
+ * read during the call only. ONNX Runtime, the provider and this library stay loaded until the process ends.
+ * Threads: any thread, at any time. Takes a fraction of a second the first time.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT, also when no adapter is named so; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_RUNTIME_MISSING when
+ * ONNX Runtime or the provider's library is missing or has another version; CAIRN_ERROR_UNSUPPORTED when there is no such adapter, or the
+ * process already uses another one; CAIRN_ERROR_DEVICE when the adapter does not work.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_device_create_gpu(
+    const char *adapter, const cairn_device_options *options, cairn_device **device);
 
 /**
  * Gives the properties of a device.

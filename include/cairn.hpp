@@ -514,6 +514,15 @@ public:
         return detail::create<device>([&](cairn_device **to) { return cairn_device_create_cpu(&options, to); });
     }
 
+    /**
+     * Creates a device on a graphics adapter, by ONNX Runtime's WebGPU provider: cairn_device_create_gpu. `adapter` is a part of its name, its
+     * vendor or its number; null for the fastest. Experimental.
+     */
+    static result<device> gpu(const char *adapter = nullptr, const device_options &options = {})
+    {
+        return detail::create<device>([&](cairn_device **to) { return cairn_device_create_gpu(adapter, &options, to); });
+    }
+
 #if defined(_WIN32)
     /**
      * Creates a device on an engine's Direct3D 12 device and queue. `anchors` is a compute queue for the world's passes, or null for one of

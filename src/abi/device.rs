@@ -10,7 +10,7 @@ use super::structs::{Out, check_out, describe, read_or_default};
 use super::text::{fixed_text, optional_text};
 use crate::LibrarySearch;
 use crate::bundle::Precision;
-use crate::runtime::{CpuOptions, Device, DeviceKind, Ort};
+use crate::runtime::{CpuOptions, Device, DeviceKind, Ort, WebGpuOptions};
 
 /// The host's processor, by ONNX Runtime's CPU provider.
 pub const CAIRN_DEVICE_CPU: u32 = 1;
@@ -118,6 +118,41 @@ pub unsafe extern "C" fn cairn_device_create_cpu(
     })
 }
 
+/// Creates a device on a graphics adapter, by ONNX Runtime's WebGPU provider: on Linux by Vulkan. Experimental: this function may change without a
+/// new CAIRN_ABI_VERSION. The provider's library, of the PyPI package onnxruntime-ep-webgpu 0.4.0, must be beside ONNX Runtime's:
+/// libonnxruntime_providers_webgpu.so, on Windows onnxruntime_providers_webgpu.dll. Worlds are float16 where the adapter has it.
+///
+/// adapter: a part of the adapter's name in any case, its vendor such as "0x1002", or its number among those that Vulkan lists, UTF-8. An adapter
+/// that the processor emulates is used only if it is named so. Null for the fastest; on Windows it must be null. All such devices of a process
+/// use one adapter, and their work takes turns.
+/// options: may be null for the defaults. threads and ffx are not used.
+///
+/// Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written. What adapter and options point to is
+/// read during the call only. ONNX Runtime, the provider and this library stay loaded until the process ends.
+/// Threads: any thread, at any time. Takes a fraction of a second the first time.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT, also when no adapter is named so; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_RUNTIME_MISSING when
+/// ONNX Runtime or the provider's library is missing or has another version; CAIRN_ERROR_UNSUPPORTED when there is no such adapter, or the
+/// process already uses another one; CAIRN_ERROR_DEVICE when the adapter does not work.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_device_create_gpu(
+    adapter: *const c_char,
+    options: *const cairn_device_options,
+    device: *mut *mut cairn_device,
+) -> cairn_result {
+    call("cairn_device_create_gpu", || {
+        check_out(device, "device")?;
+        // SAFETY: the host's promise about `options`.
+        let options = unsafe { DeviceOptions::read(options) }?;
+        // SAFETY: the host's promise about `adapter`.
+        let adapter = unsafe { optional_text(adapter, "adapter") }?.map(str::to_owned);
+        let handle = insert::<cairn_device>(options.on_gpu(adapter)?)?;
+        // SAFETY: checked above; writable by the host's promise.
+        unsafe { device.write(handle) };
+        Ok(CAIRN_OK)
+    })
+}
+
 /// Gives the properties of a device.
 ///
 /// Ownership: info stays the caller's and is filled on success; on failure it is not written.
@@ -208,6 +243,13 @@ impl DeviceOptions {
                 environment: options.flags & CAIRN_DEVICE_ENVIRONMENT != 0,
             },
         })
+    }
+
+    /// A graphics adapter, by the WebGPU provider.
+    fn on_gpu(self, adapter: Option<String>) -> crate::Result<Device> {
+        let ort = Ort::find(&self.libraries)?;
+        let options = WebGpuOptions { deterministic: self.cpu.deterministic, adapter };
+        Ok(Device::webgpu(&ort, &options)?.with_library_search(self.libraries))
     }
 
     /// A CPU device, and the ONNX Runtime it uses.

@@ -117,11 +117,12 @@ impl Device {
     /// A graphics adapter, through ONNX Runtime's WebGPU provider: by Vulkan on Linux. It needs the plugin's library,
     /// `libonnxruntime_providers_webgpu.so`, beside ONNX Runtime's own.
     ///
-    /// All WebGPU devices of a process share one adapter, and their work takes turns.
+    /// All WebGPU devices of a process share one adapter, and their work takes turns. Worlds are float16 where the adapter has it.
     ///
     /// # Errors
-    /// `RuntimeMissing` when the plugin is not beside ONNX Runtime or does not fit it; `Unsupported` when there is no adapter; `Device` when
-    /// the adapter does not work.
+    /// `RuntimeMissing` when the plugin is not beside ONNX Runtime or does not fit it; `InvalidArgument` when no adapter has the given name;
+    /// `Unsupported` when there is no adapter, only one that the processor emulates and that was not named, or another one in use by the
+    /// process; `Device` when the adapter does not work.
     pub fn webgpu(ort: &Ort, options: &super::WebGpuOptions) -> Result<Device> {
         Ok(Self::of(Arc::new(super::webgpu::WebGpuBackend::new(ort, options)?)))
     }

@@ -27,7 +27,7 @@ enum kind {
     READ_ARGUMENT,   /* a struct that the library reads */
     FILLED_ARGUMENT, /* a struct that the library fills */
     RESULT_ARGUMENT, /* an output pointer for a handle or a number */
-    TEXT_ARGUMENT,   /* a path that ends in a NUL */
+    TEXT_ARGUMENT,   /* a path or a name that ends in a NUL */
     BYTES_ARGUMENT,  /* memory; the next argument is its number of elements */
     ROOM_ARGUMENT,   /* the same, with any count allowed */
     COUNT_ARGUMENT,  /* only `good` is valid; if that is 0, the size of the saved state */
@@ -71,6 +71,7 @@ struct row {
 #define SHAPE_RESULT(t) {.kind = RESULT_ARGUMENT, .size = sizeof(t), .align = _Alignof(t)}
 #define SHAPE_RESULT_OR_NULL(t) {.kind = RESULT_ARGUMENT, .size = sizeof(t), .align = _Alignof(t), .or_null = 1}
 #define SHAPE_TEXT {.kind = TEXT_ARGUMENT}
+#define SHAPE_TEXT_OR_NULL {.kind = TEXT_ARGUMENT, .or_null = 1}
 #define SHAPE_BYTES(t) {.kind = BYTES_ARGUMENT, .size = sizeof(t), .align = _Alignof(t)}
 #define SHAPE_ARRAY(s) {.kind = ROOM_ARGUMENT, .align = _Alignof(s)}
 #define SHAPE_ROOM {.kind = ROOM_ARGUMENT, .align = 1}
@@ -91,6 +92,7 @@ struct row {
 #define AS_RESULT(t) POINTER
 #define AS_RESULT_OR_NULL(t) POINTER
 #define AS_TEXT POINTER
+#define AS_TEXT_OR_NULL POINTER
 #define AS_BYTES(t) POINTER
 #define AS_ARRAY(s) POINTER
 #define AS_ROOM POINTER
@@ -188,6 +190,7 @@ struct row {
     C5(cairn_device_create_d3d12, GIVEN, GIVEN, GIVEN_OR_NULL, READ_OR_NULL(cairn_device_options),                    \
        RESULT(cairn_device *))                                                                                        \
     C3(cairn_device_create_adapter, NUMBER(1), READ_OR_NULL(cairn_device_options), RESULT(cairn_device *))            \
+    C3(cairn_device_create_gpu, TEXT_OR_NULL, READ_OR_NULL(cairn_device_options), RESULT(cairn_device *))             \
     C2(cairn_device_set_d3d12, SHARED(DEVICE), READ(cairn_d3d12_options))                                             \
     C3(cairn_device_get_d3d12, SHARED(DEVICE), RESULT(void *), RESULT(void *))                                        \
     C4(cairn_rollout_append_d3d12, ALONE(ROLLOUT), GIVEN, NUMBER(0), FILLED_OR_NULL(cairn_step_info))                 \

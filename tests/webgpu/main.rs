@@ -10,7 +10,7 @@ use cairn::world::{Rollout, World, WorldOptions};
 use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, seeded};
 
 fn webgpu() -> Device {
-    let options = WebGpuOptions { deterministic: true, ..WebGpuOptions::default() };
+    let options = WebGpuOptions { deterministic: true, adapter: Some("llvmpipe".to_owned()) };
     Device::webgpu(&ort(), &options).expect("an adapter, and the plugin beside ONNX Runtime")
 }
 

@@ -12,6 +12,8 @@ namespace Cairn
         Cpu = Native.DEVICE_CPU,
         /// <summary>A Direct3D 12 adapter, through ONNX Runtime's DirectML provider.</summary>
         D3d12 = Native.DEVICE_D3D12,
+        /// <summary>A graphics adapter, through ONNX Runtime's WebGPU provider.</summary>
+        WebGpu = Native.DEVICE_WEBGPU,
     }
 
     /// <summary>Numeric precision of the graphs.</summary>
@@ -262,6 +264,32 @@ namespace Cairn
                 Native.device_options native = Of(options, onnxruntime, ffx);
                 IntPtr device = IntPtr.Zero;
                 return new Device(CheckCreated(Library.C.device_create_cpu(&native, &device), ref device));
+            }
+        }
+
+        /// <summary>
+        /// Makes a device from a graphics adapter, through ONNX Runtime's WebGPU provider, whose library must be beside ONNX Runtime's.
+        /// Experimental.
+        /// </summary>
+        /// <param name="adapter">
+        /// A part of the adapter's name, its vendor such as "0x1002", or its number among those that Vulkan lists; null for the fastest, and on
+        /// Windows. An adapter that the processor emulates is used only if it is named.
+        /// </param>
+        /// <param name="options">Settings; null for the defaults.</param>
+        /// <exception cref="CairnException">
+        /// <see cref="Result.RuntimeMissing"/> if ONNX Runtime or the provider's library is missing; <see cref="Result.Unsupported"/> if there
+        /// is no such adapter or the process already uses another one; <see cref="Result.InvalidArgument"/>; <see cref="Result.Device"/>.
+        /// </exception>
+        public static Device Gpu(string adapter = null, DeviceOptions options = null)
+        {
+            options = options ?? new DeviceOptions();
+            fixed (byte* name = Text.Encode(adapter, nameof(adapter)))
+            fixed (byte* onnxruntime = Text.Encode(options.OnnxRuntime, nameof(options)))
+            fixed (byte* ffx = Text.Encode(options.Ffx, nameof(options)))
+            {
+                Native.device_options native = Of(options, onnxruntime, ffx);
+                IntPtr device = IntPtr.Zero;
+                return new Device(CheckCreated(Library.C.device_create_gpu(name, &native, &device), ref device));
             }
         }
 

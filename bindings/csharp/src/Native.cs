@@ -50,6 +50,7 @@ namespace Cairn
         internal const int MAX_THREADS = 1024;
         internal const int DEVICE_CPU = 1;
         internal const int DEVICE_D3D12 = 2;
+        internal const int DEVICE_WEBGPU = 3;
         internal const int PRECISION_F32 = 1;
         internal const int PRECISION_F16 = 2;
         internal const int DEVICE_DETERMINISTIC = 1;
@@ -555,6 +556,9 @@ namespace Cairn
         internal delegate int device_create_cpu_function(device_options* options, IntPtr* device);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        internal delegate int device_create_gpu_function(byte* adapter, device_options* options, IntPtr* device);
+
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate int device_get_info_function(IntPtr device, device_info* info);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
@@ -776,6 +780,7 @@ namespace Cairn
             internal readonly set_threads_function set_threads;
             internal readonly set_scheduler_function set_scheduler;
             internal readonly device_create_cpu_function device_create_cpu;
+            internal readonly device_create_gpu_function device_create_gpu;
             internal readonly device_get_info_function device_get_info;
             internal readonly device_destroy_function device_destroy;
             internal readonly adapters_function adapters;
@@ -856,6 +861,7 @@ namespace Cairn
                 set_threads = library.Resolve<set_threads_function>("cairn_set_threads");
                 set_scheduler = library.Resolve<set_scheduler_function>("cairn_set_scheduler");
                 device_create_cpu = library.Resolve<device_create_cpu_function>("cairn_device_create_cpu");
+                device_create_gpu = library.Resolve<device_create_gpu_function>("cairn_device_create_gpu");
                 device_get_info = library.Resolve<device_get_info_function>("cairn_device_get_info");
                 device_destroy = library.Resolve<device_destroy_function>("cairn_device_destroy");
                 adapters = library.Resolve<adapters_function>("cairn_adapters");

@@ -65,6 +65,7 @@ MAX_THREADS = 1024
 
 DEVICE_CPU = 1
 DEVICE_D3D12 = 2
+DEVICE_WEBGPU = 3
 PRECISION_F32 = 1
 PRECISION_F16 = 2
 DEVICE_DETERMINISTIC = 1
@@ -529,6 +530,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "set_threads": (POINTER(ThreadOptions),),
     "set_scheduler": (POINTER(Scheduler),),
     "device_create_cpu": (POINTER(DeviceOptions), _new),
+    "device_create_gpu": (c_char_p, POINTER(DeviceOptions), _new),
     "device_get_info": (_handle, POINTER(DeviceInfo)),
     "device_destroy": (_handle,),
     "adapters": (POINTER(Adapter), c_size_t, c_uint32, _count),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Precision = Literal["f32", "f16"]
 _PRECISIONS = {"f32": c.PRECISION_F32, "f16": c.PRECISION_F16}
 _PRECISION_NAMES = {number: name for name, number in _PRECISIONS.items()}
-_KINDS = {"cpu": c.DEVICE_CPU, "d3d12": c.DEVICE_D3D12}
+_KINDS = {"cpu": c.DEVICE_CPU, "d3d12": c.DEVICE_D3D12, "webgpu": c.DEVICE_WEBGPU}
 _KIND_NAMES = {number: name for name, number in _KINDS.items()}
 
 Progress = Callable[[str, int, int], object]
@@ -62,7 +62,7 @@ def adapters() -> list[Adapter]:
 
 def requirements(kind: str = "cpu", *, onnxruntime: str | os.PathLike[str] | None = None) -> list[Requirement]:
     """Lists the requirements of a device of kind "cpu" or "d3d12", each with the version found; a missing one is not an error."""
-    if kind not in _KINDS:
+    if kind not in ("cpu", "d3d12"):
         raise refuse("kind", f"{kind!r} is no kind of device", 'Use "cpu" or "d3d12"')
     options = c.DeviceOptions(flags=c.DEVICE_ENVIRONMENT, onnxruntime=_onnxruntime.library_path(onnxruntime))
     found = _list(c.Requirement, lambda *array: call("device_requirements", _KINDS[kind], byref(options), *array))
@@ -133,6 +133,29 @@ class Device(Object):
         with _onnxruntime.with_hints():
             return cls(make("device_create_cpu", byref(options)))
 
+    @classmethod
+    def gpu(
+        cls,
+        adapter: str | None = None,
+        *,
+        deterministic: bool = False,
+        onnxruntime: str | os.PathLike[str] | None = None,
+    ) -> Self:
+        """Creates a device on a graphics adapter, by ONNX Runtime's WebGPU provider. Experimental.
+
+        The provider's library, of the package `onnxruntime-ep-webgpu`, must be beside ONNX Runtime's. `adapter` is a part of its name, its vendor
+        such as "0x1002", or its number among those that Vulkan lists; None is the fastest. An adapter that the processor emulates is used only if
+        it is named. The other arguments are those of `cpu`.
+
+        Raises `RuntimeMissing` if ONNX Runtime or the provider's library is missing; `Unsupported` if there is no such adapter or this process
+        already uses another one; `InvalidArgument`; `DeviceError` if the adapter does not work.
+        """
+        flags = c.DEVICE_ENVIRONMENT | (c.DEVICE_DETERMINISTIC if deterministic else 0)
+        options = c.DeviceOptions(flags=flags, onnxruntime=_onnxruntime.library_path(onnxruntime))
+        name = None if adapter is None else adapter.encode()
+        with _onnxruntime.with_hints():
+            return cls(make("device_create_gpu", name, byref(options)))
+
     def _info(self) -> c.DeviceInfo:
         return self._fill("device_get_info", c.DeviceInfo)
 
@@ -143,7 +166,7 @@ class Device(Object):
 
     @property
     def kind(self) -> str:
-        """ "cpu" or "d3d12"."""
+        """ "cpu", "d3d12" or "webgpu"."""
         return _KIND_NAMES[self._info().kind]
 
     @property

@@ -3,6 +3,8 @@
 //! All values stay in buffers on the adapter. The provider gives no access to its queue, so moves and checks of values are small graphs of
 //! their own ([`helper_graphs`]).
 
+#[cfg(target_os = "linux")]
+mod adapters;
 mod buffer;
 mod context;
 mod helper_graphs;
@@ -15,6 +17,8 @@ use std::time::Duration;
 use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 
+#[cfg(target_os = "linux")]
+use super::DeviceMemory;
 use super::device::{Backend, DeviceKind};
 use super::failure::make;
 use super::graph::TensorSpec;
@@ -79,6 +83,11 @@ impl Backend for WebGpuBackend {
 
     fn kind(&self) -> DeviceKind {
         DeviceKind::WebGpu
+    }
+
+    #[cfg(target_os = "linux")]
+    fn memory(&self) -> Option<DeviceMemory> {
+        self.plugin.memory_use()
     }
 
     #[cfg(windows)]

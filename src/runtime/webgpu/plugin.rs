@@ -11,8 +11,12 @@ use ort::session::Session;
 use ort::sys;
 
 use super::super::failure::make;
+#[cfg(target_os = "linux")]
+use super::adapters::Chosen;
 use super::value::check;
 use crate::locks::Mutex;
+#[cfg(target_os = "linux")]
+use crate::runtime::DeviceMemory;
 use crate::runtime::Ort;
 use crate::{Error, ErrorKind, Result};
 
@@ -36,8 +40,11 @@ static IS_REGISTERED: Mutex<bool> = Mutex::new(false);
 pub struct WebGpuOptions {
     /// Uses ONNX Runtime's deterministic kernels only.
     pub deterministic: bool,
-    /// Prefers the adapter that saves power, usually one in the processor, to the fastest. The first device of a process decides.
-    pub low_power: bool,
+    /// The adapter: a part of its name in any case, its vendor as `0x1002`, or its number among those that Vulkan lists. `None`: the fastest,
+    /// but no adapter that the processor emulates. All WebGPU devices of a process use the adapter of the first.
+    ///
+    /// On systems other than Linux only `None` is allowed.
+    pub adapter: Option<String>,
 }
 
 /// The registered plugin, and the adapter.
@@ -49,6 +56,8 @@ pub(super) struct Plugin {
     allocator: *mut sys::OrtAllocator,
     options: Vec<(String, String)>,
     description: String,
+    #[cfg(target_os = "linux")]
+    adapter: Chosen,
 }
 
 // SAFETY: the pointers are to objects of ONNX Runtime's environment, which may be used from any thread, the allocator under `LOCK`.
@@ -60,6 +69,8 @@ impl Plugin {
     /// Registers the plugin that lies beside ONNX Runtime, and chooses an adapter.
     pub(super) fn load(ort: &Ort, options: &super::WebGpuOptions) -> Result<Self> {
         register(ort)?;
+        let adapter = Chosen::new(options.adapter.as_deref())?;
+        fix_adapter(&adapter.name)?;
         let mut devices = ort.environment().devices().filter(|device| device.ep().is_ok_and(|name| name == PROVIDER));
         let device = devices.next().ok_or_else(no_adapter)?;
         let (device, memory) = (device.ptr(), device.memory_info(false).ptr());
@@ -71,15 +82,25 @@ impl Plugin {
         if allocator.is_null() {
             return Err(Error::new(ErrorKind::Device, "the WebGPU provider has no allocator for its adapter"));
         }
-        let preference = if options.low_power { "low-power" } else { "high-performance" };
+        let preference = if adapter.low_power { "low-power" } else { "high-performance" };
         let options = [
             ("powerPreference", preference),
             // Buffers outlive sessions.
             ("preserveDevice", "1"),
         ];
         let options = options.map(|(name, value)| (format!("{PROVIDER}.{name}"), value.to_owned())).to_vec();
-        let description = format!("ONNX Runtime {} WebGPU {}", ort.version(), version_of(device));
-        Ok(Self { ort: ort.clone(), device, memory, allocator, options, description })
+        let description = format!("ONNX Runtime {} WebGPU {} on {}", ort.version(), version_of(device), adapter.name);
+        let ort = ort.clone();
+        Ok(Self {
+            ort,
+            device,
+            memory,
+            allocator,
+            options,
+            description,
+            #[cfg(target_os = "linux")]
+            adapter,
+        })
     }
 
     pub(super) fn describe(&self) -> &str {
@@ -110,8 +131,45 @@ impl Plugin {
         self.memory
     }
 
+    /// The adapter's memory budget and use.
+    #[cfg(target_os = "linux")]
+    pub(super) fn memory_use(&self) -> Option<DeviceMemory> {
+        self.adapter.memory()
+    }
+
     pub(super) fn allocator(&self) -> *mut sys::OrtAllocator {
         self.allocator
+    }
+}
+
+/// The adapter, on systems where the provider alone knows it.
+#[cfg(not(target_os = "linux"))]
+struct Chosen {
+    name: &'static str,
+    low_power: bool,
+}
+
+#[cfg(not(target_os = "linux"))]
+impl Chosen {
+    fn new(wanted: Option<&str>) -> Result<Self> {
+        match wanted {
+            None => Ok(Self { name: "the system's fastest adapter", low_power: false }),
+            Some(_) => Err(Error::new(ErrorKind::Unsupported, "an adapter can be named on Linux only")
+                .field("adapter")
+                .remedy("Leave the choice to ONNX Runtime")),
+        }
+    }
+}
+
+/// Notes the adapter of the process's first device, and refuses another one: the provider has one device for the whole process.
+fn fix_adapter(name: &str) -> Result<()> {
+    static ADAPTER: Mutex<Option<String>> = Mutex::new(None);
+    let mut adapter = ADAPTER.lock();
+    match adapter.get_or_insert_with(|| name.to_owned()) {
+        first if first == name => Ok(()),
+        first => Err(Error::new(ErrorKind::Unsupported, format!("this process already uses the adapter {first}"))
+            .field("adapter")
+            .remedy("Use one adapter in one process")),
     }
 }
 

@@ -1,0 +1,239 @@
+//! The adapters that Vulkan lists, and the one among them that the provider takes.
+//!
+//! The provider chooses by itself, by a preference for speed or for saving power. So what a host names is compared with that choice.
+
+use std::ffi::CStr;
+
+use ash::vk;
+
+use crate::runtime::DeviceMemory;
+use crate::{Error, ErrorKind, Result};
+
+/// Vulkan's loader.
+const LOADER: &str = "libvulkan.so.1";
+
+/// Kinds of adapters, as the provider ranks them for speed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Kind {
+    Discrete,
+    Integrated,
+    Other,
+    Software,
+}
+
+/// An adapter.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Adapter {
+    name: String,
+    /// PCI identifier of its maker.
+    vendor: u32,
+    kind: Kind,
+}
+
+/// The adapter that the provider takes.
+pub(super) struct Chosen {
+    pub(super) name: String,
+    /// Whether the provider must prefer saving power to take it.
+    pub(super) low_power: bool,
+    instance: Instance,
+    device: vk::PhysicalDevice,
+}
+
+/// Vulkan, with its library.
+struct Instance {
+    // Dropped after the instance was destroyed.
+    instance: ash::Instance,
+    _entry: ash::Entry,
+    _library: libloading::Library,
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: nothing that was made of the instance is left.
+        unsafe { self.instance.destroy_instance(None) };
+    }
+}
+
+impl Chosen {
+    /// The adapter that `wanted` names, or the fastest.
+    pub(super) fn new(wanted: Option<&str>) -> Result<Self> {
+        let instance = Instance::new()?;
+        // SAFETY: a live instance.
+        let devices = unsafe { instance.instance.enumerate_physical_devices() }
+            .map_err(|error| no_vulkan(&format!("its adapters cannot be listed: {error}")))?;
+        let adapters: Vec<_> = devices.iter().map(|device| instance.describe(*device)).collect();
+        let (i, low_power) = choose(&adapters, wanted)?;
+        Ok(Self { name: adapters[i].name.clone(), low_power, device: devices[i], instance })
+    }
+
+    /// Its memory budget and use; `None` if the driver does not report them.
+    pub(super) fn memory(&self) -> Option<DeviceMemory> {
+        let instance = &self.instance.instance;
+        // SAFETY: a live instance with its device.
+        let extensions = unsafe { instance.enumerate_device_extension_properties(self.device) }.ok()?;
+        let is_budget =
+            |of: &vk::ExtensionProperties| of.extension_name_as_c_str() == Ok(ash::ext::memory_budget::NAME);
+        if !extensions.iter().any(is_budget) {
+            return None;
+        }
+        let mut budgets = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut properties = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budgets);
+        // SAFETY: as above; the driver has the extension.
+        unsafe { instance.get_physical_device_memory_properties2(self.device, &mut properties) };
+        let memory = properties.memory_properties;
+        let heaps = memory.memory_heaps_as_slice().iter().zip(budgets.heap_budget).zip(budgets.heap_usage);
+        let local = heaps.filter(|((heap, _), _)| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+        let sum = local.fold((0, 0), |(granted, used), ((_, budget), usage)| (granted + budget, used + usage));
+        Some(DeviceMemory { granted: sum.0, used: sum.1 })
+    }
+}
+
+impl Instance {
+    fn new() -> Result<Self> {
+        // SAFETY: the system's Vulkan loader, whose initialisers are trusted as the graphics driver is.
+        let library = unsafe { libloading::Library::new(LOADER) }
+            .map_err(|error| no_vulkan(&format!("{LOADER} cannot be loaded: {error}")))?;
+        // SAFETY: Vulkan's loader has this symbol with this type.
+        let address = unsafe { library.get::<vk::PFN_vkGetInstanceProcAddr>(b"vkGetInstanceProcAddr\0") }
+            .map_err(|error| no_vulkan(&error.to_string()))?;
+        // SAFETY: the function is Vulkan's, and its library is kept as long as the instance.
+        let entry = unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr: *address }) };
+        let application = vk::ApplicationInfo::default().application_name(c"cairn").api_version(vk::API_VERSION_1_1);
+        let information = vk::InstanceCreateInfo::default().application_info(&application);
+        // SAFETY: live arguments; the instance is destroyed before the library is unloaded.
+        let instance = unsafe { entry.create_instance(&information, None) }
+            .map_err(|error| no_vulkan(&format!("it does not start: {error}")))?;
+        Ok(Self { instance, _entry: entry, _library: library })
+    }
+
+    fn describe(&self, device: vk::PhysicalDevice) -> Adapter {
+        // SAFETY: a device of the live instance.
+        let properties = unsafe { self.instance.get_physical_device_properties(device) };
+        let name = properties.device_name_as_c_str().map(CStr::to_string_lossy).unwrap_or_default().into_owned();
+        let kind = match properties.device_type {
+            vk::PhysicalDeviceType::DISCRETE_GPU => Kind::Discrete,
+            vk::PhysicalDeviceType::INTEGRATED_GPU => Kind::Integrated,
+            vk::PhysicalDeviceType::CPU => Kind::Software,
+            _ => Kind::Other,
+        };
+        Adapter { name, vendor: properties.vendor_id, kind }
+    }
+}
+
+/// The adapter that the provider takes, of those that Vulkan lists, and whether it must prefer saving power for that.
+fn choose(adapters: &[Adapter], wanted: Option<&str>) -> Result<(usize, bool)> {
+    // The first of the best kind.
+    let taken = |low_power: bool| {
+        let rank = |kind| match (low_power, kind) {
+            (true, Kind::Discrete) => Kind::Integrated,
+            (true, Kind::Integrated) => Kind::Discrete,
+            (_, kind) => kind,
+        };
+        (0..adapters.len()).min_by_key(|i| rank(adapters[*i].kind))
+    };
+    let (Some(fast), Some(low)) = (taken(false), taken(true)) else {
+        return Err(no_vulkan("it lists no adapter"));
+    };
+    let Some(wanted) = wanted else {
+        return match adapters[fast].kind {
+            Kind::Software => Err(Error::new(
+                ErrorKind::Unsupported,
+                format!("the only adapter is {}, by which the processor emulates one", adapters[fast].name),
+            )
+            .remedy(
+                "Install the driver of your graphics adapter, use a CPU device, or name this adapter to use it anyway",
+            )),
+            _ => Ok((fast, false)),
+        };
+    };
+    let matches = |i: usize| is_named(&adapters[i], i, wanted);
+    if matches(fast) {
+        return Ok((fast, false));
+    }
+    if matches(low) {
+        return Ok((low, true));
+    }
+    let list: Vec<_> = adapters
+        .iter()
+        .enumerate()
+        .map(|(i, adapter)| format!("{i}: {} (vendor {:#06x})", adapter.name, adapter.vendor))
+        .collect();
+    let list = list.join("; ");
+    Err(match (0..adapters.len()).find(|i| matches(*i)) {
+        Some(i) => Error::new(
+            ErrorKind::Unsupported,
+            format!("ONNX Runtime takes {} and not {}", adapters[fast].name, adapters[i].name),
+        )
+        .remedy("Hide the other adapters from the program: the environment variable VK_DRIVER_FILES names the driver to use"),
+        None => Error::new(ErrorKind::InvalidArgument, format!("no adapter is named {wanted:?}. There are {list}"))
+            .remedy("Give a part of a name, a vendor such as 0x1002, or a number of this list"),
+    }
+    .field("adapter"))
+}
+
+/// Whether `wanted` is the adapter's number, its vendor in hexadecimal, or a part of its name in any case.
+fn is_named(adapter: &Adapter, number: usize, wanted: &str) -> bool {
+    if let Some(vendor) = wanted.strip_prefix("0x") {
+        return u32::from_str_radix(vendor, 16).is_ok_and(|vendor| vendor == adapter.vendor);
+    }
+    match wanted.parse::<usize>() {
+        Ok(wanted) => wanted == number,
+        Err(_) => !wanted.is_empty() && adapter.name.to_lowercase().contains(&wanted.to_lowercase()),
+    }
+}
+
+fn no_vulkan(cause: &str) -> Error {
+    Error::new(ErrorKind::Unsupported, format!("there is no graphics adapter by Vulkan: {cause}"))
+        .remedy("Install the adapter's Vulkan driver and the package libvulkan1, or use a CPU device")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn adapters() -> Vec<Adapter> {
+        [("llvmpipe (LLVM 19)", 0x10005, Kind::Software), ("AMD Radeon 780M", 0x1002, Kind::Integrated)]
+            .into_iter()
+            .chain([
+                ("NVIDIA GeForce RTX 4090", 0x10de, Kind::Discrete),
+                ("AMD Radeon RX 9070", 0x1002, Kind::Discrete),
+            ])
+            .map(|(name, vendor, kind)| Adapter { name: name.to_owned(), vendor, kind })
+            .collect()
+    }
+
+    #[test]
+    fn an_adapter_is_chosen_by_name_vendor_or_number() {
+        let all = adapters();
+        for (wanted, chosen) in [
+            (None, (2, false)),
+            (Some("geforce"), (2, false)),
+            (Some("0x10de"), (2, false)),
+            (Some("2"), (2, false)),
+            (Some("radeon"), (1, true)),
+            (Some("0x1002"), (1, true)),
+        ] {
+            assert_eq!(choose(&all, wanted).unwrap(), chosen, "{wanted:?}");
+        }
+    }
+
+    #[test]
+    fn what_the_provider_does_not_take_is_refused() {
+        let all = adapters();
+        let error = choose(&all, Some("9070")).unwrap_err();
+        assert!(error.to_string().contains("takes NVIDIA GeForce RTX 4090 and not AMD Radeon RX 9070"), "{error}");
+        let error = choose(&all, Some("voodoo")).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+        assert!(error.to_string().contains("3: AMD Radeon RX 9070 (vendor 0x1002)"), "{error}");
+        assert_eq!(choose(&all, Some("")).unwrap_err().kind(), ErrorKind::InvalidArgument);
+        assert_eq!(choose(&[], None).unwrap_err().kind(), ErrorKind::Unsupported);
+    }
+
+    #[test]
+    fn a_software_adapter_is_taken_only_by_name() {
+        let only = &adapters()[..1];
+        let error = choose(only, None).unwrap_err();
+        assert!(error.to_string().contains("llvmpipe (LLVM 19), by which the processor emulates one"), "{error}");
+        assert_eq!(choose(only, Some("llvmpipe")).unwrap(), (0, false));
+    }
+}
